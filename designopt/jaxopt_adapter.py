@@ -1,0 +1,48 @@
+"""The only door to jaxopt, which is no longer maintained."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+from jaxtyping import Array, Float
+
+with warnings.catch_warnings():
+    warnings.filterwarnings("ignore", message="JAXopt is no longer maintained")
+    import jaxopt
+
+Residual = Callable[[Float[Array, ""], Any], Float[Array, ""]]
+
+
+def bisection(
+    residual: Residual,
+    bracket: tuple[Float[Array, ""], Float[Array, ""]],
+    args: Any,
+    *,
+    tolerance: Float[Array, ""],
+    max_steps: int,
+) -> Float[Array, ""]:
+    """Root of a scalar residual by jaxopt's Bisection, with its implicit derivative.
+
+    The bracket is not checked here (jaxopt raises, which a batch cannot): check the residual
+    at the root.
+    """
+    lower, upper = bracket
+    solver = jaxopt.Bisection(
+        residual, lower, upper, maxiter=max_steps, tol=tolerance, check_bracket=False
+    )
+    return solver.run(None, args).params
+
+
+def gauss_newton(
+    residual: Residual,
+    guess: Float[Array, ""],
+    args: Any,
+    *,
+    tolerance: Float[Array, ""],
+    max_steps: int,
+) -> Float[Array, ""]:
+    """Root of a scalar residual by jaxopt's GaussNewton, with its implicit derivative."""
+    solver = jaxopt.GaussNewton(residual, maxiter=max_steps, tol=tolerance)
+    return solver.run(guess, args).params

@@ -1,0 +1,80 @@
+"""Arithmetic that stays finite, in value and in slope, where the plain operation does not."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+
+def safe_divide(
+    numerator: Float[Array, "..."], denominator: Float[Array, "..."]
+) -> tuple[Float[Array, "..."], Bool[Array, "..."]]:
+    """Quotient and whether it can be represented; 0 with zero slope where it cannot.
+
+    A quotient counts as representable only if its derivatives with respect to both arguments
+    fit the dtype too, so ``denominator`` must exceed about 1e-154 (float64) or 1e-19 (float32).
+
+    Args:
+        numerator: any finite array.
+        denominator: any array that broadcasts with it; infinity gives 0.
+
+    Returns:
+        The quotient and a mask of the same shape.
+    """
+    limits = jnp.finfo(denominator.dtype)
+    square = denominator * denominator
+    valid = (square > limits.tiny) & (jnp.abs(numerator) / limits.max < square)
+    # Both branches of a `where` are differentiated, so the unused one must be finite as well.
+    quotient = jnp.where(valid, numerator, 0.0) / jnp.where(valid, denominator, 1.0)
+    return quotient, valid
+
+
+def safe_sqrt(value: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Square root, and 0 with zero slope where the argument is not positive."""
+    positive = value > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, value, 1.0)), 0.0)
+
+
+def safe_arctan2(y: Float[Array, "..."], x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Angle of (x, y) in radians, and 0 with zero slope at the origin, where it is undefined."""
+    defined = x * x + y * y > jnp.finfo(x.dtype).tiny
+    return jnp.arctan2(jnp.where(defined, y, 0.0), jnp.where(defined, x, 1.0))
+
+
+def safe_quadratic_roots(
+    c2: Float[Array, "..."], c1: Float[Array, "..."], c0: Float[Array, "..."]
+) -> tuple[Float[Array, "... 2"], Bool[Array, "... 2"], Float[Array, "..."]]:
+    """Both roots of c2 x² + c1 x + c0, without cancellation and down to c2 = 0.
+
+    Source: W. H. Press et al., *Numerical Recipes*, 3rd ed., §5.6: with
+    q = −(c1 + sgn(c1) √(c1² − 4 c2 c0)) / 2 the roots are c0 / q and q / c2.
+
+    Returns:
+        Roots (the one that survives c2 → 0 first), which of them exist, and the discriminant
+        scaled to lie between −1 and 1 (negative where both roots are complex).
+    """
+    # The roots do not depend on a common factor, so neither does their derivative.
+    scale = jax.lax.stop_gradient(jnp.maximum(jnp.maximum(jnp.abs(c2), jnp.abs(c1)), jnp.abs(c0)))
+    scale = jnp.where(scale > 0, scale, 1.0)
+    c2, c1, c0 = c2 / scale, c1 / scale, c0 / scale
+    squared, product = c1 * c1, 4 * c2 * c0
+    discriminant, _ = safe_divide(squared - product, squared + jnp.abs(product))
+    q = -(c1 + jnp.where(c1 < 0, -1.0, 1.0) * safe_sqrt(squared - product)) / 2
+    first, first_exists = safe_divide(c0, q)
+    second, second_exists = safe_divide(q, c2)
+    real = squared >= product
+    # c0 = 0 = q happens only at a double root in 0, where the second quotient is the root.
+    return (
+        jnp.stack([first, second], axis=-1),
+        jnp.stack([real & first_exists, real & second_exists], axis=-1),
+        discriminant,
+    )
+
+
+def as_float(value: ArrayLike) -> Float[Array, "..."]:
+    """An array of a float type: floats keep theirs, Python numbers and integers get the default."""
+    array = jnp.asarray(value)
+    if isinstance(value, (int, float)) or not jnp.issubdtype(array.dtype, jnp.floating):
+        return array.astype(jnp.result_type(float))
+    return array

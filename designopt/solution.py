@@ -1,0 +1,47 @@
+"""The one shape of every answer: a value, its margin, its residual and a result code."""
+
+from __future__ import annotations
+
+from typing import Generic, TypeVar
+
+import equinox as eqx
+import jax
+from jaxtyping import Array, Bool, Float
+
+Value = TypeVar("Value")
+
+
+class Solution(eqx.Module, Generic[Value]):
+    """The answer of a solve, batched or not. Failure is data: nothing raises, nothing is NaN.
+
+    Attributes:
+        value: the answer; where ``ok`` is false it is finite but means nothing.
+        margin: signed distance to the edge of feasibility, positive inside; unit and meaning are
+            the solver's and stand in its docstring.
+        residual: what is left of the equation that was solved, scaled to order one.
+        result: member of an ``eqx.Enumeration`` that has ``successful``; the members are the
+            messages a person reads.
+    """
+
+    value: Value
+    margin: Float[Array, "*batch"]
+    residual: Float[Array, "*batch"]
+    result: eqx.Enumeration
+
+    @property
+    def ok(self) -> Bool[Array, "*batch"]:
+        """Which elements succeeded."""
+        # An item does not expose its enumeration publicly, and items of two cannot be compared.
+        return self.result == self.result._enumeration.successful
+
+    def messages(self) -> list[str]:
+        """The message of each element, in row-major order; empty where it succeeded.
+
+        Not for use under ``jax.jit``: a message is for people.
+        """
+        enumeration = self.result._enumeration
+        flat = jax.tree.map(lambda code: code.reshape(-1), self.result)
+        return [
+            enumeration[jax.tree.map(lambda code, i=i: code[i], flat)]
+            for i in range(self.margin.size)
+        ]

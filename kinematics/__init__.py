@@ -1,0 +1,1 @@
+"""Planar linkages: from a sketch to poses, rates, transmission and statics."""

@@ -1,0 +1,12 @@
+from .chamber import Chamber, ChamberResult
+from .chamber_solve import dimension_for_ratio
+from .thin_lens import LensImage, LensResult, ThinLens
+
+__all__ = [
+    "Chamber",
+    "ChamberResult",
+    "LensImage",
+    "LensResult",
+    "ThinLens",
+    "dimension_for_ratio",
+]

@@ -1,0 +1,153 @@
+"""Any one dimension of a chamber from the imaging ratio η and all the others."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Literal, get_args
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from designopt.numerics import as_float, safe_quadratic_roots
+from designopt.roots import RootMethod, find_root
+from designopt.solution import Solution
+from optics.chamber import Chamber, ChamberResult, ring_residual, ring_terms
+
+Dimension = Literal[
+    "length_ab",
+    "length_bc",
+    "length_cd",
+    "offset_b",
+    "wall_angle_bc",
+    "offset_d",
+    "reference_height",
+    "pinhole_offset",
+]
+"""The dimensions on which η depends."""
+
+
+def dimension_for_ratio(
+    chamber: Chamber,
+    dimension: Dimension,
+    ratio: ArrayLike,
+    *,
+    method: Literal["closed form"] | RootMethod = "closed form",
+    bracket: tuple[ArrayLike, ArrayLike] | None = None,
+    tolerance: ArrayLike = 1e-12,
+) -> Solution[Float[Array, ""]]:
+    """The value of one dimension at which the chamber's imaging ratio is ``ratio``.
+
+    Δd_c = η Δd_b, cleared of its divisions, is a polynomial of degree 2 at most in every dimension
+    (in tan θ_BC for the wall angle), so its roots stand in closed form. Of two roots the one that
+    can be built counts, and of two such the one nearer to the chamber's present value.
+
+    Args:
+        chamber: all dimensions; that of ``dimension`` chooses between two answers, and is where
+            an iteration starts.
+        dimension: which one to solve for, a field of `Chamber`.
+        ratio: η wanted, without unit.
+        method: ``"closed form"``, or an iteration of `designopt.find_root`.
+        bracket: for the bisections: two values of the dimension with the answer between them.
+        tolerance: of an iteration, on the residual of Δd_c = η Δd_b scaled to order one.
+
+    Returns:
+        The dimension's value, mm or radians, differentiable in every other dimension and in η.
+        ``margin`` is that of the resulting chamber's `Chamber.imaging_ratio` (mm); where no real
+        root exists it is the discriminant, scaled to −1…0.
+
+    Raises:
+        ValueError: η does not depend on a dimension of that name.
+    """
+    if dimension not in get_args(Dimension):
+        raise ValueError(
+            f"the imaging ratio does not depend on {dimension!r}; solve for one of "
+            + ", ".join(get_args(Dimension))
+        )
+    ratio = as_float(ratio).astype(chamber.length_ab.dtype)
+    if method == "closed form":
+        return _closed_form(chamber, dimension, ratio)
+    return _iterated(chamber, dimension, ratio, method, bracket, tolerance)
+
+
+def _closed_form(
+    chamber: Chamber, dimension: Dimension, ratio: Float[Array, ""]
+) -> Solution[Float[Array, ""]]:
+    # Lengths in units of the longest, so that no product leaves the range of float32.
+    lengths = {name: getattr(chamber, name) for name in _LENGTHS}
+    longest = jnp.max(jnp.abs(jnp.stack(list(lengths.values()))))
+    unit = jax.lax.stop_gradient(jnp.where(longest > 0, longest, 1.0))
+    chamber = dataclasses.replace(chamber, **{name: x / unit for name, x in lengths.items()})
+
+    def equation(unknown: Float[Array, ""]) -> Float[Array, ""]:
+        wanted, found = ring_terms(_with(chamber, dimension, unknown), ratio)
+        return wanted - found
+
+    # Taylor's coefficients at 0 are the polynomial's own.
+    slope = jax.grad(equation)
+    origin = jnp.zeros_like(ratio)
+    roots, exist, discriminant = safe_quadratic_roots(
+        jax.grad(slope)(origin) / 2, slope(origin), equation(origin)
+    )
+
+    # Of two answers: one that exists, then one that can be built, then the nearer one.
+    images = jax.vmap(lambda root: _with(chamber, dimension, root).imaging_ratio())(roots)
+    class_ = jnp.where(exist, jnp.where(images.margin > 0, 0, 1), 2)
+    distance = jnp.abs(roots - _unknown(chamber, dimension))
+    best = jnp.argmin(jnp.where(class_ == jnp.min(class_), distance, jnp.inf))
+
+    root, exists = roots[best], exist[best]
+    image = jax.tree.map(lambda leaf: leaf[best], images)
+    return Solution(
+        jnp.arctan(root) if dimension == "wall_angle_bc" else root * unit,
+        jnp.where(exists, image.margin * unit, discriminant),
+        ring_residual(_with(chamber, dimension, root), ratio),
+        ChamberResult.where(exists, image.result, ChamberResult.no_solution),
+    )
+
+
+def _iterated(
+    chamber: Chamber,
+    dimension: Dimension,
+    ratio: Float[Array, ""],
+    method: RootMethod,
+    bracket: tuple[ArrayLike, ArrayLike] | None,
+    tolerance: ArrayLike,
+) -> Solution[Float[Array, ""]]:
+    def equation(value: Float[Array, ""], args: tuple[Chamber, Array, Array]) -> Float[Array, ""]:
+        base, ratio, scale = args
+        wanted, found = ring_terms(dataclasses.replace(base, **{dimension: value}), ratio)
+        return (wanted - found) / scale
+
+    wanted, found = ring_terms(chamber, ratio)
+    size = jnp.abs(wanted) + jnp.abs(found)
+    scale = jax.lax.stop_gradient(jnp.where(size > 0, size, 1.0))
+    solved = find_root(
+        equation,
+        getattr(chamber, dimension),
+        (chamber, ratio, scale),
+        method=method,
+        bracket=bracket,
+        tolerance=tolerance,
+    )
+    image = dataclasses.replace(chamber, **{dimension: solved.value}).imaging_ratio()
+    return Solution(
+        solved.value,
+        image.margin,
+        solved.residual,
+        ChamberResult.where(solved.ok, image.result, ChamberResult.not_converged),
+    )
+
+
+_LENGTHS = tuple(name for name in get_args(Dimension) if name != "wall_angle_bc")
+
+
+def _with(chamber: Chamber, dimension: Dimension, unknown: Float[Array, ""]) -> Chamber:
+    # The unknown of the wall angle is its tangent, in which the equation is a polynomial.
+    value = jnp.arctan(unknown) if dimension == "wall_angle_bc" else unknown
+    return dataclasses.replace(chamber, **{dimension: value})
+
+
+def _unknown(chamber: Chamber, dimension: Dimension) -> Float[Array, ""]:
+    value = getattr(chamber, dimension)
+    return jnp.tan(value) if dimension == "wall_angle_bc" else value

@@ -1,0 +1,1 @@
+"""OpenCV on images: masks, quads, unwarping, joint angles, directions and posture."""
