@@ -1,4 +1,54 @@
 from .errors import UserError
+from .fitting import Fit, least_squares
+from .left_out import count_operations
+from .numerics import as_float, safe_arctan2, safe_divide, safe_quadratic_roots, safe_sqrt
+from .precision import Contender, compile_timed, dominating, measure
+from .results import (
+    Claim,
+    Figure,
+    LeftOutRow,
+    Metric,
+    PrecisionRow,
+    PrecisionStudy,
+    Results,
+    StabilityRow,
+    Table,
+    Target,
+)
+from .roots import find_root
 from .solution import Solution
+from .stability import Family, assess
+from .study import Context, Spec, Study
 
-__all__ = ["Solution", "UserError"]
+__all__ = [
+    "Claim",
+    "Contender",
+    "Context",
+    "Family",
+    "Figure",
+    "Fit",
+    "LeftOutRow",
+    "Metric",
+    "PrecisionRow",
+    "PrecisionStudy",
+    "Results",
+    "Solution",
+    "Spec",
+    "StabilityRow",
+    "Study",
+    "Table",
+    "Target",
+    "UserError",
+    "as_float",
+    "assess",
+    "compile_timed",
+    "count_operations",
+    "dominating",
+    "find_root",
+    "least_squares",
+    "measure",
+    "safe_arctan2",
+    "safe_divide",
+    "safe_quadratic_roots",
+    "safe_sqrt",
+]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,6 @@ STYLE = {
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlesize": 10,
-    "figure.constrained_layout.use": True,
     "font.size": 9,
     "grid.alpha": 0.3,
     "legend.frameon": False,
@@ -30,26 +31,33 @@ STYLE = {
 }
 
 
+def style() -> AbstractContextManager[None]:
+    """Draw in this look while the context lasts; Matplotlib's settings come back after it."""
+    return matplotlib.rc_context(STYLE)
+
+
 def new_figure(
-    rows: int = 1, columns: int = 1, *, width: float = 7.2, height: float | None = None
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    height: float | None = None,
+    width_ratios: Sequence[float] | None = None,
 ) -> tuple[Figure, np.ndarray[Any, Any]]:
     """A figure and its axes, always as a 2D array, without touching Matplotlib's global state.
 
     Args:
         rows: rows of axes.
         columns: columns of axes.
-        width: inches; 7.2 fills the text width of an A4 page.
-        height: inches; by default 3.2 per row.
+        height: inches; by default 3.2 per row. The width fills the text width of an A4 page.
+        width_ratios: relative widths of the columns; equal by default.
     """
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(width, height or 3.2 * rows))
-        return figure, figure.subplots(rows, columns, squeeze=False)
+    figure = Figure(figsize=(7.2, height or 3.2 * rows), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, width_ratios=width_ratios)
 
 
 def save(figure: Figure, folder: Path, name: str) -> tuple[Path, Path]:
     """Write ``name.png`` and ``name.svg`` into ``folder`` and return their paths."""
     png, svg = folder / f"{name}.png", folder / f"{name}.svg"
-    with matplotlib.rc_context(STYLE):
-        figure.savefig(png)
-        figure.savefig(svg, metadata={"Date": None})
+    figure.savefig(png)
+    figure.savefig(svg, metadata={"Date": None})
     return png, svg

@@ -1,7 +1,7 @@
 """Error against run time: every method at every setting, measured the same way.
 
-A study states its workloads as `Contender`s; `measure` times and checks them, `draw` shows them
-on a log-log plane, and a `Claim` says in words what they show and whether this run bears it out.
+A study states its workloads as `Contender`s; `measure` times and checks one, `table` and `figure`
+show them, and a `designopt.Claim` says in words what they show and whether this run bears it out.
 """
 
 from __future__ import annotations
@@ -9,17 +9,14 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 
 from designopt.figures import MARKERS, PALETTE, new_figure
-from designopt.results import PrecisionRow
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from designopt.results import Figure, PrecisionRow, PrecisionStudy, Table
 
 MIN_SAMPLE_SECONDS = 2e-3
 """A timed sample repeats its call until it lasts this long, so that the clock's grain is lost."""
@@ -36,6 +33,8 @@ class Contender:
         call: answers the workload; a JAX function is compiled beforehand (`compile_timed`).
         error: from the call's answer to its worst error against the reference.
         compile_seconds: what compiling it took, 0 where nothing is compiled.
+        scale: workload over what ``call`` does of it, for a method so slow that a part has to
+            stand for the whole; its name must say so.
     """
 
     method: str
@@ -44,6 +43,7 @@ class Contender:
     call: Callable[[], Any]
     error: Callable[[Any], float]
     compile_seconds: float = 0.0
+    scale: float = 1.0
 
 
 def compile_timed(
@@ -55,30 +55,40 @@ def compile_timed(
     return compiled, time.perf_counter() - start
 
 
-def measure(contender: Contender, *, repeats: int = 7) -> PrecisionRow:
+def measure(contender: Contender, *, repeats: int, budget_seconds: float = 0.25) -> PrecisionRow:
     """Time one contender, after a warm-up and with its result waited for, and take its error.
 
+    Args:
+        contender: what to time.
+        repeats: samples to take.
+        budget_seconds: once the samples have taken this long, three of them are enough; a call
+            that takes longer by itself needs no warming up and counts from its first time.
+
     Returns:
-        A row with the median and the range of ``repeats`` samples. Seconds are per call.
+        A row with the median and the range of the samples. Seconds are per call.
     """
     start = time.perf_counter()
-    answer = jax.block_until_ready(contender.call())  # the warm-up, and a first estimate
-    estimate = time.perf_counter() - start
-    calls = max(1, math.ceil(MIN_SAMPLE_SECONDS / max(estimate, 1e-9)))
-    samples = []
-    for _ in range(repeats):
+    answer = jax.block_until_ready(contender.call())
+    first = time.perf_counter() - start
+    calls = max(1, math.ceil(MIN_SAMPLE_SECONDS / max(first, 1e-9)))
+    samples = [first] if first > budget_seconds else []
+    deadline = time.perf_counter() + budget_seconds
+    while len(samples) < 3 or (len(samples) < repeats and time.perf_counter() < deadline):
         start = time.perf_counter()
         for _ in range(calls):
             jax.block_until_ready(contender.call())
         samples.append((time.perf_counter() - start) / calls)
+    seconds, low, high = (
+        contender.scale * statistic(samples) for statistic in (statistics.median, min, max)
+    )
     return PrecisionRow(
         method=contender.method,
         setting=contender.setting,
         panel=contender.panel,
         error=contender.error(answer),
-        seconds=statistics.median(samples),
-        seconds_low=min(samples),
-        seconds_high=max(samples),
+        seconds=seconds,
+        seconds_low=low,
+        seconds_high=high,
         compile_seconds=contender.compile_seconds,
     )
 
@@ -94,35 +104,71 @@ def dominating(row: PrecisionRow, rows: Iterable[PrecisionRow]) -> list[Precisio
     ]
 
 
-def draw(rows: Sequence[PrecisionRow], *, error_label: str) -> Figure:
-    """Error over run time, log-log, one panel per workload and one line per method.
+def table(study: PrecisionStudy) -> Table:
+    """The rows of a precision study, all of them."""
+    return Table(
+        "precision",
+        f"Error against run time; reference: {study.reference}",
+        [
+            "workload",
+            "method",
+            "setting",
+            "error",
+            "seconds",
+            "seconds_low",
+            "seconds_high",
+            "compile_seconds",
+        ],
+        [
+            (
+                row.panel,
+                row.method,
+                row.setting,
+                row.error,
+                row.seconds,
+                row.seconds_low,
+                row.seconds_high,
+                row.compile_seconds,
+            )
+            for row in study.rows
+        ],
+    )
 
-    Errors of exactly 0 are drawn at the lower edge, at half the least positive error.
-    """
-    panels = list(dict.fromkeys(row.panel for row in rows))
-    methods = list(dict.fromkeys(row.method for row in rows))
-    floor = min((row.error for row in rows if row.error > 0), default=1e-16) / 2
+
+def figure(study: PrecisionStudy) -> Figure:
+    """Error over run time, log-log, one panel per workload and one line per method."""
+    panels = list(dict.fromkeys(row.panel for row in study.rows))
+    methods = list(dict.fromkeys(row.method for row in study.rows))
+    floor = min((row.error for row in study.rows if row.error > 0), default=1e-16) / 2
     columns = min(2, len(panels))
-    figure, axes = new_figure(-(-len(panels) // columns), columns, legend_space=True)
+    drawing, axes = new_figure(-(-len(panels) // columns), columns)
     for axis, panel in zip(axes.flat, panels, strict=False):
         for index, method in enumerate(methods):
-            mine = [row for row in rows if row.panel == panel and row.method == method]
+            mine = [row for row in study.rows if (row.panel, row.method) == (panel, method)]
             if not mine:
                 continue
             seconds = [row.seconds for row in mine]
+            spread = [
+                [row.seconds - row.seconds_low for row in mine],
+                [row.seconds_high - row.seconds for row in mine],
+            ]
             axis.errorbar(
                 seconds,
                 [max(row.error, floor) for row in mine],
-                xerr=[
-                    [row.seconds - row.seconds_low for row in mine],
-                    [row.seconds_high - row.seconds for row in mine],
-                ],
+                xerr=spread,
                 color=PALETTE[index % len(PALETTE)],
                 marker=MARKERS[index % len(MARKERS)],
                 linestyle="-" if index < len(PALETTE) else "--",
+                elinewidth=0.8,
                 label=method,
             )
         axis.set(xscale="log", yscale="log", title=panel)
-        axis.set(xlabel="run time of one call (s)", ylabel=error_label)
-    figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    return figure
+        axis.set(xlabel="run time of one call (s)", ylabel=study.error)
+    drawing.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return Figure(
+        "precision",
+        "Error against run time",
+        "Each point is one setting of one method at its median run time; the bar spans its fastest "
+        "to slowest repeat. Lower left is better. An error of exactly 0 is drawn at the lower edge.",
+        drawing,
+    )

@@ -81,7 +81,7 @@ class Table:
         title: caption in the report.
         columns: column names; each ends in its unit.
         rows: one sequence of cells per row, as long as ``columns``; ``None`` is an empty cell.
-        places: decimals shown in the report, per column; a column left out shows six digits.
+        places: decimals shown in the report, per column; a column left out shows four digits.
     """
 
     name: str
@@ -89,6 +89,18 @@ class Table:
     columns: Sequence[str]
     rows: Sequence[Sequence[Cell]]
     places: Mapping[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of_columns(
+        cls,
+        name: str,
+        title: str,
+        columns: Mapping[str, Sequence[Cell]],
+        places: Mapping[str, int] | None = None,
+    ) -> Table:
+        """A table from its columns, all of one length."""
+        rows = list(zip(*columns.values(), strict=True))
+        return cls(name, title, list(columns), rows, places or {})
 
 
 @dataclass(frozen=True)
@@ -127,25 +139,63 @@ class PrecisionRow:
 
 
 @dataclass(frozen=True)
-class StabilityRow:
-    """One family of stiff or extreme cases.
+class Claim:
+    """What a precision study says, so that one run can prove it wrong.
 
     Attributes:
-        case: what is extreme in it, with dtype.
+        statement: what is claimed.
+        mechanism: why it should be so.
+        evidence: what this run measured.
+        holds: whether this run bears the claim out.
+    """
+
+    statement: str
+    mechanism: str
+    evidence: str
+    holds: bool
+
+
+@dataclass(frozen=True)
+class PrecisionStudy:
+    """Error against run time, with what it is measured against and what it says.
+
+    Attributes:
+        rows: one per method and setting.
+        error: what the error is of, for axes and table heads.
+        reference: what it is measured against, in words.
+        claims: what the rows say in words.
+    """
+
+    rows: Sequence[PrecisionRow]
+    error: str
+    reference: str
+    claims: Sequence[Claim]
+
+
+@dataclass(frozen=True)
+class StabilityRow:
+    """One family of stiff or extreme cases, judged against high-precision arithmetic.
+
+    Attributes:
+        case: what is extreme in it.
+        dtype: float type of the inputs and of the arithmetic.
         cases: how many were tried.
-        failures: cases whose answer was wrong: feasibility misjudged or error above tolerance.
-        worst_error: largest error over the feasible cases, relative to what rounding the inputs
-            alone would cause (see ``designopt.stability``).
+        infeasible: how many of them have no answer, and were to be reported so.
+        failures: cases answered wrongly: feasibility misjudged, or an error above tolerance.
+        worst_error: largest error of a value over the feasible cases, relative to the value and
+            to what an input changed by its own size would do to it (``designopt.stability``).
+        worst_gradient_error: the same of a gradient's entries.
         non_finite: numbers among values, margins, residuals and gradients that are not finite.
-        worst_gradient_error: largest error of a gradient, on the same kind of scale.
     """
 
     case: str
+    dtype: str
     cases: int
+    infeasible: int
     failures: int
     worst_error: float
-    non_finite: int
     worst_gradient_error: float
+    non_finite: int
 
 
 @dataclass(frozen=True)
@@ -153,13 +203,13 @@ class LeftOutRow:
     """What a scene did not need, as operation counts of two compiled programs.
 
     Attributes:
-        part: what was asked for.
+        asked: what was computed.
         left_out: what the general program has and this one does not.
         scene_operations: operations in the program compiled for this scene.
         general_operations: operations in the general program, asked for the same.
     """
 
-    part: str
+    asked: str
     left_out: str
     scene_operations: int
     general_operations: int
@@ -174,7 +224,7 @@ class Results:
         metrics: the numbers it stands for.
         tables: its tables.
         figures: its figures.
-        precision: error against run time.
+        precision: error against run time, where it was measured.
         stability: stiff and extreme cases.
         left_out: what this scene did not need.
     """
@@ -183,7 +233,7 @@ class Results:
     metrics: Sequence[Metric]
     tables: Sequence[Table] = ()
     figures: Sequence[Figure] = ()
-    precision: Sequence[PrecisionRow] = ()
+    precision: PrecisionStudy | None = None
     stability: Sequence[StabilityRow] = ()
     left_out: Sequence[LeftOutRow] = ()
 

@@ -33,6 +33,10 @@ _OPTIMISTIX = {
 }
 
 
+ROUNDING_UNITS = 8
+"""Least tolerance in units of rounding: a residual of a few operations is known no better."""
+
+
 def find_root(
     residual: Callable[[Float[Array, ""], Any], Float[Array, ""]],
     guess: Float[Array, ""],
@@ -51,7 +55,8 @@ def find_root(
         args: what the residual depends on beside the unknown.
         method: which iteration. Those named jaxopt-… run in jaxopt, the others in Optimistix.
         bracket: two values at which the residual has opposite signs; the bisections need it.
-        tolerance: absolute and relative; may be traced, so that one program serves several.
+        tolerance: absolute and relative; may be traced, so that one program serves several. One
+            below `ROUNDING_UNITS` units of rounding of the dtype is raised to that.
         max_steps: cap on iterations.
 
     Returns:
@@ -61,7 +66,9 @@ def find_root(
     Raises:
         ValueError: a bisection without a bracket.
     """
-    tolerance = as_float(tolerance).astype(guess.dtype)
+    # Below rounding nothing converges, and a whole batch would run to its last step for it.
+    floor = ROUNDING_UNITS * jnp.finfo(guess.dtype).eps
+    tolerance = jnp.maximum(as_float(tolerance).astype(guess.dtype), floor)
     if bracket is not None:
         bracket = (as_float(bracket[0]).astype(guess.dtype), as_float(bracket[1]).astype(guess.dtype))
     elif method in ("bisection", "jaxopt-bisection"):

@@ -13,11 +13,13 @@ continued to D with its sign agrees with every row of Table I.
 The image rings are Δd_b = T_B − T_C (blue), Δd_c = T_C − T_D (yellow) and Δd_d = T_D (the top),
 and η = Δd_c / Δd_b (Eq. 3). Written out, every difference of image heights factors:
 
-    Δd_b = (f − v) b H / ((s_B + δ)(s_C + δ)),    H = h + Δl_B + tan θ_BC (s_B + δ)
-    Δd_c = (f − v) Y / ((s_C + δ)(s_D + δ)),      Y = c (h + Δl_C) + (Δl_C + Δl_D)(s_C + δ)
+    Δd_b = (f − v) b W / ((s_B + δ)(s_C + δ) cos θ_BC)
+    Δd_c = (f − v) Y / ((s_C + δ)(s_D + δ) cos θ_BC)
+    W = (h + Δl_B) cos θ_BC + (s_B + δ) sin θ_BC
+    Y = (c (h + Δl_C) + (Δl_C + Δl_D)(s_C + δ)) cos θ_BC
 
-H is the height at which the blue wall, continued, meets the pinhole plane. These forms subtract
-no nearly equal numbers, and f − v leaves η: it is defined even where f = v.
+W is the distance of the pinhole from the line of the blue wall. These forms subtract no nearly
+equal numbers; f − v and cos θ_BC leave η, which stays exact for f = v and for steep walls.
 """
 
 from __future__ import annotations
@@ -115,41 +117,45 @@ class Chamber(eqx.Module):
     @property
     def depths(self) -> Float[Array, "3"]:
         """s + δ for B, C and D in mm: how far in front of the pinhole plane each lies."""
-        lengths = jnp.stack([self.length_ab, self.length_bc, self.length_cd])
-        return jnp.cumsum(lengths) + self.pinhole_offset
+        depth_b = self.length_ab + self.pinhole_offset
+        depth_c = depth_b + self.length_bc
+        return jnp.stack([depth_b, depth_c, depth_c + self.length_cd])
 
     @property
-    def blue_plane_height(self) -> Float[Array, ""]:
-        """H in mm: where the blue wall, continued, meets the pinhole plane; 0 seen edge-on."""
-        rise = jnp.tan(self.wall_angle_bc) * self.depths[0]
-        return self.reference_height + self.offset_b + rise
+    def blue_wall_distance(self) -> Float[Array, ""]:
+        """W in mm: distance of the pinhole from the line of the blue wall; 0 if seen edge-on."""
+        angle = self.wall_angle_bc
+        along = self.depths[0] * jnp.sin(angle)
+        return (self.reference_height + self.offset_b) * jnp.cos(angle) + along
 
     @property
     def _yellow(self) -> Float[Array, ""]:
-        # Y of the module's docstring, in mm²: c times the yellow wall's height in the pinhole plane.
-        fall = (self.offset_c + self.offset_d) * self.depths[1]
-        return self.length_cd * (self.reference_height + self.offset_c) + fall
+        # Y of the module's docstring, in mm²; Δl_C cos θ_BC is written out to keep tan θ_BC away.
+        cosine = jnp.cos(self.wall_angle_bc)
+        offset_c = self.offset_b * cosine - self.length_bc * jnp.sin(self.wall_angle_bc)
+        fall = (offset_c + self.offset_d * cosine) * self.depths[1]
+        return self.length_cd * (self.reference_height * cosine + offset_c) + fall
 
     def imaging_ratio(self) -> Solution[Float[Array, ""]]:
         """η = Δd_c / Δd_b, the yellow ring's width over the blue ring's (paper A, Eq. 3).
 
         Returns:
-            η, without unit. ``margin`` (mm) is the least of the depths of B, C and D, b and H:
-            how far the nearest wall point is in front of the pinhole, how long the blue region
-            is, and how far the camera is from looking along its wall.
+            η, without unit. ``margin`` (mm) is the least of the depths of B, C and D, of b and
+            of W: how far the nearest wall point is in front of the pinhole plane, how long the
+            blue region is, and how far the pinhole is in front of its wall.
         """
         depth_b, _, depth_d = self.depths
-        blue_height = self.blue_plane_height
+        wall_distance = self.blue_wall_distance
         perspective, perspective_fits = safe_divide(depth_b, depth_d)
         per_length, length_fits = safe_divide(self._yellow, self.length_bc)
-        per_height, height_fits = safe_divide(per_length, blue_height)
-        ratio = perspective * per_height
+        slope, slope_fits = safe_divide(per_length, wall_distance)
+        ratio = perspective * slope
         margin, result = _first_failure(
             (jnp.min(self.depths), ChamberResult.behind_pinhole),
             (self.length_bc, ChamberResult.no_blue_region),
-            (blue_height, ChamberResult.blue_edge_on),
+            (wall_distance, ChamberResult.blue_edge_on),
         )
-        fits = perspective_fits & length_fits & height_fits
+        fits = perspective_fits & length_fits & slope_fits
         result = ChamberResult.where((margin > 0) & ~fits, ChamberResult.out_of_range, result)
         return Solution(ratio, margin, ring_residual(self, ratio), result)
 
@@ -166,11 +172,11 @@ class Chamber(eqx.Module):
 
         Δd_d is T_D, the image height of D. ``margin`` is that of `image_heights`.
         """
-        _, depth_c, depth_d = self.depths
-        blue, _ = safe_divide(self.length_bc * self.blue_plane_height, depth_c)
-        yellow, _ = safe_divide(self._yellow, depth_c)
+        depth_b, depth_c, depth_d = self.depths
+        foreshortened = depth_c * jnp.cos(self.wall_angle_bc)
+        blue, _ = safe_divide(self.length_bc * self.blue_wall_distance, foreshortened)
+        yellow, _ = safe_divide(self._yellow, foreshortened)
         top = self.reference_height - self.offset_d
-        depth_b, _, depth_d = self.depths
         return self._imaged(jnp.stack([blue, yellow, top]), jnp.stack([depth_b, depth_d, depth_d]))
 
     def _imaged(
@@ -187,13 +193,13 @@ class Chamber(eqx.Module):
 
 
 def ring_terms(chamber: Chamber, ratio: Float[Array, ""]) -> tuple[Float[Array, ""], ...]:
-    """Both sides of η b H (s_D + δ) = Y (s_B + δ), which is Δd_c = η Δd_b without its divisions.
+    """Both sides of η b W (s_D + δ) = Y (s_B + δ), which is Δd_c = η Δd_b without its divisions.
 
-    Their difference is a polynomial of degree 2 at most in every length and offset, in η and in
-    tan θ_BC.
+    Their difference is a polynomial of degree 2 at most in η, in every length and in every
+    offset, and p cos θ_BC + q sin θ_BC with some p, q in the wall angle.
     """
     depth_b, _, depth_d = chamber.depths
-    wanted = ratio * chamber.length_bc * chamber.blue_plane_height * depth_d
+    wanted = ratio * chamber.length_bc * chamber.blue_wall_distance * depth_d
     return wanted, chamber._yellow * depth_b
 
 

@@ -7,9 +7,9 @@ from typing import Literal, get_args
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from designopt.numerics import as_float, safe_quadratic_roots
+from designopt.numerics import as_float, safe_divide, safe_quadratic_roots
 from designopt.roots import RootMethod, find_root
 from designopt.solution import Solution
 from optics.chamber import Chamber, ChamberResult, ring_residual, ring_terms
@@ -27,6 +27,10 @@ Dimension = Literal[
 """The dimensions on which η depends."""
 
 
+_LENGTHS = tuple(name for name in get_args(Dimension) if name != "wall_angle_bc")
+_QUADRATIC = ("length_ab", "length_bc", "pinhole_offset")  # the equation is linear in the others
+
+
 def dimension_for_ratio(
     chamber: Chamber,
     dimension: Dimension,
@@ -39,7 +43,7 @@ def dimension_for_ratio(
     """The value of one dimension at which the chamber's imaging ratio is ``ratio``.
 
     Δd_c = η Δd_b, cleared of its divisions, is a polynomial of degree 2 at most in every dimension
-    (in tan θ_BC for the wall angle), so its roots stand in closed form. Of two roots the one that
+    (of degree 1 in tan θ_BC for the wall angle), so its roots stand in closed form. Of two roots the one that
     can be built counts, and of two such the one nearer to the chamber's present value.
 
     Args:
@@ -54,7 +58,8 @@ def dimension_for_ratio(
     Returns:
         The dimension's value, mm or radians, differentiable in every other dimension and in η.
         ``margin`` is that of the resulting chamber's `Chamber.imaging_ratio` (mm); where no real
-        root exists it is the discriminant, scaled to −1…0.
+        root exists it is the discriminant, scaled to −1…0 (0 if η does not depend on the
+        dimension at all).
 
     Raises:
         ValueError: η does not depend on a dimension of that name.
@@ -83,27 +88,37 @@ def _closed_form(
         wanted, found = ring_terms(_with(chamber, dimension, unknown), ratio)
         return wanted - found
 
-    # Taylor's coefficients at 0 are the polynomial's own.
-    slope = jax.grad(equation)
+    # Taylor's coefficients at 0 are the polynomial's own. In the wall angle the equation is
+    # p cos θ + q sin θ = 0, that is p + q tan θ = 0, and the first two are p and q.
+    slope = jax.jacfwd(equation)
     origin = jnp.zeros_like(ratio)
-    roots, exist, discriminant = safe_quadratic_roots(
-        jax.grad(slope)(origin) / 2, slope(origin), equation(origin)
-    )
-
-    # Of two answers: one that exists, then one that can be built, then the nearer one.
-    images = jax.vmap(lambda root: _with(chamber, dimension, root).imaging_ratio())(roots)
-    class_ = jnp.where(exist, jnp.where(images.margin > 0, 0, 1), 2)
-    distance = jnp.abs(roots - _unknown(chamber, dimension))
-    best = jnp.argmin(jnp.where(class_ == jnp.min(class_), distance, jnp.inf))
-
-    root, exists = roots[best], exist[best]
-    image = jax.tree.map(lambda leaf: leaf[best], images)
+    if dimension in _QUADRATIC:
+        roots, exist, discriminant = safe_quadratic_roots(
+            jax.jacfwd(slope)(origin) / 2, slope(origin), equation(origin)
+        )
+        best = _preferred(chamber, dimension, roots, exist)
+        root, exists = roots[best], exist[best]
+    else:
+        root, exists = safe_divide(-equation(origin), slope(origin))
+        discriminant = origin
+    answer = _with(chamber, dimension, root)
+    image = answer.imaging_ratio()
     return Solution(
         jnp.arctan(root) if dimension == "wall_angle_bc" else root * unit,
         jnp.where(exists, image.margin * unit, discriminant),
-        ring_residual(_with(chamber, dimension, root), ratio),
+        ring_residual(answer, ratio),
         ChamberResult.where(exists, image.result, ChamberResult.no_solution),
     )
+
+
+def _preferred(
+    chamber: Chamber, dimension: Dimension, roots: Float[Array, "2"], exist: Bool[Array, "2"]
+) -> Int[Array, ""]:
+    # A root that exists, of those one that can be built, of those the nearer one.
+    margins = jax.vmap(lambda root: _with(chamber, dimension, root).imaging_ratio().margin)(roots)
+    standing = jnp.where(exist, jnp.where(margins > 0, 0, 1), 2)
+    distance = jnp.abs(roots - getattr(chamber, dimension))
+    return jnp.argmin(jnp.where(standing == jnp.min(standing), distance, jnp.inf))
 
 
 def _iterated(
@@ -139,15 +154,10 @@ def _iterated(
     )
 
 
-_LENGTHS = tuple(name for name in get_args(Dimension) if name != "wall_angle_bc")
 
 
 def _with(chamber: Chamber, dimension: Dimension, unknown: Float[Array, ""]) -> Chamber:
-    # The unknown of the wall angle is its tangent, in which the equation is a polynomial.
+    # The unknown of the wall angle is its tangent.
     value = jnp.arctan(unknown) if dimension == "wall_angle_bc" else unknown
     return dataclasses.replace(chamber, **{dimension: value})
 
-
-def _unknown(chamber: Chamber, dimension: Dimension) -> Float[Array, ""]:
-    value = getattr(chamber, dimension)
-    return jnp.tan(value) if dimension == "wall_angle_bc" else value

@@ -1,0 +1,101 @@
+"""The commands ``designopt list`` and ``designopt run``."""
+
+from __future__ import annotations
+
+import sys
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from designopt.errors import UserError
+
+if TYPE_CHECKING:
+    from designopt.results import Results
+
+
+class Dtype(str, Enum):
+    """Float types a study can run in."""
+
+    float64 = "float64"
+    float32 = "float32"
+
+
+def list_studies(
+    study: Annotated[
+        str | None, typer.Argument(metavar="[STUDY]", help="Show this study's settings.")
+    ] = None,
+) -> None:
+    """List the studies, or the settings of one."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from designopt.settings import fields
+    from designopt.study import installed_studies, load_study
+
+    console = Console()
+    if study is None:
+        for name, entry in installed_studies():
+            if isinstance(entry, UserError):
+                console.print(f"{name}  ({entry})", markup=False, soft_wrap=True)
+                continue
+            needs = ", ".join(entry.needs) or "nothing beyond the package"
+            console.print(f"{name}  {entry.purpose}", markup=False, soft_wrap=True)
+            console.print(f"  needs: {needs}", markup=False, soft_wrap=True)
+            keys = ", ".join(key for key, _, _ in fields(entry.spec))
+            console.print(f"  settings: {keys}", markup=False, soft_wrap=True)
+        return
+    chosen = load_study(study)
+    table = Table("key", "default", "meaning", title=f"{chosen.name}: {chosen.purpose}")
+    for key, default, description in fields(chosen.spec):
+        table.add_row(key, default, description)
+    console.print(table)
+
+
+def run_study(
+    study: Annotated[str, typer.Argument(metavar="STUDY", help="Its name; see 'designopt list'.")],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting; may be repeated."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Result folder.", show_default="out/STUDY")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 0,
+    dtype: Annotated[Dtype, typer.Option(help="Float type to compute in.")] = Dtype.float64,
+    force: Annotated[bool, typer.Option("--force", help="Replace an earlier result.")] = False,
+) -> int:
+    """Run a study into a folder of results."""
+    from designopt.settings import spec_with
+    from designopt.study import load_study
+
+    chosen = load_study(study)
+    spec = spec_with(chosen.spec, settings or [], study=study)
+    folder = out if out is not None else Path("out") / study
+    # Only now, when all that was asked for is in order, are JAX and the rest worth loading.
+    from designopt.runner import run
+
+    results = run(chosen, spec, seed=seed, dtype=dtype.value, out=folder, force=force)
+    return _summarise(results, folder)
+
+
+def _summarise(results: Results, folder: Path) -> int:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    table = Table("metric", "value", "unit", "target", "", box=box.SIMPLE_HEAD)
+    for metric in results.metrics:
+        verdict = {True: "met", False: "MISSED", None: ""}[metric.met]
+        table.add_row(
+            metric.name, f"{metric.value:.6g}", metric.unit, str(metric.target or ""), verdict
+        )
+    console.print(table)
+    print(f"report: {folder / 'report.html'}")
+    if not results.unmet:
+        return 0
+    names = ", ".join(metric.name for metric in results.unmet)
+    print(f"targets missed: {names}", file=sys.stderr)
+    return 1

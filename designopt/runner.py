@@ -1,0 +1,186 @@
+"""Runs a study and keeps its results: all of them, or none."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import platform
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import jax
+
+from designopt import figures
+from designopt.errors import UserError
+from designopt.progress import step_display
+from designopt.report import RunRecord, measurements, render_report
+from designopt.results import Metric, Results, Table
+from designopt.study import Context, Spec, Study
+
+RECORDED_PACKAGES = (
+    "designopt",
+    "jax",
+    "jaxlib",
+    "equinox",
+    "optimistix",
+    "lineax",
+    "jaxopt",
+    "numpy",
+    "scipy",
+    "matplotlib",
+)
+
+
+def run(study: Study, spec: Spec, *, seed: int, dtype: str, out: Path, force: bool) -> Results:
+    """Run ``study`` and write its results to the folder ``out``, complete or not at all.
+
+    Args:
+        study: which.
+        spec: its settings.
+        seed: seed of every random draw.
+        dtype: ``"float64"`` or ``"float32"``.
+        out: folder to make; see `result_folder`.
+        force: whether an earlier result may be replaced.
+
+    Raises:
+        UserError: the folder exists, or cannot be written.
+    """
+    with result_folder(out, force=force) as folder, figures.style():
+        start = time.perf_counter()
+        with step_display() as step, jax.enable_x64(dtype == "float64"):
+            results = study.run(spec, Context(seed, dtype, step))
+        record = RunRecord(
+            study=study.name,
+            purpose=study.purpose,
+            spec=spec.model_dump(mode="json"),
+            seed=seed,
+            dtype=dtype,
+            device=_device(),
+            versions={"python": platform.python_version()}
+            | {package: version(package) for package in RECORDED_PACKAGES},
+            seconds=time.perf_counter() - start,
+        )
+        try:
+            write_results(record, results, folder)
+        except OSError as error:
+            raise _cannot_write(out, error) from error
+    return results
+
+
+@contextmanager
+def result_folder(out: Path, *, force: bool) -> Iterator[Path]:
+    """A new folder to write into, which becomes ``out`` on leaving and vanishes on an exception.
+
+    Args:
+        out: the folder to make; folders above it are made as needed.
+        force: replace an earlier result at ``out``, at the very end. Only a folder that holds a
+            ``results.json`` is ever replaced.
+
+    Raises:
+        UserError: ``out`` exists and must not be replaced, or cannot be written.
+    """
+    if out.exists() or out.is_symlink():
+        if not force:
+            raise UserError(
+                f"--out {out}: exists already; name another folder, or replace it with --force"
+            )
+        if not (out / "results.json").is_file():
+            raise UserError(
+                f"--out {out}: exists and is not an earlier result (it has no results.json), so "
+                "--force does not replace it; name another folder"
+            )
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
+    except OSError as error:
+        raise _cannot_write(out, error) from error
+    replaced = folder.with_name(folder.name + "-replaced")
+    try:
+        yield folder
+        folder.chmod(0o755)  # mkdtemp makes it private
+        try:
+            if force and out.exists():
+                out.rename(replaced)
+            folder.rename(out)
+        except OSError as error:
+            if replaced.exists():
+                replaced.rename(out)
+            raise _cannot_write(out, error) from error
+        shutil.rmtree(replaced, ignore_errors=True)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _cannot_write(out: Path, error: OSError) -> UserError:
+    return UserError(f"--out {out}: cannot be written ({error.strerror}); name a folder that can")
+
+
+def write_results(record: RunRecord, results: Results, folder: Path) -> None:
+    """Write ``results.json``, ``tables/``, ``figures/`` and ``report.html`` into ``folder``."""
+    measured = measurements(results)
+    tables = [*results.tables, *(table for part in measured for table in part.tables)]
+    drawn = [*results.figures, *(figure for part in measured for figure in part.figures)]
+    for name in ("tables", "figures"):
+        (folder / name).mkdir()
+    for table in tables:
+        _write_table(table, folder / "tables" / f"{table.name}.csv")
+    for figure in drawn:
+        figures.save(figure.drawing, folder / "figures", figure.name)
+    precision = results.precision
+    document = record._asdict() | {
+        "findings": list(results.findings),
+        "metrics": {metric.name: _metric(metric) for metric in results.metrics},
+        "tables": [f"tables/{table.name}.csv" for table in tables],
+        "figures": [
+            f"figures/{figure.name}.{ending}" for figure in drawn for ending in ("png", "svg")
+        ],
+        "claims": [asdict(claim) for claim in precision.claims] if precision else [],
+        "precision": [asdict(row) for row in precision.rows] if precision else [],
+        "stability": [asdict(row) for row in results.stability],
+        "left_out": [asdict(row) for row in results.left_out],
+    }
+    text = json.dumps(_strict(document), indent=1, ensure_ascii=False, allow_nan=False)
+    (folder / "results.json").write_text(text + "\n", encoding="utf-8")
+    page = render_report(record, results, measured, folder)
+    (folder / "report.html").write_text(page, encoding="utf-8")
+
+
+def _write_table(table: Table, path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table.columns)
+        writer.writerows(table.rows)
+
+
+def _metric(metric: Metric) -> dict[str, Any]:
+    return {
+        "value": metric.value,
+        "unit": metric.unit,
+        "reference": metric.reference,
+        "target": None if metric.target is None else str(metric.target),
+        "met": metric.met,
+        "description": metric.description,
+    }
+
+
+def _strict(document: Any) -> Any:
+    # JSON has no NaN and no infinity: a number that is not finite becomes null.
+    if isinstance(document, dict):
+        return {key: _strict(value) for key, value in document.items()}
+    if isinstance(document, (list, tuple)):
+        return [_strict(value) for value in document]
+    return None if isinstance(document, float) and not math.isfinite(document) else document
+
+
+def _device() -> str:
+    device = jax.devices()[0]
+    return f"{device.device_kind} ({platform.machine()}, {os.cpu_count()} cores)"

@@ -1,0 +1,76 @@
+"""What the study finds out, before any measurement of how."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from optics.chamber import Chamber
+from optics.thin_lens import LensImage, ThinLens
+from studies.table1 import imaging
+from studies.table1.imaging import Imaging
+from studies.table1.spec import ChamberSpec, Table1Spec
+
+OTHER_READING = ChamberSpec(length_ab=30, length_bc=40, length_cd=30, wall_angle_bc_deg=1.5)
+"""Reads the text's lengths in another order, with a θ_BC that is as much in its range of 1-2°."""
+
+
+class RealLens(eqx.Module):
+    """The printed camera as a real thin lens.
+
+    Attributes:
+        lens: with its sensor at the printed image distance.
+        distances: of B, C and D from it, in mm: s + f, as in Eq. 1.
+        images: of B, C and D.
+        refocused: the same lens with its sensor where C is sharp.
+    """
+
+    lens: ThinLens
+    distances: Float[Array, "3"]
+    images: LensImage
+    refocused: ThinLens
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """Everything the study says, tabulates and draws.
+
+    Attributes:
+        imaging: of the chamber in the spec.
+        other_reading: of the other reading of the text; only beside the paper's own chamber.
+        lens: the printed camera as a real lens.
+    """
+
+    imaging: Imaging
+    other_reading: Imaging | None
+    lens: RealLens
+
+
+def analyse(spec: Table1Spec) -> Analysis:
+    """Solve for everything that the spec asks for."""
+    clearance = jnp.asarray(spec.clearance)
+    printed = imaging.printed_chamber(spec.chamber)
+    other = None
+    if spec.chamber == ChamberSpec():
+        other = imaging.solve(imaging.printed_chamber(OTHER_READING), clearance)
+    lens = real_lens(printed, jnp.asarray(spec.f_number))
+    return Analysis(imaging.solve(printed, clearance), other, lens)
+
+
+@jax.jit
+def real_lens(printed: Chamber, f_number: Float[Array, ""]) -> RealLens:
+    """The printed camera as a thin lens with this f-number, which the paper does not give."""
+    lens = ThinLens(
+        focal_length=printed.focal_length,
+        aperture=printed.focal_length / f_number,
+        sensor_distance=printed.image_distance,
+    )
+    distances = printed.depths  # as printed, δ = f
+    images = jax.vmap(lens.image)(distances).value
+    refocused = dataclasses.replace(lens, sensor_distance=1 / images.vergence[1])
+    return RealLens(lens, distances, images, refocused)

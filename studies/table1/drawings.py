@@ -1,0 +1,118 @@
+"""Figures of the study: the line of Δl_D over η, and the chamber's section with imaging rays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from designopt.figures import PALETTE, new_figure
+from designopt.results import Figure
+from optics.chamber import Chamber
+from studies.table1 import paper
+from studies.table1.imaging import Imaging
+
+BLUE, VERMILION, GREEN = PALETTE[:3]
+RED_WALL, BLUE_WALL, YELLOW_WALL, TOP = "#C0392B", "#0072B2", "#E0A800", "#555555"
+
+
+def line_figure(imaging: Imaging, clearance: float) -> Figure:
+    """Δl_D over η: both lines, the table's points, and the room that the chamber leaves.
+
+    Args:
+        imaging: the study's solution.
+        clearance: what |Δl_D| is to leave inside Δl_A, in mm.
+    """
+    printed, identified = (
+        (float(constants.slope), float(constants.intercept))
+        for constants in (imaging.printed, imaging.identified)
+    )
+    offset_a, chosen = float(imaging.chosen.offset_a), float(imaging.choice.value)
+    drawing, axes = new_figure(1, 2, height=3.9)
+    axis, residual = axes[0]
+    ratios = np.array([0.38, 1.06])
+    table = np.array(paper.ETA), 10 * np.array(paper.DELTA_L_D_CM)
+    axis.axhspan(-offset_a + clearance, offset_a - clearance, color="0.92", zorder=0)
+    axis.axhline(offset_a, color="0.4", linewidth=0.9)
+    axis.text(1.06, offset_a + 0.1, "Δl_A, the wall at the lens", ha="right", va="bottom", color="0.3")
+    axis.text(1.06, 0.15, f"|Δl_D| ≤ Δl_A − {clearance:g} mm", ha="right", va="bottom", color="0.3")
+    for (slope, intercept), color, style, label in (
+        (identified, BLUE, "-", "identified constants"),
+        (printed, VERMILION, "--", "printed constants"),
+    ):
+        sign = "−" if intercept < 0 else "+"
+        text = f"{label}: {slope:.3f} η {sign} {abs(intercept):.3f}"
+        axis.plot(ratios, slope * ratios + intercept, style, color=color, label=text)
+    axis.plot(*table, "o", color="black", markerfacecolor="white", label="Table I")
+    axis.plot(chosen, offset_a - clearance, "D", color=GREEN, label=f"largest η: {chosen:.3f}")
+    axis.set(xlabel="η, yellow ring over blue ring", ylabel="Δl_D (mm)", title="The line")
+    axis.set(xlim=ratios, ylim=(-0.6, 8.4))
+
+    half_unit = 5.0  # half a unit in the last printed digit of Δl_D, in µm
+    residual.axhspan(-half_unit, half_unit, color="0.92", zorder=0)
+    residual.axhline(0, color="0.4", linewidth=0.9)
+    slope, intercept = identified
+    residual.plot(table[0], 1e3 * (slope * table[0] + intercept - table[1]), "o", color=BLUE)
+    residual.text(0.75, -1.08 * half_unit, "grey: rounding of the printed digits", ha="center", va="top")
+    residual.set(xlabel="η, yellow ring over blue ring", ylabel="identified − Table I, Δl_D (µm)")
+    residual.set(title="What the identified line leaves", ylim=(-1.6 * half_unit, 1.6 * half_unit))
+    drawing.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return Figure(
+        "line",
+        "Δl_D against η",
+        "Left: the printed constants give another line than the table; the grey band is where "
+        "|Δl_D| leaves the stated clearance inside Δl_A. Right: the identified line meets every "
+        "printed Δl_D within its rounding.",
+        drawing,
+    )
+
+
+def section_figure(chamber: Chamber) -> Figure:
+    """The chamber's section with a ray from each wall point through the pinhole, and the image."""
+    lengths = [float(x) for x in (chamber.length_ab, chamber.length_bc, chamber.length_cd)]
+    s_b, s_c, s_d = np.cumsum(lengths)
+    points = {
+        "A": (0.0, float(chamber.offset_a)),
+        "B": (s_b, float(chamber.offset_b)),
+        "C": (s_c, float(chamber.offset_c)),
+        "D": (s_d, -float(chamber.offset_d)),
+    }
+    height, offset = float(chamber.reference_height), float(chamber.pinhole_offset)
+    gap = float(chamber.focal_length - chamber.image_distance)
+    images = chamber.image_heights().value.tolist()
+    ratio = float(chamber.imaging_ratio().value)
+
+    drawing, axes = new_figure(1, 2, height=3.6, width_ratios=(3.4, 1))
+    section, sensor = axes[0]
+    corners = [*points.values(), (s_d, float(chamber.offset_a))]
+    colors = (RED_WALL, BLUE_WALL, YELLOW_WALL, TOP)
+    names = ("red AB", "blue BC", "yellow CD", "top DE")
+    for start, end, color, name in zip(corners, corners[1:], colors, names, strict=False):
+        section.plot(*zip(start, end, strict=True), color=color, linewidth=3.5, label=name)
+    section.axhline(0, color="0.55", linewidth=0.8, linestyle="-.")
+    section.text(2, 0.25, "centre line", color="0.35", fontsize=8)
+    section.axhline(-height, color="0.55", linewidth=0.8, linestyle=":")
+    section.text(s_d, -height + 0.25, "reference ray", color="0.35", fontsize=8, ha="right")
+    for name in "BCD":
+        section.plot(*zip((-offset, -height), points[name], strict=True), color="0.3", linewidth=0.9)
+    for name, (s, y) in points.items():
+        section.annotate(name, (s, y), (0, 6), textcoords="offset points", ha="center")
+    section.plot(-offset, -height, "o", color="black")
+    section.annotate("pinhole", (-offset, -height), (6, -11), textcoords="offset points", fontsize=8)
+    section.set(xlabel="distance s along the centre line (mm)", ylabel="height (mm)")
+    section.set(title=f"Section at η = {ratio:.3f} (heights enlarged)", ylim=(-height - 2.2, 6.2))
+
+    bands = zip((images[1], images[2], 0.0), images, (BLUE_WALL, YELLOW_WALL, TOP), ("Δd_b", "Δd_c", "Δd_d"), strict=True)
+    for low, high, color, name in bands:
+        sensor.bar(0, high - low, bottom=low, color=color, width=0.8)
+        sensor.text(0.5, (low + high) / 2, f"{name} = {high - low:.4f}", va="center", fontsize=8)
+    sensor.set(title="Image", ylabel=f"image height T (mm), {gap:g} mm behind the pinhole")
+    sensor.set(xlim=(-0.5, 1.9), xticks=[])
+    sensor.grid(False)
+    drawing.legend(*section.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return Figure(
+        "section",
+        "The chamber and its image",
+        f"The wall of the identified chamber at the chosen η = {ratio:.3f}, with a ray from B, C "
+        "and D through the pinhole; right, the rings as they lie on the sensor, whose yellow over "
+        "blue is η. D lies on the other side of the centre line from B and C.",
+        drawing,
+    )

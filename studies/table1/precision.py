@@ -1,0 +1,234 @@
+"""Error against run time of solving for η from θ_CD: the closed form beside every iteration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Any, NamedTuple, get_args
+
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import scipy.optimize
+from jaxtyping import Array, Float
+
+from designopt.precision import Contender, compile_timed, dominating
+from designopt.results import Claim, PrecisionRow
+from designopt.roots import RootMethod, find_root
+from designopt.stability import DIGITS
+from optics.chamber import Chamber
+from studies.table1 import exact
+
+FIELDS = (
+    "length_ab",
+    "length_bc",
+    "length_cd",
+    "offset_b",
+    "wall_angle_bc",
+    "reference_height",
+    "pinhole_offset",
+)
+"""The chamber's fields on which η depends, beside Δl_D."""
+
+TOLERANCES = tuple(10.0**-power for power in range(2, 15, 2))
+BRACKET = (-1.0, 3.0)
+GUESS = 1.0
+CLOSED_FORM = "closed form"
+CHECKED = 300
+"""At most so many problems of a batch are compared with the reference, evenly spaced through it."""
+BRENTQ_SHARE = 50
+"""SciPy has no batched brentq: one problem in this many of a batch is solved, and the time scaled."""
+
+METHOD_NAMES = {
+    "newton": "Optimistix Newton",
+    "chord": "Optimistix Chord",
+    "bisection": "Optimistix Bisection",
+    "dogleg": "Optimistix Dogleg",
+    "levenberg-marquardt": "Optimistix Levenberg-Marquardt",
+    "jaxopt-bisection": "jaxopt Bisection",
+    "jaxopt-gauss-newton": "jaxopt Gauss-Newton",
+}
+
+
+class Workload(NamedTuple):
+    """Problems to solve: one θ_CD each, in radians, with the exact η of some of them."""
+
+    panel: str
+    dtype: str
+    angles: np.ndarray[Any, Any]
+    checked: np.ndarray[Any, Any]
+    exact: list[Any]
+
+
+def workloads(fields: dict[str, float], problems: int, seed: int) -> Iterator[Workload]:
+    """One problem and a batch, in float64 and float32.
+
+    Args:
+        fields: the chamber's `FIELDS` by name.
+        problems: size of the batch.
+        seed: draws the batch's θ_CD, uniform over Table I's range of 4° to 16°.
+    """
+    batch = np.deg2rad(np.random.default_rng(seed).uniform(4, 16, problems))
+    one = np.deg2rad([6.659])
+    for name, angles in (("one problem", one), (f"{problems:,} problems", batch)):
+        checked = np.unique(np.linspace(0, len(angles) - 1, CHECKED).astype(int))
+        with mpmath.workdps(DIGITS):
+            chamber = {name: mpmath.mpf(value) for name, value in fields.items()}
+            ratios = [_exact_ratio(chamber, mpmath.mpf(angle)) for angle in angles[checked]]
+        for dtype in ("float64", "float32"):
+            yield Workload(f"{name}, {dtype}", dtype, angles, checked, ratios)
+
+
+def contenders(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
+    """Every method at every tolerance on one workload.
+
+    Optimistix mixes float types in Levenberg-Marquardt and Dogleg when 64-bit floats are on, so
+    float32 is measured with them off: keep the surrounding `jax.enable_x64` until it is timed.
+    """
+    chamber = Chamber(**fields, offset_a=0.0, offset_d=0.0, focal_length=0.0, image_distance=0.0)
+    angles = jnp.asarray(work.angles, work.dtype)
+    error = partial(_worst_error, work)
+
+    compiled, seconds = compile_timed(jax.vmap(_closed_form, (None, 0)), chamber, angles)
+    yield Contender(
+        CLOSED_FORM, "", work.panel, partial(compiled, chamber, angles), error, seconds
+    )
+    for method in get_args(RootMethod):
+        solve = jax.vmap(partial(_iterate, method), (None, 0, None))
+        tolerance = jnp.asarray(TOLERANCES[0], work.dtype)
+        # The tolerance is traced: one program serves them all.
+        compiled, seconds = compile_timed(solve, chamber, angles, tolerance)
+        for value in TOLERANCES:
+            call = partial(compiled, chamber, angles, jnp.asarray(value, work.dtype))
+            yield Contender(
+                METHOD_NAMES[method], f"tolerance {value:.0e}", work.panel, call, error, seconds
+            )
+    if work.dtype == "float64":  # it computes in nothing else
+        yield from _brentq(fields, work)
+
+
+def claim(rows: Sequence[PrecisionRow]) -> Claim:
+    """What the study says: an iteration buys nothing where the closed form exists."""
+    evidence, beaten = [], []
+    for row in (row for row in rows if row.method == CLOSED_FORM):
+        others = [
+            other for other in rows if other.panel == row.panel and other.method != CLOSED_FORM
+        ]
+        beaten += dominating(row, others)
+        text = f"{row.panel}: closed form {row.seconds:.2g} s, error {row.error:.1e}"
+        near = [other for other in others if other.error <= 10 * row.error]
+        for title, group in (("nearest to it", near), ("fastest of all", others)):
+            if group:
+                best = min(group, key=lambda other: other.seconds)
+                text += (
+                    f", {title} {best.method} at {best.setting} with {best.seconds / row.seconds:.2f} "
+                    f"times its time and error {best.error:.1e}"
+                )
+        evidence.append(text)
+    return Claim(
+        "Where η has a closed form, no iteration at any tolerance is both faster and closer.",
+        "The closed form is a few dozen operations without a loop, and subtracts no nearly equal "
+        "numbers; an iteration evaluates Eq. 1 several times, differences and all, and a batch "
+        "waits for its slowest member. For one problem the call itself costs more than any of it, "
+        "so there plain Python can be the fastest.",
+        "; ".join(evidence) + ".",
+        not beaten,
+    )
+
+
+def _closed_form(chamber: Chamber, angle: Float[Array, ""]) -> Float[Array, ""]:
+    return chamber.with_wall_angle_cd(angle).imaging_ratio().value
+
+
+def _iterate(
+    method: RootMethod, chamber: Chamber, angle: Float[Array, ""], tolerance: Float[Array, ""]
+) -> Float[Array, ""]:
+    return find_root(
+        _residual,
+        jnp.full_like(angle, GUESS),
+        (chamber, angle),
+        method=method,
+        bracket=BRACKET,
+        tolerance=tolerance,
+        max_steps=64 if "bisection" in method else 32,
+    ).value
+
+
+def _residual(ratio: Float[Array, ""], args: tuple[Chamber, Float[Array, ""]]) -> Float[Array, ""]:
+    chamber, angle = args
+    offset_c, offset_d = _printed_offsets(
+        ratio,
+        chamber.length_ab + chamber.pinhole_offset,
+        chamber.length_bc,
+        chamber.length_cd,
+        chamber.offset_b,
+        jnp.tan(chamber.wall_angle_bc),
+        chamber.reference_height,
+    )
+    return jnp.arctan2(offset_c + offset_d, chamber.length_cd) - angle
+
+
+def _printed_offsets(
+    ratio: Any, depth_b: Any, b: Any, c: Any, offset_b: Any, slope: Any, h: Any
+) -> tuple[Any, Any]:
+    # Δl_C and Δl_D as Eqs. 1 to 3 give them, written out by hand without any factoring.
+    offset_c = offset_b - b * slope
+    image_c, image_b = (h + offset_c) / (depth_b + b), (h + offset_b) / depth_b
+    return offset_c, h - (depth_b + b + c) * ((1 + ratio) * image_c - ratio * image_b)
+
+
+def _brentq(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
+    slope = math.tan(fields["wall_angle_bc"])
+    depth_b = fields["length_ab"] + fields["pinhole_offset"]
+    c = fields["length_cd"]
+    numbers = depth_b, fields["length_bc"], c, fields["offset_b"], slope, fields["reference_height"]
+
+    def residual(ratio: float, angle: float) -> float:
+        offset_c, offset_d = _printed_offsets(ratio, *numbers)
+        return math.atan2(offset_c + offset_d, c) - angle
+
+    share = min(BRENTQ_SHARE, len(work.angles))
+    part = work.angles[::share].tolist()
+    with mpmath.workdps(DIGITS):
+        chamber = {name: mpmath.mpf(value) for name, value in fields.items()}
+        first = part[:CHECKED]
+        checked = work._replace(
+            checked=np.arange(len(first)),
+            exact=[_exact_ratio(chamber, mpmath.mpf(angle)) for angle in first],
+        )
+
+    def call(tolerance: float) -> np.ndarray[Any, Any]:
+        relative = max(tolerance, 4 * np.finfo(float).eps)
+        return np.array(
+            [
+                scipy.optimize.brentq(
+                    residual, *BRACKET, args=(angle,), xtol=tolerance, rtol=relative
+                )
+                for angle in part
+            ]
+        )
+
+    scaled = f" (1 in {share}, scaled)" if share > 1 else ""
+    for tolerance in TOLERANCES:
+        yield Contender(
+            f"SciPy brentq{scaled}",
+            f"tolerance {tolerance:.0e}",
+            work.panel,
+            partial(call, tolerance),
+            partial(_worst_error, checked),
+            scale=len(work.angles) / len(part),
+        )
+
+
+def _exact_ratio(chamber: dict[str, Any], angle: Any) -> Any:
+    return exact.imaging_ratio(offset_d=exact.offset_d_from_angle(angle, **chamber), **chamber)
+
+
+def _worst_error(work: Workload, found: Any) -> float:
+    with mpmath.workdps(DIGITS):
+        return max(
+            float(abs(mpmath.mpf(float(ratio)) / reference - 1))
+            for ratio, reference in zip(np.asarray(found)[work.checked], work.exact, strict=True)
+        )
