@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from importlib.metadata import entry_points
+from importlib.metadata import entry_points, version
 from typing import Annotated
 
 import typer
@@ -39,9 +39,8 @@ def run(arguments: list[str]) -> int:
         return _fault(str(error))
     except _UsageError as error:
         return _fault(f"{error.format_message()} ('designopt --help' shows how to call it)")
-    except (KeyboardInterrupt, typer.Abort):
+    if code == INTERRUPTED:  # Typer has caught the interrupt, and is silent about it
         print("interrupted; nothing was written", file=sys.stderr)
-        return INTERRUPTED
     return code or 0
 
 
@@ -62,16 +61,22 @@ def _app() -> typer.Typer:
     return app
 
 
+def _show_version(wanted: bool) -> bool:
+    if wanted:
+        print(f"designopt {version('designopt')}")
+        raise typer.Exit
+    return wanted
+
+
 def _root(
-    version: Annotated[
-        bool, typer.Option("--version", help="Show the version and exit.", is_eager=True)
+    show_version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Show the version and exit.", is_eager=True, callback=_show_version
+        ),
     ] = False,
 ) -> None:
-    if version:
-        from importlib.metadata import version as installed
-
-        print(f"designopt {installed('designopt')}")
-        raise typer.Exit
+    pass
 
 
 def _fault(message: str) -> int:

@@ -28,6 +28,7 @@ def list_studies(
     ] = None,
 ) -> None:
     """List the studies, or the settings of one."""
+    from pydantic_core import PydanticUndefined
     from rich.console import Console
     from rich.table import Table
 
@@ -49,7 +50,8 @@ def list_studies(
     chosen = load_study(study)
     table = Table("key", "default", "meaning", title=f"{chosen.name}: {chosen.purpose}")
     for key, default, description in fields(chosen.spec):
-        table.add_row(key, default, description)
+        shown = "must be given" if default is PydanticUndefined else str(default)
+        table.add_row(key, shown, description)
     console.print(table)
 
 

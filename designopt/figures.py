@@ -42,7 +42,7 @@ def new_figure(
     *,
     height: float | None = None,
     width_ratios: Sequence[float] | None = None,
-) -> tuple[Figure, np.ndarray[Any, Any]]:
+) -> tuple[Figure, np.ndarray]:
     """A figure and its axes, always as a 2D array, without touching Matplotlib's global state.
 
     Args:

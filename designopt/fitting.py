@@ -63,9 +63,10 @@ def least_squares(
     # Scaled columns: parameters of unlike units must not spoil the inverse.
     lengths = jnp.linalg.norm(jacobian, axis=0)
     lengths = jnp.where(lengths > 0, lengths, 1.0)
-    scaled = jacobian / lengths
+    scaled = jacobian / lengths[None, :]
     _, singular_values, right = jnp.linalg.svd(scaled, full_matrices=False)
-    half = (right.T / jnp.where(singular_values > 0, singular_values, 1.0)) / lengths[:, None]
+    inverse = 1 / jnp.where(singular_values > 0, singular_values, 1.0)
+    half = right.T * inverse[None, :] / lengths[:, None]
     size = jnp.linalg.norm(left)
     slope = jnp.linalg.norm(scaled.T @ left) / jnp.where(size > 0, size, 1.0)
     solution = Solution(found.value, jnp.min(singular_values), slope, found.result)

@@ -24,7 +24,8 @@ def safe_divide(
     """
     limits = jnp.finfo(denominator.dtype)
     square = denominator * denominator
-    valid = (square > limits.tiny) & (jnp.abs(numerator) / limits.max < square)
+    # Not |numerator| / max: compiled as a product with a reciprocal that is flushed to zero.
+    valid = (square > limits.tiny) & (jnp.abs(numerator) < limits.max * square)
     # Both branches of a `where` are differentiated, so the unused one must be finite as well.
     quotient = jnp.where(valid, numerator, 0.0) / jnp.where(valid, denominator, 1.0)
     return quotient, valid

@@ -34,7 +34,7 @@ class Contender:
         error: from the call's answer to its worst error against the reference.
         compile_seconds: what compiling it took, 0 where nothing is compiled.
         scale: workload over what ``call`` does of it, for a method so slow that a part has to
-            stand for the whole; its name must say so.
+            stand for the whole; its setting must say so.
     """
 
     method: str
@@ -164,7 +164,12 @@ def figure(study: PrecisionStudy) -> Figure:
             )
         axis.set(xscale="log", yscale="log", title=panel)
         axis.set(xlabel="run time of one call (s)", ylabel=study.error)
-    drawing.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    handles = {
+        label: handle
+        for axis in axes.flat
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
+    drawing.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
     return Figure(
         "precision",
         "Error against run time",

@@ -145,13 +145,13 @@ class Claim:
     Attributes:
         statement: what is claimed.
         mechanism: why it should be so.
-        evidence: what this run measured.
+        evidence: what this run measured, one sentence per workload.
         holds: whether this run bears the claim out.
     """
 
     statement: str
     mechanism: str
-    evidence: str
+    evidence: Sequence[str]
     holds: bool
 
 

@@ -24,21 +24,14 @@ RootMethod = Literal[
     "jaxopt-gauss-newton",
 ]
 
-_OPTIMISTIX = {
-    "newton": optx.Newton,
-    "chord": optx.Chord,
-    "bisection": optx.Bisection,
-    "dogleg": optx.Dogleg,
-    "levenberg-marquardt": optx.LevenbergMarquardt,
-}
-
+Residual = Callable[[Float[Array, ""], Any], Float[Array, ""]]
 
 ROUNDING_UNITS = 8
 """Least tolerance in units of rounding: a residual of a few operations is known no better."""
 
 
 def find_root(
-    residual: Callable[[Float[Array, ""], Any], Float[Array, ""]],
+    residual: Residual,
     guess: Float[Array, ""],
     args: Any = None,
     *,
@@ -51,12 +44,13 @@ def find_root(
 
     Args:
         residual: scalar equation, scaled to order one.
-        guess: where to start; bisection starts from its bracket instead.
+        guess: where to start; a bisection starts from its bracket instead.
         args: what the residual depends on beside the unknown.
         method: which iteration. Those named jaxopt-… run in jaxopt, the others in Optimistix.
         bracket: two values at which the residual has opposite signs; the bisections need it.
         tolerance: absolute and relative; may be traced, so that one program serves several. One
-            below `ROUNDING_UNITS` units of rounding of the dtype is raised to that.
+            below `ROUNDING_UNITS` units of rounding of the dtype is raised to that, or a whole
+            batch would run to its last step for nothing.
         max_steps: cap on iterations.
 
     Returns:
@@ -64,48 +58,96 @@ def find_root(
         An element that did not converge has Optimistix's code; nothing raises in a batch.
 
     Raises:
-        ValueError: a bisection without a bracket.
+        ValueError: a bisection without a bracket, or a method that mixes float types.
     """
-    # Below rounding nothing converges, and a whole batch would run to its last step for it.
-    floor = ROUNDING_UNITS * jnp.finfo(guess.dtype).eps
-    tolerance = jnp.maximum(as_float(tolerance).astype(guess.dtype), floor)
-    if bracket is not None:
-        bracket = (as_float(bracket[0]).astype(guess.dtype), as_float(bracket[1]).astype(guess.dtype))
-    elif method in ("bisection", "jaxopt-bisection"):
-        raise ValueError(f"{method} needs a bracket: pass bracket=(lower, upper)")
-
-    if method in _OPTIMISTIX:
-        found = optx.root_find(
-            residual,
-            _OPTIMISTIX[method](rtol=tolerance, atol=tolerance),
-            guess,
-            args,
-            options={"lower": bracket[0], "upper": bracket[1]} if method == "bisection" else None,
-            max_steps=max_steps,
-            # The pseudo-inverse keeps the derivative finite (zero) where the slope vanishes.
-            adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False)),
-            throw=False,
-        )
-        root, result = found.value, found.result
+    dtype = guess.dtype
+    floor = ROUNDING_UNITS * jnp.finfo(dtype).eps
+    tolerance = jnp.maximum(as_float(tolerance).astype(dtype), floor)
+    if "bisection" in method:
+        if bracket is None:
+            raise ValueError(f"{method} needs a bracket: pass bracket=(lower, upper)")
+        lower, upper = (as_float(end).astype(dtype) for end in bracket)
+        guess = (lower + upper) / 2
     else:
-        # Imported on first use: jaxopt takes half a second, and few solves ask for it.
-        from designopt import jaxopt_adapter
-
-        if method == "jaxopt-bisection":
-            root = jaxopt_adapter.bisection(
-                residual, bracket, args, tolerance=tolerance, max_steps=max_steps
-            )
-        else:
-            root = jaxopt_adapter.gauss_newton(
-                residual, guess, args, tolerance=tolerance, max_steps=max_steps
-            )
-        result = None
+        lower = upper = guess
+    if method.startswith("jaxopt"):
+        root = _jaxopt(residual, guess, args, method, (lower, upper), tolerance, max_steps)
+        converged = jnp.abs(residual(root, args)) <= tolerance
+        result = optx.RESULTS.where(
+            converged, optx.RESULTS.successful, optx.RESULTS.nonlinear_max_steps_reached
+        )
+    else:
+        found = _optimistix(residual, guess, args, method, (lower, upper), tolerance, max_steps)
+        root, result = found.value, found.result
     root = jnp.where(jnp.isfinite(root), root, jax.lax.stop_gradient(guess))
     value, slope = jax.value_and_grad(residual)(root, args)
-    if result is None:
-        result = optx.RESULTS.where(
-            jnp.abs(value) <= tolerance,
-            optx.RESULTS.successful,
-            optx.RESULTS.nonlinear_max_steps_reached,
-        )
     return Solution(root, jnp.abs(slope), jnp.abs(value), result)
+
+
+def _optimistix(
+    residual: Residual,
+    guess: Float[Array, ""],
+    args: Any,
+    method: str,
+    bracket: tuple[Float[Array, ""], Float[Array, ""]],
+    tolerance: Float[Array, ""],
+    max_steps: int,
+) -> optx.Solution:
+    equation, options = residual, None
+    match method:
+        case "newton":
+            solver = optx.Newton(tolerance, tolerance)
+        case "chord":
+            solver = optx.Chord(tolerance, tolerance)
+        case "bisection":
+            # Its own look for the signs raises where they agree, which a batch cannot bear; with
+            # a residual that rises from the lower end it fails to converge instead.
+            lower, upper = bracket
+            rises = residual(lower, args) < residual(upper, args)
+            sign = jnp.where(rises, jnp.ones_like(guess), -jnp.ones_like(guess))
+            options = {"lower": lower, "upper": upper}
+
+            def equation(y: Float[Array, ""], args: Any) -> Float[Array, ""]:
+                return sign * residual(y, args)
+
+            solver = optx.Bisection(tolerance, tolerance, flip=False)
+        case _:
+            if guess.dtype != jnp.result_type(float):
+                raise ValueError(
+                    f"{method} computes in JAX's default float type: "
+                    "call it with that, or under jax.enable_x64(False) for float32"
+                )
+            kind = {"dogleg": optx.Dogleg, "levenberg-marquardt": optx.LevenbergMarquardt}[method]
+            solver = kind(tolerance, tolerance)
+    return optx.root_find(
+        equation,
+        solver,
+        guess,
+        args,
+        options=options,
+        max_steps=max_steps,
+        # The pseudo-inverse keeps the derivative finite (zero) where the slope vanishes.
+        adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False)),
+        throw=False,
+    )
+
+
+def _jaxopt(
+    residual: Residual,
+    guess: Float[Array, ""],
+    args: Any,
+    method: str,
+    bracket: tuple[Float[Array, ""], Float[Array, ""]],
+    tolerance: Float[Array, ""],
+    max_steps: int,
+) -> Float[Array, ""]:
+    # Imported on first use: jaxopt takes half a second, and few solves ask for it.
+    from designopt import jaxopt_adapter
+
+    if method == "jaxopt-bisection":
+        return jaxopt_adapter.bisection(
+            residual, bracket, args, tolerance=tolerance, max_steps=max_steps
+        )
+    return jaxopt_adapter.gauss_newton(
+        residual, guess, args, tolerance=tolerance, max_steps=max_steps
+    )

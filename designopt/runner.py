@@ -121,7 +121,8 @@ def result_folder(out: Path, *, force: bool) -> Iterator[Path]:
 
 
 def _cannot_write(out: Path, error: OSError) -> UserError:
-    return UserError(f"--out {out}: cannot be written ({error.strerror}); name a folder that can")
+    reason = f"{error.strerror}: {error.filename}" if error.filename else error.strerror
+    return UserError(f"--out {out}: cannot be written ({reason}); name a folder that can")
 
 
 def write_results(record: RunRecord, results: Results, folder: Path) -> None:

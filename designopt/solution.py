@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import equinox as eqx
 import jax
 from jaxtyping import Array, Bool, Float
+
+if TYPE_CHECKING:
+    from equinox import Enumeration as ResultCode
+else:
+    ResultCode = Any  # at run time a member is no instance of `eqx.Enumeration`
 
 Value = TypeVar("Value")
 
@@ -26,7 +31,7 @@ class Solution(eqx.Module, Generic[Value]):
     value: Value
     margin: Float[Array, "*batch"]
     residual: Float[Array, "*batch"]
-    result: eqx.Enumeration
+    result: ResultCode
 
     @property
     def ok(self) -> Bool[Array, "*batch"]:

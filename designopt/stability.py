@@ -35,7 +35,7 @@ VALUE_TOLERANCE = 64.0
 GRADIENT_TOLERANCE = 1024.0
 """The same for a gradient's entries, which pass through more operations."""
 
-Inputs = Mapping[str, np.ndarray[Any, Any]]
+Inputs = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -88,24 +88,24 @@ def _gradient_and_solution(
 
 
 class _Answers(NamedTuple):
-    values: np.ndarray[Any, Any]
-    ok: np.ndarray[Any, Any]
-    gradients: np.ndarray[Any, Any]
-    margins: np.ndarray[Any, Any]
-    residuals: np.ndarray[Any, Any]
+    values: np.ndarray
+    ok: np.ndarray
+    gradients: np.ndarray
+    margins: np.ndarray
+    residuals: np.ndarray
 
 
 def _judge(
     family: Family,
     dtype: str,
-    inputs: np.ndarray[Any, Any],
+    inputs: np.ndarray,
     answers: _Answers,
 ) -> StabilityRow:
     rounding = float(np.finfo(dtype).eps)
     failures = infeasible = 0
     worst = worst_gradient = 0.0
     for case, value, ok, gradient in zip(
-        inputs, answers.values, answers.ok, answers.gradients, strict=True
+        inputs, answers.values.tolist(), answers.ok, answers.gradients, strict=True
     ):
         with mpmath.workdps(DIGITS):
             exact = {
@@ -132,7 +132,7 @@ def _errors(
     family: Family,
     case: Mapping[str, Any],
     value: float,
-    gradient: np.ndarray[Any, Any],
+    gradient: np.ndarray,
 ) -> tuple[float, float]:
     point = list(case.values())
 
@@ -149,7 +149,7 @@ def _errors(
         _ratio(abs(mpmath.mpf(float(found)) - slope), size / abs(x) if x else abs(slope))
         for found, slope, x in zip(gradient, slopes, point, strict=True)
     )
-    return _ratio(abs(mpmath.mpf(float(value)) - y), size), gradient_error
+    return _ratio(abs(mpmath.mpf(value) - y), size), gradient_error
 
 
 def _ratio(error: Any, size: Any) -> float:
@@ -185,7 +185,7 @@ def figure(rows: Sequence[StabilityRow]) -> Figure:
     drawing, axes = new_figure(height=1.6 + 0.36 * len(cases))
     axis = axes[0, 0]
     for index, dtype in enumerate(dtypes):
-        mine = [row for row in rows if row.dtype == dtype]
+        mine = [row for row in rows if row.dtype == dtype and row.infeasible < row.cases]
         rounding = float(np.finfo(dtype).eps)
         heights = np.array([cases.index(row.case) for row in mine])
         series = (
@@ -202,6 +202,17 @@ def figure(rows: Sequence[StabilityRow]) -> Figure:
                 label=f"{dtype}, {label}",
             )
         axis.axvline(rounding, color=PALETTE[index], linestyle=":", label=f"{dtype} rounding")
+    for height, case in enumerate(cases):
+        if all(row.infeasible == row.cases for row in rows if row.case == case):
+            axis.text(
+                0.5,
+                height,
+                "no case has an answer",
+                transform=axis.get_yaxis_transform(),
+                ha="center",
+                va="center",
+                color="0.35",
+            )
     axis.set(xscale="log", xlabel="worst condition-scaled error")
     axis.set(yticks=range(len(cases)), yticklabels=cases, ylim=(len(cases) - 0.5, -0.5))
     drawing.legend(loc="outside lower center", ncols=2)
@@ -209,7 +220,7 @@ def figure(rows: Sequence[StabilityRow]) -> Figure:
         "stability",
         "Worst error in stiff and extreme cases",
         "Errors are scaled by the conditioning of each case. The dotted lines mark the rounding of "
-        "each float type, below which nothing can be asked; smaller errors are drawn just left of "
-        "it.",
+        "each float type, below which nothing can be asked; an error far below it is drawn at an "
+        "eighth of it.",
         drawing,
     )

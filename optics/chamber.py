@@ -25,8 +25,6 @@ equal numbers; f − v and cos θ_BC leave η, which stays exact for f = v and f
 from __future__ import annotations
 
 import dataclasses
-from typing import Self
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
@@ -103,12 +101,12 @@ class Chamber(eqx.Module):
         """θ_CD in radians: tan θ_CD = (Δl_C + Δl_D) / c (Eq. 2 continued to D with its sign)."""
         return safe_arctan2(self.offset_c + self.offset_d, self.length_cd)
 
-    def with_wall_angle_cd(self, wall_angle_cd: ArrayLike) -> Self:
+    def with_wall_angle_cd(self, wall_angle_cd: ArrayLike) -> Chamber:
         """The chamber whose Δl_D gives this θ_CD (radians): Δl_D = c tan θ_CD − Δl_C."""
         offset_d = self.length_cd * jnp.tan(as_float(wall_angle_cd)) - self.offset_c
         return dataclasses.replace(self, offset_d=offset_d)
 
-    def as_printed(self) -> Self:
+    def as_printed(self) -> Chamber:
         """The chamber with paper A's own camera constants: h = Δl_A and δ = f (Eq. 1)."""
         return dataclasses.replace(
             self, reference_height=self.offset_a, pinhole_offset=self.focal_length

@@ -11,7 +11,7 @@ from studies.table1 import paper
 from studies.table1.imaging import Imaging
 
 BLUE, VERMILION, GREEN = PALETTE[:3]
-RED_WALL, BLUE_WALL, YELLOW_WALL, TOP = "#C0392B", "#0072B2", "#E0A800", "#555555"
+REGIONS = {"red AB": "#C0392B", "blue BC": BLUE, "yellow CD": "#E0A800", "top DE": "#555555"}
 
 
 def line_figure(imaging: Imaging, clearance: float) -> Figure:
@@ -32,8 +32,9 @@ def line_figure(imaging: Imaging, clearance: float) -> Figure:
     table = np.array(paper.ETA), 10 * np.array(paper.DELTA_L_D_CM)
     axis.axhspan(-offset_a + clearance, offset_a - clearance, color="0.92", zorder=0)
     axis.axhline(offset_a, color="0.4", linewidth=0.9)
-    axis.text(1.06, offset_a + 0.1, "Δl_A, the wall at the lens", ha="right", va="bottom", color="0.3")
-    axis.text(1.06, 0.15, f"|Δl_D| ≤ Δl_A − {clearance:g} mm", ha="right", va="bottom", color="0.3")
+    axis.text(0.39, offset_a + 0.12, r"$\Delta l_A$, wall at the lens", color="0.3")
+    room = rf"$|\Delta l_D| \leq \Delta l_A$ − {clearance:g} mm"
+    axis.text(1.04, 0.15, room, ha="right", color="0.3")
     for (slope, intercept), color, style, label in (
         (identified, BLUE, "-", "identified constants"),
         (printed, VERMILION, "--", "printed constants"),
@@ -42,25 +43,30 @@ def line_figure(imaging: Imaging, clearance: float) -> Figure:
         text = f"{label}: {slope:.3f} η {sign} {abs(intercept):.3f}"
         axis.plot(ratios, slope * ratios + intercept, style, color=color, label=text)
     axis.plot(*table, "o", color="black", markerfacecolor="white", label="Table I")
-    axis.plot(chosen, offset_a - clearance, "D", color=GREEN, label=f"largest η: {chosen:.3f}")
-    axis.set(xlabel="η, yellow ring over blue ring", ylabel="Δl_D (mm)", title="The line")
-    axis.set(xlim=ratios, ylim=(-0.6, 8.4))
+    if bool(imaging.choice.ok):
+        axis.plot(chosen, offset_a - clearance, "D", color=GREEN, label=f"largest η: {chosen:.3f}")
+    axis.set(xlabel="η, yellow ring over blue ring", ylabel=r"$\Delta l_D$ (mm)")
+    axis.set(title="Table I is a line")
+    axis.set(xlim=ratios)
 
     half_unit = 5.0  # half a unit in the last printed digit of Δl_D, in µm
     residual.axhspan(-half_unit, half_unit, color="0.92", zorder=0)
     residual.axhline(0, color="0.4", linewidth=0.9)
     slope, intercept = identified
-    residual.plot(table[0], 1e3 * (slope * table[0] + intercept - table[1]), "o", color=BLUE)
+    left = 1e3 * (slope * table[0] + intercept - table[1])
+    residual.plot(table[0], left, "o", color=BLUE)
+    reach = max(1.6 * half_unit, 1.1 * float(np.max(np.abs(left))))
     residual.text(0.75, -1.08 * half_unit, "grey: rounding of the printed digits", ha="center", va="top")
-    residual.set(xlabel="η, yellow ring over blue ring", ylabel="identified − Table I, Δl_D (µm)")
-    residual.set(title="What the identified line leaves", ylim=(-1.6 * half_unit, 1.6 * half_unit))
+    residual.set(xlabel="η, yellow ring over blue ring")
+    residual.set(ylabel=r"$\Delta l_D$, identified − Table I (µm)")
+    residual.set(title="What the identified constants leave", ylim=(-reach, reach))
     drawing.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return Figure(
         "line",
         "Δl_D against η",
         "Left: the printed constants give another line than the table; the grey band is where "
-        "|Δl_D| leaves the stated clearance inside Δl_A. Right: the identified line meets every "
-        "printed Δl_D within its rounding.",
+        "|Δl_D| leaves the stated clearance inside Δl_A. Right: what the identified line leaves of "
+        "every printed Δl_D, beside the rounding of its last digit.",
         drawing,
     )
 
@@ -76,43 +82,50 @@ def section_figure(chamber: Chamber) -> Figure:
         "D": (s_d, -float(chamber.offset_d)),
     }
     height, offset = float(chamber.reference_height), float(chamber.pinhole_offset)
-    gap = float(chamber.focal_length - chamber.image_distance)
     images = chamber.image_heights().value.tolist()
     ratio = float(chamber.imaging_ratio().value)
 
-    drawing, axes = new_figure(1, 2, height=3.6, width_ratios=(3.4, 1))
+    drawing, axes = new_figure(1, 2, height=3.6, width_ratios=(2.6, 1))
     section, sensor = axes[0]
-    corners = [*points.values(), (s_d, float(chamber.offset_a))]
-    colors = (RED_WALL, BLUE_WALL, YELLOW_WALL, TOP)
-    names = ("red AB", "blue BC", "yellow CD", "top DE")
-    for start, end, color, name in zip(corners, corners[1:], colors, names, strict=False):
+    # Δd_d = T_D: the top reaches from D to the reference ray.
+    corners = [*points.values(), (s_d, -height)]
+    for start, end, (name, color) in zip(corners, corners[1:], REGIONS.items(), strict=False):
         section.plot(*zip(start, end, strict=True), color=color, linewidth=3.5, label=name)
     section.axhline(0, color="0.55", linewidth=0.8, linestyle="-.")
     section.text(2, 0.25, "centre line", color="0.35", fontsize=8)
     section.axhline(-height, color="0.55", linewidth=0.8, linestyle=":")
-    section.text(s_d, -height + 0.25, "reference ray", color="0.35", fontsize=8, ha="right")
+    section.text(s_d - 4, -height + 0.25, "reference ray", color="0.35", fontsize=8, ha="right")
     for name in "BCD":
         section.plot(*zip((-offset, -height), points[name], strict=True), color="0.3", linewidth=0.9)
     for name, (s, y) in points.items():
-        section.annotate(name, (s, y), (0, 6), textcoords="offset points", ha="center")
+        section.annotate(name, (s, y), (0, 7), textcoords="offset points", ha="center")
+    section.annotate("E", (s_d, -height), (0, -13), textcoords="offset points", ha="center")
     section.plot(-offset, -height, "o", color="black")
     section.annotate("pinhole", (-offset, -height), (6, -11), textcoords="offset points", fontsize=8)
     section.set(xlabel="distance s along the centre line (mm)", ylabel="height (mm)")
-    section.set(title=f"Section at η = {ratio:.3f} (heights enlarged)", ylim=(-height - 2.2, 6.2))
+    section.set(title=f"Section at η = {ratio:.3f}", ylim=(-height - 2.2, float(chamber.offset_a) + 2))
 
-    bands = zip((images[1], images[2], 0.0), images, (BLUE_WALL, YELLOW_WALL, TOP), ("Δd_b", "Δd_c", "Δd_d"), strict=True)
-    for low, high, color, name in bands:
+    lower = (*images[1:], 0.0)
+    for low, high, color, name in zip(lower, images, [*REGIONS.values()][1:], "bcd", strict=True):
         sensor.bar(0, high - low, bottom=low, color=color, width=0.8)
-        sensor.text(0.5, (low + high) / 2, f"{name} = {high - low:.4f}", va="center", fontsize=8)
-    sensor.set(title="Image", ylabel=f"image height T (mm), {gap:g} mm behind the pinhole")
-    sensor.set(xlim=(-0.5, 1.9), xticks=[])
-    sensor.grid(False)
+        text = rf"$\Delta d_{name}$ = {high - low:.4f} mm"
+        sensor.text(0.5, (low + high) / 2, text, va="center", fontsize=8)
+    sensor.set(title="Image", ylabel="image height T (mm)")
+    sensor.set(xlim=(-0.5, 2.9), xticks=[])
+    sensor.grid(visible=False)
     drawing.legend(*section.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    caption = (
+        f"The wall of the identified chamber at the chosen η = {ratio:.3f}, with a ray from B, C "
+        "and D through the pinhole; heights are enlarged. Right, the rings on the sensor: yellow "
+        "over blue is η. D is counted to the other side of the centre line from B and C."
+    )
+    if height > chamber.offset_a:
+        caption += (
+            " The identified pinhole lies outside the chamber: its constants are effective ones."
+        )
     return Figure(
         "section",
         "The chamber and its image",
-        f"The wall of the identified chamber at the chosen η = {ratio:.3f}, with a ray from B, C "
-        "and D through the pinhole; right, the rings as they lie on the sensor, whose yellow over "
-        "blue is η. D lies on the other side of the centre line from B and C.",
+        caption,
         drawing,
     )

@@ -57,8 +57,8 @@ class Workload(NamedTuple):
 
     panel: str
     dtype: str
-    angles: np.ndarray[Any, Any]
-    checked: np.ndarray[Any, Any]
+    angles: np.ndarray
+    checked: np.ndarray
     exact: list[Any]
 
 
@@ -119,12 +119,12 @@ def claim(rows: Sequence[PrecisionRow]) -> Claim:
         beaten += dominating(row, others)
         text = f"{row.panel}: closed form {row.seconds:.2g} s, error {row.error:.1e}"
         near = [other for other in others if other.error <= 10 * row.error]
-        for title, group in (("nearest to it", near), ("fastest of all", others)):
+        for title, group in (("fastest of those within ten times its error", near), ("fastest iteration of all", others)):
             if group:
                 best = min(group, key=lambda other: other.seconds)
                 text += (
-                    f", {title} {best.method} at {best.setting} with {best.seconds / row.seconds:.2f} "
-                    f"times its time and error {best.error:.1e}"
+                    f"; {title} {best.method}, {best.setting}: {best.seconds / row.seconds:.2f} "
+                    f"times its time, error {best.error:.1e}"
                 )
         evidence.append(text)
     return Claim(
@@ -133,7 +133,7 @@ def claim(rows: Sequence[PrecisionRow]) -> Claim:
         "numbers; an iteration evaluates Eq. 1 several times, differences and all, and a batch "
         "waits for its slowest member. For one problem the call itself costs more than any of it, "
         "so there plain Python can be the fastest.",
-        "; ".join(evidence) + ".",
+        evidence,
         not beaten,
     )
 
@@ -199,7 +199,7 @@ def _brentq(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
             exact=[_exact_ratio(chamber, mpmath.mpf(angle)) for angle in first],
         )
 
-    def call(tolerance: float) -> np.ndarray[Any, Any]:
+    def call(tolerance: float) -> np.ndarray:
         relative = max(tolerance, 4 * np.finfo(float).eps)
         return np.array(
             [
@@ -210,11 +210,11 @@ def _brentq(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
             ]
         )
 
-    scaled = f" (1 in {share}, scaled)" if share > 1 else ""
+    scaled = f", 1 problem in {share} solved and the time scaled" if share > 1 else ""
     for tolerance in TOLERANCES:
         yield Contender(
-            f"SciPy brentq{scaled}",
-            f"tolerance {tolerance:.0e}",
+            "SciPy brentq",
+            f"tolerance {tolerance:.0e}{scaled}",
             work.panel,
             partial(call, tolerance),
             partial(_worst_error, checked),

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike
 
 from designopt.solution import Solution
 from designopt.stability import Family
@@ -32,7 +32,7 @@ LENS = {"focal_length": 4.0, "aperture": 1.4, "sensor_distance": 4.3}
 CASES = 40
 """Cases in every family; even, and the same for all, so that they share compiled programs."""
 
-Inputs = dict[str, np.ndarray[Any, Any]]
+Inputs = dict[str, np.ndarray]
 
 
 def nominal() -> Family:
@@ -76,7 +76,7 @@ def families(seed: int) -> Iterator[Family]:
     )
 
 
-def _chamber(**given: Array) -> Chamber:
+def _chamber(**given: ArrayLike) -> Chamber:
     # η depends neither on Δl_A nor, where they are not given, on f and v.
     return Chamber(**({"offset_a": 4.1, "focal_length": 4.0, "image_distance": 3.5} | given))
 
@@ -85,7 +85,7 @@ def _of_ratio(case: str, varied: dict[str, Any]) -> Family:
     return Family(case, _inputs(varied), _imaging_ratio, exact.imaging_ratio, exact.margin)
 
 
-def _of_angle(case: str, angles: np.ndarray[Any, Any]) -> Family:
+def _of_angle(case: str, angles: np.ndarray) -> Family:
     def solve(wall_angle_cd: Array, **given: Array) -> Solution[Array]:
         return _chamber(offset_d=0.0, **given).with_wall_angle_cd(wall_angle_cd).imaging_ratio()
 
@@ -97,7 +97,7 @@ def _of_angle(case: str, angles: np.ndarray[Any, Any]) -> Family:
     return Family(case, inputs, solve, value, lambda wall_angle_cd, **given: exact.margin(**given))
 
 
-def _inverse(case: str, dimension: Dimension, ratios: np.ndarray[Any, Any]) -> Family:
+def _inverse(case: str, dimension: Dimension, ratios: np.ndarray) -> Family:
     # The dimension's own value only chooses between two answers: it is no input.
     def solve(ratio: Array, **given: Array) -> Solution[Array]:
         sketch = _chamber(**given, **{dimension: NOMINAL[dimension]})

@@ -1,0 +1,5 @@
+"""``python -m designopt``."""
+
+from designopt.cli import main
+
+main()

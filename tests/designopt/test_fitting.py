@@ -1,0 +1,62 @@
+"""Least squares against NumPy's linear algebra, scatter of repeated fits, and central differences."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from designopt import least_squares
+
+X = jnp.linspace(0.0, 3.0, 13)
+TRUTH = jnp.asarray([2.0, -0.7])
+DEVIATION = 0.01
+
+
+def residuals(parameters, data):
+    amplitude, rate = parameters
+    return (amplitude * jnp.exp(rate * X) - data) / DEVIATION
+
+
+def noisy(seed):
+    noise = np.random.default_rng(seed).normal(scale=DEVIATION, size=X.shape)
+    return TRUTH[0] * jnp.exp(TRUTH[1] * X) + jnp.asarray(noise)
+
+
+def test_a_linear_fit_is_the_normal_equations():
+    design = np.stack([np.ones(13), np.asarray(X)], axis=1)
+    data = np.random.default_rng(1).normal(size=13)
+    fit = least_squares(lambda p, _: jnp.asarray(design) @ p - jnp.asarray(data), jnp.zeros(2))
+    expected, chi_squared, _, _ = np.linalg.lstsq(design, data)
+    assert bool(fit.solution.ok)
+    np.testing.assert_allclose(fit.solution.value, expected, rtol=1e-8)
+    np.testing.assert_allclose(fit.chi_squared, chi_squared[0], rtol=1e-10)
+    np.testing.assert_allclose(fit.covariance, np.linalg.inv(design.T @ design), rtol=1e-8)
+    np.testing.assert_allclose(fit.residuals, design @ expected - data, atol=1e-8)
+    assert float(fit.solution.residual) < 1e-8
+
+
+def test_covariance_is_the_scatter_of_repeated_fits():
+    fit = jax.jit(lambda data: least_squares(residuals, jnp.asarray([1.0, 0.0]), data))
+    fits = jax.vmap(fit)(jnp.stack([noisy(seed) for seed in range(400)]))
+    assert bool(jnp.all(fits.solution.ok))
+    scatter = np.cov(np.asarray(fits.solution.value).T)
+    # 400 draws know a variance to 7 % (1 σ).
+    np.testing.assert_allclose(np.mean(fits.covariance, axis=0), scatter, rtol=0.25)
+    np.testing.assert_allclose(np.mean(fits.chi_squared), 11, rtol=0.1)
+
+
+def test_the_derivative_in_the_data_is_implicit():
+    def rate(data):
+        return least_squares(residuals, jnp.asarray([1.0, 0.0]), data).solution.value[1]
+
+    data = noisy(0)
+    gradient = jax.grad(rate)(data)
+    step = 1e-5 * jnp.eye(13)[4]
+    expected = (rate(data + step) - rate(data - step)) / 2e-5
+    # Implicit derivatives of a least-squares solution are exact at its minimum.
+    np.testing.assert_allclose(gradient[4], expected, rtol=1e-4)
+
+
+def test_parameters_that_cannot_be_told_apart_have_no_margin():
+    fit = least_squares(lambda p, _: (p[0] + p[1]) * X - 1.0, jnp.asarray([1.0, 0.0]))
+    assert float(fit.solution.margin) < 1e-7
+    assert np.all(np.isfinite(fit.covariance))

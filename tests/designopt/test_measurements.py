@@ -1,0 +1,197 @@
+"""Error against run time, stability and what was left out, on problems with known answers."""
+
+import time
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+
+from designopt import (
+    Contender,
+    Family,
+    LeftOutRow,
+    PrecisionRow,
+    PrecisionStudy,
+    Solution,
+    assess,
+    compile_timed,
+    count_operations,
+    dominating,
+    left_out,
+    measure,
+    precision,
+    stability,
+)
+
+
+class Outcome(eqx.Enumeration):
+    successful = ""
+    negative = "The argument is negative."
+
+
+def row(method, panel, error, seconds):
+    return PrecisionRow(method, "", panel, error, seconds, 0.9 * seconds, 1.1 * seconds, 0.0)
+
+
+def test_a_sleeping_call_is_timed_as_it_sleeps():
+    calls = []
+
+    def call():
+        calls.append(1)
+        time.sleep(0.01)
+        return 3.0
+
+    found = measure(Contender("m", "s", "p", call, lambda answer: answer - 2.5, 7.0), repeats=4)
+    assert found.error == 0.5
+    assert found.compile_seconds == 7.0
+    assert found.seconds_low <= found.seconds <= found.seconds_high
+    assert found.seconds_low >= 0.01
+    assert len(calls) == 5  # a warm-up and four samples
+
+
+def test_a_part_stands_for_the_whole_by_its_scale():
+    def call():
+        time.sleep(0.01)
+
+    whole = measure(Contender("m", "s", "p", call, lambda _: 0.0, scale=50.0), repeats=3)
+    assert whole.seconds_low >= 0.5
+
+
+def test_a_call_beyond_the_budget_is_its_own_warm_up():
+    calls = []
+
+    def call():
+        calls.append(1)
+        time.sleep(0.02)
+
+    measure(Contender("m", "s", "p", call, lambda _: 0.0), repeats=9, budget_seconds=0.01)
+    assert len(calls) == 3
+
+
+def test_compiling_is_timed_apart_and_gives_the_function():
+    compiled, seconds = compile_timed(lambda x: jnp.sin(x) + 1, jnp.asarray(2.0))
+    assert seconds > 0
+    np.testing.assert_allclose(compiled(jnp.asarray(3.0)), np.sin(3) + 1)
+
+
+def test_dominating_rows_are_faster_and_closer_in_the_same_panel():
+    ours = row("closed", "a", 1e-10, 1.0)
+    faster_and_closer = row("x", "a", 1e-12, 0.5)
+    others = [
+        faster_and_closer,
+        row("slower", "a", 1e-12, 2.0),
+        row("coarser", "a", 1e-8, 0.5),
+        row("within the spread", "a", 1e-12, 0.95),
+        row("elsewhere", "b", 1e-12, 0.5),
+    ]
+    assert dominating(ours, others) == [faster_and_closer]
+
+
+def test_precision_figure_has_a_panel_per_workload_and_a_line_per_method():
+    rows = [row("m", "a", 0.0, 1.0), row("n", "a", 1e-3, 2.0), row("n", "b", 1e-4, 3.0)]
+    study = PrecisionStudy(rows, "error of y", "the truth", ())
+    drawing = precision.figure(study).drawing
+    titles = [axis.get_title() for axis in drawing.axes]
+    assert titles == ["a", "b"]
+    assert [axis.get_xscale() for axis in drawing.axes] == ["log", "log"]
+    assert [len(axis.containers) for axis in drawing.axes] == [2, 1]
+    assert {text.get_text() for text in drawing.legends[0].get_texts()} == {"m", "n"}
+    table = precision.table(study)
+    assert [record[:3] for record in table.rows] == [("a", "m", ""), ("a", "n", ""), ("b", "n", "")]
+
+
+def good_root(x):
+    safe = jnp.where(x > 0, x, 1.0)
+    result = Outcome.where(x > 0, Outcome.successful, Outcome.negative)
+    return Solution(jnp.where(x > 0, jnp.sqrt(safe), 0.0), x, jnp.zeros_like(x), result)
+
+
+def wrong_gradient(x):
+    found = good_root(x)
+    # The value stays, the slope doubles.
+    doubled = 2 * found.value - jax.lax.stop_gradient(found.value)
+    return Solution(doubled, found.margin, found.residual, found.result)
+
+
+def off_by_a_millionth(x):
+    found = good_root(x)
+    return Solution(found.value * (1 + 1e-6), found.margin, found.residual, found.result)
+
+
+def never_fails(x):
+    return Solution(jnp.sqrt(jnp.abs(x)), x, jnp.zeros_like(x), Outcome.where(x == x, Outcome.successful, Outcome.negative))
+
+
+def not_a_number(x):
+    found = good_root(x)
+    return Solution(jnp.sqrt(x), found.margin, found.residual, found.result)
+
+
+def family(solve):
+    powers = 10.0 ** np.linspace(-12, 12, 9)
+    inputs = {"x": np.concatenate([powers, [-1.0, -2.0]])}
+    return Family("roots", inputs, solve, mpmath.sqrt, lambda x: x)
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_a_good_solver_passes(dtype):
+    [found] = assess(family(lambda x: good_root(x)), (dtype,))
+    assert (found.cases, found.infeasible, found.failures, found.non_finite) == (11, 2, 0, 0)
+    rounding = np.finfo(dtype).eps
+    assert found.worst_error < rounding
+    assert found.worst_gradient_error < 2 * rounding
+
+
+@pytest.mark.parametrize(
+    ("solve", "failures", "non_finite"),
+    [
+        (wrong_gradient, 9, 0),
+        (off_by_a_millionth, 9, 0),
+        (never_fails, 2, 0),
+        (not_a_number, 0, 4),  # two values and two gradients, of the cases reported as failed
+    ],
+)
+def test_a_bad_solver_is_found_out(solve, failures, non_finite):
+    [found] = assess(family(solve), ("float64",))
+    assert (found.failures, found.non_finite) == (failures, non_finite)
+
+
+def test_an_input_of_zero_is_still_judged():
+    def square(x, y):
+        return Solution(x * y, x + 1, jnp.zeros_like(x), Outcome.where(x == x, Outcome.successful, Outcome.negative))
+
+    def bad(x, y):
+        return Solution(x * y + 1e-3 * x, x + 1, jnp.zeros_like(x), square(x, y).result)
+
+    for solve, failures in ((square, 0), (bad, 1)):
+        inputs = {"x": np.array([0.0]), "y": np.array([2.0])}
+        zero = Family("zero", inputs, solve, lambda x, y: x * y, lambda x, y: x + 1)
+        [found] = assess(zero, ("float64",))
+        assert found.failures == failures
+
+
+def test_stability_figure_names_families_without_an_answer():
+    rows = assess(family(good_root), ("float64", "float32"))
+    hopeless = Family("hopeless", {"x": np.array([-1.0])}, good_root, mpmath.sqrt, lambda x: x)
+    rows += assess(hopeless, ("float64",))
+    drawing = stability.figure(rows).drawing
+    labels = [label.get_text() for label in drawing.axes[0].get_yticklabels()]
+    assert labels == ["roots", "hopeless"]
+    assert [text.get_text() for text in drawing.axes[0].texts] == ["no case has an answer"]
+    assert len(stability.table(rows).rows) == 3
+
+
+def test_operations_are_counted_and_unused_ones_left_out():
+    x = jnp.linspace(0.0, 1.0, 6)
+    one = count_operations(jnp.sin, x)
+    assert one == 1
+    assert count_operations(lambda x: jnp.sin(x) * jnp.cos(x) + jnp.tan(x), x) == 5
+    assert count_operations(lambda x: (jnp.sin(x), jnp.cos(x))[0], x) == one
+
+
+def test_left_out_table_has_both_counts():
+    table = left_out.table([LeftOutRow("y", "the loop", 3, 9)])
+    assert table.rows == [("y", "the loop", 3, 9)]

@@ -1,0 +1,118 @@
+"""Safe operations against the plain ones where those exist, and finite everywhere else."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from designopt import as_float, safe_arctan2, safe_divide, safe_quadratic_roots, safe_sqrt
+
+moderate = st.floats(-1e6, 1e6).filter(lambda x: abs(x) > 1e-6)
+
+
+@given(numerator=moderate, denominator=moderate)
+def test_division_is_division_in_value_and_slope(numerator, denominator):
+    def quotient(n, d):
+        return safe_divide(n, d)[0]
+
+    arguments = jnp.asarray(numerator), jnp.asarray(denominator)
+    np.testing.assert_allclose(quotient(*arguments), numerator / denominator, rtol=1e-15)
+    slopes = jax.grad(quotient, argnums=(0, 1))(*arguments)
+    np.testing.assert_allclose(slopes, [1 / denominator, -numerator / denominator**2], rtol=1e-14)
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize(
+    ("numerator", "denominator"),
+    [(1.0, 0.0), (0.0, 0.0), (1.0, 1e-160), (1e300, 1e-10), (-1.0, 1e-30)],
+)
+def test_division_beyond_the_range_is_reported(dtype, numerator, denominator):
+    with jax.enable_x64(dtype == "float64"):
+        n, d = (jnp.asarray(min(x, float(jnp.finfo(dtype).max)), dtype) for x in (numerator, denominator))
+        value, valid = safe_divide(n, d)
+        slopes = jax.grad(lambda n, d: safe_divide(n, d)[0], argnums=(0, 1))(n, d)
+        assert np.all(np.isfinite([value, *slopes]))
+        # float64 holds 1/1e-30 and its slope.
+        assert bool(valid) == (dtype == "float64" and denominator == 1e-30)
+
+
+def test_division_of_arrays_judges_every_element():
+    with jax.enable_x64(False):
+        value, valid = safe_divide(jnp.asarray([3e38, 1.0]), jnp.asarray([3e-6, 2.0]))
+    assert valid.tolist() == [False, True]
+    assert value.tolist() == [0.0, 0.5]
+
+
+def test_division_by_infinity_is_zero():
+    value, valid = safe_divide(jnp.asarray(3.0), jnp.asarray(jnp.inf))
+    assert bool(valid)
+    assert float(value) == 0.0
+
+
+def test_square_root():
+    np.testing.assert_allclose(safe_sqrt(jnp.asarray([4.0, 0.0, -1.0])), [2, 0, 0])
+    np.testing.assert_allclose(jax.vmap(jax.grad(safe_sqrt))(jnp.asarray([4.0, 0.0, -1.0])), [0.25, 0, 0])
+
+
+@given(y=moderate, x=moderate)
+def test_arctan2_is_the_plain_one(y, x):
+    np.testing.assert_allclose(safe_arctan2(jnp.asarray(y), jnp.asarray(x)), np.arctan2(y, x))
+
+
+def test_arctan2_at_the_origin_is_finite():
+    slopes = jax.grad(safe_arctan2, argnums=(0, 1))(jnp.asarray(0.0), jnp.asarray(0.0))
+    assert np.all(np.isfinite(slopes))
+
+
+@given(first=moderate, second=moderate, lead=moderate)
+def test_quadratic_roots_are_those_it_was_made_of(first, second, lead):
+    coefficients = [lead, -lead * (first + second), lead * first * second]
+    roots, exist, discriminant = safe_quadratic_roots(*map(jnp.asarray, coefficients))
+    found = sorted(root for root, real in zip(roots.tolist(), exist.tolist(), strict=True) if real)
+    if abs(first - second) > 1e-4 * max(abs(first), abs(second)):
+        assert float(discriminant) > 0
+        np.testing.assert_allclose(found, sorted([first, second]), rtol=1e-7)
+
+
+def test_quadratic_keeps_the_small_root():
+    """x² − 1e8 x + 1 = 0: the schoolbook formula gives 7.45e-9 for the root at 1e-8."""
+    roots, exist, _ = safe_quadratic_roots(*map(jnp.asarray, (1.0, -1e8, 1.0)))
+    assert bool(jnp.all(exist))
+    np.testing.assert_allclose(sorted(roots.tolist()), [1e-8, 1e8], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "expected"),
+    [
+        ((0.0, 2.0, -6.0), [3.0]),  # a line
+        ((1.0, 0.0, 0.0), [0.0]),  # a double root in 0
+        ((1.0, 0.0, 1.0), []),  # complex
+        ((0.0, 0.0, 1.0), []),  # nothing to solve
+        ((0.0, 0.0, 0.0), []),
+    ],
+)
+def test_degenerate_quadratics_are_finite(coefficients, expected):
+    arguments = tuple(map(jnp.asarray, coefficients))
+    roots, exist, discriminant = safe_quadratic_roots(*arguments)
+    assert roots[exist].tolist() == expected
+    assert np.all(np.isfinite(roots))
+    assert float(discriminant) >= -1
+    slopes = jax.jacrev(lambda *c: safe_quadratic_roots(*c)[0], argnums=(0, 1, 2))(*arguments)
+    assert np.all(np.isfinite(slopes))
+
+
+def test_quadratic_gradient_is_the_implicit_one():
+    def small_root(c0):
+        return jnp.min(safe_quadratic_roots(jnp.asarray(2.0), jnp.asarray(-7.0), c0)[0])
+
+    # 2x² − 7x + 3 has roots 1/2 and 3; dx/dc0 = −1 / (4x − 7).
+    np.testing.assert_allclose(jax.grad(small_root)(jnp.asarray(3.0)), 1 / 5, rtol=1e-12)
+
+
+def test_as_float_keeps_float_types_and_lifts_the_rest():
+    assert as_float(3).dtype == jnp.float64
+    assert as_float(3.0).weak_type is False
+    assert as_float(jnp.asarray(3.0, jnp.float32)).dtype == jnp.float32
+    assert as_float(np.int64(3)).dtype == jnp.float64

@@ -1,0 +1,90 @@
+"""The report: one file, complete, and honest about what was missed."""
+
+import re
+
+import pytest
+
+from designopt import (
+    Claim,
+    Figure,
+    LeftOutRow,
+    Metric,
+    PrecisionRow,
+    PrecisionStudy,
+    Results,
+    StabilityRow,
+    Study,
+    Table,
+    Target,
+)
+from designopt.figures import new_figure
+from designopt.runner import run
+from tests.designopt.plugin import SquareSpec
+
+
+def everything(spec, context):
+    drawing, axes = new_figure()
+    axes[0, 0].plot([1, 2], [3, 4])
+    rows = [PrecisionRow("m", f"tolerance {i}", "p", 1e-3, 1.0, 0.9, 1.1, 0.2) for i in range(50)]
+    return Results(
+        findings=["First.", "Second."],
+        metrics=[
+            Metric("good", 1.0, "mm", "a good one", 1.1, Target("<=", 2)),
+            Metric("bad", 3.0, "mm", "a bad one", None, Target("<=", 2)),
+        ],
+        tables=[Table("t", "A table", ["x_mm", "word"], [(1 / 3, "w"), (None, "v")], {"x_mm": 2})],
+        figures=[Figure("drawing", "A drawing", "Its caption.", drawing)],
+        precision=PrecisionStudy(
+            rows, "error of y", "the truth", [Claim("It is fast.", "It is short.", ["1 s"], False)]
+        ),
+        stability=[StabilityRow("stiff", "float64", 9, 1, 0, 1e-16, 2e-16, 0)],
+        left_out=[LeftOutRow("y", "the loop", 3, 9)],
+    )
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    out = tmp_path_factory.mktemp("report") / "out"
+    study = Study("all", "Everything at once", SquareSpec, everything)
+    run(study, SquareSpec(side=1.0), seed=0, dtype="float64", out=out, force=False)
+    for name in ("drawing", "precision", "stability"):
+        assert (out / "figures" / f"{name}.png").is_file()
+        assert (out / "figures" / f"{name}.svg").is_file()
+    for name in ("t", "precision", "stability", "left_out"):
+        assert (out / "tables" / f"{name}.csv").is_file()
+    return (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_it_needs_no_other_file(page):
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert sources
+    assert all(source.startswith(("data:image/svg+xml;base64,", "#")) for source in sources)
+    assert "<script" not in page
+    assert page.count("<img") == 3
+
+
+def test_every_link_has_its_place(page):
+    for anchor in re.findall(r'href="#([^"]*)"', page):
+        assert f'id="{anchor}"' in page
+
+
+def test_it_says_what_was_found_and_what_was_missed(page):
+    text = " ".join(re.sub(r"<[^>]+>", " ", page).split())
+    for words in (
+        "First. Second.",
+        "a good one 1 mm 1.1 ≤ 2 ✓ met",
+        "a bad one 3 mm ≤ 2 ✗ missed",
+        "A drawing. Its caption.",
+        "x mm word 0.33 w v",
+        "It is fast. ✗ does not hold in this run Why: It is short. Measured: 1 s",
+        "Error of y, against the truth.",
+        "stiff float64 9 1 0 1e-16 2e-16 0",
+        "y the loop 3 9",
+        "inner.length 2.0",
+        "optimistix",
+    ):
+        assert words in text
+
+
+def test_a_long_table_is_folded(page):
+    assert "<summary>50 rows: Error against run time" in page

@@ -1,0 +1,116 @@
+"""Result folders: what is in them, and that they are complete or absent."""
+
+import csv
+import json
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+from designopt import Results, Study, UserError
+from designopt.runner import result_folder, run
+from tests.designopt.plugin import SQUARE, SquareSpec
+
+
+def run_square(out, *, force=False, dtype="float64", **spec):
+    settings = SquareSpec.model_validate({"side": 3.0} | spec)
+    return run(SQUARE, settings, seed=5, dtype=dtype, out=out, force=force)
+
+
+def test_a_run_writes_everything(tmp_path):
+    run_square(tmp_path / "new" / "out")
+    out = tmp_path / "new" / "out"
+    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
+    assert document["study"] == "square"
+    assert document["spec"] == {"side": 3.0, "inner": {"length": 2.0}, "label": "", "asked": 9.0}
+    assert (document["seed"], document["dtype"]) == (5, "float64")
+    assert document["device"].startswith("cpu")
+    assert {"python", "designopt", "jax", "optimistix"} <= set(document["versions"])
+    assert document["metrics"]["area_mm2"] == {
+        "value": 9.0,
+        "unit": "mm²",
+        "reference": 9.0,
+        "target": "9",
+        "met": True,
+        "description": "area",
+    }
+    assert document["metrics"]["nothing"]["value"] is None  # JSON has no NaN
+    assert document["tables"] == ["tables/sides.csv"]
+    assert (document["precision"], document["stability"], document["left_out"]) == ([], [], [])
+    with (out / "tables" / "sides.csv").open(newline="", encoding="utf-8") as file:
+        assert list(csv.reader(file)) == [["side_mm", "note"], ["3.0", "a,b"], ["", ""]]
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "A &lt;square&gt; &amp; its area." in page
+    assert [path.name for path in tmp_path.iterdir()] == ["new"]
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["out"]
+
+
+def test_an_existing_folder_is_not_touched(tmp_path):
+    (tmp_path / "mine.txt").write_text("kept")
+    with pytest.raises(UserError, match="exists already; name another folder"):
+        run_square(tmp_path)
+    with pytest.raises(UserError, match=r"not an earlier result.*--force does not replace it"):
+        run_square(tmp_path, force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_force_replaces_an_earlier_result(tmp_path):
+    run_square(tmp_path / "out")
+    run_square(tmp_path / "out", side=4.0, force=True)
+    document = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
+    assert document["metrics"]["area_mm2"]["value"] == 16.0
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("label", ["break", "interrupt"])
+def test_a_failed_run_leaves_nothing_and_keeps_what_was(tmp_path, label):
+    with pytest.raises((RuntimeError, KeyboardInterrupt)):
+        run_square(tmp_path / "out", label=label)
+    assert list(tmp_path.iterdir()) == []
+    run_square(tmp_path / "out")
+    with pytest.raises((RuntimeError, KeyboardInterrupt)):
+        run_square(tmp_path / "out", label=label, force=True)
+    assert json.loads((tmp_path / "out" / "results.json").read_text())["spec"]["label"] == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match=r"--out .*file/out: cannot be written \(File exists: .*file\)"):
+        run_square(tmp_path / "file" / "out")
+
+
+def test_a_full_disk_is_a_users_fault_too(tmp_path, monkeypatch):
+    def full(*args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("designopt.runner.write_results", full)
+    with pytest.raises(UserError, match="No space left on device"):
+        run_square(tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_made_meanwhile_is_not_overwritten(tmp_path):
+    with (
+        pytest.raises(UserError, match="cannot be written"),
+        result_folder(tmp_path / "out", force=False),
+    ):
+        (tmp_path / "out").mkdir()
+        (tmp_path / "out" / "theirs.txt").write_text("kept")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["theirs.txt"]
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_the_float_type_is_jaxs_default_while_the_study_runs(tmp_path, dtype):
+    seen = []
+
+    def look(spec, context):
+        seen.append((context.dtype, jnp.zeros(()).dtype.name))
+        return Results([], [])
+
+    before = jax.config.jax_enable_x64
+    study = Study("look", "", SquareSpec, look)
+    run(study, SquareSpec(side=1.0), seed=0, dtype=dtype, out=tmp_path / "out", force=False)
+    assert seen == [(dtype, dtype)]
+    assert jax.config.jax_enable_x64 == before

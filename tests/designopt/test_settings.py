@@ -1,0 +1,64 @@
+"""``--set`` texts: what they become, and what is said of a faulty one."""
+
+import pydantic_core
+import pytest
+
+from designopt import UserError
+from designopt.settings import fields, spec_with
+from tests.designopt.plugin import SquareSpec
+
+
+def make(*assignments: str) -> SquareSpec:
+    spec = spec_with(SquareSpec, assignments, study="square")
+    assert isinstance(spec, SquareSpec)
+    return spec
+
+
+def test_values_are_toml_and_plain_text():
+    spec = make("side=3", "inner.length=0.5", "label=wide angle")
+    assert (spec.side, spec.inner.length, spec.label) == (3.0, 0.5, "wide angle")
+    assert make("side=1e-3", 'label="a=b"').label == "a=b"
+
+
+def test_the_last_of_two_assignments_counts():
+    assert make("side=1", "side=2").side == 2
+
+
+@pytest.mark.parametrize(
+    ("assignments", "message"),
+    [
+        (["side"], "--set side: a key is missing; write --set key=value"),
+        (["=3"], "--set =3: a key is missing"),
+        (["side=1", "a..b=3"], "--set a..b=3: a key is missing"),
+        ([], "--set side=…: this key is missing and has no default"),
+        (["side=1", "lable=x"], "--set lable: unknown key; did you mean 'label'?"),
+        (["side=1", "zzz=1"], "unknown key; the keys are side, inner.length, label, asked"),
+        (["side=wide"], "--set side=wide: input should be a valid number"),
+        (["side=inf"], "--set side=inf: input should be a finite number"),
+        (["side=1", "inner.length=-2"], "--set inner.length=-2: input should be greater than 0"),
+        (["side=1", "inner=2"], "--set inner=2: input should be a valid dictionary"),
+        (["side=1", "inner=2", "inner.length=2"], "'inner' was already given a value"),
+    ],
+)
+def test_faults_name_the_key_and_the_cure(assignments, message):
+    with pytest.raises(UserError) as caught:
+        make(*assignments)
+    assert message in str(caught.value)
+    assert "designopt list square" in str(caught.value) or "was already given" in message
+    assert "\n" not in str(caught.value)
+
+
+def test_all_faults_come_at_once():
+    with pytest.raises(UserError) as caught:
+        make("side=x", "inner.length=-1", "lable=y")
+    for key in ("side", "inner.length", "lable"):
+        assert f"--set {key}" in str(caught.value)
+
+
+def test_fields_are_listed_with_defaults_and_meanings():
+    assert list(fields(SquareSpec)) == [
+        ("side", pydantic_core.PydanticUndefined, "side of the square (mm)"),
+        ("inner.length", 2.0, "a length (mm)"),
+        ("label", "", "free text"),
+        ("asked", 9.0, "area asked for (mm²)"),
+    ]

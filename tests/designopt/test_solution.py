@@ -1,0 +1,29 @@
+"""The one answer type: success, messages, batches."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from designopt import Solution
+
+
+class Outcome(eqx.Enumeration):
+    successful = ""
+    negative = "The argument is negative: make it positive."
+
+
+def solve(x):
+    result = Outcome.where(x > 0, Outcome.successful, Outcome.negative)
+    return Solution(jnp.sqrt(jnp.abs(x)), x, jnp.zeros_like(x), result)
+
+
+def test_one_answer():
+    assert bool(solve(jnp.asarray(4.0)).ok)
+    assert solve(jnp.asarray(4.0)).messages() == [""]
+    assert solve(jnp.asarray(-4.0)).messages() == ["The argument is negative: make it positive."]
+
+
+def test_a_batch_says_which_failed_and_why():
+    found = jax.jit(jax.vmap(solve))(jnp.asarray([1.0, -1.0, 4.0]))
+    assert found.ok.tolist() == [True, False, True]
+    assert found.messages() == ["", Outcome[Outcome.negative], ""]

@@ -1,0 +1,178 @@
+"""The chamber's imaging against Eq. 1 as printed, the paper's table, and central differences.
+
+A failure in the first group means that the factored forms no longer are Eqs. 1-3; in the second
+that the readings of the paper have changed.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from optics import Chamber, ChamberResult
+from tests.helpers import central_differences, load_toml
+
+ROUNDING = 1e-12  # relative; Eq. 1 as printed loses up to three digits by its differences
+GRADIENT = 1e-6
+
+TABLE = load_toml("table1.toml")
+
+lengths = st.floats(1.0, 100.0)
+offsets = st.floats(-3.0, 3.0)
+
+
+def make(**changes: float) -> Chamber:
+    nominal = {
+        "length_ab": 40.0,
+        "length_bc": 30.0,
+        "length_cd": 30.0,
+        "offset_a": 4.1,
+        "offset_b": 2.0,
+        "wall_angle_bc": np.deg2rad(2.0),
+        "offset_d": 2.55,
+        "focal_length": 4.0,
+        "image_distance": 3.5,
+        "reference_height": 8.616,
+        "pinhole_offset": 0.844,
+    }
+    return Chamber(**(nominal | changes))
+
+
+def printed_heights(chamber: Chamber) -> list[float]:
+    """T_B, T_C, T_D from Eq. 1 and its siblings, in plain floats."""
+    c = {field.name: float(getattr(chamber, field.name)) for field in dataclasses.fields(chamber)}
+    offset_c = c["offset_b"] - c["length_bc"] * np.tan(c["wall_angle_bc"])
+    gap, height = c["focal_length"] - c["image_distance"], c["reference_height"]
+    depth_b = c["length_ab"] + c["pinhole_offset"]
+    depth_c = depth_b + c["length_bc"]
+    return [
+        gap * (height + c["offset_b"]) / depth_b,
+        gap * (height + offset_c) / depth_c,
+        gap * (height - c["offset_d"]) / (depth_c + c["length_cd"]),
+    ]
+
+
+@given(a=lengths, b=lengths, c=lengths, offset_b=offsets, offset_d=offsets, angle=st.floats(0, 1.4))
+def test_images_are_those_of_eq_1(a, b, c, offset_b, offset_d, angle):
+    chamber = make(
+        length_ab=a, length_bc=b, length_cd=c, offset_b=offset_b, offset_d=offset_d,
+        wall_angle_bc=angle,
+    )  # fmt: skip
+    expected = printed_heights(chamber)
+    scale = max(map(abs, expected))
+    heights, widths = chamber.image_heights(), chamber.ring_widths()
+    np.testing.assert_allclose(heights.value, expected, rtol=ROUNDING)
+    rings = [expected[0] - expected[1], expected[1] - expected[2], expected[2]]
+    np.testing.assert_allclose(widths.value, rings, atol=ROUNDING * scale)
+    ratio = chamber.imaging_ratio()
+    np.testing.assert_allclose(ratio.value * widths.value[0], widths.value[1], atol=ROUNDING * scale)
+    assert bool(ratio.ok) and bool(widths.ok) and bool(heights.ok)
+
+
+def test_printed_chamber_is_eq_1_with_its_own_constants():
+    chamber = make().as_printed()
+    image_b = chamber.image_heights().value[0]
+    # (a + f) / (f − v) = (Δl_A + Δl_B) / (Δd_b + Δd_c + Δd_d), Eq. 1
+    np.testing.assert_allclose((40 + 4) / (4 - 3.5), (4.1 + 2) / image_b, rtol=ROUNDING)
+    np.testing.assert_allclose(chamber.ring_widths().value.sum(), image_b, rtol=ROUNDING)
+
+
+def test_offset_c_is_eq_2():
+    np.testing.assert_allclose(make().offset_c, 2 - 30 * np.tan(np.deg2rad(2)), rtol=ROUNDING)
+
+
+def test_eq_2_continued_to_d_holds_for_every_row_of_the_table():
+    for offset_d_cm, angle_deg in zip(
+        TABLE["paper"]["delta_l_d_cm"], TABLE["paper"]["theta_cd_deg"], strict=True
+    ):
+        found = make().with_wall_angle_cd(np.deg2rad(angle_deg)).offset_d
+        assert abs(float(found) / 10 - offset_d_cm) < 4.5e-4  # cm; the printed rounding is 5e-4
+
+
+@given(angle=st.floats(-1.5, 1.5))
+def test_wall_angle_round_trip(angle):
+    found = make().with_wall_angle_cd(angle).wall_angle_cd
+    np.testing.assert_allclose(found, angle, atol=1e-12)
+
+
+@given(factor=st.floats(0.1, 10.0))
+def test_ratio_does_not_depend_on_the_unit_of_length(factor):
+    chamber = make()
+    scaled = jax.tree.map(lambda leaf: leaf * factor, chamber)
+    scaled = dataclasses.replace(scaled, wall_angle_bc=chamber.wall_angle_bc)
+    found, expected = scaled.imaging_ratio(), chamber.imaging_ratio()
+    np.testing.assert_allclose(found.value, expected.value, rtol=ROUNDING)
+    np.testing.assert_allclose(found.margin, factor * expected.margin, rtol=ROUNDING)
+
+
+def test_ratio_is_defined_where_f_equals_v():
+    chamber = make(image_distance=4.0)
+    np.testing.assert_allclose(chamber.imaging_ratio().value, make().imaging_ratio().value)
+    np.testing.assert_array_equal(chamber.ring_widths().value, 0.0)
+
+
+@pytest.mark.parametrize(
+    "quantity",
+    [
+        lambda c: c.imaging_ratio().value,
+        lambda c: c.imaging_ratio().margin,
+        lambda c: c.wall_angle_cd,
+        lambda c: c.as_printed().imaging_ratio().value,
+        lambda c: jnp.vdot(c.ring_widths().value, jnp.asarray([1.0, 2.0, 3.0])),
+        lambda c: jnp.vdot(c.image_heights().value, jnp.asarray([1.0, 2.0, 3.0])),
+        lambda c: c.with_wall_angle_cd(0.2).imaging_ratio().value,
+    ],
+)
+def test_gradients_are_central_differences(quantity):
+    found = [float(leaf) for leaf in jax.tree.leaves(jax.grad(quantity)(make()))]
+    expected = central_differences(quantity, make())
+    np.testing.assert_allclose(found, expected, atol=GRADIENT * np.max(np.abs(expected)))
+
+
+def test_compiled_batched_gradients_are_the_plain_ones():
+    """XLA compiled the batched gradient of a cumulative sum of the lengths wrongly (jaxlib 0.10.2)."""
+    chambers = [make(), make(length_cd=17.0), make(offset_b=1.0)]
+    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *chambers)
+    gradient = jax.grad(lambda chamber: chamber.imaging_ratio().value)
+    found = jax.tree.leaves(jax.jit(jax.vmap(gradient))(batch))
+    expected = [jax.tree.leaves(gradient(chamber)) for chamber in chambers]
+    np.testing.assert_allclose(found, np.transpose(expected), rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"pinhole_offset": -40.0}, ChamberResult.behind_pinhole),
+        ({"pinhole_offset": -85.0}, ChamberResult.behind_pinhole),
+        ({"length_bc": 0.0}, ChamberResult.no_blue_region),
+        ({"wall_angle_bc": np.deg2rad(-80.0)}, ChamberResult.blue_edge_on),
+    ],
+)
+def test_what_has_no_image_is_reported_and_stays_finite(changes, code):
+    chamber = make(**changes)
+    ratio = chamber.imaging_ratio()
+    assert bool(ratio.result == code)
+    assert float(ratio.margin) <= 0
+    assert ratio.messages() == [ChamberResult[code]]
+    gradient = jax.grad(lambda c: c.imaging_ratio().value)(chamber)
+    assert all(np.isfinite(leaf) for leaf in jax.tree.leaves((ratio.value, gradient)))
+
+
+def test_images_fail_only_behind_the_pinhole():
+    assert bool(make(length_bc=0.0).image_heights().ok)
+    behind = make(pinhole_offset=-40.0)
+    for image in (behind.image_heights(), behind.ring_widths()):
+        assert bool(image.result == ChamberResult.behind_pinhole)
+        assert np.all(np.isfinite(image.value))
+
+
+def test_numbers_beyond_the_float_type_are_reported():
+    with jax.enable_x64(False):
+        tiny = make(length_bc=1e-25)
+        assert bool(tiny.imaging_ratio().result == ChamberResult.out_of_range)
+        heights = make(pinhole_offset=-40.0 + 4e-6, reference_height=3e38).image_heights()
+        assert bool(heights.result == ChamberResult.out_of_range)

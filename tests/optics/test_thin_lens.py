@@ -1,0 +1,113 @@
+"""The thin lens against textbook cases and formulas."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics import LensResult, ThinLens
+from tests.helpers import central_differences, load_json
+
+CASES = {case["id"]: case for case in load_json("thin_lens.json")["cases"]}
+ROUNDING = 1e-12
+
+LENS = ThinLens(4.0, 4.0 / 2.8, 4.3)
+
+
+@pytest.mark.parametrize("name", ["thin_lens_2f", "thin_lens_virtual"])
+def test_published_image_distance_and_magnification(name):
+    case = CASES[name]
+    focal, distance = float(case["inputs"]["f"]), float(case["inputs"]["s"])
+    sharp = float(case["expected"]["image_distance"])
+    # With the sensor in the sharp image, real or virtual, size on the sensor is image size.
+    image = ThinLens(focal, 1.0, sharp).image(distance).value
+    np.testing.assert_allclose(1 / image.vergence, sharp, rtol=case["tolerance"])
+    expected = case["expected"]["magnification"]
+    np.testing.assert_allclose(image.magnification, expected, rtol=case["tolerance"])
+    np.testing.assert_allclose(image.blur_diameter, 0, atol=case["tolerance"])
+
+
+def test_published_blur_circle():
+    case = CASES["blur_circle"]
+    given = case["inputs"]
+    sensor = 1 / (1 / given["f"] - 1 / given["focus"])
+    lens = ThinLens(given["f"], given["f"] / given["f_number"], sensor)
+    found = lens.image(given["object"]).value.blur_diameter
+    np.testing.assert_allclose(found, case["expected"]["blur_diameter"], rtol=case["tolerance"])
+
+
+def test_depth_of_field_and_hyperfocal_distance_are_the_photographers_formulas():
+    # S. F. Ray, Applied Photographic Optics: H = f²/(N c) + f, near = s (H − f)/(H + s − 2f),
+    # far = s (H − f)/(H − s), for focus at s.
+    focal, number, blur, focus = 50.0, 4.0, 0.03, 3000.0
+    lens = ThinLens(focal, focal / number, 1 / (1 / focal - 1 / focus))
+    hyperfocal = focal**2 / (number * blur) + focal
+    np.testing.assert_allclose(lens.hyperfocal_distance(blur), hyperfocal, rtol=ROUNDING)
+    np.testing.assert_allclose(1 / lens.focus_vergence, focus, rtol=1e-10)
+    near, far = lens.depth_of_field(blur)
+    np.testing.assert_allclose(
+        1 / near, focus * (hyperfocal - focal) / (hyperfocal + focus - 2 * focal), rtol=1e-10
+    )
+    np.testing.assert_allclose(
+        1 / far, focus * (hyperfocal - focal) / (hyperfocal - focus), rtol=1e-10
+    )
+
+
+def test_blur_at_the_limits_is_the_accepted_one():
+    for vergence in LENS.depth_of_field(0.01):
+        found = LENS.image(1 / vergence).value.blur_diameter
+        np.testing.assert_allclose(found, 0.01, rtol=1e-10)
+
+
+def test_focused_at_the_hyperfocal_distance_all_to_infinity_is_sharp():
+    hyperfocal = LENS.hyperfocal_distance(0.01)
+    lens = dataclasses.replace(LENS, sensor_distance=1 / (1 / 4.0 - 1 / hyperfocal))
+    near, far = lens.depth_of_field(0.01)
+    np.testing.assert_allclose(far, 0, atol=1e-15)
+    np.testing.assert_allclose(1 / near, hyperfocal / 2, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("distance", "vergence", "blur"),
+    [
+        (np.inf, 1 / 4.0, (4.0 / 2.8) * (4.3 / 4.0 - 1)),  # the image lies in the focal plane
+        (4.0, 0.0, 4.0 / 2.8),  # the image lies at infinity: the beam is as wide as the lens
+        (1 / (1 / 4.0 - 1 / 4.3), 1 / 4.3, 0.0),  # in focus
+    ],
+)
+def test_focus_focal_plane_and_infinity_are_finite(distance, vergence, blur):
+    solved = LENS.image(distance)
+    assert bool(solved.ok)
+    np.testing.assert_allclose(solved.value.vergence, vergence, atol=1e-15)
+    np.testing.assert_allclose(solved.value.blur_diameter, blur, atol=1e-15)
+    slopes = jax.jacrev(lambda lens, u: lens.image(u).value, argnums=(0, 1))(
+        LENS, jnp.asarray(distance)
+    )
+    assert all(np.isfinite(leaf) for leaf in jax.tree.leaves(slopes))
+
+
+@pytest.mark.parametrize("distance", [0.0, -3.0])
+def test_an_object_behind_the_lens_is_reported(distance):
+    solved = LENS.image(distance)
+    assert bool(solved.result == LensResult.behind_lens)
+    assert all(np.isfinite(leaf) for leaf in jax.tree.leaves(solved.value))
+
+
+@pytest.mark.parametrize(
+    "quantity",
+    [
+        lambda lens: lens.image(25.0).value.vergence,
+        lambda lens: lens.image(25.0).value.magnification,
+        lambda lens: lens.image(25.0).value.blur_diameter,
+        lambda lens: lens.depth_of_field(0.01)[0],
+        lambda lens: lens.depth_of_field(0.01)[1],
+        lambda lens: lens.hyperfocal_distance(0.01),
+        lambda lens: lens.focus_vergence,
+    ],
+)
+def test_gradients_are_central_differences(quantity):
+    found = [float(leaf) for leaf in jax.tree.leaves(jax.grad(quantity)(LENS))]
+    expected = central_differences(quantity, LENS)
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)

@@ -1,0 +1,262 @@
+"""The study ``table1`` against the paper's table, and its parts against independent means."""
+
+import csv
+import json
+import math
+
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+import scipy.optimize
+
+from designopt import cli, find_root
+from designopt.results import PrecisionRow
+from designopt.stability import assess
+from studies.table1 import STUDY, exact, imaging, paper, precision, stability
+from studies.table1.analysis import OTHER_READING, analyse, real_lens
+from studies.table1.run import operations
+from studies.table1.spec import ChamberSpec, Table1Spec
+from tests.helpers import load_toml
+
+TABLE = load_toml("table1.toml")
+PRINTED = imaging.printed_chamber(ChamberSpec())
+
+
+@pytest.fixture(scope="module")
+def solved():
+    return imaging.solve(PRINTED, jnp.asarray(1.5))
+
+
+def test_the_paper_is_copied_correctly():
+    assert paper.ETA == tuple(TABLE["paper"]["eta"])
+    assert paper.DELTA_L_D_CM == tuple(TABLE["paper"]["delta_l_d_cm"])
+    assert paper.THETA_CD_DEG == tuple(TABLE["paper"]["theta_cd_deg"])
+
+
+def test_the_identified_constants_give_all_18_cells(solved):
+    rows = zip(*(TABLE["paper"][name] for name in ("eta", "delta_l_d_cm", "theta_cd_deg")), strict=True)
+    table = solved.identified.table
+    for i, (eta, offset_d, angle) in enumerate(rows):
+        assert round(float(table.delta_l_d_cm[i]), 3) == offset_d
+        assert round(float(table.theta_cd_deg[i]), 3) == angle
+        assert round(float(table.eta[i]), 1) == eta
+    assert table.matched() == 18
+
+
+def test_the_printed_constants_do_not(solved):
+    assert solved.printed.table.matched() == 0
+
+
+def test_the_lines_are_those_found_when_the_paper_was_read(solved):
+    tolerance = TABLE["lines"]["tolerance"]
+    for constants, line in ((solved.printed, "printed"), (solved.identified, "table")):
+        assert abs(float(constants.slope) - TABLE["lines"][line]["slope"]) < tolerance
+        assert abs(float(constants.intercept) - TABLE["lines"][line]["intercept"]) < tolerance
+
+
+def test_identification_agrees_with_scipy_on_eq_1(solved):
+    """SciPy's least squares over the reading page's formula for Δl_D, which has no factored form."""
+
+    def residuals(constants):
+        height, offset = constants
+        offset_c = 2 - 30 * math.tan(math.radians(2))
+        eta = np.array(TABLE["paper"]["eta"])
+        image_c, image_b = (height + offset_c) / (70 + offset), (height + 2) / (40 + offset)
+        offset_d = height - (100 + offset) * ((1 + eta) * image_c - eta * image_b)
+        angle = np.rad2deg(np.arctan((offset_c + offset_d) / 30))
+        return np.concatenate(
+            [offset_d / 10 - TABLE["paper"]["delta_l_d_cm"], angle - TABLE["paper"]["theta_cd_deg"]]
+        ) / (1e-3 / math.sqrt(12))
+
+    expected = scipy.optimize.least_squares(residuals, [4.1, 4.0], xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert bool(solved.fit.solution.ok)
+    np.testing.assert_allclose(solved.fit.solution.value, expected.x, rtol=1e-6)
+    np.testing.assert_allclose(solved.fit.residuals, expected.fun, atol=1e-4)
+    covariance = np.linalg.inv(expected.jac.T @ expected.jac)
+    np.testing.assert_allclose(solved.fit.covariance, covariance, rtol=1e-3)
+    height, offset = solved.fit.solution.value.tolist()
+    asked = TABLE["identified"]
+    assert abs(height - asked["reference_height_mm"]) < asked["tolerance"]
+    assert abs(offset - asked["pinhole_offset_mm"]) < asked["tolerance"]
+
+
+def test_the_residuals_are_no_larger_than_rounding(solved):
+    # Half a unit in the last place is √3 standard deviations of the rounding.
+    assert float(jnp.max(jnp.abs(solved.fit.residuals))) < math.sqrt(3)
+
+
+def test_the_table_cannot_tell_the_two_readings_apart():
+    other = imaging.solve(imaging.printed_chamber(OTHER_READING), jnp.asarray(1.5))
+    assert abs(float(other.chosen.offset_c - PRINTED.offset_c)) < 2.5e-4
+    assert other.identified.table.matched() == 18
+    assert abs(float(other.identified.chamber.pinhole_offset) - 0.844) > 1
+
+
+@pytest.mark.parametrize("clearance", [0.5, 1.5, 3.0])
+def test_the_largest_ratio_is_where_the_clearance_runs_out(clearance):
+    chamber = imaging.solve(PRINTED, jnp.asarray(clearance)).identified.chamber
+    choice = imaging.solve(PRINTED, jnp.asarray(clearance)).choice
+    by_iteration = find_root(
+        lambda ratio, _: imaging.clearance_at(chamber, ratio) - clearance,
+        jnp.asarray(0.7),
+        method="bisection",
+        bracket=(0.4, 1.0),
+    )
+    np.testing.assert_allclose(choice.value, by_iteration.value, rtol=1e-9)
+    # Nothing above it keeps the clearance.
+    above = choice.value + jnp.linspace(1e-6, 3.0, 50)
+    left = jax.vmap(lambda ratio: imaging.clearance_at(chamber, ratio))(above)
+    assert float(jnp.max(left)) < clearance
+
+
+def test_the_largest_ratio_on_a_falling_line():
+    falling = imaging.with_constants(PRINTED, jnp.asarray([-30.0, 0.844]))
+    choice = imaging.largest_ratio(falling, jnp.asarray(1.5))
+    slope = imaging.with_ratio(falling, jnp.asarray(1.0)).offset_d
+    slope -= imaging.with_ratio(falling, jnp.asarray(0.0)).offset_d
+    at_edge = imaging.with_ratio(falling, choice.value).offset_d
+    np.testing.assert_allclose(jnp.abs(at_edge), 2.6, rtol=1e-9)
+    np.testing.assert_array_equal(jnp.sign(at_edge), jnp.sign(slope))
+
+
+def test_the_papers_ratio_is_the_largest_for_its_own_clearance(solved):
+    again = imaging.solve(PRINTED, solved.paper_clearance)
+    np.testing.assert_allclose(again.choice.value, paper.CHOSEN_ETA, rtol=1e-9)
+    np.testing.assert_allclose(solved.paper_clearance, 4.1 - 2.55, atol=5e-3)  # Table I: 0.255 cm
+
+
+def test_the_real_lens_is_gausss():
+    lens = real_lens(PRINTED, jnp.asarray(2.0))
+    for distance, vergence in zip(lens.distances.tolist(), lens.images.vergence.tolist(), strict=True):
+        np.testing.assert_allclose(1 / distance + vergence, 1 / 4.0)
+    np.testing.assert_allclose(lens.distances, [44.0, 74.0, 104.0])
+    np.testing.assert_allclose(lens.lens.aperture, 2.0)
+    np.testing.assert_allclose(lens.refocused.image(74.0).value.blur_diameter, 0, atol=1e-14)
+
+
+def test_the_other_reading_stands_only_beside_the_papers_chamber():
+    assert analyse(Table1Spec()).other_reading is not None
+    changed = Table1Spec.model_validate({"chamber": {"offset_b": 2.5}})
+    assert analyse(changed).other_reading is None
+
+
+def test_the_exact_forms_are_those_of_the_library():
+    fields = {name: float(getattr(PRINTED, name)) for name in (*precision.FIELDS, "offset_d")}
+    with mpmath.workdps(30):
+        chamber = {name: mpmath.mpf(value) for name, value in fields.items()}
+        np.testing.assert_allclose(
+            float(exact.imaging_ratio(**chamber)), PRINTED.imaging_ratio().value, rtol=1e-13
+        )
+        np.testing.assert_allclose(float(exact.margin(**chamber)), PRINTED.imaging_ratio().margin)
+        others = {name: value for name, value in chamber.items() if name != "pinhole_offset"}
+        ratio = exact.imaging_ratio(**chamber)
+        roots = exact.dimension_roots("pinhole_offset", ratio=ratio, sketch=3, **others)
+        np.testing.assert_allclose(float(roots[0]), 4.0, rtol=1e-20)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_every_family_passes_for_other_seeds(seed):
+    for family in stability.families(seed):
+        for row in assess(family, ("float64", "float32")):
+            assert (row.failures, row.non_finite) == (0, 0), row
+            assert row.worst_gradient_error < 1e-6, row
+
+
+def test_contenders_agree_to_their_tolerance():
+    """Every method at its finest tolerance reaches the reference; a coarse one need not."""
+    fields = {name: float(getattr(PRINTED, name)) for name in precision.FIELDS}
+    methods = set()
+    for work in precision.workloads(fields, 20, seed=0):
+        with jax.enable_x64(work.dtype == "float64"):
+            for contender in precision.contenders(fields, work):
+                error = contender.error(contender.call())
+                methods.add(contender.method)
+                if contender.setting in ("", "tolerance 1e-14"):
+                    assert error < (2e-13 if work.dtype == "float64" else 1e-5), contender
+                assert error < 0.2, contender
+    assert methods == {"closed form", "SciPy brentq", *precision.METHOD_NAMES.values()}
+
+
+def test_the_claim_can_be_proved_wrong():
+    def row(method, error, seconds):
+        return PrecisionRow(method, "", "p", error, seconds, 0.9 * seconds, 1.1 * seconds, 0.0)
+
+    closed = row(precision.CLOSED_FORM, 1e-15, 1.0)
+    assert precision.claim([closed, row("x", 1e-16, 2.0), row("y", 1e-14, 0.1)]).holds
+    assert not precision.claim([closed, row("x", 1e-16, 0.1)]).holds
+
+
+def test_the_scene_needs_fewer_operations_than_the_general_program():
+    for row in operations(PRINTED):
+        assert 0 < row.scene_operations < row.general_operations
+
+
+def test_the_study_end_to_end(tmp_path, quick_table1, capsys):
+    out = tmp_path / "out"
+    assert cli.run(["run", "table1", "--out", str(out), *quick_table1]) == 0, capsys.readouterr().err
+    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
+    metrics = {name: metric["value"] for name, metric in document["metrics"].items()}
+    assert metrics["cells_matched_identified"] == 18
+    assert metrics["cells_matched_printed"] == 0
+    assert abs(metrics["identified_reference_height_mm"] - 8.616) < 0.005
+    assert abs(metrics["identified_pinhole_offset_mm"] - 0.844) < 0.005
+    assert metrics["non_finite"] == 0
+    assert metrics["stability_failures"] == 0
+    assert metrics["gradient_error"] <= 1e-6
+    assert all(metric["met"] in (True, None) for metric in document["metrics"].values())
+
+    first = document["findings"][0]
+    assert "printed camera constants do not give the paper's table" in first
+    for words in ("3.27 mm", "5.93°", "h = 8.616 mm", "δ = 0.844 mm", "18 of 18"):
+        assert words in first
+
+    methods = {row["method"] for row in document["precision"]}
+    assert methods == {"closed form", "SciPy brentq", *precision.METHOD_NAMES.values()}
+    assert {row["dtype"] for row in document["stability"]} == {"float64", "float32"}
+    assert all(row["seconds_low"] <= row["seconds"] <= row["seconds_high"] for row in document["precision"])
+
+    with (out / "tables" / "table1.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == [
+        "eta",
+        "delta_l_d_cm_paper",
+        "delta_l_d_cm_printed",
+        "delta_l_d_cm_identified",
+        "theta_cd_deg_paper",
+        "theta_cd_deg_printed",
+        "theta_cd_deg_identified",
+        "eta_from_theta",
+    ]
+    assert [float(row["delta_l_d_cm_paper"]) for row in rows] == TABLE["paper"]["delta_l_d_cm"]
+    for name in ("line", "section", "precision", "stability"):
+        assert f"figures/{name}.svg" in document["figures"]
+        assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
+
+
+def test_float32_meets_its_targets_too(tmp_path, capsys):
+    arguments = ["--dtype", "float32", "--set", "precision=false", "--set", "stability=false"]
+    out = tmp_path / "out"
+    assert cli.run(["run", "table1", "--out", str(out), *arguments]) == 0, capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("assignment", "words"),
+    [
+        ("clearence=1", "did you mean 'clearance'"),
+        ("clearance=4.1", "must be smaller than chamber.offset_a"),
+        ("chamber.length_ab=-40", "--set chamber.length_ab=-40: input should be greater than 0"),
+        ("chamber.length_ab=forty", "--set chamber.length_ab=forty: input should be a valid number"),
+        ("chamber.wall_angle_bc_deg=90", "--set chamber.wall_angle_bc_deg=90"),
+        ("precision_repeats=1", "--set precision_repeats=1"),
+    ],
+)
+def test_faulty_settings_are_one_line(tmp_path, capsys, assignment, words):
+    arguments = ["run", STUDY.name, "--out", str(tmp_path / "out"), "--set", assignment]
+    assert cli.run(arguments) == 2
+    shown = capsys.readouterr().err
+    assert words in shown
+    assert shown.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
