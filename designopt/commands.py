@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from designopt.results import Results
 
 
-class Dtype(str, Enum):
+class Dtype(StrEnum):
     """Float types a study can run in."""
 
     float64 = "float64"

@@ -1,4 +1,7 @@
-"""The only door to jaxopt, which is no longer maintained."""
+"""The only door to jaxopt, which is no longer maintained.
+
+Numbers that jaxopt annotates as ``float`` may be scalar arrays, traced ones included.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +20,10 @@ Residual = Callable[[Float[Array, ""], Any], Float[Array, ""]]
 
 def bisection(
     residual: Residual,
-    bracket: tuple[Float[Array, ""], Float[Array, ""]],
+    bracket: tuple[Any, Any],
     args: Any,
     *,
-    tolerance: Float[Array, ""],
+    tolerance: Any,
     max_steps: int,
 ) -> Float[Array, ""]:
     """Root of a scalar residual by jaxopt's Bisection, with its implicit derivative.
@@ -40,7 +43,7 @@ def gauss_newton(
     guess: Float[Array, ""],
     args: Any,
     *,
-    tolerance: Float[Array, ""],
+    tolerance: Any,
     max_steps: int,
 ) -> Float[Array, ""]:
     """Root of a scalar residual by jaxopt's GaussNewton, with its implicit derivative."""

@@ -15,7 +15,17 @@ from designopt.results import LeftOutRow, Table
 _INSTRUCTION = re.compile(r"^\s*(?:ROOT )?%?[\w.-]+ = .*?[\]})] ([\w-]+)\(")
 # These name, move or group data; what they group is counted where it stands.
 _BOOKKEEPING = frozenset(
-    "bitcast broadcast call constant copy fusion get-tuple-element parameter tuple".split()
+    [
+        "bitcast",
+        "broadcast",
+        "call",
+        "constant",
+        "copy",
+        "fusion",
+        "get-tuple-element",
+        "parameter",
+        "tuple",
+    ]
 )
 
 
@@ -25,7 +35,7 @@ def count_operations(function: Callable[..., Any], *args: Any) -> int:
     An operation is an instruction of the optimised program that computes something, whatever
     the size of its arrays; the body of a loop counts once, however often it runs.
     """
-    text = jax.jit(function).lower(*args).compile().as_text()
+    text = jax.jit(function).lower(*args).compile().as_text() or ""
     found = (_INSTRUCTION.match(line) for line in text.splitlines())
     return sum(match is not None and match[1] not in _BOOKKEEPING for match in found)
 

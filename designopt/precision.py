@@ -46,9 +46,7 @@ class Contender:
     scale: float = 1.0
 
 
-def compile_timed(
-    function: Callable[..., Any], *args: Any
-) -> tuple[Callable[..., Any], float]:
+def compile_timed(function: Callable[..., Any], *args: Any) -> tuple[Callable[..., Any], float]:
     """``function`` compiled for arguments like ``args``, and the seconds that took."""
     start = time.perf_counter()
     compiled = jax.jit(function).lower(*args).compile()
@@ -174,6 +172,7 @@ def figure(study: PrecisionStudy) -> Figure:
         "precision",
         "Error against run time",
         "Each point is one setting of one method at its median run time; the bar spans its fastest "
-        "to slowest repeat. Lower left is better. An error of exactly 0 is drawn at the lower edge.",
+        "to slowest repeat. Lower left is better. An error of exactly 0 is drawn at half the least "
+        "other one.",
         drawing,
     )

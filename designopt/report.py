@@ -154,4 +154,3 @@ def _cell(table: Table, column: int, value: Cell) -> str:
     if places is not None:
         return f"{value:.{places}f}"
     return str(value) if isinstance(value, int) else f"{value:.4g}"
-

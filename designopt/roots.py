@@ -69,7 +69,7 @@ def find_root(
         lower, upper = (as_float(end).astype(dtype) for end in bracket)
         guess = (lower + upper) / 2
     else:
-        lower = upper = guess
+        lower = upper = guess  # nobody looks at them
     if method.startswith("jaxopt"):
         root = _jaxopt(residual, guess, args, method, (lower, upper), tolerance, max_steps)
         converged = jnp.abs(residual(root, args)) <= tolerance
@@ -90,7 +90,7 @@ def _optimistix(
     args: Any,
     method: str,
     bracket: tuple[Float[Array, ""], Float[Array, ""]],
-    tolerance: Float[Array, ""],
+    tolerance: Any,  # annotated float by the libraries, which take a traced array all the same
     max_steps: int,
 ) -> optx.Solution:
     equation, options = residual, None
@@ -107,9 +107,10 @@ def _optimistix(
             sign = jnp.where(rises, jnp.ones_like(guess), -jnp.ones_like(guess))
             options = {"lower": lower, "upper": upper}
 
-            def equation(y: Float[Array, ""], args: Any) -> Float[Array, ""]:
+            def rising(y: Float[Array, ""], args: Any) -> Float[Array, ""]:
                 return sign * residual(y, args)
 
+            equation = rising
             solver = optx.Bisection(tolerance, tolerance, flip=False)
         case _:
             if guess.dtype != jnp.result_type(float):
@@ -138,7 +139,7 @@ def _jaxopt(
     args: Any,
     method: str,
     bracket: tuple[Float[Array, ""], Float[Array, ""]],
-    tolerance: Float[Array, ""],
+    tolerance: Any,  # annotated float by the libraries, which take a traced array all the same
     max_steps: int,
 ) -> Float[Array, ""]:
     # Imported on first use: jaxopt takes half a second, and few solves ask for it.

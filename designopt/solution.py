@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 import jax
 from jaxtyping import Array, Bool, Float
-
-if TYPE_CHECKING:
-    from equinox import Enumeration as ResultCode
-else:
-    ResultCode = Any  # at run time a member is no instance of `eqx.Enumeration`
 
 Value = TypeVar("Value")
 
@@ -31,7 +26,7 @@ class Solution(eqx.Module, Generic[Value]):
     value: Value
     margin: Float[Array, "*batch"]
     residual: Float[Array, "*batch"]
-    result: ResultCode
+    result: Any  # at run time a member is no instance of its enumeration's base
 
     @property
     def ok(self) -> Bool[Array, "*batch"]:

@@ -27,6 +27,8 @@ Dimension = Literal[
 """The dimensions on which η depends."""
 
 
+SolveMethod = Literal["closed form"] | RootMethod
+
 _LENGTHS = tuple(name for name in get_args(Dimension) if name != "wall_angle_bc")
 _QUADRATIC = ("length_ab", "length_bc", "pinhole_offset")  # the equation is linear in the others
 
@@ -36,15 +38,15 @@ def dimension_for_ratio(
     dimension: Dimension,
     ratio: ArrayLike,
     *,
-    method: Literal["closed form"] | RootMethod = "closed form",
+    method: SolveMethod = "closed form",
     bracket: tuple[ArrayLike, ArrayLike] | None = None,
     tolerance: ArrayLike = 1e-12,
 ) -> Solution[Float[Array, ""]]:
     """The value of one dimension at which the chamber's imaging ratio is ``ratio``.
 
     Δd_c = η Δd_b, cleared of its divisions, is a polynomial of degree 2 at most in every dimension
-    (of degree 1 in tan θ_BC for the wall angle), so its roots stand in closed form. Of two roots the one that
-    can be built counts, and of two such the one nearer to the chamber's present value.
+    (of degree 1 in tan θ_BC for the wall angle), so its roots stand in closed form. Of two roots
+    the one that can be built counts, and of two such the one nearer to the chamber's present value.
 
     Args:
         chamber: all dimensions; that of ``dimension`` chooses between two answers, and is where
@@ -112,7 +114,7 @@ def _closed_form(
 
 
 def _preferred(
-    chamber: Chamber, dimension: Dimension, roots: Float[Array, "2"], exist: Bool[Array, "2"]
+    chamber: Chamber, dimension: Dimension, roots: Float[Array, 2], exist: Bool[Array, 2]
 ) -> Int[Array, ""]:
     # A root that exists, of those one that can be built, of those the nearer one.
     margins = jax.vmap(lambda root: _with(chamber, dimension, root).imaging_ratio().margin)(roots)
@@ -154,10 +156,7 @@ def _iterated(
     )
 
 
-
-
 def _with(chamber: Chamber, dimension: Dimension, unknown: Float[Array, ""]) -> Chamber:
     # The unknown of the wall angle is its tangent.
     value = jnp.arctan(unknown) if dimension == "wall_angle_bc" else unknown
     return dataclasses.replace(chamber, **{dimension: value})
-

@@ -75,7 +75,7 @@ class ThinLens(eqx.Module):
         """1/u in 1/mm of the distance in focus; 0 is infinity, negative only a virtual object."""
         return 1 / self.focal_length - 1 / self.sensor_distance
 
-    def depth_of_field(self, blur_diameter: ArrayLike) -> Float[Array, "2"]:
+    def depth_of_field(self, blur_diameter: ArrayLike) -> Float[Array, 2]:
         """Vergences 1/u (1/mm) of the near and far limit within which the blur stays small.
 
         Args:

@@ -33,7 +33,11 @@ def central_differences(function: Callable[..., Any], design: Any) -> list[float
     for i, leaf in enumerate(leaves):
         step = np.finfo(float).eps ** (1 / 3) * max(1.0, abs(float(leaf)))
         ends = [
-            float(function(jax.tree.unflatten(structure, [*leaves[:i], leaf + move, *leaves[i + 1 :]])))
+            float(
+                function(
+                    jax.tree.unflatten(structure, [*leaves[:i], leaf + move, *leaves[i + 1 :]])
+                )
+            )
             for move in (step, -step)
         ]
         slopes.append((ends[0] - ends[1]) / (2 * step))

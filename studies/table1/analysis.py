@@ -31,7 +31,7 @@ class RealLens(eqx.Module):
     """
 
     lens: ThinLens
-    distances: Float[Array, "3"]
+    distances: Float[Array, 3]
     images: LensImage
     refocused: ThinLens
 

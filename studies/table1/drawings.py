@@ -56,7 +56,9 @@ def line_figure(imaging: Imaging, clearance: float) -> Figure:
     left = 1e3 * (slope * table[0] + intercept - table[1])
     residual.plot(table[0], left, "o", color=BLUE)
     reach = max(1.6 * half_unit, 1.1 * float(np.max(np.abs(left))))
-    residual.text(0.75, -1.08 * half_unit, "grey: rounding of the printed digits", ha="center", va="top")
+    residual.text(
+        0.75, -1.08 * half_unit, "grey: rounding of the printed digits", ha="center", va="top"
+    )
     residual.set(xlabel="η, yellow ring over blue ring")
     residual.set(ylabel=r"$\Delta l_D$, identified − Table I (µm)")
     residual.set(title="What the identified constants leave", ylim=(-reach, reach))
@@ -96,14 +98,20 @@ def section_figure(chamber: Chamber) -> Figure:
     section.axhline(-height, color="0.55", linewidth=0.8, linestyle=":")
     section.text(s_d - 4, -height + 0.25, "reference ray", color="0.35", fontsize=8, ha="right")
     for name in "BCD":
-        section.plot(*zip((-offset, -height), points[name], strict=True), color="0.3", linewidth=0.9)
+        section.plot(
+            *zip((-offset, -height), points[name], strict=True), color="0.3", linewidth=0.9
+        )
     for name, (s, y) in points.items():
         section.annotate(name, (s, y), (0, 7), textcoords="offset points", ha="center")
     section.annotate("E", (s_d, -height), (0, -13), textcoords="offset points", ha="center")
     section.plot(-offset, -height, "o", color="black")
-    section.annotate("pinhole", (-offset, -height), (6, -11), textcoords="offset points", fontsize=8)
+    section.annotate(
+        "pinhole", (-offset, -height), (6, -11), textcoords="offset points", fontsize=8
+    )
     section.set(xlabel="distance s along the centre line (mm)", ylabel="height (mm)")
-    section.set(title=f"Section at η = {ratio:.3f}", ylim=(-height - 2.2, float(chamber.offset_a) + 2))
+    section.set(
+        title=f"Section at η = {ratio:.3f}", ylim=(-height - 2.2, float(chamber.offset_a) + 2)
+    )
 
     lower = (*images[1:], 0.0)
     for low, high, color, name in zip(lower, images, [*REGIONS.values()][1:], "bcd", strict=True):

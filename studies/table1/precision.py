@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple, get_args
 
@@ -39,7 +39,7 @@ CLOSED_FORM = "closed form"
 CHECKED = 300
 """At most so many problems of a batch are compared with the reference, evenly spaced through it."""
 BRENTQ_SHARE = 50
-"""SciPy has no batched brentq: one problem in this many of a batch is solved, and the time scaled."""
+"""SciPy has no batched brentq: it solves one problem in so many of a batch; the time is scaled."""
 
 METHOD_NAMES = {
     "newton": "Optimistix Newton",
@@ -92,9 +92,7 @@ def contenders(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
     error = partial(_worst_error, work)
 
     compiled, seconds = compile_timed(jax.vmap(_closed_form, (None, 0)), chamber, angles)
-    yield Contender(
-        CLOSED_FORM, "", work.panel, partial(compiled, chamber, angles), error, seconds
-    )
+    yield Contender(CLOSED_FORM, "", work.panel, partial(compiled, chamber, angles), error, seconds)
     for method in get_args(RootMethod):
         solve = jax.vmap(partial(_iterate, method), (None, 0, None))
         tolerance = jnp.asarray(TOLERANCES[0], work.dtype)
@@ -119,7 +117,10 @@ def claim(rows: Sequence[PrecisionRow]) -> Claim:
         beaten += dominating(row, others)
         text = f"{row.panel}: closed form {row.seconds:.2g} s, error {row.error:.1e}"
         near = [other for other in others if other.error <= 10 * row.error]
-        for title, group in (("fastest of those within ten times its error", near), ("fastest iteration of all", others)):
+        for title, group in (
+            ("fastest of those within ten times its error", near),
+            ("fastest iteration of all", others),
+        ):
             if group:
                 best = min(group, key=lambda other: other.seconds)
                 text += (
@@ -200,7 +201,7 @@ def _brentq(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
         )
 
     def call(tolerance: float) -> np.ndarray:
-        relative = max(tolerance, 4 * np.finfo(float).eps)
+        relative = np.float64(max(tolerance, 4 * np.finfo(float).eps))
         return np.array(
             [
                 scipy.optimize.brentq(

@@ -11,7 +11,7 @@ from designopt.results import LeftOutRow, PrecisionStudy, Results
 from designopt.stability import DIGITS, assess
 from designopt.study import Context
 from optics.chamber import Chamber
-from optics.chamber_solve import dimension_for_ratio
+from optics.chamber_solve import SolveMethod, dimension_for_ratio
 from optics.thin_lens import ThinLens
 from studies.table1 import drawings, paper, precision, stability, statements, tables
 from studies.table1.analysis import analyse
@@ -70,7 +70,7 @@ def operations(chamber: Chamber) -> list[LeftOutRow]:
     """Operation counts of this scene's programs beside the general ones."""
     ratios = jnp.asarray(paper.ETA)
 
-    def offsets(chamber: Chamber, ratios: jax.Array, method: str) -> jax.Array:
+    def offsets(chamber: Chamber, ratios: jax.Array, method: SolveMethod) -> jax.Array:
         return jax.vmap(
             lambda ratio: dimension_for_ratio(chamber, "offset_d", ratio, method=method).value
         )(ratios)

@@ -12,16 +12,20 @@ from designopt.study import Spec
 class ChamberSpec(Spec):
     """The chamber and the camera as printed. Lengths in mm."""
 
-    length_ab: PositiveFloat = Field(40.0, description="a, length of the red region (mm)")
-    length_bc: PositiveFloat = Field(30.0, description="b, length of the blue region (mm)")
-    length_cd: PositiveFloat = Field(30.0, description="c, length of the yellow region (mm)")
-    offset_a: PositiveFloat = Field(4.1, description="Δl_A, offset of the wall at the lens (mm)")
-    offset_b: float = Field(2.0, description="Δl_B, wall offset where red meets blue (mm)")
-    wall_angle_bc_deg: Annotated[float, Field(ge=0, lt=90)] = Field(
-        2.0, description="θ_BC, angle of the blue wall to the centre line (degrees)"
+    length_ab: PositiveFloat = Field(default=40.0, description="a, length of the red region (mm)")
+    length_bc: PositiveFloat = Field(default=30.0, description="b, length of the blue region (mm)")
+    length_cd: PositiveFloat = Field(
+        default=30.0, description="c, length of the yellow region (mm)"
     )
-    focal_length: PositiveFloat = Field(4.0, description="f of the camera (mm)")
-    image_distance: PositiveFloat = Field(3.5, description="v of the camera (mm)")
+    offset_a: PositiveFloat = Field(
+        default=4.1, description="Δl_A, offset of the wall at the lens (mm)"
+    )
+    offset_b: float = Field(default=2.0, description="Δl_B, wall offset where red meets blue (mm)")
+    wall_angle_bc_deg: Annotated[float, Field(ge=0, lt=90)] = Field(
+        default=2.0, description="θ_BC, angle of the blue wall to the centre line (degrees)"
+    )
+    focal_length: PositiveFloat = Field(default=4.0, description="f of the camera (mm)")
+    image_distance: PositiveFloat = Field(default=3.5, description="v of the camera (mm)")
 
 
 class Table1Spec(Spec):
@@ -29,22 +33,23 @@ class Table1Spec(Spec):
 
     chamber: ChamberSpec = ChamberSpec()
     clearance: PositiveFloat = Field(
-        1.5, description="how far |Δl_D| must stay inside Δl_A when η is chosen (mm)"
+        default=1.5, description="how far |Δl_D| must stay inside Δl_A when η is chosen (mm)"
     )
     f_number: PositiveFloat = Field(
-        2.8, description="f-number of the real lens set beside Eq. 1; the paper gives none"
+        default=2.8, description="f-number of the real lens set beside Eq. 1; the paper gives none"
     )
     blur: PositiveFloat = Field(
-        0.003, description="blur spot that counts as sharp, about a pixel of an endoscope (mm)"
+        default=0.003,
+        description="blur spot that counts as sharp, about a pixel of an endoscope (mm)",
     )
-    precision: bool = Field(True, description="measure error against run time")
+    precision: bool = Field(default=True, description="measure error against run time")
     precision_problems: PositiveInt = Field(
-        100_000, description="problems in a batch of the run-time study"
+        default=100_000, description="problems in a batch of the run-time study"
     )
     precision_repeats: Annotated[int, Field(ge=3)] = Field(
-        5, description="timed repeats of each setting"
+        default=5, description="timed repeats of each setting"
     )
-    stability: bool = Field(True, description="run the stiff and extreme cases")
+    stability: bool = Field(default=True, description="run the stiff and extreme cases")
 
     @model_validator(mode="after")
     def _clearance_leaves_room(self) -> Table1Spec:

@@ -37,7 +37,9 @@ Inputs = dict[str, np.ndarray]
 
 def nominal() -> Family:
     """Table I's own chamber: nothing is extreme, and its gradients are checked all the same."""
-    return _of_ratio("η, Δl_D over the range of Table I", {"offset_d": np.linspace(1.29, 7.59, CASES)})
+    return _of_ratio(
+        "η, Δl_D over the range of Table I", {"offset_d": np.linspace(1.29, 7.59, CASES)}
+    )
 
 
 def families(seed: int) -> Iterator[Family]:

@@ -31,8 +31,8 @@ def metrics(
     """The study's numbers; the targets hold for the paper's chamber only."""
     paper_chamber = spec.chamber == ChamberSpec()
 
-    def target(*asked: object) -> Target | None:
-        return Target(*asked) if paper_chamber else None
+    def target(value: float, tolerance: float = 0.0) -> Target | None:
+        return Target("=", value, tolerance) if paper_chamber else None
 
     printed, identified = analysis.imaging.printed, analysis.imaging.identified
     fit = analysis.imaging.fit
@@ -46,7 +46,7 @@ def metrics(
             "",
             f"cells of Table I (of {CELLS}) met to the last printed digit, identified constants",
             CELLS,
-            target("=", CELLS),
+            target(CELLS),
         ),
         Metric(
             "cells_matched_printed",
@@ -73,7 +73,7 @@ def metrics(
             "mm",
             f"h that the table follows (± {deviations[0]:.4f} from the printed rounding)",
             None,
-            target("=", 8.616, 0.005),
+            target(8.616, 0.005),
         ),
         Metric(
             "identified_pinhole_offset_mm",
@@ -81,7 +81,7 @@ def metrics(
             "mm",
             f"δ that the table follows (± {deviations[1]:.4f} from the printed rounding)",
             None,
-            target("=", 0.844, 0.005),
+            target(0.844, 0.005),
         ),
         Metric(
             "chi_squared",
@@ -90,10 +90,25 @@ def metrics(
             f"sum of squared residuals of {2 * len(paper.ETA)} cells over the printed rounding "
             f"({2 * len(paper.ETA) - 2} expected)",
         ),
-        Metric("line_slope_mm", float(identified.slope), "mm", "slope of Δl_D over η, identified constants"),
-        Metric("line_intercept_mm", float(identified.intercept), "mm", "Δl_D at η = 0, identified constants"),
+        Metric(
+            "line_slope_mm",
+            float(identified.slope),
+            "mm",
+            "slope of Δl_D over η, identified constants",
+        ),
+        Metric(
+            "line_intercept_mm",
+            float(identified.intercept),
+            "mm",
+            "Δl_D at η = 0, identified constants",
+        ),
         Metric("line_slope_printed_mm", float(printed.slope), "mm", "slope, printed constants"),
-        Metric("line_intercept_printed_mm", float(printed.intercept), "mm", "intercept, printed constants"),
+        Metric(
+            "line_intercept_printed_mm",
+            float(printed.intercept),
+            "mm",
+            "intercept, printed constants",
+        ),
         Metric(
             "largest_ratio",
             float(analysis.imaging.choice.value),
@@ -140,8 +155,8 @@ def _constants(imaging: Imaging) -> str:
     height, offset = imaging.fit.solution.value.tolist()
     return (
         "The paper's printed camera constants do not give the paper's table: with "
-        f"h = Δl_A = {float(chamber.offset_a):g} mm and δ = f = {float(chamber.focal_length):g} mm, "
-        f"{imaging.printed.table.matched()} of {CELLS} cells agree, Δl_D is off by up to "
+        f"h = Δl_A = {float(chamber.offset_a):g} mm and δ = f = {float(chamber.focal_length):g} "
+        f"mm, {imaging.printed.table.matched()} of {CELLS} cells agree, Δl_D is off by up to "
         f"{10 * np.max(np.abs(worst.delta_l_d_cm)):.2f} mm and θ_CD by up to "
         f"{np.max(np.abs(worst.theta_cd_deg)):.2f}°; two effective constants identified from the "
         f"table itself, a reference height h = {height:.3f} mm and a pinhole offset "

@@ -83,8 +83,14 @@ def identification(analysis: Analysis) -> Table:
     return Table(
         "identification",
         "Identified camera constants; deviations from the rounding of the printed digits alone",
-        ["constant", "value_mm", "deviation_mm", "covariance_h_mm2", "covariance_delta_mm2",
-         "as_printed_mm"],
+        [
+            "constant",
+            "value_mm",
+            "deviation_mm",
+            "covariance_h_mm2",
+            "covariance_delta_mm2",
+            "as_printed_mm",
+        ],
         [
             (
                 name,
@@ -162,8 +168,15 @@ def real_lens(analysis: Analysis) -> Table:
     return Table(
         "real_lens",
         "The printed camera as a real thin lens, beside Eq. 1's pinhole at f − v",
-        ["point", "distance_mm", "sharp_image_mm", "sensor_mm", "blur_mm", "size_over_object",
-         "size_over_object_eq1"],
+        [
+            "point",
+            "distance_mm",
+            "sharp_image_mm",
+            "sensor_mm",
+            "blur_mm",
+            "size_over_object",
+            "size_over_object_eq1",
+        ],
         [
             (
                 point,
@@ -175,10 +188,13 @@ def real_lens(analysis: Analysis) -> Table:
                 gap / float(distance),
             )
             for point, distance, vergence, blur, size in zip(
-                "BCD", distances, images.vergence, images.blur_diameter, images.magnification,
+                "BCD",
+                distances,
+                images.vergence,
+                images.blur_diameter,
+                images.magnification,
                 strict=True,
             )
         ],
         {"distance_mm": 1, "sharp_image_mm": 3, "sensor_mm": 2, "blur_mm": 3},
     )
-

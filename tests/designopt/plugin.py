@@ -11,14 +11,14 @@ from designopt.study import STUDY_GROUP, Context, Spec, Study
 
 
 class Inner(Spec):
-    length: pydantic.PositiveFloat = pydantic.Field(2.0, description="a length (mm)")
+    length: pydantic.PositiveFloat = pydantic.Field(default=2.0, description="a length (mm)")
 
 
 class SquareSpec(Spec):
     side: float = pydantic.Field(description="side of the square (mm)")
     inner: Inner = Inner()
-    label: str = pydantic.Field("", description="free text")
-    asked: float = pydantic.Field(9.0, description="area asked for (mm²)")
+    label: str = pydantic.Field(default="", description="free text")
+    asked: float = pydantic.Field(default=9.0, description="area asked for (mm²)")
 
 
 def _run(spec: SquareSpec, context: Context) -> Results:

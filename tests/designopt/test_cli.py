@@ -27,7 +27,9 @@ def test_help_loads_nothing_heavy():
         f"loaded = [name for name in {HEAVY} if name in sys.modules]; "
         "sys.exit(f'loaded {loaded}' if loaded else code)"
     )
-    done = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", probe], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     for command in ("list", "run"):
         assert command in done.stdout
@@ -88,11 +90,17 @@ def test_a_missed_target_is_exit_code_1_with_its_results_kept(square, capsys):
         (["run", "square", "--set", "side=1", "--set", "sdie=1"], ["--set sdie", "'side'"]),
         (["run", "square", "--set", "side=x"], ["--set side=x", "valid number"]),
         (["run", "square", "--set", "side=1", "--set", "inner.length=-1"], ["inner.length", "0"]),
-        (["run", "square", "--set", "side=1", "--seed", "-1"], ["--seed", "greater than or equal to 0"]),
+        (
+            ["run", "square", "--set", "side=1", "--seed", "-1"],
+            ["--seed", "greater than or equal to 0"],
+        ),
         (["run", "square", "--set", "side=1", "--seed", "x"], ["--seed", "integer"]),
         (["run", "square", "--set", "side=1", "--dtype", "float16"], ["--dtype", "float32"]),
         (["run", "square", "--set", "side=1", "--out", "there"], ["--out there", "--force"]),
-        (["run", "square", "--set", "side=1", "--out", "file/x"], ["--out file/x", "name a folder"]),
+        (
+            ["run", "square", "--set", "side=1", "--out", "file/x"],
+            ["--out file/x", "name a folder"],
+        ),
         (["run", "square", "--set", "side=1", "--out", "there", "--force"], ["results.json"]),
     ],
 )

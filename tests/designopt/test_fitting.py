@@ -1,4 +1,4 @@
-"""Least squares against NumPy's linear algebra, scatter of repeated fits, and central differences."""
+"""Least squares against linear algebra, the scatter of repeated fits, and central differences."""
 
 import jax
 import jax.numpy as jnp

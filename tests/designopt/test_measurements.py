@@ -122,7 +122,12 @@ def off_by_a_millionth(x):
 
 
 def never_fails(x):
-    return Solution(jnp.sqrt(jnp.abs(x)), x, jnp.zeros_like(x), Outcome.where(x == x, Outcome.successful, Outcome.negative))
+    return Solution(
+        jnp.sqrt(jnp.abs(x)),
+        x,
+        jnp.zeros_like(x),
+        Outcome.where(x == x, Outcome.successful, Outcome.negative),
+    )
 
 
 def not_a_number(x):
@@ -161,7 +166,12 @@ def test_a_bad_solver_is_found_out(solve, failures, non_finite):
 
 def test_an_input_of_zero_is_still_judged():
     def square(x, y):
-        return Solution(x * y, x + 1, jnp.zeros_like(x), Outcome.where(x == x, Outcome.successful, Outcome.negative))
+        return Solution(
+            x * y,
+            x + 1,
+            jnp.zeros_like(x),
+            Outcome.where(x == x, Outcome.successful, Outcome.negative),
+        )
 
     def bad(x, y):
         return Solution(x * y + 1e-3 * x, x + 1, jnp.zeros_like(x), square(x, y).result)

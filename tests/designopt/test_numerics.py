@@ -30,7 +30,10 @@ def test_division_is_division_in_value_and_slope(numerator, denominator):
 )
 def test_division_beyond_the_range_is_reported(dtype, numerator, denominator):
     with jax.enable_x64(dtype == "float64"):
-        n, d = (jnp.asarray(min(x, float(jnp.finfo(dtype).max)), dtype) for x in (numerator, denominator))
+        n, d = (
+            jnp.asarray(min(x, float(jnp.finfo(dtype).max)), dtype)
+            for x in (numerator, denominator)
+        )
         value, valid = safe_divide(n, d)
         slopes = jax.grad(lambda n, d: safe_divide(n, d)[0], argnums=(0, 1))(n, d)
         assert np.all(np.isfinite([value, *slopes]))
@@ -53,7 +56,9 @@ def test_division_by_infinity_is_zero():
 
 def test_square_root():
     np.testing.assert_allclose(safe_sqrt(jnp.asarray([4.0, 0.0, -1.0])), [2, 0, 0])
-    np.testing.assert_allclose(jax.vmap(jax.grad(safe_sqrt))(jnp.asarray([4.0, 0.0, -1.0])), [0.25, 0, 0])
+    np.testing.assert_allclose(
+        jax.vmap(jax.grad(safe_sqrt))(jnp.asarray([4.0, 0.0, -1.0])), [0.25, 0, 0]
+    )
 
 
 @given(y=moderate, x=moderate)

@@ -9,9 +9,9 @@ from designopt.progress import step_display
 
 def shown(terminal: bool) -> str:
     stream = io.StringIO()
-    with step_display(Console(file=stream, force_terminal=terminal, width=80)) as step:
-        with step("Fitting"):
-            pass
+    console = Console(file=stream, force_terminal=terminal, width=80)
+    with step_display(console) as step, step("Fitting"):
+        pass
     return stream.getvalue()
 
 

@@ -1,4 +1,4 @@
-"""Root finding: every method and float type against known roots, derivatives three ways, failures."""
+"""Root finding, every method and float type: known roots, derivatives, failures."""
 
 from typing import get_args
 
@@ -32,7 +32,7 @@ def test_root_margin_and_residual(method, dtype):
         assert bool(found.ok), found.messages()
         assert found.value.dtype == dtype
     # The residual's slope is about 2.6, so its tolerance of 8 units bounds the root's error.
-    tolerance = 8 * np.finfo(dtype).eps if dtype == "float32" else 1e-12
+    tolerance = 8 * float(np.finfo(dtype).eps) if dtype == "float32" else 1e-12
     np.testing.assert_allclose(found.value, true_root(2.0), rtol=2 * tolerance)
     np.testing.assert_allclose(found.margin, 3 * true_root(2.0) ** 2 + 2, rtol=1e-5)
     assert float(found.residual) <= 10 * tolerance
@@ -67,7 +67,7 @@ def test_a_batch_holds_its_failures(method):
     assert found.messages()[0] == ""
     assert found.messages()[1]
     finite = jax.tree.map(lambda leaf: bool(jnp.all(jnp.isfinite(leaf))), found)
-    assert finite.value and finite.margin and finite.residual
+    assert jax.tree.leaves((finite.value, finite.margin, finite.residual)) == 3 * [True]
 
 
 def test_a_flat_residual_fails_with_finite_derivative():

@@ -69,8 +69,10 @@ def test_images_are_those_of_eq_1(a, b, c, offset_b, offset_d, angle):
     rings = [expected[0] - expected[1], expected[1] - expected[2], expected[2]]
     np.testing.assert_allclose(widths.value, rings, atol=ROUNDING * scale)
     ratio = chamber.imaging_ratio()
-    np.testing.assert_allclose(ratio.value * widths.value[0], widths.value[1], atol=ROUNDING * scale)
-    assert bool(ratio.ok) and bool(widths.ok) and bool(heights.ok)
+    np.testing.assert_allclose(
+        ratio.value * widths.value[0], widths.value[1], atol=ROUNDING * scale
+    )
+    assert all(bool(image.ok) for image in (ratio, widths, heights))
 
 
 def test_printed_chamber_is_eq_1_with_its_own_constants():
@@ -134,7 +136,7 @@ def test_gradients_are_central_differences(quantity):
 
 
 def test_compiled_batched_gradients_are_the_plain_ones():
-    """XLA compiled the batched gradient of a cumulative sum of the lengths wrongly (jaxlib 0.10.2)."""
+    """With jnp.cumsum of the lengths, jaxlib 0.10.2 compiles the batched gradient wrongly."""
     chambers = [make(), make(length_cd=17.0), make(offset_b=1.0)]
     batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *chambers)
     gradient = jax.grad(lambda chamber: chamber.imaging_ratio().value)

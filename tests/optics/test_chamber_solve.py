@@ -66,9 +66,7 @@ def test_linear_dimensions_are_linear(dimension):
 def test_iterations_agree_with_the_closed_form(dimension, method):
     chamber = make()
     expected = solve(chamber, dimension, 0.65)
-    found = solve(
-        chamber, dimension, 0.65, method=method, bracket=(-10.0, 20.0), tolerance=1e-13
-    )
+    found = solve(chamber, dimension, 0.65, method=method, bracket=(-10.0, 20.0), tolerance=1e-13)
     assert bool(found.ok), found.messages()
     np.testing.assert_allclose(found.value, expected.value, rtol=1e-9)
     np.testing.assert_allclose(found.margin, expected.margin, rtol=1e-9)

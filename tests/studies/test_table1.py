@@ -30,13 +30,15 @@ def solved():
 
 
 def test_the_paper_is_copied_correctly():
-    assert paper.ETA == tuple(TABLE["paper"]["eta"])
-    assert paper.DELTA_L_D_CM == tuple(TABLE["paper"]["delta_l_d_cm"])
-    assert paper.THETA_CD_DEG == tuple(TABLE["paper"]["theta_cd_deg"])
+    assert tuple(TABLE["paper"]["eta"]) == paper.ETA
+    assert tuple(TABLE["paper"]["delta_l_d_cm"]) == paper.DELTA_L_D_CM
+    assert tuple(TABLE["paper"]["theta_cd_deg"]) == paper.THETA_CD_DEG
 
 
 def test_the_identified_constants_give_all_18_cells(solved):
-    rows = zip(*(TABLE["paper"][name] for name in ("eta", "delta_l_d_cm", "theta_cd_deg")), strict=True)
+    rows = zip(
+        *(TABLE["paper"][name] for name in ("eta", "delta_l_d_cm", "theta_cd_deg")), strict=True
+    )
     table = solved.identified.table
     for i, (eta, offset_d, angle) in enumerate(rows):
         assert round(float(table.delta_l_d_cm[i]), 3) == offset_d
@@ -57,7 +59,7 @@ def test_the_lines_are_those_found_when_the_paper_was_read(solved):
 
 
 def test_identification_agrees_with_scipy_on_eq_1(solved):
-    """SciPy's least squares over the reading page's formula for Δl_D, which has no factored form."""
+    """SciPy's least squares over Δl_D written out from Eqs. 1-3 without any factoring."""
 
     def residuals(constants):
         height, offset = constants
@@ -70,7 +72,9 @@ def test_identification_agrees_with_scipy_on_eq_1(solved):
             [offset_d / 10 - TABLE["paper"]["delta_l_d_cm"], angle - TABLE["paper"]["theta_cd_deg"]]
         ) / (1e-3 / math.sqrt(12))
 
-    expected = scipy.optimize.least_squares(residuals, [4.1, 4.0], xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    expected = scipy.optimize.least_squares(
+        residuals, [4.1, 4.0], xtol=1e-15, ftol=1e-15, gtol=1e-15
+    )
     assert bool(solved.fit.solution.ok)
     np.testing.assert_allclose(solved.fit.solution.value, expected.x, rtol=1e-6)
     np.testing.assert_allclose(solved.fit.residuals, expected.fun, atol=1e-4)
@@ -129,7 +133,9 @@ def test_the_papers_ratio_is_the_largest_for_its_own_clearance(solved):
 
 def test_the_real_lens_is_gausss():
     lens = real_lens(PRINTED, jnp.asarray(2.0))
-    for distance, vergence in zip(lens.distances.tolist(), lens.images.vergence.tolist(), strict=True):
+    for distance, vergence in zip(
+        lens.distances.tolist(), lens.images.vergence.tolist(), strict=True
+    ):
         np.testing.assert_allclose(1 / distance + vergence, 1 / 4.0)
     np.testing.assert_allclose(lens.distances, [44.0, 74.0, 104.0])
     np.testing.assert_allclose(lens.lens.aperture, 2.0)
@@ -196,7 +202,9 @@ def test_the_scene_needs_fewer_operations_than_the_general_program():
 
 def test_the_study_end_to_end(tmp_path, quick_table1, capsys):
     out = tmp_path / "out"
-    assert cli.run(["run", "table1", "--out", str(out), *quick_table1]) == 0, capsys.readouterr().err
+    assert cli.run(["run", "table1", "--out", str(out), *quick_table1]) == 0, (
+        capsys.readouterr().err
+    )
     document = json.loads((out / "results.json").read_text(encoding="utf-8"))
     metrics = {name: metric["value"] for name, metric in document["metrics"].items()}
     assert metrics["cells_matched_identified"] == 18
@@ -216,7 +224,9 @@ def test_the_study_end_to_end(tmp_path, quick_table1, capsys):
     methods = {row["method"] for row in document["precision"]}
     assert methods == {"closed form", "SciPy brentq", *precision.METHOD_NAMES.values()}
     assert {row["dtype"] for row in document["stability"]} == {"float64", "float32"}
-    assert all(row["seconds_low"] <= row["seconds"] <= row["seconds_high"] for row in document["precision"])
+    assert all(
+        row["seconds_low"] <= row["seconds"] <= row["seconds_high"] for row in document["precision"]
+    )
 
     with (out / "tables" / "table1.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -248,7 +258,10 @@ def test_float32_meets_its_targets_too(tmp_path, capsys):
         ("clearence=1", "did you mean 'clearance'"),
         ("clearance=4.1", "must be smaller than chamber.offset_a"),
         ("chamber.length_ab=-40", "--set chamber.length_ab=-40: input should be greater than 0"),
-        ("chamber.length_ab=forty", "--set chamber.length_ab=forty: input should be a valid number"),
+        (
+            "chamber.length_ab=forty",
+            "--set chamber.length_ab=forty: input should be a valid number",
+        ),
         ("chamber.wall_angle_bc_deg=90", "--set chamber.wall_angle_bc_deg=90"),
         ("precision_repeats=1", "--set precision_repeats=1"),
     ],
