@@ -1,0 +1,77 @@
+"""The house itself: import arrows, public names, documents that keep their word."""
+
+import ast
+import importlib
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("designopt", "kinematics", "optics", "perception", "studies")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def test_imports_point_one_way():
+    tool = shutil.which("lint-imports", path=str(Path(sys.executable).parent))
+    assert tool is not None
+    done = subprocess.run(
+        [tool, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("package", ["designopt", "optics"])
+def test_every_public_name_exists_and_is_documented(package):
+    module = importlib.import_module(package)
+    stub = ast.parse((ROOT / package / "__init__.pyi").read_text(encoding="utf-8"))
+    listed = next(
+        ast.literal_eval(node.value) for node in stub.body if isinstance(node, ast.Assign)
+    )
+    for name in listed:
+        assert getattr(module, name).__doc__, name
+
+
+def test_every_package_is_typed_and_in_the_wheel():
+    assert PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == list(PACKAGES)
+    for package in PACKAGES:
+        assert (ROOT / package / "py.typed").is_file()
+
+
+def test_every_dependency_has_a_reason():
+    reasons = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    wanted = PROJECT["project"]["dependencies"] + [
+        requirement
+        for extra in PROJECT["project"]["optional-dependencies"].values()
+        for requirement in extra
+    ]
+    for requirement in wanted:
+        name = re.split(r"[\[>=]", requirement)[0]
+        assert re.search(rf"^\|.*\b{re.escape(name)}\b.*\|", reasons, re.MULTILINE), name
+
+
+def test_constraints_are_plain_pins_of_every_dependency():
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = {}
+    for line in lines:
+        match = re.fullmatch(r"([A-Za-z0-9._-]+)==([A-Za-z0-9.+!_]+)", line)
+        assert match, line
+        pins[match[1].lower().replace("_", "-")] = match[2]
+    for requirement in PROJECT["project"]["dependencies"]:
+        assert re.split(r"[>=]", requirement)[0].lower().replace("_", "-") in pins
+
+
+def test_every_study_has_a_readme():
+    for study in (ROOT / "studies").iterdir():
+        if (study / "__init__.py").is_file():
+            assert (study / "README.md").read_text(encoding="utf-8").startswith(f"# {study.name}")
+
+
+def test_modules_stay_readable():
+    for package in PACKAGES:
+        for module in (ROOT / package).rglob("*.py"):
+            assert len(module.read_text(encoding="utf-8").splitlines()) <= 400, module
