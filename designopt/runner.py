@@ -11,7 +11,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -98,9 +98,11 @@ def result_folder(out: Path, *, force: bool) -> Iterator[Path]:
                 f"--out {out}: exists and is not an earlier result (it has no results.json), so "
                 "--force does not replace it; name another folder"
             )
+    place = out.resolve()  # the folder itself, where ``out`` is a link to it
+    made = [parent for parent in place.parents if not parent.exists()]
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
+        place.parent.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=f".{place.name}.partial-", dir=place.parent))
     except OSError as error:
         raise _cannot_write(out, error) from error
     replaced = folder.with_name(folder.name + "-replaced")
@@ -108,16 +110,20 @@ def result_folder(out: Path, *, force: bool) -> Iterator[Path]:
         yield folder
         folder.chmod(0o755)  # mkdtemp makes it private
         try:
-            if force and out.exists():
-                out.rename(replaced)
-            folder.rename(out)
+            if force and place.exists():
+                place.rename(replaced)
+            folder.rename(place)
         except OSError as error:
             if replaced.exists():
-                replaced.rename(out)
+                replaced.rename(place)
             raise _cannot_write(out, error) from error
         shutil.rmtree(replaced, ignore_errors=True)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        if not place.exists():
+            for parent in made:
+                with suppress(OSError):
+                    parent.rmdir()
 
 
 def _cannot_write(out: Path, error: OSError) -> UserError:

@@ -32,7 +32,7 @@ FIELDS = (
 )
 """The chamber's fields on which η depends, beside Δl_D."""
 
-TOLERANCES = tuple(10.0**-power for power in range(2, 15, 2))
+TOLERANCES = (1e-2, 1e-5, 1e-8, 1e-11, 1e-14)
 BRACKET = (-1.0, 3.0)
 GUESS = 1.0
 CLOSED_FORM = "closed form"

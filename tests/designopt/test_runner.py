@@ -61,10 +61,22 @@ def test_force_replaces_an_earlier_result(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
+def test_a_link_to_a_result_stays_a_link(tmp_path):
+    run_square(tmp_path / "real")
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    with pytest.raises(UserError, match="exists already"):
+        run_square(tmp_path / "link")
+    run_square(tmp_path / "link", side=4.0, force=True)
+    assert (tmp_path / "link").is_symlink()
+    document = json.loads((tmp_path / "real" / "results.json").read_text(encoding="utf-8"))
+    assert document["spec"]["side"] == 4.0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "real"]
+
+
 @pytest.mark.parametrize("label", ["break", "interrupt"])
 def test_a_failed_run_leaves_nothing_and_keeps_what_was(tmp_path, label):
     with pytest.raises((RuntimeError, KeyboardInterrupt)):
-        run_square(tmp_path / "out", label=label)
+        run_square(tmp_path / "new" / "out", label=label)
     assert list(tmp_path.iterdir()) == []
     run_square(tmp_path / "out")
     with pytest.raises((RuntimeError, KeyboardInterrupt)):
