@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -91,9 +92,8 @@ def _summarise(results: Results, folder: Path) -> int:
     table = Table("metric", "value", "unit", "target", "", box=box.SIMPLE_HEAD)
     for metric in results.metrics:
         verdict = {True: "met", False: "MISSED", None: ""}[metric.met]
-        table.add_row(
-            metric.name, f"{metric.value:.6g}", metric.unit, str(metric.target or ""), verdict
-        )
+        value = f"{metric.value:.6g}" if math.isfinite(metric.value) else "none"
+        table.add_row(metric.name, value, metric.unit, str(metric.target or ""), verdict)
     console.print(table)
     print(f"report: {folder / 'report.html'}")
     if not results.unmet:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -142,7 +143,9 @@ def _flat(spec: dict[str, Any], prefix: str = "") -> Any:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.6g}"
+    if value is None:
+        return ""
+    return f"{value:.6g}" if math.isfinite(value) else "none"
 
 
 def _cell(table: Table, column: int, value: Cell) -> str:

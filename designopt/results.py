@@ -52,7 +52,7 @@ class Metric:
 
     Attributes:
         name: key in ``results.json``; ends in the unit where it has one (``_mm``, ``_deg``).
-        value: the number found.
+        value: the number found; NaN where there is none (``null`` in ``results.json``).
         unit: unit of ``value``, ``reference`` and ``target``; empty for a pure number.
         description: what it is, in words, for the report.
         reference: a published figure to compare with, where there is one.

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
 from designopt.results import Metric, StabilityRow, Target
+from designopt.solution import Solution
 from studies.table1 import paper
 from studies.table1.analysis import Analysis, RealLens
 from studies.table1.imaging import Constants, Imaging
@@ -19,7 +21,7 @@ CELLS = 3 * len(paper.ETA)
 def findings(spec: Table1Spec, analysis: Analysis) -> list[str]:
     """Plain sentences, most important first."""
     imaging = analysis.imaging
-    found = [_constants(imaging), _meaning(imaging)]
+    found = [_constants(spec, imaging), _meaning(imaging)]
     if analysis.other_reading is not None:
         found.append(_readings(imaging, analysis.other_reading))
     return [*found, _choice(spec, imaging), _lens(spec, analysis.lens)]
@@ -36,7 +38,7 @@ def metrics(
 
     printed, identified = analysis.imaging.printed, analysis.imaging.identified
     fit = analysis.imaging.fit
-    height, offset = fit.solution.value.tolist()
+    height, offset = _where_ok(fit.solution)
     deviations = np.sqrt(np.diag(np.asarray(fit.covariance)))
     worst = printed.table.deviations()
     return [
@@ -111,7 +113,7 @@ def metrics(
         ),
         Metric(
             "largest_ratio",
-            float(analysis.imaging.choice.value),
+            *_where_ok(analysis.imaging.choice),
             "",
             f"largest η that leaves {spec.clearance:g} mm inside Δl_A",
             paper.CHOSEN_ETA,
@@ -149,28 +151,42 @@ def metrics(
     ]
 
 
-def _constants(imaging: Imaging) -> str:
-    worst = imaging.printed.table.deviations()
-    chamber = imaging.printed.chamber
+def _where_ok(solution: Solution[Any]) -> list[float]:
+    # A failed solve has numbers, but they mean nothing: a metric shows that there is none.
+    values = np.atleast_1d(np.asarray(solution.value, float))
+    return (values if bool(solution.ok) else np.full_like(values, np.nan)).tolist()
+
+
+def _constants(spec: Table1Spec, imaging: Imaging) -> str:
+    whose = "The paper's printed camera constants"
+    if spec.chamber != ChamberSpec():
+        whose = "For this chamber, which is not the paper's, the printed camera constants"
+    chamber, table = imaging.printed.chamber, imaging.printed.table
+    worst = table.deviations()
+    printed = (
+        f"{whose} {'give' if table.matched() == CELLS else 'do not give'} the paper's table: with "
+        f"h = Δl_A = {float(chamber.offset_a):g} mm and δ = f = {float(chamber.focal_length):g} "
+        f"mm, {table.matched()} of {CELLS} cells agree, Δl_D is off by up to "
+        f"{10 * np.max(np.abs(worst.delta_l_d_cm)):.2f} mm and θ_CD by up to "
+        f"{np.max(np.abs(worst.theta_cd_deg)):.2f}°"
+    )
+    if not bool(imaging.fit.solution.ok):
+        return f"{printed}; no others could be identified, as the fit did not converge."
     height, offset = imaging.fit.solution.value.tolist()
     return (
-        "The paper's printed camera constants do not give the paper's table: with "
-        f"h = Δl_A = {float(chamber.offset_a):g} mm and δ = f = {float(chamber.focal_length):g} "
-        f"mm, {imaging.printed.table.matched()} of {CELLS} cells agree, Δl_D is off by up to "
-        f"{10 * np.max(np.abs(worst.delta_l_d_cm)):.2f} mm and θ_CD by up to "
-        f"{np.max(np.abs(worst.theta_cd_deg)):.2f}°; two effective constants identified from the "
-        f"table itself, a reference height h = {height:.3f} mm and a pinhole offset "
-        f"δ = {offset:.3f} mm, give {imaging.identified.table.matched()} of {CELLS} cells to the "
-        "last printed digit, and are this study's, not the paper's."
+        f"{printed}; two effective constants identified from the table itself, a reference height "
+        f"h = {height:.3f} mm and a pinhole offset δ = {offset:.3f} mm, give "
+        f"{imaging.identified.table.matched()} of {CELLS} cells to the last printed digit, and are "
+        "this study's, not the paper's."
     )
 
 
 def _meaning(imaging: Imaging) -> str:
     return (
-        "Δl_D is exactly linear in η, and two constants fit any line: the table follows "
-        f"Δl_D = {_line(imaging.identified)} mm, the printed constants give "
-        f"Δl_D = {_line(imaging.printed)} mm. That the cells are met says that the table is "
-        "consistent with Eqs. 1-3, not that a camera with these constants existed."
+        "Δl_D is exactly linear in η, and two constants fit any line: the identified ones give "
+        f"Δl_D = {_line(imaging.identified)} mm, the printed ones "
+        f"Δl_D = {_line(imaging.printed)} mm. Cells that are met say that the table is consistent "
+        "with Eqs. 1-3, not that a camera with these constants existed."
     )
 
 

@@ -252,6 +252,21 @@ def test_float32_meets_its_targets_too(tmp_path, capsys):
     assert cli.run(["run", "table1", "--out", str(out), *arguments]) == 0, capsys.readouterr().err
 
 
+def test_a_ratio_that_cannot_be_chosen_is_no_number(tmp_path):
+    out = tmp_path / "out"
+    chamber = ["chamber.length_ab=1e9", "chamber.offset_a=1e-6", "clearance=1e-9"]
+    off = ["precision=false", "stability=false"]
+    arguments = [part for text in chamber + off for part in ("--set", text)]
+    assert cli.run(["run", "table1", "--out", str(out), *arguments]) == 0
+    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
+    assert document["metrics"]["largest_ratio"]["value"] is None
+    assert any(finding.startswith("No η could be chosen:") for finding in document["findings"])
+    assert "which is not the paper's" in document["findings"][0]
+    assert all(
+        metric["target"] is None for name, metric in document["metrics"].items() if "cells" in name
+    )
+
+
 @pytest.mark.parametrize(
     ("assignment", "words"),
     [
