@@ -16,7 +16,7 @@ from .results import (
     Target,
 )
 from .roots import find_root
-from .solution import Solution
+from .solution import Solution, first_failure
 from .stability import Family, assess
 from .study import Context, Spec, Study
 
@@ -45,6 +45,7 @@ __all__ = [
     "count_operations",
     "dominating",
     "find_root",
+    "first_failure",
     "least_squares",
     "measure",
     "safe_arctan2",

@@ -8,9 +8,11 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import lineax as lx
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from designopt.roots import ROUNDING_UNITS
 from designopt.solution import Solution
 
 
@@ -49,17 +51,39 @@ def least_squares(
         residuals: deviations of the model from the data, each over its standard deviation.
         guess: where to start.
         args: what the residuals depend on beside the parameters.
-        tolerance: relative and absolute, on parameters and on the sum of squares.
+        tolerance: relative and absolute, on the parameters and on the sum of squares relative to
+            that of the guess; not below `ROUNDING_UNITS` units of rounding of the dtype.
         max_steps: cap on iterations.
 
     Returns:
-        The fit. The covariance is (JᵀJ)⁻¹, valid for small residuals (W. H. Press et al.,
+        The fit. It is ``ok`` at a minimum and nowhere else: where the residuals have, to the cube
+        root of rounding, no component along the Jacobian, or are as small as that against those of
+        the guess. Where residuals are not finite, all but the parameters is 0 and ``residual`` 1.
+        The covariance is (JᵀJ)⁻¹, valid for small residuals (W. H. Press et al.,
         *Numerical Recipes*, 3rd ed., §15.4).
     """
-    solver = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance)
-    found = optx.least_squares(residuals, solver, guess, args, max_steps=max_steps, throw=False)
-    left = residuals(found.value, args)
-    jacobian = jax.jacfwd(residuals)(found.value, args)
+    dtype = guess.dtype
+    tolerance = max(tolerance, ROUNDING_UNITS * float(jnp.finfo(dtype).eps))
+    # Tolerances are compared with the raw sum of squares: let it start at one half.
+    start = jnp.linalg.norm(residuals(guess, args))
+    unit = jax.lax.stop_gradient(jnp.where((start > 0) & jnp.isfinite(start), start, 1.0))
+    found = optx.least_squares(
+        lambda parameters, args: residuals(parameters, args) / unit,
+        optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance),
+        guess,
+        args,
+        max_steps=max_steps,
+        # The pseudo-inverse keeps the derivative finite where parameters cannot be told apart.
+        adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False)),
+        throw=False,
+    )
+    value = jnp.where(jnp.isfinite(found.value), found.value, jax.lax.stop_gradient(guess))
+    left = residuals(value, args)
+    jacobian = jax.jacfwd(residuals)(value, args)
+    known = jnp.all(jnp.isfinite(left)) & jnp.all(jnp.isfinite(jacobian))
+    left = jnp.where(known, left, 0.0)
+    jacobian = jnp.where(known, jacobian, 0.0)
+
     # Scaled columns: parameters of unlike units must not spoil the inverse.
     lengths = jnp.linalg.norm(jacobian, axis=0)
     lengths = jnp.where(lengths > 0, lengths, 1.0)
@@ -67,7 +91,18 @@ def least_squares(
     _, singular_values, right = jnp.linalg.svd(scaled, full_matrices=False)
     inverse = 1 / jnp.where(singular_values > 0, singular_values, 1.0)
     half = right.T * inverse[None, :] / lengths[:, None]
+
     size = jnp.linalg.norm(left)
     slope = jnp.linalg.norm(scaled.T @ left) / jnp.where(size > 0, size, 1.0)
-    solution = Solution(found.value, jnp.min(singular_values), slope, found.result)
+    # What counts is the minimum, not how the iteration ended. Residuals of a perfect fit are
+    # rounding, whose direction means nothing.
+    loose = jnp.finfo(dtype).eps ** (1 / 3)
+    at_minimum = (slope <= loose) | (size <= loose * unit)
+    elsewhere = optx.RESULTS.where(
+        found.result == optx.RESULTS.successful, optx.RESULTS.nonlinear_divergence, found.result
+    )
+    result = optx.RESULTS.where(at_minimum, optx.RESULTS.successful, elsewhere)
+    result = optx.RESULTS.where(known, result, optx.RESULTS.nonfinite)
+    margin = jnp.where(known, jnp.min(singular_values), 0.0)
+    solution = Solution(value, margin, jnp.where(known, slope, 1.0), result)
     return Fit(solution, left, half @ half.T, jnp.sum(left**2))

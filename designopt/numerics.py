@@ -12,8 +12,9 @@ def safe_divide(
 ) -> tuple[Float[Array, ...], Bool[Array, ...]]:
     """Quotient and whether it can be represented; 0 with zero slope where it cannot.
 
-    A quotient counts as representable only if its derivatives with respect to both arguments
-    fit the dtype too, so ``denominator`` must exceed about 1e-154 (float64) or 1e-19 (float32).
+    A quotient counts as representable only if neither it nor a derivative of it overflows, so
+    ``denominator`` must exceed about 1e-154 (float64) or 1e-19 (float32). A derivative may still
+    vanish below the range.
 
     Args:
         numerator: any finite array.
@@ -38,7 +39,11 @@ def safe_sqrt(value: Float[Array, ...]) -> Float[Array, ...]:
 
 
 def safe_arctan2(y: Float[Array, ...], x: Float[Array, ...]) -> Float[Array, ...]:
-    """Angle of (x, y) in radians, and 0 with zero slope at the origin, where it is undefined."""
+    """Angle of (x, y) in radians, and 0 with zero slope where it is undefined, at the origin.
+
+    Points nearer to it than about 1e-154 (float64) or 1e-19 (float32) count as the origin: their
+    angle's slope does not fit the dtype.
+    """
     defined = x * x + y * y > jnp.finfo(x.dtype).tiny
     return jnp.arctan2(jnp.where(defined, y, 0.0), jnp.where(defined, x, 1.0))
 
@@ -53,7 +58,9 @@ def safe_quadratic_roots(
 
     Returns:
         Roots (the one that survives c2 → 0 first), which of them exist, and the discriminant
-        scaled to lie between −1 and 1 (negative where both roots are complex).
+        scaled to lie between −1 and 1 (negative where both roots are complex). At a double root,
+        where the discriminant is 0, the roots' slopes are infinite; they come out finite there
+        and mean nothing.
     """
     # The roots do not depend on a common factor, so neither does their derivative.
     scale = jax.lax.stop_gradient(jnp.maximum(jnp.maximum(jnp.abs(c2), jnp.abs(c1)), jnp.abs(c0)))

@@ -14,9 +14,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import jax
+from matplotlib.ticker import NullFormatter
 
 from designopt.figures import MARKERS, PALETTE, new_figure
 from designopt.results import Figure, PrecisionRow, PrecisionStudy, Table
+
+LARGEST_DRAWN = 10.0
+"""An error above this is no answer at all, and would squeeze the others out of the figure."""
 
 MIN_SAMPLE_SECONDS = 2e-3
 """A timed sample repeats its call until it lasts this long, so that the clock's grain is lost."""
@@ -152,7 +156,7 @@ def figure(study: PrecisionStudy) -> Figure:
             ]
             axis.errorbar(
                 seconds,
-                [max(row.error, floor) for row in mine],
+                [min(max(row.error, floor), LARGEST_DRAWN) for row in mine],
                 xerr=spread,
                 color=PALETTE[index % len(PALETTE)],
                 marker=MARKERS[index % len(MARKERS)],
@@ -162,6 +166,7 @@ def figure(study: PrecisionStudy) -> Figure:
             )
         axis.set(xscale="log", yscale="log", title=panel)
         axis.set(xlabel="run time of one call (s)", ylabel=study.error)
+        axis.xaxis.set_minor_formatter(NullFormatter())
     handles = {
         label: handle
         for axis in axes.flat
@@ -173,6 +178,6 @@ def figure(study: PrecisionStudy) -> Figure:
         "Error against run time",
         "Each point is one setting of one method at its median run time; the bar spans its fastest "
         "to slowest repeat. Lower left is better. An error of exactly 0 is drawn at half the least "
-        "other one.",
+        "other one, one above 10 at 10.",
         drawing,
     )

@@ -185,6 +185,8 @@ class StabilityRow:
         worst_error: largest error of a value over the feasible cases, relative to the value and
             to what an input changed by its own size would do to it (``designopt.stability``).
         worst_gradient_error: the same of a gradient's entries.
+        worst_gradient_relative_error: largest deviation of an entry relative to that entry alone,
+            which the cancellation within a small entry may make large.
         non_finite: numbers among values, margins, residuals and gradients that are not finite.
     """
 
@@ -195,6 +197,7 @@ class StabilityRow:
     failures: int
     worst_error: float
     worst_gradient_error: float
+    worst_gradient_relative_error: float
     non_finite: int
 
 

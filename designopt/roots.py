@@ -55,7 +55,9 @@ def find_root(
 
     Returns:
         The root. ``margin`` is the magnitude of the residual's slope there (0 at a double root).
-        An element that did not converge has Optimistix's code; nothing raises in a batch.
+        An element that did not converge has Optimistix's code; nothing raises in a batch. Where
+        the residual itself is not finite (outside its domain), margin is 0 and residual 1; the
+        derivative of such an element is the residual's own affair.
 
     Raises:
         ValueError: a bisection without a bracket, or a method that mixes float types.
@@ -81,7 +83,13 @@ def find_root(
         root, result = found.value, found.result
     root = jnp.where(jnp.isfinite(root), root, jax.lax.stop_gradient(guess))
     value, slope = jax.value_and_grad(residual)(root, args)
-    return Solution(root, jnp.abs(slope), jnp.abs(value), result)
+    known = jnp.isfinite(value) & jnp.isfinite(slope)
+    return Solution(
+        root,
+        jnp.where(known, jnp.abs(slope), 0.0),
+        jnp.where(known, jnp.abs(value), 1.0),
+        optx.RESULTS.where(known, result, optx.RESULTS.nonfinite),
+    )
 
 
 def _optimistix(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import math
 import os
@@ -21,10 +22,14 @@ import jax
 
 from designopt import figures
 from designopt.errors import UserError
+from designopt.interrupts import interruptible
 from designopt.progress import step_display
 from designopt.report import RunRecord, measurements, render_report
 from designopt.results import Metric, Results, Table
 from designopt.study import Context, Spec, Study
+
+RESULT_NAMES = ("figures", "report.html", "results.json", "tables")
+"""What a result folder holds."""
 
 RECORDED_PACKAGES = (
     "designopt",
@@ -54,7 +59,7 @@ def run(study: Study, spec: Spec, *, seed: int, dtype: str, out: Path, force: bo
     Raises:
         UserError: the folder exists, or cannot be written.
     """
-    with result_folder(out, force=force) as folder, figures.style():
+    with result_folder(out, force=force) as folder, figures.style(), interruptible() as check:
         start = time.perf_counter()
         with step_display() as step, jax.enable_x64(dtype == "float64"):
             results = study.run(spec, Context(seed, dtype, step))
@@ -73,6 +78,7 @@ def run(study: Study, spec: Spec, *, seed: int, dtype: str, out: Path, force: bo
             write_results(record, results, folder)
         except OSError as error:
             raise _cannot_write(out, error) from error
+        check()
     return results
 
 
@@ -82,52 +88,85 @@ def result_folder(out: Path, *, force: bool) -> Iterator[Path]:
 
     Args:
         out: the folder to make; folders above it are made as needed.
-        force: replace an earlier result at ``out``, at the very end. Only a folder that holds a
-            ``results.json`` is ever replaced.
+        force: replace an earlier result at ``out``, at the very end. Only a folder that holds an
+            earlier result and nothing else is ever replaced.
 
     Raises:
         UserError: ``out`` exists and must not be replaced, or cannot be written.
     """
-    if out.exists() or out.is_symlink():
-        if not force:
-            raise UserError(
-                f"--out {out}: exists already; name another folder, or replace it with --force"
-            )
-        if not (out / "results.json").is_file():
-            raise UserError(
-                f"--out {out}: exists and is not an earlier result (it has no results.json), so "
-                "--force does not replace it; name another folder"
-            )
-    place = out.resolve()  # the folder itself, where ``out`` is a link to it
-    made = [parent for parent in place.parents if not parent.exists()]
+    made: list[Path] = []
+    folder = place = None
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f".{place.name}.partial-", dir=place.parent))
-    except OSError as error:
-        raise _cannot_write(out, error) from error
-    replaced = folder.with_name(folder.name + "-replaced")
-    try:
-        yield folder
-        folder.chmod(0o755)  # mkdtemp makes it private
         try:
-            if force and place.exists():
-                place.rename(replaced)
-            folder.rename(place)
-        except OSError as error:
-            if replaced.exists():
-                replaced.rename(place)
+            place = out.resolve()  # the folder itself, where ``out`` is a link to it
+            _refuse_existing(out, place, force=force)
+            made = [parent for parent in place.parents if not parent.exists()]
+            place.parent.mkdir(parents=True, exist_ok=True)
+            folder = Path(tempfile.mkdtemp(prefix=".partial-", dir=place.parent))
+        except (OSError, RuntimeError) as error:  # a loop of links is a RuntimeError
             raise _cannot_write(out, error) from error
-        shutil.rmtree(replaced, ignore_errors=True)
+        yield folder
+        try:
+            _publish(folder, place, force=force)
+        except OSError as error:
+            raise _cannot_write(out, error) from error
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        if not place.exists():
-            for parent in made:
-                with suppress(OSError):
-                    parent.rmdir()
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+        for parent in made:
+            with suppress(OSError):  # not empty: the result is in it, or somebody else's file
+                parent.rmdir()
 
 
-def _cannot_write(out: Path, error: OSError) -> UserError:
-    reason = f"{error.strerror}: {error.filename}" if error.filename else error.strerror
+def _refuse_existing(out: Path, place: Path, *, force: bool) -> None:
+    if not (place.exists() or out.is_symlink()):
+        return
+    if not force:
+        raise UserError(
+            f"--out {out}: exists already; name another folder, or replace an earlier result "
+            "with --force"
+        )
+    if not _is_result(place):
+        raise UserError(
+            f"--out {out}: exists and is not an earlier result alone, so --force does not replace "
+            "it; name another folder"
+        )
+
+
+def _is_result(place: Path) -> bool:
+    try:
+        document = json.loads((place / "results.json").read_text(encoding="utf-8"))
+        strangers = {path.name for path in place.iterdir()} - set(RESULT_NAMES)
+    except (OSError, ValueError):
+        return False
+    return (
+        isinstance(document, dict)
+        and {"study", "spec", "metrics"} <= set(document)
+        and not strangers
+    )
+
+
+def _publish(folder: Path, place: Path, *, force: bool) -> None:
+    folder.chmod(0o755)  # mkdtemp makes it private
+    if not place.exists():
+        folder.rename(place)
+        return
+    if not (force and _is_result(place)):
+        raise FileExistsError(errno.EEXIST, "made by somebody else meanwhile", str(place))
+    replaced = folder.with_name(folder.name + "-replaced")
+    place.rename(replaced)
+    try:
+        folder.rename(place)
+    except BaseException:
+        replaced.rename(place)
+        raise
+    shutil.rmtree(replaced, ignore_errors=True)
+
+
+def _cannot_write(out: Path, error: Exception) -> UserError:
+    reason = str(error)
+    if isinstance(error, OSError):
+        reason = f"{error.strerror}: {error.filename}" if error.filename else str(error.strerror)
     return UserError(f"--out {out}: cannot be written ({reason}); name a folder that can")
 
 

@@ -59,9 +59,10 @@ def _assign(overrides: dict[str, Any], text: str, study: str) -> None:
             f"('designopt list {study}' shows the keys)"
         )
     try:
-        parsed = tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        parsed = value
+        document = tomllib.loads(f"value = {value}")
+    except (tomllib.TOMLDecodeError, RecursionError):
+        document = {}
+    parsed = document["value"] if set(document) == {"value"} else value
     place = overrides
     for part in path[:-1]:
         place = place.setdefault(part, {})

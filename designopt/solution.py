@@ -6,6 +6,7 @@ from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 Value = TypeVar("Value")
@@ -45,3 +46,19 @@ class Solution(eqx.Module, Generic[Value]):
             enumeration[jax.tree.map(lambda code, i=i: code[i], flat)]
             for i in range(self.margin.size)
         ]
+
+
+def first_failure(
+    successful: Any, *checks: tuple[Float[Array, ""], Any]
+) -> tuple[Float[Array, ""], Any]:
+    """The least of several margins, and the code of the first that is not positive.
+
+    Args:
+        successful: the code where all are positive.
+        checks: margins in one unit, each with its code, a member of the same enumeration.
+    """
+    enumeration = successful._enumeration
+    result = successful
+    for margin, code in reversed(checks):
+        result = enumeration.where(margin > 0, result, code)
+    return jnp.min(jnp.stack([margin for margin, _ in checks])), result

@@ -103,7 +103,7 @@ def _judge(
 ) -> StabilityRow:
     rounding = float(np.finfo(dtype).eps)
     failures = infeasible = 0
-    worst = worst_gradient = 0.0
+    worst = worst_gradient = worst_relative = 0.0
     for case, value, ok, gradient in zip(
         inputs, answers.values.tolist(), answers.ok, answers.gradients, strict=True
     ):
@@ -116,15 +116,24 @@ def _judge(
             if not (feasible and ok):
                 failures += feasible != bool(ok)
                 continue
-            error, gradient_error = _errors(family, exact, value, gradient)
+            error, gradient_error, relative_error = _errors(family, exact, value, gradient)
         worst, worst_gradient = max(worst, error), max(worst_gradient, gradient_error)
+        worst_relative = max(worst_relative, relative_error)
         failures += (
             error > VALUE_TOLERANCE * rounding or gradient_error > GRADIENT_TOLERANCE * rounding
         )
     numbers = (answers.values, answers.gradients, answers.margins, answers.residuals)
     non_finite = sum(int(np.sum(~np.isfinite(part))) for part in numbers)
     return StabilityRow(
-        family.case, dtype, len(inputs), infeasible, failures, worst, worst_gradient, non_finite
+        case=family.case,
+        dtype=dtype,
+        cases=len(inputs),
+        infeasible=infeasible,
+        failures=failures,
+        worst_error=worst,
+        worst_gradient_error=worst_gradient,
+        worst_gradient_relative_error=worst_relative,
+        non_finite=non_finite,
     )
 
 
@@ -133,7 +142,7 @@ def _errors(
     case: Mapping[str, Any],
     value: float,
     gradient: np.ndarray,
-) -> tuple[float, float]:
+) -> tuple[float, float, float]:
     point = list(case.values())
 
     def exact(*point: Any) -> Any:
@@ -145,11 +154,20 @@ def _errors(
         for i in range(len(point))
     ]
     size = abs(y) + sum(abs(x * slope) for x, slope in zip(point, slopes, strict=True))
+    found = [_number(entry) for entry in gradient.tolist()]
     gradient_error = max(
-        _ratio(abs(mpmath.mpf(float(found)) - slope), size / abs(x) if x else abs(slope))
-        for found, slope, x in zip(gradient, slopes, point, strict=True)
+        _ratio(abs(entry - slope), size / abs(x) if x else abs(slope))
+        for entry, slope, x in zip(found, slopes, point, strict=True)
     )
-    return _ratio(abs(mpmath.mpf(value) - y), size), gradient_error
+    relative_error = max(
+        _ratio(abs(entry - slope), abs(slope)) for entry, slope in zip(found, slopes, strict=True)
+    )
+    return _ratio(abs(_number(value) - y), size), gradient_error, relative_error
+
+
+def _number(value: float) -> Any:
+    # NaN is as wrong as infinity, and unlike it can be compared.
+    return mpmath.mpf(value) if np.isfinite(value) else mpmath.inf
 
 
 def _ratio(error: Any, size: Any) -> float:
@@ -172,6 +190,7 @@ def table(rows: Sequence[StabilityRow]) -> Table:
             "failures",
             "worst_error",
             "worst_gradient_error",
+            "worst_gradient_relative_error",
             "non_finite",
         ],
         [astuple(row) for row in rows],
@@ -221,6 +240,6 @@ def figure(rows: Sequence[StabilityRow]) -> Figure:
         "Worst error in stiff and extreme cases",
         "Errors are scaled by the conditioning of each case. The dotted lines mark the rounding of "
         "each float type, below which nothing can be asked; an error far below it is drawn at an "
-        "eighth of it.",
+        "eighth of it. Inputs are rounded to the float type first, so the cases of the two differ.",
         drawing,
     )

@@ -31,7 +31,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from designopt.numerics import as_float, safe_arctan2, safe_divide
-from designopt.solution import Solution
+from designopt.solution import Solution, first_failure
 
 
 class ChamberResult(eqx.Enumeration):
@@ -42,9 +42,9 @@ class ChamberResult(eqx.Enumeration):
         "A wall point lies at or behind the pinhole plane and has no image: "
         "the pinhole offset must be larger than minus the red length."
     )
-    no_blue_region = (
-        "The blue region has no length, so the yellow ring has nothing to be compared with: "
-        "make the blue length positive."
+    no_length = (
+        "A region has no length or a negative one, so it cannot be built: "
+        "change the imaging ratio or another dimension until all three are positive."
     )
     blue_edge_on = (
         "The camera looks along the blue wall or at its back, so the blue ring has no width: "
@@ -72,7 +72,8 @@ class Chamber(eqx.Module):
         length_cd: c, length of the yellow region.
         offset_a: Δl_A, offset of the wall at the lens.
         offset_b: Δl_B, offset of the wall where red meets blue.
-        wall_angle_bc: θ_BC, angle by which the blue wall falls towards the centre line.
+        wall_angle_bc: θ_BC, angle by which the blue wall falls towards the centre line; less than
+            a right angle either way.
         offset_d: Δl_D, offset of the wall's end, counted to the other side of the centre line.
         focal_length: f.
         image_distance: v.
@@ -114,6 +115,10 @@ class Chamber(eqx.Module):
         )
 
     @property
+    def _lengths(self) -> Float[Array, 3]:
+        return jnp.stack([self.length_ab, self.length_bc, self.length_cd])
+
+    @property
     def depths(self) -> Float[Array, 3]:
         """S + δ for B, C and D in mm: how far in front of the pinhole plane each lies."""
         depth_b = self.length_ab + self.pinhole_offset
@@ -139,9 +144,11 @@ class Chamber(eqx.Module):
         """η = Δd_c / Δd_b, the yellow ring's width over the blue ring's (paper A, Eq. 3).
 
         Returns:
-            η, without unit. ``margin`` (mm) is the least of the depths of B, C and D, of b and
-            of W: how far the nearest wall point is in front of the pinhole plane, how long the
-            blue region is, and how far the pinhole is in front of its wall.
+            η, without unit; negative where D is imaged farther out than C, so that the yellow
+            wall hides itself. ``margin`` (mm) is the least of the depths of B, C and D, of the
+            three lengths, and of W: how far the nearest wall point is in front of the pinhole
+            plane, how long the shortest region is, and how far the pinhole is in front of the
+            blue wall.
         """
         depth_b, _, depth_d = self.depths
         wall_distance = self.blue_wall_distance
@@ -149,9 +156,10 @@ class Chamber(eqx.Module):
         per_length, length_fits = safe_divide(self._yellow, self.length_bc)
         slope, slope_fits = safe_divide(per_length, wall_distance)
         ratio = perspective * slope
-        margin, result = _first_failure(
+        margin, result = first_failure(
+            ChamberResult.successful,
             (jnp.min(self.depths), ChamberResult.behind_pinhole),
-            (self.length_bc, ChamberResult.no_blue_region),
+            (jnp.min(self._lengths), ChamberResult.no_length),
             (wall_distance, ChamberResult.blue_edge_on),
         )
         fits = perspective_fits & length_fits & slope_fits
@@ -183,7 +191,9 @@ class Chamber(eqx.Module):
     ) -> Solution[Float[Array, 3]]:
         slopes, fits = safe_divide(heights, depths)
         images = (self.focal_length - self.image_distance) * slopes
-        margin, result = _first_failure((jnp.min(self.depths), ChamberResult.behind_pinhole))
+        margin, result = first_failure(
+            ChamberResult.successful, (jnp.min(self.depths), ChamberResult.behind_pinhole)
+        )
         result = ChamberResult.where(
             (margin > 0) & ~jnp.all(fits), ChamberResult.out_of_range, result
         )
@@ -206,13 +216,3 @@ def ring_residual(chamber: Chamber, ratio: Float[Array, ""]) -> Float[Array, ""]
     """What is left of Δd_c = η Δd_b, divided by the sum of both sides' magnitudes."""
     wanted, found = ring_terms(chamber, ratio)
     return safe_divide(wanted - found, jnp.abs(wanted) + jnp.abs(found))[0]
-
-
-def _first_failure(
-    *checks: tuple[Float[Array, ""], ChamberResult],
-) -> tuple[Float[Array, ""], ChamberResult]:
-    # The least margin, and the code of the first one that is not positive.
-    result = ChamberResult.successful
-    for margin, code in reversed(checks):
-        result = ChamberResult.where(margin > 0, result, code)
-    return jnp.min(jnp.stack([margin for margin, _ in checks])), result

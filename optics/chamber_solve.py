@@ -44,6 +44,10 @@ def dimension_for_ratio(
 ) -> Solution[Float[Array, ""]]:
     """The value of one dimension at which the chamber's imaging ratio is ``ratio``.
 
+    η depends neither on Δl_A nor on f and v, unless they are tied to h and δ: with the constants
+    as printed, solve for ``reference_height`` and read it as Δl_A, or for ``pinhole_offset`` and
+    read it as f. θ_CD follows from ``offset_d`` (`Chamber.wall_angle_cd`).
+
     Δd_c = η Δd_b, cleared of its divisions, is a polynomial of degree 2 at most in every dimension
     (of degree 1 in tan θ_BC for the wall angle), so its roots stand in closed form. Of two roots
     the one that can be built counts, and of two such the one nearer to the chamber's present value.
@@ -55,13 +59,14 @@ def dimension_for_ratio(
         ratio: η wanted, without unit.
         method: ``"closed form"``, or an iteration of `designopt.find_root`.
         bracket: for the bisections: two values of the dimension with the answer between them.
-        tolerance: of an iteration, on the residual of Δd_c = η Δd_b scaled to order one.
+        tolerance: of an iteration, on the residual of Δd_c = η Δd_b scaled to order one and on
+            the dimension relative to the longest length.
 
     Returns:
         The dimension's value, mm or radians, differentiable in every other dimension and in η.
-        ``margin`` is that of the resulting chamber's `Chamber.imaging_ratio` (mm); where no real
-        root exists it is the discriminant, scaled to −1…0 (0 if η does not depend on the
-        dimension at all).
+        ``margin`` is that of the resulting chamber's `Chamber.imaging_ratio` (mm). Where no real
+        root exists it measures something else: the discriminant, scaled to −1…0, times the
+        longest length (0 if η does not depend on the dimension at all).
 
     Raises:
         ValueError: η does not depend on a dimension of that name.
@@ -72,20 +77,31 @@ def dimension_for_ratio(
             + ", ".join(get_args(Dimension))
         )
     ratio = as_float(ratio).astype(chamber.length_ab.dtype)
+    # Lengths in units of the longest, so that no product leaves the range of the float type.
+    lengths = {name: getattr(chamber, name) for name in _LENGTHS}
+    longest = jnp.max(jnp.abs(jnp.stack(list(lengths.values()))))
+    unit = jax.lax.stop_gradient(jnp.where(longest > 0, longest, 1.0))
+    scaled = dataclasses.replace(chamber, **{name: x / unit for name, x in lengths.items()})
+    unknown_unit = jnp.ones_like(unit) if dimension == "wall_angle_bc" else unit
     if method == "closed form":
-        return _closed_form(chamber, dimension, ratio)
-    return _iterated(chamber, dimension, ratio, method, bracket, tolerance)
+        solved = _closed_form(scaled, dimension, ratio)
+    else:
+        if bracket is not None:
+            bracket = (bracket[0] / unknown_unit, bracket[1] / unknown_unit)
+        solved = _iterated(scaled, dimension, ratio, method, bracket, tolerance)
+    value, margin = solved.value * unknown_unit, solved.margin * unit
+    fits = jnp.isfinite(value) & jnp.isfinite(margin)
+    return Solution(
+        jnp.where(fits, value, jnp.zeros_like(value)),
+        jnp.where(fits, margin, jnp.zeros_like(margin)),
+        solved.residual,
+        ChamberResult.where(fits, solved.result, ChamberResult.out_of_range),
+    )
 
 
 def _closed_form(
     chamber: Chamber, dimension: Dimension, ratio: Float[Array, ""]
 ) -> Solution[Float[Array, ""]]:
-    # Lengths in units of the longest, so that no product leaves the range of float32.
-    lengths = {name: getattr(chamber, name) for name in _LENGTHS}
-    longest = jnp.max(jnp.abs(jnp.stack(list(lengths.values()))))
-    unit = jax.lax.stop_gradient(jnp.where(longest > 0, longest, 1.0))
-    chamber = dataclasses.replace(chamber, **{name: x / unit for name, x in lengths.items()})
-
     def equation(unknown: Float[Array, ""]) -> Float[Array, ""]:
         wanted, found = ring_terms(_with(chamber, dimension, unknown), ratio)
         return wanted - found
@@ -106,8 +122,8 @@ def _closed_form(
     answer = _with(chamber, dimension, root)
     image = answer.imaging_ratio()
     return Solution(
-        jnp.arctan(root) if dimension == "wall_angle_bc" else root * unit,
-        jnp.where(exists, image.margin * unit, discriminant),
+        jnp.arctan(root) if dimension == "wall_angle_bc" else root,
+        jnp.where(exists, image.margin, discriminant),
         ring_residual(answer, ratio),
         ChamberResult.where(exists, image.result, ChamberResult.no_solution),
     )

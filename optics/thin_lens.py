@@ -11,19 +11,26 @@ form a virtual image; this module is the physical model to set beside it.
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from designopt.numerics import as_float, safe_divide
-from designopt.solution import Solution
+from designopt.solution import Solution, first_failure
 
 
 class LensResult(eqx.Enumeration):
-    """What can be wrong with an object in front of a lens."""
+    """What can be wrong with a lens or with an object in front of it."""
 
     successful = ""
     behind_lens = "The object lies in or behind the lens: its distance must be positive."
+    no_lens = "The lens does not gather light: its focal length must be positive."
+    no_sensor = "The sensor lies in or before the lens: its distance must be positive."
+    no_aperture = "The lens lets no light through: its aperture must be positive."
+    no_blur = "No blur is accepted, so nothing is sharp: the accepted spot must be positive."
+    out_of_range = "A reciprocal does not fit this float type: use float64 or rescale the lengths."
 
 
 class LensImage(eqx.Module):
@@ -59,23 +66,37 @@ class ThinLens(eqx.Module):
     def image(self, distance: ArrayLike) -> Solution[LensImage]:
         """The image of a point at ``distance`` u (mm, infinity allowed; `jax.vmap` it for several).
 
-        ``margin`` is the distance itself. ``residual`` is 0: the lens equation is explicit in
-        vergences.
+        ``margin`` (mm) is the smaller of u and f. ``residual`` is 0: the lens equation is
+        explicit in vergences.
         """
         distance = as_float(distance)
-        object_vergence, _ = safe_divide(jnp.ones_like(distance), distance)
-        vergence = 1 / self.focal_length - object_vergence
+        object_vergence, distance_fits = safe_divide(jnp.ones_like(distance), distance)
+        power, power_fits = safe_divide(jnp.ones_like(self.focal_length), self.focal_length)
+        vergence = power - object_vergence
         blur = self.aperture * jnp.abs(self.sensor_distance * vergence - 1)
         image = LensImage(vergence, -self.sensor_distance * object_vergence, blur)
-        result = LensResult.where(distance > 0, LensResult.successful, LensResult.behind_lens)
-        return Solution(image, distance, jnp.zeros_like(distance), result)
+        return _judged(
+            image,
+            distance_fits & power_fits,
+            (distance, LensResult.behind_lens),
+            (self.focal_length, LensResult.no_lens),
+        )
 
-    @property
-    def focus_vergence(self) -> Float[Array, ""]:
-        """1/u in 1/mm of the distance in focus; 0 is infinity, negative only a virtual object."""
-        return 1 / self.focal_length - 1 / self.sensor_distance
+    def focus_vergence(self) -> Solution[Float[Array, ""]]:
+        """1/u in 1/mm of the distance in focus; 0 is infinity, negative only a virtual object.
 
-    def depth_of_field(self, blur_diameter: ArrayLike) -> Float[Array, 2]:
+        ``margin`` (mm) is the smaller of f and v.
+        """
+        power, power_fits = safe_divide(jnp.ones_like(self.focal_length), self.focal_length)
+        sensor, sensor_fits = safe_divide(jnp.ones_like(self.focal_length), self.sensor_distance)
+        return _judged(
+            power - sensor,
+            power_fits & sensor_fits,
+            (self.focal_length, LensResult.no_lens),
+            (self.sensor_distance, LensResult.no_sensor),
+        )
+
+    def depth_of_field(self, blur_diameter: ArrayLike) -> Solution[Float[Array, 2]]:
         """Vergences 1/u (1/mm) of the near and far limit within which the blur stays small.
 
         Args:
@@ -84,10 +105,34 @@ class ThinLens(eqx.Module):
         Returns:
             Near and far limit, symmetric about `focus_vergence`; a far limit of 0 or less means
             that everything to infinity is sharp, a near limit of 0 or less that nothing real is.
+            ``margin`` (mm) is the least of f, v and the aperture.
         """
-        half = as_float(blur_diameter) / (self.aperture * self.sensor_distance)
-        return jnp.stack([self.focus_vergence + half, self.focus_vergence - half])
+        focus = self.focus_vergence()
+        half, fits = safe_divide(as_float(blur_diameter), self.aperture * self.sensor_distance)
+        return _judged(
+            jnp.stack([focus.value + half, focus.value - half]),
+            fits & (focus.result != LensResult.out_of_range),
+            (self.focal_length, LensResult.no_lens),
+            (self.sensor_distance, LensResult.no_sensor),
+            (self.aperture, LensResult.no_aperture),
+        )
 
-    def hyperfocal_distance(self, blur_diameter: ArrayLike) -> Float[Array, ""]:
-        """H = f D / c + f in mm: focused there, the lens is sharp from H/2 to infinity."""
-        return self.focal_length * self.aperture / as_float(blur_diameter) + self.focal_length
+    def hyperfocal_distance(self, blur_diameter: ArrayLike) -> Solution[Float[Array, ""]]:
+        """H = f D / c + f in mm: focused there, the lens is sharp from H/2 to infinity.
+
+        ``margin`` (mm) is the smaller of f and the accepted blur c.
+        """
+        blur_diameter = as_float(blur_diameter)
+        beyond, fits = safe_divide(self.focal_length * self.aperture, blur_diameter)
+        return _judged(
+            beyond + self.focal_length,
+            fits,
+            (self.focal_length, LensResult.no_lens),
+            (blur_diameter, LensResult.no_blur),
+        )
+
+
+def _judged(value: Any, fits: Any, *checks: tuple[Float[Array, ""], LensResult]) -> Solution[Any]:
+    margin, result = first_failure(LensResult.successful, *checks)
+    result = LensResult.where((margin > 0) & ~fits, LensResult.out_of_range, result)
+    return Solution(value, margin, jnp.zeros_like(margin), result)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from designopt.errors import UserError
 from optics.chamber import Chamber
 from optics.thin_lens import LensImage, ThinLens
 from studies.table1 import imaging
@@ -52,14 +53,24 @@ class Analysis:
 
 
 def analyse(spec: Table1Spec) -> Analysis:
-    """Solve for everything that the spec asks for."""
+    """Solve for everything that the spec asks for.
+
+    Raises:
+        UserError: the table follows no camera constants with this chamber.
+    """
     clearance = jnp.asarray(spec.clearance)
     printed = imaging.printed_chamber(spec.chamber)
+    solved = imaging.solve(printed, clearance)
+    if not bool(solved.fit.solution.ok):
+        raise UserError(
+            "--set chamber: no camera constants bring this chamber near Table I (the fit did not "
+            "converge); choose dimensions nearer to the paper's"
+        )
     other = None
     if spec.chamber == ChamberSpec():
         other = imaging.solve(imaging.printed_chamber(OTHER_READING), clearance)
     lens = real_lens(printed, jnp.asarray(spec.f_number))
-    return Analysis(imaging.solve(printed, clearance), other, lens)
+    return Analysis(solved, other, lens)
 
 
 @jax.jit

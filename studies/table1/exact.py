@@ -40,13 +40,14 @@ def offset_d_from_angle(wall_angle_cd: Any, **chamber: Any) -> Any:
 
 
 def margin(**chamber: Any) -> Any:
-    """Least of the depths, of b, and of the pinhole's distance from the line through B and C."""
+    """Least of depths, lengths, and the pinhole's distance from the line through B and C."""
     depth_b, _, _ = depths = _depths(chamber)
     fall = chamber["offset_b"] - _offset_c(chamber)
     length = chamber["length_bc"]
     # Twice the area of the triangle of pinhole, B and C over its base BC.
     area = length * (chamber["reference_height"] + chamber["offset_b"]) + fall * depth_b
-    return min(*depths, length, area / mpmath.hypot(length, fall))
+    lengths = (chamber["length_ab"], length, chamber["length_cd"])
+    return min(*depths, *lengths, area / mpmath.hypot(length, fall))
 
 
 def dimension_roots(dimension: str, ratio: Any, sketch: Any, **others: Any) -> list[Any]:

@@ -33,8 +33,6 @@ FIELDS = (
 """The chamber's fields on which η depends, beside Δl_D."""
 
 TOLERANCES = (1e-2, 1e-5, 1e-8, 1e-11, 1e-14)
-BRACKET = (-1.0, 3.0)
-GUESS = 1.0
 CLOSED_FORM = "closed form"
 CHECKED = 300
 """At most so many problems of a batch are compared with the reference, evenly spaced through it."""
@@ -53,11 +51,21 @@ METHOD_NAMES = {
 
 
 class Workload(NamedTuple):
-    """Problems to solve: one θ_CD each, in radians, with the exact η of some of them."""
+    """Problems to solve: one θ_CD each.
+
+    Attributes:
+        panel: its name in figures and tables.
+        dtype: float type to solve in.
+        angles: θ_CD in radians.
+        bracket: two η with every answer between them; the upper one is every iteration's guess.
+        checked: indices of the problems compared with the reference.
+        exact: their η in many digits.
+    """
 
     panel: str
     dtype: str
     angles: np.ndarray
+    bracket: tuple[float, float]
     checked: np.ndarray
     exact: list[Any]
 
@@ -70,15 +78,18 @@ def workloads(fields: dict[str, float], problems: int, seed: int) -> Iterator[Wo
         problems: size of the batch.
         seed: draws the batch's θ_CD, uniform over Table I's range of 4° to 16°.
     """
-    batch = np.deg2rad(np.random.default_rng(seed).uniform(4, 16, problems))
+    limits = np.deg2rad([4, 16])
+    batch = np.random.default_rng(seed).uniform(limits[0], limits[1], problems)
     one = np.deg2rad([6.659])
     for name, angles in (("one problem", one), (f"{problems:,} problems", batch)):
         checked = np.unique(np.linspace(0, len(angles) - 1, CHECKED).astype(int))
         with mpmath.workdps(DIGITS):
             chamber = {name: mpmath.mpf(value) for name, value in fields.items()}
             ratios = [_exact_ratio(chamber, mpmath.mpf(angle)) for angle in angles[checked]]
+            ends = sorted(float(_exact_ratio(chamber, mpmath.mpf(angle))) for angle in limits)
+        bracket = (ends[0] - 0.7, ends[1] + 0.4)  # not centred on anything
         for dtype in ("float64", "float32"):
-            yield Workload(f"{name}, {dtype}", dtype, angles, checked, ratios)
+            yield Workload(f"{name}, {dtype}", dtype, angles, bracket, checked, ratios)
 
 
 def contenders(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
@@ -94,7 +105,7 @@ def contenders(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
     compiled, seconds = compile_timed(jax.vmap(_closed_form, (None, 0)), chamber, angles)
     yield Contender(CLOSED_FORM, "", work.panel, partial(compiled, chamber, angles), error, seconds)
     for method in get_args(RootMethod):
-        solve = jax.vmap(partial(_iterate, method), (None, 0, None))
+        solve = jax.vmap(partial(_iterate, method, work.bracket), (None, 0, None))
         tolerance = jnp.asarray(TOLERANCES[0], work.dtype)
         # The tolerance is traced: one program serves them all.
         compiled, seconds = compile_timed(solve, chamber, angles, tolerance)
@@ -144,14 +155,18 @@ def _closed_form(chamber: Chamber, angle: Float[Array, ""]) -> Float[Array, ""]:
 
 
 def _iterate(
-    method: RootMethod, chamber: Chamber, angle: Float[Array, ""], tolerance: Float[Array, ""]
+    method: RootMethod,
+    bracket: tuple[float, float],
+    chamber: Chamber,
+    angle: Float[Array, ""],
+    tolerance: Float[Array, ""],
 ) -> Float[Array, ""]:
     return find_root(
         _residual,
-        jnp.full_like(angle, GUESS),
+        jnp.full_like(angle, bracket[1]),
         (chamber, angle),
         method=method,
-        bracket=BRACKET,
+        bracket=bracket,
         tolerance=tolerance,
         max_steps=64 if "bisection" in method else 32,
     ).value
@@ -205,7 +220,7 @@ def _brentq(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
         return np.array(
             [
                 scipy.optimize.brentq(
-                    residual, *BRACKET, args=(angle,), xtol=tolerance, rtol=relative
+                    residual, *work.bracket, args=(angle,), xtol=tolerance, rtol=relative
                 )
                 for angle in part
             ]

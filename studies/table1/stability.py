@@ -132,9 +132,13 @@ def _lens_blur(distance: Array, **lens: Array) -> Solution[Array]:
 
 def _mixed_lengths(seed: int) -> dict[str, Any]:
     names = [name for name in NOMINAL if name != "wall_angle_bc"]
-    drawn = np.random.default_rng(seed).uniform(-6, 6, size=(CASES - 2, len(names)))
+    random = np.random.default_rng(seed)
+    drawn = random.uniform(-6, 6, size=(CASES - 2, len(names)))
     ends = np.repeat([[-6.0], [6.0]], len(names), axis=1)
-    return dict(zip(names, 10.0 ** np.concatenate([drawn, ends]).T, strict=True))
+    inputs = dict(zip(names, 10.0 ** np.concatenate([drawn, ends]).T, strict=True))
+    for name in ("offset_b", "offset_d", "reference_height"):
+        inputs[name] *= random.choice([-1, 1], CASES)
+    return inputs
 
 
 def _inputs(varied: dict[str, Any], *, without: str = "") -> Inputs:

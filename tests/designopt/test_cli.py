@@ -101,7 +101,7 @@ def test_a_missed_target_is_exit_code_1_with_its_results_kept(square, capsys):
             ["run", "square", "--set", "side=1", "--out", "file/x"],
             ["--out file/x", "name a folder"],
         ),
-        (["run", "square", "--set", "side=1", "--out", "there", "--force"], ["results.json"]),
+        (["run", "square", "--set", "side=1", "--out", "there", "--force"], ["an earlier result"]),
     ],
 )
 def test_faults_are_one_line_and_exit_code_2(square, capsys, arguments, words):
@@ -139,3 +139,10 @@ def test_the_installed_command_runs():
     )
     assert done.returncode == 0
     assert "table1" in done.stdout
+
+
+@pytest.mark.parametrize("command", ["PYTHONIOENCODING=ascii {} list table1", "{} list | true"])
+def test_poor_terminals_and_closed_pipes_are_no_faults(command):
+    line = command.format(f"'{sys.executable}' -m designopt")
+    done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from designopt import least_squares
 
@@ -60,3 +61,43 @@ def test_parameters_that_cannot_be_told_apart_have_no_margin():
     fit = least_squares(lambda p, _: (p[0] + p[1]) * X - 1.0, jnp.asarray([1.0, 0.0]))
     assert float(fit.solution.margin) < 1e-7
     assert np.all(np.isfinite(fit.covariance))
+
+
+def test_degenerate_fits_have_finite_derivatives_in_a_batch():
+    def first(target):
+        model = least_squares(lambda p, a: (p[0] + p[1]) * X - a, jnp.asarray([1.0, 0.0]), target)
+        return model.solution.value[0]
+
+    slopes = jax.jit(jax.vmap(jax.grad(first)))(jnp.asarray([1.0, 2.0]))
+    assert np.all(np.isfinite(slopes))
+
+
+@pytest.mark.parametrize("size", [1e-14, 1.0, 1e14])
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_the_unit_of_the_residuals_does_not_matter(size, dtype):
+    with jax.enable_x64(dtype == "float64"):
+        x, unit = jnp.linspace(0.0, 3.0, 13, dtype=dtype), jnp.asarray(size, dtype)
+        fit = least_squares(lambda p, _: unit * (p * x - 1), jnp.asarray([5.0], dtype))
+    assert bool(fit.solution.ok)
+    # A minimum is flat: its place is known to the square root of rounding.
+    rtol = float(np.sqrt(np.finfo(dtype).eps))
+    np.testing.assert_allclose(fit.solution.value, np.sum(x) / np.sum(x**2), rtol=rtol)
+
+
+def test_a_perfect_fit_is_ok():
+    fit = least_squares(lambda p, _: p * X - 2 * X, jnp.asarray([5.0]))
+    assert bool(fit.solution.ok)
+    np.testing.assert_allclose(fit.solution.value, 2.0, rtol=1e-9)
+
+
+def test_a_fit_that_does_not_arrive_says_so():
+    fit = least_squares(residuals, jnp.asarray([1.0, 0.0]), noisy(0), max_steps=2)
+    assert not bool(fit.solution.ok)
+
+
+def test_residuals_outside_their_domain_are_reported_and_stay_finite():
+    fit = least_squares(lambda p, _: jnp.sqrt(p[0]) * X - 1, jnp.asarray([-1.0]))
+    assert not bool(fit.solution.ok)
+    assert fit.solution.messages()[0]
+    parts = (fit.solution.value, fit.solution.margin, fit.solution.residual)
+    assert all(np.all(np.isfinite(part)) for part in (*parts, fit.covariance, fit.chi_squared))

@@ -135,6 +135,11 @@ def not_a_number(x):
     return Solution(jnp.sqrt(x), found.margin, found.residual, found.result)
 
 
+def nan_called_ok(x):
+    found = good_root(x)
+    return Solution(jnp.where(x > 1, jnp.nan, found.value), x, found.residual, found.result)
+
+
 def family(solve):
     powers = 10.0 ** np.linspace(-12, 12, 9)
     inputs = {"x": np.concatenate([powers, [-1.0, -2.0]])}
@@ -156,6 +161,7 @@ def test_a_good_solver_passes(dtype):
         (wrong_gradient, 9, 0),
         (off_by_a_millionth, 9, 0),
         (never_fails, 2, 0),
+        (nan_called_ok, 4, 4),
         (not_a_number, 0, 4),  # two values and two gradients, of the cases reported as failed
     ],
 )

@@ -37,7 +37,7 @@ def everything(spec, context):
         precision=PrecisionStudy(
             rows, "error of y", "the truth", [Claim("It is fast.", "It is short.", ["1 s"], False)]
         ),
-        stability=[StabilityRow("stiff", "float64", 9, 1, 0, 1e-16, 2e-16, 0)],
+        stability=[StabilityRow("stiff", "float64", 9, 1, 0, 1e-16, 2e-16, 3e-9, 0)],
         left_out=[LeftOutRow("y", "the loop", 3, 9)],
     )
 
@@ -78,7 +78,7 @@ def test_it_says_what_was_found_and_what_was_missed(page):
         "x mm word 0.33 w v",
         "It is fast. ✗ does not hold in this run Why: It is short. Measured: 1 s",
         "Error of y, against the truth.",
-        "stiff float64 9 1 0 1e-16 2e-16 0",
+        "stiff float64 9 1 0 1e-16 2e-16 3e-09 0",
         "y the loop 3 9",
         "inner.length 2.0",
         "optimistix",

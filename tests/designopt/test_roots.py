@@ -101,3 +101,10 @@ def test_methods_that_mix_float_types_say_so(method):
     single = jnp.asarray(0.7, jnp.float32)
     with pytest.raises(ValueError, match=r"enable_x64\(False\)"):
         find_root(cubic, single, single, method=method)
+
+
+@pytest.mark.parametrize("method", ["newton", "chord", "jaxopt-gauss-newton"])
+def test_a_residual_outside_its_domain_is_reported_and_stays_finite(method):
+    found = find_root(lambda y, _: jnp.sqrt(y) + 0.1, jnp.asarray(0.5), method=method)
+    assert not bool(found.ok)
+    assert all(np.isfinite(part) for part in (found.value, found.margin, found.residual))

@@ -1,7 +1,10 @@
 """Result folders: what is in them, and that they are complete or absent."""
 
+import contextlib
 import csv
 import json
+import signal
+from pathlib import Path
 
 import jax.numpy as jnp
 import pytest
@@ -48,7 +51,9 @@ def test_an_existing_folder_is_not_touched(tmp_path):
     (tmp_path / "mine.txt").write_text("kept")
     with pytest.raises(UserError, match="exists already; name another folder"):
         run_square(tmp_path)
-    with pytest.raises(UserError, match=r"not an earlier result.*--force does not replace it"):
+    with pytest.raises(
+        UserError, match=r"not an earlier result alone, so --force does not replace"
+    ):
         run_square(tmp_path, force=True)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
@@ -59,6 +64,70 @@ def test_force_replaces_an_earlier_result(tmp_path):
     document = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
     assert document["metrics"]["area_mm2"]["value"] == 16.0
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("stranger", ["thesis.txt", "results.json"])
+def test_force_never_replaces_what_is_not_a_result_alone(tmp_path, stranger):
+    out = tmp_path / "out"
+    if stranger == "thesis.txt":
+        run_square(out)
+    else:
+        out.mkdir()
+    (out / stranger).write_text("{}")
+    before = sorted(path.name for path in out.iterdir())
+    with pytest.raises(UserError, match="not an earlier result alone"):
+        run_square(out, force=True)
+    assert sorted(path.name for path in out.iterdir()) == before
+
+
+def test_an_interrupted_replacement_keeps_the_earlier_result(tmp_path, monkeypatch):
+    run_square(tmp_path / "out")
+    rename, calls = Path.rename, []
+
+    def interrupted_rename(self, target):
+        calls.append(target)
+        if len(calls) == 2:  # the earlier result is out of the way, the new one not yet in place
+            raise KeyboardInterrupt
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", interrupted_rename)
+    with pytest.raises(KeyboardInterrupt):
+        run_square(tmp_path / "out", side=4.0, force=True)
+    document = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
+    assert document["spec"]["side"] == 3.0
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("path", ["n1/n2/" + 300 * "x", "loop/x", "file/x"])
+def test_odd_paths_are_one_line_and_leave_nothing(tmp_path, path):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="--out"):
+        run_square(tmp_path / path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "loop"]
+
+
+def test_a_path_with_dots_is_the_folder_it_means(tmp_path):
+    (tmp_path / "there").mkdir()
+    with pytest.raises(UserError, match="exists already"):
+        run_square(tmp_path / "new" / ".." / "there")
+    assert [path.name for path in tmp_path.iterdir()] == ["there"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_was_swallowed_still_counts(tmp_path, number):
+    def swallow(spec, context):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(number)
+        return Results([], [])
+
+    study = Study("swallow", "", SquareSpec, swallow)
+    before = signal.getsignal(number)
+    settings = SquareSpec(side=1.0)
+    with pytest.raises(KeyboardInterrupt):
+        run(study, settings, seed=0, dtype="float64", out=tmp_path / "out", force=False)
+    assert list(tmp_path.iterdir()) == []
+    assert signal.getsignal(number) is before
 
 
 def test_a_link_to_a_result_stays_a_link(tmp_path):
@@ -107,11 +176,10 @@ def test_a_folder_made_meanwhile_is_not_overwritten(tmp_path):
     def write_meanwhile():
         with result_folder(tmp_path / "out", force=False):
             (tmp_path / "out").mkdir()
-            (tmp_path / "out" / "theirs.txt").write_text("kept")
 
-    with pytest.raises(UserError, match="cannot be written"):
+    with pytest.raises(UserError, match="made by somebody else meanwhile"):
         write_meanwhile()
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["theirs.txt"]
+    assert list((tmp_path / "out").iterdir()) == []
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 

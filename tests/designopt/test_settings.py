@@ -18,6 +18,8 @@ def test_values_are_toml_and_plain_text():
     spec = make("side=3", "inner.length=0.5", "label=wide angle")
     assert (spec.side, spec.inner.length, spec.label) == (3.0, 0.5, "wide angle")
     assert make("side=1e-3", 'label="a=b"').label == "a=b"
+    assert make("side=1", "label=1\nside=2").label == "1\nside=2"
+    assert make("side=1", f"label={'[' * 5000}").label == "[" * 5000
 
 
 def test_the_last_of_two_assignments_counts():

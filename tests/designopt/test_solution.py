@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from designopt import Solution
+from designopt import Solution, first_failure
 
 
 class Outcome(eqx.Enumeration):
@@ -27,3 +27,18 @@ def test_a_batch_says_which_failed_and_why():
     found = jax.jit(jax.vmap(solve))(jnp.asarray([1.0, -1.0, 4.0]))
     assert found.ok.tolist() == [True, False, True]
     assert found.messages() == ["", Outcome[Outcome.negative], ""]
+
+
+def test_the_first_failure_counts_and_the_least_margin():
+    class Faults(eqx.Enumeration):
+        successful = ""
+        first = "first"
+        second = "second"
+
+    def judge(a, b):
+        margin, code = first_failure(Faults.successful, (a, Faults.first), (b, Faults.second))
+        return Solution(a, margin, jnp.zeros_like(a), code)
+
+    found = jax.vmap(judge)(jnp.asarray([1.0, -1.0, 1.0, -1.0]), jnp.asarray([2.0, 1.0, 0.0, -2.0]))
+    assert found.messages() == ["", "first", "second", "first"]
+    assert found.margin.tolist() == [1.0, -1.0, 0.0, -2.0]
