@@ -166,6 +166,11 @@ def figure(study: PrecisionStudy) -> Figure:
             )
         axis.set(xscale="log", yscale="log", title=panel)
         axis.set(xlabel="run time of one call (s)", ylabel=study.error)
+        # Whole decades, so that every axis has labelled ticks, and only those.
+        panel_rows = [row for row in study.rows if row.panel == panel]
+        low = math.floor(math.log10(min(row.seconds_low for row in panel_rows)))
+        high = math.ceil(math.log10(max(row.seconds_high for row in panel_rows)))
+        axis.set_xlim(10.0**low, 10.0 ** max(high, low + 1))
         axis.xaxis.set_minor_formatter(NullFormatter())
     handles = {
         label: handle

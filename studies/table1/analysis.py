@@ -29,12 +29,16 @@ class RealLens(eqx.Module):
         distances: of B, C and D from it, in mm: s + f, as in Eq. 1.
         images: of B, C and D.
         refocused: the same lens with its sensor where C is sharp.
+        depth_of_field: of the refocused lens, as vergences (1/mm).
+        hyperfocal_distance: in mm.
     """
 
     lens: ThinLens
     distances: Float[Array, 3]
     images: LensImage
     refocused: ThinLens
+    depth_of_field: Float[Array, 2]
+    hyperfocal_distance: Float[Array, ""]
 
 
 @dataclass(frozen=True)
@@ -69,13 +73,19 @@ def analyse(spec: Table1Spec) -> Analysis:
     other = None
     if spec.chamber == ChamberSpec():
         other = imaging.solve(imaging.printed_chamber(OTHER_READING), clearance)
-    lens = real_lens(printed, jnp.asarray(spec.f_number))
+    lens = real_lens(printed, jnp.asarray(spec.f_number), jnp.asarray(spec.blur))
     return Analysis(solved, other, lens)
 
 
 @jax.jit
-def real_lens(printed: Chamber, f_number: Float[Array, ""]) -> RealLens:
-    """The printed camera as a thin lens with this f-number, which the paper does not give."""
+def real_lens(printed: Chamber, f_number: Float[Array, ""], blur: Float[Array, ""]) -> RealLens:
+    """The printed camera as a thin lens.
+
+    Args:
+        printed: the chamber with the paper's constants.
+        f_number: of the lens; the paper gives none.
+        blur: diameter of a spot that counts as sharp, in mm.
+    """
     lens = ThinLens(
         focal_length=printed.focal_length,
         aperture=printed.focal_length / f_number,
@@ -84,4 +94,11 @@ def real_lens(printed: Chamber, f_number: Float[Array, ""]) -> RealLens:
     distances = printed.depths  # as printed, δ = f
     images = jax.vmap(lens.image)(distances).value
     refocused = dataclasses.replace(lens, sensor_distance=1 / images.vergence[1])
-    return RealLens(lens, distances, images, refocused)
+    return RealLens(
+        lens,
+        distances,
+        images,
+        refocused,
+        refocused.depth_of_field(blur).value,
+        lens.hyperfocal_distance(blur).value,
+    )

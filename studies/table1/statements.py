@@ -232,9 +232,9 @@ def _choice(spec: Table1Spec, imaging: Imaging) -> str:
 
 def _lens(spec: Table1Spec, real: RealLens) -> str:
     sharp = 1 / np.asarray(real.images.vergence)
-    near, far = real.refocused.depth_of_field(spec.blur).value.tolist()
+    near, far = real.depth_of_field.tolist()
     limit = f"{1 / far:.1f} mm" if far > 0 else "infinity"
-    hyperfocal = float(real.lens.hyperfocal_distance(spec.blur).value)
+    hyperfocal = float(real.hyperfocal_distance)
     return (
         f"Eq. 1 is a pinhole relation: a real thin lens of f = {float(real.lens.focal_length):g} "
         f"mm focuses B, C and D at {sharp[0]:.2f}, {sharp[1]:.2f} and {sharp[2]:.2f} mm, while "

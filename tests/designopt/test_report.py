@@ -87,4 +87,4 @@ def test_it_says_what_was_found_and_what_was_missed(page):
 
 
 def test_a_long_table_is_folded(page):
-    assert "<summary>50 rows: Error against run time" in page
+    assert "<summary>50 rows in <code>tables/precision.csv</code>: Error against run" in page

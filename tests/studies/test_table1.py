@@ -132,7 +132,7 @@ def test_the_papers_ratio_is_the_largest_for_its_own_clearance(solved):
 
 
 def test_the_real_lens_is_gausss():
-    lens = real_lens(PRINTED, jnp.asarray(2.0))
+    lens = real_lens(PRINTED, jnp.asarray(2.0), jnp.asarray(0.01))
     for distance, vergence in zip(
         lens.distances.tolist(), lens.images.vergence.tolist(), strict=True
     ):
@@ -140,6 +140,10 @@ def test_the_real_lens_is_gausss():
     np.testing.assert_allclose(lens.distances, [44.0, 74.0, 104.0])
     np.testing.assert_allclose(lens.lens.aperture, 2.0)
     np.testing.assert_allclose(lens.refocused.image(74.0).value.blur_diameter, 0, atol=1e-14)
+    for vergence in lens.depth_of_field.tolist():
+        blur = lens.refocused.image(1 / vergence).value.blur_diameter
+        np.testing.assert_allclose(blur, 0.01, rtol=1e-9)
+    np.testing.assert_allclose(lens.hyperfocal_distance, 4.0 * 2.0 / 0.01 + 4.0)
 
 
 def test_the_other_reading_stands_only_beside_the_papers_chamber():
