@@ -50,7 +50,9 @@ def run(arguments: list[str]) -> int:
         return _fault(str(error))
     except _UsageError as error:
         return _fault(f"{error.format_message()} ('designopt --help' shows how to call it)")
-    if code == INTERRUPTED:  # Typer has caught the interrupt, and is silent about it
+    except KeyboardInterrupt:  # before Typer was there to catch it
+        code = INTERRUPTED
+    if code == INTERRUPTED:  # Typer, which turns an interrupt into this code, says nothing
         print("interrupted; nothing was written", file=sys.stderr)
     return code or 0
 

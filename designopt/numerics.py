@@ -8,8 +8,8 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 
 def safe_divide(
-    numerator: Float[Array, ...], denominator: Float[Array, ...]
-) -> tuple[Float[Array, ...], Bool[Array, ...]]:
+    numerator: Float[Array, "..."], denominator: Float[Array, "..."]
+) -> tuple[Float[Array, "..."], Bool[Array, "..."]]:
     """Quotient and whether it can be represented; 0 with zero slope where it cannot.
 
     A quotient counts as representable only if neither it nor a derivative of it overflows, so
@@ -32,13 +32,13 @@ def safe_divide(
     return quotient, valid
 
 
-def safe_sqrt(value: Float[Array, ...]) -> Float[Array, ...]:
+def safe_sqrt(value: Float[Array, "..."]) -> Float[Array, "..."]:
     """Square root, and 0 with zero slope where the argument is not positive."""
     positive = value > 0
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, value, 1.0)), 0.0)
 
 
-def safe_arctan2(y: Float[Array, ...], x: Float[Array, ...]) -> Float[Array, ...]:
+def safe_arctan2(y: Float[Array, "..."], x: Float[Array, "..."]) -> Float[Array, "..."]:
     """Angle of (x, y) in radians, and 0 with zero slope where it is undefined, at the origin.
 
     Points nearer to it than about 1e-154 (float64) or 1e-19 (float32) count as the origin: their
@@ -49,8 +49,8 @@ def safe_arctan2(y: Float[Array, ...], x: Float[Array, ...]) -> Float[Array, ...
 
 
 def safe_quadratic_roots(
-    c2: Float[Array, ...], c1: Float[Array, ...], c0: Float[Array, ...]
-) -> tuple[Float[Array, "... 2"], Bool[Array, "... 2"], Float[Array, ...]]:
+    c2: Float[Array, "..."], c1: Float[Array, "..."], c0: Float[Array, "..."]
+) -> tuple[Float[Array, "... 2"], Bool[Array, "... 2"], Float[Array, "..."]]:
     """Both roots of c2 x² + c1 x + c0, without cancellation and down to c2 = 0.
 
     Source: W. H. Press et al., *Numerical Recipes*, 3rd ed., §5.6: with
@@ -80,7 +80,7 @@ def safe_quadratic_roots(
     )
 
 
-def as_float(value: ArrayLike) -> Float[Array, ...]:
+def as_float(value: ArrayLike) -> Float[Array, "..."]:
     """An array of a float type: floats keep theirs, Python numbers and integers get the default."""
     array = jnp.asarray(value)
     if isinstance(value, (int, float)) or not jnp.issubdtype(array.dtype, jnp.floating):

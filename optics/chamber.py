@@ -115,12 +115,12 @@ class Chamber(eqx.Module):
         )
 
     @property
-    def _lengths(self) -> Float[Array, 3]:
+    def _lengths(self) -> Float[Array, "3"]:
         return jnp.stack([self.length_ab, self.length_bc, self.length_cd])
 
     @property
-    def depths(self) -> Float[Array, 3]:
-        """S + δ for B, C and D in mm: how far in front of the pinhole plane each lies."""
+    def depths(self) -> Float[Array, "3"]:
+        """Depths s + δ of B, C and D in mm: how far each lies in front of the pinhole plane."""
         depth_b = self.length_ab + self.pinhole_offset
         depth_c = depth_b + self.length_bc
         return jnp.stack([depth_b, depth_c, depth_c + self.length_cd])
@@ -166,7 +166,7 @@ class Chamber(eqx.Module):
         result = ChamberResult.where((margin > 0) & ~fits, ChamberResult.out_of_range, result)
         return Solution(ratio, margin, ring_residual(self, ratio), result)
 
-    def image_heights(self) -> Solution[Float[Array, 3]]:
+    def image_heights(self) -> Solution[Float[Array, "3"]]:
         """Image heights T_B, T_C and T_D above the reference ray in mm (paper A, Eq. 1).
 
         ``margin`` (mm) is the least depth of a wall point in front of the pinhole.
@@ -174,7 +174,7 @@ class Chamber(eqx.Module):
         offsets = jnp.stack([self.offset_b, self.offset_c, -self.offset_d])
         return self._imaged(self.reference_height + offsets, self.depths)
 
-    def ring_widths(self) -> Solution[Float[Array, 3]]:
+    def ring_widths(self) -> Solution[Float[Array, "3"]]:
         """Image widths Δd_b (blue), Δd_c (yellow) and Δd_d (top) in mm (paper A, Eqs. 1 and 3).
 
         Δd_d is T_D, the image height of D. ``margin`` is that of `image_heights`.
@@ -187,8 +187,8 @@ class Chamber(eqx.Module):
         return self._imaged(jnp.stack([blue, yellow, top]), jnp.stack([depth_b, depth_d, depth_d]))
 
     def _imaged(
-        self, heights: Float[Array, 3], depths: Float[Array, 3]
-    ) -> Solution[Float[Array, 3]]:
+        self, heights: Float[Array, "3"], depths: Float[Array, "3"]
+    ) -> Solution[Float[Array, "3"]]:
         slopes, fits = safe_divide(heights, depths)
         images = (self.focal_length - self.image_distance) * slopes
         margin, result = first_failure(

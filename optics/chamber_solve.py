@@ -130,7 +130,7 @@ def _closed_form(
 
 
 def _preferred(
-    chamber: Chamber, dimension: Dimension, roots: Float[Array, 2], exist: Bool[Array, 2]
+    chamber: Chamber, dimension: Dimension, roots: Float[Array, "2"], exist: Bool[Array, "2"]
 ) -> Int[Array, ""]:
     # A root that exists, of those one that can be built, of those the nearer one.
     margins = jax.vmap(lambda root: _with(chamber, dimension, root).imaging_ratio().margin)(roots)

@@ -96,7 +96,7 @@ class ThinLens(eqx.Module):
             (self.sensor_distance, LensResult.no_sensor),
         )
 
-    def depth_of_field(self, blur_diameter: ArrayLike) -> Solution[Float[Array, 2]]:
+    def depth_of_field(self, blur_diameter: ArrayLike) -> Solution[Float[Array, "2"]]:
         """Vergences 1/u (1/mm) of the near and far limit within which the blur stays small.
 
         Args:

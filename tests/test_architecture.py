@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import inspect
 import re
 import shutil
 import subprocess
@@ -9,7 +10,12 @@ import sys
 import tomllib
 from pathlib import Path
 
+import jax.numpy as jnp
 import pytest
+from jaxtyping import TypeCheckError
+
+from designopt import find_root, safe_quadratic_roots
+from optics import Chamber
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("designopt", "kinematics", "optics", "perception", "studies")
@@ -63,6 +69,23 @@ def test_constraints_are_plain_pins_of_every_dependency():
         pins[match[1].lower().replace("_", "-")] = match[2]
     for requirement in PROJECT["project"]["dependencies"]:
         assert re.split(r"[>=]", requirement)[0].lower().replace("_", "-") in pins
+
+
+def test_annotated_shapes_are_checked_in_this_run():
+    with pytest.raises(TypeCheckError):
+        safe_quadratic_roots(*(jnp.zeros(3, int),) * 3)
+    with pytest.raises(TypeCheckError):
+        find_root(lambda y, _: y, jnp.zeros(2))
+    with pytest.raises(TypeCheckError):
+        inspect.getattr_static(Chamber, "_imaged")(None, jnp.zeros(2), jnp.zeros(2))
+
+
+def test_every_annotation_can_be_evaluated():
+    """A shape that lost its quotes is no annotation, and would go unchecked."""
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            for match in re.finditer(r"\b(?:Float|Int|Bool)\[Array, ([^\]]*)\]", path.read_text()):
+                assert match[1].startswith('"'), (path, match[0])
 
 
 def test_every_study_has_a_readme():

@@ -34,10 +34,10 @@ class RealLens(eqx.Module):
     """
 
     lens: ThinLens
-    distances: Float[Array, 3]
+    distances: Float[Array, "3"]
     images: LensImage
     refocused: ThinLens
-    depth_of_field: Float[Array, 2]
+    depth_of_field: Float[Array, "2"]
     hyperfocal_distance: Float[Array, ""]
 
 

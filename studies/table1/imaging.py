@@ -130,7 +130,7 @@ def printed_chamber(spec: ChamberSpec) -> Chamber:
     ).as_printed()
 
 
-def with_constants(chamber: Chamber, constants: Float[Array, 2]) -> Chamber:
+def with_constants(chamber: Chamber, constants: Float[Array, "2"]) -> Chamber:
     """The chamber with the camera constants h and δ, in mm."""
     return dataclasses.replace(chamber, reference_height=constants[0], pinhole_offset=constants[1])
 
@@ -167,7 +167,7 @@ def identify(chamber: Chamber) -> Fit:
     deviation of the printed rounding. The residuals are those of Δl_D, then those of θ_CD.
     """
 
-    def residuals(constants: Float[Array, 2], chamber: Chamber) -> Float[Array, " cells"]:
+    def residuals(constants: Float[Array, "2"], chamber: Chamber) -> Float[Array, " cells"]:
         found = lengths_and_angles(with_constants(chamber, constants), jnp.asarray(paper.ETA))
         printed = (paper.DELTA_L_D_CM, paper.THETA_CD_DEG)
         deviations = jnp.concatenate(
