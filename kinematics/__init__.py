@@ -1,1 +1,5 @@
-"""Planar linkages: from a sketch to poses, rates, transmission and statics."""
+"""Planar linkages: from a sketch to poses, rates, transmission, limits and statics."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

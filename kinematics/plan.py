@@ -1,0 +1,477 @@
+"""The plan of a linkage: which few unknowns are solved together, in which order, and how.
+
+The loop equations are taken apart into the smallest groups that can be solved one after the
+other: the fine Dulmage-Mendelsohn decomposition of their incidence matrix into a block-triangular
+one (a perfect matching, then strongly connected components). In mechanisms these blocks are the
+Assur groups.
+
+Source: A. L. Dulmage, N. S. Mendelsohn, Coverings of bipartite graphs, 1958; L. V. Assur, 1914.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import networkx as nx
+
+from kinematics.loops import Leg, Loop, find_loops
+from kinematics.structure import WORLD, Incidence, Structure
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One step from a body's angle to that of another.
+
+    Attributes:
+        input: index of the input whose value is added; none for a kept body.
+        slider: index of the slider whose ``turn`` is added; none for an input.
+        sign: +1 or −1.
+        relative_to: the fixed body whose angle is added as well; none otherwise.
+        solved: number of the group, and of its angle, that is added; none for the above.
+    """
+
+    input: int | None = None
+    slider: int | None = None
+    sign: int = 1
+    relative_to: str | None = None
+    solved: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """A body's angle: that of its root body (`WORLD`: 0) and known turns."""
+
+    root: str
+    turns: tuple[Turn, ...]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A joint put in its place by a body whose pose is known, from a joint that is placed.
+
+    Attributes:
+        at: the incidence whose joint is placed.
+        reference: an incidence of a placed joint on the same body.
+    """
+
+    at: Incidence
+    reference: Incidence
+
+
+@dataclass(frozen=True)
+class Group:
+    """Unknowns that are solved together.
+
+    Attributes:
+        index: its number among the groups of the whole plan.
+        kind: ``"RRR"``, ``"RRP"``, ``"RPR"``, ``"PRP"``, ``"RPP"`` (closed form), or
+            ``"iterated"``.
+        angles: bodies whose angle is unknown, each the root of those that turn with it.
+        turning: the bodies that turn with each of them.
+        sliders: sliders whose place is unknown.
+        loops: its loops; twice as many equations as loops, as many as unknowns.
+        pin: the joint at which force is transmitted between its two parts; none if it has no
+            such joint.
+        bodies: its bodies, for messages.
+        base: the root in whose frame it is solved, when that root's own angle is still unknown;
+            none where the angles are those in the world.
+    """
+
+    index: int
+    kind: str
+    angles: tuple[str, ...]
+    turning: tuple[tuple[str, ...], ...]
+    sliders: tuple[int, ...]
+    loops: tuple[Loop, ...]
+    pin: str | None
+    bodies: tuple[str, ...]
+    base: str | None = None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How the pose of a linkage is found: groups and placements in order.
+
+    Attributes:
+        orientations: angle of every moving body.
+        steps: what to do, in order.
+    """
+
+    orientations: dict[str, Orientation]
+    steps: tuple[Group | Placement, ...]
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """The groups in the order in which they are solved."""
+        return tuple(step for step in self.steps if isinstance(step, Group))
+
+    @property
+    def iterated(self) -> tuple[Group, ...]:
+        """The groups without a closed form."""
+        return tuple(group for group in self.groups if group.kind == "iterated")
+
+
+class PlanError(ValueError):
+    """The equations do not determine the pose; ``bodies`` says where."""
+
+    def __init__(self, message: str, bodies: Iterable[str] = ()) -> None:
+        super().__init__(message)
+        self.bodies = tuple(bodies)
+
+
+@functools.lru_cache(maxsize=256)
+def make_plan(structure: Structure, targets: frozenset[str] | None = None) -> Plan:
+    """The plan for a linkage's pose, or for what some of its joints and bodies need.
+
+    Args:
+        structure: the linkage's.
+        targets: names of joints and bodies that are asked for; all by default.
+
+    Raises:
+        PlanError: the inputs do not determine the pose, or determine it more than once.
+    """
+    orientations = _orientations(structure)
+    relative: list[Group] = []
+    dropped: set[Incidence] = set()
+    while True:
+        blocks = _blocks(structure, orientations, dropped)
+        steps = _steps(structure, orientations, blocks, dropped, len(relative))
+        found = _floating_group(structure, orientations, steps, len(relative))
+        if found is None:
+            break
+        # What it ties together is as one body from here on, and its loop is closed.
+        relative.append(found)
+        orientations = _merged(orientations, found)
+        dropped.add(found.loops[0].legs[-1].end)
+    plan = Plan(orientations, (*relative, *steps))
+    return plan if targets is None else _upstream(structure, plan, targets)
+
+
+def _orientations(structure: Structure) -> dict[str, Orientation]:
+    """Angles that inputs and kept bodies tie together, as a tree from each root."""
+    ties: dict[str, list[tuple[str, Turn]]] = {}
+    graph = nx.Graph()
+    graph.add_nodes_from([WORLD, *(body.name for body in structure.moving)])
+
+    def tie(base: str, body: str, turn: Turn, name: str) -> None:
+        if nx.has_path(graph, base, body):
+            raise PlanError(
+                f"{name} fixes the angle of '{body}' relative to '{base}', which others fix "
+                "already; remove one of them",
+                (body,),
+            )
+        graph.add_edge(base, body)
+        ties.setdefault(base, []).append((body, turn))
+        back = Turn(turn.input, turn.slider, -turn.sign, turn.relative_to)
+        ties.setdefault(body, []).append((base, back))
+
+    for index, slider in enumerate(structure.sliders):
+        if slider.keeps is not None:
+            on = structure.node(slider.on)
+            tie(on, slider.keeps, Turn(slider=index), f"the slider of '{slider.joint}'")
+    for index, part in enumerate(structure.inputs):
+        if part.body is not None:
+            base = structure.node(part.relative_to)
+            fixed = part.relative_to if base == WORLD and part.relative_to != WORLD else None
+            tie(base, part.body, Turn(index, relative_to=fixed), f"input '{part.name}'")
+    orientations: dict[str, Orientation] = {}
+    for root in graph:
+        if root in orientations:
+            continue
+        orientations[root] = Orientation(root, ())
+        pending = [root]
+        while pending:
+            base = pending.pop(0)
+            for body, turn in ties.get(base, []):
+                if body not in orientations:
+                    turns = (*orientations[base].turns, turn)
+                    orientations[body] = Orientation(root, turns)
+                    pending.append(body)
+    return orientations
+
+
+def _blocks(
+    structure: Structure, orientations: dict[str, Orientation], dropped: set[Incidence]
+) -> list[set[Any]]:
+    """Variables and equations that belong together, in an order in which they can be solved.
+
+    A joint's place on a body gives two equations: place of joint = place of body's first joint +
+    the turned vector between them.
+    """
+    fixed = set(structure.fixed_joints)
+    graph = nx.Graph()
+    equations: list[tuple[str, int, str]] = []
+    variables: dict[Any, None] = {}
+    for index, incidence in enumerate(structure.incidences):
+        if incidence in dropped or (incidence.body == WORLD and incidence.slider is None):
+            continue
+        used: list[Any] = []
+        if incidence.body != WORLD:
+            root = orientations[incidence.body].root
+            first = structure.body(incidence.body).joints[0]
+            turns = incidence.slider is not None or incidence.joint != first
+            if turns and root != WORLD:
+                used.append(("angle", root))
+        if incidence.slider is not None and structure.driven_slider(incidence.slider) is None:
+            used.append(("slide", incidence.slider))
+        for axis in ("x", "y"):
+            equation = ("equation", index, axis)
+            equations.append(equation)
+            graph.add_node(equation)
+            own = list(used)
+            if incidence.body != WORLD:
+                own.append((axis, "body", incidence.body))
+            if incidence.joint not in fixed:
+                own.append((axis, "joint", incidence.joint))
+            for variable in own:
+                variables[variable] = None
+                graph.add_edge(equation, variable)
+    for body in structure.moving:  # an angle that no equation holds is a variable all the same
+        if orientations[body.name].root == body.name:
+            variables.setdefault(("angle", body.name))
+            graph.add_node(("angle", body.name))
+    matching = nx.bipartite.hopcroft_karp_matching(graph, equations)
+    _check_matching(structure, graph, equations, list(variables), matching)
+    order: dict[Any, int] = {variable: i for i, variable in enumerate(variables)}
+    needs = nx.DiGraph()
+    needs.add_nodes_from(order)
+    for equation in equations:
+        for variable in graph[equation]:
+            if variable != matching[equation]:
+                needs.add_edge(variable, matching[equation])
+    condensed = nx.condensation(needs)
+    first = {node: min(order[v] for v in data["members"]) for node, data in condensed.nodes.items()}
+    return [
+        members | {matching[variable] for variable in members}
+        for node in nx.lexicographical_topological_sort(condensed, key=first.__getitem__)
+        for members in [set(condensed.nodes[node]["members"])]
+    ]
+
+
+def _check_matching(
+    structure: Structure,
+    graph: nx.Graph,
+    equations: list[Any],
+    variables: list[Any],
+    matching: dict[Any, Any],
+) -> None:
+    def bodies_near(start: Iterable[Any]) -> list[str]:
+        # Everything that alternating paths reach from what is left unmatched.
+        seen, pending = set(start), list(start)
+        while pending:
+            node = pending.pop()
+            for near in graph[node]:
+                other = matching.get(near)
+                for reached in (near, other):
+                    if reached is not None and reached not in seen:
+                        seen.add(reached)
+                        if reached == other:
+                            pending.append(reached)
+        names = {node[1] for node in seen if node[0] == "angle"}
+        names |= {node[2] for node in seen if node[0] in "xy" and node[1] == "body"}
+        return [body.name for body in structure.moving if body.name in names]
+
+    free = [variable for variable in variables if variable not in matching]
+    if free:
+        bodies = bodies_near(free)
+        raise PlanError("the inputs leave something free to move", bodies)
+    extra = [equation for equation in equations if equation not in matching]
+    if extra:
+        raise PlanError("more is prescribed than can move", bodies_near(extra))
+
+
+def _steps(
+    structure: Structure,
+    orientations: dict[str, Orientation],
+    blocks: list[set[Any]],
+    dropped: set[Incidence],
+    groups: int,
+) -> tuple[Group | Placement, ...]:
+    """The steps that solve the blocks in order; ``groups`` groups have been found before."""
+    incidences = structure.incidences
+    angles = {WORLD} | {body for body, o in orientations.items() if o.root == WORLD}
+    free_slides = {variable[1] for block in blocks for variable in block if variable[0] == "slide"}
+    slides = set(range(len(structure.sliders))) - free_slides
+    placed = dict.fromkeys(structure.fixed_joints)
+    steps: list[Group | Placement] = []
+
+    def reference(body: str) -> Incidence | None:
+        """A placed joint on a body whose angle is known."""
+        if body not in angles:
+            return None
+        mine = (i for i in incidences if i.body == body and i.joint in placed)
+        return next((i for i in mine if i.slider is None or i.slider in slides), None)
+
+    def place_what_is_known() -> None:
+        again = True
+        while again:
+            again = False
+            for incidence in incidences:
+                base = reference(incidence.body)
+                known = incidence.slider is None or incidence.slider in slides
+                if base and known and incidence.joint not in placed:
+                    placed[incidence.joint] = None
+                    steps.append(Placement(incidence, base))
+                    again = True
+
+    place_what_is_known()
+    for block in blocks:
+        roots = tuple(b.name for b in structure.moving if ("angle", b.name) in block)
+        free = tuple(i for i in range(len(structure.sliders)) if ("slide", i) in block)
+        if not roots and not free:
+            continue
+        mine = [i for n, i in enumerate(incidences) if ("equation", n, "x") in block]
+        bodies = {incidence.body for incidence in mine}
+        mine += [  # what ties its bodies to joints that are placed already
+            i
+            for i in incidences
+            if i.body in bodies - angles
+            and i.joint in placed
+            and i not in {*mine, *dropped}
+            and (i.slider is None or i.slider in slides)
+        ]
+        references = {i.body: base for i in mine if (base := reference(i.body)) is not None}
+        loops = find_loops(mine, tuple(placed), references)
+        steps.append(_group(structure, orientations, groups, roots, free, loops))
+        groups += 1
+        angles |= {body for body, o in orientations.items() if o.root in roots}
+        slides |= set(free)
+        place_what_is_known()
+    return tuple(steps)
+
+
+def _group(
+    structure: Structure,
+    orientations: dict[str, Orientation],
+    index: int,
+    roots: tuple[str, ...],
+    free: tuple[int, ...],
+    loops: list[Loop],
+    base: str | None = None,
+) -> Group:
+    legs = [leg for loop in loops for leg in loop.legs]
+    bodies = tuple(dict.fromkeys(leg.body for leg in legs if leg.body != WORLD))
+    turning = tuple(tuple(b for b, o in orientations.items() if o.root == root) for root in roots)
+    kind, pin = "iterated", None
+    if len(loops) == 1:
+        on = [structure.node(structure.sliders[slider].on) for slider in free]
+        kept = any(structure.sliders[slider].keeps is not None for slider in free)
+        match len(roots), len(free):
+            case 2, 0:
+                kind, pin = "RRR", _inner_pin(legs, turning)
+            case 1, 1:
+                kind = "RPR" if on[0] in turning[0] else "RRP"
+                pin = structure.sliders[free[0]].joint
+            case 0, 2:
+                kind = "RPP" if kept else "PRP"
+                pin = structure.sliders[free[0]].joint
+    return Group(index, kind, roots, turning, free, tuple(loops), pin, bodies, base)
+
+
+def _floating_group(
+    structure: Structure,
+    orientations: dict[str, Orientation],
+    steps: Iterable[Group | Placement],
+    index: int,
+) -> Group | None:
+    """A loop within an iterated group that has a closed form in the frame of one of its bodies.
+
+    Such a loop passes through nothing that is known and has three unknowns: with one body at
+    rest, two are left.
+    """
+    for group in steps:
+        if not isinstance(group, Group) or group.kind != "iterated":
+            continue
+        mine = [i for i in structure.incidences if i.body in group.bodies]
+        for loop in find_loops(mine):
+            roots = tuple(dict.fromkeys(orientations[leg.body].root for leg in loop.legs))
+            ends = [i for leg in loop.legs for i in (leg.start, leg.end)]
+            free = tuple(dict.fromkeys(i.slider for i in ends if i.slider in group.sliders))
+            if WORLD in roots or len(roots) + len(free) != 3:
+                continue
+            # The last leg ends in a pin, so that its end can be dropped without losing a slide.
+            legs = loop.legs
+            while legs[-1].end.slider is not None:
+                legs = (*legs[1:], legs[0])
+                if legs == loop.legs:
+                    return None
+            # At rest: the one that most joints depend on, so that angles are those people mean.
+            base = max(roots, key=lambda root: len(structure.body(root).joints))
+            others = tuple(root for root in roots if root != base)
+            return _group(structure, orientations, index, others, free, [Loop(legs)], base)
+    return None
+
+
+def _merged(orientations: dict[str, Orientation], group: Group) -> dict[str, Orientation]:
+    """Angles after a floating group is solved: those of its base and known turns."""
+    assert group.base is not None
+    merged = dict(orientations)
+    for number, bodies in enumerate(group.turning):
+        turn = Turn(solved=(group.index, number))
+        for body in bodies:
+            merged[body] = Orientation(group.base, (turn, *orientations[body].turns))
+    return merged
+
+
+def _inner_pin(legs: list[Leg], turning: tuple[tuple[str, ...], ...]) -> str | None:
+    """The joint at which a loop passes from the bodies of one unknown angle to the other's."""
+    first, second = turning
+    for before, after in zip(legs, [*legs[1:], legs[0]], strict=True):
+        for one, other in ((first, second), (second, first)):
+            if before.body in one and after.body in other:
+                return after.start.joint
+    return None
+
+
+def _upstream(structure: Structure, plan: Plan, targets: frozenset[str]) -> Plan:
+    """The steps that the targets need, found by walking backwards."""
+    names = set(structure.joints) | {body.name for body in structure.bodies}
+    unknown = sorted(targets - names)
+    if unknown:
+        raise PlanError(f"the linkage has no joint or body named {', '.join(unknown)}")
+    joints = set(targets) & set(structure.joints)
+    bodies = set(targets) & set(plan.orientations)
+    sliders: set[int] = set()
+    kept: list[Group | Placement] = []
+    for step in reversed(plan.steps):
+        orientations = [plan.orientations[body] for body in bodies]
+        roots = {orientation.root for orientation in orientations}
+        solved = {turn.solved[0] for o in orientations for turn in o.turns if turn.solved}
+        if isinstance(step, Placement):
+            if step.at.joint not in joints:
+                continue
+            used = [step.at, step.reference]
+            joints.add(step.reference.joint)
+        else:
+            asked = roots & set(step.angles) if step.base is None else {step.index} & solved
+            if not (asked or sliders & set(step.sliders)):
+                continue
+            used = [i for loop in step.loops for leg in loop.legs for i in (leg.start, leg.end)]
+            joints |= {n for loop in step.loops for n in (loop.start, loop.end) if n is not None}
+        kept.append(step)
+        bodies |= {i.body for i in used}
+        sliders |= {i.slider for i in used if i.slider is not None}
+    return Plan(plan.orientations, tuple(reversed(kept)))
+
+
+def describe(structure: Structure, targets: frozenset[str] | None = None) -> list[str]:
+    """The plan in words, one line per step."""
+    plan = make_plan(structure, targets)
+    lines = []
+    for step in plan.steps:
+        if isinstance(step, Placement):
+            on = "the fixed body" if step.at.body == WORLD else step.at.body
+            lines.append(f"place {step.at.joint} by {on}, from {step.reference.joint}")
+            continue
+        unknowns = [f"angle of {body}" for body in step.angles]
+        unknowns += [f"slide of {structure.sliders[slider].joint}" for slider in step.sliders]
+        how = "iteration, followed from the sketch" if step.kind == "iterated" else "closed form"
+        lines.append(
+            f"solve {step.kind if step.kind != 'iterated' else f'{len(step.loops)} loops together'}"
+            f" in {how}: {', '.join(unknowns)}{f', relative to {step.base}' if step.base else ''}"
+        )
+        lines += [f"  loop {loop}" for loop in step.loops]
+    return lines

@@ -1,0 +1,248 @@
+"""Poses of a linkage, batched: every joint and body, with margin, closure error and result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from designopt.numerics import as_float
+from designopt.solution import Solution
+from kinematics.evaluation import Drive, State, closure, evaluate
+from kinematics.following import home_unknowns, solve_iterated
+from kinematics.linkage import Linkage
+from kinematics.plan import Plan, make_plan
+from kinematics.structure import WORLD
+from kinematics.vectors import Vector
+
+BLOCK = 8192
+"""Poses computed at a time, so that what lies between inputs and results stays in the cache."""
+
+ROUNDING_UNITS = 16
+"""Margins down to so many units of rounding below zero count as touching, not as apart."""
+
+
+class PoseResult(eqx.Enumeration):
+    """Why a pose is none."""
+
+    successful = ""
+    too_far = (
+        "Two pins are farther apart than the links between them reach: lengthen these links, "
+        "bring the pins together, or keep the input within its limits."
+    )
+    too_near = (
+        "Two pins are nearer to each other than the links between them can fold: make these "
+        "links more equal, move the pins apart, or keep the input within its limits."
+    )
+    off_the_line = (
+        "A link does not reach the line that its end slides along: lengthen it, bring its pin "
+        "nearer to the line, or keep the input within its limits."
+    )
+    inside_the_slot = (
+        "A slot's pin is nearer to the pivot than the slot's line: reduce the slot's offset, or "
+        "keep the input within its limits."
+    )
+    parallel = "Two lines along which a joint slides are parallel: turn one of them."
+    locked = (
+        "The linkage locks before it comes here from the sketch: keep the input within its "
+        "limits, or sketch the assembly beyond them."
+    )
+    not_followed = (
+        "The way from the sketch to this pose could not be followed: sketch the linkage nearer "
+        "to it."
+    )
+    no_number = "An input or a dimension is not a finite number."
+
+
+_CODES = {
+    "RRR": (PoseResult.too_far, PoseResult.too_near),
+    "RRP": (PoseResult.off_the_line,),
+    "RPR": (PoseResult.inside_the_slot,),
+    "PRP": (PoseResult.parallel,),
+    "RPP": (PoseResult.parallel,),
+    "iterated": (PoseResult.locked, PoseResult.not_followed),
+}
+
+
+class Pose(eqx.Module):
+    """Where everything is.
+
+    Attributes:
+        joints: position of every joint, mm.
+        bodies: direction of every body, a unit vector from its first towards its second joint.
+        slides: place of each slider along its line, mm, by its number.
+        margins: the margins of each group of the plan, by its number, mm.
+    """
+
+    joints: dict[str, Vector]
+    bodies: dict[str, Vector]
+    slides: dict[int, Float[Array, "*batch"]]
+    margins: dict[int, tuple[Float[Array, "*batch"], ...]]
+
+    def position(self, joint: str) -> Float[Array, "*batch 2"]:
+        """Position of a joint, mm."""
+        return self.joints[joint].stacked()
+
+    def angle(self, body: str) -> Float[Array, "*batch"]:
+        """Angle of a body, rad, −π to π."""
+        return self.bodies[body].angle()
+
+
+def solve_poses(
+    linkage: Linkage,
+    inputs: Float[Array, "*batch inputs"],
+    *,
+    of: Iterable[str] | None = None,
+    signs: Float[Array, " groups"] | None = None,
+) -> Solution[Pose]:
+    """Poses at given inputs, in the linkage's assembly.
+
+    Args:
+        linkage: the linkage; ``jax.vmap`` over it for a batch of designs.
+        inputs: values of the inputs in the order of ``linkage.input_names``, rad or mm.
+        of: joints and bodies asked for; only what they depend on is solved. All by default.
+        signs: an assembly other than the linkage's own, one sign per group of the plan.
+
+    Returns:
+        The poses. ``margin`` is the least over the groups, in mm: for RRR how far the outer pins
+        are from the distance at which the links stretch or fold; for RRP how far the link reaches
+        beyond the line; for RPR how far the slot's pin is outside the circle that the slot
+        touches; for crossing lines the sine of their angle times the linkage's size; for an
+        iterated group the smallest singular value of its scaled Jacobian (`transmission_index`)
+        times that size where the pose was reached, and minus the part of the way that was not
+        where the linkage locked. ``residual`` is the closure error in units of the linkage's
+        size: the largest gap between the places that two bodies give to their common joint, or
+        the stretch of a body.
+
+    Raises:
+        PlanError: ``of`` names something the linkage does not have.
+    """
+    inputs = as_float(inputs)
+    plan = make_plan(linkage.structure, None if of is None else frozenset(of))
+    batch = inputs.shape[:-1]
+    if signs is None:
+        signs = jnp.asarray(linkage.assembly, inputs.dtype)
+    unit, size = linkage.scaled()
+    finite = jnp.all(jnp.isfinite(inputs), axis=-1)
+    values = in_units(linkage, jnp.where(finite[..., None], inputs, 0.0), size)
+    home = in_units(linkage, jnp.asarray(linkage.home.inputs, inputs.dtype), size)
+    solver = _Solver(linkage, unit, size, plan, signs, home)
+    # Angles become unit vectors here: XLA would compute their sines anew for every output.
+    drive = Drive.at(values)
+    flat = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[len(batch):]), (drive, finite))
+    solved = _in_blocks(lambda given: solver.block(given), flat)
+    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), solved)
+
+
+def _in_blocks(
+    solve: Callable[[tuple[Drive, Bool[Array, " block"]]], Solution[Pose]],
+    flat: tuple[Drive, Bool[Array, " poses"]],
+) -> Solution[Pose]:
+    count = flat[1].shape[0]
+    if count <= 2 * BLOCK:
+        return solve(flat)
+    # Blocks of one size, near the wanted one; the last is filled up with the last pose.
+    size = next((s for s in range(BLOCK, BLOCK // 2, -1) if count % s == 0), BLOCK)
+    blocks = -(-count // size)
+
+    def fold(leaf: Array) -> Array:
+        if blocks * size != count:
+            last = jnp.repeat(leaf[-1:], blocks * size - count, axis=0)
+            leaf = jnp.concatenate([leaf, last])
+        return leaf.reshape(blocks, size, *leaf.shape[1:])
+
+    solved = jax.lax.map(jax.checkpoint(solve), jax.tree.map(fold, flat))
+    return jax.tree.map(lambda leaf: leaf.reshape(blocks * size, *leaf.shape[2:])[:count], solved)
+
+
+class _Solver(eqx.Module):
+    """What is common to all poses of one call."""
+
+    linkage: Linkage
+    unit: Linkage
+    size: Float[Array, ""]
+    plan: Plan = eqx.field(static=True)
+    signs: Float[Array, " groups"]
+    home: Float[Array, " inputs"]
+
+    def block(self, given: tuple[Drive, Bool[Array, " block"]]) -> Solution[Pose]:
+        """Solve a block of poses."""
+        solved, spans = jax.vmap(lambda drive, finite: self.one(drive, finite, {}))(*given)
+        if not spans:
+            return solved
+
+        def approached(drive: Drive, finite: Bool[Array, ""]) -> Solution[Pose]:
+            # Where two pins coincide, the pose is the one it tends to, coming from the sketch.
+            step = jnp.finfo(drive.values.dtype).eps ** 0.6 * jnp.sign(self.home - drive.values)
+            _, directions = self.one(Drive.at(drive.values + step), finite, {})
+            return self.one(drive, finite, directions)[0]
+
+        tiny = jnp.finfo(self.size.dtype).tiny
+        coincide = [jnp.any(span.squared() <= tiny) for span in spans.values()]
+        return jax.lax.cond(
+            jnp.any(jnp.stack(coincide)), lambda: jax.vmap(approached)(*given), lambda: solved
+        )
+
+    def one(
+        self, drive: Drive, finite: Bool[Array, ""], towards: Mapping[int, Vector]
+    ) -> tuple[Solution[Pose], dict[int, Vector]]:
+        """Solve one pose; also the vectors between pins whose coincidence leaves it open."""
+        unknowns = {}
+        if self.plan.iterated:
+            home = (self.home, home_unknowns(self.linkage, self.plan, self.size))
+            unknowns = solve_iterated(self.unit, self.plan, drive.values, self.signs, home)
+        state = evaluate(self.unit, self.plan, drive, self.signs, unknowns, towards)
+        margin, result = _verdict(state, finite)
+        pose = pose_of(self.linkage, state, self.size)
+        solution = Solution(pose, margin * self.size, closure(state), result)
+        return solution, state.spans
+
+
+def in_units(
+    linkage: Linkage, inputs: Float[Array, "*batch inputs"], size: Float[Array, ""]
+) -> Float[Array, "*batch inputs"]:
+    """Inputs with slides in units of the linkage's size instead of mm."""
+    if all(part.slider is None for part in linkage.structure.inputs):
+        return inputs
+    one = jnp.ones_like(size)
+    units = [one if part.slider is None else size for part in linkage.structure.inputs]
+    units = jnp.stack(units)
+    return inputs / jnp.broadcast_to(units, inputs.shape)
+
+
+def _verdict(state: State, finite: Bool[Array, ""]) -> tuple[Float[Array, ""], Any]:
+    one = state.no_turn.x
+    touching = -ROUNDING_UNITS * jnp.finfo(one.dtype).eps
+    result, margin = PoseResult.successful, None
+    for group in reversed(state.plan.groups):
+        for value, code in reversed(
+            list(zip(state.margins[group.index], _CODES[group.kind], strict=True))
+        ):
+            result = PoseResult.where(value >= touching, result, code)
+            margin = value if margin is None else jnp.minimum(margin, value)
+    if margin is None:  # nothing to solve, so nothing to fail
+        margin = one
+    return margin, PoseResult.where(finite, result, PoseResult.no_number)
+
+
+def pose_of(linkage: Linkage, state: State, size: Float[Array, ""]) -> Pose:
+    """The pose in mm, in the world, of a state in units of the linkage's size."""
+    bodies = {
+        body.name: linkage.fixed_direction(body.name)
+        for body in linkage.structure.bodies
+        if body.fixed
+    }
+    bodies |= {name: turn for name, turn in state.rotations.items() if name != WORLD}
+    return Pose(
+        {name: place.scaled(size) + linkage.origin for name, place in state.places.items()},
+        bodies,
+        {index: slide * size for index, slide in state.slides.items()},
+        {
+            index: tuple(margin * size for margin in margins)
+            for index, margins in state.margins.items()
+        },
+    )

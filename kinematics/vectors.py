@@ -1,0 +1,85 @@
+"""Plane vectors as two arrays, and the few operations on them that linkages need."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from designopt.numerics import safe_arctan2, safe_sqrt
+
+
+class Vector(eqx.Module):
+    """A plane vector, batched or not: two arrays of one shape, which stay apart in memory.
+
+    A rotation is a unit vector (cos φ, sin φ), applied by `turned`.
+    """
+
+    x: Float[Array, "*batch"]
+    y: Float[Array, "*batch"]
+
+    def __add__(self, other: Vector) -> Vector:
+        return Vector(self.x + other.x, self.y + other.y)
+
+    def __sub__(self, other: Vector) -> Vector:
+        return Vector(self.x - other.x, self.y - other.y)
+
+    def __neg__(self) -> Vector:
+        return Vector(-self.x, -self.y)
+
+    def scaled(self, factor: Float[Array, "*batch"]) -> Vector:
+        """The vector times a number."""
+        return Vector(factor * self.x, factor * self.y)
+
+    def turned(self, rotation: Vector) -> Vector:
+        """The vector turned by a rotation: the product of two complex numbers."""
+        return Vector(
+            rotation.x * self.x - rotation.y * self.y, rotation.x * self.y + rotation.y * self.x
+        )
+
+    def conjugate(self) -> Vector:
+        """The mirror image in the x axis; of a rotation, its inverse."""
+        return Vector(self.x, -self.y)
+
+    def perpendicular(self) -> Vector:
+        """The vector turned by a quarter turn counter-clockwise."""
+        return Vector(-self.y, self.x)
+
+    def dot(self, other: Vector) -> Float[Array, "*batch"]:
+        """The scalar product."""
+        return self.x * other.x + self.y * other.y
+
+    def cross(self, other: Vector) -> Float[Array, "*batch"]:
+        """The z component of the vector product."""
+        return self.x * other.y - self.y * other.x
+
+    def squared(self) -> Float[Array, "*batch"]:
+        """The squared length."""
+        return self.dot(self)
+
+    def length(self) -> Float[Array, "*batch"]:
+        """The length; 0 with zero slope for the zero vector."""
+        return safe_sqrt(self.squared())
+
+    def angle(self) -> Float[Array, "*batch"]:
+        """The angle from +x in radians, −π to π; 0 with zero slope for the zero vector."""
+        return safe_arctan2(self.y, self.x)
+
+    def stacked(self) -> Float[Array, "*batch 2"]:
+        """The vector as one array whose last axis is (x, y)."""
+        return jnp.stack([self.x, self.y], axis=-1)
+
+
+def rotation(angle: Float[Array, "*batch"]) -> Vector:
+    """The unit vector at an angle in radians, counter-clockwise from +x."""
+    return Vector(jnp.cos(angle), jnp.sin(angle))
+
+
+def vector(array: Float[Array, "*batch 2"]) -> Vector:
+    """A vector from an array whose last axis is (x, y)."""
+    return Vector(array[..., 0], array[..., 1])
+
+
+def folded_angle(first: Vector, second: Vector) -> Float[Array, "*batch"]:
+    """The angle between the lines along two vectors, radians, 0 to π/2; finite for zero vectors."""
+    return safe_arctan2(jnp.abs(first.cross(second)), jnp.abs(first.dot(second)))
