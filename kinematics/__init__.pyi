@@ -1,9 +1,10 @@
 from .linkage import Line, Link, Linkage, Spring
 from .loops import vector_loops
 from .plan import PlanError, describe
-from .poses import Pose, PoseResult, solve_poses
+from .poses import PoseResult, solve_poses
 from .rates import Motion, Rates, solve_rates
 from .reading import linkage_from, read_linkage
+from .solver import Pose
 from .vectors import Vector, folded_angle
 
 __all__ = [

@@ -12,11 +12,9 @@ from jaxtyping import Array, Bool, Float
 
 from designopt.numerics import as_float
 from designopt.solution import Solution
-from kinematics.evaluation import Drive, State, closure, evaluate
-from kinematics.following import home_unknowns, solve_iterated
+from kinematics.evaluation import Drive, State, closure
 from kinematics.linkage import Linkage
-from kinematics.plan import Plan, make_plan
-from kinematics.structure import WORLD
+from kinematics.solver import Pose, Solver
 from kinematics.vectors import Vector
 
 BLOCK = 8192
@@ -68,30 +66,6 @@ _CODES = {
 }
 
 
-class Pose(eqx.Module):
-    """Where everything is.
-
-    Attributes:
-        joints: position of every joint, mm.
-        bodies: direction of every body, a unit vector from its first towards its second joint.
-        slides: place of each slider along its line, mm, by its number.
-        margins: the margins of each group of the plan, by its number, mm.
-    """
-
-    joints: dict[str, Vector]
-    bodies: dict[str, Vector]
-    slides: dict[int, Float[Array, "*batch"]]
-    margins: dict[int, tuple[Float[Array, "*batch"], ...]]
-
-    def position(self, joint: str) -> Float[Array, "*batch 2"]:
-        """Position of a joint, mm."""
-        return self.joints[joint].stacked()
-
-    def angle(self, body: str) -> Float[Array, "*batch"]:
-        """Angle of a body, rad, −π to π."""
-        return self.bodies[body].angle()
-
-
 def solve_poses(
     linkage: Linkage,
     inputs: Float[Array, "*batch inputs"],
@@ -122,19 +96,13 @@ def solve_poses(
         PlanError: ``of`` names something the linkage does not have.
     """
     inputs = as_float(inputs)
-    plan = make_plan(linkage.structure, None if of is None else frozenset(of))
+    solver = Solver.of(linkage, inputs.dtype, of, signs)
     batch = inputs.shape[:-1]
-    if signs is None:
-        signs = jnp.asarray(linkage.assembly, inputs.dtype)
-    unit, size = linkage.scaled()
     finite = jnp.all(jnp.isfinite(inputs), axis=-1)
-    values = in_units(linkage, jnp.where(finite[..., None], inputs, 0.0), size)
-    home = in_units(linkage, jnp.asarray(linkage.home.inputs, inputs.dtype), size)
-    solver = _Solver(linkage, unit, size, plan, signs, home)
     # Angles become unit vectors here: XLA would compute their sines anew for every output.
-    drive = Drive.at(values)
-    flat = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[len(batch):]), (drive, finite))
-    solved = _in_blocks(lambda given: solver.block(given), flat)
+    drive = solver.drive(jnp.where(finite[..., None], inputs, 0.0))
+    flat = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[len(batch) :]), (drive, finite))
+    solved = _in_blocks(lambda given: _solve_block(solver, *given), flat)
     return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), solved)
 
 
@@ -159,59 +127,33 @@ def _in_blocks(
     return jax.tree.map(lambda leaf: leaf.reshape(blocks * size, *leaf.shape[2:])[:count], solved)
 
 
-class _Solver(eqx.Module):
-    """What is common to all poses of one call."""
+def _solve_block(
+    solver: Solver, drive: Drive, finite: Bool[Array, " block"]
+) -> Solution[Pose]:
+    solved, spans = jax.vmap(lambda *one: _solve_one(solver, *one, {}))(drive, finite)
+    if not spans:
+        return solved
 
-    linkage: Linkage
-    unit: Linkage
-    size: Float[Array, ""]
-    plan: Plan = eqx.field(static=True)
-    signs: Float[Array, " groups"]
-    home: Float[Array, " inputs"]
+    def approached(drive: Drive, finite: Bool[Array, ""]) -> Solution[Pose]:
+        # Where two pins coincide, the pose is the one it tends to, coming from the sketch.
+        step = jnp.finfo(solver.home.dtype).eps ** 0.6 * jnp.sign(solver.home - drive.values)
+        _, directions = _solve_one(solver, Drive.at(drive.values + step), finite, {})
+        return _solve_one(solver, drive, finite, directions)[0]
 
-    def block(self, given: tuple[Drive, Bool[Array, " block"]]) -> Solution[Pose]:
-        """Solve a block of poses."""
-        solved, spans = jax.vmap(lambda drive, finite: self.one(drive, finite, {}))(*given)
-        if not spans:
-            return solved
-
-        def approached(drive: Drive, finite: Bool[Array, ""]) -> Solution[Pose]:
-            # Where two pins coincide, the pose is the one it tends to, coming from the sketch.
-            step = jnp.finfo(drive.values.dtype).eps ** 0.6 * jnp.sign(self.home - drive.values)
-            _, directions = self.one(Drive.at(drive.values + step), finite, {})
-            return self.one(drive, finite, directions)[0]
-
-        tiny = jnp.finfo(self.size.dtype).tiny
-        coincide = [jnp.any(span.squared() <= tiny) for span in spans.values()]
-        return jax.lax.cond(
-            jnp.any(jnp.stack(coincide)), lambda: jax.vmap(approached)(*given), lambda: solved
-        )
-
-    def one(
-        self, drive: Drive, finite: Bool[Array, ""], towards: Mapping[int, Vector]
-    ) -> tuple[Solution[Pose], dict[int, Vector]]:
-        """Solve one pose; also the vectors between pins whose coincidence leaves it open."""
-        unknowns = {}
-        if self.plan.iterated:
-            home = (self.home, home_unknowns(self.linkage, self.plan, self.size))
-            unknowns = solve_iterated(self.unit, self.plan, drive.values, self.signs, home)
-        state = evaluate(self.unit, self.plan, drive, self.signs, unknowns, towards)
-        margin, result = _verdict(state, finite)
-        pose = pose_of(self.linkage, state, self.size)
-        solution = Solution(pose, margin * self.size, closure(state), result)
-        return solution, state.spans
+    tiny = jnp.finfo(solver.size.dtype).tiny
+    coincide = [jnp.any(span.squared() <= tiny) for span in spans.values()]
+    return jax.lax.cond(
+        jnp.any(jnp.stack(coincide)), lambda: jax.vmap(approached)(drive, finite), lambda: solved
+    )
 
 
-def in_units(
-    linkage: Linkage, inputs: Float[Array, "*batch inputs"], size: Float[Array, ""]
-) -> Float[Array, "*batch inputs"]:
-    """Inputs with slides in units of the linkage's size instead of mm."""
-    if all(part.slider is None for part in linkage.structure.inputs):
-        return inputs
-    one = jnp.ones_like(size)
-    units = [one if part.slider is None else size for part in linkage.structure.inputs]
-    units = jnp.stack(units)
-    return inputs / jnp.broadcast_to(units, inputs.shape)
+def _solve_one(
+    solver: Solver, drive: Drive, finite: Bool[Array, ""], towards: Mapping[int, Vector]
+) -> tuple[Solution[Pose], dict[int, Vector]]:
+    state = solver.state(drive, towards)
+    margin, result = _verdict(state, finite)
+    solution = Solution(solver.pose(state), margin * solver.size, closure(state), result)
+    return solution, state.spans
 
 
 def _verdict(state: State, finite: Bool[Array, ""]) -> tuple[Float[Array, ""], Any]:
@@ -227,22 +169,3 @@ def _verdict(state: State, finite: Bool[Array, ""]) -> tuple[Float[Array, ""], A
     if margin is None:  # nothing to solve, so nothing to fail
         margin = one
     return margin, PoseResult.where(finite, result, PoseResult.no_number)
-
-
-def pose_of(linkage: Linkage, state: State, size: Float[Array, ""]) -> Pose:
-    """The pose in mm, in the world, of a state in units of the linkage's size."""
-    bodies = {
-        body.name: linkage.fixed_direction(body.name)
-        for body in linkage.structure.bodies
-        if body.fixed
-    }
-    bodies |= {name: turn for name, turn in state.rotations.items() if name != WORLD}
-    return Pose(
-        {name: place.scaled(size) + linkage.origin for name, place in state.places.items()},
-        bodies,
-        {index: slide * size for index, slide in state.slides.items()},
-        {
-            index: tuple(margin * size for margin in margins)
-            for index, margins in state.margins.items()
-        },
-    )

@@ -11,11 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
-from kinematics.evaluation import Drive, evaluate
-from kinematics.following import close, follow, home_unknowns, split
 from kinematics.linkage import Linkage
-from kinematics.plan import Plan, make_plan
-from kinematics.poses import in_units, pose_of
+from kinematics.solver import Solver
 from kinematics.vectors import Vector
 
 
@@ -77,40 +74,25 @@ def solve_rates(
     acceleration = jnp.zeros_like(velocity) if accelerations is None else as_float(accelerations)
     jerk = jnp.zeros_like(velocity) if jerks is None else as_float(jerks)
     parts = jnp.broadcast_arrays(inputs, velocity, acceleration, jerk)
-    plan = make_plan(linkage.structure, None if of is None else frozenset(of))
-    signs = jnp.asarray(linkage.assembly, inputs.dtype)
+    solver = Solver.of(linkage, inputs.dtype, of)
     batch = parts[0].shape[:-1]
     flat = [part.reshape(-1, part.shape[-1]) for part in parts]
-    motion = jax.vmap(lambda *one: _rates_of_one(linkage, plan, signs, *one))(*flat)
+    motion = jax.vmap(lambda *one: _rates_of_one(solver, *one))(*flat)
     return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), motion)
 
 
 def _rates_of_one(
-    linkage: Linkage,
-    plan: Plan,
-    signs: Float[Array, " groups"],
+    solver: Solver,
     inputs: Float[Array, " inputs"],
     velocity: Float[Array, " inputs"],
     acceleration: Float[Array, " inputs"],
     jerk: Float[Array, " inputs"],
 ) -> Motion:
-    unit, size = linkage.scaled()
-    guess = None
-    if plan.iterated:
-        home = in_units(linkage, jnp.asarray(linkage.home.inputs, inputs.dtype), size)
-        start = (home, home_unknowns(linkage, plan, size))
-        now = in_units(linkage, inputs, size)
-        guess = follow(unit, plan, now, signs, start).unknowns
+    followed = solver.followed(solver.drive(inputs))
 
     def places(time: Float[Array, ""]) -> Rates:
         moved = inputs + time * (velocity + time / 2 * (acceleration + time / 3 * jerk))
-        values = in_units(linkage, moved, size)
-        unknowns = {}
-        if guess is not None:
-            solved = close(unit, plan, values, signs, guess)
-            unknowns = {group: (part, ()) for group, part in split(plan, solved).items()}
-        state = evaluate(unit, plan, Drive.at(values), signs, unknowns, {})
-        pose = pose_of(linkage, state, size)
+        pose = solver.pose(solver.state_near(solver.drive(moved), followed))
         angles = {name: direction.angle() for name, direction in pose.bodies.items()}
         return Rates(pose.joints, angles, pose.slides)
 

@@ -1,0 +1,270 @@
+"""What ``designopt solve`` does: read, sweep, solve, write the table, say what was met."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from designopt.errors import UserError
+from designopt.solution import Solution
+from kinematics.limits import find_limits
+from kinematics.linkage import Linkage
+from kinematics.plan import PlanError, describe
+from kinematics.poses import solve_poses
+from kinematics.rates import Rates, solve_rates
+from kinematics.reading import read_linkage
+from kinematics.solver import Pose
+from kinematics.table import columns_of, write_table
+from kinematics.transmission import Transmission, solve_transmission
+
+MOST_POSES = 10_000_000
+"""A larger grid is more likely a slip of the pen than a wish."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for, as it was written on the command line.
+
+    Attributes:
+        file: the linkage file.
+        sweeps: ``input=start:stop:count`` or ``input=value``, degrees or mm.
+        rates: ``input=value``, rad/s or mm/s.
+        accelerations: ``input=value``, rad/s² or mm/s².
+        of: joints and bodies asked for; all if none.
+        csv: where the table goes, ``-`` for standard output.
+        figure: where a picture of the motion goes.
+        animation: where an animation of the motion goes.
+        force: whether existing files are replaced.
+    """
+
+    file: Path
+    sweeps: tuple[str, ...]
+    rates: tuple[str, ...] = ()
+    accelerations: tuple[str, ...] = ()
+    of: tuple[str, ...] | None = None
+    csv: str = "-"
+    figure: Path | None = None
+    animation: Path | None = None
+    force: bool = False
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Everything that was computed.
+
+    Attributes:
+        inputs: in radians or mm, shape (poses, inputs).
+        poses: the poses.
+        velocity: first derivatives; none if neither rates nor accelerations were asked for.
+        acceleration: second derivatives; none if accelerations were not asked for.
+        transmission: their transmission.
+    """
+
+    inputs: np.ndarray
+    poses: Solution[Pose]
+    velocity: Rates | None
+    acceleration: Rates | None
+    transmission: Transmission
+
+
+def print_plan(file: Path, of: Sequence[str] | None) -> None:
+    """Print how a linkage is solved, in words."""
+    with jax.enable_x64(True):
+        linkage = read_linkage(file)
+    structure = linkage.structure
+    inputs = ", ".join(linkage.input_names)
+    print(f"{structure.name}: {len(structure.moving)} moving bodies, driven by {inputs}")
+    try:
+        lines = describe(structure, None if of is None else frozenset(of))
+    except PlanError as error:
+        raise UserError(f"--of: {error}") from error
+    print("\n".join(lines))
+
+
+def solve_file(request: Request) -> list[str]:
+    """Solve, write what was asked for, and return what a person should know.
+
+    Raises:
+        UserError: something in the file or in the request is wrong; nothing is written.
+    """
+    targets = [path for path in (request.figure, request.animation) if path is not None]
+    targets += [] if request.csv == "-" else [Path(request.csv)]
+    for path in targets:
+        if path.exists() and not request.force:
+            raise UserError(f"{path}: exists already; choose another file, or replace it by --force")
+        if not path.parent.is_dir():
+            raise UserError(f"{path}: there is no folder {path.parent}; make it, or choose another")
+    with jax.enable_x64(True):
+        linkage = read_linkage(request.file)
+        solved = _solve(linkage, request)
+        write_table(columns_of(linkage, solved), request.csv)
+        if targets:
+            _draw(linkage, solved, request)
+        return _remarks(linkage, solved)
+
+
+def _solve(linkage: Linkage, request: Request) -> Solved:
+    inputs = _grid(linkage, request)
+    rates = _values(linkage, request.rates, "--rate")
+    accelerations = _values(linkage, request.accelerations, "--accel")
+    values = jnp.asarray(inputs)
+
+    zero = np.zeros(len(linkage.input_names))
+    velocity = jnp.asarray(zero if rates is None else rates)
+    acceleration = jnp.asarray(zero if accelerations is None else accelerations)
+
+    @jax.jit
+    def compute(
+        linkage: Linkage, values: jax.Array
+    ) -> tuple[Solution[Pose], Rates | None, Rates | None, Transmission]:
+        first = second = None
+        if rates is not None or accelerations is not None:
+            motion = solve_rates(linkage, values, velocity, acceleration, of=request.of)
+            first = motion.velocity
+            second = None if accelerations is None else motion.acceleration
+        poses = solve_poses(linkage, values, of=request.of)
+        return poses, first, second, solve_transmission(linkage, values, of=request.of)
+
+    try:
+        return Solved(inputs, *compute(linkage, values))
+    except PlanError as error:
+        raise UserError(f"--of: {error}") from error
+
+
+def _is_angle(linkage: Linkage, name: str) -> bool:
+    return linkage.structure.inputs[linkage.input_names.index(name)].slider is None
+
+
+def _split(linkage: Linkage, text: str, option: str) -> tuple[str, str]:
+    name, mark, value = text.partition("=")
+    if not mark:
+        raise UserError(f"{option} {text}: write it as INPUT=VALUE")
+    if name not in linkage.input_names:
+        raise UserError(
+            f"{option} {text}: no input is named '{name}'; there are: "
+            + ", ".join(linkage.input_names)
+        )
+    return name, value
+
+
+def _number(text: str, option: str, whole: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise UserError(f"{option} {whole}: '{text}' is not a finite number")
+    return number
+
+
+def _values(linkage: Linkage, texts: Sequence[str], option: str) -> np.ndarray | None:
+    if not texts:
+        return None
+    values = np.zeros(len(linkage.input_names))
+    for text in texts:
+        name, value = _split(linkage, text, option)
+        values[linkage.input_names.index(name)] = _number(value, option, text)
+    return values
+
+
+def _grid(linkage: Linkage, request: Request) -> np.ndarray:
+    """All combinations of the swept values, the last input changing fastest, rad or mm."""
+    ranges: dict[str, np.ndarray] = {}
+    for text in request.sweeps:
+        name, value = _split(linkage, text, "--sweep")
+        if name in ranges:
+            raise UserError(f"--sweep {text}: '{name}' is swept twice; once is enough")
+        ranges[name] = _range(value, text)
+    missing = [name for name in linkage.input_names if name not in ranges]
+    if missing:
+        example = " ".join(
+            f"--sweep {name}={'0:360:361' if _is_angle(linkage, name) else '0:10:101'}"
+            for name in missing
+        )
+        raise UserError(f"--sweep: no values for {', '.join(missing)}; add for example {example}")
+    count = math.prod(len(values) for values in ranges.values())
+    if count > MOST_POSES:
+        raise UserError(
+            f"--sweep: a grid of {count:,} poses is too large (at most {MOST_POSES:,}); "
+            "sweep fewer values"
+        )
+    columns = [
+        np.deg2rad(ranges[name]) if _is_angle(linkage, name) else ranges[name]
+        for name in linkage.input_names
+    ]
+    return np.stack([grid.ravel() for grid in np.meshgrid(*columns, indexing="ij")], axis=1)
+
+
+def _range(value: str, text: str) -> np.ndarray:
+    parts = value.split(":")
+    if len(parts) == 1:
+        return np.array([_number(value, "--sweep", text)])
+    if len(parts) != 3:
+        raise UserError(f"--sweep {text}: write it as INPUT=START:STOP:COUNT or INPUT=VALUE")
+    start, stop, count = (_number(part, "--sweep", text) for part in parts)
+    if count != int(count) or not 1 <= count <= MOST_POSES:
+        raise UserError(
+            f"--sweep {text}: COUNT is the number of values, a whole number from 1 to "
+            f"{MOST_POSES:,}; both ends are included"
+        )
+    return np.linspace(start, stop, int(count))
+
+
+def _draw(linkage: Linkage, solved: Solved, request: Request) -> None:
+    from designopt.figures import style
+    from kinematics.drawing import motion_figure, save_animation, save_figure
+
+    with style():
+        if request.figure is not None:
+            save_figure(request.figure, motion_figure(linkage, solved.inputs, solved.poses))
+        if request.animation is not None:
+            save_animation(request.animation, linkage, solved.inputs, solved.poses)
+
+
+def _remarks(linkage: Linkage, solved: Solved) -> list[str]:
+    """How many poses failed and why, and the limits of the inputs that ran into them."""
+    failed = np.asarray(~solved.poses.ok)
+    if not failed.any():
+        return []
+    reasons = Counter(message for message in solved.poses.messages() if message)
+    lines = [
+        f"{int(failed.sum())} of {failed.size} poses cannot be assembled; their rows have ok = 0 "
+        "and empty cells"
+    ]
+    lines += [f"  {count} poses: {message}" for message, count in reasons.most_common()]
+    for index, name in enumerate(linkage.input_names):
+        if np.ptp(solved.inputs[:, index]) > 0 or len(solved.inputs) == 1:
+            lines += _limit_remarks(linkage, name, solved)
+    return lines
+
+
+def _limit_remarks(linkage: Linkage, name: str, solved: Solved) -> list[str]:
+    # From a pose that exists, so that the other inputs are as they were asked for.
+    good = np.flatnonzero(np.asarray(solved.poses.ok))
+    start = solved.inputs[good[0]] if len(good) else np.array(linkage.home.inputs)
+    limits = find_limits(linkage, name, jnp.asarray(start))
+    angle = _is_angle(linkage, name)
+    others = ", ".join(
+        f"{other} = {_shown(value, _is_angle(linkage, other))}"
+        for other, value in zip(linkage.input_names, start, strict=True)
+        if other != name
+    )
+    lines = [
+        f"{name} locks at {_shown(limit.value, angle)} ({end} limit{f', at {others}' if others else ''}):"
+        f" {' and '.join(limit.bodies)} cannot follow beyond"
+        for end, limit in (("lower", limits.lower), ("upper", limits.upper))
+        if limit is not None
+    ]
+    lines += [f"{name} has a change point at {_shown(p, angle)}" for p in limits.change_points]
+    return lines
+
+
+def _shown(value: float, angle: bool) -> str:
+    return f"{math.degrees(value):.10g}°" if angle else f"{value:.10g} mm"

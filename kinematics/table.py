@@ -1,0 +1,94 @@
+"""The table of ``designopt solve``: its columns, and writing it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+import numpy as np
+
+from designopt.errors import UserError
+from kinematics.linkage import Linkage
+
+if TYPE_CHECKING:
+    from kinematics.solving import Solved
+
+
+def columns_of(linkage: Linkage, solved: Solved) -> dict[str, np.ndarray]:
+    """Columns by name, one entry per pose; NaN stands for an empty cell.
+
+    Inputs in degrees or mm, ``ok``, ``margin`` (mm), ``closure`` (mm), positions (mm), angles
+    (degrees), rates (mm/s, rad/s and so on), transmission angles (degrees).
+    """
+    ok = np.asarray(solved.poses.ok)
+    columns = {
+        part.name: solved.inputs[:, i] if part.slider is not None else np.rad2deg(solved.inputs[:, i])
+        for i, part in enumerate(linkage.structure.inputs)
+    }
+    columns["ok"] = ok.astype(int)
+    columns["margin"] = np.asarray(solved.poses.margin)
+    columns["closure"] = _where(ok, np.asarray(solved.poses.residual * linkage.size()))
+    pose = solved.poses.value
+    joints = [name for name in linkage.structure.joints if name in pose.joints]
+    bodies = [body.name for body in linkage.structure.bodies if body.name in pose.bodies]
+    for name in joints:
+        columns[f"{name}.x"] = _where(ok, pose.joints[name].x)
+        columns[f"{name}.y"] = _where(ok, pose.joints[name].y)
+    for name in bodies:
+        columns[f"{name}.angle_deg"] = _where(ok, np.rad2deg(pose.angle(name)))
+    for rates, letter, turn in (
+        (solved.velocity, "v", "omega"),
+        (solved.acceleration, "a", "alpha"),
+    ):
+        if rates is None:
+            continue
+        for name in joints:
+            columns[f"{name}.{letter}x"] = _where(ok, rates.joints[name].x)
+            columns[f"{name}.{letter}y"] = _where(ok, rates.joints[name].y)
+        for name in bodies:
+            columns[f"{name}.{turn}"] = _where(ok, rates.bodies[name])
+    for name, angle in solved.transmission.angles.items():
+        columns[f"{name}.mu_deg"] = _where(ok, np.rad2deg(angle))
+    return columns
+
+
+def _where(ok: np.ndarray, values: object) -> np.ndarray:
+    return np.where(ok, np.broadcast_to(np.asarray(values), ok.shape), np.nan)
+
+
+def write_table(columns: dict[str, np.ndarray], target: str) -> None:
+    """Write a table as CSV, to standard output for ``-``; a file appears when it is complete.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
+    if target == "-":
+        _write(columns, sys.stdout)
+        return
+    path = Path(target)
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8", newline="") as stream:
+                _write(columns, stream)
+            os.replace(name, path)
+        except BaseException:
+            os.unlink(name)
+            raise
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _write(columns: dict[str, np.ndarray], stream: TextIO) -> None:
+    stream.write(",".join(columns) + "\n")
+    # Shortest decimals that give back the same number.
+    texts = [
+        [str(v) for v in column.tolist()]
+        if column.dtype.kind == "i"
+        else ["" if v != v else repr(v) for v in column.tolist()]
+        for column in columns.values()
+    ]
+    stream.writelines(",".join(row) + "\n" for row in zip(*texts, strict=True))
