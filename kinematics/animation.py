@@ -11,9 +11,10 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
 
 from designopt.errors import UserError
-from designopt.figures import new_figure
+from designopt.figures import new_figure, style
 from designopt.solution import Solution
 from kinematics.drawing import Scene, draw_pose, offsets_of, widen
+from kinematics.labels import turned
 from kinematics.linkage import Linkage
 from kinematics.motion_figures import (
     Inputs,
@@ -21,16 +22,18 @@ from kinematics.motion_figures import (
     good_poses,
     path_of,
     pose_at,
+    settle,
     shape_of,
     traced_joints,
     travel_of,
 )
 from kinematics.solver import Pose
+from kinematics.structure import InputPart
 
-FPS = 20.0
+FPS = 20
 DPI = 100
 LABELLED_POSES = 12
-"""Poses in all of which the labels, which stand still relative to their joints, keep clear."""
+"""Poses in which the labels, which stand still relative to their bodies, are to keep clear."""
 
 
 def save_animation(
@@ -39,7 +42,7 @@ def save_animation(
     inputs: Inputs,
     poses: Solution[Pose],
     *,
-    fps: float = FPS,
+    fps: int = FPS,
 ) -> None:
     """Write a linkage's motion, one frame per pose that is ok; the others are left out.
 
@@ -62,21 +65,22 @@ def save_animation(
         good = good_poses(linkage, poses)
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
-    film = _Film(linkage, np.asarray(inputs), poses, good)
     try:
         with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
             part = Path(folder) / path.name
-            with writer.saving(film.figure, str(part), DPI):
-                for index in good:
-                    film.show(int(index))
-                    writer.grab_frame()
+            with style():
+                film = _Film(linkage, np.asarray(inputs), poses, good)
+                with writer.saving(film.figure, str(part), DPI):
+                    for index in good:
+                        film.show(int(index))
+                        writer.grab_frame()
             part.replace(path)
     except OSError as error:
         reason = error.strerror or str(error)
         raise UserError(f"{path}: cannot be written ({reason}); name a place that can") from error
 
 
-def _writer(path: Path, fps: float) -> AbstractMovieWriter:
+def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     match path.suffix.lower():
         case ".gif":
             return PillowWriter(fps=fps)
@@ -105,11 +109,11 @@ class _Film:
         self.labels: dict[str, tuple[float, float]] = dict.fromkeys(structure.joints, (0.0, 9.0))
         self.show(int(good[0]))
         # Once laid out, the axes stay where they are.
-        self.figure.draw_without_rendering()
+        settle(self.figure)
         self.figure.set_layout_engine("none")
         some = good[np.linspace(0, len(good) - 1, min(LABELLED_POSES, len(good))).astype(int)]
         scenes = [Scene.of(linkage, pose_at(poses, int(index)), self.travel) for index in some]
-        self.labels = offsets_of(self.axes, scenes)
+        self.labels = offsets_of(self.axes, scenes, [p[good] for p in self.paths.values()])
 
     def show(self, index: int) -> None:
         """Draw one pose."""
@@ -117,14 +121,21 @@ class _Film:
         widen(self.axes, self.reach)
         draw_paths(self.axes, self.linkage.structure, self.paths)
         pose = pose_at(self.poses, index)
-        draw_pose(self.axes, self.linkage, pose, labels=self.labels, travel=self.travel)
+        angles = Scene.of(self.linkage, pose).angles
+        labels = {name: _turned(self.labels[name], angle) for name, angle in angles.items()}
+        draw_pose(self.axes, self.linkage, pose, labels=labels, travel=self.travel)
         self.axes.set_title(f"{self.linkage.structure.name}: {self._values(index)}")
 
     def _values(self, index: int) -> str:
         parts = zip(self.linkage.structure.inputs, self.inputs[index], strict=True)
-        return ", ".join(
-            f"{part.name} {math.degrees(value):.1f}°"
-            if part.slider is None
-            else f"{part.name} {value:.2f} mm"
-            for part, value in parts
-        )
+        return ", ".join(f"{part.name} {_value(part, value)}" for part, value in parts)
+
+
+def _value(part: InputPart, value: float) -> str:
+    number = f"{math.degrees(value):.1f}°" if part.slider is None else f"{value:.2f} mm"
+    return number.replace("-", "−")
+
+
+def _turned(offset: tuple[float, float], angle: float) -> tuple[float, float]:
+    x, y = turned(np.array(offset), angle)
+    return float(x), float(y)

@@ -1,11 +1,12 @@
-"""Put a sketch together: its equations with nothing driven, their closest solution, their rank.
+"""Put a sketch together: its equations, and their solution near to what was drawn.
 
 Plain NumPy: this runs once, when a file is read.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,14 +14,17 @@ import scipy.optimize
 
 from kinematics.structure import WORLD, Incidence, Structure
 
+MOST_STEPS = 100
+"""Evaluations of one attempt."""
+
 CLOSED = 1e-9
 """Largest gap, in units of the linkage's size, of an assembled linkage."""
 
 ATTEMPTS = 12
 """Starts of the assembly: the sketch itself, then the sketch with ever more disorder."""
 
-INDEPENDENT = 1e-7
-"""Singular values below this part of the largest count as zero."""
+POLISH = 4
+"""Newton steps that take an assembled linkage to rounding."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,25 @@ class Configuration:
     slides: tuple[float, ...]
 
 
+@dataclass(frozen=True)
+class Assembled:
+    """What came of putting a sketch together.
+
+    Attributes:
+        configuration: where everything is.
+        gap: the largest gap that is left, mm.
+        closed: whether it is rounding.
+        fits: whether it is closed and the assembly that was sketched.
+        gaps: the largest gap at every joint, mm.
+    """
+
+    configuration: Configuration
+    gap: float
+    closed: bool
+    fits: bool
+    gaps: Mapping[str, float]
+
+
 class Equations:
     """The equations of an undriven linkage, in units of its size.
 
@@ -80,6 +103,10 @@ class Equations:
         self.free = [joint for joint in structure.joints if joint not in fixed]
         self.rows = [i for i in structure.incidences if i.body != WORLD or i.slider is not None]
         self.kept = [i for i, slider in enumerate(structure.sliders) if slider.keeps is not None]
+        self._body_column = {name: 3 * i for i, name in enumerate(self.moving)}
+        start = 3 * len(self.moving)
+        self._joint_column = {joint: start + 2 * i for i, joint in enumerate(self.free)}
+        self._slide_column = start + 2 * len(self.free)
         self.unknowns = 3 * len(self.moving) + 2 * len(self.free) + len(structure.sliders)
         self.count = 2 * len(self.rows) + len(self.kept)
         self.origin = dimensions.places[WORLD, structure.fixed_joints[0]]
@@ -104,17 +131,31 @@ class Equations:
         return np.array([*parts, *(np.array(configuration.slides) / self.size)])
 
     def unpack(self, vector: np.ndarray) -> Configuration:
-        """The configuration of a vector of unknowns."""
+        """The configuration of a vector of unknowns, with angles from −π to π."""
         joints = {
             joint: self.dimensions.places[WORLD, joint]
             for joint in self.dimensions.structure.fixed_joints
         }
-        start = 3 * len(self.moving)
-        for i, joint in enumerate(self.free):
-            joints[joint] = self.origin + self.size * vector[start + 2 * i : start + 2 * i + 2]
-        angles = {name: float(vector[3 * i + 2]) for i, name in enumerate(self.moving)}
-        slides = vector[start + 2 * len(self.free) :] * self.size
+        for joint, at in self._joint_column.items():
+            joints[joint] = self.origin + self.size * vector[at : at + 2]
+        angles = {
+            name: math.remainder(vector[at + 2], 2 * math.pi)
+            for name, at in self._body_column.items()
+        }
+        slides = vector[self._slide_column :] * self.size
         return Configuration(joints, angles, tuple(float(slide) for slide in slides))
+
+    def columns_of_body(self, name: str) -> slice:
+        """The unknowns of a moving body."""
+        return slice(self._body_column[name], self._body_column[name] + 3)
+
+    def columns_of_joint(self, name: str) -> slice:
+        """The unknowns of a joint that is not fixed."""
+        return slice(self._joint_column[name], self._joint_column[name] + 2)
+
+    def column_of_slide(self, slider: int) -> int:
+        """The unknown of a slider."""
+        return self._slide_column + slider
 
     def residual_and_jacobian(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What is missing in every equation, and its derivatives."""
@@ -124,7 +165,7 @@ class Equations:
             rows = slice(2 * n, 2 * n + 2)
             place, column, along = self._on_body(incidence, vector)
             if incidence.body != WORLD:
-                at = 3 * self.moving.index(incidence.body)
+                at = self._body_column[incidence.body]
                 turn = _rotation(vector[at + 2])
                 residual[rows] = vector[at : at + 2] + turn @ place
                 jacobian[rows, at : at + 2] = np.eye(2)
@@ -134,8 +175,8 @@ class Equations:
                 residual[rows] = place - self.origin / self.size
             if column is not None:
                 jacobian[rows, column] = along
-            if incidence.joint in self.free:
-                at = 3 * len(self.moving) + 2 * self.free.index(incidence.joint)
+            if incidence.joint in self._joint_column:
+                at = self._joint_column[incidence.joint]
                 residual[rows] -= vector[at : at + 2]
                 jacobian[rows, at : at + 2] -= np.eye(2)
             else:
@@ -147,7 +188,7 @@ class Equations:
             difference = -self.dimensions.turns[slider]
             for name, sign in ((part.keeps, 1.0), (self._node(part.on), -1.0)):
                 if name != WORLD:
-                    at = 3 * self.moving.index(name) + 2
+                    at = self._body_column[name] + 2
                     difference += sign * vector[at]
                     jacobian[n, at] = sign
             residual[n] = np.remainder(difference + np.pi, 2 * np.pi) - np.pi
@@ -160,7 +201,7 @@ class Equations:
         if incidence.slider is None:
             place = self.dimensions.places[incidence.body, incidence.joint]
             return place / self.size, None, np.zeros(2)
-        column = 3 * len(self.moving) + 2 * len(self.free) + incidence.slider
+        column = self.column_of_slide(incidence.slider)
         angle = self.dimensions.angles[incidence.slider]
         along = np.array([np.cos(angle), np.sin(angle)])
         point = self.dimensions.points[incidence.slider] / self.size
@@ -175,54 +216,83 @@ class Equations:
         rows = np.zeros((len(structure.inputs), self.unknowns))
         for n, part in enumerate(structure.inputs):
             if part.slider is not None:
-                rows[n, 3 * len(self.moving) + 2 * len(self.free) + part.slider] = 1.0
+                rows[n, self.column_of_slide(part.slider)] = 1.0
                 continue
             assert part.body is not None
             for name, sign in ((part.body, 1.0), (self._node(part.relative_to), -1.0)):
                 if name != WORLD:
-                    rows[n, 3 * self.moving.index(name) + 2] += sign
+                    rows[n, self._body_column[name] + 2] += sign
         return rows
 
-    def assemble(self, sketch: Configuration) -> tuple[Configuration, float]:
-        """The assembled configuration near a sketch, and its largest gap (mm)."""
-        start = self.pack(sketch)
+    def assemble(
+        self, sketch: Configuration, fits: Callable[[Configuration], bool] = lambda _: True
+    ) -> Assembled:
+        """Assemble near a sketch, if that can be with its inputs as they are drawn.
+
+        Args:
+            sketch: where to start.
+            fits: whether a configuration is the assembly that was sketched; others are taken
+                only if no such one is found.
+        """
+        drawn = self.pack(sketch)
+        held = self.input_rows()
         random = np.random.default_rng(0)
-        best, gap = start, np.inf
+        best = None
         for attempt in range(ATTEMPTS):
-            disorder = attempt / ATTEMPTS * random.standard_normal(start.shape)
-            found = scipy.optimize.least_squares(
-                lambda vector: self.residual_and_jacobian(vector)[0],
-                start + disorder,
-                jac=lambda vector: self.residual_and_jacobian(vector)[1],
-                xtol=1e-15,
-                ftol=1e-15,
-                gtol=1e-15,
-                max_nfev=200,
-            )
-            largest = float(np.max(np.abs(found.fun)))
-            if largest < gap:
-                best, gap = found.x, largest
-            if gap <= CLOSED:
+            start = drawn + attempt / ATTEMPTS * random.standard_normal(drawn.shape)
+            for rows in (held, held[:0]):
+                found = self._closest(start, rows, rows @ drawn)
+                residual = self.residual_and_jacobian(found)[0]
+                gap = float(np.max(np.abs(residual)))
+                configuration = self.unpack(found)
+                closed = gap <= CLOSED
+                assembled = Assembled(
+                    configuration,
+                    gap * self.size,
+                    closed,
+                    closed and fits(configuration),
+                    self._gaps(residual),
+                )
+                if assembled.fits:
+                    return assembled
+                if best is None or (not best.closed and assembled.gap < best.gap):
+                    best = assembled
+        assert best is not None
+        return best
+
+    def _closest(self, start: np.ndarray, held: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """A least-squares solution near the start, with some quantities held at values."""
+
+        def both(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            residual, jacobian = self.residual_and_jacobian(vector)
+            rest = np.concatenate([residual, held @ vector - values])
+            return rest, np.vstack([jacobian, held])
+
+        found = scipy.optimize.least_squares(
+            lambda vector: both(vector)[0],
+            start,
+            jac=lambda vector: both(vector)[1],  # pyright: ignore[reportArgumentType]
+            xtol=1e-15,
+            ftol=1e-15,
+            gtol=1e-15,
+            max_nfev=MOST_STEPS,
+        ).x
+        rest, jacobian = both(found)
+        for _ in range(POLISH):
+            moved = found - np.linalg.lstsq(jacobian, rest)[0]
+            rest_there, jacobian_there = both(moved)
+            if not np.max(np.abs(rest_there)) < np.max(np.abs(rest)):
                 break
-        return self.unpack(best), gap * self.size
+            found, rest, jacobian = moved, rest_there, jacobian_there
+        return found
 
-    def mobility(self, configuration: Configuration) -> int:
-        """Mobility by rank: dimension of the motions that keep every equation, to first order."""
-        _, jacobian = self.residual_and_jacobian(self.pack(configuration))
-        return self.unknowns - rank(jacobian)
-
-    def driven_rank(self, configuration: Configuration) -> int:
-        """Rank of the equations with the inputs held."""
-        _, jacobian = self.residual_and_jacobian(self.pack(configuration))
-        return rank(np.vstack([jacobian, self.input_rows()]))
-
-
-def rank(matrix: np.ndarray) -> int:
-    """Numerical rank; `INDEPENDENT` is the threshold."""
-    if 0 in matrix.shape:
-        return 0
-    values = np.linalg.svd(matrix, compute_uv=False)
-    return int(np.sum(values > INDEPENDENT * values[0]))
+    def _gaps(self, residual: np.ndarray) -> dict[str, float]:
+        """The largest gap at every joint, mm."""
+        gaps: dict[str, float] = {}
+        for n, incidence in enumerate(self.rows):
+            gap = self.size * float(np.hypot(*residual[2 * n : 2 * n + 2]))
+            gaps[incidence.joint] = max(gaps.get(incidence.joint, 0.0), gap)
+        return gaps
 
 
 def _rotation(angle: float) -> np.ndarray:

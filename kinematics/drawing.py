@@ -40,6 +40,7 @@ class Scene:
         structure: who is joined to whom.
         size: the linkage's largest dimension.
         joints: positions.
+        angles: of the first moving body that holds each joint, rad; 0 for fixed joints.
         directions: of the sliders' lines, unit vectors.
         ends: of what is drawn of the sliders' lines.
     """
@@ -47,6 +48,7 @@ class Scene:
     structure: Structure
     size: float
     joints: Mapping[str, Place]
+    angles: Mapping[str, float]
     directions: tuple[Place, ...]
     ends: tuple[Points, ...]
 
@@ -67,7 +69,12 @@ class Scene:
             reach = np.array([low - slide - beyond, high - slide + beyond])
             directions.append(along)
             ends.append(joints[part.joint] + reach[:, None] * along)
-        return cls(structure, size, joints, tuple(directions), tuple(ends))
+        angles = dict.fromkeys(joints, 0.0)
+        for part in reversed(structure.moving):
+            turn = _numbers(pose.bodies[part.name])
+            angles |= dict.fromkeys(part.joints, math.atan2(turn[1], turn[0]))
+        angles |= dict.fromkeys(structure.fixed_joints, 0.0)
+        return cls(structure, size, joints, angles, tuple(directions), tuple(ends))
 
     def outlines(self, body: str) -> list[Points]:
         """Lines through a body's joints: a bar, or a closed polygon; and bars to its slots."""
@@ -148,10 +155,15 @@ def widen(axes: Axes, places: Points) -> None:
 def offsets_of(
     axes: Axes, scenes: Sequence[Scene], clear_of: Sequence[Points] = ()
 ) -> dict[str, tuple[float, float]]:
-    """Where labels stand in all of several poses; the axes' limits have to be (nearly) final."""
+    """Where labels stand in all of several poses, in points from their joints.
+
+    In several poses they turn with `Scene.angles`. The axes' limits have to be (nearly) final.
+    """
     scale = _points_per_mm(axes)
     drawn = [_clutter(scene, scale, clear_of) for scene in scenes]
-    return label_offsets([scene.joints for scene in scenes], drawn, scale)
+    places = [scene.joints for scene in scenes]
+    angles = [scene.angles for scene in scenes] if len(scenes) > 1 else None
+    return label_offsets(places, drawn, scale, angles)
 
 
 def _clutter(scene: Scene, scale: float, further: Sequence[Points]) -> Points:

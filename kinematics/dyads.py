@@ -10,11 +10,12 @@ Source: J. J. Uicker, G. R. Pennock, J. E. Shigley, *Theory of Machines and Mech
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from designopt.numerics import safe_divide, safe_sqrt
-from kinematics.vectors import Vector
+from kinematics.vectors import Vector, rotation
 
 Scalar = Float[Array, ""]
 
@@ -37,17 +38,18 @@ def two_angles(
     aa, bb, ee = a.squared(), b.squared(), e.squared()
     length_a, length_b = safe_sqrt(aa), safe_sqrt(bb)
     reach, difference = length_a + length_b, length_a - length_b
+    undecided = coincide(e)
     # 16 area² of the triangle as (reach² − e²)(e² − difference²), after Heron: no cancellation
     # but that of the distances themselves.
     height = safe_sqrt((reach * reach - ee) * (ee - difference * difference))
-    inverse, apart = safe_divide(jnp.ones_like(ee), ee)
+    inverse, _ = safe_divide(jnp.ones_like(ee), ee)
     # Middle pin = x e + y e⊥; where the outer pins coincide, a whole circle of answers is left,
     # of which `towards` picks one.
-    along = 0.5 * (1 + (aa - bb) * inverse)
+    along = 0.5 * (1 + reach * difference * inverse)
     across = 0.5 * side * height * inverse
-    unit = towards.perpendicular().scaled(side * length_a)
     middle = e.scaled(along) + e.perpendicular().scaled(across)
-    middle = Vector(jnp.where(apart, middle.x, unit.x), jnp.where(apart, middle.y, unit.y))
+    limit = _unit(towards).perpendicular().scaled(side * length_a)
+    middle = _either(undecided, limit, middle)
     length_e = safe_sqrt(ee)
     return (
         _quotient(middle, a, aa),
@@ -97,9 +99,8 @@ def angle_and_own_slide(
     length_e = e.length()
     reach = side * safe_sqrt((length_e - distance) * (length_e + distance))
     arm = Vector(reach, distance).turned(u)
-    apart = e.squared() > jnp.finfo(length_e.dtype).tiny
-    e = Vector(jnp.where(apart, e.x, towards.x), jnp.where(apart, e.y, towards.y))
-    arm = Vector(jnp.where(apart, arm.x, u.x), jnp.where(apart, arm.y, u.y))
+    undecided = coincide(e)
+    e, arm = _either(undecided, _unit(towards), e), _either(undecided, u, arm)
     return _quotient(e, arm, arm.squared()), reach - u.dot(a), (length_e - jnp.abs(distance),)
 
 
@@ -118,6 +119,22 @@ def two_slides(e: Vector, v: Vector, w: Vector) -> tuple[Scalar, Scalar, tuple[S
     s, _ = safe_divide(e.cross(w), sine)
     t, _ = safe_divide(v.cross(e), sine)
     return s, t, (jnp.abs(sine),)
+
+
+def coincide(e: Vector) -> Bool[Array, "*batch"]:
+    """Whether two pins are so near that the vector between them has no direction."""
+    squared = e.squared()
+    return squared * squared <= jnp.finfo(squared.dtype).tiny
+
+
+def _unit(direction: Vector) -> Vector:
+    """A vector scaled to length 1, without a slope; +x for the zero vector."""
+    angle = jax.lax.stop_gradient(direction.angle())
+    return rotation(angle)
+
+
+def _either(condition: Bool[Array, ""], yes: Vector, no: Vector) -> Vector:
+    return Vector(jnp.where(condition, yes.x, no.x), jnp.where(condition, yes.y, no.y))
 
 
 def _quotient(image: Vector, original: Vector, squared: Scalar) -> Vector:

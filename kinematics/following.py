@@ -40,16 +40,18 @@ CORRECTIONS = 5
 
 def home_unknowns(linkage: Linkage, plan: Plan, size: Scalar) -> Vectors:
     """The unknowns of the plan's iterated groups in the assembled sketch."""
-    home = linkage.home
     values = [
         value
         for group in plan.iterated
         for value in (
-            *(jnp.asarray(home.angles[body], size.dtype) for body in group.angles),
-            *(jnp.asarray(home.slides[slider], size.dtype) / size for slider in group.sliders),
+            *(linkage.home_angle(body) for body in group.angles),
+            *(
+                (linkage.home.slides[slider] + linkage.slide_shift(slider)) / size
+                for slider in group.sliders
+            ),
         )
     ]
-    return jnp.stack(values)
+    return jax.lax.stop_gradient(jnp.stack(values))
 
 
 def split(plan: Plan, unknowns: Vectors) -> dict[int, Vectors]:
@@ -147,18 +149,22 @@ def solve_iterated(
     plan: Plan,
     inputs: Float[Array, " inputs"],
     signs: Float[Array, " groups"],
-    home: tuple[Float[Array, " inputs"], Vectors],
+    followed: Followed,
 ) -> dict[int, tuple[Vectors, tuple[Scalar, Scalar]]]:
     """The unknowns of iterated groups and their margins, for `evaluation.evaluate`.
 
-    Args: as `follow`.
+    Args:
+        linkage: its dimensions, `Linkage.scaled`.
+        plan: the plan.
+        inputs: wanted inputs, rad or units of the linkage's size.
+        signs: assembly of each group.
+        followed: where `follow` came.
 
     Returns:
         By group its unknowns and two margins: the smallest singular value of the scaled Jacobian
         (minus the part of the way that was not made, where the linkage locks), and the same for
         a way that could not be followed.
     """
-    followed = follow(linkage, plan, inputs, signs, home)
     solved = close(linkage, plan, inputs, signs, followed.unknowns)
 
     def gaps(unknowns: Vectors) -> Vectors:

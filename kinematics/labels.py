@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-Points = Float[np.ndarray, "points 2"]
+Points = Float[np.ndarray, "_ 2"]
+Place = Float[np.ndarray, "2"]
 
 FONT = 8.0
 """Size of the labels, in points."""
@@ -36,7 +37,10 @@ def sampled(line: Points, scale: float) -> Points:
 
 
 def label_offsets(
-    places: Sequence[Mapping[str, Float[np.ndarray, "2"]]], drawn: Sequence[Points], scale: float
+    places: Sequence[Mapping[str, Place]],
+    drawn: Sequence[Points],
+    scale: float,
+    angles: Sequence[Mapping[str, float]] | None = None,
 ) -> dict[str, tuple[float, float]]:
     """Where each joint's label stands relative to it, the same in all of several poses.
 
@@ -44,34 +48,51 @@ def label_offsets(
         places: in each pose the joints that have a label, mm.
         drawn: in each pose what labels keep clear of, in points on paper.
         scale: points per mm.
+        angles: in each pose by how much a joint's label is turned about it, rad; 0 by default.
 
     Returns:
-        Offsets of the labels' middles, in points.
+        Offsets of the labels' middles, in points, to be turned by the angles.
     """
     kept = list(drawn)
+    turns = angles or [dict.fromkeys(places[0], 0.0)] * len(places)
     offsets = {}
     for name in places[0]:
-        half = np.array([0.3 * FONT * len(name), 0.5 * FONT])
-        box = half * np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)])
-        best = max(
-            _candidates(half),
-            key=lambda offset: (
-                sum(
-                    _clearance(pose[name] * scale + offset + box, clutter)
-                    for pose, clutter in zip(places, kept, strict=True)
-                )
-                - 0.05 * len(places) * math.hypot(*offset)
-            ),
-        )
+        joint = [(pose[name] * scale, turn[name]) for pose, turn in zip(places, turns, strict=True)]
+        best = _best_offset(len(name), joint, kept)
+        boxes = _boxes(len(name), joint, best)
+        kept = [np.vstack(pair) for pair in zip(kept, boxes, strict=True)]
         offsets[name] = (float(best[0]), float(best[1]))
-        kept = [
-            np.vstack([clutter, pose[name] * scale + best + box])
-            for pose, clutter in zip(places, kept, strict=True)
-        ]
     return offsets
 
 
-def _candidates(half: Float[np.ndarray, "2"]) -> list[Float[np.ndarray, "2"]]:
+def _best_offset(letters: int, joint: list[tuple[Place, float]], kept: list[Points]) -> Place:
+    """Of all candidates the one that is clearest on the average, and near to the joint."""
+
+    def merit(offset: Place) -> float:
+        clear = sum(map(_clearance, _boxes(letters, joint, offset), kept)) / len(joint)
+        return clear - 0.05 * math.hypot(*offset)
+
+    return max(_candidates(_half(letters)), key=merit)
+
+
+def _boxes(letters: int, joint: list[tuple[Place, float]], offset: Place) -> list[Points]:
+    """Points of a label in each pose, for a joint's places (points) and angles."""
+    box = _half(letters) * np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)])
+    return [place + turned(offset, angle) + box for place, angle in joint]
+
+
+def _half(letters: int) -> Place:
+    """Half the width and height of a label, in points."""
+    return np.array([0.3 * FONT * letters, 0.5 * FONT])
+
+
+def turned(offset: Place, angle: float) -> Place:
+    """An offset turned counter-clockwise by an angle, rad."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.array([[cosine, -sine], [sine, cosine]]) @ offset
+
+
+def _candidates(half: Place) -> list[Place]:
     """Middles of a label around its joint; a long name stands farther out at the sides."""
     wider = max(half[0] - half[1], 0.0)
     return [

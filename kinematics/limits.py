@@ -85,7 +85,7 @@ def find_limits(
     if name not in linkage.input_names:
         raise ValueError(f"no input is named {name!r}; there are {', '.join(linkage.input_names)}")
     index = linkage.input_names.index(name)
-    start = jnp.asarray(linkage.home.inputs) if inputs is None else as_float(inputs)
+    start = linkage.home.inputs if inputs is None else as_float(inputs)
     search = _Search(linkage, index, start)
     if any(value < -TOUCHING for value in search.margins(np.array([float(start[index])]))[0]):
         raise ValueError("the start is no pose of the linkage: its margins are negative")
@@ -112,7 +112,7 @@ def turning_point(
         rad or per size of the linkage.
     """
     index = linkage.input_names.index(name)
-    start = jnp.asarray(linkage.home.inputs) if inputs is None else as_float(inputs)
+    start = linkage.home.inputs if inputs is None else as_float(inputs)
     guess = jnp.asarray(limit.value, start.dtype)
     solver = Solver.of(linkage, start.dtype)
     group = next(group for group in solver.plan.groups if group.index == limit.group)
@@ -182,7 +182,7 @@ def _end_of_the_way(
     # A little beyond it, so that the way ends at the turn.
     beyond = guess + jnp.sign(guess - start[index]) * 1e-3
     drive = solver.drive(start.at[index].set(beyond))
-    followed = solver.followed(drive)
+    followed = solver.followed(drive, turns=True)
     assert followed is not None
     jacobian = jax.jacfwd(
         lambda q: loop_gaps(solver.unit, solver.plan, q, drive.values, solver.signs)
@@ -212,7 +212,7 @@ class _Search:
             return jax.vmap(one)(values)
 
         self._margins = margins
-        self._follow = jax.jit(lambda drive: self.solver.followed(drive))
+        self._follow = jax.jit(lambda drive: self.solver.followed(drive, turns=True))
 
     def margins(self, values: np.ndarray) -> np.ndarray:
         """Margins at input values, in units of the linkage's size, shape (poses, margins)."""
@@ -272,7 +272,7 @@ class _Search:
         for k in range(1, len(values)):
             if margins[k] < 0 and margins[k - 1] >= 0 and not self._touches(margins[k]):
                 return self._root(margin, values[k - 1], values[k]), touches
-            if 1 < k and margins[k - 2] >= margins[k - 1] <= margins[k]:
+            if k > 1 and self._may_dip(*margins[k - 2 : k + 1]):
                 lowest = self._lowest(margin, values[k - 2], values[k])
                 least = margin(lowest)
                 if self._touches(least):
@@ -283,7 +283,17 @@ class _Search:
 
     @staticmethod
     def _touches(margin: float) -> bool:
-        return abs(margin) <= TOUCHING
+        return bool(abs(margin) <= TOUCHING)
+
+    @staticmethod
+    def _may_dip(before: float, least: float, after: float) -> bool:
+        """Whether a least margin of three, a step apart, may hide a zero beside it.
+
+        A parabola through them goes less than the larger rise below the least; four times that
+        leaves room for what is not a parabola.
+        """
+        rise = max(before - least, after - least)
+        return bool(before >= least <= after and least <= 4 * rise + TOUCHING)
 
     @staticmethod
     def _lowest(margin, low: float, high: float) -> float:

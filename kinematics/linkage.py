@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from kinematics.structure import WORLD, Structure
-from kinematics.vectors import Vector, vector
+from kinematics.vectors import Vector, rotation, vector
 
 
 class Link(eqx.Module):
@@ -66,9 +63,10 @@ class Spring(eqx.Module):
     preload: Float[Array, "*design"]
 
 
-@dataclass(frozen=True)
-class Home:
+class Home(eqx.Module):
     """The assembled sketch: where poses that need an iteration start, and springs are measured.
+
+    It is no dimension: nothing has a derivative with respect to it.
 
     Attributes:
         inputs: value of each input there, rad or mm.
@@ -76,12 +74,9 @@ class Home:
         slides: place of each slider, mm.
     """
 
-    inputs: tuple[float, ...]
-    angles: Mapping[str, float]
-    slides: tuple[float, ...]
-
-    def __hash__(self) -> int:
-        return hash((self.inputs, tuple(self.angles.items()), self.slides))
+    inputs: Float[Array, "*design inputs"]
+    angles: Float[Array, "*design moving"]
+    slides: Float[Array, "*design sliders"]
 
 
 class Linkage(eqx.Module):
@@ -95,8 +90,8 @@ class Linkage(eqx.Module):
         links: the moving bodies by name.
         lines: the sliders' lines, in order.
         springs: the springs, in order.
-        structure: who is joined to whom.
         home: the assembled sketch.
+        structure: who is joined to whom.
         assembly: one sign per closed-form group of the plan: on which side it is assembled (0
             for a group that has no choice or is followed by continuation).
     """
@@ -105,8 +100,8 @@ class Linkage(eqx.Module):
     links: dict[str, Link]
     lines: tuple[Line, ...]
     springs: tuple[Spring, ...]
+    home: Home
     structure: Structure = eqx.field(static=True)
-    home: Home = eqx.field(static=True)
     assembly: tuple[int, ...] = eqx.field(static=True)
 
     @property
@@ -124,6 +119,11 @@ class Linkage(eqx.Module):
         index = self.structure.fixed_joints.index(joint)
         return vector(self.anchors[..., index, :]) - self.origin
 
+    def home_angle(self, body: str) -> Float[Array, "*design"]:
+        """Angle of a moving body in the assembled sketch, rad."""
+        names = [part.name for part in self.structure.moving]
+        return jax.lax.stop_gradient(self.home.angles[..., names.index(body)])
+
     def fixed_direction(self, body: str) -> Vector:
         """Direction of a fixed body: from its first to its second joint, +x if it has but one."""
         joints = self.structure.body(body).joints
@@ -131,7 +131,10 @@ class Linkage(eqx.Module):
             one = jnp.ones_like(self.anchors[..., 0, 0])
             return Vector(one, jnp.zeros_like(one))
         step = self.anchor(joints[1]) - self.anchor(joints[0])
-        return step.scaled(1 / step.length())
+        length = step.length()
+        apart = length > 0
+        inverse = jnp.where(apart, 1 / jnp.where(apart, length, 1.0), 0.0)
+        return Vector(jnp.where(apart, step.x * inverse, 1.0), step.y * inverse)
 
     def place(self, body: str, joint: str) -> Vector:
         """Coordinates of a joint in the frame of its body (`WORLD`: relative to `origin`), mm."""
@@ -145,16 +148,24 @@ class Linkage(eqx.Module):
         fixed = self.structure.node(self.structure.sliders[slider].on) == WORLD
         return point - self.origin if fixed else point
 
+    def slide_shift(self, slider: int) -> Float[Array, "*design"]:
+        """How far a line's first point is from the foot of the perpendicular to it, mm."""
+        return rotation(self.lines[slider].angle).dot(self.line_point(slider))
+
     def scaled(self) -> tuple[Linkage, Float[Array, "*design"]]:
-        """The linkage with its `origin` at 0 and all lengths in units of `size`, and that size."""
+        """The linkage with its `origin` at 0 and all lengths in units of `size`, and that size.
+
+        The lines' first points move along them to the feet of the perpendiculars from the origin
+        of their body (`slide_shift`).
+        """
         size = self.size()
         origin = self.origin.stacked()
 
         def moved(slider: int, line: Line) -> Line:
-            fixed = self.structure.node(self.structure.sliders[slider].on) == WORLD
-            return eqx.tree_at(
-                lambda line: line.point, line, (line.point - origin if fixed else line.point) / size
-            )
+            # Its foot, not its first point: that may lie anywhere along it.
+            along = rotation(line.angle)
+            foot = along.perpendicular().scaled(along.cross(self.line_point(slider)))
+            return eqx.tree_at(lambda line: line.point, line, foot.stacked() / size)
 
         links = {
             name: Link(link.length / size, link.places / size) for name, link in self.links.items()
@@ -175,7 +186,7 @@ class Linkage(eqx.Module):
         for slider, part in enumerate(self.structure.sliders):
             if self.structure.node(part.on) == WORLD:
                 # Only the line's distance counts: its first point may lie anywhere on it.
-                along = Vector(jnp.cos(self.lines[slider].angle), jnp.sin(self.lines[slider].angle))
+                along = rotation(self.lines[slider].angle)
                 lengths.append(jnp.abs(along.cross(self.line_point(slider))))
         largest = lengths[0]
         for length in lengths[1:]:

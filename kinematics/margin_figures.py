@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from designopt.figures import PALETTE, new_figure
 from designopt.solution import Solution
@@ -35,6 +37,9 @@ LIMITS = {
 }
 """What each margin of a group is the distance to."""
 
+DASHES = ("-", (0, (5, 2)))
+"""Lines of a group's first and second margin."""
+
 
 def margin_figure(
     linkage: Linkage, inputs: Inputs, poses: Solution[Pose], angles: Angles
@@ -49,33 +54,30 @@ def margin_figure(
     """
     ok = np.asarray(poses.ok)
     abscissa, label = _abscissa(linkage.structure, np.asarray(inputs))
+    groups = make_plan(linkage.structure).groups
     figure, grid = new_figure(2, 1, height=5.6)
     upper, lower = grid[:, 0]
-    margins = [(text, np.where(ok, curve, np.nan)) for text, curve in _margins(linkage, poses)]
-    _draw(upper, abscissa, margins)
+    for level, group in enumerate(groups):
+        margins = poses.value.margins.get(group.index, ())
+        for limit, margin, dashes in zip(LIMITS[group.kind], margins, DASHES, strict=False):
+            style = {**_style(level, len(groups)), "linestyle": dashes}
+            curve = np.where(ok, np.asarray(margin), np.nan)
+            upper.plot(abscissa, curve, label=f"{_title(group)}: {limit}", **style)
     upper.axhline(0, color="0.3", linewidth=0.9)
     upper.set(ylabel="margin (mm)", title=f"{linkage.structure.name}: distance to each limit")
-    degrees = {pin: np.degrees(np.where(ok, angle, np.nan)) for pin, angle in angles.items()}
-    _draw(lower, abscissa, list(degrees.items()))
-    lower.axhline(LEAST_TRANSMISSION_DEG, color="0.3", linewidth=0.9, linestyle=(0, (4, 3)))
-    lower.annotate(
-        f"{LEAST_TRANSMISSION_DEG:g}°",
-        (1, LEAST_TRANSMISSION_DEG),
-        (3, 0),
-        xycoords=("axes fraction", "data"),
-        textcoords="offset points",
-        va="center",
-        color="0.3",
-    )
+    levels = {group.pin: level for level, group in enumerate(groups)}
+    for pin, angle in angles.items():
+        curve = np.degrees(np.where(ok, np.asarray(angle), np.nan))
+        # A pin has the colour of its group.
+        lower.plot(abscissa, curve, label=pin, **_style(levels.get(pin, 0), len(groups)))
+    if not angles:
+        note = "no pin of this linkage has a transmission angle"
+        lower.text(0.5, 0.65, note, transform=lower.transAxes, ha="center", color="0.3")
+    _mark_limit(lower)
     lower.set(xlabel=label, ylabel="transmission angle (deg)", ylim=(0, 92))
     lower.set(yticks=np.arange(0, 91, 15), title="Transmission angle at each pin")
     for axes in (upper, lower):
-        for number, (start, end) in enumerate(failed_stretches(abscissa, ok)):
-            note = "cannot be assembled" if number == 0 else None
-            axes.axvspan(start, end, color="0.88", linewidth=0, zorder=0, label=note)
-        axes.set_xlim(float(abscissa.min()), float(abscissa.max()))
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend(loc="upper left", bbox_to_anchor=(1.04, 1.0))
+        _finish(axes, abscissa, failed_stretches(abscissa, ok))
     return figure
 
 
@@ -102,21 +104,37 @@ def _abscissa(structure: Structure, inputs: Float[np.ndarray, "poses inputs"]) -
     return inputs[:, column], f"{part.name} (mm){note}"
 
 
-def _margins(linkage: Linkage, poses: Solution[Pose]) -> Iterator[tuple[str, Curve]]:
-    for group in make_plan(linkage.structure).groups:
-        for limit, margin in zip(
-            LIMITS[group.kind], poses.value.margins.get(group.index, ()), strict=False
-        ):
-            yield f"{_title(group)}: {limit}", np.asarray(margin)
-
-
 def _title(group: Group) -> str:
-    """A short name of a group: its bodies, or the first and the last of many."""
+    """A short name of a group: its pin, else its bodies, or the first and the last of many."""
+    if group.pin is not None:
+        return group.pin
     names = group.bodies
     return ", ".join(names) if len(names) < 3 else f"{names[0]} … {names[-1]}"
 
 
-def _draw(axes: Axes, abscissa: Curve, curves: list[tuple[str, Curve]]) -> None:
-    styles = itertools.product(("-", (0, (5, 2)), (0, (1, 1.2))), PALETTE)
-    for (label, curve), (dashes, colour) in zip(curves, itertools.cycle(styles), strict=False):
-        axes.plot(abscissa, curve, color=colour, linestyle=dashes, label=label)
+def _style(level: int, count: int) -> dict[str, Any]:
+    """Colour and width of a group's curves; earlier ones are wider, to show below later ones."""
+    return {
+        "color": PALETTE[level % len(PALETTE)],
+        "linewidth": min(1.3 + 0.8 * (count - 1 - level), 3),
+    }
+
+
+def _mark_limit(axes: Axes) -> None:
+    axes.axhline(LEAST_TRANSMISSION_DEG, color="0.3", linewidth=0.9, linestyle=(0, (4, 3)))
+    place = (1.0, LEAST_TRANSMISSION_DEG)
+    text = axes.annotate(f"{LEAST_TRANSMISSION_DEG:g}°", place, (3, 0), textcoords="offset points")
+    text.set(va="center", color="0.3")
+    text.xycoords = ("axes fraction", "data")
+
+
+def _finish(axes: Axes, abscissa: Curve, failed: list[tuple[float, float]]) -> None:
+    for number, (start, end) in enumerate(failed):
+        note = "no pose" if number == 0 else None
+        axes.axvspan(start, end, color="0.88", linewidth=0, zorder=0, label=note)
+    low, high = float(abscissa.min()), float(abscissa.max())
+    if high > low:
+        axes.set_xlim(low, high)
+    axes.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 1.5, 2, 3, 4.5, 5, 6, 9, 10]))
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.04, 1.0))

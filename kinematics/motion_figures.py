@@ -17,7 +17,7 @@ from matplotlib.patches import Patch
 from designopt.errors import UserError
 from designopt.figures import new_figure
 from designopt.solution import Solution
-from kinematics.drawing import CURVES, Travel, body_colours, draw_pose, widen
+from kinematics.drawing import CURVES, ROOM, Travel, body_colours, draw_pose, widen
 from kinematics.linkage import Linkage
 from kinematics.solver import Pose
 from kinematics.structure import WORLD, Structure
@@ -26,8 +26,6 @@ from kinematics.symbols import GREY, Points, tint
 Inputs = Float[Array | np.ndarray, "poses inputs"]
 
 GHOST_POSES = 5
-LEAST_TRANSMISSION_DEG = 40.0
-"""Transmission angles below it are commonly avoided (Norton, Design of Machinery, ch. 3)."""
 
 
 def good_poses(linkage: Linkage, poses: Solution[Pose]) -> np.ndarray:
@@ -98,23 +96,25 @@ def motion_figure(
     for index in _spread(good[good != strong], ghosts):
         draw_pose(axes, linkage, pose_at(poses, index), faint=True)
     draw_paths(axes, structure, paths)
-    draw_pose(
-        axes,
-        linkage,
-        pose_at(poses, strong),
-        travel=travel,
-        clear_of=[path[good] for path in paths.values()],
-    )
-    add_legend(figure, structure, list(paths), below=wide)
+    _add_legend(figure, structure, list(paths), below=wide)
+    settle(figure)  # before labels look for a place
+    clear_of = [path[good] for path in paths.values()]
+    draw_pose(axes, linkage, pose_at(poses, strong), travel=travel, clear_of=clear_of)
     return figure
+
+
+def settle(figure: Figure) -> None:
+    """Lay a figure out; axes of equal scales take two passes to find their place."""
+    figure.draw_without_rendering()
+    figure.draw_without_rendering()
 
 
 def shape_of(reach: Points) -> tuple[bool, float]:
     """Whether the legend goes below, and the figure's height in inches, for places in mm."""
-    width, height = np.ptp(reach, axis=0)
+    width, height = np.ptp(reach, axis=0) + 2 * ROOM * float(np.ptp(reach, axis=0).max())
     if height > 0.9 * width:
-        return False, 6.2
-    return True, float(np.clip(6.3 * (height + 0.15 * width) / (1.15 * width) + 1.2, 2.6, 7.0))
+        return False, float(min(4.9 * height / width + 0.9, 6.6))
+    return True, float(max(6.5 * height / width + 1.3, 2.4))
 
 
 def traced_joints(structure: Structure) -> list[str]:
@@ -128,7 +128,9 @@ def traced_joints(structure: Structure) -> list[str]:
     return [joint for joint in free if joint not in turning] or free or moving
 
 
-def add_legend(figure: Figure, structure: Structure, traced: Sequence[str], *, below: bool) -> None:
+def _add_legend(
+    figure: Figure, structure: Structure, traced: Sequence[str], *, below: bool
+) -> None:
     """Say outside the axes what the colours mean: the moving bodies, and the curves."""
     colours = body_colours(structure)
     names = [part.name for part in structure.moving]
@@ -163,6 +165,7 @@ def _spread(indices: np.ndarray, count: int) -> list[int]:
 
 
 def draw_paths(axes: Axes, structure: Structure, paths: Mapping[str, Points]) -> None:
+    """Draw joints' curves, each in the colour of a body that the joint belongs to."""
     for joint, path in paths.items():
         colour = _path_colour(structure, joint)
         axes.plot(*path.T, color=colour, linewidth=1.2, zorder=CURVES, gid=f"path:{joint}")

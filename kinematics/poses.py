@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from designopt.numerics import as_float
 from designopt.solution import Solution
+from kinematics.dyads import coincide
 from kinematics.evaluation import Drive, State, closure
 from kinematics.linkage import Linkage
 from kinematics.solver import Pose, Solver
@@ -140,10 +141,9 @@ def _solve_block(
         _, directions = _solve_one(solver, Drive.at(drive.values + step), finite, {})
         return _solve_one(solver, drive, finite, directions)[0]
 
-    tiny = jnp.finfo(solver.size.dtype).tiny
-    coincide = [jnp.any(span.squared() <= tiny) for span in spans.values()]
+    undecided = jnp.stack([jnp.any(coincide(span)) for span in spans.values()])
     return jax.lax.cond(
-        jnp.any(jnp.stack(coincide)), lambda: jax.vmap(approached)(drive, finite), lambda: solved
+        jnp.any(undecided), lambda: jax.vmap(approached)(drive, finite), lambda: solved
     )
 
 

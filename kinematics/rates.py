@@ -46,10 +46,10 @@ class Motion(eqx.Module):
 
 def solve_rates(
     linkage: Linkage,
-    inputs: Float[Array, "*batch inputs"],
-    rates: Float[Array, "*batch inputs"],
-    accelerations: Float[Array, "*batch inputs"] | None = None,
-    jerks: Float[Array, "*batch inputs"] | None = None,
+    inputs: Float[Array, "*#batch inputs"],
+    rates: Float[Array, "*#batch inputs"],
+    accelerations: Float[Array, "*#batch inputs"] | None = None,
+    jerks: Float[Array, "*#batch inputs"] | None = None,
     *,
     of: Iterable[str] | None = None,
 ) -> Motion:

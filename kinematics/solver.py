@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -73,7 +74,7 @@ class Solver(eqx.Module):
         plan = make_plan(linkage.structure, None if targets is None else frozenset(targets))
         if signs is None:
             signs = jnp.asarray(linkage.assembly, dtype)
-        home = _in_units(linkage, jnp.asarray(linkage.home.inputs, dtype), size)
+        home = jax.lax.stop_gradient(_in_units(linkage, linkage.home.inputs, size))
         return cls(linkage, unit, size, plan, signs, home)
 
     def drive(self, inputs: Float[Array, "*batch inputs"]) -> Drive:
@@ -83,17 +84,25 @@ class Solver(eqx.Module):
     def state(self, drive: Drive, towards: Mapping[int, Vector] | None = None) -> State:
         """Everything about one pose; ``towards`` as in `evaluation.evaluate`."""
         unknowns = {}
-        if self.plan.iterated:
-            unknowns = solve_iterated(
-                self.unit, self.plan, drive.values, self.signs, self._start()
-            )
+        followed = self.followed(drive)
+        if followed is not None:
+            values = self._within_a_turn(drive.values)
+            unknowns = solve_iterated(self.unit, self.plan, values, self.signs, followed)
         return evaluate(self.unit, self.plan, drive, self.signs, unknowns, towards or {})
 
-    def followed(self, drive: Drive) -> Followed | None:
-        """Where the iterated groups are, without derivatives; none if there is no such group."""
+    def followed(self, drive: Drive, *, turns: bool = False) -> Followed | None:
+        """Where the iterated groups are, without derivatives; none if there is no such group.
+
+        Args:
+            drive: the inputs.
+            turns: whether whole turns of an input are gone; they are left out by default, as in
+                closed forms.
+        """
         if not self.plan.iterated:
             return None
-        return follow(self.unit, self.plan, drive.values, self.signs, self._start())
+        values = drive.values if turns else self._within_a_turn(drive.values)
+        start = self.home, home_unknowns(self.linkage, self.plan, self.size)
+        return follow(self.unit, self.plan, values, self.signs, start)
 
     def state_near(self, drive: Drive, followed: Followed | None) -> State:
         """As `state`, but from iterated groups that were followed already; without margins."""
@@ -115,23 +124,34 @@ class Solver(eqx.Module):
         return Pose(
             {name: place.scaled(size) + linkage.origin for name, place in state.places.items()},
             bodies,
-            {index: slide * size for index, slide in state.slides.items()},
+            {
+                index: slide * size - linkage.slide_shift(index)
+                for index, slide in state.slides.items()
+            },
             {
                 index: tuple(margin * size for margin in margins)
                 for index, margins in state.margins.items()
             },
         )
 
-    def _start(self) -> tuple[Float[Array, " inputs"], Float[Array, " unknowns"]]:
-        return self.home, home_unknowns(self.linkage, self.plan, self.size)
+    def _within_a_turn(self, values: Float[Array, " inputs"]) -> Float[Array, " inputs"]:
+        """Inputs less whole turns from the sketch."""
+        angles = jnp.asarray([part.slider is None for part in self.linkage.structure.inputs])
+        turns = jnp.trunc((values - self.home) / (2 * jnp.pi))
+        return jnp.where(angles, values - 2 * jnp.pi * jax.lax.stop_gradient(turns), values)
 
 
 def _in_units(
     linkage: Linkage, inputs: Float[Array, "*batch inputs"], size: Float[Array, ""]
 ) -> Float[Array, "*batch inputs"]:
-    """Inputs with slides in units of the linkage's size instead of mm."""
-    if all(part.slider is None for part in linkage.structure.inputs):
+    """Inputs with slides from the lines' feet, in units of the linkage's size, not in mm."""
+    parts = linkage.structure.inputs
+    if all(part.slider is None for part in parts):
         return inputs
-    one = jnp.ones_like(size)
-    units = [one if part.slider is None else size for part in linkage.structure.inputs]
-    return inputs / jnp.broadcast_to(jnp.stack(units), inputs.shape)
+    columns = [
+        inputs[..., i]
+        if part.slider is None
+        else (inputs[..., i] + linkage.slide_shift(part.slider)) / size
+        for i, part in enumerate(parts)
+    ]
+    return jnp.stack(columns, axis=-1)

@@ -6,11 +6,13 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.solution import Solution
@@ -114,28 +116,32 @@ def _solve(linkage: Linkage, request: Request) -> Solved:
     inputs = _grid(linkage, request)
     rates = _values(linkage, request.rates, "--rate")
     accelerations = _values(linkage, request.accelerations, "--accel")
-    values = jnp.asarray(inputs)
-
-    zero = np.zeros(len(linkage.input_names))
-    velocity = jnp.asarray(zero if rates is None else rates)
-    acceleration = jnp.asarray(zero if accelerations is None else accelerations)
-
-    @jax.jit
-    def compute(
-        linkage: Linkage, values: jax.Array
-    ) -> tuple[Solution[Pose], Rates | None, Rates | None, Transmission]:
-        first = second = None
-        if rates is not None or accelerations is not None:
-            motion = solve_rates(linkage, values, velocity, acceleration, of=request.of)
-            first = motion.velocity
-            second = None if accelerations is None else motion.acceleration
-        poses = solve_poses(linkage, values, of=request.of)
-        return poses, first, second, solve_transmission(linkage, values, of=request.of)
-
+    if rates is None and accelerations is not None:
+        rates = jnp.zeros_like(accelerations)
     try:
-        return Solved(inputs, *compute(linkage, values))
+        return Solved(
+            inputs, *_compute(linkage, jnp.asarray(inputs), rates, accelerations, of=request.of)
+        )
     except PlanError as error:
         raise UserError(f"--of: {error}") from error
+
+
+@partial(jax.jit, static_argnames="of")
+def _compute(
+    linkage: Linkage,
+    inputs: Float[Array, "poses inputs"],
+    rates: Float[Array, " inputs"] | None,
+    accelerations: Float[Array, " inputs"] | None,
+    *,
+    of: tuple[str, ...] | None,
+) -> tuple[Solution[Pose], Rates | None, Rates | None, Transmission]:
+    velocity = acceleration = None
+    if rates is not None:
+        motion = solve_rates(linkage, inputs, rates, accelerations, of=of)
+        velocity = motion.velocity
+        acceleration = None if accelerations is None else motion.acceleration
+    poses = solve_poses(linkage, inputs, of=of)
+    return poses, velocity, acceleration, solve_transmission(linkage, inputs, of=of)
 
 
 def _is_angle(linkage: Linkage, name: str) -> bool:
@@ -164,14 +170,16 @@ def _number(text: str, option: str, whole: str) -> float:
     return number
 
 
-def _values(linkage: Linkage, texts: Sequence[str], option: str) -> np.ndarray | None:
+def _values(
+    linkage: Linkage, texts: Sequence[str], option: str
+) -> Float[Array, " inputs"] | None:
     if not texts:
         return None
     values = np.zeros(len(linkage.input_names))
     for text in texts:
         name, value = _split(linkage, text, option)
         values[linkage.input_names.index(name)] = _number(value, option, text)
-    return values
+    return jnp.asarray(values)
 
 
 def _grid(linkage: Linkage, request: Request) -> np.ndarray:
@@ -219,13 +227,14 @@ def _range(value: str, text: str) -> np.ndarray:
 
 def _draw(linkage: Linkage, solved: Solved, request: Request) -> None:
     from designopt.figures import style
-    from kinematics.drawing import motion_figure, save_animation, save_figure
+    from kinematics.animation import save_animation
+    from kinematics.motion_figures import motion_figure
 
-    with style():
-        if request.figure is not None:
-            save_figure(request.figure, motion_figure(linkage, solved.inputs, solved.poses))
-        if request.animation is not None:
-            save_animation(request.animation, linkage, solved.inputs, solved.poses)
+    if request.figure is not None:
+        with style():
+            _save(motion_figure(linkage, solved.inputs, solved.poses), request.figure)
+    if request.animation is not None:
+        save_animation(request.animation, linkage, solved.inputs, solved.poses)
 
 
 def _remarks(linkage: Linkage, solved: Solved) -> list[str]:

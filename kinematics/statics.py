@@ -56,18 +56,19 @@ def spring_energy(linkage: Linkage, pose: Pose) -> Float[Array, ""]:
     """Energy of the torsion springs in a pose, N mm: Σ ½ k (Δ + preload)²."""
     total = jnp.zeros_like(linkage.anchors[0, 0])
     for spring, (first, second) in zip(linkage.springs, linkage.structure.springs, strict=True):
-        rest = _home_angle(linkage, second) - _home_angle(linkage, first)
+        rest = _rest(linkage, second) - _rest(linkage, first)
         turned = pose.bodies[second].turned(pose.bodies[first].conjugate())
         # Relative to the sketch before the angle is taken, so that it does not jump by 2π.
-        change = turned.turned(rotation(-jnp.asarray(rest, total.dtype))).angle()
+        change = turned.turned(rotation(-rest)).angle()
         total = total + spring.stiffness / 2 * (change + spring.preload) ** 2
     return total
 
 
-def _home_angle(linkage: Linkage, body: str) -> float | Float[Array, ""]:
+def _rest(linkage: Linkage, body: str) -> Float[Array, ""]:
+    """Angle of a body in the assembled sketch."""
     if linkage.structure.node(body) == WORLD:
         return linkage.fixed_direction(body).angle()
-    return linkage.home.angles[body]
+    return linkage.home_angle(body)
 
 
 def input_slopes(

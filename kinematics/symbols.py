@@ -21,7 +21,7 @@ from matplotlib.path import Path
 from matplotlib.patheffects import withTickedStroke
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
 
-Points = Float[np.ndarray, "points 2"]
+Points = Float[np.ndarray, "_ 2"]
 Place = Float[np.ndarray, "2"]
 
 INK, GREY, PAPER = "#222222", "#8A8A8A", "white"
@@ -51,7 +51,7 @@ def hull(points: Points) -> Points:
     def chain(sorted_points: Iterable[Place]) -> list[Place]:
         corners: list[Place] = []
         for point in sorted_points:
-            while len(corners) >= 2 and _cross(*corners[-2:], point) <= rounding:
+            while len(corners) >= 2 and _cross(corners[-2], corners[-1], point) <= rounding:
                 corners.pop()
             corners.append(point)
         return corners[:-1]
@@ -66,7 +66,8 @@ def _cross(a: Place, b: Place, c: Place) -> float:
 def anchored(axes: Axes, place: Place) -> Transform:
     """From points on paper, counted from a place in mm, to the display."""
     figure: Any = axes.figure
-    shift = ScaledTranslation(float(place[0]), float(place[1]), axes.transData)
+    to_display: Any = axes.transData
+    shift = ScaledTranslation(float(place[0]), float(place[1]), to_display)
     return Affine2D().scale(1 / 72) + figure.dpi_scale_trans + shift
 
 

@@ -6,7 +6,7 @@ import os
 import sys
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -82,7 +82,7 @@ def write_table(columns: dict[str, np.ndarray], target: str) -> None:
         raise UserError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _write(columns: dict[str, np.ndarray], stream: TextIO) -> None:
+def _write(columns: dict[str, np.ndarray], stream: IO[str]) -> None:
     stream.write(",".join(columns) + "\n")
     # Shortest decimals that give back the same number.
     texts = [

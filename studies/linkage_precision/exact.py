@@ -1,0 +1,181 @@
+"""Poses and gradients in many digits by trigonometry: the reference for errors.
+
+Nothing here shares a line with `kinematics` or with the loop equations of the iterations: the
+angles of a triangle come from the law of cosines, that at a line from its sine.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any, NamedTuple
+
+import jax
+import mpmath
+import numpy as np
+from mpmath.calculus.quadrature import GaussLegendre
+
+from designopt.stability import DIGITS
+from kinematics import Linkage
+from studies.linkage_precision.cases import (
+    Case,
+    Dyad,
+    Point,
+    Sizes,
+    dimensions,
+    drawn,
+    size_of,
+    sizes_of,
+    with_dimensions,
+)
+
+CHECKED = 200
+"""Poses of a sweep that are compared with the reference, evenly spaced."""
+
+SUMMED = 100
+"""Poses of a sweep up to which its mean is summed; a longer one's is integrated."""
+
+NODES_DEGREE = 6
+"""Degree of mpmath's rule for the integral: 96 nodes."""
+
+
+class Positions(NamedTuple):
+    """Exact positions at some of a sweep's poses.
+
+    Attributes:
+        checked: indices of the poses.
+        places: mm, of shape (checked, joints, 2), as mpmath numbers.
+        size: the linkage's largest length, mm.
+    """
+
+    checked: np.ndarray
+    places: np.ndarray
+    size: float
+
+    def error(self, found: np.ndarray) -> float:
+        """Largest distance of a joint in ``found``, (poses, joints, 2), over the largest length."""
+        found = found[self.checked]
+        if not np.all(np.isfinite(found)):
+            return float("inf")
+        with mpmath.workdps(DIGITS):
+            off = np.asarray(found, dtype=float).astype(object) - self.places
+            squared = np.sum(off * off, axis=-1)
+            return float(mpmath.sqrt(np.max(squared)) / self.size)
+
+
+@functools.cache
+def positions(case: Case, poses: int, part: int) -> Positions:
+    """Moving joints at up to `CHECKED` of the first ``part`` poses of a sweep."""
+    angles = case.angles(poses)[:part]
+    checked = np.unique(np.linspace(0, part - 1, CHECKED).astype(int))
+    linkage = drawn(case)
+    with mpmath.workdps(DIGITS):
+        sizes = sizes_of(_exactly(linkage))
+        places = [pose(case, sizes, mpmath.mpf(float(angle))) for angle in angles[checked]]
+    return Positions(checked, np.array(places, dtype=object), float(size_of(linkage)))
+
+
+@functools.cache
+def gradient(case: Case, poses: int) -> np.ndarray:
+    """Derivative of `mean_square` with respect to all dimensions, raveled."""
+    linkage = drawn(case)
+    leaves, structure = jax.tree.flatten(dimensions(linkage))
+    with mpmath.workdps(DIGITS):
+        step = mpmath.mpf(10) ** (-DIGITS // 3)
+        numbers = [mpmath.mpf(float(number)) for leaf in leaves for number in np.ravel(leaf)]
+
+        def at(values: list[Any]) -> Any:
+            rebuilt, used = [], 0
+            for leaf in leaves:
+                part = np.array(values[used : used + leaf.size], dtype=object)
+                rebuilt.append(part.reshape(leaf.shape))
+                used += leaf.size
+            moved = with_dimensions(linkage, jax.tree.unflatten(structure, rebuilt))
+            return mean_square(case, sizes_of(moved), poses)
+
+        slopes = []
+        for i, number in enumerate(numbers):
+            ends = [at([*numbers[:i], number + move, *numbers[i + 1 :]]) for move in (step, -step)]
+            slopes.append(float((ends[0] - ends[1]) / (2 * step)))
+    return np.array(slopes)
+
+
+@functools.cache
+def value(case: Case, poses: int) -> Any:
+    """`mean_square` of the case's own linkage."""
+    with mpmath.workdps(DIGITS):
+        return mean_square(case, sizes_of(_exactly(drawn(case))), poses)
+
+
+def mean_square(case: Case, sizes: Sizes, poses: int) -> Any:
+    """Mean over a sweep of the squared distance of the last joint from the origin, mm².
+
+    That of a long sweep is the integral over the crank's angle, by Gauss and Legendre's rule,
+    with the end corrections of Euler and Maclaurin, which make it that of equal steps.
+    """
+
+    def square(angle: Any) -> Any:
+        x, y = pose(case, sizes, angle)[-1]
+        return x * x + y * y
+
+    if poses <= SUMMED:
+        return mpmath.fsum(square(mpmath.mpf(float(a))) for a in case.angles(poses)) / poses
+    start, end = (mpmath.mpf(float(limit)) for limit in np.deg2rad(case.sweep_deg))
+    half, middle = (end - start) / 2, (end + start) / 2
+    nodes = GaussLegendre(mpmath.mp).get_nodes(-1, 1, NODES_DEGREE, mpmath.mp.prec)
+    integral = half * mpmath.fsum(weight * square(middle + half * node) for node, weight in nodes)
+    width = (end - start) / poses
+    # Bernoulli's numbers over factorials; equal steps count the start and not the end.
+    for order, factor in ((0, -0.5), (1, mpmath.mpf(1) / 12), (3, -mpmath.mpf(1) / 720)):
+        rise = mpmath.diff(square, end, order) - mpmath.diff(square, start, order)
+        integral += factor * width ** (order + 1) * rise
+    return integral / (end - start)
+
+
+def pose(case: Case, sizes: Sizes, angle: Any) -> list[Point]:
+    """Places of a case's moving joints at one crank angle, mm."""
+    joints = dict(sizes.pins)
+    joints["A"] = _from(joints["O2"], sizes.lengths["crank"], angle)
+    for dyad in case.dyads:
+        if dyad.end is None or dyad.arm is None:
+            joints[dyad.joint] = _on_the_line(dyad, sizes, joints[dyad.start])
+            continue
+        joints[dyad.joint] = _corner(dyad, sizes, joints[dyad.start], joints[dyad.end])
+        if dyad.carries is not None:
+            base = joints[dyad.end]
+            along, across = sizes.carried[dyad.arm]
+            turned = _bearing(base, joints[dyad.joint]) + mpmath.atan2(across, along)
+            joints[dyad.carries] = _from(base, mpmath.hypot(along, across), turned)
+    return [joints[name] for name in case.joints]
+
+
+def _corner(dyad: Dyad, sizes: Sizes, start: Point, end: Point) -> Point:
+    """Where link and arm meet: the law of cosines gives the angle at ``start``."""
+    link, arm = sizes.lengths[dyad.link], sizes.lengths[str(dyad.arm)]
+    base = mpmath.hypot(end[0] - start[0], end[1] - start[1])
+    corner = mpmath.acos((link**2 + base**2 - arm**2) / (2 * link * base))
+    return _from(start, link, _bearing(start, end) + dyad.side * corner)
+
+
+def _on_the_line(dyad: Dyad, sizes: Sizes, start: Point) -> Point:
+    """Where the link ends on the line: its angle to the line from the distance it bridges."""
+    x, y, angle = sizes.lines[0]
+    link = sizes.lengths[dyad.link]
+    away = mpmath.hypot(x - start[0], y - start[1])
+    distance = away * mpmath.sin(_bearing(start, (x, y)) - angle) if away else mpmath.mpf(0)
+    lean = mpmath.asin(distance / link)
+    return _from(start, link, angle + (lean if dyad.side > 0 else mpmath.pi - lean))
+
+
+def _from(start: Point, length: Any, angle: Any) -> Point:
+    return start[0] + length * mpmath.cos(angle), start[1] + length * mpmath.sin(angle)
+
+
+def _bearing(start: Point, end: Point) -> Any:
+    return mpmath.atan2(end[1] - start[1], end[0] - start[0])
+
+
+def _exactly(linkage: Linkage) -> Linkage:
+    number = np.vectorize(lambda value: mpmath.mpf(float(value)), otypes=[object])
+    return jax.tree.map(
+        lambda leaf: number(leaf) if leaf.size else np.zeros(leaf.shape, object), linkage
+    )

@@ -1,0 +1,184 @@
+"""Timing: every contender by itself, and those that are set against each other in turn."""
+
+from __future__ import annotations
+
+import math
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+
+from designopt.precision import MIN_SAMPLE_SECONDS, Contender, measure
+from designopt.results import PrecisionRow
+from designopt.study import Context
+from studies.linkage_precision.cases import CASES, GALLERY
+from studies.linkage_precision.contenders import (
+    FLOOR,
+    FSOLVE,
+    MECHANISM,
+    OURS,
+    PYLINKAGE_FAST,
+    VALUE,
+    Workload,
+    contenders,
+)
+from studies.linkage_precision.spec import LinkagePrecisionSpec
+
+SHORT_SWEEPS = (1, 360, 10_000)
+"""Sweeps beside the longest one."""
+
+RIVALS = (MECHANISM, FSOLVE, PYLINKAGE_FAST, FLOOR)
+"""Methods that are timed in turn with the closed form on the longest sweep."""
+
+FRESH_PROCESSES = 3
+FIRST_CALL_POSES = 361
+FIRST_CALLS = {"four-bar": "0, 360", "finger": "0, -90"}
+"""Files of the gallery whose first call is timed, and the range of each of their inputs."""
+
+
+class Ratio(NamedTuple):
+    """A run time over another one, each measured in turn with the other.
+
+    Attributes:
+        value: median over the rounds.
+        low: least.
+        high: largest.
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+class Measured(NamedTuple):
+    """One row and the workload it is of."""
+
+    work: Workload
+    row: PrecisionRow
+
+
+class Measurements(NamedTuple):
+    """Everything that was timed.
+
+    Attributes:
+        rows: every method at every setting on every workload.
+        rivals: by linkage and method, its run time over the closed form's, longest sweep.
+        gradients: by linkage, the run time of value and gradient over that of the value alone.
+        first_calls: by file of the gallery, seconds in each of the fresh processes.
+        pinned: whether it all ran on one core.
+    """
+
+    rows: list[Measured]
+    rivals: dict[tuple[str, str], Ratio]
+    gradients: dict[str, Ratio]
+    first_calls: dict[str, list[float]]
+    pinned: bool
+
+
+def measure_all(spec: LinkagePrecisionSpec, context: Context, *, pinned: bool) -> Measurements:
+    """Time everything the spec asks for."""
+    found = Measurements([], {}, {}, {}, pinned)
+    for work in workloads(spec):
+        with context.step(work.panel), jax.enable_x64(work.dtype == "float64"):
+            entered = []
+            for contender in contenders(work, peers=spec.peers):
+                found.rows.append(Measured(work, measure(contender, repeats=spec.repeats)))
+                entered.append(contender)
+            if work.dtype == "float64" and work.every:
+                _in_turn(work, entered, spec.repeats, found)
+    if spec.first_call:
+        for name in FIRST_CALLS:
+            with context.step(f"First call of {name} in fresh processes"):
+                found.first_calls[name] = [first_call(name) for _ in range(FRESH_PROCESSES)]
+    return found
+
+
+def workloads(spec: LinkagePrecisionSpec) -> list[Workload]:
+    """The sweeps that a spec asks for: all lengths for the poses, the longest for the rest."""
+    works = []
+    for case in CASES:
+        short = [poses for poses in SHORT_SWEEPS if poses < spec.poses]
+        works += [Workload(case, poses, every=False) for poses in short]
+        works.append(Workload(case, spec.poses))
+        if spec.gradients:
+            works.append(Workload(case, spec.poses, gradient=True))
+        if spec.float32:
+            works.append(Workload(case, spec.poses, "float32"))
+            if spec.gradients:
+                works.append(Workload(case, spec.poses, "float32", gradient=True))
+    return works
+
+
+def in_turn(first: Contender, second: Contender, rounds: int) -> Ratio:
+    """Run time of ``second`` over that of ``first``, one sample of each in every round.
+
+    What slows the machine down for a while slows both, so the ratio is steadier than that of two
+    medians.
+    """
+    calls = [_calls(contender) for contender in (first, second)]
+    ratios = []
+    for _ in range(rounds):
+        seconds = [
+            _seconds(contender, count)
+            for contender, count in zip((first, second), calls, strict=True)
+        ]
+        ratios.append(second.scale * seconds[1] / (first.scale * seconds[0]))
+    return Ratio(statistics.median(ratios), min(ratios), max(ratios))
+
+
+def first_call(name: str) -> float:
+    """Seconds of the first compiled call of a gallery file's poses in a fresh process.
+
+    Tracing, compiling and solving count; starting Python, importing and reading the file do not.
+    """
+    program = f"""
+import time
+import jax
+jax.config.update("jax_enable_x64", True)
+import jax.numpy as jnp
+from kinematics import read_linkage, solve_poses
+linkage = read_linkage({str(GALLERY / (name + ".toml"))!r})
+sweep = jnp.deg2rad(jnp.linspace({FIRST_CALLS[name]}, {FIRST_CALL_POSES}))
+inputs = jnp.stack([sweep] * len(linkage.input_names), axis=-1)
+jax.block_until_ready(inputs)
+start = time.perf_counter()
+jax.block_until_ready(jax.jit(solve_poses)(linkage, inputs))
+print(time.perf_counter() - start)
+"""
+    # A program that was kept on disk would not be compiled.
+    environment = os.environ | {"JAX_ENABLE_COMPILATION_CACHE": "false"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
+    )
+    return float(done.stdout)
+
+
+def _in_turn(
+    work: Workload, entered: Sequence[Contender], repeats: int, found: Measurements
+) -> None:
+    by_method = {contender.method: contender for contender in entered}
+    if work.gradient:
+        ratio = in_turn(by_method[VALUE], by_method[OURS], repeats)
+        found.gradients[work.case.name] = ratio
+        return
+    default = [c for c in entered if c.method == FSOLVE][1]  # SciPy's own tolerance
+    for method, rival in (by_method | {FSOLVE: default}).items():
+        if method in RIVALS:
+            ratio = in_turn(by_method[OURS], rival, repeats)
+            found.rivals[work.case.name, method] = ratio
+
+
+def _calls(contender: Contender) -> int:
+    return max(1, math.ceil(MIN_SAMPLE_SECONDS / max(_seconds(contender, 1), 1e-9)))
+
+
+def _seconds(contender: Contender, calls: int) -> float:
+    start = time.perf_counter()
+    for _ in range(calls):
+        jax.block_until_ready(contender.call())
+    return (time.perf_counter() - start) / calls

@@ -1,0 +1,314 @@
+"""Drawings show the poses that are, where they are, and never one that is not."""
+
+import functools
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from PIL import Image
+from PIL.GifImagePlugin import GifImageFile
+
+from designopt import UserError
+from designopt.figures import PALETTE, style
+from designopt.solution import Solution
+from kinematics import Pose, PoseResult, Vector, animation, read_linkage, solve_poses
+from kinematics.animation import save_animation
+from kinematics.drawing import body_colours, draw_pose
+from kinematics.labels import label_offsets
+from kinematics.margin_figures import failed_stretches, margin_figure
+from kinematics.motion_figures import motion_figure, pose_at, traced_joints
+from kinematics.sketch import load_sketch
+from kinematics.symbols import GREY, hull
+
+GALLERY = Path(__file__).parents[2] / "studies" / "linkage_gallery"
+NAMES = sorted(path.stem for path in GALLERY.glob("*.toml"))
+
+
+@functools.cache
+def linkage_of(name):
+    return read_linkage(GALLERY / f"{name}.toml")
+
+
+@functools.cache
+def solved(name, turn, count=13):
+    """Inputs from the sketch's on, the first one in the end ``turn`` farther, and their poses."""
+    linkage = linkage_of(name)
+    inputs = np.tile(np.array(linkage.home.inputs), (count, 1))
+    inputs[:, 0] += np.linspace(0, turn, count)
+    return linkage, inputs, jax.jit(solve_poses)(linkage, jnp.asarray(inputs))
+
+
+def gapped():
+    """The inversor over a whole turn: it locks on the way, and comes out again."""
+    return solved("peaucellier", 2 * np.pi)
+
+
+def picked(motion, chosen):
+    linkage, inputs, poses = motion
+    return linkage, inputs[chosen], jax.tree.map(lambda leaf: leaf[chosen], poses)
+
+
+def sketched(name, count=3):
+    """Poses as sketched, each a little farther to the right: nothing has to be solved for them."""
+    linkage, sketch = linkage_of(name), load_sketch(GALLERY / f"{name}.toml")
+    shift = jnp.arange(float(count))
+    still = jnp.zeros(count)
+    fixed = linkage.structure.fixed_joints
+    joints = {
+        joint: Vector(x + (still if joint in fixed else shift), y + still)
+        for joint, (x, y) in sketch.joints.items()
+    }
+    bodies = {}
+    for part in linkage.structure.bodies:
+        first, second = (joints[joint] for joint in (*part.joints, *part.joints)[:2])
+        step = second - first
+        bodies[part.name] = step.scaled(1 / jnp.maximum(step.length(), 1e-9))
+    slides = dict.fromkeys(range(len(linkage.structure.sliders)), shift)
+    good = jax.tree.map(lambda code: jnp.full(count, code), PoseResult.successful)
+    inputs = np.tile(np.array(linkage.home.inputs), (count, 1))
+    inputs[:, 0] += 0.1 * np.arange(count)
+    return linkage, inputs, Solution(Pose(joints, bodies, slides, {}), still + 1.0, still, good)
+
+
+def drawn(name, **options):
+    linkage, _, poses = sketched(name)
+    pose = pose_at(poses, 0)
+    axes = Figure().subplots()
+    draw_pose(axes, linkage, pose, **options)
+    return linkage, pose, axes
+
+
+def lines(axes, gid):
+    return [np.asarray(line.get_xydata()) for line in axes.lines if line.get_gid() == gid]
+
+
+def position(pose, joint):
+    return np.array([float(pose.joints[joint].x), float(pose.joints[joint].y)])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_linkage_of_the_gallery_is_drawn(name):
+    linkage, inputs, poses = sketched(name)
+    with style():
+        figure = motion_figure(linkage, inputs, poses)
+        figure.draw_without_rendering()
+    assert figure.axes[0].get_title() == linkage.structure.name
+    texts = {text.get_text() for text in figure.axes[0].texts}
+    assert texts == set(linkage.structure.joints)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_bodies_and_pins_are_at_their_joints(name):
+    linkage, pose, axes = drawn(name)
+    for body in linkage.structure.moving:
+        places = np.array([position(pose, joint) for joint in body.joints])
+        line = lines(axes, f"body:{body.name}")[0]
+        if len(body.joints) == 2:
+            np.testing.assert_array_equal(line, places)
+        else:
+            # A closed line through joints, around all of them.
+            assert all(np.any(np.all(corner == places, axis=1)) for corner in line)
+            np.testing.assert_array_equal(line[0], line[-1])
+            np.testing.assert_array_equal(np.min(line, axis=0), np.min(places, axis=0))
+            np.testing.assert_array_equal(np.max(line, axis=0), np.max(places, axis=0))
+    for joint in linkage.structure.joints:
+        (place,) = lines(axes, f"joint:{joint}")
+        np.testing.assert_array_equal(place[0], position(pose, joint))
+
+
+def test_every_sign_has_its_place():
+    def count(name, gid):
+        axes = drawn(name)[2]
+        return sum(child.get_gid() == gid for child in axes.get_children())
+
+    assert count("four-bar", "ground") == 2
+    assert count("finger", "ground") == 2  # its third fixed joint carries nothing
+    assert count("finger", "spring") == 1
+    assert count("slider-crank", "track") == count("slider-crank", "block") == 1
+    assert count("quick-return", "track") == 1
+    assert count("quick-return", "block") == 2
+    assert count("quick-return", "slot:lever") == 2
+
+
+def test_a_slot_covers_the_travel_of_its_pin():
+    linkage, _, poses = solved("quick-return", 1.0, 2)
+    pose, axes = pose_at(poses, 1), Figure().subplots()
+    draw_pose(axes, linkage, pose, travel={0: (10.0, 40.0)})
+    slot = lines(axes, "slot:lever")[0]
+    pivot, end = position(pose, "O4"), position(pose, "T")
+    along = (end - pivot) / np.hypot(*(end - pivot))
+    slides = (slot - pivot) @ along
+    np.testing.assert_allclose(slot, pivot + slides[:, None] * along, atol=1e-9)
+    beyond = 0.04 * float(linkage.size())
+    np.testing.assert_allclose(slides, [10 - beyond, 40 + beyond])
+
+
+def test_all_that_is_drawn_lies_within_the_limits():
+    _, pose, axes = drawn("slider-crank")
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    for joint in pose.joints:
+        x, y = position(pose, joint)
+        assert left < x < right
+        assert low < y < high
+    assert axes.get_aspect() == 1
+
+
+def test_a_faint_pose_has_no_names_and_no_pins():
+    _, _, axes = drawn("four-bar", faint=True)
+    assert not axes.texts
+    assert {line.get_gid() for line in axes.lines} == {
+        "ghost:crank",
+        "ghost:coupler",
+        "ghost:rocker",
+    }
+
+
+def test_colours_follow_the_file_and_the_ground_is_grey():
+    colours = body_colours(linkage_of("four-bar").structure)
+    assert colours == {
+        "ground": GREY,
+        "crank": PALETTE[0],
+        "coupler": PALETTE[1],
+        "rocker": PALETTE[2],
+    }
+
+
+def test_what_is_traced_by_itself():
+    assert traced_joints(linkage_of("jansen").structure) == ["J6", "J7"]
+    assert traced_joints(linkage_of("peaucellier").structure) == ["C"]
+    assert traced_joints(linkage_of("four-bar").structure) == ["A", "B"]
+    assert traced_joints(linkage_of("slider-crank").structure) == ["A"]
+
+
+def test_a_curve_has_a_gap_where_the_pose_fails():
+    linkage, inputs, poses = gapped()
+    ok = np.asarray(poses.ok)
+    assert ok[0]
+    assert 0 < ok.sum() < len(ok)
+    figure = motion_figure(linkage, inputs, poses, ["C", "P"])
+    for joint in ("C", "P"):
+        (path,) = lines(figure.axes[0], f"path:{joint}")
+        expected = np.asarray(poses.value.position(joint))
+        np.testing.assert_array_equal(path[ok], expected[ok])
+        assert np.all(np.isnan(path[~ok]))
+
+
+def test_a_failed_pose_is_no_ghost():
+    linkage, inputs, poses = gapped()
+    good = np.asarray(poses.value.position("P"))[np.asarray(poses.ok)]
+    axes = motion_figure(linkage, inputs, poses, ghosts=30).axes[0]
+    ghosts = lines(axes, "ghost:upper-arm")
+    assert len(ghosts) == len(good) - 1  # one of them is drawn strong
+    assert all(np.any(np.all(ghost[1] == good, axis=1)) for ghost in ghosts)
+    (strong, _) = lines(axes, "body:upper-arm")
+    np.testing.assert_array_equal(strong[1], good[0])
+
+
+def test_no_pose_at_all_is_one_clear_message(tmp_path):
+    failed = np.flatnonzero(~np.asarray(gapped()[2].ok))
+    linkage, inputs, none = picked(gapped(), failed)
+    with pytest.raises(UserError, match="no pose of 'Peaucellier inversor' to draw: Two pins"):
+        motion_figure(linkage, inputs, none)
+    with pytest.raises(UserError, match=r"leg\.gif: no pose of"):
+        save_animation(tmp_path / "leg.gif", linkage, inputs, none)
+    assert not list(tmp_path.iterdir())
+    with style():  # margins say it by their grey ground
+        margin_figure(linkage, inputs, none, {}).draw_without_rendering()
+
+
+def test_margins_are_masked_and_shaded_where_poses_fail():
+    linkage, inputs, poses = gapped()
+    ok = np.asarray(poses.ok)
+    angle = np.linspace(0.3, 1.2, len(ok))
+    with style():
+        figure = margin_figure(linkage, inputs, poses, {"C": angle})
+        figure.draw_without_rendering()
+    upper, lower = figure.axes
+    curves = {line.get_label(): line for line in upper.lines}
+    assert {"P: stretched", "P: folded", "C: folded"} <= set(curves)
+    folded = np.asarray(curves["C: folded"].get_ydata())
+    np.testing.assert_array_equal(folded[ok], np.asarray(poses.value.margins[2][1])[ok])
+    assert np.all(np.isnan(folded[~ok]))
+    drawn_angle = next(line for line in lower.lines if line.get_label() == "C")
+    np.testing.assert_allclose(np.asarray(drawn_angle.get_ydata())[ok], np.degrees(angle[ok]))
+    assert lower.get_xlabel() == "crank (deg)"
+    assert any(np.all(np.asarray(line.get_ydata()) == 40) for line in lower.lines)
+    assert len(upper.patches) == len(lower.patches) == 1
+
+
+def test_the_abscissa_is_the_first_input_that_varies():
+    linkage, inputs, poses = sketched("five-bar")
+    figure = margin_figure(linkage, inputs[:, ::-1], poses, {})
+    assert figure.axes[1].get_xlabel() == "right (deg)"
+
+
+def test_stretches_reach_half_way_to_the_neighbours():
+    ok = np.array([False, True, True, False, False, True, False])
+    stretches = failed_stretches(np.arange(7.0), ok)
+    assert stretches == [(0.0, 0.5), (2.5, 4.5), (5.5, 6.0)]
+
+
+def test_a_gif_has_a_frame_for_every_pose_that_is(tmp_path):
+    linkage, inputs, poses = gapped()
+    path = tmp_path / "inversor.gif"
+    save_animation(path, linkage, inputs, poses, fps=10)
+    with Image.open(path) as film:
+        assert isinstance(film, GifImageFile)
+        assert film.n_frames == int(poses.ok.sum()) < len(inputs)
+        assert film.info["duration"] == 100
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_interrupted_animation_leaves_the_old_file(tmp_path, monkeypatch):
+    linkage, inputs, poses = sketched("four-bar")
+    path = tmp_path / "four-bar.gif"
+    path.write_text("old", encoding="utf-8")
+    calls = []
+
+    def interrupted(self, index):
+        calls.append(index)
+        if len(calls) > 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(animation._Film, "show", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        save_animation(path, linkage, inputs, poses)
+    assert [found.read_text(encoding="utf-8") for found in tmp_path.iterdir()] == ["old"]
+
+
+@pytest.mark.parametrize(
+    ("file", "message"),
+    [
+        ("four-bar.avi", r"ends with \.gif or \.mp4"),
+        ("four-bar", r"ends with \.gif or \.mp4"),
+        ("four-bar.mp4", "needs ffmpeg.*install it or write a .gif"),
+        ("missing/four-bar.gif", "cannot be written"),
+    ],
+)
+def test_what_cannot_be_written_is_said_and_leaves_nothing(tmp_path, file, message):
+    linkage, inputs, poses = sketched("four-bar")
+    with (
+        matplotlib.rc_context({"animation.ffmpeg_path": "no-such-program"}),
+        pytest.raises(UserError, match=message),
+    ):
+        save_animation(tmp_path / file, linkage, inputs, poses)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_hull_leaves_out_what_is_inside_or_between():
+    square = np.array([[0, 0], [2, 0], [1, 1], [2, 2], [0, 2], [1, 0]], float)
+    np.testing.assert_array_equal(hull(square), [[0, 0], [2, 0], [2, 2], [0, 2]])
+    np.testing.assert_array_equal(hull(np.array([[0.0, 0], [2, 2], [1, 1]])), [[0, 0], [2, 2]])
+
+
+def test_labels_stand_beside_what_is_drawn():
+    places = {"A": np.zeros(2), "B": np.array([40.0, 0.0])}
+    bar = np.stack([np.linspace(0, 40, 41), np.zeros(41)], axis=-1)
+    offsets = label_offsets([places], [bar], 1.0)
+    for name, offset in offsets.items():
+        gaps = np.hypot(*(bar - places[name] - offset).T)
+        assert gaps.min() > 6

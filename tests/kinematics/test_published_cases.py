@@ -1,0 +1,504 @@
+"""Other people's numbers: a failure here means that the library disagrees with the literature.
+
+The cases, with their sources and tolerances, stand in ``tests/data/linkage_cases.json``. Every one
+runs through the public functions; those that are positions, velocities or accelerations also run
+through ``designopt solve`` on a file.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from designopt.cli import run
+from kinematics import (
+    find_limits,
+    grashof,
+    linkage_from,
+    solve_poses,
+    solve_rates,
+    solve_transmission,
+)
+from tests.helpers import load_json
+
+# One program for linkages of one structure.
+poses_of, rates_of = jax.jit(solve_poses), jax.jit(solve_rates)
+transmission_of = jax.jit(solve_transmission)
+
+CASES = {case["id"]: case for case in load_json("linkage_cases.json")["cases"]}
+
+
+def case(name: str) -> tuple[dict[str, Any], dict[str, Any], Any]:
+    chosen = CASES[name]
+    return chosen["inputs"], chosen["expected"], chosen["tolerance"]
+
+
+def circle_meet(a, b, to_a, to_b, side):
+    """Where two circles meet, to draw sketches: ``side`` +1 is left of a → b."""
+    a, b = np.array(a, float), np.array(b, float)
+    d = np.hypot(*(b - a))
+    along = (to_a**2 - to_b**2 + d**2) / (2 * d)
+    across = np.sqrt(max(to_a**2 - along**2, 0.0))
+    u = (b - a) / d
+    return (a + along * u + side * across * np.array([-u[1], u[0]])).tolist()
+
+
+def four_bar(crank, coupler, rocker, ground, *, side=1, ground_deg=0.0, sketch_deg=None):
+    """A four-bar's tables; the sketch is drawn at a crank angle where it can be assembled."""
+    turn = np.deg2rad(ground_deg)
+    far = [ground * np.cos(turn), ground * np.sin(turn)]
+    angles = [sketch_deg] if sketch_deg is not None else range(15, 360, 15)
+    for angle in angles:
+        a = [crank * np.cos(np.deg2rad(angle)), crank * np.sin(np.deg2rad(angle))]
+        d = np.hypot(far[0] - a[0], far[1] - a[1])
+        if abs(coupler - rocker) + 0.05 < d < coupler + rocker - 0.05:
+            break
+    b = circle_meet(a, far, coupler, rocker, side)
+    return {
+        "joints": {"O2": [0, 0], "A": a, "B": b, "O4": far},
+        "bodies": {
+            "ground": {"joints": ["O2", "O4"], "fixed": True, "lengths": {"O2-O4": ground}},
+            "crank": {"joints": ["O2", "A"], "lengths": {"O2-A": crank}},
+            "coupler": {"joints": ["A", "B"], "lengths": {"A-B": coupler}},
+            "rocker": {"joints": ["O4", "B"], "lengths": {"O4-B": rocker}},
+        },
+        "inputs": [{"name": "crank", "body": "crank", "relative_to": "world"}],
+    }
+
+
+def slider_crank(crank, rod, offset, *, sign=1):
+    """A slider-crank's tables, its slide towards +x for ``sign`` +1."""
+    a = [crank * np.cos(1.0), crank * np.sin(1.0)]
+    c = [a[0] + sign * np.sqrt(rod**2 - (a[1] - offset) ** 2), offset]
+    return {
+        "joints": {"O2": [0, 0], "A": a, "C": c},
+        "bodies": {
+            "ground": {"joints": ["O2"], "fixed": True},
+            "crank": {"joints": ["O2", "A"], "lengths": {"O2-A": crank}},
+            "rod": {"joints": ["A", "C"], "lengths": {"A-C": rod}},
+        },
+        "sliders": [{"joint": "C", "on": "ground", "line": [[0, offset], [1, offset]]}],
+        "inputs": [{"name": "crank", "body": "crank"}],
+    }
+
+
+def toml(tables: Any) -> str:
+    """A linkage file from its tables."""
+
+    def inline(value: Any) -> str:
+        if isinstance(value, dict):
+            return "{ " + ", ".join(f'"{k}" = {inline(v)}' for k, v in value.items()) + " }"
+        if isinstance(value, bool):
+            return str(value).lower()
+        if isinstance(value, (list, tuple)):
+            return "[" + ", ".join(inline(entry) for entry in value) + "]"
+        return f'"{value}"' if isinstance(value, str) else repr(float(value))
+
+    lines = ["[joints]", *(f'"{k}" = {inline(v)}' for k, v in tables["joints"].items())]
+    for name, body in tables["bodies"].items():
+        lines += [f'[bodies."{name}"]', *(f"{k} = {inline(v)}" for k, v in body.items())]
+    for kind in ("sliders", "inputs"):
+        for entry in tables.get(kind, []):
+            lines += [f"[[{kind}]]", *(f"{k} = {inline(v)}" for k, v in entry.items())]
+    return "\n".join(lines) + "\n"
+
+
+class Solver:
+    """``designopt solve`` on tables: rows of numbers by column, None for an empty cell."""
+
+    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.folder, self.capsys = folder, capsys
+
+    def __call__(self, tables: Any, *arguments: str) -> list[dict[str, float | None]]:
+        path = self.folder / "linkage.toml"
+        path.write_text(toml(tables), encoding="utf-8")
+        self.capsys.readouterr()
+        assert run(["solve", str(path), *arguments]) == 0
+        text = self.capsys.readouterr().out
+        return [
+            {key: float(value) if value else None for key, value in row.items()}
+            for row in csv.DictReader(io.StringIO(text))
+        ]
+
+
+@pytest.fixture
+def solve(tmp_path, capsys):
+    return Solver(tmp_path, capsys)
+
+
+NORTON = (40.0, 120.0, 80.0, 100.0)
+
+
+@pytest.mark.parametrize(("mode", "side"), [("open", 1), ("crossed", -1)])
+def test_norton_four_bar_positions(mode, side, solve):
+    inputs, expected, tolerance = case("norton-ex4-1-position")
+    tables = four_bar(*NORTON, side=side)
+    poses = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([inputs["theta2_deg"]])))
+    (row,) = solve(tables, "--sweep", f"crank={inputs['theta2_deg']}")
+    for body, angle in (("coupler", "theta3"), ("rocker", "theta4")):
+        wanted = expected[f"{angle}_{mode}_deg"]
+        assert float(np.rad2deg(poses.value.angle(body))) == pytest.approx(wanted, abs=tolerance)
+        assert row[f"{body}.angle_deg"] == pytest.approx(wanted, abs=tolerance)
+
+
+def test_norton_four_bar_velocities_and_accelerations(solve):
+    inputs, velocity, near = case("norton-ex6-7-velocity")
+    given, acceleration, near_2 = case("norton-ex7-2-acceleration")
+    tables = four_bar(*NORTON)
+    motion = rates_of(
+        linkage_from(tables),
+        jnp.deg2rad(jnp.array([inputs["theta2_deg"]])),
+        jnp.array([inputs["omega2"]], float),
+        jnp.array([given["alpha2"]], float),
+    )
+    (row,) = solve(tables, "--sweep", "crank=40", "--rate", "crank=25", "--accel", "crank=15")
+    first, second = motion.velocity, motion.acceleration
+    b_to_a = first.joints["B"] - first.joints["A"]
+    for found, wanted, tolerance in (
+        (first.bodies["coupler"], velocity["omega3"], near["omega3"]),
+        (first.bodies["rocker"], velocity["omega4"], near["omega4"]),
+        (first.joints["A"].stacked(), velocity["VA_xy"], near["VA_xy"]),
+        (b_to_a.stacked(), velocity["VBA_xy"], near["VBA_xy"]),
+        (first.joints["B"].stacked(), velocity["VB_xy"], near["VB_xy"]),
+        (second.bodies["coupler"], acceleration["alpha3"], near_2["alpha3"]),
+        (second.bodies["rocker"], acceleration["alpha4"], near_2["alpha4"]),
+        (second.joints["A"].stacked(), acceleration["AA_xy"], near_2["AA_xy"]),
+        (row["coupler.omega"], velocity["omega3"], near["omega3"]),
+        (row["rocker.omega"], velocity["omega4"], near["omega4"]),
+        ([row["A.vx"], row["A.vy"]], velocity["VA_xy"], near["VA_xy"]),
+        (row["B.vx"] - row["A.vx"], velocity["VBA_xy"][0], near["VBA_xy"]),
+        (row["B.vy"] - row["A.vy"], velocity["VBA_xy"][1], near["VBA_xy"]),
+        ([row["B.vx"], row["B.vy"]], velocity["VB_xy"], near["VB_xy"]),
+        (row["coupler.alpha"], acceleration["alpha3"], near_2["alpha3"]),
+        (row["rocker.alpha"], acceleration["alpha4"], near_2["alpha4"]),
+        ([row["A.ax"], row["A.ay"]], acceleration["AA_xy"], near_2["AA_xy"]),
+    ):
+        np.testing.assert_allclose(np.asarray(found), np.asarray(wanted), rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize(("mode", "sign"), [("open", 1), ("crossed", -1)])
+def test_norton_offset_slider_crank(mode, sign, solve):
+    inputs, expected, tolerance = case("norton-ex4-2-offset-slider-crank")
+    tables = slider_crank(inputs["a_crank"], inputs["b_conrod"], inputs["c_offset"], sign=sign)
+    angle = inputs["theta2_deg"]
+    pose = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([angle]))).value
+    (row,) = solve(tables, "--sweep", f"crank={angle}")
+    # Norton measures theta3 at the slider's pin, towards the crank's.
+    for found in (np.rad2deg(pose.angle("rod")), row["rod.angle_deg"]):
+        wanted = expected[f"theta3_{mode}_deg"]
+        assert float(np.mod(found + 180, 360)) == pytest.approx(wanted % 360, abs=tolerance)
+    for found in (pose.joints["C"].x, row["C.x"], pose.slides[0]):
+        assert float(found) == pytest.approx(expected[f"d_{mode}"], abs=tolerance)
+
+
+@pytest.mark.parametrize(("number", "side"), [(1, 1), (2, -1)])
+def test_ch_toolkit_four_bar_on_inclined_ground(number, side, solve):
+    inputs, expected, tolerance = case("ch-toolkit-fourbar")
+    lengths = [inputs[f"r{i}_{n}"] for i, n in ((2, "crank"), (3, "coupler"), (4, "rocker"))]
+    tables = four_bar(*lengths, inputs["r1_ground"], side=side, ground_deg=inputs["theta1_deg"])
+    pose = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([inputs["theta2_deg"]]))).value
+    (row,) = solve(tables, "--sweep", f"crank={inputs['theta2_deg']}")
+    for body, name in (("coupler", "theta3"), ("rocker", "theta4")):
+        wanted = expected[f"{name}_{number}_rad"]
+        assert float(pose.angle(body)) == pytest.approx(wanted, abs=tolerance)
+        assert np.deg2rad(row[f"{body}.angle_deg"]) == pytest.approx(wanted, abs=tolerance)
+
+
+def test_inclined_ground_counts_when_the_input_is_relative_to_it():
+    tables = four_bar(4, 12, 7, 12, ground_deg=10)
+    absolute = linkage_from(tables)
+    tables["inputs"][0]["relative_to"] = "ground"
+    relative = linkage_from(tables)
+    one = poses_of(absolute, jnp.deg2rad(jnp.array([70.0]))).value
+    other = poses_of(relative, jnp.deg2rad(jnp.array([60.0]))).value
+    assert float(one.angle("rocker") - other.angle("rocker")) == pytest.approx(0, abs=1e-14)
+
+
+def test_course_sheet_slider_crank(solve):
+    inputs, expected, near = case("coursehero-mathcad-slider-crank")
+    tables = slider_crank(inputs["a_crank"], inputs["b_conrod"], inputs["c_offset"])
+    linkage = linkage_from(tables)
+    at = jnp.deg2rad(jnp.array([inputs["theta2_deg"]], float))
+    pose = poses_of(linkage, at).value
+    rates = rates_of(linkage, at, jnp.array([inputs["omega2"]], float)).velocity
+    (row,) = solve(tables, "--sweep", "crank=45", "--rate", "crank=1")
+    for angle in (np.rad2deg(pose.angle("rod")), row["rod.angle_deg"]):
+        assert float(angle) + 180 == pytest.approx(expected["theta3_deg"], abs=near["theta3_deg"])
+    for omega, speed in (
+        (rates.bodies["rod"], rates.joints["C"].x),
+        (row["rod.omega"], row["C.vx"]),
+    ):
+        assert abs(float(omega)) == pytest.approx(expected["omega3_abs"], abs=near["omega3_abs"])
+        assert abs(float(speed)) == pytest.approx(expected["v_slider_abs"], abs=near["v_slider_abs"])
+
+
+def test_golden_slider_crank(solve):
+    inputs, expected, near = case("linkage-sim-golden-slidercrank")
+    tables = slider_crank(inputs["a_crank"], inputs["b_conrod"], inputs["c_offset"])
+    linkage = linkage_from(tables)
+    at = jnp.deg2rad(jnp.array(inputs["theta2_deg"], float))[:, None]
+    pose = poses_of(linkage, at).value
+    motion = rates_of(linkage, at, jnp.array([inputs["omega2"]], float))
+    rows = [
+        solve(tables, "--sweep", f"crank={angle}", "--rate", "crank=1", "--accel", "crank=0")[0]
+        for angle in inputs["theta2_deg"]
+    ]
+    for name, found, column in (
+        ("x_slider", pose.joints["C"].x, "C.x"),
+        ("omega3", motion.velocity.bodies["rod"], "rod.omega"),
+        ("v_slider", motion.velocity.joints["C"].x, "C.vx"),
+        ("alpha3", motion.acceleration.bodies["rod"], "rod.alpha"),
+        ("a_slider", motion.acceleration.joints["C"].x, "C.ax"),
+    ):
+        np.testing.assert_allclose(found, expected[name], rtol=0, atol=near[name])
+        np.testing.assert_allclose(
+            [row[column] for row in rows], expected[name], rtol=0, atol=near[name]
+        )
+    angles = np.deg2rad([row["rod.angle_deg"] for row in rows])
+    for found in (pose.angle("rod"), angles):
+        np.testing.assert_allclose(found, expected["theta3_rad"], rtol=0, atol=near["theta3_rad"])
+
+
+def test_exact_transmission_angles(solve):
+    inputs, expected, tolerance = case("linkage-sim-transmission-angle")
+    lengths = [inputs[k] for k in ("a_crank", "b_coupler", "c_rocker", "d_ground")]
+    tables = four_bar(*lengths)
+    at = jnp.deg2rad(jnp.array(inputs["theta2_deg"], float))[:, None]
+    found = np.rad2deg(transmission_of(linkage_from(tables), at).angles["B"])
+    rows = solve(tables, "--sweep", "crank=0:60:2")
+    for angles in (found, [row["B.mu_deg"] for row in rows]):
+        np.testing.assert_allclose(angles, expected["mu_deg"], rtol=0, atol=tolerance)
+
+
+def test_jansen_leg(solve):
+    inputs, expected, tolerance = case("pyslvs-jansen")
+    joints = inputs["joints"]
+    crank_lengths = [
+        length or np.hypot(*joints["1"]) for length in inputs["crank_length"]
+    ]
+    for angle, length, x, y in zip(
+        inputs["theta_crank_deg"], crank_lengths, expected["P7_x"], expected["P7_y"], strict=True
+    ):
+        tables = {
+            "joints": joints,
+            "bodies": {
+                "ground": {"joints": inputs["ground"], "fixed": True},
+                **{f"bar{a}{b}": {"joints": [str(a), str(b)]} for a, b in inputs["bars"]},
+            },
+            "inputs": [{"name": "crank", "body": "bar01"}],
+        }
+        tables["bodies"]["ground"]["joints"] = [str(j) for j in inputs["ground"]]
+        tables["bodies"]["bar01"]["lengths"] = {"0-1": length}
+        poses = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([angle], float)))
+        (row,) = solve(tables, "--sweep", f"crank={angle}")
+        assert bool(poses.ok)
+        for found in (poses.value.position("7"), [row["7.x"], row["7.y"]]):
+            np.testing.assert_allclose(found, [x, y], rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("mirror", [1, -1])
+def test_rhombus_at_its_change_point(mirror, solve):
+    """All links in one line and two pins in one place: the pose is what it tends to."""
+    inputs, expected, tolerance = case("pyslvs-parallelogram-change-point")
+    tables = four_bar(100, 100, 100, inputs["ground"][1][0], sketch_deg=45)
+    for joint in ("A", "B"):  # sketched on either side of the change point
+        tables["joints"][joint] = [tables["joints"][joint][0], mirror * tables["joints"][joint][1]]
+    poses = poses_of(linkage_from(tables), jnp.zeros(1))
+    (row,) = solve(tables, "--sweep", "crank=0")
+    assert bool(poses.ok)
+    assert abs(poses.margin) <= 1e-12
+    for found in (poses.value.position("B"), [row["B.x"], row["B.y"]]):
+        np.testing.assert_allclose(found, expected["P"], rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_circles_that_meet_and_touch(number, solve):
+    inputs, expected, near = case("pyslvs-dyad-rrr")
+    left, right = inputs["radii"][number]
+    (k, _), (l, _) = inputs["c1"], inputs["c2"]
+    # A crank puts the left centre in its place; from there, the circles come apart on one side.
+    crank, angle = (10, 180) if left + right == l - k else (10, 0)
+    pivot = k - crank * np.cos(np.deg2rad(angle))
+    tables = four_bar(crank, left, right, l - pivot)
+    for joint in tables["joints"].values():
+        joint[0] += pivot
+    poses = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([angle], float)))
+    (row,) = solve(tables, "--sweep", f"crank={angle}")
+    assert bool(poses.ok)
+    for x, y in (poses.value.position("B"), (row["B.x"], row["B.y"])):
+        assert float(x) == pytest.approx(expected["P_x"][number], abs=near["P_x"])
+        assert float(y) == pytest.approx(expected["P_y"][number], abs=near["P_y"])
+
+
+def test_five_bar_with_coordinated_inputs(solve):
+    inputs, expected, tolerance = case("mechanism-fivebar")
+    a, b, c, d, ground = (inputs[k] for k in ("a", "b", "c", "d", "e_ground"))
+    # Both inputs are angles of the first two links, against the ground.
+    first = inputs["theta_a_rad"][0]
+    end = [a * np.cos(first), a * np.sin(first)]
+    elbow = [end[0] + b * np.cos(3 * first), end[1] + b * np.sin(3 * first)]
+    tables = {
+        "joints": {
+            "O2": [0, 0],
+            "A": end,
+            "B": elbow,
+            "C": [expected["C_x"][0], expected["C_y"][0]],
+            "O5": [ground, 0],
+        },
+        "bodies": {
+            "ground": {"joints": ["O2", "O5"], "fixed": True},
+            "a": {"joints": ["O2", "A"], "lengths": {"O2-A": a}},
+            "b": {"joints": ["A", "B"], "lengths": {"A-B": b}},
+            "c": {"joints": ["B", "C"], "lengths": {"B-C": c}},
+            "d": {"joints": ["O5", "C"], "lengths": {"O5-C": d}},
+        },
+        "inputs": [{"name": "t", "body": "a"}, {"name": "u", "body": "b"}],
+    }
+    angles = jnp.array(inputs["theta_a_rad"])
+    poses = poses_of(linkage_from(tables), jnp.stack([angles, 3 * angles], axis=-1))
+    rows = [
+        solve(tables, "--sweep", f"t={np.rad2deg(t)}", "--sweep", f"u={np.rad2deg(3 * t)}")[0]
+        for t in inputs["theta_a_rad"]
+    ]
+    assert bool(jnp.all(poses.ok))
+    for found, column, name in (
+        (poses.value.joints["C"].x, "C.x", "C_x"),
+        (poses.value.joints["C"].y, "C.y", "C_y"),
+    ):
+        np.testing.assert_allclose(found, expected[name], rtol=0, atol=tolerance)
+        np.testing.assert_allclose(
+            [row[column] for row in rows], expected[name], rtol=0, atol=tolerance
+        )
+    for body, name in (("c", "theta_c_rad"), ("d", "theta_d_rad")):
+        np.testing.assert_allclose(
+            poses.value.angle(body), expected[name], rtol=0, atol=tolerance
+        )
+
+
+def test_watts_curve(solve):
+    """The rod's midpoint lies on the closed-form curve, at the polar angles of the case."""
+    inputs, expected, tolerance = case("watts-curve-polar")
+    b, a, c = inputs["crank_b"], inputs["half_distance_a"], inputs["half_rod_c"]
+    tables = four_bar(b, 2 * c, b, 2 * a)
+    for joint in tables["joints"].values():
+        joint[0] -= a
+    tables["joints"]["M"] = np.mean([tables["joints"]["A"], tables["joints"]["B"]], axis=0).tolist()
+    tables["bodies"]["coupler"]["joints"] = ["A", "B", "M"]
+    tables["bodies"]["coupler"]["lengths"] = {"A-B": 2 * c, "A-M": c}
+    linkage = linkage_from(tables)
+    limits = find_limits(linkage, "crank")
+    low, high = limits.lower.value, limits.upper.value
+    for theta, r in zip(inputs["polar_theta_rad"], expected["r"], strict=True):
+        assert _radius_at(linkage, theta, low, high, r, solve, tables) == pytest.approx(
+            r, abs=tolerance
+        )
+
+
+def _radius_at(linkage, theta, low, high, near, solve, tables):
+    """The midpoint's distance from the centre where its polar angle is ``theta``, by both ways."""
+
+    def midpoints(angles, side):
+        poses = poses_of(
+            linkage, jnp.asarray(angles)[:, None], signs=jnp.asarray([side], float)
+        )
+        return np.asarray(poses.value.position("M")), np.asarray(poses.ok)
+
+    normal = np.array([-np.sin(theta), np.cos(theta)])
+    candidates = []
+    for side in (1.0, -1.0):
+        angles = np.linspace(low, high, 2001)
+        places, ok = midpoints(angles, side)
+        across = places @ normal
+        for k in np.flatnonzero((across[:-1] * across[1:] < 0) & ok[:-1] & ok[1:]):
+            ends = angles[k], angles[k + 1]
+            for _ in range(45):  # bisection
+                middle = sum(ends) / 2
+                value = (midpoints(np.array([middle]), side)[0] @ normal)[0]
+                ends = (middle, ends[1]) if value * across[k] > 0 else (ends[0], middle)
+            candidates.append((side, sum(ends) / 2))
+    radii = [np.hypot(*midpoints(np.array([angle]), side)[0][0]) for side, angle in candidates]
+    best = int(np.argmin(np.abs(np.array(radii) - near)))
+    side, angle = candidates[best]
+    if side == linkage.assembly[0]:
+        (row,) = solve(tables, "--sweep", f"crank={np.rad2deg(angle)}")
+        assert np.hypot(row["M.x"], row["M.y"]) == pytest.approx(radii[best], abs=1e-9)
+    return radii[best]
+
+
+def test_quick_return_time_ratio(solve):
+    """The crank's turn between the lever's dead points, found as roots of its angular velocity."""
+    inputs, expected, tolerance = case("quick-return-time-ratio")
+    r, d = inputs["r"], inputs["d"]
+    tables = {
+        "joints": {"O4": [0, 0], "O2": [0, d], "A": [r, d], "T": [2 * r, 2 * d]},
+        "bodies": {
+            "ground": {"joints": ["O4", "O2"], "fixed": True},
+            "crank": {"joints": ["O2", "A"]},
+            "lever": {"joints": ["O4", "T"]},
+        },
+        "sliders": [{"joint": "A", "on": "lever", "line": [[0, 0], [r, d]]}],
+        "inputs": [{"name": "crank", "body": "crank", "relative_to": "world"}],
+    }
+    linkage = linkage_from(tables)
+
+    def omega(angle):
+        at = jnp.array([angle])
+        return float(rates_of(linkage, at, jnp.ones(1)).velocity.bodies["lever"])
+
+    dead = []
+    for low, high in ((np.pi, 1.5 * np.pi), (1.5 * np.pi, 2 * np.pi)):
+        start = np.sign(omega(low))
+        for _ in range(50):
+            middle = (low + high) / 2
+            low, high = (middle, high) if np.sign(omega(middle)) == start else (low, middle)
+        dead.append((low + high) / 2)
+    short = dead[1] - dead[0]
+    assert (2 * np.pi - short) / short == pytest.approx(expected["time_ratio"], abs=tolerance)
+    rows = solve(tables, "--sweep", f"crank={np.rad2deg(dead[0])}", "--rate", "crank=1")
+    assert rows[0]["lever.omega"] == pytest.approx(0, abs=1e-9)
+
+
+def test_crank_rocker_with_unit_time_ratio():
+    inputs, expected, near = case("brodell-soni-unit-time-ratio")
+    lengths = [inputs[k] for k in ("crank", "coupler", "rocker", "ground")]
+    linkage = linkage_from(four_bar(*lengths))
+    angles = np.linspace(0, 2 * np.pi, 36001)[:, None]
+    rocker = np.unwrap(poses_of(linkage, jnp.asarray(angles)).value.angle("rocker"))
+    least, most = int(np.argmin(rocker)), int(np.argmax(rocker))
+    swing = np.rad2deg(rocker[most] - rocker[least])
+    mu = np.rad2deg(np.min(transmission_of(linkage, jnp.asarray(angles)).angles["B"]))
+    between = np.rad2deg(abs(angles[most, 0] - angles[least, 0]))
+    assert swing == pytest.approx(expected["rocker_swing_deg"], abs=near["rocker_swing_deg"])
+    assert between == pytest.approx(
+        expected["crank_angle_between_limits_deg"], abs=near["crank_angle_between_limits_deg"]
+    )
+    assert mu == pytest.approx(expected["mu_min_result_deg"], abs=near["mu_min_result_deg"])
+
+
+def test_grashof_classes():
+    inputs, expected, _ = case("grashof-classes")
+    for lengths, name, crank, rocker in zip(
+        inputs["lengths"],
+        inputs["classes"],
+        expected["crank_full_turn"],
+        expected["rocker_full_turn"],
+        strict=True,
+    ):
+        found = grashof(*lengths)
+        assert found.name == name
+        assert found.crank_turns == bool(crank)
+        assert found.rocker_turns == bool(rocker)
+        # The same from the poses: does the crank's range have an end?
+        assert find_limits(linkage_from(four_bar(*lengths)), "crank").full_turn == bool(crank)
+
+
+def test_no_case_is_left_out():
+    text = Path(__file__).read_text(encoding="utf-8")
+    assert [name for name in CASES if f'"{name}"' not in text] == []
