@@ -59,7 +59,8 @@ def _body_faults(sketch: Sketch) -> Iterator[str]:
                 yield f"{where}.joints: '{joint}' stands there {times} times; once is enough"
         if not body.fixed and len(body.joints) < 2:
             yield f"{where}.joints: a moving body needs two joints; add one, or fix the body"
-        yield from _length_faults(f"{where}.lengths", body)
+        if all(joint in sketch.joints for joint in body.joints):
+            yield from _length_faults(f"{where}.lengths", body)
 
 
 def _length_faults(where: str, body: BodyTable) -> Iterator[str]:

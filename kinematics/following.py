@@ -210,7 +210,7 @@ def _walk_along(
 ) -> Followed:
     """Follow the curve on which the equations hold until its last coordinate is ``length``."""
     rounding = float(jnp.finfo(start.dtype).eps)
-    good_gap, short_way = rounding**0.75, rounding**0.4
+    good_gap, short_way = rounding**0.75, rounding**0.6
     unit = jnp.zeros(start.shape[0] + 1, start.dtype).at[-1].set(1.0)
 
     def bordered(point, border):

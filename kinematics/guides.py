@@ -110,5 +110,5 @@ def _angle_to_line(
 
 def _on_line(step: np.ndarray, angle: float) -> bool:
     """Whether a step in the body's frame lies along the line to which the body has this angle."""
-    across = math.sin(angle) * step[0] + math.cos(angle) * step[1]
+    across = float(math.sin(angle) * step[0] + math.cos(angle) * step[1])
     return abs(across) <= STRAIGHT * math.hypot(*step)

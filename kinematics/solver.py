@@ -15,7 +15,7 @@ from kinematics.following import Followed, close, follow, home_unknowns, solve_i
 from kinematics.linkage import Linkage
 from kinematics.plan import Plan, make_plan
 from kinematics.structure import WORLD
-from kinematics.vectors import Vector
+from kinematics.vectors import Vector, rotation
 
 
 class Pose(eqx.Module):
@@ -86,8 +86,7 @@ class Solver(eqx.Module):
         unknowns = {}
         followed = self.followed(drive)
         if followed is not None:
-            values = self._within_a_turn(drive.values)
-            unknowns = solve_iterated(self.unit, self.plan, values, self.signs, followed)
+            unknowns = solve_iterated(self.unit, self.plan, drive.values, self.signs, followed)
         return evaluate(self.unit, self.plan, drive, self.signs, unknowns, towards or {})
 
     def followed(self, drive: Drive, *, turns: bool = False) -> Followed | None:
@@ -100,7 +99,7 @@ class Solver(eqx.Module):
         """
         if not self.plan.iterated:
             return None
-        values = drive.values if turns else self._within_a_turn(drive.values)
+        values = drive.values if turns else self._within_a_turn(drive)
         start = self.home, home_unknowns(self.linkage, self.plan, self.size)
         return follow(self.unit, self.plan, values, self.signs, start)
 
@@ -134,11 +133,14 @@ class Solver(eqx.Module):
             },
         )
 
-    def _within_a_turn(self, values: Float[Array, " inputs"]) -> Float[Array, " inputs"]:
-        """Inputs less whole turns from the sketch."""
+    def _within_a_turn(self, drive: Drive) -> Float[Array, " inputs"]:
+        """Inputs without whole turns from the sketch, reached in the same direction."""
+        way = drive.values - self.home
+        # From the unit vectors, which know the angle better than the difference of two large ones.
+        rest = drive.turns.turned(rotation(-self.home)).angle()
+        rest = jnp.where(rest * way < 0, rest + 2 * jnp.pi * jnp.sign(way), rest)
         angles = jnp.asarray([part.slider is None for part in self.linkage.structure.inputs])
-        turns = jnp.trunc((values - self.home) / (2 * jnp.pi))
-        return jnp.where(angles, values - 2 * jnp.pi * jax.lax.stop_gradient(turns), values)
+        return jnp.where(angles & (jnp.abs(way) > 2 * jnp.pi), self.home + rest, drive.values)
 
 
 def _in_units(

@@ -35,6 +35,9 @@ CLOSURE = {"float64": 1e-12, "float32": 64 * float(np.finfo("float32").eps)}
 HARD = 1e-6
 """Margin, in units of the size, below which cases are judged in `DIGITS` digits."""
 
+FAR = 1e3
+"""Coordinates, in units of the size, beyond which they are too: their differences cost digits."""
+
 
 @dataclass(frozen=True)
 class Judged:
@@ -121,8 +124,9 @@ def judge(mechanism: Mechanism, inputs: np.ndarray, sides: np.ndarray, solved: S
     hard = np.ones(len(inputs), bool)
     # Where long double is no wider than float64, nothing can be judged in it.
     if mechanism.closed_form and np.finfo(np.longdouble).eps < 1e-18:
-        margins = _relative_margin(mechanism.formula(easy, easy.number(inputs), sides))
-        hard = abs(margins) < HARD
+        found = mechanism.formula(easy, easy.number(inputs), sides)
+        far = np.max(abs(inputs[:, :-1]), axis=1) > FAR * found.size
+        hard = far | (abs(_relative_margin(found)) < HARD)
     parts: dict[str, np.ndarray] = {
         name: np.full(len(inputs), np.nan)
         for name in ("margin", "value_error", "gradient_error", "gradient_relative_error")

@@ -1,0 +1,255 @@
+"""Approximate sketches: they are assembled exactly, near where and on the side they are drawn."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from kinematics import Linkage, linkage_from, solve_poses
+from kinematics.assembling import Equations
+from kinematics.drawn import measure
+from kinematics.mobility import Mobility, rank
+from kinematics.sketch import parse_sketch
+
+OFF = st.floats(-0.25, 0.25)
+LENGTH = st.floats(10.0, 100.0)
+ANGLE = st.floats(-math.pi, math.pi)
+SIDE = st.sampled_from([1, -1])
+
+
+def bar(a: str, b: str, length: float) -> dict[str, Any]:
+    return {"joints": [a, b], "lengths": {f"{a}-{b}": length}}
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])
+
+
+def polar(length: float, angle: float) -> np.ndarray:
+    return length * np.array([math.cos(angle), math.sin(angle)])
+
+
+def third(a: np.ndarray, b: np.ndarray, to_a: float, to_b: float, side: int) -> np.ndarray:
+    """The third corner of a triangle, left of a → b for ``side`` +1."""
+    step = b - a
+    d = math.hypot(*step)
+    assume(abs(to_a - to_b) + 2 < d < to_a + to_b - 2)
+    along = (to_a**2 - to_b**2 + d**2) / (2 * d)
+    across = side * math.sqrt(to_a**2 - along**2)
+    return a + (along * step + across * np.array([-step[1], step[0]])) / d
+
+
+@jax.jit
+def _at_home(linkage: Linkage) -> Any:
+    return solve_poses(linkage, linkage.home.inputs)
+
+
+def assert_home_is_the_pose(linkage: Linkage, lengths: dict[str, float]) -> Any:
+    """What NumPy assembled is what the library solves, in the same assembly."""
+    solved = _at_home(linkage)
+    assert bool(solved.ok)
+    assert float(solved.residual) < 1e-13
+    names = [body.name for body in linkage.structure.moving]
+    angles = [float(solved.value.angle(name)) for name in names]
+    # Near a limit the pose is a square root of the inputs' rounding.
+    apart = np.abs(np.exp(1j * np.array(angles)) - np.exp(1j * np.asarray(linkage.home.angles)))
+    assert np.max(apart) < 1e-6
+    for pair, length in lengths.items():
+        a, b = (np.asarray(solved.value.position(name)) for name in pair.split("-"))
+        assert math.dist(a, b) == pytest.approx(length, rel=1e-12)
+    return solved.value
+
+
+@given(LENGTH, LENGTH, LENGTH, LENGTH, ANGLE, SIDE, st.tuples(OFF, OFF, OFF, OFF))
+@settings(max_examples=150)
+def test_a_four_bar_sketched_badly_is_assembled_on_its_side(
+    crank, coupler, rocker, ground, angle, side, off
+):
+    far = np.array([ground, 0.0])
+    a = polar(crank, angle)
+    b = third(a, far, coupler, rocker, side)
+    a = a + crank * np.array(off[:2])
+    b = b + min(coupler, rocker) * np.array(off[2:])
+    drawn = cross(b - a, far - b)
+    assume(abs(drawn) > 0.02 * math.dist(a, b) * math.dist(b, far))
+    linkage = linkage_from(
+        {
+            "joints": {"O": [0, 0], "A": a.tolist(), "B": b.tolist(), "Q": far.tolist()},
+            "bodies": {
+                "ground": {"joints": ["O", "Q"], "fixed": True},
+                "crank": bar("O", "A", crank),
+                "coupler": bar("A", "B", coupler),
+                "rocker": bar("Q", "B", rocker),
+            },
+            "inputs": [{"name": "crank", "body": "crank"}],
+        }
+    )
+    pose = assert_home_is_the_pose(linkage, {"O-A": crank, "A-B": coupler, "Q-B": rocker})
+    a, b = (np.asarray(pose.position(name)) for name in "AB")
+    assert cross(b - a, far - b) * drawn > 0
+
+
+@given(LENGTH, LENGTH, st.floats(-60, 60), ANGLE, SIDE, st.tuples(OFF, OFF, OFF, OFF))
+@settings(max_examples=100)
+def test_a_slider_crank_sketched_badly_is_assembled_on_its_side(
+    crank, rod, offset, angle, side, off
+):
+    a = polar(crank, angle)
+    height = offset - a[1]
+    assume(abs(height) < 0.98 * rod)
+    c = np.array([a[0] + side * math.sqrt(rod**2 - height**2), offset])
+    a = a + crank * np.array(off[:2])
+    c = c + rod * np.array(off[2:])
+    drawn = float(c[0] - a[0])
+    assume(abs(drawn) > 0.02 * rod)
+    linkage = linkage_from(
+        {
+            "joints": {"O": [0, 0], "A": a.tolist(), "C": c.tolist()},
+            "bodies": {
+                "ground": {"joints": ["O"], "fixed": True},
+                "crank": bar("O", "A", crank),
+                "rod": bar("A", "C", rod),
+            },
+            "sliders": [{"joint": "C", "on": "ground", "line": [[0, offset], [1, offset]]}],
+            "inputs": [{"name": "crank", "body": "crank"}],
+        }
+    )
+    pose = assert_home_is_the_pose(linkage, {"O-A": crank, "A-C": rod})
+    a, c = (np.asarray(pose.position(name)) for name in "AC")
+    assert (c[0] - a[0]) * drawn > 0
+    assert c[1] == pytest.approx(offset, abs=1e-11)
+
+
+@given(ANGLE, SIDE, SIDE, st.tuples(*(OFF,) * 8))
+@settings(max_examples=60)
+def test_a_six_bar_sketched_badly_keeps_both_sides(angle, first, second, off):
+    lengths = {"O-A": 20.0, "A-B": 70.0, "Q-B": 60.0, "C-D": 55.0, "W-D": 60.0}
+    q, w = np.array([80.0, 0.0]), np.array([190.0, 0.0])
+    a = polar(20, angle)
+    b = third(a, q, 70, 60, first)
+    c = q + 0.8 * np.array([[0.6, 0.8], [-0.8, 0.6]]) @ (b - q)
+    d = third(c, w, 55, 60, second)
+    lengths |= {"Q-C": 48.0, "B-C": math.dist(b, c)}
+    places = [place + 12 * np.array(off[2 * i : 2 * i + 2]) for i, place in enumerate((a, b, c, d))]
+    a, b, c, d = places
+    drawn = cross(b - a, q - b), cross(d - c, w - d)
+    assume(min(abs(drawn[0]), abs(drawn[1])) > 100)
+    assume(cross(b - q, c - q) < -100)
+    linkage = linkage_from(
+        {
+            "joints": {"O": [0, 0], "Q": [80, 0], "W": [190, 0]}
+            | {name: place.tolist() for name, place in zip("ABCD", places, strict=True)},
+            "bodies": {
+                "ground": {"joints": ["O", "Q", "W"], "fixed": True},
+                "crank": bar("O", "A", 20),
+                "coupler": bar("A", "B", 70),
+                "rocker": {
+                    "joints": ["Q", "B", "C"],
+                    "lengths": {"Q-B": 60, "Q-C": 48, "B-C": lengths["B-C"]},
+                },
+                "link": bar("C", "D", 55),
+                "output": bar("W", "D", 60),
+            },
+            "inputs": [{"name": "crank", "body": "crank"}],
+        }
+    )
+    pose = assert_home_is_the_pose(linkage, lengths)
+    a, b, c, d = (np.asarray(pose.position(name)) for name in "ABCD")
+    assert cross(b - a, q - b) * drawn[0] > 0
+    assert cross(d - c, w - d) * drawn[1] > 0
+
+
+def four_bar(**changes: Any) -> dict[str, Any]:
+    return {
+        "joints": {"O": [0, 0], "A": [30, 26], "B": [143, 67], "Q": [100, 0]},
+        "bodies": {
+            "ground": {"joints": ["O", "Q"], "fixed": True},
+            "crank": bar("O", "A", 40),
+            "coupler": bar("A", "B", 120),
+            "rocker": bar("Q", "B", 80),
+        },
+        "inputs": [{"name": "crank", "body": "crank"}],
+    } | changes
+
+
+def test_inputs_stay_as_drawn_where_they_can():
+    assert linkage_from(four_bar()).home.inputs == pytest.approx([math.atan2(26, 30)], abs=1e-15)
+
+
+def test_inputs_move_where_they_cannot_stay():
+    """At the drawn angle this double rocker cannot be assembled; a little farther on it can."""
+    data = four_bar(joints={"O": [0, 0], "A": [88, 20], "B": [60, 70], "Q": [100, 0]})
+    data["bodies"]["crank"] = bar("O", "A", 90)
+    linkage = linkage_from(data)
+    drawn, limit = math.atan2(20, 88), math.radians(23.556464)
+    assert drawn < limit < float(linkage.home.inputs[0]) < 2 * limit
+    assert bool(_at_home(linkage).ok)
+
+
+def test_home_carries_no_noise_from_a_far_origin():
+    near, far = (
+        linkage_from(
+            four_bar(joints={n: [x + at, y] for n, (x, y) in four_bar()["joints"].items()})
+        )
+        for at in (0.0, 2.0**27)
+    )
+    np.testing.assert_allclose(far.home.angles, near.home.angles, rtol=1e-13)
+    for name, link in near.links.items():
+        assert jnp.array_equal(far.links[name].length, link.length)
+
+
+def test_what_cannot_be_assembled_says_how_far_it_is_from_it():
+    data = four_bar()
+    data["bodies"]["coupler"] = bar("A", "B", 230)
+    drawn = measure(parse_sketch(data, "f"), "f")
+    assembled = Equations(drawn.dimensions).assemble(drawn.configuration)
+    assert not assembled.closed
+    assert not assembled.fits
+    # 10 mm are missing; the best compromise shares them among the joints.
+    assert 1 < assembled.gap < 10
+    assert set(assembled.gaps) == {"O", "A", "B", "Q"}
+
+
+def test_the_jacobian_is_that_of_the_residual():
+    data = four_bar()
+    data["joints"] |= {"P": [80, 80], "S": [130, 30]}
+    data["bodies"]["coupler"]["joints"].append("P")
+    data["bodies"]["cart"] = {"joints": ["P", "S"]}
+    data["sliders"] = [
+        {"joint": "S", "on": "rocker", "line": [[100, 0], [143, 67]], "keeps": "cart"},
+        {"joint": "P", "on": "ground", "line": [[0, 80], [1, 90]]},
+    ]
+    drawn = measure(parse_sketch(data, "f"), "f")
+    equations = Equations(drawn.dimensions)
+    point = equations.pack(drawn.configuration)
+    _, jacobian = equations.residual_and_jacobian(point)
+    step = 1e-6
+    for i, column in enumerate(np.eye(len(point))):
+        ends = [equations.residual_and_jacobian(point + s * step * column)[0] for s in (1, -1)]
+        np.testing.assert_allclose((ends[0] - ends[1]) / (2 * step), jacobian[:, i], atol=1e-9)
+
+
+def test_rank_does_not_depend_on_units():
+    matrix = np.array([[1.0, 2.0, 3.0], [0.0, 1.0, 1.0], [1.0, 3.0, 4.0]])
+    assert rank(matrix) == 2
+    assert rank(matrix * np.array([1e-12, 1.0, 1e9])) == 2
+    assert rank(np.zeros((3, 2))) == 0
+    assert rank(np.zeros((0, 2))) == 0
+
+
+def test_mobility_at_a_turning_point_and_beside_it():
+    joints = {"O": [0.0, 0.0], "A": [0.0, 30.0], "B": [40.0, 30.0], "Q": [100.0, 30.0]}
+    for drop, free in ((0.0, 1), (1.0, 0)):
+        data = four_bar(joints=joints | {"B": [40.0, 30.0 - drop]})
+        for body in data["bodies"].values():
+            body.pop("lengths", None)
+        drawn = measure(parse_sketch(data, "f"), "f")
+        found = Mobility(Equations(drawn.dimensions), drawn.configuration)
+        assert (found.kutzbach, found.mobility, found.free) == (1, 1, free)
