@@ -8,16 +8,10 @@ from .poses import PoseResult, solve_poses
 from .rates import Motion, Rates, solve_rates
 from .reading import linkage_from, read_linkage
 from .solver import Pose
-from .statics import (
-    input_efforts,
-    input_slopes,
-    instant_centre,
-    mechanical_advantage,
-    spring_energy,
-)
+from .statics import input_efforts, input_slopes, mechanical_advantage, spring_energy
 from .tolerance import Spread, no_deviations, output_spread
 from .transmission import Transmission, solve_transmission
-from .vectors import Vector, folded_angle
+from .vectors import Vector, direction_to_meeting, folded_angle
 
 __all__ = [
     "Assemblies",
@@ -39,12 +33,12 @@ __all__ = [
     "Vector",
     "assemblies",
     "describe",
+    "direction_to_meeting",
     "find_limits",
     "folded_angle",
     "grashof",
     "input_efforts",
     "input_slopes",
-    "instant_centre",
     "linkage_from",
     "mechanical_advantage",
     "no_deviations",

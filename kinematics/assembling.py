@@ -20,7 +20,7 @@ MOST_STEPS = 100
 CLOSED = 1e-9
 """Largest gap, in units of the linkage's size, of an assembled linkage."""
 
-ATTEMPTS = 12
+ATTEMPTS = 8
 """Starts of the assembly: the sketch itself, then the sketch with ever more disorder."""
 
 POLISH = 4

@@ -171,7 +171,7 @@ def evaluate(
     plan: Plan,
     drive: Drive,
     signs: Float[Array, " groups"],
-    unknowns: Mapping[int, tuple[Float[Array, " unknowns"], tuple[Scalar, ...]]],
+    unknowns: Mapping[int, tuple[Float[Array, "_"], tuple[Scalar, ...]]],
     towards: Mapping[int, Vector],
 ) -> State:
     """Run the plan for one pose.
@@ -203,7 +203,7 @@ def evaluate(
 
 
 def _take(
-    state: State, group: Group, values: Float[Array, " unknowns"], margins: tuple[Scalar, ...]
+    state: State, group: Group, values: Float[Array, "_"], margins: tuple[Scalar, ...]
 ) -> None:
     for index, root in enumerate(group.angles):
         state.know_angle(root, rotation(values[index]))

@@ -54,7 +54,7 @@ def home_unknowns(linkage: Linkage, plan: Plan, size: Scalar) -> Vectors:
     return jax.lax.stop_gradient(jnp.stack(values))
 
 
-def split(plan: Plan, unknowns: Vectors) -> dict[int, Vectors]:
+def split(plan: Plan, unknowns: Vectors) -> dict[int, Float[Array, "_"]]:
     """The unknowns of each iterated group."""
     parts, start = {}, 0
     for group in plan.iterated:
@@ -150,7 +150,7 @@ def solve_iterated(
     inputs: Float[Array, " inputs"],
     signs: Float[Array, " groups"],
     followed: Followed,
-) -> dict[int, tuple[Vectors, tuple[Scalar, Scalar]]]:
+) -> dict[int, tuple[Float[Array, "_"], tuple[Scalar, Scalar]]]:
     """The unknowns of iterated groups and their margins, for `evaluation.evaluate`.
 
     Args:

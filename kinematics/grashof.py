@@ -60,6 +60,6 @@ def grashof(crank: float, coupler: float, rocker: float, ground: float) -> Grash
     def turns(link: float, other: float) -> bool:
         # The dyad of the two others reaches the link's pin in its farthest and nearest place.
         reaches = coupler + other - (ground + link) >= -tolerance
-        return reaches and abs(ground - link) - abs(coupler - other) >= -tolerance
+        return bool(reaches and abs(ground - link) - abs(coupler - other) >= -tolerance)
 
     return Grashof(name, turns(crank, rocker), turns(rocker, crank), margin)

@@ -18,6 +18,9 @@ from kinematics.structure import WORLD
 INDEPENDENT = 1e-7
 """Singular values below this part of the largest count as zero."""
 
+MOVES = 1e-6
+"""Components of a motion (or strain) below this do not take part in it."""
+
 
 def rank(matrix: np.ndarray) -> int:
     """Numerical rank of a matrix whose columns are scaled to length 1."""
@@ -119,11 +122,11 @@ class Mobility:
                 "prescribed more than once"
             )
         if not spare:
-            return "bodies", f"{said}; remove a body or a joint there, or drive other bodies"
+            where = " and ".join(self._stressed())
+            return "bodies", f"{said}: {where}; remove a joint there, or drive other bodies"
+        cure = "remove it" if len(spare) == 1 else f"remove {self.redundant} of them"
         if self.free:
-            cure = "drive what can still move instead"
-        else:
-            cure = "remove it" if len(spare) == 1 else f"remove {self.redundant} of them"
+            cure += ", and drive what can still move"
         names = " or ".join(part.name for part in spare)
         return spare[0].key, f"{said}; redundant: {names}; {cure}"
 
@@ -184,13 +187,22 @@ class Mobility:
             parts.append(Part("sliders", name, rows, [equations.column_of_slide(index)]))
         return parts
 
+    def _stressed(self) -> list[str]:
+        """The bodies whose equations follow from each other: what a turnbuckle would strain."""
+        equations = self._equations
+        columns, values, _ = np.linalg.svd(_scaled(self._driven))
+        kernel = columns[:, int(np.sum(values > INDEPENDENT * values[0])) :]
+        strained = np.max(np.abs(kernel), axis=1) > MOVES
+        bodies = {i.body for n, i in enumerate(equations.rows) if strained[2 * n : 2 * n + 2].any()}
+        return [name for name in equations.moving if name in bodies] or ["the inputs"]
+
     def _left_free(self) -> str:
         """What moves although the inputs are held: bodies, or else joints."""
         equations = self._equations
         sizes = np.linalg.norm(self._driven, axis=0)
         _, values, rows = np.linalg.svd(_scaled(self._driven))
         kernel = rows[int(np.sum(values > INDEPENDENT * values[0])) :]
-        moves = np.max(np.abs(kernel / np.where(sizes > 0, sizes, 1.0)), axis=0) > 1e-6
+        moves = np.max(np.abs(kernel / np.where(sizes > 0, sizes, 1.0)), axis=0) > MOVES
         names = [
             body for body in equations.moving if moves[equations.columns_of_body(body)].any()
         ] or [joint for joint in equations.free if moves[equations.columns_of_joint(joint)].any()]

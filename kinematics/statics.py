@@ -12,7 +12,7 @@ from designopt.numerics import as_float, safe_divide
 from kinematics.linkage import Linkage
 from kinematics.solver import Pose, Solver
 from kinematics.structure import WORLD
-from kinematics.vectors import Vector, rotation
+from kinematics.vectors import rotation
 
 Output = Callable[[Pose], Float[Array, ""]]
 
@@ -110,18 +110,3 @@ def mechanical_advantage(
     slopes = input_slopes(linkage, inputs, output)
     advantage, finite = safe_divide(jnp.ones_like(slopes), slopes)
     return jnp.where(finite, advantage, jnp.finfo(slopes.dtype).max)
-
-
-def instant_centre(first: tuple[Vector, Vector], second: tuple[Vector, Vector]) -> Vector:
-    """Where two lines meet, each given by two points: the pole of a body between two links.
-
-    Source: Aronhold-Kennedy theorem (Uicker, Pennock, Shigley, ch. 3). For parallel lines, which
-    meet nowhere, the first point of the first line comes back.
-
-    Args:
-        first: two points of one line, mm.
-        second: two points of the other, mm.
-    """
-    along, other = first[1] - first[0], second[1] - second[0]
-    part, _ = safe_divide((second[0] - first[0]).cross(other), along.cross(other))
-    return first[0] + along.scaled(part)

@@ -83,3 +83,23 @@ def vector(array: Float[Array, "*batch 2"]) -> Vector:
 def folded_angle(first: Vector, second: Vector) -> Float[Array, "*batch"]:
     """The angle between the lines along two vectors, radians, 0 to π/2; finite for zero vectors."""
     return safe_arctan2(jnp.abs(first.cross(second)), jnp.abs(first.dot(second)))
+
+
+def direction_to_meeting(
+    point: Vector, first: tuple[Vector, Vector], second: tuple[Vector, Vector]
+) -> Vector:
+    """Direction of the line from a point to where two lines meet, such as an instant centre.
+
+    In homogeneous coordinates, so that parallel lines meet as well: far away, along themselves.
+
+    Args:
+        point: where to look from, mm.
+        first: two points of one line, mm.
+        second: two points of the other, mm.
+
+    Returns:
+        A vector along that line, of either sense and any length.
+    """
+    along, other = first[1] - first[0], second[1] - second[0]
+    scale = along.cross(other)
+    return (first[0] - point).scaled(scale) + along.scaled((second[0] - first[0]).cross(other))

@@ -63,6 +63,8 @@ class Case:
         dyads: in the order in which they are solved.
         sweep_deg: crank angles from which and to which it is driven; the last pose of a sweep is
             one step short of the end.
+        base: fixed joint from whose direction, seen from ``O2``, the crank's angle is counted;
+            none where it is counted from +x.
     """
 
     name: str
@@ -70,6 +72,7 @@ class Case:
     joints: tuple[str, ...]
     dyads: tuple[Dyad, ...]
     sweep_deg: tuple[float, float] = (0.0, 360.0)
+    base: str | None = None
 
     def angles(self, poses: int) -> np.ndarray:
         """Crank angles of a sweep in equal steps, rad."""
@@ -83,6 +86,7 @@ CASES = (
         "four-bar.toml",
         ("A", "B"),
         (Dyad("B", "A", "coupler", 1, "O4", "rocker"),),
+        base="O4",
     ),
     Case("slider-crank", "slider-crank.toml", ("A", "C"), (Dyad("C", "A", "rod", 1),)),
     Case(
@@ -182,9 +186,18 @@ def size_of(linkage: Linkage) -> Any:
     return functools.reduce(jnp.maximum, (link.length for link in linkage.links.values()))
 
 
-def crank_tip(ops: Any, sizes: Sizes, angle: Any) -> dict[str, Point]:
+def crank_base(ops: Any, case: Case, sizes: Sizes) -> Any:
+    """The angle from +x that the crank's angle is counted from."""
+    if case.base is None:
+        return 0.0
+    (x, y), (end_x, end_y) = sizes.pins["O2"], sizes.pins[case.base]
+    return ops.atan2(end_y - y, end_x - x)
+
+
+def crank_tip(ops: Any, case: Case, sizes: Sizes, angle: Any) -> dict[str, Point]:
     """Places of all fixed joints and of the crank's tip, ``A``."""
     x, y = sizes.pins["O2"]
+    angle = angle + crank_base(ops, case, sizes)
     crank = sizes.lengths["crank"]
     return {**sizes.pins, "A": (x + crank * ops.cos(angle), y + crank * ops.sin(angle))}
 
@@ -219,7 +232,7 @@ def gaps(
     ops: Any, case: Case, sizes: Sizes, angle: Any, unknowns: Any
 ) -> tuple[dict[str, Point], list[Any]]:
     """All joints and the gaps of all loops, mm, two equations for each pair of unknowns."""
-    joints = crank_tip(ops, sizes, angle)
+    joints = crank_tip(ops, case, sizes, angle)
     left = []
     for number, dyad in enumerate(case.dyads):
         left += place(ops, dyad, sizes, joints, unknowns[2 * number], unknowns[2 * number + 1])

@@ -29,7 +29,7 @@ from studies.linkage_precision.iterations import (
     Advance,
     fixed_steps,
     newton,
-    optimistix,
+    solve_by_optimistix,
     until,
 )
 from studies.linkage_precision.peers import (
@@ -51,7 +51,7 @@ PYLINKAGE = "pylinkage"
 PYLINKAGE_FAST = "pylinkage step_fast (numba)"
 
 STEPS = (2, 4, 6)
-TOLERANCES = (1e-3, 1e-6, 1e-12)
+TOLERANCES = (1e-4, 1e-12)
 FSOLVE_TOLERANCES = (1e-4, 1.49012e-8, 1e-12)
 """The middle one is SciPy's own."""
 
@@ -59,7 +59,7 @@ VECTORISED_PART = 10_000
 """Poses of a longer sweep that Optimistix solves."""
 PART = {FSOLVE: 2000, MECHANISM: 1000, PYLINKAGE: 20_000}
 """Poses of a longer sweep, its first ones, that a slow solver goes through."""
-GRADIENT_PART = {FSOLVE: 360, MECHANISM: 72, PYLINKAGE_FAST: 10_000}
+GRADIENT_PART = {FSOLVE: 72, MECHANISM: 72, PYLINKAGE_FAST: 10_000}
 """Poses over the whole range of a longer sweep for which a slow solver finds the gradient."""
 
 
@@ -90,14 +90,14 @@ class Workload(NamedTuple):
         )
 
 
-def contenders(work: Workload, *, peers: bool) -> Iterator[Contender]:
+def contenders(work: Workload, *, peers: bool, optimistix: bool) -> Iterator[Contender]:
     """Every method at its settings on one workload.
 
     Keep the surrounding `jax.enable_x64` as the workload's float type wants it until the
-    contenders are timed (`studies.linkage_precision.iterations.optimistix`).
+    contenders are timed (`studies.linkage_precision.iterations.solve_by_optimistix`).
     """
     if work.gradient:
-        yield from _gradients(work, peers)
+        yield from _gradients(work, peers, optimistix)
         return
     linkage, angles = linkage_of(work.case, work.dtype), work.case.angles(work.poses)
     inputs = jnp.asarray(angles, work.dtype)
@@ -119,7 +119,8 @@ def contenders(work: Workload, *, peers: bool) -> Iterator[Contender]:
         for setting in settings if work.every else settings[-1:]:
             call = partial(run, linkage, inputs, _setting(setting, work))
             yield Contender(method, _named(setting), work.panel, call, error, seconds)
-    yield from _optimistix_poses(work, linkage)
+    if optimistix:
+        yield from _optimistix_poses(work, linkage)
     if work.dtype == "float64":  # the others compute in nothing else
         yield from _walks(work, linkage, peers)
 
@@ -151,7 +152,10 @@ def _optimistix_poses(work: Workload, linkage: Linkage) -> Iterator[Contender]:
     main = work.every and work.dtype == "float64"
     for method in OPTIMISTIX if main else list(OPTIMISTIX)[:1]:
         run, seconds = compile_timed(
-            partial(optimistix, work.case, method), linkage, inputs, _setting(TOLERANCES[0], work)
+            partial(solve_by_optimistix, work.case, method),
+            linkage,
+            inputs,
+            _setting(TOLERANCES[0], work),
         )
         for setting in TOLERANCES if work.every else TOLERANCES[-1:]:
             yield Contender(
@@ -190,7 +194,7 @@ def _walks(work: Workload, linkage: Linkage, peers: bool) -> Iterator[Contender]
         )
 
 
-def _gradients(work: Workload, peers: bool) -> Iterator[Contender]:
+def _gradients(work: Workload, peers: bool, optimistix: bool) -> Iterator[Contender]:
     case = work.case
     linkage, inputs = linkage_of(case, work.dtype), jnp.asarray(case.angles(work.poses), work.dtype)
     parts, column = dimensions(linkage), inputs[:, None]
@@ -206,6 +210,9 @@ def _gradients(work: Workload, peers: bool) -> Iterator[Contender]:
     call = partial(run, parts, linkage, column)
     yield Contender(OURS, "", work.panel, call, lambda found: error(found[1]), seconds)
 
+    if work.dtype == "float32":
+        return
+
     def iterated(solve: Callable[..., Any]) -> Callable[..., Array]:
         def square(parts: Any, linkage: Linkage, inputs: Array, setting: Array) -> Array:
             x, y = solve(with_dimensions(linkage, parts), inputs, setting)[-1]
@@ -219,12 +226,10 @@ def _gradients(work: Workload, peers: bool) -> Iterator[Contender]:
         run, seconds = compile_timed(function, parts, linkage, inputs, setting)
         call = partial(run, parts, linkage, inputs, setting)
         yield Contender(method, _named(settings[-1]), work.panel, call, error, seconds)
-    if work.dtype == "float32":
-        return
     part = min(work.poses, VECTORISED_PART)
     few, setting = jnp.asarray(case.angles(part)), jnp.asarray(TOLERANCES[-1])
-    for method in list(OPTIMISTIX)[:1]:
-        function = iterated(partial(optimistix, case, method))
+    for method in list(OPTIMISTIX)[:1] if optimistix else ():
+        function = iterated(partial(solve_by_optimistix, case, method))
         run, seconds = compile_timed(function, parts, linkage, few, setting)
         yield Contender(
             method,

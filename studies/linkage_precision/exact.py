@@ -15,7 +15,6 @@ import numpy as np
 from mpmath.calculus.quadrature import GaussLegendre
 
 from designopt.stability import DIGITS
-from kinematics import Linkage
 from studies.linkage_precision.cases import (
     Case,
     Dyad,
@@ -31,7 +30,7 @@ from studies.linkage_precision.cases import (
 CHECKED = 200
 """Poses of a sweep that are compared with the reference, evenly spaced."""
 
-SUMMED = 100
+SUMMED = 400
 """Poses of a sweep up to which its mean is summed; a longer one's is integrated."""
 
 NODES_DEGREE = 6
@@ -67,11 +66,10 @@ def positions(case: Case, poses: int, part: int) -> Positions:
     """Moving joints at up to `CHECKED` of the first ``part`` poses of a sweep."""
     angles = case.angles(poses)[:part]
     checked = np.unique(np.linspace(0, part - 1, CHECKED).astype(int))
-    linkage = drawn(case)
     with mpmath.workdps(DIGITS):
-        sizes = sizes_of(_exactly(linkage))
+        sizes = exact_sizes(case)
         places = [pose(case, sizes, mpmath.mpf(float(angle))) for angle in angles[checked]]
-    return Positions(checked, np.array(places, dtype=object), float(size_of(linkage)))
+    return Positions(checked, np.array(places, dtype=object), float(size_of(drawn(case))))
 
 
 @functools.cache
@@ -90,7 +88,7 @@ def gradient(case: Case, poses: int) -> np.ndarray:
                 rebuilt.append(part.reshape(leaf.shape))
                 used += leaf.size
             moved = with_dimensions(linkage, jax.tree.unflatten(structure, rebuilt))
-            return mean_square(case, sizes_of(moved), poses)
+            return mean_square(case, jax.tree.map(_number, sizes_of(moved)), poses)
 
         slopes = []
         for i, number in enumerate(numbers):
@@ -103,7 +101,7 @@ def gradient(case: Case, poses: int) -> np.ndarray:
 def value(case: Case, poses: int) -> Any:
     """`mean_square` of the case's own linkage."""
     with mpmath.workdps(DIGITS):
-        return mean_square(case, sizes_of(_exactly(drawn(case))), poses)
+        return mean_square(case, exact_sizes(case), poses)
 
 
 def mean_square(case: Case, sizes: Sizes, poses: int) -> Any:
@@ -131,9 +129,16 @@ def mean_square(case: Case, sizes: Sizes, poses: int) -> Any:
     return integral / (end - start)
 
 
+def exact_sizes(case: Case) -> Sizes:
+    """The dimensions of the case's own linkage as mpmath numbers."""
+    return jax.tree.map(lambda size: mpmath.mpf(float(size)), sizes_of(drawn(case)))
+
+
 def pose(case: Case, sizes: Sizes, angle: Any) -> list[Point]:
     """Places of a case's moving joints at one crank angle, mm."""
     joints = dict(sizes.pins)
+    if case.base is not None:
+        angle = angle + _bearing(joints["O2"], joints[case.base])
     joints["A"] = _from(joints["O2"], sizes.lengths["crank"], angle)
     for dyad in case.dyads:
         if dyad.end is None or dyad.arm is None:
@@ -174,8 +179,5 @@ def _bearing(start: Point, end: Point) -> Any:
     return mpmath.atan2(end[1] - start[1], end[0] - start[0])
 
 
-def _exactly(linkage: Linkage) -> Linkage:
-    number = np.vectorize(lambda value: mpmath.mpf(float(value)), otypes=[object])
-    return jax.tree.map(
-        lambda leaf: number(leaf) if leaf.size else np.zeros(leaf.shape, object), linkage
-    )
+def _number(size: Any) -> Any:
+    return size.item() if isinstance(size, np.ndarray) else size

@@ -101,7 +101,7 @@ def newton(
 
     def block(angles: Float[Array, " block"]) -> Joints:
         sizes = sizes_of(linkage)
-        joints = crank_tip(jnp, sizes, angles)
+        joints = crank_tip(jnp, case, sizes, angles)
         for number, dyad in enumerate(case.dyads):
             first, second = (jnp.full_like(angles, at) for at in guesses[2 * number :][:2])
             known = jax.lax.stop_gradient((sizes, dict(joints)))
@@ -114,7 +114,7 @@ def newton(
     return in_blocks(block, angles)
 
 
-def optimistix(
+def solve_by_optimistix(
     case: Case,
     method: str,
     linkage: Linkage,

@@ -27,6 +27,7 @@ from studies.linkage_precision.contenders import (
     Workload,
     contenders,
 )
+from studies.linkage_precision.pinning import one_core
 from studies.linkage_precision.spec import LinkagePrecisionSpec
 
 SHORT_SWEEPS = (1, 360, 10_000)
@@ -70,30 +71,33 @@ class Measurements(NamedTuple):
         rivals: by linkage and method, its run time over the closed form's, longest sweep.
         gradients: by linkage, the run time of value and gradient over that of the value alone.
         first_calls: by file of the gallery, seconds in each of the fresh processes.
-        pinned: whether it all ran on one core.
+        pinned: of each workload, whether it ran on one core.
     """
 
     rows: list[Measured]
     rivals: dict[tuple[str, str], Ratio]
     gradients: dict[str, Ratio]
     first_calls: dict[str, list[float]]
-    pinned: bool
+    pinned: list[bool]
 
 
-def measure_all(spec: LinkagePrecisionSpec, context: Context, *, pinned: bool) -> Measurements:
-    """Time everything the spec asks for."""
-    found = Measurements([], {}, {}, {}, pinned)
+def measure_all(spec: LinkagePrecisionSpec, context: Context) -> Measurements:
+    """Time everything the spec asks for, on one core; only what is not timed uses all of them."""
+    found = Measurements([], {}, {}, {}, [])
     for work in workloads(spec):
         with context.step(work.panel), jax.enable_x64(work.dtype == "float64"):
-            entered = []
-            for contender in contenders(work, peers=spec.peers):
-                found.rows.append(Measured(work, measure(contender, repeats=spec.repeats)))
-                entered.append(contender)
-            if work.dtype == "float64" and work.every:
-                _in_turn(work, entered, spec.repeats, found)
+            entered = list(contenders(work, peers=spec.peers, optimistix=spec.optimistix))
+            with one_core() as pinned:
+                found.rows.extend(
+                    Measured(work, measure(contender, repeats=spec.repeats))
+                    for contender in entered
+                )
+                if work.dtype == "float64" and work.every:
+                    _in_turn(work, entered, spec.repeats, found)
+            found.pinned.append(pinned)
     if spec.first_call:
         for name in FIRST_CALLS:
-            with context.step(f"First call of {name} in fresh processes"):
+            with context.step(f"First call of {name} in fresh processes"), one_core():
                 found.first_calls[name] = [first_call(name) for _ in range(FRESH_PROCESSES)]
     return found
 
@@ -101,7 +105,7 @@ def measure_all(spec: LinkagePrecisionSpec, context: Context, *, pinned: bool) -
 def workloads(spec: LinkagePrecisionSpec) -> list[Workload]:
     """The sweeps that a spec asks for: all lengths for the poses, the longest for the rest."""
     works = []
-    for case in CASES:
+    for case in (case for case in CASES if spec.linkage in ("all", case.name)):
         short = [poses for poses in SHORT_SWEEPS if poses < spec.poses]
         works += [Workload(case, poses, every=False) for poses in short]
         works.append(Workload(case, spec.poses))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinematics import Linkage
-from studies.linkage_precision.cases import Case, sketch_of, start_of
+from studies.linkage_precision.cases import Case, crank_base, sketch_of, start_of
 from studies.linkage_precision.sequential import Walker, numbers_of
 
 
@@ -26,7 +26,9 @@ def mechanism_walk(case: Case, linkage: Linkage, angles: np.ndarray) -> Walker:
     joints = {name: Joint(name) for name in (*sizes.pins, *case.joints)}
     crank = Vector(joints=(joints["O2"], joints["A"]), r=sizes.lengths["crank"])
     vectors, loops = [crank], []
-    path = [(crank, "input", 0.0)]  # from the origin to the joint that the next dyad starts from
+    path = [
+        (crank, "input", crank_base(math, case, sizes))
+    ]  # from the origin to the joint that the next dyad starts from
     for number, dyad in enumerate(case.dyads):
         ends = joints[dyad.start], joints[dyad.joint]
         link = Vector(joints=ends, r=sizes.lengths[dyad.link])
@@ -55,7 +57,7 @@ def mechanism_walk(case: Case, linkage: Linkage, angles: np.ndarray) -> Walker:
         for row, (way, link, base, arm, number) in enumerate(loops):
             for vector, kind, turn in way:
                 if kind == "input":
-                    left[row] += vector(angle)
+                    left[row] += vector(angle + turn)
                 elif kind == "constant":
                     left[row] += vector()
                 else:
@@ -127,7 +129,7 @@ def _pylinkage(
         parts["O2"],
         sizes.lengths["crank"],
         angular_velocity=step,
-        initial_angle=float(angles[0]) - step,
+        initial_angle=float(angles[0]) + crank_base(math, case, sizes) - step,
     )
     outputs = dict(parts, A=parts["A"].output)
     for dyad in case.dyads:

@@ -7,7 +7,6 @@ from designopt.stability import DIGITS
 from designopt.study import Context
 from studies.linkage_precision import drawings, left_out, statements, tables
 from studies.linkage_precision.measuring import Measured, measure_all
-from studies.linkage_precision.pinning import one_core
 from studies.linkage_precision.spec import LinkagePrecisionSpec
 
 ERROR = "worst error over the linkage's size"
@@ -19,8 +18,7 @@ REFERENCE = (
 
 def run(spec: LinkagePrecisionSpec, context: Context) -> Results:
     """Time and check everything on one core, and say what it shows."""
-    with one_core() as pinned:
-        found = measure_all(spec, context, pinned=pinned)
+    found = measure_all(spec, context)
     with context.step("Operations left out"):
         operations = left_out.operations()
     # The report's figure holds the longest sweep in float64; the other rows have their own.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -21,6 +21,10 @@ class LinkagePrecisionSpec(Spec):
     repeats: Annotated[int, Field(ge=3, le=1000)] = Field(
         default=7, description="timed repeats of each setting"
     )
+    linkage: Literal["all", "four-bar", "slider-crank", "six-bar"] = Field(
+        default="all", description="which linkages: all of them, or one"
+    )
+    optimistix: bool = Field(default=True, description="measure Optimistix as well")
     gradients: bool = Field(default=True, description="measure gradients as well")
     float32: bool = Field(default=True, description="measure in float32 as well")
     peers: bool = Field(

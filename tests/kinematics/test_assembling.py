@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -17,6 +18,7 @@ from kinematics.assembling import Equations
 from kinematics.drawn import measure
 from kinematics.mobility import Mobility, rank
 from kinematics.sketch import parse_sketch
+from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
 OFF = st.floats(-0.25, 0.25)
 LENGTH = st.floats(10.0, 100.0)
@@ -47,8 +49,14 @@ def third(a: np.ndarray, b: np.ndarray, to_a: float, to_b: float, side: int) -> 
 
 
 @jax.jit
+def _compiled(linkage: Linkage, signs: jax.Array) -> Any:
+    return solve_poses(linkage, linkage.home.inputs, signs=signs)
+
+
 def _at_home(linkage: Linkage) -> Any:
-    return solve_poses(linkage, linkage.home.inputs)
+    """The pose at home; the assembly is given as numbers, so that one program serves all."""
+    signs = jnp.asarray(linkage.assembly, float)
+    return _compiled(dataclasses.replace(linkage, assembly=(0,) * len(signs)), signs)
 
 
 def assert_home_is_the_pose(linkage: Linkage, lengths: dict[str, float]) -> Any:
@@ -68,7 +76,7 @@ def assert_home_is_the_pose(linkage: Linkage, lengths: dict[str, float]) -> Any:
 
 
 @given(LENGTH, LENGTH, LENGTH, LENGTH, ANGLE, SIDE, st.tuples(OFF, OFF, OFF, OFF))
-@settings(max_examples=150)
+@settings(max_examples=100)
 def test_a_four_bar_sketched_badly_is_assembled_on_its_side(
     crank, coupler, rocker, ground, angle, side, off
 ):
@@ -97,7 +105,7 @@ def test_a_four_bar_sketched_badly_is_assembled_on_its_side(
 
 
 @given(LENGTH, LENGTH, st.floats(-60, 60), ANGLE, SIDE, st.tuples(OFF, OFF, OFF, OFF))
-@settings(max_examples=100)
+@settings(max_examples=60)
 def test_a_slider_crank_sketched_badly_is_assembled_on_its_side(
     crank, rod, offset, angle, side, off
 ):
@@ -128,7 +136,7 @@ def test_a_slider_crank_sketched_badly_is_assembled_on_its_side(
 
 
 @given(ANGLE, SIDE, SIDE, st.tuples(*(OFF,) * 8))
-@settings(max_examples=60)
+@settings(max_examples=40)
 def test_a_six_bar_sketched_badly_keeps_both_sides(angle, first, second, off):
     lengths = {"O-A": 20.0, "A-B": 70.0, "Q-B": 60.0, "C-D": 55.0, "W-D": 60.0}
     q, w = np.array([80.0, 0.0]), np.array([190.0, 0.0])
@@ -185,7 +193,7 @@ def test_inputs_stay_as_drawn_where_they_can():
 
 def test_inputs_move_where_they_cannot_stay():
     """At the drawn angle this double rocker cannot be assembled; a little farther on it can."""
-    data = four_bar(joints={"O": [0, 0], "A": [88, 20], "B": [60, 70], "Q": [100, 0]})
+    data = four_bar(joints={"O": [0, 0], "A": [88, 20], "B": [125, -75], "Q": [100, 0]})
     data["bodies"]["crank"] = bar("O", "A", 90)
     linkage = linkage_from(data)
     drawn, limit = math.atan2(20, 88), math.radians(23.556464)

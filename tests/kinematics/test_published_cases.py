@@ -73,9 +73,9 @@ def four_bar(crank, coupler, rocker, ground, *, side=1, ground_deg=0.0, sketch_d
     }
 
 
-def slider_crank(crank, rod, offset, *, sign=1):
+def slider_crank(crank, rod, offset, *, sign=1, at=1.0):
     """A slider-crank's tables, its slide towards +x for ``sign`` +1."""
-    a = [crank * np.cos(1.0), crank * np.sin(1.0)]
+    a = [crank * np.cos(at), crank * np.sin(at)]
     c = [a[0] + sign * np.sqrt(rod**2 - (a[1] - offset) ** 2), offset]
     return {
         "joints": {"O2": [0, 0], "A": a, "C": c},
@@ -236,7 +236,9 @@ def test_course_sheet_slider_crank(solve):
         (row["rod.omega"], row["C.vx"]),
     ):
         assert abs(float(omega)) == pytest.approx(expected["omega3_abs"], abs=near["omega3_abs"])
-        assert abs(float(speed)) == pytest.approx(expected["v_slider_abs"], abs=near["v_slider_abs"])
+        assert abs(float(speed)) == pytest.approx(
+            expected["v_slider_abs"], abs=near["v_slider_abs"]
+        )
 
 
 def test_golden_slider_crank(solve):
@@ -280,9 +282,7 @@ def test_exact_transmission_angles(solve):
 def test_jansen_leg(solve):
     inputs, expected, tolerance = case("pyslvs-jansen")
     joints = inputs["joints"]
-    crank_lengths = [
-        length or np.hypot(*joints["1"]) for length in inputs["crank_length"]
-    ]
+    crank_lengths = [length or np.hypot(*joints["1"]) for length in inputs["crank_length"]]
     for angle, length, x, y in zip(
         inputs["theta_crank_deg"], crank_lengths, expected["P7_x"], expected["P7_y"], strict=True
     ):
@@ -377,9 +377,7 @@ def test_five_bar_with_coordinated_inputs(solve):
             [row[column] for row in rows], expected[name], rtol=0, atol=tolerance
         )
     for body, name in (("c", "theta_c_rad"), ("d", "theta_d_rad")):
-        np.testing.assert_allclose(
-            poses.value.angle(body), expected[name], rtol=0, atol=tolerance
-        )
+        np.testing.assert_allclose(poses.value.angle(body), expected[name], rtol=0, atol=tolerance)
 
 
 def test_watts_curve(solve):
@@ -405,9 +403,7 @@ def _radius_at(linkage, theta, low, high, near, solve, tables):
     """The midpoint's distance from the centre where its polar angle is ``theta``, by both ways."""
 
     def midpoints(angles, side):
-        poses = poses_of(
-            linkage, jnp.asarray(angles)[:, None], signs=jnp.asarray([side], float)
-        )
+        poses = poses_of(linkage, jnp.asarray(angles)[:, None], signs=jnp.asarray([side], float))
         return np.asarray(poses.value.position("M")), np.asarray(poses.ok)
 
     normal = np.array([-np.sin(theta), np.cos(theta)])

@@ -50,9 +50,7 @@ def test_a_bar_has_exactly_its_length():
 def test_a_triangle_obeys_the_law_of_cosines_on_the_sketched_side(p, q, r, mirrored):
     sketch = {name: (x, mirrored * y) for name, (x, y) in SKETCH.items()}
     drawn = lengths_of(sketch, "ABC")
-    a, b, c = (
-        drawn[pair] * f for pair, f in zip((("B", "C"), ("A", "C"), ("A", "B")), (p, q, r))
-    )
+    a, b, c = drawn["B", "C"] * p, drawn["A", "C"] * q, drawn["A", "B"] * r
     cosine = (b * b + c * c - a * a) / (2 * b * c)
     given_lengths = {("A", "B"): c, ("A", "C"): b, ("C", "B"): a}
     if abs(cosine) > 1:
@@ -103,7 +101,7 @@ def test_a_frame_without_any_two_lengths_to_start_from_is_found():
     """Nine lengths of a prism: every joint has three, none has two to joints that are placed."""
     true = {name: (1.1 * x + 0.2 * y, 0.95 * y) for name, (x, y) in SKETCH.items()}
     pairs = ["AB", "BC", "CA", "DE", "EF", "FD", "AD", "BE", "CF"]
-    lengths = {tuple(p): math.dist(true[p[0]], true[p[1]]) for p in pairs}
+    lengths = {(a, b): math.dist(true[a], true[b]) for a, b in pairs}
     shape = dict(zip("ABCDEF", body_shape(SKETCH, "ABCDEF", lengths), strict=True))
     for pair, length in lengths.items():
         assert math.dist(shape[pair[0]], shape[pair[1]]) == pytest.approx(length, rel=1e-9)

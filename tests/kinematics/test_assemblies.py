@@ -1,0 +1,147 @@
+"""All assemblies, none missed: against brute force, and up to six of a triad."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.optimize
+
+from kinematics import assemblies, linkage_from
+from kinematics.triads import solve_two_loops
+from tests.kinematics.gallery import gallery
+
+
+def positions(found, joint):
+    return sorted(tuple(np.round(np.asarray(pose.position(joint)), 6)) for pose in found.poses)
+
+
+def test_both_sides_of_a_four_bar():
+    found = assemblies(gallery("four-bar"), jnp.deg2rad(jnp.array([40.0])))
+    assert found.complete
+    angles = sorted(float(np.rad2deg(pose.angle("rocker"))) for pose in found.poses)
+    assert angles == pytest.approx([-98.01, 57.33], abs=0.011)  # Norton, Example 4-1
+
+
+def test_a_pose_that_does_not_exist_has_no_assembly():
+    found = assemblies(gallery("watt"), jnp.deg2rad(jnp.array([180.0])))
+    assert (len(found.poses), found.complete) == (0, True)
+
+
+def test_where_two_assemblies_meet_there_is_one():
+    tables = {
+        "joints": {"O2": [0, 0], "A": [10, 10], "B": [40, 30], "O4": [50, 0]},
+        "bodies": {
+            "ground": {"joints": ["O2", "O4"], "fixed": True},
+            "crank": {"joints": ["O2", "A"], "lengths": {"O2-A": 10}},
+            "coupler": {"joints": ["A", "B"], "lengths": {"A-B": 30}},
+            "rocker": {"joints": ["O4", "B"], "lengths": {"O4-B": 30}},
+        },
+        "inputs": [{"name": "crank", "body": "crank"}],
+    }
+    found = assemblies(linkage_from(tables), jnp.array([np.pi]))  # stretched: 10 + 50 = 30 + 30
+    assert len(found.poses) == 1
+
+
+def test_all_sides_of_a_dyadic_linkage():
+    found = assemblies(gallery("jansen"), gallery("jansen").home.inputs)
+    assert (len(found.poses), found.complete) == (8, True)
+    assert len({positions(found, "J7")[i] for i in range(8)}) == 8
+
+
+def brute_force(residual, is_angle, reach, starts=3000, seed=0):
+    random = np.random.default_rng(seed)
+    scale = np.where(is_angle, np.pi, reach)
+    found = []
+    for start in random.uniform(-1, 1, (starts, 4)) * scale:
+
+        def real(unknowns):
+            gaps = residual(unknowns)
+            return np.concatenate([gaps.real, gaps.imag])
+
+        solved = scipy.optimize.root(real, start, tol=1e-13)
+        if not solved.success or np.max(np.abs(solved.fun)) > 1e-9:
+            continue
+        x = np.where(is_angle, np.angle(np.exp(1j * solved.x)), solved.x)
+        step = [
+            np.max(np.where(is_angle, np.abs(np.exp(1j * x) - np.exp(1j * y)), np.abs(x - y)))
+            for y in found
+        ]
+        if all(s > 1e-5 for s in step):
+            found.append(x)
+    return np.array(sorted(map(tuple, found))).reshape(-1, 4)
+
+
+def triad(links, platform, pivots):
+    """Three links from fixed pivots to the corners of a platform: unknowns links 1-3, platform."""
+    (p2, p3), (o1, o2, o3) = platform, pivots
+
+    def residual(unknowns):
+        t1, t2, t3, psi = unknowns
+        corner = o1 + links[0] * np.exp(1j * t1)
+        return np.array(
+            [
+                corner + p2 * np.exp(1j * psi) - o2 - links[1] * np.exp(1j * t2),
+                corner + p3 * np.exp(1j * psi) - o3 - links[2] * np.exp(1j * t3),
+            ]
+        )
+
+    return residual
+
+
+def test_random_triads_have_the_solutions_that_brute_force_finds():
+    random = np.random.default_rng(5)
+    counts = []
+    for _ in range(6):
+        links = random.uniform(0.4, 1.6, 3)
+        platform = random.uniform(0.3, 1.2, 2) * np.exp(1j * random.uniform(0, 6, 2))
+        pivots = random.uniform(-1, 1, 3) + 1j * random.uniform(-1, 1, 3)
+        residual = triad(links, platform, pivots)
+        found = solve_two_loops(residual, (True,) * 4, 10.0)
+        expected = brute_force(residual, (True,) * 4, 1.0, starts=500)
+        assert found.complete
+        counts.append(len(found.unknowns))
+        assert len(found.unknowns) == len(expected)
+        if len(expected):
+            np.testing.assert_allclose(found.unknowns, expected, atol=1e-6)
+    assert max(counts) >= 4
+
+
+def test_a_triad_with_six_assemblies():
+    """The bound of the sextic is attained, and brute force finds the same six."""
+    residual = triad(
+        [1.09, 0.86, 1.37],
+        np.array([0.54 + 0.61j, -0.88 + 0.61j]),
+        np.array([0, -0.71 + 0.6j, -0.57 - 0.53j]),
+    )
+    found = solve_two_loops(residual, (True,) * 4, 10.0)
+    assert (len(found.unknowns), found.complete) == (6, True)
+    expected = brute_force(residual, (True,) * 4, 1.0, starts=1000)
+    np.testing.assert_allclose(found.unknowns, expected, atol=1e-6)
+
+
+def test_a_triad_with_a_slide():
+    """One link replaced by a slide along a fixed line."""
+    o1, o2, line, along = 0.0, 1.0 + 0.2j, 0.3 + 0.9j, np.exp(0.4j)
+    p2, p3, links = 0.7, 0.4 + 0.5j, (0.8, 0.9)
+
+    def residual(unknowns):
+        t1, t2, psi, s = unknowns
+        corner = o1 + links[0] * np.exp(1j * t1)
+        return np.array(
+            [
+                corner + p2 * np.exp(1j * psi) - o2 - links[1] * np.exp(1j * t2),
+                corner + p3 * np.exp(1j * psi) - line - s * along,
+            ]
+        )
+
+    kinds = (True, True, True, False)
+    found = solve_two_loops(residual, kinds, 5.0)
+    expected = brute_force(residual, kinds, 2.0, starts=600)
+    assert found.complete
+    assert len(expected) > 0
+    np.testing.assert_allclose(found.unknowns, expected, atol=1e-6)
+
+
+def test_three_loops_are_not_called_complete():
+    found = assemblies(gallery("double-butterfly"), gallery("double-butterfly").home.inputs)
+    assert not found.complete
+    assert len(found.poses) >= 2

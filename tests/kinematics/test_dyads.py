@@ -1,0 +1,129 @@
+"""Every dyad against complex arithmetic: the vectors it returns must close."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kinematics.dyads import angle_and_own_slide, angle_and_slide, coincide, two_angles, two_slides
+from kinematics.vectors import Vector, direction_to_meeting, folded_angle, vector
+
+number = st.floats(-10, 10).map(lambda x: x or 1.0)
+plane = st.tuples(number, number).filter(lambda p: np.hypot(*p) > 1e-3)
+side = st.sampled_from([1.0, -1.0])
+CLOSED = 1e-13  # in units of vectors of size 10: a few hundred roundings
+
+
+def plane_vector(point) -> Vector:
+    return vector(jnp.asarray(point, float))
+
+
+def number_of(value: Vector) -> complex:
+    return complex(float(value.x), float(value.y))
+
+
+def unit(point) -> Vector:
+    return plane_vector(np.asarray(point) / np.hypot(*point))
+
+
+jitted = {
+    function: jax.jit(function)
+    for function in (two_angles, angle_and_slide, angle_and_own_slide, two_slides)
+}
+
+
+@given(plane, plane, plane, side)
+def test_two_angles(e, a, b, sign):
+    vectors = [plane_vector(v) for v in (e, a, b)]
+    alpha, beta, margins = jitted[two_angles](*vectors, jnp.asarray(sign), unit((1, 0)))
+    ends = [number_of(v) for v in vectors]
+    lengths = [abs(end) for end in ends]
+    assert float(margins[0]) == pytest.approx(lengths[1] + lengths[2] - lengths[0], abs=1e-12)
+    assert float(margins[1]) == pytest.approx(lengths[0] - abs(lengths[1] - lengths[2]), abs=1e-12)
+    if min(map(float, margins)) > 1e-6:
+        alpha, beta = number_of(alpha), number_of(beta)
+        assert abs(alpha * ends[1] + beta * ends[2] - ends[0]) < CLOSED * 10
+        assert abs(abs(alpha) - 1) < CLOSED * 1e3 / min(1, lengths[1])
+        assert np.sign((ends[0].conjugate() * alpha * ends[1]).imag) == sign
+
+
+@given(plane, plane, plane, side)
+def test_angle_and_slide(e, a, w, sign):
+    alpha, slide, (margin,) = jitted[angle_and_slide](
+        plane_vector(e), plane_vector(a), unit(w), jnp.asarray(sign)
+    )
+    e, a, w = complex(*e), complex(*a), number_of(unit(w))
+    assert float(margin) == pytest.approx(abs(a) - abs((w.conjugate() * e).imag), abs=1e-12)
+    if float(margin) > 1e-6:
+        turned = number_of(alpha) * a
+        assert abs(turned + float(slide) * w - e) < CLOSED * 10
+        assert np.sign((turned * w.conjugate()).real) == sign
+
+
+@given(plane, plane, plane, side)
+def test_angle_and_own_slide(e, a, u, sign):
+    alpha, slide, (margin,) = jitted[angle_and_own_slide](
+        plane_vector(e), plane_vector(a), unit(u), jnp.asarray(sign), unit((1, 0))
+    )
+    e, a, u = complex(*e), complex(*a), number_of(unit(u))
+    assert float(margin) == pytest.approx(abs(e) - abs((u.conjugate() * a).imag), abs=1e-12)
+    if float(margin) > 1e-6:
+        arm = a + float(slide) * u
+        assert abs(number_of(alpha) * arm - e) < CLOSED * 10
+        assert np.sign((arm * u.conjugate()).real) == sign
+
+
+@given(plane, plane, plane)
+def test_two_slides(e, v, w):
+    s, t, (margin,) = jitted[two_slides](plane_vector(e), unit(v), unit(w))
+    v, w = number_of(unit(v)), number_of(unit(w))
+    assert float(margin) == pytest.approx(abs((v.conjugate() * w).imag), abs=1e-12)
+    if float(margin) > 1e-3:
+        assert abs(float(s) * v + float(t) * w - complex(*e)) < CLOSED / float(margin) * 100
+
+
+def test_coincident_pins_take_the_direction_they_are_given():
+    zero, one = plane_vector((0, 0)), plane_vector((1, 0))
+    assert bool(coincide(zero))
+    assert not bool(coincide(plane_vector((1e-60, 0))))
+    for towards in ((0, 1e-9), (3, 4)):  # of any length
+        alpha, beta, _ = two_angles(zero, one, one, jnp.asarray(1.0), plane_vector(towards))
+        expected = complex(*towards) / abs(complex(*towards)) * 1j
+        assert abs(number_of(alpha) - expected) < 1e-15
+        assert abs(number_of(beta) + expected) < 1e-15
+
+
+def test_slopes_stay_finite_at_and_beyond_lockup():
+    def total(e, a, b):
+        alpha, beta, margins = two_angles(
+            plane_vector((e, 0.0)),
+            plane_vector((a, 0.0)),
+            plane_vector((b, 0.0)),
+            jnp.asarray(1.0),
+            unit((1, 0)),
+        )
+        return alpha.x + beta.y + margins[0] + margins[1]
+
+    for lengths in ((3.0, 1.0, 2.0), (4.0, 1.0, 2.0), (0.5, 1.0, 2.0), (0.0, 1.0, 1.0)):
+        value, slopes = jax.value_and_grad(total, argnums=(0, 1, 2))(*lengths)
+        assert np.all(np.isfinite([value, *slopes])), lengths
+
+
+def test_line_to_where_two_lines_meet():
+    point, first, second = (1.0, 5.0), ((0.0, 0.0), (1.0, 1.0)), ((4.0, 0.0), (4.0, 1.0))
+    lines = [tuple(map(plane_vector, line)) for line in (first, second)]
+    found = number_of(direction_to_meeting(plane_vector(point), lines[0], lines[1]))
+    assert abs((found.conjugate() * complex(4 - 1, 4 - 5)).imag) < 1e-12  # they meet in (4, 4)
+    parallel = (plane_vector((0, 3)), plane_vector((2, 5)))
+    far = number_of(direction_to_meeting(plane_vector(point), lines[0], parallel))
+    assert abs((far.conjugate() * (1 + 1j)).imag) < 1e-12
+
+
+def test_folded_angle():
+    for degrees in (0, 30, 90, 120, 180, -45):
+        turned = plane_vector((np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))))
+        wanted = min(abs(degrees) % 180, 180 - abs(degrees) % 180)
+        found = float(jnp.rad2deg(folded_angle(unit((1, 0)), turned)))
+        assert found == pytest.approx(wanted, abs=1e-12)

@@ -1,0 +1,84 @@
+"""Groups without a closed form: followed as SciPy would, and never to another assembly."""
+
+import numpy as np
+import jax.numpy as jnp
+import pytest
+import scipy.optimize
+
+from kinematics import assemblies, find_limits
+from tests.kinematics.gallery import gallery, poses_of
+
+
+def tracked(name, angles):
+    """Poses along a sweep by fsolve on lengths alone, each from the one before."""
+    linkage = gallery(name)
+    structure = linkage.structure
+    home = poses_of(linkage, linkage.home.inputs[None])
+    start = {j: np.asarray(home.value.position(j))[0] for j in structure.joints}
+    free = [j for j in structure.joints if j not in structure.fixed_joints]
+    pairs = []
+    for body in structure.moving:
+        for i, one in enumerate(body.joints):
+            for other in body.joints[i + 1 :]:
+                pairs.append((one, other, np.hypot(*(start[one] - start[other]))))
+    crank = structure.body("crank")
+    pivot, end = crank.joints
+    length = np.hypot(*(start[end] - start[pivot]))
+    free.remove(end)
+    pairs = [pair for pair in pairs if set(pair[:2]) != {pivot, end}]
+    x = np.concatenate([start[j] for j in free])
+    rows = []
+    for angle in angles:
+        place = dict(start)
+        place[end] = start[pivot] + length * np.array([np.cos(angle), np.sin(angle)])
+
+        def gaps(x, place=place):
+            here = place | {j: x[2 * i : 2 * i + 2] for i, j in enumerate(free)}
+            return [np.hypot(*(here[a] - here[b])) - size for a, b, size in pairs]
+
+        x = scipy.optimize.least_squares(gaps, x, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        rows.append(np.concatenate([place[end], x]))
+    return [end, *free], np.array(rows)
+
+
+@pytest.mark.parametrize(("name", "turn"), [("stephenson", 2 * np.pi), ("double-butterfly", 0.5)])
+def test_sweeps_agree_with_small_steps_of_scipy(name, turn):
+    linkage = gallery(name)
+    angles = float(linkage.home.inputs[0]) + np.linspace(0, turn, 181)
+    joints, expected = tracked(name, angles)
+    poses = poses_of(linkage, jnp.asarray(angles)[::20, None])
+    assert bool(jnp.all(poses.ok))
+    for i, joint in enumerate(joints):
+        np.testing.assert_allclose(
+            poses.value.position(joint), expected[::20, 2 * i : 2 * i + 2], atol=1e-7
+        )
+
+
+def test_whole_turns_change_nothing():
+    linkage = gallery("stephenson")
+    once = poses_of(linkage, jnp.array([[2.5], [-1.0]]))
+    for turns in (1, -3, 1000):
+        again = poses_of(linkage, jnp.array([[2.5], [-1.0]]) + 2 * np.pi * turns)
+        assert bool(jnp.all(again.ok))
+        gap = np.abs(again.value.position("P") - once.value.position("P"))
+        assert gap.max() < 1e-9
+
+
+def test_beyond_the_lock_nothing_is_found_and_the_reason_is_told():
+    linkage = gallery("double-butterfly")
+    upper = find_limits(linkage, "crank").upper.value
+    poses = poses_of(linkage, jnp.array([[upper - 1e-6], [upper + 1e-6], [upper + 0.5]]))
+    assert poses.ok.tolist() == [True, False, False]
+    assert poses.margin[0] > 0 > poses.margin[1] > poses.margin[2]
+    assert "locks before it comes here" in poses.messages()[1]
+
+
+def test_followed_poses_are_among_the_assemblies_and_stay_the_same_one():
+    """The sign of the Jacobian's determinant cannot change on the way: no other assembly's does."""
+    linkage = gallery("stephenson")
+    for angle in np.linspace(0.0, 6.0, 4):
+        own = poses_of(linkage, jnp.array([[angle]])).value.position("P")[0]
+        every = assemblies(linkage, jnp.array([angle]))
+        assert every.complete
+        distances = [np.hypot(*(pose.position("P") - own)) for pose in every.poses]
+        assert min(distances) < 1e-9

@@ -1,0 +1,148 @@
+"""Limits against closed forms, brute force, and their own derivatives."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from kinematics import find_limits, grashof, linkage_from, turning_point
+from kinematics.sketch import load_sketch
+from tests.helpers import central_differences
+from tests.kinematics.gallery import FOLDER, gallery, poses_of
+from tests.kinematics.test_published_cases import four_bar, slider_crank
+
+EXACT = 1e-10  # what the project promises for a turning point
+
+
+def crank_angle(crank, ground, diagonal):
+    """Crank angle at which the pins of the dyad are a given distance apart (law of cosines)."""
+    return np.arccos((crank**2 + ground**2 - diagonal**2) / (2 * crank * ground))
+
+
+def test_a_four_bar_locks_where_its_dyad_is_straight():
+    random = np.random.default_rng(2)
+    checked = 0
+    while checked < 6:
+        crank, coupler, rocker, ground = random.uniform(1, 5, 4).round(2).tolist()
+        lengths = (crank, coupler, rocker, ground)
+        if max(lengths) * 2 > sum(lengths) * 0.95 or grashof(*lengths).margin > -0.2:
+            continue
+        far = (coupler + rocker, crank + ground), (abs(coupler - rocker), abs(ground - crank))
+        ends = set()
+        if far[0][0] < far[0][1]:
+            ends.add(crank_angle(crank, ground, far[0][0]))
+        if far[1][0] > far[1][1]:
+            ends.add(crank_angle(crank, ground, far[1][0]))
+        if not ends:
+            continue
+        checked += 1
+        limits = find_limits(linkage_from(four_bar(*lengths)), "crank")
+        for limit in (limits.lower, limits.upper):
+            folded = abs(np.arctan2(np.sin(limit.value), np.cos(limit.value)))
+            assert min(abs(folded - end) for end in ends) < EXACT
+            assert set(limit.bodies) == {"coupler", "rocker"}
+
+
+def test_a_slider_crank_locks_where_its_rod_is_square_to_the_line():
+    limits = find_limits(linkage_from(slider_crank(50, 40, -5, at=0.2)), "crank")
+    wanted = np.arcsin([-45 / 50, 35 / 50])
+    assert limits.lower.value == pytest.approx(wanted[0], abs=EXACT)
+    assert limits.upper.value == pytest.approx(wanted[1], abs=EXACT)
+
+
+def test_a_slide_has_a_stroke():
+    """Driven at the slider, an in-line slider-crank goes from rod − crank to rod + crank."""
+    tables = slider_crank(40, 120, 0)
+    tables["inputs"] = [{"name": "ram", "slider": "C"}]
+    limits = find_limits(linkage_from(tables), "ram")
+    assert limits.lower.value == pytest.approx(80, abs=1e-8)
+    assert limits.upper.value == pytest.approx(160, abs=1e-8)
+
+
+def test_a_narrow_gap_between_samples_is_found():
+    """The crank can almost turn: it is locked for a hundredth of a degree."""
+    half = np.deg2rad(0.005)
+    reach = np.sqrt(2**2 + 5**2 + 2 * 2 * 5 * np.cos(half))
+    limits = find_limits(linkage_from(four_bar(2, reach - 4, 4, 5)), "crank")
+    assert limits.upper.value == pytest.approx(np.pi - half, abs=1e-9)
+    assert limits.lower.value == pytest.approx(-np.pi + half, abs=1e-9)
+
+
+def test_change_points():
+    limits = find_limits(linkage_from(four_bar(1, 3, 2, 4)), "crank")  # 1 + 4 = 3 + 2
+    assert limits.full_turn
+    assert [np.cos(point) for point in limits.change_points] == pytest.approx([-1], abs=1e-9)
+    parallelogram = find_limits(linkage_from(four_bar(2, 5, 2, 5)), "crank")
+    assert parallelogram.full_turn
+    cosines = sorted({round(float(np.cos(p)), 6) for p in parallelogram.change_points})
+    assert cosines == [-1.0, 1.0]
+
+
+@pytest.mark.parametrize("name", ["four-bar", "quick-return", "scotch-yoke", "jansen"])
+def test_cranks_that_turn_fully(name):
+    assert find_limits(gallery(name), "crank").full_turn
+
+
+def test_the_first_of_several_groups_to_lock_counts():
+    limits = find_limits(gallery("watt"), "crank")
+    for limit, outward in ((limits.lower, -1), (limits.upper, 1)):
+        ends = limit.value + outward * np.array([[-1e-7], [1e-7]])
+        assert poses_of(gallery("watt"), jnp.asarray(ends)).ok.tolist() == [True, False]
+        assert limit.bodies == ("link", "output")
+
+
+def test_other_inputs_are_held_where_they_are_asked():
+    linkage = gallery("five-bar")
+    limits = find_limits(linkage, "left", jnp.deg2rad(jnp.array([20.0, 170.0])))
+    # The right end is then at 12 − 4 = 8 less a little, so that the left one goes all the way.
+    assert limits.full_turn
+    with pytest.raises(ValueError, match="no input is named 'crank'"):
+        find_limits(linkage, "crank")
+
+
+def test_a_start_that_is_no_pose_is_refused():
+    with pytest.raises(ValueError, match="no pose"):
+        find_limits(gallery("watt"), "crank", jnp.array([np.pi]))
+
+
+def test_turning_points_of_a_triad():
+    """Where it locks, the Jacobian is singular: the gap of two assemblies closes as a square root."""
+    sketch = load_sketch(FOLDER / "stephenson.toml").model_dump()
+    sketch["bodies"]["crank"]["lengths"] = {"O6-D": 25.0}
+    linkage = linkage_from(sketch)
+    limits = find_limits(linkage, "crank")
+    assert not limits.full_turn
+    for limit, outward in ((limits.lower, -1), (limits.upper, 1)):
+        steps = np.array([1e-4, 1e-6, 1e-8])
+        poses = poses_of(linkage, jnp.asarray(limit.value - outward * steps)[:, None])
+        assert bool(jnp.all(poses.ok))
+        # The margin, a singular value, vanishes as the root of what is left.
+        ratios = np.asarray(poses.margin) / np.sqrt(steps)
+        np.testing.assert_allclose(ratios, ratios[-1], rtol=0.05)
+        beyond = poses_of(linkage, jnp.array([[limit.value + outward * 1e-9]]))
+        assert not bool(beyond.ok[0])
+
+
+@pytest.mark.parametrize("name", ["watt", pytest.param("double-butterfly", marks=pytest.mark.slow)])
+def test_turning_points_are_differentiable(name):
+    linkage = gallery(name)
+    limit = find_limits(linkage, "crank").upper
+    body = linkage.structure.moving[-1].name
+
+    @jax.jit
+    def value(length):
+        longer = eqx.tree_at(lambda l: l.links[body].length, linkage, length)
+        return turning_point(longer, "crank", limit).value
+
+    length = linkage.links[body].length
+    assert float(value(length)) == pytest.approx(limit.value, abs=1e-12)
+    (wanted,) = central_differences(value, length)
+    assert float(jax.jit(jax.grad(value))(length)) == pytest.approx(wanted, rel=1e-5)
+
+
+def test_impossible_four_bars_have_no_class():
+    with pytest.raises(ValueError, match="cannot close"):
+        grashof(1, 1, 1, 4)
+    with pytest.raises(ValueError, match="positive"):
+        grashof(0, 1, 1, 1)

@@ -1,0 +1,270 @@
+"""Poses: gradients, invariants, batches, failures as data."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.flatten_util
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from kinematics import linkage_from, solve_poses
+from kinematics.evaluation import Drive, evaluate
+from kinematics.following import close, split
+from kinematics.plan import Plan, make_plan
+from kinematics.sketch import load_sketch
+from kinematics.solver import Solver
+from tests.helpers import central_differences
+from tests.kinematics.gallery import FOLDER, NAMES, gallery, poses_of
+
+CLOSED = 1e-12  # what the project promises, in units of the linkage's size
+
+
+def near_home(name, count, spread=0.3):
+    """Inputs around the sketch, all within the linkage's limits."""
+    random = np.random.default_rng(0)
+    home = np.asarray(gallery(name).home.inputs)
+    return jnp.asarray(home + random.uniform(-spread, spread, (count, len(home))))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_gallery_linkage_closes(name):
+    poses = poses_of(gallery(name), near_home(name, 20, 0.05))
+    assert bool(jnp.all(poses.ok))
+    assert float(jnp.max(poses.residual)) <= CLOSED
+
+
+def leaves_of(linkage):
+    """The linkage as a vector of its dimensions, and the way back."""
+    flat, back = jax.flatten_util.ravel_pytree((linkage.anchors, linkage.links, linkage.lines))
+
+    def rebuilt(vector):
+        parts = back(vector)
+        return eqx.tree_at(lambda l: (l.anchors, l.links, l.lines), linkage, parts)
+
+    return flat, rebuilt
+
+
+def sum_of_outputs(rebuilt):
+    """A number to which the last joint and the last body contribute."""
+
+    def value(vector, inputs):
+        linkage = rebuilt(vector)
+        pose = solve_poses(linkage, inputs).value
+        last = pose.joints[linkage.structure.joints[-1]]
+        return last.x + 0.3 * last.y + 20 * pose.bodies[linkage.structure.moving[-1].name].x
+
+    return value
+
+
+@pytest.mark.parametrize(
+    "name", ["slider-crank", "quick-return", "scotch-yoke", "finger-crank", "stephenson"]
+)
+def test_compiled_batched_gradients(name):
+    """Of every dimension and input, under jit(vmap(grad)), against central differences."""
+    linkage = gallery(name)
+    flat, rebuilt = leaves_of(linkage)
+    inputs = near_home(name, 3, 0.1)
+    value = sum_of_outputs(rebuilt)
+    slopes = jax.jit(jax.vmap(jax.grad(value, argnums=(0, 1)), (None, 0)))(flat, inputs)
+    compiled = jax.jit(value)
+    for row in range(len(inputs)):
+        design = [float(x) for x in flat] + [float(x) for x in inputs[row]]
+        wanted = central_differences(
+            lambda d: compiled(jnp.stack(d[: len(flat)]), jnp.stack(d[len(flat) :])),
+            [jnp.asarray(x) for x in design],
+        )
+        found = np.concatenate([slopes[0][row], slopes[1][row]])
+        np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=2e-7)
+
+
+@pytest.mark.parametrize("name", ["four-bar", "slider-crank", "quick-return", "watt", "jansen"])
+def test_closed_form_and_newton_agree(name):
+    """The same loops, solved by Newton's method from a disturbed start."""
+    linkage = gallery(name)
+    plan = make_plan(linkage.structure)
+    steps = tuple(
+        dataclasses.replace(step, kind="iterated") if step in plan.groups else step
+        for step in plan.steps
+    )
+    newton = Plan(plan.orientations, steps)
+    solver = Solver.of(linkage, jnp.float64)
+
+    @jax.jit
+    @jax.vmap
+    def both(inputs):
+        drive = solver.drive(inputs)
+        state = solver.state(drive)
+        guess = [
+            value + 1e-3
+            for group in plan.groups
+            for value in (
+                *(state.rotations[body].angle() for body in group.angles),
+                *(state.slides[slider] for slider in group.sliders),
+            )
+        ]
+        found = close(solver.unit, newton, drive.values, solver.signs, jnp.stack(guess))
+        parts = {index: (part, ()) for index, part in split(newton, found).items()}
+        again = evaluate(solver.unit, newton, Drive.at(drive.values), solver.signs, parts, {})
+        return state.places, again.places
+
+    closed, iterated = both(near_home(name, 50, 0.5))
+    for joint in closed:
+        gap = closed[joint] - iterated[joint]
+        assert float(jnp.max(gap.length())) <= CLOSED, joint
+
+
+def test_moved_and_turned_linkages_move_and_turn():
+    linkage, inputs = gallery("jansen"), near_home("jansen", 5)
+    angle, shift = 0.7, np.array([123.0, -45.0])
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    moved = eqx.tree_at(
+        lambda l: l.anchors, linkage, jnp.asarray(np.asarray(linkage.anchors) @ turn.T + shift)
+    )
+    # Its crank is driven against the fixed axes, so it has to turn as well.
+    before, after = poses_of(linkage, inputs), poses_of(moved, inputs + angle)
+    for joint in linkage.structure.joints:
+        wanted = np.asarray(before.value.position(joint)) @ turn.T + shift
+        np.testing.assert_allclose(after.value.position(joint), wanted, atol=1e-11)
+    np.testing.assert_allclose(after.margin, before.margin, atol=1e-11)
+
+
+@pytest.mark.parametrize("name", ["slider-crank", "stephenson"])
+def test_scaled_linkages_scale(name):
+    linkage, inputs = gallery(name), near_home(name, 4)
+    flat, rebuilt = leaves_of(linkage)
+    direction = [float(line.angle) for line in linkage.lines]
+    large = rebuilt(1e6 * flat)
+    if direction:
+        large = eqx.tree_at(lambda l: l.lines[0].angle, large, jnp.asarray(direction[0]))
+    small, big = poses_of(linkage, inputs), poses_of(large, inputs)
+    joint = linkage.structure.joints[-1]
+    np.testing.assert_allclose(big.value.position(joint), 1e6 * small.value.position(joint))
+    np.testing.assert_allclose(big.margin, 1e6 * small.margin, rtol=1e-9)
+
+
+def test_mirrored_inputs_give_the_mirrored_linkage():
+    linkage = gallery("slider-crank")
+    inputs = near_home("slider-crank", 6)
+    mirrored = eqx.tree_at(
+        lambda l: l.lines[0].point, linkage, linkage.lines[0].point * jnp.array([1.0, -1.0])
+    )
+    one, other = poses_of(linkage, inputs), poses_of(mirrored, -inputs)
+    np.testing.assert_allclose(one.value.joints["C"].x, other.value.joints["C"].x, atol=1e-12)
+    np.testing.assert_allclose(one.value.joints["C"].y, -other.value.joints["C"].y, atol=1e-12)
+
+
+def test_many_poses_are_those_of_few():
+    """Large batches run in blocks, whose size need not divide their number."""
+    linkage = gallery("four-bar")
+    inputs = jnp.linspace(0.0, 6.0, 20_011)[:, None]
+    every = poses_of(linkage, inputs)
+    some = poses_of(linkage, inputs[::4000])
+    assert every.margin.shape == (20_011,)
+    np.testing.assert_array_equal(every.value.joints["B"].x[::4000], some.value.joints["B"].x)
+    np.testing.assert_array_equal(every.margin[::4000], some.margin)
+
+
+def test_gradients_of_many_poses_are_those_of_few():
+    linkage = gallery("four-bar")
+    inputs = jnp.linspace(0.0, 6.0, 20_000)[:, None]
+
+    def total(design, inputs):
+        return jnp.sum(solve_poses(design, inputs).value.joints["B"].y)
+
+    slope = jax.jit(jax.grad(total))
+    whole = slope(linkage, inputs)
+    parts = [slope(linkage, part) for part in jnp.split(inputs, 4)]
+    for leaf, *pieces in zip(
+        jax.tree.leaves(whole), *(jax.tree.leaves(part) for part in parts), strict=True
+    ):
+        np.testing.assert_allclose(leaf, sum(pieces), rtol=1e-9, atol=1e-9)
+
+
+def test_any_shape_of_batch_and_batches_of_designs():
+    linkage, inputs = gallery("four-bar"), near_home("four-bar", 6)
+    grid = poses_of(linkage, inputs.reshape(2, 3, 1))
+    flat = poses_of(linkage, inputs)
+    assert grid.value.position("B").shape == (2, 3, 2)
+    np.testing.assert_array_equal(grid.margin.reshape(-1), flat.margin)
+    longer = jax.tree.map(lambda leaf: jnp.stack([leaf, 1.01 * leaf]), linkage)
+    designs = jax.jit(jax.vmap(solve_poses, (0, None)))(longer, inputs)
+    np.testing.assert_allclose(designs.value.joints["B"].x[0], flat.value.joints["B"].x, atol=1e-13)
+
+
+def test_what_is_not_asked_for_is_not_there():
+    pose = poses_of(gallery("jansen"), near_home("jansen", 2), of=("J3",)).value
+    assert "J7" not in pose.joints
+    whole = poses_of(gallery("jansen"), near_home("jansen", 2)).value
+    np.testing.assert_array_equal(pose.position("J3"), whole.position("J3"))
+
+
+def test_failures_are_data():
+    linkage = gallery("watt")
+    poses = poses_of(linkage, jnp.deg2rad(jnp.array([[90.0], [180.0], [270.0]])))
+    assert poses.ok.tolist() == [True, False, False]
+    assert poses.margin[0] > 0 > poses.margin[1]
+    assert poses.messages()[0] == ""
+    assert "farther apart than the links between them reach" in poses.messages()[1]
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(poses.value))
+
+
+@pytest.mark.parametrize("name", ["four-bar", "slider-crank", "stephenson"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
+def test_impossible_inputs_are_told(name, bad):
+    poses = poses_of(gallery(name), jnp.array([[bad]]))
+    if not np.isfinite(bad):
+        assert not bool(poses.ok[0])
+        assert "not a finite number" in poses.messages()[0]
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((poses.value, poses.margin)))
+
+
+def test_float32_without_and_with_64_bit_floats():
+    inputs = np.deg2rad([[40.0], [200.0]])
+    exact = poses_of(gallery("four-bar"), jnp.asarray(inputs)).value.position("B")
+    single = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), gallery("four-bar"))
+    for wide in (True, False):
+        with jax.enable_x64(wide):
+            poses = jax.jit(solve_poses)(single, jnp.asarray(inputs, jnp.float32))
+            assert poses.margin.dtype == jnp.float32
+            np.testing.assert_allclose(poses.value.position("B"), exact, rtol=1e-5)
+
+
+def test_a_slide_as_input():
+    """The slider-crank driven at its slider: the crank angle comes back."""
+    sketch = load_sketch(FOLDER / "slider-crank.toml").model_dump()
+    sketch["inputs"] = [{"name": "ram", "slider": "C"}]
+    for far in (0.0, 1e7):  # the line's first point may lie anywhere along it
+        sketch["sliders"][0]["line"] = [[far, -20], [far + 1, -20]]
+        driven = linkage_from(sketch)
+        angles = near_home("slider-crank", 5)
+        slides = poses_of(gallery("slider-crank"), angles).value.slides[0]
+        back = poses_of(driven, slides[:, None] - far)
+        assert bool(jnp.all(back.ok))
+        np.testing.assert_allclose(back.value.angle("crank"), angles[:, 0], atol=1e-9)
+
+
+def test_three_in_a_line_and_two_lines_at_one_joint():
+    """A pin in two slots (PRP): it is where the slots cross."""
+    linkage = linkage_from(
+        {
+            "joints": {"O": [0, 0], "T": [30, 30], "P": [20, 20]},
+            "bodies": {
+                "ground": {"joints": ["O"], "fixed": True},
+                "arm": {"joints": ["O", "T"]},
+            },
+            "sliders": [
+                {"joint": "P", "on": "arm", "line": [[0, 0], [30, 30]]},
+                {"joint": "P", "on": "ground", "line": [[0, 20], [1, 20]]},
+            ],
+            "inputs": [{"name": "arm", "body": "arm"}],
+        }
+    )
+    angles = jnp.array([[0.5], [1.0], [2.0], [0.0]])
+    poses = poses_of(linkage, angles)
+    assert poses.ok.tolist() == [True, True, True, True] or not bool(poses.ok[3])
+    np.testing.assert_allclose(
+        poses.value.joints["P"].x[:3], 20 / np.tan([0.5, 1.0, 2.0]), rtol=1e-12
+    )
+    assert float(poses.margin[3]) == 0.0  # the slots are parallel: no place, and no margin

@@ -1,0 +1,236 @@
+"""``designopt solve`` as a person meets it: the table, what is said, exit codes, no surprises."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from designopt.cli import run
+from kinematics import read_linkage
+from tests.kinematics.quick import compiled_quickly  # noqa: F401
+
+GALLERY = Path(__file__).parents[2] / "studies/linkage_gallery"
+FILES = sorted(path.name for path in GALLERY.glob("*.toml"))
+SLOW_TO_COMPILE = ("double-butterfly", "finger-crank", "jansen", "peaucellier")
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_files(tmp_path, monkeypatch):
+    for name in FILES:
+        shutil.copy(GALLERY / name, tmp_path)
+    text = (GALLERY / "four-bar.toml").read_text(encoding="utf-8")
+    (tmp_path / "rocker.toml").write_text(text.replace("O2-A = 40 }", "O2-A = 90 }"))
+    monkeypatch.chdir(tmp_path)
+
+
+def table_of(text: str) -> dict[str, list[str]]:
+    header, *rows = csv.reader(io.StringIO(text))
+    assert len(set(header)) == len(header)
+    return {name: [row[i] for row in rows] for i, name in enumerate(header)}
+
+
+def numbers(column: list[str]) -> np.ndarray:
+    return np.array([float(cell) for cell in column])
+
+
+def test_columns_stand_in_the_documented_order_and_rates_are_slopes(capsys):
+    rates = ["--rate", "crank=2", "--accel", "crank=-3"]
+    assert run(["solve", "four-bar.toml", "--sweep", "crank=29.999:30.001:3", *rates]) == 0
+    shown = capsys.readouterr()
+    assert shown.err == ""
+    table = table_of(shown.out)
+    joints, bodies = ("O2", "A", "B", "O4"), ("ground", "crank", "coupler", "rocker")
+    assert list(table) == [
+        "crank",
+        *("ok", "margin", "closure"),
+        *(f"{joint}.{axis}" for joint in joints for axis in "xy"),
+        *(f"{body}.angle_deg" for body in bodies),
+        *(f"{joint}.v{axis}" for joint in joints for axis in "xy"),
+        *(f"{body}.omega" for body in bodies),
+        *(f"{joint}.a{axis}" for joint in joints for axis in "xy"),
+        *(f"{body}.alpha" for body in bodies),
+        "B.mu_deg",
+    ]
+    assert table["ok"] == ["1", "1", "1"]
+    assert np.max(numbers(table["closure"])) < 1e-11
+    # A step of 0.001° takes 0.001° / (2 rad/s).
+    seconds = np.radians(0.001) / 2
+    place, speed = numbers(table["B.x"]), numbers(table["B.vx"])
+    assert (place[2] - place[0]) / (2 * seconds) == pytest.approx(speed[1], rel=1e-6)
+    turn, omega = np.radians(numbers(table["rocker.angle_deg"])), numbers(table["rocker.omega"])
+    assert (turn[2] - turn[0]) / (2 * seconds) == pytest.approx(omega[1], rel=1e-6)
+    coupler, rocker = numbers(table["coupler.angle_deg"]), numbers(table["rocker.angle_deg"])
+    folded = np.abs((rocker - coupler + 90) % 180 - 90)
+    np.testing.assert_allclose(numbers(table["B.mu_deg"]), folded, rtol=1e-9)
+
+
+def test_rows_beyond_lock_up_are_empty_and_say_why(capsys):
+    assert run(["solve", "rocker.toml", "--sweep", "crank=0:60:4"]) == 0
+    shown = capsys.readouterr()
+    table = table_of(shown.out)
+    assert numbers(table["crank"]) == pytest.approx([0, 20, 40, 60])
+    assert table["ok"] == ["0", "0", "1", "1"]
+    for name, column in table.items():
+        if name not in ("crank", "ok", "margin"):
+            assert column[:2] == ["", ""], name
+            assert all(column[2:]), name
+    margin = numbers(table["margin"])
+    assert np.all(margin[:2] < 0)
+    assert np.all(margin[2:] > 0)
+    # |O4 A| = |coupler − rocker| = 40
+    limit = np.degrees(np.arccos((90**2 + 100**2 - 40**2) / (2 * 90 * 100)))
+    for words in ("2 of 4 poses", "ok = 0", "crank locks at", f"{limit:.6f}", "coupler and rocker"):
+        assert words in shown.err
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] if name[:-5] in SLOW_TO_COMPILE else [])
+        for name in FILES
+    ],
+)
+def test_every_gallery_file_solves_at_its_sketch_and_keeps_its_lengths(name, capsys):
+    linkage = read_linkage(name)
+    structure = linkage.structure
+    sweeps = []
+    for part, value in zip(structure.inputs, np.asarray(linkage.home.inputs), strict=True):
+        shown = value if part.slider is not None else np.degrees(value)
+        sweeps += ["--sweep", f"{part.name}={shown}"]
+    assert run(["solve", name, *sweeps]) == 0
+    shown = capsys.readouterr()
+    assert shown.err == ""
+    table = {key: column[0] for key, column in table_of(shown.out).items() if column[0] != ""}
+    assert table["ok"] == "1"
+    assert float(table["closure"]) < 1e-11
+    for body in structure.moving:
+        first, second = (
+            np.array([float(table[f"{joint}.{axis}"]) for axis in "xy"])
+            for joint in body.joints[:2]
+        )
+        length = float(linkage.links[body.name].length)
+        assert np.hypot(*(second - first)) == pytest.approx(length, rel=1e-11)
+        angle = np.degrees(np.arctan2(*(second - first)[::-1]))
+        assert (angle - float(table[f"{body.name}.angle_deg"]) + 180) % 360 == pytest.approx(180)
+
+
+def test_plan_is_told_in_words(capsys):
+    assert run(["solve", "four-bar.toml", "--plan"]) == 0
+    shown = capsys.readouterr().out
+    for words in ("four-bar: 3 moving bodies, driven by crank", "RRR in closed form", "loop A –"):
+        assert words in shown
+    assert run(["solve", "stephenson.toml", "--plan"]) == 0
+    assert "iteration, followed from the sketch" in capsys.readouterr().out
+
+
+def test_a_table_is_written_whole_and_replaced_only_by_force(tmp_path, capsys):
+    before = {path.name for path in tmp_path.iterdir()}
+    command = ["solve", "four-bar.toml", "--sweep", "crank=10:20:2", "--of", "A", "--csv", "t.csv"]
+    assert run(command) == 0
+    first = (tmp_path / "t.csv").read_text()
+    assert capsys.readouterr().out == ""
+    assert table_of(first)["ok"] == ["1", "1"]
+    again = [part.replace("10:20:2", "30") for part in command]
+    assert run(again) == 2
+    assert "t.csv: exists already" in capsys.readouterr().err
+    assert (tmp_path / "t.csv").read_text() == first
+    assert run([*again, "--force"]) == 0
+    assert len(table_of((tmp_path / "t.csv").read_text())["ok"]) == 1
+    assert {path.name for path in tmp_path.iterdir()} == before | {"t.csv"}
+
+
+def test_only_what_is_asked_for_is_solved(capsys):
+    assert (
+        run(
+            [
+                "solve",
+                "finger.toml",
+                "--sweep",
+                "pip=0:-90:2",
+                "--sweep",
+                "dip=0:-90:2",
+                "--of",
+                "T",
+            ]
+        )
+        == 0
+    )
+    table = table_of(capsys.readouterr().out)
+    assert numbers(table["pip"]) == pytest.approx([0, 0, -90, -90])
+    assert numbers(table["dip"]) == pytest.approx([0, -90, 0, -90])
+    assert numbers(table["T.x"]) == pytest.approx([55, 23, 0, -32], abs=1e-12)
+    assert numbers(table["T.y"]) == pytest.approx([0, -32, -55, -23], abs=1e-12)
+    assert "C.x" not in table
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("none.toml --sweep crank=1", ["none.toml", "cannot be read"]),
+        (". --sweep crank=1", ["cannot be read"]),
+        ("four-bar.toml", ["--sweep", "no values for crank", "--sweep crank=0:360:361"]),
+        ("four-bar.toml --sweep crank", ["--sweep crank", "INPUT=VALUE"]),
+        ("four-bar.toml --sweep crank=", ["--sweep crank=", "not a finite number"]),
+        ("four-bar.toml --sweep crank=x", ["'x' is not a finite number"]),
+        ("four-bar.toml --sweep crank=nan", ["'nan' is not a finite number"]),
+        ("four-bar.toml --sweep crank=1:2", ["INPUT=START:STOP:COUNT"]),
+        ("four-bar.toml --sweep crank=1:2:3:4", ["INPUT=START:STOP:COUNT"]),
+        ("four-bar.toml --sweep crank=1:2:0", ["COUNT", "whole number"]),
+        ("four-bar.toml --sweep crank=1:2:-3", ["COUNT", "whole number"]),
+        ("four-bar.toml --sweep crank=1:2:2.5", ["COUNT", "whole number"]),
+        ("four-bar.toml --sweep crank=1:2:1e9", ["COUNT", "10,000,000"]),
+        ("five-bar.toml --sweep left=1:2:9999 --sweep right=1:2:9999", ["grid", "too large"]),
+        ("four-bar.toml --sweep crnk=1", ["no input is named 'crnk'", "there are: crank"]),
+        ("four-bar.toml --sweep crank=1 --sweep crank=2", ["swept twice"]),
+        ("four-bar.toml --sweep crank=1 --rate crank", ["--rate crank", "INPUT=VALUE"]),
+        ("four-bar.toml --sweep crank=1 --rate x=1", ["--rate x=1", "no input is named 'x'"]),
+        ("four-bar.toml --sweep crank=1 --accel crank=inf", ["--accel", "not a finite number"]),
+        ("four-bar.toml --sweep crank=1 --of Q", ["--of", "named Q"]),
+        ("four-bar.toml --plan --of Q", ["--of", "named Q"]),
+        ("four-bar.toml --sweep crank=1 --csv no/t.csv", ["no/t.csv", "no folder", "make it"]),
+        ("four-bar.toml --sweep crank=1 --csv four-bar.toml", ["exists already", "--force"]),
+        ("four-bar.toml --sweep crank=1 --csv .", ["exists already"]),
+        ("four-bar.toml --swep crank=1", ["--swep", "--sweep", "designopt --help"]),
+        ("--sweep crank=1", ["LINKAGE.toml"]),
+    ],
+)
+def test_nonsense_is_one_line_and_exit_code_2(arguments, words, tmp_path, capsys):
+    before = sorted(path.name for path in tmp_path.iterdir())
+    assert run(["solve", *arguments.split()]) == 2
+    shown = capsys.readouterr()
+    assert shown.err.startswith("error: ")
+    assert shown.err.count("\n") == 1
+    for word in words:
+        assert word in shown.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('body = "crank" ', 'body = "crnk" ', ["inputs.0.body", "did you mean 'crank'?"]),
+        ("O2-A = 40", "O2-A = 400", ["bodies", "the loop", "400 mm apart", "change"]),
+        ("[[inputs]]", "[[output]]", ["output", "no such key"]),
+        ("A = [30, 26]", "A = [nan, 26]", ["joints.A.0", "finite number"]),
+        ("A = [30, 26]", "A = [0, 0]", ["bodies.crank", "coincide in the sketch"]),
+        ("A = [30, 26]", "A = [30, 26", ["not TOML"]),
+        ("fixed = true", "fixed = false", ["bodies", "none is fixed"]),
+    ],
+)
+def test_a_file_that_is_no_mechanism_is_one_line_and_exit_code_2(old, new, words, capsys):
+    path = Path("bad.toml")
+    text = Path("four-bar.toml").read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    assert run(["solve", "bad.toml", "--sweep", "crank=0:360:361"]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("error: bad.toml: ")
+    assert shown.err.count("\n") == 1
+    for word in words:
+        assert word in shown.err

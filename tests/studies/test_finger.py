@@ -1,0 +1,67 @@
+"""Paper B's finger: figures that an independent search of its design reached (design B)."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from studies.finger import finger_transmission
+from tests.kinematics.gallery import gallery, poses_of
+
+SQUARE = -np.deg2rad(np.linspace(0, 90, 91))
+POSTURES = jnp.asarray(np.stack(np.meshgrid(SQUARE, SQUARE, indexing="ij"), axis=-1))
+
+# Least angle over the whole square of postures, in degrees, to be met to 0.1.
+LEAST = {"D1": 46.3, "D2": 46.4, "C": 46.3, "H": 51.2, "E": 48.9, "P": 46.4}
+
+
+def test_every_posture_exists():
+    poses = poses_of(gallery("finger"), POSTURES)
+    assert bool(jnp.all(poses.ok))
+    assert float(jnp.max(poses.residual)) < 1e-12
+
+
+def test_least_transmission_angles():
+    found = finger_transmission(poses_of(gallery("finger"), POSTURES).value)
+    for name, wanted in LEAST.items():
+        assert abs(float(np.rad2deg(found[name].min())) - wanted) <= 0.1, name
+
+
+def test_range_of_the_crank():
+    theta = np.rad2deg(poses_of(gallery("finger"), POSTURES).value.angle("crank"))
+    assert abs(theta.max() - 130.1) <= 0.1
+    assert abs(theta.min() - 40.0) <= 0.1
+
+
+def test_round_trip_from_joints_to_motor_and_back():
+    """(PIP, DIP) → (θ, γ) → (PIP, DIP) over the whole square, to 1e-10 degrees."""
+    there = poses_of(gallery("finger"), POSTURES).value
+    theta = there.angle("crank")
+    gamma = there.bodies["plate"].turned(there.bodies["distal"].conjugate()).angle()
+    back = poses_of(gallery("finger-crank"), jnp.stack([theta, gamma], axis=-1))
+    assert bool(jnp.all(back.ok))
+    pose = back.value
+    pip = pose.angle("intermediate")
+    dip = pose.bodies["distal"].turned(pose.bodies["intermediate"].conjugate()).angle()
+    error = np.abs(np.stack([pip, dip], axis=-1) - POSTURES)
+    assert np.rad2deg(error.max()) <= 1e-10
+
+
+def test_dip_depends_on_gamma_alone():
+    linkage = gallery("finger-crank")
+
+    def dip(inputs):
+        pose = poses_of(linkage, inputs).value
+        return pose.bodies["distal"].turned(pose.bodies["intermediate"].conjugate()).angle()
+
+    slopes = jax.jacfwd(dip)(linkage.home.inputs + jnp.array([0.0, 0.2]))
+    assert abs(float(slopes[0])) < 1e-14
+    assert abs(float(slopes[1])) > 0.1
+
+
+def test_transmission_stays_finite_where_lines_are_parallel():
+    slopes = jax.jacfwd(
+        lambda u: jnp.stack(
+            list(finger_transmission(poses_of(gallery("finger"), u).value).values())
+        )
+    )(jnp.array([-0.3, -0.4]))
+    assert bool(jnp.all(jnp.isfinite(slopes)))
