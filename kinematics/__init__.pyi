@@ -3,12 +3,13 @@ from .grashof import Grashof, grashof
 from .limits import Limit, Limits, find_limits, turning_point
 from .linkage import Line, Link, Linkage, Spring
 from .loops import Loop, vector_loops
-from .plan import PlanError, describe
+from .plan import describe
 from .poses import PoseResult, solve_poses
 from .rates import Motion, Rates, solve_rates
 from .reading import linkage_from, read_linkage
 from .solver import Pose
 from .statics import input_efforts, input_slopes, mechanical_advantage, spring_energy
+from .steps import PlanError
 from .tolerance import Spread, no_deviations, output_spread
 from .transmission import Transmission, solve_transmission
 from .vectors import Vector, direction_to_meeting, folded_angle

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import jax
@@ -15,9 +15,9 @@ from designopt.numerics import as_float
 from kinematics.evaluation import Drive, State, evaluate
 from kinematics.following import loop_gaps
 from kinematics.linkage import Linkage
-from kinematics.plan import Group, Plan
 from kinematics.poses import ROUNDING_UNITS
 from kinematics.solver import Pose, Solver
+from kinematics.steps import Group, Plan
 from kinematics.triads import CLOSED, SAME, AllSolutions, solve_two_loops
 
 STARTS = 400
@@ -133,17 +133,23 @@ def _reach(unit: Linkage) -> float:
     return float(sum(np.sum(np.abs(np.asarray(part))) for part in parts))
 
 
-def _by_many_starts(gaps, is_angle: tuple[bool, ...], reach: float) -> AllSolutions:
+def _by_many_starts(
+    gaps: Callable[[Array], Array], is_angle: tuple[bool, ...], reach: float
+) -> AllSolutions:
     random = np.random.default_rng(0)
     scale = np.where(is_angle, np.pi, reach)
     starts = random.uniform(-1, 1, (STARTS, len(is_angle))) * scale
     slopes = jax.jit(jax.jacfwd(gaps))
+
+    def jacobian(x: np.ndarray) -> np.ndarray:
+        return np.asarray(slopes(jnp.asarray(x)))
+
     found: list[np.ndarray] = []
     for start in starts:
         solved = scipy.optimize.least_squares(
             lambda x: np.asarray(gaps(jnp.asarray(x))),
             start,
-            jac=lambda x: np.asarray(slopes(jnp.asarray(x))),
+            jac=jacobian,
             xtol=1e-15,
             ftol=1e-15,
             gtol=1e-15,
@@ -159,7 +165,5 @@ def _by_many_starts(gaps, is_angle: tuple[bool, ...], reach: float) -> AllSoluti
 
 
 def _differ(first: Pose, second: Pose, size: float) -> bool:
-    gaps = [
-        float((first.joints[joint] - second.joints[joint]).length()) for joint in first.joints
-    ]
+    gaps = [float((first.joints[joint] - second.joints[joint]).length()) for joint in first.joints]
     return max(gaps) > SAME * size

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from designopt.errors import UserError
+
 
 def solve(
     file: Annotated[Path, typer.Argument(metavar="LINKAGE.toml", help="The linkage.")],
@@ -51,6 +53,8 @@ def solve(
     from kinematics.solving import Request, print_plan, solve_file
 
     if plan:
+        if sweep or rate or accel or figure or animation:
+            raise UserError("--plan: it solves nothing; leave out what asks for poses")
         print_plan(file, of)
         return 0
     request = Request(

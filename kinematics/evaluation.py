@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from kinematics.dyads import angle_and_own_slide, angle_and_slide, two_angles, two_slides
 from kinematics.linkage import Linkage
 from kinematics.loops import Loop
-from kinematics.plan import Group, Plan, Turn
+from kinematics.steps import Group, Plan, Turn
 from kinematics.structure import WORLD, Incidence
 from kinematics.vectors import Vector, rotation
 
@@ -102,7 +102,9 @@ class State:
         elif turn.solved is not None:
             result = self.solved[turn.solved]
         else:
+            assert turn.slider is not None
             angle = self.linkage.lines[turn.slider].turn
+            assert angle is not None
             result = rotation(angle)
         if turn.relative_to is not None:
             result = result.turned(self.linkage.fixed_direction(turn.relative_to))
@@ -171,7 +173,7 @@ def evaluate(
     plan: Plan,
     drive: Drive,
     signs: Float[Array, " groups"],
-    unknowns: Mapping[int, tuple[Float[Array, "_"], tuple[Scalar, ...]]],
+    unknowns: Mapping[int, tuple[Float[Array, "..."], tuple[Scalar, ...]]],
     towards: Mapping[int, Vector],
 ) -> State:
     """Run the plan for one pose.
@@ -203,7 +205,7 @@ def evaluate(
 
 
 def _take(
-    state: State, group: Group, values: Float[Array, "_"], margins: tuple[Scalar, ...]
+    state: State, group: Group, values: Float[Array, "..."], margins: tuple[Scalar, ...]
 ) -> None:
     for index, root in enumerate(group.angles):
         state.know_angle(root, rotation(values[index]))
@@ -260,7 +262,7 @@ def group_columns(state: State, group: Group) -> list[list[Vector]]:
     rows = []
     for loop in group.loops:
         zero = Vector(*(jnp.zeros_like(state.no_turn.x),) * 2)
-        row = {unknown: zero for unknown in (*group.angles, *group.sliders)}
+        row = dict.fromkeys((*group.angles, *group.sliders), zero)
         for leg in loop.legs:
             turn = state.rotations[leg.body]
             for root, bodies in zip(group.angles, group.turning, strict=True):

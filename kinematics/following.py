@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from kinematics.evaluation import Drive, evaluate
 from kinematics.linkage import Linkage
-from kinematics.plan import Plan
+from kinematics.steps import Plan
 
 Scalar = Float[Array, ""]
 Vectors = Float[Array, " unknowns"]
@@ -54,7 +54,7 @@ def home_unknowns(linkage: Linkage, plan: Plan, size: Scalar) -> Vectors:
     return jax.lax.stop_gradient(jnp.stack(values))
 
 
-def split(plan: Plan, unknowns: Vectors) -> dict[int, Float[Array, "_"]]:
+def split(plan: Plan, unknowns: Vectors) -> dict[int, Float[Array, "..."]]:
     """The unknowns of each iterated group."""
     parts, start = {}, 0
     for group in plan.iterated:
@@ -150,7 +150,7 @@ def solve_iterated(
     inputs: Float[Array, " inputs"],
     signs: Float[Array, " groups"],
     followed: Followed,
-) -> dict[int, tuple[Float[Array, "_"], tuple[Scalar, Scalar]]]:
+) -> dict[int, tuple[Float[Array, "..."], tuple[Scalar, Scalar]]]:
     """The unknowns of iterated groups and their margins, for `evaluation.evaluate`.
 
     Args:
@@ -281,6 +281,4 @@ def _walk_along(
     slope = walk.tangent[:-1] / jnp.where(walk.tangent[-1] > 0, walk.tangent[-1], 1.0)
     last = walk.point[:-1] + (length - walk.point[-1]) * slope
     reached = status == REACHED
-    return Followed(
-        jnp.where(reached, last, walk.point[:-1]), jnp.clip(part, 0.0, 1.0), status
-    )
+    return Followed(jnp.where(reached, last, walk.point[:-1]), jnp.clip(part, 0.0, 1.0), status)

@@ -41,7 +41,9 @@ def grashof(crank: float, coupler: float, rocker: float, ground: float) -> Grash
     if shortest <= 0:
         raise ValueError("the lengths of a four-bar are positive")
     if longest > shortest + sum(middle):
-        raise ValueError(f"a four-bar cannot close: {longest:g} mm is longer than the others together")
+        raise ValueError(
+            f"a four-bar cannot close: {longest:g} mm is longer than the others together"
+        )
     margin = sum(middle) - shortest - longest
     tolerance = TOUCHING * longest
     if abs(margin) <= tolerance:

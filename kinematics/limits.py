@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -142,7 +144,9 @@ def _turn(
     """
     followed, direction = jax.lax.stop_gradient(_end_of_the_way(linkage, index, guess, start))
 
-    def equations(unknowns: Float[Array, " extended"], design: Linkage) -> Float[Array, " extended"]:
+    def equations(
+        unknowns: Float[Array, " extended"], design: Linkage
+    ) -> Float[Array, " extended"]:
         solver = Solver.of(design, start.dtype)
         q, v, value = unknowns[: len(followed)], unknowns[len(followed) : -1], unknowns[-1]
         drive = solver.drive(start.at[index].set(value))
@@ -296,14 +300,17 @@ class _Search:
         return bool(before >= least <= after and least <= 4 * rise + TOUCHING)
 
     @staticmethod
-    def _lowest(margin, low: float, high: float) -> float:
+    def _lowest(margin: Callable[[float], float], low: float, high: float) -> float:
         found = scipy.optimize.minimize_scalar(
             margin, bounds=sorted((low, high)), method="bounded", options={"xatol": 1e-12}
         )
         return float(found.x)
 
     @staticmethod
-    def _root(margin, inside: float, outside: float) -> float:
+    def _root(margin: Callable[[float], float], inside: float, outside: float) -> float:
         if margin(inside) <= 0:
             return inside
-        return float(scipy.optimize.brentq(margin, inside, outside, xtol=1e-15, rtol=1e-14))
+        root: Any = scipy.optimize.brentq(
+            margin, inside, outside, xtol=1e-15, rtol=np.float64(1e-14)
+        )
+        return float(root)

@@ -45,7 +45,9 @@ class Loop:
     end: str | None = None
 
     def __str__(self) -> str:
-        walk = " ".join(f"{leg.start.joint} –[{leg.body}]–" for leg in self.legs)
+        names = ["fixed" if leg.body == WORLD else leg.body for leg in self.legs]
+        steps = zip(self.legs, names, strict=True)
+        walk = " ".join(f"{leg.start.joint} –[{name}]–" for leg, name in steps)
         return f"{walk} {self.legs[-1].end.joint}"
 
 

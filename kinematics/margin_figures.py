@@ -15,8 +15,9 @@ from matplotlib.ticker import MaxNLocator
 from designopt.figures import PALETTE, new_figure
 from designopt.solution import Solution
 from kinematics.linkage import Linkage
-from kinematics.plan import Group, make_plan
+from kinematics.plan import make_plan
 from kinematics.solver import Pose
+from kinematics.steps import Group
 from kinematics.structure import Structure
 
 Inputs = Float[Array | np.ndarray, "poses inputs"]

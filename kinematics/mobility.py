@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.assembling import Configuration, Equations
-from kinematics.plan import PlanError
+from kinematics.steps import PlanError
 from kinematics.structure import WORLD
 
 INDEPENDENT = 1e-7

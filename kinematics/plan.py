@@ -1,125 +1,20 @@
 """The plan of a linkage: which few unknowns are solved together, in which order, and how.
 
 The loop equations are taken apart into the smallest groups that can be solved one after the
-other: the fine Dulmage-Mendelsohn decomposition of their incidence matrix into a block-triangular
-one (a perfect matching, then strongly connected components). In mechanisms these blocks are the
-Assur groups.
-
-Source: A. L. Dulmage, N. S. Mendelsohn, Coverings of bipartite graphs, 1958; L. V. Assur, 1914.
+other (`blocks.find_blocks`). In mechanisms these blocks are the Assur groups (L. V. Assur, 1914).
+A group that a loop of three moving bodies closes is taken apart further, in the frame of one.
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
-import networkx as nx
-
+from kinematics.blocks import find_blocks, tie_angles
 from kinematics.loops import Leg, Loop, find_loops
+from kinematics.steps import Group, Orientation, Placement, Plan, PlanError, Turn
 from kinematics.structure import WORLD, Incidence, Structure
-
-
-@dataclass(frozen=True)
-class Turn:
-    """One step from a body's angle to that of another.
-
-    Attributes:
-        input: index of the input whose value is added; none for a kept body.
-        slider: index of the slider whose ``turn`` is added; none for an input.
-        sign: +1 or −1.
-        relative_to: the fixed body whose angle is added as well; none otherwise.
-        solved: number of the group, and of its angle, that is added; none for the above.
-    """
-
-    input: int | None = None
-    slider: int | None = None
-    sign: int = 1
-    relative_to: str | None = None
-    solved: tuple[int, int] | None = None
-
-
-@dataclass(frozen=True)
-class Orientation:
-    """A body's angle: that of its root body (`WORLD`: 0) and known turns."""
-
-    root: str
-    turns: tuple[Turn, ...]
-
-
-@dataclass(frozen=True)
-class Placement:
-    """A joint put in its place by a body whose pose is known, from a joint that is placed.
-
-    Attributes:
-        at: the incidence whose joint is placed.
-        reference: an incidence of a placed joint on the same body.
-    """
-
-    at: Incidence
-    reference: Incidence
-
-
-@dataclass(frozen=True)
-class Group:
-    """Unknowns that are solved together.
-
-    Attributes:
-        index: its number among the groups of the whole plan.
-        kind: ``"RRR"``, ``"RRP"``, ``"RPR"``, ``"PRP"``, ``"RPP"`` (closed form), or
-            ``"iterated"``.
-        angles: bodies whose angle is unknown, each the root of those that turn with it.
-        turning: the bodies that turn with each of them.
-        sliders: sliders whose place is unknown.
-        loops: its loops; twice as many equations as loops, as many as unknowns.
-        pin: the joint at which force is transmitted between its two parts; none if it has no
-            such joint.
-        bodies: its bodies, for messages.
-        base: the root in whose frame it is solved, when that root's own angle is still unknown;
-            none where the angles are those in the world.
-    """
-
-    index: int
-    kind: str
-    angles: tuple[str, ...]
-    turning: tuple[tuple[str, ...], ...]
-    sliders: tuple[int, ...]
-    loops: tuple[Loop, ...]
-    pin: str | None
-    bodies: tuple[str, ...]
-    base: str | None = None
-
-
-@dataclass(frozen=True)
-class Plan:
-    """How the pose of a linkage is found: groups and placements in order.
-
-    Attributes:
-        orientations: angle of every moving body.
-        steps: what to do, in order.
-    """
-
-    orientations: dict[str, Orientation]
-    steps: tuple[Group | Placement, ...]
-
-    @property
-    def groups(self) -> tuple[Group, ...]:
-        """The groups in the order in which they are solved."""
-        return tuple(step for step in self.steps if isinstance(step, Group))
-
-    @property
-    def iterated(self) -> tuple[Group, ...]:
-        """The groups without a closed form."""
-        return tuple(group for group in self.groups if group.kind == "iterated")
-
-
-class PlanError(ValueError):
-    """The equations do not determine the pose; ``bodies`` says where."""
-
-    def __init__(self, message: str, bodies: Iterable[str] = ()) -> None:
-        super().__init__(message)
-        self.bodies = tuple(bodies)
 
 
 @functools.lru_cache(maxsize=256)
@@ -133,11 +28,11 @@ def make_plan(structure: Structure, targets: frozenset[str] | None = None) -> Pl
     Raises:
         PlanError: the inputs do not determine the pose, or determine it more than once.
     """
-    orientations = _orientations(structure)
+    orientations = tie_angles(structure)
     relative: list[Group] = []
     dropped: set[Incidence] = set()
     while True:
-        blocks = _blocks(structure, orientations, dropped)
+        blocks = find_blocks(structure, orientations, dropped)
         steps = _steps(structure, orientations, blocks, dropped, len(relative))
         found = _floating_group(structure, orientations, steps, len(relative))
         if found is None:
@@ -148,139 +43,6 @@ def make_plan(structure: Structure, targets: frozenset[str] | None = None) -> Pl
         dropped.add(found.loops[0].legs[-1].end)
     plan = Plan(orientations, (*relative, *steps))
     return plan if targets is None else _upstream(structure, plan, targets)
-
-
-def _orientations(structure: Structure) -> dict[str, Orientation]:
-    """Angles that inputs and kept bodies tie together, as a tree from each root."""
-    ties: dict[str, list[tuple[str, Turn]]] = {}
-    graph = nx.Graph()
-    graph.add_nodes_from([WORLD, *(body.name for body in structure.moving)])
-
-    def tie(base: str, body: str, turn: Turn, name: str) -> None:
-        if nx.has_path(graph, base, body):
-            raise PlanError(
-                f"{name} fixes the angle of '{body}' relative to '{base}', which others fix "
-                "already; remove one of them",
-                (body,),
-            )
-        graph.add_edge(base, body)
-        ties.setdefault(base, []).append((body, turn))
-        back = Turn(turn.input, turn.slider, -turn.sign, turn.relative_to)
-        ties.setdefault(body, []).append((base, back))
-
-    for index, slider in enumerate(structure.sliders):
-        if slider.keeps is not None:
-            on = structure.node(slider.on)
-            tie(on, slider.keeps, Turn(slider=index), f"the slider of '{slider.joint}'")
-    for index, part in enumerate(structure.inputs):
-        if part.body is not None:
-            base = structure.node(part.relative_to)
-            fixed = part.relative_to if base == WORLD and part.relative_to != WORLD else None
-            tie(base, part.body, Turn(index, relative_to=fixed), f"input '{part.name}'")
-    orientations: dict[str, Orientation] = {}
-    for root in graph:
-        if root in orientations:
-            continue
-        orientations[root] = Orientation(root, ())
-        pending = [root]
-        while pending:
-            base = pending.pop(0)
-            for body, turn in ties.get(base, []):
-                if body not in orientations:
-                    turns = (*orientations[base].turns, turn)
-                    orientations[body] = Orientation(root, turns)
-                    pending.append(body)
-    return orientations
-
-
-def _blocks(
-    structure: Structure, orientations: dict[str, Orientation], dropped: set[Incidence]
-) -> list[set[Any]]:
-    """Variables and equations that belong together, in an order in which they can be solved.
-
-    A joint's place on a body gives two equations: place of joint = place of body's first joint +
-    the turned vector between them.
-    """
-    fixed = set(structure.fixed_joints)
-    graph = nx.Graph()
-    equations: list[tuple[str, int, str]] = []
-    variables: dict[Any, None] = {}
-    for index, incidence in enumerate(structure.incidences):
-        if incidence in dropped or (incidence.body == WORLD and incidence.slider is None):
-            continue
-        used: list[Any] = []
-        if incidence.body != WORLD:
-            root = orientations[incidence.body].root
-            first = structure.body(incidence.body).joints[0]
-            turns = incidence.slider is not None or incidence.joint != first
-            if turns and root != WORLD:
-                used.append(("angle", root))
-        if incidence.slider is not None and structure.driven_slider(incidence.slider) is None:
-            used.append(("slide", incidence.slider))
-        for axis in ("x", "y"):
-            equation = ("equation", index, axis)
-            equations.append(equation)
-            graph.add_node(equation)
-            own = list(used)
-            if incidence.body != WORLD:
-                own.append((axis, "body", incidence.body))
-            if incidence.joint not in fixed:
-                own.append((axis, "joint", incidence.joint))
-            for variable in own:
-                variables[variable] = None
-                graph.add_edge(equation, variable)
-    for body in structure.moving:  # an angle that no equation holds is a variable all the same
-        if orientations[body.name].root == body.name:
-            variables.setdefault(("angle", body.name))
-            graph.add_node(("angle", body.name))
-    matching = nx.bipartite.hopcroft_karp_matching(graph, equations)
-    _check_matching(structure, graph, equations, list(variables), matching)
-    order: dict[Any, int] = {variable: i for i, variable in enumerate(variables)}
-    needs = nx.DiGraph()
-    needs.add_nodes_from(order)
-    for equation in equations:
-        for variable in graph[equation]:
-            if variable != matching[equation]:
-                needs.add_edge(variable, matching[equation])
-    condensed = nx.condensation(needs)
-    first = {node: min(order[v] for v in data["members"]) for node, data in condensed.nodes.items()}
-    return [
-        members | {matching[variable] for variable in members}
-        for node in nx.lexicographical_topological_sort(condensed, key=first.__getitem__)
-        for members in [set(condensed.nodes[node]["members"])]
-    ]
-
-
-def _check_matching(
-    structure: Structure,
-    graph: nx.Graph,
-    equations: list[Any],
-    variables: list[Any],
-    matching: dict[Any, Any],
-) -> None:
-    def bodies_near(start: Iterable[Any]) -> list[str]:
-        # Everything that alternating paths reach from what is left unmatched.
-        seen, pending = set(start), list(start)
-        while pending:
-            node = pending.pop()
-            for near in graph[node]:
-                other = matching.get(near)
-                for reached in (near, other):
-                    if reached is not None and reached not in seen:
-                        seen.add(reached)
-                        if reached == other:
-                            pending.append(reached)
-        names = {node[1] for node in seen if node[0] == "angle"}
-        names |= {node[2] for node in seen if node[0] in "xy" and node[1] == "body"}
-        return [body.name for body in structure.moving if body.name in names]
-
-    free = [variable for variable in variables if variable not in matching]
-    if free:
-        bodies = bodies_near(free)
-        raise PlanError("the inputs leave something free to move", bodies)
-    extra = [equation for equation in equations if equation not in matching]
-    if extra:
-        raise PlanError("more is prescribed than can move", bodies_near(extra))
 
 
 def _steps(

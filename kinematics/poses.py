@@ -128,9 +128,7 @@ def _in_blocks(
     return jax.tree.map(lambda leaf: leaf.reshape(blocks * size, *leaf.shape[2:])[:count], solved)
 
 
-def _solve_block(
-    solver: Solver, drive: Drive, finite: Bool[Array, " block"]
-) -> Solution[Pose]:
+def _solve_block(solver: Solver, drive: Drive, finite: Bool[Array, " block"]) -> Solution[Pose]:
     solved, spans = jax.vmap(lambda *one: _solve_one(solver, *one, {}))(drive, finite)
     if not spans:
         return solved

@@ -17,9 +17,10 @@ from kinematics.drawn import Drawn, measure
 from kinematics.faults import name_faults
 from kinematics.linkage import Home, Line, Link, Linkage, Spring
 from kinematics.mobility import Mobility
-from kinematics.plan import Plan, PlanError, make_plan
+from kinematics.plan import make_plan
 from kinematics.sides import group_sines, same_sides, undecided
 from kinematics.sketch import Sketch, load_sketch, parse_sketch
+from kinematics.steps import Plan, PlanError
 from kinematics.structure import WORLD
 
 

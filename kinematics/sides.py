@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinematics.assembling import Configuration, Dimensions
-from kinematics.plan import Group, Plan
+from kinematics.steps import Group, Plan
 from kinematics.structure import WORLD
 
 UNDECIDED = 1e-6

@@ -13,7 +13,8 @@ from jaxtyping import Array, Float
 from kinematics.evaluation import Drive, State, evaluate
 from kinematics.following import Followed, close, follow, home_unknowns, solve_iterated, split
 from kinematics.linkage import Linkage
-from kinematics.plan import Plan, make_plan
+from kinematics.plan import make_plan
+from kinematics.steps import Plan
 from kinematics.structure import WORLD
 from kinematics.vectors import Vector, rotation
 

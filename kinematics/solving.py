@@ -18,13 +18,16 @@ from designopt.errors import UserError
 from designopt.solution import Solution
 from kinematics.limits import find_limits
 from kinematics.linkage import Linkage
-from kinematics.plan import PlanError, describe
+from kinematics.plan import describe
 from kinematics.poses import solve_poses
 from kinematics.rates import Rates, solve_rates
 from kinematics.reading import read_linkage
 from kinematics.solver import Pose
-from kinematics.table import columns_of, write_table
+from kinematics.steps import PlanError
+from kinematics.table import columns_of, replaced_when_complete, write_table
 from kinematics.transmission import Transmission, solve_transmission
+
+FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 
 MOST_POSES = 10_000_000
 """A larger grid is more likely a slip of the pen than a wish."""
@@ -62,13 +65,15 @@ class Solved:
     """Everything that was computed.
 
     Attributes:
-        inputs: in radians or mm, shape (poses, inputs).
+        asked: inputs as asked for, in degrees or mm, shape (poses, inputs).
+        inputs: the same in radians or mm.
         poses: the poses.
         velocity: first derivatives; none if neither rates nor accelerations were asked for.
         acceleration: second derivatives; none if accelerations were not asked for.
         transmission: their transmission.
     """
 
+    asked: np.ndarray
     inputs: np.ndarray
     poses: Solution[Pose]
     velocity: Rates | None
@@ -77,16 +82,20 @@ class Solved:
 
 
 def print_plan(file: Path, of: Sequence[str] | None) -> None:
-    """Print how a linkage is solved, in words."""
+    """Print how a linkage is solved, in words.
+
+    Raises:
+        UserError: the file is faulty, or has no joint or body of a name in ``of``.
+    """
     with jax.enable_x64(True):
         linkage = read_linkage(file)
     structure = linkage.structure
-    inputs = ", ".join(linkage.input_names)
-    print(f"{structure.name}: {len(structure.moving)} moving bodies, driven by {inputs}")
     try:
         lines = describe(structure, None if of is None else frozenset(of))
     except PlanError as error:
         raise UserError(f"--of: {error}") from error
+    inputs = ", ".join(linkage.input_names)
+    print(f"{structure.name}: {len(structure.moving)} moving bodies, driven by {inputs}")
     print("\n".join(lines))
 
 
@@ -96,34 +105,61 @@ def solve_file(request: Request) -> list[str]:
     Raises:
         UserError: something in the file or in the request is wrong; nothing is written.
     """
-    targets = [path for path in (request.figure, request.animation) if path is not None]
-    targets += [] if request.csv == "-" else [Path(request.csv)]
-    for path in targets:
-        if path.exists() and not request.force:
-            raise UserError(f"{path}: exists already; choose another file, or replace it by --force")
-        if not path.parent.is_dir():
-            raise UserError(f"{path}: there is no folder {path.parent}; make it, or choose another")
+    _check_targets(request)
     with jax.enable_x64(True):
         linkage = read_linkage(request.file)
         solved = _solve(linkage, request)
+        # The table last: what fails in drawing leaves none behind.
+        if request.figure is not None:
+            _draw(linkage, solved, request.figure)
+        if request.animation is not None:
+            # Imported here, as drawing is: Matplotlib takes a second.
+            from kinematics.animation import save_animation
+
+            save_animation(request.animation, linkage, solved.inputs, solved.poses)
         write_table(columns_of(linkage, solved), request.csv)
-        if targets:
-            _draw(linkage, solved, request)
         return _remarks(linkage, solved)
 
 
+def _check_targets(request: Request) -> None:
+    named = {
+        "--csv": None if request.csv == "-" else request.csv,
+        "--figure": request.figure,
+        "--animation": request.animation,
+    }
+    seen: dict[Path, str] = {}
+    for option, target in named.items():
+        if target is None:
+            continue
+        path = Path(target)
+        if str(target) == "" or path.is_dir():
+            raise UserError(f"{option} {target}: that is a folder; name a file in it")
+        if path.resolve() in seen:
+            raise UserError(f"{option} {path}: {seen[path.resolve()]} names it too; use two files")
+        seen[path.resolve()] = option
+        if not path.parent.is_dir():
+            raise UserError(f"{option} {path}: there is no folder {path.parent}; make it first")
+        if path.exists() and not request.force:
+            raise UserError(
+                f"{option} {path}: exists already; choose another file, or replace it by --force"
+            )
+    if request.figure is not None and request.figure.suffix not in FIGURE_ENDINGS:
+        raise UserError(f"--figure {request.figure}: a figure ends in {', '.join(FIGURE_ENDINGS)}")
+
+
 def _solve(linkage: Linkage, request: Request) -> Solved:
-    inputs = _grid(linkage, request)
+    asked = _grid(linkage, request)
+    angles = [_is_angle(linkage, name) for name in linkage.input_names]
+    inputs = np.where(angles, np.deg2rad(asked), asked)
     rates = _values(linkage, request.rates, "--rate")
     accelerations = _values(linkage, request.accelerations, "--accel")
     if rates is None and accelerations is not None:
         rates = jnp.zeros_like(accelerations)
     try:
-        return Solved(
-            inputs, *_compute(linkage, jnp.asarray(inputs), rates, accelerations, of=request.of)
-        )
+        found = _compute(linkage, jnp.asarray(inputs), rates, accelerations, of=request.of)
     except PlanError as error:
         raise UserError(f"--of: {error}") from error
+    return Solved(asked, inputs, *found)
 
 
 @partial(jax.jit, static_argnames="of")
@@ -151,7 +187,8 @@ def _is_angle(linkage: Linkage, name: str) -> bool:
 def _split(linkage: Linkage, text: str, option: str) -> tuple[str, str]:
     name, mark, value = text.partition("=")
     if not mark:
-        raise UserError(f"{option} {text}: write it as INPUT=VALUE")
+        form = "INPUT=START:STOP:COUNT or INPUT=VALUE" if option == "--sweep" else "INPUT=VALUE"
+        raise UserError(f"{option} {text}: write it as {form}")
     if name not in linkage.input_names:
         raise UserError(
             f"{option} {text}: no input is named '{name}'; there are: "
@@ -170,20 +207,22 @@ def _number(text: str, option: str, whole: str) -> float:
     return number
 
 
-def _values(
-    linkage: Linkage, texts: Sequence[str], option: str
-) -> Float[Array, " inputs"] | None:
+def _values(linkage: Linkage, texts: Sequence[str], option: str) -> Float[Array, " inputs"] | None:
     if not texts:
         return None
     values = np.zeros(len(linkage.input_names))
+    seen: set[str] = set()
     for text in texts:
         name, value = _split(linkage, text, option)
+        if name in seen:
+            raise UserError(f"{option} {text}: '{name}' is given twice; once is enough")
+        seen.add(name)
         values[linkage.input_names.index(name)] = _number(value, option, text)
     return jnp.asarray(values)
 
 
 def _grid(linkage: Linkage, request: Request) -> np.ndarray:
-    """All combinations of the swept values, the last input changing fastest, rad or mm."""
+    """All combinations of the swept values, the last input changing fastest, degrees or mm."""
     ranges: dict[str, np.ndarray] = {}
     for text in request.sweeps:
         name, value = _split(linkage, text, "--sweep")
@@ -203,10 +242,7 @@ def _grid(linkage: Linkage, request: Request) -> np.ndarray:
             f"--sweep: a grid of {count:,} poses is too large (at most {MOST_POSES:,}); "
             "sweep fewer values"
         )
-    columns = [
-        np.deg2rad(ranges[name]) if _is_angle(linkage, name) else ranges[name]
-        for name in linkage.input_names
-    ]
+    columns = [ranges[name] for name in linkage.input_names]
     return np.stack([grid.ravel() for grid in np.meshgrid(*columns, indexing="ij")], axis=1)
 
 
@@ -225,16 +261,14 @@ def _range(value: str, text: str) -> np.ndarray:
     return np.linspace(start, stop, int(count))
 
 
-def _draw(linkage: Linkage, solved: Solved, request: Request) -> None:
+def _draw(linkage: Linkage, solved: Solved, path: Path) -> None:
     from designopt.figures import style
-    from kinematics.animation import save_animation
     from kinematics.motion_figures import motion_figure
 
-    if request.figure is not None:
-        with style():
-            _save(motion_figure(linkage, solved.inputs, solved.poses), request.figure)
-    if request.animation is not None:
-        save_animation(request.animation, linkage, solved.inputs, solved.poses)
+    with style():
+        figure = motion_figure(linkage, solved.inputs, solved.poses)
+        with replaced_when_complete(path) as partial:
+            figure.savefig(partial)
 
 
 def _remarks(linkage: Linkage, solved: Solved) -> list[str]:
@@ -260,14 +294,14 @@ def _limit_remarks(linkage: Linkage, name: str, solved: Solved) -> list[str]:
     start = solved.inputs[good[0]] if len(good) else np.array(linkage.home.inputs)
     limits = find_limits(linkage, name, jnp.asarray(start))
     angle = _is_angle(linkage, name)
-    others = ", ".join(
-        f"{other} = {_shown(value, _is_angle(linkage, other))}"
+    held = "".join(
+        f", at {other} = {_shown(value, _is_angle(linkage, other))}"
         for other, value in zip(linkage.input_names, start, strict=True)
         if other != name
     )
     lines = [
-        f"{name} locks at {_shown(limit.value, angle)} ({end} limit{f', at {others}' if others else ''}):"
-        f" {' and '.join(limit.bodies)} cannot follow beyond"
+        f"{name} locks at {_shown(limit.value, angle)} ({end} limit{held}): "
+        f"{' and '.join(limit.bodies)} cannot follow beyond"
         for end, limit in (("lower", limits.lower), ("upper", limits.upper))
         if limit is not None
     ]

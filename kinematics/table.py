@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
@@ -24,10 +26,7 @@ def columns_of(linkage: Linkage, solved: Solved) -> dict[str, np.ndarray]:
     (degrees), rates (mm/s, rad/s and so on), transmission angles (degrees).
     """
     ok = np.asarray(solved.poses.ok)
-    columns = {
-        part.name: solved.inputs[:, i] if part.slider is not None else np.rad2deg(solved.inputs[:, i])
-        for i, part in enumerate(linkage.structure.inputs)
-    }
+    columns = {name: solved.asked[:, i] for i, name in enumerate(linkage.input_names)}
     columns["ok"] = ok.astype(int)
     columns["margin"] = np.asarray(solved.poses.margin)
     columns["closure"] = _where(ok, np.asarray(solved.poses.residual * linkage.size()))
@@ -68,18 +67,27 @@ def write_table(columns: dict[str, np.ndarray], target: str) -> None:
     if target == "-":
         _write(columns, sys.stdout)
         return
-    path = Path(target)
+    with (
+        replaced_when_complete(Path(target)) as partial,
+        partial.open("w", encoding="utf-8", newline="") as stream,
+    ):
+        _write(columns, stream)
+
+
+@contextmanager
+def replaced_when_complete(path: Path) -> Iterator[Path]:
+    """A file to write beside ``path``, which takes its place if nothing goes wrong.
+
+    Raises:
+        UserError: the folder or the file cannot be written.
+    """
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8", newline="") as stream:
-                _write(columns, stream)
-            os.replace(name, path)
-        except BaseException:
-            os.unlink(name)
-            raise
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
+            partial = Path(folder) / path.name
+            yield partial
+            os.replace(partial, path)
     except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror}") from error
+        raise UserError(f"{path}: cannot be written: {error.strerror}; choose another") from error
 
 
 def _write(columns: dict[str, np.ndarray], stream: IO[str]) -> None:

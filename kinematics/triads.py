@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -188,7 +188,8 @@ def _resultant_zeros(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarr
     one, zero = np.eye(4), np.zeros((4, 4))
     a = np.block([[zero, one], [-s0, -s1]])
     b = np.block([[one, zero], [zero, s2]])
-    (alpha, beta), vectors = scipy.linalg.eig(a, b, homogeneous_eigvals=True)
+    homogeneous: Any = scipy.linalg.eig(a, b, homogeneous_eigvals=True)
+    (alpha, beta), vectors = homogeneous
     size = np.abs(alpha) + np.abs(beta)
     # A pair (0, 0) means that the determinant vanishes everywhere: solutions are not isolated.
     regular = bool(np.all(size > 1e-10))
@@ -197,7 +198,11 @@ def _resultant_zeros(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _candidates(
-    x: complex, vector: np.ndarray, polynomials: list[np.ndarray], is_angle: list[bool], reach: float
+    x: complex,
+    vector: np.ndarray,
+    polynomials: list[np.ndarray],
+    is_angle: list[bool],
+    reach: float,
 ) -> list[tuple[float, float]]:
     """Real values of the two unknowns at a zero of the resultant, none if it is complex."""
     first = _real(x, is_angle[0], reach)
@@ -225,7 +230,7 @@ def _polished(
     residual: Residual, guess: np.ndarray, is_angle: tuple[bool, ...]
 ) -> np.ndarray | None:
     def real(unknowns: np.ndarray) -> np.ndarray:
-        gaps = residual(unknowns)
+        gaps: Any = residual(unknowns)
         return np.concatenate([gaps.real, gaps.imag])
 
     found = scipy.optimize.least_squares(real, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15)

@@ -50,7 +50,7 @@ MECHANISM = "mechanism"
 PYLINKAGE = "pylinkage"
 PYLINKAGE_FAST = "pylinkage step_fast (numba)"
 
-STEPS = (2, 4, 6)
+STEPS = (3, 6)
 TOLERANCES = (1e-4, 1e-12)
 FSOLVE_TOLERANCES = (1e-4, 1.49012e-8, 1e-12)
 """The middle one is SciPy's own."""

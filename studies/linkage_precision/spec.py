@@ -19,7 +19,7 @@ class LinkagePrecisionSpec(Spec):
         default=STATED_POSES, description="poses of the longest sweep, one turn of the crank"
     )
     repeats: Annotated[int, Field(ge=3, le=1000)] = Field(
-        default=7, description="timed repeats of each setting"
+        default=5, description="timed repeats of each setting"
     )
     linkage: Literal["all", "four-bar", "slider-crank", "six-bar"] = Field(
         default="all", description="which linkages: all of them, or one"

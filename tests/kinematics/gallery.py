@@ -7,7 +7,15 @@ from pathlib import Path
 
 import jax
 
-from kinematics import Linkage, read_linkage, solve_poses, solve_rates, solve_transmission
+from kinematics import (
+    Limit,
+    Limits,
+    Linkage,
+    read_linkage,
+    solve_poses,
+    solve_rates,
+    solve_transmission,
+)
 
 FOLDER = Path(__file__).parents[2] / "studies" / "linkage_gallery"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
@@ -20,3 +28,10 @@ transmission_of = jax.jit(solve_transmission)
 @cache
 def gallery(name: str) -> Linkage:
     return read_linkage(FOLDER / f"{name}.toml")
+
+
+def ends(limits: Limits) -> tuple[Limit, Limit]:
+    """Both limits of an input that has two."""
+    assert limits.lower is not None
+    assert limits.upper is not None
+    return limits.lower, limits.upper

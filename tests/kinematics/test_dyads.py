@@ -113,11 +113,12 @@ def test_slopes_stay_finite_at_and_beyond_lockup():
 
 def test_line_to_where_two_lines_meet():
     point, first, second = (1.0, 5.0), ((0.0, 0.0), (1.0, 1.0)), ((4.0, 0.0), (4.0, 1.0))
-    lines = [tuple(map(plane_vector, line)) for line in (first, second)]
-    found = number_of(direction_to_meeting(plane_vector(point), lines[0], lines[1]))
+    one = plane_vector(first[0]), plane_vector(first[1])
+    other = plane_vector(second[0]), plane_vector(second[1])
+    found = number_of(direction_to_meeting(plane_vector(point), one, other))
     assert abs((found.conjugate() * complex(4 - 1, 4 - 5)).imag) < 1e-12  # they meet in (4, 4)
     parallel = (plane_vector((0, 3)), plane_vector((2, 5)))
-    far = number_of(direction_to_meeting(plane_vector(point), lines[0], parallel))
+    far = number_of(direction_to_meeting(plane_vector(point), one, parallel))
     assert abs((far.conjugate() * (1 + 1j)).imag) < 1e-12
 
 

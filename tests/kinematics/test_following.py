@@ -1,12 +1,12 @@
 """Groups without a closed form: followed as SciPy would, and never to another assembly."""
 
-import numpy as np
 import jax.numpy as jnp
+import numpy as np
 import pytest
 import scipy.optimize
 
 from kinematics import assemblies, find_limits
-from tests.kinematics.gallery import gallery, poses_of
+from tests.kinematics.gallery import ends, gallery, poses_of
 
 
 def tracked(name, angles):
@@ -66,7 +66,7 @@ def test_whole_turns_change_nothing():
 
 def test_beyond_the_lock_nothing_is_found_and_the_reason_is_told():
     linkage = gallery("double-butterfly")
-    upper = find_limits(linkage, "crank").upper.value
+    upper = ends(find_limits(linkage, "crank"))[1].value
     poses = poses_of(linkage, jnp.array([[upper - 1e-6], [upper + 1e-6], [upper + 0.5]]))
     assert poses.ok.tolist() == [True, False, False]
     assert poses.margin[0] > 0 > poses.margin[1] > poses.margin[2]

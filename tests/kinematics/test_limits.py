@@ -9,7 +9,7 @@ import pytest
 from kinematics import find_limits, grashof, linkage_from, turning_point
 from kinematics.sketch import load_sketch
 from tests.helpers import central_differences
-from tests.kinematics.gallery import FOLDER, gallery, poses_of
+from tests.kinematics.gallery import FOLDER, ends, gallery, poses_of
 from tests.kinematics.test_published_cases import four_bar, slider_crank
 
 EXACT = 1e-10  # what the project promises for a turning point
@@ -29,26 +29,26 @@ def test_a_four_bar_locks_where_its_dyad_is_straight():
         if max(lengths) * 2 > sum(lengths) * 0.95 or grashof(*lengths).margin > -0.2:
             continue
         far = (coupler + rocker, crank + ground), (abs(coupler - rocker), abs(ground - crank))
-        ends = set()
+        straight = set()
         if far[0][0] < far[0][1]:
-            ends.add(crank_angle(crank, ground, far[0][0]))
+            straight.add(crank_angle(crank, ground, far[0][0]))
         if far[1][0] > far[1][1]:
-            ends.add(crank_angle(crank, ground, far[1][0]))
-        if not ends:
+            straight.add(crank_angle(crank, ground, far[1][0]))
+        if not straight:
             continue
         checked += 1
         limits = find_limits(linkage_from(four_bar(*lengths)), "crank")
-        for limit in (limits.lower, limits.upper):
+        for limit in ends(limits):
             folded = abs(np.arctan2(np.sin(limit.value), np.cos(limit.value)))
-            assert min(abs(folded - end) for end in ends) < EXACT
+            assert min(abs(folded - end) for end in straight) < EXACT
             assert set(limit.bodies) == {"coupler", "rocker"}
 
 
 def test_a_slider_crank_locks_where_its_rod_is_square_to_the_line():
     limits = find_limits(linkage_from(slider_crank(50, 40, -5, at=0.2)), "crank")
     wanted = np.arcsin([-45 / 50, 35 / 50])
-    assert limits.lower.value == pytest.approx(wanted[0], abs=EXACT)
-    assert limits.upper.value == pytest.approx(wanted[1], abs=EXACT)
+    assert ends(limits)[0].value == pytest.approx(wanted[0], abs=EXACT)
+    assert ends(limits)[1].value == pytest.approx(wanted[1], abs=EXACT)
 
 
 def test_a_slide_has_a_stroke():
@@ -56,8 +56,8 @@ def test_a_slide_has_a_stroke():
     tables = slider_crank(40, 120, 0)
     tables["inputs"] = [{"name": "ram", "slider": "C"}]
     limits = find_limits(linkage_from(tables), "ram")
-    assert limits.lower.value == pytest.approx(80, abs=1e-8)
-    assert limits.upper.value == pytest.approx(160, abs=1e-8)
+    assert ends(limits)[0].value == pytest.approx(80, abs=1e-8)
+    assert ends(limits)[1].value == pytest.approx(160, abs=1e-8)
 
 
 def test_a_narrow_gap_between_samples_is_found():
@@ -65,8 +65,8 @@ def test_a_narrow_gap_between_samples_is_found():
     half = np.deg2rad(0.005)
     reach = np.sqrt(2**2 + 5**2 + 2 * 2 * 5 * np.cos(half))
     limits = find_limits(linkage_from(four_bar(2, reach - 4, 4, 5)), "crank")
-    assert limits.upper.value == pytest.approx(np.pi - half, abs=1e-9)
-    assert limits.lower.value == pytest.approx(-np.pi + half, abs=1e-9)
+    assert ends(limits)[1].value == pytest.approx(np.pi - half, abs=1e-9)
+    assert ends(limits)[0].value == pytest.approx(-np.pi + half, abs=1e-9)
 
 
 def test_change_points():
@@ -86,9 +86,9 @@ def test_cranks_that_turn_fully(name):
 
 def test_the_first_of_several_groups_to_lock_counts():
     limits = find_limits(gallery("watt"), "crank")
-    for limit, outward in ((limits.lower, -1), (limits.upper, 1)):
-        ends = limit.value + outward * np.array([[-1e-7], [1e-7]])
-        assert poses_of(gallery("watt"), jnp.asarray(ends)).ok.tolist() == [True, False]
+    for limit, outward in zip(ends(limits), (-1, 1), strict=True):
+        beside = limit.value + outward * np.array([[-1e-7], [1e-7]])
+        assert poses_of(gallery("watt"), jnp.asarray(beside)).ok.tolist() == [True, False]
         assert limit.bodies == ("link", "output")
 
 
@@ -107,13 +107,13 @@ def test_a_start_that_is_no_pose_is_refused():
 
 
 def test_turning_points_of_a_triad():
-    """Where it locks, the Jacobian is singular: the gap of two assemblies closes as a square root."""
+    """Where it locks, the Jacobian is singular: two assemblies meet as a square root."""
     sketch = load_sketch(FOLDER / "stephenson.toml").model_dump()
     sketch["bodies"]["crank"]["lengths"] = {"O6-D": 25.0}
     linkage = linkage_from(sketch)
     limits = find_limits(linkage, "crank")
     assert not limits.full_turn
-    for limit, outward in ((limits.lower, -1), (limits.upper, 1)):
+    for limit, outward in zip(ends(limits), (-1, 1), strict=True):
         steps = np.array([1e-4, 1e-6, 1e-8])
         poses = poses_of(linkage, jnp.asarray(limit.value - outward * steps)[:, None])
         assert bool(jnp.all(poses.ok))
@@ -127,12 +127,12 @@ def test_turning_points_of_a_triad():
 @pytest.mark.parametrize("name", ["watt", pytest.param("double-butterfly", marks=pytest.mark.slow)])
 def test_turning_points_are_differentiable(name):
     linkage = gallery(name)
-    limit = find_limits(linkage, "crank").upper
+    _, limit = ends(find_limits(linkage, "crank"))
     body = linkage.structure.moving[-1].name
 
     @jax.jit
     def value(length):
-        longer = eqx.tree_at(lambda l: l.links[body].length, linkage, length)
+        longer = eqx.tree_at(lambda design: design.links[body].length, linkage, length)
         return turning_point(longer, "crank", limit).value
 
     length = linkage.links[body].length

@@ -149,7 +149,7 @@ def test_spread_agrees_with_monte_carlo():
     deviations = no_deviations(linkage)
     for body, value in sigma.items():
         deviations = eqx.tree_at(
-            lambda l, body=body: l.links[body].length, deviations, jnp.asarray(value)
+            lambda design, body=body: design.links[body].length, deviations, jnp.asarray(value)
         )
     found = output_spread(linkage, at, lambda pose: pose.angle("rocker"), deviations)
     random = np.random.default_rng(0)
@@ -159,7 +159,9 @@ def test_spread_agrees_with_monte_carlo():
         for body, value in sigma.items()
     ]
     drawn = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (draws, *leaf.shape)), linkage)
-    drawn = eqx.tree_at(lambda l: [l.links[body].length for body in sigma], drawn, lengths)
+    drawn = eqx.tree_at(
+        lambda design: [design.links[body].length for body in sigma], drawn, lengths
+    )
     angles = jax.jit(jax.vmap(solve_poses, (0, None)))(drawn, at).value.angle("rocker")
     # 20,000 draws know a standard deviation to 0.5 %; four of these are 2 %.
     assert float(found.deviation) == pytest.approx(float(np.std(angles)), rel=0.02)

@@ -5,8 +5,9 @@ import random
 import pytest
 
 from kinematics import PlanError, describe, linkage_from, vector_loops
-from kinematics.plan import Group, make_plan
+from kinematics.plan import make_plan
 from kinematics.sketch import load_sketch
+from kinematics.steps import Group
 from kinematics.structure import Structure
 from tests.kinematics.gallery import FOLDER, NAMES, gallery
 

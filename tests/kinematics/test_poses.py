@@ -12,9 +12,10 @@ import pytest
 from kinematics import linkage_from, solve_poses
 from kinematics.evaluation import Drive, evaluate
 from kinematics.following import close, split
-from kinematics.plan import Plan, make_plan
+from kinematics.plan import make_plan
 from kinematics.sketch import load_sketch
 from kinematics.solver import Solver
+from kinematics.steps import Plan
 from tests.helpers import central_differences
 from tests.kinematics.gallery import FOLDER, NAMES, gallery, poses_of
 
@@ -41,7 +42,9 @@ def leaves_of(linkage):
 
     def rebuilt(vector):
         parts = back(vector)
-        return eqx.tree_at(lambda l: (l.anchors, l.links, l.lines), linkage, parts)
+        return eqx.tree_at(
+            lambda design: (design.anchors, design.links, design.lines), linkage, parts
+        )
 
     return flat, rebuilt
 
@@ -120,7 +123,9 @@ def test_moved_and_turned_linkages_move_and_turn():
     angle, shift = 0.7, np.array([123.0, -45.0])
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     moved = eqx.tree_at(
-        lambda l: l.anchors, linkage, jnp.asarray(np.asarray(linkage.anchors) @ turn.T + shift)
+        lambda design: design.anchors,
+        linkage,
+        jnp.asarray(np.asarray(linkage.anchors) @ turn.T + shift),
     )
     # Its crank is driven against the fixed axes, so it has to turn as well.
     before, after = poses_of(linkage, inputs), poses_of(moved, inputs + angle)
@@ -137,7 +142,7 @@ def test_scaled_linkages_scale(name):
     direction = [float(line.angle) for line in linkage.lines]
     large = rebuilt(1e6 * flat)
     if direction:
-        large = eqx.tree_at(lambda l: l.lines[0].angle, large, jnp.asarray(direction[0]))
+        large = eqx.tree_at(lambda design: design.lines[0].angle, large, jnp.asarray(direction[0]))
     small, big = poses_of(linkage, inputs), poses_of(large, inputs)
     joint = linkage.structure.joints[-1]
     np.testing.assert_allclose(big.value.position(joint), 1e6 * small.value.position(joint))
@@ -148,7 +153,9 @@ def test_mirrored_inputs_give_the_mirrored_linkage():
     linkage = gallery("slider-crank")
     inputs = near_home("slider-crank", 6)
     mirrored = eqx.tree_at(
-        lambda l: l.lines[0].point, linkage, linkage.lines[0].point * jnp.array([1.0, -1.0])
+        lambda design: design.lines[0].point,
+        linkage,
+        linkage.lines[0].point * jnp.array([1.0, -1.0]),
     )
     one, other = poses_of(linkage, inputs), poses_of(mirrored, -inputs)
     np.testing.assert_allclose(one.value.joints["C"].x, other.value.joints["C"].x, atol=1e-12)

@@ -27,6 +27,7 @@ from kinematics import (
     solve_transmission,
 )
 from tests.helpers import load_json
+from tests.kinematics.gallery import ends
 
 # One program for linkages of one structure.
 poses_of, rates_of = jax.jit(solve_poses), jax.jit(solve_rates)
@@ -54,12 +55,15 @@ def four_bar(crank, coupler, rocker, ground, *, side=1, ground_deg=0.0, sketch_d
     """A four-bar's tables; the sketch is drawn at a crank angle where it can be assembled."""
     turn = np.deg2rad(ground_deg)
     far = [ground * np.cos(turn), ground * np.sin(turn)]
-    angles = [sketch_deg] if sketch_deg is not None else range(15, 360, 15)
-    for angle in angles:
-        a = [crank * np.cos(np.deg2rad(angle)), crank * np.sin(np.deg2rad(angle))]
-        d = np.hypot(far[0] - a[0], far[1] - a[1])
-        if abs(coupler - rocker) + 0.05 < d < coupler + rocker - 0.05:
-            break
+
+    def pin(angle):
+        return [crank * np.cos(np.deg2rad(angle)), crank * np.sin(np.deg2rad(angle))]
+
+    def reached(angle):
+        d = np.hypot(far[0] - pin(angle)[0], far[1] - pin(angle)[1])
+        return abs(coupler - rocker) + 0.05 < d < coupler + rocker - 0.05
+
+    a = pin(next(filter(reached, range(15, 360, 15))) if sketch_deg is None else sketch_deg)
     b = circle_meet(a, far, coupler, rocker, side)
     return {
         "joints": {"O2": [0, 0], "A": a, "B": b, "O4": far},
@@ -202,7 +206,15 @@ def test_norton_offset_slider_crank(mode, sign, solve):
 def test_ch_toolkit_four_bar_on_inclined_ground(number, side, solve):
     inputs, expected, tolerance = case("ch-toolkit-fourbar")
     lengths = [inputs[f"r{i}_{n}"] for i, n in ((2, "crank"), (3, "coupler"), (4, "rocker"))]
-    tables = four_bar(*lengths, inputs["r1_ground"], side=side, ground_deg=inputs["theta1_deg"])
+    crank, coupler, rocker = lengths
+    tables = four_bar(
+        crank,
+        coupler,
+        rocker,
+        inputs["r1_ground"],
+        side=side,
+        ground_deg=inputs["theta1_deg"],
+    )
     pose = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([inputs["theta2_deg"]]))).value
     (row,) = solve(tables, "--sweep", f"crank={inputs['theta2_deg']}")
     for body, name in (("coupler", "theta3"), ("rocker", "theta4")):
@@ -322,11 +334,11 @@ def test_rhombus_at_its_change_point(mirror, solve):
 def test_circles_that_meet_and_touch(number, solve):
     inputs, expected, near = case("pyslvs-dyad-rrr")
     left, right = inputs["radii"][number]
-    (k, _), (l, _) = inputs["c1"], inputs["c2"]
+    (near_x, _), (far_x, _) = inputs["c1"], inputs["c2"]
     # A crank puts the left centre in its place; from there, the circles come apart on one side.
-    crank, angle = (10, 180) if left + right == l - k else (10, 0)
-    pivot = k - crank * np.cos(np.deg2rad(angle))
-    tables = four_bar(crank, left, right, l - pivot)
+    crank, angle = (10, 180) if left + right == far_x - near_x else (10, 0)
+    pivot = near_x - crank * np.cos(np.deg2rad(angle))
+    tables = four_bar(crank, left, right, far_x - pivot)
     for joint in tables["joints"].values():
         joint[0] += pivot
     poses = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([angle], float)))
@@ -392,7 +404,7 @@ def test_watts_curve(solve):
     tables["bodies"]["coupler"]["lengths"] = {"A-B": 2 * c, "A-M": c}
     linkage = linkage_from(tables)
     limits = find_limits(linkage, "crank")
-    low, high = limits.lower.value, limits.upper.value
+    low, high = ends(limits)[0].value, ends(limits)[1].value
     for theta, r in zip(inputs["polar_theta_rad"], expected["r"], strict=True):
         assert _radius_at(linkage, theta, low, high, r, solve, tables) == pytest.approx(
             r, abs=tolerance

@@ -215,8 +215,9 @@ def test_gradients_agree_with_the_reference(case):
         found, _ = ravel_pytree(jax.jit(jax.grad(function))(dimensions(linkage)))
         np.testing.assert_allclose(found, expected, atol=1e-12 * scale)
     walk = sequential.fsolve_walk(1e-12)
-    found = sequential.gradient_by_differences(walk, case, drawn(case), case.angles(poses))
-    np.testing.assert_allclose(found, expected, atol=1e-7 * scale)
+    # In steps of 15 degrees fsolve ends in the slider-crank's other assembly; not in these.
+    found = sequential.gradient_by_differences(walk, case, drawn(case), case.angles(POSES))
+    np.testing.assert_allclose(found, exact.gradient(case, POSES), atol=1e-7 * scale)
 
 
 PEERS = {
@@ -290,8 +291,8 @@ def test_claims_can_be_proved_wrong():
 
     ours = row(contenders.OURS, 1e-15, 1.0)
     floor = row(contenders.FLOOR, 1e-16, 0.1)
-    assert statements.closed_form_claim([ours, floor, row("x", 1e-14, 0.1)]).holds
-    assert not statements.closed_form_claim([ours, floor, row("x", 1e-16, 0.1)]).holds
+    assert statements.closed_form_claim(20, [ours, floor, row("x", 1e-14, 0.1)]).holds
+    assert not statements.closed_form_claim(20, [ours, floor, row("x", 1e-16, 0.1)]).holds
 
 
 def test_the_six_bar_is_driven_within_its_limits():
