@@ -149,7 +149,7 @@ def _by_many_starts(
         solved = scipy.optimize.least_squares(
             lambda x: np.asarray(gaps(jnp.asarray(x))),
             start,
-            jac=jacobian,
+            jac=jacobian,  # pyright: ignore[reportArgumentType]
             xtol=1e-15,
             ftol=1e-15,
             gtol=1e-15,

@@ -129,7 +129,7 @@ def _in_blocks(
 
 
 def _solve_block(solver: Solver, drive: Drive, finite: Bool[Array, " block"]) -> Solution[Pose]:
-    solved, spans = jax.vmap(lambda *one: _solve_one(solver, *one, {}))(drive, finite)
+    solved, spans = jax.vmap(lambda drive, finite: _solve_one(solver, drive, finite, {}))(drive, finite)
     if not spans:
         return solved
 

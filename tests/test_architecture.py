@@ -31,7 +31,7 @@ def test_imports_point_one_way():
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("package", ["designopt", "optics"])
+@pytest.mark.parametrize("package", ["designopt", "kinematics", "optics"])
 def test_every_public_name_exists_and_is_documented(package):
     module = importlib.import_module(package)
     stub = ast.parse((ROOT / package / "__init__.pyi").read_text(encoding="utf-8"))

@@ -195,9 +195,8 @@ def closed_form_claim(poses: int, rows: Sequence[PrecisionRow]) -> Claim:
     return Claim(
         f"Of {poses:,} poses, nothing that was measured is both faster and closer than the closed "
         "form; for short sweeps the findings name who is fastest.",
-        "It evaluates each loop once, and takes differences of squares only in factored form."
-        " An iteration evaluates the loops several times, and a block of "
-        "poses waits for its slowest. A call for one pose costs mostly the call, whatever it computes.",
+        "It evaluates each loop once, and takes differences of squares only in factored form. An "
+        "iteration evaluates the loops several times, and a block of poses waits for its slowest.",
         evidence,
         not beaten,
     )
