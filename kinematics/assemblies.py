@@ -91,7 +91,7 @@ def _with_sign(choice: _Choice, group: Group, sign: int) -> _Choice:
 def _state(solver: Solver, plan: Plan, drive: Drive, choice: _Choice) -> State:
     signs = jnp.asarray(choice.signs, solver.size.dtype)
     unknowns = {index: (jnp.asarray(part), ()) for index, part in choice.unknowns.items()}
-    return evaluate(solver.unit, plan, drive, signs, unknowns, {})
+    return evaluate(solver.unit, plan, drive, signs, unknowns)
 
 
 def _until(plan: Plan, group: Group) -> Plan:

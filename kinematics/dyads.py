@@ -10,12 +10,11 @@ Source: J. J. Uicker, G. R. Pennock, J. E. Shigley, *Theory of Machines and Mech
 
 from __future__ import annotations
 
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from designopt.numerics import safe_divide, safe_sqrt
-from kinematics.vectors import Vector, rotation
+from kinematics.vectors import Vector
 
 Scalar = Float[Array, ""]
 
@@ -30,26 +29,24 @@ def two_angles(
         a: from the first pin to the middle one, in its body's frame, mm.
         b: from the middle pin to the last, in its body's frame, mm.
         side: +1 if the middle pin lies to the left of e, −1 if to the right.
-        towards: direction to take for e where it vanishes and leaves the answer open.
+        towards: direction to take for e where it vanishes and leaves the answer open, of any
+            length.
 
     Returns:
         α, β and two margins: |a| + |b| − |e| (too far apart) and |e| − ||a| − |b|| (too near).
     """
-    aa, bb, ee = a.squared(), b.squared(), e.squared()
+    base = apart(e, towards)
+    aa, bb, ee = a.squared(), b.squared(), base.squared()
     length_a, length_b = safe_sqrt(aa), safe_sqrt(bb)
     reach, difference = length_a + length_b, length_a - length_b
-    undecided = coincide(e)
     # 16 area² of the triangle as (reach² − e²)(e² − difference²), after Heron: no cancellation
     # but that of the distances themselves.
     height = safe_sqrt((reach * reach - ee) * (ee - difference * difference))
     inverse, _ = safe_divide(jnp.ones_like(ee), ee)
-    # Middle pin = x e + y e⊥; where the outer pins coincide, a whole circle of answers is left,
-    # of which `towards` picks one.
+    # Middle pin = x e + y e⊥.
     along = 0.5 * (1 + reach * difference * inverse)
     across = 0.5 * side * height * inverse
-    middle = e.scaled(along) + e.perpendicular().scaled(across)
-    limit = _unit(towards).perpendicular().scaled(side * length_a)
-    middle = _either(undecided, limit, middle)
+    middle = base.scaled(along) + base.perpendicular().scaled(across)
     length_e = safe_sqrt(ee)
     return (
         _quotient(middle, a, aa),
@@ -90,17 +87,17 @@ def angle_and_own_slide(
         a: from the pin to the slot's first point, in the body's frame, mm.
         u: direction of the slot in the body's frame, a unit vector.
         side: sign of (a + s u) · u.
-        towards: direction to take for e where it vanishes and leaves the answer open.
+        towards: direction to take for e where it vanishes and leaves the answer open, of any
+            length.
 
     Returns:
         α, s and the margin |e| − distance of the pin from the slot.
     """
+    e = apart(e, towards)
     distance = u.cross(a)
     length_e = e.length()
     reach = side * safe_sqrt((length_e - distance) * (length_e + distance))
     arm = Vector(reach, distance).turned(u)
-    undecided = coincide(e)
-    e, arm = _either(undecided, _unit(towards), e), _either(undecided, u, arm)
     return _quotient(e, arm, arm.squared()), reach - u.dot(a), (length_e - jnp.abs(distance),)
 
 
@@ -121,20 +118,18 @@ def two_slides(e: Vector, v: Vector, w: Vector) -> tuple[Scalar, Scalar, tuple[S
     return s, t, (jnp.abs(sine),)
 
 
-def coincide(e: Vector) -> Bool[Array, "*batch"]:
-    """Whether two pins are so near that the vector between them has no direction."""
-    squared = e.squared()
-    return squared * squared <= jnp.finfo(squared.dtype).tiny
+def apart(e: Vector, towards: Vector) -> Vector:
+    """A vector, or where it is too short to have a direction a short one along another.
 
-
-def _unit(direction: Vector) -> Vector:
-    """A vector scaled to length 1, without a slope; +x for the zero vector."""
-    angle = jax.lax.stop_gradient(direction.angle())
-    return rotation(angle)
-
-
-def _either(condition: Bool[Array, ""], yes: Vector, no: Vector) -> Vector:
-    return Vector(jnp.where(condition, yes.x, no.x), jnp.where(condition, yes.y, no.y))
+    Where the outer pins of a dyad coincide, a whole circle of answers is left, of which the
+    direction picks one. What replaces the vector is far below rounding.
+    """
+    least = 2 * jnp.finfo(e.x.dtype).tiny ** 0.25  # its fourth power can still be divided by
+    known = e.squared() > least * least
+    length = 1e3 * least
+    directed = towards.squared() > 1e-6
+    x = jnp.where(known, e.x, length * jnp.where(directed, towards.x, 1.0))
+    return Vector(x, jnp.where(known, e.y, length * jnp.where(directed, towards.y, 0.0)))
 
 
 def _quotient(image: Vector, original: Vector, squared: Scalar) -> Vector:

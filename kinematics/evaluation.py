@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from kinematics.dyads import angle_and_own_slide, angle_and_slide, two_angles, two_slides
 from kinematics.linkage import Linkage
 from kinematics.loops import Loop
-from kinematics.steps import Group, Plan, Turn
+from kinematics.steps import Group, Placement, Plan, Turn
 from kinematics.structure import WORLD, Incidence
 from kinematics.vectors import Vector, rotation
 
@@ -25,15 +26,18 @@ class Drive(eqx.Module):
     Attributes:
         values: values of the inputs, rad or units of the linkage's size.
         turns: their cosines and sines, for the inputs that are angles.
+        back: +1 or −1, the direction in which each goes back to the sketch; 0 if it is there.
     """
 
     values: Float[Array, "*batch inputs"]
     turns: Vector
+    back: Float[Array, "*batch inputs"]
 
     @classmethod
-    def at(cls, values: Float[Array, "*batch inputs"]) -> Drive:
-        """The drive for these values of the inputs."""
-        return cls(values, rotation(values))
+    def at(cls, values: Float[Array, "*batch inputs"], home: Float[Array, " inputs"]) -> Drive:
+        """The drive for these values of the inputs, sketched at ``home``."""
+        back = jnp.sign(jnp.broadcast_to(home, values.shape) - values)
+        return cls(values, rotation(values), jax.lax.stop_gradient(back))
 
 
 @dataclass
@@ -48,7 +52,8 @@ class State:
         places: joints whose place is known.
         slides: sliders whose place is known.
         margins: margins of solved groups.
-        spans: for groups whose answer is open where two pins coincide, the vector between them.
+        swings: how placed joints move when the inputs go back to the sketch, as far as the inputs
+            move them directly; it decides where two pins coincide.
         gaps: what is missing in the loops of iterated groups.
         solved: rotations found by groups that are solved in the frame of a body.
     """
@@ -60,7 +65,7 @@ class State:
     places: dict[str, Vector] = field(default_factory=dict)
     slides: dict[int, Scalar] = field(default_factory=dict)
     margins: dict[int, tuple[Scalar, ...]] = field(default_factory=dict)
-    spans: dict[int, Vector] = field(default_factory=dict)
+    swings: dict[str, Vector] = field(default_factory=dict)
     gaps: dict[int, list[Vector]] = field(default_factory=dict)
     solved: dict[tuple[int, int], Vector] = field(default_factory=dict)
 
@@ -94,6 +99,12 @@ class State:
         """The rotation by 0."""
         one = jnp.ones_like(self.linkage.anchors[0, 0])
         return Vector(one, jnp.zeros_like(one))
+
+    @property
+    def at_rest(self) -> Vector:
+        """The zero vector."""
+        zero = jnp.zeros_like(self.linkage.anchors[0, 0])
+        return Vector(zero, zero)
 
     def _turn(self, turn: Turn) -> Vector:
         if turn.input is not None:
@@ -147,8 +158,7 @@ class Terms:
 
 def loop_terms(state: State, group: Group, loop: Loop) -> Terms:
     """A loop's vectors, sorted by what is unknown in them."""
-    zero = Vector(*(jnp.zeros_like(state.no_turn.x),) * 2)
-    known = zero
+    zero = known = state.at_rest
     if loop.start is not None and loop.end is not None:
         known = state.places[loop.start] - state.places[loop.end]
     vectors: dict[str, Vector] = {}
@@ -174,7 +184,6 @@ def evaluate(
     drive: Drive,
     signs: Float[Array, " groups"],
     unknowns: Mapping[int, tuple[Float[Array, "..."], tuple[Scalar, ...]]],
-    towards: Mapping[int, Vector],
 ) -> State:
     """Run the plan for one pose.
 
@@ -184,7 +193,6 @@ def evaluate(
         drive: the inputs.
         signs: assembly of each group.
         unknowns: for each iterated group its angles and slides, found elsewhere, and its margins.
-        towards: for each group in `State.spans`, the direction to take where the span vanishes.
     """
     state = State(linkage, plan, drive)
     for index, part in enumerate(linkage.structure.inputs):
@@ -193,15 +201,27 @@ def evaluate(
     state.know_angle(WORLD, state.no_turn)
     for joint in linkage.structure.fixed_joints:
         state.places[joint] = linkage.anchor(joint)
+        state.swings[joint] = state.at_rest
     for step in plan.steps:
         if not isinstance(step, Group):
             state.places[step.at.joint] = state.carried(step.at, step.reference)
+            state.swings[step.at.joint] = _swing(state, step)
         elif step.kind == "iterated":
             _take(state, step, *unknowns[step.index])
         else:
-            fallback = towards.get(step.index, state.no_turn)
-            _solve(state, step, signs[step.index], fallback)
+            _solve(state, step, signs[step.index])
     return state
+
+
+def _swing(state: State, step: Placement) -> Vector:
+    """How a joint moves with its body, when that is turned by inputs on their way back."""
+    base = state.swings[step.reference.joint]
+    rate = state.at_rest.x
+    for turn in state.plan.orientations[step.at.body].turns:
+        if turn.input is not None:
+            rate = rate + turn.sign * state.drive.back[turn.input]
+    arm = state.places[step.at.joint] - state.places[step.reference.joint]
+    return base + arm.perpendicular().scaled(rate)
 
 
 def _take(
@@ -215,13 +235,15 @@ def _take(
     state.gaps[group.index] = [loop_terms(state, group, loop).known for loop in group.loops]
 
 
-def _solve(state: State, group: Group, side: Scalar, towards: Vector) -> None:
-    terms = loop_terms(state, group, group.loops[0])
-    e = -terms.known
+def _solve(state: State, group: Group, side: Scalar) -> None:
+    loop = group.loops[0]
+    terms = loop_terms(state, group, loop)
+    e, towards = -terms.known, state.at_rest
+    if loop.start is not None and loop.end is not None:
+        towards = state.swings[loop.end] - state.swings[loop.start]
     match group.kind:
         case "RRR":
             first, second = group.angles
-            state.spans[group.index] = e
             alpha, beta, margins = two_angles(
                 e, terms.vectors[first], terms.vectors[second], side, towards
             )
@@ -232,7 +254,6 @@ def _solve(state: State, group: Group, side: Scalar, towards: Vector) -> None:
             if group.kind == "RRP":
                 alpha, slide, margins = angle_and_slide(e, terms.vectors[root], along, side)
             else:
-                state.spans[group.index] = e
                 alpha, slide, margins = angle_and_own_slide(
                     e, terms.vectors[root], along, side, towards
                 )

@@ -73,7 +73,7 @@ def loop_gaps(
 ) -> Vectors:
     """What is missing in the loops of the iterated groups, in units of the linkage's size."""
     parts = {index: (part, ()) for index, part in split(plan, unknowns).items()}
-    state = evaluate(linkage, plan, Drive.at(inputs), signs, parts, {})
+    state = evaluate(linkage, plan, Drive.at(inputs, inputs), signs, parts)
     gaps = [gap for group in plan.iterated for gap in state.gaps[group.index]]
     return jnp.stack([entry for gap in gaps for entry in (gap.x, gap.y)])
 

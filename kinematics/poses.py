@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import equinox as eqx
@@ -12,11 +12,9 @@ from jaxtyping import Array, Bool, Float
 
 from designopt.numerics import as_float
 from designopt.solution import Solution
-from kinematics.dyads import coincide
 from kinematics.evaluation import Drive, State, closure
 from kinematics.linkage import Linkage
 from kinematics.solver import Pose, Solver
-from kinematics.vectors import Vector
 
 BLOCK = 8192
 """Poses computed at a time, so that what lies between inputs and results stays in the cache."""
@@ -103,17 +101,17 @@ def solve_poses(
     # Angles become unit vectors here: XLA would compute their sines anew for every output.
     drive = solver.drive(jnp.where(finite[..., None], inputs, 0.0))
     flat = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[len(batch) :]), (drive, finite))
-    solved = _in_blocks(lambda given: _solve_block(solver, *given), flat)
+    solved = _in_blocks(jax.vmap(lambda drive, finite: _solve_one(solver, drive, finite)), flat)
     return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), solved)
 
 
 def _in_blocks(
-    solve: Callable[[tuple[Drive, Bool[Array, " block"]]], Solution[Pose]],
+    solve: Callable[[Drive, Bool[Array, " block"]], Solution[Pose]],
     flat: tuple[Drive, Bool[Array, " poses"]],
 ) -> Solution[Pose]:
     count = flat[1].shape[0]
     if count <= 2 * BLOCK:
-        return solve(flat)
+        return solve(*flat)
     # Blocks of one size, near the wanted one; the last is filled up with the last pose.
     size = next((s for s in range(BLOCK, BLOCK // 2, -1) if count % s == 0), BLOCK)
     blocks = -(-count // size)
@@ -124,34 +122,14 @@ def _in_blocks(
             leaf = jnp.concatenate([leaf, last])
         return leaf.reshape(blocks, size, *leaf.shape[1:])
 
-    solved = jax.lax.map(jax.checkpoint(solve), jax.tree.map(fold, flat))
+    solved = jax.lax.map(jax.checkpoint(lambda block: solve(*block)), jax.tree.map(fold, flat))
     return jax.tree.map(lambda leaf: leaf.reshape(blocks * size, *leaf.shape[2:])[:count], solved)
 
 
-def _solve_block(solver: Solver, drive: Drive, finite: Bool[Array, " block"]) -> Solution[Pose]:
-    solved, spans = jax.vmap(lambda drive, finite: _solve_one(solver, drive, finite, {}))(drive, finite)
-    if not spans:
-        return solved
-
-    def approached(drive: Drive, finite: Bool[Array, ""]) -> Solution[Pose]:
-        # Where two pins coincide, the pose is the one it tends to, coming from the sketch.
-        step = jnp.finfo(solver.home.dtype).eps ** 0.6 * jnp.sign(solver.home - drive.values)
-        _, directions = _solve_one(solver, Drive.at(drive.values + step), finite, {})
-        return _solve_one(solver, drive, finite, directions)[0]
-
-    undecided = jnp.stack([jnp.any(coincide(span)) for span in spans.values()])
-    return jax.lax.cond(
-        jnp.any(undecided), lambda: jax.vmap(approached)(drive, finite), lambda: solved
-    )
-
-
-def _solve_one(
-    solver: Solver, drive: Drive, finite: Bool[Array, ""], towards: Mapping[int, Vector]
-) -> tuple[Solution[Pose], dict[int, Vector]]:
-    state = solver.state(drive, towards)
+def _solve_one(solver: Solver, drive: Drive, finite: Bool[Array, ""]) -> Solution[Pose]:
+    state = solver.state(drive)
     margin, result = _verdict(state, finite)
-    solution = Solution(solver.pose(state), margin * solver.size, closure(state), result)
-    return solution, state.spans
+    return Solution(solver.pose(state), margin * solver.size, closure(state), result)
 
 
 def _verdict(state: State, finite: Bool[Array, ""]) -> tuple[Float[Array, ""], Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import equinox as eqx
@@ -80,15 +80,15 @@ class Solver(eqx.Module):
 
     def drive(self, inputs: Float[Array, "*batch inputs"]) -> Drive:
         """The drive for inputs in rad or mm."""
-        return Drive.at(_in_units(self.linkage, inputs, self.size))
+        return Drive.at(_in_units(self.linkage, inputs, self.size), self.home)
 
-    def state(self, drive: Drive, towards: Mapping[int, Vector] | None = None) -> State:
-        """Everything about one pose; ``towards`` as in `evaluation.evaluate`."""
+    def state(self, drive: Drive) -> State:
+        """Everything about one pose."""
         unknowns = {}
         followed = self.followed(drive)
         if followed is not None:
             unknowns = solve_iterated(self.unit, self.plan, drive.values, self.signs, followed)
-        return evaluate(self.unit, self.plan, drive, self.signs, unknowns, towards or {})
+        return evaluate(self.unit, self.plan, drive, self.signs, unknowns)
 
     def followed(self, drive: Drive, *, turns: bool = False) -> Followed | None:
         """Where the iterated groups are, without derivatives; none if there is no such group.
@@ -110,7 +110,7 @@ class Solver(eqx.Module):
         if followed is not None:
             solved = close(self.unit, self.plan, drive.values, self.signs, followed.unknowns)
             unknowns = {group: (part, ()) for group, part in split(self.plan, solved).items()}
-        return evaluate(self.unit, self.plan, drive, self.signs, unknowns, {})
+        return evaluate(self.unit, self.plan, drive, self.signs, unknowns)
 
     def pose(self, state: State) -> Pose:
         """The pose of a state in mm, in the world."""

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -65,13 +65,13 @@ def write_table(columns: dict[str, np.ndarray], target: str) -> None:
         UserError: the file cannot be written.
     """
     if target == "-":
-        _write(columns, sys.stdout)
+        sys.stdout.writelines(_lines(columns))
         return
     with (
         replaced_when_complete(Path(target)) as partial,
         partial.open("w", encoding="utf-8", newline="") as stream,
     ):
-        _write(columns, stream)
+        stream.writelines(_lines(columns))
 
 
 @contextmanager
@@ -90,13 +90,14 @@ def replaced_when_complete(path: Path) -> Iterator[Path]:
         raise UserError(f"{path}: cannot be written: {error.strerror}; choose another") from error
 
 
-def _write(columns: dict[str, np.ndarray], stream: IO[str]) -> None:
-    stream.write(",".join(columns) + "\n")
+def _lines(columns: dict[str, np.ndarray]) -> Iterator[str]:
+    yield ",".join(columns) + "\n"
     # Shortest decimals that give back the same number.
     texts = [
-        [str(v) for v in column.tolist()]
+        [str(value) for value in column.tolist()]
         if column.dtype.kind == "i"
-        else ["" if v != v else repr(v) for v in column.tolist()]
+        else ["" if value != value else repr(value) for value in column.tolist()]
         for column in columns.values()
     ]
-    stream.writelines(",".join(row) + "\n" for row in zip(*texts, strict=True))
+    for row in zip(*texts, strict=True):
+        yield ",".join(row) + "\n"

@@ -33,8 +33,8 @@ CHECKED = 200
 SUMMED = 400
 """Poses of a sweep up to which its mean is summed; a longer one's is integrated."""
 
-NODES_DEGREE = 6
-"""Degree of mpmath's rule for the integral: 96 nodes."""
+NODES_DEGREE = 5
+"""Degree of mpmath's rule for the integral: 48 nodes."""
 
 
 class Positions(NamedTuple):
@@ -75,26 +75,12 @@ def positions(case: Case, poses: int, part: int) -> Positions:
 @functools.cache
 def gradient(case: Case, poses: int) -> np.ndarray:
     """Derivative of `mean_square` with respect to all dimensions, raveled."""
-    linkage = drawn(case)
-    leaves, structure = jax.tree.flatten(dimensions(linkage))
     with mpmath.workdps(DIGITS):
-        step = mpmath.mpf(10) ** (-DIGITS // 3)
-        numbers = [mpmath.mpf(float(number)) for leaf in leaves for number in np.ravel(leaf)]
-
-        def at(values: list[Any]) -> Any:
-            rebuilt, used = [], 0
-            for leaf in leaves:
-                part = np.array(values[used : used + leaf.size], dtype=object)
-                rebuilt.append(part.reshape(leaf.shape))
-                used += leaf.size
-            moved = with_dimensions(linkage, jax.tree.unflatten(structure, rebuilt))
-            return mean_square(case, jax.tree.map(_number, sizes_of(moved)), poses)
-
-        slopes = []
-        for i, number in enumerate(numbers):
-            ends = [at([*numbers[:i], number + move, *numbers[i + 1 :]]) for move in (step, -step)]
-            slopes.append(float((ends[0] - ends[1]) / (2 * step)))
-    return np.array(slopes)
+        if poses <= SUMMED:
+            return np.array([float(slope) for (slope,) in _slopes(case, poses)])
+        weights = _weights(case, poses)
+        summed: list[Any] = [mpmath.fdot(weights, slopes) for slopes in _slopes(case, None)]
+        return np.array([float(slope) for slope in summed])
 
 
 @functools.cache
@@ -110,23 +96,65 @@ def mean_square(case: Case, sizes: Sizes, poses: int) -> Any:
     That of a long sweep is the integral over the crank's angle, by Gauss and Legendre's rule,
     with the end corrections of Euler and Maclaurin, which make it that of equal steps.
     """
+    if poses <= SUMMED:
+        return _parts(case, sizes, poses)[0]
+    return mpmath.fdot(_weights(case, poses), _parts(case, sizes, None))
+
+
+def _parts(case: Case, sizes: Sizes, poses: int | None) -> list[Any]:
+    """The mean over so many poses; or for any long sweep the mean in the limit and at the ends.
+
+    Returns:
+        One number; or the integral over the range, and by how much the squared distance, its
+        first and its third derivative rise from start to end, all over the range.
+    """
 
     def square(angle: Any) -> Any:
         x, y = pose(case, sizes, angle)[-1]
         return x * x + y * y
 
-    if poses <= SUMMED:
-        return mpmath.fsum(square(mpmath.mpf(float(a))) for a in case.angles(poses)) / poses
+    if poses is not None:
+        return [mpmath.fsum(square(mpmath.mpf(float(a))) for a in case.angles(poses)) / poses]
     start, end = (mpmath.mpf(float(limit)) for limit in np.deg2rad(case.sweep_deg))
     half, middle = (end - start) / 2, (end + start) / 2
     nodes = GaussLegendre(mpmath.mp).get_nodes(-1, 1, NODES_DEGREE, mpmath.mp.prec)
-    integral = half * mpmath.fsum(weight * square(middle + half * node) for node, weight in nodes)
+    mean = mpmath.fsum(weight * square(middle + half * node) for node, weight in nodes) / 2
+    rises = [mpmath.diff(square, end, n) - mpmath.diff(square, start, n) for n in (0, 1, 3)]
+    return [mean, *(rise / (end - start) for rise in rises)]
+
+
+def _weights(case: Case, poses: int) -> list[Any]:
+    """What the `_parts` of a long sweep count: Bernoulli's numbers over factorials.
+
+    Equal steps count the start and not the end.
+    """
+    start, end = (mpmath.mpf(float(limit)) for limit in np.deg2rad(case.sweep_deg))
     width = (end - start) / poses
-    # Bernoulli's numbers over factorials; equal steps count the start and not the end.
-    for order, factor in ((0, -0.5), (1, mpmath.mpf(1) / 12), (3, -mpmath.mpf(1) / 720)):
-        rise = mpmath.diff(square, end, order) - mpmath.diff(square, start, order)
-        integral += factor * width ** (order + 1) * rise
-    return integral / (end - start)
+    return [mpmath.mpf(1), -width / 2, width**2 / 12, -(width**4) / 720]
+
+
+@functools.cache
+def _slopes(case: Case, poses: int | None) -> list[list[Any]]:
+    """Derivatives of the `_parts` with respect to each of the raveled dimensions."""
+    linkage = drawn(case)
+    leaves, structure = jax.tree.flatten(dimensions(linkage))
+    step = mpmath.mpf(10) ** (-DIGITS // 3)
+    numbers = [mpmath.mpf(float(number)) for leaf in leaves for number in np.ravel(leaf)]
+
+    def at(values: list[Any]) -> list[Any]:
+        rebuilt, used = [], 0
+        for leaf in leaves:
+            part = np.array(values[used : used + leaf.size], dtype=object)
+            rebuilt.append(part.reshape(leaf.shape))
+            used += leaf.size
+        moved = with_dimensions(linkage, jax.tree.unflatten(structure, rebuilt))
+        return _parts(case, jax.tree.map(_number, sizes_of(moved)), poses)
+
+    slopes = []
+    for i, number in enumerate(numbers):
+        ends = [at([*numbers[:i], number + move, *numbers[i + 1 :]]) for move in (step, -step)]
+        slopes.append([(up - down) / (2 * step) for up, down in zip(*ends, strict=True)])
+    return slopes
 
 
 def exact_sizes(case: Case) -> Sizes:

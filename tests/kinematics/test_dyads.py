@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinematics.dyads import angle_and_own_slide, angle_and_slide, coincide, two_angles, two_slides
+from kinematics.dyads import angle_and_own_slide, angle_and_slide, apart, two_angles, two_slides
 from kinematics.vectors import Vector, direction_to_meeting, folded_angle, vector
 
 number = st.floats(-10, 10).map(lambda x: x or 1.0)
@@ -86,13 +86,23 @@ def test_two_slides(e, v, w):
 
 def test_coincident_pins_take_the_direction_they_are_given():
     zero, one = plane_vector((0, 0)), plane_vector((1, 0))
-    assert bool(coincide(zero))
-    assert not bool(coincide(plane_vector((1e-60, 0))))
-    for towards in ((0, 1e-9), (3, 4)):  # of any length
+    for towards in ((0, 0.01), (3, 4), (-1, 0)):  # of any length
         alpha, beta, _ = two_angles(zero, one, one, jnp.asarray(1.0), plane_vector(towards))
         expected = complex(*towards) / abs(complex(*towards)) * 1j
         assert abs(number_of(alpha) - expected) < 1e-15
         assert abs(number_of(beta) + expected) < 1e-15
+
+
+def test_only_what_has_no_direction_is_replaced():
+    for dtype, small, smaller in (("float64", 1e-70, 1e-80), ("float32", 1e-8, 1e-10)):
+        towards = vector(jnp.asarray([0.0, 1.0], dtype))
+        kept = apart(vector(jnp.asarray([small, 0.0], dtype)), towards)
+        assert (float(kept.x), float(kept.y)) == (float(np.asarray(small, dtype)), 0.0)
+        replaced = apart(vector(jnp.asarray([smaller, 0.0], dtype)), towards)
+        assert float(replaced.x) == 0.0
+        assert 0 < float(replaced.y) < 10 * np.finfo(dtype).eps
+        anywhere = apart(vector(jnp.zeros(2, dtype)), vector(jnp.zeros(2, dtype)))
+        assert float(anywhere.x) > 0
 
 
 def test_slopes_stay_finite_at_and_beyond_lockup():

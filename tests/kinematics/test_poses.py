@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kinematics import linkage_from, solve_poses
-from kinematics.evaluation import Drive, evaluate
+from kinematics.evaluation import evaluate
 from kinematics.following import close, split
 from kinematics.plan import make_plan
 from kinematics.sketch import load_sketch
@@ -109,7 +109,7 @@ def test_closed_form_and_newton_agree(name):
         ]
         found = close(solver.unit, newton, drive.values, solver.signs, jnp.stack(guess))
         parts = {index: (part, ()) for index, part in split(newton, found).items()}
-        again = evaluate(solver.unit, newton, Drive.at(drive.values), solver.signs, parts, {})
+        again = evaluate(solver.unit, newton, drive, solver.signs, parts)
         return state.places, again.places
 
     closed, iterated = both(near_home(name, 50, 0.5))
