@@ -43,11 +43,12 @@ def two_angles(
     # but that of the distances themselves.
     height = safe_sqrt((reach * reach - ee) * (ee - difference * difference))
     inverse, _ = safe_divide(jnp.ones_like(ee), ee)
-    # Middle pin = x e + y e⊥.
-    along = 0.5 * (1 + reach * difference * inverse)
+    # Middle pin = x e + y e⊥; beyond lock-up, where y is 0, it stays at its distance.
+    length_e = safe_sqrt(ee)
+    most = length_a * length_e * inverse
+    along = jnp.clip(0.5 * (1 + reach * difference * inverse), -most, most)
     across = 0.5 * side * height * inverse
     middle = base.scaled(along) + base.perpendicular().scaled(across)
-    length_e = safe_sqrt(ee)
     return (
         _quotient(middle, a, aa),
         _quotient(e - middle, b, bb),
