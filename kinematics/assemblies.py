@@ -13,12 +13,11 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
 from kinematics.evaluation import Drive, State, evaluate
-from kinematics.following import loop_gaps
+from kinematics.following import ROUNDING_UNITS, loop_gaps
 from kinematics.linkage import Linkage
-from kinematics.poses import ROUNDING_UNITS
 from kinematics.solver import Pose, Solver
 from kinematics.steps import Group, Plan
-from kinematics.triads import CLOSED, SAME, AllSolutions, solve_two_loops
+from kinematics.triads import CLOSED, SAME, AllSolutions, distance, solve_two_loops
 
 STARTS = 400
 """Random starts for a group of more than two loops, for which no complete method is used."""
@@ -62,19 +61,17 @@ def assemblies(linkage: Linkage, inputs: Float[Array, " inputs"]) -> Assemblies:
     drive = solver.drive(values)
     choices, complete = [_Choice((0,) * len(linkage.assembly), {})], True
     for group in solver.plan.groups:
-        if group.kind in ("RRR", "RRP", "RPR"):
+        if group.kind != "iterated":
             choices = [_with_sign(choice, group, sign) for choice in choices for sign in (1, -1)]
             choices = [choice for choice in choices if _exists(solver, drive, choice, group)]
-        elif group.kind == "iterated":
-            found = [(choice, _solutions(solver, drive, choice, group)) for choice in choices]
-            complete = complete and all(solutions.complete for _, solutions in found)
-            choices = [
-                replace(choice, unknowns={**choice.unknowns, group.index: unknowns})
-                for choice, solutions in found
-                for unknowns in solutions.unknowns
-            ]
-        else:
-            choices = [choice for choice in choices if _exists(solver, drive, choice, group)]
+            continue
+        found = [(choice, _solutions(solver, drive, choice, group)) for choice in choices]
+        complete = complete and all(solutions.complete for _, solutions in found)
+        choices = [
+            replace(choice, unknowns={**choice.unknowns, group.index: unknowns})
+            for choice, solutions in found
+            for unknowns in solutions.unknowns
+        ]
     poses: list[Pose] = []
     for choice in choices:
         pose = solver.pose(_state(solver, solver.plan, drive, choice))
@@ -158,8 +155,7 @@ def _by_many_starts(
         if np.max(np.abs(solved.fun)) > CLOSED:
             continue
         unknowns = np.where(is_angle, np.angle(np.exp(1j * solved.x)), solved.x)
-        step = [np.abs(np.exp(1j * unknowns) - np.exp(1j * other)) for other in found]
-        if all(np.max(distance) > SAME for distance in step):
+        if all(distance(unknowns, other, is_angle) > SAME for other in found):
             found.append(unknowns)
     return AllSolutions(np.array(found).reshape(-1, len(is_angle)), complete=False)
 

@@ -102,21 +102,25 @@ def angle_and_own_slide(
     return _quotient(e, arm, arm.squared()), reach - u.dot(a), (length_e - jnp.abs(distance),)
 
 
-def two_slides(e: Vector, v: Vector, w: Vector) -> tuple[Scalar, Scalar, tuple[Scalar]]:
+def two_slides(
+    e: Vector, v: Vector, w: Vector, side: Scalar
+) -> tuple[Scalar, Scalar, tuple[Scalar]]:
     """PRP and RPP: the slides s, t with e = s v + t w (two lines).
 
     Args:
         e: from the first line's point to the second's, mm.
         v: direction of the first line, a unit vector.
         w: direction of the second, a unit vector.
+        side: sign of w × v.
 
     Returns:
-        s, t and the margin: the sine of the angle between the lines, without sign.
+        s, t and the margin: the sine of the angle between the lines, negative beyond parallel,
+        where the joint has gone through infinity.
     """
     sine = v.cross(w)
     s, _ = safe_divide(e.cross(w), sine)
     t, _ = safe_divide(v.cross(e), sine)
-    return s, t, (jnp.abs(sine),)
+    return s, t, (-side * sine,)
 
 
 def apart(e: Vector, towards: Vector) -> Vector:

@@ -261,7 +261,8 @@ def _solve(state: State, group: Group, side: Scalar) -> None:
             state.slides[slider] = slide
         case _:
             first, second = group.sliders
-            s, t, margins = two_slides(e, terms.directions[first][0], terms.directions[second][0])
+            v, w = terms.directions[first][0], terms.directions[second][0]
+            s, t, margins = two_slides(e, v, w, side)
             state.slides |= {first: s, second: t}
     state.margins[group.index] = margins
 

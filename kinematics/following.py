@@ -9,6 +9,7 @@ Source: E. L. Allgower, K. Georg, *Introduction to Numerical Continuation Method
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -35,6 +36,8 @@ LEAST_COSINE = 0.96
 NEAR = 1e-3
 """How far the last solve may move the unknowns; farther, it has gone to another assembly."""
 MAX_STEPS = 400
+ROUNDING_UNITS = 16
+"""Margins down to so many units of rounding below zero count as touching, not as apart."""
 CORRECTIONS = 5
 
 
@@ -116,7 +119,27 @@ def follow(
     def equations(point: Float[Array, " extended"]) -> Vectors:
         return loop_gaps(linkage, plan, point[:-1], home[0] + point[-1] * way, signs)
 
-    return _walk_along(equations, home[1], length)
+    def passable(point: Float[Array, " extended"]) -> Bool[Array, ""]:
+        return _upstream_exists(linkage, plan, point[:-1], home[0] + point[-1] * way, signs)
+
+    return _walk_along(equations, passable, home[1], length)
+
+
+def _upstream_exists(
+    linkage: Linkage,
+    plan: Plan,
+    unknowns: Vectors,
+    inputs: Float[Array, " inputs"],
+    signs: Float[Array, " groups"],
+) -> Bool[Array, ""]:
+    """Whether the closed-form groups before the iterated ones can be assembled."""
+    last = plan.steps.index(plan.iterated[-1])
+    before = [g for g in plan.groups if plan.steps.index(g) < last and g.kind != "iterated"]
+    parts = {index: (part, ()) for index, part in split(plan, unknowns).items()}
+    state = evaluate(linkage, plan, Drive.at(inputs, inputs), signs, parts)
+    margins = [margin for group in before for margin in state.margins[group.index]]
+    least = -ROUNDING_UNITS * jnp.finfo(inputs.dtype).eps
+    return jnp.all(jnp.asarray([margin >= least for margin in margins], bool))
 
 
 def close(
@@ -175,13 +198,29 @@ def solve_iterated(
     reached = (followed.status == REACHED) & near & closed
     unknowns = jnp.where(reached, solved, followed.unknowns)
     missing = -jnp.maximum(1 - followed.part, LEAST_STEP)
-    index = smallest_singular_value(jax.jacfwd(gaps)(unknowns))
     turned = followed.status == TURNED
-    margins = (
-        jnp.where(turned, missing, index),
-        jnp.where(reached | turned, index, missing),
-    )
-    return {group: (part, margins) for group, part in split(plan, unknowns).items()}
+    indices = group_indices(plan, jax.jacfwd(gaps)(unknowns))
+    worst = functools.reduce(jnp.minimum, indices.values())
+    return {
+        group: (
+            part,
+            (
+                jnp.where(turned & (indices[group] <= worst), missing, indices[group]),
+                jnp.where(reached | turned, indices[group], missing),
+            ),
+        )
+        for group, part in split(plan, unknowns).items()
+    }
+
+
+def group_indices(plan: Plan, jacobian: Float[Array, "gaps unknowns"]) -> dict[int, Scalar]:
+    """Smallest singular value of each iterated group's own part of the Jacobian of their gaps."""
+    indices, start = {}, 0
+    for group in plan.iterated:
+        own = slice(start, start + 2 * len(group.loops))
+        indices[group.index] = smallest_singular_value(jacobian[own, own])
+        start = own.stop
+    return indices
 
 
 def _tolerance(inputs: Float[Array, " inputs"]) -> float:
@@ -206,7 +245,10 @@ class _Walk(NamedTuple):
 
 
 def _walk_along(
-    equations: Callable[[Float[Array, " extended"]], Vectors], start: Vectors, length: Scalar
+    equations: Callable[[Float[Array, " extended"]], Vectors],
+    passable: Callable[[Float[Array, " extended"]], Bool[Array, ""]],
+    start: Vectors,
+    length: Scalar,
 ) -> Followed:
     """Follow the curve on which the equations hold until its last coordinate is ``length``."""
     rounding = float(jnp.finfo(start.dtype).eps)
@@ -239,7 +281,7 @@ def _walk_along(
         smooth = tangent @ walk.tangent > LEAST_COSINE
         closed = jnp.max(jnp.abs(equations(point))) < good_gap
         near = jnp.max(jnp.abs(point - guess)) <= jnp.abs(step)
-        good = smooth & closed & near
+        good = smooth & closed & near & passable(point)
         turns = tangent[-1] <= 0
         arrived = jnp.abs(length - point[-1]) <= short_way
         accepted = good & (~turns | arrived)

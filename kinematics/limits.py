@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +18,14 @@ from jaxtyping import Array, Float
 from designopt.numerics import as_float
 from designopt.roots import find_root
 from designopt.solution import Solution
-from kinematics.following import REACHED, loop_gaps
+from kinematics.following import (
+    REACHED,
+    TURNED,
+    Followed,
+    close,
+    group_indices,
+    loop_gaps,
+)
 from kinematics.linkage import Linkage
 from kinematics.solver import Solver
 
@@ -38,12 +45,15 @@ class Limit:
         group: number of the group of the plan that locks.
         margin: which of its margins vanishes there, in the order of `Pose.margins`.
         bodies: the bodies of that group.
+        locks: whether the linkage locks there; if not, it could not be followed beyond, and what
+            is there is not known.
     """
 
     value: float
     group: int
     margin: int
     bodies: tuple[str, ...]
+    locks: bool = True
 
 
 @dataclass(frozen=True)
@@ -68,7 +78,11 @@ class Limits:
 
 
 def find_limits(
-    linkage: Linkage, name: str, inputs: Float[Array, " inputs"] | None = None
+    linkage: Linkage,
+    name: str,
+    inputs: Float[Array, " inputs"] | None = None,
+    *,
+    of: Iterable[str] | None = None,
 ) -> Limits:
     """The range of one input. Not for use under ``jax.jit``.
 
@@ -80,6 +94,7 @@ def find_limits(
         linkage: the linkage.
         name: the input.
         inputs: where to start, and values of the other inputs; the assembled sketch by default.
+        of: joints and bodies that have to follow; all by default.
 
     Raises:
         ValueError: there is no input of that name, or the start is no pose.
@@ -88,7 +103,7 @@ def find_limits(
         raise ValueError(f"no input is named {name!r}; there are {', '.join(linkage.input_names)}")
     index = linkage.input_names.index(name)
     start = linkage.home.inputs if inputs is None else as_float(inputs)
-    search = _Search(linkage, index, start)
+    search = _Search(linkage, index, start, None if of is None else tuple(of))
     if any(value < -TOUCHING for value in search.margins(np.array([float(start[index])]))[0]):
         raise ValueError("the start is no pose of the linkage: its margins are negative")
     upper, above = search.ahead(1)
@@ -99,7 +114,12 @@ def find_limits(
 
 
 def turning_point(
-    linkage: Linkage, name: str, limit: Limit, inputs: Float[Array, " inputs"] | None = None
+    linkage: Linkage,
+    name: str,
+    limit: Limit,
+    inputs: Float[Array, " inputs"] | None = None,
+    *,
+    of: Iterable[str] | None = None,
 ) -> Solution[Float[Array, ""]]:
     """The input value at which a linkage locks, differentiable in every dimension.
 
@@ -108,6 +128,7 @@ def turning_point(
         name: the input.
         limit: what to solve for, from `find_limits`.
         inputs: values of the other inputs; the assembled sketch's by default.
+        of: joints and bodies that have to follow; all by default.
 
     Returns:
         The value, rad or mm. ``margin`` is the magnitude of the slope of what vanishes there, per
@@ -116,38 +137,44 @@ def turning_point(
     index = linkage.input_names.index(name)
     start = linkage.home.inputs if inputs is None else as_float(inputs)
     guess = jnp.asarray(limit.value, start.dtype)
-    solver = Solver.of(linkage, start.dtype)
+    targets = None if of is None else tuple(of)
+    solver = Solver.of(linkage, start.dtype, targets)
     group = next(group for group in solver.plan.groups if group.index == limit.group)
     if group.kind == "iterated":
-        return _turn(linkage, index, guess, start)
+        return _turn(linkage, index, guess, start, targets)
 
     def margin(value: Float[Array, ""], design: Linkage) -> Float[Array, ""]:
-        return _margins_at(design, start.at[index].set(value))[limit.group][limit.margin]
+        inputs = start.at[index].set(value)
+        return _margins_at(design, inputs, targets)[limit.group][limit.margin]
 
     return find_root(margin, guess, linkage, tolerance=1e-15)
 
 
 def _margins_at(
-    linkage: Linkage, inputs: Float[Array, " inputs"]
+    linkage: Linkage, inputs: Float[Array, " inputs"], of: tuple[str, ...] | None
 ) -> dict[int, tuple[Float[Array, ""], ...]]:
-    solver = Solver.of(linkage, inputs.dtype)
+    solver = Solver.of(linkage, inputs.dtype, of)
     return solver.state(solver.drive(inputs)).margins
 
 
 def _turn(
-    linkage: Linkage, index: int, guess: Float[Array, ""], start: Float[Array, " inputs"]
+    linkage: Linkage,
+    index: int,
+    guess: Float[Array, ""],
+    start: Float[Array, " inputs"],
+    of: tuple[str, ...] | None,
 ) -> Solution[Float[Array, ""]]:
     """Turning point of iterated groups: gaps vanish, and so does a direction's change of them.
 
     Source: R. Seydel, Numerical computation of branch points in nonlinear equations, Numer.
     Math. 33, 1979.
     """
-    followed, direction = jax.lax.stop_gradient(_end_of_the_way(linkage, index, guess, start))
+    followed, direction = jax.lax.stop_gradient(_end_of_the_way(linkage, index, guess, start, of))
 
     def equations(
         unknowns: Float[Array, " extended"], design: Linkage
     ) -> Float[Array, " extended"]:
-        solver = Solver.of(design, start.dtype)
+        solver = Solver.of(design, start.dtype, of)
         q, v, value = unknowns[: len(followed)], unknowns[len(followed) : -1], unknowns[-1]
         drive = solver.drive(start.at[index].set(value))
 
@@ -179,27 +206,48 @@ def _turn(
 
 
 def _end_of_the_way(
-    linkage: Linkage, index: int, guess: Float[Array, ""], start: Float[Array, " inputs"]
+    linkage: Linkage,
+    index: int,
+    guess: Float[Array, ""],
+    start: Float[Array, " inputs"],
+    of: tuple[str, ...] | None,
 ) -> tuple[Float[Array, " unknowns"], Float[Array, " unknowns"]]:
     """Unknowns near the turning point, and the direction in which they are free to move there."""
-    solver = Solver.of(linkage, start.dtype)
+    solver = Solver.of(linkage, start.dtype, of)
     # A little beyond it, so that the way ends at the turn.
     beyond = guess + jnp.sign(guess - start[index]) * 1e-3
+    followed = _way(solver, start, index, beyond)
     drive = solver.drive(start.at[index].set(beyond))
-    followed = solver.followed(drive, turns=True)
-    assert followed is not None
     jacobian = jax.jacfwd(
         lambda q: loop_gaps(solver.unit, solver.plan, q, drive.values, solver.signs)
     )(followed.unknowns)
     return followed.unknowns, jnp.linalg.svd(jacobian)[2][-1]
 
 
+def _way(
+    solver: Solver, start: Float[Array, " inputs"], index: int, end: Float[Array, ""]
+) -> Followed:
+    """Follow the iterated groups from a pose while one input moves and the others are held."""
+    first = solver.drive(start)
+    near = solver.followed(first)
+    assert near is not None
+    begin = close(solver.unit, solver.plan, first.values, solver.signs, near.unknowns)
+    last = solver.drive(start.at[index].set(end))
+    return solver.followed_from((first.values, begin), last.values)
+
+
 class _Search:
     """Looks for the limits of one input, with programs compiled once."""
 
-    def __init__(self, linkage: Linkage, index: int, start: Float[Array, " inputs"]) -> None:
-        self.linkage, self.index, self.start = linkage, index, start
-        self.solver = Solver.of(linkage, start.dtype)
+    def __init__(
+        self,
+        linkage: Linkage,
+        index: int,
+        start: Float[Array, " inputs"],
+        of: tuple[str, ...] | None,
+    ) -> None:
+        self.linkage, self.index, self.start, self.of = linkage, index, start, of
+        self.solver = Solver.of(linkage, start.dtype, of)
         self.groups = [
             (group, number)
             for group in self.solver.plan.groups
@@ -210,13 +258,13 @@ class _Search:
         @jax.jit
         def margins(values: Float[Array, " poses"]) -> Float[Array, "poses margins"]:
             def one(value: Float[Array, ""]) -> Float[Array, " margins"]:
-                found = _margins_at(linkage, start.at[index].set(value))
+                found = _margins_at(linkage, start.at[index].set(value), of)
                 return jnp.stack([found[group.index][number] for group, number in self.groups])
 
             return jax.vmap(one)(values)
 
         self._margins = margins
-        self._follow = jax.jit(lambda drive: self.solver.followed(drive, turns=True))
+        self._follow = jax.jit(lambda end: _way(self.solver, start, index, end))
 
     def margins(self, values: np.ndarray) -> np.ndarray:
         """Margins at input values, in units of the linkage's size, shape (poses, margins)."""
@@ -242,11 +290,13 @@ class _Search:
                     found.append(Limit(root, group.index, number, group.bodies))
         nearest = min(found, key=lambda limit: abs(limit.value - first), default=None)
         if nearest is not None:
-            solved = turning_point(
-                self.linkage, self.linkage.input_names[self.index], nearest, self.start
-            )
-            if bool(solved.ok) and abs(float(solved.value) - nearest.value) < 1e-3 * abs(stretch):
+            name = self.linkage.input_names[self.index]
+            solved = turning_point(self.linkage, name, nearest, self.start, of=self.of)
+            refined = bool(solved.ok) and abs(float(solved.value) - nearest.value) < 1e-3
+            if nearest.locks and refined:
                 nearest = replace(nearest, value=float(solved.value))
+            elif nearest is turn:  # where an iterated group is, and no more, is known
+                nearest = replace(nearest, locks=False)
             touches = [t for t in touches if abs(t - first) < abs(nearest.value - first)]
         return nearest, touches
 
@@ -257,14 +307,21 @@ class _Search:
         stretch = sign * (2 * math.pi if self.is_angle else longest)
         if not self.solver.plan.iterated:
             return stretch, None
-        drive = self.solver.drive(self.start.at[self.index].set(first + stretch))
-        followed = self._follow(drive)
+        followed = self._follow(jnp.asarray(first + stretch, self.start.dtype))
         if int(followed.status) == REACHED:
             return stretch, None
-        group = self.solver.plan.iterated[-1]
-        stretch *= float(followed.part)
         # It turned, or was lost: then it may not be locked, but nothing farther is known.
-        return stretch, Limit(first + stretch, group.index, 0, group.bodies)
+        stretch *= float(followed.part)
+        drive = self.solver.drive(self.start.at[self.index].set(first + stretch))
+        jacobian = jax.jacfwd(
+            lambda q: loop_gaps(
+                self.solver.unit, self.solver.plan, q, drive.values, self.solver.signs
+            )
+        )(followed.unknowns)
+        indices = group_indices(self.solver.plan, jacobian)
+        group = min(self.solver.plan.iterated, key=lambda group: float(indices[group.index]))
+        locks = int(followed.status) == TURNED
+        return stretch, Limit(first + stretch, group.index, 0, group.bodies, locks)
 
     def _first_root(
         self, values: np.ndarray, margins: np.ndarray, column: int
@@ -273,16 +330,18 @@ class _Search:
             return float(self.margins(np.array([value]))[0, column])
 
         touches: list[float] = []
+        inside = 0  # the last sample that is a pose; touching, or lock-up to rounding, counts
         for k in range(1, len(values)):
-            if margins[k] < 0 and margins[k - 1] >= 0 and not self._touches(margins[k]):
-                return self._root(margin, values[k - 1], values[k]), touches
+            if margins[k] < -TOUCHING:
+                return self._root(margin, values[inside], values[k]), touches
+            inside = k
             if k > 1 and self._may_dip(*margins[k - 2 : k + 1]):
                 lowest = self._lowest(margin, values[k - 2], values[k])
                 least = margin(lowest)
+                if least < -TOUCHING:
+                    return self._root(margin, values[k - 2], lowest), touches
                 if self._touches(least):
                     touches.append(lowest)
-                elif least < 0:
-                    return self._root(margin, values[k - 2], lowest), touches
         return None, touches
 
     @staticmethod

@@ -159,7 +159,9 @@ def _floating_group(
             while legs[-1].end.slider is not None:
                 legs = (*legs[1:], legs[0])
                 if legs == loop.legs:
-                    return None
+                    break
+            if legs[-1].end.slider is not None:
+                continue
             # At rest: the one that most joints depend on, so that angles are those people mean.
             base = max(roots, key=lambda root: len(structure.body(root).joints))
             others = tuple(root for root in roots if root != base)

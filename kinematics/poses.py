@@ -13,14 +13,17 @@ from jaxtyping import Array, Bool, Float
 from designopt.numerics import as_float
 from designopt.solution import Solution
 from kinematics.evaluation import Drive, State, closure
+from kinematics.following import ROUNDING_UNITS
 from kinematics.linkage import Linkage
 from kinematics.solver import Pose, Solver
 
 BLOCK = 8192
 """Poses computed at a time, so that what lies between inputs and results stays in the cache."""
 
-ROUNDING_UNITS = 16
-"""Margins down to so many units of rounding below zero count as touching, not as apart."""
+
+FEW = 256
+"""Fewer poses are computed at once. More go through a loop, even if twice only: outside of one XLA
+computes the sines anew for every output."""
 
 
 class PoseResult(eqx.Enumeration):
@@ -110,10 +113,11 @@ def _in_blocks(
     flat: tuple[Drive, Bool[Array, " poses"]],
 ) -> Solution[Pose]:
     count = flat[1].shape[0]
-    if count <= 2 * BLOCK:
+    if count < FEW:
         return solve(*flat)
     # Blocks of one size, near the wanted one; the last is filled up with the last pose.
-    size = next((s for s in range(BLOCK, BLOCK // 2, -1) if count % s == 0), BLOCK)
+    most = min(BLOCK, -(-count // 2))
+    size = next((s for s in range(most, most // 2, -1) if count % s == 0), most)
     blocks = -(-count // size)
 
     def fold(leaf: Array) -> Array:

@@ -14,8 +14,8 @@ from kinematics.structure import WORLD
 UNDECIDED = 1e-6
 """A sketch whose sine of the angle between two links is smaller does not choose an assembly."""
 
-ONE_WAY = ("iterated", "PRP", "RPP")
-"""Kinds of groups without sides: followed from the sketch, or with a single answer."""
+ONE_WAY = ("iterated",)
+"""Kinds of groups without sides: they are followed from the sketch."""
 
 
 def group_sines(

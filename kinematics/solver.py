@@ -11,7 +11,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from kinematics.evaluation import Drive, State, evaluate
-from kinematics.following import Followed, close, follow, home_unknowns, solve_iterated, split
+from kinematics.following import (
+    REACHED,
+    Followed,
+    close,
+    follow,
+    home_unknowns,
+    solve_iterated,
+    split,
+)
 from kinematics.linkage import Linkage
 from kinematics.plan import make_plan
 from kinematics.steps import Plan
@@ -90,19 +98,27 @@ class Solver(eqx.Module):
             unknowns = solve_iterated(self.unit, self.plan, drive.values, self.signs, followed)
         return evaluate(self.unit, self.plan, drive, self.signs, unknowns)
 
-    def followed(self, drive: Drive, *, turns: bool = False) -> Followed | None:
+    def followed(self, drive: Drive) -> Followed | None:
         """Where the iterated groups are, without derivatives; none if there is no such group.
 
-        Args:
-            drive: the inputs.
-            turns: whether whole turns of an input are gone; they are left out by default, as in
-                closed forms.
+        They are followed from the sketch the shorter way round; where that locks, the other way.
+        So a pose does not depend on how many turns an input has made, as in closed forms.
         """
         if not self.plan.iterated:
             return None
-        values = drive.values if turns else self._within_a_turn(drive)
-        start = self.home, home_unknowns(self.linkage, self.plan, self.size)
-        return follow(self.unit, self.plan, values, self.signs, start)
+        begin = self.home, home_unknowns(self.linkage, self.plan, self.size)
+        ways = jnp.stack(self._both_ways(drive))
+        both = jax.vmap(lambda end: self.followed_from(begin, end))(ways)
+        best = jnp.where((both.status[0] != REACHED) & (both.status[1] == REACHED), 1, 0)
+        return jax.tree.map(lambda leaf: leaf[best], both)
+
+    def followed_from(
+        self,
+        begin: tuple[Float[Array, " inputs"], Float[Array, " unknowns"]],
+        end: Float[Array, " inputs"],
+    ) -> Followed:
+        """Where the iterated groups come from known inputs and unknowns, straight to others."""
+        return follow(self.unit, self.plan, end, self.signs, begin)
 
     def state_near(self, drive: Drive, followed: Followed | None) -> State:
         """As `state`, but from iterated groups that were followed already; without margins."""
@@ -134,14 +150,16 @@ class Solver(eqx.Module):
             },
         )
 
-    def _within_a_turn(self, drive: Drive) -> Float[Array, " inputs"]:
-        """Inputs without whole turns from the sketch, reached in the same direction."""
-        way = drive.values - self.home
+    def _both_ways(self, drive: Drive) -> tuple[Float[Array, " inputs"], Float[Array, " inputs"]]:
+        """The inputs, by the shorter and by the longer way round from the sketch."""
         # From the unit vectors, which know the angle better than the difference of two large ones.
         rest = drive.turns.turned(rotation(-self.home)).angle()
-        rest = jnp.where(rest * way < 0, rest + 2 * jnp.pi * jnp.sign(way), rest)
+        other = rest - 2 * jnp.pi * jnp.where(rest > 0, 1.0, -1.0).astype(rest.dtype)
         angles = jnp.asarray([part.slider is None for part in self.linkage.structure.inputs])
-        return jnp.where(angles & (jnp.abs(way) > 2 * jnp.pi), self.home + rest, drive.values)
+        return (
+            jnp.where(angles, self.home + rest, drive.values),
+            jnp.where(angles, self.home + other, drive.values),
+        )
 
 
 def _in_units(

@@ -29,6 +29,9 @@ from kinematics.transmission import Transmission, solve_transmission
 
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 
+LARGEST_INPUT = 1e12
+"""In degrees or mm."""
+
 MOST_POSES = 10_000_000
 """A larger grid is more likely a slip of the pen than a wish."""
 
@@ -110,15 +113,16 @@ def solve_file(request: Request) -> list[str]:
         linkage = read_linkage(request.file)
         solved = _solve(linkage, request)
         # The table last: what fails in drawing leaves none behind.
-        if request.figure is not None:
+        drawable = bool(np.any(np.asarray(solved.poses.ok)))
+        if request.figure is not None and drawable:
             _draw(linkage, solved, request.figure)
-        if request.animation is not None:
+        if request.animation is not None and drawable:
             # Imported here, as drawing is: Matplotlib takes a second.
             from kinematics.animation import save_animation
 
             save_animation(request.animation, linkage, solved.inputs, solved.poses)
         write_table(columns_of(linkage, solved), request.csv)
-        return _remarks(linkage, solved)
+        return _remarks(linkage, solved, request.of)
 
 
 def _check_targets(request: Request) -> None:
@@ -139,11 +143,13 @@ def _check_targets(request: Request) -> None:
         seen[path.resolve()] = option
         if not path.parent.is_dir():
             raise UserError(f"{option} {path}: there is no folder {path.parent}; make it first")
+        if path.exists() and not path.is_file():
+            raise UserError(f"{option} {path}: that is no ordinary file; choose another")
         if path.exists() and not request.force:
             raise UserError(
                 f"{option} {path}: exists already; choose another file, or replace it by --force"
             )
-    if request.figure is not None and request.figure.suffix not in FIGURE_ENDINGS:
+    if request.figure is not None and request.figure.suffix.lower() not in FIGURE_ENDINGS:
         raise UserError(f"--figure {request.figure}: a figure ends in {', '.join(FIGURE_ENDINGS)}")
 
 
@@ -258,6 +264,8 @@ def _range(value: str, text: str) -> np.ndarray:
             f"--sweep {text}: COUNT is the number of values, a whole number from 1 to "
             f"{MOST_POSES:,}; both ends are included"
         )
+    if max(abs(start), abs(stop)) > LARGEST_INPUT:
+        raise UserError(f"--sweep {text}: values beyond {LARGEST_INPUT:g} have no digits left")
     return np.linspace(start, stop, int(count))
 
 
@@ -271,7 +279,7 @@ def _draw(linkage: Linkage, solved: Solved, path: Path) -> None:
             figure.savefig(partial)
 
 
-def _remarks(linkage: Linkage, solved: Solved) -> list[str]:
+def _remarks(linkage: Linkage, solved: Solved, of: tuple[str, ...] | None) -> list[str]:
     """How many poses failed and why, and the limits of the inputs that ran into them."""
     failed = np.asarray(~solved.poses.ok)
     if not failed.any():
@@ -284,15 +292,20 @@ def _remarks(linkage: Linkage, solved: Solved) -> list[str]:
     lines += [f"  {count} poses: {message}" for message, count in reasons.most_common()]
     for index, name in enumerate(linkage.input_names):
         if np.ptp(solved.inputs[:, index]) > 0 or len(solved.inputs) == 1:
-            lines += _limit_remarks(linkage, name, solved)
+            lines += _limit_remarks(linkage, name, solved, of)
     return lines
 
 
-def _limit_remarks(linkage: Linkage, name: str, solved: Solved) -> list[str]:
+def _limit_remarks(
+    linkage: Linkage, name: str, solved: Solved, of: tuple[str, ...] | None
+) -> list[str]:
     # From a pose that exists, so that the other inputs are as they were asked for.
     good = np.flatnonzero(np.asarray(solved.poses.ok))
     start = solved.inputs[good[0]] if len(good) else np.array(linkage.home.inputs)
-    limits = find_limits(linkage, name, jnp.asarray(start))
+    try:
+        limits = find_limits(linkage, name, jnp.asarray(start), of=of)
+    except ValueError:  # no pose to start from
+        return [f"{name}: no pose to look for its limits from"]
     angle = _is_angle(linkage, name)
     held = "".join(
         f", at {other} = {_shown(value, _is_angle(linkage, other))}"
@@ -302,6 +315,9 @@ def _limit_remarks(linkage: Linkage, name: str, solved: Solved) -> list[str]:
     lines = [
         f"{name} locks at {_shown(limit.value, angle)} ({end} limit{held}): "
         f"{' and '.join(limit.bodies)} cannot follow beyond"
+        if limit.locks
+        else f"{name}: what is beyond {_shown(limit.value, angle)} is not known ({end} end{held}): "
+        f"{' and '.join(limit.bodies)} could not be followed"
         for end, limit in (("lower", limits.lower), ("upper", limits.upper))
         if limit is not None
     ]

@@ -71,7 +71,7 @@ def solve_two_loops(residual: Residual, is_angle: tuple[bool, ...], reach: float
         for first, second in _candidates(x, vector, polynomials, kinds, reach):
             guess = elimination.complete(first, second)
             solution = _polished(residual, guess, is_angle)
-            if solution is not None and all(_distance(solution, o, is_angle) > SAME for o in found):
+            if solution is not None and all(distance(solution, o, is_angle) > SAME for o in found):
                 found.append(solution)
     found.sort(key=lambda solution: tuple(solution))
     return AllSolutions(np.array(found).reshape(-1, 4), regular)
@@ -239,6 +239,7 @@ def _polished(
     return np.where(is_angle, np.angle(np.exp(1j * found.x)), found.x)
 
 
-def _distance(a: np.ndarray, b: np.ndarray, is_angle: tuple[bool, ...]) -> float:
+def distance(a: np.ndarray, b: np.ndarray, is_angle: tuple[bool, ...]) -> float:
+    """How far two solutions are apart, angles as unit vectors."""
     step = np.where(is_angle, np.abs(np.exp(1j * a) - np.exp(1j * b)), np.abs(a - b))
     return float(np.max(step))

@@ -75,13 +75,14 @@ def test_angle_and_own_slide(e, a, u, sign):
         assert np.sign((arm * u.conjugate()).real) == sign
 
 
-@given(plane, plane, plane)
-def test_two_slides(e, v, w):
-    s, t, (margin,) = jitted[two_slides](plane_vector(e), unit(v), unit(w))
+@given(plane, plane, plane, side)
+def test_two_slides(e, v, w, sign):
+    vectors = plane_vector(e), unit(v), unit(w)
+    s, t, (margin,) = jitted[two_slides](*vectors, jnp.asarray(sign))
     v, w = number_of(unit(v)), number_of(unit(w))
-    assert float(margin) == pytest.approx(abs((v.conjugate() * w).imag), abs=1e-12)
-    if float(margin) > 1e-3:
-        assert abs(float(s) * v + float(t) * w - complex(*e)) < CLOSED / float(margin) * 100
+    assert float(margin) == pytest.approx(sign * (w.conjugate() * v).imag, abs=1e-12)
+    if abs(float(margin)) > 1e-3:
+        assert abs(float(s) * v + float(t) * w - complex(*e)) < CLOSED / abs(float(margin)) * 100
 
 
 def test_coincident_pins_take_the_direction_they_are_given():

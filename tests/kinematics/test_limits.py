@@ -69,6 +69,49 @@ def test_a_narrow_gap_between_samples_is_found():
     assert ends(limits)[0].value == pytest.approx(-np.pi + half, abs=1e-9)
 
 
+def test_a_start_at_the_limit_is_the_limit():
+    """An in-line slider-crank whose crank is twice its rod goes to ±30°."""
+    linkage = linkage_from(slider_crank(2, 1, 0, at=0.2))
+    for end in (1, -1):
+        limits = find_limits(linkage, "crank", jnp.array([end * (np.pi / 6 + 1e-12)]))
+        assert ends(limits)[0].value == pytest.approx(-np.pi / 6, abs=1e-9)
+        assert ends(limits)[1].value == pytest.approx(np.pi / 6, abs=1e-9)
+
+
+def test_a_pin_in_two_slots_ends_where_they_are_parallel():
+    tables = {
+        "joints": {"O": [0, 0], "T": [20, 10], "P": [10, 5]},
+        "bodies": {"ground": {"joints": ["O"], "fixed": True}, "arm": {"joints": ["O", "T"]}},
+        "sliders": [
+            {"joint": "P", "on": "arm", "line": [[0, 0], [20, 10]]},
+            {"joint": "P", "on": "ground", "line": [[0, 5], [1, 5]]},
+        ],
+        "inputs": [{"name": "arm", "body": "arm"}],
+    }
+    linkage = linkage_from(tables)
+    limits = find_limits(linkage, "arm")
+    assert ends(limits)[0].value == pytest.approx(0, abs=EXACT)
+    assert ends(limits)[1].value == pytest.approx(np.pi, abs=EXACT)
+    beyond = poses_of(linkage, jnp.array([[0.1], [-0.1]]))
+    assert beyond.ok.tolist() == [True, False]  # there it would come back from the other side
+
+
+def test_limits_of_a_triad_do_not_depend_on_where_the_search_starts():
+    linkage = gallery("double-butterfly")
+    here = find_limits(linkage, "crank")
+    there = find_limits(linkage, "crank", linkage.home.inputs + 0.3)
+    for one, other in zip(ends(here), ends(there), strict=True):
+        assert one.locks
+        assert one.value == pytest.approx(other.value, abs=EXACT)
+
+
+def test_only_what_is_asked_for_has_to_follow():
+    """Watt's first four-bar turns fully; its second does not."""
+    linkage = gallery("watt")
+    assert not find_limits(linkage, "crank").full_turn
+    assert find_limits(linkage, "crank", of=("B",)).full_turn
+
+
 def test_change_points():
     limits = find_limits(linkage_from(four_bar(1, 3, 2, 4)), "crank")  # 1 + 4 = 3 + 2
     assert limits.full_turn
@@ -106,6 +149,7 @@ def test_a_start_that_is_no_pose_is_refused():
         find_limits(gallery("watt"), "crank", jnp.array([np.pi]))
 
 
+@pytest.mark.slow
 def test_turning_points_of_a_triad():
     """Where it locks, the Jacobian is singular: two assemblies meet as a square root."""
     sketch = load_sketch(FOLDER / "stephenson.toml").model_dump()
