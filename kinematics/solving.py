@@ -255,10 +255,12 @@ def _grid(linkage: Linkage, request: Request) -> np.ndarray:
 def _range(value: str, text: str) -> np.ndarray:
     parts = value.split(":")
     if len(parts) == 1:
-        return np.array([_number(value, "--sweep", text)])
-    if len(parts) != 3:
+        start = stop = _number(value, "--sweep", text)
+        count = 1.0
+    elif len(parts) == 3:
+        start, stop, count = (_number(part, "--sweep", text) for part in parts)
+    else:
         raise UserError(f"--sweep {text}: write it as INPUT=START:STOP:COUNT or INPUT=VALUE")
-    start, stop, count = (_number(part, "--sweep", text) for part in parts)
     if count != int(count) or not 1 <= count <= MOST_POSES:
         raise UserError(
             f"--sweep {text}: COUNT is the number of values, a whole number from 1 to "

@@ -20,7 +20,7 @@ def installed(package: str) -> bool:
 
 def mechanism_walk(case: Case, linkage: Linkage, angles: np.ndarray) -> Walker:
     """`mechanism`: the user writes the vector loops, the tool calls fsolve for each pose."""
-    from mechanism import Joint, Mechanism, Vector
+    from mechanism import Joint, Mechanism, Vector  # pyright: ignore[reportMissingImports]
 
     sizes = numbers_of(linkage)
     joints = {name: Joint(name) for name in (*sizes.pins, *case.joints)}
@@ -80,7 +80,7 @@ def mechanism_walk(case: Case, linkage: Linkage, angles: np.ndarray) -> Walker:
 
 def _between(tail: Any, head: Any, start: tuple, end: tuple) -> Any:
     """A vector of constant length and angle between two joints of `mechanism`."""
-    from mechanism import Vector
+    from mechanism import Vector  # pyright: ignore[reportMissingImports]
 
     x, y = end[0] - start[0], end[1] - start[1]
     return Vector(joints=(tail, head), r=math.hypot(x, y), theta=math.atan2(y, x))
@@ -117,10 +117,10 @@ def _pylinkage(
     It advances its crank by a constant step before each pose, and takes of two assemblies that
     which is nearer to the pose before.
     """
-    from pylinkage.actuators import Crank
-    from pylinkage.components import Ground
-    from pylinkage.dyads import FixedDyad, RRPDyad, RRRDyad
-    from pylinkage.simulation import Linkage as Simulated
+    from pylinkage.actuators import Crank  # pyright: ignore[reportMissingImports]
+    from pylinkage.components import Ground  # pyright: ignore[reportMissingImports]
+    from pylinkage.dyads import FixedDyad, RRPDyad, RRRDyad  # pyright: ignore[reportMissingImports]
+    from pylinkage.simulation import Linkage as Simulated  # pyright: ignore[reportMissingImports]
 
     sizes = numbers_of(linkage)
     step = float(angles[1] - angles[0]) if len(angles) > 1 else 0.0

@@ -96,6 +96,7 @@ def test_a_pin_in_two_slots_ends_where_they_are_parallel():
     assert beyond.ok.tolist() == [True, False]  # there it would come back from the other side
 
 
+@pytest.mark.slow
 def test_limits_of_a_triad_do_not_depend_on_where_the_search_starts():
     linkage = gallery("double-butterfly")
     here = find_limits(linkage, "crank")
