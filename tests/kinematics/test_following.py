@@ -41,7 +41,13 @@ def tracked(name, angles):
     return [end, *free], np.array(rows)
 
 
-@pytest.mark.parametrize(("name", "turn"), [("stephenson", 2 * np.pi), ("double-butterfly", 0.5)])
+@pytest.mark.parametrize(
+    ("name", "turn"),
+    [
+        ("stephenson", 2 * np.pi),
+        pytest.param("double-butterfly", 0.5, marks=pytest.mark.slow),
+    ],
+)
 def test_sweeps_agree_with_small_steps_of_scipy(name, turn):
     linkage = gallery(name)
     angles = float(linkage.home.inputs[0]) + np.linspace(0, turn, 181)

@@ -20,7 +20,15 @@ from kinematics.sketch import load_sketch
 from tests.kinematics.gallery import FOLDER, gallery, poses_of, rates_of, transmission_of
 
 
-@pytest.mark.parametrize("name", ["quick-return", "scotch-yoke", "finger-crank", "stephenson"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "quick-return",
+        "scotch-yoke",
+        "stephenson",
+        pytest.param("finger-crank", marks=pytest.mark.slow),
+    ],
+)
 def test_rates_are_the_derivatives_of_poses(name):
     """Velocity, acceleration and jerk against central differences in time."""
     linkage = gallery(name)
