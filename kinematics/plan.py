@@ -155,12 +155,9 @@ def _floating_group(
             if WORLD in roots or len(roots) + len(free) != 3:
                 continue
             # The last leg ends in a pin, so that its end can be dropped without losing a slide.
-            legs = loop.legs
-            while legs[-1].end.slider is not None:
-                legs = (*legs[1:], legs[0])
-                if legs == loop.legs:
-                    break
-            if legs[-1].end.slider is not None:
+            turned = [(*loop.legs[k:], *loop.legs[:k]) for k in range(len(loop.legs))]
+            legs = next((legs for legs in turned if legs[-1].end.slider is None), None)
+            if legs is None:
                 continue
             # At rest: the one that most joints depend on, so that angles are those people mean.
             base = max(roots, key=lambda root: len(structure.body(root).joints))

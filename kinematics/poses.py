@@ -55,7 +55,7 @@ class PoseResult(eqx.Enumeration):
         "The way from the sketch to this pose could not be followed: sketch the linkage nearer "
         "to it."
     )
-    no_number = "An input or a dimension is not a finite number."
+    no_number = "An input is not a finite number."
 
 
 _CODES = {
@@ -88,7 +88,7 @@ def solve_poses(
         are from the distance at which the links stretch or fold; for RRP how far the link reaches
         beyond the line; for RPR how far the slot's pin is outside the circle that the slot
         touches; for crossing lines the sine of their angle times the linkage's size; for an
-        iterated group the smallest singular value of its scaled Jacobian (`transmission_index`)
+        iterated group the smallest singular value of its scaled Jacobian (`solve_transmission`)
         times that size where the pose was reached, and minus the part of the way that was not
         where the linkage locked. ``residual`` is the closure error in units of the linkage's
         size: the largest gap between the places that two bodies give to their common joint, or
