@@ -19,6 +19,7 @@ from .roots import find_root
 from .solution import Solution, first_failure
 from .stability import Family, assess
 from .study import Context, Spec, Study
+from .vectors import Vector, direction_to_meeting, folded_angle
 
 __all__ = [
     "Claim",
@@ -39,13 +40,16 @@ __all__ = [
     "Table",
     "Target",
     "UserError",
+    "Vector",
     "as_float",
     "assess",
     "compile_timed",
     "count_operations",
+    "direction_to_meeting",
     "dominating",
     "find_root",
     "first_failure",
+    "folded_angle",
     "least_squares",
     "measure",
     "safe_arctan2",

@@ -1,7 +1,7 @@
 from .assemblies import Assemblies, assemblies
 from .grashof import Grashof, grashof
 from .limits import Limit, Limits, find_limits, turning_point
-from .linkage import Line, Link, Linkage, Spring
+from .linkage import Line, Link, Linkage, Spring, Vector
 from .loops import Loop, vector_loops
 from .plan import describe
 from .poses import PoseResult, solve_poses
@@ -12,7 +12,6 @@ from .statics import input_efforts, input_slopes, mechanical_advantage, spring_e
 from .steps import PlanError
 from .tolerance import Spread, no_deviations, output_spread
 from .transmission import Transmission, solve_transmission
-from .vectors import Vector, direction_to_meeting, folded_angle
 
 __all__ = [
     "Assemblies",
@@ -34,9 +33,7 @@ __all__ = [
     "Vector",
     "assemblies",
     "describe",
-    "direction_to_meeting",
     "find_limits",
-    "folded_angle",
     "grashof",
     "input_efforts",
     "input_slopes",

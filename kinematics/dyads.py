@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import safe_divide, safe_sqrt
-from kinematics.vectors import Vector
+from designopt.vectors import Vector
 
 Scalar = Float[Array, ""]
 

@@ -10,12 +10,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from designopt.vectors import Vector, rotation
 from kinematics.dyads import angle_and_own_slide, angle_and_slide, two_angles, two_slides
 from kinematics.linkage import Linkage
 from kinematics.loops import Loop
 from kinematics.steps import Group, Placement, Plan, Turn
 from kinematics.structure import WORLD, Incidence
-from kinematics.vectors import Vector, rotation
 
 Scalar = Float[Array, ""]
 

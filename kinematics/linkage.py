@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from designopt.vectors import Vector, rotation, vector
 from kinematics.structure import WORLD, Structure
-from kinematics.vectors import Vector, rotation, vector
 
 
 class Link(eqx.Module):

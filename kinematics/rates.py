@@ -11,9 +11,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
+from designopt.vectors import Vector
 from kinematics.linkage import Linkage
 from kinematics.solver import Solver
-from kinematics.vectors import Vector
 
 
 class Rates(eqx.Module):

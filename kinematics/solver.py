@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from designopt.vectors import Vector, rotation
 from kinematics.evaluation import Drive, State, evaluate
 from kinematics.following import (
     REACHED,
@@ -24,7 +25,6 @@ from kinematics.linkage import Linkage
 from kinematics.plan import make_plan
 from kinematics.steps import Plan
 from kinematics.structure import WORLD
-from kinematics.vectors import Vector, rotation
 
 
 class Pose(eqx.Module):

@@ -15,7 +15,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.errors import UserError
+from designopt.files import check_figure_ending, check_targets, replaced_when_complete
 from designopt.solution import Solution
+from designopt.sweeps import grid_of, single_values
 from kinematics.limits import find_limits
 from kinematics.linkage import Linkage
 from kinematics.plan import describe
@@ -24,16 +26,8 @@ from kinematics.rates import Rates, solve_rates
 from kinematics.reading import read_linkage
 from kinematics.solver import Pose
 from kinematics.steps import PlanError
-from kinematics.table import columns_of, replaced_when_complete, write_table
+from kinematics.table import columns_of, write_table
 from kinematics.transmission import Transmission, solve_transmission
-
-FIGURE_ENDINGS = (".png", ".svg", ".pdf")
-
-LARGEST_INPUT = 1e12
-"""In degrees or mm."""
-
-MOST_POSES = 10_000_000
-"""A larger grid is more likely a slip of the pen than a wish."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +102,14 @@ def solve_file(request: Request) -> list[str]:
     Raises:
         UserError: something in the file or in the request is wrong; nothing is written.
     """
-    _check_targets(request)
+    named = {
+        "--csv": None if request.csv == "-" else request.csv,
+        "--figure": request.figure,
+        "--animation": request.animation,
+    }
+    check_targets(named, force=request.force)
+    if request.figure is not None:
+        check_figure_ending("--figure", request.figure)
     with jax.enable_x64(True):
         linkage = read_linkage(request.file)
         solved = _solve(linkage, request)
@@ -125,38 +126,10 @@ def solve_file(request: Request) -> list[str]:
         return _remarks(linkage, solved, request.of)
 
 
-def _check_targets(request: Request) -> None:
-    named = {
-        "--csv": None if request.csv == "-" else request.csv,
-        "--figure": request.figure,
-        "--animation": request.animation,
-    }
-    seen: dict[Path, str] = {}
-    for option, target in named.items():
-        if target is None:
-            continue
-        path = Path(target)
-        if str(target) == "" or path.is_dir():
-            raise UserError(f"{option} {target}: that is a folder; name a file in it")
-        if path.resolve() in seen:
-            raise UserError(f"{option} {path}: {seen[path.resolve()]} names it too; use two files")
-        seen[path.resolve()] = option
-        if not path.parent.is_dir():
-            raise UserError(f"{option} {path}: there is no folder {path.parent}; make it first")
-        if path.exists() and not path.is_file():
-            raise UserError(f"{option} {path}: that is no ordinary file; choose another")
-        if path.exists() and not request.force:
-            raise UserError(
-                f"{option} {path}: exists already; choose another file, or replace it by --force"
-            )
-    if request.figure is not None and request.figure.suffix.lower() not in FIGURE_ENDINGS:
-        raise UserError(f"--figure {request.figure}: a figure ends in {', '.join(FIGURE_ENDINGS)}")
-
-
 def _solve(linkage: Linkage, request: Request) -> Solved:
-    asked = _grid(linkage, request)
-    angles = [_is_angle(linkage, name) for name in linkage.input_names]
-    inputs = np.where(angles, np.deg2rad(asked), asked)
+    angles = {name: _is_angle(linkage, name) for name in linkage.input_names}
+    asked = grid_of(request.sweeps, "--sweep", angles, "input")
+    inputs = np.where(list(angles.values()), np.deg2rad(asked), asked)
     rates = _values(linkage, request.rates, "--rate")
     accelerations = _values(linkage, request.accelerations, "--accel")
     if rates is None and accelerations is not None:
@@ -190,85 +163,11 @@ def _is_angle(linkage: Linkage, name: str) -> bool:
     return linkage.structure.inputs[linkage.input_names.index(name)].slider is None
 
 
-def _split(linkage: Linkage, text: str, option: str) -> tuple[str, str]:
-    name, mark, value = text.partition("=")
-    if not mark:
-        form = "INPUT=START:STOP:COUNT or INPUT=VALUE" if option == "--sweep" else "INPUT=VALUE"
-        raise UserError(f"{option} {text}: write it as {form}")
-    if name not in linkage.input_names:
-        raise UserError(
-            f"{option} {text}: no input is named '{name}'; there are: "
-            + ", ".join(linkage.input_names)
-        )
-    return name, value
-
-
-def _number(text: str, option: str, whole: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise UserError(f"{option} {whole}: '{text}' is not a finite number")
-    return number
-
-
 def _values(linkage: Linkage, texts: Sequence[str], option: str) -> Float[Array, " inputs"] | None:
     if not texts:
         return None
-    values = np.zeros(len(linkage.input_names))
-    seen: set[str] = set()
-    for text in texts:
-        name, value = _split(linkage, text, option)
-        if name in seen:
-            raise UserError(f"{option} {text}: '{name}' is given twice; once is enough")
-        seen.add(name)
-        values[linkage.input_names.index(name)] = _number(value, option, text)
-    return jnp.asarray(values)
-
-
-def _grid(linkage: Linkage, request: Request) -> np.ndarray:
-    """All combinations of the swept values, the last input changing fastest, degrees or mm."""
-    ranges: dict[str, np.ndarray] = {}
-    for text in request.sweeps:
-        name, value = _split(linkage, text, "--sweep")
-        if name in ranges:
-            raise UserError(f"--sweep {text}: '{name}' is swept twice; once is enough")
-        ranges[name] = _range(value, text)
-    missing = [name for name in linkage.input_names if name not in ranges]
-    if missing:
-        example = " ".join(
-            f"--sweep {name}={'0:360:361' if _is_angle(linkage, name) else '0:10:101'}"
-            for name in missing
-        )
-        raise UserError(f"--sweep: no values for {', '.join(missing)}; add for example {example}")
-    count = math.prod(len(values) for values in ranges.values())
-    if count > MOST_POSES:
-        raise UserError(
-            f"--sweep: a grid of {count:,} poses is too large (at most {MOST_POSES:,}); "
-            "sweep fewer values"
-        )
-    columns = [ranges[name] for name in linkage.input_names]
-    return np.stack([grid.ravel() for grid in np.meshgrid(*columns, indexing="ij")], axis=1)
-
-
-def _range(value: str, text: str) -> np.ndarray:
-    parts = value.split(":")
-    if len(parts) == 1:
-        start = stop = _number(value, "--sweep", text)
-        count = 1.0
-    elif len(parts) == 3:
-        start, stop, count = (_number(part, "--sweep", text) for part in parts)
-    else:
-        raise UserError(f"--sweep {text}: write it as INPUT=START:STOP:COUNT or INPUT=VALUE")
-    if count != int(count) or not 1 <= count <= MOST_POSES:
-        raise UserError(
-            f"--sweep {text}: COUNT is the number of values, a whole number from 1 to "
-            f"{MOST_POSES:,}; both ends are included"
-        )
-    if max(abs(start), abs(stop)) > LARGEST_INPUT:
-        raise UserError(f"--sweep {text}: values beyond {LARGEST_INPUT:g} have no digits left")
-    return np.linspace(start, stop, int(count))
+    values = single_values(texts, option, linkage.input_names, "input")
+    return jnp.array([values.get(name, 0.0) for name in linkage.input_names])
 
 
 def _draw(linkage: Linkage, solved: Solved, path: Path) -> None:

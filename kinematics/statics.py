@@ -9,10 +9,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_divide
+from designopt.vectors import rotation
 from kinematics.linkage import Linkage
 from kinematics.solver import Pose, Solver
 from kinematics.structure import WORLD
-from kinematics.vectors import rotation
 
 Output = Callable[[Pose], Float[Array, ""]]
 

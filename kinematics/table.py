@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import sys
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from designopt.errors import UserError
+from designopt.files import replaced_when_complete
 from kinematics.linkage import Linkage
 
 if TYPE_CHECKING:
@@ -72,22 +69,6 @@ def write_table(columns: dict[str, np.ndarray], target: str) -> None:
         partial.open("w", encoding="utf-8", newline="") as stream,
     ):
         stream.writelines(_lines(columns))
-
-
-@contextmanager
-def replaced_when_complete(path: Path) -> Iterator[Path]:
-    """A file to write beside ``path``, which takes its place if nothing goes wrong.
-
-    Raises:
-        UserError: the folder or the file cannot be written.
-    """
-    try:
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
-            partial = Path(folder) / path.name
-            yield partial
-            os.replace(partial, path)
-    except OSError as error:
-        raise UserError(f"{path}: cannot be written: {error.strerror}; choose another") from error
 
 
 def _lines(columns: dict[str, np.ndarray]) -> Iterator[str]:

@@ -10,11 +10,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
+from designopt.vectors import folded_angle
 from kinematics.evaluation import group_columns
 from kinematics.following import smallest_singular_value
 from kinematics.linkage import Linkage
 from kinematics.solver import Solver
-from kinematics.vectors import folded_angle
 
 
 class Transmission(eqx.Module):

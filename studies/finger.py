@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from jaxtyping import Array, Float
 
+from designopt.vectors import direction_to_meeting, folded_angle
 from kinematics.solver import Pose
-from kinematics.vectors import direction_to_meeting, folded_angle
 
 Angle = Float[Array, "*batch"]
 

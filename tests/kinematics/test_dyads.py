@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from designopt.vectors import Vector, vector
 from kinematics.dyads import angle_and_own_slide, angle_and_slide, apart, two_angles, two_slides
-from kinematics.vectors import Vector, direction_to_meeting, folded_angle, vector
 
 number = st.floats(-10, 10).map(lambda x: x or 1.0)
 plane = st.tuples(number, number).filter(lambda p: np.hypot(*p) > 1e-3)
@@ -120,22 +120,3 @@ def test_slopes_stay_finite_at_and_beyond_lockup():
     for lengths in ((3.0, 1.0, 2.0), (4.0, 1.0, 2.0), (0.5, 1.0, 2.0), (0.0, 1.0, 1.0)):
         value, slopes = jax.value_and_grad(total, argnums=(0, 1, 2))(*lengths)
         assert np.all(np.isfinite([value, *slopes])), lengths
-
-
-def test_line_to_where_two_lines_meet():
-    point, first, second = (1.0, 5.0), ((0.0, 0.0), (1.0, 1.0)), ((4.0, 0.0), (4.0, 1.0))
-    one = plane_vector(first[0]), plane_vector(first[1])
-    other = plane_vector(second[0]), plane_vector(second[1])
-    found = number_of(direction_to_meeting(plane_vector(point), one, other))
-    assert abs((found.conjugate() * complex(4 - 1, 4 - 5)).imag) < 1e-12  # they meet in (4, 4)
-    parallel = (plane_vector((0, 3)), plane_vector((2, 5)))
-    far = number_of(direction_to_meeting(plane_vector(point), one, parallel))
-    assert abs((far.conjugate() * (1 + 1j)).imag) < 1e-12
-
-
-def test_folded_angle():
-    for degrees in (0, 30, 90, 120, 180, -45):
-        turned = plane_vector((np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))))
-        wanted = min(abs(degrees) % 180, 180 - abs(degrees) % 180)
-        found = float(jnp.rad2deg(folded_angle(unit((1, 0)), turned)))
-        assert found == pytest.approx(wanted, abs=1e-12)

@@ -1,4 +1,4 @@
-"""Plane vectors as two arrays, and the few operations on them that linkages need."""
+"""Plane vectors as two arrays, and the few operations on them that a plane problem needs."""
 
 from __future__ import annotations
 

@@ -1,0 +1,100 @@
+"""Files a person names on the command line: read with care, checked, written whole."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from designopt.errors import UserError
+
+FIGURE_ENDINGS = (".png", ".svg", ".pdf")
+
+
+def read_toml(path: str | Path, what: str) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Args:
+        path: the file.
+        what: what it describes, such as ``"linkage"``, for messages.
+
+    Raises:
+        UserError: it cannot be read or is no TOML.
+    """
+    try:
+        # Some editors mark UTF-8 by a first character that TOML does not know.
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path}: cannot be read: it is not UTF-8 text") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise UserError(f"{path}: cannot be read: {reason}") from error
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise UserError(f"{path}: not TOML: {error}; correct it there") from error
+    except ValueError as error:
+        raise UserError(f"{path}: it holds a number of too many digits; shorten it") from error
+    except RecursionError as error:
+        raise UserError(f"{path}: its tables are nested too deeply for a {what}") from error
+
+
+def check_targets(named: Mapping[str, Path | str | None], *, force: bool) -> None:
+    """Refuse files that could not be written, before anything is computed for them.
+
+    Args:
+        named: files to write, by the option that names them; ``None`` is not asked for.
+        force: whether existing files may be replaced.
+
+    Raises:
+        UserError: one is a folder, is in none, is named twice, or exists and must not be replaced.
+    """
+    seen: dict[Path, str] = {}
+    for option, target in named.items():
+        if target is None:
+            continue
+        path = Path(target)
+        if str(target) == "" or path.is_dir():
+            raise UserError(f"{option} {target}: that is a folder; name a file in it")
+        if path.resolve() in seen:
+            raise UserError(f"{option} {path}: {seen[path.resolve()]} names it too; use two files")
+        seen[path.resolve()] = option
+        if not path.parent.is_dir():
+            raise UserError(f"{option} {path}: there is no folder {path.parent}; make it first")
+        if path.exists() and not path.is_file():
+            raise UserError(f"{option} {path}: that is no ordinary file; choose another")
+        if path.exists() and not force:
+            raise UserError(
+                f"{option} {path}: exists already; choose another file, or replace it by --force"
+            )
+
+
+def check_figure_ending(option: str, path: Path) -> None:
+    """Refuse a figure of a kind that is not drawn here.
+
+    Raises:
+        UserError: the file, named by ``option``, ends otherwise than `FIGURE_ENDINGS`.
+    """
+    if path.suffix.lower() not in FIGURE_ENDINGS:
+        raise UserError(f"{option} {path}: a figure ends in {', '.join(FIGURE_ENDINGS)}")
+
+
+@contextmanager
+def replaced_when_complete(path: Path) -> Iterator[Path]:
+    """A file to write beside ``path``, which takes its place if nothing goes wrong.
+
+    Raises:
+        UserError: the folder or the file cannot be written.
+    """
+    try:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
+            partial = Path(folder) / path.name
+            yield partial
+            os.replace(partial, path)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise UserError(f"{path}: cannot be written: {reason}; choose another") from error

@@ -1,0 +1,136 @@
+"""Values given on the command line: ``NAME=VALUE``, ``NAME=START:STOP:COUNT``, and their grid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+
+import numpy as np
+
+from designopt.errors import UserError
+
+LARGEST_INPUT = 1e12
+"""In degrees or mm."""
+
+MOST_POSES = 10_000_000
+"""A larger grid is more likely a slip of the pen than a wish."""
+
+
+def single_values(
+    texts: Iterable[str], option: str, names: Collection[str], noun: str
+) -> dict[str, float]:
+    """The numbers that texts such as ``crank=2`` give to names.
+
+    Args:
+        texts: as they were written after the option.
+        option: the option, such as ``--rate``, for messages.
+        names: the names that exist.
+        noun: what they name, such as ``input``, for messages.
+
+    Raises:
+        UserError: a text of another form, an unknown name, a name given twice, or no finite number.
+    """
+    values: dict[str, float] = {}
+    for text in texts:
+        place = f"{option} {text}"
+        name, value = _split(text, place, names, noun, form=f"{_symbol(noun)}=VALUE")
+        if name in values:
+            raise UserError(f"{place}: '{name}' is given twice; once is enough")
+        values[name] = _number(value, place)
+    return values
+
+
+def grid_of(
+    texts: Iterable[str],
+    option: str,
+    angles: Mapping[str, bool],
+    noun: str,
+    defaults: Mapping[str, float] | None = None,
+) -> np.ndarray:
+    """All combinations of swept values, the last name's changing fastest.
+
+    Args:
+        texts: ``name=start:stop:count``, both ends included, or ``name=value``.
+        option: the option they were written after, such as ``--sweep``, for messages.
+        angles: the names that exist, in the order of the columns, and whether each is an angle.
+        noun: what they name, such as ``input``, for messages.
+        defaults: values of names that are not swept.
+
+    Returns:
+        Values as they were written, degrees or mm, shape (poses, names).
+
+    Raises:
+        UserError: a text of another form, an unknown name, a name that is swept twice or has no
+            value, no finite number, or more than `MOST_POSES` combinations.
+    """
+    symbol = _symbol(noun)
+    form = f"{symbol}=START:STOP:COUNT or {symbol}=VALUE"
+    ranges: dict[str, np.ndarray] = {}
+    for text in texts:
+        place = f"{option} {text}"
+        name, value = _split(text, place, angles, noun, form)
+        if name in ranges:
+            raise UserError(f"{place}: '{name}' is swept twice; once is enough")
+        ranges[name] = _range(value, place, form)
+    ranges = {name: np.array([value]) for name, value in (defaults or {}).items()} | ranges
+    missing = [name for name in angles if name not in ranges]
+    if missing:
+        example = " ".join(
+            f"{option} {name}={'0:360:361' if angles[name] else '0:10:101'}" for name in missing
+        )
+        raise UserError(f"{option}: no values for {', '.join(missing)}; add for example {example}")
+    columns = [ranges[name] for name in angles]
+    count = math.prod(len(column) for column in columns)
+    if count > MOST_POSES:
+        raise UserError(
+            f"{option}: a grid of {count:,} poses is too large (at most {MOST_POSES:,}); "
+            "sweep fewer values"
+        )
+    grid = np.empty((count, len(columns)))  # one pose, even where nothing has a name
+    for column, values in zip(grid.T, np.meshgrid(*columns, indexing="ij"), strict=True):
+        column[:] = values.ravel()
+    return grid
+
+
+def _symbol(noun: str) -> str:
+    return noun.upper().replace(" ", "_")
+
+
+def _split(text: str, place: str, names: Collection[str], noun: str, form: str) -> tuple[str, str]:
+    name, mark, value = text.partition("=")
+    if not mark:
+        raise UserError(f"{place}: write it as {form}")
+    if name not in names:
+        raise UserError(
+            f"{place}: no {noun} is named '{name}'; there are: {', '.join(names) or 'none'}"
+        )
+    return name, value
+
+
+def _number(text: str, place: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise UserError(f"{place}: '{text}' is not a finite number")
+    return number
+
+
+def _range(value: str, place: str, form: str) -> np.ndarray:
+    parts = value.split(":")
+    if len(parts) == 1:
+        start = stop = _number(value, place)
+        count = 1.0
+    elif len(parts) == 3:
+        start, stop, count = (_number(part, place) for part in parts)
+    else:
+        raise UserError(f"{place}: write it as {form}")
+    if count != int(count) or not 1 <= count <= MOST_POSES:
+        raise UserError(
+            f"{place}: COUNT is the number of values, a whole number from 1 to "
+            f"{MOST_POSES:,}; both ends are included"
+        )
+    if max(abs(start), abs(stop)) > LARGEST_INPUT:
+        raise UserError(f"{place}: values beyond {LARGEST_INPUT:g} have no digits left")
+    return np.linspace(start, stop, int(count))

@@ -1,0 +1,112 @@
+"""Whatever is wrong in a spec file is said at once, by the kind of its field, in its own words."""
+
+from typing import Annotated, Any, Literal
+
+import pydantic
+import pytest
+
+from designopt import Spec, UserError
+from designopt.spec_files import Length, Line, Name, Number, Point, validated
+
+
+class Square(Spec):
+    kind: Literal["square"]
+    side: Length
+
+
+class Disc(Spec):
+    kind: Literal["disc"]
+    radius: Length
+
+
+class Part(Spec):
+    name: Name
+    outline: list[Point] = pydantic.Field(default_factory=list)
+    axis: Line | None = None
+    tags: list[Name] = pydantic.Field(default_factory=list)
+    weights: list[Number] = pydantic.Field(default_factory=list)
+    on: pydantic.StrictBool = True
+
+    @pydantic.model_validator(mode="after")
+    def _is_named_well(self) -> "Part":
+        if self.name == "thing":
+            raise ValueError("'thing' says little; choose another name")
+        return self
+
+
+class Drawing(Spec):
+    origin: Point = (0.0, 0.0)
+    scale: Length = 1.0
+    gain: Annotated[Number, pydantic.Field(ge=0)] = 1.0
+    sizes: dict[Name, Length] = pydantic.Field(default_factory=dict)
+    parts: list[Part] = pydantic.Field(default_factory=list)
+    shape: Square | Disc = pydantic.Field(default=Disc(kind="disc", radius=1), discriminator="kind")
+
+
+def said_of(tables: dict[str, Any]) -> str:
+    with pytest.raises(UserError) as raised:
+        validated(Drawing, tables, "f.toml")
+    said = str(raised.value)
+    assert said.startswith("f.toml: ")
+    assert said.isprintable()
+    return said
+
+
+def test_a_faultless_file_becomes_its_spec():
+    tables = {"origin": [1, 2], "parts": [{"name": "a", "axis": [[0, 0], [1, 0.5]]}]}
+    drawing = validated(Drawing, tables, "f.toml")
+    assert drawing == Drawing(
+        origin=(1.0, 2.0), parts=[Part(name="a", axis=((0.0, 0.0), (1.0, 0.5)))]
+    )
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        ({"origin": 3}, "origin: write it as two numbers, [x, y] (it is 3)"),
+        ({"origin": [1, 2, 3]}, "origin: write it as two numbers, [x, y] (it is [1, 2, 3])"),
+        ({"origin": [1]}, "origin.1: missing; a point is two numbers, [x, y]"),
+        ({"origin": [1, "2"]}, "origin.1: write a finite number, without quotes (it is '2')"),
+        ({"origin": [1, 1e31]}, "slip of the pen; correct it"),
+        ({"scale": -1}, "scale: a length must be positive (it is -1); correct it"),
+        ({"scale": 1e31}, "scale: a number of that size (it is 1e+31) is a slip of the pen"),
+        ({"gain": -1}, "gain: input should be greater than or equal to 0 (it is -1); correct it"),
+        ({"gain": 1e31}, "gain: a number of that size (it is 1e+31) is a slip of the pen"),
+        ({"sizes": {"a": 0}}, "sizes.a: a length must be positive (it is 0); correct it"),
+        ({"sizes": {"a b": 1}}, "sizes.a b: a name must not be empty or hold blanks"),
+        ({"sizes": []}, "sizes: write it as a table, [sizes] (it is [])"),
+        ({"parts": {}}, "parts: write each as a table of its own, [[parts]], in double brackets"),
+        ({"parts": [3]}, "parts.0: write it as a table, { … } (it is 3)"),
+        ({"parts": [{}]}, "parts.0.name: missing; add it"),
+        ({"part": []}, "part: no such key; did you mean 'parts'?"),
+        ({"qqq": 1}, "qqq: no such key; remove it (there are: origin, scale, gain, sizes, parts"),
+        ({"shape": {"kind": "disc", "radius": 1, "r": 1}}, "shape.disc.r: no such key; remove it"),
+    ],
+)
+def test_faults_are_told_by_the_kind_of_the_field(tables, said):
+    assert said in said_of(tables)
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ({"outline": 3}, "parts.0.outline: write it as a list of points, [[x, y], [x, y], …]"),
+        ({"outline": [3]}, "parts.0.outline.0: write it as two numbers, [x, y] (it is 3)"),
+        ({"axis": 3}, "parts.0.axis: write it as two points, [[x, y], [x, y]] (it is 3)"),
+        ({"axis": [[0, 0]] * 3}, "parts.0.axis: write it as two points"),
+        ({"axis": [[0, 0]]}, "parts.0.axis.1: missing; a point is two numbers, [x, y]"),
+        ({"tags": "a"}, 'parts.0.tags: write it as a list of names, ["A", "B"] (it is \'a\')'),
+        ({"weights": 3}, "parts.0.weights: write it as a list, […] (it is 3)"),
+        ({"on": 1}, "parts.0.on: write true or false, without quotes (it is 1)"),
+        ({"name": 5}, 'parts.0.name: write it as text in quotes, "…" (it is 5)'),
+        ({"name": "thing"}, "parts.0: 'thing' says little; choose another name"),
+    ],
+)
+def test_faults_within_tables_are_told(entries, said):
+    assert said in said_of({"parts": [{"name": "a"} | entries]})
+
+
+def test_all_faults_are_told_at_once_and_long_values_are_cut():
+    said = said_of({"origin": "x" * 99, "scale": 0, "qq\n": 1})
+    assert f"origin: write it as two numbers, [x, y] (it is '{'x' * 36}...); scale: " in said
+    assert "must be positive (it is 0); correct it; 'qq\\n': no such key" in said

@@ -1,0 +1,81 @@
+"""Values on the command line: grids in their order, and what is said of faulty ones."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from designopt import UserError
+from designopt.sweeps import grid_of, single_values
+
+ANGLES = {"pip": True, "dip": True, "slide": False}
+
+
+def test_the_last_name_changes_fastest_in_the_order_of_the_names():
+    texts = ["slide=-1", "dip=5:6:2", "pip=0:90:3"]
+    wanted = list(itertools.product([0, 45, 90], [5, 6], [-1]))
+    np.testing.assert_array_equal(grid_of(texts, "--sweep", ANGLES, "input"), wanted)
+
+
+def test_what_is_not_swept_has_its_default():
+    defaults = {"pip": -10.0, "dip": 20.0}
+    grid = grid_of(["dip=1:2:2", "slide=0"], "--sweep", ANGLES, "joint angle", defaults)
+    np.testing.assert_array_equal(grid, [[-10, 1, 0], [-10, 2, 0]])
+
+
+def test_without_names_there_is_one_pose():
+    assert grid_of([], "--sweep", {}, "joint angle").shape == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        (["pip"], "pip: write it as JOINT_ANGLE=START:STOP:COUNT or JOINT_ANGLE=VALUE"),
+        (["pip=1:2"], "pip=1:2: write it as JOINT_ANGLE=START:STOP:COUNT or"),
+        (["pap=1"], "pap=1: no joint angle is named 'pap'; there are: pip, dip, slide"),
+        (["pip=1", "pip=2"], "pip=2: 'pip' is swept twice; once is enough"),
+        (["pip="], "pip=: '' is not a finite number"),
+        (["pip=0:inf:3"], "pip=0:inf:3: 'inf' is not a finite number"),
+        (["pip=0:1:0"], "COUNT is the number of values, a whole number from 1 to 10,000,000"),
+        (["pip=0:1:2.5"], "COUNT"),
+        (["pip=0:1e13:2"], "values beyond 1e\\+12 have no digits left"),
+        (
+            ["dip=1"],
+            "no values for pip, slide; add for example "
+            "--joint pip=0:360:361 --joint slide=0:10:101$",
+        ),
+        (
+            ["pip=0:1:5000", "dip=0:1:5000", "slide=0"],
+            r"a grid of 25,000,000 poses is too large \(at most 10,000,000\); sweep fewer",
+        ),
+    ],
+)
+def test_faulty_sweeps_are_told(texts, words):
+    with pytest.raises(UserError, match=words) as raised:
+        grid_of(texts, "--joint", ANGLES, "joint angle")
+    assert str(raised.value).startswith("--joint")
+
+
+def test_a_name_where_there_is_none():
+    with pytest.raises(UserError, match="no joint angle is named 'pip'; there are: none"):
+        grid_of(["pip=1"], "--sweep", {}, "joint angle")
+
+
+def test_single_values():
+    assert single_values([], "--rate", ANGLES, "input") == {}
+    given = single_values(["dip=-2", "slide=1e-3"], "--rate", ANGLES, "input")
+    assert given == {"dip": -2.0, "slide": 0.001}
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        (["dip"], "--rate dip: write it as INPUT=VALUE$"),
+        (["dop=1"], "--rate dop=1: no input is named 'dop'; there are: pip, dip, slide"),
+        (["dip=1", "dip=1"], "--rate dip=1: 'dip' is given twice; once is enough"),
+        (["dip=1:2:3"], "--rate dip=1:2:3: '1:2:3' is not a finite number"),
+    ],
+)
+def test_faulty_single_values_are_told(texts, words):
+    with pytest.raises(UserError, match=words):
+        single_values(texts, "--rate", ANGLES, "input")
