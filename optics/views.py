@@ -1,0 +1,122 @@
+"""What a camera sees of each pad, by which path, and what follows: coverage and redundancy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from optics.scene import Layout
+from optics.unfolding import CROSSING, CUT_AFTER, CUT_BEFORE, FIRST_END, KINDS, SECOND_END
+
+FIRST_PAD_END, SECOND_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, LOW_GRAZING, HIGH_GRAZING, FOLD = range(
+    -1, -8, -1
+)
+"""Labels of what bounds a view and is no surface in its way: the pad's own ends, the field of view's
+limits, the least grazing angle towards the pad's first and second end, a fold of the image."""
+
+
+class ViewResult(eqx.Enumeration):
+    """Why a pad is not seen by a path."""
+
+    successful = ""
+    behind_mirror = (
+        "The camera, or its image, is not in front of a mirror of this path: turn or move that "
+        "mirror, or let its other side reflect."
+    )
+    behind_pad = (
+        "The camera, or its image, is not on the sensing side of the pad: move the camera or the "
+        "mirror, or change the pad's side."
+    )
+    missed = (
+        "The pad lies outside of what the field of view, the mirrors and the least grazing angle "
+        "let through: widen one of them, or turn the camera or a mirror."
+    )
+    blocked = "Other surfaces hide all of the pad: move or shorten what stands in the way."
+    too_many = "The pad is seen in more pieces than there is room for: ask for more room."
+
+
+class Pieces(eqx.Module):
+    """The pieces of each pad that are seen, in the order in which they begin.
+
+    A piece is seen by one path, so pieces of several paths may overlap. Arrays have the shape
+    (pads, pieces) after any batch axes; there is room for more pieces than there are.
+
+    Attributes:
+        present: whether there is such a piece; elsewhere all else is 0.
+        path: index of the path that shows it.
+        start: pad coordinate (0 at the pad's first end, 1 at its second) where it begins.
+        end: where it ends.
+        start_label: what bounds it there; `describe_end` says it in words.
+        end_label: the same for its other end.
+        pixels: where its two ends are imaged, in pixels; shape (..., 2).
+        px_per_mm: resolution along the pad at its two ends; shape (..., 2).
+        distance: length of the path to its two ends, mm; shape (..., 2).
+        spans: coordinates on each mirror of the path at which its two ends are reflected; shape
+            (..., reflections, 2), 0 where the path has fewer reflections.
+    """
+
+    present: Bool[Array, "*batch pads pieces"]
+    path: Int[Array, "*batch pads pieces"]
+    start: Float[Array, "*batch pads pieces"]
+    end: Float[Array, "*batch pads pieces"]
+    start_label: Int[Array, "*batch pads pieces"]
+    end_label: Int[Array, "*batch pads pieces"]
+    pixels: Float[Array, "*batch pads pieces 2"]
+    px_per_mm: Float[Array, "*batch pads pieces 2"]
+    distance: Float[Array, "*batch pads pieces 2"]
+    spans: Float[Array, "*batch pads pieces reflections 2"]
+
+    def coverage(self) -> Float[Array, "*batch pads"]:
+        """Part of each pad that is seen by any path: the measure of the union of its pieces."""
+        # A piece counts from where all that begin before it have ended.
+        order = jnp.arange(self.start.shape[-1])
+        earlier = (order[:, None] > order[None]).reshape((1,) * (self.end.ndim - 1) + (-1, order.size))
+        ends = jnp.where(earlier, self.end[..., None, :], 0.0)
+        begin = jnp.maximum(self.start, jnp.max(ends, axis=-1))
+        return jnp.sum(jnp.where(self.end > begin, self.end - begin, 0.0), axis=-1)
+
+    def seen(self, path: int) -> Float[Array, "*batch pads"]:
+        """Part of each pad that is seen by one path."""
+        return jnp.sum(jnp.where(self.path == path, self.end - self.start, 0.0), axis=-1)
+
+    def redundancy(self) -> Float[Array, "*batch pads"]:
+        """Number of paths by which a point of each pad is seen, on average over the pad."""
+        return jnp.sum(self.end - self.start, axis=-1)
+
+    def paths_seeing(self, coordinates: Float[Array, " points"]) -> Int[Array, "*batch pads points"]:
+        """By how many paths points of each pad are seen, from their pad coordinates."""
+        start, end = self.start[..., None], self.end[..., None]
+        places = coordinates.reshape((1,) * (start.ndim - 1) + (-1,))
+        return jnp.sum((start < places) & (places < end), axis=-2, dtype=int)
+
+
+def path_name(layout: Layout, word: Sequence[int]) -> str:
+    """Name of a path: ``direct``, or ``mirror:`` and its mirrors."""
+    names = "+".join(layout.mirrors[i].name for i in word)
+    return f"mirror:{names}" if names else "direct"
+
+
+def describe_end(layout: Layout, label: int) -> str:
+    """What bounds a piece, in words, from its label."""
+    if label < 0:
+        return {
+            FIRST_PAD_END: "end of the pad",
+            SECOND_PAD_END: "end of the pad",
+            LEFT_LIMIT: "limit of the field of view",
+            RIGHT_LIMIT: "limit of the field of view",
+            LOW_GRAZING: "least grazing angle",
+            HIGH_GRAZING: "least grazing angle",
+            FOLD: "fold of the image",
+        }[label]
+    surface, kind = label // KINDS % len(layout.surfaces), label % KINDS
+    what = {
+        FIRST_END: "its end 'from'",
+        SECOND_END: "its end 'to'",
+        CROSSING: "where the pad meets it",
+        CUT_BEFORE: "where it meets the line of a mirror",
+        CUT_AFTER: "where it meets the line of a mirror",
+    }[kind]
+    return f"{layout.kind(surface)} '{layout.surfaces[surface].name}': {what}"
