@@ -104,7 +104,7 @@ def _kind(model: type[Spec], place: Place) -> Any:
     kind: Any = model
     for part in place:
         if _is_table(kind):
-            field = kind.model_fields.get(part)
+            field = _fields(kind).get(part)
             kind = None if field is None else _bare(field.annotation)
         else:
             kind = _item(kind)
@@ -141,10 +141,15 @@ def _form(kind: Any) -> str:
     return 'a list of names, ["A", "B"]' if _item(kind) is str else "a list, […]"
 
 
+def _fields(table: Any) -> dict[Any, Any]:
+    """Fields of a table by their names in the file."""
+    return {field.alias or name: field for name, field in table.model_fields.items()}
+
+
 def _hint(key: str, table: Any) -> str:
     if not _is_table(table):
         return "remove it"
-    known = list(table.model_fields)
+    known = list(_fields(table))
     close = difflib.get_close_matches(key, known, n=1)
     return f"did you mean '{close[0]}'?" if close else f"remove it (there are: {', '.join(known)})"
 

@@ -67,13 +67,13 @@ class Routes(eqx.Module):
         flips: whether they mirror: −1, else +1.
     """
 
-    words: Int[Array, "paths reflections"]
+    words: Int[Array, "*paths reflections"]
     sources: Vector
     axes: Vector
-    handedness: Float[Array, " paths"]
+    handedness: Float[Array, "*paths"]
     shifts: Vector
     turns: Vector
-    flips: Float[Array, "paths legs"]
+    flips: Float[Array, "*paths legs"]
 
 
 def routes_of(placed: Placed, words: list[np.ndarray]) -> Routes:
@@ -86,13 +86,13 @@ def routes_of(placed: Placed, words: list[np.ndarray]) -> Routes:
         def one(word: Int[Array, " reflections"], count: int = count) -> Routes:
             folds = folds_of(placed, word)
             folds += folds[-1:] * (longest - count)
-            stacked = jax.tree.map(
+            shifts, turns = jax.tree.map(
                 lambda *leaves: jnp.stack(leaves), *((fold.shift, fold.turn) for fold in folds)
             )
             flips = jnp.array([-1.0 if fold.flips else 1.0 for fold in folds], placed.size.dtype)
             padded = jnp.pad(word, (0, longest - count), constant_values=-1)
             source, axis = folds[0].place(placed.camera), folds[0].arrow(placed.axis)
-            return Routes(padded, source, axis, flips[0], *stacked, flips)
+            return Routes(padded, source, axis, flips[0], shifts, turns, flips)
 
         parts.append(jax.vmap(one)(jnp.asarray(of_length)))
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
@@ -133,12 +133,16 @@ def bounding_line(
     longest = routes.words.shape[1]
     if longest:
         # Where a surface meets the line of the mirror before or after the leg.
-        neighbour = routes.words[path, jnp.clip(jnp.where(kind == CUT_BEFORE, leg - 1, leg), 0, longest - 1)]
+        neighbour = routes.words[
+            path, jnp.clip(jnp.where(kind == CUT_BEFORE, leg - 1, leg), 0, longest - 1)
+        ]
         mirror = jax.tree.map(lambda leaf: leaf[neighbour], (placed.starts, placed.ends))
         cut = _meeting(start, end, *mirror)
     else:
         cut = start
-    edge = _pick([(kind == SECOND_END, end), ((kind == CUT_BEFORE) | (kind == CUT_AFTER), cut)], start)
+    edge = _pick(
+        [(kind == SECOND_END, end), ((kind == CUT_BEFORE) | (kind == CUT_AFTER), cut)], start
+    )
     seen = folded(routes, path, leg, edge)
     along = folded(routes, path, leg, end) - folded(routes, path, leg, start)
 
@@ -186,9 +190,7 @@ def _meeting(start: Vector, end: Vector, first: Vector, last: Vector) -> Vector:
     return start + step.scaled(part)
 
 
-def folded(
-    routes: Routes, path: Int[Array, ""], leg: Int[Array, ""], place: Vector
-) -> Vector:
+def folded(routes: Routes, path: Int[Array, ""], leg: Int[Array, ""], place: Vector) -> Vector:
     """A place of a leg, unfolded behind the last mirror of the path."""
     shift, turn = jax.tree.map(lambda leaf: leaf[path, leg], (routes.shifts, routes.turns))
     return shift + Vector(place.x, routes.flips[path, leg] * place.y).turned(turn)

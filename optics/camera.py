@@ -38,12 +38,15 @@ class Pinhole(Projection):
     """The pinhole camera and the lens without distortion: r = f tan θ, for |θ| < 90°."""
 
     def height(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.height`."""
         return jnp.tan(angle)
 
     def slope(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.slope`."""
         return 1 + jnp.tan(angle) ** 2
 
     def angle(self, height: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.angle`."""
         return jnp.arctan(height)
 
 
@@ -51,12 +54,15 @@ class Equidistant(Projection):
     """The equidistant wide-angle lens: r = f θ."""
 
     def height(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.height`."""
         return angle
 
     def slope(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.slope`."""
         return jnp.ones_like(angle)
 
     def angle(self, height: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.angle`."""
         return height
 
 
@@ -74,16 +80,20 @@ class KannalaBrandt(Projection):
     coefficients: Float[Array, "4"] = eqx.field(converter=as_float)
 
     def height(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.height`."""
         k1, k2, k3, k4 = (self.coefficients[i] for i in range(4))
         square = angle * angle
         return angle * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
 
     def slope(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.slope`."""
         k1, k2, k3, k4 = (self.coefficients[i] for i in range(4))
         square = angle * angle
         return 1 + square * (3 * k1 + square * (5 * k2 + square * (7 * k3 + square * 9 * k4)))
 
     def angle(self, height: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.angle`."""
+
         def residual(angle: Float[Array, ""], args: tuple[KannalaBrandt, Array]) -> Array:
             projection, wanted = args
             return projection.height(angle) - wanted

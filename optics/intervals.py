@@ -8,7 +8,6 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
 
-
 FAR = 64.0
 """Beyond every pad coordinate and every angle."""
 
@@ -45,9 +44,9 @@ def where_positive(
 
 
 def common_part(
-    at_start: Float[Array, "conditions *batch"],
-    at_end: Float[Array, "conditions *batch"],
-    labels: Int[Array, "conditions *batch"],
+    at_start: Float[Array, "conditions ..."],
+    at_end: Float[Array, "conditions ..."],
+    labels: Int[Array, "conditions ..."],
     whole: tuple[int, int],
 ) -> Interval:
     """Part of 0 … 1 in which several linear functions are all positive.

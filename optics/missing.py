@@ -140,9 +140,7 @@ def _shown(path: Unfolded, pad: Pad) -> Edges:
     return cut(shown, start, along, side, label)
 
 
-def elevation(
-    placed: Placed, routes: Routes, pad: Pad, path: Int[Array, ""]
-) -> Float[Array, ""]:
+def elevation(placed: Placed, routes: Routes, pad: Pad, path: Int[Array, ""]) -> Float[Array, ""]:
     """Least angle (rad) by which what a path needs rises above the mirrors that it must clear.
 
     Seen from the virtual camera, each mirror must have a part beyond the one before it, and the
@@ -177,4 +175,5 @@ def _on_leg(
     placed: Placed, routes: Routes, path: Int[Array, ""], leg: int, surface: Int[Array, ""]
 ) -> tuple[Vector, Vector]:
     start, end = jax.tree.map(lambda leaf: leaf[surface], (placed.starts, placed.ends))
-    return tuple(folded(routes, path, jnp.asarray(leg), place) for place in (start, end))
+    index = jnp.asarray(leg)
+    return folded(routes, path, index, start), folded(routes, path, index, end)

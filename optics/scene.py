@@ -90,6 +90,12 @@ class Layout:
         """The side of every surface, in the order of `surfaces`."""
         return np.array([part.side for part in self.surfaces], int)
 
+    @property
+    def one_way(self) -> np.ndarray:
+        """Which surfaces let rays pass from one side: one-sided blockers, not mirrors and pads."""
+        behind = len(self.mirrors) + len(self.pads)
+        return (np.arange(len(self.sides)) >= behind) & (self.sides != 0)
+
     def kind(self, surface: int) -> Kind:
         """What a surface is, by its index in `surfaces`."""
         if surface < len(self.mirrors):
@@ -168,9 +174,7 @@ class Placed(eqx.Module):
 
     def absolute(self, place: Vector) -> Vector:
         """Coordinates in mm of a place that is relative to the placed scene."""
-        return Vector(
-            place.x * self.size + self.origin.x, place.y * self.size + self.origin.y
-        )
+        return Vector(place.x * self.size + self.origin.x, place.y * self.size + self.origin.y)
 
 
 def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:

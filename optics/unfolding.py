@@ -24,9 +24,10 @@ from optics.scene import Layout, Placed
 ROUNDING_UNITS = 8
 """What is nearer to a line than so many units of rounding of its distance lies on the line."""
 
-FIRST_END, SECOND_END, CROSSING, CUT_BEFORE, CUT_AFTER = range(5)
-"""What of a surface can bound a view: one of its ends, the place where it meets the pad, or the place
-where it meets the line of the mirror before or after it on the path."""
+FIRST_END, SECOND_END, CROSSING, CUT_BEFORE, CUT_AFTER, HORIZON = range(6)
+"""What of a surface can bound a view: one of its ends, the place where it meets the pad, the place
+where it meets the line of the mirror before or after it on the path, or that where a curved one
+turns away from the ray."""
 
 KINDS = 8
 """A label is KINDS · (leg · surfaces + surface) plus one of the above."""
@@ -152,7 +153,7 @@ def cut(
     edges: Edges,
     start: Vector,
     along: Vector,
-    side: Float[Array, "*batch"],
+    side: Float[Array, ""],
     labels: Int[Array, "*batch"],
 ) -> Edges:
     """The parts of segments on one side (+1 left, −1 right) of a line; ``labels`` name new ends."""
@@ -213,20 +214,23 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         above = height(source, mirrors[i][0], along[i])
         facing.append(jnp.where(above < 0, -1.0, 1.0).astype(above.dtype))
         turned_away.append((above == 0) | (sides[word[i]] * above < 0))
-        source = source - along[i].perpendicular().scaled(2 * along[i].cross(source - mirrors[i][0]))
+        source = source - along[i].perpendicular().scaled(
+            2 * along[i].cross(source - mirrors[i][0])
+        )
     sources.append(source)
 
     def named(leg: int, surface: Int[Array, "*n"], kind: int) -> Int[Array, "*n"]:
         return KINDS * (leg * surfaces + surface) + kind
 
     index = jnp.arange(surfaces)
-    passes = jnp.asarray(_passes(layout))
     blockers = []
     for leg in range(count + 1):
         # A surface with one blocking side lets rays pass from the other.
         above = height(sources[leg], starts, unit(ends - starts))
-        blocks = ~passes | (sides * above > 0)
-        edges = Edges(starts, ends, named(leg, index, FIRST_END), named(leg, index, SECOND_END), blocks)
+        blocks = ~jnp.asarray(layout.one_way) | (sides * above > 0)
+        edges = Edges(
+            starts, ends, named(leg, index, FIRST_END), named(leg, index, SECOND_END), blocks
+        )
         for i, kind in ((leg - 1, CUT_BEFORE), (leg, CUT_AFTER)):
             if 0 <= i < count:
                 edges = cut(edges, mirrors[i][0], along[i], facing[i], named(leg, index, kind))
@@ -236,7 +240,7 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
     for i, (start, end) in enumerate(mirrors):
         first, second = named(i, word[i], FIRST_END), named(i, word[i], SECOND_END)
         edges = Edges(start, end, first, second, jnp.ones_like(start.x, bool))
-        # A mirror is cut by the one before it on the leg that comes to it, by the next on the leg after.
+        # The mirror before cuts it on the leg that comes to it, the next one on the leg after.
         for other, leg, kind in ((i - 1, i, CUT_BEFORE), (i + 1, i + 1, CUT_AFTER)):
             if 0 <= other < count:
                 new = named(leg, word[i], kind)
@@ -250,14 +254,6 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         jnp.asarray(turned_away, bool),
         blocking,
         (mirrors[-1][0], along[-1]) if count else None,
-    )
-
-
-def _passes(layout: Layout) -> np.ndarray:
-    """Which surfaces let rays pass from one side: one-sided blockers; mirrors and pads do not."""
-    return np.array(
-        [layout.kind(i) == "blocker" and part.side != 0 for i, part in enumerate(layout.surfaces)],
-        bool,
     )
 
 

@@ -9,13 +9,21 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from optics.scene import Layout
-from optics.unfolding import CROSSING, CUT_AFTER, CUT_BEFORE, FIRST_END, KINDS, SECOND_END
+from optics.unfolding import (
+    CROSSING,
+    CUT_AFTER,
+    CUT_BEFORE,
+    FIRST_END,
+    HORIZON,
+    KINDS,
+    SECOND_END,
+)
 
 FIRST_PAD_END, SECOND_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, LOW_GRAZING, HIGH_GRAZING, FOLD = range(
     -1, -8, -1
 )
-"""Labels of what bounds a view and is no surface in its way: the pad's own ends, the field of view's
-limits, the least grazing angle towards the pad's first and second end, a fold of the image."""
+"""Labels of what bounds a view and is no surface in its way: the pad's own ends, the limits of the
+field of view, the least grazing angle towards the pad's two ends, a fold of the image."""
 
 
 class ViewResult(eqx.Enumeration):
@@ -35,6 +43,10 @@ class ViewResult(eqx.Enumeration):
         "let through: widen one of them, or turn the camera or a mirror."
     )
     blocked = "Other surfaces hide all of the pad: move or shorten what stands in the way."
+    unseen = (
+        "No ray reaches the pad by this path: move the camera, the mirrors or what stands in the "
+        "way; a narrow view may be found with more rays."
+    )
     too_many = "The pad is seen in more pieces than there is room for: ask for more room."
 
 
@@ -58,35 +70,37 @@ class Pieces(eqx.Module):
             (..., reflections, 2), 0 where the path has fewer reflections.
     """
 
-    present: Bool[Array, "*batch pads pieces"]
-    path: Int[Array, "*batch pads pieces"]
-    start: Float[Array, "*batch pads pieces"]
-    end: Float[Array, "*batch pads pieces"]
-    start_label: Int[Array, "*batch pads pieces"]
-    end_label: Int[Array, "*batch pads pieces"]
-    pixels: Float[Array, "*batch pads pieces 2"]
-    px_per_mm: Float[Array, "*batch pads pieces 2"]
-    distance: Float[Array, "*batch pads pieces 2"]
-    spans: Float[Array, "*batch pads pieces reflections 2"]
+    present: Bool[Array, "*pieces"]
+    path: Int[Array, "*pieces"]
+    start: Float[Array, "*pieces"]
+    end: Float[Array, "*pieces"]
+    start_label: Int[Array, "*pieces"]
+    end_label: Int[Array, "*pieces"]
+    pixels: Float[Array, "*pieces 2"]
+    px_per_mm: Float[Array, "*pieces 2"]
+    distance: Float[Array, "*pieces 2"]
+    spans: Float[Array, "*pieces reflections 2"]
 
-    def coverage(self) -> Float[Array, "*batch pads"]:
+    def coverage(self) -> Float[Array, "*pads"]:
         """Part of each pad that is seen by any path: the measure of the union of its pieces."""
         # A piece counts from where all that begin before it have ended.
         order = jnp.arange(self.start.shape[-1])
-        earlier = (order[:, None] > order[None]).reshape((1,) * (self.end.ndim - 1) + (-1, order.size))
+        earlier = (order[:, None] > order[None]).reshape(
+            (1,) * (self.end.ndim - 1) + (-1, order.size)
+        )
         ends = jnp.where(earlier, self.end[..., None, :], 0.0)
         begin = jnp.maximum(self.start, jnp.max(ends, axis=-1))
         return jnp.sum(jnp.where(self.end > begin, self.end - begin, 0.0), axis=-1)
 
-    def seen(self, path: int) -> Float[Array, "*batch pads"]:
+    def seen(self, path: int) -> Float[Array, "*pads"]:
         """Part of each pad that is seen by one path."""
         return jnp.sum(jnp.where(self.path == path, self.end - self.start, 0.0), axis=-1)
 
-    def redundancy(self) -> Float[Array, "*batch pads"]:
+    def redundancy(self) -> Float[Array, "*pads"]:
         """Number of paths by which a point of each pad is seen, on average over the pad."""
         return jnp.sum(self.end - self.start, axis=-1)
 
-    def paths_seeing(self, coordinates: Float[Array, " points"]) -> Int[Array, "*batch pads points"]:
+    def paths_seeing(self, coordinates: Float[Array, " points"]) -> Int[Array, "*pads points"]:
         """By how many paths points of each pad are seen, from their pad coordinates."""
         start, end = self.start[..., None], self.end[..., None]
         places = coordinates.reshape((1,) * (start.ndim - 1) + (-1,))
@@ -115,8 +129,9 @@ def describe_end(layout: Layout, label: int) -> str:
     what = {
         FIRST_END: "its end 'from'",
         SECOND_END: "its end 'to'",
-        CROSSING: "where the pad meets it",
+        CROSSING: "where another surface meets it",
         CUT_BEFORE: "where it meets the line of a mirror",
         CUT_AFTER: "where it meets the line of a mirror",
+        HORIZON: "where it turns away from the ray",
     }[kind]
     return f"{layout.kind(surface)} '{layout.surfaces[surface].name}': {what}"

@@ -1,0 +1,191 @@
+"""Visibility by rays, for curved mirrors and any projection.
+
+A coarse fan of rays from the camera shows by which path each of them reaches which pad. Where
+that changes from one ray to the next, the edge is found to rounding (`optics.edges`), with its
+derivative. Views narrower than the fan's spacing can be missed; on straight mirrors
+`optics.visibility` is exact.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from designopt.numerics import as_float, safe_divide
+from designopt.solution import Solution
+from optics.edges import find_edge
+from optics.fan import Fan
+from optics.scene import Scene, place
+from optics.unfolding import paths_of
+from optics.views import Pieces, ViewResult
+
+RAYS = 1024
+"""Rays of the coarse fan."""
+
+ROOM = 64
+"""Pieces that are looked for in all."""
+
+
+def trace_views(
+    scene: Scene,
+    angles: Float[Array, "*batch joints"],
+    *,
+    bounces: int | None = None,
+    rays: int = RAYS,
+    room: int = ROOM,
+) -> Solution[Pieces]:
+    """What the camera sees of every pad, by rays; mirrors may be curved.
+
+    Args:
+        scene: the scene; ``jax.vmap`` over it for a batch of designs.
+        angles: joint angles in the order of ``scene.angle_names``, rad.
+        bounces: most reflections of a path; the scene's own number by default.
+        rays: number of rays of the coarse fan.
+        room: most pieces of all pads together.
+
+    Returns:
+        The pieces of each pad, exact to rounding where the fan has found them. ``margin`` and
+        ``result`` are of the shape (paths, pads), paths in the order of `path_names`. ``margin``
+        (rad) is half the angle at the camera of the widest piece that is seen, and 0 where none
+        is: rays do not tell by how much they miss. ``residual`` is the largest Newton step (rad)
+        that is left at an edge of that view.
+    """
+    angles = as_float(angles)
+    words = paths_of(scene.layout, scene.layout.bounces if bounces is None else bounces)
+
+    def one(angles: Float[Array, " joints"]) -> Solution[Pieces]:
+        fan = Fan.of(scene, place(scene, angles), words)
+        return _views(fan, rays, room)
+
+    for _ in angles.shape[:-1]:
+        one = jax.vmap(one)
+    return one(angles)
+
+
+def _views(fan: Fan, rays: int, room: int) -> Solution[Pieces]:
+    still = jax.lax.stop_gradient(fan)
+    half = still.camera.field_of_view / 2
+    # In the middles of equal parts: no ray runs along the limits themselves.
+    steps = jnp.asarray((2 * np.arange(rays) + 1) / rays - 1, half.dtype)
+    labels = jax.vmap(still.label)(half * steps)
+    padded = jnp.pad(labels, 1)
+    begins = (labels != 0) & (padded[:-2] != labels)
+    stops = (labels != 0) & (padded[2:] != labels)
+    first = jnp.nonzero(begins, size=room, fill_value=rays)[0]
+    last = jnp.nonzero(stops, size=room, fill_value=rays)[0]
+    present = first < rays
+    crowded = jnp.sum(begins) > room
+
+    angle_of = jnp.append(half * steps, half)
+    before = jnp.where(first > 0, angle_of[first - 1], -half)
+    after = jnp.where(last < rays - 1, angle_of[jnp.minimum(last + 1, rays - 1)], half)
+
+    def run(
+        present: Bool[Array, ""],
+        first: Int[Array, ""],
+        last: Int[Array, ""],
+        before: Float[Array, ""],
+        after: Float[Array, ""],
+    ) -> _Run:
+        return _refine(fan, present, angle_of[first], angle_of[last], before, after)
+
+    runs = jax.vmap(run)(present, first, last, before, after)
+    return _collected(fan, runs, crowded)
+
+
+class _Run(eqx.Module):
+    """Neighbouring rays that see one pad by one path, between refined edges."""
+
+    present: Bool[Array, "*runs"]
+    pad: Int[Array, "*runs"]
+    path: Int[Array, "*runs"]
+    ends: Float[Array, "*runs 2"]
+    labels: Int[Array, "*runs 2"]
+    pixels: Float[Array, "*runs 2"]
+    px_per_mm: Float[Array, "*runs 2"]
+    distance: Float[Array, "*runs 2"]
+    spans: Float[Array, "*runs reflections 2"]
+    width: Float[Array, "*runs"]
+    residual: Float[Array, "*runs"]
+
+
+def _refine(
+    fan: Fan,
+    present: Bool[Array, ""],
+    first: Float[Array, ""],
+    last: Float[Array, ""],
+    before: Float[Array, ""],
+    after: Float[Array, ""],
+) -> _Run:
+    still = jax.lax.stop_gradient(fan)
+    legs = still.follow(first)
+    pad, leg, _ = still.reach(legs)
+    path = still.path(legs, leg)
+    low = find_edge(fan, present, first, before, pad, leg)
+    high = find_edge(fan, present, last, after, pad, leg)
+    ordered = low.coordinate <= high.coordinate
+    pair = jax.tree.map(
+        lambda a, b: jnp.stack([jnp.where(ordered, a, b), jnp.where(ordered, b, a)], axis=-1),
+        low,
+        high,
+    )
+    surface = len(fan.layout.mirrors) + pad
+    start, end = jax.tree.map(lambda leaf: leaf[surface], (fan.placed.starts, fan.placed.ends))
+    length = (end - start).length() * fan.placed.size
+    density = fan.camera.pixels_per_radian(pair.angle)
+    per_mm, _ = safe_divide(density, jnp.abs(pair.slope) * length)
+    return _Run(
+        present,
+        pad,
+        path,
+        jnp.clip(pair.coordinate, 0, 1),
+        pair.label,
+        fan.camera.pixel(pair.angle),
+        per_mm,
+        pair.length * fan.placed.size,
+        pair.spans,
+        jnp.abs(high.angle - low.angle),
+        jnp.max(pair.step),
+    )
+
+
+def _collected(fan: Fan, runs: _Run, crowded: Bool[Array, ""]) -> Solution[Pieces]:
+    """All runs, by pad and in the order in which they begin on it."""
+
+    def of_pad(pad: Int[Array, ""]) -> Pieces:
+        present = runs.present & (runs.pad == pad)
+        order = jnp.argsort(jnp.where(present, runs.ends[:, 0], 2.0))
+        mine, present = jax.tree.map(lambda leaf: leaf[order], (runs, present))
+
+        def kept(leaf: Array) -> Array:
+            return jnp.where(present.reshape(-1, *(1,) * (leaf.ndim - 1)), leaf, 0)
+
+        return Pieces(
+            present,
+            kept(mine.path),
+            kept(mine.ends[:, 0]),
+            kept(mine.ends[:, 1]),
+            kept(mine.labels[:, 0]),
+            kept(mine.labels[:, 1]),
+            kept(mine.pixels),
+            kept(mine.px_per_mm),
+            kept(mine.distance),
+            kept(mine.spans),
+        )
+
+    def judged(path: Int[Array, ""], pad: Int[Array, ""]) -> tuple[Array, Array, Any]:
+        mine = runs.present & (runs.pad == pad) & (runs.path == path)
+        result = ViewResult.where(jnp.any(mine), ViewResult.successful, ViewResult.unseen)
+        result = ViewResult.where(crowded, ViewResult.too_many, result)
+        margin = jnp.max(jnp.where(mine, runs.width / 2, 0.0))
+        return margin, jnp.max(jnp.where(mine, runs.residual, 0.0)), result
+
+    pads, paths = jnp.arange(len(fan.layout.pads)), jnp.arange(len(fan.words))
+    judge = jax.vmap(jax.vmap(judged, (None, 0)), (0, None))
+    margin, residual, result = judge(paths, pads)
+    return Solution(jax.vmap(of_pad)(pads), margin, residual, result)

@@ -1,0 +1,148 @@
+"""Which parts of a pad one path shows, and what bounds them: found without derivatives.
+
+From a (virtual) camera S, the part of a pad that is hidden by a segment AB, or seen through it, is
+one interval: that where
+
+    (A − S) × (P − S),   (P − S) × (B − S)   and   −(B − A) × (P − A),
+
+all taken with the sign of (A − S) × (B − S), are positive. Each is linear along the pad, so its
+values at the pad's two ends give the ends of the interval as quotients. Mirrors are such windows
+and everything else casts such shadows; field of view and grazing angle are linear conditions too.
+So nothing is sampled and nothing iterated.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from designopt.vectors import Vector, rotation
+from optics.boundaries import Pad
+from optics.camera import Camera
+from optics.intervals import Interval, common_part, gaps
+from optics.missing import angular_gap
+from optics.unfolding import CROSSING, KINDS, ROUNDING_UNITS, Edges, Unfolded, height, unit
+from optics.views import (
+    FIRST_PAD_END,
+    HIGH_GRAZING,
+    LEFT_LIMIT,
+    LOW_GRAZING,
+    RIGHT_LIMIT,
+    SECOND_PAD_END,
+    ViewResult,
+)
+
+SHORTEST_PIECE = 64
+"""A piece no longer than so many units of rounding of the pad is rounding and not seen."""
+
+
+class Verdict(eqx.Module):
+    """How well one path shows one pad.
+
+    Attributes:
+        widest: the widest gap between what must not be met, in angles about the source.
+        margin: half its width, rad; negative where no line of sight is free.
+        result: why nothing is seen.
+    """
+
+    widest: Interval
+    margin: Float[Array, "*views"]
+    result: ViewResult
+
+
+def search(
+    camera: Camera, path: Unfolded, pad: Pad
+) -> tuple[Interval, Bool[Array, " gaps"], Verdict]:
+    """One pad by one path.
+
+    Returns:
+        Candidates for pieces, which of them are there, and the verdict.
+    """
+    above = height(path.source, pad.start, unit(pad.end - pad.start))
+    front = (above != 0) & (pad.side * above >= 0)
+    turned_away = jnp.any(path.turned_away)
+    window = _window(camera, path, pad, above)
+    shadows, active = _shadows(camera, path, pad)
+    pieces = gaps(window, shadows, active)
+    shortest = SHORTEST_PIECE * jnp.finfo(above.dtype).eps
+    present = front & ~turned_away & (pieces.end - pieces.start > shortest)
+    result = ViewResult.where(window.end > window.start, ViewResult.blocked, ViewResult.missed)
+    result = ViewResult.where(front, result, ViewResult.behind_pad)
+    result = ViewResult.where(turned_away, ViewResult.behind_mirror, result)
+    result = ViewResult.where(jnp.any(present), ViewResult.successful, result)
+    widest = angular_gap(camera, path, pad, above)
+    return pieces, present, Verdict(widest, (widest.end - widest.start) / 2, result)
+
+
+def _behind(
+    edges: Edges, source: Vector, place: Vector
+) -> tuple[Float[Array, "3 ..."], Bool[Array, "..."]]:
+    """Three numbers that are all positive if a place lies behind segments, seen from a source.
+
+    And which of the segments are seen edge-on, so that nothing lies behind them.
+    """
+    a, b, p = edges.starts - source, edges.ends - source, place - source
+    cross = a.cross(b)
+    rounding = ROUNDING_UNITS * jnp.finfo(cross.dtype).eps
+    extent = (jnp.abs(a.x) + jnp.abs(a.y)) * (jnp.abs(b.x) + jnp.abs(b.y))
+    ahead = [a.cross(p), p.cross(b), -(b - a).cross(place - edges.starts)]
+    sign = jnp.sign(cross)
+    return jnp.stack([sign * number for number in ahead]), jnp.abs(cross) <= rounding * extent
+
+
+def _edge_labels(edges: Edges) -> Int[Array, "3 ..."]:
+    crossing = edges.start_labels // KINDS * KINDS + CROSSING
+    return jnp.stack([edges.start_labels, edges.end_labels, crossing])
+
+
+def _limits(camera: Camera, path: Unfolded, arrow: Vector) -> Float[Array, "2"]:
+    """Two numbers that are both positive if an arrow lies within a field of view below 180°."""
+    half = camera.field_of_view / 2
+    right, left = path.axis.turned(rotation(-half)), path.axis.turned(rotation(half))
+    return jnp.stack([right.cross(arrow), arrow.cross(left)])
+
+
+_PAD_ENDS = (FIRST_PAD_END, SECOND_PAD_END)
+_LIMITS = (RIGHT_LIMIT, LEFT_LIMIT)
+
+
+def _window(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""]) -> Interval:
+    """The part of a pad that field of view, grazing angle and mirrors let through."""
+    along = unit(pad.end - pad.start)
+    # notation: where a ray meets the pad at s from the foot of the height h, tan(grazing) = h/|s|.
+    h, sine, cosine = jnp.abs(above), jnp.sin(pad.grazing), jnp.cos(pad.grazing)
+    wide = camera.field_of_view > jnp.pi
+
+    def conditions(place: Vector) -> Float[Array, " conditions"]:
+        arrow = place - path.source
+        s = along.dot(arrow)
+        limits = jnp.where(wide, 1.0, _limits(camera, path, arrow))
+        grazing = jnp.stack([h * cosine + s * sine, h * cosine - s * sine])
+        through, edge_on = _behind(path.mirrors, path.source, place)
+        through = jnp.where((edge_on | ~path.mirrors.active)[None], -1.0, through)
+        return jnp.concatenate([limits, grazing, through.reshape(-1)])
+
+    labels = jnp.concatenate(
+        [jnp.array([*_LIMITS, LOW_GRAZING, HIGH_GRAZING]), _edge_labels(path.mirrors).reshape(-1)]
+    )
+    return common_part(conditions(pad.start), conditions(pad.end), labels, _PAD_ENDS)
+
+
+def _shadows(camera: Camera, path: Unfolded, pad: Pad) -> tuple[Interval, Bool[Array, " shadows"]]:
+    """The parts of a pad that surfaces hide, and what a field of view beyond 180° leaves out."""
+    blockers = path.blockers
+    first, edge_on = _behind(blockers, path.source, pad.start)
+    last, _ = _behind(blockers, path.source, pad.end)
+    hidden = common_part(first, last, _edge_labels(blockers), _PAD_ENDS)
+    active = path.in_the_way(pad.index) & ~edge_on & (hidden.start < hidden.end)
+    outside = common_part(
+        -_limits(camera, path, pad.start - path.source),
+        -_limits(camera, path, pad.end - path.source),
+        jnp.array(_LIMITS),
+        _PAD_ENDS,
+    )
+    beyond = (camera.field_of_view > jnp.pi) & (outside.start < outside.end)
+    shadows = jax.tree.map(lambda many, one: jnp.append(many, one), hidden, outside)
+    return shadows, jnp.append(active, beyond)
