@@ -8,6 +8,7 @@ derivative. Views narrower than the fan's spacing can be missed; on straight mir
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -31,6 +32,7 @@ ROOM = 64
 """Pieces that are looked for in all."""
 
 
+@partial(jax.jit, static_argnames=("bounces", "rays", "room"))
 def trace_views(
     scene: Scene,
     angles: Float[Array, "*batch joints"],

@@ -6,6 +6,8 @@ that surface alone and carries the derivatives with respect to ray, scene and po
 
 from __future__ import annotations
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -49,6 +51,7 @@ class Hits(eqx.Module):
     sine: Float[Array, "*rays legs"]
 
 
+@partial(jax.jit, static_argnames="bounces")
 def trace_rays(
     scene: Scene,
     angles: Float[Array, " joints"],

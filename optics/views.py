@@ -17,6 +17,7 @@ from optics.unfolding import (
     HORIZON,
     KINDS,
     SECOND_END,
+    paths_of,
 )
 
 FIRST_PAD_END, SECOND_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, LOW_GRAZING, HIGH_GRAZING, FOLD = range(
@@ -111,6 +112,12 @@ def path_name(layout: Layout, word: Sequence[int]) -> str:
     """Name of a path: ``direct``, or ``mirror:`` and its mirrors."""
     names = "+".join(layout.mirrors[i].name for i in word)
     return f"mirror:{names}" if names else "direct"
+
+
+def path_names(layout: Layout, bounces: int | None = None) -> list[str]:
+    """Names of all paths in their order, up to the scene's own number of bounces by default."""
+    words = paths_of(layout, layout.bounces if bounces is None else bounces)
+    return [path_name(layout, word) for of_length in words for word in of_length.tolist()]
 
 
 def describe_end(layout: Layout, label: int) -> str:

@@ -7,6 +7,7 @@ the derivatives.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import jax
@@ -27,6 +28,7 @@ from optics.unfolding import paths_of, unfold, unit
 from optics.views import FIRST_PAD_END, SECOND_PAD_END, Pieces, ViewResult
 
 
+@partial(jax.jit, static_argnames=("bounces", "room"))
 def find_views(
     scene: Scene,
     angles: Float[Array, "*batch joints"],

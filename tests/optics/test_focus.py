@@ -1,0 +1,79 @@
+"""Focus: blur and depth of field along views, against dense sampling of the unfolded path."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics import ThinLens, find_focus, find_views, scene_from
+from tests.helpers import central_differences
+
+SCENE = {
+    "camera": {
+        "position": [0, 12],
+        "direction_deg": -60,
+        "fov_deg": 120,
+        "pixels": 1000,
+        "projection": "pinhole",
+        "lens": {"focal_length": 2.0, "f_number": 2.8, "focus": 20.0},
+    },
+    "mirrors": [{"name": "side", "from": [30, -2], "to": [30, 14], "side": "left"}],
+    "pads": [{"name": "floor", "from": [0, 0], "to": [25, 0]}],
+}
+
+
+def test_blur_and_sharp_part_agree_with_dense_sampling():
+    scene = scene_from(SCENE)
+    pieces = find_views(scene, scene.pose()).value
+    found = find_focus(scene, pieces, accepted=2.0)
+    pitch = (1 / (1 / 2.0 - 1 / 20.0)) / float(scene.camera.focal_pixels)
+    assert int(pieces.present.sum()) == 2
+    for piece in range(2):
+        path = int(pieces.path[0, piece])
+        source = np.array([0.0, 12.0]) if path == 0 else np.array([60.0, 12.0])
+        t = np.linspace(float(pieces.start[0, piece]), float(pieces.end[0, piece]), 200_001)
+        distance = np.hypot(25 * t - source[0], source[1])
+        aperture, sensor = 2.0 / 2.8, 1 / (1 / 2.0 - 1 / 20.0)
+        image = 1 / (1 / 2.0 - 1 / distance)
+        blur = aperture * np.abs(sensor - image) / image / pitch
+        np.testing.assert_allclose(found.blur[0, piece], blur[[0, -1]], rtol=1e-9)
+        assert float(found.sharp[0, piece]) == pytest.approx(np.mean(blur <= 2.0), abs=2e-5)
+
+
+def test_everything_is_sharp_beyond_the_hyperfocal_distance():
+    scene = scene_from(SCENE)
+    pieces = find_views(scene, scene.pose()).value
+    lens = ThinLens(2.0, 1e-3, 1 / (1 / 2.0 - 1 / 20.0))
+    scene = eqx.tree_at(lambda scene: scene.camera.lens, scene, lens)
+    found = find_focus(scene, pieces)
+    assert np.isinf(found.limits[1])
+    np.testing.assert_allclose(found.sharp[pieces.present], 1.0)
+
+
+def test_gradient_of_sharpness_and_of_blur():
+    scene = scene_from(SCENE)
+
+    def total(design: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
+        height, focal, aperture = design
+        moved = eqx.tree_at(
+            lambda scene: (scene.camera.position, scene.camera.lens),
+            scene,
+            (jnp.stack([jnp.zeros_like(height), height]), ThinLens(focal, aperture, 2.2)),
+        )
+        pieces = find_views(moved, moved.pose()).value
+        found = find_focus(moved, pieces, accepted=2.0)
+        return found.sharp.sum() + found.blur.sum()
+
+    design = tuple(jnp.asarray(value) for value in (12.0, 2.0, 0.7))
+    slopes = jax.jit(jax.grad(total))(design)
+    np.testing.assert_allclose(slopes, central_differences(jax.jit(total), design), rtol=1e-6)
+
+
+def test_a_camera_without_a_lens_is_told():
+    bare = dict(SCENE, camera={k: v for k, v in SCENE["camera"].items() if k != "lens"})
+    scene = scene_from(bare)
+    with pytest.raises(ValueError, match="no lens"):
+        find_focus(scene, find_views(scene, scene.pose()).value)
