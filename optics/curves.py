@@ -83,8 +83,8 @@ class Arc(eqx.Module):
 
 
 def sag(
-    across: Float[Array, "*batch"], curvature: Float[Array, "*batch"], shape: Float[Array, "*batch"]
-) -> Float[Array, "*batch"]:
+    across: Float[Array, "..."], curvature: Float[Array, "..."], shape: Float[Array, "..."]
+) -> Float[Array, "..."]:
     """ζ of a conic section at ξ."""
     root = safe_sqrt(1 - shape * (curvature * across) ** 2)
     return curvature * across * across / (1 + root)

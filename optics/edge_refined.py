@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import as_float, safe_divide
 from designopt.solution import Solution
-from optics.edges import find_edge
+from optics.edges import Edge, find_edge
 from optics.fan import Fan
 from optics.scene import Scene, place
 from optics.unfolding import paths_of
@@ -81,23 +81,16 @@ def _views(fan: Fan, rays: int, room: int) -> Solution[Pieces]:
     first = jnp.nonzero(begins, size=room, fill_value=rays)[0]
     last = jnp.nonzero(stops, size=room, fill_value=rays)[0]
     present = first < rays
-    crowded = jnp.sum(begins) > room
 
-    angle_of = jnp.append(half * steps, half)
-    before = jnp.where(first > 0, angle_of[first - 1], -half)
-    after = jnp.where(last < rays - 1, angle_of[jnp.minimum(last + 1, rays - 1)], half)
-
-    def run(
-        present: Bool[Array, ""],
-        first: Int[Array, ""],
-        last: Int[Array, ""],
-        before: Float[Array, ""],
-        after: Float[Array, ""],
-    ) -> _Run:
-        return _refine(fan, present, angle_of[first], angle_of[last], before, after)
-
-    runs = jax.vmap(run)(present, first, last, before, after)
-    return _collected(fan, runs, crowded)
+    # Of both ends of every run: its last ray, and the next one or the limit of the fan.
+    angle_of = jnp.concatenate([-half[None], half * steps, half[None]])
+    insides = angle_of[jnp.stack([first, last], axis=1) + 1]
+    outsides = angle_of[jnp.stack([first, jnp.minimum(last + 2, rays + 1)], axis=1)]
+    seen = jnp.append(labels, 0)[first]
+    both = jax.vmap(find_edge, (None, None, None, 0, 0))
+    edges = jax.vmap(both, (None, 0, 0, 0, 0))(fan, present, seen, insides, outsides)
+    runs = jax.vmap(_run, (None, 0, 0, 0))(fan, present, seen, edges)
+    return _collected(fan, runs, jnp.sum(begins) > room)
 
 
 class _Run(eqx.Module):
@@ -116,26 +109,11 @@ class _Run(eqx.Module):
     residual: Float[Array, "*runs"]
 
 
-def _refine(
-    fan: Fan,
-    present: Bool[Array, ""],
-    first: Float[Array, ""],
-    last: Float[Array, ""],
-    before: Float[Array, ""],
-    after: Float[Array, ""],
-) -> _Run:
-    still = jax.lax.stop_gradient(fan)
-    legs = still.follow(first)
-    pad, leg, _ = still.reach(legs)
-    path = still.path(legs, leg)
-    low = find_edge(fan, present, first, before, pad, leg)
-    high = find_edge(fan, present, last, after, pad, leg)
-    ordered = low.coordinate <= high.coordinate
-    pair = jax.tree.map(
-        lambda a, b: jnp.stack([jnp.where(ordered, a, b), jnp.where(ordered, b, a)], axis=-1),
-        low,
-        high,
-    )
+def _run(fan: Fan, present: Bool[Array, ""], label: Int[Array, ""], edges: Edge) -> _Run:
+    pad, path, _ = fan.meaning(label)
+    # By pad coordinate, not by angle.
+    swap = edges.coordinate[0] > edges.coordinate[1]
+    pair = jax.tree.map(lambda leaf: jnp.where(swap, leaf[::-1], leaf), edges)
     surface = len(fan.layout.mirrors) + pad
     start, end = jax.tree.map(lambda leaf: leaf[surface], (fan.placed.starts, fan.placed.ends))
     length = (end - start).length() * fan.placed.size
@@ -150,8 +128,8 @@ def _refine(
         fan.camera.pixel(pair.angle),
         per_mm,
         pair.length * fan.placed.size,
-        pair.spans,
-        jnp.abs(high.angle - low.angle),
+        pair.spans.T,
+        jnp.abs(pair.angle[1] - pair.angle[0]),
         jnp.max(pair.step),
     )
 

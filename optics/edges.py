@@ -12,6 +12,8 @@ root.
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -61,50 +63,48 @@ class Edge(eqx.Module):
 def find_edge(
     fan: Fan,
     present: Bool[Array, ""],
+    label: Int[Array, ""],
     inside: Float[Array, ""],
     outside: Float[Array, ""],
-    pad: Int[Array, ""],
-    leg: Int[Array, ""],
 ) -> Edge:
     """The edge of a run between a ray inside and one outside of it, or the fan's limit.
 
     Args:
         fan: the scene in a pose.
         present: whether there is such a run.
+        label: what the run sees, as `Fan.label`.
         inside: angle of a ray of the run, rad.
         outside: angle of one that is not, or of the limit of the field of view, rad.
-        pad: the pad that the run sees.
-        leg: the leg of the rays that comes to it.
     """
     still = jax.lax.stop_gradient(fan)
-    wanted = still.label(inside)
+    pad, _, leg = fan.meaning(label)
 
-    def halve(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
         inside, outside = ends
         middle = (inside + outside) / 2
-        same = still.label(middle) == wanted
+        same = still.label(middle) == label
         return jnp.where(same, middle, inside), jnp.where(same, outside, middle)
 
     limit = jnp.abs(outside) >= still.camera.field_of_view / 2
     at, other = jax.lax.fori_loop(0, BISECTIONS, halve, (inside, outside))
     at_limit = limit & (other == outside)
-    there, beyond = still.follow(at), still.follow(other)
-    changed = (there.surface != beyond.surface) & (jnp.arange(there.surface.shape[0]) <= leg)
+    # Along both rays: the one just inside, and the one just outside.
+    legs = jax.vmap(still.follow)(jnp.stack([at, other]))
+    changed = (legs.surface[0] != legs.surface[1]) & (jnp.arange(fan.bounces + 1) <= leg)
     where = jnp.where(jnp.any(changed), jnp.argmax(changed), leg)
-    mine, theirs = there.surface[where], beyond.surface[where]
+    surfaces = legs.surface[:, where]
+    distances = legs.length[:, where] - jnp.where(where > 0, legs.length[:, where - 1], 0.0)
 
-    distances = jnp.stack([_on_leg(there, where), _on_leg(beyond, where)])
+    def residuals(angle: Float[Array, ""]) -> Float[Array, " residuals"]:
+        return _residuals(fan, angle, pad, leg, where, surfaces, distances)
 
-    def residuals(fan: Fan, angle: Float[Array, ""]) -> Float[Array, " residuals"]:
-        return _residuals(fan, angle, pad, leg, where, jnp.stack([mine, theirs]), distances)
-
-    value, slope = jax.jvp(lambda a: residuals(still, a), (at,), (jnp.ones_like(at),))
+    value, slope = jax.jvp(residuals, (at,), (jnp.ones_like(at),))
+    slope = jax.lax.stop_gradient(slope)
     steps, exist = safe_divide(value, slope)
-    possible = _possible(fan.layout, mine, theirs) & exist
+    possible = _possible(fan.layout, surfaces) & exist
     which = jnp.argmin(jnp.where(possible, jnp.abs(steps), jnp.inf))
     # Only the derivative of the edge's angle is wanted: its value is the last ray inside.
-    moved = residuals(fan, at)[which] - value[which]
-    shift = jnp.where(possible[which], -safe_divide(moved, slope[which])[0], 0.0)
+    shift = jnp.where(possible[which], jax.lax.stop_gradient(steps[which]) - steps[which], 0.0)
     half = fan.camera.field_of_view / 2
     of_limit = jnp.sign(outside) * (half - jax.lax.stop_gradient(half))
     angle = at + jnp.where(present, jnp.where(at_limit, of_limit, shift), 0.0)
@@ -121,18 +121,13 @@ def find_edge(
         jnp.where(
             at_limit,
             jnp.where(outside > 0, LEFT_LIMIT, RIGHT_LIMIT),
-            _labels(fan.layout, pad, leg, where, mine, theirs)[which],
+            _labels(fan.layout, pad, leg, where, surfaces)[which],
         ),
         steep,
         legs.length[leg],
         jnp.where(before, legs.coordinate[:-1], 0.0),
         jnp.where(at_limit, 0.0, jnp.abs(steps[which])),
     )
-
-
-def _on_leg(legs: Leg, leg: Int[Array, ""]) -> Float[Array, ""]:
-    """Length of one leg of a ray."""
-    return legs.length[leg] - jnp.where(leg > 0, legs.length[leg - 1], 0.0)
 
 
 def _residuals(
@@ -166,8 +161,9 @@ def _residuals(
         (fan.placed.camera, fan.heading(angle)),
         (legs.place, legs.direction),
     )
+    last = jnp.where(where == 0, NOTHING, legs.surface[where - 1])
     mine, theirs = (
-        fan.tracer.meeting(position, direction, surface, distance, legs.surface[where - 1])
+        fan.tracer.meeting(position, direction, surface, distance, last)
         for surface, distance in zip(surfaces, distances, strict=True)
     )
     return jnp.stack(
@@ -185,8 +181,9 @@ def _residuals(
     )
 
 
-def _possible(layout: Layout, mine: Int[Array, ""], theirs: Int[Array, ""]) -> Bool[Array, "9"]:
+def _possible(layout: Layout, surfaces: Int[Array, "2"]) -> Bool[Array, "9"]:
     """Which of the residuals make sense."""
+    mine, theirs = surfaces
     curved = np.zeros(len(layout.surfaces) + 1, bool)
     curved[list(layout.curved)] = True
     other = (theirs != NOTHING) & (theirs != mine)
@@ -202,10 +199,10 @@ def _labels(
     pad: Int[Array, ""],
     leg: Int[Array, ""],
     where: Int[Array, ""],
-    mine: Int[Array, ""],
-    theirs: Int[Array, ""],
+    surfaces: Int[Array, "2"],
 ) -> Int[Array, "9"]:
     """What the residuals mean."""
+    mine, theirs = surfaces
 
     def named(surface: Int[Array, ""], kind: int) -> Int[Array, ""]:
         return KINDS * (where * len(layout.surfaces) + surface) + kind

@@ -80,5 +80,13 @@ class Fan(eqx.Module):
 
         _, slope, legs = jax.jvp(coordinate, (angle,), (jnp.ones_like(angle),), has_aux=True)
         pad, leg, seen = self.reach(legs)
-        number = (self.path(legs, leg) * len(self.layout.pads) + pad) * 2 + (slope > 0)
+        number = (self.path(legs, leg) * len(self.layout.pads) + pad) * 2 + (slope > 0).astype(int)
         return jnp.where(seen, 1 + number, 0)
+
+    def meaning(
+        self, label: Int[Array, ""]
+    ) -> tuple[Int[Array, ""], Int[Array, ""], Int[Array, ""]]:
+        """Pad, path and last leg of a label that stands for something."""
+        number = jnp.maximum(label - 1, 0) // 2
+        path, pad = number // len(self.layout.pads), number % len(self.layout.pads)
+        return pad, path, jnp.asarray([len(word) for word in self.words])[path]

@@ -1,0 +1,89 @@
+"""Conic arcs: the section equation, meetings with rays, foci."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from designopt.vectors import Vector, rotation
+from optics.curves import Arc, arc_between
+
+ROUNDING = 1e-12
+
+CONICS = [
+    pytest.param(5.0, 0.0, id="circle, centre left"),
+    pytest.param(-5.0, 0.0, id="circle, centre right"),
+    pytest.param(4.0, -1.0, id="parabola"),
+    pytest.param(-6.0, -0.5, id="ellipse"),
+    pytest.param(3.0, -2.0, id="hyperbola"),
+    pytest.param(9.0, 0.7, id="oblate ellipse"),
+]
+START, END = (1.0, -2.0), (3.0, 3.5)
+
+
+def vector(pair: tuple[float, float]) -> Vector:
+    return Vector(jnp.asarray(pair[0]), jnp.asarray(pair[1]))
+
+
+def arc(radius: float, conic: float) -> Arc:
+    return arc_between(vector(START), vector(END), jnp.asarray(radius), jnp.asarray(conic))
+
+
+@pytest.mark.parametrize(("radius", "conic"), CONICS)
+def test_arc_joins_its_ends_and_obeys_the_conic_equation(radius: float, conic: float):
+    found = arc(radius, conic)
+    np.testing.assert_allclose(found.place(jnp.asarray(0.0)).stacked(), START, atol=ROUNDING)
+    np.testing.assert_allclose(found.place(jnp.asarray(1.0)).stacked(), END, atol=ROUNDING)
+    # In complex numbers, about the vertex: the chord's direction is real, its left imaginary.
+    along = complex(*END) - complex(*START)
+    along /= abs(along)
+    places = found.place(jnp.linspace(0, 1, 11))
+    vertex = complex(float(found.vertex.x), float(found.vertex.y))
+    local = (np.asarray(places.x) + 1j * np.asarray(places.y) - vertex) / along
+    x, z = local.real, local.imag
+    np.testing.assert_allclose(x**2 + (1 + conic) * z**2, 2 * radius * z, atol=1e-11)
+    assert np.all(z * radius >= -ROUNDING)  # it bends towards its centre
+
+
+@pytest.mark.parametrize(("radius", "conic"), CONICS)
+def test_meetings_are_where_a_dense_polygon_is_crossed(radius: float, conic: float):
+    found = arc(radius, conic)
+    parts = np.linspace(0, 1, 200_001)
+    polygon = np.asarray(found.place(jnp.asarray(parts)).stacked())
+    meet = jax.jit(lambda p, d: found.meetings(p, d, jnp.asarray(False)))
+    generator = np.random.default_rng(3)
+    met = 0
+    for _ in range(40):
+        start, angle = generator.uniform(-6, 6, 2), generator.uniform(-np.pi, np.pi)
+        heading = np.array([np.cos(angle), np.sin(angle)])
+        across = (polygon - start) @ np.array([-heading[1], heading[0]])
+        ahead = (polygon - start) @ heading
+        crossed = np.flatnonzero(np.diff(np.sign(across)))
+        expected = sorted(ahead[crossed][ahead[crossed] > 0])
+        distances, on, _ = meet(
+            found.local(vector(tuple(start)) - found.vertex),
+            found.local(rotation(jnp.asarray(angle))),
+        )
+        np.testing.assert_allclose(sorted(distances[on]), expected, atol=2e-4)
+        met += len(expected)
+    assert met > 5
+
+
+def test_the_point_where_a_ray_starts_is_no_meeting():
+    found = arc(5.0, 0.0)
+    start = found.local(found.place(jnp.asarray(0.2)) - found.vertex)
+    to = found.local(found.place(jnp.asarray(0.9)) - found.vertex) - start
+    distances, on, _ = found.meetings(start, to.scaled(1 / to.length()), jnp.asarray(True))
+    np.testing.assert_allclose(distances[on], [to.length()], rtol=1e-12)
+
+
+def test_normal_is_across_the_tangent():
+    for radius, conic in ((5.0, 0.0), (-4.0, -1.0), (3.0, -2.0)):
+        found = arc(radius, conic)
+        tangent = jax.jacfwd(lambda t, found=found: found.place(t).stacked())(jnp.asarray(0.3))
+        place = found.local(found.place(jnp.asarray(0.3)) - found.vertex)
+        normal = found.left_normal(place).turned(found.along)
+        assert float(normal.x * tangent[0] + normal.y * tangent[1]) == pytest.approx(0, abs=1e-12)
+        assert float(tangent[0] * normal.y - tangent[1] * normal.x) > 0  # to the left
