@@ -13,6 +13,9 @@ from optics.camera import Camera
 from optics.scene import Layout, Placed, Scene
 from optics.tracing import NOTHING, Leg, Tracer
 
+FLAT = 2**14
+"""A pad coordinate that changes by fewer units of rounding per rad of the ray does not change."""
+
 
 class Fan(eqx.Module):
     """A scene in a pose and the paths that are told apart; angles are those from the axis, rad.
@@ -80,7 +83,9 @@ class Fan(eqx.Module):
 
         _, slope, legs = jax.jvp(coordinate, (angle,), (jnp.ones_like(angle),), has_aux=True)
         pad, leg, seen = self.reach(legs)
-        number = (self.path(legs, leg) * len(self.layout.pads) + pad) * 2 + (slope > 0).astype(int)
+        # Where all rays meet in one point of the pad its sense is but rounding.
+        rises = (slope > FLAT * jnp.finfo(slope.dtype).eps).astype(int)
+        number = (self.path(legs, leg) * len(self.layout.pads) + pad) * 2 + rises
         return jnp.where(seen, 1 + number, 0)
 
     def meaning(

@@ -160,6 +160,7 @@ class Placed(eqx.Module):
         starts: first ends of all surfaces, in the order of `Layout.surfaces`.
         ends: second ends.
         radii: of the curved mirrors.
+        hinges: of the frames.
         origin: what has been subtracted, mm: the camera's position in the reference pose.
         size: what has been divided by, mm; it has no derivative.
     """
@@ -169,6 +170,7 @@ class Placed(eqx.Module):
     starts: Vector
     ends: Vector
     radii: Float[Array, " curved"]
+    hinges: Vector
     origin: Vector
     size: Float[Array, ""]
 
@@ -202,7 +204,8 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
         moved.append((hinge, _moved(parent, hinge), turn))
     moved.append(still)
     frames = np.array([part.frame for part in layout.surfaces], int)
-    of_surface = jax.tree.map(lambda *parts: jnp.stack(parts)[frames], *moved)
+    stacked = jax.tree.map(lambda *parts: jnp.stack(parts), *moved)
+    of_surface = jax.tree.map(lambda leaf: leaf[frames], stacked)
     camera = moved[layout.camera_frame]
     return Placed(
         _moved(camera, still[0]),
@@ -210,6 +213,7 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
         _moved(of_surface, starts),
         _moved(of_surface, ends),
         scene.radii / size,
+        jax.tree.map(lambda leaf: leaf[:WORLD], stacked[1]),
         origin,
         size,
     )

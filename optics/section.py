@@ -1,0 +1,117 @@
+"""A scene in one pose as plain numbers in mm, and its rays as lines, for drawings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.vectors import Vector
+from optics.scene import Scene, place
+from optics.tracing import NOTHING, Tracer, trace_rays
+from optics.views import Pieces
+
+Point = Float[np.ndarray, "2"]
+Points = Float[np.ndarray, "_ 2"]
+Angles = Float[Array | np.ndarray, " joints"]
+
+ARC = 61
+"""Points that stand for a curved mirror."""
+
+INSIDE = 1e-6
+"""How far inside of a piece its outermost rays pass, as a part of it: a ray that just touches what
+bounds the piece may go either way by rounding."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A scene in one pose.
+
+    Attributes:
+        camera: position of the camera, mm.
+        axis: direction of its optical axis, rad.
+        lines: of every surface, in the order of ``Layout.surfaces``, its two ends, or points along
+            its arc, mm.
+        hinges: where the frames' hinges are, mm.
+    """
+
+    camera: Point
+    axis: float
+    lines: tuple[Points, ...]
+    hinges: Points
+
+    @classmethod
+    def of(cls, scene: Scene, angles: Angles) -> Section:
+        """The section of a scene at joint angles in rad."""
+        placed = place(scene, jnp.asarray(angles))
+
+        def absolute(part: Vector) -> np.ndarray:
+            return np.asarray(placed.absolute(part).stacked(), float)
+
+        ends = np.stack([absolute(placed.starts), absolute(placed.ends)], axis=1)
+        lines = list(ends)
+        arcs, parts = Tracer.of(scene, placed).arcs, jnp.linspace(0, 1, ARC)
+        for number, surface in enumerate(scene.layout.curved):
+            arc = jax.tree.map(lambda leaf, number=number: leaf[number], arcs)
+            lines[surface] = absolute(jax.vmap(arc.place)(parts))
+        axis = math.atan2(float(placed.axis.y), float(placed.axis.x))
+        return cls(absolute(placed.camera), axis, tuple(lines), absolute(placed.hinges))
+
+    def places(self) -> Points:
+        """All that has to be in a picture, mm."""
+        return np.vstack([*self.lines, self.hinges, self.camera[None]])
+
+
+def rays_to(
+    scene: Scene, angles: Angles, view: Pieces, count: int
+) -> list[tuple[int, int, list[Points]]]:
+    """Rays to every piece of every pad, traced from the camera.
+
+    Args:
+        scene: the scene.
+        angles: joint angles, rad.
+        view: what is seen in this pose, unbatched.
+        count: how many rays to each piece, evenly spread in the image, the outermost at its ends.
+
+    Returns:
+        For every piece the index of its path, that of its pad, and the rays' corners, mm: the
+        camera, where mirrors reflect them, and where they end.
+    """
+    spread = np.clip(np.linspace(0, 1, count), INSIDE, 1 - INSIDE)
+    bounces = view.spans.shape[-2]
+    surfaces, places = map(
+        np.asarray, _traced(scene, jnp.asarray(angles), view.pixels, jnp.asarray(spread), bounces)
+    )
+    paths, rays = np.asarray(view.path), []
+    for pad, piece in np.argwhere(np.asarray(view.present)):
+        met = surfaces[pad, piece] != NOTHING
+        corners = [
+            line[np.append(True, there)]
+            for line, there in zip(places[pad, piece], met, strict=True)
+        ]
+        rays.append((int(paths[pad, piece]), int(pad), corners))
+    return rays
+
+
+@eqx.filter_jit
+def _traced(
+    scene: Scene,
+    angles: Float[Array, " joints"],
+    pixels: Float[Array, "pads pieces 2"],
+    spread: Float[Array, " rays"],
+    bounces: int,
+) -> tuple[Array, Array]:
+    """What rays between two pixels meet, and the camera and where, mm, for every piece."""
+    placed = place(scene, angles)
+    first, last = pixels[..., :1], pixels[..., 1:]
+    spread = spread.astype(pixels.dtype)[None, None]
+    directions = placed.axis.angle() + scene.camera.angle(first + spread * (last - first))
+    camera = placed.absolute(placed.camera).stacked()
+    positions = jnp.broadcast_to(camera, (*directions.shape, 2))
+    hits = trace_rays(scene, angles, positions, directions, bounces=bounces)
+    return hits.surface, jnp.concatenate([positions[..., None, :], hits.place], axis=-2)

@@ -1,0 +1,325 @@
+"""A drawn scene shows what its views say, where a hand calculation puts it."""
+
+import dataclasses
+import itertools
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from designopt.figures import style
+from designopt.solution import Solution
+from optics.camera import Camera, Pinhole
+from optics.scene import Layout, Scene, Surface
+from optics.scene_drawing import (
+    draw_scene,
+    path_style,
+    pose_name,
+    scene_legend,
+    seen_pieces,
+)
+from optics.section import INSIDE
+from optics.views import Pieces, ViewResult
+from tests.kinematics.quick import compiled_quickly  # noqa: F401
+from tests.optics.drawn_finger import (
+    LAYOUT,
+    POSES,
+    WORDS,
+    at,
+    finger,
+    finger_views,
+    intervals,
+    surfaces,
+)
+
+RAYS = 4
+
+
+def drawn(pose, **options):
+    views = at(finger_views(), pose)
+    with style():
+        figure = Figure(figsize=(4, 4))
+        axes = figure.subplots()
+        draw_scene(axes, finger(), POSES[pose], views, rays=RAYS, **options)
+    return axes, views
+
+
+def lines(axes, kind):
+    """Lines of a kind as complex numbers, with the rest of their names."""
+    return [
+        (gid.removeprefix(f"{kind}:"), line.get_xydata() @ [1, 1j])
+        for line in axes.lines
+        if (gid := line.get_gid() or "").startswith(f"{kind}:")
+    ]
+
+
+def union(pieces):
+    """Measure of a union of intervals, by counting which cells between their ends are covered."""
+    ends = np.unique(np.append(pieces, [0, 1]))
+    middles = (ends[1:] + ends[:-1]) / 2
+    covered = np.any((pieces[:, :1] < middles) & (middles < pieces[:, 1:]), axis=0)
+    return float(np.sum(np.diff(ends)[covered]))
+
+
+@pytest.mark.parametrize("pose", range(len(POSES)))
+def test_rays_go_over_their_mirrors_to_what_they_see(pose):
+    axes, views = drawn(pose)
+    ends = surfaces(*POSES[pose])
+    reached = {}
+    for name, ray in lines(axes, "ray"):
+        path, pad = name.rsplit(":", 1)
+        word, pad = WORDS[path], [part.name for part in LAYOUT.pads].index(pad)
+        assert len(ray) == len(word) + 2
+        assert ray[0] == pytest.approx(15.75 + 16.99j)
+        part = 0j
+        for leg, surface in enumerate((*word, 2 + pad), start=1):
+            start, end = ends[surface]
+            part = (ray[leg] - start) / (end - start)
+            assert abs(part.imag) < 1e-12
+            assert 0 <= part.real <= 1
+            if leg <= len(word):
+                # Equal angles: mirrored in the surface, the arriving ray is the one that leaves.
+                along = (end - start) / abs(end - start)
+                before, after = (step / abs(step) for step in np.diff(ray[leg - 1 : leg + 2]))
+                assert after == pytest.approx(along * np.conj(before / along), abs=1e-12)
+        reached.setdefault((path, pad), []).append(part.real)
+    pieces = {
+        (path, pad): found
+        for index, path in enumerate(WORDS)
+        for pad in range(3)
+        if len(found := intervals(views, pad, index))
+    }
+    assert reached.keys() == pieces.keys()
+    for key, found in pieces.items():
+        groups = np.reshape(reached[key], (-1, RAYS))
+        np.testing.assert_allclose(
+            np.sort(np.stack([groups.min(axis=1), groups.max(axis=1)], axis=-1), axis=0),
+            np.sort(found, axis=0),
+            atol=50 * INSIDE,  # they pass inside; evenly spread in the image, not on the pad
+        )
+        assert all(np.any((found[:, 0] <= x) & (x <= found[:, 1])) for x in reached[key])
+
+
+@pytest.mark.parametrize("pose", range(len(POSES)))
+def test_pads_are_divided_into_seen_and_hidden(pose):
+    axes, views = drawn(pose)
+    pads = surfaces(*POSES[pose])[2:]
+    coverage = np.asarray(views.value.coverage())
+    for index, (part, (start, end)) in enumerate(zip(LAYOUT.pads, pads, strict=True)):
+        parts = {
+            kind: np.array([((line - start) / (end - start)).real for _, line in named])
+            for kind in ("seen", "hidden")
+            if (named := [pair for pair in lines(axes, kind) if pair[0] == part.name])
+        }
+        assert np.sum(np.diff(parts["seen"])) == pytest.approx(coverage[index], abs=1e-12)
+        everything = np.sort(np.concatenate([*parts.values()]), axis=0)
+        np.testing.assert_allclose(everything[1:, 0], everything[:-1, 1], atol=1e-12)
+        np.testing.assert_allclose([everything[0, 0], everything[-1, 1]], [0, 1], atol=1e-12)
+        assert coverage[index] == pytest.approx(union(intervals(views, index)), abs=1e-12)
+    assert coverage[1] < 1  # the fin hides some
+
+
+def test_what_is_hidden_differs_in_colour_and_pattern():
+    axes, _ = drawn(0)
+    looks = {
+        gid.split(":")[0]: (line.get_color(), line.is_dashed())
+        for line in axes.lines
+        if (gid := line.get_gid() or "").startswith(("seen:", "hidden:"))
+    }
+    assert looks["seen"][0] != looks["hidden"][0]
+    assert (looks["seen"][1], looks["hidden"][1]) == (False, True)
+
+
+@pytest.mark.parametrize("pose", range(len(POSES)))
+def test_bars_lie_behind_the_sensing_side(pose):
+    axes, _ = drawn(pose)
+
+    def displayed(kind, name):
+        line = next(line for line in axes.lines if line.get_gid() == f"{kind}:{name}")
+        return line.get_transform().transform(line.get_xydata()) @ [1, 1j]
+
+    for part in LAYOUT.pads:  # all sense to the left
+        face, bar = displayed("sensing", part.name), displayed("seen", part.name)
+        assert np.all(((bar - face[0]) / (face[1] - face[0])).imag < 0)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_mirror_has_its_ticks_on_the_back(side):
+    layout = dataclasses.replace(
+        LAYOUT, mirrors=(Surface("m", side),), pads=(), blockers=(), frames=(), angles=()
+    )
+    scene = dataclasses.replace(
+        finger(),
+        mirrors=jnp.array([[[0.0, 0.0], [30.0, 0.0]]]),
+        pads=jnp.zeros((0, 2, 2)),
+        grazing=jnp.zeros(0),
+        blockers=jnp.zeros((0, 2, 2)),
+        hinges=jnp.zeros((0, 2)),
+        layout=layout,
+    )
+    figure = Figure()
+    canvas = FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    draw_scene(axes, scene, np.zeros(0), by_hand(scene, []), labels=False)
+    axes.set_axis_off()
+    axes.set_title("")
+    for child in list(axes.get_children()):
+        if child.get_gid() in ("camera", "field of view"):
+            child.remove()
+    canvas.draw()
+    dark = np.asarray(canvas.buffer_rgba())[..., 0] < 128
+    height = round(dark.shape[0] - axes.transData.transform((0, 0))[1])
+    above, below = dark[: height - 3].sum(), dark[height + 3 :].sum()
+    assert (above > 0, below > 0) == (side < 0, side > 0)
+
+
+def test_hinges_and_moving_parts_are_where_they_belong():
+    axes, _ = drawn(2)
+    assert {name: line[0] for name, line in lines(axes, "hinge")} == pytest.approx(
+        {"proximal": 0, "distal": 23}
+    )
+    mirrors = dict(lines(axes, "mirror"))
+    for part, ends in zip(LAYOUT.mirrors, surfaces(*POSES[2]), strict=False):
+        np.testing.assert_allclose(mirrors[part.name], ends, atol=1e-12)
+    assert {name for name, _ in lines(axes, "blocker")} == {"camera body", "fin"}
+
+
+@pytest.mark.parametrize("pose", range(len(POSES)))
+def test_labels_name_all_and_stand_clear(pose):
+    axes, _ = drawn(pose)
+    names = {text.get_text() for text in axes.texts}
+    assert names == {"proximal", "intermediate", "distal", "proximal mirror", "distal mirror"}
+    points = 72 / axes.figure.dpi
+    places = [axes.transData.transform(text.get_position()) * points for text in axes.texts]
+    assert all(axes.bbox.contains(*(place / points)) for place in places)
+    for one, other in itertools.combinations(places, 2):
+        assert np.hypot(*(one - other)) > 6
+    for (start, end), place in itertools.product(surfaces(*POSES[pose]), places):
+        middle = complex(*axes.transData.inverted().transform(place / points))
+        along = (end - start) / abs(end - start)
+        part = np.clip(((middle - start) / along).real, 0, abs(end - start))
+        foot = start + part * along
+        gap = np.hypot(*(axes.transData.transform((foot.real, foot.imag)) * points - place))
+        assert gap > 3.5  # half the height of a label
+
+
+def test_a_pose_is_named_by_its_angles():
+    assert pose_name(finger(), np.radians([30, 20])) == "PIP 30°, DIP 20°"
+    named = dataclasses.replace(LAYOUT, angles=("elbow", "dip"))
+    moved = dataclasses.replace(finger(), layout=named)
+    assert pose_name(moved, np.radians([30, 12.5])) == "elbow 30°, DIP 12.5°"
+    still = dataclasses.replace(LAYOUT, angles=(), frames=())
+    assert pose_name(dataclasses.replace(finger(), layout=still), np.zeros(0)) == "finger"
+
+
+def test_the_legend_names_the_paths_that_see():
+    for pose in range(len(POSES)):
+        views = at(finger_views(), pose)
+        _, names = scene_legend(finger(), views)
+        seen = [
+            path
+            for index, path in enumerate(WORDS)
+            if any(len(intervals(views, pad, index)) for pad in range(3))
+        ]
+        assert [name for name in names if name in WORDS] == seen
+    handles, names = scene_legend(finger(), finger_views())
+    assert len(handles) == len(names) == len(set(names))
+    assert {*WORDS, "pad, hidden", "hinge", "blocker", "mirror, ticks on its back"} <= {*names}
+    assert not {"two-sided mirror", "one-sided blocker"} & {*names}
+
+
+def test_the_legend_tells_what_occurs():
+    layout = dataclasses.replace(
+        LAYOUT,
+        mirrors=(Surface("distal", 0, 1), Surface("proximal", 0, 0)),
+        blockers=(Surface("camera body", 1), Surface("fin", -1)),
+    )
+    scene = dataclasses.replace(finger(), layout=layout)
+    _, names = scene_legend(scene, at(finger_views(), 0))
+    assert {"two-sided mirror", "one-sided blocker"} <= {*names}
+    assert not {"blocker", "mirror, ticks on its back"} & {*names}
+
+
+def test_paths_look_different():
+    looks = [path_style(path) for path in range(16)]
+    assert len({(look["color"], look["linestyle"]) for look in looks}) == 16
+    assert len({look["color"] for look in looks[:4]}) == 4
+    assert len({look["linestyle"] for look in looks[:4]}) == 4
+
+
+def by_hand(scene, pieces, bounces=1):
+    """Views of one pose: pieces as (pad, path, start, end, first pixel, last pixel)."""
+    pads, room = len(scene.layout.pads), max(len(pieces), 1)
+    columns = np.zeros((5, pads, room))
+    present, path = np.zeros((pads, room), bool), np.zeros((pads, room), int)
+    for slot, (pad, word, *numbers) in enumerate(pieces):
+        present[pad, slot], path[pad, slot] = True, word
+        columns[:4, pad, slot] = numbers
+    start, end, first, last, none = map(jnp.asarray, columns)
+    pair = jnp.stack([none, none], axis=-1)
+    label = jnp.zeros((pads, room), int)
+    view = Pieces(
+        jnp.asarray(present),
+        jnp.asarray(path),
+        start,
+        end,
+        label,
+        label,
+        jnp.stack([first, last], axis=-1),
+        pair,
+        pair,
+        jnp.zeros((pads, room, bounces, 2)),
+    )
+    return Solution(view, jnp.zeros(()), jnp.zeros(()), ViewResult.successful)
+
+
+def test_overlapping_pieces_are_drawn_as_one():
+    pieces = [(0, 0, 0.1, 0.4), (0, 1, 0.3, 0.6), (0, 2, 0.8, 0.9), (0, 0, 0.82, 0.85)]
+    views = by_hand(finger(), [(*piece, 0.0, 0.0) for piece in pieces])
+    assert seen_pieces(views, 0) == [(0.1, 0.6), (0.8, 0.9)]
+    assert seen_pieces(views, 1) == []
+
+
+def test_rays_from_the_focus_of_a_parabola_leave_parallel():
+    focal, half = 40.0, 60.0
+    depth = half**2 / (4 * focal)
+    scene = Scene(
+        camera=Camera(jnp.array([focal, 0.0]), np.pi, np.radians(170), 1000.0, Pinhole()),
+        mirrors=jnp.array([[[depth, half], [depth, -half]]]),
+        radii=jnp.array([2 * focal]),
+        conics=jnp.array([-1.0]),
+        pads=jnp.array([[[200.0, -30.0], [200.0, 50.0]]]),
+        grazing=jnp.zeros(1),
+        blockers=jnp.zeros((0, 2, 2)),
+        hinges=jnp.zeros((0, 2)),
+        layout=Layout(
+            "dish", (Surface("dish", 1),), (0,), (Surface("wall", 1),), (), (), (), -1, 1
+        ),
+    )
+    # A ray at an angle φ from the axis leaves at the height 2 f tan(φ / 2).
+    heights = np.array([-30.0, 50.0])
+    pixels = scene.camera.pixel(jnp.asarray(-2 * np.arctan(heights / (2 * focal))))
+    views = by_hand(scene, [(0, 1, 0.0, 1.0, *np.asarray(pixels))])
+    axes = Figure(figsize=(6, 4)).subplots()
+    draw_scene(axes, scene, np.zeros(0), views, rays=7)
+    rays = np.array([ray for _, ray in lines(axes, "ray")])
+    assert rays.shape == (7, 3)
+    x, y = np.real(rays), np.imag(rays)
+    np.testing.assert_allclose(x[:, 1], y[:, 1] ** 2 / (4 * focal), atol=1e-10)
+    np.testing.assert_allclose(y[:, 1], y[:, 2], atol=1e-10)
+    np.testing.assert_allclose(x[:, 2], 200, atol=1e-10)
+    np.testing.assert_allclose(y[[0, -1], 2], heights, atol=1e-3)  # they pass on the inside
+    ((_, arc),) = lines(axes, "mirror")
+    np.testing.assert_allclose(arc.real, arc.imag**2 / (4 * focal), atol=1e-10)
+    assert arc[0] == pytest.approx(depth + 1j * half)
+    assert arc[-1] == pytest.approx(depth - 1j * half)
+
+
+def test_hinges_are_drawn_with_two_signs():
+    handles, names = scene_legend(finger(), finger_views())
+    ring, point = handles[names.index("hinge")]
+    assert isinstance(ring, Line2D)
+    assert ring.get_markersize() > point.get_markersize()
