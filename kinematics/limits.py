@@ -335,7 +335,7 @@ class _Search:
             if margins[k] < -TOUCHING:
                 return self._root(margin, values[inside], values[k]), touches
             inside = k
-            if k > 1 and self._may_dip(*margins[k - 2 : k + 1]):
+            if k > 1 and self._may_dip(*margins[k - 2 : k + 1].tolist()):
                 lowest = self._lowest(margin, values[k - 2], values[k])
                 least = margin(lowest)
                 if least < -TOUCHING:
