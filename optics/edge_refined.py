@@ -56,7 +56,12 @@ def trace_views(
         (rad) is half the angle at the camera of the widest piece that is seen, and 0 where none
         is: rays do not tell by how much they miss. ``residual`` is the largest Newton step (rad)
         that is left at an edge of that view.
+
+    Raises:
+        ValueError: there is no pad.
     """
+    if not scene.layout.pads:
+        raise ValueError("trace_views: the scene has no pad; trace_rays follows rays without one")
     angles = as_float(angles)
     words = paths_of(scene.layout, scene.layout.bounces if bounces is None else bounces)
 

@@ -53,9 +53,11 @@ def find_views(
         the way out. ``residual`` is 0: nothing is iterated.
 
     Raises:
-        ValueError: a mirror is curved; `trace_views` sees in these.
+        ValueError: a mirror is curved (`trace_views` sees in these), or there is no pad.
     """
     layout = scene.layout
+    if not layout.pads:
+        raise ValueError("find_views: the scene has no pad; trace_rays follows rays without one")
     if layout.curved:
         names = ", ".join(layout.mirrors[i].name for i in layout.curved)
         raise ValueError(f"find_views: mirrors {names} are curved; use trace_views")

@@ -1,0 +1,145 @@
+"""Projections and pixels against OpenCV, textbook formulas and central differences."""
+
+from __future__ import annotations
+
+import cv2
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics.camera import Camera, Equidistant, KannalaBrandt, Pinhole, Projection
+from tests.helpers import central_differences
+
+ROUNDING = 1e-13
+"""A few units of rounding of a few operations, relative."""
+
+SLOPES = 1e-9
+"""What central differences leave, of a function and a design of order one."""
+
+COEFFICIENTS = [0.05, -0.012, 0.004, -0.0007]
+PROJECTIONS = {
+    "pinhole": Pinhole(),
+    "equidistant": Equidistant(),
+    "kannala-brandt": KannalaBrandt(jnp.array(COEFFICIENTS)),
+}
+ANGLES = np.radians([-89, -60, -1, -1e-6, 0, 1e-3, 10, 45, 80, 89])
+WIDE = np.radians([-179, -120, -90, 90, 100, 179])
+
+every_projection = pytest.mark.parametrize("projection", PROJECTIONS.values(), ids=PROJECTIONS)
+
+
+def camera(projection: Projection, degrees: float = 120, pixels: float = 640) -> Camera:
+    return Camera(np.array([3.0, 4.0]), 0.7, np.radians(degrees), pixels, projection)
+
+
+def test_a_pinhole_images_by_similar_triangles():
+    depth, side = 40.0, np.linspace(-300, 300, 41)
+    heights = Pinhole().height(jnp.arctan2(side, depth))
+    np.testing.assert_allclose(heights, side / depth, rtol=ROUNDING, atol=ROUNDING)
+
+
+def test_published_pinhole():
+    # Focal length 500 px, centre at 320 px: a point 2 to the right at depth 40 is imaged at 345.
+    whole = np.degrees(2 * np.arctan(320 / 500))
+    seen = camera(Pinhole(), whole).pixel(-jnp.arctan2(2.0, 40.0))
+    np.testing.assert_allclose(seen, 345, rtol=ROUNDING)
+
+
+def test_published_equidistant_lens():
+    # OpenCV's fisheye model without distortion, focal length 300 px: r = 300 θ.
+    lens = camera(Equidistant(), 180, pixels=2 * 471.23889803846896)
+    np.testing.assert_allclose(lens.focal_pixels, 300, rtol=ROUNDING)
+    imaged = lens.pixel(-jnp.radians(80.0)) - lens.pixels / 2
+    np.testing.assert_allclose(imaged, 418.87902047863906, rtol=ROUNDING)
+
+
+def test_kannala_brandt_is_the_fisheye_model_of_opencv():
+    angles = ANGLES[np.abs(ANGLES) > 1e-5]  # OpenCV takes smaller ones for the axis itself
+    points = np.stack([np.tan(angles), np.zeros_like(angles), np.ones_like(angles)], axis=-1)
+    still = np.zeros(3)
+    imaged, _ = cv2.fisheye.projectPoints(
+        points[None], still, still, np.eye(3), np.array(COEFFICIENTS)
+    )
+    heights = PROJECTIONS["kannala-brandt"].height(jnp.asarray(angles))
+    np.testing.assert_allclose(heights, imaged[0, :, 0], rtol=ROUNDING)
+
+
+def test_kannala_brandt_is_its_polynomial_beyond_a_right_angle_too():
+    powers = WIDE[:, None] ** [1, 3, 5, 7, 9]
+    heights = PROJECTIONS["kannala-brandt"].height(jnp.asarray(WIDE))
+    np.testing.assert_allclose(heights, powers @ [1, *COEFFICIENTS], rtol=ROUNDING)
+
+
+@every_projection
+def test_slopes_are_those_of_heights(projection):
+    angles = ANGLES if isinstance(projection, Pinhole) else np.append(ANGLES, WIDE)
+    step = np.finfo(float).eps ** (1 / 3) * np.cos(np.clip(np.abs(angles), 0, 1.5))
+    ends = [projection.height(jnp.asarray(angles + move)) for move in (step, -step)]
+    slopes = projection.slope(jnp.asarray(angles))
+    np.testing.assert_allclose(slopes, (ends[0] - ends[1]) / (2 * step), rtol=SLOPES)
+
+
+@every_projection
+def test_angles_invert_heights_and_pixels(projection):
+    angles = ANGLES if isinstance(projection, Pinhole) else np.append(ANGLES, [-1.9, 1.9])
+    angles = jnp.asarray(angles)
+    np.testing.assert_allclose(projection.angle(projection.height(angles)), angles, atol=1e-12)
+    eye = camera(projection)
+    np.testing.assert_allclose(eye.angle(eye.pixel(angles)), angles, atol=1e-12)
+    assert eye.angle(jnp.array(320.0)) == 0
+
+
+@every_projection
+@pytest.mark.parametrize("degrees", [1, 60, 179])
+def test_the_field_of_view_fills_the_image(projection, degrees):
+    eye = camera(projection, degrees, pixels=480)
+    limits = jnp.radians(jnp.array([degrees / 2, 0, -degrees / 2]))
+    np.testing.assert_allclose(eye.pixel(limits), [0, 240, 480], atol=480 * ROUNDING)
+
+
+@pytest.mark.parametrize("name", ["equidistant", "kannala-brandt"])
+def test_fields_of_view_reach_all_round(name):
+    limits = camera(PROJECTIONS[name], 360).pixel(jnp.array([np.pi, -np.pi]))
+    np.testing.assert_allclose(limits, [0, 640], atol=640 * ROUNDING)
+
+
+@every_projection
+def test_pixels_grow_clockwise(projection):
+    assert np.all(np.diff(camera(projection).pixel(jnp.asarray(np.sort(ANGLES)))) < 0)
+
+
+@every_projection
+def test_pixels_per_radian_is_how_fast_pixels_fall(projection):
+    eye, angles = camera(projection), jnp.linspace(-1, 1, 11)
+    slopes = jax.vmap(jax.grad(eye.pixel))(angles)
+    np.testing.assert_allclose(eye.pixels_per_radian(angles), -slopes, rtol=ROUNDING)
+
+
+@every_projection
+def test_derivatives_of_pixels_and_angles(projection):
+    def both(design: list[jax.Array]) -> jax.Array:
+        fov, pixels, angle, *coefficients = design
+        lens = KannalaBrandt(jnp.stack(coefficients)) if coefficients else projection
+        eye = Camera(jnp.zeros(2), 0.0, fov, 100 * pixels, lens)
+        return eye.pixel(angle) / 100 + eye.angle(100 * angle)
+
+    lens = COEFFICIENTS if isinstance(projection, KannalaBrandt) else []
+    design = [jnp.asarray(number) for number in (2.0, 6.4, 0.4, *lens)]
+    slopes = jax.jit(jax.vmap(jax.grad(both)))([number[None] for number in design])
+    wanted = central_differences(jax.jit(both), design)
+    np.testing.assert_allclose(np.ravel(slopes), wanted, atol=10 * SLOPES)
+
+
+@every_projection
+def test_derivatives_are_finite_even_without_a_field_of_view(projection):
+    def results(design: tuple[jax.Array, jax.Array, Projection]) -> jax.Array:
+        fov, angle, lens = design
+        eye = Camera(jnp.zeros(2), 0.0, fov, 640.0, lens)
+        pixel = eye.pixel(angle)
+        return pixel + eye.pixels_per_radian(angle) + eye.angle(pixel)
+
+    views, angles = jnp.array([0.0, 0.0, 2.0, 2.0]), jnp.array([0.0, 0.3, 0.0, 0.3])
+    design = views, angles, jax.tree.map(lambda leaf: jnp.tile(leaf, (4, 1)), projection)
+    for leaf in jax.tree.leaves(jax.jit(jax.vmap(jax.value_and_grad(results)))(design)):
+        assert np.isfinite(leaf).all()

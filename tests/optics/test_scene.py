@@ -1,0 +1,148 @@
+"""Scenes placed in a pose against complex numbers; neither unit nor origin matters."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import jax
+import numpy as np
+import pytest
+
+from optics.scene import WORLD, Frame, place
+from tests.kinematics.quick import compiled_quickly  # noqa: F401
+from tests.optics.scenes import (
+    LAYOUT,
+    MIRRORS,
+    PADS,
+    Case,
+    answers,
+    case_of,
+    finger,
+    item,
+    posed,
+    posed_cases,
+    random_cases,
+    scene_of,
+)
+
+ROUNDING = 1e-14
+"""Of a few rotations, relative to the size of the scene."""
+
+FAR_AWAY = 100_000_000.0
+GRAIN = 2.0**-20
+"""Multiples of this can be moved `FAR_AWAY` without rounding."""
+
+SMALL = 2.0**-498
+"""About 1e-150, and a power of two, so that a scene can be scaled by it without rounding."""
+
+LENGTHS = ("ends", "position", "hinges")
+"""Fields of a case that are measured in mm."""
+
+
+@jax.jit
+def placed(cases: Case) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Ends of all surfaces, position of the camera and its axis, of a batch."""
+
+    def one(case: Case) -> tuple[jax.Array, jax.Array, jax.Array]:
+        found = place(scene_of(case), case.angles)
+        ends = [found.absolute(end).stacked() for end in (found.starts, found.ends)]
+        return (
+            jax.numpy.stack(ends, 1),
+            found.absolute(found.camera).stacked(),
+            found.axis.stacked(),
+        )
+
+    return jax.vmap(one)(cases)
+
+
+def test_surfaces_and_camera_go_where_complex_numbers_turn_them():
+    cases = random_cases(1, 20)
+    ends, position, axis = placed(cases)
+    for i, case in enumerate(posed_cases(cases)):
+        np.testing.assert_allclose(ends[i], case.surfaces.ends, atol=ROUNDING)
+        np.testing.assert_allclose(position[i], case.position, atol=ROUNDING)
+        ahead = cmath.rect(1, case.direction)
+        np.testing.assert_allclose(axis[i], [ahead.real, ahead.imag], atol=ROUNDING)
+
+
+def test_a_frame_turns_with_its_parent_clockwise_if_so_counted():
+    # The first frame turns about (1, 0) by a quarter counter-clockwise, the second, hinged in it
+    # at (3, 0), by another quarter clockwise: what is 1 beyond that hinge is so again.
+    case = case_of((2, 0), 0.0, pads={"both": [[4, 0], [3, 1]], "left": [[4, 0], [5, 0]]})
+    mirror = np.array([[2.0, 0.0], [2.0, 1.0]])
+    ends = np.concatenate([mirror[None], case.ends[1:]])
+    quarter = math.pi / 2
+    hinges, angles = np.array([[1.0, 0.0], [3.0, 0.0]]), np.array([quarter, quarter])
+    case = case._replace(ends=ends, hinges=hinges, angles=angles)
+    ends, position, axis = placed(jax.tree.map(lambda leaf: leaf[None], case))
+    np.testing.assert_allclose(ends[0, 0], [[1, 1], [0, 1]], atol=ROUNDING)
+    np.testing.assert_allclose(ends[0, MIRRORS + 1], [[2, 2], [1, 3]], atol=ROUNDING)
+    np.testing.assert_allclose(ends[0, MIRRORS], [[4, 0], [5, 0]], atol=ROUNDING)
+    np.testing.assert_allclose(position[0], [1, 1], atol=ROUNDING)
+    np.testing.assert_allclose(axis[0], [0, 1], atol=ROUNDING)
+
+
+def test_the_finger_bends_as_complex_numbers_turn_it():
+    scene = finger()
+    for degrees in ((0, 0), (90, 0), (0, 90), (37, 71)):
+        angles = scene.pose(dict(zip(("pip", "dip"), np.radians(degrees), strict=True)))
+        found, wanted = place(scene, angles), posed(scene, angles)
+        ends = [found.absolute(end).stacked() for end in (found.starts, found.ends)]
+        np.testing.assert_allclose(np.stack(ends, 1), wanted.surfaces.ends, atol=50 * ROUNDING)
+
+
+def test_poses_are_given_by_name():
+    scene = scene_of(item(random_cases(0, 1), 0))
+    assert scene.angle_names == ("bend", "curl")
+    np.testing.assert_array_equal(scene.pose(), [0, 0])
+    np.testing.assert_array_equal(scene.pose({"curl": 0.5}), [0, 0.5])
+    with pytest.raises(KeyError, match="no joint angle is named twist"):
+        scene.pose({"bend": 0.1, "twist": 0.2})
+
+
+def test_surfaces_are_mirrors_then_pads_then_blockers():
+    kinds = [LAYOUT.kind(i) for i in range(len(LAYOUT.surfaces))]
+    assert kinds == ["mirror"] * MIRRORS + ["pad"] * PADS + ["blocker"] * 4
+    assert LAYOUT.surfaces == LAYOUT.mirrors + LAYOUT.pads + LAYOUT.blockers
+    assert LAYOUT.sides.tolist() == [1, 0, -1, 1, 0, -1, 1, 0, 0, -1]
+    assert np.flatnonzero(LAYOUT.one_way).tolist() == [6, 9]
+    assert LAYOUT.frames[1] == Frame("second", 0, 1, -1)
+    assert LAYOUT.mirrors[1].frame == WORLD
+
+
+def test_a_scene_without_extent_is_placed_all_the_same():
+    case = case_of((3.0, 4.0))
+    ends, position, _ = placed(jax.tree.map(lambda leaf: leaf[None], case))
+    np.testing.assert_array_equal(ends, np.broadcast_to([3.0, 4.0], ends.shape))
+    np.testing.assert_array_equal(position, [[3, 4]])
+
+
+def changed(cases: Case, function) -> Case:
+    """Cases with their lengths changed."""
+    return cases._replace(**{name: function(getattr(cases, name)) for name in LENGTHS})
+
+
+def rounded(cases: Case) -> Case:
+    return changed(cases, lambda lengths: GRAIN * np.round(lengths / GRAIN))
+
+
+def test_far_away_everything_looks_the_same():
+    here = rounded(random_cases(2, 100))
+    there = changed(here, lambda lengths: lengths + FAR_AWAY)
+    found, wanted = answers(there), answers(here)
+    assert (wanted.numbers["coverage"] > 0).any()
+    for name, number in wanted.numbers.items():
+        np.testing.assert_array_equal(found.numbers[name], number, err_msg=name)
+    np.testing.assert_array_equal(found.ok, wanted.ok)
+
+
+def test_the_unit_of_length_does_not_matter():
+    large = random_cases(3, 100)
+    small = changed(large, lambda lengths: SMALL * lengths)
+    found, wanted = answers(small), answers(large)
+    assert (wanted.numbers["coverage"] > 0).any()
+    scales = {"distance": SMALL, "px_per_mm": 1 / SMALL}
+    for name, number in wanted.numbers.items():
+        scaled = scales.get(name, 1.0) * number
+        np.testing.assert_array_equal(found.numbers[name], scaled, err_msg=name)

@@ -1,0 +1,340 @@
+"""Unfolded views against mirror images taken one after the other, in complex numbers."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from designopt.vectors import Vector, vector
+from optics.scene import WORLD, Layout, Surface, place
+from optics.unfolding import (
+    CUT_AFTER,
+    CUT_BEFORE,
+    FIRST_END,
+    KINDS,
+    SECOND_END,
+    Edges,
+    Fold,
+    Unfolded,
+    cut,
+    folds_of,
+    height,
+    paths_of,
+    unfold,
+    unit,
+)
+from tests.kinematics.quick import compiled_quickly  # noqa: F401
+from tests.optics.scenes import (
+    BOTH,
+    LAYOUT,
+    LEFT,
+    MIRRORS,
+    RIGHT,
+    SURFACES,
+    Case,
+    item,
+    mirrored,
+    posed_cases,
+    random_cases,
+    scene_of,
+)
+
+ROUNDING = 1e-13
+"""Of a few mirror images, relative to the size of the scene."""
+
+WORDS = np.array([(LEFT, BOTH), (BOTH, RIGHT), (RIGHT, LEFT), (LEFT, RIGHT)])
+
+
+def arrow(number: complex) -> Vector:
+    return Vector(jnp.asarray(number.real, float), jnp.asarray(number.imag, float))
+
+
+def numbers(place: Vector) -> np.ndarray:
+    """Places as complex numbers."""
+    return np.asarray(place.x) + 1j * np.asarray(place.y)
+
+
+def still() -> Fold:
+    return Fold(arrow(0), arrow(1), False)
+
+
+@partial(jax.jit, static_argnums=2)
+def images(ends: jax.Array, point: Vector, count: int) -> list[Vector]:
+    """A point mirrored in two mirrors by turns, ``count`` times; first in the first mirror."""
+    fold, found = still(), []
+    for i in range(count):
+        start, end = vector(ends[i % 2, 0]), vector(ends[i % 2, 1])
+        fold = fold.mirrored(start, unit(end - start))
+        found.append(fold.place(point))
+    return found
+
+
+def mirrors_at(degrees: float) -> np.ndarray:
+    turn = np.radians(degrees)
+    return np.array([[[0, 0], [1, 0]], [[0, 0], [np.cos(turn), np.sin(turn)]]])
+
+
+def test_published_image_of_a_point():
+    # (3, 4) mirrored in the line x = y, and how far that is from (7, 1).
+    start, along = arrow(0), unit(arrow(5 + 5j))
+    image = still().mirrored(start, along).place(arrow(3 + 4j))
+    np.testing.assert_allclose(numbers(image), 4 + 3j, rtol=ROUNDING)
+    np.testing.assert_allclose((arrow(7 + 1j) - image).length(), 3.605551275463989, rtol=ROUNDING)
+
+
+@pytest.mark.parametrize(("degrees", "count"), [(90, 3), (60, 5), (45, 7), (30, 11)])
+def test_a_kaleidoscope_shows_as_many_images_as_the_textbook_says(degrees, count):
+    # 360°/angle − 1 images, by whichever mirror first; the next one is the point itself.
+    ends, point = mirrors_at(degrees), np.exp(0.23j)
+    found = [
+        numbers(image)
+        for order in (ends, ends[::-1])
+        for image in images(jnp.asarray(order), arrow(point), count + 1)
+    ]
+    distinct = np.unique(np.round(found, 9))
+    assert len(distinct) == count + 1
+    assert np.round(point, 9) in distinct
+
+
+def test_two_mirrors_turn_by_twice_their_angle():
+    for angle in (0.3, 0.7, 1.1):
+        ends = mirrors_at(np.degrees(angle))
+        _, twice = images(jnp.asarray(ends), arrow(0.6 + 0.8j), 2)
+        np.testing.assert_allclose(numbers(twice), (0.6 + 0.8j) * np.exp(2j * angle), rtol=ROUNDING)
+
+
+@jax.jit
+def unfolded(cases: Case) -> tuple[Unfolded, Vector, Vector, jax.Array]:
+    """All paths of `WORDS` of a batch; where their folds put all surfaces; the unit of length."""
+
+    def one(case: Case, word: jax.Array) -> tuple[Unfolded, Vector, Vector, jax.Array]:
+        placed = place(scene_of(case), case.angles)
+        folds = folds_of(placed, word)
+        starts, ends = (
+            jax.tree.map(lambda *legs: jnp.stack(legs), *(fold.place(end) for fold in folds))
+            for end in (placed.starts, placed.ends)
+        )
+        return unfold(LAYOUT, placed, word), starts, ends, placed.size
+
+    return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(cases, jnp.asarray(WORDS))
+
+
+class Reference(NamedTuple):
+    """One path by mirror images, one after the other.
+
+    Attributes:
+        ends: of all surfaces, complex, shape (surfaces, 2).
+        sources: the camera and its images, one per leg.
+        mirrors: ends of the mirrors along the path.
+    """
+
+    ends: np.ndarray
+    sources: list[complex]
+    mirrors: list[np.ndarray]
+
+    def folded(self, places: np.ndarray, leg: int) -> np.ndarray:
+        """Places of a leg behind the last mirror."""
+        for mirror in self.mirrors[leg:]:
+            places = mirrored(places, mirror)
+        return places
+
+    def in_front(self, places: np.ndarray, mirror: int) -> np.ndarray:
+        """Whether places lie on the side of a mirror's line from which the view comes to it."""
+        return (
+            left_of(places, self.mirrors[mirror])
+            * left_of(self.sources[mirror], self.mirrors[mirror])
+            > 0
+        )
+
+
+def left_of(places: Any, line: np.ndarray) -> Any:
+    """Positive left of the line through two places."""
+    return ((places - line[0]) * np.conj(line[1] - line[0])).imag
+
+
+@pytest.fixture(scope="module")
+def paths() -> list[tuple[Reference, Unfolded, np.ndarray]]:
+    """Many scenes and all of `WORDS`: by mirror images, from the library, and all ends folded."""
+    cases = random_cases(4, 16)
+    found = jax.tree.map(np.asarray, unfolded(cases))
+    results = []
+    for i, case in enumerate(posed_cases(cases)):
+        for j, word in enumerate(WORDS):
+            path, starts, lasts, size = item(found, (i, j))
+            # As the placed scene: relative to the camera in the reference pose.
+            origin = cases.position[i] @ [1, 1j]
+            ends = (case.complex_ends - origin) / size
+            sources = [(case.complex_position - origin) / size]
+            for mirror in word:
+                sources.append(mirrored(sources[-1], ends[mirror]))
+            moved = np.stack([numbers(starts), numbers(lasts)], axis=-1)
+            results.append((Reference(ends, sources, [ends[m] for m in word]), path, moved))
+    return results
+
+
+def test_folds_mirror_places_in_the_mirrors_that_follow(paths):
+    for wanted, _, moved in paths:
+        for leg in range(3):
+            folded = wanted.folded(wanted.ends, leg)
+            np.testing.assert_allclose(moved[leg], folded, rtol=0, atol=ROUNDING)
+
+
+def test_the_virtual_camera_is_the_image_of_images(paths):
+    for wanted, path, _ in paths:
+        np.testing.assert_allclose(numbers(path.source), wanted.sources[-1], atol=ROUNDING)
+        np.testing.assert_allclose(
+            wanted.folded(np.array(wanted.sources[0]), 0), wanted.sources[-1], atol=ROUNDING
+        )
+
+
+def test_mirrors_are_turned_away_by_the_side_that_reflects(paths):
+    for k, (wanted, path, _) in enumerate(paths):
+        for i, mirror in enumerate(WORDS[k % len(WORDS)]):
+            side = np.sign(left_of(wanted.sources[i], wanted.mirrors[i]))
+            assert path.turned_away[i] == (LAYOUT.sides[mirror] == -side)
+
+
+def parts_of(edges: Edges, whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where parts of segments begin and end on them, 0 … 1."""
+    step = whole[..., 1] - whole[..., 0]
+    return tuple(((numbers(end) - whole[..., 0]) / step).real for end in (edges.starts, edges.ends))
+
+
+SAMPLES = (np.arange(199) + 0.5) / 199
+
+
+def assert_parts(edges: Edges, whole: np.ndarray, front: np.ndarray) -> None:
+    """The parts of folded segments that are left are those where samples lie in front."""
+    start, end = (np.where(edges.active, at, 0)[..., None] for at in parts_of(edges, whole))
+    np.testing.assert_array_equal((start < SAMPLES) & (end > SAMPLES), front)
+
+
+def samples_of(ends: np.ndarray) -> np.ndarray:
+    return ends[..., :1] + (ends[..., 1:] - ends[..., :1]) * SAMPLES
+
+
+def test_blockers_are_left_where_they_stand_before_the_next_and_behind_the_last_mirror(paths):
+    kept = 0
+    for k, (wanted, path, moved) in enumerate(paths):
+        word = WORDS[k % len(WORDS)]
+        samples = samples_of(wanted.ends)
+        for leg in range(3):
+            front = np.ones(samples.shape, bool)
+            for mirror in (leg - 1, leg):
+                if 0 <= mirror < 2:
+                    front &= wanted.in_front(samples, mirror)
+                    front[word[mirror]] = False  # it is the end of the leg
+            left = np.sign(left_of(wanted.sources[leg], wanted.ends.T))
+            front[LAYOUT.one_way & (left != LAYOUT.sides)] = False
+            assert_parts(item(path.blockers, leg), moved[leg], front)
+            kept += front.sum()
+    assert kept > 0
+
+
+def test_mirrors_are_left_where_they_stand_in_front_of_each_other(paths):
+    for k, (wanted, path, moved) in enumerate(paths):
+        word = WORDS[k % len(WORDS)]
+        for i, other in ((0, 1), (1, 0)):
+            front = wanted.in_front(samples_of(wanted.mirrors[i]), other)
+            assert_parts(item(path.mirrors, i), moved[i + 1][word[i]], front)
+
+
+def test_labels_say_which_surface_bounds_and_whether_it_is_cut(paths):
+    for _, path, moved in paths:
+        starts, ends = parts_of(path.blockers, moved)
+        whole = [KINDS * (leg * SURFACES + np.arange(SURFACES)) for leg in range(3)]
+        cuts = np.array([[CUT_AFTER, CUT_AFTER], [CUT_BEFORE, CUT_AFTER], [CUT_BEFORE] * 2])
+        for at, labels, own, uncut in (
+            (starts, path.blockers.start_labels, FIRST_END, 0),
+            (ends, path.blockers.end_labels, SECOND_END, 1),
+        ):
+            kinds = labels - whole
+            is_cut = np.abs(at - uncut) > ROUNDING
+            for leg in range(3):
+                active = path.blockers.active[leg]
+                np.testing.assert_array_equal(kinds[leg][active & ~is_cut[leg]], own)
+                assert np.isin(kinds[leg][active & is_cut[leg]], cuts[leg]).all()
+
+
+def test_a_pad_hides_itself_on_earlier_legs_only(paths):
+    _, path, _ = paths[0]
+    everything = eqx.tree_at(lambda p: p.blockers.active, path, np.ones((3, SURFACES), bool))
+    hides = np.asarray(everything.in_the_way(jnp.asarray(MIRRORS)))
+    assert np.argwhere(~hides).tolist() == [[2, MIRRORS]]
+
+
+def layout(mirrors: int, curved: tuple[int, ...] = ()) -> Layout:
+    parts = tuple(Surface(f"m{i}", 0) for i in range(mirrors))
+    return Layout("test", parts, curved, (), (), (), (), WORLD, 0)
+
+
+@pytest.mark.parametrize("mirrors", range(4))
+@pytest.mark.parametrize("bounces", range(4))
+def test_paths_of_straight_mirrors_never_stay(mirrors, bounces):
+    found = paths_of(layout(mirrors), bounces)
+    counts = [1] + [mirrors * (mirrors - 1) ** (i - 1) for i in range(1, bounces + 1)]
+    assert [len(part) for part in found] == [count for count in counts if count]
+    for length, part in enumerate(found):
+        assert part.shape[1] == length
+        assert (part[:, 1:] != part[:, :-1]).all()
+        assert len(np.unique(part, axis=0)) == len(part)
+
+
+def test_paths_of_curved_mirrors_may_stay():
+    found = paths_of(layout(2, (1,)), 2)
+    assert [part.tolist() for part in found] == [[[]], [[0], [1]], [[0, 1], [1, 0], [1, 1]]]
+
+
+cut_of = jax.jit(lambda edges, side: cut(edges, arrow(0), arrow(0.6 + 0.8j), side, jnp.asarray(3)))
+places = st.tuples(st.integers(-4, 4), st.integers(-4, 4))
+
+
+@given(places, places, st.sampled_from([1, -1]))
+def test_cut_keeps_what_lies_on_one_side(first, last, side):
+    # Distances from the line through the origin along (3, 4).
+    at_start, at_end = (side * (3 * y - 4 * x) for x, y in (first, last))
+    ends = [complex(*first), complex(*last)]
+    whole = Edges(*map(arrow, ends), jnp.asarray(1), jnp.asarray(2), jnp.asarray(True))
+    found = cut_of(whole, jnp.asarray(float(side)))
+    assert bool(found.active) == (max(at_start, at_end) > 0)
+    if found.active:
+        meeting = ends[0]
+        if at_start != at_end:
+            meeting += (ends[1] - ends[0]) * at_start / (at_start - at_end)
+        wanted = [meeting if at_start < 0 else ends[0], meeting if at_end < 0 else ends[1]]
+        np.testing.assert_allclose(numbers(found.starts), wanted[0], atol=ROUNDING)
+        np.testing.assert_allclose(numbers(found.ends), wanted[1], atol=ROUNDING)
+        assert int(found.start_labels) == (3 if at_start < 0 else 1)
+        assert int(found.end_labels) == (3 if at_end < 0 else 2)
+
+
+@pytest.mark.parametrize("size", [1e-150, 1e-20, 1.0, 1e150, 1e300])
+def test_unit_vectors_of_any_length(size):
+    np.testing.assert_allclose(numbers(unit(arrow((3 - 4j) * size))), 0.6 - 0.8j, rtol=ROUNDING)
+
+
+def test_the_zero_vector_has_no_direction_and_a_finite_derivative():
+    def total(place: Vector) -> jax.Array:
+        found = unit(place)
+        return found.x + found.y
+
+    assert numbers(unit(arrow(0))) == 0
+    assert np.isfinite(numbers(jax.grad(total)(arrow(0)))).all()
+
+
+def test_what_lies_on_a_line_has_no_height():
+    turns = np.exp(1j * np.linspace(0, 6, 50))
+    start, along = Vector(jnp.asarray(3 * turns.real), jnp.asarray(3 * turns.imag)), 0.7 * turns
+    along = unit(Vector(jnp.asarray(along.real), jnp.asarray(along.imag)))
+    on = start + along.scaled(jnp.asarray(1.7))
+    np.testing.assert_array_equal(height(on, start, along), 0)
+    off = on + along.perpendicular().scaled(jnp.asarray(1e-13))
+    np.testing.assert_allclose(height(off, start, along), 1e-13, rtol=0.02)
