@@ -58,6 +58,12 @@ def check_targets(named: Mapping[str, Path | str | None], *, force: bool) -> Non
         if target is None:
             continue
         path = Path(target)
+        try:
+            path.parent.stat()
+            path.is_dir()
+        except OSError as error:
+            if not isinstance(error, FileNotFoundError):
+                raise UserError(f"{option} {path}: {error.strerror}; choose another") from error
         if str(target) == "" or path.is_dir():
             raise UserError(f"{option} {target}: that is a folder; name a file in it")
         if path.resolve() in seen:

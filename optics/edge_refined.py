@@ -51,9 +51,10 @@ def trace_views(
         room: most pieces of all pads together.
 
     Returns:
-        The pieces of each pad, exact to rounding where the fan has found them. ``margin`` and
+        The pieces of each pad where the fan has found them, exact to rounding; only where a
+        mirror bends away from the ray, to the square root of rounding. ``margin`` and
         ``result`` are of the shape (paths, pads), paths in the order of `path_names`. ``margin``
-        (rad) is half the angle at the camera of the widest piece that is seen, and 0 where none
+        (rad) is the angle at the camera of the widest piece that is seen, and 0 where none
         is: rays do not tell by how much they miss. ``residual`` is the largest Newton step (rad)
         that is left at an edge of that view.
 
@@ -167,7 +168,7 @@ def _collected(fan: Fan, runs: _Run, crowded: Bool[Array, ""]) -> Solution[Piece
         mine = runs.present & (runs.pad == pad) & (runs.path == path)
         result = ViewResult.where(jnp.any(mine), ViewResult.successful, ViewResult.unseen)
         result = ViewResult.where(crowded, ViewResult.too_many, result)
-        margin = jnp.max(jnp.where(mine, runs.width / 2, 0.0))
+        margin = jnp.max(jnp.where(mine, runs.width, 0.0))
         return margin, jnp.max(jnp.where(mine, runs.residual, 0.0)), result
 
     pads, paths = jnp.arange(len(fan.layout.pads)), jnp.arange(len(fan.words))

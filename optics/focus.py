@@ -1,7 +1,8 @@
 """How sharp a camera with a real lens sees its pads: blur at the length of the unfolded path.
 
 A flat mirror does not change the distance at which a lens sees a point: that is the length of the
-path. Curved mirrors also move the image along the ray, which is left out here.
+path. Curved mirrors also move the image along the ray, which is left out here, and `Focus.sharp`
+takes the length of the path along a piece as in a flat one.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 Here every condition of a view is an interval of angles: field of view, mirrors and the pad itself
 have to be met, shadows avoided. The best line of sight is the one farthest from all that must not
-be met; its distance, an angle, is negative where no line of sight is free, and it passes through 0
-where a view opens. Nothing of it is shared with the pad coordinates in which `optics.visibility`
-finds the pieces, so that the two check each other.
+be met; twice its distance, the width of the gap, is negative where no line of sight is free, and
+passes through 0 where a view opens. Nothing of it is shared with the pad coordinates in which
+`optics.searching` finds the pieces, so that the two check each other.
 """
 
 from __future__ import annotations
@@ -105,7 +105,10 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
     end = jnp.append(_values(upper), jnp.where(away, mirrors.start, mirrors.end))
     end_labels = jnp.append(_labels(upper), jnp.where(away, mirrors.start_label, mirrors.end_label))
     at, to = jnp.argmax(start), jnp.argmin(end)
-    window = Interval(start[at], end[to], start_labels[at], end_labels[to])
+    # Nothing is left of a pad or mirror that lies in the line of the mirror beside it.
+    left = shown.active & jnp.all(path.mirrors.active)
+    last_end = jnp.where(left, end[to], jnp.minimum(start[at], end[to]))
+    window = Interval(start[at], last_end, start_labels[at], end_labels[to])
 
     side = jnp.where(above < 0, -1.0, 1.0)
     crossing = path.blockers.start_labels // KINDS * KINDS + CROSSING

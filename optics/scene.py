@@ -112,7 +112,8 @@ class Scene(eqx.Module):
     Attributes:
         camera: the camera.
         mirrors: first and second end of every mirror, mm.
-        radii: of the curved mirrors, mm; positive if the centre lies to the left.
+        radii: of the curved mirrors, mm; positive if the centre lies to the left. With the conic
+            constant k, (1 + k) (chord / 2)² < radius², or there is no such arc.
         conics: of the curved mirrors: 0 for a circle, −1 for a parabola.
         pads: ends of the pads, mm.
         grazing: least angle between a pad and a ray that shows it, rad, one per pad.
@@ -145,7 +146,8 @@ class Scene(eqx.Module):
         given = dict(angles or {})
         values = [given.pop(name, 0.0) for name in self.angle_names]
         if given:
-            raise KeyError(f"no joint angle is named {', '.join(given)}")
+            known = ", ".join(self.angle_names) or "none"
+            raise KeyError(f"no joint angle is named {', '.join(given)}; there are: {known}")
         return jnp.asarray(values, self.mirrors.dtype)
 
 

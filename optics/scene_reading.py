@@ -100,7 +100,7 @@ def build_scene(file: SceneFile, source: str) -> Scene:
 
 
 def _bounces(file: SceneFile) -> int:
-    """Most reflections of a view: as asked for, or so many that no mirror is left unused."""
+    """Most reflections of a view: as asked for, or two, or one for a single flat mirror."""
     if file.scene.bounces is not None:
         return file.scene.bounces
     # Light may meet a curved mirror twice in a row, a straight one not.

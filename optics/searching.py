@@ -43,7 +43,7 @@ class Verdict(eqx.Module):
 
     Attributes:
         widest: the widest gap between what must not be met, in angles about the source.
-        margin: half its width, rad; negative where no line of sight is free.
+        margin: its width, rad; negative where no line of sight is free.
         result: why nothing is seen.
     """
 
@@ -68,12 +68,17 @@ def search(
     pieces = gaps(window, shadows, active)
     shortest = SHORTEST_PIECE * jnp.finfo(above.dtype).eps
     present = front & ~turned_away & (pieces.end - pieces.start > shortest)
-    result = ViewResult.where(window.end > window.start, ViewResult.blocked, ViewResult.missed)
+    # The last shadow is what a field of view beyond 180° leaves out.
+    outside = active[-1] & (shadows.start[-1] <= window.start) & (shadows.end[-1] >= window.end)
+    looks = (window.end > window.start) & ~outside
+    result = ViewResult.where(looks, ViewResult.blocked, ViewResult.missed)
     result = ViewResult.where(front, result, ViewResult.behind_pad)
     result = ViewResult.where(turned_away, ViewResult.behind_mirror, result)
     result = ViewResult.where(jnp.any(present), ViewResult.successful, result)
     widest = angular_gap(camera, path, pad, above)
-    return pieces, present, Verdict(widest, (widest.end - widest.start) / 2, result)
+    margin = widest.end - widest.start
+    margin = jnp.where(above == 0, jnp.minimum(margin, 0.0), margin)
+    return pieces, present, Verdict(widest, margin, result)
 
 
 def _behind(

@@ -129,7 +129,7 @@ def paths_of(layout: Layout, bounces: int) -> list[np.ndarray]:
 
 
 def unit(arrow: Vector) -> Vector:
-    """The unit vector along a vector, however short; 0 for the zero vector."""
+    """The unit vector along a vector; 0 for one too short to be squared."""
     scale = jax.lax.stop_gradient(jnp.maximum(jnp.abs(arrow.x), jnp.abs(arrow.y)))
     factor, _ = safe_divide(jnp.ones_like(scale), scale)
     scaled = arrow.scaled(factor)
@@ -225,9 +225,9 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
     index = jnp.arange(surfaces)
     blockers = []
     for leg in range(count + 1):
-        # A surface with one blocking side lets rays pass from the other.
+        # One through the source hides nothing, one with one blocking side nothing from the other.
         above = height(sources[leg], starts, unit(ends - starts))
-        blocks = ~jnp.asarray(layout.one_way) | (sides * above > 0)
+        blocks = (above != 0) & (~jnp.asarray(layout.one_way) | (sides * above > 0))
         edges = Edges(
             starts, ends, named(leg, index, FIRST_END), named(leg, index, SECOND_END), blocks
         )

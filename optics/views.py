@@ -105,7 +105,8 @@ class Pieces(eqx.Module):
         """By how many paths points of each pad are seen, from their pad coordinates."""
         start, end = self.start[..., None], self.end[..., None]
         places = coordinates.reshape((1,) * (start.ndim - 1) + (-1,))
-        return jnp.sum((start < places) & (places < end), axis=-2, dtype=int)
+        seen = (start <= places) & (places <= end) & self.present[..., None]
+        return jnp.sum(seen, axis=-2, dtype=int)
 
 
 def path_name(layout: Layout, word: Sequence[int]) -> str:

@@ -46,11 +46,12 @@ def find_views(
 
     Returns:
         The pieces of each pad. ``margin`` and ``result`` are of the shape (paths, pads), paths in
-        the order of `path_names`. ``margin`` (rad) is half the angle at the (virtual) camera of
-        the widest piece that is seen; of a pad that is not seen, minus the angle by which it is
-        missed: the least over all lines of sight to it of how far that line lies inside the
-        deepest shadow, or outside of the mirrors and of the field of view. Its derivative shows
-        the way out. ``residual`` is 0: nothing is iterated.
+        the order of `path_names`. ``margin`` (rad) is the angle at the (virtual) camera of the
+        widest piece that is seen; of a pad that is not seen, minus the angle by which it is
+        missed: by which the shadows, mirrors and limits that hide it must give way at least until
+        a line of sight is free. Its derivative shows the way out. ``residual`` is 0: nothing is
+        iterated. A surface through the camera hides nothing, and where surfaces lie on one
+        another what is seen there means nothing.
 
     Raises:
         ValueError: a mirror is curved (`trace_views` sees in these), or there is no pad.
@@ -186,7 +187,12 @@ def look(
     step, toward = pad.end - pad.start, pad.start - source
     arrow = Vector(toward.x + coordinates * step.x, toward.y + coordinates * step.y)
     across = axis.x * arrow.y - axis.y * arrow.x
-    angle = routes.handedness[path] * safe_arctan2(across, axis.x * arrow.x + axis.y * arrow.y)
+    angle = safe_arctan2(across, axis.x * arrow.x + axis.y * arrow.y)
+    # Beyond the seam of a camera that looks all around, pixels are counted on.
+    middle = jax.lax.stop_gradient(toward + step.scaled((coordinates[0] + coordinates[-1]) / 2))
+    centre = safe_arctan2(axis.cross(middle), axis.dot(middle))
+    turns = jax.lax.stop_gradient(jnp.round((angle - centre) / (2 * jnp.pi)))
+    angle = routes.handedness[path] * (angle - 2 * jnp.pi * turns)
     above = jnp.abs(unit(step).cross(toward))
     per_size, _ = safe_divide(jnp.full_like(across, above), arrow.squared())
     per_mm = camera.pixels_per_radian(angle) * per_size / placed.size
@@ -232,7 +238,7 @@ def _moving_margin(
 
     above = (pad.end - pad.start).cross(source - pad.start)
     sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
-    moving = sense * (angle(verdict.widest.end_label) - angle(verdict.widest.start_label)) / 2
+    moving = sense * (angle(verdict.widest.end_label) - angle(verdict.widest.start_label))
     gap = verdict.margin + (moving - jax.lax.stop_gradient(moving))
     rises = elevation(placed, routes, pad, path)
     return jnp.where(rises < 0, jnp.minimum(rises, gap), gap)
