@@ -1,0 +1,411 @@
+"""``designopt trace`` as a person meets it: the document, pictures, remarks and faults."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from designopt.cli import run
+from optics import find_views, read_scene, sight
+from tests.kinematics.quick import compiled_quickly  # noqa: F401
+
+GALLERY = Path(__file__).parents[2] / "studies/optics_gallery"
+FILES = sorted(path.name for path in GALLERY.glob("*.toml"))
+
+# The camera sees 10 mm tan 30° of the floor to either side, but for the shadow of the flap.
+FLAP = """
+[scene]
+name = "flap"
+
+[camera]
+position = [0, 10]
+direction_deg = -90
+fov_deg = 60
+pixels = 600
+projection = "pinhole"
+
+[[pads]]
+name = "floor"
+from = [-8, 0]
+to = [8, 0]
+side = "left"
+[[pads]]
+name = "wall"
+from = [9, 0]
+to = [9, 8]
+side = "right"                  # away from the camera
+body = "door"
+
+[[blockers]]
+name = "flap"
+from = [2, 5]
+to = [4, 5]
+body = "lid"
+
+[frames.lid]
+hinge = [2, 5]
+angle = "tilt"
+[frames.door]
+hinge = [9, 0]
+angle = "swing"
+"""
+CORNER = """
+[camera]
+position = [100, 100]
+direction_deg = 225
+fov_deg = 40
+pixels = 800
+
+[[mirrors]]
+name = "floor"
+from = [0, 0]
+to = [200, 0]
+side = "left"
+[[mirrors]]
+name = "wall"
+from = [0, 0]
+to = [0, 200]
+side = "right"
+
+[[blockers]]
+name = "post"
+from = [150, 80]
+to = [150, 120]
+"""
+SEEN = 10 * math.tan(math.radians(30))
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_scenes(tmp_path, monkeypatch):
+    for name in FILES:
+        shutil.copy(GALLERY / name, tmp_path)
+    (tmp_path / "flap.toml").write_text(FLAP, encoding="utf-8")
+    (tmp_path / "corner.toml").write_text(CORNER, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def trace(capsys):
+    """The document and the remarks of a command."""
+
+    def command(*arguments: str) -> tuple[Any, str]:
+        assert run(["trace", *arguments]) == 0
+        shown = capsys.readouterr()
+        return json.loads(shown.out), shown.err
+
+    return command
+
+
+def shadow(tilt: float) -> tuple[float, float]:
+    """Where the flap's shadow begins and ends on the floor, mm."""
+    ends = [[2, 5], [2 + 2 * math.cos(tilt), 5 + 2 * math.sin(tilt)]]
+    first, last = sorted(10 * x / (10 - y) for x, y in ends)
+    return first, last
+
+
+def test_a_sweep_shows_the_flaps_shadow_wander(trace):
+    document, said = trace("flap.toml", "--sweep", "tilt=0:180:3")
+    assert {key: document[key] for key in ("scene", "engine", "bounces", "lens", "rays")} == {
+        "scene": "flap",
+        "engine": "exact",
+        "bounces": 0,
+        "lens": None,
+        "rays": [],
+    }
+    limit, flap = "limit of the field of view", "blocker 'flap': its end"
+    coverages = []
+    for pose, tilt in zip(document["poses"], (0.0, 90.0, 180.0), strict=True):
+        assert pose["angles_deg"] == {"tilt": tilt, "swing": 0}
+        assert (pose["mirrors"], pose["virtual_cameras"]) == ({}, {})
+        pad = pose["pads"]["floor"]
+        (view,) = pad["views"].values()
+        first, last = shadow(math.radians(tilt))
+        wanted = [[-SEEN, first], [last, SEEN]] if last < SEEN else [[-SEEN, first]]
+        np.testing.assert_allclose(16 * np.array(view["intervals"]) - 8, wanted, atol=1e-12)
+        ends = np.array(wanted)
+        pixels = 300 + 300 / math.tan(math.radians(30)) * -ends / 10
+        np.testing.assert_allclose(view["pixels"], pixels, rtol=1e-12, atol=1e-11)
+        begins = "'from'" if tilt < 180 else "'to'"
+        assert view["ends"][0] == [limit, f"{flap} {begins}"]
+        if len(wanted) == 2:
+            assert view["ends"][1] == [f"{flap} 'from'", limit]
+        assert "why_not" not in view
+        coverages.append(np.sum(np.diff(ends)) / 16)
+        assert pad["coverage"] == pytest.approx(coverages[-1], rel=1e-13)
+        assert pad["redundancy"] == pytest.approx(coverages[-1], rel=1e-13)
+        # Of a pinhole that looks at it squarely, all of a line is seen equally well.
+        sharpness = 30 / math.tan(math.radians(30))
+        for spread in (pad["px_per_mm"], view["px_per_mm"]):
+            assert spread == pytest.approx(dict.fromkeys(("min", "median", "max"), sharpness))
+        assert view["distance_mm"][0] == pytest.approx(10, rel=1e-4)
+        assert view["distance_mm"][1] == pytest.approx(10 / math.cos(math.radians(30)))
+        hidden = pose["pads"]["wall"]
+        assert (hidden["coverage"], hidden["px_per_mm"]) == (0, None)
+        assert hidden["views"]["direct"]["intervals"] == []
+        assert "not on the sensing side" in hidden["views"]["direct"]["why_not"]
+    worst = int(np.argmin(coverages))
+    assert said.splitlines() == [
+        "pad 'floor': not all of it is seen at 3 of 3 poses; worst at tilt = "
+        f"{90 * worst}°, swing = 0°: {100 * (1 - coverages[worst]):.3g} % of it is not seen",
+        f"  what is seen ends at: {limit}; {flap} 'to'; {flap} 'from'",
+        "pad 'wall': not all of it is seen at 3 of 3 poses; worst at tilt = 0°, "
+        "swing = 0°: none of it is seen",
+        "  nearest to showing any of it is direct: The camera, or its image, is not on the sensing "
+        "side of the pad: move the camera or the mirror, or change the pad's side.",
+    ]
+
+
+def test_blocks_of_poses_are_as_one(trace, monkeypatch):
+    whole, said = trace("flap.toml", "--sweep", "tilt=0:200:3")
+    # Two poses at a time, so that the last block is filled up.
+    monkeypatch.setattr(
+        sight, "MEMORY", 2 * sight._bytes_of_pose(read_scene("flap.toml").layout, 0)
+    )
+    assert trace("flap.toml", "--sweep", "tilt=0:200:3") == (whole, said)
+
+
+def test_more_pieces_than_there_is_room_for_are_told(trace, monkeypatch):
+    monkeypatch.setattr(sight, "find_views", partial(find_views, room=1))
+    document, said = trace("flap.toml", "--sweep", "tilt=160:180:3")
+    (view,) = document["poses"][2]["pads"]["floor"]["views"].values()
+    assert len(view["intervals"]) == 1
+    assert "more pieces" in view["incomplete"]
+    assert "pad 'floor': at 3 poses it is seen in more pieces than there is room for" in said
+
+
+def test_views_in_a_mirror_agree_with_dense_sampling(trace):
+    document, said = trace("folded-pad.toml")
+    assert said == ""
+    (pose,) = document["poses"]
+    pad = pose["pads"]["skin"]
+    lid = np.array([[-4, 15.5], [16, 7.8]])
+    length = np.linalg.norm(lid[1] - lid[0])
+    along = (lid[1] - lid[0]) / length
+    normal = np.array([-along[1], along[0]])
+    camera, axis = np.array([-14.0, 5]), math.radians(10)
+    image = camera - 2 * normal * ((camera - lid[0]) @ normal)
+    np.testing.assert_allclose(pose["virtual_cameras"]["mirror:lid"], image, rtol=1e-13)
+    places = np.stack([np.linspace(0, 22, 220_001), np.zeros(220_001)], axis=-1)
+    turned = np.array([math.cos(axis), math.sin(axis)])
+    best = 0
+    for name, source, looks in (
+        ("direct", camera, turned),
+        ("mirror:lid", image, turned - 2 * normal * (turned @ normal)),
+    ):
+        view = pad["views"][name]
+        assert view["intervals"] == [[0, 1]]
+        arrows = places - source
+        tangent = (arrows @ [-looks[1], looks[0]]) / (arrows @ looks)
+        density = np.abs(np.gradient(320 / math.tan(math.radians(50)) * tangent, places[:, 0]))
+        spread = {"min": density.min(), "median": np.median(density), "max": density.max()}
+        assert view["px_per_mm"] == pytest.approx(spread, rel=2e-4)
+        distance = np.linalg.norm(arrows, axis=1)
+        assert view["distance_mm"] == pytest.approx([distance.min(), distance.max()], rel=1e-4)
+        best = np.maximum(best, density)
+    spread = {"min": best.min(), "median": np.median(best), "max": best.max()}
+    assert pad["px_per_mm"] == pytest.approx(spread, rel=2e-4)
+    assert (pad["coverage"], pad["redundancy"]) == (1, 2)
+    # Seen from the virtual camera, the ends of the pad lie behind these places of the lid.
+    used = []
+    for end in places[[0, -1]]:
+        part = (camera - image) @ normal / 2 / ((end - image) @ normal)
+        used.append(
+            (image + part * (end - image) - lid[0]) @ along / np.linalg.norm(lid[1] - lid[0])
+        )
+    np.testing.assert_allclose(pose["mirrors"]["lid"]["used"], [sorted(used)], rtol=1e-12)
+
+
+def test_views_in_a_parabola_are_those_of_its_equation(trace):
+    document, said = trace("parabola.toml")
+    assert said == ""
+    assert document["engine"] == "traced"
+    (pose,) = document["poses"]
+    assert "virtual_cameras" not in pose
+    pad = pose["pads"]["wall"]
+    # A ray at φ from the axis leaves the mirror at the height 2 f tan(φ/2).
+    focal = 100**2 / (4 * 60)
+    heights = np.array([60, 30, 0])
+    density = 1000 / math.radians(160) / focal / (1 + (heights / (2 * focal)) ** 2)
+    spread = dict(zip(("min", "median", "max"), density, strict=True))
+    assert pad["px_per_mm"] == pytest.approx(spread, rel=2e-4)
+    assert pad["views"]["mirror:dish"]["px_per_mm"] == pytest.approx(spread, rel=2e-4)
+    assert pad["coverage"] == pytest.approx(1, abs=1e-12)
+    np.testing.assert_allclose(pose["mirrors"]["dish"]["used"], [[0.2, 0.8]], rtol=1e-10)
+
+
+def test_poses_and_sweeps_give_the_angles(trace):
+    document, _ = trace("flap.toml", "--pose", "swing=70", "--sweep", "tilt=-30:30:3")
+    wanted = [(-30.0, 70.0), (0.0, 70.0), (30.0, 70.0)]
+    poses = document["poses"]
+    assert [tuple(pose["angles_deg"].items()) for pose in poses] == [
+        (("tilt", tilt), ("swing", swing)) for tilt, swing in wanted
+    ]
+    views = find_views(read_scene("flap.toml"), jnp.deg2rad(jnp.array(wanted)), bounces=0)
+    for number, pose in enumerate(poses):
+        for index, name in enumerate(("floor", "wall")):
+            (view,) = pose["pads"][name]["views"].values()
+            assert len(view["intervals"]) == int(views.value.present[number, index].sum())
+            margin = math.degrees(views.margin[number, 0, index])
+            assert view["margin_deg"] == pytest.approx(margin, rel=1e-12)
+
+
+def test_rays_go_from_mirror_to_mirror_until_something_ends_them(trace):
+    ends = {
+        "50,40,225": "it leaves the scene",
+        "20,100,0": "it ends at blocker 'post'",
+        "-5,20,0": "it ends at the back of mirror 'wall'",
+        "20,-5,-90": "it leaves the scene",
+    }
+    document, said = trace("corner.toml", *(f"--ray={ray}" for ray in ends))
+    assert said == "scene: there are no pads to be seen\n"
+    (pose,) = document["poses"]
+    assert (pose["angles_deg"], pose["pads"]) == ({}, {})
+    rays = document["rays"]
+    assert [ray["end"] for ray in rays] == list(ends.values())
+    assert [len(ray["hits"]) for ray in rays] == [2, 1, 1, 0]
+    assert {(ray["pose"], *ray["start"], ray["direction_deg"]) for ray in rays} == {
+        (0, *map(float, ray.split(","))) for ray in ends
+    }
+    first, second = rays[0]["hits"]
+    root = math.sqrt(2)
+    for hit, wanted in (
+        (first, ["mirror:floor", 10, 0, 0.05, 135, 40 * root, 45, True]),
+        (second, ["mirror:wall", 0, 10, 0.05, 45, 50 * root, 45, True]),
+    ):
+        keys = ["element", "x", "y", "coordinate", "direction_deg", "path_length_mm"]
+        assert list(hit) == [*keys, "grazing_deg", "reflected"]
+        element, *numbers = hit.values()
+        assert element == wanted[0]
+        assert numbers == pytest.approx(wanted[1:], abs=1e-12)
+    document, _ = trace("corner.toml", "--ray=50,40,225", "--bounces", "1")
+    assert len(document["rays"][0]["hits"]) == 2
+    assert "one more than --bounces" in document["rays"][0]["end"]
+
+
+def test_rays_are_followed_in_every_pose(trace):
+    document, _ = trace("flap.toml", "--sweep", "tilt=0:180:3", "--ray=3,9,-90", "--ray=20,4,180")
+    rays = document["rays"]
+    assert [(ray["pose"], ray["end"]) for ray in rays] == [
+        (0, "it ends at blocker 'flap'"),
+        (0, "it ends at pad 'wall'"),
+        (1, "it ends at pad 'floor'"),
+        (1, "it ends at pad 'wall'"),
+        (2, "it ends at pad 'floor'"),
+        (2, "it ends at pad 'wall'"),
+    ]
+    assert rays[2]["hits"][0]["coordinate"] == pytest.approx(11 / 16)
+    document, _ = trace("flap.toml", "--sweep", "tilt=0:180:3", "--ray=3,4,0", "--ray=0,-1,90")
+    assert document["rays"][0]["end"] == "it ends at the back of pad 'wall'"
+    assert document["rays"][1]["end"] == "it ends at the back of pad 'floor'"
+
+
+def test_a_scene_without_pads_says_what_can_be_asked(trace):
+    document, said = trace("corner.toml")
+    assert said == "scene: there are no pads to be seen; --ray X,Y,DEG follows a ray\n"
+    assert set(document["poses"][0]["virtual_cameras"]) == {
+        "mirror:floor",
+        "mirror:wall",
+        "mirror:floor+wall",
+        "mirror:wall+floor",
+    }
+
+
+def test_files_are_written_whole_and_replaced_only_by_force(tmp_path, capsys):
+    before = {path.name for path in tmp_path.iterdir()}
+    command = ["trace", "flap.toml", "--sweep", "tilt=0:180:3", "--json", "t.json"]
+    command += ["--figure", "t.png", "--chart", "t.svg", "--ray", "3,9,-90"]
+    assert run(command) == 0
+    assert capsys.readouterr().out == ""
+    names = {"t.json", "t.png", "t.svg"}
+    assert {path.name for path in tmp_path.iterdir()} == before | names
+    written = {name: (tmp_path / name).read_bytes() for name in names}
+    assert all(written.values())
+    again = [part.replace("0:180", "0:90") for part in command[:6]]
+    assert run(again) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert {name: (tmp_path / name).read_bytes() for name in names} == written
+    assert run([*again, "--force"]) == 0
+    last = json.loads((tmp_path / "t.json").read_text())["poses"][2]
+    assert last["angles_deg"]["tilt"] == 90
+    assert {path.name for path in tmp_path.iterdir()} == before | names
+
+
+def test_rays_are_drawn_without_pads(tmp_path, trace):
+    assert trace("corner.toml", "--ray=50,40,225", "--figure", "t.svg")[0]["rays"]
+    assert 'id="ray:0"' in (tmp_path / "t.svg").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("change", "arguments", "words"),
+    [
+        (('body = "lid"', 'body = "lit"'), [], ["blockers.0.body", "did you mean 'lid'?"]),
+        (("fov_deg = 60", "fov_deg = 0"), [], ["camera.fov_deg", "greater than 0"]),
+        (("to = [8, 0]", "to = [-8, 0]"), [], ["pads.0", "no length"]),
+        (None, ["--pose", "lid=3"], ["--pose lid=3", "joint angle", "tilt"]),
+        (None, ["--pose", "tilt=3,tilt=4"], ["given twice"]),
+        (None, ["--pose", "tilt"], ["--pose tilt", "JOINT_ANGLE=VALUE"]),
+        (None, ["--pose", "tilt=1e20"], ["--pose tilt=1e+20", "no digits left"]),
+        (None, ["--sweep", "pip=0:90:91"], ["--sweep pip=0:90:91", "joint angle", "tilt"]),
+        (None, ["--sweep", "tilt=0:90:2.5"], ["--sweep", "COUNT"]),
+        (None, ["--sweep", "tilt=0:90:300000"], ["300,000 poses", "250,000"]),
+        (None, ["--sweep", "tilt=0:1:2", "--pose", "tilt=4"], ["--pose gives 'tilt' too"]),
+        (None, ["--ray", "1,2"], ["--ray 1,2", "X,Y,DEG"]),
+        (None, ["--ray", "1,2,up"], ["--ray 1,2,up", "X,Y,DEG"]),
+        (None, ["--ray", "1,nan,3"], ["--ray 1,nan,3", "X,Y,DEG"]),
+        (None, ["--ray", "inf,0,0"], ["--ray inf,0,0", "X,Y,DEG"]),
+        (None, ["--bounces", "-1"], ["--bounces -1", "0 to 6"]),
+        (None, ["--bounces", "7"], ["--bounces 7", "0 to 6"]),
+        (None, ["--bounces", "many"], ["--bounces", "integer"]),
+        (None, ["--json", "nowhere/t.json"], ["--json", "no folder"]),
+        (None, ["--json", "flap.toml"], ["--json flap.toml", "exists already", "--force"]),
+        (None, ["--figure", "t.jpg"], ["--figure t.jpg", ".png"]),
+        (None, ["--chart", "t.jpg"], ["--chart t.jpg", ".png"]),
+        (None, ["--chart", "t.png"], ["--chart t.png", "--sweep"]),
+        (None, ["--figure", "t.png", "--chart", "t.png"], ["two files"]),
+    ],
+)
+def test_faults_are_one_line_and_leave_nothing_behind(change, arguments, words, tmp_path, capsys):
+    (tmp_path / "scene.toml").write_text(FLAP.replace(*change) if change else FLAP)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    assert run(["trace", "scene.toml", *arguments]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("error: ")
+    assert shown.err.count("\n") == 1
+    for word in words:
+        assert word in shown.err
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_charts_need_pads(tmp_path, capsys):
+    assert run(["trace", "corner.toml", "--chart", "t.png"]) == 2
+    assert "no pads" in capsys.readouterr().err
+
+
+def test_too_many_paths_are_refused(tmp_path, capsys):
+    mirrors = "".join(
+        f"[[mirrors]]\nname = 'm{i}'\nfrom = [{i}, -5]\nto = [{i + 1}, -5]\n" for i in range(12)
+    )
+    (tmp_path / "many.toml").write_text(FLAP + mirrors)
+    assert run(["trace", "many.toml", "--bounces", "6"]) == 2
+    # 1 + 12 + 12·11 + … + 12·11⁵
+    assert f"{1 + 12 * (11**6 - 1) // 10:,} paths" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FILES)
+def test_every_gallery_scene_is_traced_and_drawn(name, tmp_path, trace):
+    document, said = trace(name, "--figure", "t.png")
+    assert (tmp_path / "t.png").stat().st_size > 10_000
+    assert said == "" or name in ("circle.toml", "ellipse.toml")
+    for pad in document["poses"][0]["pads"].values():
+        assert pad["coverage"] > 0
+        assert pad["px_per_mm"]["min"] <= pad["px_per_mm"]["median"] <= pad["px_per_mm"]["max"]
