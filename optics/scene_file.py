@@ -56,7 +56,7 @@ ProjectionEntry = Annotated[
 class SceneTable(Spec):
     """``[scene]``."""
 
-    name: Title = "scene"
+    name: Title | None = None
     bounces: Annotated[int, pydantic.Field(strict=True, ge=0, le=MOST_BOUNCES)] | None = None
 
 

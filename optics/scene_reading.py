@@ -73,7 +73,7 @@ def build_scene(file: SceneFile, source: str) -> Scene:
         return tuple(Surface(part.name, SIDES[part.side], index[part.body]) for part in tables)
 
     layout = Layout(
-        name=file.scene.name,
+        name=file.scene.name or Path(source).stem,
         mirrors=surfaces(file.mirrors),
         curved=curved,
         pads=surfaces(file.pads),

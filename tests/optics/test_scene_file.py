@@ -53,7 +53,7 @@ def said_of(*changes: tuple[str, Any]) -> str:
 
 def test_what_is_left_out_has_a_default():
     file = read()
-    assert file.scene.name == "scene"
+    assert file.scene.name is None
     assert file.scene.bounces is None
     assert (file.camera.projection, file.camera.body, file.camera.lens) == (
         "equidistant",

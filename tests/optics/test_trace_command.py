@@ -154,7 +154,7 @@ def test_a_sweep_shows_the_flaps_shadow_wander(trace):
     worst = int(np.argmin(coverages))
     assert said.splitlines() == [
         "pad 'floor': not all of it is seen at 3 of 3 poses; worst at tilt = "
-        f"{90 * worst}°, swing = 0°: {100 * (1 - coverages[worst]):.3g} % of it is not seen",
+        f"{90 * worst}°, swing = 0°: only {100 * coverages[worst]:.3g} % of it is seen",
         f"  what is seen ends at: {limit}; {flap} 'to'; {flap} 'from'",
         "pad 'wall': not all of it is seen at 3 of 3 poses; worst at tilt = 0°, "
         "swing = 0°: none of it is seen",
