@@ -66,6 +66,12 @@ def search(
     window = _window(camera, path, pad, above)
     shadows, active = _shadows(camera, path, pad)
     pieces = gaps(window, shadows, active)
+    pieces = Interval(
+        pieces.start,
+        pieces.end,
+        _limit_met(path, pad, pieces.start, pieces.start_label),
+        _limit_met(path, pad, pieces.end, pieces.end_label),
+    )
     shortest = SHORTEST_PIECE * jnp.finfo(above.dtype).eps
     present = front & ~turned_away & (pieces.end - pieces.start > shortest)
     # The last shadow is what a field of view beyond 180° leaves out.
@@ -79,6 +85,19 @@ def search(
     margin = widest.end - widest.start
     margin = jnp.where(above == 0, jnp.minimum(margin, 0.0), margin)
     return pieces, present, Verdict(widest, margin, result)
+
+
+def _limit_met(
+    path: Unfolded, pad: Pad, at: Float[Array, " gaps"], label: Int[Array, " gaps"]
+) -> Int[Array, " gaps"]:
+    """A label, and of the field of view's two limits the one on whose side the place lies.
+
+    At half a turn both are one line, and which condition ends first is rounding.
+    """
+    step, toward = pad.end - pad.start, pad.start - path.source
+    left = path.axis.cross(toward) + at * path.axis.cross(step) > 0
+    is_limit = (label == LEFT_LIMIT) | (label == RIGHT_LIMIT)
+    return jnp.where(is_limit, jnp.where(left, LEFT_LIMIT, RIGHT_LIMIT), label)
 
 
 def _behind(
