@@ -1,10 +1,10 @@
 """What a camera sees, by shooting rays: plain NumPy, written apart from the library.
 
-Every ray goes straight to the nearest surface. At a mirror's reflecting side its direction d becomes
-d − 2 (d·n) n; a pad's sensing side is a hit; everything else swallows it. Neighbouring rays that
-reach the same pad over the same mirrors form a run; the piece of the pad that they see begins and
-ends somewhere between the last ray inside and the next one outside, continued to the pad's line as if
-nothing had come in its way. So every run gives an inner and an outer bound of what is seen.
+Every ray goes straight to the nearest surface. At a mirror's reflecting side its direction d
+becomes d − 2 (d·n) n; a pad's sensing side is a hit; everything else swallows it. Neighbouring rays
+that reach the same pad over the same mirrors form a run; the piece of the pad that they see begins
+and ends somewhere between the last ray inside and the next one outside, continued to the pad's line
+as if nothing had come in its way. So every run gives an inner and an outer bound of what is seen.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def shoot(
         point = place[alive] + nearest[:, None] * heading[alive]
         is_pad = (hit >= surfaces.mirrors) & (hit < surfaces.mirrors + surfaces.pads)
         is_mirror = (hit >= 0) & (hit < surfaces.mirrors)
-        a, step, side = _data(surfaces, hit)
+        _, step, side = _data(surfaces, hit)
         from_left = step[:, 0] * heading[alive][:, 1] - step[:, 1] * heading[alive][:, 0] < 0
         right_side = (side == 0) | ((side > 0) == from_left)
         length = np.linalg.norm(step, axis=1)
@@ -82,12 +82,9 @@ def shoot(
 
 def coverage(runs: list[Run], pads: int) -> tuple[np.ndarray, np.ndarray]:
     """Inner and outer bound of the part of each pad that is seen by any path."""
-    return tuple(
-        np.array(
-            [_union([getattr(run, kind) for run in runs if run.pad == pad]) for pad in range(pads)]
-        )
-        for kind in ("inner", "outer")
-    )
+    inner = [_union([run.inner for run in runs if run.pad == pad]) for pad in range(pads)]
+    outer = [_union([run.outer for run in runs if run.pad == pad]) for pad in range(pads)]
+    return np.array(inner), np.array(outer)
 
 
 def _union(pieces: list[tuple[float, float]]) -> float:
@@ -162,6 +159,7 @@ def _continued(
     """Pad coordinates at which rays over a path meet the pad's line; NaN if they never do."""
     place = np.broadcast_to(position, (len(angles), 2)).copy()
     heading = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    along = np.full(len(angles), np.nan)
     for index in [*path, surfaces.mirrors + pad]:
         a, b = surfaces.ends[index]
         step = b - a
