@@ -246,13 +246,17 @@ def _answer(case: Case, weights: Weights | None = None) -> tuple[Array, Answers]
     return total, Answers(views, views.ok, numbers, seen, case)
 
 
-@jax.jit
-def _answers(cases: Case, weights: Weights) -> Answers:
+def answers_traced(cases: Case, weights: Weights) -> Answers:
+    """As `answers`, to be compiled: for all weights, and a batch of any size."""
+
     def one(case: Case, weights: Weights) -> Answers:
         slopes, answer = jax.grad(_answer, has_aux=True)(case, weights)
         return answer._replace(slopes=slopes)
 
     return jax.vmap(one)(cases, weights)
+
+
+_answers = jax.jit(answers_traced)
 
 
 class Posed(NamedTuple):
@@ -301,7 +305,7 @@ def posed(scene: Scene, angles: Any) -> Posed:
     position, ahead = moved(np.asarray(camera.position) @ [1, 1j] + ahead, layout.camera_frame)
     return Posed(
         Surfaces(
-            np.stack([places.real, places.imag], axis=-1),
+            np.stack([np.real(places), np.imag(places)], axis=-1),
             layout.sides,
             len(layout.mirrors),
             len(layout.pads),

@@ -81,9 +81,10 @@ def test_an_end_is_exact_however_small_its_function():
 def candidates(places, lengths, active, window) -> tuple[Interval, np.ndarray, np.ndarray]:
     """Of a window between shadows, in units of `STEP`; the labels are 10 times an index."""
     starts, ends = places * STEP, (places + lengths) * STEP
+    first, last = (jnp.asarray(end * STEP) for end in window)
     index = jnp.arange(SHADOWS) + 1
     found = gaps_of(
-        Interval(*(jnp.asarray(end * STEP) for end in window), jnp.asarray(1), jnp.asarray(2)),
+        Interval(first, last, jnp.asarray(1), jnp.asarray(2)),
         Interval(jnp.asarray(starts), jnp.asarray(ends), 10 * index, 10 * index + 1),
         jnp.asarray(active),
     )
@@ -108,8 +109,8 @@ def test_labels_of_gaps_name_what_bounds_them(places, lengths, active, window):
     for i in np.flatnonzero(active):
         at_label |= {10 * (i + 1): starts[i], 10 * (i + 1) + 1: ends[i]}
     for i in np.flatnonzero(found.start < found.end):
-        assert found.start[i] == at_label[found.start_label[i]]
-        assert found.end[i] == at_label[found.end_label[i]]
+        assert found.start[i] == at_label[int(found.start_label[i])]
+        assert found.end[i] == at_label[int(found.end_label[i])]
         # A gap begins where a shadow ends and ends where one begins.
         assert found.start_label[i] % 10 == 1
         assert found.end_label[i] % 10 in (0, 2)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from designopt.vectors import Vector, vector
+from designopt.vectors import Vector, rotation, vector
 from optics.scene import WORLD, Layout, Surface, place
 from optics.unfolding import (
     CUT_AFTER,
@@ -205,7 +205,10 @@ def test_mirrors_are_turned_away_by_the_side_that_reflects(paths):
 def parts_of(edges: Edges, whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where parts of segments begin and end on them, 0 … 1."""
     step = whole[..., 1] - whole[..., 0]
-    return tuple(((numbers(end) - whole[..., 0]) / step).real for end in (edges.starts, edges.ends))
+    starts, ends = (
+        np.real((numbers(end) - whole[..., 0]) / step) for end in (edges.starts, edges.ends)
+    )
+    return starts, ends
 
 
 SAMPLES = (np.arange(199) + 0.5) / 199
@@ -302,7 +305,7 @@ def test_cut_keeps_what_lies_on_one_side(first, last, side):
     # Distances from the line through the origin along (3, 4).
     at_start, at_end = (side * (3 * y - 4 * x) for x, y in (first, last))
     ends = [complex(*first), complex(*last)]
-    whole = Edges(*map(arrow, ends), jnp.asarray(1), jnp.asarray(2), jnp.asarray(True))
+    whole = Edges(arrow(ends[0]), arrow(ends[1]), jnp.asarray(1), jnp.asarray(2), jnp.asarray(True))
     found = cut_of(whole, jnp.asarray(float(side)))
     assert bool(found.active) == (max(at_start, at_end) > 0)
     if found.active:
@@ -331,9 +334,8 @@ def test_the_zero_vector_has_no_direction_and_a_finite_derivative():
 
 
 def test_what_lies_on_a_line_has_no_height():
-    turns = np.exp(1j * np.linspace(0, 6, 50))
-    start, along = Vector(jnp.asarray(3 * turns.real), jnp.asarray(3 * turns.imag)), 0.7 * turns
-    along = unit(Vector(jnp.asarray(along.real), jnp.asarray(along.imag)))
+    turns = rotation(jnp.linspace(0, 6, 50))
+    start, along = turns.scaled(jnp.asarray(3.0)), unit(turns.scaled(jnp.asarray(0.7)))
     on = start + along.scaled(jnp.asarray(1.7))
     np.testing.assert_array_equal(height(on, start, along), 0)
     off = on + along.perpendicular().scaled(jnp.asarray(1e-13))

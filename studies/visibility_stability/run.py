@@ -1,0 +1,28 @@
+"""The study itself: from its spec to its results."""
+
+from __future__ import annotations
+
+from designopt.results import Results
+from designopt.study import Context
+from optics.visibility import find_views
+from studies.visibility_stability import drawings, statements
+from studies.visibility_stability.answers import Asked
+from studies.visibility_stability.comparing import compare
+from studies.visibility_stability.judging import Judged, judge_families
+from studies.visibility_stability.spec import StabilitySpec
+
+
+def run(spec: StabilitySpec, context: Context) -> Results:
+    """Compare random scenes, then judge every family in both float types."""
+    compared = compare(find_views, spec, context)
+    judged: list[Judged] = []
+    for dtype in ("float64", "float32")[: 1 + spec.float32]:
+        with context.step(f"Extreme scenes, {dtype}"):
+            judged += judge_families(Asked(find_views, spec.bounces), dtype, spec.family_cases)
+    return Results(
+        findings=statements.findings(spec, compared, judged),
+        metrics=statements.metrics(spec, compared, judged),
+        tables=[statements.random_table(compared), statements.verdicts(judged)],
+        figures=[drawings.rays_figure(spec, compared), drawings.approach_figure(judged)],
+        stability=[family.row for family in judged],
+    )

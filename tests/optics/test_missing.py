@@ -1,0 +1,248 @@
+"""By how much pads are missed: against a scan over directions, and as a way to see them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from tests.kinematics.quick import compiled_quickly  # noqa: F401
+from tests.optics.scenes import (
+    LAYOUT,
+    MIRRORS,
+    PADS,
+    SURFACES,
+    WORDS,
+    Case,
+    Posed,
+    answers,
+    item,
+    mirrored,
+    posed_cases,
+    random_cases,
+)
+
+ROUNDING = 1e-12
+"""A few units of rounding of angles, enlarged by near and by short surfaces."""
+
+DIRECTIONS = np.linspace(-np.pi, np.pi, 20_001)
+"""From the virtual camera, counted from the middle of what is in front of the last mirror."""
+
+STEP = DIRECTIONS[1] - DIRECTIONS[0]
+"""A gap is twice as wide as its middle is far from what must not be met. This distance changes no
+faster than the direction, so the best of all is at most half a step better than the best sample."""
+
+
+def left_of(places, line: np.ndarray):
+    """Positive left of the line through two places."""
+    return ((places - line[0]) * np.conj(line[1] - line[0])).imag
+
+
+def part_beside(segment: np.ndarray | None, line: np.ndarray, side: float) -> np.ndarray | None:
+    """The part of a segment on one side (+1 left, −1 right) of the line through two places."""
+    if segment is None:
+        return None
+    start, end = side * left_of(segment, line)
+    if max(start, end) <= 0:
+        return None
+    meeting = segment[0] + (segment[1] - segment[0]) * start / (start - end) if start != end else 0
+    return np.array([segment[0] if start >= 0 else meeting, segment[1] if end >= 0 else meeting])
+
+
+class View(NamedTuple):
+    """One pad by one path, all of it mirrored behind the last mirror one mirror after the other."""
+
+    case: Posed
+    word: tuple[int, ...]
+    pad: int
+
+    @property
+    def ends(self) -> np.ndarray:
+        return self.case.complex_ends
+
+    @property
+    def surface(self) -> np.ndarray:
+        return self.ends[MIRRORS + self.pad]
+
+    def sources(self) -> list[complex]:
+        """The camera and its images, one for every leg."""
+        found = [self.case.complex_position]
+        for mirror in self.word:
+            found.append(mirrored(found[-1], self.ends[mirror]))
+        return found
+
+    def behind(self, places, leg: int):
+        """Places of a leg behind the last mirror."""
+        for mirror in self.word[leg:]:
+            places = mirrored(places, self.ends[mirror])
+        return places
+
+    def side_of(self, order: int) -> float:
+        """On which side of a mirror the camera's image is in front of it."""
+        return np.sign(left_of(self.sources()[order], self.ends[self.word[order]]))
+
+    def shown(self, surface: int, leg: int) -> np.ndarray | None:
+        """The part of a surface on a leg in front of the mirrors that begin and end that leg."""
+        part = self.ends[surface]
+        for order in (leg - 1, leg):
+            if 0 <= order < len(self.word) and part is not None:
+                part = part_beside(part, self.ends[self.word[order]], self.side_of(order))
+        return part
+
+    def blockers(self) -> list[np.ndarray]:
+        """What of surfaces stands in the way before the pad's line."""
+        legs, found = len(self.word), []
+        above = np.sign(left_of(self.sources()[-1], self.surface))
+        for leg, source in enumerate(self.sources()):
+            apart = {*self.word[max(leg - 1, 0) : leg + 1]} if self.word else set()
+            if leg == legs:
+                apart.add(MIRRORS + self.pad)
+            for surface in set(range(SURFACES)) - apart:
+                passes = np.sign(left_of(source, self.ends[surface])) != LAYOUT.sides[surface]
+                part = self.shown(surface, leg)
+                if part is not None and not (LAYOUT.one_way[surface] and passes):
+                    found.append(part_beside(self.behind(part, leg), self.surface, above))
+        return [part for part in found if part is not None]
+
+
+def seen_from(source: complex, segment: np.ndarray) -> tuple[complex, float]:
+    """The direction of a segment's middle and half the angle that it takes."""
+    first, last = segment - source
+    half = np.angle(last / first) / 2
+    return first * np.exp(1j * half), abs(half)
+
+
+def rise(view: View, over: np.ndarray, other: np.ndarray, side: float) -> float:
+    """Angle at a segment's first end by which another, in part, rises above its line."""
+    arrows = (other - over[0]) * np.conj(over[1] - over[0])
+    return float(np.arctan2(side * arrows.imag, np.abs(arrows.real)).max())
+
+
+def elevation(view: View) -> float:
+    """The least by which mirrors and pad rise above the lines of mirrors that they must clear."""
+    source, found = view.sources()[-1], [np.pi / 2]
+    for order, mirror in enumerate(view.word):
+        leg = order + 1
+        over = view.behind(view.ends[mirror], leg)
+        beyond = -np.sign(left_of(source, over))
+        if leg == len(view.word):
+            found.append(rise(view, over, view.surface, beyond))
+        else:
+            next_one = view.behind(view.ends[view.word[leg]], leg)
+            before = np.sign(left_of(source, next_one))
+            found += [rise(view, over, next_one, beyond), rise(view, next_one, over, before)]
+    return min(found)
+
+
+def best_sampled(view: View) -> float:
+    """The width of the gap about the best of many directions, between all that must not be met."""
+    case, pad, source = view.case, view.surface, view.sources()[-1]
+    above = np.sign(left_of(source, pad))
+    side = LAYOUT.sides[MIRRORS + view.pad]
+    shown = pad
+    if view.word:
+        shown = part_beside(pad, view.ends[view.word[-1]], view.side_of(len(view.word) - 1))
+        assert shown is not None
+    middle, half = seen_from(source, shown)
+    must = [(middle, half if side in (0, above) else -half)]
+    foot = -1j * above * (pad[1] - pad[0])
+    must.append((foot, np.pi / 2 - case.surfaces.grazing[view.pad]))
+    avoid = []
+    axis = view.behind(case.complex_position + np.exp(1j * case.direction), 0) - source
+    if case.field_of_view <= np.pi:
+        must.append((axis, case.field_of_view / 2))
+    else:
+        avoid.append((-axis, np.pi - case.field_of_view / 2))
+    for order, mirror in enumerate(view.word):
+        part = view.ends[mirror]
+        for other in (order - 1, order + 1):
+            if 0 <= other < len(view.word):
+                part = part_beside(part, view.ends[view.word[other]], view.side_of(other))
+        assert part is not None
+        towards, half = seen_from(source, view.behind(part, order + 1))
+        away = LAYOUT.sides[mirror] == -view.side_of(order)
+        must.append((towards, -half if away else half))
+    avoid += [seen_from(source, part) for part in view.blockers()]
+    best = np.full(DIRECTIONS.shape, np.inf)
+    for intervals, sign in ((must, 1), (avoid, -1)):
+        for towards, half in intervals:
+            inside = half - np.abs(DIRECTIONS - np.angle(towards / middle))
+            best = np.minimum(best, sign * inside)
+    return 2 * float(best.max())
+
+
+def assert_scanned(seed: int, count: int) -> None:
+    cases = random_cases(seed, count)
+    found, posed = answers(cases), posed_cases(cases)
+    cleared = 0
+    for i, path, pad in np.ndindex(count, len(WORDS), PADS):
+        view, margin = View(posed[i], WORDS[path], pad), found.views.margin[i, path, pad]
+        rises = elevation(view)
+        if rises < 0:
+            assert margin <= rises + ROUNDING
+            continue
+        cleared += 1
+        sampled = best_sampled(view)
+        assert sampled - ROUNDING <= margin <= sampled + STEP + ROUNDING, (i, path, pad)
+    assert cleared > count * len(WORDS) * PADS / 2
+
+
+def test_margins_are_those_of_the_best_of_many_directions():
+    assert_scanned(seed=30, count=12)
+
+
+@pytest.mark.slow
+def test_margins_in_many_scenes_are_those_of_the_best_of_many_directions():
+    assert_scanned(seed=31, count=500)
+
+
+def test_margins_are_positive_where_a_view_succeeds():
+    found = answers(random_cases(32, 512))
+    clear = np.abs(found.views.margin) > ROUNDING
+    np.testing.assert_array_equal(found.ok[clear], found.views.margin[clear] > 0)
+    assert found.ok.sum() > 500
+
+
+GOAL, STEPS, VIEWS = 0.1, 20, 128
+"""Where the steps aim, rad, how many they are, and how many hidden views they start from."""
+
+OPENED = [0.9, 0.7, 0.3]
+"""Least share of views that open, direct and by one and two mirrors."""
+
+FREE = ("ends", "position", "direction", "field_of_view")
+"""What they move."""
+
+
+def test_the_derivative_of_the_margin_leads_to_a_view():
+    # Steps as B. T. Polyak's for functions with kinks (USSR Computational Mathematics and
+    # Mathematical Physics 9, 1969): along the derivative, so far that it would reach the goal were
+    # the margin linear. It is not concave, so that not all of them arrive.
+    cases, rng = random_cases(40, 128), np.random.default_rng(40)
+    hidden = np.argwhere(~answers(cases).ok)
+    hidden = hidden[rng.choice(len(hidden), VIEWS, replace=False)]
+    cases, views = item(cases, hidden[:, 0]), (np.arange(VIEWS), hidden[:, 1], hidden[:, 2])
+    weights = np.zeros((VIEWS, len(WORDS), PADS))
+    weights[views] = 1
+    opened = np.zeros(VIEWS, bool)
+    for _ in range(STEPS):
+        found = answers(cases, {"margin": weights})
+        assert all(np.isfinite(slope).all() for slope in found.slopes)
+        opened |= found.ok[views]
+        cases = stepped(cases, found.slopes, np.where(opened, 0, GOAL - found.views.margin[views]))
+    lengths = np.array([len(word) for word in WORDS])[hidden[:, 1]]
+    shares = [opened[lengths == length].mean() for length in range(3)]
+    assert (np.array(shares) >= OPENED).all(), shares
+
+
+def stepped(cases: Case, slopes: Case, wanted: np.ndarray) -> Case:
+    """The cases moved along slopes, by what would change the margin as wanted were it linear."""
+    rows = [getattr(slopes, name).reshape(len(wanted), -1) for name in FREE]
+    squares = np.sum(np.concatenate(rows, axis=1) ** 2, axis=1)
+    lengths = wanted / np.where(squares > 0, squares, 1)
+
+    def moved(name: str) -> np.ndarray:
+        slope = getattr(slopes, name)
+        return getattr(cases, name) + lengths.reshape(-1, *[1] * (slope.ndim - 1)) * slope
+
+    return cases._replace(**{name: moved(name) for name in FREE})

@@ -1,0 +1,194 @@
+"""Pieces of pads taken together against dense sampling; paths and ends of views in words."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from optics.unfolding import (
+    CROSSING,
+    CUT_AFTER,
+    CUT_BEFORE,
+    FIRST_END,
+    HORIZON,
+    KINDS,
+    SECOND_END,
+)
+from optics.views import (
+    FIRST_PAD_END,
+    FOLD,
+    HIGH_GRAZING,
+    LEFT_LIMIT,
+    LOW_GRAZING,
+    RIGHT_LIMIT,
+    SECOND_PAD_END,
+    Pieces,
+    describe_end,
+    path_name,
+    path_names,
+)
+from tests.kinematics.quick import compiled_quickly  # noqa: F401
+from tests.optics.scenes import (
+    BOTH,
+    LAYOUT,
+    LEFT,
+    MIRRORS,
+    PADS,
+    RIGHT,
+    SURFACES,
+    WORDS,
+    answers,
+    random_cases,
+)
+
+ROOM, PATHS = 5, 3
+GRAIN = 1 / 32
+"""Pieces begin and end at multiples of this, so that all sums are exact."""
+
+SAMPLES = (np.arange(32) + 0.5) * GRAIN
+"""As many points as grains: counting them measures exactly."""
+
+ROUNDING = 1e-12
+"""Of sums of a few pieces."""
+
+
+def pieces_of(start: np.ndarray, end: np.ndarray, path: np.ndarray) -> Pieces:
+    """Pieces in the order in which they begin, absent ones last, of any batch of pads."""
+    present = end > start
+    order = np.argsort(np.where(present, start, 2), axis=-1, kind="stable")
+    present, start, end, path = (
+        np.take_along_axis(leaf, order, axis=-1) for leaf in (present, start, end, path)
+    )
+    start, end, path = (np.where(present, leaf, 0) for leaf in (start, end, path))
+    none, two = jnp.zeros(start.shape, int), jnp.zeros((*start.shape, 2))
+    return Pieces(
+        jnp.asarray(present),
+        jnp.asarray(path),
+        jnp.asarray(start),
+        jnp.asarray(end),
+        none,
+        none,
+        two,
+        two,
+        two,
+        jnp.zeros((*start.shape, 0, 2)),
+    )
+
+
+summary = jax.jit(
+    lambda pieces: (
+        pieces.coverage(),
+        pieces.redundancy(),
+        jnp.stack([pieces.seen(path) for path in range(PATHS)], axis=-1),
+        pieces.paths_seeing(jnp.asarray(SAMPLES)),
+    )
+)
+
+ends = st.lists(st.integers(0, 32), min_size=ROOM, max_size=ROOM)
+paths = st.lists(st.integers(0, PATHS - 1), min_size=ROOM, max_size=ROOM)
+
+
+@given(ends, ends, paths)
+def test_pieces_together_are_what_samples_say(first, last, path):
+    start, end = GRAIN * np.array([first]), GRAIN * np.array([last])
+    coverage, redundancy, seen, times = summary(pieces_of(start, end, np.array([path])))
+    inside = (start.T < SAMPLES) & (end.T > SAMPLES)
+    np.testing.assert_array_equal(times, [inside.sum(axis=0)])
+    assert coverage == inside.any(axis=0).mean()
+    assert redundancy == inside.mean(axis=1).sum()
+    for i in range(PATHS):
+        assert seen[0, i] == inside[np.array(path) == i].mean(axis=1).sum()
+
+
+def test_every_pad_of_every_batch_is_taken_for_itself():
+    rng = np.random.default_rng(0)
+    shape = (2, 3, PADS, ROOM)
+    start, end = GRAIN * rng.integers(0, 33, shape), GRAIN * rng.integers(0, 33, shape)
+    path = rng.integers(0, PATHS, shape)
+    together = summary(pieces_of(start, end, path))
+    for at in np.ndindex(shape[:-1]):
+        alone = summary(pieces_of(start[at][None], end[at][None], path[at][None]))
+        for many, one in zip(together, alone, strict=True):
+            np.testing.assert_array_equal(many[at], one[0])
+
+
+def test_the_derivative_of_coverage_counts_ends_that_nothing_else_covers():
+    # 0.1 … 0.5, within it 0.2 … 0.3, over its end 0.4 … 0.7, and apart from them 0.8 … 0.9.
+    pieces = pieces_of(
+        np.array([[0.1, 0.2, 0.4, 0.8, 0]]),
+        np.array([[0.5, 0.3, 0.7, 0.9, 0]]),
+        np.zeros((1, ROOM), int),
+    )
+
+    def total(start: jax.Array, end: jax.Array) -> jax.Array:
+        return jnp.sum(dataclasses.replace(pieces, start=start, end=end).coverage())
+
+    begin, finish = jax.jit(jax.grad(total, argnums=(0, 1)))(pieces.start, pieces.end)
+    np.testing.assert_array_equal(begin, [[-1, 0, 0, -1, 0]])
+    np.testing.assert_array_equal(finish, [[0, 0, 1, 1, 0]])
+
+
+def test_pieces_of_random_scenes_together():
+    found = answers(random_cases(50, 128))
+    pieces = found.pieces
+    begin, end = pieces.start[..., None], pieces.end[..., None]
+    points = np.sort(np.concatenate([pieces.start, pieces.end], axis=-1), axis=-1)
+    middles, widths = (points[..., 1:] + points[..., :-1]) / 2, np.diff(points, axis=-1)
+    times = ((begin < middles[..., None, :]) & (end > middles[..., None, :])).sum(axis=-2)
+    for name, wanted in (("coverage", times > 0), ("redundancy", times)):
+        total = np.sum(widths * wanted, axis=-1)
+        np.testing.assert_allclose(found.numbers[name], total, atol=ROUNDING)
+    redundancy = found.numbers["redundancy"]
+    np.testing.assert_allclose(found.seen.sum(axis=1), redundancy, atol=ROUNDING)
+    assert (redundancy > found.numbers["coverage"] + 0.1).any()  # seen by two paths
+    starts = np.where(pieces.present, pieces.start, 2)
+    assert (np.diff(starts, axis=-1) >= -ROUNDING).all()
+
+
+def test_paths_are_named_after_their_mirrors():
+    assert path_name(LAYOUT, ()) == "direct"
+    assert path_name(LAYOUT, [BOTH]) == "mirror:both"
+    assert path_name(LAYOUT, (RIGHT, LEFT)) == "mirror:right+left"
+    assert path_names(LAYOUT) == [path_name(LAYOUT, word) for word in WORDS]
+    assert path_names(LAYOUT, 1) == ["direct", "mirror:left", "mirror:both", "mirror:right"]
+
+
+@pytest.mark.parametrize(
+    ("label", "words"),
+    [
+        (FIRST_PAD_END, "end of the pad"),
+        (SECOND_PAD_END, "end of the pad"),
+        (LEFT_LIMIT, "limit of the field of view"),
+        (RIGHT_LIMIT, "limit of the field of view"),
+        (LOW_GRAZING, "least grazing angle"),
+        (HIGH_GRAZING, "least grazing angle"),
+        (FOLD, "fold of the image"),
+    ],
+)
+def test_ends_that_no_surface_bounds_in_words(label, words):
+    assert describe_end(LAYOUT, label) == words
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        (FIRST_END, "its end 'from'"),
+        (SECOND_END, "its end 'to'"),
+        (CROSSING, "where another surface meets it"),
+        (CUT_BEFORE, "where it meets the line of a mirror"),
+        (CUT_AFTER, "where it meets the line of a mirror"),
+        (HORIZON, "where it turns away from the ray"),
+    ],
+)
+@pytest.mark.parametrize("leg", [0, 2])
+def test_ends_that_surfaces_bound_in_words(kind, words, leg):
+    named = {0: "mirror 'left'", MIRRORS + 1: "pad 'both'", MIRRORS + PADS + 2: "blocker 'lid'"}
+    for surface, name in named.items():
+        label = KINDS * (leg * SURFACES + surface) + kind
+        assert describe_end(LAYOUT, label) == f"{name}: {words}"

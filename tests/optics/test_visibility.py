@@ -1,0 +1,417 @@
+"""Exact visibility against closed forms, and what it says where nothing is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics.camera import Camera, Equidistant
+from optics.scene import Layout, Scene, Surface
+from optics.unfolding import FIRST_END, KINDS, SECOND_END
+from optics.views import (
+    FIRST_PAD_END,
+    HIGH_GRAZING,
+    LEFT_LIMIT,
+    LOW_GRAZING,
+    RIGHT_LIMIT,
+    SECOND_PAD_END,
+    ViewResult,
+)
+from optics.visibility import find_views
+from tests.kinematics.quick import compiled_quickly  # noqa: F401
+from tests.optics.scenes import (
+    BOTH,
+    DIRECT,
+    LAYOUT,
+    LEFT,
+    MIRRORS,
+    PADS,
+    PIXELS,
+    RIGHT,
+    SURFACES,
+    WORDS,
+    Answers,
+    Case,
+    answers,
+    batch_of,
+    case_of,
+    item,
+    random_cases,
+    scene_of,
+)
+
+ROUNDING = 1e-13
+"""A few units of rounding of what is of order one."""
+
+WALL = MIRRORS + PADS + 1
+"""Index of the two-sided blocker."""
+
+OPEN, AWAY = 2 * np.pi, np.pi / 2
+DOWN = -np.pi / 2
+
+
+def answer_of(case: Case, weights: dict[str, np.ndarray] | None = None) -> Answers:
+    batched = {name: weight[None] for name, weight in (weights or {}).items()}
+    return item(answers(batch_of([case]), batched), 0)
+
+
+def pieces(answer: Answers, path: Iterable[int] = (), pad: int = BOTH) -> list[int]:
+    """Indices of the pieces of a pad that are seen by a path."""
+    found = answer.pieces
+    here = found.present[pad] & (found.path[pad] == WORDS.index(tuple(path)))
+    return np.flatnonzero(here).tolist()
+
+
+def extent(answer: Answers, path: Iterable[int] = (), pad: int = BOTH) -> list[float]:
+    """Where the pieces of a pad begin and end."""
+    found = answer.pieces
+    return [
+        float(end[pad, i]) for i in pieces(answer, path, pad) for end in (found.start, found.end)
+    ]
+
+
+def labels(answer: Answers, path: Iterable[int] = (), pad: int = BOTH) -> list[int]:
+    found = answer.pieces
+    return [
+        int(label[pad, i])
+        for i in pieces(answer, path, pad)
+        for label in (found.start_label, found.end_label)
+    ]
+
+
+def message(answer: Answers, path: Iterable[int] = (), pad: int = BOTH) -> str:
+    return answer.messages[WORDS.index(tuple(path)) * PADS + pad]
+
+
+def label_of(surface: int, kind: int, leg: int = 0) -> int:
+    return KINDS * (leg * SURFACES + surface) + kind
+
+
+def person(foot: float = 0.8) -> Case:
+    """An eye at 1.6 m, a body from 0 to 1.7 m, and 100 m away a mirror from a height to 1.65 m."""
+    return case_of(
+        (-100, 1.6),
+        mirrors={"both": [[0, foot], [0, 1.65]]},
+        pads={"both": [[-100, 0], [-100, 1.7]]},
+    )
+
+
+def test_half_a_height_of_mirror_shows_a_whole_body():
+    np.testing.assert_allclose(extent(answer_of(person()), [BOTH]), [0, 1], atol=ROUNDING)
+    raised = extent(answer_of(person(foot=0.9)), [BOTH])
+    np.testing.assert_allclose(raised, [0.2 / 1.7, 1], atol=ROUNDING)
+
+
+def test_one_sees_nothing_of_a_plane_that_one_is_in():
+    answer = answer_of(person())
+    assert not extent(answer)
+    assert message(answer) == ViewResult[ViewResult.behind_pad]
+
+
+def test_a_mirror_is_a_window():
+    # From (0, 5) over a mirror from (−1, 0) to (1, 0) one sees −3 … 3 of a wall at y = 10.
+    answer = answer_of(
+        case_of(
+            (0, 5),
+            DOWN,
+            mirrors={"both": [[-1, 0], [1, 0]]},
+            pads={"both": [[-10, 10], [10, 10]]},
+        )
+    )
+    np.testing.assert_allclose(extent(answer, [BOTH]), [0.35, 0.65], rtol=ROUNDING)
+    assert labels(answer, [BOTH]) == [label_of(BOTH, FIRST_END), label_of(BOTH, SECOND_END)]
+    (i,) = pieces(answer, [BOTH])
+    np.testing.assert_allclose(answer.pieces.distance[BOTH, i], np.hypot(3, 15), rtol=ROUNDING)
+    np.testing.assert_allclose(answer.pieces.spans[BOTH, i], [[0, 1], [0, 0]], atol=ROUNDING)
+    # Looking down at the mirror, x = −1 is clockwise from the axis.
+    angle = np.arctan2(3, 15) * PIXELS / np.pi
+    np.testing.assert_allclose(
+        answer.pieces.pixels[BOTH, i], PIXELS / 2 + np.array([angle, -angle]), rtol=ROUNDING
+    )
+    sharpness = PIXELS / np.pi * 15 / (3**2 + 15**2)
+    np.testing.assert_allclose(answer.pieces.px_per_mm[BOTH, i], sharpness, rtol=ROUNDING)
+
+
+def shaded(half: float = 1.0) -> Case:
+    return case_of(
+        (0, 5), DOWN, pads={"both": [[-5, 0], [5, 0]]}, blockers={"wall": [[-half, 3], [half, 3]]}
+    )
+
+
+def test_a_blocker_casts_a_shadow():
+    # It hides −2.5 … 2.5 of the pad.
+    weights = {"coverage": np.eye(PADS)[BOTH]}
+    answer = answer_of(shaded(), weights)
+    np.testing.assert_allclose(extent(answer), [0, 0.25, 0.75, 1], rtol=ROUNDING)
+    first, second = label_of(WALL, FIRST_END), label_of(WALL, SECOND_END)
+    assert labels(answer) == [FIRST_PAD_END, first, second, SECOND_PAD_END]
+    np.testing.assert_allclose(answer.numbers["coverage"], [0, 0.5, 0], rtol=ROUNDING)
+    # Both ends move apart as the blocker grows: d coverage / d half-width is −0.5.
+    moves = answer.slopes.ends[WALL, :, 0]
+    np.testing.assert_allclose(moves[1] - moves[0], -0.5, rtol=ROUNDING)
+
+
+def test_a_shadow_grows_from_nothing_to_everything():
+    for half in (1e-9, 0.1, 1.9, 2.0, 3.0):
+        coverage = answer_of(shaded(half)).numbers["coverage"][BOTH]
+        np.testing.assert_allclose(coverage, 1 - min(half / 2, 1), atol=ROUNDING)
+
+
+def periscope() -> Case:
+    """Up over a mirror along y = x, on over one along y = x + 10, and to a pad at x = 20."""
+    return case_of(
+        (-5, 0),
+        0.0,
+        np.radians(40),
+        mirrors={"left": [[-1, -1], [1, 1]], "right": [[-1, 9], [1, 11]]},
+        pads={"both": [[20, 5], [20, 15]]},
+        blockers={"wall": [[10, 2], [10, 8]]},
+    )
+
+
+def test_a_periscope_looks_over_a_wall():
+    # The virtual camera is at (−15, 10); the upper mirror subtends slopes from −1/14 to 1/16.
+    path, answer = (LEFT, RIGHT), answer_of(periscope())
+    wanted = 0.5 + np.array([-35 / 14, 35 / 16]) / 10
+    np.testing.assert_allclose(extent(answer, path), wanted, rtol=ROUNDING)
+    np.testing.assert_allclose(answer.numbers["coverage"], [0, wanted[1] - wanted[0], 0])
+    (i,) = pieces(answer, path)
+    distance = 35 * np.hypot(1, [1 / 14, 1 / 16])
+    np.testing.assert_allclose(answer.pieces.distance[BOTH, i], distance, rtol=ROUNDING)
+    np.testing.assert_allclose(answer.pieces.spans[BOTH, i, 1], [0, 1], atol=ROUNDING)
+    # Twice mirrored, what is above is imaged before the middle again.
+    before, after = answer.pieces.pixels[BOTH, i] - PIXELS / 2
+    assert before > 0 > after
+    assert message(answer) == ViewResult[ViewResult.blocked]
+
+
+def test_in_a_corner_the_two_orders_of_reflection_meet_on_a_line_through_it():
+    # The camera at (3, 2) has its image at (−3, −2), from which the corner hides 5/13 of the pad.
+    answer = answer_of(
+        case_of(
+            (3, 2),
+            np.pi,
+            OPEN,
+            mirrors={"left": [[0, 0], [10, 0]], "right": [[0, 0], [0, 10]]},
+            pads={"both": [[7, 3], [5, 6]]},
+        )
+    )
+    np.testing.assert_allclose(extent(answer, [RIGHT, LEFT]), [0, 5 / 13], atol=ROUNDING)
+    np.testing.assert_allclose(extent(answer, [LEFT, RIGHT]), [5 / 13, 1], atol=ROUNDING)
+    first, last = 7 + 3j, 5 + 6j
+    lengths = np.abs(np.array([first, first + (last - first) * 5 / 13, last]) + (3 + 2j))
+    for path, wanted in (((RIGHT, LEFT), lengths[:2]), ((LEFT, RIGHT), lengths[1:])):
+        (i,) = pieces(answer, path)
+        np.testing.assert_allclose(answer.pieces.distance[BOTH, i], wanted, rtol=ROUNDING)
+
+
+DEGREES = np.array([1, 5, 30, 90, 150, 157.5, 179, 180, 181, 200, 202.5, 210, 270, 300, 359, 360])
+
+
+@pytest.mark.parametrize(("turn", "name"), [(DOWN, "to"), (0.0, "beside"), (AWAY, "away")])
+def test_fields_of_view_from_one_degree_to_all_round(turn, name):
+    # From a height of 1, a place s of the pad is seen at arctan s from straight down.
+    pad, half = 5.0, np.radians(DEGREES) / 2
+    views = [
+        case_of((0, 1), turn, 2 * angle, pads={"both": [[-pad, 0], [pad, 0]]}) for angle in half
+    ]
+    answer, steepest = answers(batch_of(views)), np.arctan(pad)
+    inward = np.clip(np.pi - half, 0, steepest)  # of what lies behind the camera
+    seen = {
+        "to": 2 * np.tan(np.clip(half, 0, steepest)),
+        "beside": pad - np.tan(np.clip(np.pi / 2 - half, -steepest, steepest)),
+        "away": 2 * (pad - np.tan(inward)),
+    }[name]
+    coverage = answer.numbers["coverage"][:, BOTH]
+    np.testing.assert_allclose(coverage, seen / (2 * pad), atol=ROUNDING)
+    known = seen > ROUNDING
+    np.testing.assert_array_equal(answer.ok[:, DIRECT, BOTH], known)
+    widest = {
+        "to": 2 * np.minimum(half, steepest),
+        "beside": steepest - np.maximum(np.pi / 2 - half, -steepest),
+        "away": steepest - (np.pi - half),  # in two pieces
+    }[name]
+    margin = answer.views.margin[:, DIRECT, BOTH]
+    np.testing.assert_allclose(margin[known], widest[known], atol=ROUNDING)
+    assert (margin[~known] < ROUNDING).all()
+
+
+def test_all_round_a_view_across_the_seam_is_one_piece():
+    answer = answer_of(case_of((0, 1), AWAY, OPEN, pads={"both": [[-5, 0], [5, 0]]}))
+    assert extent(answer) == [0, 1]
+    (i,) = pieces(answer)
+    first, last = answer.pieces.pixels[BOTH, i]
+    angle = PIXELS * 2 * np.arctan(5) / OPEN
+    np.testing.assert_allclose(first - last, angle, rtol=ROUNDING)
+
+
+@pytest.mark.parametrize("degrees", [2.0, 30.0, 60.0])
+def test_the_least_grazing_angle_limits_both_sides(degrees):
+    # From a height of 1 above s = 0.5, rays at less than the limit lie 1 / tan(limit) away.
+    limit = np.radians(degrees)
+    case = case_of((0.5, 1), DOWN, OPEN, pads={"both": [[-4, 0], [4, 0]]}, grazing=limit)
+    answer, reach = answer_of(case), 1 / np.tan(limit)
+    wanted = np.clip([0.5 - reach, 0.5 + reach], -4, 4)
+    np.testing.assert_allclose(extent(answer), (wanted + 4) / 8, rtol=ROUNDING)
+    limits = [LOW_GRAZING, HIGH_GRAZING] if reach < 3 else [FIRST_PAD_END, SECOND_PAD_END]
+    assert labels(answer) == limits
+
+
+def test_ends_of_a_view_name_the_limits_of_the_field_of_view():
+    narrow = case_of((0, 1), DOWN, 1.0, pads={"both": [[-4, 0], [4, 0]]})
+    assert labels(answer_of(narrow)) == [RIGHT_LIMIT, LEFT_LIMIT]
+    wide = case_of((0, 1), AWAY, 6.0, pads={"both": [[-4, 0], [4, 0]]})
+    assert labels(answer_of(wide)) == [FIRST_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, SECOND_PAD_END]
+
+
+@pytest.mark.parametrize(
+    ("pad", "above", "seen"),
+    [
+        ("left", True, True),
+        ("left", False, False),
+        ("right", True, False),
+        ("right", False, True),
+        ("both", True, True),
+        ("both", False, True),
+    ],
+)
+def test_pads_sense_on_their_side(pad, above, seen):
+    eye = (0, 1) if above else (0, -1)
+    answer = answer_of(case_of(eye, 0.0, OPEN, pads={pad: [[-1, 0], [1, 0]]}))
+    index = [surface.name for surface in LAYOUT.pads].index(pad)
+    assert extent(answer, (), index) == ([0, 1] if seen else [])
+    assert message(answer, (), index) == ("" if seen else ViewResult[ViewResult.behind_pad])
+    assert (answer.views.margin[DIRECT, index] > 0) == seen
+
+
+@pytest.mark.parametrize(
+    ("mirror", "above", "seen"),
+    [
+        ("left", True, True),
+        ("left", False, False),
+        ("right", True, False),
+        ("right", False, True),
+        ("both", True, True),
+        ("both", False, True),
+    ],
+)
+def test_mirrors_reflect_on_their_side(mirror, above, seen):
+    up = 1 if above else -1
+    case = case_of(
+        (0, up), 0.0, OPEN, mirrors={mirror: [[-3, 0], [3, 0]]}, pads={"both": [[1, up], [2, up]]}
+    )
+    index = [surface.name for surface in LAYOUT.mirrors].index(mirror)
+    answer = answer_of(case)
+    np.testing.assert_allclose(extent(answer, [index]), [0, 1] if seen else [], atol=ROUNDING)
+    assert message(answer, [index]) == ("" if seen else ViewResult[ViewResult.behind_mirror])
+    assert (answer.views.margin[WORDS.index((index,)), BOTH] > 0) == seen
+
+
+@pytest.mark.parametrize(
+    ("blockers", "above", "seen"),
+    [
+        ("left", True, False),
+        ("left", False, True),
+        ("right", True, True),
+        ("right", False, False),
+        ("wall", True, False),
+        ("wall", False, False),
+    ],
+)
+def test_blockers_hide_from_their_side(blockers, above, seen):
+    up = 1 if above else -1
+    case = case_of(
+        (0, 2 * up),
+        0.0,
+        OPEN,
+        pads={"both": [[-1, -2 * up], [1, -2 * up]]},
+        blockers={blockers: [[-3, 0], [3, 0]]},
+    )
+    answer = answer_of(case)
+    assert extent(answer) == ([0, 1] if seen else [])
+    assert message(answer) == ("" if seen else ViewResult[ViewResult.blocked])
+
+
+@pytest.mark.parametrize("name", ["left", "both", "right"])
+def test_mirrors_and_pads_hide_what_lies_behind_them_whatever_their_side(name):
+    far, near = [[-1, 0], [1, 0]], [[-3, 1], [3, 1]]
+    hidden, pad = ("left", LEFT) if name == "both" else ("both", BOTH)
+    for case in (
+        case_of((0, 2), DOWN, OPEN, pads={hidden: far}, mirrors={name: near}),
+        case_of((0, 2), DOWN, OPEN, pads={hidden: far, name: near}),
+    ):
+        assert message(answer_of(case), (), pad) == ViewResult[ViewResult.blocked]
+
+
+def test_a_view_that_nothing_lets_through_is_missed():
+    answer = answer_of(case_of((0, 1), AWAY, 1.0, pads={"both": [[-1, 0], [1, 0]]}))
+    assert message(answer) == ViewResult[ViewResult.missed]
+    # The line of sight to the middle of the pad is half a turn from the axis.
+    assert answer.views.margin[DIRECT, BOTH] < 0
+
+
+def test_surfaces_without_length_are_not_there():
+    answer = answer_of(case_of((0, 1), DOWN, OPEN))
+    assert not answer.ok.any()
+    assert all(np.isfinite(number).all() for number in answer.numbers.values())
+
+
+def small_scene(blockers: int = 1) -> Scene:
+    """A camera above a pad whose middle is hidden; without mirrors and joints."""
+    layout = Layout(
+        "small",
+        mirrors=(),
+        curved=(),
+        pads=(Surface("pad", 0),),
+        blockers=tuple(Surface(f"wall {i}", 0) for i in range(blockers)),
+        frames=(),
+        angles=(),
+        camera_frame=-1,
+        bounces=2,
+    )
+    none, nowhere = jnp.zeros(0), jnp.zeros((0, 2))
+    return Scene(
+        Camera(np.array([0.0, 5.0]), DOWN, np.pi, PIXELS, Equidistant()),
+        jnp.zeros((0, 2, 2)),
+        none,
+        none,
+        jnp.array([[[-5.0, 0.0], [5.0, 0.0]]]),
+        jnp.zeros(1),
+        jnp.tile(jnp.array([[[-1.0, 3.0], [1.0, 3.0]]]), (blockers, 1, 1)),
+        nowhere,
+        layout,
+    )
+
+
+def test_a_scene_without_mirrors_and_joints():
+    views = find_views(small_scene(), jnp.zeros(0))
+    assert views.margin.shape == (1, 1)
+    np.testing.assert_allclose(views.value.coverage(), [0.5], rtol=ROUNDING)
+    assert views.value.spans.shape[-2:] == (0, 2)
+
+
+def test_more_pieces_than_room_are_reported():
+    views = find_views(small_scene(), jnp.zeros(0), room=1)
+    assert views.messages() == [ViewResult[ViewResult.too_many]]
+    np.testing.assert_allclose(views.value.coverage(), [0.25], rtol=ROUNDING)
+    enough = eqx.tree_at(lambda s: s.blockers, small_scene(), replace_fn=lambda ends: ends + 3.0)
+    assert find_views(enough, jnp.zeros(0), room=1).messages() == [""]
+
+
+def test_a_scene_without_blockers_has_views_of_all_shapes():
+    views = jax.eval_shape(lambda: find_views(small_scene(blockers=0), jnp.zeros((2, 3, 0))))
+    assert views.margin.shape == (2, 3, 1, 1)
+    assert views.value.start.shape[:-1] == (2, 3, 1)
+
+
+def test_curved_mirrors_are_refused_by_name():
+    scene = scene_of(item(random_cases(0, 1), 0))
+    curved = replace(scene, layout=replace(LAYOUT, curved=(0, 2)))
+    with pytest.raises(ValueError, match="mirrors left, right are curved; use trace_views"):
+        find_views(curved, jnp.zeros(2))

@@ -1,0 +1,374 @@
+"""Random scenes against an independent ray shooter, step by step, moved, scaled and mirrored."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics.views import Pieces
+from optics.visibility import find_views
+from tests.kinematics.quick import compiled_quickly  # noqa: F401
+from tests.optics import brute_force
+from tests.optics.scenes import (
+    LAYOUT,
+    MIRRORS,
+    PADS,
+    PIXELS,
+    SURFACES,
+    WORDS,
+    Answers,
+    Case,
+    Posed,
+    answers,
+    item,
+    mirrored,
+    posed_cases,
+    random_cases,
+    scene_of,
+)
+
+ROUNDING = 1e-10
+"""A few units of rounding of coordinates of order one, enlarged by short pads and small angles."""
+
+SLOPE_ROUNDING = 1e-6
+"""The same of a difference quotient whose step is a cube root of rounding."""
+
+RAYS, MORE = 4000, 100
+"""A view between two rays may be missed; then as many times more rays have to find it."""
+
+LENGTHS = np.array([len(word) for word in WORDS])
+
+
+class Sample(NamedTuple):
+    """Random scenes, what the library says of them, and the same for other methods."""
+
+    cases: Case
+    answers: Answers
+    posed: list[Posed]
+
+
+@cache
+def sample(seed: int = 0, count: int = 512) -> Sample:
+    cases = random_cases(seed, count)
+    return Sample(cases, answers(cases), posed_cases(cases))
+
+
+def missed(case: Posed, bounces: int, rays: int, coverage: np.ndarray, seen: np.ndarray) -> float:
+    """By how much the parts seen, by any and by every path, exceed the bounds of shot rays."""
+    runs = brute_force.shoot(
+        case.surfaces, case.position, case.direction, case.field_of_view, rays, bounces
+    )
+    least, most = brute_force.coverage(runs, PADS)
+    worst = [least - coverage, coverage - most]
+    for path, word in enumerate(WORDS):
+        if len(word) <= bounces:
+            mine = [run for run in runs if run.path == word]
+            least, most = brute_force.coverage(mine, PADS)
+            worst += [least - seen[path], seen[path] - most]
+    return float(np.max(worst))
+
+
+@jax.jit
+def coverage_up_to(pieces: Pieces, bounces: jax.Array) -> jax.Array:
+    """Coverage by paths with at most so many reflections."""
+    short = jnp.asarray(LENGTHS)[pieces.path] <= bounces
+    start, end = (jnp.where(short, end, 0.0) for end in (pieces.start, pieces.end))
+    return dataclasses.replace(pieces, start=start, end=end).coverage()
+
+
+def assert_shot(drawn: Sample, bounces: int) -> None:
+    coverage = np.asarray(coverage_up_to(drawn.answers.pieces, jnp.asarray(bounces)))
+    assert coverage.max() > 0.5
+    for i, case in enumerate(drawn.posed):
+        said = coverage[i], drawn.answers.seen[i]
+        if missed(case, bounces, RAYS, *said) > ROUNDING:
+            assert missed(case, bounces, MORE * RAYS, *said) <= ROUNDING, f"scene {i}"
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 2])
+def test_what_is_seen_lies_between_the_bounds_of_shot_rays(bounces):
+    assert_shot(sample(), bounces)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_what_is_seen_in_many_scenes_lies_between_the_bounds_of_shot_rays(seed):
+    assert_shot(sample(seed, 2048), 2)
+
+
+@jax.jit
+def direct(cases: Case) -> tuple[Pieces, jax.Array]:
+    def one(case: Case) -> tuple[Pieces, jax.Array]:
+        views = find_views(scene_of(case), case.angles, bounces=0)
+        return views.value, views.margin
+
+    return jax.vmap(one)(cases)
+
+
+def test_fewer_reflections_leave_the_other_views_as_they_are():
+    pieces, margin = direct(sample().cases)
+    wanted = sample().answers
+    np.testing.assert_allclose(margin, wanted.numbers["margin"][:, :1], atol=ROUNDING)
+    coverage = coverage_up_to(wanted.pieces, jnp.asarray(0))
+    np.testing.assert_allclose(pieces.coverage(), coverage, atol=ROUNDING)
+
+
+class Seen(NamedTuple):
+    """One piece that is seen.
+
+    Attributes:
+        at: indices of its scene, pad and place among the pieces.
+        word: the mirrors that show it.
+        case: its scene.
+        piece: itself.
+    """
+
+    at: tuple[int, int, int]
+    word: tuple[int, ...]
+    case: Posed
+    piece: Pieces
+
+    def pad(self) -> np.ndarray:
+        return self.case.complex_ends[MIRRORS + self.at[1]]
+
+    def place(self, coordinate: Any) -> complex:
+        """A place on the pad."""
+        start, end = self.pad()
+        return start + coordinate * (end - start)
+
+    def virtual(self, place: complex) -> complex:
+        """Mirrored in all mirrors of the path, one after the other."""
+        for mirror in self.word:
+            place = mirrored(place, self.case.complex_ends[mirror])
+        return place
+
+    def angle(self, coordinate: Any) -> float:
+        """Of the ray to a place of the pad: from the axis, counter-clockwise at the camera."""
+        position = self.case.complex_position
+        eye, ahead = (
+            self.virtual(z) for z in (position, position + np.exp(1j * self.case.direction))
+        )
+        turn = np.angle((self.place(coordinate) - eye) / (ahead - eye))
+        return float(turn) * (-1) ** len(self.word)
+
+
+def all_seen() -> Iterator[Seen]:
+    drawn = sample()
+    pieces = drawn.answers.pieces
+    for at in np.argwhere(pieces.present).tolist():
+        piece = item(pieces, tuple(at))
+        scene, pad, place = at
+        yield Seen((scene, pad, place), WORDS[int(piece.path)], drawn.posed[scene], piece)
+
+
+def test_paths_of_every_length_are_seen():
+    counts = np.bincount([len(seen.word) for seen in all_seen()])
+    assert (counts > 30).all(), counts
+
+
+def test_rays_to_the_ends_of_views_go_step_by_step_where_they_should():
+    for seen in all_seen():
+        ends = seen.case.complex_ends
+        for k, coordinate in enumerate((seen.piece.start, seen.piece.end)):
+            place, length = seen.case.complex_position, 0.0
+            heading = np.exp(1j * (seen.case.direction + seen.angle(coordinate)))
+            for i, surface in enumerate((*seen.word, MIRRORS + seen.at[1])):
+                start, end = ends[surface]
+                across = ((end - start) * np.conj(heading)).imag
+                at = -((start - place) * np.conj(heading)).imag / across
+                hit = start + at * (end - start)
+                length += abs(hit - place)
+                wanted = seen.piece.spans[i, k] if i < len(seen.word) else coordinate
+                # A ray at a small angle to the surface magnifies the rounding of its heading.
+                spread = abs(hit - place) / abs(across) + abs(end - start) / abs(across)
+                assert abs(at - wanted) <= ROUNDING * max(1.0, spread), seen.at
+                place = start + wanted * (end - start)
+                turn = (end - start) / abs(end - start)
+                heading = turn**2 * np.conj(heading)
+            np.testing.assert_allclose(seen.piece.distance[k], length, rtol=1e-9)
+            unused = seen.piece.spans[len(seen.word) :, k]
+            np.testing.assert_array_equal(unused, 0)
+
+
+def lens(case: Case, angle: float) -> float:
+    """Image height at an angle, in focal lengths: the polynomial of Kannala and Brandt."""
+    return angle * (1 + np.dot(case.coefficients, np.power(angle, [2, 4, 6, 8])))
+
+
+def pixel(seen: Seen, coordinate: Any) -> float:
+    case = item(sample().cases, seen.at[0])
+    focal = PIXELS / 2 / lens(case, case.field_of_view / 2)
+    return PIXELS / 2 - focal * lens(case, seen.angle(coordinate))
+
+
+def test_pixels_are_those_of_the_virtual_camera():
+    for seen in all_seen():
+        wanted = [pixel(seen, at) for at in (seen.piece.start, seen.piece.end)]
+        np.testing.assert_allclose(seen.piece.pixels, wanted, atol=PIXELS * ROUNDING)
+
+
+def test_pixels_per_mm_is_how_fast_the_pixel_moves_along_the_pad():
+    for seen in all_seen():
+        start, end = seen.pad()
+        eye = seen.virtual(seen.case.complex_position)
+        above = abs(((eye - start) * np.conj(end - start)).imag) / abs(end - start)
+        step = np.finfo(float).eps ** (1 / 3) * above
+        for k, at in enumerate((seen.piece.start, seen.piece.end)):
+            move = step / abs(end - start)
+            slope = abs(pixel(seen, at + move) - pixel(seen, at - move)) / (2 * step)
+            # Rounding of the angle, as the step and the grazing angle enlarge it.
+            distance = abs(seen.place(at) - eye)
+            rounding = SLOPE_ROUNDING * max(1.0, (distance / above) ** 2)
+            np.testing.assert_allclose(seen.piece.px_per_mm[k], slope, rtol=rounding)
+
+
+def test_a_ray_to_the_middle_of_every_view_arrives():
+    for seen in all_seen():
+        middle = (float(seen.piece.start) + float(seen.piece.end)) / 2
+        direction = seen.case.direction + seen.angle(middle)
+        runs = brute_force.shoot(
+            seen.case.surfaces, seen.case.position, direction, 1e-15, 2, len(seen.word)
+        )
+        assert {(run.path, run.pad) for run in runs} == {(seen.word, seen.at[1])}, seen.at
+
+
+def by_path(pieces: Pieces) -> Pieces:
+    """The pieces of each pad, ordered by path and then by where they begin; absent ones last."""
+    order = np.lexsort((pieces.start, pieces.path, ~pieces.present))
+
+    def ordered(leaf: np.ndarray) -> np.ndarray:
+        index = order.reshape(order.shape + (1,) * (leaf.ndim - order.ndim))
+        return np.take_along_axis(leaf, index, axis=2)
+
+    return jax.tree.map(ordered, pieces)
+
+
+def assert_same(found: Answers, wanted: Answers, unit: float = 1.0) -> None:
+    """The same views, in another unit of length."""
+    clear = np.abs(wanted.views.margin) > ROUNDING
+    np.testing.assert_array_equal(found.ok[clear], wanted.ok[clear])
+    np.testing.assert_allclose(
+        found.views.margin[wanted.ok], wanted.views.margin[wanted.ok], atol=ROUNDING
+    )
+    for name in ("coverage", "redundancy"):
+        np.testing.assert_allclose(found.numbers[name], wanted.numbers[name], atol=ROUNDING)
+    np.testing.assert_allclose(found.seen, wanted.seen, atol=ROUNDING)
+    mine, theirs = by_path(found.pieces), by_path(wanted.pieces)
+    np.testing.assert_array_equal(mine.present, theirs.present)
+    np.testing.assert_array_equal(mine.path, theirs.path)
+    scales = {
+        "start": 1,
+        "end": 1,
+        "spans": 1,
+        "pixels": 1,
+        "distance": unit,
+        "px_per_mm": 1 / unit,
+    }
+    for name, scale in scales.items():
+        number = np.asarray(getattr(theirs, name))
+        relative = ROUNDING * np.maximum(1, np.abs(number))
+        error = np.abs(getattr(mine, name) / scale - number)
+        assert (error <= relative).all(), name
+
+
+def test_moved_and_turned_the_scene_looks_the_same():
+    cases, angle, shift = sample().cases, 0.7, np.array([3.0, -2.0])
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    moved = {name: getattr(cases, name) @ turn + shift for name in ("ends", "position", "hinges")}
+    found = answers(cases._replace(**moved, direction=cases.direction + angle))
+    assert_same(found, sample().answers)
+
+    assert_as_far_away(found, sample().answers)
+
+
+def assert_as_far_away(found: Answers, wanted: Answers) -> None:
+    """What is hidden is hidden by as much.
+
+    Not if surfaces are turned round: by how much a mirror is missed is counted at its first end.
+    """
+    np.testing.assert_allclose(found.views.margin, wanted.views.margin, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("unit", [1e-150, 1e-3, 1e150])
+def test_in_any_unit_of_length_the_scene_looks_the_same(unit):
+    cases = sample().cases
+    scaled = {name: unit * getattr(cases, name) for name in ("ends", "position", "hinges")}
+    found = answers(cases._replace(**scaled))
+    assert_same(found, sample().answers, unit)
+    assert_as_far_away(found, sample().answers)
+
+
+KINDS = np.split(np.arange(SURFACES), [MIRRORS, MIRRORS + PADS])
+BACKWARDS = np.concatenate([kind[::-1] for kind in KINDS])
+"""The surfaces of each kind in reverse order, which is that of swapped sides: see `LAYOUT`."""
+
+PATHS_BACKWARDS = [WORDS.index(tuple(MIRRORS - 1 - m for m in word)) for word in WORDS]
+
+
+def in_reverse_order(found: Answers) -> Answers:
+    """What is said of a scene whose surfaces are in reverse order, in the order of the original."""
+
+    def reordered(leaf: np.ndarray) -> np.ndarray:
+        if leaf.shape[1:3] == (len(WORDS), PADS):
+            return leaf[:, PATHS_BACKWARDS, ::-1]
+        return leaf[:, ::-1]
+
+    path = np.array(PATHS_BACKWARDS)[found.pieces.path]
+    path = np.where(found.pieces.present, path, 0)
+    found = with_pieces(found, path=path)
+    views, ok, numbers, seen = jax.tree.map(reordered, found[:-1])
+    return Answers(views, ok, numbers, seen, found.slopes)
+
+
+def with_pieces(found: Answers, **fields: np.ndarray) -> Answers:
+    """The same with other pieces."""
+    names = list(fields)
+    return eqx.tree_at(
+        lambda answer: [getattr(answer.pieces, name) for name in names],
+        found,
+        [fields[name] for name in names],
+    )
+
+
+def test_surfaces_turned_round_with_swapped_sides_look_the_same():
+    cases = sample().cases
+    found = in_reverse_order(
+        answers(cases._replace(ends=cases.ends[:, BACKWARDS, ::-1], grazing=cases.grazing[:, ::-1]))
+    )
+    pieces = found.pieces
+    there, both = pieces.present, pieces.present[..., None]
+    used = np.arange(2)[:, None] < LENGTHS[pieces.path][..., None, None]
+    turned = with_pieces(
+        found,
+        start=np.where(there, 1 - pieces.end, 0),
+        end=np.where(there, 1 - pieces.start, 0),
+        spans=np.where(both[..., None] & used, 1 - pieces.spans[..., ::-1], 0),
+        **{name: getattr(pieces, name)[..., ::-1] for name in ("pixels", "px_per_mm", "distance")},
+    )
+    assert_same(turned, sample().answers)
+
+
+def test_in_a_mirror_the_scene_is_imaged_in_reverse():
+    cases, flip = sample().cases, np.array([1.0, -1.0])
+    image = cases._replace(
+        ends=cases.ends[:, BACKWARDS] * flip,
+        position=cases.position * flip,
+        hinges=cases.hinges * flip,
+        direction=-cases.direction,
+        angles=-cases.angles,
+    )
+    # Grazing angles belong to the pads.
+    found = in_reverse_order(answers(image._replace(grazing=cases.grazing[:, ::-1])))
+    there = found.pieces.present[..., None]
+    reversed_pixels = np.where(there, PIXELS - found.pieces.pixels, 0)
+    assert_same(with_pieces(found, pixels=reversed_pixels), sample().answers)
+    assert_as_far_away(found, sample().answers)
+    assert LAYOUT.sides[BACKWARDS].tolist() == (-LAYOUT.sides).tolist()
