@@ -1,0 +1,20 @@
+"""Error against run time of visibility: exact intervals, sampling, rays and other tracers."""
+
+from designopt.results import Results
+from designopt.study import Context, Study
+from studies.visibility_precision.spec import VisibilityPrecisionSpec
+
+
+def _run(spec: VisibilityPrecisionSpec, context: Context) -> Results:
+    # Imported here, so that listing the study does not load JAX.
+    from studies.visibility_precision.run import run
+
+    return run(spec, context)
+
+
+STUDY = Study(
+    name="visibility-precision",
+    purpose="Error against run time of visibility: exact intervals, sampling, rays, other tracers",
+    spec=VisibilityPrecisionSpec,
+    run=_run,
+)
