@@ -124,7 +124,7 @@ def _by_points(
 
     def entered(method: str, step: sampling.Step, size: int, alpha: float) -> Contender:
         block = sampling.block_of(size)
-        args = *given, work.scene, work.poses, jnp.asarray(size // block), jnp.asarray(alpha)
+        args = *given, work.scene, work.poses, jnp.asarray(size // block), jnp.asarray(float(alpha))
         if (step, block) not in programs:
             programs[step, block] = compile_timed(partial(function, step, block), *args)
         run, seconds = programs[step, block]
@@ -135,7 +135,7 @@ def _by_points(
         yield entered(HARD, sampling.hard, size, 1.0)
     for alpha, method in list(SOFT.items())[-1:] if work.sweep else SOFT.items():
         for size in sizes:
-            yield entered(method, sampling.soft, size, float(alpha))
+            yield entered(method, sampling.soft, size, alpha)
     if work.gradient:
         for size in sizes:
             steepness = [*SOFT, *(size * 2 ** (-k / 3) for k in range(10))]

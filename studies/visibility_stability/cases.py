@@ -197,8 +197,7 @@ def _limits(steps: np.ndarray) -> Iterator[Family]:
     """Fields of view and least grazing angles that open, close or pass half a turn."""
 
     def at_limits(scene: ExactScene) -> list[Any]:
-        limits = (scene.right, scene.left)
-        return [met(scene["p0"], scene.camera, scene.camera + limit) for limit in limits]
+        return [met(scene["p0"], scene.camera, scene.camera + limit) for limit in scene.limits]
 
     yield Family(
         "field of view of 1e-1 to 1e-12 rad",
@@ -230,7 +229,7 @@ def _limits(steps: np.ndarray) -> Iterator[Family]:
     def steep(scene: ExactScene) -> list[Piece]:
         start, end = scene["p0"]
         foot = (scene.camera - start) / (end - start)
-        reach = abs(foot.imag) * mpmath.cot(scene.grazing[0])
+        reach = abs(foot.imag) * mpmath.cot(scene.grazing)
         return direct(scene, (foot.real - reach, foot.real + reach))
 
     yield Family(

@@ -51,20 +51,44 @@ class Piece:
 
 
 class ExactScene:
-    """A row of numbers as a scene: its surfaces by name (``scene["m0"]``) and its camera."""
+    """A row of numbers as a scene: its surfaces by name (``scene["m0"]``) and its camera.
+
+    Attributes:
+        row: mpmath numbers.
+        read: indices of those that have been asked for.
+    """
 
     def __init__(self, row: np.ndarray) -> None:
-        places = [mpmath.mpc(*row[i : i + 2]) for i in range(0, CAMERA.stop, 2)]
-        self._segments = dict(
-            zip(NAMES, zip(places[0::2], places[1::2], strict=False), strict=True)
-        )
-        self.camera = places[-1]
-        half = row[FIELD_OF_VIEW] / 2
-        self.right, self.left = (mpmath.expj(row[DIRECTION] + turn) for turn in (-half, half))
-        self.grazing = row[GRAZING]
+        self.row = row
+        self.read: set[int] = set()
 
     def __getitem__(self, name: str) -> Segment:
-        return self._segments[name]
+        first = 4 * NAMES.index(name)
+        return self._place(first), self._place(first + 2)
+
+    @property
+    def camera(self) -> Any:
+        """Its position."""
+        return self._place(CAMERA.start)
+
+    @property
+    def limits(self) -> tuple[Any, Any]:
+        """Directions of the right and the left limit of the field of view."""
+        half = self._number(FIELD_OF_VIEW) / 2
+        right, left = (mpmath.expj(self._number(DIRECTION) + turn) for turn in (-half, half))
+        return right, left
+
+    @property
+    def grazing(self) -> Any:
+        """Least grazing angle of pad 0."""
+        return self._number(GRAZING.start)
+
+    def _place(self, first: int) -> Any:
+        return mpmath.mpc(self._number(first), self._number(first + 1))
+
+    def _number(self, index: int) -> Any:
+        self.read.add(index)
+        return self.row[index]
 
 
 def cross(first: Any, second: Any) -> Any:
@@ -92,15 +116,15 @@ def crossing(first: Segment, second: Segment) -> Any:
 Formula = Callable[[ExactScene], list[Piece]]
 
 
-def judged_numbers(row: np.ndarray, formula: Formula, bounces: int) -> np.ndarray:
+def judged_numbers(scene: ExactScene, formula: Formula, bounces: int) -> np.ndarray:
     """Coverage of the pads, part that each path shows of each, margin of what is seen (else 0).
 
     Args:
-        row: mpmath numbers.
-        formula: of the scene.
+        scene: the scene.
+        formula: what it shows.
         bounces: most reflections of a path.
     """
-    scene, words = ExactScene(row), STRUCTURE.words(bounces)
+    words = STRUCTURE.words(bounces)
     pieces = [piece for piece in formula(scene) if piece.word in words]
     coverage, reached = (np.full(PADS, mpmath.mpf(0)) for _ in range(2))
     seen, margin = (np.full((len(words), PADS), mpmath.mpf(0)) for _ in range(2))
@@ -115,17 +139,21 @@ def judged_numbers(row: np.ndarray, formula: Formula, bounces: int) -> np.ndarra
     return np.concatenate([coverage, seen.reshape(-1), margin.reshape(-1)])
 
 
-def slopes(row: np.ndarray, formula: Formula, bounces: int, unit: np.ndarray) -> np.ndarray:
-    """Derivatives of `judged_numbers` with respect to a row, shape (numbers, inputs).
+def slopes(scene: ExactScene, formula: Formula, bounces: int, unit: np.ndarray) -> np.ndarray:
+    """Derivatives of `judged_numbers` with respect to a scene's row, shape (numbers, inputs).
 
     Args:
-        row: mpmath numbers.
-        formula: of the scene.
+        scene: the scene.
+        formula: what it shows.
         bounces: most reflections of a path.
         unit: in what the inputs are counted, shape (inputs,).
     """
-    high, low = (
-        np.stack([judged_numbers(row + move, formula, bounces) for move in np.diag(sign * unit)])
-        for sign in (STEP, -STEP)
-    )
-    return (high - low).T / (2 * STEP)
+    found = judged_numbers(scene, formula, bounces)
+    result = np.full((len(found), len(unit)), mpmath.mpf(0))
+    for index in scene.read:  # what is not asked for changes nothing
+        high, low = (scene.row.copy() for _ in range(2))
+        high[index] += STEP * unit[index]
+        low[index] -= STEP * unit[index]
+        ends = [judged_numbers(ExactScene(row), formula, bounces) for row in (high, low)]
+        result[:, index] = (ends[0] - ends[1]) / (2 * STEP)
+    return result

@@ -18,7 +18,7 @@ from designopt.results import StabilityRow
 from designopt.stability import DIGITS, GRADIENT_TOLERANCE, VALUE_TOLERANCE
 from studies.visibility_stability.answers import Answers, Asked, ask, uneven
 from studies.visibility_stability.cases import families
-from studies.visibility_stability.exact import judged_numbers, slopes
+from studies.visibility_stability.exact import ExactScene, judged_numbers, slopes
 from studies.visibility_stability.families import Family
 from studies.visibility_stability.scenes import CAMERA, PADS
 
@@ -131,7 +131,8 @@ class _Exact:
 
 def _exact(row: np.ndarray, family: Family, bounces: int) -> _Exact:
     number = digits(row)
-    numbers = judged_numbers(number, family.formula, bounces)
+    scene = ExactScene(number)
+    numbers = judged_numbers(scene, family.formula, bounces)
     views = np.split(numbers[PADS:], 2)[0].reshape(-1, PADS) > 0
     places = number[: CAMERA.stop].reshape(-1, 2)
     own = abs(places - places[-1])
@@ -139,7 +140,7 @@ def _exact(row: np.ndarray, family: Family, bounces: int) -> _Exact:
     size = np.max(own) or mpmath.mpf(1)
     unit = np.array([size] * CAMERA.stop + [mpmath.mpf(1)] * (len(row) - CAMERA.stop))
     own = np.concatenate([own.reshape(-1), abs(number[CAMERA.stop :])]) / unit
-    moved = slopes(number, family.formula, bounces, unit) if family.smooth else None
+    moved = slopes(scene, family.formula, bounces, unit) if family.smooth else None
     return _Exact(numbers, moved, own, unit, views)
 
 

@@ -13,7 +13,7 @@ from studies.visibility_stability import STUDY, comparing, degenerate, judging, 
 from studies.visibility_stability.answers import Asked, ask
 from studies.visibility_stability.cases import families as all_families
 from studies.visibility_stability.comparing import Gaps, gaps, gradients, landings, wrong_verdicts
-from studies.visibility_stability.exact import judged_numbers, slopes
+from studies.visibility_stability.exact import ExactScene, judged_numbers, slopes
 from studies.visibility_stability.rays import Fans, Structure
 from studies.visibility_stability.scenes import (
     CAMERA,
@@ -112,7 +112,8 @@ def test_formulas_agree_with_rays():
             if not len(rows):  # where surfaces lie on one another, nothing is claimed
                 continue
             found = rays.bounds(STRUCTURE, fans_of(rows), 20_000, 2)
-            exact = [judged_numbers(judging.digits(row), family.formula, 2) for row in rows]
+            scenes = [ExactScene(judging.digits(row)) for row in rows]
+            exact = [judged_numbers(scene, family.formula, 2) for scene in scenes]
             numbers = np.array(exact).astype(float)
             coverage, seen = numbers[:, :PADS], np.split(numbers[:, PADS:], 2, axis=1)[0]
             seen = seen.reshape(len(rows), -1, PADS)
@@ -126,10 +127,9 @@ def test_slopes_of_a_slit_are_those_of_similar_triangles():
     (family,) = (f for f in all_families("float64", 8) if f.case.startswith("a slit of"))
     row, width = family.rows[0], 0.1
     with mpmath.workdps(50):
-        number = judging.digits(row)
-        unit = np.array([mpmath.mpf(1)] * len(row))
-        numbers = judged_numbers(number, family.formula, 1).astype(float)
-        found = slopes(number, family.formula, 1, unit).astype(float)
+        scene, unit = ExactScene(judging.digits(row)), np.array([mpmath.mpf(1)] * len(row))
+        numbers = judged_numbers(scene, family.formula, 1).astype(float)
+        found = slopes(scene, family.formula, 1, unit).astype(float)
     margin = (1 + MIRRORS + 1) * PADS  # after the coverages and what the paths show
     np.testing.assert_allclose(numbers[[0, PADS, margin]], [width, width, 2 * np.arctan(width / 2)])
     upper = 4 * (STRUCTURE.mirrors + PADS + 3) + 1  # y of the first end of the last blocker
