@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -44,20 +45,29 @@ def gallery(name: str) -> Scene:
     return read_scene(GALLERY / f"{name}.toml")
 
 
+def changed_finger(change: Callable[[dict[str, Any]], Any]) -> Scene:
+    """Paper B's finger with a change to its file."""
+    data = tomllib.loads((GALLERY / "finger.toml").read_text(encoding="utf-8"))
+    change(data)
+    return scene_from(data, "finger")
+
+
 @functools.cache
 def spoilt_finger() -> Scene:
     """Paper B's finger, spoilt so that no pad is seen whole and every kind of edge occurs.
 
     Its lens is narrower, its mirrors are 60 % as long, and a cable hangs in the view.
     """
-    data: dict[str, Any] = tomllib.loads((GALLERY / "finger.toml").read_text(encoding="utf-8"))
+    return changed_finger(_spoil)
+
+
+def _spoil(data: dict[str, Any]) -> None:
     data["camera"]["fov_deg"] = FOV_DEG
     for mirror in data["mirrors"]:
         ends = np.array([mirror["from"], mirror["to"]])
         middle = ends.mean(axis=0)
         mirror["from"], mirror["to"] = (middle + MIRROR_PART * (ends - middle)).tolist()
     data["blockers"].append(CABLE)
-    return scene_from(data, "finger")
 
 
 def bent(scene: Scene) -> Float[Array, " joints"]:

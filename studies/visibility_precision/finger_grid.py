@@ -106,13 +106,15 @@ def disagreement(scene: Scene, steps: int) -> float:
     words = [word for part in paths_of(layout, layout.bounces) for word in part.tolist()]
 
     @jax.jit
-    def views(poses: Float[Array, "poses joints"]) -> Float[Array, "poses pads views"]:
+    def views(
+        scene: Scene, poses: Float[Array, "poses joints"]
+    ) -> Float[Array, "poses pads views"]:
         pieces = find_views(scene, poses).value
         by_path = [pieces.seen(path) for path in range(len(words))]
         return jnp.stack([pieces.coverage(), *by_path], axis=-1)
 
     poses = jnp.concatenate([grid_of(scene, steps), sweeps_of(scene, steps)])
-    grid, sweeps = np.split(np.asarray(views(poses)), [steps**joints])
+    grid, sweeps = np.split(np.asarray(views(scene, poses)), [steps**joints])
     grid = grid.reshape(*[steps] * joints, pads, -1)
     sweeps = sweeps.reshape(joints, steps, pads, -1)
     worst = 0.0

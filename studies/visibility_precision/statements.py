@@ -13,7 +13,14 @@ from studies.visibility_precision.contenders import BEST, EDGES, OURS
 from studies.visibility_precision.finger_grid import GRADIENT, STEPS, VALUE
 from studies.visibility_precision.measuring import ACCURACY, Measurements, Rival
 from studies.visibility_precision.spec import STATED_RAYS, STATED_SAMPLES, VisibilityPrecisionSpec
-from studies.visibility_precision.tracers import MIRRORS, NUMPY, OPTILAND, RAYOPTICS, tests_per_ray
+from studies.visibility_precision.tracers import (
+    MIRRORS,
+    NUMPY,
+    OPTILAND,
+    RAYOPTICS,
+    intersections_per_ray,
+)
+from studies.visibility_precision.tracers import OURS as OUR_TRACER
 
 COVERAGE_TARGET = 1e-5
 GRADIENT_TARGET = 1e-9
@@ -117,7 +124,11 @@ def throughput_over(method: str, ratios: dict[tuple[int, str], Ratio]) -> float 
     ratio = ratios.get((MIRRORS, method))
     if ratio is None:
         return None
-    return ratio.value * tests_per_ray("", MIRRORS) / tests_per_ray(method, MIRRORS)
+    return (
+        ratio.value
+        * intersections_per_ray(OUR_TRACER, MIRRORS)
+        / intersections_per_ray(method, MIRRORS)
+    )
 
 
 def findings(spec: VisibilityPrecisionSpec, found: Measurements) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from designopt.results import Table
 from studies.visibility_precision.measuring import Measurements
-from studies.visibility_precision.tracers import MIRRORS, RAYS, tests_per_ray
+from studies.visibility_precision.tracers import MIRRORS, RAYS, intersections_per_ray
 
 
 def tables(found: Measurements) -> list[Table]:
@@ -68,7 +68,7 @@ def tracers(found: Measurements) -> Table:
                 row.setting,
                 row.error,
                 row.seconds,
-                RAYS * tests_per_ray(row.method, legs) / row.seconds / 1e6,
+                RAYS * intersections_per_ray(row.method, legs) / row.seconds / 1e6,
             )
             for legs, row in found.traced
         ],

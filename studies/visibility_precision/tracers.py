@@ -35,7 +35,7 @@ BLOCK = 4096
 """Rays that the NumPy tracer follows at a time, so that they stay in the cache."""
 
 
-def tests_per_ray(method: str, legs: int) -> int:
+def intersections_per_ray(method: str, legs: int) -> int:
     """How many times a ray is intersected with a surface."""
     return legs if method in (OPTILAND, RAYOPTICS) else legs * MIRRORS
 

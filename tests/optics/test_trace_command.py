@@ -265,7 +265,7 @@ def test_rays_go_from_mirror_to_mirror_until_something_ends_them(trace):
         "20,-5,-90": "it leaves the scene",
     }
     document, said = trace("corner.toml", *(f"--ray={ray}" for ray in ends))
-    assert said == "scene: there are no pads to be seen\n"
+    assert said == "corner: there are no pads to be seen\n"
     (pose,) = document["poses"]
     assert (pose["angles_deg"], pose["pads"]) == ({}, {})
     rays = document["rays"]
@@ -309,7 +309,7 @@ def test_rays_are_followed_in_every_pose(trace):
 
 def test_a_scene_without_pads_says_what_can_be_asked(trace):
     document, said = trace("corner.toml")
-    assert said == "scene: there are no pads to be seen; --ray X,Y,DEG follows a ray\n"
+    assert said == "corner: there are no pads to be seen; --ray X,Y,DEG follows a ray\n"
     assert set(document["poses"][0]["virtual_cameras"]) == {
         "mirror:floor",
         "mirror:wall",
