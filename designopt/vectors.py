@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from designopt.numerics import safe_arctan2, safe_sqrt
 
@@ -78,6 +78,11 @@ def rotation(angle: Float[Array, "*batch"]) -> Vector:
 def vector(array: Float[Array, "*batch 2"]) -> Vector:
     """A vector from an array whose last axis is (x, y)."""
     return Vector(array[..., 0], array[..., 1])
+
+
+def chosen(condition: Bool[Array, "*batch"], yes: Vector, no: Vector) -> Vector:
+    """One vector where a condition holds, another elsewhere."""
+    return Vector(jnp.where(condition, yes.x, no.x), jnp.where(condition, yes.y, no.y))
 
 
 def folded_angle(first: Vector, second: Vector) -> Float[Array, "*batch"]:

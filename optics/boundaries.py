@@ -10,11 +10,10 @@ from __future__ import annotations
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector, rotation
+from designopt.vectors import Vector, chosen, rotation
 from optics.camera import Camera
 from optics.scene import Placed
 from optics.unfolding import (
@@ -23,11 +22,12 @@ from optics.unfolding import (
     CUT_BEFORE,
     KINDS,
     SECOND_END,
+    Fold,
     folds_of,
+    padded,
     unit,
 )
 from optics.views import (
-    FIRST_PAD_END,
     HIGH_GRAZING,
     LEFT_LIMIT,
     LOW_GRAZING,
@@ -53,53 +53,55 @@ class Pad(eqx.Module):
     side: Float[Array, "*pads"]
     grazing: Float[Array, "*pads"]
 
+    def ends(self) -> Vector:
+        """Both ends of one pad, along one axis."""
+        return jax.tree.map(lambda *ends: jnp.stack(ends), self.start, self.end)
 
-class Routes(eqx.Module):
-    """All paths of a scene in a pose, of all lengths, ready to be looked up.
+
+class Route(eqx.Module):
+    """A path over mirrors, unfolded behind the last of them; or several, along a first axis.
 
     Attributes:
-        words: mirrors along each path, −1 after its end, shape (paths, reflections).
-        sources: virtual cameras.
-        axes: their optical axes.
-        handedness: −1 after an odd number of reflections, else +1.
-        shifts: of the motions that unfold the legs of each path, shape (paths, legs).
-        turns: of these motions.
-        flips: whether they mirror: −1, else +1.
+        word: mirrors along the path, −1 after its end, shape (reflections,).
+        source: the virtual camera.
+        axis: its optical axis.
+        folds: the motions that unfold its legs, but the last, which stays.
     """
 
-    words: Int[Array, "*paths reflections"]
-    sources: Vector
-    axes: Vector
-    handedness: Float[Array, "*paths"]
-    shifts: Vector
-    turns: Vector
-    flips: Float[Array, "*paths legs"]
+    word: Int[Array, "*paths reflections"]
+    source: Vector
+    axis: Vector
+    folds: list[Fold]
+
+    def at(self, path: Int[Array, ""]) -> Route:
+        """One of several paths."""
+        return jax.tree.map(lambda leaf: leaf[path], self)
+
+    def handedness(self) -> Float[Array, "*paths"]:
+        """−1 after an odd number of reflections, else 1."""
+        return self.folds[0].sign if self.folds else jnp.ones_like(self.source.x)
+
+    def folded(self, leg: Int[Array, "*legs"] | int, place: Vector) -> Vector:
+        """A place of a leg, unfolded behind the last mirror."""
+        found = place
+        for number, fold in enumerate(self.folds):
+            found = chosen(jnp.asarray(leg == number), fold.place(place), found)
+        return found
 
 
-def routes_of(placed: Placed, words: list[np.ndarray]) -> Routes:
-    """The paths over given mirrors, in one table."""
-    longest = max(of_length.shape[1] for of_length in words)
-    parts = []
-    for of_length in words:
-        count = of_length.shape[1]
+def routes_of(placed: Placed, words: list[tuple[int, ...]]) -> Route:
+    """The paths over given mirrors, along one axis."""
 
-        def one(word: Int[Array, " reflections"], count: int = count) -> Routes:
-            folds = folds_of(placed, word)
-            folds += folds[-1:] * (longest - count)
-            shifts, turns = jax.tree.map(
-                lambda *leaves: jnp.stack(leaves), *((fold.shift, fold.turn) for fold in folds)
-            )
-            flips = jnp.array([-1.0 if fold.flips else 1.0 for fold in folds], placed.size.dtype)
-            padded = jnp.pad(word, (0, longest - count), constant_values=-1)
-            source, axis = folds[0].place(placed.camera), folds[0].arrow(placed.axis)
-            return Routes(padded, source, axis, flips[0], shifts, turns, flips)
+    def route(word: Int[Array, " reflections"]) -> Route:
+        folds = folds_of(placed, word)
+        source, axis = folds[0].place(placed.camera), folds[0].arrow(placed.axis)
+        return Route(word, source, axis, folds[:-1])
 
-        parts.append(jax.vmap(one)(jnp.asarray(of_length)))
-    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
+    return jax.vmap(route)(jnp.asarray(padded(words)))
 
 
 class Line(eqx.Module):
-    """A line, by a point and a direction of any length.
+    """A line or several, by a point and a direction of any length.
 
     Attributes:
         point: the virtual camera, or a place on a surface that meets the pad.
@@ -109,78 +111,56 @@ class Line(eqx.Module):
 
     point: Vector
     direction: Vector
-    crosses: Bool[Array, ""]
+    crosses: Bool[Array, "*lines"]
 
 
 def bounding_line(
-    camera: Camera,
-    placed: Placed,
-    routes: Routes,
-    pad: Pad,
-    path: Int[Array, ""],
-    label: Int[Array, ""],
+    camera: Camera, placed: Placed, route: Route, pad: Pad, label: Int[Array, "*labels"]
 ) -> Line:
-    """The line that a label stands for: of sight along an edge, or along a surface.
+    """The lines that labels stand for: of sight along an edge, or along a surface.
 
     All of it unfolded behind the last mirror of the path.
     """
-    source, axis = jax.tree.map(lambda leaf: leaf[path], (routes.sources, routes.axes))
+    source, axis = route.source, route.axis
     surfaces = placed.starts.x.shape[0]
     kind, surface = label % KINDS, jnp.maximum(label, 0) // KINDS % surfaces
     leg = jnp.maximum(label, 0) // KINDS // surfaces
 
-    start, end = jax.tree.map(lambda leaf: leaf[surface], (placed.starts, placed.ends))
-    longest = routes.words.shape[1]
+    start, end = placed.segment(surface)
+    edge = chosen(kind == SECOND_END, end, start)
+    longest = route.word.shape[0]
     if longest:
         # Where a surface meets the line of the mirror before or after the leg.
-        neighbour = routes.words[
-            path, jnp.clip(jnp.where(kind == CUT_BEFORE, leg - 1, leg), 0, longest - 1)
-        ]
-        mirror = jax.tree.map(lambda leaf: leaf[neighbour], (placed.starts, placed.ends))
-        cut = _meeting(start, end, *mirror)
-    else:
-        cut = start
-    edge = _pick(
-        [(kind == SECOND_END, end), ((kind == CUT_BEFORE) | (kind == CUT_AFTER), cut)], start
-    )
-    seen = folded(routes, path, leg, edge)
-    along = folded(routes, path, leg, end) - folded(routes, path, leg, start)
+        neighbour = jnp.clip(jnp.where(kind == CUT_BEFORE, leg - 1, leg), 0, longest - 1)
+        cut = _meeting(start, end, *placed.segment(route.word[neighbour]))
+        edge = chosen((kind == CUT_BEFORE) | (kind == CUT_AFTER), cut, edge)
+    seen = route.folded(leg, edge)
+    along = route.folded(leg, end) - route.folded(leg, start)
 
-    half = camera.field_of_view / 2
+    # The labels below 0 come in pairs, of which one has the sign 1.
+    second = (label == SECOND_PAD_END) | (label == LEFT_LIMIT) | (label == HIGH_GRAZING)
+    sign = jnp.where(second, 1.0, -1.0).astype(source.x.dtype)
+    limit = axis.turned(rotation(sign * camera.field_of_view / 2))
     above = unit(pad.end - pad.start)
     height = above.cross(source - pad.start)
-    slope = above.scaled(jnp.abs(height) * jnp.cos(pad.grazing))
     drop = above.perpendicular().scaled(-height * jnp.sin(pad.grazing))
-    direction = _pick(
-        [
-            (label == FIRST_PAD_END, pad.start - source),
-            (label == SECOND_PAD_END, pad.end - source),
-            (label == LEFT_LIMIT, axis.turned(rotation(half))),
-            (label == RIGHT_LIMIT, axis.turned(rotation(-half))),
-            (label == LOW_GRAZING, drop - slope),
-            (label == HIGH_GRAZING, drop + slope),
-            (kind == CROSSING, along),
-        ],
-        seen - source,
-    )
+    steepest = drop + above.scaled(sign * jnp.abs(height) * jnp.cos(pad.grazing))
+    direction = chosen(second, pad.end, pad.start)
+
     crossing = (label >= 0) & (kind == CROSSING)
-    return Line(_pick([(crossing, seen)], source), direction, crossing)
+    is_limit = (label == LEFT_LIMIT) | (label == RIGHT_LIMIT)
+    is_grazing = (label == LOW_GRAZING) | (label == HIGH_GRAZING)
+    direction = chosen(label >= 0, seen, direction) - source
+    direction = chosen(is_limit, limit, chosen(is_grazing, steepest, direction))
+    direction = chosen(crossing, along, direction)
+    return Line(chosen(crossing, seen, source), direction, crossing)
 
 
-def where_met(line: Line, pad: Pad) -> Float[Array, ""]:
-    """Pad coordinate at which a line meets a pad; 0 if it does not."""
+def where_met(line: Line, pad: Pad) -> Float[Array, "*lines"]:
+    """Pad coordinates at which lines meet a pad; 0 where they do not."""
     first = line.direction.cross(pad.start - line.point)
     last = line.direction.cross(pad.end - line.point)
     return safe_divide(first, first - last)[0]
-
-
-def _pick(choices: list[tuple[Array, Vector]], otherwise: Vector) -> Vector:
-    chosen = otherwise
-    for condition, vector in reversed(choices):
-        chosen = Vector(
-            jnp.where(condition, vector.x, chosen.x), jnp.where(condition, vector.y, chosen.y)
-        )
-    return chosen
 
 
 def _meeting(start: Vector, end: Vector, first: Vector, last: Vector) -> Vector:
@@ -188,9 +168,3 @@ def _meeting(start: Vector, end: Vector, first: Vector, last: Vector) -> Vector:
     along, step = last - first, end - start
     part, _ = safe_divide(along.cross(first - start), along.cross(step))
     return start + step.scaled(part)
-
-
-def folded(routes: Routes, path: Int[Array, ""], leg: Int[Array, ""], place: Vector) -> Vector:
-    """A place of a leg, unfolded behind the last mirror of the path."""
-    shift, turn = jax.tree.map(lambda leaf: leaf[path, leg], (routes.shifts, routes.turns))
-    return shift + Vector(place.x, routes.flips[path, leg] * place.y).turned(turn)

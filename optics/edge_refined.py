@@ -121,7 +121,7 @@ def _run(fan: Fan, present: Bool[Array, ""], label: Int[Array, ""], edges: Edge)
     swap = edges.coordinate[0] > edges.coordinate[1]
     pair = jax.tree.map(lambda leaf: jnp.where(swap, leaf[::-1], leaf), edges)
     surface = len(fan.layout.mirrors) + pad
-    start, end = jax.tree.map(lambda leaf: leaf[surface], (fan.placed.starts, fan.placed.ends))
+    start, end = fan.placed.segment(surface)
     length = (end - start).length() * fan.placed.size
     density = fan.camera.pixels_per_radian(pair.angle)
     per_mm, _ = safe_divide(density, jnp.abs(pair.slope) * length)

@@ -37,11 +37,10 @@ class Fan(eqx.Module):
     words: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
     @classmethod
-    def of(cls, scene: Scene, placed: Placed, words: list[np.ndarray]) -> Fan:
-        """The fan of a placed scene, over paths in groups of one length."""
+    def of(cls, scene: Scene, placed: Placed, words: list[tuple[int, ...]]) -> Fan:
+        """The fan of a placed scene, over given paths."""
         tracer = Tracer.of(scene, placed)
-        paths = tuple(tuple(map(int, word)) for of_length in words for word in of_length)
-        return cls(scene.camera, placed, tracer, scene.grazing, scene.layout, paths)
+        return cls(scene.camera, placed, tracer, scene.grazing, scene.layout, tuple(words))
 
     @property
     def bounces(self) -> int:

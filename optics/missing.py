@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_arctan2
 from designopt.vectors import Vector
-from optics.boundaries import Pad, Routes, folded
+from optics.boundaries import Pad, Route
 from optics.camera import Camera
 from optics.intervals import FAR, Interval, gaps
 from optics.scene import Placed
@@ -87,7 +87,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
         jnp.where(sense * above > 0, one, other)
         for one, other in ((LOW_GRAZING, HIGH_GRAZING), (HIGH_GRAZING, LOW_GRAZING))
     )
-    mirrors, away = spans(path.mirrors), path.turned_away
+    mirrors, away, there = spans(path.mirrors), path.turned_away, path.reflects
     lower = [
         (first, shown.start_labels),
         (foot - room, toward_first),
@@ -98,15 +98,17 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
         (foot + room, toward_second),
         (jnp.where(wide, FAR, axis + half), high),
     ]
-    start = jnp.append(_values(lower), jnp.where(away, mirrors.end, mirrors.start))
+    from_mirrors = jnp.where(away, mirrors.end, mirrors.start)
+    to_mirrors = jnp.where(away, mirrors.start, mirrors.end)
+    start = jnp.append(_values(lower), jnp.where(there, from_mirrors, -FAR))
     start_labels = jnp.append(
         _labels(lower), jnp.where(away, mirrors.end_label, mirrors.start_label)
     )
-    end = jnp.append(_values(upper), jnp.where(away, mirrors.start, mirrors.end))
+    end = jnp.append(_values(upper), jnp.where(there, to_mirrors, FAR))
     end_labels = jnp.append(_labels(upper), jnp.where(away, mirrors.start_label, mirrors.end_label))
     at, to = jnp.argmax(start), jnp.argmin(end)
     # Nothing is left of a pad or mirror that lies in the line of the mirror beside it.
-    left = shown.active & jnp.all(path.mirrors.active)
+    left = shown.active & jnp.all(path.mirrors.active | ~there)
     last_end = jnp.where(left, end[to], jnp.minimum(start[at], end[to]))
     window = Interval(start[at], last_end, start_labels[at], end_labels[to])
 
@@ -134,24 +136,21 @@ def _shown(path: Unfolded, pad: Pad) -> Edges:
     """The part of a pad that lies in front of the last mirror."""
     ends = jnp.asarray(FIRST_PAD_END), jnp.asarray(SECOND_PAD_END)
     shown = Edges(pad.start, pad.end, *ends, jnp.ones_like(pad.start.x, bool))
-    if path.last is None:
-        return shown
     start, along = path.last
     side = jnp.where(height(path.source, start, along) < 0, 1.0, -1.0)
-    leg, surfaces = path.blockers.active.shape
-    label = KINDS * ((leg - 1) * surfaces + pad.index) + CUT_BEFORE
-    return cut(shown, start, along, side, label)
+    surfaces, leg = path.blockers.active.shape[1], jnp.sum(path.reflects)
+    label = KINDS * (leg * surfaces + pad.index) + CUT_BEFORE
+    return cut(shown, start, along, side, label, leg > 0)
 
 
-def elevation(placed: Placed, routes: Routes, pad: Pad, path: Int[Array, ""]) -> Float[Array, ""]:
+def elevation(placed: Placed, route: Route, pad: Pad) -> Float[Array, ""]:
     """Least angle (rad) by which what a path needs rises above the mirrors that it must clear.
 
     Seen from the virtual camera, each mirror must have a part beyond the one before it, and the
     pad beyond the last, and each mirror a part before the one that follows. Angles are those at
     the mirror's first end, positive if the higher end of the other clears its line.
     """
-    source = jax.tree.map(lambda leaf: leaf[path], routes.sources)
-    word = routes.words[path]
+    source, word = route.source, route.word
     least = jnp.full_like(placed.size, jnp.pi / 2)
 
     def rise(over: tuple[Vector, Vector], ends: tuple[Vector, Vector], beyond: bool) -> Array:
@@ -164,19 +163,18 @@ def elevation(placed: Placed, routes: Routes, pad: Pad, path: Int[Array, ""]) ->
         )
 
     for i in range(word.shape[0]):
-        mirror = _on_leg(placed, routes, path, i + 1, word[i])
+        mirror = _on_leg(placed, route, i + 1, word[i])
         ends = (word[i] >= 0) & ((word[i + 1] < 0) if i + 1 < word.shape[0] else True)
         least = jnp.where(ends, jnp.minimum(least, rise(mirror, (pad.start, pad.end), True)), least)
         if i + 1 < word.shape[0]:
-            following = _on_leg(placed, routes, path, i + 1, word[i + 1])
+            following = _on_leg(placed, route, i + 1, word[i + 1])
             both = jnp.minimum(rise(mirror, following, True), rise(following, mirror, False))
             least = jnp.where(word[i + 1] >= 0, jnp.minimum(least, both), least)
     return least
 
 
 def _on_leg(
-    placed: Placed, routes: Routes, path: Int[Array, ""], leg: int, surface: Int[Array, ""]
+    placed: Placed, route: Route, leg: int, surface: Int[Array, ""]
 ) -> tuple[Vector, Vector]:
-    start, end = jax.tree.map(lambda leaf: leaf[surface], (placed.starts, placed.ends))
-    index = jnp.asarray(leg)
-    return folded(routes, path, index, start), folded(routes, path, index, end)
+    start, end = placed.segment(surface)
+    return route.folded(leg, start), route.folded(leg, end)

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from designopt.vectors import Vector, rotation, vector
 from optics.camera import Camera
@@ -175,6 +175,10 @@ class Placed(eqx.Module):
     hinges: Vector
     origin: Vector
     size: Float[Array, ""]
+
+    def segment(self, surface: Int[ArrayLike, "*surfaces"]) -> tuple[Vector, Vector]:
+        """Both ends of a surface, or of several, by index."""
+        return jax.tree.map(lambda leaf: leaf[surface], (self.starts, self.ends))
 
     def absolute(self, place: Vector) -> Vector:
         """Coordinates in mm of a place that is relative to the placed scene."""

@@ -114,8 +114,7 @@ def widen(axes: Axes, places: Points) -> None:
 
 def words_of(scene: Scene, views: Solution[Pieces]) -> list[tuple[int, ...]]:
     """The mirrors along every path, in the order of the views' paths."""
-    groups = paths_of(scene.layout, views.value.spans.shape[-2])
-    return [tuple(int(mirror) for mirror in word) for words in groups for word in words]
+    return paths_of(scene.layout, views.value.spans.shape[-2])
 
 
 def scene_legend(scene: Scene, views: Solution[Pieces]) -> tuple[list[Any], list[str]]:

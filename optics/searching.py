@@ -139,6 +139,7 @@ def _window(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""]) -
     h, sine, cosine = jnp.abs(above), jnp.sin(pad.grazing), jnp.cos(pad.grazing)
     wide = camera.field_of_view > jnp.pi
 
+    @jax.vmap
     def conditions(place: Vector) -> Float[Array, " conditions"]:
         arrow = place - path.source
         s = along.dot(arrow)
@@ -146,27 +147,26 @@ def _window(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""]) -
         grazing = jnp.stack([h * cosine + s * sine, h * cosine - s * sine])
         through, edge_on = _behind(path.mirrors, path.source, place)
         through = jnp.where((edge_on | ~path.mirrors.active)[None], -1.0, through)
+        through = jnp.where(path.reflects[None], through, 1.0)
         return jnp.concatenate([limits, grazing, through.reshape(-1)])
 
     labels = jnp.concatenate(
         [jnp.array([*_LIMITS, LOW_GRAZING, HIGH_GRAZING]), _edge_labels(path.mirrors).reshape(-1)]
     )
-    return common_part(conditions(pad.start), conditions(pad.end), labels, _PAD_ENDS)
+    at_start, at_end = conditions(pad.ends())
+    return common_part(at_start, at_end, labels, _PAD_ENDS)
 
 
 def _shadows(camera: Camera, path: Unfolded, pad: Pad) -> tuple[Interval, Bool[Array, " shadows"]]:
     """The parts of a pad that surfaces hide, and what a field of view beyond 180° leaves out."""
     blockers = path.blockers
-    first, edge_on = _behind(blockers, path.source, pad.start)
-    last, _ = _behind(blockers, path.source, pad.end)
-    hidden = common_part(first, last, _edge_labels(blockers), _PAD_ENDS)
+    behind = jax.vmap(lambda place: _behind(blockers, path.source, place), out_axes=(0, None))
+    (at_start, at_end), edge_on = behind(pad.ends())
+    hidden = common_part(at_start, at_end, _edge_labels(blockers), _PAD_ENDS)
     active = path.in_the_way(pad.index) & ~edge_on & (hidden.start < hidden.end)
-    outside = common_part(
-        -_limits(camera, path, pad.start - path.source),
-        -_limits(camera, path, pad.end - path.source),
-        jnp.array(_LIMITS),
-        _PAD_ENDS,
-    )
+    limits = jax.vmap(lambda place: -_limits(camera, path, place - path.source))
+    at_start, at_end = limits(pad.ends())
+    outside = common_part(at_start, at_end, jnp.array(_LIMITS), _PAD_ENDS)
     beyond = (camera.field_of_view > jnp.pi) & (outside.start < outside.end)
     shadows = jax.tree.map(lambda many, one: jnp.append(many, one), hidden, outside)
     return shadows, jnp.append(active, beyond)

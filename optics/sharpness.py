@@ -137,12 +137,12 @@ def _unfolded(
     ) -> tuple[Array, Array]:
         placed = place(scene, angles)
         routes = routes_of(placed, words)
-        starts, ends = jax.tree.map(lambda leaf: leaf[index], (placed.starts, placed.ends))
+        starts, ends = placed.segment(index)
         sides = jnp.asarray(layout.sides[index], starts.x.dtype)
         pads = Pad(jnp.asarray(index), starts, ends, sides, scene.grazing)
 
         def by(pad: Pad, path: Int[Array, ""], places: Float[Array, " places"]) -> Any:
-            return look(scene.camera, placed, routes, pad, path, places)[1:]
+            return look(scene.camera, placed, routes.at(path), pad, places)[1:]
 
         return jax.vmap(jax.vmap(by, (None, 0, None)))(pads, paths, places)
 
@@ -160,7 +160,7 @@ def _by_ray(
 ) -> tuple[Float[Array, "poses pads pieces places"], Float[Array, "poses pads pieces places"]]:
     """The same as `_unfolded`, between rays to all pieces."""
     layout, camera, words = scene.layout, scene.camera, paths_of(scene.layout, bounces)
-    lengths = jnp.asarray([len(word) for of_length in words for word in of_length])
+    lengths = jnp.asarray([len(word) for word in words])
     parts = jnp.linspace(0, 1, PARTS + 1, dtype=places.dtype)
 
     def in_pose(angles: Float[Array, " joints"], *on_pads: Any) -> Any:
@@ -168,7 +168,7 @@ def _by_ray(
         fan = Fan.of(scene, placed, words)
 
         def of_piece(surface: Array, places: Array, piece: Pieces) -> tuple[Array, Array]:
-            start, end = jax.tree.map(lambda leaf: leaf[surface], (placed.starts, placed.ends))
+            start, end = placed.segment(surface)
             length, leg = (end - start).length() * placed.size, lengths[piece.path]
 
             def meets(angle: Float[Array, ""]) -> tuple[Float[Array, ""], Leg]:

@@ -20,7 +20,7 @@ from optics.focus import Focus, find_focus
 from optics.scene import Layout, Scene, place
 from optics.sharpness import PARTS, Sharpness, find_sharpness
 from optics.tracing import Hits, trace_rays
-from optics.unfolding import paths_of, unfold
+from optics.unfolding import padded, paths_of, unfold
 from optics.views import Pieces, path_names
 from optics.visibility import find_views
 
@@ -135,7 +135,7 @@ def find_sight(
         )
         hits = _joined(_in_blocks(follow, block, poses))
     names = path_names(layout, bounces)
-    words = [tuple(word) for part in paths_of(layout, bounces) for word in part.tolist()]
+    words = paths_of(layout, bounces)
     return Sight(scene, bounces, names, words, angles_deg, views, reasons, images, rays, hits)
 
 
@@ -211,8 +211,7 @@ def _images(
             path = unfold(scene.layout, placed, word)
             return placed.absolute(path.source).stacked(), ~jnp.any(path.turned_away)
 
-        parts = [jax.vmap(along)(jnp.asarray(words)) for words in paths_of(scene.layout, bounces)]
-        return jax.tree.map(lambda *part: jnp.concatenate(part), *parts)
+        return jax.vmap(along)(jnp.asarray(padded(paths_of(scene.layout, bounces))))
 
     return jax.vmap(in_pose)(poses)
 
@@ -252,9 +251,9 @@ def _bytes_of_pose(layout: Layout, bounces: int) -> int:
     counts = _path_counts(layout, bounces)
     if layout.curved:
         return RAYS * (sum(counts) * (bounces + 1) + 100 * surfaces)
-    # Of every path and pad a table of shadows by shadows.
-    shadows = [(length + 1) * surfaces + 2 for length in range(len(counts))]
-    return 96 * pads * sum(n * m * m for n, m in zip(counts, shadows, strict=True))
+    # Of every path and pad a table of shadows by shadows, on as many legs as the longest path has.
+    shadows = np.count_nonzero(counts) * surfaces + 2
+    return 96 * pads * sum(counts) * shadows**2
 
 
 def _path_counts(layout: Layout, bounces: int) -> list[int]:

@@ -155,7 +155,7 @@ class Tracer(eqx.Module):
         """The tracer of a placed scene."""
         arcs, curved = None, np.array(scene.layout.curved, int)
         if len(curved):
-            start, end = jax.tree.map(lambda leaf: leaf[curved], (placed.starts, placed.ends))
+            start, end = placed.segment(curved)
             arcs = arc_between(start, end, placed.radii, scene.conics)
         return cls(placed.starts, placed.ends, arcs, scene.layout)
 

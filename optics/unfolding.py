@@ -10,6 +10,7 @@ on from its i-th.
 from __future__ import annotations
 
 import itertools
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -18,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector
+from designopt.vectors import Vector, chosen
 from optics.scene import Layout, Placed
 
 ROUNDING_UNITS = 8
@@ -37,11 +38,16 @@ class Fold(eqx.Module):
     """A motion of the plane, with or without mirroring: x → shift + turn · x or turn · x*.
 
     Vectors are complex numbers here, and x* is the conjugate.
+
+    Attributes:
+        shift: where the origin goes.
+        turn: a unit vector.
+        sign: −1 if it mirrors, else 1; it has no derivative.
     """
 
     shift: Vector
     turn: Vector
-    flips: bool = eqx.field(static=True)
+    sign: Float[Array, "*batch"]
 
     def place(self, place: Vector) -> Vector:
         """Where a place goes."""
@@ -49,13 +55,13 @@ class Fold(eqx.Module):
 
     def arrow(self, arrow: Vector) -> Vector:
         """Where an arrow points."""
-        return (arrow.conjugate() if self.flips else arrow).turned(self.turn)
+        return Vector(arrow.x, self.sign * arrow.y).turned(self.turn)
 
     def mirrored(self, start: Vector, along: Vector) -> Fold:
         """This motion, and then mirrored in the line through ``start`` along a unit vector."""
         double = along.turned(along)
         shift = start + (self.shift - start).conjugate().turned(double)
-        return Fold(shift, self.turn.conjugate().turned(double), not self.flips)
+        return Fold(shift, self.turn.conjugate().turned(double), -self.sign)
 
 
 class Edges(eqx.Module):
@@ -91,50 +97,54 @@ class Unfolded(eqx.Module):
         source: the virtual camera.
         axis: its optical axis, a unit vector.
         mirrors: what can be reached of each mirror, in the order of the path.
+        reflects: which of them there are: the path may be shorter than others beside it.
         turned_away: of each mirror, whether the camera or its image is not in front of it.
         blockers: what may stand in the way, shape (legs, surfaces).
-        last: a place on the last mirror, and the unit vector along it; ``None`` without one.
+        last: a place on the last mirror, and the unit vector along it, if there is one.
     """
 
     source: Vector
     axis: Vector
     mirrors: Edges
+    reflects: Bool[Array, " reflections"]
     turned_away: Bool[Array, " reflections"]
     blockers: Edges
-    last: tuple[Vector, Vector] | None
+    last: tuple[Vector, Vector]
 
     def in_the_way(self, pad: Int[Array, ""]) -> Bool[Array, "legs surfaces"]:
         """Which blockers can hide a pad: not itself, at the end of the last leg."""
         legs, count = self.blockers.active.shape
-        last = jnp.arange(legs) == legs - 1
+        last = jnp.arange(legs) == jnp.sum(self.reflects)
         return ~(last[:, None] & (jnp.arange(count) == pad)[None]) & self.blockers.active
 
 
-def paths_of(layout: Layout, bounces: int) -> list[np.ndarray]:
-    """Mirrors along every path with 0, 1, … ``bounces`` reflections, shape (paths, reflections).
+def paths_of(layout: Layout, bounces: int) -> list[tuple[int, ...]]:
+    """Mirrors along every path with 0, 1, … ``bounces`` reflections, the shorter paths first.
 
     A straight mirror never follows itself; a curved one may.
     """
-    count = len(layout.mirrors)
-    found = [np.zeros((1, 0), int)]
-    for length in range(1, bounces + 1):
-        words = [
-            word
-            for word in itertools.product(range(count), repeat=length)
-            if all(a != b or a in layout.curved for a, b in itertools.pairwise(word))
-        ]
-        if words:
-            found.append(np.array(words, int))
-    return found
+    mirrors = range(len(layout.mirrors))
+    return [
+        word
+        for length in range(bounces + 1)
+        for word in itertools.product(mirrors, repeat=length)
+        if all(a != b or a in layout.curved for a, b in itertools.pairwise(word))
+    ]
+
+
+def padded(words: list[tuple[int, ...]]) -> Int[np.ndarray, "paths reflections"]:
+    """Paths as rows of one table, filled up with −1."""
+    longest = max(map(len, words))
+    return np.array([[*word, *[-1] * (longest - len(word))] for word in words], int).reshape(
+        len(words), longest
+    )
 
 
 def unit(arrow: Vector) -> Vector:
-    """The unit vector along a vector; 0 for one too short to be squared."""
-    scale = jax.lax.stop_gradient(jnp.maximum(jnp.abs(arrow.x), jnp.abs(arrow.y)))
-    factor, _ = safe_divide(jnp.ones_like(scale), scale)
-    scaled = arrow.scaled(factor)
-    inverse, _ = safe_divide(jnp.ones_like(scale), scaled.length())
-    return scaled.scaled(inverse)
+    """The unit vector along a vector; 0 for one too short or too long to be squared."""
+    length = arrow.length()
+    inverse, _ = safe_divide(jnp.ones_like(length), length)
+    return arrow.scaled(inverse)
 
 
 def height(place: Vector, start: Vector, along: Vector) -> Float[Array, "*batch"]:
@@ -155,41 +165,41 @@ def cut(
     along: Vector,
     side: Float[Array, ""],
     labels: Int[Array, "*batch"],
+    there: Bool[Array, ""] | bool = True,
 ) -> Edges:
-    """The parts of segments on one side (+1 left, −1 right) of a line; ``labels`` name new ends."""
-    first = side * height(edges.starts, start, along)
-    last = side * height(edges.ends, start, along)
+    """The parts of segments on one side (+1 left, −1 right) of a line; ``labels`` name new ends.
+
+    All of them if the line is not ``there``.
+    """
+    first = jnp.where(there, side * height(edges.starts, start, along), 1.0)
+    last = jnp.where(there, side * height(edges.ends, start, along), 1.0)
     where, _ = safe_divide(first, first - last)
     meeting = edges.starts + (edges.ends - edges.starts).scaled(where)
     before, after = first < 0, last < 0
     return Edges(
-        _choose(before, meeting, edges.starts),
-        _choose(after, meeting, edges.ends),
+        chosen(before, meeting, edges.starts),
+        chosen(after, meeting, edges.ends),
         jnp.where(before, labels, edges.start_labels),
         jnp.where(after, labels, edges.end_labels),
         edges.active & ((first > 0) | (last > 0)),
     )
 
 
-def _choose(condition: Bool[Array, "*batch"], yes: Vector, no: Vector) -> Vector:
-    return Vector(jnp.where(condition, yes.x, no.x), jnp.where(condition, yes.y, no.y))
-
-
 def folds_of(placed: Placed, word: Int[Array, " reflections"]) -> list[Fold]:
-    """Of every leg of a path, the motion that unfolds it; that of the last leg moves nothing."""
+    """Of every leg of a path, the motion that unfolds it; that of the last leg moves nothing.
+
+    A path that is shorter than its word, filled up with −1, has more last legs than one.
+    """
+    mirrors = [placed.segment(index) for index in word]
     zero, one = jnp.zeros_like(placed.size), jnp.ones_like(placed.size)
     folds = []
-    for leg in range(len(word) + 1):
-        fold = Fold(Vector(zero, zero), Vector(one, zero), False)
-        for i in range(leg, len(word)):
-            start, end = _item((placed.starts, placed.ends), word[i])
-            fold = fold.mirrored(start, unit(end - start))
+    for leg in range(len(mirrors) + 1):
+        fold = Fold(Vector(zero, zero), Vector(one, zero), one)
+        for index, (start, end) in list(zip(word, mirrors, strict=True))[leg:]:
+            mirrored = fold.mirrored(start, unit(end - start))
+            fold = jax.tree.map(partial(jnp.where, index >= 0), mirrored, fold)
         folds.append(fold)
     return folds
-
-
-def _item(tree: tuple[Vector, Vector], index: Int[Array, ""]) -> tuple[Vector, Vector]:
-    return jax.tree.map(lambda leaf: leaf[index], tree)
 
 
 def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> Unfolded:
@@ -198,25 +208,26 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
     Args:
         layout: the scene's layout.
         placed: the scene in a pose.
-        word: indices of the mirrors along the path; traced, so paths of one length can be batched.
+        word: indices of the mirrors along the path, filled up with −1; traced, so paths can be
+            batched.
     """
     starts, ends = placed.starts, placed.ends
+    lines = unit(ends - starts)
     count, surfaces = len(word), starts.x.shape[0]
     sides = jnp.asarray(layout.sides, starts.x.dtype)
-    mirrors = [_item((starts, ends), word[i]) for i in range(count)]
-    along = [unit(end - start) for start, end in mirrors]
+    mirrors = [jax.tree.map(lambda leaf, i=i: leaf[i], (starts, ends, lines, sides)) for i in word]
+    reflects = [index >= 0 for index in word]
     folds = folds_of(placed, word)
 
     # The camera's image in front of each mirror, in the space of the leg that comes to it.
     source, sources, facing, turned_away = placed.camera, [], [], []
-    for i in range(count):
+    for there, (start, _, along, side) in zip(reflects, mirrors, strict=True):
         sources.append(source)
-        above = height(source, mirrors[i][0], along[i])
+        above = height(source, start, along)
         facing.append(jnp.where(above < 0, -1.0, 1.0).astype(above.dtype))
-        turned_away.append((above == 0) | (sides[word[i]] * above < 0))
-        source = source - along[i].perpendicular().scaled(
-            2 * along[i].cross(source - mirrors[i][0])
-        )
+        turned_away.append(there & ((above == 0) | (side * above < 0)))
+        image = source - along.perpendicular().scaled(2 * along.cross(source - start))
+        source = chosen(there, image, source)
     sources.append(source)
 
     def named(leg: int, surface: Int[Array, "*n"], kind: int) -> Int[Array, "*n"]:
@@ -226,34 +237,44 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
     blockers = []
     for leg in range(count + 1):
         # One through the source hides nothing, one with one blocking side nothing from the other.
-        above = height(sources[leg], starts, unit(ends - starts))
+        above = height(sources[leg], starts, lines)
         blocks = (above != 0) & (~jnp.asarray(layout.one_way) | (sides * above > 0))
+        if leg > 0:
+            blocks &= reflects[leg - 1]
         edges = Edges(
             starts, ends, named(leg, index, FIRST_END), named(leg, index, SECOND_END), blocks
         )
         for i, kind in ((leg - 1, CUT_BEFORE), (leg, CUT_AFTER)):
             if 0 <= i < count:
-                edges = cut(edges, mirrors[i][0], along[i], facing[i], named(leg, index, kind))
+                start, _, along, _ = mirrors[i]
+                labels = named(leg, index, kind)
+                edges = cut(edges, start, along, facing[i], labels, reflects[i])
                 edges = eqx.tree_at(lambda e: e.active, edges, edges.active & (index != word[i]))
         blockers.append(edges.folded(folds[leg]))
     apertures = []
-    for i, (start, end) in enumerate(mirrors):
+    for i, (start, end, _, _) in enumerate(mirrors):
         first, second = named(i, word[i], FIRST_END), named(i, word[i], SECOND_END)
-        edges = Edges(start, end, first, second, jnp.ones_like(start.x, bool))
+        edges = Edges(start, end, first, second, reflects[i])
         # The mirror before cuts it on the leg that comes to it, the next one on the leg after.
         for other, leg, kind in ((i - 1, i, CUT_BEFORE), (i + 1, i + 1, CUT_AFTER)):
             if 0 <= other < count:
+                line, _, along, _ = mirrors[other]
                 new = named(leg, word[i], kind)
-                edges = cut(edges, mirrors[other][0], along[other], facing[other], new)
+                edges = cut(edges, line, along, facing[other], new, reflects[other])
         apertures.append(edges.folded(folds[i + 1]))
+    last = (placed.camera, placed.axis)
+    for there, (start, _, along, _) in zip(reflects, mirrors, strict=True):
+        last = chosen(there, start, last[0]), chosen(there, along, last[1])
     blocking = _stacked(blockers)
+    none = jnp.zeros(0, bool)
     return Unfolded(
         sources[-1],
         folds[0].arrow(placed.axis),
         _stacked(apertures) if apertures else jax.tree.map(lambda leaf: leaf[0, :0], blocking),
-        jnp.asarray(turned_away, bool),
+        jnp.stack(reflects) if reflects else none,
+        jnp.stack(turned_away) if turned_away else none,
         blocking,
-        (mirrors[-1][0], along[-1]) if count else None,
+        last,
     )
 
 

@@ -118,7 +118,7 @@ def path_name(layout: Layout, word: Sequence[int]) -> str:
 def path_names(layout: Layout, bounces: int | None = None) -> list[str]:
     """Names of all paths in their order, up to the scene's own number of bounces by default."""
     words = paths_of(layout, layout.bounces if bounces is None else bounces)
-    return [path_name(layout, word) for of_length in words for word in of_length.tolist()]
+    return [path_name(layout, word) for word in words]
 
 
 def describe_end(layout: Layout, label: int) -> str:

@@ -17,14 +17,14 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import as_float, safe_arctan2, safe_divide
 from designopt.solution import Solution
-from designopt.vectors import Vector
-from optics.boundaries import Pad, Routes, bounding_line, routes_of, where_met
+from designopt.vectors import Vector, chosen
+from optics.boundaries import Pad, Route, bounding_line, routes_of, where_met
 from optics.camera import Camera
 from optics.intervals import Interval
 from optics.missing import elevation
 from optics.scene import Layout, Placed, Scene, place
 from optics.searching import Verdict, search
-from optics.unfolding import paths_of, unfold, unit
+from optics.unfolding import padded, paths_of, unfold, unit
 from optics.views import FIRST_PAD_END, SECOND_PAD_END, Pieces, ViewResult
 
 
@@ -74,61 +74,59 @@ def find_views(
 
 
 def _views(
-    scene: Scene, placed: Placed, words: list[np.ndarray], room: int | None
+    scene: Scene, placed: Placed, words: list[tuple[int, ...]], room: int | None
 ) -> Solution[Pieces]:
     layout, camera = scene.layout, scene.camera
     index = len(layout.mirrors) + np.arange(len(layout.pads))
-    starts, ends = jax.tree.map(lambda leaf: leaf[index], (placed.starts, placed.ends))
+    starts, ends = placed.segment(index)
     sides = jnp.asarray(layout.sides[index], starts.x.dtype)
     pads = Pad(jnp.asarray(index), starts, ends, sides, scene.grazing)
     still = jax.lax.stop_gradient((camera, placed, pads))
-    found = [_search(layout, *still, of_length) for of_length in words]
-    verdicts = jax.tree.map(lambda *parts: jnp.concatenate(parts), *(part[2] for part in found))
+    candidates, present, verdicts = _search(layout, *still, words)
 
     # All that may be a piece of a pad in one row, in the order in which it begins on the pad.
-    counts = [len(of_length) for of_length in words]
-    lengths = [part[1].shape[-1] for part in found]
-    path_of = np.repeat(np.arange(sum(counts)), np.repeat(lengths, counts))
-    rows = [jax.tree.map(_by_pad, part[:2]) for part in found]
-    candidates, present = jax.tree.map(lambda *parts: jnp.concatenate(parts, axis=1), *rows)
-    room = min(8 + 2 * sum(counts) if room is None else room, len(path_of))
-    slots = jnp.tile(jnp.arange(len(path_of)), (len(index), 1))
+    candidates, present = jax.tree.map(_by_pad, (candidates, present))
+    path_of = np.repeat(np.arange(len(words)), present.shape[1] // len(words))
+    room = min(8 + 2 * len(words) if room is None else room, len(path_of))
     keys = jnp.where(present, candidates.start, 2.0)
-    first = jax.lax.sort((keys, slots), num_keys=1)[1][:, :room]
-    kept, there = jax.tree.map(
-        lambda leaf: jnp.take_along_axis(leaf, first, axis=1), (candidates, present)
-    )
+    paths = jnp.tile(jnp.asarray(path_of), (len(index), 1))
+    labels = candidates.start_label, candidates.end_label
+    first = jax.lax.sort((keys, paths, *labels), num_keys=1)
+    keys, paths, *labels = (leaf[:, :room] for leaf in first)
     crowded = jnp.sum(present, axis=1) > room
 
     routes = routes_of(placed, words)
 
-    def piece(pad: Pad, there: Bool[Array, ""], path: Int[Array, ""], found: Interval) -> Pieces:
-        return _piece(camera, placed, routes, pad, there, jnp.where(there, path, 0), found)
+    def piece(
+        pad: Pad, key: Float[Array, ""], path: Int[Array, ""], labels: list[Int[Array, ""]]
+    ) -> Pieces:
+        there = key < 2
+        path, start, end = (jnp.where(there, part, 0) for part in (path, *labels))
+        return _piece(camera, placed, routes, pad, there, path, jnp.stack([start, end]))
 
     def judged(
-        path: Int[Array, ""], pad: Pad, crowded: Bool[Array, ""], verdict: Verdict
+        route: Route, pad: Pad, crowded: Bool[Array, ""], verdict: Verdict
     ) -> tuple[Float[Array, ""], Any]:
-        margin = _moving_margin(camera, placed, routes, pad, path, verdict)
+        margin = _moving_margin(camera, placed, route, pad, verdict)
         return margin, ViewResult.where(crowded, ViewResult.too_many, verdict.result)
 
     of_pad = jax.vmap(piece, (None, 0, 0, 0))
-    pieces = jax.vmap(of_pad)(pads, there, jnp.asarray(path_of)[first], kept)
+    pieces = jax.vmap(of_pad)(pads, keys, paths, labels)
     of_path = jax.vmap(judged, (None, 0, 0, 0))
-    order = jnp.arange(sum(counts))
-    margin, result = jax.vmap(of_path, (0, None, None, 0))(order, pads, crowded, verdicts)
+    margin, result = jax.vmap(of_path, (0, None, None, 0))(routes, pads, crowded, verdicts)
     return Solution(pieces, margin, jnp.zeros_like(margin), result)
 
 
 def _search(
-    layout: Layout, camera: Camera, placed: Placed, pads: Pad, words: np.ndarray
+    layout: Layout, camera: Camera, placed: Placed, pads: Pad, words: list[tuple[int, ...]]
 ) -> tuple[Interval, Bool[Array, "paths pads gaps"], Verdict]:
-    """All pads by all paths of one length, without derivatives."""
+    """All pads by all paths, without derivatives."""
 
     def along(word: Int[Array, " reflections"]) -> Any:
         path = unfold(layout, placed, word)
         return jax.vmap(lambda pad: search(camera, path, pad))(pads)
 
-    return jax.vmap(along)(jnp.asarray(words))
+    return jax.vmap(along)(jnp.asarray(padded(words)))
 
 
 def _by_pad(leaf: Array) -> Array:
@@ -139,51 +137,32 @@ def _by_pad(leaf: Array) -> Array:
 def _piece(
     camera: Camera,
     placed: Placed,
-    routes: Routes,
+    routes: Route,
     pad: Pad,
     present: Bool[Array, ""],
     path: Int[Array, ""],
-    found: Interval,
+    labels: Int[Array, "2"],
 ) -> Pieces:
-    """One piece of a pad, with derivatives."""
+    """One piece of a pad, with derivatives; all of it is 0 where there is none."""
+    route = routes.at(path)
 
-    def end(label: Int[Array, ""]) -> Float[Array, ""]:
-        line = bounding_line(camera, placed, routes, pad, path, label)
-        at = jnp.where(label == SECOND_PAD_END, 1.0, where_met(line, pad))
-        return jnp.where(present & (label != FIRST_PAD_END), at, 0.0)
-
-    ends = jax.vmap(end)(jnp.stack([found.start_label, found.end_label]))
-    pixels, px_per_mm, distance = look(camera, placed, routes, pad, path, ends)
-    spans = jax.vmap(lambda at: _reflections(placed, routes, pad, path, at), out_axes=1)(ends)
-    zero = jnp.zeros_like(found.start_label)
-    return Pieces(
-        present,
-        path,
-        ends[0],
-        ends[1],
-        jnp.where(present, found.start_label, zero),
-        jnp.where(present, found.end_label, zero),
-        jnp.where(present, pixels, 0.0),
-        jnp.where(present, px_per_mm, 0.0),
-        jnp.where(present, distance, 0.0),
-        jnp.where(present, spans, 0.0),
-    )
+    ends = where_met(bounding_line(camera, placed, route, pad, labels), pad)
+    ends = jnp.where(labels == SECOND_PAD_END, 1.0, ends)
+    ends = jnp.where(present & (labels != FIRST_PAD_END), ends, 0.0)
+    seen = *look(camera, placed, route, pad, ends), _reflections(placed, route, pad, ends)
+    seen = [jnp.where(present, number, 0.0) for number in seen]
+    return Pieces(present, path, ends[0], ends[1], labels[0], labels[1], *seen)
 
 
 def look(
-    camera: Camera,
-    placed: Placed,
-    routes: Routes,
-    pad: Pad,
-    path: Int[Array, ""],
-    coordinates: Float[Array, " points"],
+    camera: Camera, placed: Placed, route: Route, pad: Pad, coordinates: Float[Array, " points"]
 ) -> tuple[Float[Array, " points"], Float[Array, " points"], Float[Array, " points"]]:
     """How points of a pad appear by a path: pixel, pixels per mm along the pad, distance in mm.
 
     The angle dθ under which a length ds appears is sin(grazing angle) ds / distance, that is the
     height of the source above the pad's line over the squared distance.
     """
-    source, axis = jax.tree.map(lambda leaf: leaf[path], (routes.sources, routes.axes))
+    source, axis = route.source, route.axis
     step, toward = pad.end - pad.start, pad.start - source
     arrow = Vector(toward.x + coordinates * step.x, toward.y + coordinates * step.y)
     across = axis.x * arrow.y - axis.y * arrow.x
@@ -192,7 +171,7 @@ def look(
     middle = jax.lax.stop_gradient(toward + step.scaled((coordinates[0] + coordinates[-1]) / 2))
     centre = safe_arctan2(axis.cross(middle), axis.dot(middle))
     turns = jax.lax.stop_gradient(jnp.round((angle - centre) / (2 * jnp.pi)))
-    angle = routes.handedness[path] * (angle - 2 * jnp.pi * turns)
+    angle = route.handedness() * (angle - 2 * jnp.pi * turns)
     above = jnp.abs(unit(step).cross(toward))
     per_size, _ = safe_divide(jnp.full_like(across, above), arrow.squared())
     per_mm = camera.pixels_per_radian(angle) * per_size / placed.size
@@ -200,45 +179,32 @@ def look(
 
 
 def _reflections(
-    placed: Placed, routes: Routes, pad: Pad, path: Int[Array, ""], coordinate: Float[Array, ""]
-) -> Float[Array, " reflections"]:
-    """Where on each mirror of a path the ray to a point of a pad is reflected."""
-    source = jax.tree.map(lambda leaf: leaf[path], routes.sources)
-    arrow = pad.start + (pad.end - pad.start).scaled(coordinate) - source
-    word = routes.words[path]
-    count = word.shape[0]
-    shift, turn = jax.tree.map(lambda leaf: leaf[path, :count], (routes.shifts, routes.turns))
-    flips = routes.flips[path, :count]
-
-    def folded(place: Vector) -> Vector:
-        return shift + Vector(place.x, flips * place.y).turned(turn)
-
-    start, end = jax.tree.map(lambda leaf: leaf[word], (placed.starts, placed.ends))
-    first, step = folded(start) - source, folded(end) - folded(start)
-    at = safe_divide(first.cross(arrow), arrow.cross(step))[0]
-    return jnp.where(word >= 0, at, 0.0)
+    placed: Placed, route: Route, pad: Pad, coordinates: Float[Array, " points"]
+) -> Float[Array, "reflections points"]:
+    """Where on each mirror of a path the rays to points of a pad are reflected."""
+    arrow = (pad.end - pad.start).scaled(coordinates) + (pad.start - route.source)
+    found = []
+    for mirror, fold in zip(route.word, route.folds, strict=True):
+        start, end = placed.segment(mirror)
+        first, step = fold.place(start) - route.source, fold.arrow(end - start)
+        at, _ = safe_divide(first.cross(arrow), arrow.cross(step))
+        found.append(jnp.where(mirror >= 0, at, 0.0))
+    return jnp.stack(found) if found else jnp.zeros_like(coordinates[None][:0])
 
 
 def _moving_margin(
-    camera: Camera,
-    placed: Placed,
-    routes: Routes,
-    pad: Pad,
-    path: Int[Array, ""],
-    verdict: Verdict,
+    camera: Camera, placed: Placed, route: Route, pad: Pad, verdict: Verdict
 ) -> Float[Array, ""]:
     """The margin that the search found, with the derivative of the lines that bound it."""
-    source = jax.tree.map(lambda leaf: leaf[path], routes.sources)
+    source = route.source
 
-    def angle(label: Int[Array, ""]) -> Float[Array, ""]:
-        line = bounding_line(camera, placed, routes, pad, path, label)
-        met = pad.start + (pad.end - pad.start).scaled(where_met(line, pad)) - source
-        x = jnp.where(line.crosses, met.x, line.direction.x)
-        return safe_arctan2(jnp.where(line.crosses, met.y, line.direction.y), x)
-
+    ends = jnp.stack([verdict.widest.start_label, verdict.widest.end_label])
+    line = bounding_line(camera, placed, route, pad, ends)
+    met = (pad.end - pad.start).scaled(where_met(line, pad)) + (pad.start - source)
+    first, last = chosen(line.crosses, met, line.direction).angle()
     above = (pad.end - pad.start).cross(source - pad.start)
     sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
-    moving = sense * (angle(verdict.widest.end_label) - angle(verdict.widest.start_label))
+    moving = sense * (last - first)
     gap = verdict.margin + (moving - jax.lax.stop_gradient(moving))
-    rises = elevation(placed, routes, pad, path)
+    rises = elevation(placed, route, pad)
     return jnp.where(rises < 0, jnp.minimum(rises, gap), gap)

@@ -74,8 +74,7 @@ def gradient(scene: Scene, angles: Float[Array, " joints"]) -> np.ndarray:
 
 def _coverage(scene: Plain) -> list[Number]:
     layout, rounded = scene.layout, scene.rounded()
-    words = [tuple(word) for part in paths_of(layout, layout.bounces) for word in part.tolist()]
-    views = [_view(scene, word) for word in words]
+    views = [_view(scene, word) for word in paths_of(layout, layout.bounces)]
     found = []
     for pad in range(len(scene.pads)):
         cuts = {at for view in views for at in _cuts(scene, view, pad) if 0 < at < 1}

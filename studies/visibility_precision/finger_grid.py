@@ -103,7 +103,7 @@ def disagreement(scene: Scene, steps: int) -> float:
     Of every pad's coverage, and of what each path shows of it, unless several joints move them.
     """
     layout, joints, pads = scene.layout, len(scene.angle_names), len(scene.layout.pads)
-    words = [word for part in paths_of(layout, layout.bounces) for word in part.tolist()]
+    words = paths_of(layout, layout.bounces)
 
     @jax.jit
     def views(
@@ -119,7 +119,7 @@ def disagreement(scene: Scene, steps: int) -> float:
     sweeps = sweeps.reshape(joints, steps, pads, -1)
     worst = 0.0
     for pad, surface in enumerate(layout.pads):
-        for view, word in enumerate([[], *words]):
+        for view, word in enumerate([(), *words]):
             moving = _joints(layout, [surface.frame, *(layout.mirrors[i].frame for i in word)])
             if len(moving) == 1:
                 (axis,) = moving

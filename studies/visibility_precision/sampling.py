@@ -13,6 +13,7 @@ Which side of a mirror or a pad the camera is on is not softened: it does not ch
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -123,7 +124,8 @@ def margins(
         coordinates: of the points along every pad.
     """
     placed = place(scene, angles)
-    words = [jnp.asarray(part) for part in paths_of(scene.layout, scene.layout.bounces)]
+    paths = paths_of(scene.layout, scene.layout.bounces)
+    words = [jnp.asarray(list(part), int) for _, part in itertools.groupby(paths, len)]
 
     def best(pad: Int[Array, ""]) -> Float[Array, " points"]:
         by_path = jax.vmap(lambda word: _by_path(scene, placed, word, pad, coordinates))
@@ -145,7 +147,7 @@ def _by_path(
 
     def before(surface: Array, eye: Vector) -> tuple[Vector, Array, Array]:
         """The eye's image in a surface, its height above it, and whether it is on its side."""
-        start, end = _surface(placed, surface)
+        start, end = placed.segment(surface)
         normal = unit(end - start).perpendicular()
         height = normal.dot(eye - start)
         faces = (height != 0) & (sides[surface] * height >= 0)
@@ -159,14 +161,14 @@ def _by_path(
     _, height, ahead = before(target, images[-1])
     faces.append(ahead)
 
-    start, end = _surface(placed, target)
+    start, end = placed.segment(target)
     at = _between(start, end, coordinates)
     limit = jnp.sin(scene.grazing[pad])
     sine = jnp.abs(height) / (at - images[-1]).length()
     tests = [jnp.where(limit > 0, sine / jnp.where(limit > 0, limit, 1.0) - 1, 1.0)]
     # From the pad back to the camera, mirror after mirror.
     for i in reversed(range(count)):
-        mirror = _surface(placed, word[i])
+        mirror = placed.segment(word[i])
         along_ray, along, _ = _crossing(images[i + 1], at, *mirror)
         bounce = _between(*mirror, along)
         ends = word[i], word[i + 1] if i + 1 < count else target
@@ -195,10 +197,6 @@ def _clear(
     for surface in ends:
         passes |= (jnp.arange(len(layout.surfaces)) == surface)[:, None]
     return -jnp.max(jnp.where(passes, NEVER, inside), axis=0)
-
-
-def _surface(placed: Placed, surface: Int[Array, ""]) -> tuple[Vector, Vector]:
-    return jax.tree.map(lambda leaf: leaf[surface], (placed.starts, placed.ends))
 
 
 def _between(start: Vector, end: Vector, coordinate: Float[Array, " points"]) -> Vector:

@@ -45,7 +45,7 @@ MIRRORS, PADS, SURFACES = len(LAYOUT.mirrors), len(LAYOUT.pads), len(LAYOUT.surf
 LEFT, BOTH, RIGHT = range(3)
 """The mirrors, and the pads, by the side that reflects or senses."""
 
-WORDS = [tuple(word) for part in paths_of(LAYOUT, LAYOUT.bounces) for word in part.tolist()]
+WORDS = paths_of(LAYOUT, LAYOUT.bounces)
 DIRECT = WORDS.index(())
 
 Segment = Sequence[Sequence[float]]

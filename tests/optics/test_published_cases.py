@@ -22,7 +22,7 @@ from designopt.cli import run
 from optics import Scene, ThinLens, find_views, path_names, scene_from, trace_rays
 from optics.boundaries import Pad, routes_of
 from optics.scene import place
-from optics.unfolding import paths_of, unfold
+from optics.unfolding import padded, paths_of, unfold
 from optics.visibility import look
 from tests.helpers import load_json
 from tests.kinematics.quick import compiled_quickly  # noqa: F401
@@ -116,7 +116,7 @@ def virtual_camera(scene: Scene, path: str, bounces: int = 1) -> np.ndarray:
     placed = place(scene, scene.pose())
     routes = routes_of(placed, paths_of(scene.layout, bounces))
     index = path_names(scene.layout, bounces).index(path)
-    return np.asarray(placed.absolute(routes.sources).stacked())[index]
+    return np.asarray(placed.absolute(routes.source).stacked())[index]
 
 
 def test_image_of_a_point_in_a_plane_mirror(trace):
@@ -130,10 +130,10 @@ def test_image_of_a_point_in_a_plane_mirror(trace):
     scene = scene_from(tables)
     placed = place(scene, scene.pose())
     close(virtual_camera(scene, "mirror:a"), expected["image"], tolerance)
-    start, end = jax.tree.map(lambda leaf: leaf[1], (placed.starts, placed.ends))
+    start, end = placed.segment(1)
     pad = Pad(jnp.asarray(1), start, end, jnp.zeros(()), jnp.zeros(()))
     routes = routes_of(placed, paths_of(scene.layout, 1))
-    _, _, distance = look(scene.camera, placed, routes, pad, jnp.asarray(1), jnp.zeros(1))
+    _, _, distance = look(scene.camera, placed, routes.at(jnp.asarray(1)), pad, jnp.zeros(1))
     close(distance, [expected["path_length"]], tolerance)
     (pose,) = trace(tables)["poses"]
     image = pose["virtual_cameras"]["mirror:a"]
@@ -206,10 +206,8 @@ def test_number_of_images_in_a_kaleidoscope(name, bounces, trace):
         path = unfold(scene.layout, placed, word)
         return placed.absolute(path.source).stacked(), ~jnp.any(path.turned_away)
 
-    images = []
-    for words in paths_of(scene.layout, bounces)[1:]:
-        positions, faces = jax.jit(image)(words)
-        images += np.asarray(positions)[np.asarray(faces)].tolist()
+    positions, faces = jax.jit(image)(padded(paths_of(scene.layout, bounces)[1:]))
+    images = np.asarray(positions)[np.asarray(faces)].tolist()
     (pose,) = trace(tables, "--bounces", str(bounces))["poses"]
     for found in (images, pose["virtual_cameras"].values()):
         # Odd and even numbers of reflections meet in the last image.

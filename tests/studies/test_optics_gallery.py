@@ -15,8 +15,7 @@ from jax import Array
 
 from optics import read_scene
 from optics.scene import Scene
-from optics.unfolding import paths_of
-from optics.views import Pieces, path_name
+from optics.views import Pieces, path_names
 from optics.visibility import find_views
 from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
@@ -40,8 +39,7 @@ def gallery(name: str) -> Scene:
 
 def pieces(scene: Scene) -> dict[str, Pieces]:
     """The pieces of a scene's only pad, by the path that shows them."""
-    words = paths_of(scene.layout, scene.layout.bounces)
-    names = [path_name(scene.layout, word) for part in words for word in part.tolist()]
+    names = path_names(scene.layout)
     found = jax.tree.map(lambda leaf: np.asarray(leaf)[0], views_of(scene, scene.pose()))
     present = np.flatnonzero(found.present)
     by_path = {
