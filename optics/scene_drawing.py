@@ -70,7 +70,10 @@ def draw_scene(
     section = Section.of(scene, angles)
     axes.set_aspect("equal")
     axes.grid(visible=False)
-    axes.set(xlabel="x (mm)", ylabel="y (mm)", title=pose_name(scene, angles))
+    title, far = pose_name(scene, angles), section.far_camera()
+    if far:
+        title += f" (camera {far:,.0f} mm away)"
+    axes.set(xlabel="x (mm)", ylabel="y (mm)", title=title)
     widen(axes, section.places())
     figure: Any = axes.figure
     size = min(max(axes.bbox.width / figure.dpi * 72 / LARGE, SMALLEST), 1.0)
@@ -128,13 +131,13 @@ def scene_legend(scene: Scene, views: Solution[Pieces]) -> tuple[list[Any], list
     seeing = np.unique(np.asarray(view.path)[np.asarray(view.present)])
     none = np.zeros((1, 2))
     reflecting = {part.side for part in layout.mirrors}
-    entries: list[tuple[str, Any]] = [
-        ("pad, seen", Line2D([], [], color=SEEN, linewidth=BAR)),
-        ("pad, hidden", Line2D([], [], color=HIDDEN, linewidth=BAR, linestyle=STRIPES)),
-        ("sensing side of a pad", Line2D([], [], color=INK, linewidth=FACE)),
-    ]
-    if np.min(np.asarray(view.coverage()), initial=1.0) > 1 - 1e-9:
-        del entries[1]
+    entries: list[tuple[str, Any]] = []
+    if layout.pads:
+        entries.append(("pad, seen", Line2D([], [], color=SEEN, linewidth=BAR)))
+        if np.min(np.asarray(view.coverage())) <= 1 - 1e-9:
+            hidden = Line2D([], [], color=HIDDEN, linewidth=BAR, linestyle=STRIPES)
+            entries.append(("pad, hidden", hidden))
+        entries.append(("sensing side of a pad", Line2D([], [], color=INK, linewidth=FACE)))
     if reflecting - {0}:
         entries.append(("mirror, ticks on its back", _mirror(none, 1)))
     if 0 in reflecting:

@@ -23,6 +23,9 @@ Angles = Float[Array | np.ndarray, " joints"]
 ARC = 61
 """Points that stand for a curved mirror."""
 
+FAR = 8.0
+"""A camera is far away from so many times the larger side of all else on."""
+
 INSIDE = 1e-6
 """How far inside of a piece its outermost rays pass, as a part of it: a ray that just touches what
 bounds the piece may go either way by rounding."""
@@ -63,8 +66,18 @@ class Section:
         return cls(absolute(placed.camera), axis, tuple(lines), absolute(placed.hinges))
 
     def places(self) -> Points:
-        """All that has to be in a picture, mm."""
-        return np.vstack([*self.lines, self.hinges, self.camera[None]])
+        """All that has to be in a picture, mm; a camera that is far away has not."""
+        rest = np.vstack([*self.lines, self.hinges])
+        return rest if self.far_camera() else np.vstack([rest, self.camera[None]])
+
+    def far_camera(self) -> float | None:
+        """How far the camera is from all else, mm, if next to that all else would vanish."""
+        rest = np.vstack([*self.lines, self.hinges])
+        if not len(rest):
+            return None
+        low, high = rest.min(axis=0), rest.max(axis=0)
+        gap = math.hypot(*np.maximum(np.maximum(low - self.camera, self.camera - high), 0))
+        return gap if gap > FAR * max(high - low) > 0 else None
 
 
 def rays_to(

@@ -323,3 +323,35 @@ def test_hinges_are_drawn_with_two_signs():
     ring, point = handles[names.index("hinge")]
     assert isinstance(ring, Line2D)
     assert ring.get_markersize() > point.get_markersize()
+
+
+@pytest.mark.parametrize("distance", [70.0, 100.0, 1e4])
+def test_a_camera_that_is_far_away_stays_outside(distance):
+    # The pad is 10 mm long, so from 80 mm on.
+    scene = Scene(
+        camera=Camera(jnp.array([0.0, distance]), -np.pi / 2, 0.01, 1000.0, Pinhole()),
+        mirrors=jnp.zeros((0, 2, 2)),
+        radii=jnp.zeros(0),
+        conics=jnp.zeros(0),
+        pads=jnp.array([[[-5.0, 0.0], [5.0, 0.0]]]),
+        grazing=jnp.zeros(1),
+        blockers=jnp.zeros((0, 2, 2)),
+        hinges=jnp.zeros((0, 2)),
+        layout=Layout("far", (), (), (Surface("wall", 1),), (), (), (), -1, 0),
+    )
+    axes = Figure(figsize=(4, 4)).subplots()
+    draw_scene(axes, scene, np.zeros(0), by_hand(scene, [], bounces=0))
+    inside = axes.get_ylim()[1] > distance
+    assert inside == (distance < 80)
+    assert axes.get_title() == ("far" if inside else f"far (camera {distance:,.0f} mm away)")
+
+
+def test_a_legend_without_pads_names_none():
+    scene = dataclasses.replace(
+        finger(),
+        pads=jnp.zeros((0, 2, 2)),
+        grazing=jnp.zeros(0),
+        layout=dataclasses.replace(LAYOUT, pads=()),
+    )
+    _, names = scene_legend(scene, by_hand(scene, []))
+    assert names == ["mirror, ticks on its back", "blocker", "hinge"]
