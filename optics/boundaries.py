@@ -13,26 +13,25 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector, chosen, rotation
+from designopt.vectors import Vector, chosen, rotation, together
 from optics.camera import Camera
-from optics.scene import Placed
-from optics.unfolding import (
+from optics.labels import (
     CROSSING,
     CUT_AFTER,
     CUT_BEFORE,
-    KINDS,
-    SECOND_END,
-    Fold,
-    folds_of,
-    padded,
-    unit,
-)
-from optics.views import (
     HIGH_GRAZING,
     LEFT_LIMIT,
     LOW_GRAZING,
     RIGHT_LIMIT,
+    SECOND_END,
     SECOND_PAD_END,
+    parts_of,
+)
+from optics.scene import Placed
+from optics.unfolding import (
+    Fold,
+    folds_of,
+    padded,
 )
 
 
@@ -55,7 +54,7 @@ class Pad(eqx.Module):
 
     def ends(self) -> Vector:
         """Both ends of one pad, along one axis."""
-        return jax.tree.map(lambda *ends: jnp.stack(ends), self.start, self.end)
+        return together(self.start, self.end)
 
 
 class Route(eqx.Module):
@@ -122,10 +121,7 @@ def bounding_line(
     All of it unfolded behind the last mirror of the path.
     """
     source, axis = route.source, route.axis
-    surfaces = placed.starts.x.shape[0]
-    kind, surface = label % KINDS, jnp.maximum(label, 0) // KINDS % surfaces
-    leg = jnp.maximum(label, 0) // KINDS // surfaces
-
+    leg, surface, kind = parts_of(jnp.maximum(label, 0))
     start, end = placed.segment(surface)
     edge = chosen(kind == SECOND_END, end, start)
     longest = route.word.shape[0]
@@ -140,18 +136,19 @@ def bounding_line(
     # The labels below 0 come in pairs, of which one has the sign 1.
     second = (label == SECOND_PAD_END) | (label == LEFT_LIMIT) | (label == HIGH_GRAZING)
     sign = jnp.where(second, 1.0, -1.0).astype(source.x.dtype)
-    limit = axis.turned(rotation(sign * camera.field_of_view / 2))
-    above = unit(pad.end - pad.start)
-    height = above.cross(source - pad.start)
-    drop = above.perpendicular().scaled(-height * jnp.sin(pad.grazing))
-    steepest = drop + above.scaled(sign * jnp.abs(height) * jnp.cos(pad.grazing))
+    half = rotation(camera.field_of_view / 2)
+    limit = axis.scaled(half.x) + axis.perpendicular().scaled(sign * half.y)
+    step = pad.end - pad.start
+    above = step.cross(source - pad.start)
+    drop = step.perpendicular().scaled(-above * jnp.sin(pad.grazing))
+    flattest = drop + step.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
     direction = chosen(second, pad.end, pad.start)
 
-    crossing = (label >= 0) & (kind == CROSSING)
+    crossing = kind == CROSSING
     is_limit = (label == LEFT_LIMIT) | (label == RIGHT_LIMIT)
     is_grazing = (label == LOW_GRAZING) | (label == HIGH_GRAZING)
     direction = chosen(label >= 0, seen, direction) - source
-    direction = chosen(is_limit, limit, chosen(is_grazing, steepest, direction))
+    direction = chosen(is_limit, limit, chosen(is_grazing, flattest, direction))
     direction = chosen(crossing, along, direction)
     return Line(chosen(crossing, seen, source), direction, crossing)
 

@@ -22,17 +22,21 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
 from optics.fan import Fan
-from optics.scene import Layout
-from optics.tracing import NOTHING, Leg
-from optics.unfolding import CROSSING, FIRST_END, HORIZON, KINDS, SECOND_END
-from optics.views import (
+from optics.labels import (
+    CROSSING,
+    FIRST_END,
     FIRST_PAD_END,
     FOLD,
     HIGH_GRAZING,
+    HORIZON,
     LEFT_LIMIT,
     RIGHT_LIMIT,
+    SECOND_END,
     SECOND_PAD_END,
+    label_of,
 )
+from optics.scene import Layout
+from optics.tracing import NOTHING, Leg
 
 BISECTIONS = 52
 """Halvings of the fan's spacing: down to rounding."""
@@ -205,7 +209,7 @@ def _labels(
     mine, theirs = surfaces
 
     def named(surface: Int[Array, ""], kind: int) -> Int[Array, ""]:
-        return KINDS * (where * len(layout.surfaces) + surface) + kind
+        return label_of(where, surface, kind)
 
     own = (where == leg) & (mine == len(layout.mirrors) + pad)
     return jnp.stack(

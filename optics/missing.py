@@ -14,20 +14,24 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_arctan2
-from designopt.vectors import Vector
+from designopt.vectors import Vector, together
 from optics.boundaries import Pad, Route
 from optics.camera import Camera
 from optics.intervals import FAR, Interval, gaps
-from optics.scene import Placed
-from optics.unfolding import CROSSING, CUT_BEFORE, KINDS, Edges, Unfolded, cut, height, unit
-from optics.views import (
+from optics.labels import (
+    CROSSING,
+    CUT_BEFORE,
     FIRST_PAD_END,
     HIGH_GRAZING,
     LEFT_LIMIT,
     LOW_GRAZING,
     RIGHT_LIMIT,
     SECOND_PAD_END,
+    label_of,
+    with_kind,
 )
+from optics.scene import Placed
+from optics.unfolding import Edges, Unfolded, cut, height, unit
 
 
 def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""]) -> Interval:
@@ -52,7 +56,9 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
         return sense * safe_arctan2(across, middle.x * arrow.x + middle.y * arrow.y)
 
     shown = _shown(path, pad)
-    first, last = angle(shown.starts - source), angle(shown.ends - source)
+    foot = unit(pad.end - pad.start).perpendicular().scaled(-above)
+    seen = together(shown.starts - source, shown.ends - source, path.axis, foot)
+    first, last, axis, foot = angle(seen)
     centre = (first + last) / 2
 
     def turned(angle: Array) -> Array:
@@ -75,8 +81,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
 
     half = camera.field_of_view / 2
     wide = half > jnp.pi / 2
-    axis, back = turned(angle(path.axis)), turned(angle(-path.axis))
-    foot = turned(angle(unit(pad.end - pad.start).perpendicular().scaled(-above)))
+    axis, back, foot = turned(axis), turned(axis + jnp.pi), turned(foot)
     room = jnp.pi / 2 - pad.grazing
     low, high = (
         jnp.where(sense > 0, one, other)
@@ -87,7 +92,14 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
         jnp.where(sense * above > 0, one, other)
         for one, other in ((LOW_GRAZING, HIGH_GRAZING), (HIGH_GRAZING, LOW_GRAZING))
     )
-    mirrors, away, there = spans(path.mirrors), path.turned_away, path.reflects
+    side = jnp.where(above < 0, -1.0, 1.0)
+    crossing = with_kind(path.blockers.start_labels, CROSSING)
+    blockers = cut(path.blockers, pad.start, unit(pad.end - pad.start), side, crossing)
+    # Mirrors first, then what may hide the pad.
+    found = spans(jax.tree.map(lambda *edges: jnp.append(*edges), path.mirrors, blockers))
+    away, there = path.turned_away, path.reflects
+    mirrors = jax.tree.map(lambda leaf: leaf[: len(there)], found)
+    hidden = jax.tree.map(lambda leaf: leaf[len(there) :], found)
     lower = [
         (first, shown.start_labels),
         (foot - room, toward_first),
@@ -112,11 +124,8 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
     last_end = jnp.where(left, end[to], jnp.minimum(start[at], end[to]))
     window = Interval(start[at], last_end, start_labels[at], end_labels[to])
 
-    side = jnp.where(above < 0, -1.0, 1.0)
-    crossing = path.blockers.start_labels // KINDS * KINDS + CROSSING
-    blockers = cut(path.blockers, pad.start, unit(pad.end - pad.start), side, crossing)
-    hidden = spans(blockers)
-    active = blockers.active & path.in_the_way(pad.index) & (hidden.end > hidden.start)
+    active = (blockers.active & path.in_the_way(pad.index)).reshape(-1)
+    active &= hidden.end > hidden.start
     outside = Interval(back - (jnp.pi - half), back + (jnp.pi - half), high, low)
     shadows = jax.tree.map(lambda many, one: jnp.append(many, one), hidden, outside)
     found = gaps(window, shadows, jnp.append(active, wide))
@@ -138,9 +147,8 @@ def _shown(path: Unfolded, pad: Pad) -> Edges:
     shown = Edges(pad.start, pad.end, *ends, jnp.ones_like(pad.start.x, bool))
     start, along = path.last
     side = jnp.where(height(path.source, start, along) < 0, 1.0, -1.0)
-    surfaces, leg = path.blockers.active.shape[1], jnp.sum(path.reflects)
-    label = KINDS * (leg * surfaces + pad.index) + CUT_BEFORE
-    return cut(shown, start, along, side, label, leg > 0)
+    leg = jnp.sum(path.reflects)
+    return cut(shown, start, along, side, label_of(leg, pad.index, CUT_BEFORE), leg > 0)
 
 
 def elevation(placed: Placed, route: Route, pad: Pad) -> Float[Array, ""]:

@@ -22,15 +22,19 @@ from designopt.vectors import Vector, rotation
 from optics.boundaries import Pad
 from optics.camera import Camera
 from optics.intervals import Interval, common_part, gaps
-from optics.missing import angular_gap
-from optics.unfolding import CROSSING, KINDS, ROUNDING_UNITS, Edges, Unfolded, height, unit
-from optics.views import (
+from optics.labels import (
+    CROSSING,
     FIRST_PAD_END,
     HIGH_GRAZING,
     LEFT_LIMIT,
     LOW_GRAZING,
     RIGHT_LIMIT,
     SECOND_PAD_END,
+    with_kind,
+)
+from optics.missing import angular_gap
+from optics.unfolding import ROUNDING_UNITS, Edges, Unfolded, height, unit
+from optics.views import (
     ViewResult,
 )
 
@@ -117,7 +121,7 @@ def _behind(
 
 
 def _edge_labels(edges: Edges) -> Int[Array, "3 ..."]:
-    crossing = edges.start_labels // KINDS * KINDS + CROSSING
+    crossing = with_kind(edges.start_labels, CROSSING)
     return jnp.stack([edges.start_labels, edges.end_labels, crossing])
 
 

@@ -252,7 +252,7 @@ def _bytes_of_pose(layout: Layout, bounces: int) -> int:
     if layout.curved:
         return RAYS * (sum(counts) * (bounces + 1) + 100 * surfaces)
     # Of every path and pad a table of shadows by shadows, on as many legs as the longest path has.
-    shadows = np.count_nonzero(counts) * surfaces + 2
+    shadows = sum(count > 0 for count in counts) * surfaces + 2
     return 96 * pads * sum(counts) * shadows**2
 
 

@@ -20,18 +20,17 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector, chosen
+from optics.labels import (
+    CUT_AFTER,
+    CUT_BEFORE,
+    FIRST_END,
+    SECOND_END,
+    label_of,
+)
 from optics.scene import Layout, Placed
 
 ROUNDING_UNITS = 8
 """What is nearer to a line than so many units of rounding of its distance lies on the line."""
-
-FIRST_END, SECOND_END, CROSSING, CUT_BEFORE, CUT_AFTER, HORIZON = range(6)
-"""What of a surface can bound a view: one of its ends, the place where it meets the pad, the place
-where it meets the line of the mirror before or after it on the path, or that where a curved one
-turns away from the ray."""
-
-KINDS = 8
-"""A label is KINDS · (leg · surfaces + surface) plus one of the above."""
 
 
 class Fold(eqx.Module):
@@ -230,9 +229,6 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         source = chosen(there, image, source)
     sources.append(source)
 
-    def named(leg: int, surface: Int[Array, "*n"], kind: int) -> Int[Array, "*n"]:
-        return KINDS * (leg * surfaces + surface) + kind
-
     index = jnp.arange(surfaces)
     blockers = []
     for leg in range(count + 1):
@@ -242,24 +238,24 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         if leg > 0:
             blocks &= reflects[leg - 1]
         edges = Edges(
-            starts, ends, named(leg, index, FIRST_END), named(leg, index, SECOND_END), blocks
+            starts, ends, label_of(leg, index, FIRST_END), label_of(leg, index, SECOND_END), blocks
         )
         for i, kind in ((leg - 1, CUT_BEFORE), (leg, CUT_AFTER)):
             if 0 <= i < count:
                 start, _, along, _ = mirrors[i]
-                labels = named(leg, index, kind)
+                labels = label_of(leg, index, kind)
                 edges = cut(edges, start, along, facing[i], labels, reflects[i])
                 edges = eqx.tree_at(lambda e: e.active, edges, edges.active & (index != word[i]))
         blockers.append(edges.folded(folds[leg]))
     apertures = []
     for i, (start, end, _, _) in enumerate(mirrors):
-        first, second = named(i, word[i], FIRST_END), named(i, word[i], SECOND_END)
+        first, second = label_of(i, word[i], FIRST_END), label_of(i, word[i], SECOND_END)
         edges = Edges(start, end, first, second, reflects[i])
         # The mirror before cuts it on the leg that comes to it, the next one on the leg after.
         for other, leg, kind in ((i - 1, i, CUT_BEFORE), (i + 1, i + 1, CUT_AFTER)):
             if 0 <= other < count:
                 line, _, along, _ = mirrors[other]
-                new = named(leg, word[i], kind)
+                new = label_of(leg, word[i], kind)
                 edges = cut(edges, line, along, facing[other], new, reflects[other])
         apertures.append(edges.folded(folds[i + 1]))
     last = (placed.camera, placed.axis)

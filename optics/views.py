@@ -8,23 +8,24 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from optics.scene import Layout
-from optics.unfolding import (
+from optics.labels import (
     CROSSING,
     CUT_AFTER,
     CUT_BEFORE,
     FIRST_END,
+    FIRST_PAD_END,
+    FOLD,
+    HIGH_GRAZING,
     HORIZON,
-    KINDS,
+    LEFT_LIMIT,
+    LOW_GRAZING,
+    RIGHT_LIMIT,
     SECOND_END,
-    paths_of,
+    SECOND_PAD_END,
+    parts_of,
 )
-
-FIRST_PAD_END, SECOND_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, LOW_GRAZING, HIGH_GRAZING, FOLD = range(
-    -1, -8, -1
-)
-"""Labels of what bounds a view and is no surface in its way: the pad's own ends, the limits of the
-field of view, the least grazing angle towards the pad's two ends, a fold of the image."""
+from optics.scene import Layout
+from optics.unfolding import paths_of
 
 
 class ViewResult(eqx.Enumeration):
@@ -133,7 +134,7 @@ def describe_end(layout: Layout, label: int) -> str:
             HIGH_GRAZING: "least grazing angle",
             FOLD: "fold of the image",
         }[label]
-    surface, kind = label // KINDS % len(layout.surfaces), label % KINDS
+    _, surface, kind = map(int, parts_of(label))
     what = {
         FIRST_END: "its end 'from'",
         SECOND_END: "its end 'to'",

@@ -21,11 +21,18 @@ from designopt.vectors import Vector, chosen
 from optics.boundaries import Pad, Route, bounding_line, routes_of, where_met
 from optics.camera import Camera
 from optics.intervals import Interval
+from optics.labels import (
+    FIRST_PAD_END,
+    SECOND_PAD_END,
+)
 from optics.missing import elevation
 from optics.scene import Layout, Placed, Scene, place
 from optics.searching import Verdict, search
 from optics.unfolding import padded, paths_of, unfold, unit
-from optics.views import FIRST_PAD_END, SECOND_PAD_END, Pieces, ViewResult
+from optics.views import (
+    Pieces,
+    ViewResult,
+)
 
 
 @partial(jax.jit, static_argnames=("bounces", "room"))
@@ -42,7 +49,7 @@ def find_views(
         scene: the scene, its mirrors straight; ``jax.vmap`` over it for a batch of designs.
         angles: joint angles in the order of ``scene.angle_names``, rad.
         bounces: most reflections of a path; the scene's own number by default.
-        room: most pieces in which a pad is seen; by default 8 and two for every path.
+        room: most pieces in which a pad is seen; by default 4 and two for every path.
 
     Returns:
         The pieces of each pad. ``margin`` and ``result`` are of the shape (paths, pads), paths in
@@ -87,7 +94,7 @@ def _views(
     # All that may be a piece of a pad in one row, in the order in which it begins on the pad.
     candidates, present = jax.tree.map(_by_pad, (candidates, present))
     path_of = np.repeat(np.arange(len(words)), present.shape[1] // len(words))
-    room = min(8 + 2 * len(words) if room is None else room, len(path_of))
+    room = min(4 + 2 * len(words) if room is None else room, len(path_of))
     keys = jnp.where(present, candidates.start, 2.0)
     paths = jnp.tile(jnp.asarray(path_of), (len(index), 1))
     labels = candidates.start_label, candidates.end_label

@@ -15,13 +15,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from designopt.vectors import Vector, rotation, vector
-from optics.scene import WORLD, Layout, Surface, place
-from optics.unfolding import (
+from optics.labels import (
     CUT_AFTER,
     CUT_BEFORE,
     FIRST_END,
-    KINDS,
     SECOND_END,
+    label_of,
+)
+from optics.scene import WORLD, Layout, Surface, place
+from optics.unfolding import (
     Edges,
     Fold,
     Unfolded,
@@ -255,7 +257,7 @@ def test_mirrors_are_left_where_they_stand_in_front_of_each_other(paths):
 def test_labels_say_which_surface_bounds_and_whether_it_is_cut(paths):
     for _, path, moved in paths:
         starts, ends = parts_of(path.blockers, moved)
-        whole = [KINDS * (leg * SURFACES + np.arange(SURFACES)) for leg in range(3)]
+        whole = [label_of(leg, np.arange(SURFACES), 0) for leg in range(3)]
         cuts = np.array([[CUT_AFTER, CUT_AFTER], [CUT_BEFORE, CUT_AFTER], [CUT_BEFORE] * 2])
         for at, labels, own, uncut in (
             (starts, path.blockers.start_labels, FIRST_END, 0),

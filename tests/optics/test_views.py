@@ -11,23 +11,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.unfolding import (
+from optics.labels import (
     CROSSING,
     CUT_AFTER,
     CUT_BEFORE,
     FIRST_END,
-    HORIZON,
-    KINDS,
-    SECOND_END,
-)
-from optics.views import (
     FIRST_PAD_END,
     FOLD,
     HIGH_GRAZING,
+    HORIZON,
     LEFT_LIMIT,
     LOW_GRAZING,
     RIGHT_LIMIT,
+    SECOND_END,
     SECOND_PAD_END,
+    label_of,
+)
+from optics.views import (
     Pieces,
     describe_end,
     path_name,
@@ -41,7 +41,6 @@ from tests.optics.scenes import (
     MIRRORS,
     PADS,
     RIGHT,
-    SURFACES,
     WORDS,
     answers,
     random_cases,
@@ -190,5 +189,5 @@ def test_ends_that_no_surface_bounds_in_words(label, words):
 def test_ends_that_surfaces_bound_in_words(kind, words, leg):
     named = {0: "mirror 'left'", MIRRORS + 1: "pad 'both'", MIRRORS + PADS + 2: "blocker 'lid'"}
     for surface, name in named.items():
-        label = KINDS * (leg * SURFACES + surface) + kind
+        label = label_of(leg, surface, kind)
         assert describe_end(LAYOUT, label) == f"{name}: {words}"

@@ -12,15 +12,19 @@ import numpy as np
 import pytest
 
 from optics.camera import Camera, Equidistant
-from optics.scene import Layout, Scene, Surface
-from optics.unfolding import FIRST_END, KINDS, SECOND_END
-from optics.views import (
+from optics.labels import (
+    FIRST_END,
     FIRST_PAD_END,
     HIGH_GRAZING,
     LEFT_LIMIT,
     LOW_GRAZING,
     RIGHT_LIMIT,
+    SECOND_END,
     SECOND_PAD_END,
+    label_of,
+)
+from optics.scene import Layout, Scene, Surface
+from optics.views import (
     ViewResult,
 )
 from optics.visibility import find_views
@@ -34,7 +38,6 @@ from tests.optics.scenes import (
     PADS,
     PIXELS,
     RIGHT,
-    SURFACES,
     WORDS,
     Answers,
     Case,
@@ -89,10 +92,6 @@ def message(answer: Answers, path: Iterable[int] = (), pad: int = BOTH) -> str:
     return answer.messages[WORDS.index(tuple(path)) * PADS + pad]
 
 
-def label_of(surface: int, kind: int, leg: int = 0) -> int:
-    return KINDS * (leg * SURFACES + surface) + kind
-
-
 def person(foot: float = 0.8) -> Case:
     """An eye at 1.6 m, a body from 0 to 1.7 m, and 100 m away a mirror from a height to 1.65 m."""
     return case_of(
@@ -125,7 +124,7 @@ def test_a_mirror_is_a_window():
         )
     )
     np.testing.assert_allclose(extent(answer, [BOTH]), [0.35, 0.65], rtol=ROUNDING)
-    assert labels(answer, [BOTH]) == [label_of(BOTH, FIRST_END), label_of(BOTH, SECOND_END)]
+    assert labels(answer, [BOTH]) == [label_of(0, BOTH, FIRST_END), label_of(0, BOTH, SECOND_END)]
     (i,) = pieces(answer, [BOTH])
     np.testing.assert_allclose(answer.pieces.distance[BOTH, i], np.hypot(3, 15), rtol=ROUNDING)
     np.testing.assert_allclose(answer.pieces.spans[BOTH, i], [[0, 1], [0, 0]], atol=ROUNDING)
@@ -149,7 +148,7 @@ def test_a_blocker_casts_a_shadow():
     weights = {"coverage": np.eye(PADS)[BOTH]}
     answer = answer_of(shaded(), weights)
     np.testing.assert_allclose(extent(answer), [0, 0.25, 0.75, 1], rtol=ROUNDING)
-    first, second = label_of(WALL, FIRST_END), label_of(WALL, SECOND_END)
+    first, second = label_of(0, WALL, FIRST_END), label_of(0, WALL, SECOND_END)
     assert labels(answer) == [FIRST_PAD_END, first, second, SECOND_PAD_END]
     np.testing.assert_allclose(answer.numbers["coverage"], [0, 0.5, 0], rtol=ROUNDING)
     # Both ends move apart as the blocker grows: d coverage / d half-width is −0.5.

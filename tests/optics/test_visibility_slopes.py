@@ -8,27 +8,24 @@ import jax
 import numpy as np
 import pytest
 
-from optics.unfolding import (
+from optics.labels import (
     CROSSING,
     CUT_AFTER,
     CUT_BEFORE,
     FIRST_END,
-    KINDS,
-    SECOND_END,
-)
-from optics.views import (
     FIRST_PAD_END,
     HIGH_GRAZING,
     LEFT_LIMIT,
     LOW_GRAZING,
     RIGHT_LIMIT,
+    SECOND_END,
     SECOND_PAD_END,
+    parts_of,
 )
 from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics.scenes import (
     LAYOUT,
     MIRRORS,
-    SURFACES,
     WORDS,
     Case,
     answers,
@@ -188,12 +185,12 @@ class Named(NamedTuple):
 
     @property
     def surface(self) -> int:
-        return self.label // KINDS % SURFACES
+        return parts_of(self.label)[1]
 
     @property
     def kind(self) -> int:
         """The label itself where it names no surface."""
-        return self.label if self.label < 0 else self.label % KINDS
+        return self.label if self.label < 0 else parts_of(self.label)[2]
 
 
 FIELDS = {
