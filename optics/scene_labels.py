@@ -132,7 +132,7 @@ def _candidates(label: Label, scale: float) -> list[_Box]:
             middle = start + part * (end - start) + side * (depth + gap + half[1 - across]) * left
             cost = 0.1 * gap + 1.5 * abs(part - 0.5) + 2 * across + 3 * front
             box = _Box(middle, half, angle, cost, np.zeros((0, 2)))
-            if gap > NEAR or abs(part - 0.5) > 0.6 or front:
+            if gap > NEAR or abs(part - 0.5) > 0.6 or front or across:
                 sign = label.back * label.depth / 2 * left
                 parts = start + sign + np.linspace(0.1, 0.9, 17)[:, None] * (end - start)
                 leader = _shortest(box.points(), parts)
