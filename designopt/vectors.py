@@ -28,7 +28,7 @@ class Vector(eqx.Module):
         return Vector(-self.x, -self.y)
 
     def scaled(self, factor: Float[Array, "*batch"]) -> Vector:
-        """The vector times a number."""
+        """The vector times a number, or times each of several; shapes broadcast."""
         return Vector(factor * self.x, factor * self.y)
 
     def turned(self, rotation: Vector) -> Vector:
@@ -86,7 +86,7 @@ def together(*vectors: Vector) -> Vector:
 
 
 def chosen(condition: Bool[Array, "*batch"], yes: Vector, no: Vector) -> Vector:
-    """One vector where a condition holds, another elsewhere."""
+    """One vector where a condition holds, another elsewhere; shapes broadcast."""
     return Vector(jnp.where(condition, yes.x, no.x), jnp.where(condition, yes.y, no.y))
 
 

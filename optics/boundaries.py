@@ -10,6 +10,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
@@ -27,12 +28,8 @@ from optics.labels import (
     SECOND_PAD_END,
     parts_of,
 )
-from optics.scene import Placed
-from optics.unfolding import (
-    Fold,
-    folds_of,
-    padded,
-)
+from optics.scene import Placed, Scene
+from optics.unfolding import Fold, folds_of, padded, unit
 
 
 class Pad(eqx.Module):
@@ -52,6 +49,14 @@ class Pad(eqx.Module):
     side: Float[Array, "*pads"]
     grazing: Float[Array, "*pads"]
 
+    @classmethod
+    def all_of(cls, scene: Scene, placed: Placed) -> Pad:
+        """All pads of a placed scene, along one axis."""
+        index = len(scene.layout.mirrors) + np.arange(len(scene.layout.pads))
+        start, end = placed.segment(index)
+        sides = jnp.asarray(scene.layout.sides[index], start.x.dtype)
+        return cls(jnp.asarray(index), start, end, sides, scene.grazing)
+
     def ends(self) -> Vector:
         """Both ends of one pad, along one axis."""
         return together(self.start, self.end)
@@ -61,7 +66,7 @@ class Route(eqx.Module):
     """A path over mirrors, unfolded behind the last of them; or several, along a first axis.
 
     Attributes:
-        word: mirrors along the path, −1 after its end, shape (reflections,).
+        word: mirrors along the path, −1 after its end.
         source: the virtual camera.
         axis: its optical axis.
         folds: the motions that unfold its legs, but the last, which stays.
@@ -81,7 +86,7 @@ class Route(eqx.Module):
         return self.folds[0].sign if self.folds else jnp.ones_like(self.source.x)
 
     def folded(self, leg: Int[Array, "*legs"] | int, place: Vector) -> Vector:
-        """A place of a leg, unfolded behind the last mirror."""
+        """A place of a leg of this one path, unfolded behind the last mirror."""
         found = place
         for number, fold in enumerate(self.folds):
             found = chosen(jnp.asarray(leg == number), fold.place(place), found)
@@ -138,10 +143,10 @@ def bounding_line(
     sign = jnp.where(second, 1.0, -1.0).astype(source.x.dtype)
     half = rotation(camera.field_of_view / 2)
     limit = axis.scaled(half.x) + axis.perpendicular().scaled(sign * half.y)
-    step = pad.end - pad.start
-    above = step.cross(source - pad.start)
-    drop = step.perpendicular().scaled(-above * jnp.sin(pad.grazing))
-    flattest = drop + step.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
+    along_pad = unit(pad.end - pad.start)
+    above = along_pad.cross(source - pad.start)
+    drop = along_pad.perpendicular().scaled(-above * jnp.sin(pad.grazing))
+    flattest = drop + along_pad.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
     direction = chosen(second, pad.end, pad.start)
 
     crossing = kind == CROSSING

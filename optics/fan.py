@@ -12,6 +12,7 @@ from designopt.vectors import Vector, rotation
 from optics.camera import Camera
 from optics.scene import Layout, Placed, Scene
 from optics.tracing import NOTHING, Leg, Tracer
+from optics.unfolding import padded
 
 FLAT = 2**14
 """A pad coordinate that changes by fewer units of rounding per rad of the ray does not change."""
@@ -66,9 +67,7 @@ class Fan(eqx.Module):
 
     def path(self, legs: Leg, leg: Int[Array, ""]) -> Int[Array, ""]:
         """Index of the path that a ray has taken up to a leg."""
-        words = np.full((len(self.words), self.bounces + 1), NOTHING)
-        for row, word in enumerate(self.words):
-            words[row, : len(word)] = word
+        words = np.pad(padded(self.words), ((0, 0), (0, 1)), constant_values=NOTHING)
         before = jnp.arange(self.bounces + 1) < leg
         taken = jnp.where(before, legs.surface, NOTHING)
         return jnp.argmax(jnp.all(jnp.asarray(words) == taken[None], axis=1))

@@ -25,7 +25,10 @@ Number = Int[Array | np.ndarray, "..."] | int
 
 
 def label_of(leg: Number, surface: Number, kind: int) -> Any:
-    """The label, 0 or more, of one kind of end of a surface, by index, on a leg of a path."""
+    """The label, 0 or more, of one kind of end of a surface, by index, on a leg of a path.
+
+    There are labels for 65,536 surfaces; that of a mirror −1, which is not there, means nothing.
+    """
     return (leg << (_KIND + _SURFACE)) + (surface << _KIND) + kind
 
 

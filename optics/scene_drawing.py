@@ -70,11 +70,11 @@ def draw_scene(
     section = Section.of(scene, angles)
     axes.set_aspect("equal")
     axes.grid(visible=False)
+    widen(axes, section.places())
     title, far = pose_name(scene, angles), section.far_camera()
-    if far:
+    if far and not axes.viewLim.contains(*section.camera):
         title += f" (camera {far:,.0f} mm away)"
     axes.set(xlabel="x (mm)", ylabel="y (mm)", title=title)
-    widen(axes, section.places())
     figure: Any = axes.figure
     size = min(max(axes.bbox.width / figure.dpi * 72 / LARGE, SMALLEST), 1.0)
     _draw_camera(axes, scene, section, size)
@@ -134,7 +134,7 @@ def scene_legend(scene: Scene, views: Solution[Pieces]) -> tuple[list[Any], list
     entries: list[tuple[str, Any]] = []
     if layout.pads:
         entries.append(("pad, seen", Line2D([], [], color=SEEN, linewidth=BAR)))
-        if np.min(np.asarray(view.coverage())) <= 1 - 1e-9:
+        if np.min(np.asarray(view.coverage()), initial=1.0) <= 1 - 1e-9:
             hidden = Line2D([], [], color=HIDDEN, linewidth=BAR, linestyle=STRIPES)
             entries.append(("pad, hidden", hidden))
         entries.append(("sensing side of a pad", Line2D([], [], color=INK, linewidth=FACE)))

@@ -34,9 +34,7 @@ from optics.labels import (
 )
 from optics.missing import angular_gap
 from optics.unfolding import ROUNDING_UNITS, Edges, Unfolded, height, unit
-from optics.views import (
-    ViewResult,
-)
+from optics.views import ViewResult
 
 SHORTEST_PIECE = 64
 """A piece no longer than so many units of rounding of the pad is rounding and not seen."""

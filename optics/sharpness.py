@@ -127,8 +127,7 @@ def _unfolded(
     bounces: int,
 ) -> tuple[Float[Array, "poses pads pieces places"], Float[Array, "poses pads pieces places"]]:
     """Pixels per mm and distance (mm) at places on pads by the paths of all pieces."""
-    layout, words = scene.layout, paths_of(scene.layout, bounces)
-    index = len(layout.mirrors) + np.arange(len(layout.pads))
+    words = paths_of(scene.layout, bounces)
 
     def in_pose(
         angles: Float[Array, " joints"],
@@ -136,10 +135,7 @@ def _unfolded(
         places: Float[Array, "pads places"],
     ) -> tuple[Array, Array]:
         placed = place(scene, angles)
-        routes = routes_of(placed, words)
-        starts, ends = placed.segment(index)
-        sides = jnp.asarray(layout.sides[index], starts.x.dtype)
-        pads = Pad(jnp.asarray(index), starts, ends, sides, scene.grazing)
+        routes, pads = routes_of(placed, words), Pad.all_of(scene, placed)
 
         def by(pad: Pad, path: Int[Array, ""], places: Float[Array, " places"]) -> Any:
             return look(scene.camera, placed, routes.at(path), pad, places)[1:]

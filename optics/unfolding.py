@@ -10,6 +10,7 @@ on from its i-th.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from functools import partial
 
 import equinox as eqx
@@ -131,7 +132,7 @@ def paths_of(layout: Layout, bounces: int) -> list[tuple[int, ...]]:
     ]
 
 
-def padded(words: list[tuple[int, ...]]) -> Int[np.ndarray, "paths reflections"]:
+def padded(words: Sequence[tuple[int, ...]]) -> Int[np.ndarray, "paths reflections"]:
     """Paths as rows of one table, filled up with −1."""
     longest = max(map(len, words))
     return np.array([[*word, *[-1] * (longest - len(word))] for word in words], int).reshape(

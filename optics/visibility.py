@@ -49,7 +49,7 @@ def find_views(
         scene: the scene, its mirrors straight; ``jax.vmap`` over it for a batch of designs.
         angles: joint angles in the order of ``scene.angle_names``, rad.
         bounces: most reflections of a path; the scene's own number by default.
-        room: most pieces in which a pad is seen; by default 4 and two for every path.
+        room: most pieces in which a pad is seen; by default 8 and two for every path.
 
     Returns:
         The pieces of each pad. ``margin`` and ``result`` are of the shape (paths, pads), paths in
@@ -84,19 +84,16 @@ def _views(
     scene: Scene, placed: Placed, words: list[tuple[int, ...]], room: int | None
 ) -> Solution[Pieces]:
     layout, camera = scene.layout, scene.camera
-    index = len(layout.mirrors) + np.arange(len(layout.pads))
-    starts, ends = placed.segment(index)
-    sides = jnp.asarray(layout.sides[index], starts.x.dtype)
-    pads = Pad(jnp.asarray(index), starts, ends, sides, scene.grazing)
+    pads = Pad.all_of(scene, placed)
     still = jax.lax.stop_gradient((camera, placed, pads))
     candidates, present, verdicts = _search(layout, *still, words)
 
     # All that may be a piece of a pad in one row, in the order in which it begins on the pad.
     candidates, present = jax.tree.map(_by_pad, (candidates, present))
     path_of = np.repeat(np.arange(len(words)), present.shape[1] // len(words))
-    room = min(4 + 2 * len(words) if room is None else room, len(path_of))
+    room = min(8 + 2 * len(words) if room is None else room, len(path_of))
     keys = jnp.where(present, candidates.start, 2.0)
-    paths = jnp.tile(jnp.asarray(path_of), (len(index), 1))
+    paths = jnp.tile(jnp.asarray(path_of), (len(layout.pads), 1))
     labels = candidates.start_label, candidates.end_label
     first = jax.lax.sort((keys, paths, *labels), num_keys=1)
     keys, paths, *labels = (leaf[:, :room] for leaf in first)

@@ -24,9 +24,7 @@ from optics.labels import (
     label_of,
 )
 from optics.scene import Layout, Scene, Surface
-from optics.views import (
-    ViewResult,
-)
+from optics.views import ViewResult
 from optics.visibility import find_views
 from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics.scenes import (
@@ -414,3 +412,28 @@ def test_curved_mirrors_are_refused_by_name():
     curved = replace(scene, layout=replace(LAYOUT, curved=(0, 2)))
     with pytest.raises(ValueError, match="mirrors left, right are curved; use trace_views"):
         find_views(curved, jnp.zeros(2))
+
+
+@pytest.mark.parametrize("far", [10.0, 1e5])
+def test_the_least_grazing_angle_in_single_precision(far):
+    # Whatever else is in the scene, and however far: the pad is seen as far as h / tan(grazing)
+    # from the foot of the camera's height h.
+    height, grazing = 0.1, 1.0
+    reach = height / np.tan(grazing)
+    layout = Layout("grazed", (), (), (Surface("pad", 0),), (Surface("far", 0),), (), (), -1, 0)
+    with jax.enable_x64(False):
+        scene = Scene(
+            camera=Camera(jnp.array([0.0, height]), -np.pi / 2, 3.0, 100.0, Equidistant()),
+            mirrors=jnp.zeros((0, 2, 2)),
+            radii=jnp.zeros(0),
+            conics=jnp.zeros(0),
+            pads=jnp.array([[[-0.5, 0.0], [0.5, 0.0]]]),
+            grazing=jnp.array([grazing]),
+            blockers=jnp.array([[[-10.0, 3.0], [-far, 3.0]]]),
+            hinges=jnp.zeros((0, 2)),
+            layout=layout,
+        )
+        pieces = find_views(scene, jnp.zeros(0)).value
+        assert pieces.start.dtype == jnp.float32
+        found = [float(pieces.start[0, 0]), float(pieces.end[0, 0])]
+    assert found == pytest.approx([0.5 - reach, 0.5 + reach], abs=1e-5)
