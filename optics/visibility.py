@@ -89,8 +89,9 @@ def _views(
     candidates, present, verdicts = _search(layout, *still, words)
 
     # All that may be a piece of a pad in one row, in the order in which it begins on the pad.
-    candidates, present = jax.tree.map(_by_pad, (candidates, present))
-    path_of = np.repeat(np.arange(len(words)), present.shape[1] // len(words))
+    path_of = np.repeat(np.arange(len(words)), present.shape[-1])
+    rows = jax.tree.map(lambda leaf: leaf.reshape(leaf.shape[0], -1), (candidates, present))
+    candidates, present = rows
     room = min(8 + 2 * len(words) if room is None else room, len(path_of))
     keys = jnp.where(present, candidates.start, 2.0)
     paths = jnp.tile(jnp.asarray(path_of), (len(layout.pads), 1))
@@ -117,25 +118,18 @@ def _views(
     of_pad = jax.vmap(piece, (None, 0, 0, 0))
     pieces = jax.vmap(of_pad)(pads, keys, paths, labels)
     of_path = jax.vmap(judged, (None, 0, 0, 0))
-    margin, result = jax.vmap(of_path, (0, None, None, 0))(routes, pads, crowded, verdicts)
+    margin, result = jax.vmap(of_path, (0, None, None, 1))(routes, pads, crowded, verdicts)
     return Solution(pieces, margin, jnp.zeros_like(margin), result)
 
 
 def _search(
     layout: Layout, camera: Camera, placed: Placed, pads: Pad, words: list[tuple[int, ...]]
-) -> tuple[Interval, Bool[Array, "paths pads gaps"], Verdict]:
+) -> tuple[Interval, Bool[Array, "pads paths gaps"], Verdict]:
     """All pads by all paths, without derivatives."""
-
-    def along(word: Int[Array, " reflections"]) -> Any:
-        path = unfold(layout, placed, word)
-        return jax.vmap(lambda pad: search(camera, path, pad))(pads)
-
-    return jax.vmap(along)(jnp.asarray(padded(words)))
-
-
-def _by_pad(leaf: Array) -> Array:
-    """From (paths, pads, gaps) to (pads, all gaps of all paths)."""
-    return jnp.moveaxis(leaf, 0, 1).reshape(leaf.shape[1], -1)
+    table = jnp.asarray(padded(words))
+    paths = jax.vmap(lambda word: unfold(layout, placed, word))(table)
+    by_all = jax.vmap(lambda path, pad: search(camera, path, pad), (0, None))
+    return jax.vmap(by_all, (None, 0))(paths, pads)
 
 
 def _piece(

@@ -22,7 +22,6 @@ from designopt.results import PrecisionRow
 from optics.scene import WORLD, Layout, Scene
 from optics.unfolding import paths_of
 from optics.visibility import find_views
-from studies.linkage_precision.pinning import one_core
 from studies.visibility_precision.cases import gallery, spoilt_finger
 from studies.visibility_precision.contenders import exact_coverage
 
@@ -34,18 +33,30 @@ FRESH_PROCESSES = 3
 VALUE, GRADIENT = "coverage", "mean coverage and its gradient"
 
 
+class Start(NamedTuple):
+    """What it takes to get a compiled program, seconds.
+
+    Attributes:
+        trace: following the Python code.
+        compile: lowering and compiling.
+    """
+
+    trace: float
+    compile: float
+
+
 class Grid(NamedTuple):
     """What was found.
 
     Attributes:
         rows: run times of `VALUE` and `GRADIENT`, over the grid and over the sweeps; their panels
-            are "grid" and "sweeps".
-        compile_seconds: lowering and compiling `GRADIENT` over the grid, in fresh processes.
+            are "grid" and "sweeps". On all cores: nothing is compared with them.
+        starts: of `GRADIENT` over the grid, in fresh processes.
         disagreement: largest deviation of a view over the grid from the sweeps'.
     """
 
     rows: list[PrecisionRow]
-    compile_seconds: list[float]
+    starts: list[Start]
     disagreement: float
 
     def seconds(self, asked: str, panel: str) -> float:
@@ -66,11 +77,9 @@ def measure_grid(repeats: int) -> Grid:
             setting = f"{len(poses):,} poses"
             call = partial(run, scene, poses)
             entered.append(Contender(method, setting, panel, call, _no_error, seconds))
-    with one_core():
-        rows = [measure(contender, repeats=repeats) for contender in entered]
     return Grid(
-        rows,
-        [compiled_in_fresh_process() for _ in range(FRESH_PROCESSES)],
+        [measure(contender, repeats=repeats) for contender in entered],
+        [started_in_fresh_process() for _ in range(FRESH_PROCESSES)],
         max(disagreement(finger, STEPS) for finger in (scene, spoilt_finger())),
     )
 
@@ -138,8 +147,8 @@ def _joints(layout: Layout, frames: list[int]) -> set[int]:
     return found
 
 
-def compiled_in_fresh_process() -> float:
-    """Seconds of lowering and compiling `GRADIENT` over the grid, with respect to all leaves.
+def started_in_fresh_process() -> Start:
+    """How `GRADIENT` over the grid, with respect to all leaves, gets started.
 
     Starting Python, importing and reading the file do not count.
     """
@@ -152,15 +161,17 @@ from studies.visibility_precision.finger_grid import grid_of, mean_coverage
 scene = gallery("finger")
 poses = jax.block_until_ready(grid_of(scene, {STEPS}))
 start = time.perf_counter()
-jax.jit(jax.value_and_grad(mean_coverage, argnums=(0, 1))).lower(scene, poses).compile()
-print(time.perf_counter() - start)
+traced = jax.jit(jax.value_and_grad(mean_coverage, argnums=(0, 1))).trace(scene, poses)
+middle = time.perf_counter()
+traced.lower().compile()
+print(middle - start, time.perf_counter() - middle)
 """
     # A program that was kept on disk would not be compiled.
     environment = os.environ | {"JAX_ENABLE_COMPILATION_CACHE": "false"}
     done = subprocess.run(
         [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
     )
-    return float(done.stdout)
+    return Start(*map(float, done.stdout.split()))
 
 
 def _no_error(_: object) -> float:

@@ -83,13 +83,22 @@ def metrics(spec: VisibilityPrecisionSpec, found: Measurements) -> list[Metric]:
                     f"{asked} of paper B's finger in {poses} poses, once compiled",
                     Target("<=", GRID_TARGET_S),
                 )
+        what = (
+            f"{GRADIENT} with respect to all dimensions and angles over {STEPS} × {STEPS} poses, "
+            "median of fresh processes"
+        )
         add(
             "finger_grid_compile_s",
-            statistics.median(found.grid.compile_seconds),
+            statistics.median(start.compile for start in found.grid.starts),
             "s",
-            f"lowering and compiling {GRADIENT} with respect to all dimensions and angles over "
-            f"{STEPS} × {STEPS} poses, median of fresh processes",
+            f"lowering and compiling {what}",
             Target("<=", COMPILE_TARGET_S),
+        )
+        add(
+            "finger_grid_trace_s",
+            statistics.median(start.trace for start in found.grid.starts),
+            "s",
+            f"tracing, before it is compiled, {what}",
         )
         add(
             "finger_grid_disagreement",
@@ -166,7 +175,7 @@ def findings(spec: VisibilityPrecisionSpec, found: Measurements) -> list[str]:
         )
     said += _tracing(found)
     said.append(
-        "Run times are those of one core; compiling uses all of them."
+        "Run times are those of one core, but those of the grid and of compiling of all."
         if found.pinned
         else "This system cannot hold threads on one core, so these are not one core's times."
     )
@@ -192,7 +201,7 @@ def claims(spec: VisibilityPrecisionSpec, found: Measurements) -> list[Claim]:
             )
         )
     if found.grid is not None:
-        compiled = statistics.median(found.grid.compile_seconds)
+        compiled = statistics.median(start.compile for start in found.grid.starts)
         times = [row.seconds for row in found.grid.rows]
         said.append(
             Claim(
@@ -203,7 +212,8 @@ def claims(spec: VisibilityPrecisionSpec, found: Measurements) -> list[Claim]:
                 "each joint moves one pad and one mirror.",
                 [
                     *(f"{r.panel}, {r.method}: {r.seconds:.2g} s" for r in found.grid.rows),
-                    "compiling: " + ", ".join(f"{s:.1f} s" for s in found.grid.compile_seconds),
+                    "compiling (and tracing before it): "
+                    + ", ".join(f"{s.compile:.1f} s ({s.trace:.1f} s)" for s in found.grid.starts),
                     f"largest deviation of the two: {found.grid.disagreement:.0e}",
                 ],
                 max(times) <= GRID_TARGET_S
