@@ -151,9 +151,9 @@ def findings(spec: VisibilityPrecisionSpec, found: Measurements) -> list[str]:
     if spec.flexion:
         one, many = gradients[0], gradients[-1]
         said.append(
-            f"The {OURS} take only {many.seconds / one.seconds:.2g} times as long for "
-            f"'{many.panel}' as for '{one.panel}': most of a single pose's time does not depend "
-            "on the pose. So the target of speed is that of the sweep, which a design needs anyway."
+            f"The {OURS} take {many.seconds / one.seconds:.2g} times as long for '{many.panel}' "
+            f"as for '{one.panel}': part of a call's time is its start. The target of speed is "
+            "that of the sweep, which every design needs."
         )
     else:
         said.append("Without the sweep (flexion) there is no target for the speed over sigmoids.")
