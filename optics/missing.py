@@ -57,8 +57,8 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
 
     shown = _shown(path, pad)
     foot = unit(pad.end - pad.start).perpendicular().scaled(-above)
-    seen = together(shown.starts - source, shown.ends - source, path.axis, foot)
-    first, last, axis, foot = angle(seen)
+    seen = together(shown.starts - source, shown.ends - source, path.axis, -path.axis, foot)
+    first, last, axis, back, foot = angle(seen)
     centre = (first + last) / 2
 
     def turned(angle: Array) -> Array:
@@ -81,7 +81,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
 
     half = camera.field_of_view / 2
     wide = half > jnp.pi / 2
-    axis, back, foot = turned(axis), turned(axis + jnp.pi), turned(foot)
+    axis, back, foot = turned(axis), turned(back), turned(foot)
     room = jnp.pi / 2 - pad.grazing
     low, high = (
         jnp.where(sense > 0, one, other)
