@@ -70,6 +70,7 @@ def test_whole_turns_change_nothing():
         assert gap.max() < 1e-9
 
 
+@pytest.mark.slow
 def test_beyond_the_lock_nothing_is_found_and_the_reason_is_told():
     linkage = gallery("double-butterfly")
     upper = ends(find_limits(linkage, "crank"))[1].value

@@ -25,7 +25,7 @@ from tests.kinematics.gallery import FOLDER, gallery, poses_of, rates_of, transm
     [
         "quick-return",
         "scotch-yoke",
-        "stephenson",
+        pytest.param("stephenson", marks=pytest.mark.slow),
         pytest.param("finger-crank", marks=pytest.mark.slow),
     ],
 )
