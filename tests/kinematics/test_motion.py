@@ -83,6 +83,7 @@ def test_transmission_angle_at_a_slider():
     np.testing.assert_allclose(found.angles["C"], wanted, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_index_of_a_triad_vanishes_at_its_lock():
     linkage = gallery("double-butterfly")
     home = np.asarray(linkage.home.inputs)

@@ -175,6 +175,7 @@ def test_every_family_passes_for_other_seeds(seed):
             assert row.worst_gradient_error < 1e-6, row
 
 
+@pytest.mark.slow
 def test_contenders_agree_to_their_tolerance():
     """Every method at its finest tolerance reaches the reference; a coarse one need not."""
     fields = {name: float(getattr(PRINTED, name)) for name in precision.FIELDS}
