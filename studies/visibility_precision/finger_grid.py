@@ -22,6 +22,7 @@ from designopt.results import PrecisionRow
 from optics.scene import WORLD, Layout, Scene
 from optics.unfolding import paths_of
 from optics.visibility import find_views
+from studies.linkage_precision.pinning import one_core
 from studies.visibility_precision.cases import gallery, spoilt_finger
 from studies.visibility_precision.contenders import exact_coverage
 
@@ -33,30 +34,19 @@ FRESH_PROCESSES = 3
 VALUE, GRADIENT = "coverage", "mean coverage and its gradient"
 
 
-class Start(NamedTuple):
-    """What it takes to get a compiled program, seconds.
-
-    Attributes:
-        trace: following the Python code.
-        compile: lowering and compiling.
-    """
-
-    trace: float
-    compile: float
-
-
 class Grid(NamedTuple):
     """What was found.
 
     Attributes:
         rows: run times of `VALUE` and `GRADIENT`, over the grid and over the sweeps; their panels
-            are "grid" and "sweeps". On all cores: nothing is compared with them.
-        starts: of `GRADIENT` over the grid, in fresh processes.
+            are "grid" and "sweeps".
+        compile_seconds: tracing, lowering and compiling `GRADIENT` over the grid, in fresh
+            processes.
         disagreement: largest deviation of a view over the grid from the sweeps'.
     """
 
     rows: list[PrecisionRow]
-    starts: list[Start]
+    compile_seconds: list[float]
     disagreement: float
 
     def seconds(self, asked: str, panel: str) -> float:
@@ -77,9 +67,11 @@ def measure_grid(repeats: int) -> Grid:
             setting = f"{len(poses):,} poses"
             call = partial(run, scene, poses)
             entered.append(Contender(method, setting, panel, call, _no_error, seconds))
+    with one_core():
+        rows = [measure(contender, repeats=repeats) for contender in entered]
     return Grid(
-        [measure(contender, repeats=repeats) for contender in entered],
-        [started_in_fresh_process() for _ in range(FRESH_PROCESSES)],
+        rows,
+        [compiled_in_fresh_process() for _ in range(FRESH_PROCESSES)],
         max(disagreement(finger, STEPS) for finger in (scene, spoilt_finger())),
     )
 
@@ -147,8 +139,8 @@ def _joints(layout: Layout, frames: list[int]) -> set[int]:
     return found
 
 
-def started_in_fresh_process() -> Start:
-    """How `GRADIENT` over the grid, with respect to all leaves, gets started.
+def compiled_in_fresh_process() -> float:
+    """Seconds of tracing, lowering and compiling `GRADIENT` over the grid, for all leaves.
 
     Starting Python, importing and reading the file do not count.
     """
@@ -161,17 +153,15 @@ from studies.visibility_precision.finger_grid import grid_of, mean_coverage
 scene = gallery("finger")
 poses = jax.block_until_ready(grid_of(scene, {STEPS}))
 start = time.perf_counter()
-traced = jax.jit(jax.value_and_grad(mean_coverage, argnums=(0, 1))).trace(scene, poses)
-middle = time.perf_counter()
-traced.lower().compile()
-print(middle - start, time.perf_counter() - middle)
+jax.jit(jax.value_and_grad(mean_coverage, argnums=(0, 1))).lower(scene, poses).compile()
+print(time.perf_counter() - start)
 """
     # A program that was kept on disk would not be compiled.
     environment = os.environ | {"JAX_ENABLE_COMPILATION_CACHE": "false"}
     done = subprocess.run(
         [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
     )
-    return Start(*map(float, done.stdout.split()))
+    return float(done.stdout)
 
 
 def _no_error(_: object) -> float:

@@ -71,7 +71,7 @@ def metrics(spec: VisibilityPrecisionSpec, found: Measurements) -> list[Metric]:
                 "",
                 f"run time of the fastest sigmoid sampling with an error up to {ACCURACY:g} over "
                 f"that of the {OURS}, {row.panel}",
-                Target(">=", SPEED_TARGET) if _is_sweep(row.panel) else None,
+                Target(">=", SPEED_TARGET),
             )
     if found.grid is not None:
         for panel, poses in (("grid", f"{STEPS} × {STEPS}"), ("sweeps", f"{STEPS} + {STEPS}")):
@@ -83,22 +83,13 @@ def metrics(spec: VisibilityPrecisionSpec, found: Measurements) -> list[Metric]:
                     f"{asked} of paper B's finger in {poses} poses, once compiled",
                     Target("<=", GRID_TARGET_S),
                 )
-        what = (
-            f"{GRADIENT} with respect to all dimensions and angles over {STEPS} × {STEPS} poses, "
-            "median of fresh processes"
-        )
         add(
             "finger_grid_compile_s",
-            statistics.median(start.compile for start in found.grid.starts),
+            statistics.median(found.grid.compile_seconds),
             "s",
-            f"lowering and compiling {what}",
+            f"tracing, lowering and compiling {GRADIENT} with respect to all dimensions and angles "
+            f"over {STEPS} × {STEPS} poses, median of fresh processes",
             Target("<=", COMPILE_TARGET_S),
-        )
-        add(
-            "finger_grid_trace_s",
-            statistics.median(start.trace for start in found.grid.starts),
-            "s",
-            f"tracing, before it is compiled, {what}",
         )
         add(
             "finger_grid_disagreement",
@@ -148,15 +139,12 @@ def findings(spec: VisibilityPrecisionSpec, found: Measurements) -> list[str]:
         said.append(_beside(row, others))
     gradients = [row for row in found.rows if _is_gradient(row)]
     said += [_rivalry(found, row.panel) for row in gradients]
-    if spec.flexion:
+    if len(gradients) > 1:
         one, many = gradients[0], gradients[-1]
         said.append(
             f"The {OURS} take {many.seconds / one.seconds:.2g} times as long for '{many.panel}' "
-            f"as for '{one.panel}': part of a call's time is its start. The target of speed is "
-            "that of the sweep, which every design needs."
+            f"as for '{one.panel}': part of a call's time is its start."
         )
-    else:
-        said.append("Without the sweep (flexion) there is no target for the speed over sigmoids.")
     if found.deviations:
         worst = max(found.deviations, key=lambda scene: scene.coverage)
         said.append(
@@ -175,7 +163,7 @@ def findings(spec: VisibilityPrecisionSpec, found: Measurements) -> list[str]:
         )
     said += _tracing(found)
     said.append(
-        "Run times are those of one core, but those of the grid and of compiling of all."
+        "Run times are those of one core; compiling uses all of them."
         if found.pinned
         else "This system cannot hold threads on one core, so these are not one core's times."
     )
@@ -184,7 +172,7 @@ def findings(spec: VisibilityPrecisionSpec, found: Measurements) -> list[str]:
 
 def claims(spec: VisibilityPrecisionSpec, found: Measurements) -> list[Claim]:
     """What the study says, each with what would prove it wrong."""
-    said = [_speed_claim(found, rival) for rival in found.rivals if _is_sweep(rival.row.panel)]
+    said = [_speed_claim(found, rival) for rival in found.rivals]
     said.append(undominated_claim(found.rows))
     if found.deviations:
         said.append(
@@ -201,7 +189,7 @@ def claims(spec: VisibilityPrecisionSpec, found: Measurements) -> list[Claim]:
             )
         )
     if found.grid is not None:
-        compiled = statistics.median(start.compile for start in found.grid.starts)
+        compiled = statistics.median(found.grid.compile_seconds)
         times = [row.seconds for row in found.grid.rows]
         said.append(
             Claim(
@@ -212,8 +200,7 @@ def claims(spec: VisibilityPrecisionSpec, found: Measurements) -> list[Claim]:
                 "each joint moves one pad and one mirror.",
                 [
                     *(f"{r.panel}, {r.method}: {r.seconds:.2g} s" for r in found.grid.rows),
-                    "compiling (and tracing before it): "
-                    + ", ".join(f"{s.compile:.1f} s ({s.trace:.1f} s)" for s in found.grid.starts),
+                    "compiling: " + ", ".join(f"{s:.1f} s" for s in found.grid.compile_seconds),
                     f"largest deviation of the two: {found.grid.disagreement:.0e}",
                 ],
                 max(times) <= GRID_TARGET_S
@@ -287,11 +274,6 @@ def _tracer_claim(found: Measurements) -> Claim:
 def _is_gradient(row: PrecisionRow) -> bool:
     """One row for each workload that asks for a gradient."""
     return row.method == OURS and row.panel.startswith("gradient")
-
-
-def _is_sweep(panel: str) -> bool:
-    """Whether a workload has more poses than one."""
-    return not panel.endswith(" 1 pose")
 
 
 def _rival(found: Measurements, panel: str) -> Rival | None:
