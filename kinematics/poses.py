@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import equinox as eqx
@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from designopt.batching import in_blocks
 from designopt.numerics import as_float
 from designopt.solution import Solution
 from kinematics.evaluation import Drive, State, closure
@@ -104,30 +105,13 @@ def solve_poses(
     # Angles become unit vectors here: XLA would compute their sines anew for every output.
     drive = solver.drive(jnp.where(finite[..., None], inputs, 0.0))
     flat = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[len(batch) :]), (drive, finite))
-    solved = _in_blocks(jax.vmap(lambda drive, finite: _solve_one(solver, drive, finite)), flat)
-    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), solved)
-
-
-def _in_blocks(
-    solve: Callable[[Drive, Bool[Array, " block"]], Solution[Pose]],
-    flat: tuple[Drive, Bool[Array, " poses"]],
-) -> Solution[Pose]:
     count = flat[1].shape[0]
+    solve = jax.vmap(lambda pose: _solve_one(solver, *pose))
     if count < FEW:
-        return solve(*flat)
-    # Blocks of one size, near the wanted one; the last is filled up with the last pose.
-    most = min(BLOCK, -(-count // 2))
-    size = next((s for s in range(most, most // 2, -1) if count % s == 0), most)
-    blocks = -(-count // size)
-
-    def fold(leaf: Array) -> Array:
-        if blocks * size != count:
-            last = jnp.repeat(leaf[-1:], blocks * size - count, axis=0)
-            leaf = jnp.concatenate([leaf, last])
-        return leaf.reshape(blocks, size, *leaf.shape[1:])
-
-    solved = jax.lax.map(jax.checkpoint(lambda block: solve(*block)), jax.tree.map(fold, flat))
-    return jax.tree.map(lambda leaf: leaf.reshape(blocks * size, *leaf.shape[2:])[:count], solved)
+        solved = solve(flat)
+    else:
+        solved = in_blocks(jax.checkpoint(solve), flat, min(BLOCK, -(-count // 2)))
+    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), solved)
 
 
 def _solve_one(solver: Solver, drive: Drive, finite: Bool[Array, ""]) -> Solution[Pose]:
