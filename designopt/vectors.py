@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -26,6 +28,11 @@ class Vector(eqx.Module):
 
     def __neg__(self) -> Vector:
         return Vector(-self.x, -self.y)
+
+    def __getitem__(self, index: Any) -> Vector:
+        return Vector(self.x[index], self.y[index])
+
+    __iter__ = None  # it would never end: indices beyond the last one give the last one
 
     def scaled(self, factor: Float[Array, "*batch"]) -> Vector:
         """The vector times a number, or times each of several; shapes broadcast."""

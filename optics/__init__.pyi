@@ -8,7 +8,7 @@ from .scene_reading import read_scene, scene_from
 from .thin_lens import LensImage, LensResult, ThinLens
 from .tracing import Hits, trace_rays
 from .views import Pieces, ViewResult, describe_end, path_names
-from .visibility import find_views
+from .visibility import find_coverage, find_views
 
 __all__ = [
     "Camera",
@@ -29,6 +29,7 @@ __all__ = [
     "ViewResult",
     "describe_end",
     "dimension_for_ratio",
+    "find_coverage",
     "find_focus",
     "find_views",
     "path_names",

@@ -1,8 +1,14 @@
-"""Every end of a view is the place where a line meets the pad; here are these lines.
+"""What bounds a view: lines that a ray to the pad must not cross, each linear along the pad.
 
-Which line bounds what is found without derivatives (`optics.visibility`). Computed anew from its
-label, as here, the end carries its derivative and nothing else does: the end of a piece moves as
-its line does, and it jumps from one line to another only where the view changes its topology.
+From a (virtual) camera S, the part of a pad that is hidden by a segment AB, or seen through it, is
+one interval: that where
+
+    (A − S) × (P − S),   (P − S) × (B − S)   and   −(B − A) × (P − A),
+
+all taken with the sign of (A − S) × (B − S), are positive. Each is linear along the pad, so its
+values at the pad's two ends give the place where it vanishes as a quotient: there the line of sight
+along an end of the segment, or the segment itself, meets the pad. Limits of the field of view and
+of the grazing angle are linear conditions too.
 """
 
 from __future__ import annotations
@@ -11,25 +17,24 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector, chosen, rotation, together
 from optics.camera import Camera
 from optics.labels import (
     CROSSING,
-    CUT_AFTER,
-    CUT_BEFORE,
+    FIRST_PAD_END,
     HIGH_GRAZING,
     LEFT_LIMIT,
     LOW_GRAZING,
     RIGHT_LIMIT,
-    SECOND_END,
     SECOND_PAD_END,
     parts_of,
+    with_kind,
 )
 from optics.scene import Placed, Scene
-from optics.unfolding import Fold, folds_of, padded, unit
+from optics.unfolding import Unfolded, unit
 
 
 class Pad(eqx.Module):
@@ -62,111 +67,79 @@ class Pad(eqx.Module):
         return together(self.start, self.end)
 
 
-class Route(eqx.Module):
-    """A path over mirrors, unfolded behind the last of them; or several, along a first axis.
+PER_SEGMENT = 3
+"""How many of the `conditions` are those of one segment."""
 
-    Attributes:
-        word: mirrors along the path, −1 after its end.
-        source: the virtual camera.
-        axis: its optical axis.
-        folds: the motions that unfold its legs, but the last, which stays.
+LIMITS = (LEFT_LIMIT, RIGHT_LIMIT, LOW_GRAZING, HIGH_GRAZING)
+"""Labels of the last `conditions`, which are not of a segment."""
+
+PAD_ENDS = (FIRST_PAD_END, SECOND_PAD_END)
+"""Labels of the last `meetings`."""
+
+
+def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 bounds"]:
+    """Values at the pad's two ends of all that may bound a view.
+
+    First the three numbers of the segments, but for their common sign: the first ones of all
+    segments on all legs, the second ones, the third ones. Then `LIMITS`, which are positive within
+    a field of view below 180°, and where a ray is no flatter than the least grazing angle.
     """
+    half, dtype = camera.field_of_view / 2, camera.field_of_view.dtype
+    limits = path.axis[None].turned(rotation(jnp.stack([half, -half])))
+    inward, towards = jnp.array([-1.0, 1.0], dtype), jnp.array([1.0, -1.0], dtype)
+    # notation: where a ray meets the pad at s from the foot of the height h, tan(grazing) = h/|s|;
+    # h and s in units of the pad's length.
+    step, least = pad.end - pad.start, rotation(pad.grazing)
+    h = jnp.abs(step.cross(path.source - pad.start))
 
-    word: Int[Array, "*paths reflections"]
-    source: Vector
-    axis: Vector
-    folds: list[Fold]
+    @jax.vmap
+    def values(place: Vector) -> Float[Array, " bounds"]:
+        ends, ray = path.blockers.ends - path.source, place - path.source
+        beside = ends.cross(ray)
+        behind = (ends[..., 1] - ends[..., 0]).cross(place - path.blockers.ends[..., 0])
+        segments = [beside[..., 0], -beside[..., 1], -behind]
+        inside = inward * limits.cross(ray[None])
+        steep = h * least.x + towards * (step.dot(ray) * least.y)
+        return jnp.concatenate([*(part.reshape(-1) for part in segments), inside, steep])
 
-    def at(self, path: Int[Array, ""]) -> Route:
-        """One of several paths."""
-        return jax.tree.map(lambda leaf: leaf[path], self)
-
-    def handedness(self) -> Float[Array, "*paths"]:
-        """−1 after an odd number of reflections, else 1."""
-        return self.folds[0].sign if self.folds else jnp.ones_like(self.source.x)
-
-    def folded(self, leg: Int[Array, "*legs"] | int, place: Vector) -> Vector:
-        """A place of a leg of this one path, unfolded behind the last mirror."""
-        found = place
-        for number, fold in enumerate(self.folds):
-            found = chosen(jnp.asarray(leg == number), fold.place(place), found)
-        return found
-
-
-def routes_of(placed: Placed, words: list[tuple[int, ...]]) -> Route:
-    """The paths over given mirrors, along one axis."""
-
-    def route(word: Int[Array, " reflections"]) -> Route:
-        folds = folds_of(placed, word)
-        source, axis = folds[0].place(placed.camera), folds[0].arrow(placed.axis)
-        return Route(word, source, axis, folds[:-1])
-
-    return jax.vmap(route)(jnp.asarray(padded(words)))
+    return values(pad.ends())
 
 
-class Line(eqx.Module):
-    """A line or several, by a point and a direction of any length.
-
-    Attributes:
-        point: the virtual camera, or a place on a surface that meets the pad.
-        direction: along the line.
-        crosses: whether it lies along such a surface.
-    """
-
-    point: Vector
-    direction: Vector
-    crosses: Bool[Array, "*lines"]
+def meetings(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, " bounds"]:
+    """Pad coordinates of all that may bound a view: of `conditions`, and the pad's own ends."""
+    first, last = conditions(camera, path, pad)
+    at, _ = safe_divide(first, first - last)
+    return jnp.concatenate([at, jnp.array([0.0, 1.0], at.dtype)])
 
 
-def bounding_line(
-    camera: Camera, placed: Placed, route: Route, pad: Pad, label: Int[Array, "*labels"]
-) -> Line:
-    """The lines that labels stand for: of sight along an edge, or along a surface.
+def labels_of(path: Unfolded) -> Int[Array, " bounds"]:
+    """Labels of all `meetings`."""
+    first, last = path.blockers.labels[..., 0], path.blockers.labels[..., 1]
+    segments = jnp.stack([first, last, with_kind(first, CROSSING)]).reshape(-1)
+    return jnp.concatenate([segments, jnp.array([*LIMITS, *PAD_ENDS])])
 
-    All of it unfolded behind the last mirror of the path.
-    """
-    source, axis = route.source, route.axis
+
+def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> Vector:
+    """From the source along the line of sight that a label stands for, of any length."""
+    source, axis, step = path.source, path.axis, pad.end - pad.start
     leg, surface, kind = parts_of(jnp.maximum(label, 0))
-    start, end = placed.segment(surface)
-    edge = chosen(kind == SECOND_END, end, start)
-    longest = route.word.shape[0]
-    if longest:
-        # Where a surface meets the line of the mirror before or after the leg.
-        neighbour = jnp.clip(jnp.where(kind == CUT_BEFORE, leg - 1, leg), 0, longest - 1)
-        cut = _meeting(start, end, *placed.segment(route.word[neighbour]))
-        edge = chosen((kind == CUT_BEFORE) | (kind == CUT_AFTER), cut, edge)
-    seen = route.folded(leg, edge)
-    along = route.folded(leg, end) - route.folded(leg, start)
+    edges = jax.tree.map(lambda leaf: leaf[leg, surface], path.blockers)
+    first, last = edges.ends[0], edges.ends[1]
+    along = last - first
+    met, _ = safe_divide(along.cross(pad.start - first), -along.cross(step))
+    edge = chosen(edges.labels[0] == label, first, last)
+    edge = chosen(kind == CROSSING, pad.start + step.scaled(met), edge)
 
     # The labels below 0 come in pairs, of which one has the sign 1.
     second = (label == SECOND_PAD_END) | (label == LEFT_LIMIT) | (label == HIGH_GRAZING)
     sign = jnp.where(second, 1.0, -1.0).astype(source.x.dtype)
     half = rotation(camera.field_of_view / 2)
     limit = axis.scaled(half.x) + axis.perpendicular().scaled(sign * half.y)
-    along_pad = unit(pad.end - pad.start)
+    along_pad = unit(step)
     above = along_pad.cross(source - pad.start)
     drop = along_pad.perpendicular().scaled(-above * jnp.sin(pad.grazing))
     flattest = drop + along_pad.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
-    direction = chosen(second, pad.end, pad.start)
-
-    crossing = kind == CROSSING
+    end = chosen(label >= 0, edge, chosen(second, pad.end, pad.start))
     is_limit = (label == LEFT_LIMIT) | (label == RIGHT_LIMIT)
     is_grazing = (label == LOW_GRAZING) | (label == HIGH_GRAZING)
-    direction = chosen(label >= 0, seen, direction) - source
-    direction = chosen(is_limit, limit, chosen(is_grazing, flattest, direction))
-    direction = chosen(crossing, along, direction)
-    return Line(chosen(crossing, seen, source), direction, crossing)
-
-
-def where_met(line: Line, pad: Pad) -> Float[Array, "*lines"]:
-    """Pad coordinates at which lines meet a pad; 0 where they do not."""
-    first = line.direction.cross(pad.start - line.point)
-    last = line.direction.cross(pad.end - line.point)
-    return safe_divide(first, first - last)[0]
-
-
-def _meeting(start: Vector, end: Vector, first: Vector, last: Vector) -> Vector:
-    """Where the line through ``start`` and ``end`` meets that through two other places."""
-    along, step = last - first, end - start
-    part, _ = safe_divide(along.cross(first - start), along.cross(step))
-    return start + step.scaled(part)
+    return chosen(is_limit, limit, chosen(is_grazing, flattest, end - source))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
@@ -43,27 +44,17 @@ def where_positive(
     return start, end
 
 
-def common_part(
-    at_start: Float[Array, "conditions ..."],
-    at_end: Float[Array, "conditions ..."],
-    labels: Int[Array, "conditions ..."],
-    whole: tuple[int, int],
-) -> Interval:
-    """Part of 0 … 1 in which several linear functions are all positive.
+def common_part(parts: Interval) -> Interval:
+    """What several intervals along a first axis have in common; of equal ends the last one's label.
 
-    Args:
-        at_start: the functions' values at 0.
-        at_end: their values at 1.
-        labels: one per function, for the ends that it sets.
-        whole: the labels of a start and of an end that none of them sets.
+    Labels are taken to rise along that axis.
     """
-    starts, ends = where_positive(at_start, at_end)
-    first, last = jnp.argmax(starts, axis=0), jnp.argmin(ends, axis=0)
-    start, end = jnp.max(starts, axis=0), jnp.min(ends, axis=0)
-    at_first = jnp.take_along_axis(labels, first[None], axis=0)[0]
-    at_last = jnp.take_along_axis(labels, last[None], axis=0)[0]
+    start, end = jnp.max(parts.start, axis=0), jnp.min(parts.end, axis=0)
     return Interval(
-        start, end, jnp.where(start > 0, at_first, whole[0]), jnp.where(end < 1, at_last, whole[1])
+        start,
+        end,
+        _label_at(parts.start == start[None], parts.start_label, 0),
+        _label_at(parts.end == end[None], parts.end_label, 0),
     )
 
 
@@ -94,8 +85,8 @@ def gaps(window: Interval, shadows: Interval, active: Bool[Array, " shadows"]) -
     starts = jnp.where(left & active[None], shadows.end[None], -FAR)
     ends = jnp.where(~left & active[None], shadows.start[None], FAR)
     start, end = jnp.max(starts, axis=1), jnp.min(ends, axis=1)
-    start_label = shadows.end_label[jnp.argmax(starts, axis=1)]
-    end_label = shadows.start_label[jnp.argmin(ends, axis=1)]
+    start_label = _label_at(starts == start[:, None], shadows.end_label[None], 1)
+    end_label = _label_at(ends == end[:, None], shadows.start_label[None], 1)
     counts = jnp.concatenate([jnp.ones_like(active[:1]), active])
     return Interval(
         jnp.where(counts, jnp.maximum(start, window.start), FAR),
@@ -103,3 +94,28 @@ def gaps(window: Interval, shadows: Interval, active: Bool[Array, " shadows"]) -
         jnp.where(start > window.start, start_label, window.start_label),
         jnp.where(end < window.end, end_label, window.end_label),
     )
+
+
+def _label_at(
+    bounds: Bool[Array, "..."], labels: Int[Array, "..."], axis: int
+) -> Int[Array, "..."]:
+    """The label of what bounds; of several at one place the largest.
+
+    A maximum is several times as fast as looking up the label by `jnp.argmax`.
+    """
+    return jnp.max(jnp.where(bounds, labels, jnp.iinfo(labels.dtype).min), axis=axis)
+
+
+def measure_of_union(
+    start: Float[Array | np.ndarray, "*batch intervals"],
+    end: Float[Array | np.ndarray, "*batch intervals"],
+) -> Float[Array, "*batch"]:
+    """Length of what intervals within 0 … 1 cover together, if no end comes before its start.
+
+    Intervals of some length are in the order in which they begin; those of none may follow.
+    """
+    # An interval counts from where all that begin before it have ended.
+    order = jnp.arange(start.shape[-1])
+    earlier = (order[:, None] > order[None]).reshape((1,) * (end.ndim - 1) + (-1, order.size))
+    begin = jnp.maximum(start, jnp.max(jnp.where(earlier, end[..., None, :], 0.0), axis=-1))
+    return jnp.sum(jnp.where(end > begin, end - begin, 0.0), axis=-1)

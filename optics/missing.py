@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_arctan2
 from designopt.vectors import Vector, together
-from optics.boundaries import Pad, Route
+from optics.boundaries import Pad, toward
 from optics.camera import Camera
 from optics.intervals import FAR, Interval, gaps
 from optics.labels import (
@@ -30,11 +30,10 @@ from optics.labels import (
     label_of,
     with_kind,
 )
-from optics.scene import Placed
-from optics.unfolding import Edges, Unfolded, cut, height, unit
+from optics.unfolding import Edges, Unfolded, cut, left_of, unit
 
 
-def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""]) -> Interval:
+def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     """The widest gap between what must not be met, in angles (rad) about the source.
 
     Angles are counted from the middle of the pad, in the sense in which its sensing side shows its
@@ -45,9 +44,10 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
         camera: the camera.
         path: the path, unfolded.
         pad: the pad.
-        above: distance of the source left of the pad's line.
     """
     source = path.source
+    step = pad.end - pad.start
+    above = left_of(source, pad.start, step)
     middle = (pad.start - source) + (pad.end - source)
     sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
 
@@ -56,8 +56,9 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
         return sense * safe_arctan2(across, middle.x * arrow.x + middle.y * arrow.y)
 
     shown = _shown(path, pad)
-    foot = unit(pad.end - pad.start).perpendicular().scaled(-above)
-    seen = together(shown.starts - source, shown.ends - source, path.axis, -path.axis, foot)
+    foot = step.perpendicular().scaled(-above)
+    ends = shown.ends - source
+    seen = together(ends[0], ends[1], path.axis, -path.axis, foot)
     first, last, axis, back, foot = angle(seen)
     centre = (first + last) / 2
 
@@ -67,16 +68,16 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
 
     def spans(edges: Edges) -> Interval:
         """The angles under which segments appear."""
-        from_angle, to_angle = angle(edges.starts - source), angle(edges.ends - source)
-        width = to_angle - from_angle
+        angles = angle(edges.ends - source)
+        from_angle, width = angles[..., 0], angles[..., 1] - angles[..., 0]
         width = width - 2 * jnp.pi * jnp.round(width / (2 * jnp.pi))
         middle = turned(from_angle + width / 2)
         rises = width > 0
         return Interval(
             middle - jnp.abs(width) / 2,
             middle + jnp.abs(width) / 2,
-            jnp.where(rises, edges.start_labels, edges.end_labels),
-            jnp.where(rises, edges.end_labels, edges.start_labels),
+            jnp.where(rises, edges.labels[..., 0], edges.labels[..., 1]),
+            jnp.where(rises, edges.labels[..., 1], edges.labels[..., 0]),
         )
 
     half = camera.field_of_view / 2
@@ -93,20 +94,24 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
         for one, other in ((LOW_GRAZING, HIGH_GRAZING), (HIGH_GRAZING, LOW_GRAZING))
     )
     side = jnp.where(above < 0, -1.0, 1.0)
-    crossing = with_kind(path.blockers.start_labels, CROSSING)
-    blockers = cut(path.blockers, pad.start, unit(pad.end - pad.start), side, crossing)
+    crossing = with_kind(path.blockers.labels[..., 0], CROSSING)
+    blockers = cut(path.blockers, pad.ends(), side, crossing)
     # Mirrors first, then what may hide the pad.
-    found = spans(jax.tree.map(lambda *edges: jnp.append(*edges), path.mirrors, blockers))
-    away, there = path.turned_away, path.reflects
+    both = jax.tree.map(
+        lambda many, others: jnp.concatenate([many, others.reshape(-1, *others.shape[2:])]),
+        path.mirrors,
+        blockers,
+    )
+    found, away, there = spans(both), path.turned_away, path.reflects
     mirrors = jax.tree.map(lambda leaf: leaf[: len(there)], found)
     hidden = jax.tree.map(lambda leaf: leaf[len(there) :], found)
     lower = [
-        (first, shown.start_labels),
+        (first, shown.labels[0]),
         (foot - room, toward_first),
         (jnp.where(wide, -FAR, axis - half), low),
     ]
     upper = [
-        (last, shown.end_labels),
+        (last, shown.labels[1]),
         (foot + room, toward_second),
         (jnp.where(wide, FAR, axis + half), high),
     ]
@@ -130,7 +135,10 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, above: Float[Array, ""
     shadows = jax.tree.map(lambda many, one: jnp.append(many, one), hidden, outside)
     found = gaps(window, shadows, jnp.append(active, wide))
     best = jnp.argmax(found.end - found.start)
-    return jax.tree.map(lambda leaf: leaf[best], found)
+    widest = jax.tree.map(lambda leaf: leaf[best], found)
+    # A pad seen edge-on shows nothing.
+    end = jnp.where(above == 0, jnp.minimum(widest.start, widest.end), widest.end)
+    return Interval(widest.start, end, widest.start_label, widest.end_label)
 
 
 def _values(bounds: list[tuple[Array, Array]]) -> Float[Array, " bounds"]:
@@ -143,46 +151,50 @@ def _labels(bounds: list[tuple[Array, Array]]) -> Int[Array, " bounds"]:
 
 def _shown(path: Unfolded, pad: Pad) -> Edges:
     """The part of a pad that lies in front of the last mirror."""
-    ends = jnp.asarray(FIRST_PAD_END), jnp.asarray(SECOND_PAD_END)
-    shown = Edges(pad.start, pad.end, *ends, jnp.ones_like(pad.start.x, bool))
-    start, along = path.last
-    side = jnp.where(height(path.source, start, along) < 0, 1.0, -1.0)
+    whole = Edges(pad.ends(), jnp.array([FIRST_PAD_END, SECOND_PAD_END]), jnp.asarray(True))
+    start, along = path.last[0], path.last[1] - path.last[0]
     leg = jnp.sum(path.reflects)
-    return cut(shown, start, along, side, label_of(leg, pad.index, CUT_BEFORE), leg > 0)
+    behind = jnp.where(left_of(path.source, start, along) < 0, 1.0, -1.0)
+    side = jnp.where(leg > 0, behind, 0.0)
+    return cut(whole, path.last, side, label_of(leg, pad.index, CUT_BEFORE))
 
 
-def elevation(placed: Placed, route: Route, pad: Pad) -> Float[Array, ""]:
+def elevation(path: Unfolded, pad: Pad) -> Float[Array, ""]:
     """Least angle (rad) by which what a path needs rises above the mirrors that it must clear.
 
     Seen from the virtual camera, each mirror must have a part beyond the one before it, and the
     pad beyond the last, and each mirror a part before the one that follows. Angles are those at
     the mirror's first end, positive if the higher end of the other clears its line.
     """
-    source, word = route.source, route.word
-    least = jnp.full_like(placed.size, jnp.pi / 2)
+    least = jnp.full_like(path.source.x, jnp.pi / 2)
 
-    def rise(over: tuple[Vector, Vector], ends: tuple[Vector, Vector], beyond: bool) -> Array:
+    def rise(over: Vector, other: Vector, beyond: bool) -> Array:
         start, along = over[0], unit(over[1] - over[0])
-        far = jnp.where(along.cross(source - start) < 0, 1.0, -1.0)
-        side = far if beyond else -far
-        arrows = [end - start for end in ends]
-        return jnp.maximum(
-            *(safe_arctan2(side * along.cross(a), jnp.abs(along.dot(a))) for a in arrows)
-        )
+        far = jnp.where(along.cross(path.source - start) < 0, 1.0, -1.0)
+        side, arrows = far if beyond else -far, other - start
+        angles = safe_arctan2(side * along.cross(arrows), jnp.abs(along.dot(arrows)))
+        return jnp.maximum(angles[0], angles[1])
 
-    for i in range(word.shape[0]):
-        mirror = _on_leg(placed, route, i + 1, word[i])
-        ends = (word[i] >= 0) & ((word[i + 1] < 0) if i + 1 < word.shape[0] else True)
-        least = jnp.where(ends, jnp.minimum(least, rise(mirror, (pad.start, pad.end), True)), least)
-        if i + 1 < word.shape[0]:
-            following = _on_leg(placed, route, i + 1, word[i + 1])
+    count = path.reflects.shape[0]
+    for i in range(count):
+        mirror = path.whole[i]
+        goes_on = path.reflects[i + 1] if i + 1 < count else jnp.asarray(False)
+        to_pad = jnp.minimum(least, rise(mirror, pad.ends(), True))
+        least = jnp.where(path.reflects[i] & ~goes_on, to_pad, least)
+        if i + 1 < count:
+            following = path.whole[i + 1]
             both = jnp.minimum(rise(mirror, following, True), rise(following, mirror, False))
-            least = jnp.where(word[i + 1] >= 0, jnp.minimum(least, both), least)
+            least = jnp.where(goes_on, jnp.minimum(least, both), least)
     return least
 
 
-def _on_leg(
-    placed: Placed, route: Route, leg: int, surface: Int[Array, ""]
-) -> tuple[Vector, Vector]:
-    start, end = placed.segment(surface)
-    return route.folded(leg, start), route.folded(leg, end)
+def margin(camera: Camera, path: Unfolded, pad: Pad, widest: Interval) -> Float[Array, ""]:
+    """The width (rad) of the gap that was found, with the derivative of the lines that bound it."""
+    labels = jnp.stack([widest.start_label, widest.end_label])
+    first, last = jax.vmap(lambda label: toward(camera, path, pad, label))(labels).angle()
+    above = (pad.end - pad.start).cross(path.source - pad.start)
+    sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
+    moving = sense * (last - first)
+    gap = widest.end - widest.start + (moving - jax.lax.stop_gradient(moving))
+    rises = elevation(path, pad)
+    return jnp.where(rises < 0, jnp.minimum(rises, gap), gap)

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from designopt.vectors import Vector, rotation, vector
+from designopt.vectors import Vector, rotation, together, vector
 from optics.camera import Camera
 
 WORLD = -1
@@ -159,8 +159,7 @@ class Placed(eqx.Module):
     Attributes:
         camera: position of the camera.
         axis: unit vector of the optical axis.
-        starts: first ends of all surfaces, in the order of `Layout.surfaces`.
-        ends: second ends.
+        corners: first and second ends of all surfaces, in the order of `Layout.surfaces`.
         radii: of the curved mirrors.
         hinges: of the frames.
         origin: what has been subtracted, mm: the camera's position in the reference pose.
@@ -169,16 +168,26 @@ class Placed(eqx.Module):
 
     camera: Vector
     axis: Vector
-    starts: Vector
-    ends: Vector
+    corners: Vector
     radii: Float[Array, " curved"]
     hinges: Vector
     origin: Vector
     size: Float[Array, ""]
 
+    @property
+    def starts(self) -> Vector:
+        """First ends of all surfaces."""
+        return self.corners[..., 0]
+
+    @property
+    def ends(self) -> Vector:
+        """Second ends of all surfaces."""
+        return self.corners[..., 1]
+
     def segment(self, surface: Int[ArrayLike, "*surfaces"]) -> tuple[Vector, Vector]:
         """Both ends of a surface, or of several, by index."""
-        return jax.tree.map(lambda leaf: leaf[surface], (self.starts, self.ends))
+        corners = self.corners[surface]
+        return corners[..., 0], corners[..., 1]
 
     def absolute(self, place: Vector) -> Vector:
         """Coordinates in mm of a place that is relative to the placed scene."""
@@ -193,33 +202,39 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
         angles: joint angles in the order of ``scene.angle_names``, rad.
     """
     layout, origin = scene.layout, vector(scene.camera.position)
-    corners = jnp.concatenate([scene.mirrors, scene.pads, scene.blockers])
-    starts, ends = vector(corners[:, 0]) - origin, vector(corners[:, 1]) - origin
+    corners = vector(jnp.concatenate([scene.mirrors, scene.pads, scene.blockers])) - origin
     hinges = vector(scene.hinges) - origin
-    size = _size(starts, ends, hinges)
-    starts, ends, hinges = jax.tree.map(lambda leaf: leaf / size, (starts, ends, hinges))
+    size = _size(corners, hinges)
+    corners, hinges = jax.tree.map(lambda leaf: leaf / size, (corners, hinges))
     zero = jnp.zeros_like(size)
     # Of each frame, parents first: its hinge in the reference pose and now, and how it is turned.
     # The fixed frame comes last, so that its index is `WORLD`.
     still = (Vector(zero, zero), Vector(zero, zero), Vector(jnp.ones_like(size), zero))
     moved: list[tuple[Vector, Vector, Vector]] = []
+    signs = jnp.array([frame.sign for frame in layout.frames], size.dtype)
+    turns = rotation(signs * angles[np.array([frame.angle for frame in layout.frames], int)])
     for index, frame in enumerate(layout.frames):
-        hinge = Vector(hinges.x[index], hinges.y[index])
-        parent = still if frame.parent == WORLD else moved[frame.parent]
-        turn = rotation(frame.sign * angles[frame.angle]).turned(parent[2])
-        moved.append((hinge, _moved(parent, hinge), turn))
+        hinge, turn = hinges[index], turns[index]
+        if frame.parent == WORLD:
+            moved.append((hinge, hinge, turn))
+        else:
+            parent = moved[frame.parent]
+            moved.append((hinge, _moved(parent, hinge), turn.turned(parent[2])))
     moved.append(still)
-    frames = np.array([part.frame for part in layout.surfaces], int)
-    stacked = jax.tree.map(lambda *parts: jnp.stack(parts), *moved)
-    of_surface = jax.tree.map(lambda leaf: leaf[frames], stacked)
+    # The surfaces frame by frame, and then back in their order.
+    frame_of = np.array([part.frame for part in layout.surfaces], int) % len(moved)
+    order = np.argsort(frame_of, kind="stable")
+    parts = [
+        _moved(frame, corners[order[frame_of[order] == index]]) for index, frame in enumerate(moved)
+    ]
+    joined = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
     camera = moved[layout.camera_frame]
     return Placed(
         _moved(camera, still[0]),
         rotation(scene.camera.direction).turned(camera[2]),
-        _moved(of_surface, starts),
-        _moved(of_surface, ends),
+        joined[np.argsort(order)],
         scene.radii / size,
-        jax.tree.map(lambda leaf: leaf[:WORLD], stacked[1]),
+        together(*(now for _, now, _ in moved))[:-1],
         origin,
         size,
     )

@@ -18,13 +18,13 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_divide
-from optics.boundaries import Pad, routes_of
+from optics.boundaries import Pad
 from optics.fan import Fan
+from optics.looks import look
 from optics.scene import Scene, place
 from optics.tracing import Leg
-from optics.unfolding import paths_of
+from optics.unfolding import paths_of, unfold_all
 from optics.views import Pieces
-from optics.visibility import look
 
 PARTS = 64
 """Parts into which a stretch is cut and, by rays, a piece."""
@@ -131,16 +131,16 @@ def _unfolded(
 
     def in_pose(
         angles: Float[Array, " joints"],
-        paths: Int[Array, "pads pieces"],
+        path_of: Int[Array, "pads pieces"],
         places: Float[Array, "pads places"],
     ) -> tuple[Array, Array]:
         placed = place(scene, angles)
-        routes, pads = routes_of(placed, words), Pad.all_of(scene, placed)
+        paths, pads = unfold_all(scene.layout, placed, words), Pad.all_of(scene, placed)
 
         def by(pad: Pad, path: Int[Array, ""], places: Float[Array, " places"]) -> Any:
-            return look(scene.camera, placed, routes.at(path), pad, places)[1:]
+            return look(scene.camera, placed.size, paths.at(path), pad, places)[1:]
 
-        return jax.vmap(jax.vmap(by, (None, 0, None)))(pads, paths, places)
+        return jax.vmap(jax.vmap(by, (None, 0, None)))(pads, path_of, places)
 
     return jax.vmap(in_pose)(angles, pieces.path, places)
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -58,58 +59,66 @@ class Fold(eqx.Module):
         return Vector(arrow.x, self.sign * arrow.y).turned(self.turn)
 
     def mirrored(self, start: Vector, along: Vector) -> Fold:
-        """This motion, and then mirrored in the line through ``start`` along a unit vector."""
-        double = along.turned(along)
-        shift = start + (self.shift - start).conjugate().turned(double)
-        return Fold(shift, self.turn.conjugate().turned(double), -self.sign)
+        """This motion, and then mirrored in the line through ``start`` along a vector."""
+        twice = _twice(along)
+        shift = start + (self.shift - start).conjugate().turned(twice)
+        return Fold(shift, self.turn.conjugate().turned(twice), -self.sign)
 
 
 class Edges(eqx.Module):
     """Segments, and what bounds them.
 
     Attributes:
-        starts: first ends.
-        ends: second ends.
-        start_labels: what the first ends are.
-        end_labels: what the second ends are.
-        active: whether anything is left of them.
+        ends: first and second ends, shape (..., 2).
+        labels: what these are, shape (..., 2).
+        active: whether they count, as something is left of them, shape (...).
     """
 
-    starts: Vector
     ends: Vector
-    start_labels: Int[Array, "*batch"]
-    end_labels: Int[Array, "*batch"]
+    labels: Int[Array, "*batch 2"]
     active: Bool[Array, "*batch"]
 
     def folded(self, fold: Fold) -> Edges:
         """The segments moved."""
-        return eqx.tree_at(
-            lambda edges: (edges.starts, edges.ends),
-            self,
-            (fold.place(self.starts), fold.place(self.ends)),
-        )
+        return Edges(fold.place(self.ends), self.labels, self.active)
 
 
 class Unfolded(eqx.Module):
-    """One path from the camera over mirrors, unfolded behind the last of them.
+    """One path from the camera over mirrors, unfolded behind the last of them; or several.
+
+    Several are along a first axis.
 
     Attributes:
         source: the virtual camera.
         axis: its optical axis, a unit vector.
-        mirrors: what can be reached of each mirror, in the order of the path.
+        whole: first and second ends of its mirrors, in the order of the path.
+        mirrors: what can be reached of each mirror.
         reflects: which of them there are: the path may be shorter than others beside it.
         turned_away: of each mirror, whether the camera or its image is not in front of it.
-        blockers: what may stand in the way, shape (legs, surfaces).
-        last: a place on the last mirror, and the unit vector along it, if there is one.
+        through: of each leg, at which mirrors it begins and ends; shape (legs, surfaces).
+        blockers: all surfaces on every leg, shape (legs, surfaces); active is what can hide a pad,
+            so those that a leg goes ``through`` are not.
+        last: both ends of the last mirror, not folded, if there is one.
     """
 
     source: Vector
     axis: Vector
+    whole: Vector
     mirrors: Edges
-    reflects: Bool[Array, " reflections"]
-    turned_away: Bool[Array, " reflections"]
+    reflects: Bool[Array, "*paths reflections"]
+    turned_away: Bool[Array, "*paths reflections"]
+    through: Bool[Array, "*paths legs surfaces"]
     blockers: Edges
-    last: tuple[Vector, Vector]
+    last: Vector
+
+    def at(self, path: Int[Array, ""]) -> Unfolded:
+        """One of several paths."""
+        return jax.tree.map(lambda leaf: leaf[path], self)
+
+    def handedness(self) -> Float[Array, "*paths"]:
+        """−1 after an odd number of reflections, else 1."""
+        odd = jnp.sum(self.reflects, axis=-1) % 2 == 1
+        return jnp.where(odd, -1.0, 1.0).astype(self.source.x.dtype)
 
     def in_the_way(self, pad: Int[Array, ""]) -> Bool[Array, "legs surfaces"]:
         """Which blockers can hide a pad: not itself, at the end of the last leg."""
@@ -147,57 +156,58 @@ def unit(arrow: Vector) -> Vector:
     return arrow.scaled(inverse)
 
 
-def height(place: Vector, start: Vector, along: Vector) -> Float[Array, "*batch"]:
-    """Distance of a place left of the line through ``start`` along a unit vector.
+def _twice(along: Vector) -> Vector:
+    """The unit vector at twice the angle of a vector."""
+    inverse, _ = safe_divide(jnp.ones_like(along.x), along.squared())
+    return along.turned(along).scaled(inverse)
+
+
+def left_of(place: Vector, start: Vector, along: Vector) -> Float[Array, "*batch"]:
+    """Distance of a place left of the line through ``start``, times the length of ``along``.
 
     It is exactly 0 if it is no more than rounding.
     """
     arrow = place - start
-    distance = along.cross(arrow)
-    rounding = ROUNDING_UNITS * jnp.finfo(distance.dtype).eps
-    on = jnp.abs(distance) <= rounding * (jnp.abs(arrow.x) + jnp.abs(arrow.y))
-    return jnp.where(on, 0.0, distance)
+    product = along.cross(arrow)
+    rounding = ROUNDING_UNITS * jnp.finfo(product.dtype).eps
+    extent = (jnp.abs(along.x) + jnp.abs(along.y)) * (jnp.abs(arrow.x) + jnp.abs(arrow.y))
+    return jnp.where(jnp.abs(product) <= rounding * extent, 0.0, product)
 
 
 def cut(
-    edges: Edges,
-    start: Vector,
-    along: Vector,
-    side: Float[Array, ""],
-    labels: Int[Array, "*batch"],
-    there: Bool[Array, ""] | bool = True,
+    edges: Edges, line: Vector, side: Float[Array, "..."], labels: Int[Array, "*batch"]
 ) -> Edges:
-    """The parts of segments on one side (+1 left, −1 right) of a line; ``labels`` name new ends.
+    """The parts of segments on one side of the line through two places; ``labels`` name new ends.
 
-    All of them if the line is not ``there``.
+    ``side`` is +1 for what is left of the line, −1 for what is right of it, 0 for both.
     """
-    first = jnp.where(there, side * height(edges.starts, start, along), 1.0)
-    last = jnp.where(there, side * height(edges.ends, start, along), 1.0)
-    where, _ = safe_divide(first, first - last)
-    meeting = edges.starts + (edges.ends - edges.starts).scaled(where)
-    before, after = first < 0, last < 0
+    along = line[1] - line[0]
+    left = left_of(edges.ends, line[0], along)
+    inward = jnp.broadcast_to(side, edges.active.shape)[..., None] * left
+    where, _ = safe_divide(left[..., 0], left[..., 0] - left[..., 1])
+    first, last = edges.ends[..., 0], edges.ends[..., 1]
+    meeting = first + (last - first).scaled(where)
     return Edges(
-        chosen(before, meeting, edges.starts),
-        chosen(after, meeting, edges.ends),
-        jnp.where(before, labels, edges.start_labels),
-        jnp.where(after, labels, edges.end_labels),
-        edges.active & ((first > 0) | (last > 0)),
+        chosen(inward < 0, meeting[..., None], edges.ends),
+        jnp.where(inward < 0, labels[..., None], edges.labels),
+        edges.active & (jnp.any(inward > 0, axis=-1) | (side == 0)),
     )
 
 
-def folds_of(placed: Placed, word: Int[Array, " reflections"]) -> list[Fold]:
-    """Of every leg of a path, the motion that unfolds it; that of the last leg moves nothing.
+def folds_of(mirrors: Sequence[Vector], reflects: Sequence[Bool[Array, ""]]) -> list[Fold]:
+    """Of every leg of a path but the last, the motion that unfolds it.
 
-    A path that is shorter than its word, filled up with −1, has more last legs than one.
+    Args:
+        mirrors: both ends of each mirror.
+        reflects: which of them there are; the first ones of those that are given.
     """
-    mirrors = [placed.segment(index) for index in word]
-    zero, one = jnp.zeros_like(placed.size), jnp.ones_like(placed.size)
     folds = []
-    for leg in range(len(mirrors) + 1):
+    for leg in range(len(mirrors)):
+        zero, one = jnp.zeros_like(mirrors[leg].x[0]), jnp.ones_like(mirrors[leg].x[0])
         fold = Fold(Vector(zero, zero), Vector(one, zero), one)
-        for index, (start, end) in list(zip(word, mirrors, strict=True))[leg:]:
-            mirrored = fold.mirrored(start, unit(end - start))
-            fold = jax.tree.map(partial(jnp.where, index >= 0), mirrored, fold)
+        for mirror, there in list(zip(mirrors, reflects, strict=True))[leg:]:
+            mirrored = fold.mirrored(mirror[0], mirror[1] - mirror[0])
+            fold = jax.tree.map(partial(jnp.where, there), mirrored, fold)
         folds.append(fold)
     return folds
 
@@ -211,69 +221,107 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         word: indices of the mirrors along the path, filled up with −1; traced, so paths can be
             batched.
     """
-    starts, ends = placed.starts, placed.ends
-    lines = unit(ends - starts)
-    count, surfaces = len(word), starts.x.shape[0]
-    sides = jnp.asarray(layout.sides, starts.x.dtype)
-    mirrors = [jax.tree.map(lambda leaf, i=i: leaf[i], (starts, ends, lines, sides)) for i in word]
+    count, surfaces = len(word), len(layout.surfaces)
+    sides = jnp.asarray(layout.sides, placed.size.dtype)
+    mirrors = [placed.corners[index] for index in word]
     reflects = [index >= 0 for index in word]
-    folds = folds_of(placed, word)
+    folds = folds_of(mirrors, reflects)
 
-    # The camera's image in front of each mirror, in the space of the leg that comes to it.
-    source, sources, facing, turned_away = placed.camera, [], [], []
-    for there, (start, _, along, side) in zip(reflects, mirrors, strict=True):
-        sources.append(source)
-        above = height(source, start, along)
-        facing.append(jnp.where(above < 0, -1.0, 1.0).astype(above.dtype))
-        turned_away.append(there & ((above == 0) | (side * above < 0)))
-        image = source - along.perpendicular().scaled(2 * along.cross(source - start))
-        source = chosen(there, image, source)
-    sources.append(source)
+    lefts, facing, turned_away = _sides(placed, sides, word)
 
     index = jnp.arange(surfaces)
-    blockers = []
+    blockers, through = [], []
     for leg in range(count + 1):
         # One through the source hides nothing, one with one blocking side nothing from the other.
-        above = height(sources[leg], starts, lines)
-        blocks = (above != 0) & (~jnp.asarray(layout.one_way) | (sides * above > 0))
+        blocks = lefts[leg] != 0
+        blocks &= ~jnp.asarray(layout.one_way) | (sides * lefts[leg] > 0)
         if leg > 0:
             blocks &= reflects[leg - 1]
-        edges = Edges(
-            starts, ends, label_of(leg, index, FIRST_END), label_of(leg, index, SECOND_END), blocks
-        )
+        # The ends of a mirror are named by the leg that comes to it.
+        before = jnp.where(index == word[leg - 1], leg - 1, leg) if leg > 0 else leg
+        labels = [label_of(before, index, kind) for kind in (FIRST_END, SECOND_END)]
+        edges = Edges(placed.corners, jnp.stack(labels, axis=-1), blocks)
+        beside = jnp.zeros(surfaces, bool)
         for i, kind in ((leg - 1, CUT_BEFORE), (leg, CUT_AFTER)):
             if 0 <= i < count:
-                start, _, along, _ = mirrors[i]
-                labels = label_of(leg, index, kind)
-                edges = cut(edges, start, along, facing[i], labels, reflects[i])
-                edges = eqx.tree_at(lambda e: e.active, edges, edges.active & (index != word[i]))
-        blockers.append(edges.folded(folds[leg]))
-    apertures = []
-    for i, (start, end, _, _) in enumerate(mirrors):
-        first, second = label_of(i, word[i], FIRST_END), label_of(i, word[i], SECOND_END)
-        edges = Edges(start, end, first, second, reflects[i])
-        # The mirror before cuts it on the leg that comes to it, the next one on the leg after.
-        for other, leg, kind in ((i - 1, i, CUT_BEFORE), (i + 1, i + 1, CUT_AFTER)):
-            if 0 <= other < count:
-                line, _, along, _ = mirrors[other]
-                new = label_of(leg, word[i], kind)
-                edges = cut(edges, line, along, facing[other], new, reflects[other])
-        apertures.append(edges.folded(folds[i + 1]))
-    last = (placed.camera, placed.axis)
-    for there, (start, _, along, _) in zip(reflects, mirrors, strict=True):
-        last = chosen(there, start, last[0]), chosen(there, along, last[1])
+                mirror = reflects[i] & (index == word[i])
+                side = jnp.where(mirror, 0.0, facing[i])
+                edges = cut(edges, mirrors[i], side, label_of(leg, index, kind))
+                beside |= mirror
+        edges = eqx.tree_at(lambda e: e.active, edges, edges.active & ~beside)
+        blockers.append(edges.folded(folds[leg]) if leg < count else edges)
+        through.append(beside)
+    apertures = [_aperture(mirrors, facing, word, i).folded(fold) for i, fold in enumerate(folds)]
+    whole = [fold.place(mirror) for fold, mirror in zip(folds, mirrors, strict=True)]
+    last = placed.corners[0]
+    for there, mirror in zip(reflects, mirrors, strict=True):
+        last = chosen(there, mirror, last)
     blocking = _stacked(blockers)
-    none = jnp.zeros(0, bool)
+    nothing, none = jax.tree.map(lambda leaf: leaf[0, :0], blocking), jnp.zeros(0, bool)
     return Unfolded(
-        sources[-1],
-        folds[0].arrow(placed.axis),
-        _stacked(apertures) if apertures else jax.tree.map(lambda leaf: leaf[0, :0], blocking),
-        jnp.stack(reflects) if reflects else none,
-        jnp.stack(turned_away) if turned_away else none,
+        folds[0].place(placed.camera) if count else placed.camera,
+        folds[0].arrow(placed.axis) if count else placed.axis,
+        _stacked(whole) if count else nothing.ends,
+        _stacked(apertures) if count else nothing,
+        jnp.stack(reflects) if count else none,
+        jnp.stack(turned_away) if count else none,
+        jnp.stack(through),
         blocking,
         last,
     )
 
 
-def _stacked(parts: list[Edges]) -> Edges:
+def _sides(
+    placed: Placed, sides: Float[Array, " surfaces"], word: Int[Array, " reflections"]
+) -> tuple[list[Array], list[Array], list[Array]]:
+    """On which side of all surfaces the camera is, or its images; without derivatives.
+
+    Args:
+        placed: the scene in a pose.
+        sides: of the surfaces, the ones that reflect, sense or block.
+        word: mirrors along a path.
+
+    Returns:
+        For each leg, of all surfaces, what `left_of` says of where its rays come from; and for
+        each mirror on which side of it that is (0 if there is no mirror), and whether it is not
+        the side that reflects.
+    """
+    still = jax.lax.stop_gradient(placed)
+    starts, lines = still.starts, still.ends - still.starts
+    source, lefts, facing, turned_away = still.camera, [], [], []
+    for index in word:
+        there = index >= 0
+        lefts.append(left_of(source, starts, lines))
+        above = lefts[-1][index]
+        facing.append(jnp.where(there, jnp.where(above < 0, -1.0, 1.0), 0.0).astype(above.dtype))
+        turned_away.append(there & ((above == 0) | (sides[index] * above < 0)))
+        arrow = (source - starts[index]).conjugate().turned(_twice(lines[index]))
+        source = chosen(there, starts[index] + arrow, source)
+    return [*lefts, left_of(source, starts, lines)], facing, turned_away
+
+
+def _aperture(
+    mirrors: Sequence[Vector],
+    facing: Sequence[Float[Array, ""]],
+    word: Int[Array, " reflections"],
+    i: int,
+) -> Edges:
+    """What the mirrors beside it leave of the i-th mirror of a path."""
+    labels = jnp.stack([label_of(i, word[i], kind) for kind in (FIRST_END, SECOND_END)])
+    edges = Edges(mirrors[i], labels, word[i] >= 0)
+    # The mirror before cuts it on the leg that comes to it, the next one on the leg after.
+    for other, leg, kind in ((i - 1, i, CUT_BEFORE), (i + 1, i + 1, CUT_AFTER)):
+        if 0 <= other < len(mirrors):
+            # Of what the one has hidden, the other cuts nothing.
+            side = jnp.where(edges.active, facing[other], 0.0)
+            edges = cut(edges, mirrors[other], side, label_of(leg, word[i], kind))
+    return edges
+
+
+def unfold_all(layout: Layout, placed: Placed, words: Sequence[tuple[int, ...]]) -> Unfolded:
+    """All paths over given mirrors, along a first axis."""
+    return jax.vmap(partial(unfold, layout, placed))(jnp.asarray(padded(words)))
+
+
+def _stacked(parts: list[Any]) -> Any:
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *parts)

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from optics.intervals import measure_of_union
 from optics.labels import (
     CROSSING,
     CUT_AFTER,
@@ -85,14 +86,7 @@ class Pieces(eqx.Module):
 
     def coverage(self) -> Float[Array, "*pads"]:
         """Part of each pad that is seen by any path: the measure of the union of its pieces."""
-        # A piece counts from where all that begin before it have ended.
-        order = jnp.arange(self.start.shape[-1])
-        earlier = (order[:, None] > order[None]).reshape(
-            (1,) * (self.end.ndim - 1) + (-1, order.size)
-        )
-        ends = jnp.where(earlier, self.end[..., None, :], 0.0)
-        begin = jnp.maximum(self.start, jnp.max(ends, axis=-1))
-        return jnp.sum(jnp.where(self.end > begin, self.end - begin, 0.0), axis=-1)
+        return measure_of_union(self.start, self.end)
 
     def seen(self, path: int) -> Float[Array, "*pads"]:
         """Part of each pad that is seen by one path."""

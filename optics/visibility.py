@@ -1,38 +1,36 @@
 """Exact visibility: which parts of each pad a camera sees, directly and in straight mirrors.
 
 What bounds which piece is searched without derivatives (`optics.searching`). The ends are then
-computed once more, each from the one line that bounds it (`optics.boundaries`), and these carry
-the derivatives.
+picked, by the index that the search has found, from a table of all places where a bound may meet
+the pad (`boundaries.meetings`), and this carries the derivatives.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from designopt.numerics import as_float, safe_arctan2, safe_divide
+from designopt.batching import in_blocks
+from designopt.numerics import as_float
 from designopt.solution import Solution
-from designopt.vectors import Vector, chosen
-from optics.boundaries import Pad, Route, bounding_line, routes_of, where_met
+from optics.boundaries import Pad, labels_of, meetings
 from optics.camera import Camera
-from optics.intervals import Interval
-from optics.labels import (
-    FIRST_PAD_END,
-    SECOND_PAD_END,
-)
-from optics.missing import elevation
-from optics.scene import Layout, Placed, Scene, place
-from optics.searching import Verdict, search
-from optics.unfolding import padded, paths_of, unfold, unit
-from optics.views import (
-    Pieces,
-    ViewResult,
-)
+from optics.intervals import Interval, measure_of_union
+from optics.looks import look, reflections
+from optics.missing import angular_gap, margin
+from optics.scene import Placed, Scene, place
+from optics.searching import Found, find
+from optics.unfolding import Unfolded, paths_of, unfold_all
+from optics.views import Pieces, ViewResult
+
+TABLE = 2**19
+"""Comparisons of shadows with shadows that are made at a time, so that they stay in the cache."""
 
 
 @partial(jax.jit, static_argnames=("bounces", "room"))
@@ -47,7 +45,8 @@ def find_views(
 
     Args:
         scene: the scene, its mirrors straight; ``jax.vmap`` over it for a batch of designs.
-        angles: joint angles in the order of ``scene.angle_names``, rad.
+        angles: joint angles in the order of ``scene.angle_names``, rad. Many poses are fastest
+            in one array; a gradient keeps numbers of all of them, 80 kB for each pose of a finger.
         bounces: most reflections of a path; the scene's own number by default.
         room: most pieces in which a pad is seen; by default 8 and two for every path.
 
@@ -61,148 +60,150 @@ def find_views(
         another what is seen there means nothing.
 
     Raises:
-        ValueError: a mirror is curved (`trace_views` sees in these), or there is no pad.
+        ValueError: a mirror is curved (`trace_views` sees in these), there is no pad, or a number
+            of bounces or pieces makes no sense.
     """
+    words = _words(scene, bounces, room, "find_views")
+    camera = scene.camera
+
+    def search(camera: Camera, paths: Unfolded, pads: Pad) -> tuple[Found, Interval]:
+        found = find(camera, paths, pads, room)
+        return found, _by_path_and_pad(partial(angular_gap, camera), paths, pads)
+
+    def views(
+        placed: Placed, paths: Unfolded, pads: Pad, searched: tuple[Found, Interval]
+    ) -> Solution[Pieces]:
+        found, widest = searched
+        ends = _ends(camera, paths, pads, found)
+        labels = jax.vmap(labels_of)(paths)[found.path[..., None], found.bounds]
+        labels = jnp.where(found.present[..., None], labels, 0)
+
+        def piece(pad: Pad, *of_piece: Array) -> Pieces:
+            return _piece(camera, placed.size, paths, pad, *of_piece)
+
+        by_piece = jax.vmap(jax.vmap(piece, (None, 0, 0, 0, 0)))
+        pieces = by_piece(pads, found.present, found.path, labels, ends)
+        margins = _by_path_and_pad(partial(margin, camera), paths, pads, widest)
+        result = jax.tree.map(jnp.transpose, found.result)
+        return Solution(pieces, margins, jnp.zeros_like(margins), result)
+
+    return _in_poses(scene, as_float(angles), words, search, views)
+
+
+@partial(jax.jit, static_argnames=("bounces", "room"))
+def find_coverage(
+    scene: Scene,
+    angles: Float[Array, "*batch joints"],
+    *,
+    bounces: int | None = None,
+    room: int | None = None,
+) -> Solution[Float[Array, "*batch pads"]]:
+    """Part of every pad that the camera sees, directly and by up to ``bounces`` reflections.
+
+    The coverage of what `find_views` finds, and nothing else: it compiles faster.
+
+    Args:
+        scene: as in `find_views`.
+        angles: as in `find_views`.
+        bounces: as in `find_views`.
+        room: as in `find_views`.
+
+    Returns:
+        The coverage, 0 to 1. ``margin`` and ``result`` are of its shape; ``margin`` is the room,
+        and one, minus the number of pieces: if it is not positive, pieces were left out and the
+        coverage is too small. ``residual`` is 0.
+
+    Raises:
+        ValueError: as in `find_views`.
+    """
+    words = _words(scene, bounces, room, "find_coverage")
+
+    def search(camera: Camera, paths: Unfolded, pads: Pad) -> Found:
+        return find(camera, paths, pads, room)
+
+    def coverage(
+        placed: Placed, paths: Unfolded, pads: Pad, found: Found
+    ) -> Solution[Float[Array, " pads"]]:
+        ends = _ends(scene.camera, paths, pads, found)
+        seen = measure_of_union(ends[..., 0], ends[..., 1])
+        return Solution(seen, found.free, jnp.zeros_like(seen), jax.vmap(_room_left)(found.free))
+
+    return _in_poses(scene, as_float(angles), words, search, coverage)
+
+
+def _words(
+    scene: Scene, bounces: int | None, room: int | None, asked: str
+) -> list[tuple[int, ...]]:
+    """The paths, if everything that was given is as exact visibility needs it."""
     layout = scene.layout
+    bounces = layout.bounces if bounces is None else bounces
+    if bounces < 0 or (room is not None and room < 1):
+        raise ValueError(f"{asked}: bounces must be 0 or more, and room 1 or more")
     if not layout.pads:
-        raise ValueError("find_views: the scene has no pad; trace_rays follows rays without one")
+        raise ValueError(f"{asked}: the scene has no pad; trace_rays follows rays without one")
     if layout.curved:
         names = ", ".join(layout.mirrors[i].name for i in layout.curved)
-        raise ValueError(f"find_views: mirrors {names} are curved; use trace_views")
-    angles = as_float(angles)
-    words = paths_of(layout, layout.bounces if bounces is None else bounces)
-
-    def one(angles: Float[Array, " joints"]) -> Solution[Pieces]:
-        return _views(scene, place(scene, angles), words, room)
-
-    for _ in angles.shape[:-1]:
-        one = jax.vmap(one)
-    return one(angles)
+        raise ValueError(f"{asked}: mirrors {names} are curved; use trace_views")
+    return paths_of(layout, bounces)
 
 
-def _views(
-    scene: Scene, placed: Placed, words: list[tuple[int, ...]], room: int | None
-) -> Solution[Pieces]:
-    layout, camera = scene.layout, scene.camera
-    pads = Pad.all_of(scene, placed)
-    still = jax.lax.stop_gradient((camera, placed, pads))
-    candidates, present, verdicts = _search(layout, *still, words)
+def _in_poses(
+    scene: Scene,
+    angles: Float[Array, "*batch joints"],
+    words: list[tuple[int, ...]],
+    search: Callable[[Camera, Unfolded, Pad], Any],
+    answer: Callable[[Placed, Unfolded, Pad, Any], Any],
+) -> Any:
+    """In every pose the answer from what a search without derivatives has found."""
+    batch, layout = angles.shape[:-1], scene.layout
+    poses = angles.reshape(math.prod(batch), angles.shape[-1])
 
-    # All that may be a piece of a pad in one row, in the order in which it begins on the pad.
-    path_of = np.repeat(np.arange(len(words)), present.shape[-1])
-    rows = jax.tree.map(lambda leaf: leaf.reshape(leaf.shape[0], -1), (candidates, present))
-    candidates, present = rows
-    room = min(8 + 2 * len(words) if room is None else room, len(path_of))
-    keys = jnp.where(present, candidates.start, 2.0)
-    paths = jnp.tile(jnp.asarray(path_of), (len(layout.pads), 1))
-    labels = candidates.start_label, candidates.end_label
-    first = jax.lax.sort((keys, paths, *labels), num_keys=1)
-    keys, paths, *labels = (leaf[:, :room] for leaf in first)
-    crowded = jnp.sum(present, axis=1) > room
+    @jax.vmap
+    def unfolded(angles: Float[Array, " joints"]) -> tuple[Placed, Unfolded, Pad]:
+        placed = place(scene, angles)
+        return placed, unfold_all(layout, placed, words), Pad.all_of(scene, placed)
 
-    routes = routes_of(placed, words)
-
-    def piece(
-        pad: Pad, key: Float[Array, ""], path: Int[Array, ""], labels: list[Int[Array, ""]]
-    ) -> Pieces:
-        there = key < 2
-        path, start, end = (jnp.where(there, part, 0) for part in (path, *labels))
-        return _piece(camera, placed, routes, pad, there, path, jnp.stack([start, end]))
-
-    def judged(
-        route: Route, pad: Pad, crowded: Bool[Array, ""], verdict: Verdict
-    ) -> tuple[Float[Array, ""], Any]:
-        margin = _moving_margin(camera, placed, route, pad, verdict)
-        return margin, ViewResult.where(crowded, ViewResult.too_many, verdict.result)
-
-    of_pad = jax.vmap(piece, (None, 0, 0, 0))
-    pieces = jax.vmap(of_pad)(pads, keys, paths, labels)
-    of_path = jax.vmap(judged, (None, 0, 0, 0))
-    margin, result = jax.vmap(of_path, (0, None, None, 1))(routes, pads, crowded, verdicts)
-    return Solution(pieces, margin, jnp.zeros_like(margin), result)
+    placed, paths, pads = unfolded(poses)
+    camera, still = jax.lax.stop_gradient((scene.camera, (paths, pads)))
+    shadows = (len(words[-1]) + 1) * len(layout.surfaces) + 1
+    most = max(TABLE // (len(layout.pads) * len(words) * shadows**2), 1)
+    found = in_blocks(jax.vmap(lambda view: search(camera, *view)), still, most)
+    answers = jax.vmap(answer)(placed, paths, pads, found)
+    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), answers)
 
 
-def _search(
-    layout: Layout, camera: Camera, placed: Placed, pads: Pad, words: list[tuple[int, ...]]
-) -> tuple[Interval, Bool[Array, "pads paths gaps"], Verdict]:
-    """All pads by all paths, without derivatives."""
-    table = jnp.asarray(padded(words))
-    paths = jax.vmap(lambda word: unfold(layout, placed, word))(table)
-    by_all = jax.vmap(lambda path, pad: search(camera, path, pad), (0, None))
-    return jax.vmap(by_all, (None, 0))(paths, pads)
+def _by_path_and_pad(function: Callable[..., Any], paths: Unfolded, pads: Pad, *more: Any) -> Any:
+    """A function of a path, a pad, and what belongs to both."""
+    of_path = jax.vmap(function, (None, 0, *[0] * len(more)))
+    return jax.vmap(of_path, (0, None, *[0] * len(more)))(paths, pads, *more)
+
+
+def _ends(
+    camera: Camera, paths: Unfolded, pads: Pad, found: Found
+) -> Float[Array, "pads pieces 2"]:
+    """Pad coordinates of the ends of all pieces, with derivatives."""
+    at = _by_path_and_pad(partial(meetings, camera), paths, pads)
+    of_pad = jax.vmap(lambda at, path, bounds: at[path[:, None], bounds], (1, 0, 0))
+    ends = of_pad(at, found.path, found.bounds)
+    return jnp.where(found.present[..., None], ends, 0.0)
 
 
 def _piece(
     camera: Camera,
-    placed: Placed,
-    routes: Route,
+    size: Float[Array, ""],
+    paths: Unfolded,
     pad: Pad,
     present: Bool[Array, ""],
     path: Int[Array, ""],
     labels: Int[Array, "2"],
+    ends: Float[Array, "2"],
 ) -> Pieces:
-    """One piece of a pad, with derivatives; all of it is 0 where there is none."""
-    route = routes.at(path)
-
-    ends = where_met(bounding_line(camera, placed, route, pad, labels), pad)
-    ends = jnp.where(labels == SECOND_PAD_END, 1.0, ends)
-    ends = jnp.where(present & (labels != FIRST_PAD_END), ends, 0.0)
-    seen = *look(camera, placed, route, pad, ends), _reflections(placed, route, pad, ends)
+    """One piece of a pad; all of it is 0 where there is none."""
+    by = paths.at(path)
+    seen = *look(camera, size, by, pad, ends), reflections(by, pad, ends)
     seen = [jnp.where(present, number, 0.0) for number in seen]
     return Pieces(present, path, ends[0], ends[1], labels[0], labels[1], *seen)
 
 
-def look(
-    camera: Camera, placed: Placed, route: Route, pad: Pad, coordinates: Float[Array, " points"]
-) -> tuple[Float[Array, " points"], Float[Array, " points"], Float[Array, " points"]]:
-    """How points of a pad appear by a path: pixel, pixels per mm along the pad, distance in mm.
-
-    The angle dθ under which a length ds appears is sin(grazing angle) ds / distance, that is the
-    height of the source above the pad's line over the squared distance.
-    """
-    source, axis = route.source, route.axis
-    step, toward = pad.end - pad.start, pad.start - source
-    arrow = Vector(toward.x + coordinates * step.x, toward.y + coordinates * step.y)
-    across = axis.x * arrow.y - axis.y * arrow.x
-    angle = safe_arctan2(across, axis.x * arrow.x + axis.y * arrow.y)
-    # Beyond the seam of a camera that looks all around, pixels are counted on.
-    middle = jax.lax.stop_gradient(toward + step.scaled((coordinates[0] + coordinates[-1]) / 2))
-    centre = safe_arctan2(axis.cross(middle), axis.dot(middle))
-    turns = jax.lax.stop_gradient(jnp.round((angle - centre) / (2 * jnp.pi)))
-    angle = route.handedness() * (angle - 2 * jnp.pi * turns)
-    above = jnp.abs(unit(step).cross(toward))
-    per_size, _ = safe_divide(jnp.full_like(across, above), arrow.squared())
-    per_mm = camera.pixels_per_radian(angle) * per_size / placed.size
-    return camera.pixel(angle), per_mm, arrow.length() * placed.size
-
-
-def _reflections(
-    placed: Placed, route: Route, pad: Pad, coordinates: Float[Array, " points"]
-) -> Float[Array, "reflections points"]:
-    """Where on each mirror of a path the rays to points of a pad are reflected."""
-    arrow = (pad.end - pad.start).scaled(coordinates) + (pad.start - route.source)
-    found = []
-    for mirror, fold in zip(route.word, route.folds, strict=True):
-        start, end = placed.segment(mirror)
-        first, step = fold.place(start) - route.source, fold.arrow(end - start)
-        at, _ = safe_divide(first.cross(arrow), arrow.cross(step))
-        found.append(jnp.where(mirror >= 0, at, 0.0))
-    return jnp.stack(found) if found else jnp.zeros_like(coordinates[None][:0])
-
-
-def _moving_margin(
-    camera: Camera, placed: Placed, route: Route, pad: Pad, verdict: Verdict
-) -> Float[Array, ""]:
-    """The margin that the search found, with the derivative of the lines that bound it."""
-    source = route.source
-
-    ends = jnp.stack([verdict.widest.start_label, verdict.widest.end_label])
-    line = bounding_line(camera, placed, route, pad, ends)
-    met = (pad.end - pad.start).scaled(where_met(line, pad)) + (pad.start - source)
-    first, last = chosen(line.crosses, met, line.direction).angle()
-    above = (pad.end - pad.start).cross(source - pad.start)
-    sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
-    moving = sense * (last - first)
-    gap = verdict.margin + (moving - jax.lax.stop_gradient(moving))
-    rises = elevation(placed, route, pad)
-    return jnp.where(rises < 0, jnp.minimum(rises, gap), gap)
+def _room_left(free: Float[Array, ""]) -> ViewResult:
+    return ViewResult.where(free > 0, ViewResult.successful, ViewResult.too_many)

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from designopt.precision import Contender, compile_timed
 from optics.edge_refined import trace_views
 from optics.scene import Scene
-from optics.visibility import find_views
+from optics.visibility import find_coverage
 from studies.visibility_precision import camera_rays, exact, numpy_rays, sampling
 from studies.visibility_precision.cases import REACH_MM, Parts, parts_of, with_parts
 from studies.visibility_precision.plain import rounded
@@ -82,7 +82,7 @@ def exact_coverage(
     scene: Scene, poses: Float[Array, "*poses joints"]
 ) -> Float[Array, "*poses pads"]:
     """The library's own call."""
-    return find_views(scene, poses).value.coverage()
+    return find_coverage(scene, poses).value
 
 
 def _by_refined_rays(

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
-
-from jaxtyping import Array
 
 from designopt.left_out import count_operations
 from designopt.results import LeftOutRow
 from optics.edge_refined import trace_views
 from optics.scene import Scene
-from optics.visibility import find_views
+from optics.visibility import find_coverage, find_views
 from studies.visibility_precision.cases import changed_finger, gallery
 
 RADIUS_MM = 200.0
@@ -53,10 +52,7 @@ def operations() -> list[LeftOutRow]:
 
 
 def _exact(scene: Scene, bounces: int) -> int:
-    def covered(scene: Scene, pose: Array) -> Array:
-        return find_views(scene, pose, bounces=bounces).value.coverage()
-
-    return _count(covered, scene)
+    return _count(partial(find_coverage, bounces=bounces), scene)
 
 
 def _refined(scene: Scene) -> int:

@@ -50,6 +50,16 @@ def test_vectors_calculate_as_complex_numbers_do(p, q):
         assert abs(found - wanted) < ROUNDINGS
 
 
+def test_vectors_are_indexed_as_arrays_are():
+    numbers = np.arange(6.0).reshape(2, 3) * (1 - 2j)
+    vectors = Vector(jnp.asarray(numbers.real), jnp.asarray(numbers.imag))
+    for index in (1, (..., 0), (slice(None), np.array([2, 0]))):
+        found = vectors[index]
+        np.testing.assert_array_equal(
+            np.asarray(found.x) + 1j * np.asarray(found.y), numbers[index]
+        )
+
+
 @pytest.mark.parametrize("number", [1, 3 + 4j, -2j, -5 + 1e-3j])
 def test_length_and_angle(number):
     assert float(plane_vector(number + 0j).length()) == pytest.approx(abs(number))

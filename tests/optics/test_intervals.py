@@ -16,13 +16,20 @@ ROUNDING = 1e-15
 """Of a quotient between 0 and 1."""
 
 CONDITIONS, SHADOWS = 4, 5
-WHOLE = (-1, -2)
 LABELS = np.arange(10, 10 + CONDITIONS)
 STEP = 1 / 16
 """Of the ends of shadows and windows. The best point lies midway between two of them."""
 
 positive = jax.jit(where_positive)
-part_of = jax.jit(lambda first, last: common_part(first, last, jnp.asarray(LABELS), WHOLE))
+
+
+@jax.jit
+def part_of(first: jax.Array, last: jax.Array) -> Interval:
+    """Where linear functions are all positive."""
+    labels = jnp.asarray(LABELS)
+    return common_part(Interval(*where_positive(first, last), labels, labels))
+
+
 gaps_of = jax.jit(gaps)
 
 values = arrays(np.int64, CONDITIONS, elements=st.integers(-5, 5))
@@ -62,12 +69,14 @@ def test_labels_of_a_common_part_name_what_bounds_it(first, last):
     found = part_of(jnp.asarray(first, float), jnp.asarray(last, float))
     if found.start >= found.end:
         return
-    ends = (found.start, 0.0, found.start_label), (found.end, 1.0, found.end_label)
-    for (place, limit, label), none in zip(ends, WHOLE, strict=True):
-        if label == none:
-            assert place == limit
+    for place, limit, label in (
+        (found.start, 0, found.start_label),
+        (found.end, 1, found.end_label),
+    ):
+        i = int(label) - LABELS[0]
+        if place == limit:
+            assert i == CONDITIONS - 1  # none of them sets this end
         else:
-            i = int(label) - LABELS[0]
             assert abs(line(first[i], last[i], np.asarray(place))) <= 10 * ROUNDING
 
 

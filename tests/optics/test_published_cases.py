@@ -20,10 +20,10 @@ import pytest
 
 from designopt.cli import run
 from optics import Scene, ThinLens, find_views, path_names, scene_from, trace_rays
-from optics.boundaries import Pad, routes_of
+from optics.boundaries import Pad
+from optics.looks import look
 from optics.scene import place
-from optics.unfolding import padded, paths_of, unfold
-from optics.visibility import look
+from optics.unfolding import padded, paths_of, unfold, unfold_all
 from tests.helpers import load_json
 from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
@@ -114,9 +114,9 @@ def on_axis(places: np.ndarray, directions: np.ndarray, y: float = 0.0) -> np.nd
 
 def virtual_camera(scene: Scene, path: str, bounces: int = 1) -> np.ndarray:
     placed = place(scene, scene.pose())
-    routes = routes_of(placed, paths_of(scene.layout, bounces))
+    paths = unfold_all(scene.layout, placed, paths_of(scene.layout, bounces))
     index = path_names(scene.layout, bounces).index(path)
-    return np.asarray(placed.absolute(routes.source).stacked())[index]
+    return np.asarray(placed.absolute(paths.source).stacked())[index]
 
 
 def test_image_of_a_point_in_a_plane_mirror(trace):
@@ -132,8 +132,8 @@ def test_image_of_a_point_in_a_plane_mirror(trace):
     close(virtual_camera(scene, "mirror:a"), expected["image"], tolerance)
     start, end = placed.segment(1)
     pad = Pad(jnp.asarray(1), start, end, jnp.zeros(()), jnp.zeros(()))
-    routes = routes_of(placed, paths_of(scene.layout, 1))
-    _, _, distance = look(scene.camera, placed, routes.at(jnp.asarray(1)), pad, jnp.zeros(1))
+    path = unfold_all(scene.layout, placed, paths_of(scene.layout, 1)).at(jnp.asarray(1))
+    _, _, distance = look(scene.camera, placed.size, path, pad, jnp.zeros(1))
     close(distance, [expected["path_length"]], tolerance)
     (pose,) = trace(tables)["poses"]
     image = pose["virtual_cameras"]["mirror:a"]

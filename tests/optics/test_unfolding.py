@@ -22,6 +22,7 @@ from optics.labels import (
     SECOND_END,
     label_of,
 )
+from optics.labels import parts_of as split_label
 from optics.scene import WORLD, Layout, Surface, place
 from optics.unfolding import (
     Edges,
@@ -29,7 +30,7 @@ from optics.unfolding import (
     Unfolded,
     cut,
     folds_of,
-    height,
+    left_of,
     padded,
     paths_of,
     unfold,
@@ -59,6 +60,10 @@ WORDS = np.array([(LEFT, BOTH), (BOTH, RIGHT), (RIGHT, LEFT), (LEFT, RIGHT)])
 
 def arrow(number: complex) -> Vector:
     return Vector(jnp.asarray(number.real, float), jnp.asarray(number.imag, float))
+
+
+def arrows(complex_numbers: list[complex]) -> Vector:
+    return Vector(jnp.asarray(np.real(complex_numbers)), jnp.asarray(np.imag(complex_numbers)))
 
 
 def numbers(place: Vector) -> np.ndarray:
@@ -116,17 +121,16 @@ def test_two_mirrors_turn_by_twice_their_angle():
 
 
 @jax.jit
-def unfolded(cases: Case) -> tuple[Unfolded, Vector, Vector, jax.Array]:
+def unfolded(cases: Case) -> tuple[Unfolded, Vector, jax.Array]:
     """All paths of `WORDS` of a batch; where their folds put all surfaces; the unit of length."""
 
-    def one(case: Case, word: jax.Array) -> tuple[Unfolded, Vector, Vector, jax.Array]:
+    def one(case: Case, word: jax.Array) -> tuple[Unfolded, Vector, jax.Array]:
         placed = place(scene_of(case), case.angles)
-        folds = folds_of(placed, word)
-        starts, ends = (
-            jax.tree.map(lambda *legs: jnp.stack(legs), *(fold.place(end) for fold in folds))
-            for end in (placed.starts, placed.ends)
-        )
-        return unfold(LAYOUT, placed, word), starts, ends, placed.size
+        mirrors = [placed.corners[index] for index in word]
+        folds = folds_of(mirrors, [jnp.asarray(True)] * len(mirrors))
+        moved = [*(fold.place(placed.corners) for fold in folds), placed.corners]
+        ends = jax.tree.map(lambda *legs: jnp.stack(legs), *moved)
+        return unfold(LAYOUT, placed, word), ends, placed.size
 
     return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(cases, jnp.asarray(WORDS))
 
@@ -153,13 +157,12 @@ class Reference(NamedTuple):
     def in_front(self, places: np.ndarray, mirror: int) -> np.ndarray:
         """Whether places lie on the side of a mirror's line from which the view comes to it."""
         return (
-            left_of(places, self.mirrors[mirror])
-            * left_of(self.sources[mirror], self.mirrors[mirror])
+            above(places, self.mirrors[mirror]) * above(self.sources[mirror], self.mirrors[mirror])
             > 0
         )
 
 
-def left_of(places: Any, line: np.ndarray) -> Any:
+def above(places: Any, line: np.ndarray) -> Any:
     """Positive left of the line through two places."""
     return ((places - line[0]) * np.conj(line[1] - line[0])).imag
 
@@ -172,15 +175,15 @@ def paths() -> list[tuple[Reference, Unfolded, np.ndarray]]:
     results = []
     for i, case in enumerate(posed_cases(cases)):
         for j, word in enumerate(WORDS):
-            path, starts, lasts, size = item(found, (i, j))
+            path, moved, size = item(found, (i, j))
             # As the placed scene: relative to the camera in the reference pose.
             origin = cases.position[i] @ [1, 1j]
             ends = (case.complex_ends - origin) / size
             sources = [(case.complex_position - origin) / size]
             for mirror in word:
                 sources.append(mirrored(sources[-1], ends[mirror]))
-            moved = np.stack([numbers(starts), numbers(lasts)], axis=-1)
-            results.append((Reference(ends, sources, [ends[m] for m in word]), path, moved))
+            wanted = Reference(ends, sources, [ends[m] for m in word])
+            results.append((wanted, path, numbers(moved)))
     return results
 
 
@@ -202,17 +205,15 @@ def test_the_virtual_camera_is_the_image_of_images(paths):
 def test_mirrors_are_turned_away_by_the_side_that_reflects(paths):
     for k, (wanted, path, _) in enumerate(paths):
         for i, mirror in enumerate(WORDS[k % len(WORDS)]):
-            side = np.sign(left_of(wanted.sources[i], wanted.mirrors[i]))
+            side = np.sign(above(wanted.sources[i], wanted.mirrors[i]))
             assert path.turned_away[i] == (LAYOUT.sides[mirror] == -side)
 
 
 def parts_of(edges: Edges, whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where parts of segments begin and end on them, 0 … 1."""
     step = whole[..., 1] - whole[..., 0]
-    starts, ends = (
-        np.real((numbers(end) - whole[..., 0]) / step) for end in (edges.starts, edges.ends)
-    )
-    return starts, ends
+    at = np.real((numbers(edges.ends) - whole[..., :1]) / step[..., None])
+    return at[..., 0], at[..., 1]
 
 
 SAMPLES = (np.arange(199) + 0.5) / 199
@@ -239,7 +240,7 @@ def test_blockers_are_left_where_they_stand_before_the_next_and_behind_the_last_
                 if 0 <= mirror < 2:
                     front &= wanted.in_front(samples, mirror)
                     front[word[mirror]] = False  # it is the end of the leg
-            left = np.sign(left_of(wanted.sources[leg], wanted.ends.T))
+            left = np.sign(above(wanted.sources[leg], wanted.ends.T))
             front[LAYOUT.one_way & (left != LAYOUT.sides)] = False
             assert_parts(item(path.blockers, leg), moved[leg], front)
             kept += front.sum()
@@ -260,8 +261,8 @@ def test_labels_say_which_surface_bounds_and_whether_it_is_cut(paths):
         whole = [label_of(leg, np.arange(SURFACES), 0) for leg in range(3)]
         cuts = np.array([[CUT_AFTER, CUT_AFTER], [CUT_BEFORE, CUT_AFTER], [CUT_BEFORE] * 2])
         for at, labels, own, uncut in (
-            (starts, path.blockers.start_labels, FIRST_END, 0),
-            (ends, path.blockers.end_labels, SECOND_END, 1),
+            (starts, path.blockers.labels[..., 0], FIRST_END, 0),
+            (ends, path.blockers.labels[..., 1], SECOND_END, 1),
         ):
             kinds = labels - whole
             is_cut = np.abs(at - uncut) > ROUNDING
@@ -269,6 +270,31 @@ def test_labels_say_which_surface_bounds_and_whether_it_is_cut(paths):
                 active = path.blockers.active[leg]
                 np.testing.assert_array_equal(kinds[leg][active & ~is_cut[leg]], own)
                 assert np.isin(kinds[leg][active & is_cut[leg]], cuts[leg]).all()
+
+
+def test_ends_of_mirrors_stand_where_the_table_of_all_surfaces_says():
+    # Of three mirrors the middle one may be hidden by that before it and cut by that after it.
+    cases = random_cases(6, 64)
+    words = jnp.asarray([(LEFT, BOTH, RIGHT), (BOTH, LEFT, BOTH)])
+
+    @jax.jit
+    def path_of(case: Case, word: jax.Array) -> Unfolded:
+        return unfold(LAYOUT, place(scene_of(case), case.angles), word)
+
+    found = jax.vmap(jax.vmap(path_of, (None, 0)), (0, None))(cases, words)
+    hidden = 0
+    for i, j in np.ndindex(64, 2):
+        path = item(jax.tree.map(np.asarray, found), (i, j))
+        hidden += not path.mirrors.active[1]
+        for label, end in zip(
+            path.mirrors.labels.flat, numbers(path.mirrors.ends).flat, strict=True
+        ):
+            leg, surface, _ = split_label(int(label))
+            same = path.blockers.labels[leg, surface] == label
+            assert same.any()
+            places = numbers(path.blockers.ends)[leg, surface][same]
+            np.testing.assert_allclose(places, end, atol=100 * ROUNDING)
+    assert hidden > 10
 
 
 def test_a_pad_hides_itself_on_earlier_legs_only(paths):
@@ -300,7 +326,9 @@ def test_paths_of_curved_mirrors_may_stay():
     assert padded([()]).shape == (1, 0)
 
 
-cut_of = jax.jit(lambda edges, side: cut(edges, arrow(0), arrow(0.6 + 0.8j), side, jnp.asarray(3)))
+cut_of = jax.jit(
+    lambda edges, side: cut(edges, arrows([0, 0.6 + 0.8j]), side, jnp.asarray(3)),
+)
 places = st.tuples(st.integers(-4, 4), st.integers(-4, 4))
 
 
@@ -309,7 +337,7 @@ def test_cut_keeps_what_lies_on_one_side(first, last, side):
     # Distances from the line through the origin along (3, 4).
     at_start, at_end = (side * (3 * y - 4 * x) for x, y in (first, last))
     ends = [complex(*first), complex(*last)]
-    whole = Edges(arrow(ends[0]), arrow(ends[1]), jnp.asarray(1), jnp.asarray(2), jnp.asarray(True))
+    whole = Edges(arrows(ends), jnp.array([1, 2]), jnp.asarray(True))
     found = cut_of(whole, jnp.asarray(float(side)))
     assert bool(found.active) == (max(at_start, at_end) > 0)
     if found.active:
@@ -317,10 +345,18 @@ def test_cut_keeps_what_lies_on_one_side(first, last, side):
         if at_start != at_end:
             meeting += (ends[1] - ends[0]) * at_start / (at_start - at_end)
         wanted = [meeting if at_start < 0 else ends[0], meeting if at_end < 0 else ends[1]]
-        np.testing.assert_allclose(numbers(found.starts), wanted[0], atol=ROUNDING)
-        np.testing.assert_allclose(numbers(found.ends), wanted[1], atol=ROUNDING)
-        assert int(found.start_labels) == (3 if at_start < 0 else 1)
-        assert int(found.end_labels) == (3 if at_end < 0 else 2)
+        np.testing.assert_allclose(numbers(found.ends), wanted, atol=ROUNDING)
+        labels = [3 if at_start < 0 else 1, 3 if at_end < 0 else 2]
+        np.testing.assert_array_equal(found.labels, labels)
+
+
+@given(places, places)
+def test_cut_on_no_side_keeps_everything(first, last):
+    whole = Edges(arrows([complex(*first), complex(*last)]), jnp.array([1, 2]), jnp.asarray(True))
+    found = cut_of(whole, jnp.asarray(0.0))
+    assert found.active
+    np.testing.assert_array_equal(found.labels, whole.labels)
+    np.testing.assert_array_equal(numbers(found.ends), numbers(whole.ends))
 
 
 @pytest.mark.parametrize("size", [1e-150, 1e-20, 1.0, 1e150])
@@ -337,10 +373,10 @@ def test_the_zero_vector_has_no_direction_and_a_finite_derivative():
     assert np.isfinite(numbers(jax.grad(total)(arrow(0)))).all()
 
 
-def test_what_lies_on_a_line_has_no_height():
+def test_what_lies_on_a_line_is_left_of_it_by_nothing():
     turns = rotation(jnp.linspace(0, 6, 50))
-    start, along = turns.scaled(jnp.asarray(3.0)), unit(turns.scaled(jnp.asarray(0.7)))
-    on = start + along.scaled(jnp.asarray(1.7))
-    np.testing.assert_array_equal(height(on, start, along), 0)
+    start, along = turns.scaled(jnp.asarray(3.0)), turns.scaled(jnp.asarray(0.7))
+    on = start + along.scaled(jnp.asarray(2.5))
+    np.testing.assert_array_equal(left_of(on, start, along), 0)
     off = on + along.perpendicular().scaled(jnp.asarray(1e-13))
-    np.testing.assert_allclose(height(off, start, along), 1e-13, rtol=0.02)
+    np.testing.assert_allclose(left_of(off, start, along), 0.49e-13, rtol=0.02)

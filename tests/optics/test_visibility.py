@@ -25,7 +25,7 @@ from optics.labels import (
 )
 from optics.scene import Layout, Scene, Surface
 from optics.views import ViewResult
-from optics.visibility import find_views
+from optics.visibility import find_coverage, find_views
 from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics.scenes import (
     BOTH,
@@ -401,6 +401,21 @@ def test_more_pieces_than_room_are_reported():
     assert find_views(enough, jnp.zeros(0), room=1).messages() == [""]
 
 
+@pytest.mark.parametrize(("room", "covered", "free"), [(1, 0.25, 0), (2, 0.5, 1), (3, 0.5, 2)])
+def test_coverage_alone_tells_how_many_more_pieces_it_could_hold(room, covered, free):
+    found = find_coverage(small_scene(), jnp.zeros(0), room=room)
+    np.testing.assert_allclose(found.value, [covered], rtol=ROUNDING)
+    np.testing.assert_array_equal(found.margin, [free])
+    assert found.messages() == ["" if free > 0 else ViewResult[ViewResult.too_many]]
+
+
+@pytest.mark.parametrize("wrong", [{"bounces": -1}, {"room": 0}])
+@pytest.mark.parametrize("find", [find_views, find_coverage])
+def test_numbers_that_make_no_sense_are_refused(find, wrong):
+    with pytest.raises(ValueError, match="bounces must be 0 or more, and room 1 or more"):
+        find(small_scene(), jnp.zeros(0), **wrong)
+
+
 def test_a_scene_without_blockers_has_views_of_all_shapes():
     views = jax.eval_shape(lambda: find_views(small_scene(blockers=0), jnp.zeros((2, 3, 0))))
     assert views.margin.shape == (2, 3, 1, 1)
@@ -410,8 +425,10 @@ def test_a_scene_without_blockers_has_views_of_all_shapes():
 def test_curved_mirrors_are_refused_by_name():
     scene = scene_of(item(random_cases(0, 1), 0))
     curved = replace(scene, layout=replace(LAYOUT, curved=(0, 2)))
-    with pytest.raises(ValueError, match="mirrors left, right are curved; use trace_views"):
-        find_views(curved, jnp.zeros(2))
+    for find, name in ((find_views, "find_views"), (find_coverage, "find_coverage")):
+        said = f"{name}: mirrors left, right are curved; use trace_views"
+        with pytest.raises(ValueError, match=said):
+            find(curved, jnp.zeros(2))
 
 
 @pytest.mark.parametrize("far", [10.0, 1e5])

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from optics.views import Pieces
-from optics.visibility import find_views
+from optics.visibility import find_coverage, find_views
 from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics import brute_force
 from tests.optics.scenes import (
@@ -372,3 +372,34 @@ def test_in_a_mirror_the_scene_is_imaged_in_reverse():
     assert_same(with_pieces(found, pixels=reversed_pixels), sample().answers)
     assert_as_far_away(found, sample().answers)
     assert LAYOUT.sides[BACKWARDS].tolist() == (-LAYOUT.sides).tolist()
+
+
+@jax.jit
+def covered(cases: Case, angles: jax.Array) -> tuple[jax.Array, Case]:
+    """Coverage of all pads of a batch, by itself, and the derivatives of its sum."""
+
+    def total(case: Case, angles: jax.Array) -> tuple[jax.Array, jax.Array]:
+        found = find_coverage(scene_of(case), angles)
+        return jnp.sum(found.value), found.value
+
+    slopes, coverage = jax.vmap(jax.grad(total, has_aux=True))(cases, angles)
+    return coverage, slopes
+
+
+def test_coverage_alone_is_that_of_the_views():
+    cases = item(sample().cases, np.arange(64))
+    given = answers(cases, {"coverage": np.ones((64, PADS))})
+    coverage, slopes = covered(jax.tree.map(jnp.asarray, cases), jnp.asarray(cases.angles))
+    np.testing.assert_allclose(coverage, given.numbers["coverage"], atol=ROUNDING)
+    wanted = given.slopes._replace(angles=np.zeros_like(cases.angles))
+    for slope, other in zip(jax.tree.leaves(slopes), jax.tree.leaves(wanted), strict=True):
+        np.testing.assert_allclose(slope, other, rtol=1e-9, atol=1e-9)
+
+
+def test_many_poses_go_in_blocks_and_give_what_each_gives_alone():
+    case, rng = item(sample().cases, 0), np.random.default_rng(5)
+    scene, poses = scene_of(case), jnp.asarray(rng.uniform(0, 1.5, (2, 30, 2)))
+    together = find_coverage(scene, poses).value
+    alone = jax.jit(jax.vmap(jax.vmap(lambda pose: find_coverage(scene, pose).value)))(poses)
+    np.testing.assert_allclose(together, alone, atol=ROUNDING)
+    assert np.ptp(together) > 0.1
