@@ -15,18 +15,16 @@ from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_arctan2
 from designopt.vectors import Vector, together
-from optics.boundaries import Pad, toward
+from optics.boundaries import PAD_ENDS, Pad, toward
 from optics.camera import Camera
 from optics.intervals import FAR, Interval, gaps
 from optics.labels import (
     CROSSING,
     CUT_BEFORE,
-    FIRST_PAD_END,
     HIGH_GRAZING,
     LEFT_LIMIT,
     LOW_GRAZING,
     RIGHT_LIMIT,
-    SECOND_PAD_END,
     label_of,
     with_kind,
 )
@@ -151,7 +149,7 @@ def _labels(bounds: list[tuple[Array, Array]]) -> Int[Array, " bounds"]:
 
 def _shown(path: Unfolded, pad: Pad) -> Edges:
     """The part of a pad that lies in front of the last mirror."""
-    whole = Edges(pad.ends(), jnp.array([FIRST_PAD_END, SECOND_PAD_END]), jnp.asarray(True))
+    whole = Edges(pad.ends(), jnp.array(PAD_ENDS), jnp.asarray(True))
     start, along = path.last[0], path.last[1] - path.last[0]
     leg = jnp.sum(path.reflects)
     behind = jnp.where(left_of(path.source, start, along) < 0, 1.0, -1.0)
