@@ -48,13 +48,16 @@ def best_starts(
         problem: its bounds must all be finite.
         count: how many to return, the most promising one first.
         seed: of the scrambling.
-        among: how many points to look at.
+        among: how many points to look at, if that is more than are returned.
         scale: change of the objective that matters about as much as 1 in a constraint.
 
     Returns:
         As `sobol_starts`.
+
+    Raises:
+        ValueError: a bound is not finite.
     """
-    points = sobol_starts(problem, among, seed)
+    points = sobol_starts(problem, max(among, count), seed)
 
     def merit(parameters: Parameters) -> Float[Array, ""]:
         terms = problem.terms(parameters)
