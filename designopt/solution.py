@@ -42,7 +42,7 @@ class Solution(eqx.Module, Generic[Value]):
         """
         enumeration = self.result._enumeration
         # As JAX arrays: of a NumPy code, an item would be no array, and have no message.
-        flat = jax.tree.map(lambda code: jnp.reshape(code, -1), self.result)
+        flat = jax.tree.map(lambda code: jnp.asarray(code).reshape(-1), self.result)
         return [
             enumeration[jax.tree.map(lambda code, i=i: code[i], flat)]
             for i in range(self.margin.size)

@@ -155,7 +155,7 @@ def level_starts(problem: Problem, starts: Parameters) -> Levelled:
         problem: one whose terms have ``least``.
         starts: parameters with the starts along every array's first axis.
     """
-    return Levelled(starts, jax.vmap(lambda design: -problem.terms(design).value)(starts))
+    return jax.vmap(lambda design: Levelled(design, -problem.terms(design).value))(starts)
 
 
 def softened(problem: Problem, temperature: float) -> Problem:

@@ -62,7 +62,14 @@ def compile_reference(
             constraints = scipy.optimize.NonlinearConstraint(
                 levels, 0.0, upper, jac=jacobian, hess=curvature
             )
-        options = {"maxiter": steps, "xtol": tolerance, "gtol": tolerance}
+        # Its test of the gradient knows nothing of the barrier, so that on its own it would end
+        # far inside the bounds; steps that are too small end the search where the barrier is gone.
+        options = {
+            "maxiter": steps,
+            "xtol": tolerance,
+            "barrier_tol": tolerance,
+            "gtol": 1e-4 * tolerance,
+        }
 
     def solve(start: np.ndarray) -> tuple[np.ndarray, Trace]:
         visited: list[np.ndarray] = []

@@ -180,7 +180,7 @@ def _multipliers(
     lam[candidates] = found[2 * h.size :]
     # An optimum without constraints has no gradient to compare with: one that changes the
     # objective in rounding only (its cube root, for a minimum is flat) counts as none.
-    least = np.finfo(gradient.dtype).eps ** (1 / 3) * (1 + abs(float(value))) / STATIONARY
+    least = float(np.finfo(gradient.dtype).eps) ** (1 / 3) * (1 + abs(float(value))) / STATIONARY
     size = max(float(np.linalg.norm(gradient)), least)
     return found[: h.size] - found[h.size : 2 * h.size], lam, left / size
 
