@@ -60,12 +60,13 @@ class Flat:
         """What the problem says of a vector."""
         return self.problem.terms(self.parameters(point))
 
-    def levels(
+    def evaluated(
         self, point: Point
-    ) -> tuple[Float[Array, " equalities"], Float[Array, " inequalities"]]:
-        """Equalities and inequalities of a vector, without its bounds, in the names' order."""
+    ) -> tuple[Terms, Float[Array, " equalities"], Float[Array, " inequalities"]]:
+        """The terms; and their constraints, without the bounds, as vectors in the names' order."""
         terms = self.terms(point)
-        return _joined(terms.equalities, point.dtype), _joined(terms.inequalities, point.dtype)
+        equalities = _joined(terms.equalities, point.dtype)
+        return terms, equalities, _joined(terms.inequalities, point.dtype)
 
     def bounds(self, point: Point) -> Float[Array, " bounds"]:
         """How far the vector is inside its finite bounds: the lower ones, then the upper ones."""

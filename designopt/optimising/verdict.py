@@ -108,8 +108,8 @@ def judge(flat: Flat) -> Callable[[Point, Trace], Optimum]:
     """
 
     def parts(point: Point) -> Any:
-        h, g = flat.levels(point)
-        return flat.terms(point).value, h, jnp.concatenate([g, flat.bounds(point)])
+        terms, h, g = flat.evaluated(point)
+        return terms.value, h, jnp.concatenate([g, flat.bounds(point)])
 
     @jax.jit
     def values_and_slopes(point: Point) -> tuple[Any, Any]:
