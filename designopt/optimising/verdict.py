@@ -178,9 +178,9 @@ def _multipliers(
     found, left = _balanced(gradient, np.concatenate([-of_h, of_h, of_g[candidates]]))
     lam = np.zeros_like(g)
     lam[candidates] = found[2 * h.size :]
-    # An optimum without constraints has no gradient to compare with: one that changes the
-    # objective in rounding only (its cube root, for a minimum is flat) counts as none.
-    least = float(np.finfo(gradient.dtype).eps) ** (1 / 3) * (1 + abs(float(value))) / STATIONARY
+    # An optimum without constraints has no gradient to compare with. Its place is known to the
+    # square root of rounding, √ε; what a curvature up to ε^(−1/4) leaves there counts as none.
+    least = float(np.finfo(gradient.dtype).eps) ** (1 / 4) * (1 + abs(float(value))) / STATIONARY
     size = max(float(np.linalg.norm(gradient)), least)
     return found[: h.size] - found[h.size : 2 * h.size], lam, left / size
 

@@ -23,6 +23,12 @@ def test_one_answer():
     assert solve(jnp.asarray(-4.0)).messages() == ["The argument is negative: make it positive."]
 
 
+def test_a_code_that_was_never_computed_has_its_message_too():
+    one = jnp.asarray(1.0)
+    assert Solution(one, one, one, Outcome.negative).messages() == [Outcome[Outcome.negative]]
+    assert Solution(one, one, one, Outcome.successful).messages() == [""]
+
+
 def test_a_batch_says_which_failed_and_why():
     found = jax.jit(jax.vmap(solve))(jnp.asarray([1.0, -1.0, 4.0]))
     assert found.ok.tolist() == [True, False, True]
