@@ -21,7 +21,7 @@ class Flat:
 
     Attributes:
         problem: the problem.
-        units: mm or rad, or whatever a parameter has, per scaled unit.
+        units: mm or rad, or whatever a parameter has, per scaled unit; in the bounds' float type.
         lower: least values, scaled.
         upper: greatest values, scaled.
     """
@@ -34,10 +34,11 @@ class Flat:
     @classmethod
     def of(cls, problem: Problem) -> Flat:
         """The flat form of a problem."""
-        units, lower, upper = (
+        lower, upper, units = (
             np.asarray(ravel_pytree(part)[0])
-            for part in (problem.units, problem.lower, problem.upper)
+            for part in (problem.lower, problem.upper, problem.units)
         )
+        units = units.astype(lower.dtype)
         return cls(problem, units, lower / units, upper / units)
 
     @property
@@ -59,6 +60,13 @@ class Flat:
         """What the problem says of a vector."""
         return self.problem.terms(self.parameters(point))
 
+    def levels(
+        self, point: Point
+    ) -> tuple[Float[Array, " equalities"], Float[Array, " inequalities"]]:
+        """Equalities and inequalities of a vector, without its bounds, in the names' order."""
+        terms = self.terms(point)
+        return _joined(terms.equalities, point.dtype), _joined(terms.inequalities, point.dtype)
+
     def bounds(self, point: Point) -> Float[Array, " bounds"]:
         """How far the vector is inside its finite bounds: the lower ones, then the upper ones."""
         low, high = self.limited
@@ -72,18 +80,20 @@ class Flat:
             point, jnp.asarray(self.lower, point.dtype), jnp.asarray(self.upper, point.dtype)
         )
 
-    def elements(self, bound: int) -> tuple[str, tuple[int, ...]]:
-        """Of an element of `bounds`: its parameter's path, and its index there."""
+    def bound(self, place: int) -> tuple[str, float]:
+        """Of an element of `bounds`: what it is in words, and its parameter's scale."""
         low, high = self.limited
-        which = [*low, *high][bound]
+        which = left = int([*low, *high][place])
         for path, leaf in jax.tree_util.tree_leaves_with_path(self.problem.lower):
-            if which < leaf.size:
-                index = tuple(int(i) for i in np.unravel_index(which, leaf.shape))
-                return jax.tree_util.keystr(path), index
-            which -= leaf.size
-        raise IndexError(bound)
+            if left < leaf.size:
+                name = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
+                index = [int(i) for i in np.unravel_index(left, leaf.shape)]
+                side = "lower" if place < len(low) else "upper"
+                return f"{name}{index or ''} at its {side} bound", float(self.units[which])
+            left -= leaf.size
+        raise IndexError(place)
 
 
-def joined(arrays: dict[str, Float[Array, "..."]], dtype: jnp.dtype) -> Float[Array, " all"]:
+def _joined(arrays: dict[str, Float[Array, "..."]], dtype: jnp.dtype) -> Float[Array, " all"]:
     """Arrays by name as one vector, in the order of their names; empty if there is none."""
     return ravel_pytree(arrays)[0] if arrays else jnp.zeros(0, dtype)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, Literal, cast, get_args
 
 import jax
 import jax.numpy as jnp
@@ -25,8 +25,6 @@ Method = Literal[
     "slsqp",
     "trust-constr",
 ]
-
-REFERENCES = ("slsqp", "trust-constr")
 
 
 @dataclass(frozen=True)
@@ -88,13 +86,15 @@ class Minimiser:
             steps: cap on steps between two of them; SciPy's solvers have updates × steps.
 
         Raises:
-            ValueError: the terms have ``least``, or the method needs what is not given.
+            ValueError: the terms have ``least``, there is no such method, or it needs what is not
+                given.
         """
+        if method not in get_args(Method):
+            raise ValueError(f"no method {method!r}: choose from {', '.join(get_args(Method))}")
         self.flat = flat = Flat.of(problem)
         self._judge = judge(flat)
         points = jnp.zeros((count, flat.units.size), flat.units.dtype)
-        shape = jax.eval_shape(flat.terms, points[0])
-        if shape.least is not None:
+        if jax.eval_shape(flat.terms, points[0]).least is not None:
             raise ValueError("minimise: bring `least` into a form with epigraph() or softened()")
         begin = time.perf_counter()
         self._solve = self._compiled(method, points, floor, tolerance, updates, steps)
@@ -104,7 +104,7 @@ class Minimiser:
         self, method: Method, points: Any, floor: float | None, tolerance: float, *caps: int
     ) -> Callable[[Any], tuple[Any, list[Trace]]]:
         updates, steps = caps
-        if method in REFERENCES:
+        if method in get_args(Reference):
             one = compile_reference(self.flat, cast(Reference, method), tolerance, updates * steps)
 
             def in_turn(starts: Any) -> tuple[Any, list[Trace]]:

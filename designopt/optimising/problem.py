@@ -14,9 +14,14 @@ from jaxtyping import Array, Float
 
 Parameters = Any  # a pytree of float arrays
 
+BOUND = "bounds"
+"""Name of the bounds among violations and multipliers."""
+
 
 class Terms(eqx.Module):
     """What one set of parameters gives. Exactly one of the first three is set.
+
+    Every name stands for one array, and none is ``"bounds"``, the name of the parameters' bounds.
 
     Attributes:
         objective: a number to be minimised.
@@ -35,6 +40,10 @@ class Terms(eqx.Module):
     def __check_init__(self) -> None:
         if sum(part is not None for part in (self.objective, self.residuals, self.least)) != 1:
             raise ValueError("Terms: give one of objective, residuals and least, and only one")
+        names = [*(self.least or {}), *self.equalities, *self.inequalities, BOUND]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"Terms: names that stand for two things: {', '.join(twice)}")
 
     @property
     def value(self) -> Float[Array, ""]:
@@ -146,7 +155,7 @@ def level_starts(problem: Problem, starts: Parameters) -> Levelled:
         problem: one whose terms have ``least``.
         starts: parameters with the starts along every array's first axis.
     """
-    return Levelled(starts, jax.vmap(lambda design: -problem.terms(design).value)(starts))
+    return jax.vmap(lambda design: Levelled(design, -problem.terms(design).value))(starts)
 
 
 def softened(problem: Problem, temperature: float) -> Problem:
