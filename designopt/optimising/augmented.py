@@ -154,11 +154,11 @@ def _evaluated(
     flat: Flat, inner: Inner, point: Point
 ) -> tuple[Terms, Float[Array, " equalities"], Float[Array, " inequalities"]]:
     """The terms, and the constraints that the solver does not keep itself."""
-    h, g = flat.levels(point)
-    return flat.terms(point), h, g if inner in BOXED else jnp.concatenate([g, flat.bounds(point)])
+    terms, h, g = flat.value_and_levels(point)
+    return terms, h, g if inner in BOXED else jnp.concatenate([g, flat.bounds(point)])
 
 
-def _largest(*arrays: Float[Array, " n"]) -> Float[Array, ""]:
+def _largest(*arrays: Float[Array, " _"]) -> Float[Array, ""]:
     return jnp.max(jnp.concatenate(arrays))
 
 

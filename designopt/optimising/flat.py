@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -56,16 +57,26 @@ class Flat:
         _, unravel = ravel_pytree(self.problem.lower)
         return unravel(point * jnp.asarray(self.units, point.dtype))
 
+    def given(self, data: tuple[Any, ...]) -> Flat:
+        """The same for other data of the problem."""
+        return replace(self, problem=replace(self.problem, data=data))
+
     def terms(self, point: Point) -> Terms:
         """What the problem says of a vector."""
-        return self.problem.terms(self.parameters(point))
+        return self.problem.terms(self.parameters(point), *self.problem.data)
 
     def levels(
         self, point: Point
     ) -> tuple[Float[Array, " equalities"], Float[Array, " inequalities"]]:
         """Equalities and inequalities of a vector, without its bounds, in the names' order."""
-        terms = self.terms(point)
-        return _joined(terms.equalities, point.dtype), _joined(terms.inequalities, point.dtype)
+        return self.value_and_levels(point)[1:]
+
+    def value_and_levels(
+        self, point: Point
+    ) -> tuple[Terms, Float[Array, " equalities"], Float[Array, " inequalities"]]:
+        """Both `terms` and `levels`, traced once."""
+        terms, dtype = self.terms(point), point.dtype
+        return terms, _joined(terms.equalities, dtype), _joined(terms.inequalities, dtype)
 
     def bounds(self, point: Point) -> Float[Array, " bounds"]:
         """How far the vector is inside its finite bounds: the lower ones, then the upper ones."""

@@ -23,8 +23,8 @@ Reference = Literal["slsqp", "trust-constr"]
 
 def compile_reference(
     flat: Flat, method: Reference, tolerance: float, steps: int
-) -> Callable[[np.ndarray], tuple[np.ndarray, Trace]]:
-    """A local solve by SciPy: from a start to a point and its history, one row per step.
+) -> Callable[[np.ndarray, tuple[Any, ...]], tuple[np.ndarray, Trace]]:
+    """A local solve by SciPy: from a start and data to a point and its history, step by step.
 
     Args:
         flat: the problem.
@@ -35,13 +35,16 @@ def compile_reference(
     sample = jnp.asarray(flat.units)
     equalities, inequalities = (part.size for part in jax.eval_shape(flat.levels, sample))
 
-    def compiled(function: Callable[[Any], Any]) -> Callable[[np.ndarray], Any]:
-        program = jax.jit(function).lower(sample).compile()
-        return lambda x: jax.tree.map(np.asarray, program(jnp.asarray(x, sample.dtype)))
+    data = flat.problem.data
 
-    value_and_slope = compiled(jax.value_and_grad(lambda z: flat.terms(z).value))
-    levels = compiled(lambda z: jnp.concatenate(flat.levels(z)))
-    slopes = compiled(jax.jacfwd(lambda z: jnp.concatenate(flat.levels(z))))
+    def compiled(function: Callable[[Any, Any], Any]) -> Callable[[np.ndarray], Any]:
+        program = jax.jit(function).lower(sample, data).compile()
+        # Called with the data of the solve that is running.
+        return lambda x: jax.tree.map(np.asarray, program(jnp.asarray(x, sample.dtype), data))
+
+    value_and_slope = compiled(jax.value_and_grad(lambda z, d: flat.given(d).terms(z).value))
+    levels = compiled(lambda z, d: jnp.concatenate(flat.given(d).levels(z)))
+    slopes = compiled(jax.jacfwd(lambda z, d: jnp.concatenate(flat.given(d).levels(z))))
     constraints: Any = ()
     if method == "slsqp":
         kinds = {"eq": slice(None, equalities), "ineq": slice(equalities, None)}
@@ -71,7 +74,9 @@ def compile_reference(
             "gtol": 1e-4 * tolerance,
         }
 
-    def solve(start: np.ndarray) -> tuple[np.ndarray, Trace]:
+    def solve(start: np.ndarray, given: tuple[Any, ...]) -> tuple[np.ndarray, Trace]:
+        nonlocal data
+        data = given
         visited: list[np.ndarray] = []
         with warnings.catch_warnings():
             # Skipped quasi-Newton updates and steps clipped to the bounds are no news here.
