@@ -118,10 +118,12 @@ def augmented_lagrangian(
         settled = jnp.abs(objective - state.objective) <= tolerance * (1 + jnp.abs(objective))
         at = state.update
         total = count + jnp.where(at > 0, state.trace.steps[at - 1], 0)
-        now = (objective, _largest(jnp.abs(h), jnp.maximum(-g, 0.0)), total)
-        later = jnp.arange(updates) >= at
-        trace = jax.tree.map(
-            lambda array, value: jnp.where(later, value, array), state.trace, Trace(*now)
+        violation = _largest(jnp.abs(h), jnp.maximum(-g, 0.0))
+        later, before = jnp.arange(updates) >= at, state.trace
+        trace = Trace(
+            jnp.where(later, objective, before.objective),
+            jnp.where(later, violation, before.violation),
+            jnp.where(later, total, before.steps),
         )
         return _State(
             point,
@@ -158,7 +160,7 @@ def _evaluated(
     return terms, h, g if inner in BOXED else jnp.concatenate([g, flat.bounds(point)])
 
 
-def _largest(*arrays: Float[Array, " _"]) -> Float[Array, ""]:
+def _largest(*arrays: Float[Array, "..."]) -> Float[Array, ""]:
     return jnp.max(jnp.concatenate(arrays))
 
 

@@ -109,7 +109,9 @@ class Minimiser:
 
             def in_turn(starts: Any, data: tuple[Any, ...]) -> tuple[Any, list[Trace]]:
                 solved = [one(np.asarray(start), data) for start in starts]
-                return [jnp.asarray(point) for point, _ in solved], [trace for _, trace in solved]
+                return [jnp.asarray(point, starts.dtype) for point, _ in solved], [
+                    trace for _, trace in solved
+                ]
 
             return in_turn
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 import warnings
 from collections.abc import Callable
@@ -24,7 +25,7 @@ Reference = Literal["slsqp", "trust-constr"]
 def compile_reference(
     flat: Flat, method: Reference, tolerance: float, steps: int
 ) -> Callable[[np.ndarray, tuple[Any, ...]], tuple[np.ndarray, Trace]]:
-    """A local solve by SciPy: from a start and data to a point and its history, step by step.
+    """A local solve by SciPy: from a start and data to a point and its history, start included.
 
     Args:
         flat: the problem.
@@ -39,8 +40,13 @@ def compile_reference(
 
     def compiled(function: Callable[[Any, Any], Any]) -> Callable[[np.ndarray], Any]:
         program = jax.jit(function).lower(sample, data).compile()
-        # Called with the data of the solve that is running.
-        return lambda x: jax.tree.map(np.asarray, program(jnp.asarray(x, sample.dtype), data))
+
+        def evaluate(x: np.ndarray) -> Any:
+            # With the data of the solve that is running.
+            found = program(jnp.asarray(x, sample.dtype), data)
+            return jax.tree.map(lambda part: np.asarray(part, np.float64), found)
+
+        return evaluate
 
     value_and_slope = compiled(jax.value_and_grad(lambda z, d: flat.given(d).terms(z).value))
     levels = compiled(lambda z, d: jnp.concatenate(flat.given(d).levels(z)))
@@ -77,25 +83,35 @@ def compile_reference(
     def solve(start: np.ndarray, given: tuple[Any, ...]) -> tuple[np.ndarray, Trace]:
         nonlocal data
         data = given
-        visited: list[np.ndarray] = []
-        with warnings.catch_warnings():
-            # Skipped quasi-Newton updates and steps clipped to the bounds are no news here.
-            warnings.simplefilter("ignore")
-            found = scipy.optimize.minimize(
-                value_and_slope,
-                np.clip(start, flat.lower, flat.upper),
-                method=method,
-                jac=True,
-                bounds=_box(flat),
-                constraints=constraints,
-                callback=lambda x, *_: visited.append(np.copy(x)),
-                options=options,
-            )
-        visited.append(np.clip(found.x, flat.lower, flat.upper))
+        visited = [np.clip(start.astype(np.float64), flat.lower, flat.upper)]
+        known = (value_and_slope(visited[0]), levels(visited[0]), slopes(visited[0]))
+        if all(np.all(np.isfinite(part)) for part in jax.tree.leaves(known)):
+            visited += searched(visited[0])
         values = np.array([value_and_slope(x)[0] for x in visited])
         violations = np.array([_violation(levels(x), equalities) for x in visited])
-        steps_so_far = jnp.arange(1, len(visited) + 1)
-        return visited[-1], Trace(jnp.asarray(values), jnp.asarray(violations), steps_so_far)
+        return visited[-1], Trace(
+            jnp.asarray(values), jnp.asarray(violations), jnp.arange(len(visited))
+        )
+
+    def searched(start: np.ndarray) -> list[np.ndarray]:
+        visited: list[np.ndarray] = []
+        with warnings.catch_warnings():
+            # Skipped quasi-Newton updates and steps clipped to the bounds are no news here; and its
+            # linear algebra refuses numbers that are none, where the search has left the domain.
+            warnings.simplefilter("ignore")
+            with contextlib.suppress(ValueError, np.linalg.LinAlgError):
+                found = scipy.optimize.minimize(
+                    value_and_slope,
+                    start,
+                    method=method,
+                    jac=True,
+                    bounds=_box(flat),
+                    constraints=constraints,
+                    callback=lambda x, *_: visited.append(np.copy(x)),
+                    options=options,
+                )
+                visited.append(np.clip(found.x, flat.lower, flat.upper))
+        return visited
 
     return solve
 

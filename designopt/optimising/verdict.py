@@ -72,7 +72,7 @@ class Optimum:
         multipliers: by the constraint's name, in its shape, per unit of its array; of bounds, in
             their order (the lower ones, then the upper ones, finite ones only), per scaled unit.
             Without meaning unless ``solution.ok``.
-        history: one row per update of the multipliers, or per step.
+        history: one row per update of the multipliers; or one of the start and one per step.
         worst: index of the element that is violated most, by the name of each constraint that
             does not hold.
     """
