@@ -88,8 +88,7 @@ def augmented_lagrangian(
         steps: cap on steps between two updates.
 
     Returns:
-        The point, inside its bounds, and how it was found. Where the problem has no numbers at
-        the start, the start.
+        The point, inside its bounds, and how it was found.
 
     Raises:
         ValueError: Levenberg–Marquardt without residuals or a floor, or in a float type that it
@@ -103,6 +102,7 @@ def augmented_lagrangian(
     if h.size + g.size == 0:
         # Nothing to hold: one solve, and no multipliers.
         point, count = solve(start, (*none, jnp.ones((), dtype)))
+        point = flat.clipped(point)
         value = flat.terms(point).value[None]
         return point, Trace(value, jnp.zeros_like(value), count[None])
 
@@ -156,7 +156,7 @@ def _evaluated(
     flat: Flat, inner: Inner, point: Point
 ) -> tuple[Terms, Float[Array, " equalities"], Float[Array, " inequalities"]]:
     """The terms, and the constraints that the solver does not keep itself."""
-    terms, h, g = flat.value_and_levels(point)
+    terms, h, g = flat.evaluated(point)
     return terms, h, g if inner in BOXED else jnp.concatenate([g, flat.bounds(point)])
 
 

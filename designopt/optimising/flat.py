@@ -65,18 +65,13 @@ class Flat:
         """What the problem says of a vector."""
         return self.problem.terms(self.parameters(point), *self.problem.data)
 
-    def levels(
-        self, point: Point
-    ) -> tuple[Float[Array, " equalities"], Float[Array, " inequalities"]]:
-        """Equalities and inequalities of a vector, without its bounds, in the names' order."""
-        return self.value_and_levels(point)[1:]
-
-    def value_and_levels(
+    def evaluated(
         self, point: Point
     ) -> tuple[Terms, Float[Array, " equalities"], Float[Array, " inequalities"]]:
-        """Both `terms` and `levels`, traced once."""
-        terms, dtype = self.terms(point), point.dtype
-        return terms, _joined(terms.equalities, dtype), _joined(terms.inequalities, dtype)
+        """The terms; and their constraints, without the bounds, as vectors in the names' order."""
+        terms = self.terms(point)
+        equalities = _joined(terms.equalities, point.dtype)
+        return terms, equalities, _joined(terms.inequalities, point.dtype)
 
     def bounds(self, point: Point) -> Float[Array, " bounds"]:
         """How far the vector is inside its finite bounds: the lower ones, then the upper ones."""

@@ -113,7 +113,7 @@ class Levelled(eqx.Module):
     """Parameters of an epigraph form: those of the design, and the level they all reach."""
 
     design: Parameters
-    level: Float[Array, ""]
+    level: Float[Array, "*starts"]
 
 
 def epigraph(problem: Problem, *, scale: float = 1.0) -> Problem:

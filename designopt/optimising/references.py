@@ -34,7 +34,8 @@ def compile_reference(
         steps: cap on its steps.
     """
     sample = jnp.asarray(flat.units)
-    equalities, inequalities = (part.size for part in jax.eval_shape(flat.levels, sample))
+    _, h, g = jax.eval_shape(flat.evaluated, sample)
+    equalities, inequalities = h.size, g.size
 
     data = flat.problem.data
 
@@ -49,8 +50,8 @@ def compile_reference(
         return evaluate
 
     value_and_slope = compiled(jax.value_and_grad(lambda z, d: flat.given(d).terms(z).value))
-    levels = compiled(lambda z, d: jnp.concatenate(flat.given(d).levels(z)))
-    slopes = compiled(jax.jacfwd(lambda z, d: jnp.concatenate(flat.given(d).levels(z))))
+    levels = compiled(lambda z, d: jnp.concatenate(flat.given(d).evaluated(z)[1:]))
+    slopes = compiled(jax.jacfwd(lambda z, d: jnp.concatenate(flat.given(d).evaluated(z)[1:])))
     constraints: Any = ()
     if method == "slsqp":
         kinds = {"eq": slice(None, equalities), "ineq": slice(equalities, None)}
@@ -162,14 +163,14 @@ def differential_evolution(
     count = max(population * flat.units.size, 5)  # SciPy's least
 
     def member(point: Any) -> Any:
-        h, g = flat.levels(point)
-        value, levels = flat.terms(point).value, jnp.concatenate([g, -jnp.abs(h)])
+        terms, h, g = flat.evaluated(point)
+        value, levels = terms.value, jnp.concatenate([g, -jnp.abs(h)])
         levels = jnp.where(jnp.isfinite(levels), levels, -jnp.inf)
         return jnp.where(jnp.isfinite(value), value, jnp.inf), levels
 
     sample = jnp.zeros((count, flat.units.size), flat.units.dtype)
-    equalities, inequalities = (part.size for part in jax.eval_shape(flat.levels, sample[0]))
-    least = np.repeat([0.0, -EQUALITY], [inequalities, equalities])
+    _, h, g = jax.eval_shape(flat.evaluated, sample[0])
+    least = np.repeat([0.0, -EQUALITY], [g.size, h.size])
     constraints: Any = ()
     if least.size:
         constraints = scipy.optimize.NonlinearConstraint(

@@ -110,7 +110,7 @@ def judge(flat: Flat) -> Callable[[Point, tuple[Any, ...], Trace], Optimum]:
     @jax.jit
     def values_and_slopes(point: Point, data: tuple[Any, ...]) -> tuple[Any, Any]:
         def parts(point: Point) -> Any:
-            terms, h, g = flat.given(data).value_and_levels(point)
+            terms, h, g = flat.given(data).evaluated(point)
             value = (terms.value, h, jnp.concatenate([g, flat.bounds(point)]))
             return value, value
 

@@ -79,13 +79,12 @@ def linkage_problem(
         allowance: kept beyond every length that is required, mm.
 
     Returns:
-        A problem in `Pins`, with ``least`` in rad by the symbols of the angles, and inequalities
-        by names that say what is asked.
+        A problem in `Pins`, with ``least`` in rad by the symbols of the angles, inequalities by
+        names that say what is asked, and the postures as its data.
     """
-    knuckle, fingertip = jnp.asarray(pip), jnp.asarray(dip)
 
-    def terms(pins: Pins) -> Terms:
-        postures = find_postures(pins, body, knuckle, fingertip)
+    def terms(pins: Pins, pip: Float[Array, " pip"], dip: Float[Array, " dip"]) -> Terms:
+        postures = find_postures(pins, body, pip, dip)
         return Terms(
             least={SYMBOLS[name]: values for name, values in postures.angles.items()},
             inequalities=inequalities(pins, postures, body, limits, allowance),
@@ -93,7 +92,8 @@ def linkage_problem(
 
     lower, upper = _box(body, limits, allowance)
     scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
-    return Problem(terms, lower, upper, scale, _requirements(np.rad2deg(pip), np.rad2deg(dip)))
+    told = _requirements(np.rad2deg(pip), np.rad2deg(dip))
+    return Problem(terms, lower, upper, scale, told, (jnp.asarray(pip), jnp.asarray(dip)))
 
 
 def inequalities(

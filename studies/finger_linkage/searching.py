@@ -14,10 +14,10 @@ import numpy as np
 
 from designopt.optimising import (
     Active,
+    Levelled,
     Minimiser,
     Optima,
     Optimum,
-    Parameters,
     Problem,
     active_set,
     best_starts,
@@ -48,15 +48,11 @@ class Round:
 
     Attributes:
         problem: over its postures, with ``least``.
-        pip: PIP angles of its postures, rad.
-        dip: DIP angles, rad.
         ranking_seconds: time to rank the Sobol points, where that came before.
         optima: where every design led to, in the problem's epigraph form.
     """
 
     problem: Problem
-    pip: np.ndarray
-    dip: np.ndarray
     ranking_seconds: float
     optima: Optima
 
@@ -86,7 +82,9 @@ class Search:
     @property
     def compile_seconds(self) -> float:
         """Time to compile the solves."""
-        return sum(one.optima.compile_seconds for one in self.rounds)
+        return sum(
+            one.optima.compile_seconds for one in self.rounds[:2]
+        )  # all others have the same
 
     def held_by(self) -> list[Active]:
         """The requirements that hold the optimum."""
@@ -109,32 +107,62 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
         spec: the study's settings.
         seed: of the Sobol points.
     """
-    how, body = spec.search, spec.body
-    flexion = grid(body, how.step_deg)
-    coarse = linkage_problem(body, spec.limits, flexion, flexion, how.allowance)
+    how, flexion = spec.search, grid(spec.body, spec.search.step_deg)
+    coarse = _over(spec, flexion, flexion)
     begin = time.perf_counter()
     starts = jax.block_until_ready(
         best_starts(coarse, how.starts, seed, among=how.among, scale=ANGLE)
     )
+    ranked = time.perf_counter() - begin
     rounds = [
-        Round(coarse, flexion, flexion, time.perf_counter() - begin, solve_from(coarse, starts))
+        Round(coarse, ranked, minimiser(coarse, how.starts).solve(level_starts(coarse, starts)))
     ]
     worst = _worst_postures(spec)
+    pip = dip = flexion
+    again = None
     for _ in range(how.exchanges):
-        last = rounds[-1]
-        finalists = sorted(last.optima.found, key=lambda one: (not one.feasible, one.objective))
-        designs = [one.parameters.design for one in finalists[: how.finalists]]
-        pip, dip = last.pip, last.dip
-        for one, design in zip(finalists, designs, strict=False):
-            more_pip, more_dip = worst(design, float(one.parameters.level))
-            pip, dip = np.union1d(pip, more_pip), np.union1d(dip, more_dip)
-        if len(pip) == len(last.pip) and len(dip) == len(last.dip):
+        finalists = _finalists(rounds[-1].optima, how.finalists)
+        more = [worst(one.design, float(one.level)) for one in finalists]
+        pip, dip = (
+            _joined(pip, [part for part, _ in more]),
+            _joined(dip, [part for _, part in more]),
+        )
+        problem = _over(spec, _filled(pip, flexion), _filled(dip, flexion))
+        if all(not values for part in more for values in part):
             break
-        problem = linkage_problem(body, spec.limits, pip, dip, how.allowance)
-        again = solve_from(problem, jax.tree.map(lambda *leaves: jnp.stack(leaves), *designs))
-        rounds.append(Round(problem, pip, dip, 0.0, again))
+        # All rounds have places for as many postures, so that one program solves them.
+        again = again or minimiser(problem, len(finalists))
+        designs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *finalists)
+        rounds.append(
+            Round(problem, 0.0, again.solve(level_starts(problem, designs.design), problem.data))
+        )
     found = rounds[-1].optima.best.parameters.design
     return Search(rounded(found, how.rounding), tuple(rounds))
+
+
+PLACES = 6
+"""Places for angles that the exchange adds to those of PIP and of DIP."""
+
+
+def _over(spec: FingerLinkageSpec, pip: np.ndarray, dip: np.ndarray) -> Problem:
+    return linkage_problem(spec.body, spec.limits, pip, dip, spec.search.allowance)
+
+
+def _finalists(optima: Optima, count: int) -> list[Levelled]:
+    ranked = sorted(optima.found, key=lambda one: (not one.feasible, one.objective))
+    return [one.parameters for one in ranked[:count]]
+
+
+def _joined(angles: np.ndarray, more: list[list[float]]) -> np.ndarray:
+    """The angles, and those of the others that are new, in the order of the designs."""
+    new = [angle for part in more for angle in part if not np.any(np.isclose(angle, angles))]
+    return np.concatenate([angles, list(dict.fromkeys(new))])
+
+
+def _filled(angles: np.ndarray, flexion: np.ndarray) -> np.ndarray:
+    """The angles in all places; in those that are left, the straight posture once more."""
+    count = len(flexion) + PLACES
+    return np.concatenate([angles, np.zeros(max(0, count - len(angles)))])[:count]
 
 
 def _worst_postures(spec: FingerLinkageSpec) -> Callable[[Pins, float], tuple[Any, Any]]:
@@ -144,7 +172,7 @@ def _worst_postures(spec: FingerLinkageSpec) -> Callable[[Pins, float], tuple[An
     terms = jax.jit(check.terms)
 
     def worst(pins: Pins, level: float) -> tuple[Any, Any]:
-        found = terms(pins)
+        found = terms(pins, *check.data)
         assert found.least is not None
         short = [level - np.asarray(values) - WORSE for values in found.least.values()]
         short += [-np.asarray(values) for values in found.inequalities.values()]
@@ -152,22 +180,18 @@ def _worst_postures(spec: FingerLinkageSpec) -> Callable[[Pins, float], tuple[An
         for values in short:
             if values.ndim and np.max(values) > 0 and values.shape[-1] == len(flexion):
                 place = np.unravel_index(np.argmax(values), values.shape)
-                dip.add(flexion[place[-1]])
+                dip.add(float(flexion[place[-1]]))
                 if values.ndim > 1 and values.shape[-2] == len(flexion):
-                    pip.add(flexion[place[-2]])
+                    pip.add(float(flexion[place[-2]]))
         return sorted(pip), sorted(dip)
 
     return worst
 
 
-def solve_from(problem: Problem, starts: Parameters) -> Optima:
-    """All starts in one vectorised run: least squares inside an augmented Lagrangian."""
-    count = jax.tree.leaves(starts)[0].shape[0]
+def minimiser(problem: Problem, count: int) -> Minimiser:
+    """Least squares inside an augmented Lagrangian, all starts in one vectorised run."""
     exact = epigraph(problem, scale=ANGLE)
-    minimiser = Minimiser(
-        exact, count, "levenberg-marquardt", floor=FLOOR, updates=UPDATES, steps=STEPS
-    )
-    return minimiser.solve(level_starts(problem, starts))
+    return Minimiser(exact, count, "levenberg-marquardt", floor=FLOOR, updates=UPDATES, steps=STEPS)
 
 
 def rounded(pins: Pins, step: float) -> Pins:

