@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -56,9 +57,13 @@ class Flat:
         _, unravel = ravel_pytree(self.problem.lower)
         return unravel(point * jnp.asarray(self.units, point.dtype))
 
+    def given(self, data: tuple[Any, ...]) -> Flat:
+        """The same for other data of the problem."""
+        return replace(self, problem=replace(self.problem, data=data))
+
     def terms(self, point: Point) -> Terms:
         """What the problem says of a vector."""
-        return self.problem.terms(self.parameters(point))
+        return self.problem.terms(self.parameters(point), *self.problem.data)
 
     def evaluated(
         self, point: Point

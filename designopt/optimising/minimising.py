@@ -102,22 +102,22 @@ class Minimiser:
 
     def _compiled(
         self, method: Method, points: Any, floor: float | None, tolerance: float, *caps: int
-    ) -> Callable[[Any], tuple[Any, list[Trace]]]:
+    ) -> Callable[[Any, tuple[Any, ...]], tuple[Any, list[Trace]]]:
         updates, steps = caps
         if method in get_args(Reference):
             one = compile_reference(self.flat, cast(Reference, method), tolerance, updates * steps)
 
-            def in_turn(starts: Any) -> tuple[Any, list[Trace]]:
-                solved = [one(np.asarray(start)) for start in starts]
+            def in_turn(starts: Any, data: tuple[Any, ...]) -> tuple[Any, list[Trace]]:
+                solved = [one(np.asarray(start), data) for start in starts]
                 return [jnp.asarray(point, starts.dtype) for point, _ in solved], [
                     trace for _, trace in solved
                 ]
 
             return in_turn
 
-        def local(start: Any) -> tuple[Any, Trace]:
+        def local(start: Any, data: tuple[Any, ...]) -> tuple[Any, Trace]:
             return augmented_lagrangian(
-                self.flat,
+                self.flat.given(data),
                 cast(Inner, method),
                 start,
                 floor=floor,
@@ -126,27 +126,32 @@ class Minimiser:
                 steps=steps,
             )
 
-        program = jax.jit(jax.vmap(local)).lower(points).compile()
+        program = jax.jit(jax.vmap(local, (0, None))).lower(points, self.flat.problem.data)
+        program = program.compile()
 
-        def together(starts: Any) -> tuple[Any, list[Trace]]:
-            found, traces = jax.block_until_ready(program(starts))
+        def together(starts: Any, data: tuple[Any, ...]) -> tuple[Any, list[Trace]]:
+            found, traces = jax.block_until_ready(program(starts, data))
             return found, [
                 jax.tree.map(lambda leaf, i=i: leaf[i], traces) for i in range(len(found))
             ]
 
         return together
 
-    def solve(self, starts: Parameters) -> Optima:
+    def solve(self, starts: Parameters, data: tuple[Any, ...] | None = None) -> Optima:
         """Solve from every start.
 
         Args:
             starts: parameters with the starts along every array's first axis.
+            data: the problem's data, or others of the same shapes; its own by default.
         """
+        data = self.flat.problem.data if data is None else data
         points = jax.vmap(self.flat.point)(starts)
         begin = time.perf_counter()
-        found, traces = self._solve(points)
+        found, traces = self._solve(points, data)
         seconds = time.perf_counter() - begin
-        optima = [self._judge(point, trace) for point, trace in zip(found, traces, strict=True)]
+        optima = [
+            self._judge(point, data, trace) for point, trace in zip(found, traces, strict=True)
+        ]
         return Optima(tuple(optima), seconds, self.compile_seconds)
 
 

@@ -24,8 +24,8 @@ Reference = Literal["slsqp", "trust-constr"]
 
 def compile_reference(
     flat: Flat, method: Reference, tolerance: float, steps: int
-) -> Callable[[np.ndarray], tuple[np.ndarray, Trace]]:
-    """A local solve by SciPy: from a start to a point and its history, the start and every step.
+) -> Callable[[np.ndarray, tuple[Any, ...]], tuple[np.ndarray, Trace]]:
+    """A local solve by SciPy: from a start and data to a point and its history, start included.
 
     Args:
         flat: the problem.
@@ -37,18 +37,21 @@ def compile_reference(
     _, h, g = jax.eval_shape(flat.evaluated, sample)
     equalities, inequalities = h.size, g.size
 
-    def compiled(function: Callable[[Any], Any]) -> Callable[[np.ndarray], Any]:
-        program = jax.jit(function).lower(sample).compile()
+    data = flat.problem.data
+
+    def compiled(function: Callable[[Any, Any], Any]) -> Callable[[np.ndarray], Any]:
+        program = jax.jit(function).lower(sample, data).compile()
 
         def evaluate(x: np.ndarray) -> Any:
-            found = program(jnp.asarray(x, sample.dtype))
+            # With the data of the solve that is running.
+            found = program(jnp.asarray(x, sample.dtype), data)
             return jax.tree.map(lambda part: np.asarray(part, np.float64), found)
 
         return evaluate
 
-    value_and_slope = compiled(jax.value_and_grad(lambda z: flat.terms(z).value))
-    levels = compiled(lambda z: jnp.concatenate(flat.evaluated(z)[1:]))
-    slopes = compiled(jax.jacfwd(lambda z: jnp.concatenate(flat.evaluated(z)[1:])))
+    value_and_slope = compiled(jax.value_and_grad(lambda z, d: flat.given(d).terms(z).value))
+    levels = compiled(lambda z, d: jnp.concatenate(flat.given(d).evaluated(z)[1:]))
+    slopes = compiled(jax.jacfwd(lambda z, d: jnp.concatenate(flat.given(d).evaluated(z)[1:])))
     constraints: Any = ()
     if method == "slsqp":
         kinds = {"eq": slice(None, equalities), "ineq": slice(equalities, None)}
@@ -78,7 +81,9 @@ def compile_reference(
             "gtol": 1e-4 * tolerance,
         }
 
-    def solve(start: np.ndarray) -> tuple[np.ndarray, Trace]:
+    def solve(start: np.ndarray, given: tuple[Any, ...]) -> tuple[np.ndarray, Trace]:
+        nonlocal data
+        data = given
         visited = [np.clip(start.astype(np.float64), flat.lower, flat.upper)]
         known = (value_and_slope(visited[0]), levels(visited[0]), slopes(visited[0]))
         if all(np.all(np.isfinite(part)) for part in jax.tree.leaves(known)):

@@ -60,7 +60,7 @@ def best_starts(
     points = sobol_starts(problem, max(among, count), seed)
 
     def merit(parameters: Parameters) -> Float[Array, ""]:
-        terms = problem.terms(parameters)
+        terms = problem.terms(parameters, *problem.data)
         unmet = 0.0
         for part in terms.inequalities.values():
             unmet = unmet + jnp.sum(jnp.minimum(part, 0.0) ** 2)

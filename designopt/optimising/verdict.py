@@ -100,28 +100,30 @@ class Optimum:
         return math.isfinite(self.objective) and self.violation <= FEASIBLE
 
 
-def judge(flat: Flat) -> Callable[[Point, Trace], Optimum]:
-    """A function that judges points of a problem; it compiles once.
+def judge(flat: Flat) -> Callable[[Point, tuple[Any, ...], Trace], Optimum]:
+    """A function that judges points of a problem, given its data; it compiles once.
 
     Args:
         flat: the problem.
     """
 
-    def parts(point: Point) -> Any:
-        terms, h, g = flat.evaluated(point)
-        return terms.value, h, jnp.concatenate([g, flat.bounds(point)])
-
     @jax.jit
-    def values_and_slopes(point: Point) -> tuple[Any, Any]:
-        return parts(point), jax.jacfwd(parts)(point)
+    def values_and_slopes(point: Point, data: tuple[Any, ...]) -> tuple[Any, Any]:
+        def parts(point: Point) -> Any:
+            terms, h, g = flat.given(data).evaluated(point)
+            value = (terms.value, h, jnp.concatenate([g, flat.bounds(point)]))
+            return value, value
+
+        slopes, values = jax.jacfwd(parts, has_aux=True)(point)
+        return values, slopes
 
     shapes = jax.eval_shape(flat.terms, jnp.asarray(flat.units))
     equalities = {name: part.shape for name, part in sorted(shapes.equalities.items())}
     inequalities = {name: part.shape for name, part in sorted(shapes.inequalities.items())}
     inequalities[BOUND] = (sum(len(part) for part in flat.limited),)
 
-    def verdict(point: Point, history: Trace) -> Optimum:
-        (value, h, g), slopes = jax.tree.map(np.asarray, values_and_slopes(point))
+    def verdict(point: Point, data: tuple[Any, ...], history: Trace) -> Optimum:
+        (value, h, g), slopes = jax.tree.map(np.asarray, values_and_slopes(point, data))
         numbers = (value, h, g, *slopes)
         if not all(np.all(np.isfinite(part)) for part in numbers):
             return _without_numbers(flat, point, history)

@@ -28,7 +28,7 @@ PUBLISHED_DIGITS = 2e-7
 def judged(problem: Problem, parameters) -> Optimum:
     flat = Flat.of(problem)
     nothing = Trace(jnp.zeros(1), jnp.zeros(1), jnp.zeros(1, int))
-    return judge(flat)(flat.point(parameters), nothing)
+    return judge(flat)(flat.point(parameters), problem.data, nothing)
 
 
 def corner(x):
