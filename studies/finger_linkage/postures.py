@@ -53,9 +53,7 @@ class Postures(eqx.Module):
 def find_postures(
     pins: Pins, body: BodySpec, pip: Float[Array, " pip"], dip: Float[Array, " dip"]
 ) -> Postures:
-    """The linkage at all combinations of flexion angles, each dyad on its side when straight.
-
-    Ratios by virtual velocities: along the rod D and E move equally fast, along the bar G and H do.
+    """The linkage at all combinations of flexion angles; see `postures_at`.
 
     Args:
         pins: one design.
@@ -63,9 +61,26 @@ def find_postures(
         pip: flexion of the PIP joint, rad.
         dip: flexion of the DIP joint, rad.
     """
+    return postures_at(pins, body, rotation(-pip), rotation(-dip))
+
+
+def postures_at(pins: Pins, body: BodySpec, knuckle: Vector, flexion: Vector) -> Postures:
+    """The linkage at all combinations of turns, each dyad on its side when straight.
+
+    The turns are given as unit vectors, for a compiled program that turns angles into them itself
+    does so anew wherever it uses them, which takes most of its time.
+
+    Ratios by virtual velocities: along the rod D and E move equally fast, along the bar G and H do.
+
+    Args:
+        pins: one design.
+        body: the finger's section.
+        knuckle: turns of the intermediate phalanx, one per PIP angle.
+        flexion: turns of the distal phalanx in the intermediate one, one per DIP angle.
+    """
     at = pins.places()
     axis_b = Vector(jnp.full_like(pins.F[0], body.intermediate), jnp.zeros_like(pins.F[0]))
-    distal_c, flexion = at["C"] - axis_b, rotation(-dip)
+    distal_c = at["C"] - axis_b
 
     # First dyad, in the intermediate phalanx's frame, one element per DIP angle.
     c = axis_b + distal_c.turned(flexion)
@@ -77,7 +92,7 @@ def find_postures(
     plate_ratio, _ = safe_divide(-bc.cross(along), ch.cross(along))
 
     # Second dyad, in the proximal phalanx's frame, one element per posture.
-    knuckle = rotation(-pip)[:, None]
+    knuckle = knuckle[:, None]
     b, g, c_out, d_out, h_out = (place.turned(knuckle) for place in (axis_b, at["G"], c, d, h))
     crank, rod = at["E"] - at["F"], at["D"] - at["E"]
     swing, rod_turn, square_reach = _dyad(d_out - at["F"], at["D"] - at["F"], crank, rod)

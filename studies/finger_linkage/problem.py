@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.optimising import Problem, Requirement, Terms
-from designopt.vectors import Vector
+from designopt.vectors import Vector, rotation
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.pins import Pins
-from studies.finger_linkage.postures import Postures, find_postures
+from studies.finger_linkage.postures import Postures, postures_at
 from studies.finger_linkage.spec import LimitsSpec
 
 LENGTH = 5.0
@@ -80,11 +80,11 @@ def linkage_problem(
 
     Returns:
         A problem in `Pins`, with ``least`` in rad by the symbols of the angles, inequalities by
-        names that say what is asked, and the postures as its data.
+        names that say what is asked, and the turns of the postures as its data.
     """
 
-    def terms(pins: Pins, pip: Float[Array, " pip"], dip: Float[Array, " dip"]) -> Terms:
-        postures = find_postures(pins, body, pip, dip)
+    def terms(pins: Pins, knuckle: Vector, flexion: Vector) -> Terms:
+        postures = postures_at(pins, body, knuckle, flexion)
         return Terms(
             least={SYMBOLS[name]: values for name, values in postures.angles.items()},
             inequalities=inequalities(pins, postures, body, limits, allowance),
@@ -92,8 +92,9 @@ def linkage_problem(
 
     lower, upper = _box(body, limits, allowance)
     scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
+    turns = (rotation(-jnp.asarray(angles)) for angles in (pip, dip))
     told = _requirements(np.rad2deg(pip), np.rad2deg(dip))
-    return Problem(terms, lower, upper, scale, told, (jnp.asarray(pip), jnp.asarray(dip)))
+    return Problem(terms, lower, upper, scale, told, tuple(turns))
 
 
 def inequalities(
@@ -108,14 +109,16 @@ def inequalities(
         "crank closing with PIP": postures.pip_ratio - limits.turn,
         "crank closing with DIP": postures.dip_ratio - limits.turn,
         "plate turning with DIP": postures.gamma_slope - limits.turn,
-        "range of the crank": jnp.deg2rad(limits.crank_range_deg)
-        - (jnp.max(postures.crank) - jnp.min(postures.crank)),
+        # Closing all the way, it is straight at one end of its range: no maximum, which a compiled
+        # program would compute anew for every element beside it.
+        "range of the crank": jnp.deg2rad(limits.crank_range_deg) - postures.crank,
         "pins apart": (_distances(pins, body) - limits.spacing - allowance) / LENGTH,
         "|AF|": (vector_length(pins.F) - limits.crank_offset - allowance) / LENGTH,
         "|EF|": (limits.crank_length - allowance - vector_length(pins.E - pins.F)) / LENGTH,
     }
     for name, host in HOSTS.items():
-        found[f"pin {_told(name)} inside"] = _inside(places[name], host, body, keep) / LENGTH
+        for side, distance in _sides(places[name], host, body).items():
+            found[f"pin {_told(name)} inside the {side}"] = (distance - keep) / LENGTH
     if limits.force_ratio is not None:
         found["φ₂/φ₁"] = limits.force_ratio * postures.pip_ratio - postures.dip_ratio
     return found
@@ -133,14 +136,18 @@ def _distances(pins: Pins, body: BodySpec) -> Float[Array, " pairs"]:
     return jnp.stack([vector_length(at[first] - at[second]) for first, second in PAIRS])
 
 
-def _inside(place: Vector, host: str, body: BodySpec, keep: float) -> Float[Array, "sides ..."]:
-    """Distances from where a pin may be: to the palmar face, the dorsal face, and an end."""
-    sides = [place.y - body.palmar - keep, body.dorsal - keep - place.y]
+def _sides(place: Vector, host: str, body: BodySpec) -> dict[str, Float[Array, "..."]]:
+    """Distances of a pin from the faces of its phalanx, and from the end that is the finger's.
+
+    Apart, not in one array: compiled into one, each element would trace the pin anew, and the
+    derivatives take a hundred times as long.
+    """
+    sides = {"palmar face": place.y - body.palmar, "dorsal face": body.dorsal - place.y}
     if host == "proximal":
-        sides.append(place.x + body.proximal - keep)
+        sides["rear end"] = place.x + body.proximal
     if host == "distal":
-        sides.append(body.distal - keep - place.x)
-    return jnp.stack(sides)
+        sides["tip"] = body.distal - place.x
+    return sides
 
 
 def _box(body: BodySpec, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
@@ -194,13 +201,10 @@ def _requirements(
         "mm",
         LENGTH,
     )
-    for name, host in HOSTS.items():
-        sides = ("palmar face", "dorsal face", "finger's tip" if host == "distal" else "rear end")
-
-        def inside(index: tuple[int, ...], name: str = name, sides: tuple[str, ...] = sides) -> str:
-            return f"pin {_told(name)} at the {sides[index[0]]}{posture(index[1:])}"
-
-        told[f"pin {_told(name)} inside"] = Requirement(inside, "mm", LENGTH)
+    for name in HOSTS:
+        for side in ("palmar face", "dorsal face", "rear end", "tip"):
+            asked = f"pin {_told(name)} inside the {side}"
+            told[asked] = plain(asked, "mm", LENGTH)
     return told
 
 
