@@ -1,0 +1,314 @@
+"""One equilibrium of the finger: a smooth complementarity problem, solved and checked.
+
+The energy U(q) = ½ k (Δγ(q₂) + γ_p)² + ½ k_s (φ(q) − α)² − load · q is least where no pad overlaps
+the object and both joints are within their stops. Its conditions, with motor moment
+T_a = k_s (α − φ) and contact forces f_i ≥ 0 at gaps g_i ≥ 0 (Birglen, Laliberté & Gosselin,
+*Underactuated Robotic Hands*, 2008, ch. 3; the elastic servo is this project's):
+
+    F = ∇U − Σ f_i ∇g_i,   F_j ≥ 0 at the lower stop, ≤ 0 at the upper one, 0 between them.
+
+Unknowns are q, T_a and f. T_a is kept beside q, and moments are counted in √(k k_s), because then no
+coefficient is larger than √(k / k_s) or its inverse; the raw equations spread over k / k_s.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import lineax as lx
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from designopt.numerics import as_float, safe_sqrt
+from designopt.solution import Solution
+from studies.finger_grasp.finger import Finger, Joints, pads, transfer
+from studies.finger_grasp.objects import Contacts, Object
+
+RESIDUAL_TOLERANCE = 1e-9
+"""Largest `Solution.residual` of a state that is reported, in float64 (float32: 1e-4)."""
+
+MAX_STEPS = 48
+
+
+class GRASP(eqx.Enumeration):
+    """What can be the matter with an equilibrium."""
+
+    successful = ""
+    unconverged = (
+        "the equilibrium's equations were not solved from this start; close in smaller steps"
+    )
+    locked = "the linkage cannot be assembled in this posture; change the pins or the stops"
+    unstable = "this equilibrium is not stable: the finger leaves it; close in smaller steps"
+
+
+class Problem(eqx.Module):
+    """What an equilibrium is asked of.
+
+    Attributes:
+        finger: the design.
+        command: α, angle of the motor behind its servo stiffness, rad, 0 in the straight finger.
+        load: moments on PIP and DIP from elsewhere, N mm, positive in flexion.
+        thing: what is grasped; ``None`` leaves contacts out of the equations.
+    """
+
+    finger: Finger
+    command: Float[Array, ""] = eqx.field(converter=as_float)
+    load: Float[Array, "2"] = eqx.field(converter=as_float)
+    thing: Object | None
+
+
+class State(eqx.Module):
+    """The finger in equilibrium.
+
+    Attributes:
+        joints: flexion of PIP and DIP, rad.
+        motor: T_a, N mm.
+        forces: contact forces, N: those on the intermediate pad first, then on the distal one.
+        gaps: of the same contacts, mm.
+        along: the contacts' places, mm from the phalanx's joint along its pad: k₁, then k₂.
+        stops: moments of the stops on PIP and DIP, N mm, positive in flexion (a lower stop).
+    """
+
+    joints: Joints
+    motor: Float[Array, ""]
+    forces: Float[Array, " contacts"]
+    gaps: Float[Array, " contacts"]
+    along: Float[Array, " contacts"]
+    stops: Float[Array, "2"]
+
+
+class Unknowns(eqx.Module):
+    """Joints (rad), motor moment in `Finger.moment_unit`, forces in that over `length_unit`."""
+
+    joints: Joints
+    motor: Float[Array, ""]
+    forces: Float[Array, " contacts"]
+
+
+def solve(problem: Problem, guess: Unknowns, *, max_steps: int = MAX_STEPS) -> Solution[State]:
+    """The equilibrium near a guess, by Levenberg-Marquardt on Fischer and Burmeister's equations.
+
+    Derivatives in ``problem`` are implicit. Failure is data: see `GRASP`.
+
+    Args:
+        problem: finger, motor angle, load and object.
+        guess: where to start, such as the previous state of a closing (`unknowns_of`).
+        max_steps: cap on iterations of either stage.
+
+    Returns:
+        The state. ``residual`` is the largest violation of the equations, recomputed from the
+        state: |motor equation| in rad, and for every stop and contact the smaller of distance
+        (rad, or gap over the finger's length unit) and of moment over the largest in play. It is
+        no more than `RESIDUAL_TOLERANCE` where the solution is ok. ``margin`` is the least
+        curvature of the energy, at the found forces, along the directions that stops and closed
+        contacts leave free, over the largest curvature (1 where none is free): negative where the
+        equilibrium is not stable.
+    """
+    dtype = guess.joints.dtype
+    tight = float(jnp.finfo(dtype).eps) * 4
+    adjoint = optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False))
+    options: dict[str, Any] = {"max_steps": max_steps, "adjoint": adjoint, "throw": False}
+    near = optx.root_find(
+        equations, optx.LevenbergMarquardt(1e-8, 1e-8), jax.lax.stop_gradient(guess),
+        jax.lax.stop_gradient(problem), **options,
+    ).value
+    near = _finite(near, guess)
+    # Newton's last steps are cheap and go to the last digits, where the slope is good.
+    fine = optx.root_find(equations, optx.Newton(tight, tight), near, problem, **options)
+    found = _finite(fine.value, near)
+    better = _size(equations(found, problem)) <= _size(equations(near, problem))
+    found = jax.tree.map(lambda a, b: jnp.where(better, a, b), found, jax.lax.stop_gradient(near))
+    return _judged(problem, found)
+
+
+def equations(unknowns: Unknowns, problem: Problem) -> Unknowns:
+    """What must vanish: the motor's equation, the box of each joint and the contacts.
+
+    Fischer and Burmeister's function turns each complementarity into an equation: A. Fischer,
+    *Optimization* 24 (1992); for a box with two ends, S. C. Billups' composition of two.
+    """
+    finger, joints = problem.finger, unknowns.joints
+    contrast = finger.contrast
+    larger = jnp.maximum(contrast, 1.0)
+    parts = _parts(problem, unknowns)
+    upper = jnp.deg2rad(jnp.asarray(finger.body.range_deg, joints.dtype))
+    # Each condition in the unit that its moment has where the spring is the stiffer part.
+    weights = jnp.stack([larger, 1 / larger])
+    slack = parts.slack * weights
+    box = _either(joints, -_either(upper - joints, -slack))
+    motor = (contrast * unknowns.motor - parts.lag) / larger
+    touching = _either(parts.gaps, unknowns.forces * larger)
+    return Unknowns(box, motor, touching)
+
+
+class _Parts(eqx.Module):
+    """What the equations are made of.
+
+    Attributes:
+        lag: α − φ, rad.
+        slack: F, the moment that stops have to bear, in moment units.
+        gaps: over the length unit.
+        reach: of the dyads, mm.
+    """
+
+    lag: Float[Array, ""]
+    slack: Float[Array, "2"]
+    gaps: Float[Array, " contacts"]
+    reach: Float[Array, ""]
+
+
+def _parts(problem: Problem, unknowns: Unknowns) -> _Parts:
+    finger, joints = problem.finger, unknowns.joints
+    found = transfer(finger, joints)
+    spring = finger.contrast * (found.winding + finger.preload) * found.slope
+    slack = -unknowns.motor * found.ratios - problem.load / finger.moment_unit
+    slack = slack + jnp.stack([jnp.zeros_like(spring), spring])
+    gaps = jnp.zeros((0,), joints.dtype)
+    if problem.thing is not None:
+        gaps, pull = jax.vjp(lambda q: gaps_of(problem, q) / finger.length_unit, joints)
+        slack = slack - pull(unknowns.forces)[0]
+    return _Parts(problem.command - found.crank, slack, gaps, found.reach)
+
+
+def touches(problem: Problem, joints: Joints) -> tuple[Contacts, Contacts] | None:
+    """Where both pads are nearest to the object; ``None`` without one."""
+    if problem.thing is None:
+        return None
+    first, second = pads(problem.finger.body, joints)
+    return problem.thing.contacts(first), problem.thing.contacts(second)
+
+
+def gaps_of(problem: Problem, joints: Joints) -> Float[Array, " contacts"]:
+    """Gaps of all contacts in mm, those of the intermediate pad first."""
+    found = touches(problem, joints)
+    if found is None:
+        return jnp.zeros((0,), joints.dtype)
+    return jnp.concatenate([found[0].gap, found[1].gap])
+
+
+def energy(problem: Problem, joints: Joints) -> Float[Array, ""]:
+    """U(q) over `Finger.moment_unit`."""
+    finger = problem.finger
+    found, contrast = transfer(finger, joints), finger.contrast
+    wound, lag = found.winding + finger.preload, problem.command - found.crank
+    work = problem.load[0] * joints[0] + problem.load[1] * joints[1]
+    return (contrast * wound * wound + lag * lag / contrast) / 2 - work / finger.moment_unit
+
+
+def straight(problem: Problem) -> Unknowns:
+    """The straight finger without any force, the first guess of a closing from open."""
+    dtype = problem.command.dtype
+    count = 0 if problem.thing is None else 2 * problem.thing.count
+    return Unknowns(jnp.zeros(2, dtype), jnp.zeros((), dtype), jnp.zeros(count, dtype))
+
+
+def unknowns_of(problem: Problem, state: State) -> Unknowns:
+    """A state as the guess for a problem of the same finger and object."""
+    finger = problem.finger
+    unit = finger.moment_unit
+    return Unknowns(state.joints, state.motor / unit, state.forces * finger.length_unit / unit)
+
+
+def _judged(problem: Problem, found: Unknowns) -> Solution[State]:
+    finger, joints = problem.finger, found.joints
+    parts = _parts(problem, found)
+    unit = finger.moment_unit
+    contacts = touches(problem, joints)
+    along = (
+        jnp.zeros((0,), joints.dtype)
+        if contacts is None
+        else jnp.concatenate([contacts[0].along, contacts[1].along])
+    )
+    state = State(
+        joints,
+        found.motor * unit,
+        found.forces * unit / finger.length_unit,
+        parts.gaps * finger.length_unit,
+        along,
+        parts.slack * unit,
+    )
+    # Judgements carry no derivative; that of eigenvalues would not be finite where two coincide.
+    seen = jax.lax.stop_gradient((problem, found, parts))
+    residual, margin = _violation(*seen), _stability(*seen)
+    known = jnp.isfinite(residual) & jnp.isfinite(margin)
+    residual, margin = jnp.where(known, residual, 1.0), jnp.where(known, margin, 0.0)
+    tolerance = RESIDUAL_TOLERANCE if joints.dtype == jnp.float64 else 1e-4
+    result = GRASP.where(margin > 0, GRASP.successful, GRASP.unstable)
+    result = GRASP.where(parts.reach > 0, result, GRASP.locked)
+    result = GRASP.where(residual <= tolerance, result, GRASP.unconverged)
+    return Solution(state, margin, residual, result)
+
+
+def _violation(problem: Problem, found: Unknowns, parts: _Parts) -> Float[Array, ""]:
+    """The largest violation by plain comparisons, not by the functions that were solved."""
+    contrast, joints = problem.finger.contrast, found.joints
+    upper = jnp.deg2rad(jnp.asarray(problem.finger.body.range_deg, joints.dtype))
+    # Moments in play: what the motor gives now, and for the DIP joint what the spring gives.
+    motor = jnp.abs(found.motor) * jnp.max(jnp.abs(transfer(problem.finger, joints).ratios))
+    load = jnp.max(jnp.abs(problem.load)) / problem.finger.moment_unit
+    spring = contrast * jnp.abs(problem.finger.preload) + jnp.zeros_like(motor)
+    floor = jnp.minimum(contrast, 1 / contrast)
+    largest = jnp.stack([motor + load, motor + load + spring]) + floor
+    moment = parts.slack / largest
+    low, high = jnp.abs(jnp.minimum(joints, moment)), jnp.abs(jnp.minimum(upper - joints, -moment))
+    box = jnp.minimum(jnp.abs(moment), jnp.minimum(low, high))
+    outside = jnp.maximum(-joints, joints - upper)
+    touching = jnp.abs(jnp.minimum(parts.gaps, found.forces / largest[1]))
+    lag = contrast * found.motor - parts.lag
+    worst = [jnp.abs(lag), jnp.max(box), jnp.max(outside)]
+    if touching.size:
+        worst.append(jnp.max(touching))
+    return jnp.max(jnp.stack(worst))
+
+
+def _stability(problem: Problem, found: Unknowns, parts: _Parts) -> Float[Array, ""]:
+    """Least curvature of energy − Σ f g along what is free, over the largest; 1 if nothing is."""
+    def lagrangian(joints: Joints) -> Float[Array, ""]:
+        total = energy(problem, joints)
+        if problem.thing is not None:
+            gaps = gaps_of(problem, joints) / problem.finger.length_unit
+            total = total - found.forces @ gaps
+        return total
+
+    joints = found.joints
+    curvature = jax.hessian(lagrangian)(joints)
+    upper = jnp.deg2rad(jnp.asarray(problem.finger.body.range_deg, joints.dtype))
+    moment = jnp.abs(parts.slack)
+    held = jnp.minimum(joints, upper - joints) < moment
+    normals = jnp.where(held[:, None], jnp.eye(2, dtype=joints.dtype), 0.0)
+    if problem.thing is not None:
+        slopes = jax.jacfwd(lambda q: gaps_of(problem, q) / problem.finger.length_unit)(joints)
+        closed = parts.gaps < found.forces
+        normals = jnp.concatenate([normals, jnp.where(closed[:, None], slopes, 0.0)])
+    # Directions that no closed constraint moves along: the null space, of dimension 0, 1 or 2.
+    gram = normals.T @ normals
+    sizes, axes = jnp.linalg.eigh(gram)
+    free = sizes <= 1e-12 * jnp.maximum(sizes[1], 1e-30)
+    scale = jnp.max(jnp.abs(jnp.linalg.eigvalsh(curvature)))
+    reduced = axes.T @ curvature @ axes
+    one = reduced[0, 0] / scale
+    both = jnp.min(jnp.linalg.eigvalsh(curvature)) / scale
+    return jnp.where(free[0], jnp.where(free[1], both, one), jnp.ones_like(one))
+
+
+def _either(first: Float[Array, " n"], second: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Fischer and Burmeister's function: 0 just where both are ≥ 0 and one of them is 0."""
+    # a + b − √(a² + b²), without cancellation where both are positive.
+    length = safe_sqrt(first * first + second * second)
+    total = first + second
+    positive = (first > 0) & (second > 0)
+    ratio = 2 * first * second / jnp.where(positive, total + length, 1.0)
+    return jnp.where(positive, ratio, total - length)
+
+
+def _finite(found: Unknowns, instead: Unknowns) -> Unknowns:
+    known = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(found)]))
+    return jax.tree.map(lambda a, b: jnp.where(known, a, b), found, instead)
+
+
+def _size(residual: Unknowns) -> Float[Array, ""]:
+    total = jnp.sum(residual.joints**2) + residual.motor**2 + jnp.sum(residual.forces**2)
+    return jnp.where(jnp.isfinite(total), total, jnp.inf)
