@@ -13,13 +13,15 @@ coefficient is larger than √(k / k_s) or its inverse; the raw equations spread
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
 import optimistix as optx
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_sqrt
@@ -30,7 +32,10 @@ from studies.finger_grasp.objects import Contacts, Object
 RESIDUAL_TOLERANCE = 1e-9
 """Largest `Solution.residual` of a state that is reported, in float64 (float32: 1e-4)."""
 
-MAX_STEPS = 48
+MAX_STEPS = 24
+
+
+Method = Literal["newton", "dogleg", "levenberg-marquardt"]
 
 
 class GRASP(eqx.Enumeration):
@@ -88,15 +93,22 @@ class Unknowns(eqx.Module):
     forces: Float[Array, " contacts"]
 
 
-def solve(problem: Problem, guess: Unknowns, *, max_steps: int = MAX_STEPS) -> Solution[State]:
-    """The equilibrium near a guess, by Levenberg-Marquardt on Fischer and Burmeister's equations.
+def solve(
+    problem: Problem,
+    guess: Unknowns,
+    *,
+    method: Method = "newton",
+    max_steps: int = MAX_STEPS,
+) -> Solution[State]:
+    """The equilibrium near a guess, by root finding on Fischer and Burmeister's equations.
 
     Derivatives in ``problem`` are implicit. Failure is data: see `GRASP`.
 
     Args:
         problem: finger, motor angle, load and object.
         guess: where to start, such as the previous state of a closing (`unknowns_of`).
-        max_steps: cap on iterations of either stage.
+        method: which of Optimistix' iterations.
+        max_steps: cap on iterations.
 
     Returns:
         The state. ``residual`` is the largest violation of the equations, recomputed from the
@@ -107,21 +119,38 @@ def solve(problem: Problem, guess: Unknowns, *, max_steps: int = MAX_STEPS) -> S
         contacts leave free, over the largest curvature (1 where none is free): negative where the
         equilibrium is not stable.
     """
-    dtype = guess.joints.dtype
-    tight = float(jnp.finfo(dtype).eps) * 4
-    adjoint = optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False))
-    options: dict[str, Any] = {"max_steps": max_steps, "adjoint": adjoint, "throw": False}
-    near = optx.root_find(
-        equations, optx.LevenbergMarquardt(1e-8, 1e-8), jax.lax.stop_gradient(guess),
-        jax.lax.stop_gradient(problem), **options,
+    start, unravel = ravel_pytree(jax.lax.stop_gradient(guess))
+    tolerance = 8 * float(jnp.finfo(start.dtype).eps)
+    options = None
+    if method == "newton":
+        # Newton has no trust region: a joint that leaves its stops comes back to them.
+        bounds = [
+            eqx.tree_at(
+                lambda u: u.joints,
+                jax.tree.map(lambda leaf, far=far: jnp.full_like(leaf, far), guess),
+                jnp.full_like(guess.joints, end),
+            )
+            for far, end in ((-jnp.inf, 0.0), (jnp.inf, math.radians(problem.finger.body.range_deg)))
+        ]
+        options = dict(zip(("lower", "upper"), (ravel_pytree(b)[0] for b in bounds), strict=True))
+    kind = {
+        "newton": optx.Newton,
+        "dogleg": optx.Dogleg,
+        "levenberg-marquardt": optx.LevenbergMarquardt,
+    }[method]
+    found = optx.root_find(
+        lambda y, problem: ravel_pytree(equations(unravel(y), problem))[0],
+        kind(tolerance, tolerance),
+        start,
+        problem,
+        options=options,
+        max_steps=max_steps,
+        # The pseudo-inverse keeps derivatives finite where two states meet.
+        adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False)),
+        throw=False,
     ).value
-    near = _finite(near, guess)
-    # Newton's last steps are cheap and go to the last digits, where the slope is good.
-    fine = optx.root_find(equations, optx.Newton(tight, tight), near, problem, **options)
-    found = _finite(fine.value, near)
-    better = _size(equations(found, problem)) <= _size(equations(near, problem))
-    found = jax.tree.map(lambda a, b: jnp.where(better, a, b), found, jax.lax.stop_gradient(near))
-    return _judged(problem, found)
+    found = jnp.where(jnp.all(jnp.isfinite(found)), found, start)
+    return _judged(problem, unravel(found))
 
 
 def equations(unknowns: Unknowns, problem: Problem) -> Unknowns:
@@ -132,15 +161,16 @@ def equations(unknowns: Unknowns, problem: Problem) -> Unknowns:
     """
     finger, joints = problem.finger, unknowns.joints
     contrast = finger.contrast
-    larger = jnp.maximum(contrast, 1.0)
+    # Weights decide which of two conditions a step believes in. Moments are of order κ or 1/κ
+    # where the servo is the stiffer part, and √κ is as far from both.
+    soft, stiff = jnp.sqrt(jnp.minimum(contrast, 1.0)), jnp.maximum(contrast, 1.0)
     parts = _parts(problem, unknowns)
     upper = jnp.deg2rad(jnp.asarray(finger.body.range_deg, joints.dtype))
-    # Each condition in the unit that its moment has where the spring is the stiffer part.
-    weights = jnp.stack([larger, 1 / larger])
+    weights = soft * jnp.stack([stiff, 1 / stiff])
     slack = parts.slack * weights
     box = _either(joints, -_either(upper - joints, -slack))
-    motor = (contrast * unknowns.motor - parts.lag) / larger
-    touching = _either(parts.gaps, unknowns.forces * larger)
+    motor = (contrast * unknowns.motor - parts.lag) / stiff
+    touching = _either(parts.gaps, unknowns.forces * soft * stiff)
     return Unknowns(box, motor, touching)
 
 
@@ -266,15 +296,14 @@ def _violation(problem: Problem, found: Unknowns, parts: _Parts) -> Float[Array,
 
 def _stability(problem: Problem, found: Unknowns, parts: _Parts) -> Float[Array, ""]:
     """Least curvature of energy − Σ f g along what is free, over the largest; 1 if nothing is."""
-    def lagrangian(joints: Joints) -> Float[Array, ""]:
-        total = energy(problem, joints)
-        if problem.thing is not None:
-            gaps = gaps_of(problem, joints) / problem.finger.length_unit
-            total = total - found.forces @ gaps
-        return total
+    joints, contrast = found.joints, problem.finger.contrast
 
-    joints = found.joints
-    curvature = jax.hessian(lagrangian)(joints)
+    def slack(joints: Joints) -> Float[Array, "2"]:
+        return _parts(problem, eqx.tree_at(lambda u: u.joints, found, joints)).slack
+
+    # F with the motor's moment held is the gradient but for what the servo's stiffness adds.
+    ratios = transfer(problem.finger, joints).ratios
+    curvature = jax.jacfwd(slack)(joints) + jnp.outer(ratios, ratios) / contrast
     upper = jnp.deg2rad(jnp.asarray(problem.finger.body.range_deg, joints.dtype))
     moment = jnp.abs(parts.slack)
     held = jnp.minimum(joints, upper - joints) < moment
@@ -302,13 +331,3 @@ def _either(first: Float[Array, " n"], second: Float[Array, " n"]) -> Float[Arra
     positive = (first > 0) & (second > 0)
     ratio = 2 * first * second / jnp.where(positive, total + length, 1.0)
     return jnp.where(positive, ratio, total - length)
-
-
-def _finite(found: Unknowns, instead: Unknowns) -> Unknowns:
-    known = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(found)]))
-    return jax.tree.map(lambda a, b: jnp.where(known, a, b), found, instead)
-
-
-def _size(residual: Unknowns) -> Float[Array, ""]:
-    total = jnp.sum(residual.joints**2) + residual.motor**2 + jnp.sum(residual.forces**2)
-    return jnp.where(jnp.isfinite(total), total, jnp.inf)

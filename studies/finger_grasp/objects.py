@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_divide
-from designopt.vectors import Vector, vector
+from designopt.vectors import Vector, chosen, vector
 from studies.finger_grasp.finger import Pad
 
 
@@ -116,42 +116,51 @@ class Polygon(Object):
         while corner and pad's end are nearest to each other it is less than the distance.
         The second contact is the other end of the facing pair, cut to what both share.
         """
-        corners = _in_pad(pad, vector(self.corners))
+        # Neighbouring corners differ in parity once their number is even, so parity gives each
+        # contact a place that it keeps while the pad rolls: forces stay with their corner.
+        outline = self.corners
+        if len(outline) % 2:
+            outline = jnp.concatenate([outline, (outline[-1:] + outline[:1]) / 2])
+        corners = _in_pad(pad, vector(outline))
         heights = -corners.y
-        first = jnp.argmin(heights)
-        count = len(self.corners)
+        count = len(outline)
+        first = jnp.argmin(jax.lax.stop_gradient(heights))
         before, after = (first - 1) % count, (first + 1) % count
         second = jnp.where(heights[before] < heights[after], before, after)
-        ends = (corners.x[first], heights[first]), (corners.x[second], heights[second])
+        even, odd = jnp.where(first % 2 == 0, first, second), jnp.where(first % 2, first, second)
+        ends = (corners.x[even], heights[even]), (corners.x[odd], heights[odd])
         pad_faces = _cut(ends, pad.length)
 
-        # Every side as the face, seen in its own frame: x along it, y out of the object.
+        # Every side as the face, seen in its own frame: x along it, y into the object.
         following = corners[jnp.roll(jnp.arange(count), -1)]
         sides = following - corners
         length = sides.length()
         inverse, _ = safe_divide(jnp.ones_like(length), length)
         side = sides.scaled(inverse)
         tips = [
-            (Vector(jnp.asarray(x, corners.x.dtype), jnp.zeros_like(corners.x[0])) - corners)
-            .turned(side.conjugate())
+            (Vector(jnp.full_like(corners.x, x), jnp.zeros_like(corners.x)) - corners).turned(
+                side.conjugate()
+            )
             for x in (0.0, pad.length)
         ]
-        # With the object to the left of its sides, outside is −y.
-        options = jax.vmap(lambda a, b, c, d, size: _cut(((a, -b), (c, -d)), size))(
-            tips[0].x, tips[0].y, tips[1].x, tips[1].y, length
+        # The tip nearer to the side's first corner takes that corner's place.
+        swapped = (tips[0].x > tips[1].x) != (jnp.arange(count) % 2 == 1)
+        one, two = (chosen(swapped, *pair) for pair in (tips[::-1], tips))
+        places, side_gaps = jax.vmap(lambda a, b, size: _cut(((a.x, -a.y), (b.x, -b.y)), size))(
+            one, two, length
         )
-        separation = jnp.concatenate([jnp.min(pad_faces[1])[None], jnp.min(options[1], axis=1)])
+        # Whole features decide which face separates: those cut to it would make corners tie.
+        over_sides = jnp.minimum(-tips[0].y, -tips[1].y)
+        separation = jnp.concatenate([jnp.min(heights)[None], over_sides])
         best = jnp.argmax(jax.lax.stop_gradient(separation))
-        face = jnp.maximum(best - 1, 0)
-        on_side = best > 0
-        gap = jnp.where(on_side, options[1][face], pad_faces[1])
+        face, on_side = jnp.maximum(best - 1, 0), best > 0
         # Back from places along the side to places along the pad.
-        start, stop = tips[0].x[face], tips[1].x[face]
-        share, _ = safe_divide(options[0][face] - start, stop - start)
+        share, _ = safe_divide(places[face] - tips[0].x[face], tips[1].x[face] - tips[0].x[face])
         along = jnp.where(on_side, share * pad.length, pad_faces[0])
-        chosen = side[face]
+        gap = jnp.where(on_side, side_gaps[face], pad_faces[1])
+        facing = side[face]
         normal = Vector(
-            jnp.where(on_side, chosen.y, 0.0), jnp.where(on_side, -chosen.x, 1.0)
+            jnp.where(on_side, facing.y, 0.0), jnp.where(on_side, -facing.x, 1.0)
         ).turned(pad.along)
         return Contacts(
             gap=gap,
