@@ -14,7 +14,7 @@ coefficient is larger than √(k / k_s) or its inverse; the raw equations spread
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import lineax as lx
 import optimistix as optx
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from designopt.numerics import as_float, safe_sqrt
 from designopt.solution import Solution
@@ -98,6 +98,7 @@ def solve(
     guess: Unknowns,
     *,
     method: Method = "newton",
+    tolerance: ArrayLike = 0.0,
     max_steps: int = MAX_STEPS,
 ) -> Solution[State]:
     """The equilibrium near a guess, by root finding on Fischer and Burmeister's equations.
@@ -108,6 +109,7 @@ def solve(
         problem: finger, motor angle, load and object.
         guess: where to start, such as the previous state of a closing (`unknowns_of`).
         method: which of Optimistix' iterations.
+        tolerance: relative and absolute, not below 8 units of rounding; may be traced.
         max_steps: cap on iterations.
 
     Returns:
@@ -120,7 +122,8 @@ def solve(
         equilibrium is not stable.
     """
     start, unravel = ravel_pytree(jax.lax.stop_gradient(guess))
-    tolerance = 8 * float(jnp.finfo(start.dtype).eps)
+    floor = 8 * jnp.finfo(start.dtype).eps
+    tight: Any = jnp.maximum(as_float(tolerance).astype(start.dtype), floor)
     options = None
     if method == "newton":
         # Newton has no trust region: a joint that leaves its stops comes back to them.
@@ -140,7 +143,7 @@ def solve(
     }[method]
     found = optx.root_find(
         lambda y, problem: ravel_pytree(equations(unravel(y), problem))[0],
-        kind(tolerance, tolerance),
+        kind(tight, tight),
         start,
         problem,
         options=options,
