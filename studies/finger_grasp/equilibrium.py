@@ -26,8 +26,9 @@ from jaxtyping import Array, ArrayLike, Float
 
 from designopt.numerics import as_float, safe_sqrt
 from designopt.solution import Solution
+from designopt.vectors import rotation
 from studies.finger_grasp.finger import Finger, Joints, pads, transfer
-from studies.finger_grasp.objects import Contacts, Object
+from studies.finger_grasp.objects import Object
 
 RESIDUAL_TOLERANCE = 1e-9
 """Largest `Solution.residual` of a state that is reported, in float64 (float32: 1e-4)."""
@@ -173,8 +174,22 @@ def equations(unknowns: Unknowns, problem: Problem) -> Unknowns:
     slack = parts.slack * weights
     box = _either(joints, -_either(upper - joints, -slack))
     motor = (contrast * unknowns.motor - parts.lag) / stiff
-    touching = _either(parts.gaps, unknowns.forces * soft * stiff)
+    touching = _either(parts.touch.gaps, unknowns.forces * soft * stiff)
     return Unknowns(box, motor, touching)
+
+
+class Touch(eqx.Module):
+    """All contacts of a posture, those of the intermediate pad first.
+
+    Attributes:
+        gaps: over the length unit.
+        slopes: their derivatives by PIP and DIP.
+        along: mm from the phalanx's joint along its pad.
+    """
+
+    gaps: Float[Array, " contacts"]
+    slopes: Float[Array, "contacts 2"]
+    along: Float[Array, " contacts"]
 
 
 class _Parts(eqx.Module):
@@ -183,13 +198,13 @@ class _Parts(eqx.Module):
     Attributes:
         lag: α − φ, rad.
         slack: F, the moment that stops have to bear, in moment units.
-        gaps: over the length unit.
+        touch: all contacts.
         reach: of the dyads, mm.
     """
 
     lag: Float[Array, ""]
     slack: Float[Array, "2"]
-    gaps: Float[Array, " contacts"]
+    touch: Touch
     reach: Float[Array, ""]
 
 
@@ -199,27 +214,45 @@ def _parts(problem: Problem, unknowns: Unknowns) -> _Parts:
     spring = finger.contrast * (found.winding + finger.preload) * found.slope
     slack = -unknowns.motor * found.ratios - problem.load / finger.moment_unit
     slack = slack + jnp.stack([jnp.zeros_like(spring), spring])
-    gaps = jnp.zeros((0,), joints.dtype)
-    if problem.thing is not None:
-        gaps, pull = jax.vjp(lambda q: gaps_of(problem, q) / finger.length_unit, joints)
-        slack = slack - pull(unknowns.forces)[0]
-    return _Parts(problem.command - found.crank, slack, gaps, found.reach)
+    touch = touches(problem, joints)
+    slack = slack - touch.slopes.T @ unknowns.forces
+    return _Parts(problem.command - found.crank, slack, touch, found.reach)
 
 
-def touches(problem: Problem, joints: Joints) -> tuple[Contacts, Contacts] | None:
-    """Where both pads are nearest to the object; ``None`` without one."""
-    if problem.thing is None:
-        return None
-    first, second = pads(problem.finger.body, joints)
-    return problem.thing.contacts(first), problem.thing.contacts(second)
+def touches(problem: Problem, joints: Joints) -> Touch:
+    """Where both pads are nearest to the object, and how their gaps change with the joints.
+
+    A gap changes as fast as the pad's nearest point moves along the contact's normal: what slides
+    along the object or along the pad changes no distance. That is the virtual work of a force too.
+    """
+    body, thing = problem.finger.body, problem.thing
+    if thing is None:
+        nothing = jnp.zeros((0,), joints.dtype)
+        return Touch(nothing, jnp.zeros((0, 2), joints.dtype), nothing)
+    unit = problem.finger.length_unit
+    axis_b = rotation(-joints[0]).scaled(jnp.full_like(joints[0], body.intermediate))
+    found, slopes = [], []
+    for pad, moved_by_dip in zip(pads(body, joints), (False, True), strict=True):
+        contact = thing.contacts(pad)
+        reach = contact.along - pad.offset
+        x, y = pad.start.x + reach * pad.along.x, pad.start.y + reach * pad.along.y
+        # Flexion is clockwise: it moves a point at (x, y) from its axis towards (y, −x).
+        by_pip = contact.normal.x * y - contact.normal.y * x
+        by_dip = contact.normal.x * (y - axis_b.y) - contact.normal.y * (x - axis_b.x)
+        found.append(contact)
+        slopes.append(
+            jnp.stack([by_pip, by_dip if moved_by_dip else jnp.zeros_like(by_dip)], axis=1)
+        )
+    return Touch(
+        jnp.concatenate([contact.gap for contact in found]) / unit,
+        jnp.concatenate(slopes) / unit,
+        jnp.concatenate([contact.along for contact in found]),
+    )
 
 
 def gaps_of(problem: Problem, joints: Joints) -> Float[Array, " contacts"]:
     """Gaps of all contacts in mm, those of the intermediate pad first."""
-    found = touches(problem, joints)
-    if found is None:
-        return jnp.zeros((0,), joints.dtype)
-    return jnp.concatenate([found[0].gap, found[1].gap])
+    return touches(problem, joints).gaps * problem.finger.length_unit
 
 
 def energy(problem: Problem, joints: Joints) -> Float[Array, ""]:
@@ -249,18 +282,12 @@ def _judged(problem: Problem, found: Unknowns) -> Solution[State]:
     finger, joints = problem.finger, found.joints
     parts = _parts(problem, found)
     unit = finger.moment_unit
-    contacts = touches(problem, joints)
-    along = (
-        jnp.zeros((0,), joints.dtype)
-        if contacts is None
-        else jnp.concatenate([contacts[0].along, contacts[1].along])
-    )
     state = State(
         joints,
         found.motor * unit,
         found.forces * unit / finger.length_unit,
-        parts.gaps * finger.length_unit,
-        along,
+        parts.touch.gaps * finger.length_unit,
+        parts.touch.along,
         parts.slack * unit,
     )
     # Judgements carry no derivative; that of eigenvalues would not be finite where two coincide.
@@ -289,7 +316,7 @@ def _violation(problem: Problem, found: Unknowns, parts: _Parts) -> Float[Array,
     low, high = jnp.abs(jnp.minimum(joints, moment)), jnp.abs(jnp.minimum(upper - joints, -moment))
     box = jnp.minimum(jnp.abs(moment), jnp.minimum(low, high))
     outside = jnp.maximum(-joints, joints - upper)
-    touching = jnp.abs(jnp.minimum(parts.gaps, found.forces / largest[1]))
+    touching = jnp.abs(jnp.minimum(parts.touch.gaps, found.forces / largest[1]))
     lag = contrast * found.motor - parts.lag
     worst = [jnp.abs(lag), jnp.max(box), jnp.max(outside)]
     if touching.size:
@@ -311,19 +338,25 @@ def _stability(problem: Problem, found: Unknowns, parts: _Parts) -> Float[Array,
     moment = jnp.abs(parts.slack)
     held = jnp.minimum(joints, upper - joints) < moment
     normals = jnp.where(held[:, None], jnp.eye(2, dtype=joints.dtype), 0.0)
-    if problem.thing is not None:
-        slopes = jax.jacfwd(lambda q: gaps_of(problem, q) / problem.finger.length_unit)(joints)
-        closed = parts.gaps < found.forces
-        normals = jnp.concatenate([normals, jnp.where(closed[:, None], slopes, 0.0)])
-    # Directions that no closed constraint moves along: the null space, of dimension 0, 1 or 2.
+    closed = parts.touch.gaps < found.forces
+    normals = jnp.concatenate([normals, jnp.where(closed[:, None], parts.touch.slopes, 0.0)])
+    # What no closed constraint moves along: everything, one direction across them, or nothing.
     gram = normals.T @ normals
-    sizes, axes = jnp.linalg.eigh(gram)
-    free = sizes <= 1e-12 * jnp.maximum(sizes[1], 1e-30)
-    scale = jnp.max(jnp.abs(jnp.linalg.eigvalsh(curvature)))
-    reduced = axes.T @ curvature @ axes
-    one = reduced[0, 0] / scale
-    both = jnp.min(jnp.linalg.eigvalsh(curvature)) / scale
-    return jnp.where(free[0], jnp.where(free[1], both, one), jnp.ones_like(one))
+    size = gram[0, 0] + gram[1, 1]
+    spanned = gram[0, 0] * gram[1, 1] - gram[0, 1] ** 2 > 1e-12 * size * size
+    across = jnp.where(
+        gram[0, 0] > gram[1, 1],
+        jnp.stack([-gram[0, 1], gram[0, 0]]),
+        jnp.stack([gram[1, 1], -gram[0, 1]]),
+    )
+    one = across @ curvature @ across / jnp.where(size > 0, across @ across, 1.0)
+    # Eigenvalues of a symmetric 2 × 2 matrix.
+    middle = (curvature[0, 0] + curvature[1, 1]) / 2
+    off = (curvature[0, 1] + curvature[1, 0]) / 2
+    spread = safe_sqrt(((curvature[0, 0] - curvature[1, 1]) / 2) ** 2 + off**2)
+    least, largest = middle - spread, jnp.abs(middle) + spread
+    free = jnp.where(size > 0, one, least) / largest
+    return jnp.where(spanned, jnp.ones_like(free), free)
 
 
 def _either(first: Float[Array, " n"], second: Float[Array, " n"]) -> Float[Array, " n"]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -112,6 +113,12 @@ def transfer(finger: Finger, joints: Joints) -> Transfer:
         slope=1 - plate_ratio,
         reach=jnp.minimum(reach, outer_reach),
     )
+
+
+@jax.jit
+def transfers(finger: Finger, joints: Float[Array, "postures 2"]) -> Transfer:
+    """`transfer` of many postures, compiled."""
+    return jax.vmap(transfer, (None, 0))(finger, joints)
 
 
 def _dyad(

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from studies.finger_grasp.closing import STEPS, Path
-from studies.finger_grasp.finger import Finger, transfer
+from studies.finger_grasp.finger import Finger, transfers
 
 APPROACH = 24
 """Steps in which a pinch is approached; the others load it."""
@@ -64,30 +64,28 @@ class Bracket:
     agrees: bool
 
 
-def predict(finger: Finger, pip: float, place: float) -> Pinch:
-    """The pinch's limit in closed form (§B3 of the project's reading of paper B).
+def predict(finger: Finger, contacts: Sequence[tuple[float, float]]) -> list[Pinch]:
+    """The limits of pinches in closed form (§B3 of the project's reading of paper B).
 
     With T_a φ₁ = f₂ (k₂ + l) and T_a φ₂ = f₂ k₂ + t_s − λ at DIP = 0 the stop's moment λ is positive
     up to T_a = t_s / (φ₂ − φ₁ k₂ / (k₂ + l)), t_s = k γ_p γ'(0).
 
     Args:
         finger: one design.
-        pip: PIP flexion, rad.
-        place: k₂, mm.
+        contacts: PIP flexion (rad) and k₂ (mm) of each.
     """
-    found = transfer(finger, jnp.asarray([pip, 0.0]))
-    first, second = (float(ratio) for ratio in found.ratios)
-    threshold = place / (place + finger.body.intermediate)
-    spring = math.exp(float(finger.log_spring)) * float(finger.preload) * float(found.slope)
-    surplus = second - first * threshold
-    return Pinch(
-        pip,
-        place,
-        second / first,
-        threshold,
-        spring / surplus if surplus > 0 else math.inf,
-        float(found.crank),
-    )
+    joints = np.array([[pip, 0.0] for pip, _ in contacts])
+    found = jax.tree.map(np.asarray, transfers(finger, jnp.asarray(joints)))
+    wound = math.exp(float(finger.log_spring)) * float(finger.preload)
+    pinches = []
+    for (pip, place), crank, (first, second), slope in zip(
+        contacts, found.crank.tolist(), found.ratios.tolist(), found.slope.tolist(), strict=True
+    ):
+        threshold = place / (place + finger.body.intermediate)
+        surplus = second - first * threshold
+        limit = wound * slope / surplus if surplus > 0 else math.inf
+        pinches.append(Pinch(pip, place, second / first, threshold, limit, crank))
+    return pinches
 
 
 def loading(finger: Finger, pinch: Pinch) -> np.ndarray:
@@ -114,14 +112,11 @@ def bracket(finger: Finger, pinch: Pinch, path: Path) -> Bracket:
     return Bracket(low, high, low * (1 - 1e-9) <= pinch.limit <= high)
 
 
-@jax.jit
-def ratio_map(finger: Finger, angles: Float[Array, " n"]) -> Float[Array, "n n 2"]:
-    """φ₁ and φ₂ over the square of PIP (rows) and DIP (columns) angles."""
-
-    def one(pip: Float[Array, ""], dip: Float[Array, ""]) -> Float[Array, "2"]:
-        return transfer(finger, jnp.stack([pip, dip])).ratios
-
-    return jax.vmap(lambda pip: jax.vmap(lambda dip: one(pip, dip))(angles))(angles)
+def ratio_map(finger: Finger, angles: np.ndarray) -> np.ndarray:
+    """φ₁ and φ₂ over the square of PIP (rows) and DIP (columns) angles, shape (n, n, 2)."""
+    square = np.stack(np.meshgrid(angles, angles, indexing="ij"), axis=-1).reshape(-1, 2)
+    found = transfers(finger, jnp.asarray(square)).ratios
+    return np.asarray(found).reshape(len(angles), len(angles), 2)
 
 
 def least_place(ratio: np.ndarray, dip: np.ndarray, length: float) -> np.ndarray:
