@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from designopt.solution import Solution
 from studies.finger_grasp.equilibrium import (
@@ -21,6 +21,9 @@ from studies.finger_grasp.equilibrium import (
     straight,
     unknowns_of,
 )
+
+SHARES = (1.0, 0.3, 0.6, 1.0)
+"""Parts of a step of the motor at which a state is looked for, one try after the other."""
 
 LANES = 12
 """Closings that are computed together; a block is filled up, so that one program serves all."""
@@ -42,14 +45,33 @@ def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]
         those after it, and means nothing itself.
     """
 
-    def step(last: Unknowns, command: Float[Array, ""]) -> tuple[Unknowns, Solution[State]]:
-        now = eqx.tree_at(lambda p: p.command, problem, command)
+    # A state that the whole step misses is tried again in smaller ones; where the first try has
+    # succeeded, the others only confirm it. A scan, so that they share one compiled solve.
+    shares = jnp.asarray(SHARES, commands.dtype)
+
+    def attempt(
+        state: tuple[Unknowns, Bool[Array, ""]],
+        step: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+    ) -> tuple[tuple[Unknowns, Bool[Array, ""]], Solution[State]]:
+        (last, arrived), (share, before, command) = state, step
+        there = jnp.where(arrived | (share == 1), command, before + share * (command - before))
+        now = eqx.tree_at(lambda p: p.command, problem, there)
         found = solve(now, last)
         ok = found.ok
         new = jax.lax.stop_gradient(unknowns_of(now, found.value))
-        return jax.tree.map(lambda a, b: jnp.where(ok, a, b), new, last), found
+        kept = jax.tree.map(lambda a, b: jnp.where(ok, a, b), new, last)
+        return (kept, arrived | (ok & (there == command))), found
 
-    return jax.lax.scan(step, jax.lax.stop_gradient(straight(problem)), commands)[1]
+    def move(
+        last: Unknowns, step: tuple[Float[Array, ""], Float[Array, ""]]
+    ) -> tuple[Unknowns, Solution[State]]:
+        steps = (shares, *(jnp.broadcast_to(end, shares.shape) for end in step))
+        (last, _), tries = jax.lax.scan(attempt, (last, jnp.asarray(False)), steps)
+        return last, jax.tree.map(lambda leaf: leaf[-1], tries)
+
+    first = jax.lax.stop_gradient(straight(problem))
+    before = jnp.concatenate([jnp.zeros_like(commands[:1]), commands[:-1]])
+    return jax.lax.scan(move, first, (before, commands))[1]
 
 
 @dataclass(frozen=True)
@@ -103,7 +125,10 @@ def close_all(problems: Sequence[Problem], commands: np.ndarray) -> list[Path]:
         fill = 1 if len(problems) == 1 else LANES
         block += [block[-1]] * (fill - count)
         moves = np.concatenate([moves, np.repeat(moves[-1:], fill - count, axis=0)])
-        stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *block)
+        # Through NumPy, so that a Python number and an array make the same program.
+        stacked = jax.tree.map(
+            lambda *leaves: jnp.asarray(np.stack([np.asarray(leaf) for leaf in leaves])), *block
+        )
         found = _close_batch(stacked, jnp.asarray(moves))
         paths += [_path(problems[start + i], moves[i], _item(found, i)) for i in range(count)]
     return paths

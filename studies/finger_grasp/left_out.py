@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from designopt.left_out import count_operations
 from designopt.results import LeftOutRow
 from studies.finger_grasp import cases
-from studies.finger_grasp.equilibrium import Problem, Unknowns, equations, straight
+from studies.finger_grasp.equilibrium import Problem, equations, straight
 from studies.finger_grasp.finger import Finger, Joints, transfer
 
 
@@ -18,7 +18,7 @@ def operations(finger: Finger) -> list[LeftOutRow]:
     nothing = cases.problem_of(finger, None)
     circle = cases.problem_of(finger, cases.lying(body, 40.0, 11.5))
     polygon = cases.problem_of(finger, cases.box(body))
-    free, round_one, square = (_slopes_count(problem) for problem in (nothing, circle, polygon))
+    free, round_one, square = (_count(problem) for problem in (nothing, circle, polygon))
 
     def pull(finger: Finger, joints: Joints) -> jax.Array:
         found = transfer(finger, joints)
@@ -27,13 +27,13 @@ def operations(finger: Finger) -> list[LeftOutRow]:
     joints = jnp.asarray([0.4, 0.3])
     return [
         LeftOutRow(
-            "equations of free closing, and their slopes",
+            "equations of free closing",
             "pads, object and contact forces: there is nothing to touch",
             free,
             round_one,
         ),
         LeftOutRow(
-            "equations on a circle, and their slopes",
+            "equations on a circle",
             "corners, sides and the second contact of a pad: a circle has none",
             round_one,
             square,
@@ -47,11 +47,5 @@ def operations(finger: Finger) -> list[LeftOutRow]:
     ]
 
 
-def _slopes_count(problem: Problem) -> int:
-    def both(problem: Problem, unknowns: Unknowns) -> tuple[Unknowns, Unknowns]:
-        return (
-            equations(unknowns, problem),
-            jax.jacfwd(lambda u: equations(u, problem))(unknowns),
-        )
-
-    return count_operations(both, problem, straight(problem))
+def _count(problem: Problem) -> int:
+    return count_operations(equations, straight(problem), problem)

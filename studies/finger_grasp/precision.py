@@ -14,7 +14,7 @@ import numpy as np
 from designopt.precision import Contender, compile_timed, dominating
 from designopt.results import Claim, PrecisionRow
 from studies.finger_grasp.closing import Path
-from studies.finger_grasp.equilibrium import Method, Problem, solve, straight
+from studies.finger_grasp.equilibrium import Problem, Unknowns, solve
 from studies.finger_grasp.finger import Joints
 from studies.finger_grasp.judging import reference
 from studies.finger_grasp.second_opinion import minimum
@@ -25,10 +25,7 @@ PROGRAMS = (3, 6, 12, 24)
 """Quadratic programs in a row, the setting of the sequential method."""
 
 STATES = tuple(range(4, 81, 5))
-"""States of the check's closing that are solved anew, each from joints that are off by `OFF`."""
-
-OFF = 0.05
-"""rad."""
+"""States of the check's closing that are solved anew, each from the one 2° of the motor before."""
 
 OURS = "complementarity, Newton"
 
@@ -40,8 +37,14 @@ def contenders(path: Path) -> Iterator[Contender]:
         path: the closing on the check's circle.
     """
     commands = jnp.asarray(path.commands[list(STATES)])
-    limit = np.deg2rad(path.problem.finger.body.range_deg)
-    near = jnp.asarray(np.clip(path.joints[list(STATES)] - OFF, 0, limit))
+    before = [state - 1 for state in STATES]
+    near = jnp.asarray(path.joints[before])
+    unit = path.problem.finger.moment_unit
+    guesses = Unknowns(
+        near,
+        jnp.asarray(path.motor[before]) / unit,
+        jnp.asarray(path.forces[before]) * path.problem.finger.length_unit / unit,
+    )
     found = [reference(path, state) for state in STATES]
     exact = np.array([[float(q) for q in one.joints] for one in found if one is not None])
     panel = f"{len(STATES)} states of the check's closing"
@@ -50,9 +53,8 @@ def contenders(path: Path) -> Iterator[Contender]:
     def at(command: jax.Array) -> Problem:
         return eqx.tree_at(lambda p: p.command, path.problem, command)
 
-    def ours(method: Method, command: jax.Array, joints: Joints, tolerance: jax.Array) -> Joints:
-        guess = eqx.tree_at(lambda u: u.joints, straight(at(command)), joints)
-        return solve(at(command), guess, method=method, tolerance=tolerance).value.joints
+    def ours(command: jax.Array, guess: Unknowns, tolerance: jax.Array) -> Joints:
+        return solve(at(command), guess, tolerance=tolerance).value.joints
 
     def theirs(opinion: Any, command: jax.Array, joints: Joints, setting: jax.Array) -> Joints:
         if opinion == "jaxopt QP":
@@ -60,18 +62,17 @@ def contenders(path: Path) -> Iterator[Contender]:
             return minimum(at(command), joints, opinion=opinion, tolerance=tight, steps=setting)
         return minimum(at(command), joints, opinion=opinion, tolerance=setting)
 
-    for name, function, settings, word in (
-        (OURS, partial(ours, "newton"), TOLERANCES, "tolerance"),
-        ("complementarity, Dogleg", partial(ours, "dogleg"), TOLERANCES, "tolerance"),
-        ("jaxopt QP, sequential", partial(theirs, "jaxopt QP"), PROGRAMS, "programs"),
-        ("jaxopt LBFGSB, augmented", partial(theirs, "jaxopt box"), TOLERANCES, "tolerance"),
+    for name, function, start, settings, word in (
+        (OURS, ours, guesses, TOLERANCES, "tolerance"),
+        ("jaxopt QP, sequential", partial(theirs, "jaxopt QP"), near, PROGRAMS, "programs"),
+        ("jaxopt LBFGSB, augmented", partial(theirs, "jaxopt box"), near, TOLERANCES, "tolerance"),
     ):
         values = [jnp.asarray(setting) for setting in settings]
         compiled, seconds = compile_timed(
-            jax.vmap(function, (0, 0, None)), commands, near, values[0]
+            jax.vmap(function, (0, 0, None)), commands, start, values[0]
         )
         for setting, value in zip(settings, values, strict=True):
-            call = partial(compiled, commands, near, value)
+            call = partial(compiled, commands, start, value)
             yield Contender(name, f"{word} {setting:g}", panel, call, error, seconds)
     for tolerance in (1e-4, 1e-8, 1e-15):
         call = partial(_one_by_one, [at(command) for command in commands], near, tolerance)
@@ -81,7 +82,7 @@ def contenders(path: Path) -> Iterator[Contender]:
 def claim(rows: Sequence[PrecisionRow]) -> Claim:
     """What the study says of the solvers."""
     mine = min((row for row in rows if row.method == OURS), key=lambda row: row.error)
-    others = [row for row in rows if not row.method.startswith("complementarity")]
+    others = [row for row in rows if row.method != OURS]
     beaten = dominating(mine, others)
     evidence = [f"{OURS}, {mine.setting}: {mine.seconds:.2g} s, error {mine.error:.1e} rad"]
     for method in dict.fromkeys(row.method for row in others):
