@@ -97,7 +97,5 @@ def quadratic_program(
             check_primal_dual_infeasability=False,
             implicit_diff=False,
         )
-        found = solver.run(
-            params_obj=(hessian, slope), params_eq=rows, params_ineq=bounds
-        )
+        found = solver.run(params_obj=(hessian, slope), params_eq=rows, params_ineq=bounds)
         return found.params.primal[0]

@@ -52,9 +52,7 @@ class Analysis:
 
     def paths(self) -> dict[str, Path]:
         """Every closing by a name for people."""
-        return _named(
-            self.free, self.adaptive, self.loaded, self.circles, self.pinches, self.box
-        )
+        return _named(self.free, self.adaptive, self.loaded, self.circles, self.pinches, self.box)
 
 
 def analyse(pins: Pins, body: BodySpec, spec: GraspSpec, *, polygon: bool = True) -> Analysis:
@@ -176,4 +174,3 @@ def formula_error(path: Path) -> float:
     first = (path.motor * found.ratios[:, 0] - second * reach) / path.along[:, 0]
     error = np.abs(np.stack([first, second], axis=1) - path.forces)[inside]
     return float(np.max(error) / np.max(path.forces[inside]))
-

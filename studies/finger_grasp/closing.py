@@ -22,7 +22,7 @@ from studies.finger_grasp.equilibrium import (
     unknowns_of,
 )
 
-SHARES = (1.0, 0.3, 0.6, 1.0)
+SHARES = (1.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Parts of a step of the motor at which a state is looked for, one try after the other."""
 
 LANES = 12
@@ -44,7 +44,6 @@ def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]
         One state per motor angle; see `equilibrium.solve`. A state that is not ok does not spoil
         those after it, and means nothing itself.
     """
-
     # A state that the whole step misses is tried again in smaller ones; where the first try has
     # succeeded, the others only confirm it. A scan, so that they share one compiled solve.
     shares = jnp.asarray(SHARES, commands.dtype)

@@ -60,8 +60,12 @@ def compare(path: Path) -> Comparison:
         turned = np.arctan2(*plate[::-1]) - np.arctan2(*was[::-1]) + joints.sum()
         wound = np.angle(np.exp(1j * turned)) + float(finger.preload)
         found = balance(
-            at, pushes, (bool(held[0]), bool(held[1])),
-            motor=float(path.motor[i]), spring=stiffness * wound, load=load,
+            at,
+            pushes,
+            (bool(held[0]), bool(held[1])),
+            motor=float(path.motor[i]),
+            spring=stiffness * wound,
+            load=load,
         )
         size = max(abs(path.motor[i]), stiffness * abs(wound), np.abs(load).max(), 1e-300)
         differences = [
@@ -88,7 +92,10 @@ def _touching(path: Path) -> tuple[tuple[Contacts, Contacts], tuple[Pad, Pad]]:
 
 
 def _push(
-    touching: tuple[tuple[Contacts, Contacts], tuple[Pad, Pad]], state: int, index: int, per_pad: int
+    touching: tuple[tuple[Contacts, Contacts], tuple[Pad, Pad]],
+    state: int,
+    index: int,
+    per_pad: int,
 ) -> Push:
     which, inner = divmod(int(index), per_pad)
     contact, pad = touching[0][which], touching[1][which]

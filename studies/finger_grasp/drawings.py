@@ -78,8 +78,13 @@ def _finger(axis: Axes, path: Path, state: int, strength: float) -> None:
         (0.0, body.distal, tilts[2], at["B"]),
     ):
         corners = np.array(
-            [[start, body.palmar], [start + length, body.palmar], [start + length, body.dorsal],
-             [start, body.dorsal], [start, body.palmar]]
+            [
+                [start, body.palmar],
+                [start + length, body.palmar],
+                [start + length, body.dorsal],
+                [start, body.dorsal],
+                [start, body.palmar],
+            ]
         )
         axis.plot(*_placed(corners, tilt, origin).T, color="0.35", linewidth=0.7, alpha=strength)
     h = body.axis_height
@@ -140,8 +145,13 @@ def paths(found: Analysis) -> Figure:
         if path.per_pad:
             for pad, mark in ((0, "s"), (1, "o")):
                 axes[1, 1].plot(
-                    angle, path.push(pad)[closing], style, color=color,
-                    marker=mark, markevery=8, markersize=4,
+                    angle,
+                    path.push(pad)[closing],
+                    style,
+                    color=color,
+                    marker=mark,
+                    markevery=8,
+                    markersize=4,
                     label=f"{name}, {('intermediate', 'distal')[pad]}",
                 )
     axes[1, 0].set(ylabel="motor moment (N mm)", title="Motor")
@@ -232,22 +242,33 @@ def pinches(found: Analysis) -> Figure:
         yields = [(one, shown) for one, shown in mine if not one.holds]
         if yields:
             limit.plot(
-                [one.place for one, _ in yields], [one.limit for one, _ in yields], mark,
-                color=color, markerfacecolor="none", markersize=8, label=f"{label}, formula",
+                [one.place for one, _ in yields],
+                [one.limit for one, _ in yields],
+                mark,
+                color=color,
+                markerfacecolor="none",
+                markersize=8,
+                label=f"{label}, formula",
             )
             limit.errorbar(
                 [one.place for one, _ in yields],
                 [(shown.low + shown.high) / 2 for _, shown in yields],
                 [(shown.high - shown.low) / 2 for _, shown in yields],
-                fmt="none", color=color, capsize=4, label=f"{label}, loading",
+                fmt="none",
+                color=color,
+                capsize=4,
+                label=f"{label}, loading",
             )
         for one, path, _ in found.pinches:
             if one.pip == pip and not one.holds:
                 states = np.flatnonzero(path.ok)
                 states = states[states >= APPROACH]
                 loading.plot(
-                    path.motor[states] / one.limit, np.degrees(path.joints[states, 1]),
-                    color=color, linewidth=1, linestyle=("-", "--", ":")[index % 3],
+                    path.motor[states] / one.limit,
+                    np.degrees(path.joints[states, 1]),
+                    color=color,
+                    linewidth=1,
+                    linestyle=("-", "--", ":")[index % 3],
                 )
     limit.set(xlabel="k₂ (mm)", ylabel="largest motor moment (N mm)", yscale="log")
     limit.set(title="Where a pinch gives way")

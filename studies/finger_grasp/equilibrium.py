@@ -134,7 +134,10 @@ def solve(
                 jax.tree.map(lambda leaf, far=far: jnp.full_like(leaf, far), guess),
                 jnp.full_like(guess.joints, end),
             )
-            for far, end in ((-jnp.inf, 0.0), (jnp.inf, math.radians(problem.finger.body.range_deg)))
+            for far, end in (
+                (-jnp.inf, 0.0),
+                (jnp.inf, math.radians(problem.finger.body.range_deg)),
+            )
         ]
         options = dict(zip(("lower", "upper"), (ravel_pytree(b)[0] for b in bounds), strict=True))
     kind = {
@@ -144,7 +147,8 @@ def solve(
     }[method]
     found = optx.root_find(
         lambda y, problem: ravel_pytree(equations(unravel(y), problem))[0],
-        kind(tight, tight),
+        # The pseudo-inverse picks one answer where more holds than freedoms leave several.
+        kind(tight, tight, linear_solver=lx.AutoLinearSolver(well_posed=False)),
         start,
         problem,
         options=options,

@@ -93,8 +93,12 @@ def gaps(setting: Setting, pip: Any, dip: Any) -> tuple[Any, Any]:
     return found[0], found[1]
 
 
-def solve(setting: Setting, near: np.ndarray, held: tuple[float | None, float | None],
-          closed: tuple[bool, bool]) -> Exact | None:
+def solve(
+    setting: Setting,
+    near: np.ndarray,
+    held: tuple[float | None, float | None],
+    closed: tuple[bool, bool],
+) -> Exact | None:
     """The equilibrium with a given choice of what holds, from a place near it.
 
     Args:
@@ -129,7 +133,9 @@ def solve(setting: Setting, near: np.ndarray, held: tuple[float | None, float | 
     def pulls(joints: list[Any], forces: list[Any]) -> list[Any]:
         motor = motor_of(joints)
         ratio = slopes(lambda p, d: crank(setting, p, d), joints)
-        wound = (winding(setting, joints[1] + step) - winding(setting, joints[1] - step)) / (2 * step)
+        wound = (winding(setting, joints[1] + step) - winding(setting, joints[1] - step)) / (
+            2 * step
+        )
         spring = stiffness * (winding(setting, joints[1]) + setting.values["preload"]) * wound
         out = [-motor * ratio[0], -motor * ratio[1] + spring]
         for force, i in zip(forces, shut, strict=True):

@@ -179,7 +179,9 @@ def _in_pad(pad: Pad, place: Vector) -> Vector:
 
 
 def _cut(
-    ends: tuple[tuple[Float[Array, ""], Float[Array, ""]], tuple[Float[Array, ""], Float[Array, ""]]],
+    ends: tuple[
+        tuple[Float[Array, ""], Float[Array, ""]], tuple[Float[Array, ""], Float[Array, ""]]
+    ],
     length: float | Float[Array, ""],
 ) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
     """Places and heights of a segment's ends over a face, each end cut to the face's extent.

@@ -26,7 +26,12 @@ PENALTY_ROUNDS = 8
 
 
 def minimum(
-    problem: Problem, guess: Joints, *, opinion: Opinion, tolerance: ArrayLike, steps: ArrayLike = 24
+    problem: Problem,
+    guess: Joints,
+    *,
+    opinion: Opinion,
+    tolerance: ArrayLike,
+    steps: ArrayLike = 24,
 ) -> Joints:
     """Joints of least energy by a minimiser of jaxopt.
 
@@ -97,8 +102,12 @@ def _penalised(problem: Problem, guess: Joints, upper: Joints, tolerance: ArrayL
     ) -> tuple[tuple[Joints, Float[Array, " gaps"]], None]:
         joints, forces = state
         joints = jaxopt_adapter.box_minimum(
-            augmented, joints, (jnp.zeros_like(upper), upper), (problem, forces, penalty),
-            tolerance=tolerance, max_steps=100,
+            augmented,
+            joints,
+            (jnp.zeros_like(upper), upper),
+            (problem, forces, penalty),
+            tolerance=tolerance,
+            max_steps=100,
         )
         gaps = gaps_of(problem, joints) / unit
         return (joints, jnp.maximum(forces - penalty * gaps, 0.0)), None

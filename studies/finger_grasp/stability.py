@@ -75,8 +75,9 @@ def families(finger: Finger, end: float, seed: int) -> Iterator[Family]:
     )
     # The last place on the intermediate pad, and half a millimetre on either side of it.
     end_of_pad = body.intermediate - body.axis_height
-    places = end_of_pad + np.concatenate([-(10.0 ** np.linspace(-0.3, -9, 5)), [0.0],
-                                          10.0 ** np.linspace(-9, -0.3, 6)])
+    places = end_of_pad + np.concatenate(
+        [-(10.0 ** np.linspace(-0.3, -9, 5)), [0.0], 10.0 ** np.linspace(-9, -0.3, 6)]
+    )
     yield Family(
         "contact at a pad's end, within 1e-9 to 0.5 mm",
         on([finger] * LANES, [cases.touching(body, 0.6, p, 12.0) for p in places]),
@@ -84,9 +85,7 @@ def families(finger: Finger, end: float, seed: int) -> Iterator[Family]:
     )
     # A circle before the DIP axis touches the ends of both pads of the straight finger at once.
     depths = np.linspace(1.1, 4.0, LANES) * body.axis_height
-    both = [
-        cases.touching(body, 0.7, body.intermediate, d) for d in depths
-    ]
+    both = [cases.touching(body, 0.7, body.intermediate, d) for d in depths]
     both = [
         Circle(c.centre + _inward(0.7, d, body.axis_height), d)
         for c, d in zip(both, depths, strict=True)
