@@ -22,8 +22,9 @@ from studies.finger_grasp.equilibrium import (
     unknowns_of,
 )
 
-SHARES = (1.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Parts of a step of the motor at which a state is looked for, one try after the other."""
+TRIES = ((1.0, 1.0), (1.0, 0.0), (0.2, 1.0), (0.4, 1.0), (0.6, 1.0), (0.8, 1.0), (1.0, 1.0))
+"""Parts of a step of the motor at which a state is looked for, one try after the other, and whether
+the try starts from the last forces or from none."""
 
 LANES = 12
 """Closings that are computed together; a block is filled up, so that one program serves all."""
@@ -46,16 +47,17 @@ def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]
     """
     # A state that the whole step misses is tried again in smaller ones; where the first try has
     # succeeded, the others only confirm it. A scan, so that they share one compiled solve.
-    shares = jnp.asarray(SHARES, commands.dtype)
+    shares, kept_forces = jnp.asarray(TRIES, commands.dtype).T
 
     def attempt(
         state: tuple[Unknowns, Bool[Array, ""]],
-        step: tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]],
+        step: tuple[Float[Array, ""], ...],
     ) -> tuple[tuple[Unknowns, Bool[Array, ""]], Solution[State]]:
-        (last, arrived), (share, before, command) = state, step
+        (last, arrived), (share, keep, before, command) = state, step
         there = jnp.where(arrived | (share == 1), command, before + share * (command - before))
         now = eqx.tree_at(lambda p: p.command, problem, there)
-        found = solve(now, last)
+        keep = jnp.where(arrived, 1.0, keep)
+        found = solve(now, Unknowns(last.joints, keep * last.motor, keep * last.forces))
         ok = found.ok
         new = jax.lax.stop_gradient(unknowns_of(now, found.value))
         kept = jax.tree.map(lambda a, b: jnp.where(ok, a, b), new, last)
@@ -64,7 +66,7 @@ def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]
     def move(
         last: Unknowns, step: tuple[Float[Array, ""], Float[Array, ""]]
     ) -> tuple[Unknowns, Solution[State]]:
-        steps = (shares, *(jnp.broadcast_to(end, shares.shape) for end in step))
+        steps = (shares, kept_forces, *(jnp.broadcast_to(end, shares.shape) for end in step))
         (last, _), tries = jax.lax.scan(attempt, (last, jnp.asarray(False)), steps)
         return last, jax.tree.map(lambda leaf: leaf[-1], tries)
 

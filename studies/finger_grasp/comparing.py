@@ -47,14 +47,16 @@ def compare(path: Path) -> Comparison:
     load = np.asarray(path.problem.load)
     touching = None if path.problem.thing is None else _touching(path)
     worst, states, undetermined = 0.0, 0, 0
-    for i in np.flatnonzero(path.ok):
+    for i in np.flatnonzero(path.ok).tolist():
         joints = path.joints[i]
         shut = np.flatnonzero(path.gaps[i] < SHUT)
         held = (joints < SHUT) | (joints > limit - SHUT)
         if len(shut) + held.sum() > 2:
             undetermined += 1
             continue
-        pushes = [] if touching is None else [_push(touching, i, j, path.per_pad) for j in shut]
+        pushes = (
+            [] if touching is None else [_push(touching, i, j, path.per_pad) for j in shut.tolist()]
+        )
         at = pin_places(straight, body, joints)
         plate, was = at["D"] - at["C"], straight["D"] - straight["C"]
         turned = np.arctan2(*plate[::-1]) - np.arctan2(*was[::-1]) + joints.sum()
@@ -97,7 +99,7 @@ def _push(
     index: int,
     per_pad: int,
 ) -> Push:
-    which, inner = divmod(int(index), per_pad)
+    which, inner = divmod(index, per_pad)
     contact, pad = touching[0][which], touching[1][which]
     reach = contact.along[state, inner] - pad.offset
     start = np.array([pad.start.x[state], pad.start.y[state]])

@@ -184,18 +184,17 @@ def _cut(
     ],
     length: float | Float[Array, ""],
 ) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
-    """Places and heights of a segment's ends over a face, each end cut to the face's extent.
+    """Places and heights of a segment's ends over a face, each cut to the face's extent.
 
-    An end beyond the face slides along the segment to above the face's edge, where the segment
-    crosses it; otherwise it stays.
+    The higher end slides along the segment to above the face's edge, where the segment crosses it.
+    The lower one keeps its height, so that the smaller of both is never more than the distance.
     """
     (x0, y0), (x1, y1) = ends
     rise, crosses = safe_divide(y1 - y0, x1 - x0)
-    low, high = jnp.minimum(x0, x1), jnp.maximum(x0, x1)
-    shared = crosses & (low <= length) & (high >= 0)
+    shared = crosses & (jnp.minimum(x0, x1) <= length) & (jnp.maximum(x0, x1) >= 0)
     places, heights = [], []
-    for x, y in ends:
+    for (x, y), other in zip(ends, (y1, y0), strict=True):
         inside = jnp.where(shared, jnp.clip(x, 0.0, length), x)
         places.append(inside)
-        heights.append(y + rise * (inside - x))
+        heights.append(jnp.where(y > other, y + rise * (inside - x), y))
     return jnp.stack(places), jnp.stack(heights)
