@@ -152,7 +152,7 @@ def retrace_error(path: Path) -> float:
 def formula_error(path: Path) -> float:
     """Largest difference between the forces of a path and the two-phalanx formulas, relative.
 
-    With both pads closed inside their ends and both joints off their stops, f₂ = (T_a φ₂ − t_s) / k₂
+    With both pads closed inside their ends and the joints off their stops, f₂ = (T_a φ₂ − t_s) / k₂
     and f₁ = (T_a φ₁ − f₂ (k₂ + l cos q₂)) / k₁ (§B3; Birglen & Gosselin 2004). NaN where a path has
     no such state.
     """

@@ -40,7 +40,7 @@ def problem_of(finger: Finger, thing: Object | None, load: tuple[float, float] =
 
 
 def touching(body: BodySpec, pip: float, place: float, radius: float) -> Circle:
-    """The circle that touches the intermediate phalanx at ``place`` mm from A when PIP is ``pip``.
+    """The circle that touches the intermediate phalanx ``place`` mm from A when PIP is ``pip``.
 
     Beyond the DIP axis it touches the distal phalanx, straight as it then is.
     """
@@ -52,8 +52,8 @@ def touching(body: BodySpec, pip: float, place: float, radius: float) -> Circle:
 def lying(body: BodySpec, diameter: float, place: float) -> Circle:
     """The circle that lies on the proximal pad, ``place`` mm from A or nearer.
 
-    It then touches the intermediate pad at the same distance from A, at PIP = 2 atan(place / (r + h)):
-    A is equally far from both tangents. Small circles move nearer, so that this is within reach.
+    It then touches the intermediate pad at the same distance from A, at
+    PIP = 2 atan(place / (r + h)): A is equally far from both tangents. Small circles move nearer, so that this is within reach.
     """
     radius = diameter / 2
     farthest = (radius + body.axis_height) * math.tan(REACH * math.radians(body.range_deg) / 2)
@@ -61,7 +61,7 @@ def lying(body: BodySpec, diameter: float, place: float) -> Circle:
 
 
 def wrapped_dip(body: BodySpec, place: float, radius: float) -> float:
-    """DIP at which a circle that touches the intermediate pad at ``place`` mm touches the distal one.
+    """DIP at which a circle that touches the intermediate pad touches the distal one as well.
 
     In closed form, for B is equally far from both tangents: 2 atan((l − k₁) / (r + h)), rad.
     """

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from designopt.solution import Solution
 from studies.finger_grasp.equilibrium import (
@@ -45,34 +45,46 @@ def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]
         One state per motor angle; see `equilibrium.solve`. A state that is not ok does not spoil
         those after it, and means nothing itself.
     """
-    # A state that the whole step misses is tried again in smaller ones; where the first try has
-    # succeeded, the others only confirm it. A scan, so that they share one compiled solve.
-    shares, kept_forces = jnp.asarray(TRIES, commands.dtype).T
-
-    def attempt(
-        state: tuple[Unknowns, Bool[Array, ""]],
-        step: tuple[Float[Array, ""], ...],
-    ) -> tuple[tuple[Unknowns, Bool[Array, ""]], Solution[State]]:
-        (last, arrived), (share, keep, before, command) = state, step
-        there = jnp.where(arrived | (share == 1), command, before + share * (command - before))
-        now = eqx.tree_at(lambda p: p.command, problem, there)
-        keep = jnp.where(arrived, 1.0, keep)
-        found = solve(now, Unknowns(last.joints, keep * last.motor, keep * last.forces))
-        ok = found.ok
-        new = jax.lax.stop_gradient(unknowns_of(now, found.value))
-        kept = jax.tree.map(lambda a, b: jnp.where(ok, a, b), new, last)
-        return (kept, arrived | (ok & (there == command))), found
+    # A state that the whole step misses is tried again in smaller ones. A loop, so that all tries
+    # share one compiled solve, and no more of them are made than some closing of a batch needs.
+    tries = jnp.asarray(TRIES, commands.dtype)
 
     def move(
         last: Unknowns, step: tuple[Float[Array, ""], Float[Array, ""]]
     ) -> tuple[Unknowns, Solution[State]]:
-        steps = (shares, kept_forces, *(jnp.broadcast_to(end, shares.shape) for end in step))
-        (last, _), tries = jax.lax.scan(attempt, (last, jnp.asarray(False)), steps)
-        return last, jax.tree.map(lambda leaf: leaf[-1], tries)
+        before, command = step
 
-    first = jax.lax.stop_gradient(straight(problem))
+        def attempt(state: _Attempt) -> _Attempt:
+            share, keep = tries[state.count]
+            there = jnp.where(share == 1, command, before + share * (command - before))
+            now = eqx.tree_at(lambda p: p.command, problem, there)
+            good = state.good
+            found = solve(now, Unknowns(good.joints, keep * good.motor, keep * good.forces))
+            ok = found.ok
+            new = unknowns_of(now, found.value)
+            good = jax.tree.map(lambda a, b: jnp.where(ok, a, b), new, good)
+            return _Attempt(state.count + 1, ok & (there == command), good, found)
+
+        shape = jax.eval_shape(solve, problem, last)
+        nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
+        done = jax.lax.while_loop(
+            lambda state: ~state.arrived & (state.count < len(TRIES)),
+            attempt,
+            _Attempt(jnp.asarray(0), jnp.asarray(False), last, nothing),
+        )
+        return done.good, done.found
+
     before = jnp.concatenate([jnp.zeros_like(commands[:1]), commands[:-1]])
-    return jax.lax.scan(move, first, (before, commands))[1]
+    return jax.lax.scan(move, straight(problem), (before, commands))[1]
+
+
+class _Attempt(eqx.Module):
+    """Tries so far, whether the last one arrived, the last good state, and what was found."""
+
+    count: Int[Array, ""]
+    arrived: Bool[Array, ""]
+    good: Unknowns
+    found: Solution[State]
 
 
 @dataclass(frozen=True)

@@ -224,7 +224,7 @@ def over_diameter(found: Analysis) -> Figure:
     return Figure(
         "over_diameter",
         "Closing on circles",
-        f"With the motor at {end:.0f}°. The circles lie on the proximal pad. A pad whose force is 0 "
+        f"With the motor at {end:.0f}°. The circles lie on the proximal pad. A pad of force 0 "
         "does not touch.",
         drawing,
     )

@@ -7,7 +7,7 @@ T_a = k_s (α − φ) and contact forces f_i ≥ 0 at gaps g_i ≥ 0 (Birglen, L
 
     F = ∇U − Σ f_i ∇g_i,   F_j ≥ 0 at the lower stop, ≤ 0 at the upper one, 0 between them.
 
-Unknowns are q, T_a and f. T_a is kept beside q, and moments are counted in √(k k_s), because then no
+Unknowns are q, T_a and f. T_a is kept beside q, and moments are counted in √(k k_s): then no
 coefficient is larger than √(k / k_s) or its inverse; the raw equations spread over k / k_s.
 """
 
@@ -89,9 +89,9 @@ class State(eqx.Module):
 class Unknowns(eqx.Module):
     """Joints (rad), motor moment in `Finger.moment_unit`, forces in that over `length_unit`."""
 
-    joints: Joints
-    motor: Float[Array, ""]
-    forces: Float[Array, " contacts"]
+    joints: Float[Array, "*batch 2"]
+    motor: Float[Array, "*batch"]
+    forces: Float[Array, "*batch contacts"]
 
 
 def solve(

@@ -170,8 +170,10 @@ def solve(
 
 
 def _converged(equations: Any, joints: list[Any], forces: int) -> list[Any] | None:
-    """Newton's iteration with the first slopes kept: from a start good to 1e-15 it gains as many
-    digits in every step, once the forces, in which the equations are linear, are there.
+    """Newton's iteration that keeps its slopes once the start is good.
+
+    From a start good to 1e-15 it gains as many digits in every step, when the forces, in which
+    the equations are linear, are there.
     """
     unknown = joints + [mpmath.mpf(0)] * forces
     if not unknown:

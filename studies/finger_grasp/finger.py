@@ -17,7 +17,7 @@ Joints = Float[Array, "2"]
 """Flexion (PIP, DIP), rad, not negative."""
 
 TIP_RIM = 1.5
-"""The distal pad ends so far before the finger tip, mm (paper B's section as this project reads it)."""
+"""The distal pad ends so far before the finger tip, mm (as this project reads paper B)."""
 
 
 class Finger(eqx.Module):

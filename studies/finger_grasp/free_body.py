@@ -1,7 +1,7 @@
 """Contact forces by the equilibrium of every link, which knows nothing of energy or of ratios.
 
 Pins are placed by intersecting circles, then forces and moments are balanced on each of the six
-moving links (R. L. Norton, *Design of Machinery*, ch. 11). It is plain NumPy on purpose: nothing here
+moving links (R. L. Norton, *Design of Machinery*, ch. 11). Plain NumPy on purpose: nothing here
 is shared with the equilibrium that it checks.
 """
 

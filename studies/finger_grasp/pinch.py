@@ -1,4 +1,4 @@
-"""Pinching with the straight distal pad: when it holds, when it gives way, and the stability map."""
+"""Pinching with the straight distal pad: when it holds and gives way, and the stability map."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Bracket:
 def predict(finger: Finger, contacts: Sequence[tuple[float, float]]) -> list[Pinch]:
     """The limits of pinches in closed form (§B3 of the project's reading of paper B).
 
-    With T_a φ₁ = f₂ (k₂ + l) and T_a φ₂ = f₂ k₂ + t_s − λ at DIP = 0 the stop's moment λ is positive
+    With T_a φ₁ = f₂ (k₂ + l) and T_a φ₂ = f₂ k₂ + t_s − λ at DIP = 0, the stop's λ is positive
     up to T_a = t_s / (φ₂ − φ₁ k₂ / (k₂ + l)), t_s = k γ_p γ'(0).
 
     Args:

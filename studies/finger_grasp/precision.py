@@ -94,7 +94,7 @@ def claim(rows: Sequence[PrecisionRow]) -> Claim:
     return Claim(
         "No minimiser of the same energy, at any setting, is both faster and closer than Newton's "
         "iteration on the complementarity equations.",
-        "Stops, contacts and the motor are all equations, so that one linear solve of five unknowns "
+        "Stops, contacts and the motor are all equations, so that one solve of five unknowns "
         "moves everything at once and the last steps double the digits; a minimiser sees the "
         "energy only, which is flat at its minimum, and iterates within its iterations.",
         evidence,

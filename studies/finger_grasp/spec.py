@@ -1,4 +1,4 @@
-"""The settings of the study; defaults are the reference design of the project's reading of paper B."""
+"""The settings of the study; defaults are those of §B3's check values."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def metrics(spec: GraspSpec, check: GraspCheck, stability: Sequence[StabilityRow
             "virtual_work_error",
             check.virtual_work_error,
             "",
-            "largest difference of forces by virtual work and by the balance of every link, relative",
+            "largest relative difference of forces by virtual work and by every link's balance",
             None,
             Target("<=", 1e-8),
         ),
