@@ -53,7 +53,8 @@ def lying(body: BodySpec, diameter: float, place: float) -> Circle:
     """The circle that lies on the proximal pad, ``place`` mm from A or nearer.
 
     It then touches the intermediate pad at the same distance from A, at
-    PIP = 2 atan(place / (r + h)): A is equally far from both tangents. Small circles move nearer, so that this is within reach.
+    PIP = 2 atan(place / (r + h)): A is equally far from both tangents.
+    Small circles move nearer, so that this is within reach.
     """
     radius = diameter / 2
     farthest = (radius + body.axis_height) * math.tan(REACH * math.radians(body.range_deg) / 2)

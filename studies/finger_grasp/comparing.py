@@ -76,7 +76,7 @@ def compare(path: Path) -> Comparison:
         ]
         worst = max(worst, found.residual, *(abs(d) / size for d in differences))
         states += 1
-    return Comparison(worst, states, undetermined)
+    return Comparison(float(worst), states, undetermined)
 
 
 @eqx.filter_jit

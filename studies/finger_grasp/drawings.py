@@ -32,7 +32,9 @@ def figures(found: Analysis) -> list[Figure]:
 def sequences(found: Analysis) -> Figure:
     """The finger in section: pinching, closing on a circle and on a square."""
     pinch = next((path for one, path, _ in found.pinches if one.holds), None)
-    shown = [("Free closing", found.free, (0, 20, 34, 45, 56))]
+    shown: list[tuple[str, Path, tuple[int, ...]]] = [
+        ("Free closing", found.free, (0, 20, 34, 45, 56))
+    ]
     if pinch is not None:
         shown.append(("Pinch: DIP stays straight", pinch, (0, 8, 16, APPROACH, 120)))
     first = int(np.argmax(found.adaptive.gaps[:, 0] < 1e-7))

@@ -125,7 +125,7 @@ def solve(
     start, unravel = ravel_pytree(jax.lax.stop_gradient(guess))
     floor = 8 * jnp.finfo(start.dtype).eps
     tight: Any = jnp.maximum(as_float(tolerance).astype(start.dtype), floor)
-    options = None
+    options: dict[str, Any] | None = None
     if method == "newton":
         # Newton has no trust region: a joint that leaves its stops comes back to them.
         bounds = [

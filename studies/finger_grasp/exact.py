@@ -180,10 +180,10 @@ def _converged(equations: Any, joints: list[Any], forces: int) -> list[Any] | No
         return []
     size, step = len(unknown), mpmath.mpf(10) ** (-mpmath.mp.dps // 2)
     enough = mpmath.mpf(10) ** (-mpmath.mp.dps // 2 - 5)
+    slopes = mpmath.matrix(size)
     for fresh in (True, True, False, False, False):
         value = equations(unknown)
         if fresh:
-            slopes = mpmath.matrix(size)
             for j in range(size):
                 moved = equations([x + step * (i == j) for i, x in enumerate(unknown)])
                 for i in range(size):

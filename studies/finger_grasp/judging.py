@@ -13,6 +13,7 @@ from studies.finger_grasp.closing import Path
 from studies.finger_grasp.comparing import SHUT
 from studies.finger_grasp.equilibrium import Problem
 from studies.finger_grasp.finger import TIP_RIM
+from studies.finger_grasp.objects import Circle
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,8 @@ class Verdict:
 
 def setting_of(problem: Problem, command: float) -> exact.Setting:
     """A problem on a circle in plain numbers."""
-    finger, body = problem.finger, problem.finger.body
+    finger, body, thing = problem.finger, problem.finger.body, problem.thing
+    assert isinstance(thing, Circle)
     return exact.Setting(
         pins={name: tuple(getattr(finger.pins, name).tolist()) for name in "CDEFGH"},
         lengths=(body.intermediate, body.distal),
@@ -48,7 +50,7 @@ def setting_of(problem: Problem, command: float) -> exact.Setting:
             "preload": float(finger.preload),
             "command": command,
         },
-        circle=(*problem.thing.centre.tolist(), float(problem.thing.radius)),
+        circle=(*thing.centre.tolist(), float(thing.radius)),
     )
 
 

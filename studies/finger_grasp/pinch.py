@@ -109,7 +109,7 @@ def bracket(finger: Finger, pinch: Pinch, path: Path) -> Bracket:
     held = loads[:first][stays[:first]]
     low = float(path.motor[held[-1]]) if held.size else 0.0
     high = servo * float(path.commands[loads[first]] - pinch.crank)
-    return Bracket(low, high, low * (1 - 1e-9) <= pinch.limit <= high)
+    return Bracket(low, high, bool(low * (1 - 1e-9) <= pinch.limit <= high))
 
 
 def ratio_map(finger: Finger, angles: np.ndarray) -> np.ndarray:

@@ -170,7 +170,9 @@ def test_every_state_is_an_equilibrium_and_opening_retraces_closing():
 def test_a_circle_on_the_proximal_pad_is_touched_at_its_mirrored_place():
     for path, diameter in zip(closings()[0][2:5], (10.0, 30.0, 90.0), strict=True):
         first = int(np.argmax(path.gaps[:, 0] < 1e-7))
-        place = -float(path.problem.thing.centre[0])
+        thing = path.problem.thing
+        assert isinstance(thing, Circle)
+        place = -float(thing.centre[0])
         np.testing.assert_allclose(path.along[first, 0], place, atol=1e-9)
         pip = 2 * math.atan(place / (diameter / 2 + 4))
         np.testing.assert_allclose(path.joints[first, 0], pip, atol=1e-9)
@@ -269,13 +271,13 @@ def test_the_energys_slope_is_what_stops_and_contacts_bear():
     path, state = paths[0], 60
     problem = eqx.tree_at(lambda p: p.command, path.problem, jnp.asarray(path.commands[state]))
     unit = float(FINGER.moment_unit)
-    slope = unit * scipy.optimize.approx_fprime(
-        path.joints[state], lambda q: float(energy(problem, jnp.asarray(q))), 1e-7
+    slope = scipy.optimize.approx_fprime(
+        path.joints[state], lambda q: unit * float(energy(problem, jnp.asarray(q))), 1e-7
     )
     lifts = scipy.optimize.approx_fprime(
         path.joints[state], lambda q: np.asarray(gaps_of(problem, jnp.asarray(q))), 1e-7
     )
-    np.testing.assert_allclose(slope, lifts.T @ path.forces[state], rtol=1e-4)
+    np.testing.assert_allclose(slope, np.asarray(lifts).T @ path.forces[state], rtol=1e-4)
     assert path.forces[CLOSED].min() > 0
 
 
