@@ -81,9 +81,12 @@ def compare(path: Path) -> Comparison:
 
 @eqx.filter_jit
 def _touch_all(problem: Problem, joints: Float[Array, "states 2"]) -> Any:
+    thing = problem.thing
+    assert thing is not None
+
     def one(q: Joints) -> Any:
         both = pads(problem.finger.body, q)
-        return tuple(problem.thing.contacts(pad) for pad in both), both
+        return tuple(thing.contacts(pad) for pad in both), both
 
     return jax.vmap(one)(joints)
 

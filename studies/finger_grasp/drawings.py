@@ -183,8 +183,8 @@ def stability_map(found: Analysis) -> Figure:
         (axes[0, 0], ratio, "φ₂/φ₁", ""),
         (axes[0, 1], place, "least k₂ with f₁ > 0", " (mm)"),
     ):
-        filled = axis.contourf(angles, angles, values.T, levels=12, cmap="cividis")
-        lines = axis.contour(angles, angles, values.T, levels=6, colors="white", linewidths=0.7)
+        filled = axis.contourf(angles, angles, values.T, levels=12, cmap="cividis", alpha=0.75)
+        lines = axis.contour(angles, angles, values.T, levels=6, colors="black", linewidths=0.6)
         axis.clabel(lines, fontsize=7, fmt="%.2g")
         drawing.colorbar(filled, ax=axis, label=title + unit, shrink=0.85)
         axis.set(xlabel="PIP flexion (°)", ylabel="DIP flexion (°)", title=title)

@@ -277,7 +277,9 @@ def test_the_energys_slope_is_what_stops_and_contacts_bear():
     lifts = scipy.optimize.approx_fprime(
         path.joints[state], lambda q: np.asarray(gaps_of(problem, jnp.asarray(q))), 1e-7
     )
-    np.testing.assert_allclose(slope, np.asarray(lifts).T @ path.forces[state], rtol=1e-4)
+    np.testing.assert_allclose(
+        np.asarray(slope), np.asarray(lifts).T @ path.forces[state], rtol=1e-4
+    )
     assert path.forces[CLOSED].min() > 0
 
 
