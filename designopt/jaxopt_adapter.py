@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
+import jax
 from jaxtyping import Array, Float, Int
 
 with warnings.catch_warnings():
@@ -72,22 +73,48 @@ def minimise_in_box(
         tolerance: of jaxopt's optimality error.
         max_steps: cap on iterations.
     """
-    if method == "jaxopt-lbfgsb":
-        solver = jaxopt.LBFGSB(
-            objective,
+    # jaxopt mixes ranks and types within itself.
+    with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
+        if method == "jaxopt-lbfgsb":
+            solver = jaxopt.LBFGSB(
+                objective,
+                maxiter=max_steps,
+                tol=tolerance,
+                linesearch="backtracking",  # its default compiles for minutes
+                implicit_diff=False,
+            )
+            found = solver.run(guess, bounds, args)
+        else:
+            solver = jaxopt.ProjectedGradient(
+                objective,
+                jaxopt.projection.projection_box,
+                maxiter=max_steps,
+                tol=tolerance,
+                implicit_diff=False,
+            )
+            found = solver.run(guess, hyperparams_proj=bounds, args=args)
+        return found.params, found.state.iter_num
+
+
+def quadratic_program(
+    hessian: Float[Array, "n n"],
+    slope: Float[Array, " n"],
+    rows: Float[Array, "m n"],
+    bounds: tuple[Float[Array, " m"], Float[Array, " m"]],
+    *,
+    tolerance: Any,
+    max_steps: int,
+) -> Float[Array, " n"]:
+    """Minimum of ½ xᵀ hessian x + slopeᵀ x with bounds on ``rows @ x``, by jaxopt's BoxOSQP.
+
+    Nothing says whether it converged: check the answer.
+    """
+    with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
+        solver = jaxopt.BoxOSQP(
             maxiter=max_steps,
             tol=tolerance,
-            linesearch="backtracking",  # its default compiles for minutes
+            check_primal_dual_infeasability=False,
             implicit_diff=False,
         )
-        found = solver.run(guess, bounds, args)
-    else:
-        solver = jaxopt.ProjectedGradient(
-            objective,
-            jaxopt.projection.projection_box,
-            maxiter=max_steps,
-            tol=tolerance,
-            implicit_diff=False,
-        )
-        found = solver.run(guess, hyperparams_proj=bounds, args=args)
-    return found.params, found.state.iter_num
+        found = solver.run(params_obj=(hessian, slope), params_eq=rows, params_ineq=bounds)
+        return found.params.primal[0]

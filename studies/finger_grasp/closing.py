@@ -1,0 +1,178 @@
+"""Closing and opening: the motor moves slowly, and every state starts from the one before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from designopt.solution import Solution
+from studies.finger_grasp.equilibrium import (
+    Problem,
+    State,
+    Unknowns,
+    solve,
+    straight,
+    unknowns_of,
+)
+
+TRIES = ((1.0, 1.0), (1.0, 0.0), (0.2, 1.0), (0.4, 1.0), (0.6, 1.0), (0.8, 1.0), (1.0, 1.0))
+"""Parts of a step of the motor at which a state is looked for, one try after the other, and whether
+the try starts from the last forces or from none."""
+
+LANES = 12
+"""Closings that are computed together; a block is filled up, so that one program serves all."""
+
+STEPS = 121
+"""Motor angles of every closing, for the same reason."""
+
+
+def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]:
+    """Equilibria along a motion of the motor, each solved from the last one that was found.
+
+    Args:
+        problem: finger, load and object; its own motor angle is not looked at. The motion starts
+            from the straight finger.
+        commands: motor angles α in the order in which they are passed, rad.
+
+    Returns:
+        One state per motor angle; see `equilibrium.solve`. A state that is not ok does not spoil
+        those after it, and means nothing itself.
+    """
+    # A state that the whole step misses is tried again in smaller ones. A loop, so that all tries
+    # share one compiled solve, and no more of them are made than some closing of a batch needs.
+    tries = jnp.asarray(TRIES, commands.dtype)
+
+    def move(
+        last: Unknowns, step: tuple[Float[Array, ""], Float[Array, ""]]
+    ) -> tuple[Unknowns, Solution[State]]:
+        before, command = step
+
+        def attempt(state: _Attempt) -> _Attempt:
+            share, keep = tries[state.count]
+            there = jnp.where(share == 1, command, before + share * (command - before))
+            now = eqx.tree_at(lambda p: p.command, problem, there)
+            good = state.good
+            found = solve(now, Unknowns(good.joints, keep * good.motor, keep * good.forces))
+            ok = found.ok
+            new = unknowns_of(now, found.value)
+            good = jax.tree.map(lambda a, b: jnp.where(ok, a, b), new, good)
+            return _Attempt(state.count + 1, ok & (there == command), good, found)
+
+        shape = jax.eval_shape(solve, problem, last)
+        nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
+        done = jax.lax.while_loop(
+            lambda state: ~state.arrived & (state.count < len(TRIES)),
+            attempt,
+            _Attempt(jnp.asarray(0), jnp.asarray(False), last, nothing),
+        )
+        return done.good, done.found
+
+    before = jnp.concatenate([jnp.zeros_like(commands[:1]), commands[:-1]])
+    return jax.lax.scan(move, straight(problem), (before, commands))[1]
+
+
+class _Attempt(eqx.Module):
+    """Tries so far, whether the last one arrived, the last good state, and what was found."""
+
+    count: Int[Array, ""]
+    arrived: Bool[Array, ""]
+    good: Unknowns
+    found: Solution[State]
+
+
+@dataclass(frozen=True)
+class Path:
+    """One closing, as plain arrays with one row per motor angle; those of `equilibrium.State`.
+
+    Attributes:
+        problem: of what.
+        commands: motor angles, rad.
+        ok: which states are equilibria; the others mean nothing.
+        messages: what the matter is, one text per state, empty where it is ok.
+    """
+
+    problem: Problem
+    commands: np.ndarray
+    joints: np.ndarray
+    motor: np.ndarray
+    forces: np.ndarray
+    gaps: np.ndarray
+    along: np.ndarray
+    stops: np.ndarray
+    residual: np.ndarray
+    margin: np.ndarray
+    ok: np.ndarray
+    messages: tuple[str, ...]
+
+    @property
+    def per_pad(self) -> int:
+        """Contacts on one pad."""
+        return 0 if self.problem.thing is None else self.problem.thing.count
+
+    def push(self, pad: int) -> np.ndarray:
+        """Force on the intermediate (0) or the distal pad (1), N."""
+        return self.forces[:, pad * self.per_pad : (pad + 1) * self.per_pad].sum(axis=1)
+
+
+_close_batch = jax.jit(jax.vmap(close))
+
+
+def close_all(problems: Sequence[Problem], commands: np.ndarray) -> list[Path]:
+    """Several closings with objects of one kind, in blocks of `LANES`.
+
+    Args:
+        problems: with the same body.
+        commands: motor angles, shape (problems, `STEPS`), rad.
+    """
+    paths = []
+    for start in range(0, len(problems), LANES):
+        block, moves = list(problems[start : start + LANES]), commands[start : start + LANES]
+        count = len(block)
+        fill = 1 if len(problems) == 1 else LANES
+        block += [block[-1]] * (fill - count)
+        moves = np.concatenate([moves, np.repeat(moves[-1:], fill - count, axis=0)])
+        # Through NumPy, so that a Python number and an array make the same program.
+        stacked = jax.tree.map(
+            lambda *leaves: jnp.asarray(np.stack([np.asarray(leaf) for leaf in leaves])), *block
+        )
+        found = _close_batch(stacked, jnp.asarray(moves))
+        paths += [_path(problems[start + i], moves[i], _item(found, i)) for i in range(count)]
+    return paths
+
+
+def _item(found: Any, index: int) -> Any:
+    return jax.tree.map(lambda leaf: leaf[index], found)
+
+
+def _path(problem: Problem, commands: np.ndarray, found: Solution[State]) -> Path:
+    state = jax.tree.map(np.asarray, found.value)
+    ok = np.asarray(found.ok)
+    # Reading messages costs a call each, so only those are read that say something.
+    bad = np.flatnonzero(~ok)
+    texts = {int(i): _item(found, int(i)).messages()[0] for i in bad}
+    return Path(
+        problem,
+        commands,
+        state.joints,
+        state.motor,
+        state.forces,
+        state.gaps,
+        state.along,
+        state.stops,
+        np.asarray(found.residual),
+        np.asarray(found.margin),
+        ok,
+        tuple(texts.get(i, "") for i in range(len(ok))),
+    )
+
+
+def there_and_back(end: float) -> np.ndarray:
+    """Motor angles from 0 to an end in 80 steps and back in 40, rad."""
+    return np.concatenate([np.linspace(0, end, 81), np.linspace(end, 0, STEPS - 80)[1:]])

@@ -1,0 +1,51 @@
+"""Operations that a question about the finger does not need."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+
+from designopt.left_out import count_operations
+from designopt.results import LeftOutRow
+from studies.finger_grasp import cases
+from studies.finger_grasp.equilibrium import Problem, equations, straight
+from studies.finger_grasp.finger import Finger, Joints, transfer
+
+
+def operations(finger: Finger) -> list[LeftOutRow]:
+    """Operation counts of programs that leave something out beside the general ones."""
+    body = finger.body
+    nothing = cases.problem_of(finger, None)
+    circle = cases.problem_of(finger, cases.lying(body, 40.0, 11.5))
+    polygon = cases.problem_of(finger, cases.box(body))
+    free, round_one, square = (_count(problem) for problem in (nothing, circle, polygon))
+
+    def pull(finger: Finger, joints: Joints) -> jax.Array:
+        found = transfer(finger, joints)
+        return found.winding * found.slope
+
+    joints = jnp.asarray([0.4, 0.3])
+    return [
+        LeftOutRow(
+            "equations of free closing",
+            "pads, object and contact forces: there is nothing to touch",
+            free,
+            round_one,
+        ),
+        LeftOutRow(
+            "equations on a circle",
+            "corners, sides and the second contact of a pad: a circle has none",
+            round_one,
+            square,
+        ),
+        LeftOutRow(
+            "moment of the spring",
+            "the outer dyad: the spring's winding depends on DIP alone",
+            count_operations(pull, finger, joints),
+            count_operations(transfer, finger, joints),
+        ),
+    ]
+
+
+def _count(problem: Problem) -> int:
+    return count_operations(equations, straight(problem), problem)

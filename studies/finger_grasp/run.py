@@ -1,0 +1,65 @@
+"""The study itself: from its spec to its results."""
+
+from __future__ import annotations
+
+from designopt import precision as run_time
+from designopt.errors import UserError
+from designopt.results import PrecisionStudy, Results
+from designopt.study import Context
+from studies.finger_grasp import drawings, precision, stability, statements, tables
+from studies.finger_grasp.analysis import Analysis, analyse
+from studies.finger_grasp.check import summary
+from studies.finger_grasp.exact import DIGITS
+from studies.finger_grasp.left_out import operations
+from studies.finger_grasp.spec import GraspSpec
+
+
+def run(spec: GraspSpec, context: Context) -> Results:
+    """Close the design on everything, check its forces, and measure the solvers.
+
+    Raises:
+        UserError: another float type than float64.
+    """
+    if context.dtype != "float64":
+        raise UserError(
+            f"--dtype {context.dtype}: finger-grasp compares forces to 1e-8, which needs float64; "
+            "leave --dtype out"
+        )
+    with context.step("Closing, opening and pinching"):
+        found = analyse(spec.pins.design(), spec.body, spec)
+    check = summary(found)
+    rows = []
+    if spec.stability:
+        end = float(found.adaptive.commands.max())
+        with context.step("Stiff and extreme cases"):
+            for family in stability.families(found.finger, end, context.seed):
+                rows.append(stability.assess(family))
+    precision_study = None
+    if spec.precision:
+        with context.step("Error against run time"):
+            precision_study = measure_precision(found, spec)
+    with context.step("Operations left out"):
+        left_out = operations(found.finger)
+    return Results(
+        findings=statements.findings(spec, found, check),
+        metrics=statements.metrics(spec, check, rows),
+        tables=tables.tables(found),
+        figures=drawings.figures(found),
+        precision=precision_study,
+        stability=rows,
+        left_out=left_out,
+    )
+
+
+def measure_precision(found: Analysis, spec: GraspSpec) -> PrecisionStudy:
+    """Error against run time of the states of the check's closing."""
+    rows = [
+        run_time.measure(contender, repeats=spec.precision_repeats)
+        for contender in precision.contenders(found.adaptive)
+    ]
+    return PrecisionStudy(
+        rows,
+        error="worst error of a joint (rad)",
+        reference=f"the equations of what holds, in {DIGITS} digits",
+        claims=[precision.claim(rows)],
+    )

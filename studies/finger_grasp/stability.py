@@ -1,0 +1,136 @@
+"""Stiff and extreme closings, judged state by state in many digits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from designopt.results import StabilityRow
+from studies.finger_grasp import cases
+from studies.finger_grasp.closing import LANES, STEPS, close_all, there_and_back
+from studies.finger_grasp.equilibrium import Problem
+from studies.finger_grasp.finger import Finger
+from studies.finger_grasp.judging import judge
+from studies.finger_grasp.objects import Circle
+
+TOLERANCE = 1e-9
+"""Largest error of a state that is no failure, rad for joints and relative for forces."""
+
+JUDGED = (30, 55, 80)
+"""States that are judged, one of every closing in turn: soon after touching, later, at the end."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Closings that are extreme in one respect."""
+
+    case: str
+    problems: list[Problem]
+    commands: np.ndarray
+
+
+def families(finger: Finger, end: float, seed: int) -> Iterator[Family]:
+    """Every family; ``seed`` draws the mixed stiffnesses.
+
+    Args:
+        finger: the design with its ordinary stiffnesses.
+        end: motor angle to close to, rad.
+        seed: of the random draws.
+    """
+    body = finger.body
+    motion = np.tile(there_and_back(end), (LANES, 1))
+    check = cases.touching(body, cases.CHECK_PIP, cases.CHECK_PLACE, cases.CHECK_RADIUS)
+    decades = np.linspace(-6, 6, LANES)
+    random = np.random.default_rng(seed)
+    mixed = random.uniform(-6, 6, (LANES, 2))
+    diameters = random.uniform(15, 90, LANES)
+    usual = [math.log10(math.exp(float(x))) for x in (finger.log_spring, finger.log_servo)]
+
+    def stiff(spring: float, servo: float) -> Finger:
+        logs = [jnp.asarray(math.log(10.0) * decade) for decade in (spring, servo)]
+        return eqx.tree_at(lambda f: (f.log_spring, f.log_servo), finger, tuple(logs))
+
+    def on(fingers: list[Finger], things: list[Circle]) -> list[Problem]:
+        return [cases.problem_of(f, thing) for f, thing in zip(fingers, things, strict=True)]
+
+    yield Family(
+        "spring of 1e-6 to 1e6 N mm/rad",
+        on([stiff(d, usual[1]) for d in decades], [check] * LANES),
+        motion,
+    )
+    yield Family(
+        "servo of 1e-6 to 1e6 N mm/rad",
+        on([stiff(usual[0], d) for d in decades], [check] * LANES),
+        motion,
+    )
+    yield Family(
+        "both drawn from 1e-6 to 1e6, circles of 15 to 90 mm",
+        on([stiff(*pair) for pair in mixed], [cases.lying(body, d, 11.5) for d in diameters]),
+        motion,
+    )
+    # The last place on the intermediate pad, and half a millimetre on either side of it.
+    end_of_pad = body.intermediate - body.axis_height
+    places = end_of_pad + np.concatenate(
+        [-(10.0 ** np.linspace(-0.3, -9, 5)), [0.0], 10.0 ** np.linspace(-9, -0.3, 6)]
+    )
+    yield Family(
+        "contact at a pad's end, within 1e-9 to 0.5 mm",
+        on([finger] * LANES, [cases.touching(body, 0.6, p, 12.0) for p in places]),
+        motion,
+    )
+    # A circle before the DIP axis touches the ends of both pads of the straight finger at once.
+    depths = np.linspace(1.1, 4.0, LANES) * body.axis_height
+    both = [cases.touching(body, 0.7, body.intermediate, d) for d in depths]
+    both = [
+        Circle(c.centre + _inward(0.7, d, body.axis_height), d)
+        for c, d in zip(both, depths, strict=True)
+    ]
+    yield Family("both pads touched at once, at their ends", on([finger] * LANES, both), motion)
+    pinched = [
+        cases.touching(body, 0.5, body.intermediate + k, cases.PINCH_RADIUS)
+        for k in np.linspace(4.5, 16, LANES)
+    ]
+    beyond = np.tile(np.linspace(0, 2 * end, STEPS), (LANES, 1))
+    yield Family("pinches loaded beyond their limit", on([finger] * LANES, pinched), beyond)
+
+
+def _inward(pip: float, radius: float, height: float) -> np.ndarray:
+    """From a circle that would touch under B to the one that touches ``height`` beside B."""
+    lift = radius - math.sqrt(max(radius**2 - height**2, 0.0))
+    return lift * np.array([math.sin(pip), math.cos(pip)])
+
+
+def assess(family: Family) -> StabilityRow:
+    """Close a family and judge its states; a state without an equilibrium is a failure.
+
+    Gradients are judged by the test suite, against central differences; here they are NaN.
+    """
+    failures = states = non_finite = 0
+    worst = 0.0
+    for lane, path in enumerate(close_all(family.problems, family.commands)):
+        numbers = (path.joints, path.motor, path.forces, path.residual, path.margin, path.stops)
+        non_finite += sum(int(np.sum(~np.isfinite(part))) for part in numbers)
+        states += len(path.ok)
+        failures += int(np.sum(~path.ok))
+        state = JUDGED[lane % len(JUDGED)]
+        if path.ok[state]:
+            verdict = judge(path, state)
+            error = max(verdict.joints, verdict.forces)
+            worst = max(worst, error)
+            failures += not (verdict.right and error <= TOLERANCE)
+    return StabilityRow(
+        case=family.case,
+        dtype="float64",
+        cases=states,
+        infeasible=0,
+        failures=int(failures),
+        worst_error=float(worst),
+        worst_gradient_error=math.nan,
+        worst_gradient_relative_error=math.nan,
+        non_finite=non_finite,
+    )

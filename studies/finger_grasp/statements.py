@@ -1,0 +1,178 @@
+"""What the study says: its findings in sentences and its metrics with their targets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from designopt.results import Metric, StabilityRow, Target
+from studies.finger_grasp import cases
+from studies.finger_grasp.analysis import CLOSED, Analysis, radius_of
+from studies.finger_grasp.check import GraspCheck
+from studies.finger_grasp.equilibrium import RESIDUAL_TOLERANCE
+from studies.finger_grasp.spec import GraspSpec, PinsSpec
+from studies.finger_linkage.body import BodySpec
+
+
+def is_reference(spec: GraspSpec) -> bool:
+    """Whether design, spring and servo are those of §B3's check values."""
+    given = (spec.spring_stiffness, spec.preload, spec.servo_stiffness)
+    return spec.pins == PinsSpec() and spec.body == BodySpec() and given == (30.0, 0.3, 300.0)
+
+
+def metrics(spec: GraspSpec, check: GraspCheck, stability: Sequence[StabilityRow]) -> list[Metric]:
+    """The study's numbers; targets that §B3 names hold for its own design only."""
+    reference = is_reference(spec)
+
+    def only(target: Target) -> Target | None:
+        return target if reference else None
+
+    found = [
+        Metric(
+            "free_closing_pip_deg",
+            check.free_closing_pip_deg,
+            "°",
+            "PIP flexion up to which free closing keeps DIP on its stop",
+            88.0,
+            only(Target(">=", 88.0)),
+        ),
+        Metric(
+            "adaptive_dip_deg",
+            check.adaptive_dip_deg,
+            "°",
+            "DIP when the distal pad touches the circle of 24 mm that the intermediate pad touched "
+            "at PIP 30°, k₁ = 11.5 mm",
+            71.4,
+            only(Target("=", 71.4, 0.05)),
+        ),
+        Metric(
+            "virtual_work_error",
+            check.virtual_work_error,
+            "",
+            "largest relative difference of forces by virtual work and by every link's balance",
+            None,
+            Target("<=", 1e-8),
+        ),
+        Metric(
+            "formula_error",
+            check.formula_error,
+            "",
+            "largest difference of both contact forces to the two-phalanx formulas, relative",
+            None,
+            Target("<=", 1e-8),
+        ),
+        Metric(
+            "pinch_violations",
+            check.pinch_violations,
+            "",
+            f"pinches, of {check.pinches}, that gave way elsewhere than the formula says",
+            None,
+            Target("=", 0),
+        ),
+        Metric(
+            "unconverged_reported",
+            0 if check.worst_residual <= RESIDUAL_TOLERANCE else 1,
+            "",
+            "states in tables and figures whose recomputed residual is above "
+            f"{RESIDUAL_TOLERANCE:g}",
+            None,
+            Target("=", 0),
+        ),
+        Metric("states", check.states, "", "equilibria that were looked for"),
+        Metric(
+            "unconverged",
+            check.unconverged,
+            "",
+            "states without an equilibrium; left out of tables, figures and the other numbers",
+        ),
+        Metric("worst_residual", check.worst_residual, "", "of the states that are reported"),
+        Metric(
+            "retrace_error_deg",
+            check.retrace_error_deg,
+            "°",
+            "largest difference of a joint between closing and opening at one motor angle",
+        ),
+        Metric(
+            "least_f1_n", check.least_f1, "N", "least force on the intermediate pad, both touching"
+        ),
+        Metric(
+            "ratio_low",
+            check.ratio_low,
+            "",
+            "least φ₂/φ₁ over all postures",
+            0.23,
+            only(Target("=", 0.23, 0.005)),
+        ),
+        Metric(
+            "ratio_high",
+            check.ratio_high,
+            "",
+            "largest φ₂/φ₁ over all postures",
+            0.46,
+            only(Target("=", 0.46, 0.005)),
+        ),
+    ]
+    if stability:
+        cases_tried = sum(row.cases for row in stability)
+        found += [
+            Metric(
+                "stability_failures",
+                sum(row.failures for row in stability),
+                "",
+                f"states of extreme closings, of {cases_tried}, not found or wrong",
+                None,
+                Target("=", 0),
+            ),
+            Metric(
+                "non_finite",
+                sum(row.non_finite for row in stability),
+                "",
+                "numbers of those closings that are not finite",
+                None,
+                Target("=", 0),
+            ),
+        ]
+    return found
+
+
+def findings(spec: GraspSpec, found: Analysis, check: GraspCheck) -> list[str]:
+    """Plain sentences, most important first."""
+    wrapped = math.degrees(
+        cases.wrapped_dip(found.finger.body, cases.CHECK_PLACE, cases.CHECK_RADIUS)
+    )
+    holding = [one for one, _, _ in found.pinches if one.holds]
+    yielding = [one for one, _, _ in found.pinches if not one.holds]
+    said = [
+        f"Free closing turns PIP alone up to {check.free_closing_pip_deg:.1f}°, where its stop "
+        "is; on a circle of 24 mm that blocks the intermediate phalanx at PIP 30° the DIP joint "
+        f"closes instead, until the distal pad touches at {check.adaptive_dip_deg:.2f}° (geometry "
+        f"alone, 2 atan((l − k₁)/(r + h)), asks for {wrapped:.2f}°).",
+        f"φ₂/φ₁ runs from {check.ratio_low:.3f} to {check.ratio_high:.3f} over all postures.",
+        f"Contact forces by virtual work and by the balance of all six links agree to "
+        f"{check.virtual_work_error:.1e}, and with the formulas for two phalanges to "
+        f"{check.formula_error:.1e}.",
+    ]
+    if yielding:
+        limits = [one.limit for one in yielding]
+        said.append(
+            f"Of {check.pinches} pinches {len(holding)} hold at any motor moment; the others give "
+            f"way at {min(limits):.0f} to {max(limits):.0f} N mm, and loading found "
+            f"{check.pinches - check.pinch_violations} of {check.pinches} where the formula says."
+        )
+    apart = []
+    for path in found.circles:
+        if path.ok[CLOSED]:
+            forces = path.push(0)[CLOSED], path.push(1)[CLOSED]
+            if min(forces) < 1e-6:
+                pad = "intermediate" if forces[0] < forces[1] else "distal"
+                apart.append(f"{2 * radius_of(path):g} mm ({pad} pad without contact)")
+    both = len(found.circles) - len(apart)
+    text = f"With the motor at {spec.motor_end_deg:g}° both pads press on {both} of "
+    text += f"{len(found.circles)} circles"
+    said.append(text + (f"; not on those of {', '.join(apart)}." if apart else "."))
+    said.append(
+        f"{check.states - check.unconverged} of {check.states} states were solved, with residuals "
+        f"up to {check.worst_residual:.1e}; opening retraces closing to "
+        f"{check.retrace_error_deg:.1e}°."
+    )
+    return said
