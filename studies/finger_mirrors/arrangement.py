@@ -11,6 +11,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
@@ -141,7 +142,6 @@ def scene_table(
     camera = (spec or MirrorSpec()).camera
     middle, palmar, dorsal, gap = body.intermediate, body.palmar, body.dorsal, body.axis_height
     tip, root = middle + body.distal, -body.proximal
-    hinge = jnp.asarray([middle, 0.0])
 
     def surface(name: str, start: Any, end: Any, frame: str | None, **more: Any) -> dict[str, Any]:
         ends = {"from": _plain(start), "to": _plain(end)}
@@ -151,7 +151,7 @@ def scene_table(
         seen = {"side": "left", "min_grazing_deg": camera.min_grazing_deg}
         return surface(name, (start, palmar), (end, palmar), frame, **seen)
 
-    distal = arrangement.distal + hinge
+    distal = np.asarray(arrangement.distal) + [[middle, 0.0]]
     return {
         "scene": {"name": "finger", "bounces": 1},
         "camera": {

@@ -67,7 +67,7 @@ def spread_evenly(
     (1998) 466 (scrambling).
     """
     # Asked for in a power of two, as its balance needs.
-    sobol = scipy.stats.qmc.Sobol(len(NAMES), seed=np.random.default_rng([seed, 1]))
+    sobol = scipy.stats.qmc.Sobol(len(NAMES), rng=np.random.default_rng([seed, 1]))
     even = sobol.random_base2(int(np.ceil(np.log2(count))))[:count]
     return deviations(tolerances) * scipy.stats.norm.ppf(even)
 
