@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 with warnings.catch_warnings():
     warnings.filterwarnings("ignore", message="JAXopt is no longer maintained")
@@ -49,3 +49,45 @@ def gauss_newton(
     """Root of a scalar residual by jaxopt's GaussNewton, with its implicit derivative."""
     solver = jaxopt.GaussNewton(residual, maxiter=max_steps, tol=tolerance)
     return solver.run(guess, args).params
+
+
+def minimise_in_box(
+    objective: Callable[[Float[Array, " n"], Any], Float[Array, ""]],
+    guess: Float[Array, " n"],
+    bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
+    args: Any,
+    *,
+    method: str,
+    tolerance: Any,
+    max_steps: int,
+) -> tuple[Float[Array, " n"], Int[Array, ""]]:
+    """Minimum between bounds, and the number of steps, by jaxopt's LBFGSB or ProjectedGradient.
+
+    Args:
+        objective: from a vector and ``args`` to a number.
+        guess: where to start, inside the bounds.
+        bounds: least and greatest values; may be infinite.
+        args: what the objective depends on beside the vector.
+        method: ``"jaxopt-lbfgsb"`` or ``"jaxopt-projected-gradient"``.
+        tolerance: of jaxopt's optimality error.
+        max_steps: cap on iterations.
+    """
+    if method == "jaxopt-lbfgsb":
+        solver = jaxopt.LBFGSB(
+            objective,
+            maxiter=max_steps,
+            tol=tolerance,
+            linesearch="backtracking",  # its default compiles for minutes
+            implicit_diff=False,
+        )
+        found = solver.run(guess, bounds, args)
+    else:
+        solver = jaxopt.ProjectedGradient(
+            objective,
+            jaxopt.projection.projection_box,
+            maxiter=max_steps,
+            tol=tolerance,
+            implicit_diff=False,
+        )
+        found = solver.run(guess, hyperparams_proj=bounds, args=args)
+    return found.params, found.state.iter_num

@@ -1,9 +1,9 @@
 """Where the linkage is in every posture, and how it transmits, by the finger's own structure.
 
-The linkage is two dyads. The first, G-H-C, lies between the intermediate and the distal phalanx: it,
-and with it all of the plate, depends on DIP alone when seen from the intermediate phalanx. PIP only
-turns the plate's pin D about A, and the second dyad, D-E-F, hangs on that. So the first is solved
-for a row of DIP angles, and the second for the square of PIP and DIP angles.
+The linkage is two dyads. The first, G-H-C, lies between the intermediate and the distal phalanx:
+it, and with it all of the plate, depends on DIP alone when seen from the intermediate phalanx. PIP
+only turns the plate's pin D about A, and the second dyad, D-E-F, hangs on that. So the first is
+solved for a row of DIP angles, and the second for the square of PIP and DIP angles.
 """
 
 from __future__ import annotations

@@ -1,0 +1,41 @@
+from .minimising import Method, Minimiser, Optima, minimise
+from .problem import (
+    Levelled,
+    Parameters,
+    Problem,
+    Requirement,
+    Terms,
+    epigraph,
+    level_starts,
+    softened,
+)
+from .references import Evolution, differential_evolution
+from .starts import best_starts, sobol_starts
+from .verdict import BOUND, FEASIBLE, Optimum, OptimumResult
+from .words import Active, active_set, conflict
+
+__all__ = [
+    "BOUND",
+    "FEASIBLE",
+    "Active",
+    "Evolution",
+    "Levelled",
+    "Method",
+    "Minimiser",
+    "Optima",
+    "Optimum",
+    "OptimumResult",
+    "Parameters",
+    "Problem",
+    "Requirement",
+    "Terms",
+    "active_set",
+    "best_starts",
+    "conflict",
+    "differential_evolution",
+    "epigraph",
+    "level_starts",
+    "minimise",
+    "sobol_starts",
+    "softened",
+]

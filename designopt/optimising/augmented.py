@@ -1,0 +1,216 @@
+"""The augmented Lagrangian: constraints by multipliers around an unconstrained or boxed solver.
+
+For inequalities g ≥ 0 and equalities h = 0 it minimises, again and again,
+
+    f + ρ/2 Σ max(0, λ/ρ − g)² + ρ/2 Σ (h + μ/ρ)²
+
+and updates λ ← max(0, λ − ρ g), μ ← μ + ρ h (M. J. D. Powell, M. R. Hestenes and R. T. Rockafellar;
+J. Nocedal, S. J. Wright, *Numerical Optimization*, 2nd ed., §17.4). It stays smooth, so BFGS and
+Levenberg–Marquardt apply, and its multipliers converge without ρ having to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import lineax as lx
+import optimistix as optx
+from jaxtyping import Array, Bool, Float, Int
+
+from designopt.optimising.flat import Flat, Point, joined
+from designopt.optimising.problem import Terms
+
+Inner = Literal["bfgs", "levenberg-marquardt", "jaxopt-lbfgsb", "jaxopt-projected-gradient"]
+
+BOXED = ("jaxopt-lbfgsb", "jaxopt-projected-gradient")
+"""Solvers that keep bounds themselves; for the others bounds are inequalities."""
+
+FIRST_PENALTY = 10.0
+LARGEST_PENALTY = 1e6
+GROWTH = 4.0
+"""How much the penalty grows where an update has not brought the constraints nearer."""
+
+PROGRESS = 0.3
+"""What is left of the violation after an update that has."""
+
+
+class Trace(eqx.Module):
+    """How the iterations went, one element per update of the multipliers; the last is repeated.
+
+    Attributes:
+        objective: of the problem.
+        violation: largest violation of a constraint, scaled.
+        steps: steps of the inner solver so far.
+    """
+
+    objective: Float[Array, " updates"]
+    violation: Float[Array, " updates"]
+    steps: Int[Array, " updates"]
+
+
+class _State(eqx.Module):
+    point: Point
+    multipliers: tuple[Float[Array, " equalities"], Float[Array, " inequalities"]]
+    penalty: Float[Array, ""]
+    gap: Float[Array, ""]
+    objective: Float[Array, ""]
+    update: Int[Array, ""]
+    done: Bool[Array, ""]
+    trace: Trace
+
+
+def augmented_lagrangian(
+    flat: Flat,
+    inner: Inner,
+    start: Point,
+    *,
+    floor: float | None,
+    tolerance: float,
+    updates: int,
+    steps: int,
+) -> tuple[Point, Trace]:
+    """One local solve; ``jax.vmap`` over ``start`` for several at once.
+
+    Args:
+        flat: the problem.
+        inner: what minimises between the updates.
+        start: where to start.
+        floor: a value below which the objective cannot fall. Levenberg–Marquardt needs it for an
+            objective that is no sum of squares: it minimises (objective − floor)² / 2 instead.
+        tolerance: of the inner solver (relative and absolute), and of the constraints.
+        updates: cap on updates of the multipliers.
+        steps: cap on steps between two updates.
+    """
+    solve = _inner(flat, inner, floor, tolerance, steps)
+    dtype = start.dtype
+    _, *shapes = jax.eval_shape(lambda point: _evaluated(flat, inner, point), start)
+    none = tuple(jnp.zeros(part.shape, dtype) for part in shapes)
+    if not any(part.size for part in none):
+        # Nothing to hold: one solve, and no multipliers.
+        point, count = solve(start, (*none, jnp.ones((), dtype)))
+        value = flat.terms(point).value[None]
+        return point, Trace(value, jnp.zeros_like(value), count[None])
+
+    def update(state: _State) -> _State:
+        (mu, lam), penalty = state.multipliers, state.penalty
+        point, count = solve(state.point, (mu, lam, penalty))
+        point = jnp.where(jnp.all(jnp.isfinite(point)), point, state.point)
+        terms, h, g = _evaluated(flat, inner, point)
+        objective = terms.value
+        # How far constraints and complementarity are from holding.
+        gap = _largest(jnp.abs(h), jnp.abs(jnp.minimum(g, lam / penalty)))
+        better = gap <= PROGRESS * state.gap
+        settled = jnp.abs(objective - state.objective) <= tolerance * (1 + jnp.abs(objective))
+        at = state.update
+        total = count + jnp.where(at > 0, state.trace.steps[at - 1], 0)
+        now = (objective, _largest(jnp.abs(h), jnp.maximum(-g, 0.0)), total)
+        later = jnp.arange(updates) >= at
+        trace = jax.tree.map(
+            lambda array, value: jnp.where(later, value, array), state.trace, Trace(*now)
+        )
+        return _State(
+            point,
+            (mu + penalty * h, jnp.maximum(0.0, lam - penalty * g)),
+            jnp.where(better, penalty, jnp.minimum(GROWTH * penalty, LARGEST_PENALTY)),
+            gap,
+            objective,
+            at + 1,
+            (gap <= tolerance) & settled,
+            trace,
+        )
+
+    infinite = jnp.asarray(jnp.inf, dtype)
+    zeros = jnp.zeros(updates, dtype)
+    first = _State(
+        start,
+        none,
+        jnp.asarray(FIRST_PENALTY, dtype),
+        infinite,
+        infinite,
+        jnp.zeros((), int),
+        jnp.zeros((), bool),
+        Trace(zeros, zeros, jnp.zeros(updates, int)),
+    )
+    last = jax.lax.while_loop(lambda s: ~s.done & (s.update < updates), update, first)
+    return flat.clipped(last.point), last.trace
+
+
+def _evaluated(
+    flat: Flat, inner: Inner, point: Point
+) -> tuple[Terms, Float[Array, " equalities"], Float[Array, " inequalities"]]:
+    """The terms, and the constraints that the solver does not keep itself."""
+    terms = flat.terms(point)
+    h = joined(terms.equalities, point.dtype)
+    g = joined(terms.inequalities, point.dtype)
+    return terms, h, g if inner in BOXED else jnp.concatenate([g, flat.bounds(point)])
+
+
+def _largest(*arrays: Float[Array, " n"]) -> Float[Array, ""]:
+    return jnp.max(jnp.concatenate(arrays))
+
+
+def _inner(
+    flat: Flat, inner: Inner, floor: float | None, tolerance: float, steps: int
+) -> Callable[[Point, Any], tuple[Point, Int[Array, ""]]]:
+    """The inner solve: from a start and (μ, λ, ρ) to a point and its number of steps."""
+
+    def shortfalls(point: Point, args: Any) -> tuple[Terms, Float[Array, " constraints"]]:
+        mu, lam, penalty = args
+        terms, h, g = _evaluated(flat, inner, point)
+        return terms, jnp.concatenate([h + mu / penalty, jnp.maximum(0.0, lam / penalty - g)])
+
+    def lagrangian(point: Point, args: Any) -> Float[Array, ""]:
+        terms, short = shortfalls(point, args)
+        return terms.value + args[2] / 2 * jnp.sum(short**2)
+
+    def residuals(point: Point, args: Any) -> Float[Array, " residuals"]:
+        terms, short = shortfalls(point, args)
+        if terms.residuals is not None:
+            wanted = terms.residuals
+        elif floor is not None:
+            wanted = (terms.value - floor)[None]
+        else:
+            raise ValueError("levenberg-marquardt needs residuals, or a floor of the objective")
+        return jnp.concatenate([wanted, jnp.sqrt(args[2]) * short])
+
+    match inner:
+        case "bfgs":
+            bfgs = optx.BFGS(tolerance, tolerance)
+
+            def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
+                found = optx.minimise(lagrangian, bfgs, point, args, max_steps=steps, throw=False)
+                return found.value, found.stats["num_steps"]
+
+        case "levenberg-marquardt":
+            # Normal equations: their matrix is as small as the number of parameters, and a
+            # factorisation of the tall matrix takes far longer to compile and to run.
+            marquardt = optx.LevenbergMarquardt(
+                tolerance, tolerance, linear_solver=lx.Normal(lx.Cholesky())
+            )
+
+            def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
+                found = optx.least_squares(
+                    residuals, marquardt, point, args, max_steps=steps, throw=False
+                )
+                return found.value, found.stats["num_steps"]
+
+        case _:
+            from designopt import jaxopt_adapter  # half a second, and few solves ask for it
+
+            def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
+                bounds = tuple(jnp.asarray(b, point.dtype) for b in (flat.lower, flat.upper))
+                return jaxopt_adapter.minimise_in_box(
+                    lagrangian,
+                    flat.clipped(point),
+                    bounds,
+                    args,
+                    method=inner,
+                    tolerance=tolerance,
+                    max_steps=steps,
+                )
+
+    return solve

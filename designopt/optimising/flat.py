@@ -1,0 +1,89 @@
+"""A problem over one vector in scaled units: the form that solvers work on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from designopt.optimising.problem import Parameters, Problem, Terms
+
+Point = Float[Array, " parameters"]
+
+
+@dataclass(frozen=True)
+class Flat:
+    """A problem whose parameters are one vector, each in units of its scale.
+
+    Attributes:
+        problem: the problem.
+        units: mm or rad, or whatever a parameter has, per scaled unit.
+        lower: least values, scaled.
+        upper: greatest values, scaled.
+    """
+
+    problem: Problem
+    units: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    @classmethod
+    def of(cls, problem: Problem) -> Flat:
+        """The flat form of a problem."""
+        units, lower, upper = (
+            np.asarray(ravel_pytree(part)[0])
+            for part in (problem.units, problem.lower, problem.upper)
+        )
+        return cls(problem, units, lower / units, upper / units)
+
+    @property
+    def limited(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which parameters have a lower bound, and which an upper one."""
+        return np.flatnonzero(np.isfinite(self.lower)), np.flatnonzero(np.isfinite(self.upper))
+
+    def point(self, parameters: Parameters) -> Point:
+        """The vector of parameters."""
+        vector, _ = ravel_pytree(parameters)
+        return vector / jnp.asarray(self.units, vector.dtype)
+
+    def parameters(self, point: Point) -> Parameters:
+        """The parameters of a vector."""
+        _, unravel = ravel_pytree(self.problem.lower)
+        return unravel(point * jnp.asarray(self.units, point.dtype))
+
+    def terms(self, point: Point) -> Terms:
+        """What the problem says of a vector."""
+        return self.problem.terms(self.parameters(point))
+
+    def bounds(self, point: Point) -> Float[Array, " bounds"]:
+        """How far the vector is inside its finite bounds: the lower ones, then the upper ones."""
+        low, high = self.limited
+        above = point[low] - jnp.asarray(self.lower[low], point.dtype)
+        below = jnp.asarray(self.upper[high], point.dtype) - point[high]
+        return jnp.concatenate([above, below])
+
+    def clipped(self, point: Point) -> Point:
+        """The nearest vector inside the bounds."""
+        return jnp.clip(
+            point, jnp.asarray(self.lower, point.dtype), jnp.asarray(self.upper, point.dtype)
+        )
+
+    def elements(self, bound: int) -> tuple[str, tuple[int, ...]]:
+        """Of an element of `bounds`: its parameter's path, and its index there."""
+        low, high = self.limited
+        which = [*low, *high][bound]
+        for path, leaf in jax.tree_util.tree_leaves_with_path(self.problem.lower):
+            if which < leaf.size:
+                index = tuple(int(i) for i in np.unravel_index(which, leaf.shape))
+                return jax.tree_util.keystr(path), index
+            which -= leaf.size
+        raise IndexError(bound)
+
+
+def joined(arrays: dict[str, Float[Array, "..."]], dtype: jnp.dtype) -> Float[Array, " all"]:
+    """Arrays by name as one vector, in the order of their names; empty if there is none."""
+    return ravel_pytree(arrays)[0] if arrays else jnp.zeros(0, dtype)

@@ -1,0 +1,174 @@
+"""A design problem: parameters with bounds, what is asked of them, and what they must satisfy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+Parameters = Any  # a pytree of float arrays
+
+
+class Terms(eqx.Module):
+    """What one set of parameters gives. Exactly one of the first three is set.
+
+    Attributes:
+        objective: a number to be minimised.
+        residuals: an array whose sum of squares, halved, is to be minimised.
+        least: arrays by name, in one unit, whose smallest element is to be maximised.
+        equalities: arrays by name that must be 0, in units in which 1 is much.
+        inequalities: arrays by name that must not be negative, in such units.
+    """
+
+    objective: Float[Array, ""] | None = None
+    residuals: Float[Array, " residuals"] | None = None
+    least: dict[str, Float[Array, "..."]] | None = None
+    equalities: dict[str, Float[Array, "..."]] = eqx.field(default_factory=dict)
+    inequalities: dict[str, Float[Array, "..."]] = eqx.field(default_factory=dict)
+
+    def __check_init__(self) -> None:
+        if sum(part is not None for part in (self.objective, self.residuals, self.least)) != 1:
+            raise ValueError("Terms: give one of objective, residuals and least, and only one")
+
+    @property
+    def value(self) -> Float[Array, ""]:
+        """What is minimised, as one number; exact, so of ``least`` it has a kink."""
+        if self.objective is not None:
+            return self.objective
+        if self.residuals is not None:
+            return jnp.sum(self.residuals**2) / 2
+        assert self.least is not None
+        return -jnp.min(ravel_pytree(self.least)[0])
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """How a requirement is told to people.
+
+    Attributes:
+        words: from the index of an element of its array to words, such as "pin G at the palmar
+            face" for ``()``; the index has one number per axis of the array.
+        unit: unit in which an amount is told.
+        scale: that unit's amount for one unit of the array.
+    """
+
+    words: Callable[[tuple[int, ...]], str]
+    unit: str = ""
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Parameters that are to be found.
+
+    Attributes:
+        terms: pure function from parameters to what they give; traced by JAX.
+        lower: least values, a pytree of arrays like the parameters; −∞ where there is no bound.
+        upper: greatest values; ∞ where there is no bound.
+        scale: change of a parameter that matters about as much as that of another; the solvers
+            compute in these units. By default the distance between finite bounds, else 1.
+        requirements: how each named array of the terms is told to people; one that has none is
+            told by its name and index.
+    """
+
+    terms: Callable[[Parameters], Terms]
+    lower: Parameters
+    upper: Parameters
+    scale: Parameters | None = None
+    requirements: Mapping[str, Requirement] = field(default_factory=dict)
+
+    @property
+    def units(self) -> Parameters:
+        """The scale of every parameter."""
+        if self.scale is not None:
+            return self.scale
+
+        def unit(lower: Array, upper: Array) -> Array:
+            width = upper - lower
+            return jnp.where(jnp.isfinite(width) & (width > 0), width, 1.0)
+
+        return jax.tree.map(unit, self.lower, self.upper)
+
+
+class Levelled(eqx.Module):
+    """Parameters of an epigraph form: those of the design, and the level they all reach."""
+
+    design: Parameters
+    level: Float[Array, ""]
+
+
+def epigraph(problem: Problem, *, scale: float = 1.0) -> Problem:
+    """The exact form of max–min: maximise a level t subject to every value being at least t.
+
+    Args:
+        problem: one whose terms have ``least``.
+        scale: change of the level that matters about as much as 1 in a scaled parameter.
+
+    Returns:
+        A problem in `Levelled` parameters, smooth where the values are; the values' names become
+        names of inequalities (S. Boyd, L. Vandenberghe, *Convex Optimization*, §4.1.3).
+    """
+
+    def terms(parameters: Levelled) -> Terms:
+        found = problem.terms(parameters.design)
+        above = {
+            name: (values - parameters.level) / scale for name, values in _least(found).items()
+        }
+        return Terms(
+            objective=-parameters.level / scale,
+            equalities=found.equalities,
+            inequalities=found.inequalities | above,
+        )
+
+    def levelled(design: Parameters, level: float) -> Levelled:
+        dtype = jax.tree.leaves(design)[0].dtype
+        return Levelled(design, jnp.asarray(level, dtype))
+
+    return replace(
+        problem,
+        terms=terms,
+        lower=levelled(problem.lower, -jnp.inf),
+        upper=levelled(problem.upper, jnp.inf),
+        scale=levelled(problem.units, scale),
+    )
+
+
+def level_starts(problem: Problem, starts: Parameters) -> Levelled:
+    """Starts of the epigraph form from starts of the problem: each at the level it reaches.
+
+    Args:
+        problem: one whose terms have ``least``.
+        starts: parameters with the starts along every array's first axis.
+    """
+    return Levelled(starts, jax.vmap(lambda design: -problem.terms(design).value)(starts))
+
+
+def softened(problem: Problem, temperature: float) -> Problem:
+    """The smooth form of max–min: the least value replaced by a soft minimum of all.
+
+    −τ log Σ exp(−vᵢ/τ) is below the least of n values by at most τ log n.
+
+    Args:
+        problem: one whose terms have ``least``.
+        temperature: τ, in the values' unit.
+    """
+
+    def terms(parameters: Parameters) -> Terms:
+        found = problem.terms(parameters)
+        values, _ = ravel_pytree(_least(found))
+        soft = temperature * jax.nn.logsumexp(-values / temperature)
+        return Terms(objective=soft, equalities=found.equalities, inequalities=found.inequalities)
+
+    return replace(problem, terms=terms)
+
+
+def _least(terms: Terms) -> dict[str, Float[Array, "..."]]:
+    if terms.least is None:
+        raise ValueError("this form is for problems whose terms have `least`")
+    return terms.least

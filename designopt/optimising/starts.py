@@ -1,0 +1,70 @@
+"""Where to start: points of a Sobol sequence between the bounds."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+from scipy.stats import qmc
+
+from designopt.optimising.augmented import FIRST_PENALTY
+from designopt.optimising.problem import Parameters, Problem
+
+
+def sobol_starts(problem: Problem, count: int, seed: int) -> Parameters:
+    """Scrambled Sobol points in the box of the bounds.
+
+    Args:
+        problem: its bounds must all be finite.
+        count: how many; best a power of two.
+        seed: of the scrambling.
+
+    Returns:
+        Parameters with the starts along a new first axis of every array.
+
+    Raises:
+        ValueError: a bound is not finite.
+    """
+    lower, unravel = ravel_pytree(problem.lower)
+    upper, _ = ravel_pytree(problem.upper)
+    if not bool(jnp.all(jnp.isfinite(lower) & jnp.isfinite(upper))):
+        raise ValueError("sobol_starts: every parameter needs a finite lower and upper bound")
+    sampler = qmc.Sobol(lower.size, rng=np.random.default_rng(seed))
+    power = max(count - 1, 0).bit_length()
+    points = jnp.asarray(sampler.random_base2(power)[:count], lower.dtype)
+    return jax.vmap(unravel)(lower + points * (upper - lower))
+
+
+def best_starts(
+    problem: Problem, count: int, seed: int, *, among: int = 4096, scale: float = 1.0
+) -> Parameters:
+    """The most promising of many Sobol points: those of least objective plus squared violations.
+
+    Most points of a box are far from any feasible design; local solves from there are wasted.
+
+    Args:
+        problem: its bounds must all be finite.
+        count: how many to return, the most promising one first.
+        seed: of the scrambling.
+        among: how many points to look at.
+        scale: change of the objective that matters about as much as 1 in a constraint.
+
+    Returns:
+        As `sobol_starts`.
+    """
+    points = sobol_starts(problem, among, seed)
+
+    def merit(parameters: Parameters) -> Float[Array, ""]:
+        terms = problem.terms(parameters)
+        unmet = 0.0
+        for part in terms.inequalities.values():
+            unmet = unmet + jnp.sum(jnp.minimum(part, 0.0) ** 2)
+        for part in terms.equalities.values():
+            unmet = unmet + jnp.sum(part**2)
+        value = terms.value / scale + FIRST_PENALTY / 2 * unmet
+        return jnp.where(jnp.isfinite(value), value, jnp.inf)
+
+    best = jnp.argsort(jax.jit(jax.vmap(merit))(points))[:count]
+    return jax.tree.map(lambda leaf: leaf[best], points)
