@@ -34,7 +34,7 @@ def sobol_starts(problem: Problem, count: int, seed: int) -> Parameters:
     sampler = qmc.Sobol(lower.size, rng=np.random.default_rng(seed))
     power = max(count - 1, 0).bit_length()
     points = jnp.asarray(sampler.random_base2(power)[:count], lower.dtype)
-    return jax.vmap(unravel)(lower + points * (upper - lower))
+    return jax.vmap(unravel)(lower[None] + points * (upper - lower)[None])
 
 
 def best_starts(

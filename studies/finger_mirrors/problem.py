@@ -11,13 +11,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
+from designopt.optimising import Problem, Requirement, Terms
 from optics.scene import Scene
 from optics.visibility import find_coverage, find_views
 from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors.arrangement import (
     Arrangement,
+    bounds,
     camera_body,
     finger_scene,
+    scale,
     scene_of,
 )
 from studies.finger_mirrors.errors import Errors, spread_evenly, with_errors
@@ -28,7 +31,10 @@ NOMINAL = 46
 """Postures in which the arrangement without errors is looked at, evenly over the range."""
 
 RESERVE = 1.03
-"""Resolution is asked for with so much to spare, because it is asked for between the degrees."""
+"""Resolution is asked for with so much to spare, for it is asked for at a few places of a pad."""
+
+CLEARANCE_SCALE = 10.0
+"""A clearance that is missing by so much, mm, counts as 1."""
 
 GOLDEN = (math.sqrt(5) - 1) / 2
 
@@ -119,9 +125,7 @@ def clearances(arrangement: Arrangement, task: Task) -> Float[Array, "2"]:
     return jnp.stack([left, near - jnp.maximum(body[0, 0], body[1, 0])])
 
 
-def terms_of(
-    arrangement: Arrangement, task: Task
-) -> tuple[Float[Array, ""], dict[str, Array]]:
+def terms_of(arrangement: Arrangement, task: Task) -> Terms:
     """Objective and inequalities (≥ 0) of an arrangement, all of order one; differentiable.
 
     The objective is, in % of a pad: what the copies do not see, what is not seen without errors,
@@ -136,7 +140,36 @@ def terms_of(
         + task.mirror_weight * jnp.sum(arrangement.lengths) / 10
     )
     sharp = least_resolution(views.value, pad_lengths(scene))
-    return objective, {
-        "resolution": sharp / (RESERVE * task.floor) - 1,
-        "clearance": (clearances(arrangement, task) - task.clearance) / 10,
-    }
+    return Terms(
+        objective=objective,
+        inequalities={
+            "resolution": sharp / (RESERVE * task.floor) - 1,
+            "clearance": (clearances(arrangement, task) - task.clearance) / CLEARANCE_SCALE,
+        },
+    )
+
+
+def problem_of(body: BodySpec, spec: MirrorSpec, task: Task) -> Problem:
+    """The problem in the form that all solvers take."""
+    least, greatest = bounds(body, spec)
+    pads = [pad.name for pad in task.finger.layout.pads]
+    degrees = np.rad2deg(task.nominal)
+    mirrors = ("proximal", "distal")
+    return Problem(
+        lambda arrangement: terms_of(arrangement, task),
+        least,
+        greatest,
+        scale(),
+        {
+            "resolution": Requirement(
+                lambda at: f"resolution of the {pads[at[1]]} pad at {degrees[at[0]]:g}°",
+                "px/mm",
+                RESERVE * spec.floor,
+            ),
+            "clearance": Requirement(
+                lambda at: f"the {mirrors[at[0]]} mirror beside the camera's body",
+                "mm",
+                CLEARANCE_SCALE,
+            ),
+        },
+    )

@@ -1,69 +1,162 @@
-"""A bounded quasi-Newton search with multipliers for the inequalities."""
+"""The graduated search: the problem with large errors first, then with smaller ones.
+
+With errors many times the stated ones, some copy sees something from almost every start, so the
+objective has a slope where the exact problem has none; shrunk step by step they lead to the optimum
+(the idea of graduated optimisation: A. Blake, A. Zisserman, *Visual Reconstruction*, 1987). Between
+the stages only numbers change, so all stages, starts and bodies share one compiled program. Every
+stage is a bounded quasi-Newton search (SciPy's L-BFGS-B) of the augmented Lagrangian, as in
+`designopt.optimising.augmented`, whose multipliers are carried from stage to stage.
+"""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.optimize
-from jaxtyping import Array
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
 
-from studies.finger_mirrors.arrangement import Arrangement
+from designopt.optimising import Terms
+from studies.finger_mirrors.arrangement import Arrangement, scale
 from studies.finger_mirrors.problem import Task, terms_of
 
-PENALTY = 100.0
+
+class Stage(NamedTuple):
+    """One stage.
+
+    Attributes:
+        growth: of the copies' errors, over those at the end.
+        penalty: on the square of a violation; 0 leaves the inequalities out, for early ones would
+            hold on to whatever glimpse is sharp.
+        evaluations: cap on evaluations of the gradient.
+    """
+
+    growth: float
+    penalty: float
+    evaluations: int
 
 
-class Found(NamedTuple):
+STAGES = (
+    Stage(4.0, 0.0, 80),
+    Stage(2.0, 1.0, 60),
+    Stage(1.0, 10.0, 60),
+    Stage(1.0, 100.0, 60),
+    Stage(1.0, 300.0, 60),
+)
+
+LINE_SEARCH = 12
+"""Cap on steps of a line search: on a kink it finds no end."""
+
+MEMORY = 20
+"""Pairs that L-BFGS-B remembers: more than there are numbers."""
+
+
+class Trial(NamedTuple):
+    """What one start led to.
+
+    Attributes:
+        start: where it began.
+        arrangement: where it ended.
+        objective: there, of the last stage.
+        violation: largest violation of an inequality there, scaled.
+        evaluations: of the gradient, in all.
+        seconds: without compiling.
+    """
+
+    start: Arrangement
     arrangement: Arrangement
     objective: float
     violation: float
     evaluations: int
-    multipliers: Any
+    seconds: float
+
+
+def search(
+    start: Arrangement,
+    bounds: tuple[Arrangement, Arrangement],
+    tasks: Sequence[Task],
+    stages: Sequence[Stage] = STAGES,
+) -> Trial:
+    """Search from one start through all stages.
+
+    Args:
+        start: it need not be inside the bounds.
+        bounds: least and greatest values.
+        tasks: one per stage, all of one size.
+        stages: as many as tasks.
+    """
+    begin = time.perf_counter()
+    units, build = ravel_pytree(scale())
+    units = np.asarray(units)
+    low, high, point = (np.asarray(ravel_pytree(one)[0]) / units for one in (*bounds, start))
+    point = np.clip(point, low, high)
+    multipliers: Any = None
+    terms: Terms | None = None
+    evaluations = 0
+    for task, stage in zip(tasks, stages, strict=True):
+        penalty = jnp.asarray(stage.penalty)
+        if multipliers is None:
+            shapes = jax.eval_shape(terms_of, build(jnp.asarray(units)), task).inequalities
+            multipliers = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
+        held = multipliers
+
+        def asked(
+            x: np.ndarray, task: Task = task, penalty: Array = penalty, held: Any = held
+        ) -> tuple[float, np.ndarray]:
+            (value, _), slope = _lagrangian(jnp.asarray(x), task, penalty, held)
+            return float(value), np.asarray(slope)
+
+        done = scipy.optimize.minimize(
+            asked,
+            point,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=scipy.optimize.Bounds(low, high),
+            options={
+                "maxfun": stage.evaluations,
+                "maxiter": stage.evaluations,
+                "maxls": LINE_SEARCH,
+                "maxcor": MEMORY,
+            },
+        )
+        point, evaluations = done.x, evaluations + int(done.nfev)
+        (_, terms), _ = _lagrangian(jnp.asarray(point), task, penalty, held)
+        multipliers = jax.tree.map(
+            lambda m, g, penalty=penalty: jnp.maximum(m - penalty * g, 0.0),
+            held,
+            terms.inequalities,
+        )
+    assert terms is not None
+    short = [float(jnp.max(-leaf)) for leaf in terms.inequalities.values()]
+    return Trial(
+        start,
+        build(jnp.asarray(point * units)),
+        float(terms.value),
+        max(0.0, *short),
+        evaluations,
+        time.perf_counter() - begin,
+    )
 
 
 @jax.jit
-def lagrangian(parts, scale, task, multipliers, PENALTY):
-    def value(parts):
-        arrangement = jax.tree.map(jnp.multiply, parts, scale)
-        objective, inequalities = terms_of(arrangement, task)
-        held = jax.tree.map(
-            lambda g, m: jnp.sum(jnp.maximum(m - PENALTY * g, 0.0) ** 2 - m**2) / (2 * PENALTY+1e-9),
-            inequalities,
-            multipliers,
-        )
-        return objective + sum(jax.tree.leaves(held)), (objective, inequalities)
+def _lagrangian(
+    point: Float[Array, " parameters"], task: Task, penalty: Float[Array, ""], multipliers: Any
+) -> tuple[tuple[Float[Array, ""], Terms], Float[Array, " parameters"]]:
+    """Augmented Lagrangian, the terms, and its slope."""
+    units, build = ravel_pytree(scale())
 
-    return jax.value_and_grad(value, has_aux=True)(parts)
+    def value(point: Float[Array, " parameters"]) -> tuple[Float[Array, ""], Terms]:
+        terms = terms_of(build(point * units), task)
+        unmet = 0.0
+        for name, levels in terms.inequalities.items():
+            m = multipliers[name]
+            squares = jnp.maximum(m - penalty * levels, 0.0) ** 2 - m * m
+            unmet = unmet + jnp.sum(squares) / jnp.maximum(2 * penalty, 1e-9)
+        return terms.value + unmet, terms
 
-
-def search(start, bounds, scale, task, evaluations, multipliers=None, penalty=100.0):
-    PENALTY=jnp.asarray(penalty)
-    """One stage."""
-    flat, build = jax.flatten_util.ravel_pytree(jax.tree.map(jnp.divide, start, scale))
-    low, high = (
-        np.asarray(jax.flatten_util.ravel_pytree(jax.tree.map(jnp.divide, b, scale))[0])
-        for b in bounds
-    )
-    if multipliers is None:
-        multipliers = {"resolution": jnp.zeros((len(task.nominal), 3)), "clearance": jnp.zeros(2)}
-    count = 0
-
-    def asked(x):
-        nonlocal count
-        count += 1
-        (value, _), slope = lagrangian(build(jnp.asarray(x)), scale, task, multipliers, PENALTY)
-        return float(value), np.asarray(jax.flatten_util.ravel_pytree(slope)[0])
-
-    done = scipy.optimize.minimize(
-        asked, np.clip(np.asarray(flat), low, high), jac=True, method="L-BFGS-B",
-        bounds=list(zip(low, high, strict=True)),
-        options={"maxfun": evaluations, "maxls": 12, "maxcor": 20, "maxiter": evaluations},
-    )
-    parts = build(jnp.asarray(done.x))
-    (_, (objective, inequalities)), _ = lagrangian(parts, scale, task, multipliers, PENALTY)
-    multipliers = jax.tree.map(lambda g, m: jnp.maximum(m - PENALTY * g, 0.0), inequalities, multipliers)
-    violation = max(float(jnp.max(-g)) for g in jax.tree.leaves(inequalities))
-    return Found(jax.tree.map(jnp.multiply, parts, scale), float(objective), max(violation, 0.0), count, multipliers)
+    return jax.value_and_grad(value, has_aux=True)(point)

@@ -38,10 +38,10 @@ def missing(views: Solution[Pieces]) -> Float[Array, "*poses pads"]:
     return hidden + jax.lax.stop_gradient(hidden) * jnp.where(jnp.isfinite(by), by, 0.0)
 
 
-def least_resolution(
-    views: Pieces, lengths: Float[Array, " pads"]
-) -> Float[Array, "*poses pads"]:
-    """Least resolution (px/mm) along each pad, each place by the view that shows it best.
+def best_resolution(
+    views: Pieces, lengths: Float[Array, " pads"], places: Float[Array, " places"]
+) -> Float[Array, "*poses pads places"]:
+    """Resolution (px/mm) at places of each pad by the view that shows it best; 0 if none does.
 
     For straight mirrors and an equidistant lens, resolution times squared distance is the same
     all along a piece, and the squared distance is a quadratic of the place (Stewart's theorem): both
@@ -50,16 +50,10 @@ def least_resolution(
     Args:
         views: pieces that an `Equidistant` camera sees.
         lengths: of the pads, mm.
-
-    Returns:
-        The least over `PLACES` places; `NO_VIEW` if nothing is seen.
+        places: pad coordinates, 0 to 1.
     """
-    places = jnp.linspace(0.0, 1.0, PLACES, dtype=views.start.dtype)
     there, start, end = (leaf[..., None] for leaf in (views.present, views.start, views.end))
-    there = jnp.broadcast_to(there, (*views.present.shape, PLACES))
-    at = jnp.broadcast_to(
-        places.reshape((1,) * views.present.ndim + (PLACES,)), (*views.present.shape, PLACES)
-    )
+    at = places.reshape((1,) * views.present.ndim + (-1,))
     inside = there & (start <= at) & (at <= end)
     width = end - start
     part = jnp.where(inside, at - start, 0.0) / jnp.where(there, width, 1.0)
@@ -68,8 +62,17 @@ def least_resolution(
     squared = first + part * (last - first) - part * (1 - part) * along * along
     strength = views.px_per_mm[..., 0, None] * first
     sharp = jnp.where(inside, strength / jnp.where(inside, squared, 1.0), 0.0)
-    best = jnp.max(sharp, axis=-2)
-    return jnp.min(jnp.where(jnp.any(inside, axis=-2), best, NO_VIEW), axis=-1)
+    return jnp.max(sharp, axis=-2)
+
+
+def least_resolution(views: Pieces, lengths: Float[Array, " pads"]) -> Float[Array, "*poses pads"]:
+    """Least of `best_resolution` (px/mm) over what is seen of each pad, at `PLACES` places.
+
+    `NO_VIEW` if nothing is seen.
+    """
+    places = jnp.linspace(0.0, 1.0, PLACES, dtype=views.start.dtype)
+    best = best_resolution(views, lengths, places)
+    return jnp.min(jnp.where(best > 0, best, NO_VIEW), axis=-1)
 
 
 def pad_lengths(scene: Scene) -> Float[Array, " pads"]:
