@@ -68,11 +68,11 @@ def robust_layout() -> Arrangement:
 def poor_start(body: BodySpec) -> Arrangement:
     """Where the search begins on purpose: mirrors along the back of the finger, which show little.
 
-    The camera sits low in the middle and looks straight at the intermediate pad.
+    The camera sits 5 mm over the middle of the intermediate pad and looks straight at it.
     """
     high = body.dorsal - 2
     return Arrangement(
-        camera=[body.intermediate / 2, body.dorsal / 3],
+        camera=[body.intermediate / 2, body.palmar + 5],
         tilt=0.0,
         distal=[[2.0, high], [body.distal - 4, high]],
         proximal=[[-2.0, high], [4 - body.proximal, high]],

@@ -132,15 +132,27 @@ def search(
             terms.inequalities,
         )
     assert terms is not None
-    short = [float(jnp.max(-leaf)) for leaf in terms.inequalities.values()]
     return Trial(
         start,
         build(jnp.asarray(point * units)),
         float(terms.value),
-        max(0.0, *short),
+        _violation(terms),
         evaluations,
         time.perf_counter() - begin,
     )
+
+
+def measured(arrangement: Arrangement, task: Task) -> tuple[float, float]:
+    """Objective and largest scaled violation of an arrangement, by the search's own program."""
+    point = ravel_pytree(jax.tree.map(jnp.divide, arrangement, scale()))[0]
+    shapes = jax.eval_shape(terms_of, arrangement, task).inequalities
+    none = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
+    (_, terms), _ = _lagrangian(point, task, jnp.asarray(0.0), none)
+    return float(terms.value), _violation(terms)
+
+
+def _violation(terms: Terms) -> float:
+    return max(0.0, *(float(jnp.max(-leaf)) for leaf in terms.inequalities.values()))
 
 
 @jax.jit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -60,10 +60,10 @@ class SearchSpec(Spec):
     """How the arrangement is searched for."""
 
     starts: Annotated[int, Field(ge=1, le=256)] = Field(
-        default=8, description="random starts, besides the poor one that is written down"
+        default=2, description="random starts, besides the poor one that is written down"
     )
     copies: Annotated[int, Field(ge=2, le=1024)] = Field(
-        default=32, description="copies with errors, all of which are to see everything"
+        default=24, description="copies with errors, all of which are to see everything"
     )
     poses: Annotated[int, Field(ge=2, le=91)] = Field(
         default=8, description="postures in which each copy is looked at, its own ones"
@@ -92,8 +92,12 @@ class FingerMirrorsSpec(MirrorSpec):
     """All settings of ``designopt run finger-mirrors``."""
 
     body: BodySpec = BodySpec()
+    search: SearchSpec = SearchSpec(starts=8)
     thin: Annotated[float, Field(gt=0, le=1e3)] | None = Field(
         default=20.0, description="thickness of a second body, or none (mm)"
+    )
+    thin_floor: Annotated[float, Field(gt=0, le=1000)] = Field(
+        default=1.2, description="least resolution of the second body (px/mm)"
     )
     draws: Annotated[int, Field(ge=10, le=100_000)] = Field(
         default=2000, description="random draws of all errors for the yield"
@@ -104,7 +108,12 @@ class FingerMirrorsSpec(MirrorSpec):
     ray_poses: Annotated[int, Field(ge=1, le=91)] = Field(
         default=20, description="worst postures that rays check"
     )
-    solvers: bool = Field(default=True, description="compare solvers: gap and violation over time")
+    solvers: Literal["none", "few", "all"] = Field(
+        default="few", description="which solvers to compare: gap and violation over run time"
+    )
+    evolution_seconds: Annotated[float, Field(gt=0, le=1e4)] = Field(
+        default=30.0, description="run time of differential evolution, the yardstick (s)"
+    )
     left_out: bool = Field(default=True, description="count operations left out")
 
     @model_validator(mode="after")
