@@ -151,7 +151,7 @@ def scene_table(
         seen = {"side": "left", "min_grazing_deg": camera.min_grazing_deg}
         return surface(name, (start, palmar), (end, palmar), frame, **seen)
 
-    distal = np.asarray(arrangement.distal) + [[middle, 0.0]]
+    distal = np.asarray(arrangement.distal) + np.array([[middle, 0.0]])
     return {
         "scene": {"name": "finger", "bounces": 1},
         "camera": {

@@ -73,7 +73,7 @@ def design_mirrors(body: BodySpec, spec: MirrorSpec, context: Context) -> Mirror
     trials, verdicts = [], []
     for number, start in enumerate(starts):
         with context.step(f"T = {body.thickness:g} mm: start {number + 1} of {len(starts)}"):
-            trials.append(search(start, limits, tasks))
+            trials.append(search(start, limits, tasks, STAGES))
             found = scene_of(trials[-1].arrangement, task.finger)
             verdicts.append(judged(found, body.range_deg))
 

@@ -54,7 +54,9 @@ def coverage_figure(squares: Mapping[str, Square], degrees: np.ndarray) -> Figur
         )
         mesh.set_rasterized(True)
         axes.grid(visible=False)
-        axes.set(title=f"{name}: {least.min():.4g} to {least.max():.4g} %", xlabel="PIP (deg)")
+        low, high = (f"{value:.4g}" for value in (least.min(), least.max()))
+        span = low if low == high else f"{low} to {high}"
+        axes.set(title=f"{name}: {span} %", xlabel="PIP (deg)")
         axes.set(ylabel="" if index else "DIP (deg)", aspect="equal")
         axes.set(xticks=_ticks(degrees), yticks=_ticks(degrees))
     drawing.colorbar(colours, ax=list(grid[0]), label="coverage of the least seen pad (%)")

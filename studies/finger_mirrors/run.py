@@ -13,7 +13,7 @@ from studies.finger_mirrors.arrangement import Arrangement, poor_start, robust_l
 from studies.finger_mirrors.design import design_mirrors
 from studies.finger_mirrors.findings import GIVEN, OPTIMUM, START, Case, Found, RayCheck
 from studies.finger_mirrors.judging import degrees_of, judged, seen_by_rays, whole_square
-from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec, SearchSpec
+from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec
 from studies.finger_mirrors.yields import monte_carlo, sensitivity
 
 THIN_STARTS = 3

@@ -1,4 +1,4 @@
-"""What is asked of views: how much of every pad is missing, by how much, and how sharp the rest is."""
+"""What is asked of views: how much of every pad is missing, and how sharp the rest is."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def best_resolution(
     """Resolution (px/mm) at places of each pad by the view that shows it best; 0 if none does.
 
     For straight mirrors and an equidistant lens, resolution times squared distance is the same
-    all along a piece, and the squared distance is a quadratic of the place (Stewart's theorem): both
-    follow from a piece's ends.
+    all along a piece, and the squared distance is a quadratic of the place (Stewart's theorem):
+    both follow from a piece's ends.
 
     Args:
         views: pieces that an `Equidistant` camera sees.

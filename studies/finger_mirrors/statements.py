@@ -28,8 +28,8 @@ START_COVERAGE = 0.6
 
 RAY_STEP = 5e-4
 """What a fan of `STATED_RAYS` may leave of a pad because of the distance between its rays: a ray's
-share of the field of view, 14 µrad, over 80 mm under 20° is 3 µm of a 26.5 mm pad at either end, and
-a hand-over between two views has two ends more."""
+share of the field of view, 14 µrad, is 3 µm of a pad 80 mm away under 20°, of 26.5 mm, at either
+end, and a hand-over between two views has two ends more."""
 
 
 def metrics(spec: FingerMirrorsSpec, found: Found) -> list[Metric]:
@@ -265,8 +265,8 @@ def _row(found: Found) -> str:
     return (
         f"PIP changes only the view of the proximal pad and DIP only that of the distal one: over "
         f"{square.square_poses:,} postures nothing differs from {square.row_poses} by more than "
-        f"{square.disagreement:.0e}, and these take {square.square_seconds / square.row_seconds:.0f} "
-        "times less time. No pad needs two reflections, and the middle one none."
+        f"{square.disagreement:.0e}, and these take "
+        f"{square.square_seconds / square.row_seconds:.0f} times less time. No pad needs two reflections, and the middle one none."
     )
 
 

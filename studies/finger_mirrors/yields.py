@@ -1,4 +1,4 @@
-"""How many assembled fingers see everything: Monte Carlo, its interval, and each error by itself."""
+"""How many assembled fingers see everything: Monte Carlo, and each error by itself."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Yield(NamedTuple):
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """95 % confidence interval of a probability (E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209)."""
+    """95 % confidence interval of a share (E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209)."""
     share, z = successes / trials, CONFIDENCE
     middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
     half = z / (1 + z * z / trials)
