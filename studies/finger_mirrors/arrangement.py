@@ -7,6 +7,7 @@ the origin, which is the scene's world), a mirror's in its own, with the origin 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -43,6 +44,17 @@ class Arrangement(eqx.Module):
     distal: Float[Array, "*batch 2 2"] = eqx.field(converter=as_float)
     proximal: Float[Array, "*batch 2 2"] = eqx.field(converter=as_float)
 
+    @classmethod
+    def of(
+        cls,
+        camera: Sequence[float],
+        tilt: float,
+        distal: Sequence[Sequence[float]],
+        proximal: Sequence[Sequence[float]],
+    ) -> Arrangement:
+        """From plain numbers, mm and rad."""
+        return cls(*(np.asarray(part, float) for part in (camera, tilt, distal, proximal)))
+
     @property
     def mirrors(self) -> Float[Array, "*batch 2 2 2"]:
         """Ends of both mirrors, each in its phalanx: distal, proximal; mm."""
@@ -57,7 +69,7 @@ class Arrangement(eqx.Module):
 
 def robust_layout() -> Arrangement:
     """The arrangement given for T = 25 mm in reading-the-papers, B2."""
-    return Arrangement(
+    return Arrangement.of(
         camera=[15.75, 16.99],
         tilt=math.radians(-6.3),
         distal=[[0.24, 19.04], [30.81, 0.34]],
@@ -71,7 +83,7 @@ def poor_start(body: BodySpec) -> Arrangement:
     The camera sits 5 mm over the middle of the intermediate pad and looks straight at it.
     """
     high = body.dorsal - 2
-    return Arrangement(
+    return Arrangement.of(
         camera=[body.intermediate / 2, body.palmar + 5],
         tilt=0.0,
         distal=[[2.0, high], [body.distal - 4, high]],
@@ -97,13 +109,13 @@ def bounds(body: BodySpec, spec: MirrorSpec) -> tuple[Arrangement, Arrangement]:
     half = spec.camera.width / 2
     top = body.dorsal - spec.camera.depth
     outer, inner = body.distal, body.proximal
-    least = Arrangement(
+    least = Arrangement.of(
         camera=[half, body.palmar + 2 * clear],
         tilt=-0.6,
         distal=[[-over, low], [outer / 2, low]],
         proximal=[[-inner / 2, low], [clear - inner, low]],
     )
-    greatest = Arrangement(
+    greatest = Arrangement.of(
         camera=[body.intermediate - half, top],
         tilt=0.6,
         distal=[[outer / 2, high], [outer - clear, high]],
@@ -115,7 +127,7 @@ def bounds(body: BodySpec, spec: MirrorSpec) -> tuple[Arrangement, Arrangement]:
 def scale() -> Arrangement:
     """A change of each number that matters about as much as that of the others: 1 mm, 0.1 rad."""
     ones = [[1.0, 1.0], [1.0, 1.0]]
-    return Arrangement(camera=[1.0, 1.0], tilt=0.1, distal=ones, proximal=ones)
+    return Arrangement.of([1.0, 1.0], 0.1, ones, ones)
 
 
 def camera_body(arrangement: Arrangement, width: Float[Array, ""] | float) -> Float[Array, "2 2"]:

@@ -27,10 +27,10 @@ from studies.finger_mirrors.errors import Errors, spread_evenly, with_errors
 from studies.finger_mirrors.seeing import least_resolution, missing, pad_lengths, together
 from studies.finger_mirrors.spec import MirrorSpec
 
-NOMINAL = 46
+NOMINAL = 31
 """Postures in which the arrangement without errors is looked at, evenly over the range."""
 
-RESERVE = 1.03
+RESERVE = 1.04
 """Resolution is asked for with so much to spare, for it is asked for at a few places of a pad."""
 
 CLEARANCE_SCALE = 10.0

@@ -83,7 +83,7 @@ def find(spec: FingerMirrorsSpec, context: Context) -> Found:
     others, thin, thin_square = [], None, None
     if spec.body == BodySpec():
         others.append(case(GIVEN, spec.body, robust_layout(), finger))
-    if spec.thin is not None:
+    if spec.thin:
         body = spec.body.model_copy(update={"thickness": spec.thin})
         settings = spec.model_dump(include=set(MirrorSpec.model_fields))
         settings["floor"] = min(spec.floor, spec.thin_floor)

@@ -93,8 +93,8 @@ class FingerMirrorsSpec(MirrorSpec):
 
     body: BodySpec = BodySpec()
     search: SearchSpec = SearchSpec(starts=8)
-    thin: Annotated[float, Field(gt=0, le=1e3)] | None = Field(
-        default=20.0, description="thickness of a second body, or none (mm)"
+    thin: Annotated[float, Field(ge=0, le=1e3)] = Field(
+        default=20.0, description="thickness of a second body; 0 for none (mm)"
     )
     thin_floor: Annotated[float, Field(gt=0, le=1000)] = Field(
         default=1.2, description="least resolution of the second body (px/mm)"

@@ -266,7 +266,8 @@ def _row(found: Found) -> str:
         f"PIP changes only the view of the proximal pad and DIP only that of the distal one: over "
         f"{square.square_poses:,} postures nothing differs from {square.row_poses} by more than "
         f"{square.disagreement:.0e}, and these take "
-        f"{square.square_seconds / square.row_seconds:.0f} times less time. No pad needs two reflections, and the middle one none."
+        f"{square.square_seconds / square.row_seconds:.0f} times less time. "
+        "No pad needs two reflections, and the middle one none."
     )
 
 
