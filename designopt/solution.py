@@ -41,7 +41,8 @@ class Solution(eqx.Module, Generic[Value]):
         Not for use under ``jax.jit``: a message is for people.
         """
         enumeration = self.result._enumeration
-        flat = jax.tree.map(lambda code: code.reshape(-1), self.result)
+        # As JAX arrays: of a NumPy code, an item would be no array, and have no message.
+        flat = jax.tree.map(lambda code: jnp.asarray(code).reshape(-1), self.result)
         return [
             enumeration[jax.tree.map(lambda code, i=i: code[i], flat)]
             for i in range(self.margin.size)

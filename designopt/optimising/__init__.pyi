@@ -1,5 +1,6 @@
 from .minimising import Method, Minimiser, Optima, minimise
 from .problem import (
+    BOUND,
     Levelled,
     Parameters,
     Problem,
@@ -11,7 +12,7 @@ from .problem import (
 )
 from .references import Evolution, differential_evolution
 from .starts import best_starts, sobol_starts
-from .verdict import BOUND, FEASIBLE, Optimum, OptimumResult
+from .verdict import FEASIBLE, Optimum, OptimumResult
 from .words import Active, active_set, conflict
 
 __all__ = [

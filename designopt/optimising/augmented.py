@@ -21,8 +21,9 @@ import lineax as lx
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
-from designopt.optimising.flat import Flat, Point, joined
+from designopt.optimising.flat import Flat, Point
 from designopt.optimising.problem import Terms
+from designopt.roots import ROUNDING_UNITS
 
 Inner = Literal["bfgs", "levenberg-marquardt", "jaxopt-lbfgsb", "jaxopt-projected-gradient"]
 
@@ -81,15 +82,25 @@ def augmented_lagrangian(
         start: where to start.
         floor: a value below which the objective cannot fall. Levenberg–Marquardt needs it for an
             objective that is no sum of squares: it minimises (objective − floor)² / 2 instead.
-        tolerance: of the inner solver (relative and absolute), and of the constraints.
+        tolerance: of the inner solver (relative and absolute), and of the constraints; not below
+            `ROUNDING_UNITS` units of rounding of the dtype.
         updates: cap on updates of the multipliers.
         steps: cap on steps between two updates.
+
+    Returns:
+        The point, inside its bounds, and how it was found. Where the problem has no numbers at
+        the start, the start.
+
+    Raises:
+        ValueError: Levenberg–Marquardt without residuals or a floor, or in a float type that it
+            would mix with another.
     """
-    solve = _inner(flat, inner, floor, tolerance, steps)
     dtype = start.dtype
-    _, *shapes = jax.eval_shape(lambda point: _evaluated(flat, inner, point), start)
-    none = tuple(jnp.zeros(part.shape, dtype) for part in shapes)
-    if not any(part.size for part in none):
+    tolerance = max(tolerance, ROUNDING_UNITS * float(jnp.finfo(dtype).eps))
+    solve = _inner(flat, inner, floor, tolerance, steps)
+    _, h, g = jax.eval_shape(lambda point: _evaluated(flat, inner, point), start)
+    none = (jnp.zeros(h.shape, dtype), jnp.zeros(g.shape, dtype))
+    if h.size + g.size == 0:
         # Nothing to hold: one solve, and no multipliers.
         point, count = solve(start, (*none, jnp.ones((), dtype)))
         value = flat.terms(point).value[None]
@@ -107,10 +118,12 @@ def augmented_lagrangian(
         settled = jnp.abs(objective - state.objective) <= tolerance * (1 + jnp.abs(objective))
         at = state.update
         total = count + jnp.where(at > 0, state.trace.steps[at - 1], 0)
-        now = (objective, _largest(jnp.abs(h), jnp.maximum(-g, 0.0)), total)
-        later = jnp.arange(updates) >= at
-        trace = jax.tree.map(
-            lambda array, value: jnp.where(later, value, array), state.trace, Trace(*now)
+        violation = _largest(jnp.abs(h), jnp.maximum(-g, 0.0))
+        later, before = jnp.arange(updates) >= at, state.trace
+        trace = Trace(
+            jnp.where(later, objective, before.objective),
+            jnp.where(later, violation, before.violation),
+            jnp.where(later, total, before.steps),
         )
         return _State(
             point,
@@ -143,13 +156,11 @@ def _evaluated(
     flat: Flat, inner: Inner, point: Point
 ) -> tuple[Terms, Float[Array, " equalities"], Float[Array, " inequalities"]]:
     """The terms, and the constraints that the solver does not keep itself."""
-    terms = flat.terms(point)
-    h = joined(terms.equalities, point.dtype)
-    g = joined(terms.inequalities, point.dtype)
+    terms, h, g = flat.value_and_levels(point)
     return terms, h, g if inner in BOXED else jnp.concatenate([g, flat.bounds(point)])
 
 
-def _largest(*arrays: Float[Array, " n"]) -> Float[Array, ""]:
+def _largest(*arrays: Float[Array, "..."]) -> Float[Array, ""]:
     return jnp.max(jnp.concatenate(arrays))
 
 
@@ -164,8 +175,10 @@ def _inner(
         return terms, jnp.concatenate([h + mu / penalty, jnp.maximum(0.0, lam / penalty - g)])
 
     def lagrangian(point: Point, args: Any) -> Float[Array, ""]:
+        # Over ρ: a quasi-Newton method that starts with the identity then finds the penalty's
+        # curvature of order one, and does not mistake the tiny steps it needs for the end.
         terms, short = shortfalls(point, args)
-        return terms.value + args[2] / 2 * jnp.sum(short**2)
+        return terms.value / args[2] + jnp.sum(short**2) / 2
 
     def residuals(point: Point, args: Any) -> Float[Array, " residuals"]:
         terms, short = shortfalls(point, args)
@@ -179,9 +192,9 @@ def _inner(
 
     match inner:
         case "bfgs":
-            bfgs = optx.BFGS(tolerance, tolerance)
 
             def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
+                bfgs = optx.BFGS(tolerance, tolerance / args[2])
                 found = optx.minimise(lagrangian, bfgs, point, args, max_steps=steps, throw=False)
                 return found.value, found.stats["num_steps"]
 
@@ -193,6 +206,11 @@ def _inner(
             )
 
             def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
+                if point.dtype != jnp.result_type(float):
+                    raise ValueError(
+                        f"{inner} computes in JAX's default float type: "
+                        "call it with that, or under jax.enable_x64(False) for float32"
+                    )
                 found = optx.least_squares(
                     residuals, marquardt, point, args, max_steps=steps, throw=False
                 )
@@ -202,14 +220,13 @@ def _inner(
             from designopt import jaxopt_adapter  # half a second, and few solves ask for it
 
             def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
-                bounds = tuple(jnp.asarray(b, point.dtype) for b in (flat.lower, flat.upper))
                 return jaxopt_adapter.minimise_in_box(
                     lagrangian,
                     flat.clipped(point),
-                    bounds,
+                    (jnp.asarray(flat.lower), jnp.asarray(flat.upper)),
                     args,
                     method=inner,
-                    tolerance=tolerance,
+                    tolerance=tolerance / args[2],
                     max_steps=steps,
                 )
 

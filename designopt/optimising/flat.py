@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +22,7 @@ class Flat:
 
     Attributes:
         problem: the problem.
-        units: mm or rad, or whatever a parameter has, per scaled unit.
+        units: mm or rad, or whatever a parameter has, per scaled unit; in the bounds' float type.
         lower: least values, scaled.
         upper: greatest values, scaled.
     """
@@ -34,10 +35,11 @@ class Flat:
     @classmethod
     def of(cls, problem: Problem) -> Flat:
         """The flat form of a problem."""
-        units, lower, upper = (
+        lower, upper, units = (
             np.asarray(ravel_pytree(part)[0])
-            for part in (problem.units, problem.lower, problem.upper)
+            for part in (problem.lower, problem.upper, problem.units)
         )
+        units = units.astype(lower.dtype)
         return cls(problem, units, lower / units, upper / units)
 
     @property
@@ -55,9 +57,26 @@ class Flat:
         _, unravel = ravel_pytree(self.problem.lower)
         return unravel(point * jnp.asarray(self.units, point.dtype))
 
+    def given(self, data: tuple[Any, ...]) -> Flat:
+        """The same for other data of the problem."""
+        return replace(self, problem=replace(self.problem, data=data))
+
     def terms(self, point: Point) -> Terms:
         """What the problem says of a vector."""
-        return self.problem.terms(self.parameters(point))
+        return self.problem.terms(self.parameters(point), *self.problem.data)
+
+    def levels(
+        self, point: Point
+    ) -> tuple[Float[Array, " equalities"], Float[Array, " inequalities"]]:
+        """Equalities and inequalities of a vector, without its bounds, in the names' order."""
+        return self.value_and_levels(point)[1:]
+
+    def value_and_levels(
+        self, point: Point
+    ) -> tuple[Terms, Float[Array, " equalities"], Float[Array, " inequalities"]]:
+        """Both `terms` and `levels`, traced once."""
+        terms, dtype = self.terms(point), point.dtype
+        return terms, _joined(terms.equalities, dtype), _joined(terms.inequalities, dtype)
 
     def bounds(self, point: Point) -> Float[Array, " bounds"]:
         """How far the vector is inside its finite bounds: the lower ones, then the upper ones."""
@@ -72,18 +91,20 @@ class Flat:
             point, jnp.asarray(self.lower, point.dtype), jnp.asarray(self.upper, point.dtype)
         )
 
-    def elements(self, bound: int) -> tuple[str, tuple[int, ...]]:
-        """Of an element of `bounds`: its parameter's path, and its index there."""
+    def bound(self, place: int) -> tuple[str, float]:
+        """Of an element of `bounds`: what it is in words, and its parameter's scale."""
         low, high = self.limited
-        which = [*low, *high][bound]
+        which = left = int([*low, *high][place])
         for path, leaf in jax.tree_util.tree_leaves_with_path(self.problem.lower):
-            if which < leaf.size:
-                index = tuple(int(i) for i in np.unravel_index(which, leaf.shape))
-                return jax.tree_util.keystr(path), index
-            which -= leaf.size
-        raise IndexError(bound)
+            if left < leaf.size:
+                name = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
+                index = [int(i) for i in np.unravel_index(left, leaf.shape)]
+                side = "lower" if place < len(low) else "upper"
+                return f"{name}{index or ''} at its {side} bound", float(self.units[which])
+            left -= leaf.size
+        raise IndexError(place)
 
 
-def joined(arrays: dict[str, Float[Array, "..."]], dtype: jnp.dtype) -> Float[Array, " all"]:
+def _joined(arrays: dict[str, Float[Array, "..."]], dtype: jnp.dtype) -> Float[Array, " all"]:
     """Arrays by name as one vector, in the order of their names; empty if there is none."""
     return ravel_pytree(arrays)[0] if arrays else jnp.zeros(0, dtype)

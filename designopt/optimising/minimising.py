@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, Literal, cast, get_args
 
 import jax
 import jax.numpy as jnp
@@ -25,8 +25,6 @@ Method = Literal[
     "slsqp",
     "trust-constr",
 ]
-
-REFERENCES = ("slsqp", "trust-constr")
 
 
 @dataclass(frozen=True)
@@ -88,13 +86,15 @@ class Minimiser:
             steps: cap on steps between two of them; SciPy's solvers have updates × steps.
 
         Raises:
-            ValueError: the terms have ``least``, or the method needs what is not given.
+            ValueError: the terms have ``least``, there is no such method, or it needs what is not
+                given.
         """
+        if method not in get_args(Method):
+            raise ValueError(f"no method {method!r}: choose from {', '.join(get_args(Method))}")
         self.flat = flat = Flat.of(problem)
         self._judge = judge(flat)
         points = jnp.zeros((count, flat.units.size), flat.units.dtype)
-        shape = jax.eval_shape(flat.terms, points[0])
-        if shape.least is not None:
+        if jax.eval_shape(flat.terms, points[0]).least is not None:
             raise ValueError("minimise: bring `least` into a form with epigraph() or softened()")
         begin = time.perf_counter()
         self._solve = self._compiled(method, points, floor, tolerance, updates, steps)
@@ -102,20 +102,22 @@ class Minimiser:
 
     def _compiled(
         self, method: Method, points: Any, floor: float | None, tolerance: float, *caps: int
-    ) -> Callable[[Any], tuple[Any, list[Trace]]]:
+    ) -> Callable[[Any, tuple[Any, ...]], tuple[Any, list[Trace]]]:
         updates, steps = caps
-        if method in REFERENCES:
+        if method in get_args(Reference):
             one = compile_reference(self.flat, cast(Reference, method), tolerance, updates * steps)
 
-            def in_turn(starts: Any) -> tuple[Any, list[Trace]]:
-                solved = [one(np.asarray(start)) for start in starts]
-                return [jnp.asarray(point) for point, _ in solved], [trace for _, trace in solved]
+            def in_turn(starts: Any, data: tuple[Any, ...]) -> tuple[Any, list[Trace]]:
+                solved = [one(np.asarray(start), data) for start in starts]
+                return [jnp.asarray(point, starts.dtype) for point, _ in solved], [
+                    trace for _, trace in solved
+                ]
 
             return in_turn
 
-        def local(start: Any) -> tuple[Any, Trace]:
+        def local(start: Any, data: tuple[Any, ...]) -> tuple[Any, Trace]:
             return augmented_lagrangian(
-                self.flat,
+                self.flat.given(data),
                 cast(Inner, method),
                 start,
                 floor=floor,
@@ -124,27 +126,32 @@ class Minimiser:
                 steps=steps,
             )
 
-        program = jax.jit(jax.vmap(local)).lower(points).compile()
+        program = jax.jit(jax.vmap(local, (0, None))).lower(points, self.flat.problem.data)
+        program = program.compile()
 
-        def together(starts: Any) -> tuple[Any, list[Trace]]:
-            found, traces = jax.block_until_ready(program(starts))
+        def together(starts: Any, data: tuple[Any, ...]) -> tuple[Any, list[Trace]]:
+            found, traces = jax.block_until_ready(program(starts, data))
             return found, [
                 jax.tree.map(lambda leaf, i=i: leaf[i], traces) for i in range(len(found))
             ]
 
         return together
 
-    def solve(self, starts: Parameters) -> Optima:
+    def solve(self, starts: Parameters, data: tuple[Any, ...] | None = None) -> Optima:
         """Solve from every start.
 
         Args:
             starts: parameters with the starts along every array's first axis.
+            data: the problem's data, or others of the same shapes; its own by default.
         """
+        data = self.flat.problem.data if data is None else data
         points = jax.vmap(self.flat.point)(starts)
         begin = time.perf_counter()
-        found, traces = self._solve(points)
+        found, traces = self._solve(points, data)
         seconds = time.perf_counter() - begin
-        optima = [self._judge(point, trace) for point, trace in zip(found, traces, strict=True)]
+        optima = [
+            self._judge(point, data, trace) for point, trace in zip(found, traces, strict=True)
+        ]
         return Optima(tuple(optima), seconds, self.compile_seconds)
 
 

@@ -14,9 +14,14 @@ from jaxtyping import Array, Float
 
 Parameters = Any  # a pytree of float arrays
 
+BOUND = "bounds"
+"""Name of the bounds among violations and multipliers."""
+
 
 class Terms(eqx.Module):
     """What one set of parameters gives. Exactly one of the first three is set.
+
+    Every name stands for one array, and none is ``"bounds"``, the name of the parameters' bounds.
 
     Attributes:
         objective: a number to be minimised.
@@ -35,6 +40,10 @@ class Terms(eqx.Module):
     def __check_init__(self) -> None:
         if sum(part is not None for part in (self.objective, self.residuals, self.least)) != 1:
             raise ValueError("Terms: give one of objective, residuals and least, and only one")
+        names = [*(self.least or {}), *self.equalities, *self.inequalities, BOUND]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"Terms: names that stand for two things: {', '.join(twice)}")
 
     @property
     def value(self) -> Float[Array, ""]:
@@ -68,20 +77,24 @@ class Problem:
     """Parameters that are to be found.
 
     Attributes:
-        terms: pure function from parameters to what they give; traced by JAX.
+        terms: pure function from parameters, and from the arrays of ``data``, to what they give;
+            traced by JAX.
         lower: least values, a pytree of arrays like the parameters; −∞ where there is no bound.
         upper: greatest values; ∞ where there is no bound.
         scale: change of a parameter that matters about as much as that of another; the solvers
             compute in these units. By default the distance between finite bounds, else 1.
         requirements: how each named array of the terms is told to people; one that has none is
             told by its name and index.
+        data: further arguments of ``terms``, such as the cases in which a design is judged. A
+            `Minimiser` solves for others of the same shapes without compiling again.
     """
 
-    terms: Callable[[Parameters], Terms]
+    terms: Callable[..., Terms]
     lower: Parameters
     upper: Parameters
     scale: Parameters | None = None
     requirements: Mapping[str, Requirement] = field(default_factory=dict)
+    data: tuple[Any, ...] = ()
 
     @property
     def units(self) -> Parameters:
@@ -115,8 +128,8 @@ def epigraph(problem: Problem, *, scale: float = 1.0) -> Problem:
         names of inequalities (S. Boyd, L. Vandenberghe, *Convex Optimization*, §4.1.3).
     """
 
-    def terms(parameters: Levelled) -> Terms:
-        found = problem.terms(parameters.design)
+    def terms(parameters: Levelled, *data: Any) -> Terms:
+        found = problem.terms(parameters.design, *data)
         above = {
             name: (values - parameters.level) / scale for name, values in _least(found).items()
         }
@@ -146,7 +159,8 @@ def level_starts(problem: Problem, starts: Parameters) -> Levelled:
         problem: one whose terms have ``least``.
         starts: parameters with the starts along every array's first axis.
     """
-    return Levelled(starts, jax.vmap(lambda design: -problem.terms(design).value)(starts))
+    level = jax.vmap(lambda design: -problem.terms(design, *problem.data).value)
+    return Levelled(starts, jax.jit(level)(starts))
 
 
 def softened(problem: Problem, temperature: float) -> Problem:
@@ -159,8 +173,8 @@ def softened(problem: Problem, temperature: float) -> Problem:
         temperature: τ, in the values' unit.
     """
 
-    def terms(parameters: Parameters) -> Terms:
-        found = problem.terms(parameters)
+    def terms(parameters: Parameters, *data: Any) -> Terms:
+        found = problem.terms(parameters, *data)
         values, _ = ravel_pytree(_least(found))
         soft = temperature * jax.nn.logsumexp(-values / temperature)
         return Terms(objective=soft, equalities=found.equalities, inequalities=found.inequalities)

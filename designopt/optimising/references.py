@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 import warnings
 from collections.abc import Callable
@@ -15,7 +16,7 @@ import scipy.optimize
 from jaxtyping import Float
 
 from designopt.optimising.augmented import Trace
-from designopt.optimising.flat import Flat, joined
+from designopt.optimising.flat import Flat
 from designopt.optimising.problem import Parameters, Problem
 
 Reference = Literal["slsqp", "trust-constr"]
@@ -23,8 +24,8 @@ Reference = Literal["slsqp", "trust-constr"]
 
 def compile_reference(
     flat: Flat, method: Reference, tolerance: float, steps: int
-) -> Callable[[np.ndarray], tuple[np.ndarray, Trace]]:
-    """A local solve by SciPy: from a start to a point and its history, one row per step.
+) -> Callable[[np.ndarray, tuple[Any, ...]], tuple[np.ndarray, Trace]]:
+    """A local solve by SciPy: from a start and data to a point and its history, start included.
 
     Args:
         flat: the problem.
@@ -32,59 +33,93 @@ def compile_reference(
         tolerance: its own stopping tolerance.
         steps: cap on its steps.
     """
-    sample = jnp.asarray(np.clip(np.zeros_like(flat.units), flat.lower, flat.upper))
-    equalities = jax.eval_shape(lambda z: _both(flat, z)[:2], sample)[0].size
+    sample = jnp.asarray(flat.units)
+    equalities, inequalities = (part.size for part in jax.eval_shape(flat.levels, sample))
 
-    def compiled(function: Callable[[Any], Any]) -> Callable[[np.ndarray], Any]:
-        program = jax.jit(function).lower(sample).compile()
-        return lambda x: jax.tree.map(np.asarray, program(jnp.asarray(x)))
+    data = flat.problem.data
 
-    value_and_slope = compiled(jax.value_and_grad(lambda z: flat.terms(z).value))
-    levels = compiled(lambda z: jnp.concatenate(_both(flat, z)))
-    slopes = compiled(jax.jacfwd(lambda z: jnp.concatenate(_both(flat, z))))
-    options: dict[str, Any]
+    def compiled(function: Callable[[Any, Any], Any]) -> Callable[[np.ndarray], Any]:
+        program = jax.jit(function).lower(sample, data).compile()
+
+        def evaluate(x: np.ndarray) -> Any:
+            # With the data of the solve that is running.
+            found = program(jnp.asarray(x, sample.dtype), data)
+            return jax.tree.map(lambda part: np.asarray(part, np.float64), found)
+
+        return evaluate
+
+    value_and_slope = compiled(jax.value_and_grad(lambda z, d: flat.given(d).terms(z).value))
+    levels = compiled(lambda z, d: jnp.concatenate(flat.given(d).levels(z)))
+    slopes = compiled(jax.jacfwd(lambda z, d: jnp.concatenate(flat.given(d).levels(z))))
+    constraints: Any = ()
     if method == "slsqp":
         kinds = {"eq": slice(None, equalities), "ineq": slice(equalities, None)}
-        constraints: Any = [
+        constraints = [
             {
                 "type": kind,
                 "fun": lambda x, part=part: levels(x)[part],
                 "jac": lambda x, part=part: slopes(x)[part],
             }
             for kind, part in kinds.items()
-            if kind == "ineq" or equalities
         ]
-        options = {"options": {"maxiter": steps, "ftol": tolerance}}
+        options: dict[str, Any] = {"maxiter": steps, "ftol": tolerance}
     else:
-        upper = np.full(levels(np.asarray(sample)).size, np.inf)
-        upper[:equalities] = 0.0
-        constraints = scipy.optimize.NonlinearConstraint(
-            levels, 0.0, upper, jac=slopes, hess=scipy.optimize.BFGS()
-        )
-        options = {"options": {"maxiter": steps, "xtol": tolerance, "gtol": tolerance}}
-
-    def solve(start: np.ndarray) -> tuple[np.ndarray, Trace]:
-        visited: list[np.ndarray] = []
-        with warnings.catch_warnings():
-            # Skipped quasi-Newton updates and steps clipped to the bounds are no news here.
-            warnings.simplefilter("ignore")
-            found = scipy.optimize.minimize(
-                value_and_slope,
-                np.clip(start, flat.lower, flat.upper),
-                method=method,
-                jac=True,
-                bounds=scipy.optimize.Bounds(flat.lower, flat.upper),
-                constraints=constraints,
-                callback=lambda x, *_: visited.append(np.copy(x)),
-                **options,
+        if equalities + inequalities:
+            upper = np.repeat([0.0, np.inf], [equalities, inequalities])
+            curvature: Any = scipy.optimize.BFGS()
+            jacobian: Any = slopes  # annotated as a string by SciPy, which takes a function
+            constraints = scipy.optimize.NonlinearConstraint(
+                levels, 0.0, upper, jac=jacobian, hess=curvature
             )
-        visited.append(np.clip(found.x, flat.lower, flat.upper))
+        # Its test of the gradient knows nothing of the barrier, so that on its own it would end
+        # far inside the bounds; steps that are too small end the search where the barrier is gone.
+        options = {
+            "maxiter": steps,
+            "xtol": tolerance,
+            "barrier_tol": tolerance,
+            "gtol": 1e-4 * tolerance,
+        }
+
+    def solve(start: np.ndarray, given: tuple[Any, ...]) -> tuple[np.ndarray, Trace]:
+        nonlocal data
+        data = given
+        visited = [np.clip(start.astype(np.float64), flat.lower, flat.upper)]
+        known = (value_and_slope(visited[0]), levels(visited[0]), slopes(visited[0]))
+        if all(np.all(np.isfinite(part)) for part in jax.tree.leaves(known)):
+            visited += searched(visited[0])
         values = np.array([value_and_slope(x)[0] for x in visited])
         violations = np.array([_violation(levels(x), equalities) for x in visited])
-        steps_so_far = jnp.arange(1, len(visited) + 1)
-        return visited[-1], Trace(jnp.asarray(values), jnp.asarray(violations), steps_so_far)
+        return visited[-1], Trace(
+            jnp.asarray(values), jnp.asarray(violations), jnp.arange(len(visited))
+        )
+
+    def searched(start: np.ndarray) -> list[np.ndarray]:
+        visited: list[np.ndarray] = []
+        with warnings.catch_warnings():
+            # Skipped quasi-Newton updates and steps clipped to the bounds are no news here; and its
+            # linear algebra refuses numbers that are none, where the search has left the domain.
+            warnings.simplefilter("ignore")
+            with contextlib.suppress(ValueError, np.linalg.LinAlgError):
+                found = scipy.optimize.minimize(
+                    value_and_slope,
+                    start,
+                    method=method,
+                    jac=True,
+                    bounds=_box(flat),
+                    constraints=constraints,
+                    callback=lambda x, *_: visited.append(np.copy(x)),
+                    options=options,
+                )
+                visited.append(np.clip(found.x, flat.lower, flat.upper))
+        return visited
 
     return solve
+
+
+EQUALITY = 1e-4
+"""How far from 0 differential evolution may leave an equality, scaled: it would not find a point
+on it (the convention of comparisons of such methods; J. J. Liang et al. 2006, Problem Definitions
+for the CEC 2006 Special Session)."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +128,8 @@ class Evolution:
 
     Attributes:
         seconds: since it began, without compiling.
-        objective: of the best member so far.
+        objective: of the best member so far, in the order of its rule: it may rise when the
+            violation falls.
         violation: its largest scaled violation.
         parameters: the best member of the last generation.
     """
@@ -109,22 +145,36 @@ def differential_evolution(
 ) -> Evolution:
     """SciPy's differential evolution for a given time, every generation in one compiled call.
 
-    Constraints are handled by its own rule (J. Lampinen 2002): feasible before infeasible.
+    Constraints are handled by its own rule (J. Lampinen 2002): feasible before infeasible. An
+    equality counts as met to `EQUALITY`; where the problem has no numbers a member is the worst.
 
     Args:
-        problem: not in epigraph form, which this method does not need; every bound finite.
+        problem: with ``least`` as it is, not in epigraph form, which this method does not need;
+            every bound finite.
         seconds: when to stop, after the generation that is running.
         seed: of its draws.
         population: members per parameter.
+
+    Raises:
+        ValueError: a bound is not finite.
     """
     flat = Flat.of(problem)
-    count = population * flat.units.size
+    count = max(population * flat.units.size, 5)  # SciPy's least
 
     def member(point: Any) -> Any:
-        h, g = _both(flat, point)
-        return flat.terms(point).value, jnp.concatenate([g, -jnp.abs(h)])
+        h, g = flat.levels(point)
+        value, levels = flat.terms(point).value, jnp.concatenate([g, -jnp.abs(h)])
+        levels = jnp.where(jnp.isfinite(levels), levels, -jnp.inf)
+        return jnp.where(jnp.isfinite(value), value, jnp.inf), levels
 
-    sample = jnp.zeros((count, flat.units.size))
+    sample = jnp.zeros((count, flat.units.size), flat.units.dtype)
+    equalities, inequalities = (part.size for part in jax.eval_shape(flat.levels, sample[0]))
+    least = np.repeat([0.0, -EQUALITY], [inequalities, equalities])
+    constraints: Any = ()
+    if least.size:
+        constraints = scipy.optimize.NonlinearConstraint(
+            lambda x: evaluate(x)[1].T, least, np.full(least.size, np.inf)
+        )
     generation = jax.jit(jax.vmap(member)).lower(sample).compile()
     remembered: dict[bytes, Any] = {}
 
@@ -134,27 +184,28 @@ def differential_evolution(
         key = points.tobytes()
         if key not in remembered:
             remembered.clear()
-            padded = np.zeros((count, flat.units.size))
+            padded = np.zeros(sample.shape, sample.dtype)
             padded[: len(points)] = points
             values, levels = generation(jnp.asarray(padded))
             remembered[key] = np.asarray(values)[: len(points)], np.asarray(levels)[: len(points)]
         return remembered[key]
 
-    rows: list[tuple[float, float, float]] = []
+    seconds_so_far, objectives, violations = [], [], []
     begin = time.perf_counter()
 
     def record(intermediate_result: Any) -> bool:
         values, levels = evaluate(np.asarray(intermediate_result.x)[:, None])
-        violation = max(0.0, -float(np.min(levels, initial=0.0)))
-        rows.append((time.perf_counter() - begin, float(values[0]), violation))
-        return rows[-1][0] >= seconds
+        seconds_so_far.append(time.perf_counter() - begin)
+        objectives.append(float(values[0]))
+        violations.append(max(0.0, -float(np.min(levels, initial=0.0))))
+        return seconds_so_far[-1] >= seconds
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that it was stopped, and how it changes its members
         found = scipy.optimize.differential_evolution(
             lambda x: evaluate(x)[0],
-            scipy.optimize.Bounds(flat.lower, flat.upper),
-            constraints=scipy.optimize.NonlinearConstraint(lambda x: evaluate(x)[1].T, 0.0, np.inf),
+            _box(flat),
+            constraints=constraints,
             popsize=population,
             maxiter=10**9,
             tol=0.0,
@@ -164,13 +215,18 @@ def differential_evolution(
             callback=record,
             rng=np.random.default_rng(seed),
         )
-    table = np.array(rows)
-    return Evolution(*table.T, flat.parameters(jnp.asarray(found.x)))
+    return Evolution(
+        np.array(seconds_so_far),
+        np.array(objectives),
+        np.array(violations),
+        flat.parameters(jnp.asarray(found.x, sample.dtype)),
+    )
 
 
-def _both(flat: Flat, point: Any) -> tuple[Any, Any]:
-    terms = flat.terms(point)
-    return joined(terms.equalities, point.dtype), joined(terms.inequalities, point.dtype)
+def _box(flat: Flat) -> scipy.optimize.Bounds:
+    lower: Any = flat.lower  # annotated as numbers by SciPy, which takes arrays
+    upper: Any = flat.upper
+    return scipy.optimize.Bounds(lower, upper)
 
 
 def _violation(levels: np.ndarray, equalities: int) -> float:

@@ -34,7 +34,7 @@ def sobol_starts(problem: Problem, count: int, seed: int) -> Parameters:
     sampler = qmc.Sobol(lower.size, rng=np.random.default_rng(seed))
     power = max(count - 1, 0).bit_length()
     points = jnp.asarray(sampler.random_base2(power)[:count], lower.dtype)
-    return jax.vmap(unravel)(lower[None] + points * (upper - lower)[None])
+    return jax.vmap(lambda point: unravel(lower + point * (upper - lower)))(points)
 
 
 def best_starts(
@@ -48,16 +48,19 @@ def best_starts(
         problem: its bounds must all be finite.
         count: how many to return, the most promising one first.
         seed: of the scrambling.
-        among: how many points to look at.
+        among: how many points to look at, if that is more than are returned.
         scale: change of the objective that matters about as much as 1 in a constraint.
 
     Returns:
         As `sobol_starts`.
+
+    Raises:
+        ValueError: a bound is not finite.
     """
-    points = sobol_starts(problem, among, seed)
+    points = sobol_starts(problem, max(among, count), seed)
 
     def merit(parameters: Parameters) -> Float[Array, ""]:
-        terms = problem.terms(parameters)
+        terms = problem.terms(parameters, *problem.data)
         unmet = 0.0
         for part in terms.inequalities.values():
             unmet = unmet + jnp.sum(jnp.minimum(part, 0.0) ** 2)

@@ -3,11 +3,16 @@
 Violations are computed anew, and multipliers from the stationarity conditions (Karush, Kuhn and
 Tucker) by non-negative least squares over the constraints that are active there; what these leave
 of the objective's gradient says how far the point is from an optimum (J. Nocedal, S. J. Wright,
-*Numerical Optimization*, 2nd ed., §12.3).
+*Numerical Optimization*, 2nd ed., §12.3). Of an infeasible point the same is asked about half the
+sum of the squared violations, between the bounds: only at a minimum of it do requirements conflict
+(E. G. Birgin, J. M. Martínez, *Practical Augmented Lagrangian Methods*, 2014, ch. 6).
+
+A multiplier is that of f + μ·h − λ·g for equalities h = 0 and inequalities g ≥ 0.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -20,8 +25,8 @@ from jaxtyping import Float
 from scipy.optimize import nnls
 
 from designopt.optimising.augmented import Trace
-from designopt.optimising.flat import Flat, Point, joined
-from designopt.optimising.problem import Parameters
+from designopt.optimising.flat import Flat, Point
+from designopt.optimising.problem import BOUND, Parameters
 from designopt.solution import Solution
 
 FEASIBLE = 1e-6
@@ -32,9 +37,6 @@ ACTIVE = 1e-4
 
 STATIONARY = 1e-2
 """Largest part of the objective's gradient that multipliers may leave at an optimum."""
-
-BOUND = "bounds"
-"""Name of the bounds among violations and multipliers."""
 
 
 class OptimumResult(eqx.Enumeration):
@@ -49,6 +51,10 @@ class OptimumResult(eqx.Enumeration):
         "The requirements could not all be met from this start: those listed with their amounts "
         "conflict; relax one of them, or try more starts."
     )
+    not_met = (
+        "Requirements are not met, though nothing says that they conflict: more steps, another "
+        "start or another solver would go further."
+    )
     no_number = "The search left the domain in which the problem has numbers: start elsewhere."
 
 
@@ -58,12 +64,17 @@ class Optimum:
 
     Attributes:
         solution: the parameters. ``margin`` is the smallest scaled inequality or distance to a
-            bound (negative: the largest violation), ``residual`` what is left of the objective's
-            gradient, relative to it.
-        objective: what was minimised.
+            bound (negative: the largest violation); ``residual`` what is left of the objective's
+            gradient, or at an infeasible point of the squared violations' gradient, relative to
+            it.
+        objective: what was minimised; infinite where the problem has no numbers.
         violations: largest scaled violation by the constraint's name; 0 where it holds.
-        multipliers: by the constraint's name, in its shape; of bounds, in their order.
-        history: one row per update of the multipliers, or per step.
+        multipliers: by the constraint's name, in its shape, per unit of its array; of bounds, in
+            their order (the lower ones, then the upper ones, finite ones only), per scaled unit.
+            Without meaning unless ``solution.ok``.
+        history: one row per update of the multipliers; or one of the start and one per step.
+        worst: index of the element that is violated most, by the name of each constraint that
+            does not hold.
     """
 
     solution: Solution[Parameters]
@@ -71,6 +82,7 @@ class Optimum:
     violations: dict[str, float]
     multipliers: dict[str, np.ndarray]
     history: Trace
+    worst: dict[str, tuple[int, ...]]
 
     @property
     def parameters(self) -> Parameters:
@@ -85,72 +97,120 @@ class Optimum:
     @property
     def feasible(self) -> bool:
         """Whether all requirements are met, to `FEASIBLE`."""
-        return np.isfinite(self.objective) and self.violation <= FEASIBLE
+        return math.isfinite(self.objective) and self.violation <= FEASIBLE
 
 
-def judge(flat: Flat) -> Callable[[Point, Trace], Optimum]:
-    """A function that judges points of a problem; it compiles once.
+def judge(flat: Flat) -> Callable[[Point, tuple[Any, ...], Trace], Optimum]:
+    """A function that judges points of a problem, given its data; it compiles once.
 
     Args:
         flat: the problem.
     """
 
-    def parts(point: Point) -> Any:
-        terms = flat.terms(point)
-        h, g = (joined(part, point.dtype) for part in (terms.equalities, terms.inequalities))
-        return terms.value, h, jnp.concatenate([g, flat.bounds(point)])
-
     @jax.jit
-    def values_and_slopes(point: Point) -> tuple[Any, Any]:
-        return parts(point), jax.jacfwd(parts)(point)
+    def values_and_slopes(point: Point, data: tuple[Any, ...]) -> tuple[Any, Any]:
+        def parts(point: Point) -> Any:
+            terms, h, g = flat.given(data).value_and_levels(point)
+            value = (terms.value, h, jnp.concatenate([g, flat.bounds(point)]))
+            return value, value
 
-    shapes = jax.eval_shape(flat.terms, jnp.zeros(flat.units.size, flat.units.dtype))
+        slopes, values = jax.jacfwd(parts, has_aux=True)(point)
+        return values, slopes
+
+    shapes = jax.eval_shape(flat.terms, jnp.asarray(flat.units))
     equalities = {name: part.shape for name, part in sorted(shapes.equalities.items())}
     inequalities = {name: part.shape for name, part in sorted(shapes.inequalities.items())}
     inequalities[BOUND] = (sum(len(part) for part in flat.limited),)
 
-    def verdict(point: Point, history: Trace) -> Optimum:
-        (value, h, g), slopes = jax.tree.map(np.asarray, values_and_slopes(point))
+    def verdict(point: Point, data: tuple[Any, ...], history: Trace) -> Optimum:
+        (value, h, g), slopes = jax.tree.map(np.asarray, values_and_slopes(point, data))
         numbers = (value, h, g, *slopes)
         if not all(np.all(np.isfinite(part)) for part in numbers):
             return _without_numbers(flat, point, history)
-        mu, lam, residual = _multipliers(h, g, slopes)
-        violations = {n: float(np.max(np.abs(v))) for n, v in _named(equalities, h)}
-        violations |= {
-            n: max(0.0, -float(np.min(v, initial=0))) for n, v in _named(inequalities, g)
-        }
-        margin = min(float(np.min(g, initial=np.inf)), -float(np.max(np.abs(h), initial=-np.inf)))
-        result = OptimumResult.successful
-        if residual > STATIONARY:
-            result = OptimumResult.not_stationary
-        if max(violations.values(), default=0.0) > FEASIBLE:
-            result = OptimumResult.infeasible
-        multipliers = dict(_named(equalities, mu)) | dict(_named(inequalities, lam))
-        solution = Solution(
-            flat.parameters(point), jnp.asarray(margin), jnp.asarray(residual), result
+        mu, lam, residual = _multipliers(value, h, g, slopes)
+        unmet = dict(_named(equalities, np.abs(h))) | dict(
+            _named(inequalities, np.maximum(-g, 0.0))
         )
-        return Optimum(solution, float(value), violations, multipliers, history)
+        violations = {name: float(np.max(part)) for name, part in unmet.items()}
+        result = (
+            OptimumResult.successful if residual <= STATIONARY else OptimumResult.not_stationary
+        )
+        if max(violations.values(), default=0.0) > FEASIBLE:
+            residual = _conflict(h, g, slopes, *inequalities[BOUND])
+            result = OptimumResult.infeasible if residual <= STATIONARY else OptimumResult.not_met
+        margin = min(float(np.min(g, initial=np.inf)), -float(np.max(np.abs(h), initial=-np.inf)))
+        solution = Solution(
+            flat.parameters(point),
+            jnp.asarray(margin, point.dtype),
+            jnp.asarray(residual, point.dtype),
+            result,
+        )
+        return Optimum(
+            solution,
+            float(value),
+            violations,
+            dict(_named(equalities, mu)) | dict(_named(inequalities, lam)),
+            history,
+            {
+                name: tuple(int(i) for i in np.unravel_index(np.argmax(part), part.shape))
+                for name, part in unmet.items()
+                if violations[name] > FEASIBLE
+            },
+        )
 
     return verdict
 
 
+Slopes = tuple[
+    Float[np.ndarray, " parameters"],
+    Float[np.ndarray, "equalities parameters"],
+    Float[np.ndarray, "inequalities parameters"],
+]
+
+
 def _multipliers(
+    value: Float[np.ndarray, ""],
     h: Float[np.ndarray, " equalities"],
     g: Float[np.ndarray, " inequalities"],
-    slopes: tuple[np.ndarray, np.ndarray, np.ndarray],
+    slopes: Slopes,
 ) -> tuple[np.ndarray, np.ndarray, float]:
+    """μ, λ, and what they leave of the objective's gradient, relative to it."""
     gradient, of_h, of_g = slopes
     candidates = np.flatnonzero(g <= ACTIVE)
-    columns = np.concatenate([-of_h, of_h, of_g[candidates]]).T
-    lam, mu = np.zeros_like(g), np.zeros_like(h)
-    if columns.size:
-        found, left = nnls(columns, gradient)
-        mu = found[: h.size] - found[h.size : 2 * h.size]
-        lam[candidates] = found[2 * h.size :]
-    else:
-        left = float(np.linalg.norm(gradient))
-    size = float(np.linalg.norm(gradient))
-    return mu, lam, left / max(size, FEASIBLE)
+    found, left = _balanced(gradient, np.concatenate([-of_h, of_h, of_g[candidates]]))
+    lam = np.zeros_like(g)
+    lam[candidates] = found[2 * h.size :]
+    # An optimum without constraints has no gradient to compare with: one that changes the
+    # objective in rounding only (its cube root, for a minimum is flat) counts as none.
+    least = float(np.finfo(gradient.dtype).eps) ** (1 / 3) * (1 + abs(float(value))) / STATIONARY
+    size = max(float(np.linalg.norm(gradient)), least)
+    return found[: h.size] - found[h.size : 2 * h.size], lam, left / size
+
+
+def _conflict(
+    h: Float[np.ndarray, " equalities"],
+    g: Float[np.ndarray, " inequalities"],
+    slopes: Slopes,
+    bounds: int,
+) -> float:
+    """How far half the sum of squared violations is from a minimum: 0 at one, at most 1."""
+    _, of_h, of_g = slopes
+    kept = g.size - bounds
+    parts = np.concatenate([h[:, None] * of_h, np.minimum(g, 0.0)[:kept, None] * of_g[:kept]])
+    at_bound = kept + np.flatnonzero(g[kept:] <= ACTIVE)
+    _, left = _balanced(np.sum(parts, axis=0), of_g[at_bound])
+    # Relative to what would be left if nothing balanced; 0 of 0 where no slope shows a way out.
+    return left / max(float(np.sum(np.linalg.norm(parts, axis=1))), np.finfo(float).tiny)
+
+
+def _balanced(
+    gradient: Float[np.ndarray, " parameters"], rows: Float[np.ndarray, "rows parameters"]
+) -> tuple[np.ndarray, float]:
+    """The gradient as a sum of rows, none of them negatively: how often each, and what is left."""
+    if not rows.size:
+        return np.zeros(len(rows)), float(np.linalg.norm(gradient))
+    found, left = nnls(rows.T, gradient)
+    return found, float(left)
 
 
 def _named(shapes: dict[str, tuple[int, ...]], flat: np.ndarray) -> list[tuple[str, np.ndarray]]:
@@ -167,8 +227,8 @@ def _named(shapes: dict[str, tuple[int, ...]], flat: np.ndarray) -> list[tuple[s
 def _without_numbers(flat: Flat, point: Point, history: Trace) -> Optimum:
     solution = Solution(
         flat.parameters(jnp.where(jnp.isfinite(point), point, 0.0)),
-        jnp.asarray(-1.0),
-        jnp.asarray(1.0),
+        jnp.asarray(-1.0, point.dtype),
+        jnp.asarray(1.0, point.dtype),
         OptimumResult.no_number,
     )
-    return Optimum(solution, float("inf"), {}, {}, history)
+    return Optimum(solution, math.inf, {}, {}, history, {})

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from designopt.optimising.flat import Flat
-from designopt.optimising.problem import Problem, Requirement
-from designopt.optimising.verdict import BOUND, FEASIBLE, Optimum
+from designopt.optimising.problem import BOUND, Problem, Requirement
+from designopt.optimising.verdict import Optimum
 
 
 @dataclass(frozen=True)
@@ -20,8 +20,9 @@ class Active:
         index: of its element there.
         words: what it is.
         unit: of its amounts.
-        price: by how much the objective would fall for one unit less of it; its multiplier, in
-            units of the objective per ``unit``.
+        price: by how much the objective would fall, to first order, if one ``unit`` less were
+            asked: for an inequality or a bound by one, its λ; for an equality, at +1 instead of
+            0, its μ, which may be negative. In units of the objective per ``unit``.
         share: of its multiplier in the sum of all.
     """
 
@@ -46,51 +47,36 @@ def active_set(problem: Problem, optimum: Optimum, least_share: float = 0.01) ->
     for name, values in optimum.multipliers.items():
         for index in np.argwhere(np.abs(values) > least_share * total):
             place = tuple(int(i) for i in index)
-            requirement = _requirement(problem, name)
+            words, unit, scale = _told(problem, name, place)
             price = float(values[place])
-            found.append(
-                Active(
-                    name,
-                    place,
-                    requirement.words(place),
-                    requirement.unit,
-                    price / requirement.scale,
-                    abs(price) / total,
-                )
-            )
+            found.append(Active(name, place, words, unit, price / scale, abs(price) / total))
     return sorted(found, key=lambda one: -one.share)
 
 
 def conflict(problem: Problem, optimum: Optimum) -> list[str]:
     """The requirements that an infeasible point fails, each with its amount, the worst first.
 
-    Where an augmented Lagrangian ends without a feasible point, it is at a minimum of the squared
-    violations: the gradients of exactly these requirements balance, so none of them can be met
-    better without another being met worse (E. G. Birgin, J. M. Martínez, *Practical Augmented
-    Lagrangian Methods*, 2014, ch. 6).
+    Of an array with several such elements the worst one is told. Where the point's result is
+    ``infeasible``, it is at a minimum of the squared violations: their gradients balance, so that
+    near it none of these requirements can be met better without another being met worse.
+
+    Args:
+        problem: the problem that was solved.
+        optimum: what was found.
     """
-    unmet = sorted(optimum.violations.items(), key=lambda item: -item[1])
     lines = []
-    for name, amount in unmet:
-        if amount > FEASIBLE:
-            requirement = _requirement(problem, name)
-            size = f"{amount * requirement.scale:.3g}"
-            lines.append(f"{name} by {size} {requirement.unit}".rstrip())
+    for name in sorted(optimum.worst, key=lambda name: -optimum.violations[name]):
+        words, unit, scale = _told(problem, name, optimum.worst[name])
+        lines.append(f"{words} by {optimum.violations[name] * scale:.3g} {unit}".rstrip())
     return lines
 
 
-def _requirement(problem: Problem, name: str) -> Requirement:
+def _told(problem: Problem, name: str, place: tuple[int, ...]) -> tuple[str, str, float]:
+    """Of an element of a requirement: words, unit, and the unit's amount for 1 in the array."""
     if name == BOUND:
-        flat = Flat.of(problem)
-        low, _ = flat.limited
-
-        def bound(index: tuple[int, ...]) -> str:
-            path, place = flat.elements(index[0])
-            which = "lower" if index[0] < len(low) else "upper"
-            return f"{path.lstrip('.')}{list(place) if place else ''} at its {which} bound"
-
-        return Requirement(bound)
-    given = problem.requirements.get(name)
-    if given is not None:
-        return given
-    return Requirement(lambda index: f"{name}{list(index) if index else ''}")
+        words, scale = Flat.of(problem).bound(*place)
+        return words, "", scale
+    told = problem.requirements.get(name)
+    if told is None:
+        told = Requirement(lambda index: f"{name}{list(index) or ''}")
+    return told.words(place), told.unit, told.scale

@@ -1,0 +1,208 @@
+"""The linkage as a design problem: the least transmission angle, in a body that can be built."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.optimising import Problem, Requirement, Terms
+from designopt.vectors import Vector
+from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.pins import Pins
+from studies.finger_linkage.postures import Postures, find_postures
+from studies.finger_linkage.spec import LimitsSpec
+
+LENGTH = 5.0
+"""Lengths are scaled by it, mm."""
+
+ANGLE = 0.1
+"""The level of the transmission angles is scaled by it, rad."""
+
+SYMBOLS = {"D1": "μ_D1", "D2": "μ_D2", "C": "μ_C", "H": "μ_G'", "E": "μ_E", "P": "μ_P"}
+"""The transmission angles as people know them; H is the paper's G'."""
+
+HOSTS = {
+    "F": "proximal",
+    "E": "proximal",
+    "D": "intermediate",
+    "G": "intermediate",
+    "H": "intermediate",
+    "C": "distal",
+}
+"""The phalanx in whose section a pin lies and must stay. (An argument from their motions: F, G and
+C are fixed there, E swings beside the proximal phalanx, D and G' beside the intermediate one.)"""
+
+LINKS = {
+    "proximal phalanx": "AF",
+    "intermediate phalanx": "ABG",
+    "distal phalanx": "BC",
+    "plate": "CDH",
+    "rod": "DE",
+    "crank": "EF",
+    "bar": "GH",
+}
+"""Pins on every link."""
+
+PAIRS = [
+    (first, second)
+    for pins in LINKS.values()
+    for first, second in combinations(pins, 2)
+    if (first, second) != ("A", "B")
+]
+"""Pins on one link whose distance the design decides."""
+
+
+def grid(body: BodySpec, step_deg: float) -> Float[np.ndarray, " angles"]:
+    """Flexion angles from straight to the end of the range, both included, rad."""
+    count = int(np.ceil(body.range_deg / step_deg - 1e-9)) + 1
+    return np.deg2rad(np.linspace(0.0, body.range_deg, count))
+
+
+def linkage_problem(
+    body: BodySpec,
+    limits: LimitsSpec,
+    pip: Float[np.ndarray, " pip"],
+    dip: Float[np.ndarray, " dip"],
+    allowance: float = 0.0,
+) -> Problem:
+    """Maximise the least of six transmission angles over a square of postures.
+
+    Args:
+        body: the finger's section.
+        limits: what every posture must leave.
+        pip: angles of PIP, rad; their combinations with those of DIP are the postures.
+        dip: angles of DIP, rad.
+        allowance: kept beyond every length that is required, mm.
+
+    Returns:
+        A problem in `Pins`, with ``least`` in rad by the symbols of the angles, and inequalities
+        by names that say what is asked.
+    """
+    knuckle, fingertip = jnp.asarray(pip), jnp.asarray(dip)
+
+    def terms(pins: Pins) -> Terms:
+        postures = find_postures(pins, body, knuckle, fingertip)
+        return Terms(
+            least={SYMBOLS[name]: values for name, values in postures.angles.items()},
+            inequalities=inequalities(pins, postures, body, limits, allowance),
+        )
+
+    lower, upper = _box(body, limits, allowance)
+    scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
+    return Problem(terms, lower, upper, scale, _requirements(np.rad2deg(pip), np.rad2deg(dip)))
+
+
+def inequalities(
+    pins: Pins, postures: Postures, body: BodySpec, limits: LimitsSpec, allowance: float = 0.0
+) -> dict[str, Float[Array, "..."]]:
+    """What the limits ask of a design in given postures; negative where it fails, scaled."""
+    keep = limits.clearance + allowance
+    places = postures.inner | postures.outer | {"C": postures.distal_c}
+    found = {
+        "assembly of B-C-G'-G": (postures.reach[0] - limits.assembly - allowance) / LENGTH,
+        "assembly of A-D-E-F": (postures.reach[1] - limits.assembly - allowance) / LENGTH,
+        "crank closing with PIP": postures.pip_ratio - limits.turn,
+        "crank closing with DIP": postures.dip_ratio - limits.turn,
+        "plate turning with DIP": postures.gamma_slope - limits.turn,
+        "range of the crank": jnp.deg2rad(limits.crank_range_deg)
+        - (jnp.max(postures.crank) - jnp.min(postures.crank)),
+        "pins apart": (_distances(pins, body) - limits.spacing - allowance) / LENGTH,
+        "|AF|": (vector_length(pins.F) - limits.crank_offset - allowance) / LENGTH,
+        "|EF|": (limits.crank_length - allowance - vector_length(pins.E - pins.F)) / LENGTH,
+    }
+    for name, host in HOSTS.items():
+        found[f"pin {_told(name)} inside"] = _inside(places[name], host, body, keep) / LENGTH
+    if limits.force_ratio is not None:
+        found["φ₂/φ₁"] = limits.force_ratio * postures.pip_ratio - postures.dip_ratio
+    return found
+
+
+def vector_length(step: Float[Array, "*batch 2"]) -> Float[Array, "*batch"]:
+    """Length of plane vectors, mm; 0 with zero slope for the zero vector."""
+    return Vector(step[..., 0], step[..., 1]).length()
+
+
+def _distances(pins: Pins, body: BodySpec) -> Float[Array, " pairs"]:
+    zero = jnp.zeros_like(pins.F)
+    axes = {"A": zero, "B": zero.at[0].set(body.intermediate)}
+    at = axes | {name: getattr(pins, name) for name in HOSTS}
+    return jnp.stack([vector_length(at[first] - at[second]) for first, second in PAIRS])
+
+
+def _inside(place: Vector, host: str, body: BodySpec, keep: float) -> Float[Array, "sides ..."]:
+    """Distances from where a pin may be: to the palmar face, the dorsal face, and an end."""
+    sides = [place.y - body.palmar - keep, body.dorsal - keep - place.y]
+    if host == "proximal":
+        sides.append(place.x + body.proximal - keep)
+    if host == "distal":
+        sides.append(body.distal - keep - place.x)
+    return jnp.stack(sides)
+
+
+def _box(body: BodySpec, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
+    """Where the pins may be in the straight finger; generous along it."""
+    keep = limits.clearance + allowance
+    low, high = body.palmar + keep, body.dorsal - keep
+    rear, tip = -body.proximal + keep, body.intermediate + body.distal - keep
+    reach = body.intermediate / 2
+    spans = {
+        "F": (rear, reach),
+        "E": (rear, reach),
+        "D": (-2 * reach, body.intermediate),
+        "C": (reach, tip),
+        "G": (-reach, body.intermediate + reach),
+        "H": (-reach, body.intermediate + reach),
+    }
+    lower = Pins(**{name: jnp.array([span[0], low]) for name, span in spans.items()})
+    upper = Pins(**{name: jnp.array([span[1], high]) for name, span in spans.items()})
+    return lower, upper
+
+
+def _requirements(
+    pip_deg: Float[np.ndarray, " pip"], dip_deg: Float[np.ndarray, " dip"]
+) -> dict[str, Requirement]:
+    def posture(index: tuple[int, ...]) -> str:
+        # What one angle decides is a row over DIP.
+        axes = (("PIP", pip_deg), ("DIP", dip_deg))[2 - len(index) :]
+        told = [f"{name} {angles[i]:.3g}°" for (name, angles), i in zip(axes, index, strict=True)]
+        return " at " + ", ".join(told) if told else ""
+
+    def plain(name: str, unit: str, scale: float) -> Requirement:
+        return Requirement(lambda index: name + posture(index), unit, scale)
+
+    told = {symbol: plain(symbol, "°", float(np.rad2deg(ANGLE))) for symbol in SYMBOLS.values()}
+    told |= {
+        name: plain(name, "mm", LENGTH)
+        for name in ("assembly of B-C-G'-G", "assembly of A-D-E-F", "|AF|", "|EF|")
+    }
+    told |= {
+        name: plain(name, "", 1.0)
+        for name in (
+            "crank closing with PIP",
+            "crank closing with DIP",
+            "plate turning with DIP",
+            "φ₂/φ₁",
+        )
+    }
+    told["range of the crank"] = plain("range of the crank", "°", float(np.rad2deg(1.0)))
+    told["pins apart"] = Requirement(
+        lambda index: "distance of pins {} and {}".format(*map(_told, PAIRS[index[0]])),
+        "mm",
+        LENGTH,
+    )
+    for name, host in HOSTS.items():
+        sides = ("palmar face", "dorsal face", "finger's tip" if host == "distal" else "rear end")
+
+        def inside(index: tuple[int, ...], name: str = name, sides: tuple[str, ...] = sides) -> str:
+            return f"pin {_told(name)} at the {sides[index[0]]}{posture(index[1:])}"
+
+        told[f"pin {_told(name)} inside"] = Requirement(inside, "mm", LENGTH)
+    return told
+
+
+def _told(pin: str) -> str:
+    return "G'" if pin == "H" else pin

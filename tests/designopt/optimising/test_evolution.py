@@ -1,0 +1,83 @@
+"""Differential evolution against published values; a fraction of a second is enough for them."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from designopt.optimising import Problem, Terms, differential_evolution
+from designopt.optimising.references import EQUALITY
+from tests.designopt.optimising.cases import PROBLEMS, case
+
+# Seconds it may take at most, compiling apart; a test of convergence stops for that long.
+BRIEF = 0.4
+
+
+def checked(evolution, problem):
+    """The parts of an answer that must fit together."""
+    assert evolution.seconds.shape == evolution.objective.shape == evolution.violation.shape
+    assert np.all(np.diff(evolution.seconds) > 0)
+    assert np.all(evolution.violation >= 0)
+    at = problem.terms(evolution.parameters)
+    np.testing.assert_allclose(evolution.objective[-1], at.value, rtol=1e-12)
+    inside = jax.tree.map(
+        lambda low, x, high: bool(jnp.all((low <= x) & (x <= high))),
+        problem.lower,
+        evolution.parameters,
+        problem.upper,
+    )
+    assert all(jax.tree.leaves(inside))
+
+
+def test_max_min_as_it_is():
+    """No epigraph, no constraint: the kink of the least value is no trouble to it."""
+    cb2 = case("cb2")
+    found = differential_evolution(cb2.problem, seconds=BRIEF, seed=0)
+    checked(found, cb2.problem)
+    assert np.all(np.diff(found.objective) <= 0)
+    assert np.all(found.violation == 0)
+    np.testing.assert_allclose(found.objective[-1], cb2.value, rtol=1e-4)
+
+
+def test_inequalities_are_respected():
+    hs65 = case("hs65")
+    found = differential_evolution(hs65.problem, seconds=BRIEF, seed=1)
+    checked(found, hs65.problem)
+    assert found.violation[-1] == 0
+    np.testing.assert_allclose(found.objective[-1], hs65.value, rtol=1e-2)
+    assert found.objective[-1] >= hs65.value * (1 - 1e-9)
+
+
+def test_equalities_are_met_to_their_tolerance():
+    hs28 = case("hs28")
+    problem = Problem(hs28.problem.terms, jnp.full(3, -5.0), jnp.full(3, 5.0))
+    found = differential_evolution(problem, seconds=BRIEF, seed=2)
+    checked(found, problem)
+    assert 0 < found.violation[-1] <= EQUALITY
+    np.testing.assert_allclose(found.objective[-1], hs28.value, atol=0.05)
+
+
+def test_the_same_seed_the_same_search():
+    cb2 = case("cb2").problem
+    first, second = (differential_evolution(cb2, seconds=0.05, seed=3) for _ in range(2))
+    count = min(len(first.seconds), len(second.seconds))
+    np.testing.assert_array_equal(first.objective[:count], second.objective[:count])
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_members_without_numbers_are_the_worst(dtype):
+    problem = Problem(
+        lambda x: Terms(objective=x[0] - jnp.log(x[0]), inequalities={"g": jnp.sqrt(x[0]) - 0.5}),
+        jnp.asarray([-3.0], dtype),
+        jnp.asarray([3.0], dtype),
+    )
+    found = differential_evolution(problem, seconds=0.1, seed=0, population=4)
+    assert found.parameters.dtype == dtype
+    assert np.all(np.isfinite(found.objective))
+    np.testing.assert_allclose(found.parameters, 1.0, atol=1e-2)
+
+
+def test_bounds_are_needed():
+    assert PROBLEMS["hs43"][1][0][0] == -np.inf
+    with pytest.raises(ValueError, match="finite"):
+        differential_evolution(case("hs43").problem, seconds=0.1, seed=0)

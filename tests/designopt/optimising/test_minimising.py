@@ -1,0 +1,309 @@
+"""Local solves, every method, against published optima; failures that stay in their place."""
+
+from typing import get_args
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from designopt.optimising import (
+    BOUND,
+    FEASIBLE,
+    Method,
+    Minimiser,
+    OptimumResult,
+    Problem,
+    Terms,
+    active_set,
+    conflict,
+    epigraph,
+    level_starts,
+    minimise,
+    sobol_starts,
+    softened,
+)
+from tests.designopt.optimising.cases import PUBLISHED, apart, case, rosenbrock
+
+VALUE = 1e-6
+"""Relative to 1 + |value|: constraints are met to about 1e-7, and multipliers are of order one."""
+
+POINT = 1e-3
+"""A minimum is flat: its place is known to the square root of its value."""
+
+TIGHT = {"slsqp": 1e-12}
+"""SLSQP's tolerance is of the objective, to which its place belongs by the square root."""
+
+SMOOTH = ["hs1", "hs21", "hs28", "hs35", "hs43", "hs61", "hs65", "hs71"]
+
+
+def floors(method, value):
+    """Levenberg–Marquardt's floor: a little below the least value, as a designer may guess it."""
+    return value - 1.0 if method == "levenberg-marquardt" else None
+
+
+def solved(name, method):
+    published = case(name)
+    return published, minimise(
+        published.problem,
+        published.starts,
+        method,
+        floor=floors(method, published.value),
+        tolerance=TIGHT.get(method, 1e-8),
+    )
+
+
+def check(published, optimum):
+    assert bool(optimum.solution.ok), (optimum.solution.messages(), optimum.violations)
+    assert optimum.violation <= FEASIBLE
+    scale = 1 + abs(published.value)
+    np.testing.assert_allclose(optimum.objective, published.value, rtol=0, atol=VALUE * scale)
+    np.testing.assert_allclose(optimum.parameters, published.point, rtol=0, atol=POINT)
+    for name, multiplier in published.multipliers.items():
+        found = optimum.multipliers[name] / published.units[name]
+        np.testing.assert_allclose(found, multiplier, rtol=0, atol=POINT)
+
+
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        ("hs71", "bfgs"),
+        ("hs65", "levenberg-marquardt"),
+        ("hs43", "jaxopt-lbfgsb"),
+        ("hs35", "jaxopt-projected-gradient"),
+        ("hs71", "slsqp"),
+        ("hs43", "trust-constr"),
+    ],
+)
+def test_published_optima(name, method):
+    published, optima = solved(name, method)
+    check(published, optima.best)
+    assert conflict(published.problem, optima.best) == []
+    assert optima.seconds > 0
+    assert optima.compile_seconds > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", get_args(Method))
+@pytest.mark.parametrize("name", SMOOTH)
+def test_every_method_on_every_published_problem(name, method):
+    published, optima = solved(name, method)
+    check(published, optima.best)
+
+
+def test_the_active_set_of_hs71():
+    """The equality and the product hold it, and the lower bound of x1, as published."""
+    published, optima = solved("hs71", "slsqp")
+    active = active_set(published.problem, optima.best)
+    words = {one.words: one for one in active}
+    assert words.keys() == {"parameter[0] at its lower bound", "product", "sphere"}
+    assert [one.share for one in active] == sorted((one.share for one in active), reverse=True)
+    np.testing.assert_allclose(sum(one.share for one in active), 1.0, rtol=1e-6)
+    # A price is what the optimum gains by a requirement's change: by solving anew.
+    step = 1e-3
+
+    def value(**change):
+        lower = published.problem.lower.at[0].add(change.get("bound", 0.0))
+
+        def terms(x):
+            at = published.problem.terms(x)
+            return Terms(
+                objective=at.objective,
+                equalities={"sphere": at.equalities["sphere"] - change.get("sphere", 0.0)},
+                inequalities={"product": at.inequalities["product"] - change.get("product", 0.0)},
+            )
+
+        problem = Problem(terms, lower, published.problem.upper)
+        return minimise(problem, published.starts, "slsqp", tolerance=1e-14).best.objective
+
+    for key, name, less in (
+        ("bound", "parameter[0] at its lower bound", -1),
+        ("product", "product", -1),
+        ("sphere", "sphere", 1),  # of an equality, the price is of +1 instead of 0
+    ):
+        gain = (value(**{key: -less * step}) - value(**{key: less * step})) / (2 * step)
+        np.testing.assert_allclose(words[name].price, gain, rtol=1e-4)
+
+
+def test_plain_least_squares_is_one_solve():
+    data = PUBLISHED["kowalik-osborne"]
+    y, u = (jnp.asarray(data[key]) for key in "yu")
+
+    def terms(x):
+        return Terms(residuals=x[0] * (u * u + u * x[1]) / (u * u + u * x[2] + x[3]) - y)
+
+    problem = Problem(terms, jnp.full(4, -jnp.inf), jnp.full(4, jnp.inf))
+    start = jnp.asarray(data["start"])
+    optima = minimise(problem, jnp.stack([start, 2 * start]), "levenberg-marquardt")
+    for one in optima.found:
+        assert bool(one.solution.ok)
+        np.testing.assert_allclose(2 * one.objective, data["sum_of_squares"], rtol=2e-6)
+        assert one.multipliers == {}
+        # No multipliers to update: one row of history.
+        assert one.history.steps.shape == (1,)
+        np.testing.assert_allclose(one.history.objective[0], one.objective, rtol=1e-12)
+
+
+def test_the_exact_form_of_max_min():
+    """CB2 in 8 starts at once: where two of three functions meet, shares of the price sum to 1."""
+    cb2 = case("cb2")
+    form = epigraph(cb2.problem)
+    starts = level_starts(cb2.problem, sobol_starts(cb2.problem, 8, seed=0))
+    optima = minimise(form, starts, "bfgs", updates=15)
+    best = optima.best
+    assert bool(best.solution.ok)
+    np.testing.assert_allclose(best.objective, cb2.value, rtol=1e-6)
+    np.testing.assert_allclose(best.parameters.level, -cb2.value, rtol=1e-6)
+    at = cb2.problem.terms(best.parameters.design)
+    np.testing.assert_allclose(at.value, cb2.value, rtol=1e-6)
+    weights = [float(best.multipliers[name]) for name in ("first", "second", "third")]
+    # The first function and the second are the largest there; of weights the sum is one.
+    np.testing.assert_allclose(sum(weights), 1.0, rtol=1e-6)
+    assert weights[2] == pytest.approx(0.0, abs=1e-6)
+    assert {one.name for one in active_set(form, best)} == {"first", "second"}
+    feasible = optima.feasible
+    assert feasible[0] is best
+    assert [one.objective for one in feasible] == sorted(one.objective for one in feasible)
+
+
+def test_the_smooth_form_of_max_min_ends_within_its_bound():
+    cb3, temperature = case("cb3"), 0.01
+    optima = minimise(softened(cb3.problem, temperature), cb3.starts, "slsqp", tolerance=1e-12)
+    best = optima.best
+    assert bool(best.solution.ok)
+    assert cb3.value <= best.objective <= cb3.value + temperature * np.log(3)
+    exact = float(cb3.problem.terms(best.parameters).value)
+    assert cb3.value - 1e-9 <= exact <= cb3.value + temperature * np.log(3)
+
+
+@pytest.mark.parametrize("method", ["bfgs", "trust-constr"])
+def test_an_infeasible_problem_says_what_conflicts(method):
+    optima = minimise(apart(), jnp.asarray([[3.0]]), method)
+    best = optima.best
+    assert best.solution.messages() == [OptimumResult[OptimumResult.infeasible]]
+    np.testing.assert_allclose(best.parameters, 0.0, atol=1e-6)
+    assert sorted(conflict(apart(), best)) == ["high by 1", "low by 1"]
+    np.testing.assert_allclose([best.violations[n] for n in ("high", "low")], 1.0, atol=1e-6)
+    np.testing.assert_allclose(best.violation, 1.0, atol=1e-6)
+    assert optima.feasible == []
+
+
+def logarithmic(x):
+    """Least at (1, 0), where the requirement holds with room; no numbers left of 0."""
+    return Terms(
+        objective=x[0] - jnp.log(x[0]) + x[1] ** 2, inequalities={"root": jnp.sqrt(x[0]) - 0.5}
+    )
+
+
+LOGARITHMIC = Problem(logarithmic, jnp.full(2, -2.0), jnp.full(2, 6.0))
+DOMAIN_STARTS = jnp.asarray([[3.0, 1.0], [-1.0, 1.0], [0.5, 5.0]])
+
+
+@pytest.mark.parametrize("method", ["bfgs", "slsqp", "trust-constr"])
+def test_a_start_without_numbers_does_not_spoil_the_others(method):
+    settings = {"updates": 6, "steps": 40, "tolerance": TIGHT.get(method, 1e-8)}
+    optima = minimise(LOGARITHMIC, DOMAIN_STARTS, method, **settings)
+    good, bad, other = optima.found
+    assert bad.solution.messages() == [OptimumResult[OptimumResult.no_number]]
+    assert not bad.feasible
+    for one in (good, other):
+        assert bool(one.solution.ok)
+        np.testing.assert_allclose(one.parameters, [1.0, 0.0], atol=POINT)
+    assert optima.best in (good, other)
+    assert len(optima.feasible) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", get_args(Method))
+def test_a_start_without_numbers_does_not_spoil_the_others_by_any_method(method):
+    optima = minimise(
+        LOGARITHMIC, DOMAIN_STARTS, method, floor=floors(method, 1.0), tolerance=1e-10
+    )
+    good, bad, other = optima.found
+    assert bad.solution.messages() == [OptimumResult[OptimumResult.no_number]]
+    for one in (good, other):
+        assert bool(one.solution.ok)
+        np.testing.assert_allclose(one.parameters, [1.0, 0.0], atol=POINT)
+
+
+def test_the_history_of_an_augmented_lagrangian():
+    published, optima = solved("hs35", "jaxopt-projected-gradient")
+    history = optima.best.history
+    assert history.objective.shape == history.violation.shape == history.steps.shape == (12,)
+    steps, violation = np.asarray(history.steps), np.asarray(history.violation)
+    assert np.all(np.diff(steps) >= 0)
+    # The first update is that of the plain penalty ρ/2 g², whose minimum is known for HS35: with
+    # the gradient λ of the optimal value, the violation is near λ/ρ. The last meets the tolerance.
+    np.testing.assert_allclose(violation[0], published.multipliers["plane"] / 10, rtol=0.2)
+    assert violation[-1] <= 1e-8
+    np.testing.assert_allclose(history.objective[-1], optima.best.objective, rtol=1e-12)
+    ended = np.flatnonzero(steps == steps[-1])[0]
+    assert ended < 11
+    assert np.all(violation[ended:] == violation[-1])
+
+
+def test_the_history_of_a_reference_solver():
+    published, optima = solved("hs71", "slsqp")
+    history = optima.best.history
+    assert history.steps.tolist() == list(range(len(history.steps)))
+    np.testing.assert_allclose(history.objective[-1], published.value, rtol=1e-8)
+    assert float(history.violation[-1]) <= FEASIBLE
+    # It begins at the published start: 52 instead of 40, over 40; the product is 25 there.
+    np.testing.assert_allclose(history.violation[0], 12 / 40, rtol=1e-12)
+    np.testing.assert_allclose(history.objective[0], 16.0, rtol=1e-12)
+
+
+def test_single_precision():
+    with jax.enable_x64(False):
+        hs65 = case("hs65", "float32")
+        minimiser = Minimiser(hs65.problem, 1, "bfgs")
+        best = minimiser.solve(hs65.starts).best
+        assert best.parameters.dtype == jnp.float32
+    # The square root of rounding is 3e-4.
+    np.testing.assert_allclose(best.objective, hs65.value, rtol=1e-3)
+    np.testing.assert_allclose(best.parameters, hs65.point, rtol=0, atol=2e-2)
+    assert best.violation <= 1e-5
+
+
+@pytest.mark.parametrize("method", ["slsqp", "bfgs"])
+def test_single_precision_beside_double(method):
+    free = case("hs1", "float32")
+    best = minimise(free.problem, free.starts, method).best
+    assert best.parameters.dtype == jnp.float32
+    np.testing.assert_allclose(best.parameters, free.point, rtol=0, atol=5e-2)
+
+
+def test_a_method_that_mixes_float_types_says_so():
+    hs28 = case("hs28", "float32")
+    with pytest.raises(ValueError, match=r"enable_x64\(False\)"):
+        Minimiser(hs28.problem, 1, "levenberg-marquardt")
+
+
+def test_wrong_use_is_refused():
+    hs71, cb2 = case("hs71"), case("cb2")
+    with pytest.raises(ValueError, match="needs residuals, or a floor"):
+        Minimiser(hs71.problem, 1, "levenberg-marquardt")
+    for method in ("bfgs", "slsqp"):
+        with pytest.raises(ValueError, match=r"epigraph\(\) or softened\(\)"):
+            Minimiser(cb2.problem, 1, method)
+
+
+def test_a_point_found_is_inside_its_bounds():
+    """BFGS knows none, and comes near them from outside."""
+    problem = rosenbrock(0.5)
+    best = minimise(problem, jnp.asarray([[-1.2, 1.0]]), "bfgs").best
+    assert bool(best.solution.ok)
+    assert float(best.parameters[0]) <= 0.5
+    assert best.violations[BOUND] == 0.0
+    # (x2 − x1²) vanishes, so the slope left at x1 = 1/2 is that of (1 − x1)²: 1.
+    np.testing.assert_allclose(best.parameters, [0.5, 0.25], atol=1e-6)
+    np.testing.assert_allclose(best.multipliers[BOUND], [1.0], rtol=1e-3)
+
+
+def test_a_minimiser_serves_more_than_once():
+    minimiser = Minimiser(rosenbrock(), 2, "bfgs")
+    for starts in ([[0.0, 0.0], [2.0, 1.0]], [[-1.0, 2.0], [0.5, 0.5]]):
+        optima = minimiser.solve(jnp.asarray(starts))
+        for one in optima.found:
+            assert bool(one.solution.ok)
+            np.testing.assert_allclose(one.parameters, 1.0, atol=POINT)
