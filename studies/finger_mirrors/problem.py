@@ -156,7 +156,7 @@ def problem_of(body: BodySpec, spec: MirrorSpec, task: Task) -> Problem:
     degrees = np.rad2deg(task.nominal)
     mirrors = ("proximal", "distal")
     return Problem(
-        lambda arrangement: terms_of(arrangement, task),
+        terms_of,
         least,
         greatest,
         scale(),
@@ -172,4 +172,5 @@ def problem_of(body: BodySpec, spec: MirrorSpec, task: Task) -> Problem:
                 CLEARANCE_SCALE,
             ),
         },
+        data=(task,),
     )

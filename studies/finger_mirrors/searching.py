@@ -42,11 +42,11 @@ class Stage(NamedTuple):
 
 
 STAGES = (
-    Stage(4.0, 0.0, 80),
-    Stage(2.0, 1.0, 60),
-    Stage(1.0, 10.0, 60),
-    Stage(1.0, 100.0, 60),
-    Stage(1.0, 300.0, 60),
+    Stage(4.0, 0.0, 70),
+    Stage(2.0, 1.0, 50),
+    Stage(1.0, 10.0, 50),
+    Stage(1.0, 100.0, 50),
+    Stage(1.0, 300.0, 50),
 )
 
 LINE_SEARCH = 12

@@ -129,7 +129,7 @@ def _solver(
     if method in ("slsqp", "trust-constr"):
         reference: Reference = "slsqp" if method == "slsqp" else "trust-constr"
         one = compile_reference(flat, reference, TOLERANCE, UPDATES * STEPS)
-        return lambda start: one(start)[0]
+        return lambda start: one(start, (task,))[0]
     inner: Inner = method  # type: ignore[assignment]
 
     def local(point: jax.Array) -> jax.Array:

@@ -112,7 +112,7 @@ class FingerMirrorsSpec(MirrorSpec):
         default="few", description="which solvers to compare: gap and violation over run time"
     )
     evolution_seconds: Annotated[float, Field(gt=0, le=1e4)] = Field(
-        default=30.0, description="run time of differential evolution, the yardstick (s)"
+        default=20.0, description="run time of differential evolution, the yardstick (s)"
     )
     left_out: bool = Field(default=True, description="count operations left out")
 
