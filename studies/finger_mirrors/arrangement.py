@@ -155,13 +155,14 @@ def scene_table(
     middle, palmar, dorsal, gap = body.intermediate, body.palmar, body.dorsal, body.axis_height
     tip, root = middle + body.distal, -body.proximal
 
-    def surface(name: str, start: Any, end: Any, frame: str | None, **more: Any) -> dict[str, Any]:
-        ends = {"from": _plain(start), "to": _plain(end)}
+    def surface(name: str, corners: Any, frame: str | None, **more: Any) -> dict[str, Any]:
+        start, end = (_plain(corner) for corner in corners)
+        ends = {"from": start, "to": end}
         return {"name": name, **ends, **more, **({"body": frame} if frame else {})}
 
     def pad(name: str, start: float, end: float, frame: str | None) -> dict[str, Any]:
         seen = {"side": "left", "min_grazing_deg": camera.min_grazing_deg}
-        return surface(name, (start, palmar), (end, palmar), frame, **seen)
+        return surface(name, ((start, palmar), (end, palmar)), frame, **seen)
 
     distal = np.asarray(arrangement.distal) + np.array([[middle, 0.0]])
     return {
@@ -174,8 +175,8 @@ def scene_table(
             "projection": "equidistant",
         },
         "mirrors": [
-            surface("distal", *distal, "distal", side="right"),
-            surface("proximal", *arrangement.proximal, "proximal", side="left"),
+            surface("distal", distal, "distal", side="right"),
+            surface("proximal", arrangement.proximal, "proximal", side="left"),
         ],
         "pads": [
             pad("proximal", root + PAD_END, -gap, "proximal"),
@@ -183,12 +184,12 @@ def scene_table(
             pad("distal", middle + gap, tip - PAD_END, "distal"),
         ],
         "blockers": [
-            surface("camera body", *camera_body(arrangement, camera.width), None),
-            surface("proximal shell", (root, dorsal), (0, dorsal), "proximal"),
-            surface("intermediate shell", (0, dorsal), (middle, dorsal), None),
-            surface("distal shell", (middle, dorsal), (tip, dorsal), "distal"),
-            surface("proximal end", (root, palmar), (root, dorsal), "proximal"),
-            surface("tip", (tip, palmar), (tip, dorsal), "distal"),
+            surface("camera body", camera_body(arrangement, camera.width), None),
+            surface("proximal shell", ((root, dorsal), (0, dorsal)), "proximal"),
+            surface("intermediate shell", ((0, dorsal), (middle, dorsal)), None),
+            surface("distal shell", ((middle, dorsal), (tip, dorsal)), "distal"),
+            surface("proximal end", ((root, palmar), (root, dorsal)), "proximal"),
+            surface("tip", ((tip, palmar), (tip, dorsal)), "distal"),
         ],
         "frames": {
             "proximal": {"hinge": [0.0, 0.0], "angle": "pip", "positive": "counterclockwise"},

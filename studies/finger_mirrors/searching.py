@@ -116,7 +116,7 @@ def search(
             point,
             jac=True,
             method="L-BFGS-B",
-            bounds=scipy.optimize.Bounds(low, high),
+            bounds=list(zip(low.tolist(), high.tolist(), strict=True)),
             options={
                 "maxfun": stage.evaluations,
                 "maxiter": stage.evaluations,
@@ -126,10 +126,11 @@ def search(
         )
         point, evaluations = done.x, evaluations + int(done.nfev)
         (_, terms), _ = _lagrangian(jnp.asarray(point), task, penalty, held)
+        levels = terms.inequalities
         multipliers = jax.tree.map(
             lambda m, g, penalty=penalty: jnp.maximum(m - penalty * g, 0.0),
             held,
-            terms.inequalities,
+            levels,
         )
     assert terms is not None
     return Trial(
