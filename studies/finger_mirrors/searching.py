@@ -125,8 +125,8 @@ def search(
             },
         )
         point, evaluations = done.x, evaluations + int(done.nfev)
-        (_, terms), _ = _lagrangian(jnp.asarray(point), task, penalty, held)
-        levels = terms.inequalities
+        (_, reached), _ = _lagrangian(jnp.asarray(point), task, penalty, held)
+        terms, levels = reached, reached.inequalities
         multipliers = jax.tree.map(
             lambda m, g, penalty=penalty: jnp.maximum(m - penalty * g, 0.0),
             held,
