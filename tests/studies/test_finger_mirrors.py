@@ -326,6 +326,7 @@ QUICK = ["search.starts=1", "search.copies=2", "search.poses=2", "thin=0", "draw
 QUICK += ["rays=5000", "ray_poses=2", "solvers=none", "left_out=false"]
 
 
+@pytest.mark.slow
 def test_the_study_end_to_end(tmp_path, monkeypatch, capsys):
     """All of it but the solvers, after a search that is cut short."""
     monkeypatch.setattr(designing, "STAGES", (Stage(2.0, 0.0, 4), Stage(1.0, 100.0, 4)))
