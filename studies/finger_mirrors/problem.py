@@ -30,8 +30,9 @@ from studies.finger_mirrors.spec import MirrorSpec
 NOMINAL = 31
 """Postures in which the arrangement without errors is looked at, evenly over the range."""
 
-RESERVE = 1.04
-"""Resolution is asked for with so much to spare, for it is asked for at a few places of a pad."""
+RESERVE = 1.08
+"""Resolution is asked for with so much to spare, for it is asked for at a few places of a pad and
+every third degree: with 1.04, six of nine starts fell short of it by up to 3 % between these."""
 
 CLEARANCE_SCALE = 10.0
 """A clearance that is missing by so much, mm, counts as 1."""

@@ -44,6 +44,12 @@ STARTS = {"few": 2, "all": 4}
 
 TOLERANCE, UPDATES, STEPS = 1e-4, 5, 60
 
+POPULATION = 4
+"""Members of differential evolution for each of the 11 numbers."""
+
+SHARES = (0.25, 0.5, 1.0)
+"""Of its run time, at which it is looked at."""
+
 HELD = 0.01
 """Largest scaled violation at which the inequalities count as held: `problem.RESERVE` bears it."""
 
@@ -145,14 +151,15 @@ def _evolution(
     body: BodySpec, spec: MirrorSpec, task: Task, seconds: float, seed: int
 ) -> Iterator[Run]:
     begin = time.perf_counter()
-    found = differential_evolution(problem_of(body, spec, task), seconds=seconds, seed=seed)
+    problem = problem_of(body, spec, task)
+    found = differential_evolution(problem, seconds=seconds, seed=seed, population=POPULATION)
     compiling = max(time.perf_counter() - begin - float(found.seconds[-1]), 0.0)
     last = len(found.seconds) - 1
-    for share in (0.25, 0.5, 1.0):
-        at = min(int(np.searchsorted(found.seconds, share * found.seconds[-1])), last)
+    shown = {int(np.searchsorted(found.seconds, part * found.seconds[-1])) for part in SHARES}
+    for at in sorted({min(at, last) for at in shown}):
         yield Run(
             EVOLUTION,
-            f"{at + 1} generations",
+            f"{at + 1} generation{'s' if at else ''}",
             float(found.objective[at]),
             float(found.violation[at]),
             float(found.seconds[at]),

@@ -231,8 +231,9 @@ def _starts(spec: FingerMirrorsSpec, found: Found) -> str:
     reached = [design.meets(number, spec.floor) for number in range(len(design.trials))]
     whole = [verdict.worst_coverage == 1.0 for verdict in design.verdicts]
     return (
-        f"From the poor start the search {'reached' if reached[0] else 'did not reach'} full "
-        f"coverage with {spec.floor:g} px/mm; from {len(reached) - 1} random starts "
+        f"From the poor start the search {'reached' if whole[0] else 'did not reach'} full "
+        f"coverage, with {design.verdicts[0].worst_px_per_mm:.2f} px/mm where {spec.floor:g} are "
+        f"asked for; from {len(reached) - 1} random starts "
         f"{sum(whole[1:])} reached full coverage, {sum(reached[1:])} of them with the resolution."
     )
 
