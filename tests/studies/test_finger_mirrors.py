@@ -196,6 +196,7 @@ def test_the_verdict_on_the_given_layout(verdict):
     assert verdict.worst_px_per_mm >= 2.5
 
 
+@pytest.mark.slow
 def test_the_row_stands_for_the_square(given, finger):
     for scene in (given, scene_of(poor_start(BODY), finger)):
         square = whole_square(scene, 30.0)
