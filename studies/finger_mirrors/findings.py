@@ -1,0 +1,88 @@
+"""Everything that the study finds, before it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from optics.scene import Scene
+from studies.finger_mirrors.arrangement import Arrangement
+from studies.finger_mirrors.design import MirrorDesign
+from studies.finger_mirrors.judging import Square, Verdict
+from studies.finger_mirrors.solvers import Run
+from studies.finger_mirrors.yields import Sensitivity, Yield
+
+START, OPTIMUM, GIVEN = "start", "optimum", "B2's layout"
+
+
+class Case(NamedTuple):
+    """An arrangement and what it is worth.
+
+    Attributes:
+        name: in tables and figures.
+        thickness: of its body, mm.
+        arrangement: camera and mirrors.
+        scene: the finger with them.
+        verdict: degree by degree.
+        yields: by Monte Carlo.
+    """
+
+    name: str
+    thickness: float
+    arrangement: Arrangement
+    scene: Scene
+    verdict: Verdict
+    yields: Yield
+
+
+class RayCheck(NamedTuple):
+    """Coverage by rays.
+
+    Attributes:
+        degrees: PIP and DIP of the postures.
+        coverage: of every pad.
+    """
+
+    degrees: Float[np.ndarray, "poses 2"]
+    coverage: Float[np.ndarray, "poses pads"]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Everything.
+
+    Attributes:
+        design: the main body's.
+        before: the poor start.
+        after: the optimum.
+        others: the layout that was given, if the body is the one it is for, and the thin body's
+            optimum.
+        thin: the latter.
+        squares: over all pairs of angles: before, and after.
+        thin_square: the same for the thin body's optimum.
+        checks: by rays, of the optima.
+        sensitivity: to each error.
+        start_coverages: mean coverage of every start.
+        runs: of the solvers; none if they were not compared.
+    """
+
+    design: MirrorDesign
+    before: Case
+    after: Case
+    others: Sequence[Case]
+    thin: Case | None
+    squares: dict[str, Square]
+    thin_square: Square | None
+    checks: Sequence[tuple[Case, RayCheck]]
+    sensitivity: Sensitivity
+    start_coverages: Sequence[float]
+    runs: Sequence[Run]
+
+    @property
+    def cases(self) -> list[Case]:
+        """All arrangements."""
+        return [self.before, self.after, *self.others]

@@ -1,0 +1,150 @@
+"""The study itself: from its spec to its results."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from designopt.results import PrecisionStudy, Results
+from designopt.study import Context
+from optics.scene import Scene
+from studies.finger_linkage.body import BodySpec
+from studies.finger_mirrors import drawings, left_out, solvers, statements, tables
+from studies.finger_mirrors.arrangement import Arrangement, poor_start, robust_layout, scene_of
+from studies.finger_mirrors.design import design_mirrors
+from studies.finger_mirrors.findings import GIVEN, OPTIMUM, START, Case, Found, RayCheck
+from studies.finger_mirrors.judging import degrees_of, judged, seen_by_rays, whole_square
+from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec
+from studies.finger_mirrors.yields import monte_carlo, sensitivity
+
+THIN_STARTS = 3
+"""Random starts for the second body."""
+
+
+def run(spec: FingerMirrorsSpec, context: Context) -> Results:
+    """Design the mirrors, judge them, and compare the solvers."""
+    found = find(spec, context)
+    operations = []
+    if spec.left_out:
+        with context.step("Operations left out"):
+            operations = left_out.operations(found.after.scene)
+    compared = None
+    if found.runs:
+        compared = PrecisionStudy(
+            solvers.rows(found.runs),
+            error="gap (% of a pad) or violation",
+            reference="the least objective that any solver of this run found with the "
+            f"inequalities held to {solvers.HELD:g}; both computed outside of the solvers",
+            claims=[statements.claim(found.runs)],
+        )
+    degrees = degrees_of(spec.body.range_deg)
+    yields = {case.name: case.yields for case in found.cases if case.name != START}
+    pads = [pad.name for pad in found.after.scene.layout.pads]
+    return Results(
+        findings=statements.findings(spec, found),
+        metrics=statements.metrics(spec, found),
+        tables=tables.tables(spec, found),
+        figures=[
+            drawings.views_figure("views", "The optimum in four poses", found.after.scene),
+            drawings.views_figure("views_before", "The start in four poses", found.before.scene),
+            drawings.coverage_figure(found.squares, degrees),
+            drawings.resolution_figure(
+                {case.name: (case.scene, case.verdict) for case in (found.before, found.after)}
+            ),
+            drawings.yield_figure(yields, degrees, pads),
+            drawings.sensitivity_figure(found.sensitivity),
+        ],
+        precision=compared,
+        left_out=operations,
+    )
+
+
+def find(spec: FingerMirrorsSpec, context: Context) -> Found:
+    """Everything that is measured."""
+    design = design_mirrors(spec.body, spec, context)
+    finger = design.task.finger
+
+    def case(name: str, body: BodySpec, arrangement: Arrangement, empty: Scene) -> Case:
+        scene = scene_of(arrangement, empty)
+        # Draws that the search has not seen: its errors come from another generator.
+        with context.step(f"Yield: {name}"):
+            share = monte_carlo(
+                arrangement,
+                empty,
+                spec.tolerances,
+                body.range_deg,
+                # Of what does not even show everything without errors, a tenth is enough.
+                draws=spec.draws if name != START else max(spec.draws // 10, 10),
+                seed=context.seed,
+            )
+        verdict = judged(scene, body.range_deg)
+        return Case(name, body.thickness, arrangement, scene, verdict, share)
+
+    before = case(START, spec.body, poor_start(spec.body), finger)
+    after = case(OPTIMUM, spec.body, design.arrangement, finger)
+    others, thin, thin_square = [], None, None
+    if spec.body == BodySpec():
+        others.append(case(GIVEN, spec.body, robust_layout(), finger))
+    if spec.thin:
+        body = spec.body.model_copy(update={"thickness": spec.thin})
+        settings = spec.model_dump(include=set(MirrorSpec.model_fields))
+        settings["floor"] = min(spec.floor, spec.thin_floor)
+        settings["search"]["starts"] = min(THIN_STARTS, spec.search.starts)
+        slim = design_mirrors(body, MirrorSpec.model_validate(settings), context)
+        thin = case(f"{OPTIMUM}, T = {spec.thin:g}", body, slim.arrangement, slim.task.finger)
+        others.append(thin)
+        thin_square = whole_square(thin.scene, body.range_deg)
+    with context.step("All pairs of angles"):
+        squares = {
+            one.name: whole_square(one.scene, spec.body.range_deg) for one in (before, after)
+        }
+    with context.step("Rays at the worst postures"):
+        checks = [
+            (one, _by_rays(one, spec.ray_poses, spec.rays))
+            for one in (after, thin)
+            if one is not None
+        ]
+    with context.step("Sensitivity to each tolerance"):
+        tolerance = sensitivity(
+            design.arrangement,
+            finger,
+            spec.tolerances,
+            spec.body.range_deg,
+            draws=max(spec.draws // 5, 10),
+            seed=context.seed + 1,
+        )
+    runs = []
+    if spec.solvers != "none":
+        with context.step("Solvers"):
+            runs = solvers.compared(
+                design, spec.body, spec, spec.solvers, spec.evolution_seconds, context.seed
+            )
+    starts = [
+        judged(scene_of(trial.start, finger), spec.body.range_deg).mean_coverage
+        for trial in design.trials
+    ]
+    return Found(
+        design,
+        before,
+        after,
+        others,
+        thin,
+        squares,
+        thin_square,
+        checks,
+        tolerance,
+        starts,
+        runs,
+    )
+
+
+def _by_rays(case: Case, poses: int, rays: int) -> RayCheck:
+    """Rays where errors hide something most often: the angles of both joints by rank."""
+    names = [pad.name for pad in case.scene.layout.pads]
+    shares = case.yields.by_pose
+    # Of equal shares those with the least resolution come first.
+    pairs = [
+        np.lexsort((case.verdict.px_per_mm[:, names.index(pad)], shares[:, names.index(pad)]))
+        for pad in ("proximal", "distal")
+    ]
+    degrees = case.verdict.degrees[np.stack(pairs, axis=-1)[:poses]]
+    return RayCheck(degrees, seen_by_rays(case.scene, degrees, rays))

@@ -1,0 +1,81 @@
+"""What is asked of views: how much of every pad is missing, and how sharp the rest is."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from designopt.solution import Solution
+from optics.scene import Scene
+from optics.views import Pieces
+
+PLACES = 17
+"""Places along a pad at which resolution is asked for in the search; the verdict asks at more."""
+
+NO_VIEW = 1e3
+"""Resolution, px/mm, of what is not seen: that is coverage's concern."""
+
+
+def together(angles: Float[Array, "*batch"]) -> Float[Array, "*batch 2"]:
+    """Poses in which both joints have the same angle, rad.
+
+    PIP changes only the view of the proximal pad and DIP only that of the distal one (a test and
+    the study's own run compare this with the whole square), so one row of such poses says as much
+    as all pairs of angles do.
+    """
+    return jnp.stack([angles, angles], axis=-1)
+
+
+def missing(views: Solution[Pieces]) -> Float[Array, "*poses pads"]:
+    """Part of each pad that is not seen, and more with a slope where nothing brings it into view.
+
+    Coverage alone does not change while a view stays wholly hidden. So what is missing counts more
+    by the angle (rad) by which the nearest hidden path misses the pad: the slope shows the way out.
+    """
+    hidden = 1 - views.value.coverage()
+    by = jnp.min(jnp.where(views.margin < 0, -views.margin, jnp.inf), axis=-2)
+    return hidden + jax.lax.stop_gradient(hidden) * jnp.where(jnp.isfinite(by), by, 0.0)
+
+
+def best_resolution(
+    views: Pieces, lengths: Float[Array, " pads"], places: Float[Array, " places"]
+) -> Float[Array, "*poses pads places"]:
+    """Resolution (px/mm) at places of each pad by the view that shows it best; 0 if none does.
+
+    For straight mirrors and an equidistant lens, resolution times squared distance is the same
+    all along a piece, and the squared distance is a quadratic of the place (Stewart's theorem):
+    both follow from a piece's ends.
+
+    Args:
+        views: pieces that an `Equidistant` camera sees.
+        lengths: of the pads, mm.
+        places: pad coordinates, 0 to 1.
+    """
+    there, start, end = (leaf[..., None] for leaf in (views.present, views.start, views.end))
+    at = places.reshape((1,) * views.present.ndim + (-1,))
+    inside = there & (start <= at) & (at <= end)
+    width = end - start
+    part = jnp.where(inside, at - start, 0.0) / jnp.where(there, width, 1.0)
+    first, last = (views.distance[..., i, None] ** 2 for i in (0, 1))
+    along = width * lengths.reshape((1,) * (views.start.ndim - 2) + (-1, 1, 1))
+    squared = first + part * (last - first) - part * (1 - part) * along * along
+    strength = views.px_per_mm[..., 0, None] * first
+    sharp = jnp.where(inside, strength / jnp.where(inside, squared, 1.0), 0.0)
+    return jnp.max(sharp, axis=-2)
+
+
+def least_resolution(views: Pieces, lengths: Float[Array, " pads"]) -> Float[Array, "*poses pads"]:
+    """Least of `best_resolution` (px/mm) over what is seen of each pad, at `PLACES` places.
+
+    `NO_VIEW` if nothing is seen.
+    """
+    places = jnp.linspace(0.0, 1.0, PLACES, dtype=views.start.dtype)
+    best = best_resolution(views, lengths, places)
+    return jnp.min(jnp.where(best > 0, best, NO_VIEW), axis=-1)
+
+
+def pad_lengths(scene: Scene) -> Float[Array, " pads"]:
+    """Lengths of the pads, mm."""
+    along = scene.pads[:, 1] - scene.pads[:, 0]
+    return jnp.sqrt(jnp.sum(along * along, axis=-1))

@@ -1,0 +1,202 @@
+"""Every solver on the same problem from the same starts: gap and violation against run time.
+
+The objective and the largest violation of what a solver proposes are computed outside of it, by the
+one compiled program of the graduated search. Run times are those of the solves one after the other,
+without compiling; after k starts the best of the first k counts.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+from designopt.optimising import differential_evolution
+from designopt.optimising.augmented import Inner, augmented_lagrangian
+from designopt.optimising.flat import Flat
+from designopt.optimising.references import Reference, compile_reference
+from designopt.results import PrecisionRow
+from studies.finger_linkage.body import BodySpec
+from studies.finger_mirrors.arrangement import Arrangement, scale
+from studies.finger_mirrors.design import MirrorDesign
+from studies.finger_mirrors.problem import Task, problem_of
+from studies.finger_mirrors.searching import measured
+from studies.finger_mirrors.spec import MirrorSpec
+
+OURS = "graduated L-BFGS-B"
+EVOLUTION = "differential evolution (SciPy)"
+NAMES: dict[str, str] = {
+    "bfgs": "augmented Lagrangian, BFGS",
+    "slsqp": "SLSQP (SciPy)",
+    "trust-constr": "trust-constr (SciPy)",
+    "jaxopt-lbfgsb": "augmented Lagrangian, L-BFGS-B (jaxopt)",
+    "jaxopt-projected-gradient": "augmented Lagrangian, projected gradient (jaxopt)",
+    "levenberg-marquardt": "augmented Lagrangian, Levenberg–Marquardt",
+}
+CHOICES = {"none": (), "few": ("bfgs", "slsqp"), "all": tuple(NAMES)}
+STARTS = {"few": 2, "all": 4}
+"""Random starts of every solver but ours, which has taken all of them already."""
+
+TOLERANCE, UPDATES, STEPS = 1e-4, 5, 60
+
+POPULATION = 4
+"""Members of differential evolution for each of the 11 numbers."""
+
+SHARES = (0.25, 0.5, 1.0)
+"""Of its run time, at which it is looked at."""
+
+HELD = 0.01
+"""Largest scaled violation at which the inequalities count as held: `problem.RESERVE` bears it."""
+
+GAP, VIOLATION = "objective gap", "violation"
+
+
+class Run(NamedTuple):
+    """What a solver had after some time.
+
+    Attributes:
+        method: its name.
+        setting: starts, or generations, so far.
+        objective: of the best so far: held before not held, then by objective.
+        violation: of the same.
+        seconds: so far.
+        compile_seconds: before that.
+    """
+
+    method: str
+    setting: str
+    objective: float
+    violation: float
+    seconds: float
+    compile_seconds: float
+
+
+def compared(
+    design: MirrorDesign, body: BodySpec, spec: MirrorSpec, which: str, evolution: float, seed: int
+) -> list[Run]:
+    """All solvers on the last stage's problem.
+
+    Args:
+        design: what the graduated search found; its random starts are taken.
+        body: the finger's body.
+        spec: as it was designed with.
+        which: ``"few"`` or ``"all"`` solvers.
+        evolution: seconds for differential evolution.
+        seed: of its draws.
+    """
+    task = design.task
+    runs = list(_graduated(design, task))
+    starts = [trial.start for trial in design.trials[1 : 1 + STARTS[which]]]
+    for method in CHOICES[which]:
+        begin = time.perf_counter()
+        solve = _solver(method, body, spec, task)
+        runs += _in_turn(NAMES[method], solve, starts, task, time.perf_counter() - begin)
+    return runs + list(_evolution(body, spec, task, evolution, seed))
+
+
+def _graduated(design: MirrorDesign, task: Task) -> Iterator[Run]:
+    """The random starts in their order, as the design has taken them."""
+    best, seconds = (True, np.inf, np.inf), 0.0
+    for number, trial in enumerate(design.trials[1:], 1):
+        best = min(best, _rank(*measured(trial.arrangement, task)))
+        seconds += trial.seconds
+        yield Run(OURS, _starts(number), best[1], best[2], seconds, 0.0)
+
+
+def _in_turn(
+    name: str,
+    solve: Callable[[np.ndarray], np.ndarray],
+    starts: Sequence[Arrangement],
+    task: Task,
+    compile_seconds: float,
+) -> Iterator[Run]:
+    best, seconds = (True, np.inf, np.inf), 0.0
+    units = np.asarray(ravel_pytree(scale())[0])
+    _, build = ravel_pytree(starts[0])
+    for number, start in enumerate(starts, 1):
+        point = np.asarray(ravel_pytree(start)[0]) / units
+        begin = time.perf_counter()
+        found = solve(point)
+        seconds += time.perf_counter() - begin
+        best = min(best, _rank(*measured(build(jnp.asarray(found * units)), task)))
+        yield Run(name, _starts(number), best[1], best[2], seconds, compile_seconds)
+
+
+def _solver(
+    method: str, body: BodySpec, spec: MirrorSpec, task: Task
+) -> Callable[[np.ndarray], np.ndarray]:
+    """A compiled solve from a scaled start to a scaled point."""
+    flat = Flat.of(problem_of(body, spec, task))
+    if method in ("slsqp", "trust-constr"):
+        reference: Reference = "slsqp" if method == "slsqp" else "trust-constr"
+        one = compile_reference(flat, reference, TOLERANCE, UPDATES * STEPS)
+        return lambda start: one(start, (task,))[0]
+    inner: Inner = method  # type: ignore[assignment]
+
+    def local(point: jax.Array) -> jax.Array:
+        return augmented_lagrangian(
+            flat, inner, point, floor=0.0, tolerance=TOLERANCE, updates=UPDATES, steps=STEPS
+        )[0]
+
+    program = jax.jit(local).lower(jnp.zeros(flat.units.size)).compile()
+    return lambda start: np.asarray(program(jnp.asarray(start)))
+
+
+def _evolution(
+    body: BodySpec, spec: MirrorSpec, task: Task, seconds: float, seed: int
+) -> Iterator[Run]:
+    begin = time.perf_counter()
+    problem = problem_of(body, spec, task)
+    found = differential_evolution(problem, seconds=seconds, seed=seed, population=POPULATION)
+    compiling = max(time.perf_counter() - begin - float(found.seconds[-1]), 0.0)
+    last = len(found.seconds) - 1
+    shown = {int(np.searchsorted(found.seconds, part * found.seconds[-1])) for part in SHARES}
+    for at in sorted({min(at, last) for at in shown}):
+        yield Run(
+            EVOLUTION,
+            f"{at + 1} generation{'s' if at else ''}",
+            float(found.objective[at]),
+            float(found.violation[at]),
+            float(found.seconds[at]),
+            compiling,
+        )
+
+
+def _rank(objective: float, violation: float) -> tuple[bool, float, float]:
+    return violation > HELD, objective, violation
+
+
+def _starts(number: int) -> str:
+    return "1 start" if number == 1 else f"{number} starts"
+
+
+def best_objective(runs: Sequence[Run]) -> float:
+    """Least objective of any that holds the inequalities; NaN if none does."""
+    return min((run.objective for run in runs if run.violation <= HELD), default=float("nan"))
+
+
+def rows(runs: Sequence[Run]) -> list[PrecisionRow]:
+    """Gaps to the best of all and violations, each as a workload of its own."""
+    best = best_objective(runs)
+    found = []
+    for panel in (GAP, VIOLATION):
+        for run in runs:
+            error = abs(run.objective - best) if panel == GAP else run.violation
+            found.append(
+                PrecisionRow(
+                    run.method,
+                    run.setting,
+                    panel,
+                    error,
+                    run.seconds,
+                    run.seconds,
+                    run.seconds,
+                    run.compile_seconds,
+                )
+            )
+    return found
