@@ -11,6 +11,7 @@ from .results import (
     PrecisionRow,
     PrecisionStudy,
     Results,
+    SpecFile,
     StabilityRow,
     Table,
     Target,
@@ -19,6 +20,7 @@ from .roots import find_root
 from .solution import Solution, first_failure
 from .stability import Family, assess
 from .study import Context, Spec, Study
+from .toml_writing import toml_text
 from .vectors import Vector, direction_to_meeting, folded_angle
 
 __all__ = [
@@ -35,6 +37,7 @@ __all__ = [
     "Results",
     "Solution",
     "Spec",
+    "SpecFile",
     "StabilityRow",
     "Study",
     "Table",
@@ -56,4 +59,5 @@ __all__ = [
     "safe_divide",
     "safe_quadratic_roots",
     "safe_sqrt",
+    "toml_text",
 ]

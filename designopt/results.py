@@ -114,6 +114,21 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class SpecFile:
+    """A file that other commands read, written to ``specs/<name>``.
+
+    Attributes:
+        name: file name with its ending.
+        title: what it is and what reads it, in one line, for the report.
+        text: its content.
+    """
+
+    name: str
+    title: str
+    text: str
+
+
+@dataclass(frozen=True)
 class PrecisionRow:
     """One method at one setting: its error beside its run time.
 
@@ -227,6 +242,7 @@ class Results:
         metrics: the numbers it stands for.
         tables: its tables.
         figures: its figures.
+        specs: files of what was designed, for other commands.
         precision: error against run time, where it was measured.
         stability: stiff and extreme cases.
         left_out: what this scene did not need.
@@ -236,6 +252,7 @@ class Results:
     metrics: Sequence[Metric]
     tables: Sequence[Table] = ()
     figures: Sequence[Figure] = ()
+    specs: Sequence[SpecFile] = ()
     precision: PrecisionStudy | None = None
     stability: Sequence[StabilityRow] = ()
     left_out: Sequence[LeftOutRow] = ()

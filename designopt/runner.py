@@ -28,7 +28,7 @@ from designopt.report import RunRecord, measurements, render_report
 from designopt.results import Metric, Results, Table
 from designopt.study import Context, Spec, Study
 
-RESULT_NAMES = ("figures", "report.html", "results.json", "tables")
+RESULT_NAMES = ("figures", "report.html", "results.json", "specs", "tables")
 """What a result folder holds."""
 
 RECORDED_PACKAGES = (
@@ -181,6 +181,10 @@ def write_results(record: RunRecord, results: Results, folder: Path) -> None:
         _write_table(table, folder / "tables" / f"{table.name}.csv")
     for figure in drawn:
         figures.save(figure.drawing, folder / "figures", figure.name)
+    if results.specs:
+        (folder / "specs").mkdir()
+    for spec in results.specs:
+        (folder / "specs" / spec.name).write_text(spec.text, encoding="utf-8")
     precision = results.precision
     document = record._asdict() | {
         "findings": list(results.findings),
@@ -189,6 +193,7 @@ def write_results(record: RunRecord, results: Results, folder: Path) -> None:
         "figures": [
             f"figures/{figure.name}.{ending}" for figure in drawn for ending in ("png", "svg")
         ],
+        "specs": [f"specs/{spec.name}" for spec in results.specs],
         "claims": [asdict(claim) for claim in precision.claims] if precision else [],
         "precision": [asdict(row) for row in precision.rows] if precision else [],
         "stability": [asdict(row) for row in results.stability],

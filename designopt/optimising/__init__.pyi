@@ -11,7 +11,7 @@ from .problem import (
     softened,
 )
 from .references import Evolution, differential_evolution
-from .starts import best_starts, sobol_starts
+from .starts import Starts, best_starts, sobol_starts
 from .verdict import FEASIBLE, Optimum, OptimumResult
 from .words import Active, active_set, conflict
 
@@ -29,6 +29,7 @@ __all__ = [
     "Parameters",
     "Problem",
     "Requirement",
+    "Starts",
     "Terms",
     "active_set",
     "best_starts",

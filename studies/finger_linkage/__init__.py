@@ -1,4 +1,4 @@
-"""The linkage of paper B's finger: the best least transmission angle in a body that can be built."""
+"""The linkage of paper B's finger, designed for the largest least transmission angle."""
 
 from designopt.results import Results
 from designopt.study import Context, Study

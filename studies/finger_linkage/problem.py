@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from itertools import combinations
 
 import jax
@@ -118,7 +119,7 @@ def inequalities(
     }
     for name, host in HOSTS.items():
         for side, distance in _sides(places[name], host, body).items():
-            found[f"pin {_told(name)} inside the {side}"] = (distance - keep) / LENGTH
+            found[f"pin {told(name)} inside the {side}"] = (distance - keep) / LENGTH
     if limits.force_ratio is not None:
         found["φ₂/φ₁"] = limits.force_ratio * postures.pip_ratio - postures.dip_ratio
     return found
@@ -172,41 +173,40 @@ def _box(body: BodySpec, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pi
 def _requirements(
     pip_deg: Float[np.ndarray, " pip"], dip_deg: Float[np.ndarray, " dip"]
 ) -> dict[str, Requirement]:
-    def posture(index: tuple[int, ...]) -> str:
-        # What one angle decides is a row over DIP.
-        axes = (("PIP", pip_deg), ("DIP", dip_deg))[2 - len(index) :]
-        told = [f"{name} {angles[i]:.3g}°" for (name, angles), i in zip(axes, index, strict=True)]
-        return " at " + ", ".join(told) if told else ""
-
-    def plain(name: str, unit: str, scale: float) -> Requirement:
-        return Requirement(lambda index: name + posture(index), unit, scale)
-
-    told = {symbol: plain(symbol, "°", float(np.rad2deg(ANGLE))) for symbol in SYMBOLS.values()}
-    told |= {
-        name: plain(name, "mm", LENGTH)
-        for name in ("assembly of B-C-G'-G", "assembly of A-D-E-F", "|AF|", "|EF|")
+    length, turn = ("mm", LENGTH), ("", 1.0)
+    amounts = dict.fromkeys(SYMBOLS.values(), ("°", float(np.rad2deg(ANGLE))))
+    amounts |= {
+        "assembly of B-C-G'-G": length,
+        "assembly of A-D-E-F": length,
+        "crank closing with PIP": turn,
+        "crank closing with DIP": turn,
+        "plate turning with DIP": turn,
+        "φ₂/φ₁": turn,
+        "range of the crank": ("°", float(np.rad2deg(1.0))),
+        "|AF|": length,
+        "|EF|": length,
     }
-    told |= {
-        name: plain(name, "", 1.0)
-        for name in (
-            "crank closing with PIP",
-            "crank closing with DIP",
-            "plate turning with DIP",
-            "φ₂/φ₁",
-        )
-    }
-    told["range of the crank"] = plain("range of the crank", "°", float(np.rad2deg(1.0)))
-    told["pins apart"] = Requirement(
-        lambda index: "distance of pins {} and {}".format(*map(_told, PAIRS[index[0]])),
-        "mm",
-        LENGTH,
-    )
     for name in HOSTS:
         for side in ("palmar face", "dorsal face", "rear end", "tip"):
-            asked = f"pin {_told(name)} inside the {side}"
-            told[asked] = plain(asked, "mm", LENGTH)
-    return told
+            amounts[f"pin {told(name)} inside the {side}"] = length
+
+    def words(name: str, index: tuple[int, ...]) -> str:
+        # What one angle decides is a row over DIP.
+        axes = (("PIP", pip_deg), ("DIP", dip_deg))[2 - len(index) :]
+        at = [f"{axis} {angles[i]:.3g}°" for (axis, angles), i in zip(axes, index, strict=True)]
+        return f"{name} at {', '.join(at)}" if at else name
+
+    def pair(index: tuple[int, ...]) -> str:
+        first, second = PAIRS[index[0]]
+        return f"distance of pins {told(first)} and {told(second)}"
+
+    found = {
+        name: Requirement(functools.partial(words, name), *amount)
+        for name, amount in amounts.items()
+    }
+    return found | {"pins apart": Requirement(pair, *length)}
 
 
-def _told(pin: str) -> str:
+def told(pin: str) -> str:
+    """A pin's name for people: the paper's."""
     return "G'" if pin == "H" else pin

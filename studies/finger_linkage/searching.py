@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +18,7 @@ from designopt.optimising import (
     Optima,
     Optimum,
     Problem,
+    Starts,
     active_set,
     best_starts,
     conflict,
@@ -48,12 +48,10 @@ class Round:
 
     Attributes:
         problem: over its postures, with ``least``.
-        ranking_seconds: time to rank the Sobol points, where that came before.
         optima: where every design led to, in the problem's epigraph form.
     """
 
     problem: Problem
-    ranking_seconds: float
     optima: Optima
 
 
@@ -63,10 +61,12 @@ class Search:
 
     Attributes:
         pins: the design, rounded to what can be built.
+        starts: where the first round began.
         rounds: the solves; the first from Sobol points, the others from the best before.
     """
 
     pins: Pins
+    starts: Starts
     rounds: tuple[Round, ...]
 
     @property
@@ -77,14 +77,13 @@ class Search:
     @property
     def seconds(self) -> float:
         """Run time of the search, without compiling."""
-        return sum(one.ranking_seconds + one.optima.seconds for one in self.rounds)
+        return self.starts.seconds + sum(one.optima.seconds for one in self.rounds)
 
     @property
     def compile_seconds(self) -> float:
-        """Time to compile the solves."""
-        return sum(
-            one.optima.compile_seconds for one in self.rounds[:2]
-        )  # all others have the same
+        """Time to compile it; the rounds after the second use the second's program."""
+        solves = [one.optima.compile_seconds for one in self.rounds[:2]]
+        return self.starts.compile_seconds + sum(solves)
 
     def held_by(self) -> list[Active]:
         """The requirements that hold the optimum."""
@@ -108,49 +107,54 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
         seed: of the Sobol points.
     """
     how, flexion = spec.search, grid(spec.body, spec.search.step_deg)
-    coarse = _over(spec, flexion, flexion)
-    begin = time.perf_counter()
-    starts = jax.block_until_ready(
-        best_starts(coarse, how.starts, seed, among=how.among, scale=ANGLE)
-    )
-    ranked = time.perf_counter() - begin
-    rounds = [
-        Round(coarse, ranked, minimiser(coarse, how.starts).solve(level_starts(coarse, starts)))
-    ]
+    coarse = over(spec, flexion, flexion)
+    starts = best_starts(coarse, how.starts, seed, among=how.among, scale=ANGLE)
+    begin = level_starts(coarse, starts.parameters)
+    rounds = [Round(coarse, minimiser(coarse, how.starts).solve(begin))]
     worst = _worst_postures(spec)
     pip = dip = flexion
     again = None
     for _ in range(how.exchanges):
         finalists = _finalists(rounds[-1].optima, how.finalists)
         more = [worst(one.design, float(one.level)) for one in finalists]
-        pip, dip = (
-            _joined(pip, [part for part, _ in more]),
-            _joined(dip, [part for _, part in more]),
-        )
-        problem = _over(spec, _filled(pip, flexion), _filled(dip, flexion))
-        if all(not values for part in more for values in part):
+        if not any(values for part in more for values in part):
             break
+        pip = _joined(pip, [part for part, _ in more])
+        dip = _joined(dip, [part for _, part in more])
         # All rounds have places for as many postures, so that one program solves them.
+        problem = over(spec, _filled(pip, flexion), _filled(dip, flexion))
         again = again or minimiser(problem, len(finalists))
-        designs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *finalists)
-        rounds.append(
-            Round(problem, 0.0, again.solve(level_starts(problem, designs.design), problem.data))
-        )
+        designs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *finalists).design
+        rounds.append(Round(problem, again.solve(level_starts(problem, designs), problem.data)))
     found = rounds[-1].optima.best.parameters.design
-    return Search(rounded(found, how.rounding), tuple(rounds))
+    return Search(rounded(found, how.rounding), starts, tuple(rounds))
 
 
 PLACES = 6
 """Places for angles that the exchange adds to those of PIP and of DIP."""
 
 
-def _over(spec: FingerLinkageSpec, pip: np.ndarray, dip: np.ndarray) -> Problem:
+def over(spec: FingerLinkageSpec, pip: np.ndarray, dip: np.ndarray) -> Problem:
+    """The problem over the postures that combine these angles, rad."""
     return linkage_problem(spec.body, spec.limits, pip, dip, spec.search.allowance)
 
 
+APART = 0.5
+"""Optima are different designs if a coordinate differs by more than this, mm."""
+
+
 def _finalists(optima: Optima, count: int) -> list[Levelled]:
+    """The best different designs, as many as asked for; the best ones again if there are fewer."""
     ranked = sorted(optima.found, key=lambda one: (not one.feasible, one.objective))
-    return [one.parameters for one in ranked[:count]]
+    chosen: list[Levelled] = []
+    for one in ranked:
+        steps = [
+            jax.tree.map(lambda a, b: jnp.max(jnp.abs(a - b)), one.parameters.design, other.design)
+            for other in chosen
+        ]
+        if all(max(map(float, jax.tree.leaves(step))) > APART for step in steps):
+            chosen.append(one.parameters)
+    return (chosen + [one.parameters for one in ranked])[:count]
 
 
 def _joined(angles: np.ndarray, more: list[list[float]]) -> np.ndarray:

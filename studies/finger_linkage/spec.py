@@ -55,7 +55,7 @@ class SearchSpec(Spec):
     """How the optimum is searched."""
 
     starts: Annotated[int, Field(ge=1, le=256)] = Field(
-        default=8, description="local solves, from the most promising Sobol points"
+        default=16, description="local solves, from the most promising Sobol points"
     )
     among: Annotated[int, Field(ge=1, le=2**20)] = Field(
         default=8192, description="Sobol points looked at"
@@ -67,7 +67,7 @@ class SearchSpec(Spec):
         default=4, description="most further solves, each with the worst postures in between added"
     )
     finalists: Annotated[int, Field(ge=1, le=64)] = Field(
-        default=3, description="optima of the first solve that are solved on"
+        default=4, description="different optima of the first solve that are solved on"
     )
     allowance: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.02,

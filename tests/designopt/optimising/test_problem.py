@@ -135,7 +135,7 @@ def test_starts_need_bounds():
 
 def test_the_best_starts_are_those_of_least_merit():
     hs71 = case("hs71").problem
-    found = np.asarray(best_starts(hs71, 5, seed=2, among=64))
+    found = np.asarray(best_starts(hs71, 5, seed=2, among=64).parameters)
     points = np.asarray(sobol_starts(hs71, 64, seed=2))
     a, b, c, d = points.T
     objective = a * d * (a + b + c) + c
@@ -149,8 +149,8 @@ def test_starts_without_numbers_are_the_last():
     problem = Problem(
         lambda x: Terms(objective=x[0] - jnp.log(x[0])), -jnp.ones(1), 3 * jnp.ones(1)
     )
-    found = np.asarray(best_starts(problem, 16, seed=0, among=16))[:, 0]
+    found = np.asarray(best_starts(problem, 16, seed=0, among=16).parameters)[:, 0]
     assert np.all(found[:12] > 0)
     assert np.all(found[12:] < 0)
     assert abs(found[0] - 1) < 0.25  # the least is at 1, and the points are 1/4 apart
-    assert best_starts(problem, 8, seed=0, among=2).shape == (8, 1)
+    assert best_starts(problem, 8, seed=0, among=2).parameters.shape == (8, 1)

@@ -1,0 +1,108 @@
+"""The study itself: from its spec to its results."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from designopt.left_out import count_operations
+from designopt.results import LeftOutRow, Results, SpecFile
+from designopt.study import Context
+from designopt.toml_writing import toml_text
+from studies.finger_linkage import drawings, statements, tables
+from studies.finger_linkage.analysis import LinkageDesign, design_linkage
+from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.comparing import Comparison, compare, precision_study
+from studies.finger_linkage.judging import STEP_DEG
+from studies.finger_linkage.pins import Pins, linkage_table
+from studies.finger_linkage.problem import ANGLE, grid
+from studies.finger_linkage.searching import over
+from studies.finger_linkage.spec import FingerLinkageSpec
+
+
+def run(spec: FingerLinkageSpec, context: Context) -> Results:
+    """Design the linkage, judge it, and compare the solvers."""
+    with context.step("Linkage: search and judgement"):
+        design = design_linkage(spec, context.seed)
+    compared = None
+    if spec.precision:
+        with context.step("Solvers, and differential evolution as the yardstick"):
+            compared = compare(spec, design.search, context.seed)
+    with context.step("Operations left out"):
+        left_out = operations(spec, design)
+    return Results(
+        findings=statements.findings(spec, design, compared),
+        metrics=statements.metrics(spec, design, compared),
+        tables=[
+            *design_tables(spec, design),
+            *([tables.comparison(compared)] if compared else []),
+        ],
+        figures=[*design_figures(spec, design), *_run_time(compared)],
+        specs=[spec_file(design.pins, spec.body)],
+        precision=precision_study(compared) if compared else None,
+        left_out=left_out,
+    )
+
+
+def design_tables(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
+    """Tables of a design."""
+    return [
+        *tables.dimensions(design.pins, spec.body),
+        tables.requirements(design, spec.limits),
+        tables.holding(design),
+        tables.trajectories(design),
+        tables.starts(design),
+    ]
+
+
+def design_figures(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
+    """Figures of a design."""
+    levels = [
+        [-float(np.rad2deg(one.objective * ANGLE)) for one in each.optima.feasible]
+        for each in design.search.rounds
+    ]
+    return [
+        drawings.finger_figure(design.pins, spec.body),
+        drawings.sequence_figure(design.pins, spec.body),
+        drawings.maps_figure(design.verdict),
+        drawings.ratio_figure(design.verdict),
+        drawings.tolerance_figure(
+            design.drawn, design.verdict.least_deg, spec.limits.transmission_deg
+        ),
+        drawings.starts_figure(levels),
+    ]
+
+
+def _run_time(compared: Comparison | None) -> list:
+    return [drawings.comparison_figure(compared)] if compared else []
+
+
+def spec_file(pins: Pins, body: BodySpec) -> SpecFile:
+    """The linkage file of a design."""
+    text = toml_text(
+        linkage_table(pins, body, "joints"),
+        "The finger's linkage, driven at its joints; flexion is negative.\n"
+        "designopt solve linkage.toml --sweep pip=0:-90:91 --sweep dip=0",
+    )
+    return SpecFile("linkage.toml", "the linkage, for `designopt solve`", text)
+
+
+def operations(spec: FingerLinkageSpec, design: LinkageDesign) -> list[LeftOutRow]:
+    """Operations of the search's problem beside those of the whole square of postures."""
+    last = design.search.rounds[-1].problem
+    flexion = grid(spec.body, STEP_DEG)
+    whole = over(spec, flexion, flexion)
+    few, all_ = (problem.data[0].x.size * problem.data[1].x.size for problem in (last, whole))
+    return [
+        LeftOutRow(
+            "least transmission angle and requirements",
+            f"postures that do not decide: {few} instead of {all_:,} (in elements computed)",
+            few,
+            all_,
+        ),
+        LeftOutRow(
+            "least transmission angle alone",
+            "the requirements: assembly, ratios and places",
+            count_operations(lambda p: last.terms(p, *last.data).value, design.pins),
+            count_operations(lambda p: last.terms(p, *last.data), design.pins),
+        ),
+    ]
