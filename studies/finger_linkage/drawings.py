@@ -24,7 +24,7 @@ PHALANX = "#0072B2"
 
 def finger_figure(pins: Pins, body: BodySpec) -> Figure:
     """The straight finger with every pin's place: what one builds from."""
-    drawing, axes = new_figure(1, 1, height=4.4)
+    drawing, axes = new_figure(1, 1, height=3.0)
     axis = axes[0, 0]
     draw_finger(axis, pins, body, (0.0, 0.0), named=True)
     axis.set(xlabel="x from the PIP axis, to the tip (mm)", ylabel="y, to the back (mm)")
@@ -41,7 +41,7 @@ def finger_figure(pins: Pins, body: BodySpec) -> Figure:
 def sequence_figure(pins: Pins, body: BodySpec) -> Figure:
     """Pinch and adaptive closing, as paper B's Fig. 3.4."""
     shares = (0.0, 1 / 3, 2 / 3, 1.0)
-    drawing, axes = new_figure(2, len(shares), height=5.2)
+    drawing, axes = new_figure(2, len(shares), height=4.2)
     end = body.range_deg
     for row, (name, dip) in enumerate((("Pinch", 0.0), ("Adaptive", 1.0))):
         for column, share in enumerate(shares):

@@ -58,7 +58,7 @@ class SearchSpec(Spec):
         default=16, description="local solves, from the most promising Sobol points"
     )
     among: Annotated[int, Field(ge=1, le=2**20)] = Field(
-        default=8192, description="Sobol points looked at"
+        default=32768, description="Sobol points looked at"
     )
     step_deg: Annotated[float, Field(ge=1, le=45)] = Field(
         default=15.0, description="step of the postures of the first solve (degrees)"

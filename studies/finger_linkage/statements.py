@@ -49,7 +49,8 @@ def findings(
     counts = [part.x.size for part in design.search.rounds[-1].problem.data]
     lines.append(
         f"Left out: {counts[0]} × {counts[1]} postures stand for "
-        f"{design.verdict.crank_deg.size:,}, and what DIP alone decides is computed for a row of them."
+        f"{design.verdict.crank_deg.size:,}, and what DIP alone decides is computed for a row of "
+        "them."
     )
     if compared is not None:
         lines.append(
