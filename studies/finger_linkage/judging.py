@@ -80,6 +80,16 @@ class Verdict:
         return min(float(np.min(values)) for values in self.angles_deg.values())
 
     @property
+    def assembles(self) -> bool:
+        """Whether the linkage assembles in every posture."""
+        return self.checks[0].met
+
+    @property
+    def crank_range_deg(self) -> float:
+        """How far the crank turns over all postures, degrees."""
+        return float(np.ptp(self.crank_deg))
+
+    @property
     def unmet(self) -> list[Check]:
         """The requirements that are not met."""
         return [check for check in self.checks if not check.met]

@@ -152,18 +152,20 @@ def _sides(place: Vector, host: str, body: BodySpec) -> dict[str, Float[Array, "
 
 
 def _box(body: BodySpec, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
-    """Where the pins may be in the straight finger; generous along it."""
+    """Where the pins may be in the straight finger: over the height beside their phalanx, and
+    along it so far that designs of many kinds fit; the optima found lie inside.
+    """
     keep = limits.clearance + allowance
     low, high = body.palmar + keep, body.dorsal - keep
     rear, tip = -body.proximal + keep, body.intermediate + body.distal - keep
-    reach = body.intermediate / 2
+    length = body.intermediate
     spans = {
-        "F": (rear, reach),
-        "E": (rear, reach),
-        "D": (-2 * reach, body.intermediate),
-        "C": (reach, tip),
-        "G": (-reach, body.intermediate + reach),
-        "H": (-reach, body.intermediate + reach),
+        "F": (rear * 0.6, 0.35 * length),
+        "E": (rear, 0.25 * length),
+        "D": (-0.65 * length, 0.65 * length),
+        "C": (0.8 * length, (length + tip) / 2),
+        "G": (-0.2 * length, length),
+        "H": (0.0, 1.2 * length),
     }
     lower = Pins(**{name: jnp.array([span[0], low]) for name, span in spans.items()})
     upper = Pins(**{name: jnp.array([span[1], high]) for name, span in spans.items()})

@@ -14,6 +14,7 @@ import numpy as np
 from designopt.optimising import (
     Active,
     Levelled,
+    Method,
     Minimiser,
     Optima,
     Optimum,
@@ -32,7 +33,7 @@ from studies.finger_linkage.spec import FingerLinkageSpec
 FLOOR = -math.pi / 2 / ANGLE
 """No transmission angle exceeds a right angle, so no scaled objective falls below this."""
 
-UPDATES, STEPS = 15, 40
+UPDATES, STEPS = 12, 150
 
 
 CHECK_STEP_DEG = 1.0
@@ -110,20 +111,22 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
     coarse = over(spec, flexion, flexion)
     starts = best_starts(coarse, how.starts, seed, among=how.among, scale=ANGLE)
     begin = level_starts(coarse, starts.parameters)
-    rounds = [Round(coarse, minimiser(coarse, how.starts).solve(begin))]
+    rounds = [Round(coarse, minimiser(coarse, how.starts, "bfgs").solve(begin))]
     worst = _worst_postures(spec)
     pip = dip = flexion
-    again = None
+    again = known = None
     for _ in range(how.exchanges):
         finalists = _finalists(rounds[-1].optima, how.finalists)
         more = [worst(one.design, float(one.level)) for one in finalists]
-        if not any(values for part in more for values in part):
-            break
         pip = _joined(pip, [part for part, _ in more])
         dip = _joined(dip, [part for _, part in more])
         # All rounds have places for as many postures, so that one program solves them.
-        problem = over(spec, _filled(pip, flexion), _filled(dip, flexion))
-        again = again or minimiser(problem, len(finalists))
+        postures = _filled(pip, flexion), _filled(dip, flexion)
+        if known is not None and all(map(np.array_equal, postures, known)):
+            break
+        known = postures
+        problem = over(spec, *postures)
+        again = again or minimiser(problem, len(finalists), "slsqp")
         designs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *finalists).design
         rounds.append(Round(problem, again.solve(level_starts(problem, designs), problem.data)))
     found = rounds[-1].optima.best.parameters.design
@@ -143,9 +146,13 @@ APART = 0.5
 """Optima are different designs if a coordinate differs by more than this, mm."""
 
 
+NEARLY = 1e-3
+"""Largest scaled violation of a design that is worth solving on."""
+
+
 def _finalists(optima: Optima, count: int) -> list[Levelled]:
     """The best different designs, as many as asked for; the best ones again if there are fewer."""
-    ranked = sorted(optima.found, key=lambda one: (not one.feasible, one.objective))
+    ranked = sorted(optima.found, key=lambda one: (one.violation > NEARLY, one.objective))
     chosen: list[Levelled] = []
     for one in ranked:
         steps = [
@@ -192,10 +199,14 @@ def _worst_postures(spec: FingerLinkageSpec) -> Callable[[Pins, float], tuple[An
     return worst
 
 
-def minimiser(problem: Problem, count: int) -> Minimiser:
-    """Least squares inside an augmented Lagrangian, all starts in one vectorised run."""
+def minimiser(problem: Problem, count: int, method: Method) -> Minimiser:
+    """A solver of the exact form.
+
+    From afar BFGS inside an augmented Lagrangian, all starts in one vectorised program; near the
+    optimum sequential quadratic programming needs a few steps, for it sees which postures hold it.
+    """
     exact = epigraph(problem, scale=ANGLE)
-    return Minimiser(exact, count, "levenberg-marquardt", floor=FLOOR, updates=UPDATES, steps=STEPS)
+    return Minimiser(exact, count, method, floor=FLOOR, updates=UPDATES, steps=STEPS)
 
 
 def rounded(pins: Pins, step: float) -> Pins:

@@ -58,7 +58,7 @@ class SearchSpec(Spec):
         default=16, description="local solves, from the most promising Sobol points"
     )
     among: Annotated[int, Field(ge=1, le=2**20)] = Field(
-        default=32768, description="Sobol points looked at"
+        default=16384, description="Sobol points looked at"
     )
     step_deg: Annotated[float, Field(ge=1, le=45)] = Field(
         default=15.0, description="step of the postures of the first solve (degrees)"
@@ -79,10 +79,9 @@ class SearchSpec(Spec):
     )
 
 
-class FingerLinkageSpec(Spec):
-    """All settings of ``designopt run finger-linkage``."""
+class LinkageSpec(Spec):
+    """What `design_linkage` needs to know besides the body."""
 
-    body: BodySpec = BodySpec()
     limits: LimitsSpec = LimitsSpec()
     sensor: SensorSpec = SensorSpec()
     search: SearchSpec = SearchSpec()
@@ -92,6 +91,12 @@ class FingerLinkageSpec(Spec):
     draws: Annotated[int, Field(ge=10, le=1_000_000)] = Field(
         default=2000, description="draws of the tolerance study"
     )
+
+
+class FingerLinkageSpec(LinkageSpec):
+    """All settings of ``designopt run finger-linkage``."""
+
+    body: BodySpec = BodySpec()
     precision: bool = Field(default=True, description="measure error against run time")
     evolution_seconds: Annotated[float, Field(gt=0, le=3600)] = Field(
         default=20.0, description="time given to differential evolution, the yardstick (s)"

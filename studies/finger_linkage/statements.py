@@ -127,7 +127,7 @@ def metrics(
         ),
         Metric(
             "crank_range_deg",
-            float(np.ptp(verdict.crank_deg)),
+            verdict.crank_range_deg,
             "°",
             "range of the crank",
         ),

@@ -1,0 +1,45 @@
+"""The drawing to build from: linkage, camera, mirrors and pads in the straight finger."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from designopt.figures import PALETTE, new_figure
+from designopt.results import Figure
+from optics.scene import Scene
+from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.drawings import draw_finger
+from studies.finger_linkage.pins import Pins
+
+MIRROR, PAD, CAMERA = PALETTE[4], PALETTE[5], PALETTE[1]
+
+
+def section_figure(pins: Pins, body: BodySpec, scene: Scene) -> Figure:
+    """The section of the straight finger, to scale, with everything that was designed."""
+    drawing, axes = new_figure(1, 1, height=3.4)
+    axis = axes[0, 0]
+    draw_finger(axis, pins, body, (0.0, 0.0), named=True)
+    for surfaces, colour, width, name in (
+        (scene.pads, PAD, 4.0, "pads"),
+        (scene.mirrors, MIRROR, 2.5, "mirrors"),
+    ):
+        for index, ends in enumerate(np.asarray(surfaces)):
+            axis.plot(*ends.T, color=colour, linewidth=width, label=None if index else name)
+    position = np.asarray(scene.camera.position)
+    axis.plot(*position, "^", color=CAMERA, markersize=8, label="camera")
+    towards = float(scene.camera.direction)
+    axis.annotate(
+        "",
+        position + 5 * np.array([np.cos(towards), np.sin(towards)]),
+        position,
+        arrowprops={"arrowstyle": "->", "color": CAMERA},
+    )
+    axis.set(xlabel="x from the PIP axis, to the tip (mm)", ylabel="y, to the back (mm)")
+    drawing.legend(loc="outside lower center", ncols=4)
+    return Figure(
+        "drawing",
+        "The finger in section",
+        "Straight, to scale. The links lie at both sides of the finger, camera, mirrors and pads "
+        "between them. The tables of pins and of dimensions have every number.",
+        drawing,
+    )

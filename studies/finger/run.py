@@ -1,0 +1,95 @@
+"""The study itself: linkage, then mirrors in the space that it leaves, then the grasp check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from designopt.results import Results
+from designopt.study import Context
+from studies.finger import drawings, statements, tables
+from studies.finger.spec import FingerSpec
+from studies.finger.spec_files import spec_files
+from studies.finger_grasp import drawings as grasp_drawings
+from studies.finger_grasp.analysis import Analysis, analyse
+from studies.finger_grasp.check import GraspCheck, summary
+from studies.finger_grasp.spec import GraspSpec
+from studies.finger_linkage.analysis import LinkageDesign, design_linkage
+from studies.finger_linkage.run import design_figures, design_tables
+from studies.finger_mirrors import drawings as mirror_drawings
+from studies.finger_mirrors.design import MirrorDesign, design_mirrors
+from studies.finger_mirrors.yields import Yield, monte_carlo
+
+
+@dataclass(frozen=True)
+class Finger:
+    """A finger that was designed.
+
+    Attributes:
+        linkage: its linkage.
+        mirrors: its camera and mirrors.
+        share: part of the fingers with errors of assembly that show everything.
+        grasp: what it does when it closes; ``None`` where its linkage does not assemble in every
+            posture, so that nothing can be said.
+        closings: the states behind that.
+    """
+
+    linkage: LinkageDesign
+    mirrors: MirrorDesign
+    share: Yield
+    grasp: GraspCheck | None
+    closings: Analysis | None
+
+
+def run(spec: FingerSpec, context: Context) -> Results:
+    """Design a finger for its requirements, and say line by line which of them it meets."""
+    found = design(spec, context)
+    lines = statements.lines(spec, found)
+    linkage_spec = spec.linkage_spec()
+    closings = [] if found.closings is None else [grasp_drawings.sequences(found.closings)]
+    return Results(
+        findings=statements.findings(spec, found, lines),
+        metrics=statements.metrics(spec, found, lines),
+        tables=[
+            tables.requirements(lines),
+            tables.dimensions(spec, found),
+            *design_tables(linkage_spec, found.linkage),
+        ],
+        figures=[
+            drawings.section_figure(found.linkage.pins, spec.body, found.mirrors.scene),
+            mirror_drawings.views_figure(
+                "views", "What the camera sees in four poses", found.mirrors.scene
+            ),
+            *closings,
+            *design_figures(linkage_spec, found.linkage),
+        ],
+        specs=spec_files(spec, found.linkage.pins, found.mirrors.arrangement),
+    )
+
+
+def design(spec: FingerSpec, context: Context) -> Finger:
+    """Linkage, mirrors and grasp of a finger for its requirements."""
+    with context.step("Linkage"):
+        linkage = design_linkage(spec.linkage_spec(), context.seed)
+    mirrors = design_mirrors(spec.body, spec.mirrors, context)
+    with context.step("Yield of the mirrors"):
+        share = monte_carlo(
+            mirrors.arrangement,
+            mirrors.task.finger,
+            spec.mirrors.tolerances,
+            spec.body.range_deg,
+            draws=spec.yield_draws,
+            seed=context.seed,
+        )
+    closings = None
+    if linkage.verdict.assembles:
+        settings = GraspSpec(
+            body=spec.body,
+            spring_stiffness=spec.spring.stiffness,
+            preload=spec.spring.preload,
+            servo_stiffness=spec.spring.servo,
+            diameters=spec.spring.diameters,
+        )
+        with context.step("Grasp"):
+            closings = analyse(linkage.pins, spec.body, settings, polygon=False)
+    check = None if closings is None else summary(closings)
+    return Finger(linkage, mirrors, share, check, closings)

@@ -1,0 +1,257 @@
+"""What was required and achieved, in lines, findings and metrics."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from designopt.results import Metric, Target
+from kinematics.structure import Structure
+from studies.finger.spec import FingerSpec
+from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.pins import linkage_of
+
+if TYPE_CHECKING:
+    from studies.finger.run import Finger
+
+
+@dataclass(frozen=True)
+class Line:
+    """One requirement of paper B.
+
+    Attributes:
+        name: what is required.
+        category: as in Table 3.1, or where in the text it stands.
+        required: in words.
+        achieved: in words.
+        met: whether it is.
+    """
+
+    name: str
+    category: str
+    required: str
+    achieved: str
+    met: bool
+
+
+def lines(spec: FingerSpec, found: Finger) -> list[Line]:
+    """Table 3.1 line by line, then the requirements of §3.1.2."""
+    body, limits, verdict = spec.body, spec.linkage.limits, found.linkage.verdict
+    structure = linkage_of(found.linkage.pins, body, "joints").structure
+    phalanges = sum(
+        name.endswith(("proximal", "intermediate", "distal")) for name in _bodies(structure)
+    )
+    freedoms = _freedoms(structure)
+    seen = found.mirrors.verdict.worst_coverage
+    assembles = verdict.assembles
+    everything = f"{body.range_deg:g}° each"
+    crank = verdict.crank_range_deg
+    made = [
+        Line("phalanges", "Geometry", "3", str(phalanges), phalanges == 3),
+        Line("degrees of freedom", "Geometry", "2", str(freedoms), freedoms == 2),
+        Line("motors", "Hardware", "1", "1, at the crank; a spring decides the rest", True),
+        Line("cameras", "Hardware", "1", "1, in the intermediate phalanx", True),
+        Line(
+            "sensing segments visible",
+            "Tactile sensing",
+            "all, in every posture",
+            f"{100 * seen:.4g} % of each in every posture",
+            seen == 1.0,
+        ),
+        Line(
+            "transmission angles",
+            "Transmission",
+            f"> {limits.transmission_deg:g}°",
+            f"{verdict.least_deg:.2f}°",
+            verdict.least_deg > limits.transmission_deg,
+        ),
+        Line(
+            "range of motion of each joint",
+            "Transmission",
+            f"0 to {body.range_deg:g}°",
+            everything if assembles else "not in every posture",
+            assembles,
+        ),
+        Line(
+            "range of the crank",
+            "§3.1.2",
+            f"≤ {limits.crank_range_deg:g}°",
+            f"{crank:.1f}°",
+            crank <= limits.crank_range_deg,
+        ),
+        Line(
+            "space for the sensor beside the links",
+            "§3.1.2",
+            f"≥ {found.linkage.room.required:g} mm wide",
+            f"{found.linkage.room.achieved:g} mm",
+            found.linkage.room.met,
+        ),
+        Line(
+            "links inside the phalanges, apart, away from lock-up",
+            "§3.1.2",
+            "all limits kept",
+            _kept(found),
+            not found.linkage.unmet,
+        ),
+    ]
+    check = found.grasp
+    if check is not None:
+        straight = check.free_closing_pip_deg
+        made += [
+            Line(
+                "pinch: DIP stays straight while PIP closes freely",
+                "§3.1.2",
+                "to the end of the range, or nearly (88°)",
+                f"to PIP {straight:.0f}°",
+                straight >= STRAIGHT_DEG,
+            ),
+            Line(
+                "adaptive: DIP closes when the intermediate pad is held",
+                "§3.1.2",
+                "until the distal pad touches",
+                f"distal pad touches at DIP {check.adaptive_dip_deg:.1f}°",
+                check.adaptive_dip_deg > 0,
+            ),
+        ]
+    return made
+
+
+STRAIGHT_DEG = 88.0
+"""PIP flexion up to which free closing is to keep DIP straight, degrees, of a range of 90°."""
+
+
+def _bodies(structure: Structure) -> list[str]:
+    return [part.name for part in structure.bodies]
+
+
+def _freedoms(structure: Structure) -> int:
+    """Kutzbach's count 3 (L − 1) − 2 J; a pin in n links counts as n − 1 joints."""
+    links = Counter(joint for part in structure.bodies for joint in part.joints)
+    return 3 * (len(structure.bodies) - 1) - 2 * sum(count - 1 for count in links.values())
+
+
+def _kept(found: Finger) -> str:
+    unmet = found.linkage.unmet
+    if not unmet:
+        return "all limits kept"
+    return "; ".join(f"{one.name} {one.achieved:.3g} {one.unit}".strip() for one in unmet)
+
+
+def findings(spec: FingerSpec, found: Finger, made: list[Line]) -> list[str]:
+    """What was found, most important first."""
+    missed = [line for line in made if not line.met]
+    body = spec.body
+    said = []
+    conflict = found.linkage.search.conflict()
+    if missed:
+        told = "; ".join(
+            f"{line.name} ({line.required} required, {line.achieved} achieved)" for line in missed
+        )
+        said.append(
+            f"A finger {body.thickness:g} mm thick does not meet every requirement. What gave way: "
+            f"{told}."
+        )
+        if conflict:
+            said.append(f"In the linkage these conflict: {', '.join(conflict)}.")
+    else:
+        said.append(
+            f"A finger {body.thickness:g} mm thick meets all {len(made)} requirements: least "
+            f"transmission angle {found.linkage.verdict.least_deg:.2f}°, every pad seen in every "
+            f"posture with at least {found.mirrors.verdict.worst_px_per_mm:.2f} px/mm."
+        )
+    held = [one.words for one in found.linkage.search.held_by()[:4]]
+    if held:
+        said.append(f"The transmission angle is held by {', '.join(held)}.")
+    share = found.share
+    said.append(
+        f"With the stated errors of assembly {100 * share.value:.1f} % of the fingers still show "
+        f"everything (95 %: {100 * share.low:.1f} to {100 * share.high:.1f} %, {share.draws:,} "
+        "draws)."
+    )
+    if found.grasp is None:
+        said.append("Not every posture assembles, so that the grasp could not be checked.")
+    else:
+        check = found.grasp
+        said.append(
+            f"Closing freely DIP stays straight until PIP {check.free_closing_pip_deg:.0f}°; a pinch "
+            f"holds where φ₂/φ₁ ({check.ratio_low:.2f} to {check.ratio_high:.2f}) is below "
+            f"k₂/(k₂ + {body.intermediate:g} mm), so from k₂ = "
+            f"{body.intermediate * check.ratio_high / (1 - check.ratio_high):.0f} mm on at any torque."
+        )
+    said.append("specs/linkage.toml and specs/scene.toml can be solved and traced as they are.")
+    return said
+
+
+def metrics(spec: FingerSpec, found: Finger, made: list[Line]) -> list[Metric]:
+    """The numbers."""
+    usual = spec.body == BodySpec()
+    verdict, mirrors, share = found.linkage.verdict, found.mirrors.verdict, found.share
+    numbers = [
+        Metric(
+            "requirements_missed",
+            sum(not line.met for line in made),
+            "",
+            f"lines of paper B's requirements that are not met, of {len(made)}",
+            None,
+            Target("=", 0),
+        ),
+        Metric(
+            "min_transmission_angle_deg",
+            verdict.least_deg,
+            "°",
+            "least transmission angle over all postures",
+            None,
+            Target(">=", spec.linkage.limits.transmission_deg),
+        ),
+        Metric(
+            "worst_coverage",
+            mirrors.worst_coverage,
+            "",
+            "least coverage of any pad in any posture",
+            None,
+            Target("=", 1.0),
+        ),
+        Metric(
+            "worst_px_per_mm",
+            mirrors.worst_px_per_mm,
+            "px/mm",
+            "least resolution of any pad",
+            None,
+            Target(">=", spec.mirrors.floor) if usual else None,
+        ),
+        Metric(
+            "yield",
+            share.value,
+            "",
+            f"part of {share.draws:,} fingers with errors of assembly that show everything "
+            f"(95 %: {share.low:.3f} to {share.high:.3f})",
+        ),
+    ]
+    check = found.grasp
+    if check is not None:
+        numbers += [
+            Metric(
+                "free_closing_pip_deg",
+                check.free_closing_pip_deg,
+                "°",
+                "PIP up to which free closing keeps DIP straight",
+            ),
+            Metric(
+                "virtual_work_error",
+                check.virtual_work_error,
+                "",
+                "contact forces by virtual work against every link's balance",
+                None,
+                Target("<=", 1e-8),
+            ),
+            Metric(
+                "unconverged",
+                check.unconverged,
+                "",
+                f"states without an equilibrium, of {check.states}; none is reported",
+                None,
+                Target("=", 0),
+            ),
+        ]
+    return numbers
