@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from designopt.numerics import safe_divide, safe_sqrt
 from designopt.vectors import Vector
 
-Scalar = Float[Array, ""]
+Scalar = Float[Array, "*#batch"]  # of one pose or of several
 
 
 def two_angles(

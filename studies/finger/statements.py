@@ -42,7 +42,7 @@ def lines(spec: FingerSpec, found: Finger) -> list[Line]:
     phalanges = sum(
         name.endswith(("proximal", "intermediate", "distal")) for name in _bodies(structure)
     )
-    freedoms = _freedoms(structure)
+    freedoms = degrees_of_freedom(structure)
     seen = found.mirrors.verdict.worst_coverage
     assembles = verdict.assembles
     everything = f"{body.range_deg:g}° each"
@@ -125,7 +125,7 @@ def _bodies(structure: Structure) -> list[str]:
     return [part.name for part in structure.bodies]
 
 
-def _freedoms(structure: Structure) -> int:
+def degrees_of_freedom(structure: Structure) -> int:
     """Kutzbach's count 3 (L − 1) − 2 J; a pin in n links counts as n − 1 joints."""
     links = Counter(joint for part in structure.bodies for joint in part.joints)
     return 3 * (len(structure.bodies) - 1) - 2 * sum(count - 1 for count in links.values())
@@ -174,10 +174,11 @@ def findings(spec: FingerSpec, found: Finger, made: list[Line]) -> list[str]:
     else:
         check = found.grasp
         said.append(
-            f"Closing freely DIP stays straight until PIP {check.free_closing_pip_deg:.0f}°; a pinch "
-            f"holds where φ₂/φ₁ ({check.ratio_low:.2f} to {check.ratio_high:.2f}) is below "
+            f"Closing freely DIP stays straight until PIP {check.free_closing_pip_deg:.0f}°; a "
+            f"pinch holds where φ₂/φ₁ ({check.ratio_low:.2f} to {check.ratio_high:.2f}) is below "
             f"k₂/(k₂ + {body.intermediate:g} mm), so from k₂ = "
-            f"{body.intermediate * check.ratio_high / (1 - check.ratio_high):.0f} mm on at any torque."
+            f"{body.intermediate * check.ratio_high / (1 - check.ratio_high):.0f} mm on at any "
+            "torque."
         )
     said.append("specs/linkage.toml and specs/scene.toml can be solved and traced as they are.")
     return said

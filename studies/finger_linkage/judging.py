@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
+from designopt.solution import Solution
 from designopt.vectors import Vector
+from kinematics.linkage import Linkage
 from kinematics.poses import solve_poses
 from kinematics.solver import Pose
 from studies.finger_linkage.body import BodySpec
@@ -107,12 +109,7 @@ def judged(pins: Pins, body: BodySpec, limits: LimitsSpec) -> Verdict:
     linkage = linkage_of(pins, body, "joints")
     square = np.stack(np.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
 
-    @jax.jit
-    def everything(inputs: jax.Array) -> tuple:
-        poses = solve_poses(linkage, inputs)
-        return poses, finger_transmission(poses.value)
-
-    poses, angles = jax.tree.map(np.asarray, everything(-jnp.asarray(square)))
+    poses, angles = _everywhere(linkage, -jnp.asarray(square))
     pose = poses.value
     crank = np.unwrap(np.unwrap(np.asarray(_angle(pose.bodies["crank"])), axis=1), axis=0)
     crank = crank[0, 0] - crank
@@ -121,12 +118,12 @@ def judged(pins: Pins, body: BodySpec, limits: LimitsSpec) -> Verdict:
     step = flexion[1] - flexion[0]
     ratio = np.gradient(crank, step, axis=1) / np.gradient(crank, step, axis=0)
     checks = [
-        Check("postures that assemble", square[..., 0].size, int(np.sum(poses.ok)), "", True),
-        Check("dyads from lock-up", limits.assembly, float(np.min(poses.margin)), "mm", True),
-        Check("turn of the crank per PIP", limits.turn, float(np.min(by_pip)) / step, "", True),
-        Check("turn of the crank per DIP", limits.turn, float(np.min(by_dip)) / step, "", True),
+        Check("postures that assemble", square[..., 0].size, int(jnp.sum(poses.ok)), "", True),
+        Check("dyads from lock-up", limits.assembly, float(jnp.min(poses.margin)), "mm", True),
+        Check("turn of the crank per PIP", limits.turn, float(np.min(by_pip) / step), "", True),
+        Check("turn of the crank per DIP", limits.turn, float(np.min(by_dip) / step), "", True),
         Check(
-            "turn of the plate per DIP", limits.turn, float(np.min(np.diff(plate))) / step, "", True
+            "turn of the plate per DIP", limits.turn, float(np.min(np.diff(plate)) / step), "", True
         ),
         Check(
             "range of the crank",
@@ -142,11 +139,19 @@ def judged(pins: Pins, body: BodySpec, limits: LimitsSpec) -> Verdict:
         checks.append(Check("φ₂/φ₁", limits.force_ratio, float(np.max(ratio)), "", False))
     return Verdict(
         np.rad2deg(flexion),
-        {SYMBOLS[name]: np.rad2deg(values) for name, values in angles.items()},
+        {SYMBOLS[name]: np.rad2deg(np.asarray(values)) for name, values in angles.items()},
         np.rad2deg(crank),
         ratio,
         tuple(checks),
     )
+
+
+@jax.jit
+def _everywhere(
+    linkage: Linkage, inputs: Float[Array, "pip dip 2"]
+) -> tuple[Solution[Pose], dict[str, Float[Array, "pip dip"]]]:
+    poses = solve_poses(linkage, inputs)
+    return poses, finger_transmission(poses.value)
 
 
 def _angle(direction: Vector) -> np.ndarray:
@@ -191,7 +196,7 @@ def _inside(pose: Pose, body: BodySpec, limits: LimitsSpec) -> list[Check]:
             sides.append(place.x + body.proximal)
         if host == "distal":
             sides.append(body.distal - place.x)
-        inside = min(float(np.min(side)) for side in sides)
+        inside = min(float(jnp.min(side)) for side in sides)
         checks.append(
             Check(
                 f"pin {told(name)} inside the {host} phalanx", limits.clearance, inside, "mm", True

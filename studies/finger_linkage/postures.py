@@ -93,7 +93,8 @@ def postures_at(pins: Pins, body: BodySpec, knuckle: Vector, flexion: Vector) ->
 
     # Second dyad, in the proximal phalanx's frame, one element per posture.
     knuckle = knuckle[:, None]
-    b, g, c_out, d_out, h_out = (place.turned(knuckle) for place in (axis_b, at["G"], c, d, h))
+    b, g = axis_b.turned(knuckle), at["G"].turned(knuckle)
+    c_out, d_out, h_out = (place[None, :].turned(knuckle) for place in (c, d, h))
     crank, rod = at["E"] - at["F"], at["D"] - at["E"]
     swing, rod_turn, square_reach = _dyad(d_out - at["F"], at["D"] - at["F"], crank, rod)
     arm_e, pull = crank.turned(swing), rod.turned(rod_turn)
@@ -101,7 +102,9 @@ def postures_at(pins: Pins, body: BodySpec, knuckle: Vector, flexion: Vector) ->
     lever = arm_e.cross(pull)
     pip_ratio, _ = safe_divide(d_out.cross(pull), lever)
     along_plate = (c_out - b).cross(pull)
-    dip_ratio, _ = safe_divide(along_plate + plate_ratio * (d_out - c_out).cross(pull), lever)
+    dip_ratio, _ = safe_divide(
+        along_plate + plate_ratio[None, :] * (d_out - c_out).cross(pull), lever
+    )
     phalanx, bar_line = (b, c_out), (g, h_out)
     rod_line = (d_out, e)
     return Postures(

@@ -152,8 +152,9 @@ def _sides(place: Vector, host: str, body: BodySpec) -> dict[str, Float[Array, "
 
 
 def _box(body: BodySpec, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
-    """Where the pins may be in the straight finger: over the height beside their phalanx, and
-    along it so far that designs of many kinds fit; the optima found lie inside.
+    """Where the pins may be in the straight finger.
+
+    Over the height of their phalanx, and along it so far that designs of many kinds fit.
     """
     keep = limits.clearance + allowance
     low, high = body.palmar + keep, body.dorsal - keep

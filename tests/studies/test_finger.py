@@ -1,0 +1,94 @@
+"""The study ``finger``: its files, its lines, and the whole of it."""
+
+import json
+import tomllib
+
+import jax.numpy as jnp
+import numpy as np
+import pydantic
+import pytest
+
+from designopt.cli import run as command
+from kinematics import linkage_from, solve_poses
+from optics import find_coverage, scene_from
+from studies.finger.spec import FingerSpec
+from studies.finger.spec_files import spec_files
+from studies.finger.statements import degrees_of_freedom
+from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.pins import linkage_of, reference_pins
+from studies.finger_mirrors.arrangement import robust_layout
+
+
+@pytest.fixture(scope="module")
+def files():
+    made = spec_files(FingerSpec(), reference_pins(), robust_layout())
+    return {file.name: tomllib.loads(file.text) for file in made}
+
+
+def test_the_files_are_the_finger(files):
+    joints = linkage_from(files["linkage.toml"])
+    crank = linkage_from(files["linkage-crank.toml"])
+    assert joints.input_names == ("pip", "dip")
+    assert crank.input_names == ("theta", "gamma")
+    assert float(crank.springs[0].stiffness) == 30.0
+    there = solve_poses(joints, -jnp.deg2rad(jnp.array([50.0, 30.0]))).value
+    theta = there.angle("crank")
+    gamma = there.bodies["plate"].turned(there.bodies["distal"].conjugate()).angle()
+    back = solve_poses(crank, jnp.stack([theta, gamma]))
+    assert bool(back.ok)
+    np.testing.assert_allclose(back.value.position("T"), there.position("T"), atol=1e-9)
+
+
+def test_the_scene_file_shows_every_pad(files):
+    scene = scene_from(files["scene.toml"])
+    poses = jnp.deg2rad(jnp.array([[0.0, 0.0], [45.0, 45.0], [90.0, 90.0]]))
+    np.testing.assert_allclose(find_coverage(scene, poses).value, 1.0, atol=1e-9)
+
+
+def test_degrees_of_freedom_by_kutzbach():
+    """Paper B: seven links and eight revolute joints leave two."""
+    assert degrees_of_freedom(linkage_of(reference_pins(), BodySpec(), "joints").structure) == 2
+
+
+@pytest.mark.parametrize("thickness", [3.0, 9.0])
+def test_bodies_without_room_are_refused(thickness):
+    with pytest.raises(pydantic.ValidationError, match=r"thick|axis_height"):
+        FingerSpec(body=BodySpec(thickness=thickness))
+
+
+QUICK = [
+    "linkage.search.starts=4",
+    "linkage.search.among=4096",
+    "linkage.search.exchanges=1",
+    "linkage.draws=100",
+    "mirrors.search.starts=1",
+    "yield_draws=100",
+    "spring.diameters=[40]",
+]
+
+
+def run(out, *settings):
+    sets = [part for setting in (*QUICK, *settings) for part in ("--set", setting)]
+    code = command(["run", "finger", *sets, "--out", str(out)])
+    return code, json.loads((out / "results.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.slow
+def test_the_whole_finger(tmp_path):
+    code, document = run(tmp_path / "finger")
+    metrics = document["metrics"]
+    assert code == 0
+    assert metrics["requirements_missed"]["value"] == 0
+    assert metrics["worst_coverage"]["value"] == 1
+    assert metrics["min_transmission_angle_deg"]["value"] > 45
+    for name in document["specs"]:
+        assert tomllib.loads((tmp_path / "finger" / name).read_text(encoding="utf-8"))
+
+
+@pytest.mark.slow
+def test_a_finger_that_is_too_thin_says_what_gave_way(tmp_path):
+    code, document = run(tmp_path / "thin", "body.thickness=14")
+    assert code == 1
+    first = document["findings"][0]
+    assert "does not meet every requirement" in first
+    assert "transmission angles (> 40° required" in first
