@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm
 
 from designopt.figures import MARKERS, PALETTE, new_figure
 from designopt.results import Figure
@@ -96,7 +98,9 @@ def draw_finger(
     for pin in "ABCDEFGH":
         axis.plot(*at[pin], "o", color="black", markerfacecolor="white", markersize=4)
         if named:
-            axis.annotate(told(pin), at[pin], xytext=(5, 4), textcoords="offset points", fontsize=9)
+            axis.annotate(
+                told(pin), tuple(at[pin]), xytext=(5, 4), textcoords="offset points", fontsize=9
+            )
     axis.set_aspect("equal")
     axis.grid(visible=False)
 
@@ -111,10 +115,9 @@ def maps_figure(verdict: Verdict) -> Figure:
     drawing, axes = new_figure(2, 3, height=5.0)
     low = 5 * np.floor(verdict.least_deg / 5)
     levels = np.arange(low, 91, 5)
-    shown = None
     for axis, (name, values) in zip(axes.flat, verdict.angles_deg.items(), strict=True):
         full = np.broadcast_to(values, verdict.crank_deg.shape)
-        shown = axis.contourf(
+        axis.contourf(
             verdict.flexion_deg, verdict.flexion_deg, full.T, levels=levels, cmap="cividis"
         )
         worst = np.unravel_index(np.argmin(full), full.shape)
@@ -127,7 +130,8 @@ def maps_figure(verdict: Verdict) -> Figure:
         axis.set_xlabel("PIP (°)")
     for axis in axes[:, 0]:
         axis.set_ylabel("DIP (°)")
-    drawing.colorbar(shown, ax=axes, label="transmission angle (°)", shrink=0.8)
+    colours = ScalarMappable(BoundaryNorm(levels, 256), "cividis")
+    drawing.colorbar(colours, ax=axes, label="transmission angle (°)", shrink=0.8)
     return Figure(
         "transmission",
         "Transmission angles over all postures",

@@ -76,17 +76,17 @@ def walked(kind):
     length, flexion = BODY.intermediate, COARSE
     angles = {name: np.zeros((len(flexion),) * 2) for name in SYMBOLS}
     crank, places = np.zeros((len(flexion),) * 2), {}
-    h = at["H"]
-    inner = []
+
+    def moved(dip):
+        return length + (at["C"] - length) * cmath.exp(-1j * dip)
+
+    inner, h, before = [], at["H"], 0.0
     for dip in flexion:
-        for way in np.linspace(0, 1, 20):  # small steps, so that the nearer point is the right one
-            turn = (
-                cmath.exp(-1j * (flexion[len(inner) - 1] * (1 - way) + dip * way)) if inner else 1
-            )
-            c = length + (at["C"] - length) * turn
-            h = circles(c, abs(at["H"] - at["C"]), at["G"], abs(at["H"] - at["G"]), h)
-        d = c + (at["D"] - at["C"]) * (h - c) / (at["H"] - at["C"])
-        inner.append((c, d, h))
+        # In small steps, so that of both points where circles meet the nearer one is the right one.
+        for way in np.linspace(before, dip, 20):
+            h = circles(moved(way), abs(at["H"] - at["C"]), at["G"], abs(at["H"] - at["G"]), h)
+        c, before = moved(dip), dip
+        inner.append((c, c + (at["D"] - at["C"]) * (h - c) / (at["H"] - at["C"]), h))
     for j in range(len(flexion)):
         e = at["E"] if j == 0 else places[0, j - 1]["E"]
         for i, pip in enumerate(flexion):
