@@ -13,14 +13,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.solution import Solution
-from studies.finger_grasp.equilibrium import (
-    Problem,
-    State,
-    Unknowns,
-    solve,
-    straight,
-    unknowns_of,
-)
+from studies.finger_grasp.conditions import Problem, Unknowns, straight
+from studies.finger_grasp.equilibrium import State, solve, unknowns_of
 
 TRIES = ((1.0, 1.0), (1.0, 0.0), (0.2, 1.0), (0.4, 1.0), (0.6, 1.0), (0.8, 1.0), (1.0, 1.0))
 """Parts of a step of the motor at which a state is looked for, one try after the other, and whether

@@ -16,7 +16,7 @@ import scipy.optimize
 from jaxtyping import Array, ArrayLike, Float
 
 from designopt import jaxopt_adapter
-from studies.finger_grasp.equilibrium import Problem, energy, gaps_of
+from studies.finger_grasp.conditions import Problem, energy, gaps_of
 from studies.finger_grasp.finger import Joints
 
 Opinion = Literal["jaxopt QP", "jaxopt box"]

@@ -14,14 +14,8 @@ from studies.finger_grasp import cases, exact
 from studies.finger_grasp.analysis import CLOSED, formula_error, retrace_error, touching_dip
 from studies.finger_grasp.closing import STEPS, close_all, there_and_back
 from studies.finger_grasp.comparing import compare
-from studies.finger_grasp.equilibrium import (
-    GRASP,
-    Unknowns,
-    energy,
-    gaps_of,
-    solve,
-    touches,
-)
+from studies.finger_grasp.conditions import Unknowns, energy, gaps_of, touches
+from studies.finger_grasp.equilibrium import GRASP, solve
 from studies.finger_grasp.finger import pads, transfer, transfers
 from studies.finger_grasp.free_body import pin_places
 from studies.finger_grasp.judging import judge, setting_of
