@@ -202,9 +202,10 @@ def limit(problem: Problem) -> Float[Array, ""]:
 
 def _either(first: Float[Array, " n"], second: Float[Array, " n"]) -> Float[Array, " n"]:
     """Fischer and Burmeister's function: 0 just where both are ≥ 0 and one of them is 0."""
-    # a + b − √(a² + b²), without cancellation where both are positive.
+    # a + b − √(a² + b²) cancels where a + b > 0, and 2 a b / (a + b + √(a² + b²)) elsewhere. A
+    # moment of 1e-9 units beside a joint of 1 rad must keep its digits, whatever its sign.
     length = safe_sqrt(first * first + second * second)
     total = first + second
-    positive = (first > 0) & (second > 0)
+    positive = total > 0
     ratio = 2 * first * second / jnp.where(positive, total + length, 1.0)
     return jnp.where(positive, ratio, total - length)

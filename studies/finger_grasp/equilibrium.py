@@ -28,7 +28,9 @@ from studies.finger_grasp.finger import Joints
 RESIDUAL_TOLERANCE = 1e-9
 """Largest `Solution.residual` of a state that is reported, in float64 (float32: 1e-4)."""
 
-MAX_STEPS = 24
+SUFFICIENT, LEAST_SHARE, NEGLIGIBLE = 0.1, 1 / 16, 1e-9
+
+MAX_STEPS = 48
 """Newton's steps from one state; a closing needs three or four from the state before."""
 
 
@@ -108,29 +110,43 @@ def _found(
     Optimistix' Newton compiles to, which evaluates it for its steps and leaves it to the caller to
     evaluate it for the judgement.
     """
-    upper = limit(problem)
+    upper, contrast = limit(problem), problem.finger.contrast
+    least = jnp.minimum(contrast, 1 / contrast)
 
     def turn(state: _Iteration) -> _Iteration:
-        old = state.unknowns
+        old, first = state.unknowns, state.count == 0
         move = _step(problem, old, state.linear)
-        first = state.count == 0
-        move = jax.tree.map(lambda leaf: jnp.where(first, 0.0, leaf), move)
-        new = jax.tree.map(jnp.add, old, move)
+        share = jnp.where(first, 0.0, state.share)
+        new = jax.tree.map(lambda a, b: a + share * b, old, move)
         # Newton has no trust region: a joint that leaves its stops comes back to them.
         new = eqx.tree_at(lambda u: u.joints, new, jnp.clip(new.joints, 0.0, upper))
+        linear = linear_at(problem, new)
+        left = _left(problem, new, linear)
+        taken = first | (left <= (1 - SUFFICIENT * share) * state.left) | (share <= LEAST_SHARE)
+        taken = taken | (left <= NEGLIGIBLE)
+        # Moments and forces may be as small as κ or 1/κ, and are wanted to their own size.
+        units = Unknowns(jnp.ones_like(least), least, least)
         sizes = jax.tree.map(
-            lambda a, b: jnp.max(jnp.abs(a - b) / (1 + jnp.abs(a)), initial=0.0), new, old
+            lambda a, b, unit: jnp.max(jnp.abs(a - b) / (unit + jnp.abs(a)), initial=0.0),
+            new,
+            old,
+            units,
         )
         size = jnp.maximum(jnp.maximum(sizes.joints, sizes.motor), sizes.forces)
         settled = (size <= tolerance) & ~first
-        return _Iteration(state.count + 1, settled, new, linear_at(problem, new))
+        kept = jax.tree.map(
+            lambda a, b: jnp.where(taken, a, b), (new, linear, left), (old, state.linear, state.left)
+        )
+        share = jnp.where(taken, 1.0, state.share / 2)
+        return _Iteration(state.count + 1, settled, share, *kept)
 
+    one = jnp.ones_like(least)
     shape = jax.eval_shape(linear_at, problem, guess)
     nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
     last = jax.lax.while_loop(
         lambda state: ~state.settled & (state.count <= max_steps),
         turn,
-        _Iteration(jnp.asarray(0), jnp.asarray(False), guess, nothing),
+        _Iteration(jnp.asarray(0), jnp.asarray(False), one, guess, nothing, one),
     )
     return last.unknowns, last.linear
 
@@ -153,8 +169,10 @@ class _Iteration(eqx.Module):
 
     count: Int[Array, ""]
     settled: Bool[Array, ""]
+    share: Float[Array, ""]
     unknowns: Unknowns
     linear: Linear
+    left: Float[Array, ""]
 
 
 def _slopes(problem: Problem, at: Unknowns, linear: Linear) -> Float[Array, "unknowns unknowns"]:
@@ -174,6 +192,12 @@ def _slopes(problem: Problem, at: Unknowns, linear: Linear) -> Float[Array, "unk
     return jax.jacfwd(nearby)(here)
 
 
+def _left(problem: Problem, at: Unknowns, linear: Linear) -> Float[Array, ""]:
+    parts = linear.parts
+    value = ravel_pytree(conditions(problem, at, parts.lag, parts.slack, parts.touch.gaps))[0]
+    return jnp.sqrt(value @ value)
+
+
 def _step(problem: Problem, at: Unknowns, linear: Linear) -> Unknowns:
     parts = linear.parts
     value = conditions(problem, at, parts.lag, parts.slack, parts.touch.gaps)
@@ -185,10 +209,13 @@ def _solved(like: Unknowns, slopes: Float[Array, "unknowns unknowns"], value: Un
 
     There are where more holds than freedoms, and where two states meet.
     """
-    left, sizes, right = jnp.linalg.svd(slopes)
+    # Rows are of very different size where stiffnesses are, and the small ones count as much.
+    rows = jnp.max(jnp.abs(slopes), axis=1)
+    rows = jnp.where(rows > 0, rows, 1.0)
+    left, sizes, right = jnp.linalg.svd(slopes / rows[:, None])
     known = sizes > len(sizes) * jnp.finfo(sizes.dtype).eps * sizes[0]
     inverse = jnp.where(known, 1 / jnp.where(known, sizes, 1.0), 0.0)
-    return ravel_pytree(like)[1](-(right.T @ (inverse * (left.T @ ravel_pytree(value)[0]))))
+    return ravel_pytree(like)[1](-(right.T @ (inverse * (left.T @ (ravel_pytree(value)[0] / rows)))))
 
 
 def unknowns_of(problem: Problem, state: State) -> Unknowns:
