@@ -10,15 +10,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from designopt.solution import Solution
 from studies.finger_grasp.conditions import Problem, Unknowns, straight
 from studies.finger_grasp.equilibrium import State, solve, unknowns_of
 
-TRIES = ((1.0, 1.0), (1.0, 0.0), (0.2, 1.0), (0.4, 1.0), (0.6, 1.0), (0.8, 1.0), (1.0, 1.0))
-"""Parts of a step of the motor at which a state is looked for, one try after the other, and whether
-the try starts from the last forces or from none."""
+TRIES = 24
+"""Solves that one step of the motor may take: those that fail are tried again half as far."""
 
 LANES = 12
 """Closings that are computed together; a block is filled up, so that one program serves all."""
@@ -39,32 +38,31 @@ def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]
         One state per motor angle; see `equilibrium.solve`. A state that is not ok does not spoil
         those after it, and means nothing itself.
     """
-    # A state that the whole step misses is tried again in smaller ones. A loop, so that all tries
-    # share one compiled solve, and no more of them are made than some closing of a batch needs.
-    tries = jnp.asarray(TRIES, commands.dtype)
-
+    # A step that fails is halved, and doubled again after each part that succeeds. A loop, so that
+    # all tries share one compiled solve, and no more are made than some closing of a batch needs.
     def move(
         last: Unknowns, step: tuple[Float[Array, ""], Float[Array, ""]]
     ) -> tuple[Unknowns, Solution[State]]:
         before, command = step
 
         def attempt(state: _Attempt) -> _Attempt:
-            share, keep = tries[state.count]
-            there = jnp.where(share == 1, command, before + share * (command - before))
+            reach = state.done + state.stride
+            there = jnp.where(reach >= 1, command, before + reach * (command - before))
             now = eqx.tree_at(lambda p: p.command, problem, there)
-            good = state.good
-            found = solve(now, Unknowns(good.joints, keep * good.motor, keep * good.forces))
+            found = solve(now, state.good)
             ok = found.ok
             new = unknowns_of(now, found.value)
-            good = jax.tree.map(lambda a, b: jnp.where(ok, a, b), new, good)
-            return _Attempt(state.count + 1, ok & (there == command), good, found)
+            good = jax.tree.map(lambda a, b: jnp.where(ok, a, b), new, state.good)
+            stride = jnp.where(ok, 2 * state.stride, state.stride / 2)
+            return _Attempt(state.count + 1, jnp.where(ok, reach, state.done), stride, good, found)
 
         shape = jax.eval_shape(solve, problem, last)
         nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
+        zero, one = jnp.zeros_like(command), jnp.ones_like(command)
         done = jax.lax.while_loop(
-            lambda state: ~state.arrived & (state.count < len(TRIES)),
+            lambda state: (state.done < 1) & (state.count < TRIES),
             attempt,
-            _Attempt(jnp.asarray(0), jnp.asarray(False), last, nothing),
+            _Attempt(jnp.asarray(0), zero, one, last, nothing),
         )
         return done.good, done.found
 
@@ -73,10 +71,11 @@ def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]
 
 
 class _Attempt(eqx.Module):
-    """Tries so far, whether the last one arrived, the last good state, and what was found."""
+    """Tries so far, the part of the step that is done, the next one, and the last state found."""
 
     count: Int[Array, ""]
-    arrived: Bool[Array, ""]
+    done: Float[Array, ""]
+    stride: Float[Array, ""]
     good: Unknowns
     found: Solution[State]
 
