@@ -19,6 +19,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_sqrt
@@ -35,12 +36,17 @@ class Problem(eqx.Module):
         command: α, angle of the motor behind its servo stiffness, rad, 0 in the straight finger.
         load: moments on PIP and DIP from elsewhere, N mm, positive in flexion.
         thing: what is grasped; ``None`` leaves contacts out of the equations.
+        drag: moment that resists every joint over the angle it moves from ``resting``, in moment
+            units per rad; 0 in an equilibrium.
+        resting: joints from where a drag counts, rad.
     """
 
     finger: Finger
     command: Float[Array, ""] = eqx.field(converter=as_float)
     load: Float[Array, "2"] = eqx.field(converter=as_float)
     thing: Object | None
+    drag: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    resting: Float[Array, "2"] = eqx.field(converter=as_float, default_factory=lambda: np.zeros(2))
 
 
 class Unknowns(eqx.Module):
@@ -109,6 +115,7 @@ def parts_at(problem: Problem, unknowns: Unknowns) -> Parts:
     spring = finger.contrast * (found.winding + finger.preload) * found.slope
     slack = -unknowns.motor * found.ratios - problem.load / finger.moment_unit
     slack = slack + jnp.stack([jnp.zeros_like(spring), spring])
+    slack = slack + problem.drag * (joints - problem.resting)
     touch = touches(problem, joints)
     slack = slack - touch.slopes.T @ unknowns.forces
     return Parts(problem.command - found.crank, slack, touch, found.ratios, found.reach)

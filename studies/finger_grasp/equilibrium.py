@@ -29,6 +29,8 @@ RESIDUAL_TOLERANCE = 1e-9
 """Largest `Solution.residual` of a state that is reported, in float64 (float32: 1e-4)."""
 
 SUFFICIENT, LEAST_SHARE, NEGLIGIBLE = 0.1, 1 / 16, 1e-9
+"""A step that does not leave so much less of the equations, over its share, is halved, down to the
+least share; unless what it leaves is negligible, for there only rounding is left to compare."""
 
 MAX_STEPS = 48
 """Newton's steps from one state; a closing needs three or four from the state before."""
@@ -122,20 +124,13 @@ def _found(
         new = eqx.tree_at(lambda u: u.joints, new, jnp.clip(new.joints, 0.0, upper))
         linear = linear_at(problem, new)
         left = _left(problem, new, linear)
-        taken = first | (left <= (1 - SUFFICIENT * share) * state.left) | (share <= LEAST_SHARE)
-        taken = taken | (left <= NEGLIGIBLE)
-        # Moments and forces may be as small as κ or 1/κ, and are wanted to their own size.
-        units = Unknowns(jnp.ones_like(least), least, least)
-        sizes = jax.tree.map(
-            lambda a, b, unit: jnp.max(jnp.abs(a - b) / (unit + jnp.abs(a)), initial=0.0),
-            new,
-            old,
-            units,
-        )
-        size = jnp.maximum(jnp.maximum(sizes.joints, sizes.motor), sizes.forces)
-        settled = (size <= tolerance) & ~first
+        taken = (left <= (1 - SUFFICIENT * share) * state.left) | (left <= NEGLIGIBLE)
+        taken = first | ((taken | (share <= LEAST_SHARE)) & jnp.isfinite(left))
+        settled = (_change(new, old, least) <= tolerance) & ~first
         kept = jax.tree.map(
-            lambda a, b: jnp.where(taken, a, b), (new, linear, left), (old, state.linear, state.left)
+            lambda a, b: jnp.where(taken, a, b),
+            (new, linear, left),
+            (old, state.linear, state.left),
         )
         share = jnp.where(taken, 1.0, state.share / 2)
         return _Iteration(state.count + 1, settled, share, *kept)
@@ -165,7 +160,15 @@ def _found_slope(max_steps: int, at: Any, towards: Any) -> tuple[Any, Any]:
 
 
 class _Iteration(eqx.Module):
-    """How many postures were looked at, whether the last step was small, and the last of them."""
+    """Where the iteration stands.
+
+    Attributes:
+        count: postures looked at.
+        settled: whether the last step was small.
+        share: of the next step that is to be taken.
+        unknowns, linear: the last posture that was taken.
+        left: length of what it leaves of the equations.
+    """
 
     count: Int[Array, ""]
     settled: Bool[Array, ""]
@@ -192,7 +195,16 @@ def _slopes(problem: Problem, at: Unknowns, linear: Linear) -> Float[Array, "unk
     return jax.jacfwd(nearby)(here)
 
 
+def _change(new: Unknowns, old: Unknowns, least: Float[Array, ""]) -> Float[Array, ""]:
+    """Largest relative change; moments and forces, however small, count by their own size."""
+    joints, rest = jnp.abs(new.joints), jnp.append(jnp.abs(new.forces), jnp.abs(new.motor))
+    turned = jnp.abs(new.joints - old.joints)
+    changed = jnp.append(jnp.abs(new.forces - old.forces), jnp.abs(new.motor - old.motor))
+    return jnp.maximum(jnp.max(turned / (1 + joints)), jnp.max(changed / (least + rest)))
+
+
 def _left(problem: Problem, at: Unknowns, linear: Linear) -> Float[Array, ""]:
+    """Length of what is left of the equations."""
     parts = linear.parts
     value = ravel_pytree(conditions(problem, at, parts.lag, parts.slack, parts.touch.gaps))[0]
     return jnp.sqrt(value @ value)
@@ -215,7 +227,9 @@ def _solved(like: Unknowns, slopes: Float[Array, "unknowns unknowns"], value: Un
     left, sizes, right = jnp.linalg.svd(slopes / rows[:, None])
     known = sizes > len(sizes) * jnp.finfo(sizes.dtype).eps * sizes[0]
     inverse = jnp.where(known, 1 / jnp.where(known, sizes, 1.0), 0.0)
-    return ravel_pytree(like)[1](-(right.T @ (inverse * (left.T @ (ravel_pytree(value)[0] / rows)))))
+    return ravel_pytree(like)[1](
+        -(right.T @ (inverse * (left.T @ (ravel_pytree(value)[0] / rows))))
+    )
 
 
 def unknowns_of(problem: Problem, state: State) -> Unknowns:
