@@ -117,31 +117,31 @@ def _found(
 
     def turn(state: _Iteration) -> _Iteration:
         old, first = state.unknowns, state.count == 0
-        move = _step(problem, old, state.linear)
         share = jnp.where(first, 0.0, state.share)
-        new = jax.tree.map(lambda a, b: a + share * b, old, move)
+        new = jax.tree.map(lambda a, b: a + share * b, old, state.move)
         # Newton has no trust region: a joint that leaves its stops comes back to them.
         new = eqx.tree_at(lambda u: u.joints, new, jnp.clip(new.joints, 0.0, upper))
         linear = linear_at(problem, new)
-        left = _left(problem, new, linear)
+        slopes, value = _slopes(problem, new, linear)
+        left = jnp.sqrt(value @ value)
         taken = (left <= (1 - SUFFICIENT * share) * state.left) | (left <= NEGLIGIBLE)
         taken = first | ((taken | (share <= LEAST_SHARE)) & jnp.isfinite(left))
         settled = (_change(new, old, least) <= tolerance) & ~first
         kept = jax.tree.map(
             lambda a, b: jnp.where(taken, a, b),
-            (new, linear, left),
-            (old, state.linear, state.left),
+            (new, linear, left, _solved(new, slopes, value)),
+            (old, state.linear, state.left, state.move),
         )
         share = jnp.where(taken, 1.0, state.share / 2)
         return _Iteration(state.count + 1, settled, share, *kept)
 
-    one = jnp.ones_like(least)
+    one, still = jnp.ones_like(least), jax.tree.map(jnp.zeros_like, guess)
     shape = jax.eval_shape(linear_at, problem, guess)
     nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
     last = jax.lax.while_loop(
         lambda state: ~state.settled & (state.count <= max_steps),
         turn,
-        _Iteration(jnp.asarray(0), jnp.asarray(False), one, guess, nothing, one),
+        _Iteration(jnp.asarray(0), jnp.asarray(False), one, guess, nothing, one, still),
     )
     return last.unknowns, last.linear
 
@@ -151,8 +151,10 @@ def _found_slope(max_steps: int, at: Any, towards: Any) -> tuple[Any, Any]:
     """By the implicit function theorem; derivatives of derivatives are not offered."""
     problem, guess, tolerance = at
     unknowns, linear = _found(max_steps, problem, guess, tolerance)
-    _, change = jax.jvp(lambda p: equations(unknowns, p), (problem,), (towards[0],))
-    move = _solved(unknowns, _slopes(problem, unknowns, linear), change)
+    _, change = jax.jvp(
+        lambda p: ravel_pytree(equations(unknowns, p))[0], (problem,), (towards[0],)
+    )
+    move = _solved(unknowns, _slopes(problem, unknowns, linear)[0], change)
     _, moved = jax.jvp(parts_at, (problem, unknowns), (towards[0], move))
     # Curvature and lifts serve the iteration and the judgement, which carry no derivative.
     still = jax.tree.map(jnp.zeros_like, (linear.curvature, linear.lifts))
@@ -168,6 +170,7 @@ class _Iteration(eqx.Module):
         share: of the next step that is to be taken.
         unknowns, linear: the last posture that was taken.
         left: length of what it leaves of the equations.
+        move: Newton's step from it.
     """
 
     count: Int[Array, ""]
@@ -176,23 +179,27 @@ class _Iteration(eqx.Module):
     unknowns: Unknowns
     linear: Linear
     left: Float[Array, ""]
+    move: Unknowns
 
 
-def _slopes(problem: Problem, at: Unknowns, linear: Linear) -> Float[Array, "unknowns unknowns"]:
-    """Derivative of `equations`, from that of the mechanism."""
-    parts, here = linear.parts, ravel_pytree(at)[0]
-    unravel = ravel_pytree(at)[1]
+def _slopes(
+    problem: Problem, at: Unknowns, linear: Linear
+) -> tuple[Float[Array, "unknowns unknowns"], Float[Array, " unknowns"]]:
+    """Derivative of `equations`, from that of the mechanism, and their value."""
+    parts = linear.parts
+    here, unravel = ravel_pytree(at)
 
-    def nearby(flat: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
+    def nearby(flat: Float[Array, " unknowns"]) -> tuple[Any, Any]:
         there = unravel(flat)
         move = jax.tree.map(jnp.subtract, there, at)
         slack = parts.slack + linear.curvature @ move.joints
         slack = slack - parts.ratios * move.motor - parts.touch.slopes.T @ move.forces
         lag = parts.lag - parts.ratios @ move.joints
         gaps = parts.touch.gaps + linear.lifts @ move.joints
-        return ravel_pytree(conditions(problem, there, lag, slack, gaps))[0]
+        value = ravel_pytree(conditions(problem, there, lag, slack, gaps))[0]
+        return value, value
 
-    return jax.jacfwd(nearby)(here)
+    return jax.jacfwd(nearby, has_aux=True)(here)
 
 
 def _change(new: Unknowns, old: Unknowns, least: Float[Array, ""]) -> Float[Array, ""]:
@@ -201,19 +208,6 @@ def _change(new: Unknowns, old: Unknowns, least: Float[Array, ""]) -> Float[Arra
     turned = jnp.abs(new.joints - old.joints)
     changed = jnp.append(jnp.abs(new.forces - old.forces), jnp.abs(new.motor - old.motor))
     return jnp.maximum(jnp.max(turned / (1 + joints)), jnp.max(changed / (least + rest)))
-
-
-def _left(problem: Problem, at: Unknowns, linear: Linear) -> Float[Array, ""]:
-    """Length of what is left of the equations."""
-    parts = linear.parts
-    value = ravel_pytree(conditions(problem, at, parts.lag, parts.slack, parts.touch.gaps))[0]
-    return jnp.sqrt(value @ value)
-
-
-def _step(problem: Problem, at: Unknowns, linear: Linear) -> Unknowns:
-    parts = linear.parts
-    value = conditions(problem, at, parts.lag, parts.slack, parts.touch.gaps)
-    return _solved(at, _slopes(problem, at, linear), value)
 
 
 def _solved(like: Unknowns, slopes: Float[Array, "unknowns unknowns"], value: Unknowns) -> Unknowns:
@@ -227,9 +221,7 @@ def _solved(like: Unknowns, slopes: Float[Array, "unknowns unknowns"], value: Un
     left, sizes, right = jnp.linalg.svd(slopes / rows[:, None])
     known = sizes > len(sizes) * jnp.finfo(sizes.dtype).eps * sizes[0]
     inverse = jnp.where(known, 1 / jnp.where(known, sizes, 1.0), 0.0)
-    return ravel_pytree(like)[1](
-        -(right.T @ (inverse * (left.T @ (ravel_pytree(value)[0] / rows))))
-    )
+    return ravel_pytree(like)[1](-(right.T @ (inverse * (left.T @ (value / rows)))))
 
 
 def unknowns_of(problem: Problem, state: State) -> Unknowns:
