@@ -210,7 +210,9 @@ def _change(new: Unknowns, old: Unknowns, least: Float[Array, ""]) -> Float[Arra
     return jnp.maximum(jnp.max(turned / (1 + joints)), jnp.max(changed / (least + rest)))
 
 
-def _solved(like: Unknowns, slopes: Float[Array, "unknowns unknowns"], value: Unknowns) -> Unknowns:
+def _solved(
+    like: Unknowns, slopes: Float[Array, "unknowns unknowns"], value: Float[Array, " unknowns"]
+) -> Unknowns:
     """−slopes⁻¹ value by the pseudo-inverse, which picks one answer where there are several.
 
     There are where more holds than freedoms, and where two states meet.
