@@ -108,7 +108,7 @@ def _found(
     """Newton's iteration: where it ends, and the mechanism there.
 
     The mechanism is evaluated in one place, inside the loop, whose first turn only looks at the
-    guess: what is judged later is what the last turn saw. That is a third of the program that
+    guess: what is judged later is what the last turn saw. That is half of the program that
     Optimistix' Newton compiles to, which evaluates it for its steps and leaves it to the caller to
     evaluate it for the judgement.
     """
