@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from studies.finger_grasp.equilibrium import Problem
+from studies.finger_grasp.conditions import Problem
 from studies.finger_grasp.finger import Finger
 from studies.finger_grasp.objects import Circle, Object, Polygon
 from studies.finger_grasp.spec import GraspSpec

@@ -10,21 +10,21 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from designopt.solution import Solution
-from studies.finger_grasp.equilibrium import (
-    Problem,
-    State,
-    Unknowns,
-    solve,
-    straight,
-    unknowns_of,
-)
+from studies.finger_grasp.conditions import Problem, Unknowns, straight
+from studies.finger_grasp.equilibrium import GRASP, State, solve, unknowns_of
 
-TRIES = ((1.0, 1.0), (1.0, 0.0), (0.2, 1.0), (0.4, 1.0), (0.6, 1.0), (0.8, 1.0), (1.0, 1.0))
-"""Parts of a step of the motor at which a state is looked for, one try after the other, and whether
-the try starts from the last forces or from none."""
+TRIES = 60
+"""Solves that one step of the motor may take."""
+
+LEAST_STRIDE = 0.1
+"""A step of the motor that fails is halved down to this part; then the finger is let creep."""
+
+LARGEST_MOVE = 0.2
+"""Farther than this, rad, no joint moves in one solve, which could have passed through the object:
+the step of the motor is then halved as if it had failed."""
 
 LANES = 12
 """Closings that are computed together; a block is filled up, so that one program serves all."""
@@ -45,9 +45,13 @@ def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]
         One state per motor angle; see `equilibrium.solve`. A state that is not ok does not spoil
         those after it, and means nothing itself.
     """
-    # A state that the whole step misses is tried again in smaller ones. A loop, so that all tries
-    # share one compiled solve, and no more of them are made than some closing of a batch needs.
-    tries = jnp.asarray(TRIES, commands.dtype)
+    # A step that fails is halved, and doubled again after each part that succeeds. Where that does
+    # not help the finger leaves a state that is not stable any more: it creeps on against a drag,
+    # which makes every state stable, and the drag fades (implicit Euler steps of a damped motion).
+    # A loop, so that all tries share one compiled solve, and no more of them are made than some
+    # closing of a batch needs.
+    contrast = problem.finger.contrast
+    drags = 0.1 * (contrast + 1 / contrast) * jnp.asarray([1.0, 1e-4], commands.dtype)
 
     def move(
         last: Unknowns, step: tuple[Float[Array, ""], Float[Array, ""]]
@@ -55,34 +59,58 @@ def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]
         before, command = step
 
         def attempt(state: _Attempt) -> _Attempt:
-            share, keep = tries[state.count]
-            there = jnp.where(share == 1, command, before + share * (command - before))
-            now = eqx.tree_at(lambda p: p.command, problem, there)
-            good = state.good
-            found = solve(now, Unknowns(good.joints, keep * good.motor, keep * good.forces))
-            ok = found.ok
+            creeping = state.drag > 0
+            reach = jnp.where(creeping, 1.0, state.done + state.stride)
+            there = jnp.where(reach >= 1, command, before + reach * (command - before))
+            now = eqx.tree_at(
+                lambda p: (p.command, p.drag, p.resting),
+                problem,
+                (there, state.drag, state.good.joints),
+            )
+            found = solve(now, state.good)
+            moved = jnp.max(jnp.abs(found.value.joints - state.good.joints))
+            ok = found.ok & (moved <= LARGEST_MOVE)
             new = unknowns_of(now, found.value)
-            good = jax.tree.map(lambda a, b: jnp.where(ok, a, b), new, good)
-            return _Attempt(state.count + 1, ok & (there == command), good, found)
+            good = jax.tree.map(lambda a, b: jnp.where(ok, a, b), new, state.good)
+            stride = jnp.where(ok, 2 * state.stride, state.stride / 2)
+            stuck = ~ok & (stride < LEAST_STRIDE)
+            fading = jnp.where(ok, state.drag / 3, state.drag * 9)
+            drag = jnp.where(creeping, fading, jnp.where(stuck, drags[0], 0.0))
+            faded = creeping & (drag < drags[1])
+            done = jnp.where(ok & ~creeping, reach, state.done)
+            return _Attempt(
+                state.count + 1,
+                done,
+                jnp.where(creeping | stuck, 1.0, stride),
+                jnp.where(faded, 0.0, drag),
+                good,
+                found,
+            )
 
         shape = jax.eval_shape(solve, problem, last)
         nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
+        zero, one = jnp.zeros_like(command), jnp.ones_like(command)
         done = jax.lax.while_loop(
-            lambda state: ~state.arrived & (state.count < len(TRIES)),
+            lambda state: (state.done < 1) & (state.count < TRIES),
             attempt,
-            _Attempt(jnp.asarray(0), jnp.asarray(False), last, nothing),
+            _Attempt(jnp.asarray(0), zero, one, zero, last, nothing),
         )
-        return done.good, done.found
+        found = done.found
+        # What was found on the way, against a drag or too far off, is not the state asked for.
+        result = GRASP.where((done.done >= 1) | ~found.ok, found.result, GRASP.unconverged)
+        return done.good, Solution(found.value, found.margin, found.residual, result)
 
     before = jnp.concatenate([jnp.zeros_like(commands[:1]), commands[:-1]])
     return jax.lax.scan(move, straight(problem), (before, commands))[1]
 
 
 class _Attempt(eqx.Module):
-    """Tries so far, whether the last one arrived, the last good state, and what was found."""
+    """Tries so far, the part of the step that is done, the next one, the drag, what was found."""
 
     count: Int[Array, ""]
-    arrived: Bool[Array, ""]
+    done: Float[Array, ""]
+    stride: Float[Array, ""]
+    drag: Float[Array, ""]
     good: Unknowns
     found: Solution[State]
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from studies.finger_grasp.closing import Path
-from studies.finger_grasp.equilibrium import Problem
+from studies.finger_grasp.conditions import Problem
 from studies.finger_grasp.finger import Joints, Pad, pads
 from studies.finger_grasp.free_body import Push, balance, pin_places
 from studies.finger_grasp.objects import Contacts

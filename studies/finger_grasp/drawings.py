@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter
 
 from designopt.figures import MARKERS, PALETTE, new_figure
 from designopt.results import Figure
@@ -186,7 +187,7 @@ def stability_map(found: Analysis) -> Figure:
         filled = axis.contourf(angles, angles, values.T, levels=12, cmap="cividis", alpha=0.75)
         lines = axis.contour(angles, angles, values.T, levels=6, colors="black", linewidths=0.6)
         axis.clabel(lines, fontsize=7, fmt="%.2g")
-        drawing.colorbar(filled, ax=axis, label=title + unit, shrink=0.85)
+        drawing.colorbar(filled, ax=axis, label=title + unit, shrink=0.72)
         axis.set(xlabel="PIP flexion (°)", ylabel="DIP flexion (°)", title=title)
         axis.set(xticks=range(0, 91, 30), yticks=range(0, 91, 30), aspect="equal")
         axis.grid(visible=False)
@@ -227,7 +228,8 @@ def over_diameter(found: Analysis) -> Figure:
         "over_diameter",
         "Closing on circles",
         f"With the motor at {end:.0f}°. The circles lie on the proximal pad. A pad of force 0 "
-        "does not touch.",
+        "does not touch. Held at 11.5 mm they touch "
+        "the intermediate pad halfway between the joints, and both bend alike.",
         drawing,
     )
 
@@ -274,6 +276,8 @@ def pinches(found: Analysis) -> Figure:
                 )
     limit.set(xlabel="k₂ (mm)", ylabel="largest motor moment (N mm)", yscale="log")
     limit.set(title="Where a pinch gives way")
+    for which in (limit.yaxis.set_major_formatter, limit.yaxis.set_minor_formatter):
+        which(FuncFormatter(lambda moment, _: f"{moment:g}" if f"{moment:e}"[0] in "1235" else ""))
     limit.legend(loc="upper left", fontsize=8)
     loading.axvline(1.0, color="0.4", linewidth=0.8)
     loading.set(xlabel="motor moment over the formula's limit", ylabel="DIP flexion (°)")

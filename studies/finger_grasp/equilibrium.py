@@ -1,42 +1,39 @@
-"""One equilibrium of the finger: a smooth complementarity problem, solved and checked.
-
-The energy U(q) = ½ k (Δγ(q₂) + γ_p)² + ½ k_s (φ(q) − α)² − load · q is least where no pad overlaps
-the object and both joints are within their stops. Its conditions, with motor moment
-T_a = k_s (α − φ) and contact forces f_i ≥ 0 at gaps g_i ≥ 0 (Birglen, Laliberté & Gosselin,
-*Underactuated Robotic Hands*, 2008, ch. 3; the elastic servo is this project's):
-
-    F = ∇U − Σ f_i ∇g_i,   F_j ≥ 0 at the lower stop, ≤ 0 at the upper one, 0 between them.
-
-Unknowns are q, T_a and f. T_a is kept beside q, and moments are counted in √(k k_s): then no
-coefficient is larger than √(k / k_s) or its inverse; the raw equations spread over k / k_s.
-"""
+"""One equilibrium of the finger: Newton's iteration on its conditions, and the judgement of it."""
 
 from __future__ import annotations
 
-import math
-from typing import Any, Literal
+from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax as lx
-import optimistix as optx
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from designopt.numerics import as_float, safe_sqrt
 from designopt.solution import Solution
-from designopt.vectors import rotation
-from studies.finger_grasp.finger import Finger, Joints, pads, transfer
-from studies.finger_grasp.objects import Object
+from studies.finger_grasp.conditions import (
+    Linear,
+    Problem,
+    Unknowns,
+    conditions,
+    equations,
+    limit,
+    linear_at,
+    parts_at,
+)
+from studies.finger_grasp.finger import Joints
 
 RESIDUAL_TOLERANCE = 1e-9
 """Largest `Solution.residual` of a state that is reported, in float64 (float32: 1e-4)."""
 
-MAX_STEPS = 24
+SUFFICIENT, LEAST_SHARE, NEGLIGIBLE = 0.1, 1 / 16, 1e-9
+"""A step that does not leave so much less of the equations, over its share, is halved, down to the
+least share; unless what it leaves is negligible, for there only rounding is left to compare."""
 
-
-Method = Literal["newton", "dogleg", "levenberg-marquardt"]
+MAX_STEPS = 48
+"""Newton's steps from one state; a closing needs three or four from the state before."""
 
 
 class GRASP(eqx.Enumeration):
@@ -48,22 +45,6 @@ class GRASP(eqx.Enumeration):
     )
     locked = "the linkage cannot be assembled in this posture; change the pins or the stops"
     unstable = "this equilibrium is not stable: the finger leaves it; close in smaller steps"
-
-
-class Problem(eqx.Module):
-    """What an equilibrium is asked of.
-
-    Attributes:
-        finger: the design.
-        command: α, angle of the motor behind its servo stiffness, rad, 0 in the straight finger.
-        load: moments on PIP and DIP from elsewhere, N mm, positive in flexion.
-        thing: what is grasped; ``None`` leaves contacts out of the equations.
-    """
-
-    finger: Finger
-    command: Float[Array, ""] = eqx.field(converter=as_float)
-    load: Float[Array, "2"] = eqx.field(converter=as_float)
-    thing: Object | None
 
 
 class State(eqx.Module):
@@ -86,31 +67,22 @@ class State(eqx.Module):
     stops: Float[Array, "2"]
 
 
-class Unknowns(eqx.Module):
-    """Joints (rad), motor moment in `Finger.moment_unit`, forces in that over `length_unit`."""
-
-    joints: Float[Array, "*batch 2"]
-    motor: Float[Array, "*batch"]
-    forces: Float[Array, "*batch contacts"]
-
-
 def solve(
     problem: Problem,
     guess: Unknowns,
     *,
-    method: Method = "newton",
     tolerance: ArrayLike = 0.0,
     max_steps: int = MAX_STEPS,
 ) -> Solution[State]:
-    """The equilibrium near a guess, by root finding on Fischer and Burmeister's equations.
+    """The equilibrium near a guess, by Newton's iteration on Fischer and Burmeister's equations.
 
     Derivatives in ``problem`` are implicit. Failure is data: see `GRASP`.
 
     Args:
         problem: finger, motor angle, load and object.
         guess: where to start, such as the previous state of a closing (`unknowns_of`).
-        method: which of Optimistix' iterations.
-        tolerance: relative and absolute, not below 8 units of rounding; may be traced.
+        tolerance: of the last step, relative and absolute, not below 8 units of rounding; may be
+            traced.
         max_steps: cap on iterations.
 
     Returns:
@@ -122,157 +94,136 @@ def solve(
         contacts leave free, over the largest curvature (1 where none is free): negative where the
         equilibrium is not stable.
     """
-    start, unravel = ravel_pytree(jax.lax.stop_gradient(guess))
-    floor = 8 * jnp.finfo(start.dtype).eps
-    tight: Any = jnp.maximum(as_float(tolerance).astype(start.dtype), floor)
-    options: dict[str, Any] | None = None
-    if method == "newton":
+    dtype = guess.joints.dtype
+    floor = 8 * float(jnp.finfo(dtype).eps)
+    tight = jnp.maximum(as_float(tolerance).astype(dtype), floor)
+    guess, tight = jax.lax.stop_gradient((guess, tight))
+    return _judged(problem, *_found(max_steps, problem, guess, tight))
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _found(
+    max_steps: int, problem: Problem, guess: Unknowns, tolerance: Float[Array, ""]
+) -> tuple[Unknowns, Linear]:
+    """Newton's iteration: where it ends, and the mechanism there.
+
+    The mechanism is evaluated in one place, inside the loop, whose first turn only looks at the
+    guess: what is judged later is what the last turn saw. That is half of the program that
+    Optimistix' Newton compiles to, which evaluates it for its steps and leaves it to the caller to
+    evaluate it for the judgement.
+    """
+    upper, contrast = limit(problem), problem.finger.contrast
+    least = jnp.minimum(contrast, 1 / contrast)
+
+    def turn(state: _Iteration) -> _Iteration:
+        old, first = state.unknowns, state.count == 0
+        share = jnp.where(first, 0.0, state.share)
+        new = jax.tree.map(lambda a, b: a + share * b, old, state.move)
         # Newton has no trust region: a joint that leaves its stops comes back to them.
-        bounds = [
-            eqx.tree_at(
-                lambda u: u.joints,
-                jax.tree.map(lambda leaf, far=far: jnp.full_like(leaf, far), guess),
-                jnp.full_like(guess.joints, end),
-            )
-            for far, end in (
-                (-jnp.inf, 0.0),
-                (jnp.inf, math.radians(problem.finger.body.range_deg)),
-            )
-        ]
-        options = dict(zip(("lower", "upper"), (ravel_pytree(b)[0] for b in bounds), strict=True))
-    kind = {
-        "newton": optx.Newton,
-        "dogleg": optx.Dogleg,
-        "levenberg-marquardt": optx.LevenbergMarquardt,
-    }[method]
-    found = optx.root_find(
-        lambda y, problem: ravel_pytree(equations(unravel(y), problem))[0],
-        # The pseudo-inverse picks one answer where more holds than freedoms leave several.
-        kind(tight, tight, linear_solver=lx.AutoLinearSolver(well_posed=False)),
-        start,
-        problem,
-        options=options,
-        max_steps=max_steps,
-        # The pseudo-inverse keeps derivatives finite where two states meet.
-        adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False)),
-        throw=False,
-    ).value
-    found = jnp.where(jnp.all(jnp.isfinite(found)), found, start)
-    return _judged(problem, unravel(found))
-
-
-def equations(unknowns: Unknowns, problem: Problem) -> Unknowns:
-    """What must vanish: the motor's equation, the box of each joint and the contacts.
-
-    Fischer and Burmeister's function turns each complementarity into an equation: A. Fischer,
-    *Optimization* 24 (1992); for a box with two ends, S. C. Billups' composition of two.
-    """
-    finger, joints = problem.finger, unknowns.joints
-    contrast = finger.contrast
-    # Weights decide which of two conditions a step believes in. Moments are of order κ or 1/κ
-    # where the servo is the stiffer part, and √κ is as far from both.
-    soft, stiff = jnp.sqrt(jnp.minimum(contrast, 1.0)), jnp.maximum(contrast, 1.0)
-    parts = _parts(problem, unknowns)
-    upper = jnp.deg2rad(jnp.asarray(finger.body.range_deg, joints.dtype))
-    weights = soft * jnp.stack([stiff, 1 / stiff])
-    slack = parts.slack * weights
-    box = _either(joints, -_either(upper - joints, -slack))
-    motor = (contrast * unknowns.motor - parts.lag) / stiff
-    touching = _either(parts.touch.gaps, unknowns.forces * soft * stiff)
-    return Unknowns(box, motor, touching)
-
-
-class Touch(eqx.Module):
-    """All contacts of a posture, those of the intermediate pad first.
-
-    Attributes:
-        gaps: over the length unit.
-        slopes: their derivatives by PIP and DIP.
-        along: mm from the phalanx's joint along its pad.
-    """
-
-    gaps: Float[Array, " contacts"]
-    slopes: Float[Array, "contacts 2"]
-    along: Float[Array, " contacts"]
-
-
-class _Parts(eqx.Module):
-    """What the equations are made of.
-
-    Attributes:
-        lag: α − φ, rad.
-        slack: F, the moment that stops have to bear, in moment units.
-        touch: all contacts.
-        reach: of the dyads, mm.
-    """
-
-    lag: Float[Array, ""]
-    slack: Float[Array, "2"]
-    touch: Touch
-    reach: Float[Array, ""]
-
-
-def _parts(problem: Problem, unknowns: Unknowns) -> _Parts:
-    finger, joints = problem.finger, unknowns.joints
-    found = transfer(finger, joints)
-    spring = finger.contrast * (found.winding + finger.preload) * found.slope
-    slack = -unknowns.motor * found.ratios - problem.load / finger.moment_unit
-    slack = slack + jnp.stack([jnp.zeros_like(spring), spring])
-    touch = touches(problem, joints)
-    slack = slack - touch.slopes.T @ unknowns.forces
-    return _Parts(problem.command - found.crank, slack, touch, found.reach)
-
-
-def touches(problem: Problem, joints: Joints) -> Touch:
-    """Where both pads are nearest to the object, and how their gaps change with the joints.
-
-    A gap changes as fast as the pad's nearest point moves along the contact's normal: what slides
-    along the object or along the pad changes no distance. That is the virtual work of a force too.
-    """
-    body, thing = problem.finger.body, problem.thing
-    if thing is None:
-        nothing = jnp.zeros((0,), joints.dtype)
-        return Touch(nothing, jnp.zeros((0, 2), joints.dtype), nothing)
-    unit = problem.finger.length_unit
-    axis_b = rotation(-joints[0]).scaled(jnp.full_like(joints[0], body.intermediate))
-    found, slopes = [], []
-    for pad, moved_by_dip in zip(pads(body, joints), (False, True), strict=True):
-        contact = thing.contacts(pad)
-        reach = contact.along - pad.offset
-        x, y = pad.start.x + reach * pad.along.x, pad.start.y + reach * pad.along.y
-        # Flexion is clockwise: it moves a point at (x, y) from its axis towards (y, −x).
-        by_pip = contact.normal.x * y - contact.normal.y * x
-        by_dip = contact.normal.x * (y - axis_b.y) - contact.normal.y * (x - axis_b.x)
-        found.append(contact)
-        slopes.append(
-            jnp.stack([by_pip, by_dip if moved_by_dip else jnp.zeros_like(by_dip)], axis=1)
+        new = eqx.tree_at(lambda u: u.joints, new, jnp.clip(new.joints, 0.0, upper))
+        linear = linear_at(problem, new)
+        slopes, value = _slopes(problem, new, linear)
+        left = jnp.sqrt(value @ value)
+        taken = (left <= (1 - SUFFICIENT * share) * state.left) | (left <= NEGLIGIBLE)
+        taken = first | ((taken | (share <= LEAST_SHARE)) & jnp.isfinite(left))
+        settled = (_change(new, old, least) <= tolerance) & ~first
+        kept = jax.tree.map(
+            lambda a, b: jnp.where(taken, a, b),
+            (new, linear, left, _solved(new, slopes, value)),
+            (old, state.linear, state.left, state.move),
         )
-    return Touch(
-        jnp.concatenate([contact.gap for contact in found]) / unit,
-        jnp.concatenate(slopes) / unit,
-        jnp.concatenate([contact.along for contact in found]),
+        share = jnp.where(taken, 1.0, state.share / 2)
+        return _Iteration(state.count + 1, settled, share, *kept)
+
+    one, still = jnp.ones_like(least), jax.tree.map(jnp.zeros_like, guess)
+    shape = jax.eval_shape(linear_at, problem, guess)
+    nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
+    last = jax.lax.while_loop(
+        lambda state: ~state.settled & (state.count <= max_steps),
+        turn,
+        _Iteration(jnp.asarray(0), jnp.asarray(False), one, guess, nothing, one, still),
     )
+    return last.unknowns, last.linear
 
 
-def gaps_of(problem: Problem, joints: Joints) -> Float[Array, " contacts"]:
-    """Gaps of all contacts in mm, those of the intermediate pad first."""
-    return touches(problem, joints).gaps * problem.finger.length_unit
+@_found.defjvp
+def _found_slope(max_steps: int, at: Any, towards: Any) -> tuple[Any, Any]:
+    """By the implicit function theorem; derivatives of derivatives are not offered."""
+    problem, guess, tolerance = at
+    unknowns, linear = _found(max_steps, problem, guess, tolerance)
+    _, change = jax.jvp(
+        lambda p: ravel_pytree(equations(unknowns, p))[0], (problem,), (towards[0],)
+    )
+    move = _solved(unknowns, _slopes(problem, unknowns, linear)[0], change)
+    _, moved = jax.jvp(parts_at, (problem, unknowns), (towards[0], move))
+    # Curvature and lifts serve the iteration and the judgement, which carry no derivative.
+    still = jax.tree.map(jnp.zeros_like, (linear.curvature, linear.lifts))
+    return (unknowns, linear), (move, Linear(moved, *still))
 
 
-def energy(problem: Problem, joints: Joints) -> Float[Array, ""]:
-    """U(q) over `Finger.moment_unit`."""
-    finger = problem.finger
-    found, contrast = transfer(finger, joints), finger.contrast
-    wound, lag = found.winding + finger.preload, problem.command - found.crank
-    work = problem.load[0] * joints[0] + problem.load[1] * joints[1]
-    return (contrast * wound * wound + lag * lag / contrast) / 2 - work / finger.moment_unit
+class _Iteration(eqx.Module):
+    """Where the iteration stands.
+
+    Attributes:
+        count: postures looked at.
+        settled: whether the last step was small.
+        share: of the next step that is to be taken.
+        unknowns, linear: the last posture that was taken.
+        left: length of what it leaves of the equations.
+        move: Newton's step from it.
+    """
+
+    count: Int[Array, ""]
+    settled: Bool[Array, ""]
+    share: Float[Array, ""]
+    unknowns: Unknowns
+    linear: Linear
+    left: Float[Array, ""]
+    move: Unknowns
 
 
-def straight(problem: Problem) -> Unknowns:
-    """The straight finger without any force, the first guess of a closing from open."""
-    dtype = problem.command.dtype
-    count = 0 if problem.thing is None else 2 * problem.thing.count
-    return Unknowns(jnp.zeros(2, dtype), jnp.zeros((), dtype), jnp.zeros(count, dtype))
+def _slopes(
+    problem: Problem, at: Unknowns, linear: Linear
+) -> tuple[Float[Array, "unknowns unknowns"], Float[Array, " unknowns"]]:
+    """Derivative of `equations`, from that of the mechanism, and their value."""
+    parts = linear.parts
+    here, unravel = ravel_pytree(at)
+
+    def nearby(flat: Float[Array, " unknowns"]) -> tuple[Any, Any]:
+        there = unravel(flat)
+        move = jax.tree.map(jnp.subtract, there, at)
+        slack = parts.slack + linear.curvature @ move.joints
+        slack = slack - parts.ratios * move.motor - parts.touch.slopes.T @ move.forces
+        lag = parts.lag - parts.ratios @ move.joints
+        gaps = parts.touch.gaps + linear.lifts @ move.joints
+        value = ravel_pytree(conditions(problem, there, lag, slack, gaps))[0]
+        return value, value
+
+    return jax.jacfwd(nearby, has_aux=True)(here)
+
+
+def _change(new: Unknowns, old: Unknowns, least: Float[Array, ""]) -> Float[Array, ""]:
+    """Largest relative change; moments and forces, however small, count by their own size."""
+    joints, rest = jnp.abs(new.joints), jnp.append(jnp.abs(new.forces), jnp.abs(new.motor))
+    turned = jnp.abs(new.joints - old.joints)
+    changed = jnp.append(jnp.abs(new.forces - old.forces), jnp.abs(new.motor - old.motor))
+    return jnp.maximum(jnp.max(turned / (1 + joints)), jnp.max(changed / (least + rest)))
+
+
+def _solved(
+    like: Unknowns, slopes: Float[Array, "unknowns unknowns"], value: Float[Array, " unknowns"]
+) -> Unknowns:
+    """−slopes⁻¹ value by the pseudo-inverse, which picks one answer where there are several.
+
+    There are where more holds than freedoms, and where two states meet.
+    """
+    # Rows are of very different size where stiffnesses are, and the small ones count as much.
+    rows = jnp.max(jnp.abs(slopes), axis=1)
+    rows = jnp.where(rows > 0, rows, 1.0)
+    left, sizes, right = jnp.linalg.svd(slopes / rows[:, None])
+    known = sizes > len(sizes) * jnp.finfo(sizes.dtype).eps * sizes[0]
+    inverse = jnp.where(known, 1 / jnp.where(known, sizes, 1.0), 0.0)
+    return ravel_pytree(like)[1](-(right.T @ (inverse * (left.T @ (value / rows)))))
 
 
 def unknowns_of(problem: Problem, state: State) -> Unknowns:
@@ -282,9 +233,9 @@ def unknowns_of(problem: Problem, state: State) -> Unknowns:
     return Unknowns(state.joints, state.motor / unit, state.forces * finger.length_unit / unit)
 
 
-def _judged(problem: Problem, found: Unknowns) -> Solution[State]:
+def _judged(problem: Problem, found: Unknowns, linear: Linear) -> Solution[State]:
     finger, joints = problem.finger, found.joints
-    parts = _parts(problem, found)
+    parts = linear.parts
     unit = finger.moment_unit
     state = State(
         joints,
@@ -295,7 +246,7 @@ def _judged(problem: Problem, found: Unknowns) -> Solution[State]:
         parts.slack * unit,
     )
     # Judgements carry no derivative; that of eigenvalues would not be finite where two coincide.
-    seen = jax.lax.stop_gradient((problem, found, parts))
+    seen = jax.lax.stop_gradient((problem, found, linear))
     residual, margin = _violation(*seen), _stability(*seen)
     known = jnp.isfinite(residual) & jnp.isfinite(margin)
     residual, margin = jnp.where(known, residual, 1.0), jnp.where(known, margin, 0.0)
@@ -306,12 +257,12 @@ def _judged(problem: Problem, found: Unknowns) -> Solution[State]:
     return Solution(state, margin, residual, result)
 
 
-def _violation(problem: Problem, found: Unknowns, parts: _Parts) -> Float[Array, ""]:
+def _violation(problem: Problem, found: Unknowns, linear: Linear) -> Float[Array, ""]:
     """The largest violation by plain comparisons, not by the functions that were solved."""
-    contrast, joints = problem.finger.contrast, found.joints
-    upper = jnp.deg2rad(jnp.asarray(problem.finger.body.range_deg, joints.dtype))
+    contrast, joints, parts = problem.finger.contrast, found.joints, linear.parts
+    upper = limit(problem)
     # Moments in play: what the motor gives now, and for the DIP joint what the spring gives.
-    motor = jnp.abs(found.motor) * jnp.max(jnp.abs(transfer(problem.finger, joints).ratios))
+    motor = jnp.abs(found.motor) * jnp.max(jnp.abs(parts.ratios))
     load = jnp.max(jnp.abs(problem.load)) / problem.finger.moment_unit
     spring = contrast * jnp.abs(problem.finger.preload) + jnp.zeros_like(motor)
     floor = jnp.minimum(contrast, 1 / contrast)
@@ -328,17 +279,12 @@ def _violation(problem: Problem, found: Unknowns, parts: _Parts) -> Float[Array,
     return jnp.max(jnp.stack(worst))
 
 
-def _stability(problem: Problem, found: Unknowns, parts: _Parts) -> Float[Array, ""]:
+def _stability(problem: Problem, found: Unknowns, linear: Linear) -> Float[Array, ""]:
     """Least curvature of energy − Σ f g along what is free, over the largest; 1 if nothing is."""
-    joints, contrast = found.joints, problem.finger.contrast
-
-    def slack(joints: Joints) -> Float[Array, "2"]:
-        return _parts(problem, eqx.tree_at(lambda u: u.joints, found, joints)).slack
-
+    joints, contrast, parts = found.joints, problem.finger.contrast, linear.parts
     # F with the motor's moment held is the gradient but for what the servo's stiffness adds.
-    ratios = transfer(problem.finger, joints).ratios
-    curvature = jax.jacfwd(slack)(joints) + jnp.outer(ratios, ratios) / contrast
-    upper = jnp.deg2rad(jnp.asarray(problem.finger.body.range_deg, joints.dtype))
+    curvature = linear.curvature + jnp.outer(parts.ratios, parts.ratios) / contrast
+    upper = limit(problem)
     moment = jnp.abs(parts.slack)
     held = jnp.minimum(joints, upper - joints) < moment
     normals = jnp.where(held[:, None], jnp.eye(2, dtype=joints.dtype), 0.0)
@@ -361,13 +307,3 @@ def _stability(problem: Problem, found: Unknowns, parts: _Parts) -> Float[Array,
     least, largest = middle - spread, jnp.abs(middle) + spread
     free = jnp.where(size > 0, one, least) / largest
     return jnp.where(spanned, jnp.ones_like(free), free)
-
-
-def _either(first: Float[Array, " n"], second: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Fischer and Burmeister's function: 0 just where both are ≥ 0 and one of them is 0."""
-    # a + b − √(a² + b²), without cancellation where both are positive.
-    length = safe_sqrt(first * first + second * second)
-    total = first + second
-    positive = (first > 0) & (second > 0)
-    ratio = 2 * first * second / jnp.where(positive, total + length, 1.0)
-    return jnp.where(positive, ratio, total - length)

@@ -11,7 +11,7 @@ import numpy as np
 from studies.finger_grasp import exact
 from studies.finger_grasp.closing import Path
 from studies.finger_grasp.comparing import SHUT
-from studies.finger_grasp.equilibrium import Problem
+from studies.finger_grasp.conditions import Problem
 from studies.finger_grasp.finger import TIP_RIM
 from studies.finger_grasp.objects import Circle
 

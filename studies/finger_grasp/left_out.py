@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from designopt.left_out import count_operations
 from designopt.results import LeftOutRow
 from studies.finger_grasp import cases
-from studies.finger_grasp.equilibrium import Problem, equations, straight
+from studies.finger_grasp.conditions import Problem, equations, straight
 from studies.finger_grasp.finger import Finger, Joints, transfer
 
 

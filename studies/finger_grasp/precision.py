@@ -14,7 +14,8 @@ import numpy as np
 from designopt.precision import Contender, compile_timed, dominating
 from designopt.results import Claim, PrecisionRow
 from studies.finger_grasp.closing import Path
-from studies.finger_grasp.equilibrium import Problem, Unknowns, solve
+from studies.finger_grasp.conditions import Problem, Unknowns
+from studies.finger_grasp.equilibrium import solve
 from studies.finger_grasp.finger import Joints
 from studies.finger_grasp.judging import reference
 from studies.finger_grasp.second_opinion import minimum

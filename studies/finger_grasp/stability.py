@@ -13,7 +13,7 @@ import numpy as np
 from designopt.results import StabilityRow
 from studies.finger_grasp import cases
 from studies.finger_grasp.closing import LANES, STEPS, close_all, there_and_back
-from studies.finger_grasp.equilibrium import Problem
+from studies.finger_grasp.conditions import Problem
 from studies.finger_grasp.finger import Finger
 from studies.finger_grasp.judging import judge
 from studies.finger_grasp.objects import Circle

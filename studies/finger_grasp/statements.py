@@ -32,7 +32,8 @@ def metrics(spec: GraspSpec, check: GraspCheck, stability: Sequence[StabilityRow
             "free_closing_pip_deg",
             check.free_closing_pip_deg,
             "°",
-            "PIP flexion up to which free closing keeps DIP on its stop",
+            "PIP flexion up to which free closing keeps DIP on its stop; without load there is no "
+            "motor moment until PIP is at its own stop, so §B3's 88° is read as a least value",
             88.0,
             only(Target(">=", 88.0)),
         ),

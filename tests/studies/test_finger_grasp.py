@@ -6,22 +6,17 @@ from functools import cache
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 import scipy.optimize
 
 from studies.finger_grasp import cases, exact
 from studies.finger_grasp.analysis import CLOSED, formula_error, retrace_error, touching_dip
-from studies.finger_grasp.closing import STEPS, close_all, there_and_back
+from studies.finger_grasp.closing import LARGEST_MOVE, STEPS, close_all, there_and_back
 from studies.finger_grasp.comparing import compare
-from studies.finger_grasp.equilibrium import (
-    GRASP,
-    Unknowns,
-    energy,
-    gaps_of,
-    solve,
-    touches,
-)
+from studies.finger_grasp.conditions import Unknowns, conditions, energy, gaps_of, touches
+from studies.finger_grasp.equilibrium import GRASP, solve
 from studies.finger_grasp.finger import pads, transfer, transfers
 from studies.finger_grasp.free_body import pin_places
 from studies.finger_grasp.judging import judge, setting_of
@@ -29,6 +24,7 @@ from studies.finger_grasp.objects import Circle, Polygon
 from studies.finger_grasp.pinch import bracket, least_place, loading, predict, ratio_map
 from studies.finger_grasp.second_opinion import reference as slsqp
 from studies.finger_grasp.spec import GraspSpec, PinsSpec
+from studies.finger_grasp.stability import families
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.pins import reference_pins
 
@@ -48,6 +44,10 @@ def closings():
     for pinch in found:
         thing = cases.touching(BODY, pinch.pip, BODY.intermediate + pinch.place, 8.0)
         problems.append(cases.problem_of(FINGER, thing))
+    # Last the one that snaps.
+    slipping = list(families(FINGER, END, 0))[4]
+    problems.append(slipping.problems[0])
+    motions.append(slipping.commands[0])
     return close_all(problems, np.array(motions)), found
 
 
@@ -180,7 +180,7 @@ def test_a_circle_on_the_proximal_pad_is_touched_at_its_mirrored_place():
 
 def test_virtual_work_and_free_body_agree():
     paths, _ = closings()
-    for path in paths:
+    for path in paths[:-1]:
         compared = compare(path)
         assert compared.states + compared.undetermined == STEPS
         assert compared.states > 100
@@ -190,7 +190,7 @@ def test_virtual_work_and_free_body_agree():
 
 def test_pinches_give_way_where_the_formula_says():
     paths, found = closings()
-    shown = [bracket(FINGER, one, path) for one, path in zip(found, paths[5:], strict=True)]
+    shown = [bracket(FINGER, one, path) for one, path in zip(found, paths[5:9], strict=True)]
     assert [one.holds for one in found] == [False, False, False, True]
     assert all(one.agrees for one in shown)
     for one, seen in zip(found[:3], shown, strict=False):
@@ -225,6 +225,30 @@ def test_exact_kinematics_are_the_fingers():
     np.testing.assert_allclose([float(g) for g in exact.gaps(setting, 0.7, 0.4)], gaps, atol=1e-12)
 
 
+def test_implicit_gradients_of_free_closing_against_central_differences():
+    """Compiled and batched: PIP moving, PIP at its stop and DIP moving, both at their stops."""
+    joints = jnp.asarray([[0.4, 0.0], [1.57, 0.5], [1.57, 1.57]])
+    commands, motors = jnp.asarray([0.5, 1.5, 2.6]), jnp.asarray([0.0, 0.5, 2.0])
+    start = jnp.stack([FINGER.log_spring, FINGER.log_servo, FINGER.preload])
+
+    def value(parameters, command, joints, motor):
+        finger = eqx.tree_at(
+            lambda f: (f.log_spring, f.log_servo, f.preload), FINGER, tuple(parameters)
+        )
+        problem = eqx.tree_at(lambda p: p.command, cases.problem_of(finger, None), command)
+        found = solve(problem, Unknowns(joints, motor, jnp.zeros(0)))
+        return jnp.sum(found.value.joints) + 0.01 * found.value.motor, found.ok
+
+    run = jax.jit(jax.vmap(jax.value_and_grad(value, has_aux=True), (None, 0, 0, 0)))
+    (_, ok), slopes = run(start, commands, joints, motors)
+    assert bool(ok.all())
+    for j in range(3):
+        ends = [run(start.at[j].add(s * 1e-6), commands, joints, motors)[0][0] for s in (1, -1)]
+        np.testing.assert_allclose(slopes[:, j], (ends[0] - ends[1]) / 2e-6, atol=2e-6)
+    assert float(jnp.abs(slopes).max()) > 0.01
+
+
+@pytest.mark.slow
 def test_implicit_gradients_against_central_differences():
     """Compiled and batched: a state with two contacts, one with one, a free one, and a failure."""
     paths, _ = closings()
@@ -281,6 +305,43 @@ def test_the_energys_slope_is_what_stops_and_contacts_bear():
         np.asarray(slope), np.asarray(lifts).T @ path.forces[state], rtol=1e-4
     )
     assert path.forces[CLOSED].min() > 0
+
+
+@pytest.mark.parametrize("size", [1e-12, 1e-6, 1.0])
+def test_complementarity_keeps_the_digits_of_small_moments(size):
+    """Beside a joint of 1 rad, and of either sign."""
+    problem = cases.problem_of(FINGER, None)
+    for sign in (1, -1):
+        found = conditions(
+            problem,
+            Unknowns(jnp.full(2, 0.5), jnp.zeros(()), jnp.zeros(0)),
+            jnp.zeros(()),
+            jnp.full(2, sign * size),
+            jnp.zeros(0),
+        ).joints
+        kappa = float(FINGER.contrast)
+        with mpmath.workdps(40):
+
+            def either(a, b):
+                return a + b - mpmath.sqrt(a * a + b * b)
+
+            for got, weight in zip(found, (1.0, 1.0), strict=True):
+                moment = mpmath.mpf(sign * size) * mpmath.sqrt(kappa) * weight
+                upper = mpmath.mpf(math.radians(90)) - 0.5
+                wanted = either(mpmath.mpf(0.5), -either(upper, -moment))
+                np.testing.assert_allclose(float(got), float(wanted), rtol=1e-14)
+
+
+def test_a_finger_that_snaps_slides_around_the_object_and_not_through_it():
+    """A small circle under the DIP axis, pressed by both pads' ends until one of them slips."""
+    paths, _ = closings()
+    path = paths[-1]
+    assert path.ok.all(), set(path.messages)
+    step = int(np.argmax(np.abs(np.diff(path.joints[: CLOSED + 1], axis=0)).max(axis=1)))
+    assert np.abs(path.joints[step + 1] - path.joints[step]).max() > LARGEST_MOVE
+    assert path.gaps[step].max() < 1e-9  # both touched
+    assert path.forces[step + 1, 1] > 1  # and the distal one still does
+    assert path.joints[step + 1, 1] > 0.3
 
 
 @pytest.mark.slow
