@@ -167,7 +167,9 @@ def terms_of(arrangement: Arrangement, task: Task) -> Terms:
     errors, ``clearance`` (2,).
     """
     # One look after the other: all postures together would leave the cache.
-    looks = jax.lax.map(lambda number: look(arrangement, task, number), jnp.arange(len(task.angles)))
+    looks = jax.lax.map(
+        lambda number: look(arrangement, task, number), jnp.arange(len(task.angles))
+    )
     price, clearance = upkeep(arrangement, task)
     hidden = jnp.mean(looks.missing[: task.plain]) + jnp.mean(looks.missing[task.plain :])
     sharp = looks.resolution[: task.plain]

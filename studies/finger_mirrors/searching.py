@@ -100,8 +100,8 @@ def search(
     low, high, point = (np.asarray(ravel_pytree(one)[0]) / units for one in (*bounds, start))
     point = np.clip(point, low, high)
     terms: Terms | None = None
-    multipliers = _no_multipliers(tasks[0])
-    copies = jnp.asarray(tasks[0].copies if copies is None else copies)
+    multipliers = no_multipliers(tasks[0])
+    count = jnp.asarray(tasks[0].copies if copies is None else copies)
     evaluations = 0
     for task, stage in zip(tasks, stages, strict=True):
         penalty = jnp.asarray(stage.penalty)
@@ -110,7 +110,7 @@ def search(
         def asked(
             x: np.ndarray, task: Task = task, penalty: Array = penalty, held: Any = held
         ) -> tuple[float, np.ndarray]:
-            (value, _), slope = lagrangian(jnp.asarray(x), task, copies, penalty, held)
+            (value, _), slope = lagrangian(jnp.asarray(x), task, count, penalty, held)
             return float(value), np.asarray(slope)
 
         done = scipy.optimize.minimize(
@@ -127,7 +127,7 @@ def search(
             },
         )
         point, evaluations = done.x, evaluations + int(done.nfev)
-        (_, reached), _ = lagrangian(jnp.asarray(point), task, copies, penalty, held)
+        (_, reached), _ = lagrangian(jnp.asarray(point), task, count, penalty, held)
         terms, levels = reached, reached.inequalities
         multipliers = jax.tree.map(
             lambda m, g, penalty=penalty: jnp.maximum(m - penalty * g, 0.0),
@@ -145,11 +145,13 @@ def search(
     )
 
 
-def measured(arrangement: Arrangement, task: Task, copies: int | None = None) -> tuple[float, float]:
+def measured(
+    arrangement: Arrangement, task: Task, copies: int | None = None
+) -> tuple[float, float]:
     """Objective and largest scaled violation of an arrangement, by the search's own program."""
     point = ravel_pytree(jax.tree.map(jnp.divide, arrangement, scale()))[0]
     count = jnp.asarray(task.copies if copies is None else copies)
-    none = _no_multipliers(task)
+    none = no_multipliers(task)
     (_, terms), _ = lagrangian(point, task, count, jnp.asarray(0.0), none)
     return float(terms.value), _violation(terms)
 
@@ -158,7 +160,8 @@ def _violation(terms: Terms) -> float:
     return max(0.0, *(float(jnp.max(-leaf)) for leaf in terms.inequalities.values()))
 
 
-def _no_multipliers(task: Task) -> Multipliers:
+def no_multipliers(task: Task) -> Multipliers:
+    """Zeros: nothing is known of the inequalities yet."""
     pads = len(task.finger.layout.pads)
     places = task.plain * task.angles.shape[1]
     return {"resolution": jnp.zeros((places, pads)), "clearance": jnp.zeros(2)}

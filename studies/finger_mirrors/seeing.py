@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -35,7 +34,7 @@ def missing(views: Solution[Pieces]) -> Float[Array, "*poses pads"]:
     """
     hidden = 1 - views.value.coverage()
     by = jnp.min(jnp.where(views.margin < 0, -views.margin, jnp.inf), axis=-2)
-    return hidden + jax.lax.stop_gradient(hidden) * jnp.where(jnp.isfinite(by), by, 0.0)
+    return hidden * (1 + jnp.where(jnp.isfinite(by), by, 0.0))
 
 
 def best_resolution(

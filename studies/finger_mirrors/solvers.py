@@ -1,14 +1,15 @@
 """Every solver on the same problem from the same starts: gap and violation against run time.
 
-The problem is the last stage's with `COPIES` copies only, so that every solver gets somewhere in its
-time. The objective and the largest violation of what a solver proposes are computed outside of it,
-by the one compiled program of the graduated search. Run times are those of the solves one after the
-other, without compiling; after k starts the best of the first k counts.
+The problem is the last stage's with `COPIES` copies only, so that every solver gets somewhere in
+its time. The objective and the largest violation of what a solver proposes are computed outside of
+it, by the one compiled program of the graduated search. Run times are those of the solves one after
+the other, without compiling; after k starts the best of the first k counts.
 """
 
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -16,17 +17,25 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.optimize
+from jax.flatten_util import ravel_pytree
 
 from designopt.optimising import differential_evolution
 from designopt.optimising.augmented import Inner, augmented_lagrangian
 from designopt.optimising.flat import Flat
-from designopt.optimising.references import Reference, compile_reference
+from designopt.optimising.references import compile_reference
 from designopt.results import PrecisionRow
 from studies.finger_linkage.body import BodySpec
-from studies.finger_mirrors.arrangement import Arrangement, bounds
+from studies.finger_mirrors.arrangement import Arrangement, bounds, scale
 from studies.finger_mirrors.design import MirrorDesign
 from studies.finger_mirrors.problem import Task, problem_of, terms_of
-from studies.finger_mirrors.searching import STAGES, measured, search
+from studies.finger_mirrors.searching import (
+    STAGES,
+    lagrangian,
+    measured,
+    no_multipliers,
+    search,
+)
 from studies.finger_mirrors.spec import MirrorSpec
 
 OURS = "graduated L-BFGS-B"
@@ -111,7 +120,10 @@ def compared(
     ]
     for method in CHOICES[which]:
         begin = time.perf_counter()
-        solve = _solver(method, body, spec, task)
+        if method == "slsqp":
+            solve = _slsqp(body, spec, design.task, copies)
+        else:
+            solve = _solver(method, body, spec, task)
         runs += _in_turn(NAMES[method], solve, starts, value, time.perf_counter() - begin)
     return runs + list(_evolution(body, spec, task, evolution, seed))
 
@@ -141,9 +153,8 @@ def _solver(
     def from_arrangements(solve: Callable[[np.ndarray], Any]) -> Any:
         return lambda start: flat.parameters(jnp.asarray(solve(np.asarray(flat.point(start)))))
 
-    if method in ("slsqp", "trust-constr"):
-        reference: Reference = "slsqp" if method == "slsqp" else "trust-constr"
-        one = compile_reference(flat, reference, TOLERANCE, UPDATES * STEPS)
+    if method == "trust-constr":
+        one = compile_reference(flat, method, TOLERANCE, UPDATES * STEPS)
         return from_arrangements(lambda point: one(point, (task,))[0])
     inner: Inner = method  # type: ignore[assignment]
 
@@ -154,6 +165,49 @@ def _solver(
 
     program = jax.jit(local).lower(jnp.zeros(flat.units.size)).compile()
     return from_arrangements(lambda point: program(jnp.asarray(point)))
+
+
+def _slsqp(
+    body: BodySpec, spec: MirrorSpec, task: Task, copies: int
+) -> Callable[[Arrangement], Arrangement]:
+    """SciPy's solver; all but the inequalities' slopes by the search's program, which is there."""
+    flat = Flat.of(problem_of(body, spec, task))
+    count, none = jnp.asarray(copies), no_multipliers(task)
+    units, build = ravel_pytree(scale())
+
+    def levels_of(point: jax.Array, task: Task) -> jax.Array:
+        return ravel_pytree(terms_of(build(point * units), task).inequalities)[0]
+
+    slopes = jax.jit(jax.jacfwd(levels_of))
+    slopes = slopes.lower(jnp.zeros(flat.units.size), task.first(0)).compile()
+    last: list[Any] = [b"", None]
+
+    def values(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        if last[0] != x.tobytes():
+            (_, terms), slope = lagrangian(jnp.asarray(x), task, count, jnp.asarray(0.0), none)
+            levels = np.asarray(ravel_pytree(terms.inequalities)[0])
+            last[:] = x.tobytes(), (float(terms.value), np.asarray(slope), levels)
+        return last[1]
+
+    def solve(start: Arrangement) -> Arrangement:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # steps that it clips to the bounds
+            found = scipy.optimize.minimize(
+                lambda x: values(x)[0],
+                np.clip(np.asarray(flat.point(start)), flat.lower, flat.upper),
+                jac=lambda x: values(x)[1],
+                method="SLSQP",
+                bounds=list(zip(flat.lower.tolist(), flat.upper.tolist(), strict=True)),
+                constraints={
+                    "type": "ineq",
+                    "fun": lambda x: values(x)[2],
+                    "jac": lambda x: np.asarray(slopes(jnp.asarray(x), task.first(0))),
+                },
+                options={"maxiter": UPDATES * STEPS, "ftol": TOLERANCE},
+            )
+        return flat.parameters(jnp.asarray(np.clip(found.x, flat.lower, flat.upper)))
+
+    return solve
 
 
 def _evolution(
