@@ -189,8 +189,11 @@ def differential_evolution(
             found = map(np.asarray, generation(jnp.asarray(padded)))
             remembered.clear()
             remembered.update(zip(keys, zip(*found, strict=True), strict=False))
-        values, levels = zip(*(remembered[key] for key in keys), strict=True)
-        return np.stack(values), np.stack(levels)
+        # Of no members where all of them break a constraint.
+        return (
+            np.array([remembered[key][0] for key in keys]),
+            np.array([remembered[key][1] for key in keys]).reshape(len(keys), least.size),
+        )
 
     seconds_so_far, objectives, violations = [], [], []
     leader: dict[bytes, Any] = {}

@@ -407,7 +407,7 @@ def test_the_study_end_to_end(tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 def test_the_search_leads_from_the_poor_start_to_everything(tmp_path, capsys):
     out = tmp_path / "out"
-    settings = ["search.starts=2", "draws=500", "solvers=few", "evolution_seconds=5"]
+    settings = ["search.starts=1", "draws=300", "solvers=few", "evolution_seconds=2"]
     arguments = [part for one in settings for part in ("--set", one)]
     assert cli.run(["run", "finger-mirrors", "--out", str(out), *arguments]) == 0, (
         capsys.readouterr().err
