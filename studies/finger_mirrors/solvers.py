@@ -39,7 +39,7 @@ from studies.finger_mirrors.searching import (
 from studies.finger_mirrors.spec import MirrorSpec
 
 OURS = "graduated L-BFGS-B"
-UNGRADED = "the same, errors at their size from the beginning"
+UNGRADED = "L-BFGS-B, not graduated"
 EVOLUTION = "differential evolution (SciPy)"
 NAMES: dict[str, str] = {
     "bfgs": "augmented Lagrangian, BFGS",
