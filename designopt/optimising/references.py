@@ -180,24 +180,36 @@ def differential_evolution(
     remembered: dict[bytes, Any] = {}
 
     def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        # Objective and constraints are asked for one after the other, of the same or fewer members.
+        # Constraints and objective are asked for one after the other, of the same or fewer members.
         points = np.atleast_2d(x.T)
-        key = points.tobytes()
-        if key not in remembered:
-            remembered.clear()
+        keys = [point.tobytes() for point in points]
+        if not all(key in remembered for key in keys):
             padded = np.zeros(sample.shape, sample.dtype)
             padded[: len(points)] = points
-            values, levels = generation(jnp.asarray(padded))
-            remembered[key] = np.asarray(values)[: len(points)], np.asarray(levels)[: len(points)]
-        return remembered[key]
+            found = map(np.asarray, generation(jnp.asarray(padded)))
+            remembered.clear()
+            remembered.update(zip(keys, zip(*found, strict=True), strict=False))
+        # Of no members where all of them break a constraint.
+        return (
+            np.array([remembered[key][0] for key in keys]),
+            np.array([remembered[key][1] for key in keys]).reshape(len(keys), least.size),
+        )
 
     seconds_so_far, objectives, violations = [], [], []
+    leader: dict[bytes, Any] = {}
     begin = time.perf_counter()
 
     def record(intermediate_result: Any) -> bool:
-        values, levels = evaluate(np.asarray(intermediate_result.x)[:, None])
+        best = np.asarray(intermediate_result.x)
+        key = best.tobytes()
+        # Mostly a member of the generation that has just been computed, or the leader before.
+        if key not in leader:
+            found = remembered.get(key)
+            leader.clear()
+            leader[key] = found or tuple(part[0] for part in evaluate(best[:, None]))
+        value, levels = leader[key]
         seconds_so_far.append(time.perf_counter() - begin)
-        objectives.append(float(values[0]))
+        objectives.append(float(value))
         violations.append(max(0.0, -float(np.min(levels, initial=0.0))))
         return seconds_so_far[-1] >= seconds
 

@@ -29,7 +29,7 @@ class MirrorDesign:
         verdict: what it shows, degree by degree.
         trials: what every start led to: the poor one first, then the random ones.
         verdicts: on every trial.
-        task: the last stage's; its errors are those that the search has seen.
+        tasks: of all stages.
         chosen: index of the trial that was taken.
     """
 
@@ -38,8 +38,13 @@ class MirrorDesign:
     verdict: Verdict
     trials: Sequence[Trial]
     verdicts: Sequence[Verdict]
-    task: Task
+    tasks: Sequence[Task]
     chosen: int
+
+    @property
+    def task(self) -> Task:
+        """The last stage's; its errors are those that the search has seen."""
+        return self.tasks[-1]
 
     def meets(self, trial: int, floor: float) -> bool:
         """Whether a trial sees everything, with at least a resolution (px/mm)."""
@@ -85,7 +90,7 @@ def design_mirrors(body: BodySpec, spec: MirrorSpec, context: Context) -> Mirror
     chosen = min(range(len(trials)), key=rank)
     arrangement = trials[chosen].arrangement
     scene = scene_of(arrangement, task.finger)
-    return MirrorDesign(arrangement, scene, verdicts[chosen], trials, verdicts, task, chosen)
+    return MirrorDesign(arrangement, scene, verdicts[chosen], trials, verdicts, tasks, chosen)
 
 
 def _random(body: BodySpec, spec: MirrorSpec, task: Task, seed: int) -> list[Arrangement]:

@@ -18,28 +18,28 @@ from designopt.results import Figure
 from optics.scene import Scene
 from optics.scene_drawing import DASHES
 from optics.scene_figures import COLOURS, UNSEEN, poses_figure
-from optics.visibility import find_views
 from studies.finger_mirrors.errors import NAMES
 from studies.finger_mirrors.judging import Square, Verdict
-from studies.finger_mirrors.seeing import best_resolution, pad_lengths
+from studies.finger_mirrors.seeing import best_resolution, pad_lengths, together
 from studies.finger_mirrors.yields import STEPS, Sensitivity, Yield
 
-POSES_DEG = ((0.0, 0.0), (45.0, 20.0), (60.0, 60.0), (90.0, 90.0))
-"""PIP and DIP of the four poses that are drawn: straight, about both hand-overs, closed."""
+PARTS = (0.0, 1 / 3, 2 / 3, 1.0)
+"""Of the range of both joints, at which the finger is drawn: open, about the hand-overs, closed."""
 
 PLACES = 161
 
 
-def views_figure(name: str, title: str, scene: Scene) -> Figure:
+def views_figure(name: str, title: str, scene: Scene, verdict: Verdict) -> Figure:
     """The mirror visibility plot in four poses."""
-    poses = jnp.deg2rad(jnp.asarray(POSES_DEG))
+    kept = [round(part * (len(verdict.degrees) - 1)) for part in PARTS]
+    degrees = verdict.degrees[kept]
+    views = jax.tree.map(lambda leaf: leaf[np.array(kept)], verdict.views)
     return Figure(
         name,
         title,
-        "The section at PIP/DIP of "
-        + ", ".join(f"{pip:g}/{dip:g}°" for pip, dip in POSES_DEG)
-        + ", with rays along the ends of what each path shows.",
-        poses_figure(scene, poses, find_views(scene, poses)),
+        f"The section at {', '.join(f'{angle:g}' for angle in degrees)}° of both joints, with rays "
+        "along the ends of what each path shows.",
+        poses_figure(scene, together(jnp.deg2rad(jnp.asarray(degrees))), views),
     )
 
 

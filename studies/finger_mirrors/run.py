@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from designopt.results import PrecisionStudy, Results
+from designopt.results import Figure, PrecisionStudy, Results
 from designopt.study import Context
 from optics.scene import Scene
 from studies.finger_linkage.body import BodySpec
@@ -16,7 +16,7 @@ from studies.finger_mirrors.judging import degrees_of, judged, seen_by_rays, who
 from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec
 from studies.finger_mirrors.yields import monte_carlo, sensitivity
 
-THIN_STARTS = 3
+THIN_STARTS = 2
 """Random starts for the second body."""
 
 
@@ -44,8 +44,8 @@ def run(spec: FingerMirrorsSpec, context: Context) -> Results:
         metrics=statements.metrics(spec, found),
         tables=tables.tables(spec, found),
         figures=[
-            drawings.views_figure("views", "The optimum in four poses", found.after.scene),
-            drawings.views_figure("views_before", "The start in four poses", found.before.scene),
+            _views("views", found.after),
+            _views("views_before", found.before),
             drawings.coverage_figure(found.squares, degrees),
             drawings.resolution_figure(
                 {case.name: (case.scene, case.verdict) for case in (found.before, found.after)}
@@ -56,6 +56,11 @@ def run(spec: FingerMirrorsSpec, context: Context) -> Results:
         precision=compared,
         left_out=operations,
     )
+
+
+def _views(name: str, case: Case) -> Figure:
+    title = f"The {case.name} in four poses"
+    return drawings.views_figure(name, title, case.scene, case.verdict)
 
 
 def find(spec: FingerMirrorsSpec, context: Context) -> Found:

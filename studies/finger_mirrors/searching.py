@@ -19,11 +19,14 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.optimize
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from designopt.optimising import Terms
 from studies.finger_mirrors.arrangement import Arrangement, scale
-from studies.finger_mirrors.problem import Task, terms_of
+from studies.finger_mirrors.problem import Look, Task, look, upkeep
+
+Multipliers = dict[str, Float[Array, "..."]]
+"""Of the inequalities, by name."""
 
 
 class Stage(NamedTuple):
@@ -42,11 +45,10 @@ class Stage(NamedTuple):
 
 
 STAGES = (
-    Stage(4.0, 0.0, 70),
-    Stage(2.0, 1.0, 50),
-    Stage(1.0, 10.0, 50),
-    Stage(1.0, 100.0, 50),
-    Stage(1.0, 300.0, 50),
+    Stage(4.0, 0.0, 50),
+    Stage(2.0, 1.0, 40),
+    Stage(1.0, 10.0, 40),
+    Stage(1.0, 100.0, 40),
 )
 
 LINE_SEARCH = 12
@@ -81,6 +83,7 @@ def search(
     bounds: tuple[Arrangement, Arrangement],
     tasks: Sequence[Task],
     stages: Sequence[Stage] = STAGES,
+    copies: int | None = None,
 ) -> Trial:
     """Search from one start through all stages.
 
@@ -89,26 +92,25 @@ def search(
         bounds: least and greatest values.
         tasks: one per stage, all of one size.
         stages: as many as tasks.
+        copies: the first so many of a task count; all of them by default.
     """
     begin = time.perf_counter()
     units, build = ravel_pytree(scale())
     units = np.asarray(units)
     low, high, point = (np.asarray(ravel_pytree(one)[0]) / units for one in (*bounds, start))
     point = np.clip(point, low, high)
-    multipliers: Any = None
     terms: Terms | None = None
+    multipliers = no_multipliers(tasks[0])
+    count = jnp.asarray(tasks[0].copies if copies is None else copies)
     evaluations = 0
     for task, stage in zip(tasks, stages, strict=True):
         penalty = jnp.asarray(stage.penalty)
-        if multipliers is None:
-            shapes = jax.eval_shape(terms_of, build(jnp.asarray(units)), task).inequalities
-            multipliers = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
         held = multipliers
 
         def asked(
             x: np.ndarray, task: Task = task, penalty: Array = penalty, held: Any = held
         ) -> tuple[float, np.ndarray]:
-            (value, _), slope = _lagrangian(jnp.asarray(x), task, penalty, held)
+            (value, _), slope = lagrangian(jnp.asarray(x), task, count, penalty, held)
             return float(value), np.asarray(slope)
 
         done = scipy.optimize.minimize(
@@ -125,7 +127,7 @@ def search(
             },
         )
         point, evaluations = done.x, evaluations + int(done.nfev)
-        (_, reached), _ = _lagrangian(jnp.asarray(point), task, penalty, held)
+        (_, reached), _ = lagrangian(jnp.asarray(point), task, count, penalty, held)
         terms, levels = reached, reached.inequalities
         multipliers = jax.tree.map(
             lambda m, g, penalty=penalty: jnp.maximum(m - penalty * g, 0.0),
@@ -143,12 +145,14 @@ def search(
     )
 
 
-def measured(arrangement: Arrangement, task: Task) -> tuple[float, float]:
+def measured(
+    arrangement: Arrangement, task: Task, copies: int | None = None
+) -> tuple[float, float]:
     """Objective and largest scaled violation of an arrangement, by the search's own program."""
     point = ravel_pytree(jax.tree.map(jnp.divide, arrangement, scale()))[0]
-    shapes = jax.eval_shape(terms_of, arrangement, task).inequalities
-    none = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-    (_, terms), _ = _lagrangian(point, task, jnp.asarray(0.0), none)
+    count = jnp.asarray(task.copies if copies is None else copies)
+    none = no_multipliers(task)
+    (_, terms), _ = lagrangian(point, task, count, jnp.asarray(0.0), none)
     return float(terms.value), _violation(terms)
 
 
@@ -156,20 +160,62 @@ def _violation(terms: Terms) -> float:
     return max(0.0, *(float(jnp.max(-leaf)) for leaf in terms.inequalities.values()))
 
 
+def no_multipliers(task: Task) -> Multipliers:
+    """Zeros: nothing is known of the inequalities yet."""
+    pads = len(task.finger.layout.pads)
+    places = task.plain * task.angles.shape[1]
+    return {"resolution": jnp.zeros((places, pads)), "clearance": jnp.zeros(2)}
+
+
 @jax.jit
-def _lagrangian(
-    point: Float[Array, " parameters"], task: Task, penalty: Float[Array, ""], multipliers: Any
+def lagrangian(
+    point: Float[Array, " parameters"],
+    task: Task,
+    copies: Int[Array, ""],
+    penalty: Float[Array, ""],
+    multipliers: Multipliers,
 ) -> tuple[tuple[Float[Array, ""], Terms], Float[Array, " parameters"]]:
-    """Augmented Lagrangian, the terms, and its slope."""
+    """Augmented Lagrangian of `problem.terms_of`, the terms, and its slope.
+
+    It is a sum over looks, so each look's slope is found by itself: nothing of the other looks is
+    kept for it, and how many copies count is a number, not a shape.
+    """
     units, build = ravel_pytree(scale())
+    plain, poses = task.plain, task.angles.shape[1]
+    sharp = multipliers["resolution"].reshape(plain, poses, -1)
 
-    def value(point: Float[Array, " parameters"]) -> tuple[Float[Array, ""], Terms]:
-        terms = terms_of(build(point * units), task)
-        unmet = 0.0
-        for name, levels in terms.inequalities.items():
-            m = multipliers[name]
-            squares = jnp.maximum(m - penalty * levels, 0.0) ** 2 - m * m
-            unmet = unmet + jnp.sum(squares) / jnp.maximum(2 * penalty, 1e-9)
-        return terms.value + unmet, terms
+    def of_look(
+        point: Float[Array, " parameters"], number: Int[Array, ""]
+    ) -> tuple[Float[Array, ""], Look]:
+        seen = look(build(point * units), task, number)
+        unmet = _unmet(seen.resolution, sharp[jnp.minimum(number, plain - 1)], penalty)
+        with_errors = number >= plain
+        value = jnp.where(with_errors, 100 / copies, 100 / plain) * seen.missing
+        return value + jnp.where(with_errors, 0.0, unmet), seen._replace(missing=value)
 
-    return jax.value_and_grad(value, has_aux=True)(point)
+    def of_rest(
+        point: Float[Array, " parameters"],
+    ) -> tuple[Float[Array, ""], tuple[Float[Array, ""], Float[Array, "2"]]]:
+        price, clearance = upkeep(build(point * units), task)
+        return price + _unmet(clearance, multipliers["clearance"], penalty), (price, clearance)
+
+    def add(number: Int[Array, ""], so_far: Any) -> Any:
+        total, value, levels, slope = so_far
+        (part, seen), of_part = jax.value_and_grad(of_look, has_aux=True)(point, number)
+        levels = levels.at[number].set(seen.resolution)
+        return total + part, value + seen.missing, levels, slope + of_part
+
+    (total, (price, clearance)), slope = jax.value_and_grad(of_rest, has_aux=True)(point)
+    levels = jnp.zeros((len(task.angles), *sharp.shape[1:]))
+    first = (total, price, levels, slope)
+    total, value, levels, slope = jax.lax.fori_loop(0, plain + copies, add, first)
+    resolution = levels[:plain].reshape(multipliers["resolution"].shape)
+    inequalities = {"resolution": resolution, "clearance": clearance}
+    return (total, Terms(objective=value, inequalities=inequalities)), slope
+
+
+def _unmet(
+    levels: Float[Array, "*all"], multipliers: Float[Array, "*all"], penalty: Float[Array, ""]
+) -> Float[Array, ""]:
+    squares = jnp.maximum(multipliers - penalty * levels, 0.0) ** 2 - multipliers * multipliers
+    return jnp.sum(squares) / jnp.maximum(2 * penalty, 1e-9)

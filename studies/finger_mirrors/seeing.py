@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from designopt.solution import Solution
 from optics.scene import Scene
 from optics.views import Pieces
 
 PLACES = 17
-"""Places along a pad at which resolution is asked for in the search; the verdict asks at more."""
+"""Places along a pad at which the search asks for resolution, besides the ends of pieces."""
 
 NO_VIEW = 1e3
 """Resolution, px/mm, of what is not seen: that is coverage's concern."""
@@ -35,7 +34,7 @@ def missing(views: Solution[Pieces]) -> Float[Array, "*poses pads"]:
     """
     hidden = 1 - views.value.coverage()
     by = jnp.min(jnp.where(views.margin < 0, -views.margin, jnp.inf), axis=-2)
-    return hidden + jax.lax.stop_gradient(hidden) * jnp.where(jnp.isfinite(by), by, 0.0)
+    return hidden * (1 + jnp.where(jnp.isfinite(by), by, 0.0))
 
 
 def best_resolution(
@@ -43,18 +42,46 @@ def best_resolution(
 ) -> Float[Array, "*poses pads places"]:
     """Resolution (px/mm) at places of each pad by the view that shows it best; 0 if none does.
 
-    For straight mirrors and an equidistant lens, resolution times squared distance is the same
-    all along a piece, and the squared distance is a quadratic of the place (Stewart's theorem):
-    both follow from a piece's ends.
-
     Args:
         views: pieces that an `Equidistant` camera sees.
         lengths: of the pads, mm.
         places: pad coordinates, 0 to 1.
     """
-    there, start, end = (leaf[..., None] for leaf in (views.present, views.start, views.end))
     at = places.reshape((1,) * views.present.ndim + (-1,))
-    inside = there & (start <= at) & (at <= end)
+    return _best(views, lengths, at, (views.start[..., None] <= at) & (at <= views.end[..., None]))
+
+
+def least_resolution(views: Pieces, lengths: Float[Array, " pads"]) -> Float[Array, "*poses pads"]:
+    """Least of `best_resolution` (px/mm) over what is seen of each pad; `NO_VIEW` if nothing is.
+
+    Along a piece it is least at an end; so it is asked for to either side of the ends of all
+    pieces, where one view hands over to another, and, for crossings, at `PLACES` places.
+    """
+    places = jnp.linspace(0.0, 1.0, PLACES, dtype=views.start.dtype)
+    start, end = views.start[..., None], views.end[..., None]
+    found = [best_resolution(views, lengths, places)]
+    for ends in (views.start, views.end):
+        at = ends[..., None, :]
+        found.append(_best(views, lengths, at, (start < at) & (at <= end)))
+        found.append(_best(views, lengths, at, (start <= at) & (at < end)))
+    least = [jnp.min(jnp.where(best > 0, best, NO_VIEW), axis=-1) for best in found]
+    return jnp.min(jnp.stack(least), axis=0)
+
+
+def _best(
+    views: Pieces,
+    lengths: Float[Array, " pads"],
+    at: Float[Array, "*poses_pads_one places"],
+    inside: Bool[Array, "*poses_pads_pieces places"],
+) -> Float[Array, "*poses_pads places"]:
+    """The best resolution at places of each pad, by the pieces that they are said to be inside of.
+
+    For straight mirrors and an equidistant lens, resolution times squared distance is the same
+    all along a piece, and the squared distance is a quadratic of the place (Stewart's theorem):
+    both follow from a piece's ends.
+    """
+    there, start, end = (leaf[..., None] for leaf in (views.present, views.start, views.end))
+    inside = there & inside
     width = end - start
     part = jnp.where(inside, at - start, 0.0) / jnp.where(there, width, 1.0)
     first, last = (views.distance[..., i, None] ** 2 for i in (0, 1))
@@ -63,16 +90,6 @@ def best_resolution(
     strength = views.px_per_mm[..., 0, None] * first
     sharp = jnp.where(inside, strength / jnp.where(inside, squared, 1.0), 0.0)
     return jnp.max(sharp, axis=-2)
-
-
-def least_resolution(views: Pieces, lengths: Float[Array, " pads"]) -> Float[Array, "*poses pads"]:
-    """Least of `best_resolution` (px/mm) over what is seen of each pad, at `PLACES` places.
-
-    `NO_VIEW` if nothing is seen.
-    """
-    places = jnp.linspace(0.0, 1.0, PLACES, dtype=views.start.dtype)
-    best = best_resolution(views, lengths, places)
-    return jnp.min(jnp.where(best > 0, best, NO_VIEW), axis=-1)
 
 
 def pad_lengths(scene: Scene) -> Float[Array, " pads"]:

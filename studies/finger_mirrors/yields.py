@@ -29,6 +29,9 @@ GROUPS = {
 }
 """Entries of the errors that share a tolerance."""
 
+BLOCK = 100
+"""Draws of one call: one compiled program serves any number of draws."""
+
 STEPS = np.linspace(-5.0, 5.0, 101)
 """Sizes of a single error, in its standard deviations."""
 
@@ -57,7 +60,8 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
     half = z / (1 + z * z / trials)
     half *= math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
-    return max(0.0, middle - half), min(1.0, middle + half)
+    # Rounding may leave a share of 0 or 1 outside.
+    return max(0.0, min(middle - half, share)), min(1.0, max(middle + half, share))
 
 
 def coverages(
@@ -68,7 +72,12 @@ def coverages(
 ) -> Float[np.ndarray, "draws poses pads"]:
     """Coverage degree by degree of fingers assembled with errors (in the order of `NAMES`)."""
     poses = together(jnp.deg2rad(jnp.asarray(degrees_of(range_deg))))
-    return np.asarray(_coverages(arrangement, finger, jnp.asarray(errors), poses))
+    padded = np.pad(errors, ((0, -len(errors) % BLOCK), (0, 0)))
+    found = [
+        np.asarray(_coverages(arrangement, finger, jnp.asarray(block), poses))
+        for block in np.split(padded, len(padded) // BLOCK)
+    ]
+    return np.concatenate(found)[: len(errors)]
 
 
 @jax.jit
