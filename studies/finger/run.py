@@ -57,7 +57,10 @@ def run(spec: FingerSpec, context: Context) -> Results:
         figures=[
             drawings.section_figure(found.linkage.pins, spec.body, found.mirrors.scene),
             mirror_drawings.views_figure(
-                "views", "What the camera sees in four poses", found.mirrors.scene
+                "views",
+                "What the camera sees in four poses",
+                found.mirrors.scene,
+                found.mirrors.verdict,
             ),
             *closings,
             *design_figures(linkage_spec, found.linkage),

@@ -109,7 +109,7 @@ def judged(pins: Pins, body: BodySpec, limits: LimitsSpec) -> Verdict:
     linkage = linkage_of(pins, body, "joints")
     square = np.stack(np.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
 
-    poses, angles = _everywhere(linkage, -jnp.asarray(square))
+    poses, angles = everywhere(linkage, -jnp.asarray(square))
     pose = poses.value
     crank = np.unwrap(np.unwrap(np.asarray(_angle(pose.bodies["crank"])), axis=1), axis=0)
     crank = crank[0, 0] - crank
@@ -147,9 +147,15 @@ def judged(pins: Pins, body: BodySpec, limits: LimitsSpec) -> Verdict:
 
 
 @jax.jit
-def _everywhere(
+def everywhere(
     linkage: Linkage, inputs: Float[Array, "pip dip 2"]
 ) -> tuple[Solution[Pose], dict[str, Float[Array, "pip dip"]]]:
+    """Poses and transmission angles by the general solver.
+
+    Args:
+        linkage: the joint-driven finger.
+        inputs: angles of both joints, rad, flexion negative.
+    """
     poses = solve_poses(linkage, inputs)
     return poses, finger_transmission(poses.value)
 

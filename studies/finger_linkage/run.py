@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax.numpy as jnp
 import numpy as np
 
 from designopt.left_out import count_operations
@@ -12,10 +13,10 @@ from studies.finger_linkage import drawings, statements, tables
 from studies.finger_linkage.analysis import LinkageDesign, design_linkage
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import Comparison, compare, precision_study
-from studies.finger_linkage.judging import STEP_DEG
-from studies.finger_linkage.pins import Pins, linkage_table
+from studies.finger_linkage.judging import everywhere
+from studies.finger_linkage.pins import Pins, linkage_of, linkage_table
+from studies.finger_linkage.postures import find_postures
 from studies.finger_linkage.problem import ANGLE, grid
-from studies.finger_linkage.searching import over
 from studies.finger_linkage.spec import FingerLinkageSpec
 
 
@@ -87,22 +88,24 @@ def spec_file(pins: Pins, body: BodySpec) -> SpecFile:
 
 
 def operations(spec: FingerLinkageSpec, design: LinkageDesign) -> list[LeftOutRow]:
-    """Operations of the search's problem beside those of the whole square of postures."""
+    """Operations of the search's problem beside the general solver's, and beside all it asks."""
     last = design.search.rounds[-1].problem
-    flexion = grid(spec.body, STEP_DEG)
-    whole = over(spec, flexion, flexion)
-    few, all_ = (problem.data[0].x.size * problem.data[1].x.size for problem in (last, whole))
+    linkage = linkage_of(design.pins, spec.body, "joints")
+    flexion = jnp.asarray(grid(spec.body, spec.search.step_deg))
+    square = jnp.stack(jnp.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
     return [
         LeftOutRow(
-            "least transmission angle and requirements",
-            f"postures that do not decide: {few} instead of {all_:,} (in elements computed)",
-            few,
-            all_,
+            "six transmission angles over a square of postures",
+            "what DIP alone decides is a row; no closure, no message, no body but those asked for",
+            count_operations(
+                lambda pins: find_postures(pins, spec.body, flexion, flexion).angles, design.pins
+            ),
+            count_operations(everywhere, linkage, -square),
         ),
         LeftOutRow(
             "least transmission angle alone",
             "the requirements: assembly, ratios and places",
-            count_operations(lambda p: last.terms(p, *last.data).value, design.pins),
-            count_operations(lambda p: last.terms(p, *last.data), design.pins),
+            count_operations(lambda pins: last.terms(pins, *last.data).value, design.pins),
+            count_operations(lambda pins: last.terms(pins, *last.data), design.pins),
         ),
     ]
