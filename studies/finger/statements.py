@@ -56,7 +56,7 @@ def lines(spec: FingerSpec, found: Finger) -> list[Line]:
             "sensing segments visible",
             "Tactile sensing",
             "all, in every posture",
-            f"{100 * seen:.4g} % of each in every posture",
+            f"at least {100 * seen:.4g} % of each in every posture",
             seen == 1.0,
         ),
         Line(
@@ -90,7 +90,7 @@ def lines(spec: FingerSpec, found: Finger) -> list[Line]:
         Line(
             "links inside the phalanges, apart, away from lock-up",
             "§3.1.2",
-            "all limits kept",
+            "every limit kept",
             _kept(found),
             not found.linkage.unmet,
         ),
