@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from designopt.results import Metric, Target
-from kinematics.structure import Structure
+from kinematics.assembling import Equations
+from kinematics.drawn import measure
+from kinematics.sketch import parse_sketch
 from studies.finger.spec import FingerSpec
 from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.pins import linkage_of
+from studies.finger_linkage.pins import Pins, linkage_table
 
 if TYPE_CHECKING:
     from studies.finger.run import Finger
@@ -38,11 +39,11 @@ class Line:
 def lines(spec: FingerSpec, found: Finger) -> list[Line]:
     """Table 3.1 line by line, then the requirements of §3.1.2."""
     body, limits, verdict = spec.body, spec.linkage.limits, found.linkage.verdict
-    structure = linkage_of(found.linkage.pins, body, "joints").structure
-    phalanges = sum(
-        name.endswith(("proximal", "intermediate", "distal")) for name in _bodies(structure)
+    pins = found.linkage.pins
+    phalanges = len(
+        {"proximal", "intermediate", "distal"} & set(linkage_table(pins, body, "joints")["bodies"])
     )
-    freedoms = degrees_of_freedom(structure)
+    freedoms = degrees_of_freedom(pins, body)
     seen = found.mirrors.verdict.worst_coverage
     assembles = verdict.assembles
     everything = f"{body.range_deg:g}° each"
@@ -121,20 +122,16 @@ STRAIGHT_DEG = 88.0
 """PIP flexion up to which free closing is to keep DIP straight, degrees, of a range of 90°."""
 
 
-def _bodies(structure: Structure) -> list[str]:
-    return [part.name for part in structure.bodies]
-
-
-def degrees_of_freedom(structure: Structure) -> int:
-    """Kutzbach's count 3 (L − 1) − 2 J; a pin in n links counts as n − 1 joints."""
-    links = Counter(joint for part in structure.bodies for joint in part.joints)
-    return 3 * (len(structure.bodies) - 1) - 2 * sum(count - 1 for count in links.values())
+def degrees_of_freedom(pins: Pins, body: BodySpec) -> int:
+    """Kutzbach's count of the linkage: 3 (L − 1) − 2 J."""
+    sketch = parse_sketch(linkage_table(pins, body, "joints"), "finger")
+    return Equations(measure(sketch, "finger").dimensions).kutzbach
 
 
 def _kept(found: Finger) -> str:
     unmet = found.linkage.unmet
     if not unmet:
-        return "all limits kept"
+        return "every limit kept"
     return "; ".join(f"{one.name} {one.achieved:.3g} {one.unit}".strip() for one in unmet)
 
 

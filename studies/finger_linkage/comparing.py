@@ -73,7 +73,7 @@ class Run:
     @property
     def feasible(self) -> bool:
         """Whether it meets the requirements."""
-        return self.violation <= 10 * FEASIBLE
+        return self.violation <= FEASIBLE
 
 
 @dataclass(frozen=True)

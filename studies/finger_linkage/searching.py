@@ -26,6 +26,7 @@ from designopt.optimising import (
     epigraph,
     level_starts,
 )
+from studies.finger_linkage.judging import STEP_DEG
 from studies.finger_linkage.pins import Pins
 from studies.finger_linkage.problem import ANGLE, grid, linkage_problem
 from studies.finger_linkage.spec import FingerLinkageSpec
@@ -35,9 +36,6 @@ FLOOR = -math.pi / 2 / ANGLE
 
 UPDATES, STEPS = 12, 150
 
-
-CHECK_STEP_DEG = 1.0
-"""Step of the square on which a design is judged, degrees."""
 
 WORSE = math.radians(1e-3)
 """A posture in between counts if an angle is smaller there by more than this, rad."""
@@ -145,7 +143,6 @@ def over(spec: FingerLinkageSpec, pip: np.ndarray, dip: np.ndarray) -> Problem:
 APART = 0.5
 """Optima are different designs if a coordinate differs by more than this, mm."""
 
-
 NEARLY = 1e-3
 """Largest scaled violation of a design that is worth solving on."""
 
@@ -178,7 +175,7 @@ def _filled(angles: np.ndarray, flexion: np.ndarray) -> np.ndarray:
 
 def _worst_postures(spec: FingerLinkageSpec) -> Callable[[Pins, float], tuple[Any, Any]]:
     """From a design and the level it promised to the angles of postures in which it is worse."""
-    flexion = grid(spec.body, CHECK_STEP_DEG)
+    flexion = grid(spec.body, STEP_DEG)
     check = linkage_problem(spec.body, spec.limits, flexion, flexion)
     terms = jax.jit(check.terms)
 

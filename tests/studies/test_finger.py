@@ -15,7 +15,7 @@ from studies.finger.spec import FingerSpec
 from studies.finger.spec_files import spec_files
 from studies.finger.statements import degrees_of_freedom
 from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.pins import linkage_of, reference_pins
+from studies.finger_linkage.pins import reference_pins
 from studies.finger_mirrors.arrangement import robust_layout
 
 
@@ -47,7 +47,7 @@ def test_the_scene_file_shows_every_pad(files):
 
 def test_degrees_of_freedom_by_kutzbach():
     """Paper B: seven links and eight revolute joints leave two."""
-    assert degrees_of_freedom(linkage_of(reference_pins(), BodySpec(), "joints").structure) == 2
+    assert degrees_of_freedom(reference_pins(), BodySpec()) == 2
 
 
 @pytest.mark.parametrize("thickness", [3.0, 9.0])
