@@ -131,7 +131,7 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
     return Search(rounded(found, how.rounding), starts, tuple(rounds))
 
 
-PLACES = 6
+PLACES = 10
 """Places for angles that the exchange adds to those of PIP and of DIP."""
 
 
