@@ -9,6 +9,17 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Most of a test's time is compiling.
+
+    What is compiled is kept, for files that run in different processes and for the next run. By
+    default it is compiled with few optimisations; with ``-m slow`` as users compile it.
+    """
+    jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("jax")))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_disable_most_optimizations", config.option.markexpr == "not slow")
+
+
 @pytest.fixture
 def quick_table1() -> list[str]:
     """Settings with which ``table1`` runs in seconds, every part of it included."""

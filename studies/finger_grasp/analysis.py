@@ -29,7 +29,7 @@ class Analysis:
     Attributes:
         finger: the design.
         free: closing on nothing.
-        adaptive: on the circle of §B3's check.
+        adaptive: on the circle of the reference value.
         loaded: the same against moments that pull the joints open.
         circles: on the circles of the settings.
         pinches: predictions, loadings and what they showed.
@@ -153,7 +153,7 @@ def formula_error(path: Path) -> float:
     """Largest difference between the forces of a path and the two-phalanx formulas, relative.
 
     With both pads closed inside their ends and the joints off their stops, f₂ = (T_a φ₂ − t_s) / k₂
-    and f₁ = (T_a φ₁ − f₂ (k₂ + l cos q₂)) / k₁ (§B3; Birglen & Gosselin 2004). NaN where a path has
+    and f₁ = (T_a φ₁ − f₂ (k₂ + l cos q₂)) / k₁ (Birglen & Gosselin 2004). NaN where a path has
     no such state.
     """
     if path.per_pad != 1 or np.any(path.problem.load):

@@ -14,7 +14,7 @@ from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.pins import Pins
 
 CHECK_RADIUS, CHECK_PIP, CHECK_PLACE = 12.0, math.radians(30.0), 11.5
-"""The circle of §B3's check: radius (mm), PIP at which it touches (rad), and k₁ (mm)."""
+"""The circle of the reference value: radius (mm), PIP at which it touches (rad), and k₁ (mm)."""
 
 PINCH_RADIUS = 8.0
 """Of the circles that are pinched, mm."""

@@ -150,7 +150,7 @@ def pads(body: BodySpec, joints: Joints) -> tuple[Pad, Pad]:
     """The pads of the intermediate and of the distal phalanx.
 
     They begin as far from the joint axes as these lie above the palmar face, and the distal pad
-    ends 1.5 mm before the tip (§B2 of the project's reading of paper B).
+    ends 1.5 mm before the tip (an argument of this project; paper B gives no number).
     """
     inner, outer = rotation(-joints[0]), rotation(-joints[0] - joints[1])
     axis_b = inner.scaled(jnp.full_like(joints[0], body.intermediate))

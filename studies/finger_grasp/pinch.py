@@ -65,7 +65,7 @@ class Bracket:
 
 
 def predict(finger: Finger, contacts: Sequence[tuple[float, float]]) -> list[Pinch]:
-    """The limits of pinches in closed form (§B3 of the project's reading of paper B).
+    """The limits of pinches in closed form, by virtual work (an argument of this project).
 
     With T_a φ₁ = f₂ (k₂ + l) and T_a φ₂ = f₂ k₂ + t_s − λ at DIP = 0, the stop's λ is positive
     up to T_a = t_s / (φ₂ − φ₁ k₂ / (k₂ + l)), t_s = k γ_p γ'(0).

@@ -1,4 +1,4 @@
-"""The settings of the study; defaults are those of §B3's check values."""
+"""The settings of the study; defaults are those of the reference values."""
 
 from __future__ import annotations
 

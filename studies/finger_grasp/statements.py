@@ -15,13 +15,13 @@ from studies.finger_linkage.body import BodySpec
 
 
 def is_reference(spec: GraspSpec) -> bool:
-    """Whether design, spring and servo are those of §B3's check values."""
+    """Whether design, spring and servo are those of the reference values."""
     given = (spec.spring_stiffness, spec.preload, spec.servo_stiffness)
     return spec.pins == PinsSpec() and spec.body == BodySpec() and given == (30.0, 0.3, 300.0)
 
 
 def metrics(spec: GraspSpec, check: GraspCheck, stability: Sequence[StabilityRow]) -> list[Metric]:
-    """The study's numbers; targets that §B3 names hold for its own design only."""
+    """The study's numbers; targets from reference values hold for their own design only."""
     reference = is_reference(spec)
 
     def only(target: Target) -> Target | None:
@@ -33,7 +33,8 @@ def metrics(spec: GraspSpec, check: GraspCheck, stability: Sequence[StabilityRow
             check.free_closing_pip_deg,
             "°",
             "PIP flexion up to which free closing keeps DIP on its stop; without load there is no "
-            "motor moment until PIP is at its own stop, so §B3's 88° is read as a least value",
+            "motor moment until PIP is at its own stop, so the reference value of 88° is read as a "
+            "least value",
             88.0,
             only(Target(">=", 88.0)),
         ),

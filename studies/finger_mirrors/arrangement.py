@@ -22,7 +22,7 @@ from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors.spec import MirrorSpec
 
 PAD_END = 1.5
-"""Pads end so far before the ends of the finger, mm (reading-the-papers, B2)."""
+"""Pads end so far before the ends of the finger, mm (an argument of this project)."""
 
 SETBACK = 0.5
 """The front of the camera's opaque body lies so far behind the pinhole, mm."""
@@ -68,7 +68,7 @@ class Arrangement(eqx.Module):
 
 
 def robust_layout() -> Arrangement:
-    """The arrangement given for T = 25 mm in reading-the-papers, B2."""
+    """The reference layout for T = 25 mm: that of an earlier, independent search with errors."""
     return Arrangement.of(
         camera=[15.75, 16.99],
         tilt=math.radians(-6.3),
@@ -97,9 +97,9 @@ def bounds(body: BodySpec, spec: MirrorSpec) -> tuple[Arrangement, Arrangement]:
     The camera's body lies over the intermediate phalanx and its depth below the dorsal face. A
     mirror's ends keep the clearance from the palmar plane, the dorsal face and the end wall. One
     end lies in the half next to the joint, and may reach beyond the joint's axis by the overhang
-    (B2's proximal mirror does so by 4.16 mm: the cheeks that carry it enclose the joint), the other
-    in the far half. That the overhanging ends keep away from the camera's body is an inequality
-    (`problem.clearances`).
+    (the reference layout's proximal mirror does so by 4.16 mm: the cheeks that carry it enclose the
+    joint), the other in the far half. That the overhanging ends keep away from the camera's body is
+    an inequality (`problem.clearances`).
 
     Returns:
         The least and the greatest arrangement, mm and rad.
@@ -143,7 +143,7 @@ def scene_table(
 ) -> dict[str, Any]:
     """The tables of a scene file of the finger, as ``designopt trace`` reads them.
 
-    Blockers are B2's: the camera's body, shells on the back from axis to axis (flexion opens gaps
+    Blockers are the camera's body, shells on the back from axis to axis (flexion opens gaps
     between them, so none swings into the finger) and walls at both ends.
 
     Args:

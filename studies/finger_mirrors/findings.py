@@ -16,7 +16,7 @@ from studies.finger_mirrors.judging import Square, Verdict
 from studies.finger_mirrors.solvers import Run
 from studies.finger_mirrors.yields import Sensitivity, Yield
 
-START, OPTIMUM, GIVEN = "start", "optimum", "B2's layout"
+START, OPTIMUM, GIVEN = "start", "optimum", "reference layout"
 
 
 class Case(NamedTuple):

@@ -31,7 +31,7 @@ def run(spec: FingerMirrorsSpec, context: Context) -> Results:
     if found.runs:
         compared = PrecisionStudy(
             solvers.rows(found.runs),
-            error="gap (% of a pad) or violation",
+            error="gap (pads) or violation",
             reference="the least objective that any solver of this run found with the "
             f"inequalities held to {solvers.HELD:g}; both computed outside of the solvers",
             claims=[statements.claim(found.runs)],

@@ -4,8 +4,9 @@ With errors many times the stated ones, some copy sees something from almost eve
 objective has a slope where the exact problem has none; shrunk step by step they lead to the optimum
 (the idea of graduated optimisation: A. Blake, A. Zisserman, *Visual Reconstruction*, 1987). Between
 the stages only numbers change, so all stages, starts and bodies share one compiled program. Every
-stage is a bounded quasi-Newton search (SciPy's L-BFGS-B) of the augmented Lagrangian, as in
-`designopt.optimising.augmented`, whose multipliers are carried from stage to stage.
+stage is one search by Optimistix' BFGS of the augmented Lagrangian, as between two updates of the
+multipliers in `designopt.optimising.augmented`. It is written out here because that program needs
+the slope of all looks at once: kept apart, look by look, they compile and run several times faster.
 """
 
 from __future__ import annotations
@@ -16,8 +17,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-import scipy.optimize
+import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
@@ -36,26 +36,27 @@ class Stage(NamedTuple):
         growth: of the copies' errors, over those at the end.
         penalty: on the square of a violation; 0 leaves the inequalities out, for early ones would
             hold on to whatever glimpse is sharp.
-        evaluations: cap on evaluations of the gradient.
     """
 
     growth: float
     penalty: float
-    evaluations: int
 
 
-STAGES = (
-    Stage(4.0, 0.0, 50),
-    Stage(2.0, 1.0, 40),
-    Stage(1.0, 10.0, 40),
-    Stage(1.0, 100.0, 40),
-)
+STAGES = (Stage(4.0, 0.0), Stage(2.0, 1.0), Stage(1.0, 10.0), Stage(1.0, 100.0))
 
-LINE_SEARCH = 12
-"""Cap on steps of a line search: on a kink it finds no end."""
+STEPS = 60
+"""Cap on steps of a stage, each of them one evaluation of the slope."""
 
-MEMORY = 20
-"""Pairs that L-BFGS-B remembers: more than there are numbers."""
+SHARE = 0.1
+"""Of the Lagrangian, which is what the solver sees: its first steps, for it begins with the
+identity as curvature, are then of a few mm."""
+
+WALL = 10.0
+"""Weight on the square of what a point is outside its bounds, beside the value at the nearest point
+inside them."""
+
+TOLERANCE = 1e-6
+"""Relative and absolute, of the solver."""
 
 
 class Trial(NamedTuple):
@@ -66,15 +67,15 @@ class Trial(NamedTuple):
         arrangement: where it ended.
         objective: there, of the last stage.
         violation: largest violation of an inequality there, scaled.
-        evaluations: of the gradient, in all.
-        seconds: without compiling.
+        steps: of the solver, in all.
+        seconds: its run time; the first search of a process compiles, too.
     """
 
     start: Arrangement
     arrangement: Arrangement
     objective: float
     violation: float
-    evaluations: int
+    steps: int
     seconds: float
 
 
@@ -96,53 +97,63 @@ def search(
     """
     begin = time.perf_counter()
     units, build = ravel_pytree(scale())
-    units = np.asarray(units)
-    low, high, point = (np.asarray(ravel_pytree(one)[0]) / units for one in (*bounds, start))
-    point = np.clip(point, low, high)
-    terms: Terms | None = None
+    low, high, point = (ravel_pytree(one)[0] / units for one in (*bounds, start))
     multipliers = no_multipliers(tasks[0])
     count = jnp.asarray(tasks[0].copies if copies is None else copies)
-    evaluations = 0
+    terms: Terms | None = None
+    steps = 0
     for task, stage in zip(tasks, stages, strict=True):
         penalty = jnp.asarray(stage.penalty)
-        held = multipliers
-
-        def asked(
-            x: np.ndarray, task: Task = task, penalty: Array = penalty, held: Any = held
-        ) -> tuple[float, np.ndarray]:
-            (value, _), slope = lagrangian(jnp.asarray(x), task, count, penalty, held)
-            return float(value), np.asarray(slope)
-
-        done = scipy.optimize.minimize(
-            asked,
-            point,
-            jac=True,
-            method="L-BFGS-B",
-            bounds=list(zip(low.tolist(), high.tolist(), strict=True)),
-            options={
-                "maxfun": stage.evaluations,
-                "maxiter": stage.evaluations,
-                "maxls": LINE_SEARCH,
-                "maxcor": MEMORY,
-            },
-        )
-        point, evaluations = done.x, evaluations + int(done.nfev)
-        (_, reached), _ = lagrangian(jnp.asarray(point), task, count, penalty, held)
-        terms, levels = reached, reached.inequalities
+        given = task, count, penalty, multipliers
+        point, taken = _stage(point, (low, high), given)
+        (_, terms), _ = lagrangian(point, *given)
         multipliers = jax.tree.map(
             lambda m, g, penalty=penalty: jnp.maximum(m - penalty * g, 0.0),
-            held,
-            levels,
+            multipliers,
+            terms.inequalities,
         )
+        steps += int(taken)
     assert terms is not None
     return Trial(
         start,
-        build(jnp.asarray(point * units)),
+        build(point * units),
         float(terms.value),
         _violation(terms),
-        evaluations,
+        steps,
         time.perf_counter() - begin,
     )
+
+
+@jax.jit
+def _stage(
+    point: Float[Array, " parameters"],
+    bounds: tuple[Float[Array, " parameters"], Float[Array, " parameters"]],
+    given: tuple[Task, Int[Array, ""], Float[Array, ""], Multipliers],
+) -> tuple[Float[Array, " parameters"], Int[Array, ""]]:
+    """One stage: where it ends, inside the bounds, and its number of steps."""
+
+    def walled(point: Float[Array, " parameters"], given: Any) -> Float[Array, ""]:
+        inside = jnp.clip(point, *bounds)
+        return SHARE * _value(inside, given) + WALL * jnp.sum((point - inside) ** 2)
+
+    solver = optx.BFGS(TOLERANCE, TOLERANCE)
+    found = optx.minimise(
+        walled, solver, jnp.clip(point, *bounds), given, max_steps=STEPS, throw=False
+    )
+    return jnp.clip(found.value, *bounds), found.stats["num_steps"]
+
+
+@jax.custom_jvp
+def _value(point: Float[Array, " parameters"], given: Any) -> Float[Array, ""]:
+    """The value of `lagrangian`, whose derivative is the slope that it gives."""
+    (value, _), _ = lagrangian(point, *given)
+    return value
+
+
+@_value.defjvp
+def _with_slope(at: Any, towards: Any) -> Any:
+    (value, _), slope = lagrangian(at[0], *at[1])
+    return value, slope @ towards[0]
 
 
 def measured(

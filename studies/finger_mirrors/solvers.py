@@ -38,8 +38,8 @@ from studies.finger_mirrors.searching import (
 )
 from studies.finger_mirrors.spec import MirrorSpec
 
-OURS = "graduated L-BFGS-B"
-UNGRADED = "L-BFGS-B, not graduated"
+OURS = "graduated BFGS"
+UNGRADED = "BFGS, not graduated"
 EVOLUTION = "differential evolution (SciPy)"
 NAMES: dict[str, str] = {
     "bfgs": "augmented Lagrangian, BFGS",
@@ -246,12 +246,12 @@ def best_objective(runs: Sequence[Run]) -> float:
 
 
 def rows(runs: Sequence[Run]) -> list[PrecisionRow]:
-    """Gaps to the best of all and violations, each as a workload of its own."""
+    """Gaps to the best of all, in pads, and violations, each as a workload of its own."""
     best = best_objective(runs)
     found = []
     for panel in (GAP, VIOLATION):
         for run in runs:
-            error = abs(run.objective - best) if panel == GAP else run.violation
+            error = abs(run.objective - best) / 100 if panel == GAP else run.violation
             found.append(
                 PrecisionRow(
                     run.method,

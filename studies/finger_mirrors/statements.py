@@ -138,7 +138,7 @@ def metrics(spec: FingerMirrorsSpec, found: Found) -> list[Metric]:
                 "yield_given_layout",
                 case.yields.value,
                 "",
-                f"yield of B2's layout, same draws (95 %: {case.yields.low:.3f} to "
+                f"yield of the reference layout, same draws (95 %: {case.yields.low:.3f} to "
                 f"{case.yields.high:.3f})",
                 STATED_YIELD,
             ),
@@ -219,7 +219,7 @@ def _given(found: Found) -> str:
         if case.name == GIVEN:
             length = float(np.sum(np.asarray(case.arrangement.lengths)))
             return (
-                f"The layout of reading-the-papers, B2, has {length:.1f} mm of mirror, "
+                f"The reference layout has {length:.1f} mm of mirror, "
                 f"{case.verdict.worst_px_per_mm:.2f} px/mm and, over the same draws, a yield of "
                 f"{_percent(case)}."
             )
@@ -265,8 +265,8 @@ def _row(found: Found) -> str:
     square = next(reversed(found.squares.values()))
     return (
         f"PIP changes only the view of the proximal pad and DIP only that of the distal one: over "
-        f"{square.square_poses:,} postures nothing differs from {square.row_poses} by more than "
-        f"{square.disagreement:.0e}, and these take "
+        f"{square.square_poses:,} postures the largest deviation from the {square.row_poses} that "
+        f"stand for them is {square.disagreement:.1g}, and these take "
         f"{square.square_seconds / square.row_seconds:.0f} times less time. "
         "No pad needs two reflections, and the middle one none."
     )
@@ -294,20 +294,20 @@ def claim(runs: Sequence[Run]) -> Claim:
     ]  # fmt: skip
     last = yardstick[-1]
     first = ahead[0] if ahead else None
+
+    def told(run: Run) -> str:
+        gap = (run.objective - best) / 100
+        return f"gap {gap:.3g} pads, violation {run.violation:.2g} after {run.seconds:.0f} s"
+
     evidence = (
-        f"differential evolution: gap {last.objective - best:.3g}, violation {last.violation:.2g} "
-        f"after {last.seconds:.0f} s; graduated search: "
-        + (
-            f"gap {first.objective - best:.3g}, violation {first.violation:.2g} after "
-            f"{first.seconds:.0f} s ({first.setting})"
-            if first
-            else "never ahead within that time"
-        )
+        f"differential evolution: {told(last)}; graduated search: "
+        f"{f'{told(first)} ({first.setting})' if first else 'never ahead within that time'}"
     )
     return Claim(
         "The graduated search reaches a lower objective than differential evolution within its "
         "time.",
-        "It follows exact slopes, and begins with errors so large that there is a slope.",
+        "It follows exact slopes, and what is wholly hidden has one, too: the angle by which the "
+        "nearest view misses it.",
         [evidence],
         bool(ahead) and math.isfinite(best),
     )

@@ -117,13 +117,13 @@ def starts(spec: FingerMirrorsSpec, found: Found) -> Table:
                 verdict.worst_px_per_mm,
                 design.meets(number, spec.floor),
                 number == design.chosen,
-                trial.evaluations,
+                trial.steps,
                 trial.seconds,
             )
         )
     return Table(
         "starts",
-        "What every start led to; the first evaluation waits for the compiler",
+        "What every start led to; the first one waits for the compiler",
         [
             "start",
             "mean_coverage_at_start",
@@ -133,7 +133,7 @@ def starts(spec: FingerMirrorsSpec, found: Found) -> Table:
             "worst_px_per_mm",
             "met",
             "chosen",
-            "evaluations",
+            "steps",
             "seconds",
         ],
         body,

@@ -18,7 +18,6 @@ from kinematics.assembling import Equations
 from kinematics.drawn import measure
 from kinematics.mobility import Mobility, rank
 from kinematics.sketch import parse_sketch
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
 OFF = st.floats(-0.25, 0.25)
 LENGTH = st.floats(10.0, 100.0)

@@ -18,7 +18,6 @@ from kinematics.assembling import Equations
 from kinematics.drawn import measure
 from kinematics.mobility import Mobility
 from kinematics.sketch import load_sketch, parse_sketch
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
 GALLERY = Path(__file__).parents[2] / "studies/linkage_gallery"
 

@@ -12,7 +12,6 @@ import pytest
 
 from designopt.cli import run
 from kinematics import read_linkage
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
 GALLERY = Path(__file__).parents[2] / "studies/linkage_gallery"
 FILES = sorted(path.name for path in GALLERY.glob("*.toml"))

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from optics.intervals import Interval, common_part, gaps, where_positive
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
 ROUNDING = 1e-15
 """Of a quotient between 0 and 1."""

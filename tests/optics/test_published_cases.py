@@ -25,7 +25,6 @@ from optics.looks import look
 from optics.scene import place
 from optics.unfolding import padded, paths_of, unfold, unfold_all
 from tests.helpers import load_json
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
 CASES = {case["id"]: case for case in load_json("optics.json")["cases"]}
 STILL = jnp.zeros((1, 0))

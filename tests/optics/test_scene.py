@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from optics.scene import WORLD, Frame, place
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics.scenes import (
     LAYOUT,
     MIRRORS,

@@ -23,7 +23,6 @@ from optics.scene_drawing import (
 )
 from optics.section import INSIDE
 from optics.views import Pieces, ViewResult
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics.drawn_finger import (
     LAYOUT,
     POSES,

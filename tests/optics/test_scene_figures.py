@@ -12,7 +12,6 @@ from designopt import UserError
 from designopt.figures import style
 from optics import scene_figures
 from optics.scene_figures import poses_figure, resolution, sweep_figure
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics.drawn_finger import (
     LAYOUT,
     POSES,

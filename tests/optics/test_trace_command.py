@@ -15,7 +15,6 @@ import pytest
 
 from designopt.cli import run
 from optics import find_views, read_scene, sight
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
 GALLERY = Path(__file__).parents[2] / "studies/optics_gallery"
 FILES = sorted(path.name for path in GALLERY.glob("*.toml"))

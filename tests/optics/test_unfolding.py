@@ -36,7 +36,6 @@ from optics.unfolding import (
     unfold,
     unit,
 )
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics.scenes import (
     BOTH,
     LAYOUT,

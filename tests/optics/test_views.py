@@ -33,7 +33,6 @@ from optics.views import (
     path_name,
     path_names,
 )
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics.scenes import (
     BOTH,
     LAYOUT,

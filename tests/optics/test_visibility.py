@@ -26,7 +26,6 @@ from optics.labels import (
 from optics.scene import Layout, Scene, Surface
 from optics.views import ViewResult
 from optics.visibility import find_coverage, find_views
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics.scenes import (
     BOTH,
     DIRECT,

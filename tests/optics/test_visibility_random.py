@@ -15,7 +15,6 @@ import pytest
 
 from optics.views import Pieces
 from optics.visibility import find_coverage, find_views
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics import brute_force
 from tests.optics.scenes import (
     LAYOUT,

@@ -22,7 +22,6 @@ from optics.labels import (
     SECOND_PAD_END,
     parts_of,
 )
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 from tests.optics.scenes import (
     LAYOUT,
     MIRRORS,

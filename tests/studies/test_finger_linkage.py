@@ -69,11 +69,14 @@ def folded(u, v):
 
 @functools.cache
 def walked(kind):
+    return walk({"reference": reference_pins(), "other": OTHER}[kind], COARSE)
+
+
+def walk(pins, flexion):
     """Angles (degrees), crank turn (rad), and places over all postures, walked from the straight
     finger posture by posture with circles that meet: no code of the library."""
-    pins = {"reference": reference_pins(), "other": OTHER}[kind]
     at = {n: complex(*np.asarray(getattr(pins, n))) for n in "FEDCGH"}
-    length, flexion = BODY.intermediate, COARSE
+    length = BODY.intermediate
     angles = {name: np.zeros((len(flexion),) * 2) for name in SYMBOLS}
     crank, places = np.zeros((len(flexion),) * 2), {}
 
@@ -107,7 +110,7 @@ def walked(kind):
             for name, value in found.items():
                 angles[name][i, j] = value
             crank[i, j] = -cmath.phase((e - at["F"]) / (at["E"] - at["F"]))
-            places[i, j] = {"E": e, "D": inner[j][1], "H": inner[j][2]}
+            places[i, j] = dict(zip("ECDH", (e, *inner[j]), strict=True))
     return angles, crank, places
 
 
@@ -327,6 +330,42 @@ def test_the_search_reaches_what_is_asked(thickness, ratio, asked):
     verdict = judged(found.pins, body, limits)
     assert not verdict.unmet
     assert verdict.least_deg >= asked
+    assert_walked(found.pins, thickness, ratio, verdict.least_deg)
+
+
+def assert_walked(pins, thickness, ratio, least_deg):
+    """All requirements once more on the 1° grid, in plain complex numbers."""
+    flexion = np.deg2rad(np.arange(91.0))
+    # Circles meet everywhere, or there would be no walk.
+    angles, crank, places = walk(pins, flexion)
+    assert min(values.min() for values in angles.values()) == pytest.approx(least_deg, abs=1e-6)
+    at = {name: complex(*np.asarray(getattr(pins, name))) for name in "FEDCGH"} | {"A": 0, "B": 23}
+    assert (np.diff(crank, axis=0) > 0).all()
+    assert (np.diff(crank, axis=1) > 0).all()
+    assert np.ptp(crank) <= math.radians(150)
+    row = [places[0, j] for j in range(len(flexion))]
+    plate = [one["D"] - one["C"] for one in row] * np.exp(1j * flexion)
+    assert len(set(np.sign(np.diff(np.unwrap(np.angle(plate)))))) == 1
+    low, high = -4 + 2, thickness - 4 - 2
+
+    def inside(z):
+        return low <= z.imag <= high
+
+    assert inside(at["F"])
+    assert inside(at["G"])
+    assert inside(at["C"])
+    assert at["F"].real >= -35 + 2
+    assert at["C"].real <= 23 + 32 - 2
+    assert all(inside(z) for one in places.values() for z in (one["E"], one["D"], one["H"]))
+    assert all(one["E"].real >= -35 + 2 for one in places.values())
+    for pair in ("AF", "AG", "BG", "BC", "CD", "CH", "DH", "DE", "EF", "GH"):
+        assert abs(at[pair[0]] - at[pair[1]]) >= 6
+    assert abs(at["F"]) >= 8
+    assert abs(at["E"] - at["F"]) <= 22
+    if ratio is not None:
+        by_pip, by_dip = np.gradient(crank, flexion, flexion, edge_order=2)
+        # Differences over a degree.
+        assert (by_dip / by_pip).max() <= ratio + 1e-3
 
 
 @pytest.mark.slow

@@ -17,7 +17,6 @@ from optics import read_scene
 from optics.scene import Scene
 from optics.views import Pieces, path_names
 from optics.visibility import find_views
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
 FOLDER = Path(__file__).parents[2] / "studies/optics_gallery"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")

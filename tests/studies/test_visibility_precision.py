@@ -42,7 +42,6 @@ from studies.visibility_precision.cases import (
 )
 from studies.visibility_precision.plain import rounded
 from studies.visibility_precision.spec import VisibilityPrecisionSpec
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
 RAYS = 200_000
 

@@ -25,7 +25,6 @@ from studies.visibility_stability.scenes import (
 )
 from studies.visibility_stability.spec import StabilitySpec
 from studies.visibility_stability.statements import findings, metrics
-from tests.kinematics.quick import compiled_quickly  # noqa: F401
 
 ASKED = Asked(find_views, 1)
 """All tests share one compiled program."""
