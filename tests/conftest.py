@@ -20,12 +20,6 @@ def pytest_configure(config: pytest.Config) -> None:
     jax.config.update("jax_disable_most_optimizations", config.option.markexpr == "not slow")
 
 
-@pytest.fixture
-def quick_table1() -> list[str]:
-    """Settings with which ``table1`` runs in seconds, every part of it included."""
-    return ["--set", "precision_problems=300", "--set", "precision_repeats=3"]
-
-
 # Compiling makes a first example slow; the same examples every time keep the suite reproducible.
 hypothesis.settings.register_profile("suite", deadline=None, derandomize=True, max_examples=50)
 hypothesis.settings.load_profile("suite")

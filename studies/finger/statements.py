@@ -103,9 +103,9 @@ def lines(spec: FingerSpec, found: Finger) -> list[Line]:
             Line(
                 "pinch: DIP stays straight while PIP closes freely",
                 "§3.1.2",
-                "to the end of the range, or nearly (88°)",
+                f"to {body.range_deg - SHORT_DEG:g}° or beyond",
                 f"to PIP {straight:.0f}°",
-                straight >= STRAIGHT_DEG,
+                straight >= body.range_deg - SHORT_DEG,
             ),
             Line(
                 "adaptive: DIP closes when the intermediate pad is held",
@@ -118,8 +118,8 @@ def lines(spec: FingerSpec, found: Finger) -> list[Line]:
     return made
 
 
-STRAIGHT_DEG = 88.0
-"""PIP flexion up to which free closing is to keep DIP straight, degrees, of a range of 90°."""
+SHORT_DEG = 2.0
+"""How far before the end of PIP's range free closing may begin to bend DIP, degrees."""
 
 
 def degrees_of_freedom(pins: Pins, body: BodySpec) -> int:

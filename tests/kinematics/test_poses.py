@@ -62,7 +62,14 @@ def sum_of_outputs(rebuilt):
 
 
 @pytest.mark.parametrize(
-    "name", ["slider-crank", "quick-return", "scotch-yoke", "finger-crank", "stephenson"]
+    "name",
+    [
+        "slider-crank",
+        "quick-return",
+        "scotch-yoke",
+        "finger-crank",
+        pytest.param("stephenson", marks=pytest.mark.slow),
+    ],
 )
 def test_compiled_batched_gradients(name):
     """Of every dimension and input, under jit(vmap(grad)), against central differences."""

@@ -15,7 +15,7 @@ from kinematics import read_linkage
 
 GALLERY = Path(__file__).parents[2] / "studies/linkage_gallery"
 FILES = sorted(path.name for path in GALLERY.glob("*.toml"))
-SLOW_TO_COMPILE = ("double-butterfly", "finger-crank", "jansen", "peaucellier")
+SLOW_TO_COMPILE = ("double-butterfly", "finger-crank", "jansen", "peaucellier", "stephenson")
 
 
 @pytest.fixture(autouse=True)

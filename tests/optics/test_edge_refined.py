@@ -35,6 +35,7 @@ def curved(radius: float = -30.0, conic: float = 0.0) -> Scene:
     )
 
 
+@pytest.mark.slow
 def test_agrees_with_the_exact_engine_on_the_finger():
     finger = read_scene(GALLERY / "finger.toml")
     for pip, dip in ((0.0, 20.0), (47.0, 61.0)):
@@ -112,6 +113,7 @@ def test_gradients_through_edges_of_curved_views():
     np.testing.assert_allclose(slopes, expected, rtol=1e-6, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_too_many_pieces_are_told():
     scene = curved()
     found = trace_views(scene, scene.pose(), room=1)

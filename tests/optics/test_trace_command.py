@@ -222,6 +222,7 @@ def test_views_in_a_mirror_agree_with_dense_sampling(trace):
     np.testing.assert_allclose(pose["mirrors"]["lid"]["used"], [sorted(used)], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_views_in_a_parabola_are_those_of_its_equation(trace):
     document, said = trace("parabola.toml")
     assert said == ""

@@ -395,6 +395,7 @@ def test_coverage_alone_is_that_of_the_views():
         np.testing.assert_allclose(slope, other, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_many_poses_go_in_blocks_and_give_what_each_gives_alone():
     case, rng = item(sample().cases, 0), np.random.default_rng(5)
     scene, poses = scene_of(case), jnp.asarray(rng.uniform(0, 1.5, (2, 30, 2)))

@@ -302,6 +302,7 @@ def test_the_six_bar_is_driven_within_its_limits():
     np.testing.assert_array_equal(ok, [False, True, True, False])
 
 
+@pytest.mark.slow
 def test_the_study_end_to_end(tmp_path, capsys):
     out = tmp_path / "out"
     quick = ["poses=20", "repeats=3", "peers=false", "first_call=false", "float32=false"]

@@ -205,33 +205,27 @@ def test_the_scene_needs_fewer_operations_than_the_general_program():
         assert 0 < row.scene_operations < row.general_operations
 
 
-def test_the_study_end_to_end(tmp_path, quick_table1, capsys):
-    out = tmp_path / "out"
-    assert cli.run(["run", "table1", "--out", str(out), *quick_table1]) == 0, (
-        capsys.readouterr().err
-    )
+def run_to_the_end(out, settings, capsys):
+    """What the study writes, and its metrics' values."""
+    assert cli.run(["run", "table1", "--out", str(out), *settings]) == 0, capsys.readouterr().err
     document = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    metrics = {name: metric["value"] for name, metric in document["metrics"].items()}
+    assert all(metric["met"] in (True, None) for metric in document["metrics"].values())
+    return document, {name: metric["value"] for name, metric in document["metrics"].items()}
+
+
+def test_the_study_end_to_end(tmp_path, capsys):
+    out = tmp_path / "out"
+    without = ["--set", "precision=false", "--set", "stability=false"]
+    document, metrics = run_to_the_end(out, without, capsys)
     assert metrics["cells_matched_identified"] == 18
     assert metrics["cells_matched_printed"] == 0
     assert abs(metrics["identified_reference_height_mm"] - 8.616) < 0.005
     assert abs(metrics["identified_pinhole_offset_mm"] - 0.844) < 0.005
-    assert metrics["non_finite"] == 0
-    assert metrics["stability_failures"] == 0
-    assert metrics["gradient_error"] <= 1e-6
-    assert all(metric["met"] in (True, None) for metric in document["metrics"].values())
 
     first = document["findings"][0]
     assert "printed camera constants do not give the paper's table" in first
     for words in ("3.27 mm", "5.93°", "h = 8.616 mm", "δ = 0.844 mm", "18 of 18"):
         assert words in first
-
-    methods = {row["method"] for row in document["precision"]}
-    assert methods == {"closed form", "SciPy brentq", *precision.METHOD_NAMES.values()}
-    assert {row["dtype"] for row in document["stability"]} == {"float64", "float32"}
-    assert all(
-        row["seconds_low"] <= row["seconds"] <= row["seconds_high"] for row in document["precision"]
-    )
 
     with (out / "tables" / "table1.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -246,9 +240,31 @@ def test_the_study_end_to_end(tmp_path, quick_table1, capsys):
         "eta_from_theta",
     ]
     assert [float(row["delta_l_d_cm_paper"]) for row in rows] == TABLE["paper"]["delta_l_d_cm"]
-    for name in ("line", "section", "precision", "stability"):
+    figures_are_there(out, document, ("line", "section"))
+
+
+def figures_are_there(out, document, names):
+    for name in names:
         assert f"figures/{name}.svg" in document["figures"]
         assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_the_measurements_end_to_end(tmp_path, capsys):
+    out = tmp_path / "out"
+    quick = ["--set", "precision_problems=300", "--set", "precision_repeats=3"]
+    document, metrics = run_to_the_end(out, quick, capsys)
+    assert metrics["non_finite"] == 0
+    assert metrics["stability_failures"] == 0
+    assert metrics["gradient_error"] <= 1e-6
+
+    methods = {row["method"] for row in document["precision"]}
+    assert methods == {"closed form", "SciPy brentq", *precision.METHOD_NAMES.values()}
+    assert {row["dtype"] for row in document["stability"]} == {"float64", "float32"}
+    assert all(
+        row["seconds_low"] <= row["seconds"] <= row["seconds_high"] for row in document["precision"]
+    )
+    figures_are_there(out, document, ("precision", "stability"))
 
 
 def test_float32_meets_its_targets_too(tmp_path, capsys):

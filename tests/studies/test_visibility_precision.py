@@ -300,6 +300,7 @@ QUICK = ["samples=64", "reference_rays=20000", "repeats=3", "flexion=false", "ed
 QUICK += ["gallery=false", "grid=false", "peers=false", "left_out=false"]
 
 
+@pytest.mark.slow
 def test_the_study_end_to_end(tmp_path, capsys):
     out = tmp_path / "out"
     arguments = [part for assignment in QUICK for part in ("--set", assignment)]
