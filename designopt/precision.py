@@ -106,6 +106,13 @@ def dominating(row: PrecisionRow, rows: Iterable[PrecisionRow]) -> list[Precisio
     ]
 
 
+def timing(study: PrecisionStudy) -> str:
+    """How the run times of a study were taken, in words."""
+    once = all(row.seconds_low == row.seconds_high for row in study.rows)
+    how = "of one run each" if once else "medians over repeats after a warm-up"
+    return f"Run times are {how}, with the result waited for; compiling is counted apart."
+
+
 def table(study: PrecisionStudy) -> Table:
     """The rows of a precision study, all of them."""
     return Table(

@@ -64,8 +64,7 @@ def measurements(results: Results) -> list[Measurement]:
             Measurement(
                 "Error against run time",
                 f"{results.precision.error[0].upper()}{results.precision.error[1:]}, against "
-                f"{results.precision.reference}. Run times are medians over repeats after a "
-                "warm-up, with the result waited for; compiling is counted apart.",
+                f"{results.precision.reference}. {precision.timing(results.precision)}",
                 results.precision.claims,
                 [precision.figure(results.precision)],
                 [precision.table(results.precision)],

@@ -58,7 +58,9 @@ def _value(value: Any) -> str:
         return "true" if value else "false"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)  # TOML's basic strings escape as JSON's do
-    if isinstance(value, (int, float)):
+    if isinstance(value, float):
+        return repr(float(value))  # NumPy's floats say more of themselves
+    if isinstance(value, int):
         return repr(value)
     if isinstance(value, Sequence):
         return f"[{', '.join(map(_value, value))}]"

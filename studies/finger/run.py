@@ -1,8 +1,14 @@
-"""The study itself: linkage, then mirrors in the space that it leaves, then the grasp check."""
+"""The study itself: linkage, then mirrors in the space that it leaves, then the grasp check.
+
+The links lie beside the sensing pads' width (`finger_linkage.analysis.sensor_room`), so that
+mirrors have the whole section between the faces.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+import numpy as np
 
 from designopt.results import Results
 from designopt.study import Context
@@ -14,6 +20,7 @@ from studies.finger_grasp.analysis import Analysis, analyse
 from studies.finger_grasp.check import GraspCheck, summary
 from studies.finger_grasp.spec import GraspSpec
 from studies.finger_linkage.analysis import LinkageDesign, design_linkage
+from studies.finger_linkage.body import RIM
 from studies.finger_linkage.run import design_figures, design_tables
 from studies.finger_mirrors import drawings as mirror_drawings
 from studies.finger_mirrors.design import MirrorDesign, design_mirrors
@@ -69,6 +76,10 @@ def run(spec: FingerSpec, context: Context) -> Results:
     )
 
 
+PINCHES = 6
+"""Places on the distal pad at which it pinches."""
+
+
 def design(spec: FingerSpec, context: Context) -> Finger:
     """Linkage, mirrors and grasp of a finger for its requirements."""
     with context.step("Linkage"):
@@ -83,7 +94,7 @@ def design(spec: FingerSpec, context: Context) -> Finger:
             draws=spec.yield_draws,
             seed=context.seed,
         )
-    closings = None
+    closings, body = None, spec.body
     if linkage.verdict.assembles:
         settings = GraspSpec(
             body=spec.body,
@@ -91,6 +102,8 @@ def design(spec: FingerSpec, context: Context) -> Finger:
             preload=spec.spring.preload,
             servo_stiffness=spec.spring.servo,
             diameters=spec.spring.diameters,
+            pinch_pip_deg=[body.range_deg / 3, 2 * body.range_deg / 3],
+            pinch_at=np.linspace(body.axis_height, body.distal - RIM, PINCHES).tolist(),
         )
         with context.step("Grasp"):
             closings = analyse(linkage.pins, spec.body, settings, polygon=False)

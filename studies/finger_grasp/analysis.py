@@ -12,10 +12,10 @@ import numpy as np
 from studies.finger_grasp import cases
 from studies.finger_grasp.closing import Path, close_all, there_and_back
 from studies.finger_grasp.comparing import Comparison, compare
-from studies.finger_grasp.finger import TIP_RIM, Finger, transfers
+from studies.finger_grasp.finger import Finger, transfers
 from studies.finger_grasp.pinch import Bracket, Pinch, bracket, loading, predict, ratio_map
 from studies.finger_grasp.spec import GraspSpec
-from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.body import RIM, BodySpec
 from studies.finger_linkage.pins import Pins
 
 CLOSED = 80
@@ -66,7 +66,7 @@ def analyse(pins: Pins, body: BodySpec, spec: GraspSpec, *, polygon: bool = True
     """
     finger = cases.finger_of(pins, body, spec)
     motion = there_and_back(math.radians(spec.motor_end_deg))
-    check = cases.touching(body, cases.CHECK_PIP, cases.CHECK_PLACE, cases.CHECK_RADIUS)
+    check = cases.touching(body, *cases.check_touch(body))
     problems = [cases.problem_of(finger, check), cases.problem_of(finger, check, spec.opening_load)]
     problems += [
         cases.problem_of(finger, cases.lying(body, d, spec.grip_at)) for d in spec.diameters
@@ -164,7 +164,7 @@ def formula_error(path: Path) -> float:
     inside = path.ok & np.all((path.joints > 1e-6) & (path.joints < limit - 1e-6), axis=1)
     inside &= np.all(path.gaps < 1e-7, axis=1) & np.all(path.along > edge, axis=1)
     inside &= path.along[:, 0] < body.intermediate - edge
-    inside &= path.along[:, 1] < body.distal - TIP_RIM - 1e-6
+    inside &= path.along[:, 1] < body.distal - RIM - 1e-6
     if not inside.any():
         return math.nan
     found = jax.tree.map(np.asarray, transfers(finger, jnp.asarray(path.joints)))

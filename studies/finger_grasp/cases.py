@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +14,11 @@ from studies.finger_grasp.spec import GraspSpec
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.pins import Pins
 
-CHECK_RADIUS, CHECK_PIP, CHECK_PLACE = 12.0, math.radians(30.0), 11.5
-"""The circle of the reference value: radius (mm), PIP at which it touches (rad), and k₁ (mm)."""
+CHECK_RADIUS = 12.0
+"""Least radius of the circle that is closed on, mm: that of the reference value."""
+
+WRAP = 0.8
+"""Largest part of the DIP range at which that circle is wrapped."""
 
 PINCH_RADIUS = 8.0
 """Of the circles that are pinched, mm."""
@@ -47,6 +51,31 @@ def touching(body: BodySpec, pip: float, place: float, radius: float) -> Circle:
     c, s = math.cos(pip), math.sin(pip)
     x, y = place, body.palmar - radius
     return Circle(np.array([c * x + s * y, c * y - s * x]), radius)
+
+
+class Touch(NamedTuple):
+    """A circle on the intermediate pad.
+
+    Attributes:
+        pip: PIP flexion at which it touches, rad.
+        place: k₁, its contact's distance from A, mm.
+        radius: mm.
+    """
+
+    pip: float
+    place: float
+    radius: float
+
+
+def check_touch(body: BodySpec) -> Touch:
+    """The circle of the reference value (PIP 30°, k₁ = 11.5 mm, 12 mm), for any body.
+
+    It touches halfway between the joints at a third of the range, and is so large that the distal
+    pad touches it within the range.
+    """
+    stop, place = math.radians(body.range_deg), body.intermediate / 2
+    radius = place / math.tan(WRAP * stop / 2) - body.axis_height
+    return Touch(stop / 3, place, max(CHECK_RADIUS, radius))
 
 
 def lying(body: BodySpec, diameter: float, place: float) -> Circle:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from studies.finger_grasp.analysis import (
     Analysis,
     analyse,
@@ -30,7 +32,7 @@ class GraspCheck:
             balance, relative.
         formula_error: largest difference to the two-phalanx formulas, relative.
         pinch_violations: pinches whose limit is not where the formula puts it.
-        pinches: how many were loaded.
+        pinches: how many were loaded as far as the formula says that they hold.
         retrace_error_deg: largest difference between closing and opening, degrees.
         least_f1: smallest force on the intermediate pad in the adaptive closing after both pads
             touch, N; NaN where they never do.
@@ -78,13 +80,13 @@ def summary(found: Analysis) -> GraspCheck:
         adaptive_dip_deg=math.degrees(touching_dip(found.adaptive)),
         virtual_work_error=max(compared.error for compared in found.compared),
         formula_error=max((e for e in errors if not math.isnan(e)), default=math.nan),
-        pinch_violations=sum(not shown.agrees for _, _, shown in found.pinches),
-        pinches=len(found.pinches),
+        pinch_violations=sum(shown.agrees is False for _, _, shown in found.pinches),
+        pinches=sum(shown.agrees is not None for _, _, shown in found.pinches),
         retrace_error_deg=math.degrees(max(retrace_error(path) for path in there_and_back)),
         least_f1=float(found.adaptive.push(0)[ok].min()) if ok.any() else math.nan,
         states=sum(len(path.ok) for path in paths),
         unconverged=sum(int((~path.ok).sum()) for path in paths),
         worst_residual=max(float(path.residual[path.ok].max(initial=0.0)) for path in paths),
-        ratio_low=float(ratio.min()),
-        ratio_high=float(ratio.max()),
+        ratio_low=float(np.nanmin(ratio)),
+        ratio_high=float(np.nanmax(ratio)),
     )

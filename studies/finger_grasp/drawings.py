@@ -14,7 +14,7 @@ from studies.finger_grasp.analysis import CLOSED, Analysis, radius_of
 from studies.finger_grasp.closing import Path
 from studies.finger_grasp.free_body import pin_places
 from studies.finger_grasp.pinch import APPROACH, least_place
-from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.body import RIM, BodySpec
 
 BLUE, VERMILION, GREEN, PINK = PALETTE[:4]
 
@@ -40,7 +40,13 @@ def sequences(found: Analysis) -> Figure:
         shown.append(("Pinch: DIP stays straight", pinch, (0, 8, 16, APPROACH, 120)))
     first = int(np.argmax(found.adaptive.gaps[:, 0] < 1e-7))
     both = int(np.argmax((found.adaptive.gaps < 1e-7).all(axis=1)))
-    shown.append(("Adaptive: a circle of 24 mm", found.adaptive, (0, first, both)))
+    shown.append(
+        (
+            f"Adaptive: a circle of {2 * radius_of(found.adaptive):.3g} mm",
+            found.adaptive,
+            (0, first, both),
+        )
+    )
     if found.box is not None:
         shown.append(("A square of 24 mm", found.box, (0, 26, 38, CLOSED)))
     drawing, axes = new_figure(-(-len(shown) // 2), 2, height=3.4 * -(-len(shown) // 2))
@@ -92,9 +98,9 @@ def _finger(axis: Axes, path: Path, state: int, strength: float) -> None:
         axis.plot(*_placed(corners, tilt, origin).T, color="0.35", linewidth=0.7, alpha=strength)
     h = body.axis_height
     for low, high, tilt, origin in (
-        (-body.proximal + 1.5, -h, tilts[0], at["A"]),
+        (-body.proximal + RIM, -h, tilts[0], at["A"]),
         (h, body.intermediate - h, tilts[1], at["A"]),
-        (h, body.distal - 1.5, tilts[2], at["B"]),
+        (h, body.distal - RIM, tilts[2], at["B"]),
     ):
         pad = np.array([[low, body.palmar], [high, body.palmar]])
         axis.plot(*_placed(pad, tilt, origin).T, color=BLUE, linewidth=2.5, alpha=strength)
@@ -166,9 +172,8 @@ def paths(found: Analysis) -> Figure:
     return Figure(
         "paths",
         "Equilibria over the motor's angle",
-        "Free closing turns PIP alone until its stop; a circle that blocks the intermediate "
-        "phalanx makes DIP close on it. Dashed: the same against moments that pull the joints "
-        "open. Opening goes back along the same lines.",
+        "Free closing, and closing on a circle that blocks the intermediate phalanx. Dashed: the "
+        "same against moments that pull the joints open.",
         drawing,
     )
 
@@ -197,7 +202,7 @@ def stability_map(found: Analysis) -> Figure:
         "Left: the ratio of what the motor gives DIP to what it gives PIP. Right: the contact on "
         "the distal pad must lie beyond this distance from the DIP axis, or the intermediate "
         f"phalanx leaves the object, once the spring counts for nothing; the pad reaches from "
-        f"{body.axis_height:g} to {body.distal - 1.5:g} mm.",
+        f"{body.axis_height:g} to {body.distal - RIM:g} mm.",
         drawing,
     )
 
@@ -228,8 +233,7 @@ def over_diameter(found: Analysis) -> Figure:
         "over_diameter",
         "Closing on circles",
         f"With the motor at {end:.0f}°. The circles lie on the proximal pad. A pad of force 0 "
-        "does not touch. Held at 11.5 mm they touch "
-        "the intermediate pad halfway between the joints, and both bend alike.",
+        "does not touch.",
         drawing,
     )
 
@@ -240,7 +244,7 @@ def pinches(found: Analysis) -> Figure:
     limit, loading = axes[0]
     pips = list(dict.fromkeys(pinch.pip for pinch, _, _ in found.pinches))
     for index, pip in enumerate(pips):
-        color, mark = PALETTE[index], MARKERS[index]
+        color, mark = PALETTE[index % len(PALETTE)], MARKERS[index % len(MARKERS)]
         label = f"PIP {math.degrees(pip):.0f}°"
         mine = [(one, shown) for one, _, shown in found.pinches if one.pip == pip]
         yields = [(one, shown) for one, shown in mine if not one.holds]
@@ -286,7 +290,7 @@ def pinches(found: Analysis) -> Figure:
         "pinches",
         "The limits of a pinch",
         "Left: the moment at which the straight distal pad gives way, by the formula and between "
-        "the last state that held and the first that did not. Contacts beyond those shown hold at "
-        "any moment. Right: all of them give way where the formula says.",
+        "the last state that held and the first that did not. Contacts that are not shown hold at "
+        "any moment. Right: DIP while they are loaded.",
         drawing,
     )

@@ -10,14 +10,11 @@ from jaxtyping import Array, Float
 from designopt.numerics import as_float, safe_divide
 from designopt.vectors import Vector, rotation
 from kinematics.dyads import two_angles
-from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.body import RIM, BodySpec
 from studies.finger_linkage.pins import Pins
 
 Joints = Float[Array, "2"]
 """Flexion (PIP, DIP), rad, not negative."""
-
-TIP_RIM = 1.5
-"""The distal pad ends so far before the finger tip, mm (as this project reads paper B)."""
 
 
 class Finger(eqx.Module):
@@ -160,5 +157,5 @@ def pads(body: BodySpec, joints: Joints) -> tuple[Pad, Pad]:
     h = body.axis_height
     return (
         Pad(corner.turned(inner), inner, body.intermediate - 2 * h, h),
-        Pad(axis_b + corner.turned(outer), outer, body.distal - TIP_RIM - h, h),
+        Pad(axis_b + corner.turned(outer), outer, body.distal - RIM - h, h),
     )

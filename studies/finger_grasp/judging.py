@@ -12,8 +12,8 @@ from studies.finger_grasp import exact
 from studies.finger_grasp.closing import Path
 from studies.finger_grasp.comparing import SHUT
 from studies.finger_grasp.conditions import Problem
-from studies.finger_grasp.finger import TIP_RIM
 from studies.finger_grasp.objects import Circle
+from studies.finger_linkage.body import RIM
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def setting_of(problem: Problem, command: float) -> exact.Setting:
         pins={name: tuple(getattr(finger.pins, name).tolist()) for name in "CDEFGH"},
         lengths=(body.intermediate, body.distal),
         axis_height=body.axis_height,
-        rim=TIP_RIM,
+        rim=RIM,
         limit=math.radians(body.range_deg),
         values={
             "log_spring": float(finger.log_spring),

@@ -19,6 +19,9 @@ APPROACH = 24
 MOST_LOAD = 5.0
 """A pinch that should hold is loaded until the motor leads by this, rad."""
 
+LEAST_LOAD = 1e-3
+"""Every pinch is loaded until the motor leads by this, rad, for some hold nothing at all."""
+
 AT_STOP = 1e-7
 """A joint nearer to its stop than this rests on it, rad."""
 
@@ -56,12 +59,13 @@ class Bracket:
     Attributes:
         low: largest T_a at which the distal pad was still straight, N mm.
         high: T_a of the next step, had it stayed straight; infinite where it never gave way.
-        agrees: whether the formula's limit lies between them (or it held as it should).
+        agrees: whether the formula's limit lies between them (or it held as it should); ``None``
+            where the motor could not load it that far.
     """
 
     low: float
     high: float
-    agrees: bool
+    agrees: bool | None
 
 
 def predict(finger: Finger, contacts: Sequence[tuple[float, float]]) -> list[Pinch]:
@@ -92,6 +96,7 @@ def loading(finger: Finger, pinch: Pinch) -> np.ndarray:
     """Motor angles that approach a pinch and load it to 1.3 times its limit, rad."""
     servo = math.exp(float(finger.log_servo))
     lead = MOST_LOAD if pinch.holds else min(1.3 * pinch.limit / servo, 4 * math.pi)
+    lead = max(lead, LEAST_LOAD)
     up = np.linspace(0, pinch.crank, APPROACH, endpoint=False)
     return np.concatenate([up, pinch.crank + np.linspace(0, lead, STEPS - APPROACH)])
 
@@ -104,7 +109,9 @@ def bracket(finger: Finger, pinch: Pinch, path: Path) -> Bracket:
     gone = path.ok[loads] & ~stays
     if not gone.any():
         low = float(path.motor[loads[stays]].max()) if stays.any() else 0.0
-        return Bracket(low, math.inf, pinch.holds and bool(stays.all()))
+        if pinch.holds or not stays.all():
+            return Bracket(low, math.inf, pinch.holds and bool(stays.all()))
+        return Bracket(low, math.inf, None if low < pinch.limit else False)
     first = int(np.argmax(gone))
     held = loads[:first][stays[:first]]
     low = float(path.motor[held[-1]]) if held.size else 0.0
@@ -113,10 +120,14 @@ def bracket(finger: Finger, pinch: Pinch, path: Path) -> Bracket:
 
 
 def ratio_map(finger: Finger, angles: np.ndarray) -> np.ndarray:
-    """φ₁ and φ₂ over the square of PIP (rows) and DIP (columns) angles, shape (n, n, 2)."""
+    """φ₁ and φ₂ over the square of PIP (rows) and DIP (columns) angles, shape (n, n, 2).
+
+    NaN where the linkage does not assemble.
+    """
     square = np.stack(np.meshgrid(angles, angles, indexing="ij"), axis=-1).reshape(-1, 2)
-    found = transfers(finger, jnp.asarray(square)).ratios
-    return np.asarray(found).reshape(len(angles), len(angles), 2)
+    found = jax.tree.map(np.asarray, transfers(finger, jnp.asarray(square)))
+    ratios = np.where(found.reach[:, None] > 0, found.ratios, np.nan)
+    return ratios.reshape(len(angles), len(angles), 2)
 
 
 def least_place(ratio: np.ndarray, dip: np.ndarray, length: float) -> np.ndarray:

@@ -37,8 +37,13 @@ def contenders(path: Path) -> Iterator[Contender]:
     Args:
         path: the closing on the check's circle.
     """
-    commands = jnp.asarray(path.commands[list(STATES)])
-    before = [state - 1 for state in STATES]
+    # What is undetermined, or was not found, is no reference.
+    references = {state: reference(path, state) for state in STATES if path.ok[state]}
+    found = {state: one for state, one in references.items() if one is not None and one.right}
+    if not found:
+        return
+    commands = jnp.asarray(path.commands[list(found)])
+    before = [state - 1 for state in found]
     near = jnp.asarray(path.joints[before])
     unit = path.problem.finger.moment_unit
     guesses = Unknowns(
@@ -46,9 +51,8 @@ def contenders(path: Path) -> Iterator[Contender]:
         jnp.asarray(path.motor[before]) / unit,
         jnp.asarray(path.forces[before]) * path.problem.finger.length_unit / unit,
     )
-    found = [reference(path, state) for state in STATES]
-    exact = np.array([[float(q) for q in one.joints] for one in found if one is not None])
-    panel = f"{len(STATES)} states of the check's closing"
+    exact = np.array([[float(q) for q in one.joints] for one in found.values()])
+    panel = f"{len(found)} states of the check's closing"
     error = partial(_worst, exact)
 
     def at(command: jax.Array) -> Problem:

@@ -51,12 +51,14 @@ def run(spec: GraspSpec, context: Context) -> Results:
     )
 
 
-def measure_precision(found: Analysis, spec: GraspSpec) -> PrecisionStudy:
-    """Error against run time of the states of the check's closing."""
+def measure_precision(found: Analysis, spec: GraspSpec) -> PrecisionStudy | None:
+    """Error against run time over the check's closing; ``None`` if no state is determined."""
     rows = [
         run_time.measure(contender, repeats=spec.precision_repeats)
         for contender in precision.contenders(found.adaptive)
     ]
+    if not rows:
+        return None
     return PrecisionStudy(
         rows,
         error="worst error of a joint (rad)",

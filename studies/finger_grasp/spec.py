@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field, PositiveFloat
+from pydantic import Field, PositiveFloat, model_validator
 
 from designopt.study import Spec
-from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.body import RIM, BodySpec
 
 if TYPE_CHECKING:
     from studies.finger_linkage.pins import Pins
@@ -80,3 +80,17 @@ class GraspSpec(Spec):
         default=5, description="timed repeats of each setting"
     )
     stability: bool = Field(default=True, description="run the stiff and extreme cases")
+
+    @model_validator(mode="after")
+    def _pinches_within_reach(self) -> GraspSpec:
+        if max(self.pinch_pip_deg) > self.body.range_deg:
+            raise ValueError(
+                f"pinch_pip_deg ({max(self.pinch_pip_deg):g}°) lies beyond body.range_deg "
+                f"({self.body.range_deg:g}°): pinch within the range"
+            )
+        start, end = self.body.axis_height, self.body.distal - RIM
+        if not start <= min(self.pinch_at) <= max(self.pinch_at) <= end:
+            raise ValueError(
+                f"pinch_at lies beside the distal pad, which reaches from {start:g} to {end:g} mm"
+            )
+        return self

@@ -44,7 +44,7 @@ def families(finger: Finger, end: float, seed: int) -> Iterator[Family]:
     """
     body = finger.body
     motion = np.tile(there_and_back(end), (LANES, 1))
-    check = cases.touching(body, cases.CHECK_PIP, cases.CHECK_PLACE, cases.CHECK_RADIUS)
+    check = cases.touching(body, *cases.check_touch(body))
     decades = np.linspace(-6, 6, LANES)
     random = np.random.default_rng(seed)
     mixed = random.uniform(-6, 6, (LANES, 2))

@@ -11,6 +11,10 @@ from designopt.study import Spec
 Length = Annotated[float, Field(gt=0, le=1e3)]
 
 
+RIM = 1.5
+"""Pads end so far before the ends of the finger, mm (an argument of this project)."""
+
+
 class BodySpec(Spec):
     """The section of the finger, straight. Lengths in mm.
 
@@ -24,7 +28,7 @@ class BodySpec(Spec):
     distal: Length = Field(default=32.0, description="DIP axis to finger tip (mm)")
     thickness: Length = Field(default=25.0, description="T, palmar to dorsal face (mm)")
     axis_height: Length = Field(default=4.0, description="h, palmar face to the axes (mm)")
-    range_deg: Annotated[float, Field(ge=1, le=120)] = Field(
+    range_deg: Annotated[float, Field(ge=2, le=100)] = Field(
         default=90.0, description="flexion of each joint from straight (degrees)"
     )
 
@@ -35,6 +39,18 @@ class BodySpec(Spec):
                 f"axis_height ({self.axis_height:g} mm) must be smaller than thickness "
                 f"({self.thickness:g} mm): the axes lie between the faces"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _room_for_pads(self) -> BodySpec:
+        ends = {"proximal": RIM, "intermediate": self.axis_height, "distal": RIM}
+        for name, end in ends.items():
+            least = self.axis_height + end
+            if getattr(self, name) <= least:
+                raise ValueError(
+                    f"{name} ({getattr(self, name):g} mm) leaves no room for a pad, which begins "
+                    f"axis_height from the joint: make it longer than {least:g} mm"
+                )
         return self
 
     @property

@@ -73,7 +73,7 @@ class Run:
     @property
     def feasible(self) -> bool:
         """Whether it meets the requirements."""
-        return self.violation <= FEASIBLE
+        return self.violation <= FEASIBLE and bool(np.isfinite(self.least_deg))
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,8 @@ class Comparison:
 
     @property
     def best_deg(self) -> float:
-        """The largest least angle of a run that meets the requirements, degrees."""
-        return max(run.least_deg for run in self.runs if run.feasible)
+        """The largest least angle of a run that meets all requirements, degrees; NaN if none."""
+        return max((run.least_deg for run in self.runs if run.feasible), default=float("nan"))
 
     def evolution_at(self, seconds: float) -> float:
         """Least angle that differential evolution has reached by then, degrees; 0 if none."""
@@ -121,7 +121,7 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> Comparison:
     runs = [_run("bfgs", spec.search.starts, found.rounds[0].optima, starts)]
     for method, counts in CONTENDERS:
         for count in counts:
-            if count > spec.search.starts:
+            if count > spec.search.starts or (method, count) == ("bfgs", spec.search.starts):
                 continue
             minimiser = Minimiser(exact, count, method, floor=FLOOR, updates=UPDATES, steps=STEPS)
             optima = minimiser.solve(jax.tree.map(lambda leaf, n=count: leaf[:n], every))

@@ -12,6 +12,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 
 from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.optimising import FEASIBLE
 from designopt.results import Figure
 from kinematics.poses import solve_poses
 from studies.finger_linkage.body import BodySpec
@@ -185,7 +186,7 @@ def comparison_figure(found: Comparison) -> Figure:
     drawing, axes = new_figure(1, 1, height=3.8)
     axis = axes[0, 0]
     evolution = found.evolution
-    angles = np.where(evolution.violation <= 1e-6, -np.rad2deg(evolution.objective), np.nan)
+    angles = np.where(evolution.violation <= FEASIBLE, -np.rad2deg(evolution.objective), np.nan)
     axis.plot(evolution.seconds, angles, color="0.4", label=EVOLUTION)
     others = [run for run in found.runs if run.method != EVOLUTION and run.feasible]
     for number, run in enumerate(others):

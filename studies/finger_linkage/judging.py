@@ -116,7 +116,8 @@ def judged(pins: Pins, body: BodySpec, limits: LimitsSpec) -> Verdict:
     plate = np.unwrap(_angle(pose.bodies["plate"])[0] - _angle(pose.bodies["distal"])[0])
     by_pip, by_dip = np.diff(crank, axis=0), np.diff(crank, axis=1)
     step = flexion[1] - flexion[0]
-    ratio = np.gradient(crank, step, axis=1) / np.gradient(crank, step, axis=0)
+    by_both = (np.gradient(crank, step, axis=axis, edge_order=2) for axis in (1, 0))
+    ratio = next(by_both) / next(by_both)
     checks = [
         Check("postures that assemble", square[..., 0].size, int(jnp.sum(poses.ok)), "", True),
         Check("dyads from lock-up", limits.assembly, float(jnp.min(poses.margin)), "mm", True),

@@ -42,7 +42,7 @@ class Pins(eqx.Module):
 
 
 def reference_pins() -> Pins:
-    """A feasible design for a finger 25 mm thick, the start of every local search (design B)."""
+    """A feasible design for a finger 25 mm thick, the one that checks are made with (design B)."""
     return Pins(
         F=np.array([-7.75, -2.0]),
         E=np.array([-21.27, 14.06]),

@@ -18,6 +18,7 @@ from designopt.optimising import (
     Minimiser,
     Optima,
     Optimum,
+    OptimumResult,
     Problem,
     Starts,
     active_set,
@@ -85,11 +86,15 @@ class Search:
         return self.starts.compile_seconds + sum(solves)
 
     def held_by(self) -> list[Active]:
-        """The requirements that hold the optimum."""
+        """The requirements that hold the optimum; empty if it is none."""
+        if not bool(self.best.solution.ok):
+            return []
         return active_set(epigraph(self.rounds[-1].problem, scale=ANGLE), self.best)
 
     def conflict(self) -> list[str]:
-        """The requirements that could not be met together, with amounts; empty if all were."""
+        """The requirements that conflict, with amounts; empty where that is not known."""
+        if self.best.solution.result != OptimumResult.infeasible:
+            return []
         return conflict(epigraph(self.rounds[-1].problem, scale=ANGLE), self.best)
 
 
@@ -137,7 +142,9 @@ PLACES = 10
 
 def over(spec: FingerLinkageSpec, pip: np.ndarray, dip: np.ndarray) -> Problem:
     """The problem over the postures that combine these angles, rad."""
-    return linkage_problem(spec.body, spec.limits, pip, dip, spec.search.allowance)
+    # Both ends of a link may be rounded, by half a step along x and y.
+    allowance = max(spec.search.allowance, 2 * spec.search.rounding)
+    return linkage_problem(spec.body, spec.limits, pip, dip, allowance)
 
 
 APART = 0.5
@@ -208,7 +215,7 @@ def minimiser(problem: Problem, count: int, method: Method) -> Minimiser:
 
 def rounded(pins: Pins, step: float) -> Pins:
     """The design with every coordinate a multiple of a step, mm."""
-    places = max(0, math.ceil(-math.log10(step)) + 1)
+    # The second rounding, to 10 decimals, takes away what binary fractions leave.
     return jax.tree.map(
-        lambda leaf: jnp.asarray(np.round(np.round(np.asarray(leaf) / step) * step, places)), pins
+        lambda leaf: jnp.asarray(np.round(np.round(np.asarray(leaf) / step) * step, 10)), pins
     )

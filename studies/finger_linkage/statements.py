@@ -12,8 +12,8 @@ from studies.finger_linkage.problem import ANGLE
 from studies.finger_linkage.spec import FingerLinkageSpec, LimitsSpec
 
 ASKED = {(25.0, None): 49.0, (22.0, None): 46.5, (20.0, None): 42.5, (25.0, 0.412): 43.5}
-"""Least transmission angle asked for by thickness and bound on φ₂/φ₁, degrees: a little less than
-an independent search reached under the same packaging."""
+"""Least transmission angle asked for by thickness and bound on φ₂/φ₁, degrees: targets of this
+project, a little less than an independent search reached under the same packaging."""
 
 ELSEWHERE = {25.0: 49.6, 22.0: 47.0, 20.0: 43.1}
 """What that search reached, degrees."""
@@ -29,7 +29,7 @@ def findings(
     least = design.verdict.least_deg
     lines = [_result(spec, design)]
     held = [one.words for one in design.search.held_by()[:6]]
-    if held and not design.unmet:
+    if held:
         lines.append(f"The optimum is held by {_listed(held)}.")
     levels = _levels(design)
     if levels:
@@ -46,7 +46,7 @@ def findings(
         f"{100 * np.mean(design.drawn > spec.limits.transmission_deg):.1f} % of "
         f"{len(design.drawn):,} fingers stay above {spec.limits.transmission_deg:g}°."
     )
-    counts = [part.x.size for part in design.search.rounds[-1].problem.data]
+    counts = [np.unique(part.x).size for part in design.search.rounds[-1].problem.data]
     lines.append(
         f"Left out: {counts[0]} × {counts[1]} postures stand for "
         f"{design.verdict.crank_deg.size:,}, and what DIP alone decides is computed for a row of "
@@ -65,17 +65,13 @@ def _result(spec: FingerLinkageSpec, design: LinkageDesign) -> str:
     where = f"In a finger {spec.body.thickness:g} mm thick"
     if unmet:
         conflict = design.search.conflict()
-        told = (
-            _listed(conflict)
-            if conflict
-            else _listed(
-                [
-                    f"{one.name} ({one.achieved:.3g} for {one.required:g} {one.unit})"
-                    for one in unmet
-                ]
-            )
-        )
-        return f"{where} the requirements cannot all be met: they fail at {told}."
+        if conflict:
+            return f"{where} the requirements cannot all be met: they fail at {_listed(conflict)}."
+        told = [
+            f"{one.name} ({one.achieved:.3g} for {one.required:g} {one.unit})".strip()
+            for one in unmet
+        ]
+        return f"{where} this search met all requirements but {_listed(told)}."
     gave = (
         ""
         if least > spec.limits.transmission_deg
@@ -153,8 +149,8 @@ def metrics(
         Metric(
             "tolerance_deviation_deg", float(np.std(design.drawn)), "°", "its standard deviation"
         ),
-        Metric("search_seconds", design.search.seconds, "s", "run time of the search"),
-        Metric("compile_seconds", design.search.compile_seconds, "s", "time to compile it"),
+        Metric("search_seconds", design.search.seconds, "s", "run time of its solves"),
+        Metric("compile_seconds", design.search.compile_seconds, "s", "time to compile them"),
     ]
     if compared is not None:
         found += _yardstick(compared)
@@ -163,11 +159,12 @@ def metrics(
 
 def _yardstick(compared: Comparison) -> list[Metric]:
     own, near = compared.own, compared.evolution_near
+    least, seconds = (own.least_deg, own.seconds) if own.feasible else (np.nan, np.nan)
     until = near if near is not None else float(compared.evolution.seconds[-1])
     return [
         Metric(
             "ahead_of_evolution_deg",
-            own.least_deg - compared.evolution_at(own.seconds),
+            least - compared.evolution_at(own.seconds),
             "°",
             "least angle above that of differential evolution after the same run time",
             None,
@@ -175,7 +172,7 @@ def _yardstick(compared: Comparison) -> list[Metric]:
         ),
         Metric(
             "time_over_evolution",
-            own.seconds / until,
+            seconds / until,
             "",
             f"run time to the optimum over that of differential evolution to within {NEAR_DEG:g}° "
             + ("of it" if near is not None else "of it, which it did not reach: an upper bound"),

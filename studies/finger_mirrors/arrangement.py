@@ -18,11 +18,8 @@ from jaxtyping import Array, Float
 from designopt.numerics import as_float
 from optics.scene import Scene
 from optics.scene_reading import scene_from
-from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.body import RIM, BodySpec
 from studies.finger_mirrors.spec import MirrorSpec
-
-PAD_END = 1.5
-"""Pads end so far before the ends of the finger, mm (an argument of this project)."""
 
 SETBACK = 0.5
 """The front of the camera's opaque body lies so far behind the pinhole, mm."""
@@ -179,9 +176,9 @@ def scene_table(
             surface("proximal", arrangement.proximal, "proximal", side="left"),
         ],
         "pads": [
-            pad("proximal", root + PAD_END, -gap, "proximal"),
+            pad("proximal", root + RIM, -gap, "proximal"),
             pad("intermediate", gap, middle - gap, None),
-            pad("distal", middle + gap, tip - PAD_END, "distal"),
+            pad("distal", middle + gap, tip - RIM, "distal"),
         ],
         "blockers": [
             surface("camera body", camera_body(arrangement, camera.width), None),

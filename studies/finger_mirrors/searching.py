@@ -106,13 +106,13 @@ def search(
         penalty = jnp.asarray(stage.penalty)
         given = task, count, penalty, multipliers
         point, taken = _stage(point, (low, high), given)
-        (_, terms), _ = lagrangian(point, *given)
+        (_, reached), _ = lagrangian(point, *given)
         multipliers = jax.tree.map(
             lambda m, g, penalty=penalty: jnp.maximum(m - penalty * g, 0.0),
             multipliers,
-            terms.inequalities,
+            reached.inequalities,
         )
-        steps += int(taken)
+        terms, steps = reached, steps + int(taken)
     assert terms is not None
     return Trial(
         start,

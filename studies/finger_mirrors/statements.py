@@ -26,6 +26,9 @@ STATED_RAYS = 200_000
 START_COVERAGE = 0.6
 """The search is to begin with less than this part of all pads seen."""
 
+ROW_ROUNDING = 1e-12
+"""A larger deviation of all pairs of angles from the row for them is no rounding."""
+
 RAY_STEP = 5e-4
 """What a fan of `STATED_RAYS` may leave of a pad because of the distance between its rays: a ray's
 share of the field of view, 14 µrad, is 3 µm of a pad 80 mm away under 20°, of 26.5 mm, at either
@@ -123,7 +126,7 @@ def metrics(spec: FingerMirrorsSpec, found: Found) -> list[Metric]:
             f"largest deviation of {square.square_poses:,} postures from the {square.row_poses} "
             "that stand for them",
             None,
-            target(stated, "<=", 1e-12),
+            target(True, "<=", ROW_ROUNDING),
         ),
         Metric(
             "row_speedup",
@@ -196,6 +199,11 @@ def findings(spec: FingerMirrorsSpec, found: Found) -> list[str]:
     return [sentence for sentence in said if sentence]
 
 
+def percent_at_least(part: float) -> str:
+    """A part in percent, rounded down: what is not all is not 100 %."""
+    return f"{math.floor(1e4 * part) / 100:g} %"
+
+
 def _percent(case: Case) -> str:
     one = case.yields
     return f"{100 * one.value:.1f} % ({100 * one.low:.1f} to {100 * one.high:.1f} %)"
@@ -206,7 +214,11 @@ def _main(found: Found) -> str:
     whole = after.verdict.worst_coverage == 1.0
     return (
         f"At T = {after.thickness:g} mm the optimum shows "
-        + ("all of every pad" if whole else f"{100 * after.verdict.worst_coverage:.2f} % or more")
+        + (
+            "all of every pad"
+            if whole
+            else f"{percent_at_least(after.verdict.worst_coverage)} or more"
+        )
         + f" in every posture, with at least {after.verdict.worst_px_per_mm:.2f} px/mm and "
         f"{float(np.sum(np.asarray(after.arrangement.lengths))):.1f} mm of mirror; of "
         f"{after.yields.draws:,} fingers assembled with the stated errors {_percent(after)} still "
@@ -254,21 +266,26 @@ def _thin(spec: FingerMirrorsSpec, found: Found) -> str:
     whole = thin.verdict.worst_coverage == 1.0
     return (
         f"At T = {thin.thickness:g} mm "
-        + ("all of every pad is seen" if whole else "not all is seen")
-        + f" in every posture too, with at least {thin.verdict.worst_px_per_mm:.2f} px/mm and a "
-        f"yield of {_percent(thin)}: the lower camera looks along the outer pads more flatly, so "
-        f"the search asks for {min(spec.floor, spec.thin_floor):g} px/mm there."
+        + ("all of every pad is seen in every posture" if whole else "not all is seen")
+        + f", with at least {thin.verdict.worst_px_per_mm:.2f} px/mm and a yield of "
+        f"{_percent(thin)}; the search asks for {min(spec.floor, spec.thin_floor):g} px/mm there, "
+        "for a lower camera looks along the outer pads more flatly."
     )
 
 
 def _row(found: Found) -> str:
     square = next(reversed(found.squares.values()))
+    if square.disagreement > ROW_ROUNDING:
+        return (
+            "Both joints change the view of one pad: over all pairs of angles coverage deviates by "
+            f"{square.disagreement:.2g} from that of both joints bent alike, on which the search, "
+            "the yield and the resolution rest."
+        )
     return (
         f"PIP changes only the view of the proximal pad and DIP only that of the distal one: over "
         f"{square.square_poses:,} postures the largest deviation from the {square.row_poses} that "
         f"stand for them is {square.disagreement:.1g}, and these take "
-        f"{square.square_seconds / square.row_seconds:.0f} times less time. "
-        "No pad needs two reflections, and the middle one none."
+        f"{square.square_seconds / square.row_seconds:.0f} times less time."
     )
 
 
@@ -296,8 +313,9 @@ def claim(runs: Sequence[Run]) -> Claim:
     first = ahead[0] if ahead else None
 
     def told(run: Run) -> str:
-        gap = (run.objective - best) / 100
-        return f"gap {gap:.3g} pads, violation {run.violation:.2g} after {run.seconds:.0f} s"
+        if run.violation > HELD:
+            return f"violation {run.violation:.2g} after {run.seconds:.0f} s"
+        return f"gap {(run.objective - best) / 100:.3g} pads after {run.seconds:.0f} s"
 
     evidence = (
         f"differential evolution: {told(last)}; graduated search: "

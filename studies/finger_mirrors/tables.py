@@ -64,6 +64,7 @@ def verdicts(spec: FingerMirrorsSpec, found: Found) -> Table:
                 float(np.mean(np.all(verdict.single >= 1 - 1e-9, axis=1))),
                 verdict.worst_px_per_mm,
                 float(np.sum(lengths)),
+                case.yields.draws,
                 case.yields.value,
                 case.yields.low,
                 case.yields.high,
@@ -71,8 +72,8 @@ def verdicts(spec: FingerMirrorsSpec, found: Found) -> Table:
         )
     return Table(
         "verdicts",
-        "What each arrangement is worth: coverage and resolution on a 1° grid, yield by "
-        f"{spec.draws:,} draws with its 95 % confidence interval",
+        "What each arrangement is worth: coverage and resolution on a 1° grid, yield with its 95 % "
+        "confidence interval",
         [
             "arrangement",
             "thickness_mm",
@@ -81,6 +82,7 @@ def verdicts(spec: FingerMirrorsSpec, found: Found) -> Table:
             "postures_in_single_views",
             "worst_px_per_mm",
             "mirror_mm",
+            "draws",
             "yield",
             "yield_low",
             "yield_high",

@@ -2,6 +2,7 @@
 
 import tomllib
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -46,6 +47,10 @@ def test_a_file_as_a_person_would_write_it():
         'from = [27.0, -4.0]\n\n[[pads]]\nname = "tip"\nfrom = [0.0, 1.0]\n\n[frames.distal]\n'
         "hinge = [23, 0]\n"
     )
+
+
+def test_numpys_floats_are_numbers():
+    assert toml_text({"a": np.float64(1.5)}) == "a = 1.5\n"
 
 
 def test_what_toml_has_no_form_for_is_refused():

@@ -17,6 +17,7 @@ from studies.finger.statements import degrees_of_freedom
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.pins import reference_pins
 from studies.finger_mirrors.arrangement import robust_layout
+from studies.finger_mirrors.statements import percent_at_least
 
 
 @pytest.fixture(scope="module")
@@ -50,10 +51,27 @@ def test_degrees_of_freedom_by_kutzbach():
     assert degrees_of_freedom(reference_pins(), BodySpec()) == 2
 
 
-@pytest.mark.parametrize("thickness", [3.0, 9.0])
-def test_bodies_without_room_are_refused(thickness):
-    with pytest.raises(pydantic.ValidationError, match=r"thick|axis_height"):
-        FingerSpec(body=BodySpec(thickness=thickness))
+def test_a_finger_without_room_for_its_camera_is_refused():
+    with pytest.raises(pydantic.ValidationError, match="no room for the camera"):
+        FingerSpec(body=BodySpec(thickness=9.0))
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ({"thickness": 3.0}, "smaller than thickness"),
+        ({"distal": 5.0}, "distal .* no room for a pad"),
+        ({"axis_height": 12.0}, "intermediate .* no room for a pad"),
+    ],
+)
+def test_impossible_bodies_are_refused(body, words):
+    with pytest.raises(pydantic.ValidationError, match=words):
+        BodySpec(**body)
+
+
+def test_parts_are_rounded_down_to_percent():
+    assert percent_at_least(1.0) == "100 %"
+    assert percent_at_least(0.99999) == "99.99 %"
 
 
 QUICK = [
@@ -90,5 +108,6 @@ def test_a_finger_that_is_too_thin_says_what_gave_way(tmp_path):
     code, document = run(tmp_path / "thin", "body.thickness=14")
     assert code == 1
     first = document["findings"][0]
+    assert not any("k₂ = -" in line for line in document["findings"])
     assert "does not meet every requirement" in first
     assert "transmission angles (> 40° required" in first

@@ -1,6 +1,8 @@
 """The study ``finger-grasp`` against geometry, SciPy, many digits and the balance of every link."""
 
+import json
 import math
+from dataclasses import replace
 from functools import cache
 
 import equinox as eqx
@@ -8,9 +10,11 @@ import jax
 import jax.numpy as jnp
 import mpmath
 import numpy as np
+import pydantic
 import pytest
 import scipy.optimize
 
+from designopt import cli
 from studies.finger_grasp import cases, exact
 from studies.finger_grasp.analysis import CLOSED, formula_error, retrace_error, touching_dip
 from studies.finger_grasp.closing import LARGEST_MOVE, STEPS, close_all, there_and_back
@@ -30,7 +34,7 @@ from studies.finger_linkage.pins import reference_pins
 
 BODY, SPEC = BodySpec(), GraspSpec()
 FINGER = cases.finger_of(reference_pins(), BODY, SPEC)
-CHECK = cases.touching(BODY, cases.CHECK_PIP, cases.CHECK_PLACE, cases.CHECK_RADIUS)
+CHECK = cases.touching(BODY, math.radians(30.0), 11.5, 12.0)
 END = math.radians(SPEC.motor_end_deg)
 
 
@@ -186,6 +190,59 @@ def test_virtual_work_and_free_body_agree():
         assert compared.states > 100
         assert compared.error < 1e-8
     assert formula_error(paths[0]) < 1e-8
+
+
+def test_the_circle_of_the_check_is_the_reference_values_and_fits_any_body():
+    assert cases.check_touch(BODY) == pytest.approx((math.radians(30.0), 11.5, 12.0))
+    for body in (BodySpec(range_deg=40), BodySpec(intermediate=40, range_deg=70)):
+        found = cases.check_touch(body)
+        wrapped = math.degrees(cases.wrapped_dip(body, found.place, found.radius))
+        assert wrapped <= 0.8 * body.range_deg + 1e-9
+        assert math.degrees(found.pip) < body.range_deg
+
+
+def test_a_pinch_that_the_motor_cannot_load_is_not_judged():
+    paths, pinches = closings()
+    pinch = replace(pinches[0], limit=1e6)
+    weak = replace(
+        paths[5],
+        ok=np.ones(STEPS, bool),
+        joints=np.zeros((STEPS, 2)),
+        motor=np.linspace(0, 50, STEPS),
+    )
+    assert bracket(FINGER, pinch, weak).agrees is None
+    assert bracket(FINGER, replace(pinch, limit=20.0), weak).agrees is False
+    assert bracket(FINGER, replace(pinch, limit=math.inf), weak).agrees is True
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [({"pinch_at": [40.0]}, "pinch_at"), ({"body": {"range_deg": 45.0}}, "beyond body.range_deg")],
+)
+def test_pinches_out_of_reach_are_refused(settings, words):
+    with pytest.raises(pydantic.ValidationError, match=words):
+        GraspSpec.model_validate(settings)
+
+
+def test_where_nothing_assembles_there_is_no_ratio():
+    pins = eqx.tree_at(lambda pins: pins.E, reference_pins(), jnp.array([-8.0, 1.0]))
+    found = ratio_map(cases.finger_of(pins, BODY, SPEC), np.radians([0.0, 45.0, 90.0]))
+    assert np.isnan(found).any()
+    whole = ratio_map(FINGER, np.radians([0.0, 45.0, 90.0]))
+    assert np.isfinite(whole).all()
+
+
+@pytest.mark.slow
+def test_the_study_end_to_end(tmp_path, capsys):
+    out = tmp_path / "out"
+    assert cli.run(["run", "finger-grasp", "--out", str(out)]) == 0, capsys.readouterr().err
+    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
+    metrics = {name: metric["value"] for name, metric in document["metrics"].items()}
+    assert metrics["unconverged"] == 0
+    assert metrics["pinch_violations"] == 0
+    assert metrics["adaptive_dip_deg"] == pytest.approx(71.4, abs=0.05)
+    assert len(document["precision"]) > 10
+    assert len(document["stability"]) > 5
 
 
 def test_pinches_give_way_where_the_formula_says():

@@ -10,11 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from designopt.optimising import Evolution
 from designopt.results import Table
 from kinematics import linkage_from, solve_poses
 from studies.finger_linkage import tables
 from studies.finger_linkage.analysis import sensor_room
 from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.comparing import Comparison, Run, precision_study
 from studies.finger_linkage.judging import judged
 from studies.finger_linkage.pins import Pins, linkage_of, reference_pins
 from studies.finger_linkage.postures import find_postures
@@ -22,6 +24,7 @@ from studies.finger_linkage.problem import SYMBOLS, grid, inequalities, linkage_
 from studies.finger_linkage.run import spec_file
 from studies.finger_linkage.searching import over, rounded, search
 from studies.finger_linkage.spec import FingerLinkageSpec, LimitsSpec, SearchSpec, SensorSpec
+from studies.finger_linkage.statements import _yardstick
 from studies.finger_linkage.tolerance import least_angles
 from studies.finger_linkage.transmission import finger_transmission
 
@@ -284,6 +287,23 @@ def test_rounded_designs_are_multiples():
     off = jax.tree.map(lambda leaf: leaf + 0.00317, reference_pins())
     for leaf in jax.tree.leaves(rounded(off, 0.01)):
         assert all(float(f"{value:.2f}") == value for value in np.asarray(leaf).tolist())
+
+
+def test_designs_are_rounded_to_any_step():
+    found = rounded(jax.tree.map(lambda leaf: jnp.full_like(leaf, 0.4), reference_pins()), 0.125)
+    assert all(leaf.tolist() == [0.375, 0.375] for leaf in jax.tree.leaves(found))
+
+
+def test_a_comparison_without_a_feasible_run_has_no_best():
+    run = Run("a", "1 start", 30.0, 0.5, 1.0, 0.0)
+    lost = Run("b", "1 start", -math.inf, 0.0, 1.0, 0.0)
+    rows = np.zeros(1)
+    evolution = Evolution(rows + 1.0, rows - 0.5, rows, None)
+    found = Comparison((run, lost), evolution)
+    assert math.isnan(found.best_deg)
+    assert len(tables.comparison(found).rows) == 2
+    assert not precision_study(found).claims[0].holds
+    assert all(math.isnan(metric.value) for metric in _yardstick(found))
 
 
 def test_the_linkage_file_is_the_design():
