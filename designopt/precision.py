@@ -22,6 +22,9 @@ from designopt.results import Figure, PrecisionRow, PrecisionStudy, Table
 LARGEST_DRAWN = 10.0
 """An error above this is no answer at all, and would squeeze the others out of the figure."""
 
+LONG_NAME = 32
+"""Characters of a method's name; of longer ones two stand beside each other, not three."""
+
 MIN_SAMPLE_SECONDS = 2e-3
 """A timed sample repeats its call until it lasts this long, so that the clock's grain is lost."""
 
@@ -184,7 +187,9 @@ def figure(study: PrecisionStudy) -> Figure:
         for axis in axes.flat
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
     }
-    drawing.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
+    # Long names stand in fewer columns, so that none leaves the figure.
+    columns = 3 if max(map(len, methods)) <= LONG_NAME else 2
+    drawing.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns)
     return Figure(
         "precision",
         "Error against run time",

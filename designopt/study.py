@@ -39,6 +39,18 @@ class Context:
     dtype: str
     step: Callable[[str], AbstractContextManager[None]]
 
+    def require_float64(self, why: str) -> None:
+        """End a study that asks more of its numbers than float32 has.
+
+        Args:
+            why: what it does that needs them.
+
+        Raises:
+            UserError: another float type than float64.
+        """
+        if self.dtype != "float64":
+            raise UserError(f"--dtype {self.dtype}: {why}, which needs float64; leave --dtype out")
+
 
 @dataclass(frozen=True)
 class Study:

@@ -48,7 +48,12 @@ class Finger:
 
 
 def run(spec: FingerSpec, context: Context) -> Results:
-    """Design a finger for its requirements, and say line by line which of them it meets."""
+    """Design a finger for its requirements, and say line by line which of them it meets.
+
+    Raises:
+        UserError: another float type than float64.
+    """
+    context.require_float64("finger solves its requirements to 1e-8")
     found = design(spec, context)
     lines = statements.lines(spec, found)
     linkage_spec = spec.linkage_spec()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from designopt import precision as run_time
-from designopt.errors import UserError
 from designopt.results import PrecisionStudy, Results
 from designopt.study import Context
 from studies.finger_grasp import drawings, precision, stability, statements, tables
@@ -20,11 +19,7 @@ def run(spec: GraspSpec, context: Context) -> Results:
     Raises:
         UserError: another float type than float64.
     """
-    if context.dtype != "float64":
-        raise UserError(
-            f"--dtype {context.dtype}: finger-grasp compares forces to 1e-8, which needs float64; "
-            "leave --dtype out"
-        )
+    context.require_float64("finger-grasp compares forces to 1e-8")
     with context.step("Closing, opening and pinching"):
         found = analyse(spec.pins.design(), spec.body, spec)
     check = summary(found)

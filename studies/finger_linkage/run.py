@@ -21,7 +21,12 @@ from studies.finger_linkage.spec import FingerLinkageSpec
 
 
 def run(spec: FingerLinkageSpec, context: Context) -> Results:
-    """Design the linkage, judge it, and compare the solvers."""
+    """Design the linkage, judge it, and compare the solvers.
+
+    Raises:
+        UserError: another float type than float64.
+    """
+    context.require_float64("finger-linkage solves its requirements to 1e-8")
     with context.step("Linkage: search and judgement"):
         design = design_linkage(spec, context.seed)
     compared = None

@@ -21,7 +21,12 @@ THIN_STARTS = 2
 
 
 def run(spec: FingerMirrorsSpec, context: Context) -> Results:
-    """Design the mirrors, judge them, and compare the solvers."""
+    """Design the mirrors, judge them, and compare the solvers.
+
+    Raises:
+        UserError: another float type than float64.
+    """
+    context.require_float64("finger-mirrors takes no more than 1e-9 of a pad for rounding")
     found = find(spec, context)
     operations = []
     if spec.left_out:

@@ -42,13 +42,15 @@ OURS = "graduated BFGS"
 UNGRADED = "BFGS, not graduated"
 EVOLUTION = "differential evolution (SciPy)"
 NAMES: dict[str, str] = {
-    "bfgs": "augmented Lagrangian, BFGS",
+    "bfgs": "BFGS, general program",
     "slsqp": "SLSQP (SciPy)",
     "trust-constr": "trust-constr (SciPy)",
-    "jaxopt-lbfgsb": "augmented Lagrangian, L-BFGS-B (jaxopt)",
-    "jaxopt-projected-gradient": "augmented Lagrangian, projected gradient (jaxopt)",
-    "levenberg-marquardt": "augmented Lagrangian, Levenberg–Marquardt",
+    "jaxopt-lbfgsb": "L-BFGS-B (jaxopt)",
+    "jaxopt-projected-gradient": "projected gradient (jaxopt)",
+    "levenberg-marquardt": "Levenberg–Marquardt",
 }
+"""What they are called. Around those that are not SciPy's there is an augmented Lagrangian."""
+
 CHOICES = {"none": (), "few": ("slsqp",), "all": tuple(NAMES)}
 STARTS = {"few": 2, "all": 4}
 """Random starts."""

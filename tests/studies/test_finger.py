@@ -111,3 +111,10 @@ def test_a_finger_that_is_too_thin_says_what_gave_way(tmp_path):
     assert not any("k₂ = -" in line for line in document["findings"])
     assert "does not meet every requirement" in first
     assert "transmission angles (> 40° required" in first
+
+
+@pytest.mark.parametrize("name", ["finger", "finger-linkage", "finger-mirrors", "finger-grasp"])
+def test_fewer_digits_are_refused_at_once(tmp_path, capsys, name):
+    assert command(["run", name, "--dtype", "float32", "--out", str(tmp_path / "out")]) == 2
+    assert "needs float64; leave --dtype out" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
