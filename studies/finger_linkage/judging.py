@@ -116,8 +116,8 @@ def judged(pins: Pins, body: BodySpec, limits: LimitsSpec) -> Verdict:
     plate = np.unwrap(_angle(pose.bodies["plate"])[0] - _angle(pose.bodies["distal"])[0])
     by_pip, by_dip = np.diff(crank, axis=0), np.diff(crank, axis=1)
     step = flexion[1] - flexion[0]
-    by_both = (np.gradient(crank, step, axis=axis, edge_order=2) for axis in (1, 0))
-    ratio = next(by_both) / next(by_both)
+    rates = np.asarray(crank_rates(linkage, -jnp.asarray(square)))
+    ratio = rates[..., 1] / rates[..., 0]
     checks = [
         Check("postures that assemble", square[..., 0].size, int(jnp.sum(poses.ok)), "", True),
         Check("dyads from lock-up", limits.assembly, float(jnp.min(poses.margin)), "mm", True),
@@ -159,6 +159,21 @@ def everywhere(
     """
     poses = solve_poses(linkage, inputs)
     return poses, finger_transmission(poses.value)
+
+
+@jax.jit
+def crank_rates(linkage: Linkage, inputs: Float[Array, "pip dip 2"]) -> Float[Array, "pip dip 2"]:
+    """Turn of the crank per turn of each joint, by the general solver's derivatives.
+
+    Args:
+        linkage: the joint-driven finger.
+        inputs: as in `everywhere`.
+    """
+
+    def turn(one: Float[Array, "2"]) -> Float[Array, ""]:
+        return solve_poses(linkage, one).value.bodies["crank"].angle()
+
+    return jax.vmap(jax.vmap(jax.jacfwd(turn)))(inputs)
 
 
 def _angle(direction: Vector) -> np.ndarray:

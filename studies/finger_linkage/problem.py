@@ -103,6 +103,8 @@ def inequalities(
 ) -> dict[str, Float[Array, "..."]]:
     """What the limits ask of a design in given postures; negative where it fails, scaled."""
     keep = limits.clearance + allowance
+    # The turn, in rad, by which that moves the shortest link.
+    turned = allowance / limits.spacing
     places = postures.inner | postures.outer | {"C": postures.distal_c}
     found = {
         "assembly of B-C-G'-G": (postures.reach[0] - limits.assembly - allowance) / LENGTH,
@@ -112,7 +114,7 @@ def inequalities(
         "plate turning with DIP": postures.gamma_slope - limits.turn,
         # Closing all the way, it is straight at one end of its range: no maximum, which a compiled
         # program would compute anew for every element beside it.
-        "range of the crank": jnp.deg2rad(limits.crank_range_deg) - postures.crank,
+        "range of the crank": jnp.deg2rad(limits.crank_range_deg) - turned - postures.crank,
         "pins apart": (_distances(pins, body) - limits.spacing - allowance) / LENGTH,
         "|AF|": (vector_length(pins.F) - limits.crank_offset - allowance) / LENGTH,
         "|EF|": (limits.crank_length - allowance - vector_length(pins.E - pins.F)) / LENGTH,
@@ -121,7 +123,8 @@ def inequalities(
         for side, distance in _sides(places[name], host, body).items():
             found[f"pin {told(name)} inside the {side}"] = (distance - keep) / LENGTH
     if limits.force_ratio is not None:
-        found["φ₂/φ₁"] = limits.force_ratio * postures.pip_ratio - postures.dip_ratio
+        bound = limits.force_ratio * (1 - turned)
+        found["φ₂/φ₁"] = bound * postures.pip_ratio - postures.dip_ratio
     return found
 
 

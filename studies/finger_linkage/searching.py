@@ -119,6 +119,8 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
     pip = dip = flexion
     again = known = None
     for _ in range(how.exchanges):
+        if rounds[-1].optima.best.violation > NEARLY:
+            break  # more postures would only ask for more
         finalists = _finalists(rounds[-1].optima, how.finalists)
         more = [worst(one.design, float(one.level)) for one in finalists]
         pip = _joined(pip, [part for part, _ in more])
@@ -131,7 +133,10 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
         problem = over(spec, *postures)
         again = again or minimiser(problem, len(finalists), "slsqp")
         designs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *finalists).design
-        rounds.append(Round(problem, again.solve(level_starts(problem, designs), problem.data)))
+        solved = Round(problem, again.solve(level_starts(problem, designs), problem.data))
+        if solved.optima.best.violation > NEARLY:
+            break  # from what cannot be met this solver runs astray
+        rounds.append(solved)
     found = rounds[-1].optima.best.parameters.design
     return Search(rounded(found, how.rounding), starts, tuple(rounds))
 

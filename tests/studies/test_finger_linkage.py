@@ -390,11 +390,14 @@ def assert_walked(pins, thickness, ratio, least_deg):
 
 @pytest.mark.slow
 def test_requirements_that_conflict_are_named():
-    limits = LimitsSpec(spacing=60.0)
-    spec = FingerLinkageSpec(limits=limits, search=SearchSpec(starts=2, exchanges=0, step_deg=30))
-    found = search(spec, 0)
+    """A crank no longer than 5 mm with pins 6 mm apart: half of what is missing goes to each."""
+    how = SearchSpec(starts=4, among=4096, step_deg=30)
+    found = search(FingerLinkageSpec(limits=LimitsSpec(crank_length=5.0), search=how), 0)
     assert not found.best.feasible
-    assert any("distance of pins" in line and "mm" in line for line in found.conflict())
+    assert not found.held_by()
+    missing = (6.0 - 5.0 + 2 * how.allowance) / 2
+    told = {f"|EF| by {missing:.3g} mm", f"distance of pins E and F by {missing:.3g} mm"}
+    assert set(found.conflict()) == told
 
 
 def test_the_problem_over_other_postures_has_their_words():
