@@ -205,7 +205,7 @@ def _pinching(found: Finger, body: BodySpec) -> str:
     where = (
         f"so from k₂ = {least:.0f} mm on at any torque"
         if least <= end
-        else f"which is at every PIP nowhere on the pad (k₂ up to {end:g} mm)"
+        else f"which no contact on the pad (k₂ up to {end:g} mm) keeps at every PIP"
     )
     return (
         f"a pinch with straight DIP holds where φ₂/φ₁ ({low:.2f} to {high:.2f}) is at most "
