@@ -11,6 +11,7 @@ import platform
 import shutil
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
@@ -175,6 +176,10 @@ def write_results(record: RunRecord, results: Results, folder: Path) -> None:
     measured = measurements(results)
     tables = [*results.tables, *(table for part in measured for table in part.tables)]
     drawn = [*results.figures, *(figure for part in measured for figure in part.figures)]
+    for name, parts in (("tables", tables), ("figures", drawn), ("specs", results.specs)):
+        twice = [one for one, of in Counter(part.name for part in parts).items() if of > 1]
+        if twice:
+            raise ValueError(f"two {name} of one name would overwrite each other: {twice[0]}")
     for name in ("tables", "figures"):
         (folder / name).mkdir()
     for table in tables:

@@ -32,6 +32,8 @@ def figures(found: Analysis) -> list[Figure]:
 
 def sequences(found: Analysis) -> Figure:
     """The finger in section: pinching, closing on a circle and on a square."""
+    body: BodySpec = found.finger.body
+    reach = body.intermediate + body.distal
     pinch = next((path for one, path, _ in found.pinches if one.holds), None)
     shown: list[tuple[str, Path, tuple[int, ...]]] = [
         ("Free closing", found.free, (0, 20, 34, 45, 56))
@@ -62,11 +64,11 @@ def sequences(found: Analysis) -> Figure:
         if usable:
             _pushes(axis, path, usable[-1])
         axis.set(title=title, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
-        axis.set(xlim=(-42, 62), ylim=(-66, 26))
+        axis.set(xlim=(-body.proximal - 7, reach + 7), ylim=(-reach - 11, body.dorsal + 5))
     for axis in axes.flat[len(shown) :]:
         axis.set_visible(False)
     return Figure(
-        "sequences",
+        "closing",
         "Closing sequences in section",
         "Phalanges in outline, pads in blue, the linkage in orange; the last state is drawn full, "
         "those before it fainter. Arrows are contact forces on the finger in the last state, "

@@ -28,13 +28,14 @@ def _run(spec: SquareSpec, context: Context) -> Results:
         raise RuntimeError("broken on purpose")
     if spec.label == "interrupt":
         raise KeyboardInterrupt
+    sides = Table("sides", "Sides", ["side_mm", "note"], [(spec.side, "a,b"), (None, "")])
     return Results(
         findings=["A <square> & its area."],
         metrics=[
             Metric("area_mm2", area, "mm²", "area", 9.0, Target("=", spec.asked)),
             Metric("nothing", float("nan"), "", "not a number"),
         ],
-        tables=[Table("sides", "Sides", ["side_mm", "note"], [(spec.side, "a,b"), (None, "")])],
+        tables=[sides] * (2 if spec.label == "twice" else 1),
     )
 
 

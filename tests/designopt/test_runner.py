@@ -154,6 +154,14 @@ def test_a_failed_run_leaves_nothing_and_keeps_what_was(tmp_path, label):
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
+def test_no_file_of_a_run_overwrites_another(tmp_path):
+    with pytest.raises(
+        ValueError, match="two tables of one name .*: sides"
+    ):
+        run_square(tmp_path / "out", label="twice")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(
