@@ -155,9 +155,7 @@ def test_a_failed_run_leaves_nothing_and_keeps_what_was(tmp_path, label):
 
 
 def test_no_file_of_a_run_overwrites_another(tmp_path):
-    with pytest.raises(
-        ValueError, match="two tables of one name .*: sides"
-    ):
+    with pytest.raises(ValueError, match=r"two tables of one name .*: sides"):
         run_square(tmp_path / "out", label="twice")
     assert list(tmp_path.iterdir()) == []
 
