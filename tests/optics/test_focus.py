@@ -53,6 +53,7 @@ def test_everything_is_sharp_beyond_the_hyperfocal_distance():
     np.testing.assert_allclose(found.sharp[pieces.present], 1.0)
 
 
+@pytest.mark.slow
 def test_gradient_of_sharpness_and_of_blur():
     scene = scene_from(SCENE)
 

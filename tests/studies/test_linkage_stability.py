@@ -276,6 +276,7 @@ def quick(tmp_path, *settings):
     return out, json.loads((out / "results.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_the_study_end_to_end(tmp_path):
     out, document = quick(tmp_path, "random_cases=2000", "family_cases=16", "triad=false")
     for row in document["stability"]:

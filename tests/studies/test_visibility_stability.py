@@ -287,6 +287,7 @@ def run(tmp_path, *settings):
     return out, json.loads((out / "results.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_the_study_end_to_end(tmp_path):
     out, document = run(
         tmp_path,
