@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import scipy.stats
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
+from optics.fabrication import displaced
 from studies.finger_mirrors.arrangement import Arrangement
 from studies.finger_mirrors.spec import ToleranceSpec
 
@@ -74,21 +74,7 @@ def spread_evenly(
 
 def with_errors(arrangement: Arrangement, errors: Errors) -> Arrangement:
     """The arrangement as it is assembled with given errors; a single one."""
-    ends = arrangement.mirrors
-    middle = jnp.mean(ends, axis=1, keepdims=True)
-    arms = ends - middle
-    cosine, sine = jnp.cos(errors.mirror_tilt)[:, None], jnp.sin(errors.mirror_tilt)[:, None]
-    turned = jnp.stack(
-        [
-            cosine * arms[..., 0] - sine * arms[..., 1],
-            sine * arms[..., 0] + cosine * arms[..., 1],
-        ],
-        axis=-1,
-    )
-    along = turned[:, 1] - turned[:, 0]
-    length = jnp.sqrt(jnp.sum(along * along, axis=-1, keepdims=True))
-    normal = jnp.stack([-along[:, 1], along[:, 0]], axis=-1) / length
-    moved = middle + turned + (errors.mirror_offset[:, None] * normal)[:, None]
+    moved = displaced(arrangement.mirrors, errors.mirror_tilt, errors.mirror_offset)
     return Arrangement(
         camera=arrangement.camera + errors.camera,
         tilt=arrangement.tilt + errors.camera_tilt,

@@ -1,0 +1,106 @@
+"""What is pressed into a pad: height maps of common objects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+Map = Float[np.ndarray, "rows columns"]
+
+SMOOTHING = 0.15
+"""How sharply a gel can follow an edge: standard deviation of a Gaussian, mm."""
+
+
+@dataclass(frozen=True)
+class Imprint:
+    """An object pressed into a pad.
+
+    Attributes:
+        kind: one of `imprint_names`.
+        along: where its middle is along the pad, mm from the pad's first end.
+        across: where it is across the section, mm from the pad's middle.
+        depth: how deep its lowest part goes, mm.
+        turn: turned in the plane of the pad, rad.
+    """
+
+    kind: str
+    along: float
+    across: float = 0.0
+    depth: float = 0.6
+    turn: float = 0.0
+
+
+def imprint_names() -> list[str]:
+    """The kinds of objects there are."""
+    return list(_DEPTHS)
+
+
+def height_map(imprint: Imprint, along: Map, across: Map, step: float) -> Map:
+    """How deep each place of a pad is pressed in, mm.
+
+    Args:
+        imprint: the object.
+        along: places along the pad, mm.
+        across: places across the section from the middle, mm.
+        step: from one place to the next, mm.
+
+    Raises:
+        ValueError: there is no such object.
+    """
+    if imprint.kind not in _DEPTHS:
+        known = ", ".join(imprint_names())
+        raise ValueError(f"no imprint is named '{imprint.kind}'; there are: {known}")
+    cosine, sine = math.cos(imprint.turn), math.sin(imprint.turn)
+    x, y = along - imprint.along, across - imprint.across
+    free = _DEPTHS[imprint.kind](cosine * x + sine * y, cosine * y - sine * x, imprint.depth)
+    sharp = np.maximum(free, 0).astype(np.float32)
+    return cv2.GaussianBlur(sharp, (0, 0), SMOOTHING / step)
+
+
+def _sphere(x: Map, y: Map, depth: float, radius: float = 8.0) -> Map:
+    return depth - (radius - np.sqrt(np.maximum(radius**2 - x**2 - y**2, 0)))
+
+
+def _ball_array(x: Map, y: Map, depth: float) -> Map:
+    """Balls 2 mm in radius, 4 mm apart, in a square of three by three."""
+    pitch, balls = 4.0, 3
+
+    def nearest(place: Map) -> Map:
+        half = balls // 2
+        return place - pitch * np.clip(np.round(place / pitch), -half, half)
+
+    return _sphere(nearest(x), nearest(y), depth, 2.0)
+
+
+def _studded_brick(x: Map, y: Map, depth: float) -> Map:
+    """Two by two studs, 4.8 mm across and 8 mm apart."""
+    stud = np.hypot(np.abs(x) - 4.0, np.abs(y) - 4.0) < 2.4
+    return np.where(stud, depth, 0.0)
+
+
+def _edge(x: Map, y: Map, depth: float) -> Map:
+    """The straight edge of a box of 90°, pressed in with its corner first."""
+    return depth - np.abs(x)
+
+
+def _screw_thread(x: Map, y: Map, depth: float) -> Map:
+    """An M2.5 thread lying across: 0.45 mm from turn to turn, 0.27 mm deep."""
+    radius, pitch, height = 1.25, 0.45, 0.27
+    # Turns lean by half a pitch over the diameter.
+    phase = 2 * np.pi * (y / pitch + x / (4 * radius))
+    local = radius - height / 2 * (1 - np.cos(phase))
+    return depth - (radius - np.sqrt(np.maximum(local**2 - x**2, 0)))
+
+
+_DEPTHS: dict[str, Callable[[Map, Map, float], Map]] = {
+    "sphere": _sphere,
+    "ball array": _ball_array,
+    "studded brick": _studded_brick,
+    "edge": _edge,
+    "screw thread": _screw_thread,
+}

@@ -1,0 +1,350 @@
+"""Rendering: every pixel's ray goes to the pad that it meets, and takes its light from there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, UInt8
+
+from optics.camera import Camera, Equidistant, KannalaBrandt
+from optics.fabrication import Fabrication, as_made
+from optics.imaging import Imaging
+from optics.labels import FIRST_PAD_END, SECOND_PAD_END
+from optics.outlines import Outlines, find_corners, find_outlines
+from optics.rendering.effects import Effects
+from optics.rendering.exposure import exposed
+from optics.rendering.imprints import Imprint
+from optics.rendering.pads import PadLook, look_of_pad
+from optics.scene import Scene
+from optics.unfolding import paths_of
+from optics.views import Pieces, path_name
+from optics.visibility import find_views
+
+BORDER = 8
+"""Pixels around a view that are looked at as well, as blur and rough edges need."""
+
+ALONG_SIDE = 17
+"""Places along each side of a pad that say where in the image it is."""
+
+GRAZING = np.deg2rad(0.05)
+"""Flatter rays show nothing: what a design does not count, a camera sees all the same."""
+
+BLOTCHES = (6, 8)
+"""Rows and columns of random brightness that the finger's inside is made of."""
+
+
+@dataclass(frozen=True)
+class TrueView:
+    """One view of a pad that is in the image.
+
+    Attributes:
+        pad: name of the pad.
+        path: name of the path.
+        reflections: on its way.
+        corners: column and row of the corners of the pad's sharp rectangle, in the order of
+            `outlines.CORNERS`, wherever they are hidden or not.
+        complete: whether this path shows all of the pad.
+        at_border: whether the view touches the image's border.
+    """
+
+    pad: str
+    path: str
+    reflections: int
+    corners: Float[np.ndarray, "4 2"]
+    complete: bool
+    at_border: bool
+
+
+@dataclass(frozen=True)
+class TactileImage:
+    """An image and the truth about it.
+
+    Attributes:
+        pixels: red, green, blue.
+        labels: 0 where no pad is seen, else 1 + the index in ``views``.
+        views: all views in the image.
+        angles: joint angles, rad.
+        errors: of the finger that was rendered.
+    """
+
+    pixels: UInt8[np.ndarray, "rows columns 3"]
+    labels: UInt8[np.ndarray, "rows columns"]
+    views: tuple[TrueView, ...]
+    angles: Float[np.ndarray, " joints"]
+    errors: Fabrication
+
+    def view(self, pad: str, path: str) -> TrueView | None:
+        """The view of a pad by a path, if there is one."""
+        return next((v for v in self.views if (v.pad, v.path) == (pad, path)), None)
+
+
+class _Geometry(NamedTuple):
+    """What the image of one pose follows from.
+
+    Attributes:
+        pieces: what is seen.
+        limits: section angles of the pieces' ends, rad.
+        ends: of the pads in the camera's own axes, unfolded, mm.
+        corners: where the pads' corners are imaged.
+        around: where places along the pads' sides are.
+    """
+
+    pieces: Pieces
+    limits: Float[Array, "pads pieces 2"]
+    ends: Float[Array, "paths pads 2 2"]
+    corners: Float[Array, "paths pads 4 2"]
+    around: Float[Array, "paths pads places 2"]
+
+
+class Renderer:
+    """One made finger in front of its camera, ready for many frames.
+
+    Building it does what stays from frame to frame: the rays of all pixels, and the looks of pads.
+
+    Attributes:
+        scene: as it was made, its camera as it images.
+        imaging: the camera with its image.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        width: float,
+        effects: Effects,
+        *,
+        errors: Fabrication | None = None,
+        carried: Sequence[int] = (),
+        rows: int | None = None,
+        seed: int = 0,
+    ) -> None:
+        """Make a finger.
+
+        Args:
+            scene: as designed, its mirrors straight.
+            width: of the pads across the section, mm.
+            effects: what makes its images worse.
+            errors: of this finger; none by default.
+            carried: indices of the blockers that move with the camera, such as its body.
+            rows: height of the image, px, which is 4/3 as wide; the camera's pixels by default.
+            seed: of this finger's rough edges, of its inside, and of the noise of its frames.
+        """
+        self._errors = Fabrication.none(scene.layout) if errors is None else errors
+        self._effects, self._width, self._seed = effects, width, seed
+        made = as_made(scene, self._errors, carried=carried)
+        self.scene = eqx.tree_at(
+            lambda scene: (scene.camera, scene.grazing),
+            made,
+            (_imaging_camera(made.camera, effects, rows), jnp.full_like(made.grazing, GRAZING)),
+        )
+        self.imaging = Imaging.of(self.scene.camera)
+        rays = self.imaging.ray_map()
+        self._angle, self._slope = (np.ascontiguousarray(rays[..., part]) for part in range(2))
+        self._vignette = self._vignetting()
+        self._inside = self._finger_inside()
+        self._paths = paths_of(scene.layout, scene.layout.bounces)
+        self._looks: dict[tuple[int, tuple[Imprint, ...]], PadLook] = {}
+
+    def render(
+        self,
+        angles: Float[np.ndarray, " joints"],
+        imprints: Mapping[str, Sequence[Imprint]] | None = None,
+        *,
+        frame: int = 0,
+    ) -> TactileImage:
+        """An image of the finger in a pose.
+
+        Args:
+            angles: joint angles in the order of ``scene.angle_names``, rad.
+            imprints: what is pressed into pads, by the pads' names.
+            frame: number of the frame, which with the finger's seed gives its noise.
+        """
+        layout = self.scene.layout
+        geometry = jax.tree.map(
+            np.asarray,
+            _geometry(
+                self.scene,
+                self.imaging,
+                jnp.asarray(angles),
+                jnp.asarray(self._width),
+                self._errors.lateral,
+            ),
+        )
+        light = self._inside.copy()
+        labels = np.zeros(light.shape[:2], np.uint8)
+        views: list[TrueView] = []
+        pieces: Pieces = geometry.pieces
+        for path, word in enumerate(self._paths):
+            for pad, surface in enumerate(layout.pads):
+                parts = np.flatnonzero(pieces.present[pad] & (pieces.path[pad] == path))
+                if not parts.size:
+                    continue
+                look = self._look(pad, tuple((imprints or {}).get(surface.name, ())))
+                window = self._window(geometry.around[path, pad])
+                shown, colour = self._seen(geometry, path, pad, parts, window, look)
+                colour *= (1 - self._effects.mirror_loss) ** len(word)
+                light[window] += shown[..., None] * (colour - light[window])
+                labels[window][shown > 0.5] = len(views) + 1
+                whole = (
+                    (pieces.start_label[pad, parts] == FIRST_PAD_END)
+                    & (pieces.end_label[pad, parts] == SECOND_PAD_END)
+                ).any()
+                views.append(
+                    TrueView(
+                        surface.name,
+                        path_name(layout, word),
+                        len(word),
+                        geometry.corners[path, pad],
+                        bool(whole),
+                        _touches_border(labels == len(views) + 1),
+                    )
+                )
+        generator = np.random.default_rng([self._seed, 1, frame])
+        pixels = exposed(light, self._effects, generator)
+        return TactileImage(pixels, labels, tuple(views), np.asarray(angles), self._errors)
+
+    def _seen(
+        self,
+        geometry: _Geometry,
+        path: int,
+        pad: int,
+        parts: np.ndarray,
+        window: tuple[slice, slice],
+        look: PadLook,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """How much of each pixel a view fills, and the light of the pad there."""
+        angle, slope = self._angle[window], self._slope[window]
+        forward, up = np.cos(angle), np.sin(angle)
+        # notation: the ray L (forward, up) meets first + part · step.
+        first, step = geometry.ends[path, pad, 0], np.diff(geometry.ends[path, pad], axis=0)[0]
+        first, step = first.astype(np.float32), step.astype(np.float32)
+        across = forward * step[1] - up * step[0]
+        across = np.where(across == 0, np.float32(1e-6), across)
+        distance = (first[0] * step[1] - first[1] * step[0]) / across
+        along = (first[0] * up - first[1] * forward) / across * np.float32(look.length)
+        beside = slope * distance + np.float32(self._errors.lateral)
+        colour, inside = look.sample(along, beside)
+        shown = np.where(distance > 0, _filled(inside), 0)
+        per_pixel = np.maximum(np.hypot(*np.gradient(angle)), 1e-9)
+        part_shown = np.zeros_like(shown)
+        for part in parts:
+            pieces, here = geometry.pieces, np.ones_like(shown)
+            limits = geometry.limits[pad, part]
+            outward = np.sign(limits[1] - limits[0])
+            # Where the pad itself ends, its outline says where.
+            if pieces.start_label[pad, part] != FIRST_PAD_END:
+                here *= np.clip(0.5 + outward * (angle - limits[0]) / per_pixel, 0, 1)
+            if pieces.end_label[pad, part] != SECOND_PAD_END:
+                here *= np.clip(0.5 - outward * (angle - limits[1]) / per_pixel, 0, 1)
+            part_shown = np.maximum(part_shown, here)
+        return shown * part_shown, colour * self._vignette[window][..., None]
+
+    def _look(self, pad: int, imprints: tuple[Imprint, ...]) -> PadLook:
+        if (pad, imprints) not in self._looks:
+            layout = self.scene.layout
+            ends = np.asarray(self.scene.pads[pad])
+            outer = layout.pads[pad].frame != layout.camera_frame
+            self._looks[pad, imprints] = look_of_pad(
+                float(np.hypot(*(ends[1] - ends[0]))),
+                self._width,
+                self._effects,
+                imprints,
+                brightness=1 - self._effects.dim_outer if outer else 1.0,
+                seed=(self._seed, 2, pad),
+            )
+        return self._looks[pad, imprints]
+
+    def _vignetting(self) -> Float[np.ndarray, "rows columns"]:
+        # The cosine of the angle from the axis.
+        forward = np.cos(self._angle) / np.sqrt(1 + self._slope**2)
+        return 1 - np.float32(self._effects.vignetting) * (1 - np.maximum(forward, 0))
+
+    def _finger_inside(self) -> Float[np.ndarray, "rows columns 3"]:
+        """What the finger's inside and leaks send: nothing, or light with broad blotches."""
+        shape = self._angle.shape
+        if not self._effects.ambient:
+            return np.zeros((*shape, 3), np.float32)
+        generator = np.random.default_rng([self._seed, 3])
+        blotches = generator.uniform(0.5, 1.0, (*BLOTCHES, 3)).astype(np.float32)
+        broad = cv2.resize(blotches, shape[::-1], interpolation=cv2.INTER_LINEAR)
+        return np.float32(self._effects.ambient) * broad * self._vignette[..., None]
+
+    def _window(self, around: Float[np.ndarray, "places 2"]) -> tuple[slice, slice]:
+        """The part of the image that holds a view."""
+        rows, columns = self._angle.shape
+        low = np.floor(around.min(axis=0)) - BORDER
+        high = np.ceil(around.max(axis=0)) + BORDER + 1
+        left, right = np.clip([low[0], high[0]], 0, columns).astype(int)
+        top, bottom = np.clip([low[1], high[1]], 0, rows).astype(int)
+        return slice(top, max(bottom, top + 2)), slice(left, max(right, left + 2))
+
+
+@eqx.filter_jit
+def _geometry(
+    scene: Scene,
+    imaging: Imaging,
+    angles: Float[Array, " joints"],
+    width: Float[Array, ""],
+    lateral: Float[Array, ""],
+) -> _Geometry:
+    pieces = find_views(scene, angles).value
+    outlines = find_outlines(scene, angles)
+    return _Geometry(
+        pieces,
+        scene.camera.angle(pieces.pixels),
+        outlines.ends(),
+        find_corners(imaging, outlines, width, lateral),
+        _around(imaging, outlines, width, lateral),
+    )
+
+
+def _around(
+    imaging: Imaging, outlines: Outlines, width: Float[Array, ""], lateral: Float[Array, ""]
+) -> Float[Array, "paths pads places 2"]:
+    """Where places along all sides of the pads are imaged."""
+    ends = outlines.ends()
+    share = jnp.linspace(0.0, 1.0, ALONG_SIDE, dtype=ends.dtype)
+    line = ends[..., 0, None, :] + share[:, None] * (ends[..., 1, None, :] - ends[..., 0, None, :])
+    beside = jnp.stack([width / 2, -width / 2]) - lateral
+    # All places of a lattice, the sides among them: as few, and simpler.
+    distance = jnp.linalg.norm(line, axis=-1)[..., None]
+    angle = jnp.arctan2(line[..., 1], line[..., 0])[..., None]
+    beside = (share - 0.5) * width - lateral
+    slope = beside / distance
+    places = imaging.place(jnp.broadcast_to(angle, slope.shape), slope)
+    return places.reshape(*ends.shape[:2], -1, 2)
+
+
+def _filled(inside: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "rows columns"]:
+    """Part of each pixel within an outline, from the distance inside it."""
+    down, right = np.gradient(inside)
+    steepness = np.sqrt(down * down + right * right)
+    return np.clip(0.5 + inside / np.maximum(steepness, 1e-6), 0, 1)
+
+
+def _touches_border(seen: np.ndarray) -> bool:
+    return bool(seen[[0, -1]].any() or seen[:, [0, -1]].any())
+
+
+def _imaging_camera(camera: Camera, effects: Effects, rows: int | None) -> Camera:
+    """The camera with the effects' distortion, and with another number of pixels."""
+    if rows is not None:
+        camera = eqx.tree_at(lambda c: c.pixels, camera, jnp.asarray(rows, camera.pixels.dtype))
+    if not effects.distortion:
+        return camera
+    if isinstance(camera.projection, Equidistant):
+        coefficients = jnp.zeros(4)
+    elif isinstance(camera.projection, KannalaBrandt):
+        coefficients = camera.projection.coefficients
+    else:
+        raise ValueError("distortion is added to an equidistant or Kannala-Brandt lens only")
+    lens = KannalaBrandt(coefficients.at[0].add(effects.distortion))
+    # The focal length stays, so that the image's border is at another angle.
+    border = lens.angle(camera.projection.height(camera.field_of_view / 2))
+    return eqx.tree_at(lambda c: (c.projection, c.field_of_view), camera, (lens, 2 * border))
