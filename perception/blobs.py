@@ -1,0 +1,142 @@
+"""Bright blobs of an image, each at the threshold at which its outline is most stable.
+
+One threshold does not survive exposures and uneven light: thresholds are swept, and of a blob that
+lives through several of them the outline is kept that changes least (the idea of J. Matas et al.,
+*Robust wide baseline stereo from maximally stable extremal regions*, BMVC 2002). Blobs of a higher
+threshold lie within those of a lower one, so they form trees; where a blob falls into several,
+these are kept in its place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from jaxtyping import Int
+
+from perception.masks import Grey, Mask, adaptive_mask, global_mask
+
+LEVELS = 24
+"""Thresholds of the sweep, in equal ratios up to full scale."""
+
+BLOCK, SHARE = 41, 0.75
+"""Box and share of the adaptive part, so that narrow dark gaps part two views; of 1080 rows."""
+
+SPREAD = 4.0
+"""The sweep begins so many standard deviations above the background's median."""
+
+LEAST_AREA = 1.5e-4
+"""Of the image; smaller blobs are specks."""
+
+STEADY = 0.5
+"""An edge moves by less than so many pixels from threshold to threshold; a gradient by more."""
+
+LIKE = 0.05
+"""A part that is smaller than this share of a blob falling apart is a chip, not a part."""
+
+
+@dataclass(frozen=True)
+class Blob:
+    """A bright blob.
+
+    Attributes:
+        contour: its outermost pixels, column and row.
+        area: within the contour, px².
+        level: the threshold at which it was taken.
+    """
+
+    contour: Int[np.ndarray, "_ 2"]
+    area: float
+    level: float
+
+
+@dataclass
+class _Node:
+    blob: Blob
+    children: list[_Node] = field(default_factory=list)
+
+
+def stable_blobs(grey: Grey) -> list[Blob]:
+    """The blobs of an image, each at its most stable threshold; none overlaps another."""
+    smooth = cv2.blur(grey, (3, 3))
+    block = max(3, round(BLOCK * len(grey) / 1080) | 1)
+    near = adaptive_mask(smooth, block, SHARE)
+    roots: list[_Node] = []
+    previous: list[_Node] = []
+    for level in _levels(smooth):
+        nodes = [_Node(blob) for blob in _blobs(smooth, near, level)]
+        for node in nodes:
+            parent = next((other for other in previous if _holds(other.blob, node.blob)), None)
+            (roots if parent is None else parent.children).append(node)
+        previous = nodes
+    return [blob for root in roots for blob in _kept(root)]
+
+
+def _levels(grey: Grey) -> list[float]:
+    """Thresholds from just above the background to full scale."""
+    sample = grey[::4, ::4]
+    middle = float(np.median(sample))
+    deviation = 1.4826 * float(np.median(np.abs(sample - middle)))
+    lowest = middle + SPREAD * max(deviation, 1.0)
+    return [] if lowest >= 250 else np.geomspace(lowest, 250.0, LEVELS).tolist()
+
+
+def _blobs(grey: Grey, near: Mask, level: float) -> list[Blob]:
+    square = cv2.getStructuringElement(cv2.MORPH_RECT, (3, 3))
+    mask = cv2.bitwise_and(global_mask(grey, level), near)
+    opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, square)
+    contours = cv2.findContours(opened, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+    outlines = [contour.reshape(-1, 2) for contour in contours]
+    areas = map(cv2.contourArea, outlines)
+    return [
+        Blob(outline, area, level)
+        for outline, area in zip(outlines, areas, strict=True)
+        if area >= LEAST_AREA * grey.size
+    ]
+
+
+def _holds(outer: Blob, inner: Blob) -> bool:
+    point = inner.contour[0]
+    return cv2.pointPolygonTest(outer.contour, (float(point[0]), float(point[1])), False) >= 0
+
+
+def _kept(node: _Node) -> list[Blob]:
+    """The blobs of a tree: those of its branches where all of these are stable, else the stablest.
+
+    What only a gradient of light parts is not stable: its outline wanders with the threshold.
+    """
+    return _best(node)[0]
+
+
+def _best(node: _Node) -> tuple[list[Blob], float]:
+    """The blobs of a tree, and by how many pixels a threshold moves the least stable of them."""
+    chain = [node.blob]
+    while len(parts := _parts(node)) == 1:
+        node = parts[0]
+        chain.append(node.blob)
+    blob, shift = _stablest(chain)
+    if parts:
+        branches = [_best(part) for part in parts]
+        worst = max(shift for _, shift in branches)
+        if worst <= max(STEADY, shift):
+            return [blob for blobs, _ in branches for blob in blobs], worst
+    return [blob], shift
+
+
+def _stablest(chain: list[Blob]) -> tuple[Blob, float]:
+    """The blob of a chain that changes least, and by how many pixels its outline moves."""
+    if len(chain) == 1:
+        return chain[0], np.inf
+    areas = np.array([blob.area for blob in chain])
+    perimeters = np.array([len(blob.contour) for blob in chain])
+    shifts = np.abs(np.diff(areas)) / perimeters[1:]
+    # The first and the last have one neighbour only.
+    moved = np.maximum(np.append(shifts[0], shifts), np.append(shifts, shifts[-1]))
+    steadiest = int(np.argmin(moved))
+    return chain[steadiest], float(moved[steadiest])
+
+
+def _parts(node: _Node) -> list[_Node]:
+    """What a blob falls into, without chips."""
+    return [c for c in node.children if c.blob.area > LIKE * node.blob.area]

@@ -1,0 +1,68 @@
+"""What the analysis of an image must know of its camera: handed in, from whatever models it.
+
+A ray is a section angle (rad, from the optical axis, counter-clockwise: up in the image) and a
+lateral slope (way across the section per way within it, towards greater columns). Places are
+(column, row), whole numbers at pixel centres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+Rays = Float[np.ndarray, "_ 2"]
+Places = Float[np.ndarray, "_ 2"]
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera's rays.
+
+    Attributes:
+        ray_map: section angle and lateral slope of the ray through every pixel's middle.
+        project: from rays to where they are imaged, the inverse.
+    """
+
+    ray_map: Float[np.ndarray, "rows columns 2"]
+    project: Callable[[Rays], Places]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the images it is for."""
+        rows, columns, _ = self.ray_map.shape
+        return rows, columns
+
+    def rays(self, places: Places) -> Rays:
+        """The rays through places in the image, interpolated between pixels."""
+        at = np.ascontiguousarray(places, np.float32).reshape(-1, 1, 2)
+        found = cv2.remap(
+            self.ray_map, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        return found.reshape(-1, 2).astype(float)
+
+
+@dataclass(frozen=True)
+class TangentPlane:
+    """The plane that touches the unit sphere of rays at a section angle: straight lines stay so.
+
+    Its coordinates are across the section and along it (up). A view lies within 90° of its middle.
+
+    Attributes:
+        angle: section angle of the point that it touches, rad.
+    """
+
+    angle: float
+
+    def flat(self, rays: Rays) -> Float[np.ndarray, "_ 2"]:
+        """Places of rays in the plane."""
+        turn = rays[:, 0] - self.angle
+        return np.stack([rays[:, 1] / np.cos(turn), np.tan(turn)], axis=-1)
+
+    def rays(self, flat: Float[np.ndarray, "_ 2"]) -> Rays:
+        """The rays through places in the plane; inverts `flat`."""
+        turn = np.arctan(flat[:, 1])
+        return np.stack([self.angle + turn, flat[:, 0] * np.cos(turn)], axis=-1)

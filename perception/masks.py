@@ -1,0 +1,58 @@
+"""Which pixels are bright enough to be a pad: thresholds, and their clean-up."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+Image = UInt8[np.ndarray, "rows columns 3"]
+Grey = UInt8[np.ndarray, "rows columns"]
+Mask = UInt8[np.ndarray, "rows columns"]
+"""255 where it holds, else 0."""
+
+
+def brightness(image: Image) -> Grey:
+    """The brightest channel of every pixel.
+
+    Not the usual grey, which weights blue with 0.11 and so loses the side that is lit blue.
+    """
+    red, green, blue = cv2.split(image)
+    return cv2.max(cv2.max(red, green), blue)
+
+
+def global_mask(grey: Grey, threshold: float) -> Mask:
+    """What is brighter than one threshold."""
+    return cv2.threshold(grey, threshold, 255, cv2.THRESH_BINARY)[1]
+
+
+def otsu_mask(grey: Grey) -> Mask:
+    """What is brighter than the threshold that parts the histogram best.
+
+    Source: N. Otsu, IEEE Trans. Syst. Man Cybern. 9 (1979) 62.
+    """
+    return cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)[1]
+
+
+def adaptive_mask(grey: Grey, block: int, share: float) -> Mask:
+    """What is brighter than a share of the mean of a box around it.
+
+    Args:
+        grey: brightness.
+        block: side of the box, px.
+        share: of the mean; below 1, so that what is evenly bright stays.
+    """
+    mean = cv2.boxFilter(grey, -1, (block, block), borderType=cv2.BORDER_REPLICATE)
+    return cv2.compare(grey, cv2.convertScaleAbs(mean, alpha=share), cv2.CMP_GT)
+
+
+def combined_mask(grey: Grey, threshold: float, block: int, share: float) -> Mask:
+    """Paper B's combination (§4.1.1): bright by one threshold and by that of its surroundings."""
+    return cv2.bitwise_and(global_mask(grey, threshold), adaptive_mask(grey, block, share))
+
+
+def cleaned(mask: Mask, size: int) -> Mask:
+    """Opened and then closed with a square: specks go, and then small holes (paper B §4.1.1)."""
+    square = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
+    opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, square)
+    return cv2.morphologyEx(opened, cv2.MORPH_CLOSE, square)

@@ -1,0 +1,312 @@
+"""The outline of a pad's view: one line per side, straight in the tangent plane of its rays.
+
+A plane pad through a wide lens has curved sides in the image, but straight ones in the plane that
+touches the sphere of rays. Paper B approximates the image's contour by a polygon (§4.1.1), whose
+corners are those of the pad's rounded ones; here every side is a line fitted robustly to the places
+where the brightness crosses half of its step, and corners are where these lines meet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from perception.lens import Lens, Places, Rays, TangentPlane
+from perception.quality import Quality
+
+POINTS = 48
+"""Places on every side at which its edge is looked for."""
+
+TRIMMED = 0.1
+"""Part of a side at each of its ends that round corners may have changed."""
+
+REACH = 8.0
+"""How far from the expected edge it is looked for, px."""
+
+SAMPLES = 33
+"""Brightness samples across each of these places."""
+
+STEPS = 3
+"""Rounds of finding edges and fitting lines."""
+
+FAR_ROUNDS = 6
+"""Rounds of weighting places by how near to the line they are."""
+
+TUKEY = 4.685
+"""Residuals of so many standard deviations count no more (95 % efficiency for normal ones)."""
+
+LEAST_CONTRAST = 8.0
+"""Of 255: a lower step is no edge that can be relied on."""
+
+NEAR_BORDER = 3
+"""A blob within so many pixels of the image's border is cut off by it."""
+
+
+@dataclass(frozen=True)
+class Quad:
+    """The view of a pad, or of what looks like one.
+
+    Corners are in the order: lower section angle and lesser slope, higher and lesser, higher and
+    greater, lower and greater (in the image: bottom left, top left, top right, bottom right).
+
+    Attributes:
+        rays: of the corners.
+        corners: where they are in the image.
+        covariance: of each corner's place, px².
+        area: of the blob, px².
+        contrast: step of brightness across the side that has the least, of 255.
+        scatter: standard deviation of edges about the side that fits worst, px.
+        quality: complete, clipped or of low contrast.
+    """
+
+    rays: Float[np.ndarray, "4 2"]
+    corners: Float[np.ndarray, "4 2"]
+    covariance: Float[np.ndarray, "4 2 2"]
+    area: float
+    contrast: float
+    scatter: float
+    quality: Quality
+
+
+def fit_quad(
+    grey: Float[np.ndarray, "rows columns"], lens: Lens, contour: Int[np.ndarray, "_ 2"]
+) -> Quad | None:
+    """The view whose blob has a given contour.
+
+    Args:
+        grey: brightness, float32.
+        lens: of the camera.
+        contour: outermost pixels of a blob, column and row.
+
+    Returns:
+        The view; ``None`` where the contour has no four sides.
+    """
+    rays = lens.rays(contour.astype(float))
+    plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
+    corners = first_corners(plane.flat(rays))
+    if corners is None:
+        return None
+    for _ in range(STEPS):
+        sides = [_Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+        edges = _edges(grey, lens, plane, sides)
+        lines = [_line(edge) for edge in edges]
+        moved = _meeting(sides, lines)
+        if moved is None:
+            return None
+        corners = moved
+    rays = plane.rays(corners)
+    rows, columns = grey.shape
+    border = (contour <= NEAR_BORDER) | (contour >= np.array([columns, rows]) - 1 - NEAR_BORDER)
+    contrast = min(edge.contrast for edge in edges)
+    quality = Quality.COMPLETE
+    if border.any():
+        quality = Quality.CLIPPED
+    elif contrast < LEAST_CONTRAST:
+        quality = Quality.LOW_CONTRAST
+    return Quad(
+        rays,
+        lens.project(rays),
+        _covariances(lens, plane, corners, sides, lines),
+        float(cv2.contourArea(contour)),
+        contrast,
+        max(line.scatter for line in lines),
+        quality,
+    )
+
+
+def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | None:
+    """Corners of the quadrilateral that is wrapped most closely around points of a plane."""
+    # In units that suit single precision.
+    low, size = flat.min(axis=0), float(np.ptp(flat, axis=0).max())
+    if not size > 0:
+        return None
+    hull = cv2.convexHull(((flat - low) / size).astype(np.float32))
+    if len(hull) < 4:
+        return None
+    corners = cv2.approxPolyN(hull, 4).reshape(-1, 2)
+    if len(corners) != 4:
+        return None
+    return ordered(corners * size + low)
+
+
+def ordered(corners: Float[np.ndarray, "4 2"]) -> Float[np.ndarray, "4 2"]:
+    """Corners of a plane in the order of `Quad`: ends lie along the first axis."""
+    by_height = corners[np.argsort(corners[:, 1])]
+    low, high = (part[np.argsort(part[:, 0])] for part in (by_height[:2], by_height[2:]))
+    return np.stack([low[0], high[0], high[1], low[1]]).astype(float)
+
+
+@dataclass(frozen=True)
+class _Side:
+    """A side, from corner to corner in the tangent plane, clockwise as the plane is seen."""
+
+    start: Float[np.ndarray, "2"]
+    end: Float[np.ndarray, "2"]
+
+    @property
+    def outward(self) -> Float[np.ndarray, "2"]:
+        along = self.end - self.start
+        return np.array([-along[1], along[0]]) / np.hypot(*along)
+
+    def places(self, shares: Float[np.ndarray, " points"]) -> Float[np.ndarray, "points 2"]:
+        return self.start + shares[:, None] * (self.end - self.start)
+
+
+@dataclass(frozen=True)
+class _Edge:
+    """Where the edge of a side was found.
+
+    Attributes:
+        shares: places along the side, 0 to 1.
+        offsets: outward from the side, tangent plane.
+        scale: px per unit of the tangent plane across the side.
+        found: where an edge was found at all.
+        contrast: step of brightness, the median over the places.
+    """
+
+    shares: Float[np.ndarray, " points"]
+    offsets: Float[np.ndarray, " points"]
+    scale: Float[np.ndarray, " points"]
+    found: Bool[np.ndarray, " points"]
+    contrast: float
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A side moved outward by ``offset + turn · share``.
+
+    Attributes:
+        offset: tangent plane.
+        turn: tangent plane.
+        covariance: of both.
+        scatter: standard deviation of the edges about it, px.
+    """
+
+    offset: float
+    turn: float
+    covariance: Float[np.ndarray, "2 2"]
+    scatter: float
+
+    def at(self, share: float) -> float:
+        return self.offset + self.turn * share
+
+    def variance(self, share: float) -> float:
+        weights = np.array([1.0, share])
+        return float(weights @ self.covariance @ weights)
+
+
+def _edges(
+    grey: Float[np.ndarray, "rows columns"], lens: Lens, plane: TangentPlane, sides: list[_Side]
+) -> list[_Edge]:
+    """The edges of all sides: where brightness first falls below half of its step outward."""
+    shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
+    flat = np.concatenate([side.places(shares) for side in sides])
+    outward = np.repeat([side.outward for side in sides], POINTS, axis=0)
+    small = 1e-4
+    both = lens.project(plane.rays(np.concatenate([flat, flat + small * outward])))
+    at, beside = both[: len(flat)], both[len(flat) :]
+    scale = np.maximum(np.hypot(*(beside - at).T) / small, 1e-9)
+    normal = (beside - at) / (small * scale[:, None])
+    reach = np.linspace(-REACH, REACH, SAMPLES)
+    places = (at[:, None] + reach[:, None] * normal[:, None]).astype(np.float32)
+    profile = cv2.remap(grey, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    profile = cv2.blur(profile, (3, 1), borderType=cv2.BORDER_REPLICATE)
+    inner, outer = profile[:, : SAMPLES // 2], profile[:, SAMPLES // 2 :]
+    inside, outside = np.median(inner, axis=1), outer.min(axis=1)
+    half = (inside + outside) / 2
+    start = SAMPLES // 4
+    below = profile[:, start:] < half[:, None]
+    last = start + np.argmax(below, axis=1)
+    rows = np.arange(len(profile))
+    high, low = profile[rows, last - 1], profile[rows, last]
+    drop = high - low
+    found = below.any(axis=1) & (drop > 0) & (high >= half)
+    part = np.where(found, (high - half) / np.where(drop > 0, drop, 1.0), 0.0)
+    step = reach[1] - reach[0]
+    offsets = (reach[last - 1] + step * part) / scale
+    contrast = inside - outside
+    edges = []
+    for i in range(len(sides)):
+        own = slice(i * POINTS, (i + 1) * POINTS)
+        edges.append(
+            _Edge(shares, offsets[own], scale[own], found[own], float(np.median(contrast[own])))
+        )
+    return edges
+
+
+def _line(edge: _Edge) -> _Line:
+    """A line through the edges of a side by weighted least squares with Tukey's weights.
+
+    Source: P. J. Huber, E. M. Ronchetti, *Robust Statistics*, 2nd ed., §7.8. Neighbouring edges
+    err alike, so the covariance counts fewer of them: n (1 − r) / (1 + r) for the correlation r
+    of neighbours.
+    """
+    found = edge.found
+    if found.sum() < POINTS // 4:
+        return _Line(0.0, 0.0, np.full((2, 2), np.inf), np.inf)
+    design = np.stack([np.ones(found.sum()), edge.shares[found]], axis=-1) * edge.scale[found, None]
+    wanted = edge.offsets[found] * edge.scale[found]
+    weights = np.ones(len(wanted))
+    middle = np.median(wanted)
+    left = wanted - middle
+    for round_number in range(FAR_ROUNDS):
+        deviation = max(1.4826 * float(np.median(np.abs(left))), 0.02)
+        weights = np.maximum(1 - (left / (TUKEY * deviation)) ** 2, 0) ** 2
+        weighted = design * weights[:, None]
+        normal = weighted.T @ design
+        solution = np.linalg.solve(normal + 1e-12 * np.trace(normal) * np.eye(2), weighted.T @ wanted)
+        left = wanted - design @ solution
+    variance = float(np.sum(weights * left**2) / max(np.sum(weights) - 2, 1))
+    near = np.clip(left, -TUKEY * deviation, TUKEY * deviation)
+    correlation = np.clip(np.mean(near[1:] * near[:-1]) / max(np.mean(near**2), 1e-12), 0.0, 0.9)
+    fewer = (1 + correlation) / (1 - correlation)
+    covariance = variance * fewer * np.linalg.inv(normal + 1e-12 * np.trace(normal) * np.eye(2))
+    return _Line(float(solution[0]), float(solution[1]), covariance, float(np.sqrt(variance)))
+
+
+def _meeting(sides: list[_Side], lines: list[_Line]) -> Float[np.ndarray, "4 2"] | None:
+    """Where neighbouring sides meet when they have moved onto their lines."""
+    ends = [
+        (
+            side.start + line.at(0.0) * side.outward,
+            side.end + line.at(1.0) * side.outward,
+        )
+        for side, line in zip(sides, lines, strict=True)
+    ]
+    corners = []
+    for i in range(4):
+        (a, b), (c, d) = ends[i - 1], ends[i]
+        first, second = b - a, d - c
+        across = first[0] * second[1] - first[1] * second[0]
+        if abs(across) < 1e-12:
+            return None
+        part = ((c - a)[0] * second[1] - (c - a)[1] * second[0]) / across
+        corners.append(a + part * first)
+    found = np.stack(corners)
+    size = np.abs(sides[0].start - sides[2].start).max() + np.abs(sides[1].start - sides[3].start).max()
+    moved = np.abs(found - np.stack([side.start for side in sides])).max()
+    return found if np.isfinite(found).all() and moved < size else None
+
+
+def _covariances(
+    lens: Lens,
+    plane: TangentPlane,
+    corners: Float[np.ndarray, "4 2"],
+    sides: list[_Side],
+    lines: list[_Line],
+) -> Float[np.ndarray, "4 2 2"]:
+    """Covariance of every corner's place in the image, px²."""
+    small = 1e-4
+    moved = np.concatenate([corners, corners + [small, 0], corners + [0, small]])
+    at, right, up = np.split(lens.project(plane.rays(moved)), 3)
+    to_image = np.stack([right - at, up - at], axis=-1) / small
+    found = []
+    for i in range(4):
+        normals = np.stack([sides[i - 1].outward, sides[i].outward])
+        offsets = np.diag([lines[i - 1].variance(1.0), lines[i].variance(0.0)])
+        to_plane = to_image[i] @ np.linalg.inv(normals)
+        found.append(to_plane @ offsets @ to_plane.T)
+    return np.stack(found)
