@@ -23,7 +23,7 @@ LEVELS = 24
 BLOCK, SHARE = 41, 0.75
 """Box and share of the adaptive part, so that narrow dark gaps part two views; of 1080 rows."""
 
-SPREAD = 4.0
+SPREAD = 1.5
 """The sweep begins so many standard deviations above the background's median."""
 
 LEAST_AREA = 1.5e-4

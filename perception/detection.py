@@ -7,6 +7,7 @@ import numpy as np
 
 from perception.blobs import stable_blobs
 from perception.lens import Lens
+from perception.matching import Catalogue, Sighting, match
 from perception.masks import brightness
 from perception.quads import Quad, fit_quad
 
@@ -37,3 +38,8 @@ def is_image(image: object, lens: Lens) -> bool:
         and image.dtype == np.uint8
         and image.shape in (lens.shape, (*lens.shape, 3))
     )
+
+
+def find_views(image: np.ndarray, lens: Lens, catalogue: Catalogue) -> Sighting:
+    """What an image shows of a finger; of anything that is no image of it, nothing."""
+    return match(find_quads(image, lens), catalogue, lens)

@@ -17,6 +17,12 @@ from jaxtyping import Bool, Float, Int
 from perception.lens import Lens, Places, Rays, TangentPlane
 from perception.quality import Quality
 
+INNER, HEIGHTS = (0.15, 0.85), 12
+"""Heights at which a contour's outermost points tell its sides at first, and how many."""
+
+LEAST_RISE = 0.01
+"""A side that rises less over its length is none."""
+
 POINTS = 48
 """Places on every side at which its edge is looked for."""
 
@@ -26,8 +32,14 @@ TRIMMED = 0.1
 REACH = 8.0
 """How far from the expected edge it is looked for, px."""
 
+THICK = 4.0
+"""A view must be so many pixels thick where an edge is looked for."""
+
 SAMPLES = 33
 """Brightness samples across each of these places."""
+
+BRIGHTER = 0.75
+"""Of the samples inside, this part is darker than what counts as the view's brightness."""
 
 STEPS = 3
 """Rounds of finding edges and fitting lines."""
@@ -38,7 +50,10 @@ FAR_ROUNDS = 6
 TUKEY = 4.685
 """Residuals of so many standard deviations count no more (95 % efficiency for normal ones)."""
 
-LEAST_CONTRAST = 8.0
+UNKNOWN = 1.0
+"""Variance of a side that was not found, in the tangent plane: it may be anywhere."""
+
+LEAST_CONTRAST = 5.0
 """Of 255: a lower step is no edge that can be relied on."""
 
 NEAR_BORDER = 3
@@ -118,25 +133,43 @@ def fit_quad(
 
 
 def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | None:
-    """Corners of the quadrilateral that is wrapped most closely around points of a plane."""
-    # In units that suit single precision.
-    low, size = flat.min(axis=0), float(np.ptp(flat, axis=0).max())
-    if not size > 0:
+    """A trapezium whose ends lie across the section, around a contour in the tangent plane.
+
+    So is every pad in an extruded scene. Its sides are lines through the outermost points of the
+    contour at several heights; this bears views that are few pixels high and have acute corners.
+    """
+    low, high = flat[:, 1].min(), flat[:, 1].max()
+    if not high > low:
         return None
-    hull = cv2.convexHull(((flat - low) / size).astype(np.float32))
-    if len(hull) < 4:
+    following = np.roll(flat, -1, axis=0)
+    heights = low + (high - low) * np.linspace(*INNER, HEIGHTS)
+    crossings = np.array([_crossings(flat, following, height) for height in heights])
+    sides = []
+    for outermost in crossings.T:
+        # In units that suit single precision.
+        points = np.stack([outermost, heights], axis=-1) / (high - low)
+        middle = points.mean(axis=0)
+        line = cv2.fitLine((points - middle).astype(np.float32), cv2.DIST_HUBER, 0, 1e-3, 1e-3)
+        right, up, x, y = line.ravel().astype(float)
+        if abs(up) < LEAST_RISE:
+            return None
+        ends = np.array([low, high]) / (high - low) - middle[1]
+        sides.append((middle[0] + x + right / up * (ends - y)) * (high - low))
+    (left_low, left_high), (right_low, right_high) = sides
+    if not (left_low < right_low and left_high < right_high):
         return None
-    corners = cv2.approxPolyN(hull, 4).reshape(-1, 2)
-    if len(corners) != 4:
-        return None
-    return ordered(corners * size + low)
+    return np.array([[left_low, low], [left_high, high], [right_high, high], [right_low, low]])
 
 
-def ordered(corners: Float[np.ndarray, "4 2"]) -> Float[np.ndarray, "4 2"]:
-    """Corners of a plane in the order of `Quad`: ends lie along the first axis."""
-    by_height = corners[np.argsort(corners[:, 1])]
-    low, high = (part[np.argsort(part[:, 0])] for part in (by_height[:2], by_height[2:]))
-    return np.stack([low[0], high[0], high[1], low[1]]).astype(float)
+def _crossings(
+    points: Float[np.ndarray, "_ 2"], following: Float[np.ndarray, "_ 2"], height: float
+) -> tuple[float, float]:
+    """Where a closed contour crosses a height first and last."""
+    crosses = (points[:, 1] <= height) != (following[:, 1] <= height)
+    start, end = points[crosses], following[crosses]
+    part = (height - start[:, 1]) / (end[:, 1] - start[:, 1])
+    across = start[:, 0] + part * (end[:, 0] - start[:, 0])
+    return float(across.min()), float(across.max())
 
 
 @dataclass(frozen=True)
@@ -214,26 +247,30 @@ def _edges(
     places = (at[:, None] + reach[:, None] * normal[:, None]).astype(np.float32)
     profile = cv2.remap(grey, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     profile = cv2.blur(profile, (3, 1), borderType=cv2.BORDER_REPLICATE)
-    inner, outer = profile[:, : SAMPLES // 2], profile[:, SAMPLES // 2 :]
-    inside, outside = np.median(inner, axis=1), outer.min(axis=1)
+    # A narrow view may end again within reach: the brightest quarter is surely inside.
+    inside = np.quantile(profile[:, : SAMPLES // 2 + 1], BRIGHTER, axis=1)
+    outside = profile[:, SAMPLES // 2 :].min(axis=1)
     half = (inside + outside) / 2
-    start = SAMPLES // 4
-    below = profile[:, start:] < half[:, None]
-    last = start + np.argmax(below, axis=1)
-    rows = np.arange(len(profile))
+    rows, counts = np.arange(len(profile)), np.arange(SAMPLES)
+    start = SAMPLES // 2 - np.argmax(profile[:, SAMPLES // 2 :: -1] >= inside[:, None], axis=1)
+    below = (profile < half[:, None]) & (counts > start[:, None])
+    last = np.maximum(np.argmax(below, axis=1), 1)
     high, low = profile[rows, last - 1], profile[rows, last]
     drop = high - low
     found = below.any(axis=1) & (drop > 0) & (high >= half)
     part = np.where(found, (high - half) / np.where(drop > 0, drop, 1.0), 0.0)
-    step = reach[1] - reach[0]
-    offsets = (reach[last - 1] + step * part) / scale
+    offsets = (reach[last - 1] + (reach[1] - reach[0]) * part) / scale
     contrast = inside - outside
+    # Where a view is too thin, as at its acute corners, the other edge is in the way.
+    inward = flat - THICK / scale[:, None] * outward
+    beyond = np.stack([(inward - side.start) @ side.outward for side in sides])
+    found &= (beyond < 0).all(axis=0)
     edges = []
     for i in range(len(sides)):
         own = slice(i * POINTS, (i + 1) * POINTS)
-        edges.append(
-            _Edge(shares, offsets[own], scale[own], found[own], float(np.median(contrast[own])))
-        )
+        seen = contrast[own][found[own]]
+        step = float(np.median(seen)) if seen.size else 0.0
+        edges.append(_Edge(shares, offsets[own], scale[own], found[own], step))
     return edges
 
 
@@ -246,7 +283,7 @@ def _line(edge: _Edge) -> _Line:
     """
     found = edge.found
     if found.sum() < POINTS // 4:
-        return _Line(0.0, 0.0, np.full((2, 2), np.inf), np.inf)
+        return _Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.inf)
     design = np.stack([np.ones(found.sum()), edge.shares[found]], axis=-1) * edge.scale[found, None]
     wanted = edge.offsets[found] * edge.scale[found]
     weights = np.ones(len(wanted))

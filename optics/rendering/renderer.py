@@ -50,7 +50,8 @@ class TrueView:
         reflections: on its way.
         corners: column and row of the corners of the pad's sharp rectangle, in the order of
             `outlines.CORNERS`, wherever they are hidden or not.
-        complete: whether this path shows all of the pad.
+        complete: whether this path shows all of the pad, nowhere flatter than the pad's least
+            grazing angle.
         at_border: whether the view touches the image's border.
     """
 
@@ -143,6 +144,7 @@ class Renderer:
             made,
             (_imaging_camera(made.camera, effects, rows), jnp.full_like(made.grazing, GRAZING)),
         )
+        self._least_grazing = np.asarray(scene.grazing)
         self.imaging = Imaging.of(self.scene.camera)
         rays = self.imaging.ray_map()
         self._angle, self._slope = (np.ascontiguousarray(rays[..., part]) for part in range(2))
@@ -194,7 +196,7 @@ class Renderer:
                 whole = (
                     (pieces.start_label[pad, parts] == FIRST_PAD_END)
                     & (pieces.end_label[pad, parts] == SECOND_PAD_END)
-                ).any()
+                ).any() and _grazing(geometry.ends[path, pad]) >= self._least_grazing[pad]
                 views.append(
                     TrueView(
                         surface.name,
@@ -319,6 +321,13 @@ def _around(
     slope = beside / distance
     places = imaging.place(jnp.broadcast_to(angle, slope.shape), slope)
     return places.reshape(*ends.shape[:2], -1, 2)
+
+
+def _grazing(ends: Float[np.ndarray, "2 2"]) -> float:
+    """The flattest angle at which a whole pad is seen, rad: at one of its ends."""
+    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    rays = ends / np.hypot(*ends.T)[:, None]
+    return float(np.arcsin(np.abs(rays[:, 0] * along[1] - rays[:, 1] * along[0])).min())
 
 
 def _filled(inside: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "rows columns"]:

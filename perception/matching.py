@@ -1,0 +1,271 @@
+"""Which view is which: quadrilaterals matched to pads and paths, without ground truth.
+
+Every view that the finger can show is known as a family: where its corners would be for every value
+of the one joint that moves it. For each joint the value is taken that explains best what was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from perception.lens import Lens
+from perception.quads import Quad
+from perception.quality import Quality
+
+CAP = 75.0
+"""Corners further off than so many pixels (of 1080 rows) do not speak for a view."""
+
+AROUND = 2
+"""Neighbouring values of a joint at which a view that is judged complete may be so, too."""
+
+LENGTH_SHARE, LENGTH_DEVIATIONS = 0.06, 3.0
+"""A pad's length may come out wrong by that share and by so many standard deviations."""
+
+LEAST_DEVIATION = 0.5
+"""Of a corner, px, when a length is judged: lens and pads are not quite as they are thought."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """One view of one pad, for all values of the joint that moves it.
+
+    Corners are in the pad's own order: at its first end and lesser columns, at its second end and
+    lesser columns, second and greater, first and greater.
+
+    Attributes:
+        pad: name of the pad.
+        path: name of the path.
+        reflections: on its way; an odd number reverses handedness.
+        joint: index of the joint that moves it; ``None`` where none does.
+        angles: values of that joint, rad; one, and without meaning, where there is none.
+        corners: where they are imaged.
+        visible: whether any of the pad is seen.
+        complete: whether all of it is seen.
+        wanted: whether it is asked for; other views only explain what is found.
+    """
+
+    pad: str
+    path: str
+    reflections: int
+    joint: int | None
+    angles: Float[np.ndarray, " values"]
+    corners: Float[np.ndarray, "values 4 2"]
+    visible: Bool[np.ndarray, " values"]
+    complete: Bool[np.ndarray, " values"]
+    wanted: bool
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """All views that a finger can show.
+
+    Attributes:
+        families: the views.
+        lengths: of the pads by name, mm.
+        width: of the pads across the section, mm.
+        joints: number of joints.
+    """
+
+    families: Sequence[Family]
+    lengths: dict[str, float]
+    width: float
+    joints: int
+
+
+@dataclass(frozen=True)
+class View:
+    """A view that was asked for, found or not.
+
+    Attributes:
+        pad: name of the pad.
+        path: name of the path.
+        reflections: on its way.
+        quality: how it was found.
+        corners: column and row, in the pad's own order; NaN where it is missing.
+        rays: of the corners.
+        covariance: of the corners, px².
+        area: of the view, px².
+    """
+
+    pad: str
+    path: str
+    reflections: int
+    quality: Quality
+    corners: Float[np.ndarray, "4 2"]
+    rays: Float[np.ndarray, "4 2"]
+    covariance: Float[np.ndarray, "4 2 2"]
+    area: float
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """What was made of an image.
+
+    Attributes:
+        views: of all views that were asked for and were found or expected.
+        ghosts: quadrilaterals that are none of them.
+        angles: rough joint angles, rad, the best of the catalogue; NaN where nothing tells them.
+    """
+
+    views: tuple[View, ...]
+    ghosts: tuple[Quad, ...]
+    angles: Float[np.ndarray, " joints"]
+
+    def view(self, pad: str, path: str) -> View | None:
+        """The view of a pad by a path, if it was found or expected."""
+        return next((v for v in self.views if (v.pad, v.path) == (pad, path)), None)
+
+    def complete(self) -> list[View]:
+        """The views that show all of their pad."""
+        return [view for view in self.views if view.quality is Quality.COMPLETE]
+
+
+def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
+    """Say of every quadrilateral which view it is, and of every view how it was found."""
+    families = catalogue.families
+    angles = np.full(catalogue.joints, np.nan)
+    cap = CAP * lens.shape[0] / 1080
+    best = {i: 0 for i in range(len(families))}
+    pairs: list[tuple[float, int, int]] = []
+    shift = np.zeros(2)
+    for joint in (None, *range(catalogue.joints)):
+        own = [i for i, family in enumerate(families) if family.joint == joint]
+        if not own or not quads:
+            continue
+        distances = {i: _distances(families[i], quads, lens, shift) for i in own}
+        costs = _costs([families[i] for i in own], list(distances.values()), cap)
+        value = int(np.argmin(costs))
+        near = [
+            (float(distances[i][number, value]), number, i)
+            for i in own
+            for number in range(len(quads))
+            if families[i].visible[value] and distances[i][number, value] < cap
+        ]
+        best |= dict.fromkeys(own, value)
+        if joint is not None and near:
+            angles[joint] = families[own[0]].angles[value]
+        if joint is None and near:
+            # What does not move shows how the camera is out of place.
+            _, number, i = min(near)
+            shift = np.mean(quads[number].corners - _canonical(families[i].corners[:1])[0], axis=0)
+        pairs += near
+    assigned: dict[int, int] = {}
+    for _, number, i in sorted(pairs):
+        if number not in assigned.values() and i not in assigned:
+            assigned[i] = number
+    known = {families[i].joint for i in assigned}
+    views = []
+    for i, family in enumerate(families):
+        if not family.wanted:
+            continue
+        if i in assigned:
+            views.append(_found(family, best[i], quads[assigned[i]], catalogue, lens))
+        elif family.complete[best[i]] and (family.joint in known or family.joint is None):
+            views.append(_missing(family))
+    wanted = {number for i, number in assigned.items() if families[i].wanted}
+    ghosts = tuple(quad for number, quad in enumerate(quads) if number not in wanted)
+    return Sighting(tuple(views), ghosts, angles)
+
+
+def _canonical(corners: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 4 2"]:
+    """A pad's corners in the order of a `Quad`: its lower end first."""
+    return np.where(_first_is_lower(corners)[..., None, None], corners, corners[..., [1, 0, 3, 2], :])
+
+
+def _first_is_lower(corners: Float[np.ndarray, "*values 4 2"]) -> Bool[np.ndarray, "*values"]:
+    return corners[..., [0, 3], 1].mean(axis=-1) >= corners[..., [1, 2], 1].mean(axis=-1)
+
+
+def _distances(
+    family: Family, quads: Sequence[Quad], lens: Lens, shift: Float[np.ndarray, "2"]
+) -> Float[np.ndarray, "quads values"]:
+    """Root mean square distance of corners, of every quadrilateral from every value's."""
+    rows, columns = lens.shape
+    expected = np.clip(_canonical(family.corners) + shift, 0, [columns - 1, rows - 1])
+    there = np.stack([quad.corners for quad in quads])
+    return np.sqrt(np.mean(np.sum((there[:, None] - expected) ** 2, axis=-1), axis=-1))
+
+
+def _costs(
+    families: Sequence[Family],
+    distances: Sequence[Float[np.ndarray, "quads values"]],
+    cap: float,
+) -> Float[np.ndarray, " values"]:
+    """What each value of a joint leaves unexplained: of the views, and of what was found."""
+    shown = np.stack(
+        [np.where(f.visible, d, np.inf) for f, d in zip(families, distances, strict=True)]
+    )
+    by_view = np.minimum(shown.min(axis=1), cap)
+    visible = np.stack([family.visible for family in families])
+    by_quad = np.minimum(shown.min(axis=0), cap)
+    return np.where(visible, by_view, 0.0).sum(axis=0) + by_quad.sum(axis=0)
+
+
+def _found(family: Family, value: int, quad: Quad, catalogue: Catalogue, lens: Lens) -> View:
+    order = [0, 1, 2, 3] if _first_is_lower(family.corners[value]) else [1, 0, 3, 2]
+    quality = quad.quality
+    if quality is Quality.COMPLETE:
+        length, deviation = measured_length(quad, catalogue.width, lens)
+        off = length - catalogue.lengths[family.pad]
+        if abs(off) > LENGTH_SHARE * catalogue.lengths[family.pad] + LENGTH_DEVIATIONS * deviation:
+            quality = Quality.CLIPPED if off < 0 else Quality.MERGED
+        elif not family.complete[max(value - AROUND, 0) : value + AROUND + 1].any():
+            quality = Quality.CLIPPED
+    return View(
+        family.pad,
+        family.path,
+        family.reflections,
+        quality,
+        quad.corners[order],
+        quad.rays[order],
+        quad.covariance[order],
+        quad.area,
+    )
+
+
+def _missing(family: Family) -> View:
+    nothing = np.full((4, 2), np.nan)
+    return View(
+        family.pad,
+        family.path,
+        family.reflections,
+        Quality.MISSING,
+        nothing,
+        nothing,
+        np.full((4, 2, 2), np.nan),
+        0.0,
+    )
+
+
+def measured_length(quad: Quad, width: float, lens: Lens) -> tuple[float, float]:
+    """Length of a pad along the section as its view shows it, and its standard deviation, mm.
+
+    The ends' lateral slopes and the pad's width give their distances; distances and section angles
+    give the length, without a model of where the pad is.
+    """
+
+    def length(rays: Float[np.ndarray, "4 2"]) -> float:
+        ends = []
+        for left, right in ((0, 3), (1, 2)):
+            across = max(rays[right, 1] - rays[left, 1], 1e-9)
+            angle = (rays[left, 0] + rays[right, 0]) / 2
+            ends.append(width / across * np.array([np.cos(angle), np.sin(angle)]))
+        return float(np.hypot(*(ends[1] - ends[0])))
+
+    small, base = 0.5, length(quad.rays)
+    moved = [
+        quad.corners[i] + small * np.eye(2)[axis] for i in range(4) for axis in range(2)
+    ]
+    rays = lens.rays(np.stack(moved))
+    variance = 0.0
+    for number in range(8):
+        i, axis = divmod(number, 2)
+        changed = quad.rays.copy()
+        changed[i] += rays[number] - lens.rays(quad.corners[i : i + 1])[0]
+        slope = (length(changed) - base) / small
+        variance += slope**2 * (quad.covariance[i, axis, axis] + LEAST_DEVIATION**2)
+    return base, float(np.sqrt(variance))
