@@ -1,0 +1,89 @@
+"""What the image can tell at best: the Cramér–Rao bound of the joint angles.
+
+Source: H. L. Van Trees, *Detection, Estimation, and Modulation Theory*, part I, §2.4: with prior
+knowledge of nuisances, here the finger's errors, their information adds to that of the data.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from perception.proprioception.corners import LOOSE, CornerModel, deviations
+from perception.proprioception.observation import Observation
+
+
+class Bound(NamedTuple):
+    """Least standard deviations of a frame's joint angles, rad.
+
+    Attributes:
+        finger_known: if the finger's errors were known.
+        calibrated: if they are known as well as the calibration frames can tell.
+    """
+
+    finger_known: Float[np.ndarray, " joints"]
+    calibrated: Float[np.ndarray, " joints"]
+
+
+def information_bound(
+    model: CornerModel,
+    errors: Float[np.ndarray, " errors"],
+    frame: tuple[Observation, Float[np.ndarray, " joints"]],
+    frames: tuple[Observation, Float[np.ndarray, "frames joints"]],
+    label_deviation: float | None,
+) -> Bound:
+    """The bound for a frame of a finger that other frames have calibrated.
+
+    Args:
+        model: what predicts the corners.
+        errors: the finger's true errors, in units of their deviations.
+        frame: what is seen in it, and its true joint angles, rad.
+        frames: the same of the calibration frames.
+        label_deviation: standard deviation of their labels, rad; ``None`` without labels.
+    """
+    spread = LOOSE if label_deviation is None else label_deviation
+    known, total = _bound(
+        model, jnp.asarray(errors), *map(jnp.asarray, frame[0]), jnp.asarray(frame[1]),
+        *map(jnp.asarray, frames[0]), jnp.asarray(frames[1]), jnp.asarray(spread),
+    )  # fmt: skip
+    return Bound(*(np.sqrt(np.diagonal(np.asarray(part))) for part in (known, total)))
+
+
+@eqx.filter_jit
+def _bound(
+    model: CornerModel,
+    errors: Float[Array, " errors"],
+    corners: Float[Array, "views 4 2"],
+    whitening: Float[Array, "views 4 2 2"],
+    angles: Float[Array, " joints"],
+    all_corners: Float[Array, "frames views 4 2"],
+    all_whitening: Float[Array, "frames views 4 2 2"],
+    all_angles: Float[Array, "frames joints"],
+    spread: Float[Array, ""],
+) -> tuple[Array, Array]:
+    def slopes(pose: Array, place: Array, weight: Array) -> tuple[Array, Array]:
+        seen = Observation(place, weight)  # pyright: ignore[reportArgumentType]
+        return jax.jacfwd(lambda e, p: deviations(model, e, p, seen), (0, 1))(errors, pose)
+
+    def about_errors(pose: Array, place: Array, weight: Array) -> Array:
+        """Information of a frame on the errors when its own angles are not asked for."""
+        by_error, by_angle = slopes(pose, place, weight)
+        own = by_angle.T @ by_angle + jnp.eye(len(pose)) / spread**2
+        both = by_angle.T @ by_error
+        return by_error.T @ by_error - both.T @ jnp.linalg.solve(own, both)
+
+    prior = jnp.eye(model.errors)
+    told = jnp.sum(jax.vmap(about_errors)(all_angles, all_corners, all_whitening), axis=0)
+    by_error, by_angle = slopes(angles, corners, whitening)
+    own = by_angle.T @ by_angle + jnp.eye(len(angles)) / LOOSE**2
+    both = by_angle.T @ by_error
+    rest = prior + told + by_error.T @ by_error
+    return (
+        jnp.linalg.inv(own),
+        jnp.linalg.inv(own - both @ jnp.linalg.solve(rest, both.T)),
+    )

@@ -1,0 +1,102 @@
+"""The errors of one finger, from frames whose joint angles are known, or from any frames.
+
+Errors, and the angles of all frames, are found together: the maximum of their joint probability
+(bundle adjustment with priors; B. Triggs et al., *Bundle adjustment, a modern synthesis*, 2000).
+A labelled frame has its label as a prior of its angles; an unlabelled one has none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from designopt.fitting import Fit, least_squares
+from perception.proprioception.corners import LOOSE, CornerModel, deviations, softened
+from perception.proprioception.observation import Observation
+
+TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What is known of a finger.
+
+    Attributes:
+        errors: in units of their deviations before.
+        covariance: of these.
+        angles: of the frames, rad.
+        scatter: root mean square of the corners' deviations, in units of the expected; about 1 if
+            the corners are as good as they were said to be.
+        ok: whether the minimum was found.
+    """
+
+    errors: Float[np.ndarray, " errors"]
+    covariance: Float[np.ndarray, "errors errors"]
+    angles: Float[np.ndarray, "frames joints"]
+    scatter: float
+    ok: bool
+
+
+def calibrate(
+    model: CornerModel,
+    seen: Observation,
+    angles: Float[np.ndarray, "frames joints"],
+    deviation: float | None = None,
+) -> Calibration:
+    """The errors of a finger from several frames.
+
+    Args:
+        model: what predicts the corners.
+        seen: the corners, frames along the first axis.
+        angles: the frames' labels, or rough angles to begin with, rad.
+        deviation: standard deviation of the labels, rad; ``None`` if the angles are no labels.
+    """
+    known = np.isfinite(angles) & (deviation is not None)
+    spread = np.where(known, deviation or LOOSE, LOOSE)
+    start = np.where(np.isfinite(angles), angles, 0.0)
+    fit, left = _calibrated(
+        model, jnp.asarray(seen.corners), jnp.asarray(seen.whitening), jnp.asarray(start),
+        jnp.asarray(spread),
+    )  # fmt: skip
+    values, count = np.asarray(fit.solution.value), model.errors
+    used = np.asarray(left) != 0
+    free = max(int(used.sum()) - values.size + count, 1)
+    scatter = float(np.sqrt(np.sum(np.asarray(left) ** 2) / free))
+    return Calibration(
+        values[:count],
+        np.asarray(fit.covariance)[:count, :count],
+        values[count:].reshape(start.shape),
+        scatter,
+        bool(fit.solution.ok),
+    )
+
+
+@eqx.filter_jit
+def _calibrated(
+    model: CornerModel,
+    corners: Float[Array, "frames views 4 2"],
+    whitening: Float[Array, "frames views 4 2 2"],
+    start: Float[Array, "frames joints"],
+    spread: Float[Array, "frames joints"],
+) -> tuple[Fit, Float[Array, " data"]]:
+    def corner_part(values: Float[Array, " values"]) -> Float[Array, " data"]:
+        errors, angles = values[: model.errors], values[model.errors :].reshape(start.shape)
+
+        def frame(pose: Array, place: Array, weight: Array) -> Array:
+            return softened(deviations(model, errors, pose, Observation(place, weight)))  # pyright: ignore[reportArgumentType]
+
+        return jax.vmap(frame)(angles, corners, whitening).reshape(-1)
+
+    def residuals(values: Float[Array, " values"], _: None) -> Float[Array, " data"]:
+        angles = values[model.errors :].reshape(start.shape)
+        prior = ((angles - start) / spread).reshape(-1)
+        return jnp.concatenate([corner_part(values), values[: model.errors], prior])
+
+    guess = jnp.concatenate([jnp.zeros(model.errors), start.reshape(-1)])
+    fit = least_squares(residuals, guess, tolerance=TOLERANCE, max_steps=64)
+    return fit, corner_part(fit.solution.value)

@@ -1,0 +1,143 @@
+"""Joint angles by all corners: least squares on a model that predicts where corners are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.fitting import Fit, least_squares
+from perception.proprioception.estimate import Estimate, undefined
+from perception.proprioception.observation import Observation
+
+Predict = Callable[[Float[Array, " errors"], Float[Array, " joints"]], Float[Array, "views 4 2"]]
+"""Where corners are imaged, from the finger's errors in units of their deviations, and its pose."""
+
+ROBUST = 3.0
+"""Corners off by more deviations than this count less (pseudo-Huber loss)."""
+
+LOOSE = 10.0
+"""Standard deviation of a joint angle before anything is seen, rad: no information."""
+
+SOLVED = 1e-9
+"""Relative tolerance of a pose, far below the corners' noise."""
+
+
+@dataclass(frozen=True)
+class CornerModel:
+    """What predicts the corners.
+
+    Attributes:
+        predict: the corners; differentiable.
+        views: pad and path of every view, in the order in which they are predicted.
+        joints: of every view, the index of the joint that moves it, or ``None``.
+        errors: number of the finger's errors.
+        names: of the joints.
+    """
+
+    predict: Predict
+    views: tuple[tuple[str, str], ...]
+    joints: tuple[int | None, ...]
+    errors: int
+    names: tuple[str, ...]
+
+
+def deviations(
+    model: CornerModel,
+    errors: Float[Array, " errors"],
+    angles: Float[Array, " joints"],
+    seen: Observation,
+) -> Float[Array, " data"]:
+    """What is left of every corner's column and row, in standard deviations."""
+    off = model.predict(errors, angles) - jnp.asarray(seen.corners)
+    return jnp.einsum("vcij,vcj->vci", jnp.asarray(seen.whitening), off).reshape(-1)
+
+
+def softened(left: Float[Array, " data"]) -> Float[Array, " data"]:
+    """Deviations whose squares are those of the pseudo-Huber loss: outliers count less.
+
+    Source: P. Charbonnier et al., IEEE Trans. Image Process. 6 (1997) 298, with
+    2 δ² (√(1 + r²/δ²) − 1) = r² · 2 / (1 + √(1 + r²/δ²)).
+    """
+    return left * jnp.sqrt(2 / (1 + jnp.sqrt(1 + (left / ROBUST) ** 2)))
+
+
+class PoseSolver:
+    """Joint angles of single frames of one finger.
+
+    Attributes:
+        model: what predicts the corners.
+    """
+
+    def __init__(self, model: CornerModel) -> None:
+        """Prepare; the first frame compiles."""
+        self.model = model
+        self._solve = eqx.filter_jit(partial(_solve, model))
+
+    def __call__(
+        self,
+        seen: Observation,
+        guess: Float[np.ndarray, " joints"],
+        errors: Float[np.ndarray, " errors"] | None = None,
+        spread: Float[np.ndarray, "errors errors"] | None = None,
+    ) -> list[Estimate]:
+        """The joint angles of a frame.
+
+        Args:
+            seen: its corners.
+            guess: rough joint angles, rad.
+            errors: of the finger, in units of their deviations; none by default.
+            spread: covariance of these; none by default.
+
+        Returns:
+            An estimate for each joint; undefined where no complete view tells its angle.
+        """
+        count = self.model.errors
+        errors = np.zeros(count) if errors is None else errors
+        spread = np.zeros((count, count)) if spread is None else spread
+        start = np.where(np.isfinite(guess), guess, 0.0)
+        angles, covariance, ok = self._solve(
+            jnp.asarray(seen.corners), jnp.asarray(seen.whitening), jnp.asarray(start),
+            jnp.asarray(errors), jnp.asarray(spread),
+        )  # fmt: skip
+        found, variance, ok = np.asarray(angles), np.diagonal(np.asarray(covariance)), bool(ok)
+        told = {joint for joint, there in zip(self.model.joints, seen.seen, strict=True) if there}
+        estimates = []
+        for joint, name in enumerate(self.model.names):
+            if joint not in told:
+                estimates.append(undefined(f"no complete view tells {name}"))
+            elif not ok:
+                estimates.append(undefined(f"no pose fits the corners that tell {name}"))
+            else:
+                deviation = float(np.sqrt(variance[joint]))
+                estimates.append(Estimate(float(found[joint]), deviation, "all corners"))
+        return estimates
+
+
+def _solve(
+    model: CornerModel,
+    corners: Float[Array, "views 4 2"],
+    whitening: Float[Array, "views 4 2 2"],
+    guess: Float[Array, " joints"],
+    errors: Float[Array, " errors"],
+    spread: Float[Array, "errors errors"],
+) -> tuple[Array, Array, Array]:
+    seen = Observation(corners, whitening)  # pyright: ignore[reportArgumentType]
+
+    def residuals(angles: Float[Array, " joints"], _: None) -> Float[Array, " data"]:
+        left = softened(deviations(model, errors, angles, seen))
+        return jnp.concatenate([left, (angles - guess) / LOOSE])
+
+    fit: Fit = least_squares(residuals, guess, tolerance=SOLVED, max_steps=32)
+    angles = fit.solution.value
+    # Errors of the finger move the answer: d angles = −(JᵀJ)⁻¹ Jᵀ J_e d errors.
+    by_angle = jax.jacfwd(residuals)(angles, None)
+    by_error = jax.jacfwd(lambda e: softened(deviations(model, e, angles, seen)))(errors)
+    moved = -fit.covariance @ by_angle[: len(by_error)].T @ by_error
+    return angles, fit.covariance + moved @ spread @ moved.T, fit.solution.ok

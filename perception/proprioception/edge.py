@@ -1,0 +1,134 @@
+"""One edge and no model: a joint angle from the section angle of one end of one view.
+
+Labelled frames give a straight line, or with many frames a parabola, from the end's section angle
+to the joint angle. No optics are needed, but nothing is known beyond the labelled range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from perception.matching import Sighting
+from perception.proprioception.estimate import Estimate, undefined
+from perception.proprioception.gap import end_angle, end_is_seen
+
+PARABOLA = 5
+"""Frames from which on a parabola is fitted; fewer carry a straight line only."""
+
+BEYOND = 0.25
+"""How far beyond the labelled frames a curve is trusted, in parts of their range."""
+
+
+@dataclass(frozen=True)
+class EdgeCurve:
+    """From the section angle of one end of one view to a joint angle.
+
+    Attributes:
+        pad: name of the pad.
+        path: name of the path.
+        end: of the pad.
+        coefficients: of the polynomial in (angle − middle), constant first.
+        covariance: of these.
+        noise: standard deviation of an answer that is not the curve's, rad.
+        middle: of the labelled section angles, rad.
+        limits: least and greatest section angle for which the curve is trusted, rad.
+    """
+
+    pad: str
+    path: str
+    end: int
+    coefficients: Float[np.ndarray, " terms"]
+    covariance: Float[np.ndarray, "terms terms"]
+    noise: float
+    middle: float
+    limits: tuple[float, float]
+
+    def estimate(self, angle: float) -> Estimate:
+        """The joint angle at a section angle of the end."""
+        if not self.limits[0] <= angle <= self.limits[1]:
+            return undefined("the end lies outside of the labelled range")
+        powers = (angle - self.middle) ** np.arange(len(self.coefficients))
+        variance = self.noise**2 + powers @ self.covariance @ powers
+        name = f"end {self.end} of {self.pad}, {self.path}"
+        return Estimate(float(powers @ self.coefficients), float(np.sqrt(variance)), name)
+
+
+@dataclass(frozen=True)
+class EdgeRuler:
+    """All curves of one joint.
+
+    Attributes:
+        curves: of every end that at least two labelled frames show.
+    """
+
+    curves: tuple[EdgeCurve, ...]
+
+    def estimate(self, sighting: Sighting, shape: tuple[int, int]) -> Estimate:
+        """The joint angle by the one end that tells it best."""
+        answers = [undefined("no labelled end is seen")]
+        for curve in self.curves:
+            view = sighting.view(curve.pad, curve.path)
+            if view is not None and end_is_seen(view, curve.end, shape):
+                answers.append(curve.estimate(end_angle(view, curve.end)))
+        return min(answers, key=lambda answer: answer.deviation)
+
+
+def fit_edges(
+    sightings: Sequence[Sighting],
+    labels: Float[np.ndarray, " frames"],
+    views: Sequence[tuple[str, str]],
+    shape: tuple[int, int],
+    *,
+    label_deviation: float,
+    edge_deviation: float,
+) -> EdgeRuler:
+    """Curves from labelled frames by least squares.
+
+    Args:
+        sightings: of the frames.
+        labels: the joint's angle in each, rad.
+        views: pad and path of the views that the joint moves.
+        shape: rows and columns of the images.
+        label_deviation: standard deviation of the labels, rad.
+        edge_deviation: that of an end's section angle, rad.
+    """
+    curves = []
+    for pad, path in views:
+        for end in range(2):
+            found = [sighting.view(pad, path) for sighting in sightings]
+            there = np.array([end_is_seen(view, end, shape) for view in found], bool)
+            if there.sum() < 2:
+                continue
+            angles = np.array([end_angle(v, end) for v, t in zip(found, there, strict=True)
+                               if t and v is not None])  # fmt: skip
+            curve = _fitted(angles, labels[there], label_deviation, edge_deviation)
+            if curve is not None:
+                curves.append(EdgeCurve(pad, path, end, *curve))
+    return EdgeRuler(tuple(curves))
+
+
+def _fitted(
+    angles: Float[np.ndarray, " frames"],
+    labels: Float[np.ndarray, " frames"],
+    label_deviation: float,
+    edge_deviation: float,
+) -> tuple[np.ndarray, np.ndarray, float, float, tuple[float, float]] | None:
+    low, high = float(angles.min()), float(angles.max())
+    if high - low < 4 * edge_deviation:
+        return None
+    middle = (low + high) / 2
+    terms = 3 if len(angles) >= PARABOLA else 2
+    design = (angles - middle)[:, None] ** np.arange(terms)
+    coefficients = np.linalg.lstsq(design, labels, rcond=None)[0]
+    noise = abs(float(coefficients[1])) * edge_deviation
+    left = labels - design @ coefficients
+    stated = label_deviation**2 + noise**2
+    free = len(angles) - terms
+    variance = max(stated, float(left @ left) / free) if free > 0 else stated
+    covariance = variance * np.linalg.inv(design.T @ design)
+    beyond = BEYOND * (high - low)
+    return coefficients, covariance, noise, middle, (low - beyond, high + beyond)

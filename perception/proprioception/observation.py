@@ -1,0 +1,68 @@
+"""The corners of a frame as arrays of one shape, whatever was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from perception.matching import Sighting
+from perception.quality import Quality
+
+FLOOR = 0.35
+"""Standard deviation of a corner that its covariance does not tell of, px of 1080 rows: blur,
+saturation and compression move edges, and lenses are not quite as they are thought."""
+
+NOWHERE = 0.0
+"""What stands for the corners of views that were not found; they have no weight."""
+
+
+class Observation(NamedTuple):
+    """Corners of complete views.
+
+    Attributes:
+        corners: column and row.
+        whitening: what makes their deviations independent and of size one: the inverse square root
+            of their covariance, 1/px; 0 for corners that were not found.
+    """
+
+    corners: Float[np.ndarray, "*frames views 4 2"]
+    whitening: Float[np.ndarray, "*frames views 4 2 2"]
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Which views were found complete."""
+        return np.any(self.whitening != 0, axis=(-1, -2, -3))
+
+
+def observe(
+    sighting: Sighting, views: Sequence[tuple[str, str]], floor: float = FLOOR
+) -> Observation:
+    """The corners of a sighting.
+
+    Args:
+        sighting: of one frame.
+        views: pad and path of every view, in the order of the model.
+        floor: standard deviation that is added to every corner's own, px.
+    """
+    corners = np.full((len(views), 4, 2), NOWHERE)
+    whitening = np.zeros((len(views), 4, 2, 2))
+    for index, (pad, path) in enumerate(views):
+        view = sighting.view(pad, path)
+        if view is None or view.quality is not Quality.COMPLETE:
+            continue
+        corners[index] = view.corners
+        whitening[index] = inverse_root(view.covariance + floor**2 * np.eye(2))
+    return Observation(corners, whitening)
+
+
+def stack_observations(observations: Sequence[Observation]) -> Observation:
+    """Frames along a first axis."""
+    return Observation(*(np.stack(parts) for parts in zip(*observations, strict=True)))
+
+
+def inverse_root(covariance: Float[np.ndarray, "*batch 2 2"]) -> Float[np.ndarray, "*batch 2 2"]:
+    """W with Wᵀ W the inverse of a covariance."""
+    return np.linalg.inv(np.linalg.cholesky(covariance))
