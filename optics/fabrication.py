@@ -6,10 +6,15 @@ from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from designopt.numerics import as_float
+from optics.camera import Equidistant, KannalaBrandt, Projection
 from optics.scene import Layout, Scene
+
+
+def _optional(number: ArrayLike | None) -> Float[Array, ""] | None:
+    return None if number is None else as_float(number)
 
 
 class Fabrication(eqx.Module):
@@ -24,6 +29,8 @@ class Fabrication(eqx.Module):
         pad_tilt: of each pad about its middle, rad.
         pad_offset: of each pad along its normal, mm.
         pad_shift: of each pad along itself, mm.
+        distortion: k₁ that is added to the lens, r ∝ θ + k₁ θ³ of Kannala and Brandt, the field of
+            view filling the image line as before; ``None`` for a lens that is exactly as designed.
     """
 
     camera: Float[Array, "2"] = eqx.field(converter=as_float)
@@ -34,6 +41,7 @@ class Fabrication(eqx.Module):
     pad_tilt: Float[Array, " pads"] = eqx.field(converter=as_float)
     pad_offset: Float[Array, " pads"] = eqx.field(converter=as_float)
     pad_shift: Float[Array, " pads"] = eqx.field(converter=as_float)
+    distortion: Float[Array, ""] | None = eqx.field(default=None, converter=_optional)
 
     @classmethod
     def none(cls, layout: Layout) -> Fabrication:
@@ -44,7 +52,10 @@ class Fabrication(eqx.Module):
 
 
 def fabrication_names(layout: Layout) -> list[str]:
-    """What the entries of a flattened `Fabrication` are, in their order, with their units."""
+    """What the entries of a flattened `Fabrication` are, in their order, with their units.
+
+    The last one is there only if the lens has an error.
+    """
     mirrors, pads = [[part.name for part in kind] for kind in (layout.mirrors, layout.pads)]
     return [
         "camera along x (mm)",
@@ -56,6 +67,7 @@ def fabrication_names(layout: Layout) -> list[str]:
         *(f"tilt of pad {name} (rad)" for name in pads),
         *(f"offset of pad {name} (mm)" for name in pads),
         *(f"shift of pad {name} (mm)" for name in pads),
+        "lens k1",
     ]
 
 
@@ -66,6 +78,9 @@ def as_made(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -
         scene: as designed.
         errors: its errors; ``lateral`` is not in the section and has no effect here.
         carried: indices of the blockers that move with the camera, such as its body.
+
+    Raises:
+        ValueError: a distortion is added to a lens that is neither equidistant nor Kannala–Brandt.
     """
     camera, blockers = scene.camera, scene.blockers
     if carried:
@@ -78,6 +93,7 @@ def as_made(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -
         lambda scene: (
             scene.camera.position,
             scene.camera.direction,
+            scene.camera.projection,
             scene.mirrors,
             scene.pads,
             scene.blockers,
@@ -86,11 +102,22 @@ def as_made(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -
         (
             camera.position + errors.camera,
             camera.direction + errors.tilt,
+            _distorted(camera.projection, errors.distortion),
             displaced(scene.mirrors, errors.mirror_tilt, errors.mirror_offset),
             pads + (errors.pad_shift[:, None] * along)[:, None],
             blockers,
         ),
     )
+
+
+def _distorted(projection: Projection, k1: Float[Array, ""] | None) -> Projection:
+    if k1 is None:
+        return projection
+    if isinstance(projection, Equidistant):
+        return KannalaBrandt(jnp.zeros(4, k1.dtype).at[0].set(k1))
+    if isinstance(projection, KannalaBrandt):
+        return KannalaBrandt(projection.coefficients.at[0].add(k1))
+    raise ValueError("a distortion is added to an equidistant or Kannala-Brandt lens only")
 
 
 def turned(

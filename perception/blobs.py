@@ -15,13 +15,14 @@ import cv2
 import numpy as np
 from jaxtyping import Int
 
-from perception.masks import Grey, Mask, adaptive_mask, global_mask
+from perception.masks import Grey, Mask, global_mask, seam_mask
 
 LEVELS = 24
 """Thresholds of the sweep, in equal ratios up to full scale."""
 
-BLOCK, SHARE = 41, 0.75
-"""Box and share of the adaptive part, so that narrow dark gaps part two views; of 1080 rows."""
+SEAM, SHARE = 9, 0.8
+"""A dark seam narrower than this many pixels of 1080 rows, and no brighter than this share of what
+is beside it, parts two views."""
 
 SPREAD = 1.5
 """The sweep begins so many standard deviations above the background's median."""
@@ -60,12 +61,11 @@ class _Node:
 def stable_blobs(grey: Grey) -> list[Blob]:
     """The blobs of an image, each at its most stable threshold; none overlaps another."""
     smooth = cv2.blur(grey, (3, 3))
-    block = max(3, round(BLOCK * len(grey) / 1080) | 1)
-    near = adaptive_mask(smooth, block, SHARE)
+    seams = seam_mask(smooth, max(3, round(SEAM * len(grey) / 1080) | 1), SHARE)
     roots: list[_Node] = []
     previous: list[_Node] = []
     for level in _levels(smooth):
-        nodes = [_Node(blob) for blob in _blobs(smooth, near, level)]
+        nodes = [_Node(blob) for blob in _blobs(smooth, seams, level)]
         for node in nodes:
             parent = next((other for other in previous if _holds(other.blob, node.blob)), None)
             (roots if parent is None else parent.children).append(node)
@@ -82,9 +82,9 @@ def _levels(grey: Grey) -> list[float]:
     return [] if lowest >= 250 else np.geomspace(lowest, 250.0, LEVELS).tolist()
 
 
-def _blobs(grey: Grey, near: Mask, level: float) -> list[Blob]:
+def _blobs(grey: Grey, seams: Mask, level: float) -> list[Blob]:
     square = cv2.getStructuringElement(cv2.MORPH_RECT, (3, 3))
-    mask = cv2.bitwise_and(global_mask(grey, level), near)
+    mask = cv2.subtract(global_mask(grey, level), seams)
     opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, square)
     contours = cv2.findContours(opened, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     outlines = [contour.reshape(-1, 2) for contour in contours]

@@ -46,6 +46,27 @@ def adaptive_mask(grey: Grey, block: int, share: float) -> Mask:
     return cv2.compare(grey, cv2.convertScaleAbs(mean, alpha=share), cv2.CMP_GT)
 
 
+def seam_mask(grey: Grey, size: int, share: float) -> Mask:
+    """Narrow dark seams across the section, as between a view and another one beside it.
+
+    They are drawn longer at both ends, where the corners of the two views come near each other.
+
+    Args:
+        grey: brightness.
+        size: seams are narrower than this, px; odd.
+        share: a seam's brightness over that of what is on both its sides, at most.
+    """
+
+    def box(wide: int, high: int) -> np.ndarray:
+        return cv2.getStructuringElement(cv2.MORPH_RECT, (wide, high))
+
+    closed = cv2.morphologyEx(grey, cv2.MORPH_CLOSE, box(size, size))
+    dark = cv2.compare(grey, cv2.convertScaleAbs(closed, alpha=share), cv2.CMP_LT)
+    # Shorter ones are noise, or the shade of something that touches the pad.
+    long = cv2.morphologyEx(dark, cv2.MORPH_OPEN, box(2 * size, 1))
+    return cv2.dilate(long, box(3 * size, 1))
+
+
 def combined_mask(grey: Grey, threshold: float, block: int, share: float) -> Mask:
     """Paper B's combination (§4.1.1): bright by one threshold and by that of its surroundings."""
     return cv2.bitwise_and(global_mask(grey, threshold), adaptive_mask(grey, block, share))

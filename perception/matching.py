@@ -22,7 +22,7 @@ CAP = 75.0
 AROUND = 2
 """Neighbouring values of a joint at which a view that is judged complete may be so, too."""
 
-LENGTH_SHARE, LENGTH_DEVIATIONS = 0.06, 3.0
+LENGTH_SHARE, LENGTH_DEVIATIONS = 0.02, 2.5
 """A pad's length may come out wrong by that share and by so many standard deviations."""
 
 LEAST_DEVIATION = 0.5

@@ -50,6 +50,10 @@ FAR_ROUNDS = 6
 TUKEY = 4.685
 """Residuals of so many standard deviations count no more (95 % efficiency for normal ones)."""
 
+DEEP, SEAM = 0.9, 10.0
+"""Where brightness falls by a smaller part than `DEEP` to the dark, an edge is doubted by so many
+pixels per missing part: what falls halfway only may be as far off as a seam is wide."""
+
 UNKNOWN = 1.0
 """Variance of a side that was not found, in the tangent plane: it may be anywhere."""
 
@@ -198,6 +202,8 @@ class _Edge:
         scale: px per unit of the tangent plane across the side.
         found: where an edge was found at all.
         contrast: step of brightness, the median over the places.
+        doubt: standard deviation of all of the edge together, px: next to another view the
+            brightness does not fall to the dark, and its half is no edge.
     """
 
     shares: Float[np.ndarray, " points"]
@@ -205,6 +211,7 @@ class _Edge:
     scale: Float[np.ndarray, " points"]
     found: Bool[np.ndarray, " points"]
     contrast: float
+    doubt: float
 
 
 @dataclass(frozen=True)
@@ -265,12 +272,18 @@ def _edges(
     inward = flat - THICK / scale[:, None] * outward
     beyond = np.stack([(inward - side.start) @ side.outward for side in sides])
     found &= (beyond < 0).all(axis=0)
+    owns = [slice(i * POINTS, (i + 1) * POINTS) for i in range(len(sides))]
+    dark = min(float(np.median(outside[own])) for own in owns)
+    depth = contrast / np.maximum(inside - dark, 1.0)
     edges = []
-    for i in range(len(sides)):
-        own = slice(i * POINTS, (i + 1) * POINTS)
-        seen = contrast[own][found[own]]
-        step = float(np.median(seen)) if seen.size else 0.0
-        edges.append(_Edge(shares, offsets[own], scale[own], found[own], step))
+    for own in owns:
+        there = found[own]
+        step, deep = (
+            float(np.median(values[own][there])) if there.any() else 0.0
+            for values in (contrast, depth)
+        )
+        doubt = SEAM * max(DEEP - deep, 0.0)
+        edges.append(_Edge(shares, offsets[own], scale[own], there, step, doubt))
     return edges
 
 
@@ -301,6 +314,7 @@ def _line(edge: _Edge) -> _Line:
     correlation = np.clip(np.mean(near[1:] * near[:-1]) / max(np.mean(near**2), 1e-12), 0.0, 0.9)
     fewer = (1 + correlation) / (1 - correlation)
     covariance = variance * fewer * np.linalg.inv(normal + 1e-12 * np.trace(normal) * np.eye(2))
+    covariance[0, 0] += (edge.doubt / float(np.mean(edge.scale))) ** 2
     return _Line(float(solution[0]), float(solution[1]), covariance, float(np.sqrt(variance)))
 
 

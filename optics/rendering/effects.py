@@ -22,7 +22,6 @@ class Effects:
         noise: standard deviation of a sample at full scale, part of full scale; photon noise, so
             that it falls with the square root of the light, and a fifth of it everywhere.
         jpeg: how much JPEG compression loses: 100 minus its quality.
-        distortion: k₁ of a Kannala–Brandt term r = f (θ + k₁ θ³) that is added to the lens.
     """
 
     gain: float = 1.0
@@ -36,7 +35,6 @@ class Effects:
     blur: float = 0.0
     noise: float = 0.0
     jpeg: float = 0.0
-    distortion: float = 0.0
 
     @classmethod
     def graded(cls, severity: float, gain: float = 1.0) -> Effects:
@@ -57,7 +55,6 @@ TYPICAL = Effects(
     blur=0.8,
     noise=0.02,
     jpeg=8.0,
-    distortion=0.001,
 )
 """A well-made finger; chosen, as neither paper gives numbers."""
 

@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt8
 
-from optics.camera import Camera, Equidistant, KannalaBrandt
 from optics.fabrication import Fabrication, as_made
 from optics.imaging import Imaging
 from optics.labels import FIRST_PAD_END, SECOND_PAD_END
@@ -139,10 +138,11 @@ class Renderer:
         self._errors = Fabrication.none(scene.layout) if errors is None else errors
         self._effects, self._width, self._seed = effects, width, seed
         made = as_made(scene, self._errors, carried=carried)
+        pixels = made.camera.pixels if rows is None else jnp.asarray(float(rows))
         self.scene = eqx.tree_at(
-            lambda scene: (scene.camera, scene.grazing),
+            lambda scene: (scene.camera.pixels, scene.grazing),
             made,
-            (_imaging_camera(made.camera, effects, rows), jnp.full_like(made.grazing, GRAZING)),
+            (pixels, jnp.full_like(made.grazing, GRAZING)),
         )
         self._least_grazing = np.asarray(scene.grazing)
         self.imaging = Imaging.of(self.scene.camera)
@@ -339,21 +339,3 @@ def _filled(inside: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "row
 
 def _touches_border(seen: np.ndarray) -> bool:
     return bool(seen[[0, -1]].any() or seen[:, [0, -1]].any())
-
-
-def _imaging_camera(camera: Camera, effects: Effects, rows: int | None) -> Camera:
-    """The camera with the effects' distortion, and with another number of pixels."""
-    if rows is not None:
-        camera = eqx.tree_at(lambda c: c.pixels, camera, jnp.asarray(rows, camera.pixels.dtype))
-    if not effects.distortion:
-        return camera
-    if isinstance(camera.projection, Equidistant):
-        coefficients = jnp.zeros(4)
-    elif isinstance(camera.projection, KannalaBrandt):
-        coefficients = camera.projection.coefficients
-    else:
-        raise ValueError("distortion is added to an equidistant or Kannala-Brandt lens only")
-    lens = KannalaBrandt(coefficients.at[0].add(effects.distortion))
-    # The focal length stays, so that the image's border is at another angle.
-    border = lens.angle(camera.projection.height(camera.field_of_view / 2))
-    return eqx.tree_at(lambda c: (c.projection, c.field_of_view), camera, (lens, 2 * border))

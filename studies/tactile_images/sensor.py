@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from optics.fabrication import Fabrication, as_made
 from optics.imaging import Imaging
 from optics.outlines import find_corners, find_outlines
 from optics.scene import Scene
@@ -16,6 +20,7 @@ from optics.views import Pieces, path_names
 from optics.visibility import find_views
 from perception.lens import Lens, Places, Rays
 from perception.matching import Catalogue, Family
+from perception.proprioception import CornerModel, GapTable
 
 ANGLES = np.deg2rad(np.linspace(-5.0, 95.0, 101))
 """Values of every joint in the catalogue: every degree of the range, and a little beyond."""
@@ -96,3 +101,75 @@ def _looked_at(
     paths = range(len(paths_of(scene.layout, scene.layout.bounces)))
     seen = np.stack([np.asarray(pieces.seen(path)) for path in paths], axis=-2)
     return np.asarray(corners), seen
+
+
+def wanted_views(catalogue: Catalogue) -> list[Family]:
+    """The views that are asked for, in the order of the catalogue."""
+    return [family for family in catalogue.families if family.wanted]
+
+
+def corner_model(
+    scene: Scene,
+    imaging: Imaging,
+    catalogue: Catalogue,
+    deviations: Fabrication,
+    carried: Sequence[int],
+) -> CornerModel:
+    """What predicts the corners of the wanted views from the finger's errors and pose.
+
+    Args:
+        scene: as designed.
+        imaging: its camera's image.
+        catalogue: its views.
+        deviations: standard deviation of every error of fabrication.
+        carried: indices of the blockers that move with the camera.
+    """
+    views = wanted_views(catalogue)
+    names, pads = path_names(scene.layout), [pad.name for pad in scene.layout.pads]
+    paths = np.array([names.index(view.path) for view in views])
+    surfaces = np.array([pads.index(view.pad) for view in views])
+    sizes, unravel = ravel_pytree(deviations)
+
+    def predict(
+        errors: Float[Array, " errors"], angles: Float[Array, " joints"]
+    ) -> Float[Array, "views 4 2"]:
+        fabrication = unravel(errors * sizes)
+        made = as_made(scene, fabrication, carried=carried)
+        camera = eqx.tree_at(lambda i: i.camera, imaging, made.camera)
+        outlines = find_outlines(made, angles)
+        corners = find_corners(camera, outlines, catalogue.width, fabrication.lateral)
+        return corners[paths, surfaces]
+
+    return CornerModel(
+        predict,
+        tuple((view.pad, view.path) for view in views),
+        tuple(view.joint for view in views),
+        len(sizes),
+        scene.angle_names,
+    )
+
+
+def gap_table(scene: Scene, imaging: Imaging, catalogue: Catalogue, pad: str) -> GapTable:
+    """The gap between a pad's direct view and its mirror view, over its joint's angle."""
+    families = {
+        family.reflections: family for family in wanted_views(catalogue) if family.pad == pad
+    }
+    joint = families[0].joint
+    if joint is None or 1 not in families:
+        raise ValueError(f"pad '{pad}' has no mirror view that moves with a joint")
+    poses = np.zeros((len(ANGLES), len(scene.angle_names)))
+    poses[:, joint] = ANGLES
+    index = [surface.name for surface in scene.layout.pads].index(pad)
+    paths = [path_names(scene.layout).index(families[i].path) for i in range(2)]
+    angles = np.asarray(
+        eqx.filter_jit(jax.vmap(lambda pose: find_outlines(scene, pose).angle))(jnp.asarray(poses))
+    )[:, paths, index]
+    pieces: Pieces = find_views(scene, jnp.asarray(poses)).value
+    ends = np.zeros((len(ANGLES), 2, 2), bool)
+    for number, path in enumerate(paths):
+        there = np.asarray(pieces.present & (pieces.path == path))[:, index]
+        ends[:, number, 0] = np.any(there & (np.asarray(pieces.start)[:, index] <= WHOLE), axis=-1)
+        ends[:, number, 1] = np.any(
+            there & (np.asarray(pieces.end)[:, index] >= 1 - WHOLE), axis=-1
+        )
+    return GapTable.of(pad, families[1].path, ANGLES, angles[:, 0], angles[:, 1], ends)
