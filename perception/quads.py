@@ -165,6 +165,13 @@ def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | 
     return np.array([[left_low, low], [left_high, high], [right_high, high], [right_low, low]])
 
 
+def ordered(corners: Float[np.ndarray, "4 2"]) -> Float[np.ndarray, "4 2"]:
+    """Four corners in the order of `Quad`, from (across, up) in any order."""
+    by_height = corners[np.argsort(corners[:, 1])]
+    low, high = (part[np.argsort(part[:, 0])] for part in (by_height[:2], by_height[2:]))
+    return np.stack([low[0], high[0], high[1], low[1]]).astype(float)
+
+
 def _crossings(
     points: Float[np.ndarray, "_ 2"], following: Float[np.ndarray, "_ 2"], height: float
 ) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 Map = Float[np.ndarray, "rows columns"]
 
-SMOOTHING = 0.15
+SMOOTHING = 0.08
 """How sharply a gel can follow an edge: standard deviation of a Gaussian, mm."""
 
 

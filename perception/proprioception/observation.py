@@ -11,7 +11,7 @@ from jaxtyping import Float
 from perception.matching import Sighting
 from perception.quality import Quality
 
-FLOOR = 0.35
+FLOOR = 0.25
 """Standard deviation of a corner that its covariance does not tell of, px of 1080 rows: blur,
 saturation and compression move edges, and lenses are not quite as they are thought."""
 

@@ -1,0 +1,51 @@
+"""What has changed on a pad since it was not touched: difference images, like with like.
+
+A pad looks different in another view and in another light, so a reference is kept for every view,
+and both pictures are divided by their smooth part before they are subtracted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from perception.matching import View
+from perception.unwarping import PER_MM
+
+SMOOTH = 4.0
+"""What varies over less than so many mm is no matter of light: standard deviation of a Gaussian."""
+
+LEAST = 4.0
+"""Added to a smooth part before it divides, of 255: the dark has no contrast."""
+
+Unwarped = UInt8[np.ndarray, "along across 3"]
+
+
+@dataclass
+class References:
+    """Unwarped pictures of untouched pads, by pad and path."""
+
+    pictures: dict[tuple[str, str], Unwarped] = field(default_factory=dict)
+
+    def keep(self, view: View, picture: Unwarped) -> None:
+        """Keep a picture of an untouched pad."""
+        self.pictures[view.pad, view.path] = picture
+
+    def difference(self, view: View, picture: Unwarped) -> Float[np.ndarray, "along across 3"] | None:
+        """The relative difference from the same view's reference; ``None`` if there is none."""
+        reference = self.pictures.get((view.pad, view.path))
+        return None if reference is None else difference(picture, reference)
+
+
+def difference(picture: Unwarped, reference: Unwarped) -> Float[np.ndarray, "along across 3"]:
+    """How much brighter each place is than in the reference, each over its own smooth part."""
+    return _flattened(picture) - _flattened(reference)
+
+
+def _flattened(picture: Unwarped) -> Float[np.ndarray, "along across 3"]:
+    exact = picture.astype(np.float32)
+    smooth = cv2.GaussianBlur(exact, (0, 0), SMOOTH * PER_MM, borderType=cv2.BORDER_REFLECT)
+    return exact / (smooth + LEAST)

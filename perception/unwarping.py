@@ -1,0 +1,130 @@
+"""From a view to the pad itself: an image in the pad's own plane, in millimetres.
+
+A plane pad through a wide lens needs its rays first, and then a homography: four corners alone, and
+an affine map as the paper has it (§4.1.1, "affine transformations"), are off by millimetres. Rows
+of an unwarped pad go along it from its first end, columns across the section towards greater
+columns of the image, in whatever view it was seen: a mirror's reversal along the finger is undone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from perception.lens import Lens, TangentPlane
+from perception.matching import View
+from perception.quality import Quality
+
+PER_MM = 10.0
+"""Samples of an unwarped pad per mm."""
+
+LATTICE = 24
+"""The map from pad to image is smooth: it is computed at so many places a side and interpolated."""
+
+
+def pad_plane(
+    view: View, length: float, width: float
+) -> tuple[TangentPlane, Float[np.ndarray, "3 3"]]:
+    """The tangent plane of a view's rays, and the homography from the pad (mm) to it.
+
+    Places of the pad are (along it from its first end, across it from its middle).
+    """
+    plane = TangentPlane(float(view.rays[:, 0].min() + view.rays[:, 0].max()) / 2)
+    half = width / 2
+    corners = np.array([[0, -half], [length, -half], [length, half], [0, half]], np.float32)
+    flat = plane.flat(view.rays)
+    return plane, cv2.getPerspectiveTransform(corners, flat.astype(np.float32))
+
+
+def image_of(
+    view: View, lens: Lens, places: Float[np.ndarray, "_ 2"], length: float, width: float
+) -> Float[np.ndarray, "_ 2"]:
+    """Where places of a pad are imaged in a view: column and row."""
+    plane, homography = pad_plane(view, length, width)
+    flat = cv2.perspectiveTransform(places[None].astype(float), homography)[0]
+    return lens.project(plane.rays(flat))
+
+
+def pad_of(
+    view: View, lens: Lens, places: Float[np.ndarray, "_ 2"], length: float, width: float
+) -> Float[np.ndarray, "_ 2"]:
+    """Which places of a pad are imaged at given columns and rows; inverts `image_of`."""
+    plane, homography = pad_plane(view, length, width)
+    flat = plane.flat(lens.rays(places))
+    return cv2.perspectiveTransform(flat[None], np.linalg.inv(homography))[0]
+
+
+def affine_pad_of(
+    view: View, places: Float[np.ndarray, "_ 2"], length: float, width: float
+) -> Float[np.ndarray, "_ 2"]:
+    """As `pad_of`, by the affine map that fits the four corners best; to compare with (paper B)."""
+    half = width / 2
+    corners = np.array([[0, -half], [length, -half], [length, half], [0, half]])
+    design = np.column_stack([view.corners, np.ones(4)])
+    affine = np.linalg.lstsq(design, corners, rcond=None)[0]
+    return np.column_stack([places, np.ones(len(places))]) @ affine
+
+
+def unwarp(
+    image: UInt8[np.ndarray, "rows columns *channels"],
+    view: View,
+    lens: Lens,
+    length: float,
+    width: float,
+) -> UInt8[np.ndarray, "along across *channels"]:
+    """The pad as if seen from straight above, `PER_MM` samples per mm.
+
+    Args:
+        image: the picture.
+        view: of the pad, complete.
+        lens: of the camera.
+        length: of the pad, mm.
+        width: of the pad, mm.
+    """
+    shape = round(length * PER_MM), round(width * PER_MM)
+    along, across = (np.linspace(0, size, LATTICE) for size in (length, width))
+    lattice = np.stack(np.meshgrid(along, across - width / 2, indexing="ij"), axis=-1)
+    places = image_of(view, lens, lattice.reshape(-1, 2), length, width)
+    coarse = places.reshape(LATTICE, LATTICE, 2).astype(np.float32)
+    # Samples are the middles of squares, the lattice has its outermost places on the edges.
+    rows, columns = (
+        ((np.arange(count) + 0.5) / count * (LATTICE - 1)).astype(np.float32) for count in shape
+    )
+    grid = np.meshgrid(columns, rows)
+    fine = cv2.remap(coarse, *grid, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
+    return cv2.remap(image, fine, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def least_scale(view: View, lens: Lens, length: float, width: float) -> float:
+    """The least number of pixels per mm at which a view shows its pad, along or across it."""
+    along, across = np.linspace(0, length, 5), np.linspace(-width / 2, width / 2, 5)
+    places = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
+    small = 0.1
+    moved = np.concatenate([places, places + [small, 0], places + [0, small]])
+    at, further, beside = np.split(image_of(view, lens, moved, length, width), 3)
+    jacobians = np.stack([further - at, beside - at], axis=-1) / small
+    return float(np.linalg.svd(jacobians, compute_uv=False)[:, -1].min())
+
+
+def best_view(
+    views: Iterable[View], lens: Lens, length: float, width: float, *, by: str = "scale"
+) -> View | None:
+    """The view that shows a pad best, among the complete ones.
+
+    Args:
+        views: of one pad.
+        lens: of the camera.
+        length: of the pad, mm.
+        width: of the pad, mm.
+        by: ``"scale"``, the view whose least scale is the greatest; or ``"area"``, the one that is
+            largest in the image, as in paper B (§4.1.1).
+    """
+    complete = [view for view in views if view.quality is Quality.COMPLETE]
+    if not complete:
+        return None
+    if by == "area":
+        return max(complete, key=lambda view: view.area)
+    return max(complete, key=lambda view: least_scale(view, lens, length, width))
