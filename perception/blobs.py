@@ -87,12 +87,14 @@ def _blobs(grey: Grey, seams: Mask, level: float) -> list[Blob]:
     mask = cv2.subtract(global_mask(grey, level), seams)
     opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, square)
     contours = cv2.findContours(opened, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-    outlines = [contour.reshape(-1, 2) for contour in contours]
+    least = LEAST_AREA * grey.size
+    # The circle has the shortest outline around an area: most specks need no closer look.
+    outlines = [c.reshape(-1, 2) for c in contours if len(c) ** 2 >= 4 * least]
     areas = map(cv2.contourArea, outlines)
     return [
         Blob(outline, area, level)
         for outline, area in zip(outlines, areas, strict=True)
-        if area >= LEAST_AREA * grey.size
+        if area >= least
     ]
 
 

@@ -7,11 +7,12 @@ of the one joint that moves it. For each joint the value is taken that explains 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from perception.lengths import ENDS, measured_length, shortened
 from perception.lens import Lens
 from perception.quads import Quad
 from perception.quality import Quality
@@ -22,11 +23,14 @@ CAP = 75.0
 AROUND = 2
 """Neighbouring values of a joint at which a view that is judged complete may be so, too."""
 
-LENGTH_SHARE, LENGTH_DEVIATIONS = 0.02, 2.5
+LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 """A pad's length may come out wrong by that share and by so many standard deviations."""
 
-LEAST_DEVIATION = 0.5
-"""Of a corner, px, when a length is judged: lens and pads are not quite as they are thought."""
+NEIGHBOUR = 20.0
+"""A view beside another one ends within so many pixels (of 1080 rows) of its end."""
+
+LONGER = 0.15
+"""A view that is longer by no more than this share has run into what is beside it."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +167,9 @@ def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
         if not family.wanted:
             continue
         if i in assigned:
-            views.append(_found(family, best[i], quads[assigned[i]], catalogue, lens))
+            views.append(
+                _found(families, i, best[i], quads[assigned[i]], catalogue, lens)
+            )
         elif family.complete[best[i]] and (family.joint in known or family.joint is None):
             views.append(_missing(family))
     wanted = {number for i, number in assigned.items() if families[i].wanted}
@@ -205,26 +211,54 @@ def _costs(
     return np.where(visible, by_view, 0.0).sum(axis=0) + by_quad.sum(axis=0)
 
 
-def _found(family: Family, value: int, quad: Quad, catalogue: Catalogue, lens: Lens) -> View:
+def _found(
+    families: Sequence[Family], index: int, value: int, quad: Quad, catalogue: Catalogue, lens: Lens
+) -> View:
+    family = families[index]
     order = [0, 1, 2, 3] if _first_is_lower(family.corners[value]) else [1, 0, 3, 2]
-    quality = quad.quality
-    if quality is Quality.COMPLETE:
+    if quad.quality is Quality.COMPLETE:
+        wanted = catalogue.lengths[family.pad]
         length, deviation = measured_length(quad, catalogue.width, lens)
-        off = length - catalogue.lengths[family.pad]
-        if abs(off) > LENGTH_SHARE * catalogue.lengths[family.pad] + LENGTH_DEVIATIONS * deviation:
-            quality = Quality.CLIPPED if off < 0 else Quality.MERGED
+        allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
+        if length < wanted - allowed:
+            quad = replace(quad, quality=Quality.CLIPPED)
+        elif length > wanted + allowed:
+            beside = _beside(families, index, value, quad, NEIGHBOUR * lens.shape[0] / 1080)
+            if beside is None or length > (1 + LONGER) * wanted + allowed:
+                quad = replace(quad, quality=Quality.MERGED)
+            else:
+                quad = shortened(quad, catalogue.width, wanted, lens, 1 - beside)
         elif not family.complete[max(value - AROUND, 0) : value + AROUND + 1].any():
-            quality = Quality.CLIPPED
+            quad = replace(quad, quality=Quality.CLIPPED)
     return View(
         family.pad,
         family.path,
         family.reflections,
-        quality,
+        quad.quality,
         quad.corners[order],
         quad.rays[order],
         quad.covariance[order],
         quad.area,
     )
+
+
+def _beside(
+    families: Sequence[Family], index: int, value: int, quad: Quad, near: float
+) -> int | None:
+    """At which end of a view another one lies by the catalogue; ``None`` where none is near."""
+    nearest, found = near, None
+    for other, family in enumerate(families):
+        at = 0 if family.joint is None else value
+        if other == index or family.joint not in (None, families[index].joint):
+            continue
+        if not family.visible[at]:
+            continue
+        rows = [_canonical(family.corners[at])[list(end), 1].mean() for end in ENDS]
+        for end, corners in enumerate(ENDS):
+            gap = min(abs(quad.corners[list(corners), 1].mean() - row) for row in rows)
+            if gap < nearest:
+                nearest, found = gap, end
+    return found
 
 
 def _missing(family: Family) -> View:
@@ -239,33 +273,3 @@ def _missing(family: Family) -> View:
         np.full((4, 2, 2), np.nan),
         0.0,
     )
-
-
-def measured_length(quad: Quad, width: float, lens: Lens) -> tuple[float, float]:
-    """Length of a pad along the section as its view shows it, and its standard deviation, mm.
-
-    The ends' lateral slopes and the pad's width give their distances; distances and section angles
-    give the length, without a model of where the pad is.
-    """
-
-    def length(rays: Float[np.ndarray, "4 2"]) -> float:
-        ends = []
-        for left, right in ((0, 3), (1, 2)):
-            across = max(rays[right, 1] - rays[left, 1], 1e-9)
-            angle = (rays[left, 0] + rays[right, 0]) / 2
-            ends.append(width / across * np.array([np.cos(angle), np.sin(angle)]))
-        return float(np.hypot(*(ends[1] - ends[0])))
-
-    small, base = 0.5, length(quad.rays)
-    moved = [
-        quad.corners[i] + small * np.eye(2)[axis] for i in range(4) for axis in range(2)
-    ]
-    rays = lens.rays(np.stack(moved))
-    variance = 0.0
-    for number in range(8):
-        i, axis = divmod(number, 2)
-        changed = quad.rays.copy()
-        changed[i] += rays[number] - lens.rays(quad.corners[i : i + 1])[0]
-        slope = (length(changed) - base) / small
-        variance += slope**2 * (quad.covariance[i, axis, axis] + LEAST_DEVIATION**2)
-    return base, float(np.sqrt(variance))

@@ -22,8 +22,8 @@ from perception.lens import Lens, Places, Rays
 from perception.matching import Catalogue, Family
 from perception.proprioception import CornerModel, GapTable
 
-ANGLES = np.deg2rad(np.linspace(-5.0, 95.0, 101))
-"""Values of every joint in the catalogue: every degree of the range, and a little beyond."""
+ANGLES = np.deg2rad(np.linspace(-2.0, 92.0, 95))
+"""Values of every joint in the catalogue: every degree of the range, and what errors add."""
 
 WHOLE = 1e-6
 """What is seen but for this part of a pad is all of it: rounding."""

@@ -1,0 +1,86 @@
+"""A pad's length as its view shows it: what tells a cut view, and two views run into one, apart.
+
+The lateral slopes of an end's two corners and the pad's width give the end's distance; distances
+and section angles of both ends give the length, without a model of where the pad is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from perception.lens import Lens
+from perception.quads import Quad
+
+ENDS = ((0, 3), (1, 2))
+"""Corners of a `Quad`'s lower and its upper end, lesser slope first."""
+
+LEAST_DEVIATION = 0.5
+"""Of a corner, px, when a length is judged: lens and pads are not quite as they are thought."""
+
+STEP = 0.5
+"""By which corners are moved to see how the length depends on them, px."""
+
+
+def measured_length(quad: Quad, width: float, lens: Lens) -> tuple[float, float]:
+    """Length of a pad along the section as its view shows it, and its standard deviation, mm.
+
+    Args:
+        quad: the view.
+        width: of the pad across the section, mm.
+        lens: of the camera.
+    """
+    base = _length(quad.rays, width)
+    moved = [quad.corners[i] + STEP * np.eye(2)[axis] for i in range(4) for axis in range(2)]
+    rays, unmoved = lens.rays(np.stack(moved)), lens.rays(quad.corners)
+    variance = 0.0
+    for number, ray in enumerate(rays):
+        i, axis = divmod(number, 2)
+        changed = quad.rays.copy()
+        changed[i] += ray - unmoved[i]
+        slope = (_length(changed, width) - base) / STEP
+        variance += slope**2 * (quad.covariance[i, axis, axis] + LEAST_DEVIATION**2)
+    return base, float(np.sqrt(variance))
+
+
+def shortened(quad: Quad, width: float, length: float, lens: Lens, kept: int) -> Quad:
+    """A view that another one has made too long, ended where the pad's known length ends.
+
+    Args:
+        quad: the view.
+        width: of the pad across the section, mm.
+        length: of the pad, mm.
+        lens: of the camera.
+        kept: which end is the pad's own: 0 the lower, 1 the upper.
+    """
+    long, deviation = measured_length(quad, width, lens)
+    ends = _ends(quad.rays, width)
+    end = ends[kept] + length / long * (ends[1 - kept] - ends[kept])
+    distances = np.hypot(*ends.T)
+    rays, covariance = quad.rays.copy(), quad.covariance.copy()
+    for own, other in zip(ENDS[kept], ENDS[1 - kept], strict=True):
+        # A side is as far from the section's plane at both ends.
+        beside = (rays[own, 1] * distances[kept] + rays[other, 1] * distances[1 - kept]) / 2
+        rays[other] = np.arctan2(end[1], end[0]), beside / np.hypot(*end)
+    corners = lens.project(rays)
+    per_mm = np.abs(corners[1, 1] - corners[0, 1]) / length
+    for other in ENDS[1 - kept]:
+        covariance[other, 1, 1] += (per_mm * deviation) ** 2
+    return replace(quad, rays=rays, corners=corners, covariance=covariance)
+
+
+def _ends(rays: Float[np.ndarray, "4 2"], width: float) -> Float[np.ndarray, "2 2"]:
+    """Both ends in the camera's own axes (forward, up), mm."""
+    found = []
+    for left, right in ENDS:
+        angle = (rays[left, 0] + rays[right, 0]) / 2
+        distance = width / max(rays[right, 1] - rays[left, 1], 1e-9)
+        found.append([distance * np.cos(angle), distance * np.sin(angle)])
+    return np.array(found)
+
+
+def _length(rays: Float[np.ndarray, "4 2"], width: float) -> float:
+    ends = _ends(rays, width)
+    return float(np.hypot(*(ends[1] - ends[0])))

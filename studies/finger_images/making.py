@@ -1,0 +1,119 @@
+"""The designed finger, what its image analysis is told of it, and fingers as they are made."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+from pathlib import Path
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Float
+
+from designopt.errors import UserError
+from optics.fabrication import Fabrication
+from optics.imaging import Imaging
+from optics.rendering import Effects, Renderer
+from optics.scene import Layout, Scene
+from optics.scene_reading import read_scene
+from perception.lens import Lens
+from perception.matching import Catalogue
+from perception.proprioception import CornerModel
+from studies.finger_images.sensor import catalogue_of, corner_model, lens_of
+from studies.finger_images.spec import FingerImagesSpec, MadeSpec
+
+BODY = "camera body"
+"""Name of the blocker that moves with the camera."""
+
+
+@dataclass(frozen=True)
+class Finger:
+    """A finger as designed, and what the analysis of its images is told.
+
+    Attributes:
+        scene: as designed.
+        imaging: its camera's image.
+        lens: the camera's rays.
+        catalogue: the views it can show.
+        model: what predicts corners from errors and joint angles.
+        deviations: standard deviation of every error of fabrication.
+        carried: blockers that move with the camera.
+        width: of the pads, mm.
+    """
+
+    scene: Scene
+    imaging: Imaging
+    lens: Lens
+    catalogue: Catalogue
+    model: CornerModel
+    deviations: Fabrication
+    carried: tuple[int, ...]
+    width: float
+
+    @classmethod
+    def of(cls, spec: FingerImagesSpec, rows: int | None = None) -> Finger:
+        """The finger of a study, its image ``rows`` high.
+
+        Raises:
+            UserError: the scene is none that its images can be analysed of.
+        """
+        scene = designed(spec.scene)
+        if rows is not None:
+            scene = eqx.tree_at(lambda s: s.camera.pixels, scene, jnp.asarray(float(rows)))
+        carried = tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
+        imaging = Imaging.of(scene.camera)
+        try:
+            catalogue = catalogue_of(scene, imaging, spec.width)
+        except ValueError as error:
+            raise UserError(f"scene: {error}; give the scene of a finger with --set scene=FILE") \
+                from error  # fmt: skip
+        deviations = deviations_of(spec.tolerances, scene.layout)
+        model = corner_model(scene, imaging, catalogue, deviations, carried)
+        return cls(
+            scene, imaging, lens_of(imaging), catalogue, model, deviations, carried, spec.width
+        )
+
+    def renderer(self, effects: Effects, errors: Fabrication | None, seed: int) -> Renderer:
+        """A camera in front of a finger that was made with errors."""
+        return Renderer(
+            self.scene,
+            self.width,
+            effects,
+            errors=errors,
+            carried=self.carried,
+            rows=self.imaging.rows,
+            seed=seed,
+        )
+
+    def made(self, seed: int, number: int) -> tuple[Fabrication, Float[np.ndarray, " errors"]]:
+        """Normal errors of one of many fingers, and the same in units of their deviations."""
+        sizes, unravel = ravel_pytree(self.deviations)
+        errors = np.random.default_rng([seed, 4, number]).standard_normal(len(sizes))
+        return unravel(jnp.asarray(errors) * sizes), errors
+
+
+def designed(path: str) -> Scene:
+    """The scene in a file, or that of the packaged finger if none is named."""
+    if path:
+        return read_scene(Path(path))
+    with as_file(files("studies") / "finger" / "scene.toml") as packaged:
+        return read_scene(packaged)
+
+
+def deviations_of(tolerances: MadeSpec, layout: Layout) -> Fabrication:
+    """Standard deviation of every error of fabrication."""
+    mirrors, pads = len(layout.mirrors), len(layout.pads)
+    return Fabrication(
+        camera=jnp.full(2, tolerances.camera_position),
+        lateral=jnp.asarray(tolerances.camera_position),
+        tilt=jnp.asarray(math.radians(tolerances.camera_tilt_deg)),
+        mirror_tilt=jnp.full(mirrors, math.radians(tolerances.mirror_tilt_deg)),
+        mirror_offset=jnp.full(mirrors, tolerances.mirror_offset),
+        pad_tilt=jnp.full(pads, math.radians(tolerances.pad_tilt_deg)),
+        pad_offset=jnp.full(pads, tolerances.pad_position),
+        pad_shift=jnp.full(pads, tolerances.pad_position),
+        distortion=jnp.asarray(tolerances.lens_k1),
+    )

@@ -1,0 +1,162 @@
+"""Frames that are no proper images of a finger: each has a defined answer, and none is a crash."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from designopt.results import StabilityRow
+from perception.detection import find_views
+from perception.proprioception import PoseSolver, observe
+from studies.finger_images.making import Finger
+
+Image = Any
+Corruption = Callable[[Image, np.random.Generator], Image]
+
+
+def _noise(image: Image, generator: np.random.Generator) -> Image:
+    return generator.integers(0, 256, image.shape, np.uint8)
+
+
+def _blobs(image: Image, generator: np.random.Generator) -> Image:
+    """Bright broad blobs that are no pads."""
+    coarse = generator.uniform(0, 255, (6, 8, 3)).astype(np.float32)
+    return cv2.resize(coarse, image.shape[1::-1], interpolation=cv2.INTER_CUBIC).clip(0, 255).astype(
+        np.uint8
+    )
+
+
+def _half_covered(image: Image, generator: np.random.Generator) -> Image:
+    covered = image.copy()
+    rows, columns = image.shape[:2]
+    parts = [np.s_[: rows // 2], np.s_[rows // 2 :], np.s_[:, : columns // 2],
+             np.s_[:, columns // 2 :]]  # fmt: skip
+    covered[parts[generator.integers(4)]] = generator.integers(0, 256)
+    return covered
+
+
+def _patches(image: Image, generator: np.random.Generator) -> Image:
+    patched = image.copy()
+    rows, columns = image.shape[:2]
+    for _ in range(12):
+        top, left = generator.integers(0, rows), generator.integers(0, columns)
+        high, wide = generator.integers(8, rows // 3, 2)
+        patched[top : top + high, left : left + wide] = generator.integers(0, 256, 3)
+    return patched
+
+
+def _salt(image: Image, generator: np.random.Generator) -> Image:
+    salted = image.copy()
+    salted[generator.random(image.shape[:2]) < 0.2] = 255
+    return salted
+
+
+def _lines(image: Image, generator: np.random.Generator) -> Image:
+    crossed = image.copy()
+    rows, columns = image.shape[:2]
+    for _ in range(20):
+        ends = generator.integers(0, (columns, rows), (2, 2))
+        colour = generator.integers(0, 256, 3).tolist()
+        cv2.line(crossed, ends[0].tolist(), ends[1].tolist(), colour, 5)
+    return crossed
+
+
+def _shifted(image: Image, generator: np.random.Generator) -> Image:
+    rows, columns = image.shape[:2]
+    return np.roll(image, (generator.integers(rows), generator.integers(columns)), (0, 1))
+
+
+def _wrong_size(image: Image, generator: np.random.Generator) -> Image:
+    rows, columns = generator.integers(0, 2 * np.array(image.shape[:2]))
+    return np.zeros((rows, columns + (columns == image.shape[1]), 3), np.uint8) + 90
+
+
+def _wrong_type(image: Image, generator: np.random.Generator) -> Image:
+    kinds: list[Image] = [None, "image", image.astype(float), image.astype(np.uint16), image[..., :2],
+                          image[None], np.zeros((0, 0, 3), np.uint8), image.tolist()[:2]]  # fmt: skip
+    return kinds[generator.integers(len(kinds))]
+
+
+NO_FINGER: dict[str, Corruption] = {
+    "black": lambda image, _: np.zeros_like(image),
+    "white": lambda image, _: np.full_like(image, 255),
+    "noise": _noise,
+    "bright blobs": _blobs,
+    "wrong size": _wrong_size,
+    "wrong type": _wrong_type,
+}
+"""Nothing of a finger is left in these: no view may be called complete, no angle be given."""
+
+DAMAGED: dict[str, Corruption] = {
+    "half covered": _half_covered,
+    "patches": _patches,
+    "salt": _salt,
+    "lines": _lines,
+    "shifted": _shifted,
+    "inverted": lambda image, _: 255 - image,
+}
+"""Something may be left in these: any answer that is one."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One corrupted frame.
+
+    Attributes:
+        kind: how it was corrupted.
+        crash: what was raised; empty if nothing.
+        complete: views called complete.
+        angles: joint angles that were given.
+    """
+
+    kind: str
+    crash: str
+    complete: int
+    angles: int
+
+
+def tried(finger: Finger, image: np.ndarray, count: int, seed: int) -> list[Trial]:
+    """Corrupted versions of an image, every kind as often as every other one."""
+    solver = PoseSolver(finger.model)
+    kinds = NO_FINGER | DAMAGED
+    trials = []
+    for number in range(count):
+        kind = list(kinds)[number % len(kinds)]
+        generator = np.random.default_rng([seed, 5, number])
+        frame = kinds[kind](image, generator)
+        try:
+            sighting = find_views(frame, finger.lens, finger.catalogue)
+            estimates = solver(observe(sighting, finger.model.views), sighting.angles)
+        except Exception as error:  # any exception at all is what is counted here
+            trials.append(Trial(kind, repr(error), 0, 0))
+            continue
+        given = sum(estimate.defined for estimate in estimates)
+        trials.append(Trial(kind, "", len(sighting.complete()), given))
+    return trials
+
+
+def stability(trials: list[Trial]) -> list[StabilityRow]:
+    """A row for every kind; failures are exceptions, and angles where there is no finger."""
+    rows = []
+    for kind in dict.fromkeys(trial.kind for trial in trials):
+        own = [trial for trial in trials if trial.kind == kind]
+        empty = kind in NO_FINGER
+        failed = [t for t in own if t.crash or (empty and (t.angles or t.complete))]
+        rows.append(
+            StabilityRow(
+                case=f"frame: {kind}",
+                dtype="uint8",
+                cases=len(own),
+                infeasible=len(own) if empty else 0,
+                failures=len(failed),
+                worst_error=0.0,
+                worst_gradient_error=0.0,
+                worst_gradient_relative_error=0.0,
+                non_finite=0,
+            )
+        )
+    return rows

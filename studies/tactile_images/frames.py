@@ -1,0 +1,243 @@
+"""Frames rendered and analysed: what was found of every view that can be found, and how well."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from optics.rendering import Effects, Imprint, TactileImage, TrueView
+from perception.detection import find_views
+from perception.lens import Lens
+from perception.matching import Sighting, View
+from perception.paper_route import PaperRoute
+from perception.quality import Quality
+from perception.unwarping import affine_pad_of, best_view, image_of, pad_of
+from studies.finger_images.making import Finger
+from studies.finger_images.sensor import lens_of
+
+FAR = 20.0
+"""A view whose corner is off by more pixels (of 1080 rows) has not been found."""
+
+LATTICE = 9
+"""Places along and across a pad at which unwarping is checked."""
+
+IMPRINTS = ("sphere", "ball array", "studded brick", "edge", "screw thread")
+
+
+@dataclass(frozen=True)
+class FoundView:
+    """One complete view that does not touch the border, and what was found of it.
+
+    Attributes:
+        pad: name of the pad.
+        path: name of the path.
+        found: whether it was found complete, and nowhere far off.
+        errors: of the four corners, px; NaN where it was not found.
+        paper_errors: the same of the paper's route.
+    """
+
+    pad: str
+    path: str
+    found: bool
+    errors: Float[np.ndarray, "4"]
+    paper_errors: Float[np.ndarray, "4"]
+
+
+@dataclass(frozen=True)
+class Unwarping:
+    """How far from their true places an unwarped pad shows its places, mm."""
+
+    pad: str
+    path: str
+    errors: Float[np.ndarray, " places"]
+    affine_errors: Float[np.ndarray, " places"]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame analysed.
+
+    Attributes:
+        gain: exposure.
+        severity: of all other effects.
+        degrees: joint angles.
+        views: those that can be found.
+        wrong: views said to be complete that are not.
+        unwarped: of every pad, in the view that shows it best.
+        seconds: of finding all views, after compiling.
+    """
+
+    gain: float
+    severity: float
+    degrees: tuple[float, ...]
+    views: tuple[FoundView, ...]
+    wrong: int
+    unwarped: tuple[Unwarping, ...]
+    seconds: float
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """OpenCV on one core while the context lasts, for run times that can be compared."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def poses(grid: int, range_deg: float, joints: int) -> Float[np.ndarray, "poses joints"]:
+    """A grid over the joints' ranges, rad."""
+    steps = np.deg2rad(np.linspace(0, range_deg, grid))
+    return np.stack(np.meshgrid(*[steps] * joints, indexing="ij"), axis=-1).reshape(-1, joints)
+
+
+def rendered(
+    finger: Finger,
+    *,
+    effects: Effects,
+    severity: float,
+    angles: Float[np.ndarray, "poses joints"],
+    number: int,
+    seed: int,
+) -> list[Frame]:
+    """Frames of one made finger, each touched by something on every pad, and analysed."""
+    errors, _ = finger.made(seed, number)
+    renderer = finger.renderer(effects, errors, seed=seed + number)
+    lens = lens_of(renderer.imaging)
+    frames = []
+    for index, pose in enumerate(angles):
+        image = renderer.render(pose, touched(finger, index), frame=index)
+        with one_thread():
+            start = time.perf_counter()
+            sighting = find_views(image.pixels, finger.lens, finger.catalogue)
+            seconds = time.perf_counter() - start
+        views, wrong = judged(finger, image, sighting)
+        frames.append(
+            Frame(
+                effects.gain,
+                severity,
+                tuple(np.rad2deg(pose).tolist()),
+                views,
+                wrong,
+                unwarped(finger, lens, image, sighting),
+                seconds,
+            )
+        )
+    return frames
+
+
+def touched(finger: Finger, index: int) -> dict[str, list[Imprint]]:
+    """Something pressed into the middle of every pad, another thing from frame to frame."""
+    return {
+        pad: [Imprint(IMPRINTS[(index + number) % len(IMPRINTS)], along=length / 2)]
+        for number, (pad, length) in enumerate(finger.catalogue.lengths.items())
+    }
+
+
+def can_be_found(finger: Finger, image: TactileImage) -> list[TrueView]:
+    """The views that are asked for, complete and off the border."""
+    wanted = {(family.pad, family.path) for family in finger.catalogue.families if family.wanted}
+    return [
+        view
+        for view in image.views
+        if (view.pad, view.path) in wanted and view.complete and not view.at_border
+    ]
+
+
+def judged(
+    finger: Finger, image: TactileImage, sighting: Sighting
+) -> tuple[tuple[FoundView, ...], int]:
+    """What was found of every view, and how many were said to be complete wrongly."""
+    far = FAR * image.pixels.shape[0] / 1080
+    true = can_be_found(finger, image)
+    polygons = PaperRoute().corners(image.pixels)
+    views = []
+    for one in true:
+        seen = sighting.view(one.pad, one.path)
+        errors = np.full(4, np.nan)
+        if seen is not None and seen.quality is Quality.COMPLETE:
+            errors = np.hypot(*(seen.corners - one.corners).T)
+        found = bool(np.all(errors <= far))
+        views.append(
+            FoundView(
+                one.pad,
+                one.path,
+                found,
+                errors if found else np.full(4, np.nan),
+                nearest_errors(polygons, one.corners, far),
+            )
+        )
+    known = {(view.pad, view.path) for view in image.views if view.complete and not view.at_border}
+    wrong = sum((view.pad, view.path) not in known for view in sighting.complete())
+    return tuple(views), wrong
+
+
+def nearest_errors(
+    quads: Sequence[Float[np.ndarray, "4 2"]], corners: Float[np.ndarray, "4 2"], far: float
+) -> Float[np.ndarray, "4"]:
+    """Errors of the quadrilateral that is nearest to given corners, in whatever order it has them.
+
+    NaN if a corner of the nearest is far off. This is more than the paper's route can know: it
+    does not say which view is which.
+    """
+    best = np.full(4, np.nan)
+    for quad in quads:
+        orders = [np.roll(order, turn) for order in ([0, 1, 2, 3], [3, 2, 1, 0]) for turn in range(4)]
+        for order in orders:
+            errors = np.hypot(*(quad[order] - corners).T)
+            if errors.max() <= far and not errors.sum() >= np.nansum(best) > 0:
+                best = errors
+    return best
+
+
+def unwarped(
+    finger: Finger, lens: Lens, image: TactileImage, sighting: Sighting
+) -> tuple[Unwarping, ...]:
+    """Every pad unwarped in its best view, and where its places have gone.
+
+    Args:
+        finger: as designed.
+        lens: of the camera that took the image, with its errors.
+        image: the truth.
+        sighting: what was found.
+    """
+    made = []
+    for pad, length in finger.catalogue.lengths.items():
+        views = [view for view in sighting.views if view.pad == pad]
+        best = best_view(views, finger.lens, length, finger.width)
+        true = image.view(pad, best.path) if best is not None else None
+        if best is None or true is None:
+            continue
+        half = finger.width / 2
+        along, across = np.linspace(0, length, LATTICE), np.linspace(-half, half, LATTICE)
+        places = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
+        seen = image_of(_true_view(best, true, lens), lens, places, length, finger.width)
+        shown = pad_of(best, finger.lens, seen, length, finger.width)
+        affine = affine_pad_of(best, seen, length, finger.width)
+        made.append(
+            Unwarping(
+                pad, best.path, np.hypot(*(shown - places).T), np.hypot(*(affine - places).T)
+            )
+        )
+    return tuple(made)
+
+
+def _true_view(view: View, true: TrueView, lens: Lens) -> View:
+    return View(
+        view.pad,
+        view.path,
+        view.reflections,
+        view.quality,
+        true.corners,
+        lens.rays(true.corners),
+        view.covariance,
+        view.area,
+    )
