@@ -14,12 +14,11 @@ from __future__ import annotations
 import math
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.numerics import safe_arctan2, safe_divide, safe_sqrt
+from designopt.numerics import as_float, safe_arctan2, safe_divide, safe_sqrt
 from optics.camera import Camera
 
 RADII = 4096
@@ -39,14 +38,19 @@ class Imaging(eqx.Module):
     """
 
     camera: Camera
-    rows: int = eqx.field(static=True)
-    columns: int = eqx.field(static=True)
+    rows: Float[Array, ""] = eqx.field(converter=as_float)
+    columns: Float[Array, ""] = eqx.field(converter=as_float)
 
     @classmethod
     def of(cls, camera: Camera, aspect: float = 4 / 3) -> Imaging:
         """An image of a given width over its height around the camera's image line."""
         rows = round(float(camera.pixels))
         return cls(camera, rows, round(aspect * rows))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns, as an image has them."""
+        return round(float(self.rows)), round(float(self.columns))
 
     def place(
         self, angle: Float[Array, "*batch"], slope: Float[Array, "*batch"]
@@ -89,12 +93,11 @@ class Imaging(eqx.Module):
 
         The lens is inverted at radii from the middle to the corner and interpolated between them.
         """
-        return np.asarray(_ray_map(self), np.float32)
+        return np.asarray(_ray_map(self, *self.shape), np.float32)
 
 
 @eqx.filter_jit
-def _ray_map(imaging: Imaging) -> Float[Array, "rows columns 2"]:
-    rows, columns = imaging.rows, imaging.columns
+def _ray_map(imaging: Imaging, rows: int, columns: int) -> Float[Array, "rows columns 2"]:
     focal = imaging.camera.focal_pixels
     radii = jnp.linspace(0.0, math.hypot(rows, columns) / 2, RADII, dtype=focal.dtype)
     angles = imaging.camera.projection.angle(radii / focal)

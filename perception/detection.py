@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from perception.blobs import stable_blobs
 from perception.lens import Lens
-from perception.matching import Catalogue, Sighting, match
 from perception.masks import brightness
+from perception.matching import Catalogue, Sighting, match
 from perception.quads import Quad, fit_quad
 
 

@@ -34,7 +34,9 @@ class References:
         """Keep a picture of an untouched pad."""
         self.pictures[view.pad, view.path] = picture
 
-    def difference(self, view: View, picture: Unwarped) -> Float[np.ndarray, "along across 3"] | None:
+    def difference(
+        self, view: View, picture: Unwarped
+    ) -> Float[np.ndarray, "along across 3"] | None:
         """The relative difference from the same view's reference; ``None`` if there is none."""
         reference = self.pictures.get((view.pad, view.path))
         return None if reference is None else difference(picture, reference)

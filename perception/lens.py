@@ -39,9 +39,7 @@ class Lens:
     def rays(self, places: Places) -> Rays:
         """The rays through places in the image, interpolated between pixels."""
         at = np.ascontiguousarray(places, np.float32).reshape(-1, 1, 2)
-        found = cv2.remap(
-            self.ray_map, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
+        found = cv2.remap(self.ray_map, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return found.reshape(-1, 2).astype(float)
 
 

@@ -80,7 +80,7 @@ class Catalogue:
     joints: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class View:
     """A view that was asked for, found or not.
 
@@ -133,7 +133,7 @@ def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
     families = catalogue.families
     angles = np.full(catalogue.joints, np.nan)
     cap = CAP * lens.shape[0] / 1080
-    best = {i: 0 for i in range(len(families))}
+    best = dict.fromkeys(range(len(families)), 0)
     pairs: list[tuple[float, int, int]] = []
     shift = np.zeros(2)
     for joint in (None, *range(catalogue.joints)):
@@ -167,9 +167,7 @@ def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
         if not family.wanted:
             continue
         if i in assigned:
-            views.append(
-                _found(families, i, best[i], quads[assigned[i]], catalogue, lens)
-            )
+            views.append(_found(families, i, best[i], quads[assigned[i]], catalogue, lens))
         elif family.complete[best[i]] and (family.joint in known or family.joint is None):
             views.append(_missing(family))
     wanted = {number for i, number in assigned.items() if families[i].wanted}
@@ -179,7 +177,9 @@ def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
 
 def _canonical(corners: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 4 2"]:
     """A pad's corners in the order of a `Quad`: its lower end first."""
-    return np.where(_first_is_lower(corners)[..., None, None], corners, corners[..., [1, 0, 3, 2], :])
+    return np.where(
+        _first_is_lower(corners)[..., None, None], corners, corners[..., [1, 0, 3, 2], :]
+    )
 
 
 def _first_is_lower(corners: Float[np.ndarray, "*values 4 2"]) -> Bool[np.ndarray, "*values"]:

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from perception.lens import Lens, Places, Rays, TangentPlane
+from perception.lens import Lens, TangentPlane
 from perception.quality import Quality
 
 INNER, HEIGHTS = (0.15, 0.85), 12
@@ -53,6 +53,9 @@ TUKEY = 4.685
 DEEP, SEAM = 0.9, 10.0
 """Where brightness falls by a smaller part than `DEEP` to the dark, an edge is doubted by so many
 pixels per missing part: what falls halfway only may be as far off as a seam is wide."""
+
+RIGHT, UP = np.eye(2)
+"""Directions in the tangent plane."""
 
 UNKNOWN = 1.0
 """Variance of a side that was not found, in the tangent plane: it may be anywhere."""
@@ -309,12 +312,14 @@ def _line(edge: _Edge) -> _Line:
     weights = np.ones(len(wanted))
     middle = np.median(wanted)
     left = wanted - middle
-    for round_number in range(FAR_ROUNDS):
+    for _ in range(FAR_ROUNDS):
         deviation = max(1.4826 * float(np.median(np.abs(left))), 0.02)
         weights = np.maximum(1 - (left / (TUKEY * deviation)) ** 2, 0) ** 2
         weighted = design * weights[:, None]
         normal = weighted.T @ design
-        solution = np.linalg.solve(normal + 1e-12 * np.trace(normal) * np.eye(2), weighted.T @ wanted)
+        solution = np.linalg.solve(
+            normal + 1e-12 * np.trace(normal) * np.eye(2), weighted.T @ wanted
+        )
         left = wanted - design @ solution
     variance = float(np.sum(weights * left**2) / max(np.sum(weights) - 2, 1))
     near = np.clip(left, -TUKEY * deviation, TUKEY * deviation)
@@ -344,7 +349,10 @@ def _meeting(sides: list[_Side], lines: list[_Line]) -> Float[np.ndarray, "4 2"]
         part = ((c - a)[0] * second[1] - (c - a)[1] * second[0]) / across
         corners.append(a + part * first)
     found = np.stack(corners)
-    size = np.abs(sides[0].start - sides[2].start).max() + np.abs(sides[1].start - sides[3].start).max()
+    size = (
+        np.abs(sides[0].start - sides[2].start).max()
+        + np.abs(sides[1].start - sides[3].start).max()
+    )
     moved = np.abs(found - np.stack([side.start for side in sides])).max()
     return found if np.isfinite(found).all() and moved < size else None
 
@@ -358,7 +366,7 @@ def _covariances(
 ) -> Float[np.ndarray, "4 2 2"]:
     """Covariance of every corner's place in the image, px²."""
     small = 1e-4
-    moved = np.concatenate([corners, corners + [small, 0], corners + [0, small]])
+    moved = np.concatenate([corners, corners + small * RIGHT, corners + small * UP])
     at, right, up = np.split(lens.project(plane.rays(moved)), 3)
     to_image = np.stack([right - at, up - at], axis=-1) / small
     found = []

@@ -103,7 +103,8 @@ def least_scale(view: View, lens: Lens, length: float, width: float) -> float:
     along, across = np.linspace(0, length, 5), np.linspace(-width / 2, width / 2, 5)
     places = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
     small = 0.1
-    moved = np.concatenate([places, places + [small, 0], places + [0, small]])
+    along_it, beside_it = small * np.eye(2)
+    moved = np.concatenate([places, places + along_it, places + beside_it])
     at, further, beside = np.split(image_of(view, lens, moved, length, width), 3)
     jacobians = np.stack([further - at, beside - at], axis=-1) / small
     return float(np.linalg.svd(jacobians, compute_uv=False)[:, -1].min())

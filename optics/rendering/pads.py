@@ -96,8 +96,10 @@ def look_of_pad(
     across = _samples(width)[None, :] - width / 2
     along, across = (np.ascontiguousarray(a) for a in np.broadcast_arrays(along, across))
     lost = effects.led_falloff * np.clip(0.5 + across / width, 0, 1)
-    lights = BRIGHT * brightness * np.stack(
-        [1 - effects.led_falloff + lost, np.full_like(lost, GREEN), 1 - lost], axis=-1
+    lights = (
+        BRIGHT
+        * brightness
+        * np.stack([1 - effects.led_falloff + lost, np.full_like(lost, GREEN), 1 - lost], axis=-1)
     )
     if imprints:
         depth = np.max([height_map(one, along, across, STEP) for one in imprints], axis=0)

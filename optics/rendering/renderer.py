@@ -138,7 +138,7 @@ class Renderer:
         self._errors = Fabrication.none(scene.layout) if errors is None else errors
         self._effects, self._width, self._seed = effects, width, seed
         made = as_made(scene, self._errors, carried=carried)
-        pixels = made.camera.pixels if rows is None else jnp.asarray(float(rows))
+        pixels = made.camera.pixels if rows is None else jnp.full_like(made.camera.pixels, rows)
         self.scene = eqx.tree_at(
             lambda scene: (scene.camera.pixels, scene.grazing),
             made,

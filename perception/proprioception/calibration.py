@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from designopt.fitting import Fit, least_squares
 from perception.proprioception.corners import LOOSE, CornerModel, deviations, softened

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from perception.matching import Catalogue, Sighting, View
+from perception.matching import Sighting, View
 from perception.proprioception.estimate import Estimate, undefined
 from perception.quality import Quality
 
@@ -89,9 +89,7 @@ class GapTable:
     def measured(self, sighting: Sighting, shape: tuple[int, int]) -> float:
         """The gap in an image of a size (rows, columns), rad; NaN where there is none."""
         views = [sighting.view(self.pad, path) for path in ("direct", self.mirror)]
-        ends = [
-            _end(view, end, shape) for view, end in zip(views, self.ends, strict=True)
-        ]
+        ends = [_end(view, end, shape) for view, end in zip(views, self.ends, strict=True)]
         return abs(ends[0] - ends[1])
 
 

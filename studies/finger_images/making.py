@@ -62,7 +62,9 @@ class Finger:
         """
         scene = designed(spec.scene)
         if rows is not None:
-            scene = eqx.tree_at(lambda s: s.camera.pixels, scene, jnp.asarray(float(rows)))
+            scene = eqx.tree_at(
+                lambda s: s.camera.pixels, scene, jnp.full_like(scene.camera.pixels, rows)
+            )
         carried = tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
         imaging = Imaging.of(scene.camera)
         try:
@@ -84,7 +86,7 @@ class Finger:
             effects,
             errors=errors,
             carried=self.carried,
-            rows=self.imaging.rows,
+            rows=self.imaging.shape[0],
             seed=seed,
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -32,14 +33,15 @@ WHOLE = 1e-6
 def lens_of(imaging: Imaging) -> Lens:
     """The camera's rays for the analysis of its images."""
 
-    @eqx.filter_jit
-    def place(rays: Float[Array, "_ 2"]) -> Float[Array, "_ 2"]:
-        return imaging.place(rays[:, 0], rays[:, 1])
-
     def project(rays: Rays) -> Places:
-        return np.asarray(place(jnp.asarray(rays)))
+        return np.asarray(_placed(imaging, rays))
 
     return Lens(np.ascontiguousarray(imaging.ray_map()), project)
+
+
+@eqx.filter_jit
+def _placed(imaging: Imaging, rays: Float[Array | np.ndarray, "_ 2"]) -> Float[Array, "_ 2"]:
+    return imaging.place(jnp.asarray(rays[:, 0]), jnp.asarray(rays[:, 1]))
 
 
 def catalogue_of(scene: Scene, imaging: Imaging, width: float) -> Catalogue:
@@ -59,7 +61,9 @@ def catalogue_of(scene: Scene, imaging: Imaging, width: float) -> Catalogue:
         for pad, surface in enumerate(layout.pads):
             if not (seen[..., path, pad] > 0).any():
                 continue
-            moved = [j for j in range(joints) if np.ptp(corners[j, :, path, pad], axis=0).max() > 1e-6]
+            moved = [
+                j for j in range(joints) if np.ptp(corners[j, :, path, pad], axis=0).max() > 1e-6
+            ]
             own = all(layout.mirrors[mirror].frame == surface.frame for mirror in word)
             if len(moved) > 1 and own:
                 raise ValueError(
@@ -94,13 +98,25 @@ def _looked_at(
     scene: Scene, imaging: Imaging, poses: Float[Array, "joints values joints"], width: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Corners, and the part of the pad that is seen, of every pose, path and pad."""
-    corners = eqx.filter_jit(
-        jax.vmap(jax.vmap(lambda pose: find_corners(imaging, find_outlines(scene, pose), width)))
-    )(poses)
+    corners = _corners_of(scene, imaging, poses, width)
     pieces: Pieces = find_views(scene, poses).value
     paths = range(len(paths_of(scene.layout, scene.layout.bounces)))
     seen = np.stack([np.asarray(pieces.seen(path)) for path in paths], axis=-2)
     return np.asarray(corners), seen
+
+
+@eqx.filter_jit
+def _corners_of(
+    scene: Scene, imaging: Imaging, poses: Float[Array, "*batch joints"], width: float
+) -> Float[Array, "*batch paths pads 4 2"]:
+    one = partial(_corners_in, scene, imaging, width)
+    return jax.vmap(jax.vmap(one))(poses)
+
+
+def _corners_in(
+    scene: Scene, imaging: Imaging, width: float, pose: Float[Array, " joints"]
+) -> Float[Array, "paths pads 4 2"]:
+    return find_corners(imaging, find_outlines(scene, pose), width)
 
 
 def wanted_views(catalogue: Catalogue) -> list[Family]:

@@ -9,7 +9,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from designopt.results import StabilityRow
 from perception.detection import find_views
 from perception.proprioception import PoseSolver, observe
 from studies.finger_images.making import Finger
@@ -25,8 +24,10 @@ def _noise(image: Image, generator: np.random.Generator) -> Image:
 def _blobs(image: Image, generator: np.random.Generator) -> Image:
     """Bright broad blobs that are no pads."""
     coarse = generator.uniform(0, 255, (6, 8, 3)).astype(np.float32)
-    return cv2.resize(coarse, image.shape[1::-1], interpolation=cv2.INTER_CUBIC).clip(0, 255).astype(
-        np.uint8
+    return (
+        cv2.resize(coarse, image.shape[1::-1], interpolation=cv2.INTER_CUBIC)
+        .clip(0, 255)
+        .astype(np.uint8)
     )
 
 
@@ -76,8 +77,16 @@ def _wrong_size(image: Image, generator: np.random.Generator) -> Image:
 
 
 def _wrong_type(image: Image, generator: np.random.Generator) -> Image:
-    kinds: list[Image] = [None, "image", image.astype(float), image.astype(np.uint16), image[..., :2],
-                          image[None], np.zeros((0, 0, 3), np.uint8), image.tolist()[:2]]  # fmt: skip
+    kinds: list[Image] = [
+        None,
+        "image",
+        image.astype(float),
+        image.astype(np.uint16),
+        image[..., :2],
+        image[None],
+        np.zeros((0, 0, 3), np.uint8),
+        image.tolist()[:2],
+    ]
     return kinds[generator.integers(len(kinds))]
 
 
@@ -137,26 +146,3 @@ def tried(finger: Finger, image: np.ndarray, count: int, seed: int) -> list[Tria
         given = sum(estimate.defined for estimate in estimates)
         trials.append(Trial(kind, "", len(sighting.complete()), given))
     return trials
-
-
-def stability(trials: list[Trial]) -> list[StabilityRow]:
-    """A row for every kind; failures are exceptions, and angles where there is no finger."""
-    rows = []
-    for kind in dict.fromkeys(trial.kind for trial in trials):
-        own = [trial for trial in trials if trial.kind == kind]
-        empty = kind in NO_FINGER
-        failed = [t for t in own if t.crash or (empty and (t.angles or t.complete))]
-        rows.append(
-            StabilityRow(
-                case=f"frame: {kind}",
-                dtype="uint8",
-                cases=len(own),
-                infeasible=len(own) if empty else 0,
-                failures=len(failed),
-                worst_error=0.0,
-                worst_gradient_error=0.0,
-                worst_gradient_relative_error=0.0,
-                non_finite=0,
-            )
-        )
-    return rows

@@ -190,7 +190,9 @@ def nearest_errors(
     """
     best = np.full(4, np.nan)
     for quad in quads:
-        orders = [np.roll(order, turn) for order in ([0, 1, 2, 3], [3, 2, 1, 0]) for turn in range(4)]
+        orders = [
+            np.roll(order, turn) for order in ([0, 1, 2, 3], [3, 2, 1, 0]) for turn in range(4)
+        ]
         for order in orders:
             errors = np.hypot(*(quad[order] - corners).T)
             if errors.max() <= far and not errors.sum() >= np.nansum(best) > 0:
@@ -223,9 +225,7 @@ def unwarped(
         shown = pad_of(best, finger.lens, seen, length, finger.width)
         affine = affine_pad_of(best, seen, length, finger.width)
         made.append(
-            Unwarping(
-                pad, best.path, np.hypot(*(shown - places).T), np.hypot(*(affine - places).T)
-            )
+            Unwarping(pad, best.path, np.hypot(*(shown - places).T), np.hypot(*(affine - places).T))
         )
     return tuple(made)
 

@@ -1,0 +1,33 @@
+"""Everything that the study measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from designopt.results import PrecisionRow
+from studies.finger_images.making import Finger
+from studies.tactile_images.corrupted import Trial
+from studies.tactile_images.frames import Frame
+from studies.tactile_images.pictures import Shown
+from studies.tactile_images.rendering import EffectTime
+
+
+@dataclass(frozen=True)
+class Found:
+    """Everything that was measured.
+
+    Attributes:
+        frames: all frames analysed.
+        trials: corrupted frames.
+        rows: error against run time.
+        times: of rendering, effect by effect.
+        finger: as designed.
+        shown: what the figures show.
+    """
+
+    frames: list[Frame]
+    trials: list[Trial]
+    rows: list[PrecisionRow]
+    times: list[EffectTime]
+    finger: Finger
+    shown: Shown
