@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import equinox as eqx
 import jax
@@ -76,9 +75,8 @@ class PoseSolver:
     """
 
     def __init__(self, model: CornerModel) -> None:
-        """Prepare; the first frame compiles."""
+        """Take a model; its first frame compiles."""
         self.model = model
-        self._solve = eqx.filter_jit(partial(_solve, model))
 
     def __call__(
         self,
@@ -102,7 +100,8 @@ class PoseSolver:
         errors = np.zeros(count) if errors is None else errors
         spread = np.zeros((count, count)) if spread is None else spread
         start = np.where(np.isfinite(guess), guess, 0.0)
-        angles, covariance, ok = self._solve(
+        angles, covariance, ok = _solve(
+            self.model,
             jnp.asarray(seen.corners), jnp.asarray(seen.whitening), jnp.asarray(start),
             jnp.asarray(errors), jnp.asarray(spread),
         )  # fmt: skip
@@ -120,6 +119,7 @@ class PoseSolver:
         return estimates
 
 
+@eqx.filter_jit
 def _solve(
     model: CornerModel,
     corners: Float[Array, "views 4 2"],

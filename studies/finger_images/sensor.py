@@ -165,7 +165,7 @@ def corner_model(
     )
 
 
-def gap_table(scene: Scene, imaging: Imaging, catalogue: Catalogue, pad: str) -> GapTable:
+def gap_table(scene: Scene, catalogue: Catalogue, pad: str) -> GapTable:
     """The gap between a pad's direct view and its mirror view, over its joint's angle."""
     families = {
         family.reflections: family for family in wanted_views(catalogue) if family.pad == pad

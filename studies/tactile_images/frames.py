@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from jaxtyping import Float
 
@@ -19,6 +17,7 @@ from perception.paper_route import PaperRoute
 from perception.quality import Quality
 from perception.unwarping import affine_pad_of, best_view, image_of, pad_of
 from studies.finger_images.making import Finger
+from studies.finger_images.one_thread import one_thread
 from studies.finger_images.sensor import lens_of
 
 FAR = 20.0
@@ -80,17 +79,6 @@ class Frame:
     wrong: int
     unwarped: tuple[Unwarping, ...]
     seconds: float
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """OpenCV on one core while the context lasts, for run times that can be compared."""
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before)
 
 
 def poses(grid: int, range_deg: float, joints: int) -> Float[np.ndarray, "poses joints"]:

@@ -11,6 +11,7 @@ from optics.rendering import Effects
 from perception.detection import find_quads
 from perception.paper_route import PaperRoute
 from studies.finger_images.making import Finger
+from studies.finger_images.one_thread import one_thread
 from studies.tactile_images import drawings, statements, tables
 from studies.tactile_images.corrupted import Trial, tried
 from studies.tactile_images.found import Found
@@ -18,7 +19,6 @@ from studies.tactile_images.frames import (
     Frame,
     can_be_found,
     nearest_errors,
-    one_thread,
     poses,
     rendered,
     touched,

@@ -1,0 +1,185 @@
+"""The study's figures."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import stats
+
+from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.results import Figure
+from studies.proprioception.found import Found
+from studies.proprioception.ladder import (
+    DESIGNED,
+    EDGE,
+    GAP,
+    LABELLED,
+    RUNGS,
+    UNLABELLED,
+    errors_deg,
+    of_method,
+)
+from studies.proprioception.tables import PAPER
+
+DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
+BIN_DEG = 10.0
+
+
+def figures(found: Found) -> list[Figure]:
+    """Every figure of the study."""
+    return [
+        ladder_figure(found),
+        range_figure(found),
+        gap_figure(found),
+        bound_figure(found),
+        covariance_figure(found),
+    ]
+
+
+def ladder_figure(found: Found) -> Figure:
+    """Distribution of errors by method."""
+    drawing, ((axes,),) = new_figure(1, 1, height=3.4)
+    for index, method in enumerate(RUNGS):
+        sizes = np.sort(np.abs(errors_deg(of_method(found.answers, method))))
+        if len(sizes):
+            parts = 100 * (np.arange(len(sizes)) + 1) / len(sizes)
+            axes.plot(np.maximum(sizes, 1e-3), parts, color=PALETTE[index], label=method,
+                      linestyle=DASHES[index])  # fmt: skip
+    for joint, (mean, _) in PAPER.items():
+        axes.axvline(mean, color="0.4", linewidth=1, linestyle=":" if joint == "pip" else "-.",
+                     label=f"paper B, mean, {joint.upper()}")  # fmt: skip
+    axes.set(xscale="log", xlim=(5e-3, 20), ylim=(0, 101), xlabel="absolute error (deg)",
+             ylabel="part of the defined answers (%)")  # fmt: skip
+    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return Figure(
+        "ladder",
+        "Errors of all methods",
+        "From rendered images, finding the views included; both joints. Methods differ in how "
+        "many angles they define at all (see the table).",
+        drawing,
+    )
+
+
+def range_figure(found: Found) -> Figure:
+    """Error over the joint's range, and where the gap is undefined."""
+    names = found.finger.model.names
+    drawing, (row,) = new_figure(1, len(names), height=3.2)
+    for axes, name, table in zip(row, names, found.tables, strict=True):
+        low, high = math.degrees(table.angles[0]), math.degrees(table.angles[-1])
+        axes.axvspan(-2, low, color="0.9", zorder=0)
+        axes.axvspan(high, 92, color="0.9", zorder=0, label="no gap (finger as designed)")
+        for index, method in enumerate(RUNGS):
+            own = of_method(found.answers, method, name)
+            angles = np.rad2deg([answer.truth for answer in own])
+            errors = np.abs(np.rad2deg([answer.error for answer in own]))
+            middles, means = [], []
+            for start in np.arange(0, 90, BIN_DEG):
+                inside = (angles >= start) & (angles < start + BIN_DEG) & np.isfinite(errors)
+                if inside.sum() >= 3:
+                    middles.append(start + BIN_DEG / 2)
+                    means.append(errors[inside].mean())
+            axes.plot(middles, means, color=PALETTE[index], marker=MARKERS[index],
+                      linestyle=DASHES[index], label=method)  # fmt: skip
+        axes.set(yscale="log", title=name.upper(), xlabel="joint angle (deg)", xlim=(-2, 92),
+                 xticks=np.arange(0, 91, 15))  # fmt: skip
+    row[0].set_ylabel("mean absolute error (deg)")
+    drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return Figure(
+        "range",
+        "Errors over the joints' ranges",
+        f"Mean over {BIN_DEG:g}° of the joint angle. Where a finger's own errors let it see both "
+        "facing ends a little beyond the table, the answer is still undefined.",
+        drawing,
+    )
+
+
+def gap_figure(found: Found) -> Figure:
+    """The gap by the optics, and as measured on one finger before and after calibration."""
+    drawing, (row,) = new_figure(1, len(found.tables), height=3.0)
+    seen, climbed = found.watched[0], found.climbed[0]
+    shape = found.finger.lens.shape
+    for joint, (axes, table) in enumerate(zip(row, found.tables, strict=True)):
+        angles = np.rad2deg(table.angles)
+        axes.plot(angles, np.rad2deg(table.gaps), color=PALETTE[0], label="optics, as designed")
+        meter = climbed.meters[joint]
+        if meter is not None:
+            calibrated = meter.offset + meter.scale * table.gaps
+            axes.plot(angles, np.rad2deg(calibrated), "--", color=PALETTE[1], label="calibrated")
+        for frames, marker, name in ((seen.in_gap, "s", "labelled frames"),
+                                     (seen.frames, "o", "other frames")):  # fmt: skip
+            gaps = np.rad2deg([table.measured(one, shape) for one in frames.sightings])
+            axes.plot(np.rad2deg(frames.angles[:, joint]), gaps, marker, color=PALETTE[2],
+                      markerfacecolor="none" if marker == "o" else None, label=name)  # fmt: skip
+        axes.set(title=f"{table.pad} pad", xlabel=f"{found.finger.model.names[joint].upper()} (deg)",
+                 xlim=(-2, 92), xticks=np.arange(0, 91, 15))  # fmt: skip
+    row[0].set_ylabel("gap, section angle (deg)")
+    drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return Figure(
+        "gap",
+        "The gap and its calibration",
+        "The section angle between facing ends of a pad's direct view and its mirror view, on the "
+        "first made finger. Outside of the curve there is no gap.",
+        drawing,
+    )
+
+
+def bound_figure(found: Found) -> Figure:
+    """What was reached, and what the images allow, over the joint angle."""
+    names = found.finger.model.names
+    drawing, (row,) = new_figure(1, len(names), height=3.0)
+    for joint, (axes, name) in enumerate(zip(row, names, strict=True)):
+        own = [(one, of_method(one.answers, LABELLED, name)) for one in found.climbed]
+        told = [(a, one.bounds[a.frame, joint]) for one, answers in own for a in answers
+                if a.estimate.defined]  # fmt: skip
+        angles = np.rad2deg([a.truth for a, _ in told])
+        errors = np.abs(np.rad2deg([a.error for a, _ in told]))
+        bounds = np.rad2deg([bound for _, bound in told])
+        axes.plot(
+            angles, np.maximum(errors, 1e-3), ".", color="0.6", markersize=3, label="one frame"
+        )
+        for values, colour, marker, label in (
+            (errors, PALETTE[0], "o", "reached, root mean square"),
+            (bounds, PALETTE[1], "s", "Cramér–Rao bound, root mean square"),
+        ):
+            starts = np.arange(0, 90, BIN_DEG)
+            inside = [(angles >= start) & (angles < start + BIN_DEG) for start in starts]
+            kept = [(start, values[part]) for start, part in zip(starts, inside, strict=True)
+                    if part.sum() >= 3]  # fmt: skip
+            axes.plot([start + BIN_DEG / 2 for start, _ in kept],
+                      [np.sqrt(np.mean(part**2)) for _, part in kept], color=colour,
+                      marker=marker, label=label)  # fmt: skip
+        axes.set(yscale="log", title=name.upper(), xlabel="joint angle (deg)", xlim=(-2, 92),
+                 ylim=(3e-3, 3), xticks=np.arange(0, 91, 15))  # fmt: skip
+    row[0].set_ylabel("error, labelled calibration (deg)")
+    drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return Figure(
+        "bound",
+        "What was reached, and what the images allow",
+        "All corners with labelled frames. The bound takes the corners' stated noise, the labels' "
+        "deviation and the errors of fabrication that these frames leave.",
+        drawing,
+    )
+
+
+def covariance_figure(found: Found) -> Figure:
+    """Errors over their predicted deviations against a normal distribution."""
+    drawing, ((axes,),) = new_figure(1, 1, height=3.2)
+    for index, method in enumerate((GAP, EDGE, DESIGNED, LABELLED, UNLABELLED)):
+        own = [a for a in of_method(found.answers, method) if a.estimate.defined]
+        if len(own) < 5:
+            continue
+        scaled = np.sort([a.error / a.estimate.deviation for a in own])
+        normal = stats.norm.ppf((np.arange(len(scaled)) + 0.5) / len(scaled))
+        axes.plot(normal, scaled, color=PALETTE[index], linestyle=DASHES[index], label=method)
+    axes.plot([-3, 3], [-3, 3], color="0.4", linewidth=1, linestyle=":", label="as predicted")
+    axes.set(xlim=(-3.2, 3.2), ylim=(-5, 5), xlabel="quantile of the standard normal",
+             ylabel="error over predicted deviation")  # fmt: skip
+    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return Figure(
+        "covariance",
+        "Are the predicted deviations right?",
+        "Quantiles of errors over predicted deviations. Steeper than the dotted line: the method "
+        "is less exact than it says.",
+        drawing,
+    )

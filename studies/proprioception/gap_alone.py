@@ -1,0 +1,72 @@
+"""The gap without images: corners of made fingers with a stated noise, and five labelled frames."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from perception.proprioception import GapTable, calibrate_gap
+from studies.finger_images.making import Finger
+from studies.proprioception.ladder import Answer
+from studies.proprioception.watching import spread_over
+
+METHOD = "1 gap, corners with stated noise"
+
+
+def tried(
+    finger: Finger,
+    tables: list[GapTable],
+    *,
+    fingers: int,
+    frames: int,
+    labelled: int,
+    label_deviation: float,
+    noise: float,
+    seed: int,
+) -> list[Answer]:
+    """Joint angles by the gap where both views have facing ends.
+
+    Args:
+        finger: as designed.
+        tables: the gap of every joint.
+        fingers: how many made ones.
+        frames: random frames of each joint.
+        labelled: frames for the calibration.
+        label_deviation: of their labels, rad.
+        noise: standard deviation of every corner's column and row, px.
+        seed: of everything random.
+    """
+    model, answers = finger.model, []
+    predict = jax.jit(jax.vmap(model.predict, (None, 0)))
+    pixel = noise / float(finger.scene.camera.focal_pixels)
+    limits = [(float(table.angles[0]), float(table.angles[-1])) for table in tables]
+    for number in range(fingers):
+        generator = np.random.default_rng([seed, 9, number])
+        _, errors = finger.made(seed, number)
+        told = spread_over(limits, labelled)
+        asked = np.stack([generator.uniform(*limit, frames) for limit in limits], axis=-1)
+        corners = np.array(predict(jnp.asarray(errors), jnp.asarray(np.concatenate([told, asked]))))
+        corners += generator.normal(0, noise, corners.shape)
+        labels = told + label_deviation * generator.standard_normal(told.shape)
+        rays = np.stack([finger.lens.rays(c.reshape(-1, 2)).reshape(c.shape) for c in corners])
+        for joint, table in enumerate(tables):
+            first, second = (
+                rays[:, model.views.index((table.pad, path)), [end, 3 - end], 0].mean(axis=-1)
+                for path, end in zip(("direct", table.mirror), table.ends, strict=True)
+            )
+            gaps = np.abs(first - second)
+            meter = calibrate_gap(table, gaps[:labelled], labels[:, joint], pixel)
+            for index, gap in enumerate(gaps[labelled:]):
+                if meter is not None:
+                    answers.append(
+                        Answer(
+                            METHOD,
+                            number,
+                            index,
+                            model.names[joint],
+                            float(asked[index, joint]),
+                            meter.estimate(gap),
+                        )
+                    )
+    return answers

@@ -1,0 +1,255 @@
+"""The ladder: every way to estimate joint angles, on the frames of one made finger."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from perception.proprioception import (
+    Calibration,
+    CornerModel,
+    Estimate,
+    GapMeter,
+    GapTable,
+    PoseSolver,
+    calibrate,
+    calibrate_gap,
+    fit_edges,
+    information_bound,
+    observe,
+    stack_observations,
+)
+from perception.proprioception.estimate import first_defined, undefined
+from studies.finger_images.making import Finger
+from studies.finger_images.sensor import corner_model
+from studies.proprioception.watching import Watched
+
+GAP = "1 gap, as in the paper"
+GAP_THEN_EDGE = "1 gap, else edge"
+EDGE = "2 one edge, no model"
+DESIGNED = "3 all corners, as designed"
+LABELLED = "4 all corners, labelled frames"
+UNLABELLED = "5 all corners, no labels"
+LENS_AS_DESIGNED = "4 without the lens's error"
+EXACT = "all corners, finger known"
+
+RUNGS = (GAP, EDGE, DESIGNED, LABELLED, UNLABELLED)
+"""The methods, from the simplest on."""
+
+EDGE_NOISE = 0.5
+"""Standard deviation of an end's section angle in an image, px of 1080 rows."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One joint angle by one method, and the truth.
+
+    Attributes:
+        method: its name.
+        finger: number of the finger.
+        frame: number of the frame.
+        joint: name of the joint.
+        truth: rad.
+        estimate: by the method.
+    """
+
+    method: str
+    finger: int
+    frame: int
+    joint: str
+    truth: float
+    estimate: Estimate
+
+    @property
+    def error(self) -> float:
+        """Estimate minus truth, rad; NaN where it is undefined."""
+        return self.estimate.angle - self.truth
+
+
+@dataclass(frozen=True)
+class Climbed:
+    """All answers for one finger, and what its calibrations found.
+
+    Attributes:
+        answers: of all methods, frames and joints.
+        labelled: calibration with labels.
+        unlabelled: calibration without.
+        errors: of the finger, in units of their deviations.
+        bounds: least standard deviations, rad, of every frame and joint, if calibrated with labels.
+        seconds: of one joint-angle solve, for each frame.
+        meters: the calibrated gap of every joint.
+    """
+
+    answers: list[Answer]
+    labelled: Calibration
+    unlabelled: Calibration
+    errors: Float[np.ndarray, " errors"]
+    bounds: Float[np.ndarray, "frames joints"]
+    seconds: list[float]
+    meters: list[GapMeter | None]
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """The methods ready for many fingers of one design.
+
+    Attributes:
+        finger: as designed.
+        tables: the gap of every joint.
+        label_deviation: rad.
+        plain: the model that takes the lens as designed.
+    """
+
+    finger: Finger
+    tables: list[GapTable]
+    label_deviation: float
+    plain: CornerModel
+
+    @classmethod
+    def of(cls, finger: Finger, tables: list[GapTable], label_deviation: float) -> Ladder:
+        """The methods for a design."""
+        deviations = eqx.tree_at(
+            lambda errors: errors.distortion, finger.deviations, None, is_leaf=lambda x: x is None
+        )
+        plain = corner_model(
+            finger.scene, finger.imaging, finger.catalogue, deviations, finger.carried
+        )
+        return cls(finger, tables, label_deviation, plain)
+
+    def climbed(self, number: int, seen: Watched, seed: int) -> Climbed:
+        """All methods on the frames of one finger."""
+        finger, model = self.finger, self.finger.model
+        generator = np.random.default_rng([seed, 8, number])
+        shape = finger.lens.shape
+        noise = self.label_deviation * generator.standard_normal((2, *seen.spread.angles.shape))
+        labels, gap_labels = seen.spread.angles + noise[0], seen.in_gap.angles + noise[1]
+        frames = seen.frames
+        pixel = 1 / float(finger.scene.camera.focal_pixels)
+        meters = [
+            calibrate_gap(
+                table,
+                np.array([table.measured(one, shape) for one in seen.in_gap.sightings]),
+                gap_labels[:, joint],
+                pixel,
+            )
+            for joint, table in enumerate(self.tables)
+        ]
+        rulers = [
+            fit_edges(
+                seen.spread.sightings,
+                labels[:, joint],
+                [view for view, j in zip(model.views, model.joints, strict=True) if j == joint],
+                shape,
+                label_deviation=self.label_deviation,
+                edge_deviation=EDGE_NOISE * pixel * shape[0] / 1080,
+            )
+            for joint in range(len(model.names))
+        ]
+        seen_frames = [observe(one, model.views) for one in frames.sightings]
+        calibration_frames = stack_observations(
+            [observe(one, model.views) for one in seen.spread.sightings]
+        )
+        labelled = calibrate(model, calibration_frames, labels, self.label_deviation)
+        plain = calibrate(self.plain, calibration_frames, labels, self.label_deviation)
+        rough = np.stack([one.angles for one in frames.sightings])
+        unlabelled = calibrate(model, stack_observations(seen_frames), rough)
+
+        answers: list[Answer] = []
+        seconds: list[float] = []
+        bounds: list[np.ndarray] = []
+        solve, solve_plain = PoseSolver(model), PoseSolver(self.plain)
+
+        for index, (truth, sighting, observation) in enumerate(
+            zip(frames.angles, frames.sightings, seen_frames, strict=True)
+        ):
+            gaps = [
+                undefined("the gap could not be calibrated")
+                if meter is None
+                else meter.estimate(meter.table.measured(sighting, shape))
+                for meter in meters
+            ]
+            edges = [ruler.estimate(sighting, shape) for ruler in rulers]
+            guess = sighting.angles
+            start = time.perf_counter()
+            by_labels = solve(observation, guess, labelled.errors, labelled.covariance)
+            seconds.append(time.perf_counter() - start)
+            by_method: dict[str, Sequence[Estimate]] = {
+                GAP: gaps,
+                GAP_THEN_EDGE: [first_defined(*pair) for pair in zip(gaps, edges, strict=True)],
+                EDGE: edges,
+                DESIGNED: solve(observation, guess, spread=np.eye(model.errors)),
+                LABELLED: by_labels,
+                UNLABELLED: solve(observation, guess, unlabelled.errors, unlabelled.covariance),
+                LENS_AS_DESIGNED: solve_plain(observation, guess, plain.errors, plain.covariance),
+                EXACT: solve(observation, guess, seen.errors),
+            }
+            answers += [
+                Answer(method, number, index, name, float(truth[joint]), estimates[joint])
+                for method, estimates in by_method.items()
+                for joint, name in enumerate(model.names)
+            ]
+            bounds.append(
+                information_bound(
+                    model,
+                    seen.errors,
+                    (observation, truth),
+                    (calibration_frames, seen.spread.angles),
+                    self.label_deviation,
+                ).calibrated
+            )
+        return Climbed(
+            answers, labelled, unlabelled, seen.errors, np.stack(bounds), seconds, meters
+        )
+
+
+def solved(
+    ladder: Ladder, number: int, seen: Watched, seed: int
+) -> tuple[list[Answer], Calibration]:
+    """Only the labelled calibration and its answers."""
+    model = ladder.finger.model
+    generator = np.random.default_rng([seed, 8, number])
+    noise = ladder.label_deviation * generator.standard_normal((2, *seen.spread.angles.shape))
+    frames = stack_observations([observe(one, model.views) for one in seen.spread.sightings])
+    found = calibrate(model, frames, seen.spread.angles + noise[0], ladder.label_deviation)
+    solve = PoseSolver(model)
+    answers = []
+    for index, (truth, sighting) in enumerate(
+        zip(seen.frames.angles, seen.frames.sightings, strict=True)
+    ):
+        estimates = solve(
+            observe(sighting, model.views), sighting.angles, found.errors, found.covariance
+        )
+        answers += [
+            Answer(LABELLED, number, index, name, float(truth[joint]), estimates[joint])
+            for joint, name in enumerate(model.names)
+        ]
+    return answers, found
+
+
+def errors_deg(answers: Sequence[Answer]) -> Float[np.ndarray, " defined"]:
+    """Errors of the answers that are defined, degrees."""
+    errors = np.array([answer.error for answer in answers])
+    return np.rad2deg(errors[np.isfinite(errors)])
+
+
+def of_method(answers: Sequence[Answer], method: str, joint: str | None = None) -> list[Answer]:
+    """The answers of a method, for one joint or for all."""
+    return [a for a in answers if a.method == method and joint in (None, a.joint)]
+
+
+def defined_share(answers: Sequence[Answer]) -> float:
+    """Part of the answers that are defined."""
+    return float(np.mean([math.isfinite(answer.error) for answer in answers]))
+
+
+def variance_ratio(answers: Sequence[Answer]) -> float:
+    """Mean squared error over mean predicted variance, of the answers that are defined."""
+    pairs = [(a.error**2, a.estimate.deviation**2) for a in answers if a.estimate.defined]
+    squares, variances = np.array(pairs).reshape(-1, 2).T
+    return float(np.mean(squares) / np.mean(variances)) if len(squares) else math.nan
