@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from designopt.numerics import as_float
@@ -49,6 +51,15 @@ class Fabrication(eqx.Module):
         mirrors, pads = jnp.zeros(len(layout.mirrors)), jnp.zeros(len(layout.pads))
         zero = jnp.zeros(())
         return cls(jnp.zeros(2), zero, zero, mirrors, mirrors, pads, pads, pads)
+
+
+def errors_of(deviations: Fabrication, numbers: Float[Array, " errors"]) -> Fabrication:
+    """Errors that are so many times their standard deviations, one number each, in their order."""
+    leaves, structure = jax.tree.flatten(deviations)
+    ends = np.cumsum([leaf.size for leaf in leaves])[:-1].tolist()
+    parts = jnp.split(numbers, ends)
+    scaled = [part.reshape(leaf.shape) * leaf for part, leaf in zip(parts, leaves, strict=True)]
+    return jax.tree.unflatten(structure, scaled)
 
 
 def fabrication_names(layout: Layout) -> list[str]:

@@ -11,7 +11,7 @@ from designopt.numerics import safe_arctan2
 from optics.boundaries import Pad
 from optics.imaging import Imaging
 from optics.scene import Scene, place
-from optics.unfolding import Unfolded, paths_of, unfold_all
+from optics.unfolding import VirtualCamera, paths_of, virtual_cameras
 
 CORNERS = ((0, -1), (1, -1), (1, 1), (0, 1))
 """Corners of a pad in their order: at which end of it, and on which side across the section."""
@@ -55,14 +55,14 @@ def find_outlines(
     words = paths_of(scene.layout, scene.layout.bounces if bounces is None else bounces)
     placed = place(scene, angles)
     pads = Pad.all_of(scene, placed)
-    paths = unfold_all(scene.layout, placed, words)
+    cameras = virtual_cameras(placed, words)
 
-    def ends(path: Unfolded, pad: Pad) -> tuple[Array, Array]:
-        arrow = pad.ends() - path.source
-        angle = safe_arctan2(path.axis.cross(arrow), path.axis.dot(arrow))
-        return path.handedness() * angle, arrow.length() * placed.size
+    def ends(camera: VirtualCamera, pad: Pad) -> tuple[Array, Array]:
+        arrow = pad.ends() - camera.source
+        angle = safe_arctan2(camera.axis.cross(arrow), camera.axis.dot(arrow))
+        return camera.handedness * angle, arrow.length() * placed.size
 
-    angle, distance = jax.vmap(jax.vmap(ends, (None, 0)), (0, None))(paths, pads)
+    angle, distance = jax.vmap(jax.vmap(ends, (None, 0)), (0, None))(cameras, pads)
     return Outlines(angle, distance)
 
 

@@ -318,6 +318,34 @@ def _aperture(
     return edges
 
 
+class VirtualCamera(eqx.Module):
+    """The camera as it appears behind the last mirror of a path; several along a first axis.
+
+    Attributes:
+        source: where it is.
+        axis: its optical axis, a unit vector.
+        handedness: −1 after an odd number of reflections, else 1.
+    """
+
+    source: Vector
+    axis: Vector
+    handedness: Float[Array, "*paths"]
+
+
+def virtual_cameras(placed: Placed, words: Sequence[tuple[int, ...]]) -> VirtualCamera:
+    """The camera's images by paths over given mirrors, without what may stand in their way."""
+
+    def image(word: Int[Array, " reflections"]) -> VirtualCamera:
+        reflects = [index >= 0 for index in word]
+        folds = folds_of([placed.corners[index] for index in word], reflects)
+        if not folds:
+            return VirtualCamera(placed.camera, placed.axis, jnp.ones_like(placed.size))
+        whole = folds[0]
+        return VirtualCamera(whole.place(placed.camera), whole.arrow(placed.axis), whole.sign)
+
+    return jax.vmap(image)(jnp.asarray(padded(words)))
+
+
 def unfold_all(layout: Layout, placed: Placed, words: Sequence[tuple[int, ...]]) -> Unfolded:
     """All paths over given mirrors, along a first axis."""
     return jax.vmap(partial(unfold, layout, placed))(jnp.asarray(padded(words)))

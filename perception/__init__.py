@@ -1,1 +1,5 @@
 """OpenCV on images: masks, quads, unwarping, joint angles, directions and posture."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from jaxtyping import Float
+
+from perception.sampling import sampled
 
 Rays = Float[np.ndarray, "_ 2"]
 Places = Float[np.ndarray, "_ 2"]
@@ -38,9 +39,7 @@ class Lens:
 
     def rays(self, places: Places) -> Rays:
         """The rays through places in the image, interpolated between pixels."""
-        at = np.ascontiguousarray(places, np.float32).reshape(-1, 1, 2)
-        found = cv2.remap(self.ray_map, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return found.reshape(-1, 2).astype(float)
+        return sampled(self.ray_map, places[:, None]).reshape(-1, 2).astype(float)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ where the brightness crosses half of its step, and corners are where these lines
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ from jaxtyping import Bool, Float, Int
 
 from perception.lens import Lens, TangentPlane
 from perception.quality import Quality
+from perception.sampling import sampled
 
 INNER, HEIGHTS = (0.15, 0.85), 12
 """Heights at which a contour's outermost points tell its sides at first, and how many."""
@@ -47,12 +49,18 @@ STEPS = 3
 FAR_ROUNDS = 6
 """Rounds of weighting places by how near to the line they are."""
 
+LEAST_SCATTER = 0.02
+"""No edge is straighter than to so many px."""
+
 TUKEY = 4.685
 """Residuals of so many standard deviations count no more (95 % efficiency for normal ones)."""
 
 DEEP, SEAM = 0.9, 10.0
 """Where brightness falls by a smaller part than `DEEP` to the dark, an edge is doubted by so many
 pixels per missing part: what falls halfway only may be as far off as a seam is wide."""
+
+SMALL = 1e-4
+"""Step of differences in the tangent plane."""
 
 RIGHT, UP = np.eye(2)
 """Directions in the tangent plane."""
@@ -111,18 +119,15 @@ def fit_quad(
     corners = first_corners(plane.flat(rays))
     if corners is None:
         return None
-    for _ in range(STEPS):
-        sides = [_Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-        edges = _edges(grey, lens, plane, sides)
-        lines = [_line(edge) for edge in edges]
-        moved = _meeting(sides, lines)
-        if moved is None:
-            return None
-        corners = moved
-    rays = plane.rays(corners)
+    found = _refined(grey, lens, plane, corners)
+    for _ in range(STEPS - 1):
+        found = None if found is None else _refined(grey, lens, plane, found.corners)
+    if found is None:
+        return None
+    rays = plane.rays(found.corners)
     rows, columns = grey.shape
     border = (contour <= NEAR_BORDER) | (contour >= np.array([columns, rows]) - 1 - NEAR_BORDER)
-    contrast = min(edge.contrast for edge in edges)
+    contrast = min(edge.contrast for edge in found.edges)
     quality = Quality.COMPLETE
     if border.any():
         quality = Quality.CLIPPED
@@ -131,10 +136,10 @@ def fit_quad(
     return Quad(
         rays,
         lens.project(rays),
-        _covariances(lens, plane, corners, sides, lines),
+        _covariances(lens, plane, found),
         float(cv2.contourArea(contour)),
         contrast,
-        max(line.scatter for line in lines),
+        max(line.scatter for line in found.lines),
         quality,
     )
 
@@ -248,6 +253,36 @@ class _Line:
         return float(weights @ self.covariance @ weights)
 
 
+class _Outline(NamedTuple):
+    """A quadrilateral whose sides have been moved onto their edges.
+
+    Attributes:
+        sides: as they were.
+        edges: that were found across them.
+        lines: through these.
+        corners: where the lines meet.
+    """
+
+    sides: list[_Side]
+    edges: list[_Edge]
+    lines: list[_Line]
+    corners: Float[np.ndarray, "4 2"]
+
+
+def _refined(
+    grey: Float[np.ndarray, "rows columns"],
+    lens: Lens,
+    plane: TangentPlane,
+    corners: Float[np.ndarray, "4 2"],
+) -> _Outline | None:
+    """One round of finding edges and fitting lines; ``None`` where these do not meet."""
+    sides = [_Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+    edges = _edges(grey, lens, plane, sides)
+    lines = [_line(edge) for edge in edges]
+    moved = _meeting(sides, lines)
+    return None if moved is None else _Outline(sides, edges, lines, moved)
+
+
 def _edges(
     grey: Float[np.ndarray, "rows columns"], lens: Lens, plane: TangentPlane, sides: list[_Side]
 ) -> list[_Edge]:
@@ -255,14 +290,12 @@ def _edges(
     shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
     flat = np.concatenate([side.places(shares) for side in sides])
     outward = np.repeat([side.outward for side in sides], POINTS, axis=0)
-    small = 1e-4
-    both = lens.project(plane.rays(np.concatenate([flat, flat + small * outward])))
+    both = lens.project(plane.rays(np.concatenate([flat, flat + SMALL * outward])))
     at, beside = both[: len(flat)], both[len(flat) :]
-    scale = np.maximum(np.hypot(*(beside - at).T) / small, 1e-9)
-    normal = (beside - at) / (small * scale[:, None])
+    scale = np.maximum(np.hypot(*(beside - at).T) / SMALL, 1e-9)
+    normal = (beside - at) / (SMALL * scale[:, None])
     reach = np.linspace(-REACH, REACH, SAMPLES)
-    places = (at[:, None] + reach[:, None] * normal[:, None]).astype(np.float32)
-    profile = cv2.remap(grey, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    profile = sampled(grey, at[:, None] + reach[:, None] * normal[:, None])
     profile = cv2.blur(profile, (3, 1), borderType=cv2.BORDER_REPLICATE)
     # A narrow view may end again within reach: the brightest quarter is surely inside.
     inside = np.quantile(profile[:, : SAMPLES // 2 + 1], BRIGHTER, axis=1)
@@ -309,25 +342,39 @@ def _line(edge: _Edge) -> _Line:
         return _Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.inf)
     design = np.stack([np.ones(found.sum()), edge.shares[found]], axis=-1) * edge.scale[found, None]
     wanted = edge.offsets[found] * edge.scale[found]
-    weights = np.ones(len(wanted))
-    middle = np.median(wanted)
-    left = wanted - middle
-    for _ in range(FAR_ROUNDS):
-        deviation = max(1.4826 * float(np.median(np.abs(left))), 0.02)
-        weights = np.maximum(1 - (left / (TUKEY * deviation)) ** 2, 0) ** 2
-        weighted = design * weights[:, None]
-        normal = weighted.T @ design
-        solution = np.linalg.solve(
-            normal + 1e-12 * np.trace(normal) * np.eye(2), weighted.T @ wanted
-        )
+    left = wanted - np.median(wanted)
+    solution, normal, weights = _weighted(design, wanted, left)
+    for _ in range(FAR_ROUNDS - 1):
         left = wanted - design @ solution
+        solution, normal, weights = _weighted(design, wanted, left)
+    left = wanted - design @ solution
     variance = float(np.sum(weights * left**2) / max(np.sum(weights) - 2, 1))
-    near = np.clip(left, -TUKEY * deviation, TUKEY * deviation)
+    furthest = TUKEY * _deviation(left)
+    near = np.clip(left, -furthest, furthest)
     correlation = np.clip(np.mean(near[1:] * near[:-1]) / max(np.mean(near**2), 1e-12), 0.0, 0.9)
     fewer = (1 + correlation) / (1 - correlation)
-    covariance = variance * fewer * np.linalg.inv(normal + 1e-12 * np.trace(normal) * np.eye(2))
+    covariance = variance * fewer * np.linalg.inv(normal)
     covariance[0, 0] += (edge.doubt / float(np.mean(edge.scale))) ** 2
     return _Line(float(solution[0]), float(solution[1]), covariance, float(np.sqrt(variance)))
+
+
+def _deviation(left: Float[np.ndarray, " places"]) -> float:
+    """Standard deviation of most of the residuals, from their median; never quite 0."""
+    return max(1.4826 * float(np.median(np.abs(left))), LEAST_SCATTER)
+
+
+def _weighted(
+    design: Float[np.ndarray, "places 2"],
+    wanted: Float[np.ndarray, " places"],
+    left: Float[np.ndarray, " places"],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Least squares weighted by how small residuals were; with its normal matrix and weights."""
+    weights = np.maximum(1 - (left / (TUKEY * _deviation(left))) ** 2, 0) ** 2
+    weighted = design * weights[:, None]
+    normal = weighted.T @ design
+    # Where all weight lies in one place, the side keeps its direction.
+    normal += 1e-12 * np.trace(normal) * np.eye(2)
+    return np.linalg.solve(normal, weighted.T @ wanted), normal, weights
 
 
 def _meeting(sides: list[_Side], lines: list[_Line]) -> Float[np.ndarray, "4 2"] | None:
@@ -357,18 +404,12 @@ def _meeting(sides: list[_Side], lines: list[_Line]) -> Float[np.ndarray, "4 2"]
     return found if np.isfinite(found).all() and moved < size else None
 
 
-def _covariances(
-    lens: Lens,
-    plane: TangentPlane,
-    corners: Float[np.ndarray, "4 2"],
-    sides: list[_Side],
-    lines: list[_Line],
-) -> Float[np.ndarray, "4 2 2"]:
+def _covariances(lens: Lens, plane: TangentPlane, outline: _Outline) -> Float[np.ndarray, "4 2 2"]:
     """Covariance of every corner's place in the image, px²."""
-    small = 1e-4
-    moved = np.concatenate([corners, corners + small * RIGHT, corners + small * UP])
+    corners, sides, lines = outline.corners, outline.sides, outline.lines
+    moved = np.concatenate([corners, corners + SMALL * RIGHT, corners + SMALL * UP])
     at, right, up = np.split(lens.project(plane.rays(moved)), 3)
-    to_image = np.stack([right - at, up - at], axis=-1) / small
+    to_image = np.stack([right - at, up - at], axis=-1) / SMALL
     found = []
     for i in range(4):
         normals = np.stack([sides[i - 1].outward, sides[i].outward])

@@ -17,6 +17,7 @@ from jaxtyping import Float, UInt8
 from perception.lens import Lens, TangentPlane
 from perception.matching import View
 from perception.quality import Quality
+from perception.sampling import sampled
 
 PER_MM = 10.0
 """Samples of an unwarped pad per mm."""
@@ -90,12 +91,9 @@ def unwarp(
     places = image_of(view, lens, lattice.reshape(-1, 2), length, width)
     coarse = places.reshape(LATTICE, LATTICE, 2).astype(np.float32)
     # Samples are the middles of squares, the lattice has its outermost places on the edges.
-    rows, columns = (
-        ((np.arange(count) + 0.5) / count * (LATTICE - 1)).astype(np.float32) for count in shape
-    )
-    grid = np.meshgrid(columns, rows)
-    fine = cv2.remap(coarse, *grid, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
-    return cv2.remap(image, fine, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    rows, columns = ((np.arange(count) + 0.5) / count * (LATTICE - 1) for count in shape)
+    fine = sampled(coarse, np.stack(np.meshgrid(columns, rows), axis=-1), smooth=True)
+    return sampled(image, fine)
 
 
 def least_scale(view: View, lens: Lens, length: float, width: float) -> float:

@@ -21,6 +21,7 @@ import lineax as lx
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
+from designopt.fitting import with_jacobian
 from designopt.optimising.flat import Flat, Point
 from designopt.optimising.problem import Terms
 from designopt.roots import ROUNDING_UNITS
@@ -164,31 +165,6 @@ def _largest(*arrays: Float[Array, "..."]) -> Float[Array, ""]:
     return jnp.max(jnp.concatenate(arrays))
 
 
-def _with_jacobian(
-    function: Callable[[Point, Any], Float[Array, " residuals"]],
-) -> Callable[[Point, Any], Float[Array, " residuals"]]:
-    """The same function, whose derivative in its first argument is its Jacobian as a matrix.
-
-    A least-squares solver carries the derivative along. As a matrix that is one array; as the trace
-    of the function it is hundreds, which took four times as long to compile.
-    """
-
-    @jax.custom_jvp
-    def with_jacobian(point: Point, args: Any) -> Float[Array, " residuals"]:
-        return function(point, args)
-
-    @with_jacobian.defjvp
-    def slope(at: tuple[Point, Any], towards: tuple[Point, Any]) -> tuple[Any, Any]:
-        def twice(point: Point) -> tuple[Any, Any]:
-            value = function(point, at[1])
-            return value, value
-
-        jacobian, value = jax.jacfwd(twice, has_aux=True)(at[0])
-        return value, jacobian @ towards[0]
-
-    return with_jacobian
-
-
 def _inner(
     flat: Flat, inner: Inner, floor: float | None, tolerance: float, steps: int
 ) -> Callable[[Point, Any], tuple[Point, Int[Array, ""]]]:
@@ -206,7 +182,7 @@ def _inner(
         terms, short = shortfalls(point, args)
         return terms.value / args[2] + jnp.sum(short**2) / 2
 
-    @_with_jacobian
+    @with_jacobian
     def residuals(point: Point, args: Any) -> Float[Array, " residuals"]:
         terms, short = shortfalls(point, args)
         if terms.residuals is not None:

@@ -33,9 +33,11 @@ def exposed(
         spread = cv2.sqrt(np.maximum(light + np.float32(READ_NOISE**2), 0))
         noise = generator.standard_normal(light.shape, np.float32)
         light = cv2.scaleAdd(cv2.multiply(noise, spread), effects.noise, light)
-    pixels = cv2.convertScaleAbs(cv2.max(light, 0.0), alpha=255)
+    pixels = cv2.convertScaleAbs(np.maximum(light, 0), alpha=255)
     if effects.jpeg:
         quality = [cv2.IMWRITE_JPEG_QUALITY, round(100 - effects.jpeg)]
         stored = cv2.imencode(".jpg", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), quality)[1]
-        pixels = cv2.cvtColor(cv2.imdecode(stored, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+        restored = cv2.imdecode(stored, cv2.IMREAD_COLOR)
+        assert restored is not None  # it has just been encoded
+        pixels = cv2.cvtColor(restored, cv2.COLOR_BGR2RGB)
     return pixels

@@ -137,6 +137,7 @@ class Renderer:
         """
         self._errors = Fabrication.none(scene.layout) if errors is None else errors
         self._effects, self._width, self._seed = effects, width, seed
+        self._lateral = np.float32(self._errors.lateral.item())
         made = as_made(scene, self._errors, carried=carried)
         pixels = made.camera.pixels if rows is None else jnp.full_like(made.camera.pixels, rows)
         self.scene = eqx.tree_at(
@@ -224,13 +225,13 @@ class Renderer:
         angle, slope = self._angle[window], self._slope[window]
         forward, up = np.cos(angle), np.sin(angle)
         # notation: the ray L (forward, up) meets first + part · step.
-        first, step = geometry.ends[path, pad, 0], np.diff(geometry.ends[path, pad], axis=0)[0]
-        first, step = first.astype(np.float32), step.astype(np.float32)
+        first, last = np.asarray(geometry.ends[path, pad], np.float32)
+        step = last - first
         across = forward * step[1] - up * step[0]
         across = np.where(across == 0, np.float32(1e-6), across)
         distance = (first[0] * step[1] - first[1] * step[0]) / across
         along = (first[0] * up - first[1] * forward) / across * np.float32(look.length)
-        beside = slope * distance + np.float32(self._errors.lateral)
+        beside = slope * distance + self._lateral
         colour, inside = look.sample(along, beside)
         shown = np.where(distance > 0, _filled(inside), 0)
         per_pixel = np.maximum(np.hypot(*np.gradient(angle)), 1e-9)

@@ -2,12 +2,11 @@ from .bounds import Bound, information_bound
 from .calibration import Calibration, calibrate
 from .corners import CornerModel, PoseSolver
 from .edge import EdgeCurve, EdgeRuler, fit_edges
-from .estimate import UNDEFINED, Estimate
+from .estimate import Estimate, first_defined, undefined
 from .gap import GapMeter, GapTable, calibrate_gap
 from .observation import Observation, observe, stack_observations
 
 __all__ = [
-    "UNDEFINED",
     "Bound",
     "Calibration",
     "CornerModel",
@@ -20,8 +19,10 @@ __all__ = [
     "PoseSolver",
     "calibrate",
     "calibrate_gap",
+    "first_defined",
     "fit_edges",
     "information_bound",
     "observe",
     "stack_observations",
+    "undefined",
 ]

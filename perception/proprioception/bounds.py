@@ -47,10 +47,16 @@ def information_bound(
         label_deviation: standard deviation of their labels, rad; ``None`` without labels.
     """
     spread = LOOSE if label_deviation is None else label_deviation
+    one, several = (Observation(*map(jnp.asarray, part)) for part in (frame[0], frames[0]))
     known, total = _bound(
-        model, jnp.asarray(errors), *map(jnp.asarray, frame[0]), jnp.asarray(frame[1]),
-        *map(jnp.asarray, frames[0]), jnp.asarray(frames[1]), jnp.asarray(spread),
-    )  # fmt: skip
+        model,
+        jnp.asarray(errors),
+        one,
+        jnp.asarray(frame[1]),
+        several,
+        jnp.asarray(frames[1]),
+        jnp.asarray(spread),
+    )
     return Bound(*(np.sqrt(np.diagonal(np.asarray(part))) for part in (known, total)))
 
 
@@ -58,28 +64,25 @@ def information_bound(
 def _bound(
     model: CornerModel,
     errors: Float[Array, " errors"],
-    corners: Float[Array, "views 4 2"],
-    whitening: Float[Array, "views 4 2 2"],
+    frame: Observation,
     angles: Float[Array, " joints"],
-    all_corners: Float[Array, "frames views 4 2"],
-    all_whitening: Float[Array, "frames views 4 2 2"],
+    frames: Observation,
     all_angles: Float[Array, "frames joints"],
     spread: Float[Array, ""],
 ) -> tuple[Array, Array]:
-    def slopes(pose: Array, place: Array, weight: Array) -> tuple[Array, Array]:
-        seen = Observation(place, weight)  # pyright: ignore[reportArgumentType]
+    def slopes(pose: Array, seen: Observation) -> tuple[Array, Array]:
         return jax.jacfwd(lambda e, p: deviations(model, e, p, seen), (0, 1))(errors, pose)
 
-    def about_errors(pose: Array, place: Array, weight: Array) -> Array:
+    def about_errors(pose: Array, seen: Observation) -> Array:
         """Information of a frame on the errors when its own angles are not asked for."""
-        by_error, by_angle = slopes(pose, place, weight)
+        by_error, by_angle = slopes(pose, seen)
         own = by_angle.T @ by_angle + jnp.eye(len(pose)) / spread**2
         both = by_angle.T @ by_error
         return by_error.T @ by_error - both.T @ jnp.linalg.solve(own, both)
 
     prior = jnp.eye(model.errors)
-    told = jnp.sum(jax.vmap(about_errors)(all_angles, all_corners, all_whitening), axis=0)
-    by_error, by_angle = slopes(angles, corners, whitening)
+    told = jnp.sum(jax.vmap(about_errors)(all_angles, frames), axis=0)
+    by_error, by_angle = slopes(angles, frame)
     own = by_angle.T @ by_angle + jnp.eye(len(angles)) / LOOSE**2
     both = by_angle.T @ by_error
     rest = prior + told + by_error.T @ by_error

@@ -60,9 +60,8 @@ def calibrate(
     spread = np.where(known, deviation or LOOSE, LOOSE)
     start = np.where(np.isfinite(angles), angles, 0.0)
     fit, left = _calibrated(
-        model, jnp.asarray(seen.corners), jnp.asarray(seen.whitening), jnp.asarray(start),
-        jnp.asarray(spread),
-    )  # fmt: skip
+        model, Observation(*map(jnp.asarray, seen)), jnp.asarray(start), jnp.asarray(spread)
+    )
     values, count = np.asarray(fit.solution.value), model.errors
     used = np.asarray(left) != 0
     free = max(int(used.sum()) - values.size + count, 1)
@@ -79,18 +78,17 @@ def calibrate(
 @eqx.filter_jit
 def _calibrated(
     model: CornerModel,
-    corners: Float[Array, "frames views 4 2"],
-    whitening: Float[Array, "frames views 4 2 2"],
+    seen: Observation,
     start: Float[Array, "frames joints"],
     spread: Float[Array, "frames joints"],
 ) -> tuple[Fit, Float[Array, " data"]]:
     def corner_part(values: Float[Array, " values"]) -> Float[Array, " data"]:
         errors, angles = values[: model.errors], values[model.errors :].reshape(start.shape)
 
-        def frame(pose: Array, place: Array, weight: Array) -> Array:
-            return softened(deviations(model, errors, pose, Observation(place, weight)))  # pyright: ignore[reportArgumentType]
+        def frame(pose: Array, one: Observation) -> Array:
+            return softened(deviations(model, errors, pose, one))
 
-        return jax.vmap(frame)(angles, corners, whitening).reshape(-1)
+        return jax.vmap(frame)(angles, seen).reshape(-1)
 
     def residuals(values: Float[Array, " values"], _: None) -> Float[Array, " data"]:
         angles = values[model.errors :].reshape(start.shape)
@@ -98,5 +96,5 @@ def _calibrated(
         return jnp.concatenate([corner_part(values), values[: model.errors], prior])
 
     guess = jnp.concatenate([jnp.zeros(model.errors), start.reshape(-1)])
-    fit = least_squares(residuals, guess, tolerance=TOLERANCE, max_steps=64)
+    fit = least_squares(residuals, guess, tolerance=TOLERANCE, max_steps=64, differentiable=False)
     return fit, corner_part(fit.solution.value)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import equinox as eqx
 import jax
@@ -28,12 +27,12 @@ SOLVED = 1e-9
 """Relative tolerance of a pose, far below the corners' noise."""
 
 
-@dataclass(frozen=True)
-class CornerModel:
+class CornerModel(eqx.Module):
     """What predicts the corners.
 
     Attributes:
-        predict: the corners; differentiable.
+        predict: the corners; differentiable. As a pytree (an ``eqx.Module`` with ``__call__``) it
+            is compiled once for all fingers and image sizes.
         views: pad and path of every view, in the order in which they are predicted.
         joints: of every view, the index of the joint that moves it, or ``None``.
         errors: number of the finger's errors.
@@ -41,10 +40,10 @@ class CornerModel:
     """
 
     predict: Predict
-    views: tuple[tuple[str, str], ...]
-    joints: tuple[int | None, ...]
-    errors: int
-    names: tuple[str, ...]
+    views: tuple[tuple[str, str], ...] = eqx.field(static=True)
+    joints: tuple[int | None, ...] = eqx.field(static=True)
+    errors: int = eqx.field(static=True)
+    names: tuple[str, ...] = eqx.field(static=True)
 
 
 def deviations(
@@ -102,9 +101,11 @@ class PoseSolver:
         start = np.where(np.isfinite(guess), guess, 0.0)
         angles, covariance, ok = _solve(
             self.model,
-            jnp.asarray(seen.corners), jnp.asarray(seen.whitening), jnp.asarray(start),
-            jnp.asarray(errors), jnp.asarray(spread),
-        )  # fmt: skip
+            Observation(*map(jnp.asarray, seen)),
+            jnp.asarray(start),
+            jnp.asarray(errors),
+            jnp.asarray(spread),
+        )
         found, variance, ok = np.asarray(angles), np.diagonal(np.asarray(covariance)), bool(ok)
         told = {joint for joint, there in zip(self.model.joints, seen.seen, strict=True) if there}
         estimates = []
@@ -122,19 +123,16 @@ class PoseSolver:
 @eqx.filter_jit
 def _solve(
     model: CornerModel,
-    corners: Float[Array, "views 4 2"],
-    whitening: Float[Array, "views 4 2 2"],
+    seen: Observation,
     guess: Float[Array, " joints"],
     errors: Float[Array, " errors"],
     spread: Float[Array, "errors errors"],
 ) -> tuple[Array, Array, Array]:
-    seen = Observation(corners, whitening)  # pyright: ignore[reportArgumentType]
-
     def residuals(angles: Float[Array, " joints"], _: None) -> Float[Array, " data"]:
         left = softened(deviations(model, errors, angles, seen))
         return jnp.concatenate([left, (angles - guess) / LOOSE])
 
-    fit: Fit = least_squares(residuals, guess, tolerance=SOLVED, max_steps=32)
+    fit: Fit = least_squares(residuals, guess, tolerance=SOLVED, max_steps=32, differentiable=False)
     angles = fit.solution.value
     # Errors of the finger move the answer: d angles = −(JᵀJ)⁻¹ Jᵀ J_e d errors.
     by_angle = jax.jacfwd(residuals)(angles, None)

@@ -31,10 +31,6 @@ def undefined(reason: str) -> Estimate:
     return Estimate(math.nan, math.inf, reason)
 
 
-UNDEFINED = undefined("nothing was looked at")
-"""What there is before anything is looked at."""
-
-
 def first_defined(*estimates: Estimate) -> Estimate:
     """The first of several estimates that is defined: each is the fall-back of the one before."""
     return next((estimate for estimate in estimates if estimate.defined), estimates[0])

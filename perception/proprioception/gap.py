@@ -78,7 +78,7 @@ class GapTable:
 
     def gap(self, angle: Float[np.ndarray, "*batch"] | float) -> Float[np.ndarray, "*batch"]:
         """The gap at joint angles, rad; NaN outside of the table."""
-        return np.interp(angle, self.angles, self.gaps, np.nan, np.nan)
+        return np.asarray(np.interp(angle, self.angles, self.gaps, np.nan, np.nan))
 
     def angle(self, gap: float) -> float:
         """The joint angle at a gap, rad; NaN outside of the table."""

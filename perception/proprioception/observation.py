@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from perception.matching import Sighting
 from perception.quality import Quality
@@ -28,13 +28,13 @@ class Observation(NamedTuple):
             of their covariance, 1/px; 0 for corners that were not found.
     """
 
-    corners: Float[np.ndarray, "*frames views 4 2"]
-    whitening: Float[np.ndarray, "*frames views 4 2 2"]
+    corners: Float[Array | np.ndarray, "*frames views 4 2"]
+    whitening: Float[Array | np.ndarray, "*frames views 4 2 2"]
 
     @property
     def seen(self) -> np.ndarray:
         """Which views were found complete."""
-        return np.any(self.whitening != 0, axis=(-1, -2, -3))
+        return np.any(np.asarray(self.whitening) != 0, axis=(-1, -2, -3))
 
 
 def observe(

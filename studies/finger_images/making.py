@@ -10,11 +10,10 @@ from pathlib import Path
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Float
 
 from designopt.errors import UserError
-from optics.fabrication import Fabrication
+from optics.fabrication import Fabrication, errors_of
 from optics.imaging import Imaging
 from optics.rendering import Effects, Renderer
 from optics.scene import Layout, Scene
@@ -92,9 +91,9 @@ class Finger:
 
     def made(self, seed: int, number: int) -> tuple[Fabrication, Float[np.ndarray, " errors"]]:
         """Normal errors of one of many fingers, and the same in units of their deviations."""
-        sizes, unravel = ravel_pytree(self.deviations)
-        errors = np.random.default_rng([seed, 4, number]).standard_normal(len(sizes))
-        return unravel(jnp.asarray(errors) * sizes), errors
+        generator = np.random.default_rng([seed, 4, number])
+        errors = generator.standard_normal(self.model.errors)
+        return errors_of(self.deviations, jnp.asarray(errors)), errors
 
 
 def designed(path: str) -> Scene:

@@ -9,10 +9,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from optics.fabrication import Fabrication, as_made
+from optics.fabrication import Fabrication, as_made, errors_of
 from optics.imaging import Imaging
 from optics.outlines import find_corners, find_outlines
 from optics.scene import Scene
@@ -142,27 +141,55 @@ def corner_model(
     """
     views = wanted_views(catalogue)
     names, pads = path_names(scene.layout), [pad.name for pad in scene.layout.pads]
-    paths = np.array([names.index(view.path) for view in views])
-    surfaces = np.array([pads.index(view.pad) for view in views])
-    sizes, unravel = ravel_pytree(deviations)
-
-    def predict(
-        errors: Float[Array, " errors"], angles: Float[Array, " joints"]
-    ) -> Float[Array, "views 4 2"]:
-        fabrication = unravel(errors * sizes)
-        made = as_made(scene, fabrication, carried=carried)
-        camera = eqx.tree_at(lambda i: i.camera, imaging, made.camera)
-        outlines = find_outlines(made, angles)
-        corners = find_corners(camera, outlines, catalogue.width, fabrication.lateral)
-        return corners[paths, surfaces]
-
+    predict = Predictor(
+        scene,
+        imaging,
+        deviations,
+        jnp.asarray(catalogue.width),
+        tuple(names.index(view.path) for view in views),
+        tuple(pads.index(view.pad) for view in views),
+        tuple(carried),
+    )
     return CornerModel(
         predict,
         tuple((view.pad, view.path) for view in views),
         tuple(view.joint for view in views),
-        len(sizes),
+        sum(leaf.size for leaf in jax.tree.leaves(deviations)),
         scene.angle_names,
     )
+
+
+class Predictor(eqx.Module):
+    """Corners of the wanted views from a finger's errors and joint angles.
+
+    Attributes:
+        scene: as designed.
+        imaging: its camera's image.
+        deviations: standard deviation of every error of fabrication.
+        width: of the pads, mm.
+        paths: of every view, the index of its path.
+        pads: and of its pad.
+        carried: indices of the blockers that move with the camera.
+    """
+
+    scene: Scene
+    imaging: Imaging
+    deviations: Fabrication
+    width: Float[Array, ""]
+    paths: tuple[int, ...] = eqx.field(static=True)
+    pads: tuple[int, ...] = eqx.field(static=True)
+    carried: tuple[int, ...] = eqx.field(static=True)
+
+    def __call__(
+        self, errors: Float[Array, " errors"], angles: Float[Array, " joints"]
+    ) -> Float[Array, "views 4 2"]:
+        """Column and row of every corner; errors in units of their deviations, angles in rad."""
+        fabrication = errors_of(self.deviations, errors)
+        made = as_made(self.scene, fabrication, carried=self.carried)
+        imaging = eqx.tree_at(lambda imaging: imaging.camera, self.imaging, made.camera)
+        outlines = find_outlines(made, angles)
+        corners = find_corners(imaging, outlines, self.width, fabrication.lateral)
+        return corners[np.array(self.paths), np.array(self.pads)]
 
 
 def gap_table(scene: Scene, catalogue: Catalogue, pad: str) -> GapTable:

@@ -111,7 +111,8 @@ def gap_figure(found: Found) -> Figure:
             gaps = np.rad2deg([table.measured(one, shape) for one in frames.sightings])
             axes.plot(np.rad2deg(frames.angles[:, joint]), gaps, marker, color=PALETTE[2],
                       markerfacecolor="none" if marker == "o" else None, label=name)  # fmt: skip
-        axes.set(title=f"{table.pad} pad", xlabel=f"{found.finger.model.names[joint].upper()} (deg)",
+        name = found.finger.model.names[joint].upper()
+        axes.set(title=f"{table.pad} pad", xlabel=f"{name} (deg)",
                  xlim=(-2, 92), xticks=np.arange(0, 91, 15))  # fmt: skip
     row[0].set_ylabel("gap, section angle (deg)")
     drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)

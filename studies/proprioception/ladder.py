@@ -20,12 +20,13 @@ from perception.proprioception import (
     PoseSolver,
     calibrate,
     calibrate_gap,
+    first_defined,
     fit_edges,
     information_bound,
     observe,
     stack_observations,
+    undefined,
 )
-from perception.proprioception.estimate import first_defined, undefined
 from studies.finger_images.making import Finger
 from studies.finger_images.sensor import corner_model
 from studies.proprioception.watching import Watched

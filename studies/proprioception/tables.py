@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import jax
 import numpy as np
-from jax.flatten_util import ravel_pytree
 
 from designopt.results import Cell, Table
 from optics.fabrication import fabrication_names
@@ -135,7 +135,7 @@ def gaps(found: Found) -> Table:
 
 def tolerances(found: Found) -> Table:
     """What calibration finds of every error of fabrication."""
-    sizes = np.asarray(ravel_pytree(found.finger.deviations)[0])
+    sizes = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(found.finger.deviations)])
     names = fabrication_names(found.finger.scene.layout)
     true = np.stack([one.errors for one in found.climbed])
     columns: dict[str, list[float]] = {"stated": sizes.tolist()}

@@ -1,0 +1,94 @@
+"""The study ``proprioception``: a quick run end to end, and its pieces."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from designopt.cli import run as command
+from perception.proprioception import Estimate, undefined
+from studies.proprioception.ladder import (
+    GAP,
+    Answer,
+    defined_share,
+    errors_deg,
+    of_method,
+    variance_ratio,
+)
+from studies.proprioception.watching import spread_over
+
+QUICK = [
+    "fingers=2",
+    "frames=5",
+    "gap_fingers=8",
+    "cost_fingers=1",
+    "sizes=[]",
+]
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    out = tmp_path_factory.mktemp("quick") / "out"
+    sets = [part for setting in QUICK for part in ("--set", setting)]
+    code = command(["run", "proprioception", *sets, "--out", str(out)])
+    return code, json.loads((out / "results.json").read_text(encoding="utf-8")), out
+
+
+def test_a_quick_run_climbs_the_ladder(done):
+    code, document, out = done
+    measured = {name: metric["value"] for name, metric in document["metrics"].items()}
+    assert code == 0  # a run this small is judged by no target
+    assert measured["labelled_mean_deg"] <= 0.5
+    assert measured["unlabelled_mean_deg"] <= 0.75
+    assert measured["known_finger_mean_deg"] < measured["labelled_mean_deg"]
+    assert measured["known_finger_mean_deg"] < 0.1
+    assert 0.5 < measured["gap_mean_deg"] < 4
+    assert 0 < measured["gap_defined"] < 0.8
+    for name in ("ladder", "range", "gap", "bound", "covariance"):
+        assert (out / "figures" / f"{name}.png").stat().st_size > 5000
+
+
+def test_the_table_stands_beside_the_papers(done):
+    _, _, out = done
+    lines = (out / "tables" / "ladder.csv").read_text(encoding="utf-8").splitlines()
+    assert any(line.startswith('"paper B, Table 4.1",pip,30,,2.3,1.6') for line in lines)
+    assert any(line.startswith('"paper B, Table 4.1",dip,30,,2.5,2.0') for line in lines)
+    assert sum("labelled frames" in line for line in lines) == 2
+
+
+def test_labelled_poses_cover_both_ranges_apart():
+    poses = spread_over([(0.0, 1.0), (2.0, 3.0)], 5)
+    for column, low in zip(poses.T, (0.0, 2.0), strict=True):
+        np.testing.assert_allclose(np.sort(column), low + np.linspace(0.1, 0.9, 5))
+    # Two joints that always move together could not be told apart.
+    assert abs(np.corrcoef(poses.T)[0, 1]) < 0.6
+
+
+def answer(error_deg: float, deviation_deg: float) -> Answer:
+    truth = 0.3
+    estimate = Estimate(truth + math.radians(error_deg), math.radians(deviation_deg), "test")
+    return Answer(GAP, 0, 0, "pip", truth, estimate)
+
+
+def test_answers_are_counted():
+    answers = [answer(1.0, 0.5), answer(-3.0, 1.5), Answer(GAP, 0, 1, "dip", 0.1, undefined("no"))]
+    np.testing.assert_allclose(errors_deg(answers), [1.0, -3.0])
+    assert defined_share(answers) == pytest.approx(2 / 3)
+    assert variance_ratio(answers) == pytest.approx((1 + 9) / (0.25 + 2.25))
+    assert len(of_method(answers, GAP, "dip")) == 1
+
+
+def test_an_undefined_answer_is_no_number():
+    nothing = undefined("why")
+    assert math.isnan(nothing.angle)
+    assert math.isinf(nothing.deviation)
+    assert not nothing.defined
+
+
+@pytest.mark.parametrize("setting", ["labelled=1", "frames=1", "label_deviation_deg=0"])
+def test_nonsense_is_refused_in_one_line(tmp_path, capsys, setting):
+    out = tmp_path / "out"
+    assert command(["run", "proprioception", "--set", setting, "--out", str(out)]) == 2
+    assert "greater than" in capsys.readouterr().err
+    assert not out.exists()
