@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from designopt.numerics import as_float
+from designopt.numerics import as_float, safe_divide, safe_sqrt
 from optics.camera import Equidistant, KannalaBrandt, Projection
 from optics.scene import Layout, Scene
 
@@ -96,10 +96,11 @@ def as_made(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -
     camera, blockers = scene.camera, scene.blockers
     if carried:
         held = jnp.asarray(carried)
-        arms = turned(blockers[held] - camera.position, jnp.full(len(carried), errors.tilt))
-        blockers = blockers.at[held].set(camera.position + errors.camera + arms)
+        pinhole, moved = camera.position[None, None], (camera.position + errors.camera)[None, None]
+        arms = turned(blockers[held] - pinhole, jnp.full(len(carried), errors.tilt))
+        blockers = blockers.at[held].set(moved + arms)
     pads = displaced(scene.pads, errors.pad_tilt, errors.pad_offset)
-    along = (pads[:, 1] - pads[:, 0]) / jnp.linalg.norm(pads[:, 1] - pads[:, 0], axis=-1)[:, None]
+    along = _directions(pads)
     return eqx.tree_at(
         lambda scene: (
             scene.camera.position,
@@ -145,6 +146,13 @@ def turned(
     )
 
 
+def _directions(ends: Float[Array, "segments 2 2"]) -> Float[Array, "segments 2"]:
+    """Unit vectors along segments; 0 for one without a length."""
+    along = ends[:, 1] - ends[:, 0]
+    length = safe_sqrt(jnp.sum(along * along, axis=-1, keepdims=True))
+    return safe_divide(along, jnp.broadcast_to(length, along.shape))[0]
+
+
 def displaced(
     ends: Float[Array, "segments 2 2"],
     tilt: Float[Array, " segments"],
@@ -159,7 +167,6 @@ def displaced(
     """
     middle = jnp.mean(ends, axis=1, keepdims=True)
     arms = turned(ends - middle, tilt)
-    along = arms[:, 1] - arms[:, 0]
-    length = jnp.sqrt(jnp.sum(along * along, axis=-1, keepdims=True))
-    normal = jnp.stack([-along[:, 1], along[:, 0]], axis=-1) / length
+    along = _directions(arms)
+    normal = jnp.stack([-along[:, 1], along[:, 0]], axis=-1)
     return middle + arms + (offset[:, None] * normal)[:, None]

@@ -86,7 +86,8 @@ class Imaging(eqx.Module):
         up = self.rows / 2 - CENTRE - place[..., 1]
         radius = safe_sqrt(up * up + across * across)
         height, _ = safe_divide(radius, self.camera.focal_pixels)
-        return _ray(self.camera.projection.angle(height), across, up, radius)
+        focal = self.camera.focal_pixels
+        return _ray(self.camera.projection.angle(height), across, up, radius, focal)
 
     def ray_map(self) -> Float[np.ndarray, "rows columns 2"]:
         """`ray` of every pixel's middle, as float32.
@@ -101,11 +102,11 @@ def _ray_map(imaging: Imaging, rows: int, columns: int) -> Float[Array, "rows co
     focal = imaging.camera.focal_pixels
     radii = jnp.linspace(0.0, math.hypot(rows, columns) / 2, RADII, dtype=focal.dtype)
     angles = imaging.camera.projection.angle(radii / focal)
-    across = (jnp.arange(columns) - (columns / 2 - CENTRE)).astype(focal.dtype)[None, :]
-    up = (rows / 2 - CENTRE - jnp.arange(rows)).astype(focal.dtype)[:, None]
+    across = (jnp.arange(columns, dtype=focal.dtype) - (columns / 2 - CENTRE))[None, :]
+    up = (rows / 2 - CENTRE - jnp.arange(rows, dtype=focal.dtype))[:, None]
     across, up = jnp.broadcast_arrays(across, up)
     radius = jnp.hypot(up, across)
-    return _ray(jnp.interp(radius, radii, angles), across, up, radius)
+    return _ray(jnp.interp(radius, radii, angles), across, up, radius, focal)
 
 
 def _ray(
@@ -113,11 +114,13 @@ def _ray(
     across: Float[Array, "*batch"],
     up: Float[Array, "*batch"],
     radius: Float[Array, "*batch"],
+    focal: Float[Array, ""],
 ) -> Float[Array, "*batch 2"]:
     """Section angle and lateral slope of a ray at an angle from the axis, seen in a direction."""
     sine, forward = jnp.sin(angle), jnp.cos(angle)
     there = radius > 0
-    scale = jnp.where(there, sine / jnp.where(there, radius, 1.0), 0.0)
+    # On the axis itself the quotient is one over the focal length.
+    scale = jnp.where(there, sine / jnp.where(there, radius, 1.0), 1 / focal)
     above = scale * up
     slope, _ = safe_divide(scale * across, safe_sqrt(forward * forward + above * above))
     return jnp.stack([safe_arctan2(above, forward), slope], axis=-1)

@@ -25,6 +25,7 @@ def exposed(
         effects: of which ``blur``, ``gain``, ``noise`` and ``jpeg`` matter here.
         generator: of the noise.
     """
+    light = np.asarray(light, np.float32)
     if effects.blur:
         light = cv2.GaussianBlur(light, (0, 0), effects.blur)
     if effects.gain != 1:

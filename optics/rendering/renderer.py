@@ -11,8 +11,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, UInt8
+from jaxtyping import Array, Bool, Float, UInt8
 
+from optics.camera import Pinhole
 from optics.fabrication import Fabrication, as_made
 from optics.imaging import Imaging
 from optics.labels import FIRST_PAD_END, SECOND_PAD_END
@@ -93,7 +94,8 @@ class _Geometry(NamedTuple):
         limits: section angles of the pieces' ends, rad.
         ends: of the pads in the camera's own axes, unfolded, mm.
         corners: where the pads' corners are imaged.
-        around: where places along the pads' sides are.
+        around: where places of the pads are imaged, their sides' among them.
+        behind: whether any of these is behind a pinhole.
     """
 
     pieces: Pieces
@@ -101,6 +103,7 @@ class _Geometry(NamedTuple):
     ends: Float[Array, "paths pads 2 2"]
     corners: Float[Array, "paths pads 4 2"]
     around: Float[Array, "paths pads places 2"]
+    behind: Bool[Array, "paths pads"]
 
 
 class Renderer:
@@ -167,8 +170,14 @@ class Renderer:
             angles: joint angles in the order of ``scene.angle_names``, rad.
             imprints: what is pressed into pads, by the pads' names.
             frame: number of the frame, which with the finger's seed gives its noise.
+
+        Raises:
+            ValueError: there is no pad of a name.
         """
         layout = self.scene.layout
+        unknown = set(imprints or ()) - {pad.name for pad in layout.pads}
+        if unknown:
+            raise ValueError(f"no pad is named {', '.join(sorted(unknown))}")
         geometry = jax.tree.map(
             np.asarray,
             _geometry(
@@ -177,6 +186,7 @@ class Renderer:
                 jnp.asarray(angles),
                 jnp.asarray(self._width),
                 self._errors.lateral,
+                jnp.asarray(2 * float(np.abs(self._angle).max())),
             ),
         )
         light = self._inside.copy()
@@ -189,11 +199,14 @@ class Renderer:
                 if not parts.size:
                     continue
                 look = self._look(pad, tuple((imprints or {}).get(surface.name, ())))
-                window = self._window(geometry.around[path, pad])
+                window = self._window(geometry.around[path, pad], bool(geometry.behind[path, pad]))
                 shown, colour = self._seen(geometry, path, pad, parts, window, look)
                 colour *= (1 - self._effects.mirror_loss) ** len(word)
                 light[window] += shown[..., None] * (colour - light[window])
-                labels[window][shown > 0.5] = len(views) + 1
+                mine = shown > 0.5
+                if not mine.any():
+                    continue
+                labels[window][mine] = len(views) + 1
                 whole = (
                     (pieces.start_label[pad, parts] == FIRST_PAD_END)
                     & (pieces.end_label[pad, parts] == SECOND_PAD_END)
@@ -242,9 +255,9 @@ class Renderer:
             outward = np.sign(limits[1] - limits[0])
             # Where the pad itself ends, its outline says where.
             if pieces.start_label[pad, part] != FIRST_PAD_END:
-                here *= np.clip(0.5 + outward * (angle - limits[0]) / per_pixel, 0, 1)
+                here *= np.clip(0.5 + outward * _turn(angle - limits[0]) / per_pixel, 0, 1)
             if pieces.end_label[pad, part] != SECOND_PAD_END:
-                here *= np.clip(0.5 - outward * (angle - limits[1]) / per_pixel, 0, 1)
+                here *= np.clip(0.5 - outward * _turn(angle - limits[1]) / per_pixel, 0, 1)
             part_shown = np.maximum(part_shown, here)
         return shown * part_shown, colour * self._vignette[window][..., None]
 
@@ -278,13 +291,17 @@ class Renderer:
         broad = cv2.resize(blotches, shape[::-1], interpolation=cv2.INTER_LINEAR)
         return np.float32(self._effects.ambient) * broad * self._vignette[..., None]
 
-    def _window(self, around: Float[np.ndarray, "places 2"]) -> tuple[slice, slice]:
-        """The part of the image that holds a view."""
+    def _window(self, around: Float[np.ndarray, "places 2"], behind: bool) -> tuple[slice, slice]:
+        """The part of the image that holds a view; all of it for one that passes the camera."""
         rows, columns = self._angle.shape
+        if behind:
+            return slice(0, rows), slice(0, columns)
         low = np.floor(around.min(axis=0)) - BORDER
         high = np.ceil(around.max(axis=0)) + BORDER + 1
         left, right = np.clip([low[0], high[0]], 0, columns).astype(int)
         top, bottom = np.clip([low[1], high[1]], 0, rows).astype(int)
+        # A gradient needs two pixels each way.
+        left, top = min(left, columns - 2), min(top, rows - 2)
         return slice(top, max(bottom, top + 2)), slice(left, max(right, left + 2))
 
 
@@ -295,33 +312,39 @@ def _geometry(
     angles: Float[Array, " joints"],
     width: Float[Array, ""],
     lateral: Float[Array, ""],
+    field_of_view: Float[Array, ""],
 ) -> _Geometry:
-    pieces = find_views(scene, angles).value
+    # Corners of the image look beyond the field of view, which is that of the image line.
+    wide = eqx.tree_at(lambda scene: scene.camera.field_of_view, scene, field_of_view)
+    pieces = find_views(wide, angles).value
     outlines = find_outlines(scene, angles)
+    around, behind = _places(imaging, outlines, width, lateral)
     return _Geometry(
         pieces,
-        scene.camera.angle(pieces.pixels),
+        wide.camera.angle(pieces.pixels),
         outlines.ends(),
         find_corners(imaging, outlines, width, lateral),
-        _around(imaging, outlines, width, lateral),
+        around,
+        behind,
     )
 
 
-def _around(
+def _places(
     imaging: Imaging, outlines: Outlines, width: Float[Array, ""], lateral: Float[Array, ""]
-) -> Float[Array, "paths pads places 2"]:
-    """Where places along all sides of the pads are imaged."""
+) -> tuple[Float[Array, "paths pads places 2"], Bool[Array, "paths pads"]]:
+    """Where a lattice of places of every pad is imaged, and whether any is behind a pinhole."""
     ends = outlines.ends()
     share = jnp.linspace(0.0, 1.0, ALONG_SIDE, dtype=ends.dtype)
-    line = ends[..., 0, None, :] + share[:, None] * (ends[..., 1, None, :] - ends[..., 0, None, :])
-    beside = jnp.stack([width / 2, -width / 2]) - lateral
-    # All places of a lattice, the sides among them: as few, and simpler.
+    first, last = ends[..., :1, :], ends[..., 1:, :]
+    line = first + share[None, None, :, None] * (last - first)
     distance = jnp.linalg.norm(line, axis=-1)[..., None]
     angle = jnp.arctan2(line[..., 1], line[..., 0])[..., None]
-    beside = (share - 0.5) * width - lateral
-    slope = beside / distance
+    slope = ((share - 0.5) * width - lateral)[None, None, None] / distance
     places = imaging.place(jnp.broadcast_to(angle, slope.shape), slope)
-    return places.reshape(*ends.shape[:2], -1, 2)
+    # Only a pinhole images what is behind it elsewhere than where it lies.
+    pinhole = isinstance(imaging.camera.projection, Pinhole)
+    behind = jnp.any(line[..., 0] <= 0, axis=-1) & pinhole
+    return places.reshape(*ends.shape[:2], -1, 2), behind
 
 
 def _grazing(ends: Float[np.ndarray, "2 2"]) -> float:
@@ -329,6 +352,11 @@ def _grazing(ends: Float[np.ndarray, "2 2"]) -> float:
     along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
     rays = ends / np.hypot(*ends.T)[:, None]
     return float(np.arcsin(np.abs(rays[:, 0] * along[1] - rays[:, 1] * along[0])).min())
+
+
+def _turn(angle: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "rows columns"]:
+    """An angle by which to turn, from −π to π."""
+    return angle - 2 * np.pi * np.round(angle / (2 * np.pi))
 
 
 def _filled(inside: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "rows columns"]:

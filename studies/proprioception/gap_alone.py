@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -39,7 +38,7 @@ def tried(
         seed: of everything random.
     """
     model, answers = finger.model, []
-    predict = eqx.filter_jit(jax.vmap(model.predict, (None, 0)))
+    predict = eqx.filter_jit(eqx.filter_vmap(model.predict, in_axes=(None, 0)))
     pixel = noise / float(finger.scene.camera.focal_pixels)
     limits = [(float(table.angles[0]), float(table.angles[-1])) for table in tables]
     for number in range(fingers):

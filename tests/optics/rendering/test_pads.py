@@ -1,0 +1,190 @@
+"""Looks of pads against outlines drawn by OpenCV, the lights' own formulas, and statistics."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from optics.rendering import Effects, Imprint, height_map, look_of_pad
+from optics.rendering.pads import BRIGHT, CORRELATION, ELEVATION, GREEN, MARGIN, STEP
+
+LENGTH, WIDTH = 15.0, 20.0
+
+ROUNDING = 1e-5
+"""Of places and lights in float32."""
+
+INTERPOLATED = STEP / 32
+"""OpenCV interpolates at places in 32nds of a sample."""
+
+
+def grid() -> tuple[np.ndarray, np.ndarray]:
+    """Where the look of a pad is sampled: along it, and across it from its middle."""
+    rows, columns = (round((size + 2 * MARGIN) / STEP) for size in (LENGTH, WIDTH))
+    along = (np.arange(rows) + 0.5) * STEP - MARGIN
+    across = (np.arange(columns) + 0.5) * STEP - MARGIN - WIDTH / 2
+    along, across = np.meshgrid(along, across, indexing="ij")
+    return along, across
+
+
+def drawn_outline(rounding: float) -> np.ndarray:
+    """A rectangle with round corners as a polygon; its arcs err by less than 1e-6 mm."""
+    turns = np.linspace(0, np.pi / 2, 400 if rounding else 1)
+    corners = []
+    for quarter, (x, y) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        centre = x * (LENGTH / 2 - rounding) + LENGTH / 2 + 1j * y * (WIDTH / 2 - rounding)
+        corners.append(centre + rounding * np.exp(1j * (turns + quarter * np.pi / 2)))
+    outline = np.concatenate(corners)
+    return np.stack([np.real(outline), np.imag(outline)], axis=-1).astype(np.float32)
+
+
+@pytest.mark.parametrize("rounding", [0.0, 1.5])
+def test_the_distance_inside_is_that_from_the_outline(rounding):
+    look = look_of_pad(LENGTH, WIDTH, Effects(rounding=rounding))
+    along, across = grid()
+    outline = drawn_outline(rounding)
+    rng = np.random.default_rng(0)
+    for row, column in rng.integers(0, look.inside.shape, (300, 2)):
+        place = float(along[row, column]), float(across[row, column])
+        wanted = cv2.pointPolygonTest(outline, place, measureDist=True)
+        assert look.inside[row, column] == pytest.approx(wanted, abs=10 * ROUNDING)
+
+
+def test_samples_reach_the_margin_beyond_every_side():
+    look = look_of_pad(LENGTH, WIDTH, Effects())
+    along, _ = grid()
+    assert look.inside.shape == along.shape
+    assert look.light.shape == (*along.shape, 3)
+    assert look.inside[0].max() == pytest.approx(STEP / 2 - MARGIN)
+    assert look.inside[:, -1].max() == pytest.approx(STEP / 2 - MARGIN)
+    assert (look.length, look.width) == (LENGTH, WIDTH)
+
+
+def test_looks_are_sampled_where_they_are_asked():
+    look = look_of_pad(LENGTH, WIDTH, Effects(led_falloff=0.5))
+    rng = np.random.default_rng(1)
+    along, across = rng.uniform(0, LENGTH, (1, 200)), rng.uniform(-WIDTH / 2, WIDTH / 2, (1, 200))
+    light, inside = look.sample(along.astype(np.float32), across.astype(np.float32))
+    from_sides = np.minimum(np.minimum(along, LENGTH - along), WIDTH / 2 - np.abs(across))
+    # Between samples on both sides of a pad's diagonal the distance is a little less.
+    np.testing.assert_allclose(inside, from_sides, atol=STEP / 2)
+    np.testing.assert_allclose(np.median(inside - from_sides), 0, atol=INTERPOLATED)
+    red = BRIGHT * (0.5 + 0.5 * (0.5 + across / WIDTH))
+    np.testing.assert_allclose(light[..., 0], red, atol=BRIGHT * INTERPOLATED)
+
+
+def test_far_away_from_a_pad_is_outside():
+    look = look_of_pad(LENGTH, WIDTH, Effects(rounding=1.0, roughness=0.05))
+    far = np.array([[-1e3, 1e3, LENGTH / 2, LENGTH / 2, 1e7, -1e7]], np.float32)
+    beside = np.array([[0, 0, -1e3, 1e3, 1e7, 0]], np.float32)
+    _, inside = look.sample(far, beside)
+    assert (inside < -MARGIN / 2).all()
+
+
+def test_rough_edges_wander_as_far_as_is_said():
+    smooth = look_of_pad(40.0, WIDTH, Effects())
+    sizes, near, far = [], [], []
+    for seed in range(8):
+        rough = look_of_pad(40.0, WIDTH, Effects(roughness=0.05), seed=(seed,))
+        wander = rough.inside - smooth.inside
+        assert np.std(wander) == pytest.approx(0.05, rel=0.01)
+        edge = wander[:, round(MARGIN / STEP)]  # along one side
+        sizes.append(np.mean(edge**2))
+        apart = round(CORRELATION / STEP)
+        near.append(np.mean(edge[apart:] * edge[:-apart]))
+        far.append(np.mean(edge[5 * apart :] * edge[: -5 * apart]))
+    # Some 25 independent places along each of eight edges: 7 % of the standard deviation.
+    assert np.sqrt(np.mean(sizes)) == pytest.approx(0.05, rel=0.25)
+    # White noise under a Gaussian is correlated as exp(−(d/2σ)²).
+    assert np.mean(near) / np.mean(sizes) == pytest.approx(np.exp(-0.25), abs=0.1)
+    assert abs(np.mean(far)) / np.mean(sizes) < 0.25
+
+
+def test_rough_edges_are_those_of_their_seed():
+    one, same, other = (
+        look_of_pad(LENGTH, WIDTH, Effects(roughness=0.05), seed=seed)
+        for seed in ((1, 2, 0), (1, 2, 0), (1, 2, 1))
+    )
+    np.testing.assert_array_equal(one.inside, same.inside)
+    assert (one.inside != other.inside).any()
+    np.testing.assert_array_equal(one.light, other.light)
+
+
+def test_an_evenly_lit_pad_is_as_bright_as_is_said():
+    look = look_of_pad(LENGTH, WIDTH, Effects(), brightness=0.8)
+    wanted = np.broadcast_to(0.8 * BRIGHT * np.array([1, GREEN, 1]), look.light.shape)
+    np.testing.assert_allclose(look.light, wanted, rtol=ROUNDING)
+
+
+def test_side_lights_fall_off_towards_the_other_side():
+    look = look_of_pad(LENGTH, WIDTH, Effects(led_falloff=0.4))
+    at = np.array([[-WIDTH / 2, 0.0, WIDTH / 2]], np.float32)
+    light, _ = look.sample(np.full_like(at, LENGTH / 2), at)
+    np.testing.assert_allclose(
+        light[0] / BRIGHT,
+        [[0.6, GREEN, 1.0], [0.8, GREEN, 0.8], [1.0, GREEN, 0.6]],
+        atol=INTERPOLATED,
+    )
+
+
+def test_an_imprint_changes_nothing_where_the_pad_is_flat():
+    effects = Effects(led_falloff=0.4)
+    flat = look_of_pad(LENGTH, WIDTH, effects)
+    pressed = look_of_pad(LENGTH, WIDTH, effects, [Imprint("sphere", 7.0, 2.0, 0.6)])
+    along, across = grid()
+    away = np.hypot(along - 7, across - 2) > np.sqrt(8**2 - 7.4**2) + 1
+    np.testing.assert_array_equal(pressed.light[away], flat.light[away])
+    assert (np.abs(pressed.light - flat.light)[~away] > 0.05).any()
+    np.testing.assert_array_equal(pressed.inside, flat.inside)
+
+
+def test_opposite_slopes_swap_red_and_blue():
+    # In the middle of an even number of samples.
+    sphere = Imprint("sphere", LENGTH / 2, 0.0, 0.6)
+    light = look_of_pad(LENGTH, WIDTH, Effects(), [sphere]).light
+    red, green, blue = np.moveaxis(light, -1, 0)
+    np.testing.assert_allclose(red, blue[:, ::-1], atol=ROUNDING)
+    np.testing.assert_allclose(green, green[:, ::-1], atol=ROUNDING)
+    # What is pressed in stands up towards the lights, and its sides shine on those of their light.
+    _, across = grid()
+    assert red[across > 0].mean() > BRIGHT + 0.001 > BRIGHT - 0.001 > red[across < 0].mean()
+    first, second = np.split(green, 2)
+    assert first.mean() > GREEN * BRIGHT > second.mean()
+
+
+def test_a_slope_is_lit_by_the_cosine_law():
+    # Faces at 45° that look to greater columns, to smaller ones, and to the first end.
+    toward = np.array([np.cos(ELEVATION), np.sin(ELEVATION)])
+    faces = {"to the light": (1, 1), "away": (-1, 1), "along": (0, 1)}
+    shares = {
+        name: max(0.0, float(np.dot(toward, face))) / np.sqrt(2) / np.sin(ELEVATION)
+        for name, face in faces.items()
+    }
+    across = look_of_pad(LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5, turn=np.pi / 2)])
+    at = np.array([[0.75, -0.75]], np.float32)
+    light, _ = across.sample(np.full_like(at, 7.0), at)
+    red, blue, green = shares["to the light"], shares["away"], GREEN * shares["along"]
+    wanted = BRIGHT * np.array([[red, green, blue], [blue, green, red]])
+    np.testing.assert_allclose(light[0], wanted, atol=1e-3)
+    along = look_of_pad(LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5)])
+    light, _ = along.sample(7.0 - at, np.zeros_like(at))
+    sides = shares["along"]
+    wanted = BRIGHT * np.array(
+        [[sides, GREEN * shares["to the light"], sides], [sides, GREEN * shares["away"], sides]]
+    )
+    np.testing.assert_allclose(light[0], wanted, atol=1e-3)
+
+
+def test_of_several_imprints_the_deepest_counts():
+    sphere, brick = Imprint("sphere", 5.0, 1.0, 0.6), Imprint("studded brick", 6.0, 0.0, 0.4)
+    one, other, both = (
+        look_of_pad(LENGTH, WIDTH, Effects(), imprints).light
+        for imprints in ([sphere], [brick], [sphere, brick])
+    )
+    depths = [height_map(imprint, *grid(), STEP) for imprint in (sphere, brick)]
+    # Where one is the deeper of the two at the neighbours as well, of which the slope is made.
+    near = np.ones((3, 3), np.uint8)
+    for light, deeper in ((one, depths[0] > depths[1]), (other, depths[1] > depths[0])):
+        here = cv2.erode(deeper.astype(np.uint8), near) > 0
+        assert here.sum() > 500
+        np.testing.assert_allclose(both[here], light[here], atol=ROUNDING)

@@ -1,0 +1,281 @@
+"""A finger out of place, against the same by complex numbers; names of errors; derivatives."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.flatten_util import ravel_pytree
+
+from optics.camera import Equidistant, KannalaBrandt, Pinhole
+from optics.fabrication import Fabrication, as_made, displaced, errors_of, fabrication_names, turned
+from optics.scene import Scene
+from tests.helpers import central_differences
+from tests.optics.extruded import finger
+
+ROUNDING = 1e-13
+"""Of a few operations on lengths of some 50 mm, relative."""
+
+SLOPES = 1e-8
+"""What central differences leave, of a function and a design of order one."""
+
+BODY, TIP = 0, 5
+"""Blockers: the camera's body, and one at the other end of the finger."""
+
+MIRRORS, PADS = 2, 3
+
+LENS = KannalaBrandt(jnp.array([0.05, -0.012, 0.004, -0.0007]))
+
+
+def flawed(**errors: Any) -> Fabrication:
+    """Errors by their names, and no others."""
+    return dataclasses.replace(Fabrication.none(finger().layout), **errors)
+
+
+def with_lens(projection: Any) -> Scene:
+    return eqx.tree_at(lambda scene: scene.camera.projection, finger(), projection)
+
+
+def numbers(places: Any) -> np.ndarray:
+    """Places as complex numbers."""
+    return np.asarray(places) @ [1, 1j]
+
+
+def tilted(ends: np.ndarray, angle: Any) -> np.ndarray:
+    """Segments, complex and along the first axis, turned about their middles."""
+    middle = ends.mean(axis=1, keepdims=True)
+    return middle + (ends - middle) * np.exp(1j * np.reshape(angle, (-1, 1)))
+
+
+def along(ends: np.ndarray) -> np.ndarray:
+    """Unit vectors from first to second ends."""
+    step = ends[:, 1:] - ends[:, :1]
+    return step / np.abs(step)
+
+
+def parts(scene: Scene) -> dict[str, Any]:
+    """What may be out of place."""
+    return {
+        "position": numbers(scene.camera.position),
+        "direction": scene.camera.direction,
+        "mirrors": numbers(scene.mirrors),
+        "pads": numbers(scene.pads),
+        "blockers": numbers(scene.blockers),
+    }
+
+
+def check(made: Scene, **changed: Any) -> None:
+    """A scene differs from the finger in what is named, and in nothing else."""
+    found, wanted = parts(made), parts(finger()) | changed
+    for name in wanted:
+        np.testing.assert_allclose(found[name], wanted[name], rtol=ROUNDING, err_msg=name)
+    kept = "field_of_view", "pixels"
+    assert all(getattr(made.camera, name) == getattr(finger().camera, name) for name in kept)
+    for name in ("radii", "conics", "grazing", "hinges"):
+        np.testing.assert_array_equal(getattr(made, name), getattr(finger(), name))
+    assert made.layout == finger().layout
+
+
+@pytest.mark.parametrize("carried", [(), (BODY,)])
+def test_without_errors_a_finger_is_made_as_designed(carried):
+    made = as_made(finger(), Fabrication.none(finger().layout), carried=carried)
+    check(made)
+    assert jax.tree.structure(made) == jax.tree.structure(finger())
+
+
+def test_a_camera_out_of_place_moves_alone():
+    camera = finger().camera
+    made = as_made(finger(), flawed(camera=jnp.array([0.3, -0.2])))
+    check(made, position=numbers(camera.position) + 0.3 - 0.2j)
+
+
+def test_a_tilted_camera_turns_alone_about_its_pinhole():
+    made = as_made(finger(), flawed(tilt=jnp.array(0.04)))
+    check(made, direction=finger().camera.direction + 0.04)
+
+
+def test_a_camera_beside_the_section_changes_nothing_in_it():
+    check(as_made(finger(), flawed(lateral=jnp.array(2.0))))
+
+
+def test_what_a_camera_carries_moves_and_turns_with_it():
+    errors = flawed(camera=jnp.array([0.3, -0.2]), tilt=jnp.array(0.04))
+    pinhole, move = numbers(finger().camera.position), 0.3 - 0.2j
+    held = [BODY, TIP]
+    blockers = numbers(finger().blockers)
+    blockers[held] = pinhole + move + (blockers[held] - pinhole) * np.exp(0.04j)
+    check(
+        as_made(finger(), errors, carried=held),
+        position=pinhole + move,
+        direction=finger().camera.direction + 0.04,
+        blockers=blockers,
+    )
+
+
+def test_mirrors_turn_about_their_middles():
+    errors = np.array([0.02, -0.03])
+    made = as_made(finger(), flawed(mirror_tilt=jnp.asarray(errors)))
+    check(made, mirrors=tilted(numbers(finger().mirrors), errors))
+
+
+def test_mirrors_move_to_the_left_of_their_direction():
+    errors, ends = np.array([0.2, -0.3]), numbers(finger().mirrors)
+    made = as_made(finger(), flawed(mirror_offset=jnp.asarray(errors)))
+    check(made, mirrors=ends + 1j * errors[:, None] * along(ends))
+
+
+def test_pads_turn_about_their_middles():
+    errors = np.array([0.02, -0.03, 0.01])
+    made = as_made(finger(), flawed(pad_tilt=jnp.asarray(errors)))
+    check(made, pads=tilted(numbers(finger().pads), errors))
+
+
+def test_pads_move_to_the_left_of_their_direction_and_along_it():
+    offset, shift = np.array([0.2, -0.3, 0.1]), np.array([-0.4, 0.5, 0.6])
+    ends = numbers(finger().pads)
+    made = as_made(finger(), flawed(pad_offset=jnp.asarray(offset)))
+    check(made, pads=ends + 1j * offset[:, None] * along(ends))
+    made = as_made(finger(), flawed(pad_shift=jnp.asarray(shift)))
+    check(made, pads=ends + shift[:, None] * along(ends))
+
+
+def test_tilted_pads_move_along_what_they_are_then():
+    rng = np.random.default_rng(0)
+    tilt, offset, shift = rng.uniform(-0.3, 0.3, (3, PADS))
+    errors = flawed(
+        pad_tilt=jnp.asarray(tilt), pad_offset=jnp.asarray(offset), pad_shift=jnp.asarray(shift)
+    )
+    ends = tilted(numbers(finger().pads), tilt)
+    check(as_made(finger(), errors), pads=ends + (shift + 1j * offset)[:, None] * along(ends))
+
+
+def test_random_segments_are_turned_and_displaced():
+    rng = np.random.default_rng(1)
+    ends, (angle, offset) = rng.uniform(-50, 50, (20, 2, 2)), rng.uniform(-3, 3, (2, 20))
+    given = [jnp.asarray(part) for part in (ends, angle, offset)]
+    wanted = numbers(ends) * np.exp(1j * angle)[:, None]
+    np.testing.assert_allclose(numbers(turned(*given[:2])), wanted, rtol=ROUNDING)
+    wanted = tilted(numbers(ends), angle)
+    wanted = wanted + 1j * offset[:, None] * along(wanted)
+    np.testing.assert_allclose(numbers(displaced(*given)), wanted, rtol=100 * ROUNDING)
+
+
+def test_every_error_has_its_name_in_the_order_of_the_entries():
+    layout = finger().layout
+    names = fabrication_names(layout)
+    without, unravel = ravel_pytree(Fabrication.none(layout))
+    assert len(without) == len(names) - 1
+    assert len(ravel_pytree(flawed(distortion=jnp.array(0.0)))[0]) == len(names)
+    assert len(set(names)) == len(names)
+    designed = parts(finger())
+    make = jax.jit(lambda entries: as_made(finger(), unravel(entries)))
+    for index, name in enumerate(names[:-1]):
+        made = parts(make(without.at[index].set(0.01)))
+        moved = {part: np.abs(made[part] - designed[part]) > 1e-4 for part in designed}
+        what, unit = name.rsplit(" (", 1)
+        if what == "camera across the section":
+            where = None
+        elif what.startswith("camera along"):
+            where = "position", ()
+            axis = {"x": 1, "y": 1j}[what[-1]]
+            difference = made["position"] - designed["position"]
+            np.testing.assert_allclose(difference, 0.01 * axis, rtol=1e-9)
+        elif what == "camera tilt":
+            where = "direction", ()
+        else:
+            kind, part = what.split(" of ")
+            surface, surface_name = part.split(" ", 1)
+            known = {"mirror": layout.mirrors, "pad": layout.pads}[surface]
+            which = [one.name for one in known].index(surface_name)
+            where = f"{surface}s", which
+            ends = designed[where[0]]
+            change = (made[where[0]] - ends)[which] / along(ends)[which]
+            half = np.abs(np.diff(ends[which])) / 2
+            wanted = {"tilt": 1j * half * [-1, 1], "offset": 1j, "shift": 1}[kind]
+            # A tilt of 0.01 differs from its sine and cosine by 0.005 of itself.
+            np.testing.assert_allclose(change, 0.01 * wanted * np.ones(2), atol=6e-5 * half[0])
+        assert unit == ("rad)" if "tilt" in what else "mm)")
+        for part, differs in moved.items():
+            here = np.zeros(np.shape(differs), bool)
+            if where and where[0] == part:
+                here[where[1]] = True
+            np.testing.assert_array_equal(differs, here, err_msg=name)
+    assert names[-1] == "lens k1"
+
+
+@pytest.mark.parametrize("distortion", [None, 0.02])
+def test_errors_are_so_many_deviations_in_the_order_of_the_entries(distortion):
+    rng = np.random.default_rng(3)
+    none = dataclasses.replace(Fabrication.none(finger().layout), distortion=distortion)
+    start, unravel = ravel_pytree(none)
+    deviations, numbers = rng.uniform(0.01, 0.3, (2, len(start)))
+    errors = errors_of(unravel(jnp.asarray(deviations)), jnp.asarray(numbers))
+    assert jax.tree.structure(errors) == jax.tree.structure(none)
+    np.testing.assert_allclose(ravel_pytree(errors)[0], deviations * numbers, rtol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("lens", "before"),
+    [(Equidistant(), [0, 0, 0, 0]), (LENS, LENS.coefficients)],
+    ids=["equidistant", "kannala-brandt"],
+)
+def test_a_distortion_adds_a_cube_to_the_lens_and_keeps_the_field_of_view(lens, before):
+    made = as_made(with_lens(lens), flawed(distortion=jnp.array(0.03)))
+    check(made)
+    angles = np.linspace(-1.3, 1.3, 9)
+    heights = made.camera.projection.height(jnp.asarray(angles))
+    powers = angles[:, None] ** [1, 3, 5, 7, 9]
+    wanted = powers @ [1, *(before + np.array([0.03, 0, 0, 0]))]
+    np.testing.assert_allclose(heights, wanted, rtol=ROUNDING, atol=ROUNDING)
+    half, pixels = made.camera.field_of_view / 2, float(made.camera.pixels)
+    limits = made.camera.pixel(jnp.stack([half, -half]))
+    np.testing.assert_allclose(limits, [0, pixels], atol=1000 * ROUNDING)
+
+
+def test_a_lens_without_an_error_is_that_of_the_design():
+    for lens in (Equidistant(), LENS, Pinhole()):
+        made = as_made(with_lens(lens), Fabrication.none(finger().layout))
+        assert eqx.tree_equal(made.camera.projection, lens)
+
+
+def test_a_distortion_of_a_pinhole_is_refused():
+    with pytest.raises(ValueError, match="equidistant or Kannala-Brandt lens only"):
+        as_made(with_lens(Pinhole()), flawed(distortion=jnp.array(0.03)))
+
+
+def test_numbers_without_a_dtype_become_floats():
+    mirrors, pads = np.zeros(MIRRORS, int), np.zeros(PADS, int)
+    errors = Fabrication(np.array([0, 1]), 0, 0.5, mirrors, mirrors, pads, pads, pads, 0.25)
+    assert all(leaf.dtype == float for leaf in jax.tree.leaves(errors))
+    np.testing.assert_array_equal(errors.camera, [0.0, 1.0])
+    assert errors.distortion == 0.25
+
+
+def test_derivatives_of_what_is_made():
+    scene = with_lens(LENS)
+    start, unravel = ravel_pytree(flawed(distortion=jnp.array(0.0)))
+    rng = np.random.default_rng(2)
+    shapes = [np.shape(leaf) for leaf in jax.tree.leaves(eqx.filter(scene, eqx.is_array))]
+    weights = [rng.uniform(-1, 1, shape) / 50 for shape in shapes]
+
+    def weighed(design: list[jax.Array]) -> jax.Array:
+        made = as_made(scene, unravel(jnp.stack(design)), carried=(BODY,))
+        leaves = jax.tree.leaves(eqx.filter(made, eqx.is_array))
+        return sum(
+            (jnp.sum(weight * leaf) for weight, leaf in zip(weights, leaves, strict=True)),
+            jnp.zeros(()),
+        )
+
+    # None at all, and some.
+    designs = np.stack([np.zeros(len(start)), rng.uniform(-0.3, 0.3, len(start))])
+    batch = [jnp.asarray(part) for part in designs.T]
+    found = np.stack(jax.jit(jax.vmap(jax.grad(weighed)))(batch), axis=-1)
+    compiled = jax.jit(weighed)
+    for index in range(2):
+        wanted = central_differences(compiled, [part[index] for part in batch])
+        np.testing.assert_allclose(found[index], wanted, atol=SLOPES)

@@ -1,0 +1,216 @@
+"""The image of a camera against directions in space, OpenCV, and central differences."""
+
+from __future__ import annotations
+
+import cv2
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics.camera import Camera, Equidistant, KannalaBrandt, Pinhole, Projection
+from optics.imaging import Imaging
+from tests.helpers import central_differences
+from tests.optics.extruded import direction_of, imaged
+
+ROUNDING = 1e-12
+"""Of a few operations, relative; an arc cosine near the axis loses two digits of them."""
+
+SLOPES = 1e-8
+"""What central differences leave, of a function and a design of order one."""
+
+SINGLE = 5e-7
+"""A few units of rounding in float32, of unit vectors; the table behind them errs by 1e-8."""
+
+COEFFICIENTS = [0.05, -0.01, 0.001, 0.0]
+POLYNOMIAL = [1, 0, *np.ravel([[k, 0] for k in COEFFICIENTS])]
+"""θ + k₁ θ³ + … over θ, by falling importance of its powers."""
+
+PROJECTIONS = {
+    "pinhole": Pinhole(),
+    "equidistant": Equidistant(),
+    "kannala-brandt": KannalaBrandt(jnp.array(COEFFICIENTS)),
+}
+LENSES = {
+    "pinhole": np.tan,
+    "equidistant": lambda angle: angle,
+    "kannala-brandt": lambda angle: angle * np.polyval(POLYNOMIAL[::-1], angle),
+}
+HALF_VIEW = np.radians(70)
+ROWS, COLUMNS = 101, 134
+
+COUNT = 200
+"""Rays and places at a time: a program for every number of them would be compiled anew."""
+
+every_lens = pytest.mark.parametrize("name", PROJECTIONS)
+
+
+def imaging(projection: Projection) -> Imaging:
+    return Imaging(
+        Camera(np.array([3.0, 4.0]), 0.7, 2 * HALF_VIEW, ROWS, projection), ROWS, COLUMNS
+    )
+
+
+place = eqx.filter_jit(Imaging.place)
+ray = eqx.filter_jit(Imaging.ray)
+
+
+def rays(seed: int, name: str) -> np.ndarray:
+    """Section angles and lateral slopes; up to 120° from the axis where the lens can."""
+    rng = np.random.default_rng(seed)
+    widest = 80 if name == "pinhole" else 120
+    slopes = np.sinh(rng.uniform(-2.5, 2.5, COUNT))
+    return np.stack([np.radians(rng.uniform(-widest, widest, COUNT)), slopes], axis=-1)
+
+
+def points(seed: int) -> np.ndarray:
+    """Places before the camera: to the right, down and forward."""
+    return np.random.default_rng(seed).uniform([-40, -30, 5], [40, 30, 60], (COUNT, 3))
+
+
+def matrix(name: str) -> np.ndarray:
+    """OpenCV's camera matrix."""
+    focal = ROWS / 2 / LENSES[name](HALF_VIEW)
+    return np.array([[focal, 0, (COLUMNS - 1) / 2], [0, focal, (ROWS - 1) / 2], [0, 0, 1]])
+
+
+@every_lens
+def test_rays_are_imaged_where_their_direction_in_space_says(name):
+    angle, slope = rays(0, name).T
+    places = place(imaging(PROJECTIONS[name]), jnp.asarray(angle), jnp.asarray(slope))
+    wanted = imaged(angle, slope, LENSES[name], HALF_VIEW, ROWS, COLUMNS)
+    np.testing.assert_allclose(places, wanted, rtol=ROUNDING, atol=ROWS * ROUNDING)
+
+
+def test_a_pinhole_divides_by_the_depth():
+    x, y, z = points(1).T
+    still = np.zeros(3)
+    wanted, _ = cv2.projectPoints(points(1), still, still, matrix("pinhole"), np.zeros(4))
+    angle, slope = jnp.asarray(np.arctan2(-y, z)), jnp.asarray(x / np.hypot(y, z))
+    places = place(imaging(Pinhole()), angle, slope)
+    np.testing.assert_allclose(places, wanted[:, 0], rtol=ROUNDING, atol=ROWS * ROUNDING)
+
+
+def test_kannala_brandt_images_as_the_fisheye_model_of_opencv():
+    name, still = "kannala-brandt", np.zeros(3)
+    x, y, z = points(2).T
+    wanted, _ = cv2.fisheye.projectPoints(
+        points(2)[None], still, still, matrix(name), np.array(COEFFICIENTS)
+    )
+    angle, slope = jnp.asarray(np.arctan2(-y, z)), jnp.asarray(x / np.hypot(y, z))
+    places = place(imaging(PROJECTIONS[name]), angle, slope)
+    np.testing.assert_allclose(places, wanted[0], rtol=ROUNDING, atol=ROWS * ROUNDING)
+
+
+@every_lens
+def test_rays_invert_places(name):
+    given, eye = rays(3, name), imaging(PROJECTIONS[name])
+    found = ray(eye, place(eye, *jnp.asarray(given.T)))
+    # Across the axis a slope is as large as the ray's direction is badly told by it.
+    np.testing.assert_allclose(
+        direction_of(*np.asarray(found).T), direction_of(*given.T), atol=ROUNDING
+    )
+    np.testing.assert_allclose(found, given, rtol=1000 * ROUNDING)
+
+
+@every_lens
+def test_the_middle_of_the_image_is_the_axis(name):
+    eye = imaging(PROJECTIONS[name])
+    middle = [(COLUMNS - 1) / 2, (ROWS - 1) / 2]
+    np.testing.assert_array_equal(ray(eye, jnp.tile(jnp.array(middle), (COUNT, 1)))[0], [0, 0])
+    np.testing.assert_array_equal(place(eye, jnp.zeros(COUNT), jnp.zeros(COUNT))[0], middle)
+
+
+@every_lens
+def test_the_map_of_rays_holds_the_ray_of_every_pixel(name):
+    eye = imaging(PROJECTIONS[name])
+    rng = np.random.default_rng(4)
+    column, row = rng.integers(0, COLUMNS, COUNT), rng.integers(0, ROWS, COUNT)
+    column[:5] = 0, 0, COLUMNS - 1, COLUMNS - 1, COLUMNS // 2
+    row[:5] = 0, ROWS - 1, 0, ROWS - 1, ROWS // 2
+    found = eye.ray_map()
+    assert found.shape == (ROWS, COLUMNS, 2)
+    assert found.dtype == np.float32
+    wanted = ray(eye, jnp.asarray(np.stack([column, row], axis=-1), float))
+    np.testing.assert_allclose(
+        direction_of(*found[row, column].astype(float).T),
+        direction_of(*np.asarray(wanted).T),
+        atol=SINGLE,
+    )
+
+
+@every_lens
+def test_rays_in_the_section_are_imaged_on_the_line_of_the_camera(name):
+    angle = jnp.asarray(rays(5, name)[:, 0])
+    eye = imaging(PROJECTIONS[name])
+    places = place(eye, angle, jnp.zeros(COUNT))
+    np.testing.assert_allclose(places[:, 0], (COLUMNS - 1) / 2, rtol=ROUNDING)
+    wanted = eye.camera.pixel(angle) - 0.5
+    np.testing.assert_allclose(places[:, 1], wanted, rtol=ROUNDING, atol=ROWS * ROUNDING)
+
+
+@every_lens
+def test_rays_of_opposite_slopes_are_imaged_in_mirrored_columns(name):
+    angle, slope = jnp.asarray(rays(6, name).T)
+    eye = imaging(PROJECTIONS[name])
+    one, other = (np.asarray(place(eye, angle, side * slope)) for side in (1, -1))
+    np.testing.assert_allclose(one[:, 0] + other[:, 0], COLUMNS - 1, rtol=ROUNDING)
+    np.testing.assert_array_equal(one[:, 1], other[:, 1])
+    np.testing.assert_array_equal(one[:, 0] > other[:, 0], slope > 0)
+
+
+def test_an_image_is_as_high_as_the_line_and_a_third_wider():
+    eye = Imaging.of(Camera(np.zeros(2), 0.0, 1.0, 1080.0, Equidistant()))
+    assert eye.shape == (1080, 1440)
+    eye = Imaging.of(Camera(np.zeros(2), 0.0, 1.0, 120.0, Equidistant()), aspect=2.0)
+    assert eye.shape == (120, 240)
+    assert (eye.rows, eye.columns) == (120, 240)
+
+
+@every_lens
+def test_derivatives_of_places_and_rays(name):
+    projection = PROJECTIONS[name]
+
+    def both(design: list[jax.Array]) -> jax.Array:
+        angle, slope, column, row, fov, *coefficients = design
+        lens = KannalaBrandt(jnp.stack(coefficients)) if coefficients else projection
+        eye = Imaging(Camera(jnp.zeros(2), 0.0, fov, ROWS, lens), ROWS, COLUMNS)
+        place = eye.place(angle, slope) / ROWS
+        ray = eye.ray(jnp.stack([COLUMNS * column, ROWS * row]))
+        return place[0] + 0.7 * place[1] + ray[0] + 0.7 * ray[1]
+
+    # The axis, the section, a plane across it through the axis, and beside both; beyond 90° too.
+    angles, slopes = [0.0, 0.5, 0.0, -0.6], [0.0, 0.0, 0.4, 0.3]
+    if name != "pinhole":
+        angles, slopes = [*angles, np.pi / 2, 1.9], [*slopes, 0.5, -0.4]
+    count = len(angles)
+    columns, rows = np.linspace(0.3, 0.8, count), np.linspace(0.9, 0.2, count)
+    lens = COEFFICIENTS if isinstance(projection, KannalaBrandt) else []
+    constants = [np.full(count, number) for number in (2.0, *lens)]
+    designs = [jnp.asarray(part) for part in (angles, slopes, columns, rows, *constants)]
+    found = np.stack(jax.jit(jax.vmap(jax.grad(both)))(designs), axis=-1)
+    compiled = jax.jit(both)
+    for i in range(count):
+        wanted = central_differences(compiled, [part[i] for part in designs])
+        np.testing.assert_allclose(found[i], wanted, atol=10 * SLOPES)
+
+
+@every_lens
+def test_derivatives_of_places_are_finite_next_to_the_axis(name):
+    eye = imaging(PROJECTIONS[name])
+    angles, slopes = jnp.array([0.0, 1e-9, 0.0, 1e-200]), jnp.array([0.0, 0.0, 1e-9, 1e-200])
+    columns = jax.jit(jax.vmap(jax.grad(lambda *ray: eye.place(*ray)[0], (0, 1))))(angles, slopes)
+    rows = jax.jit(jax.vmap(jax.grad(lambda *ray: eye.place(*ray)[1], (0, 1))))(angles, slopes)
+    focal = ROWS / 2 / LENSES[name](HALF_VIEW)
+    for found, wanted in zip([*columns, *rows], [0, focal, -focal, 0], strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-6 * focal)
+
+
+@every_lens
+def test_derivatives_of_rays_are_those_of_the_lens_on_the_axis(name):
+    eye = imaging(PROJECTIONS[name])
+    middle = jnp.array([(COLUMNS - 1) / 2, (ROWS - 1) / 2])
+    focal = ROWS / 2 / LENSES[name](HALF_VIEW)
+    wanted = [[0, -1 / focal], [1 / focal, 0]]
+    np.testing.assert_allclose(jax.jacobian(eye.ray)(middle), wanted, rtol=ROUNDING)
