@@ -183,7 +183,8 @@ def _canonical(corners: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "
 
 
 def _first_is_lower(corners: Float[np.ndarray, "*values 4 2"]) -> Bool[np.ndarray, "*values"]:
-    return corners[..., [0, 3], 1].mean(axis=-1) >= corners[..., [1, 2], 1].mean(axis=-1)
+    first, second = (corners[..., end, 1].mean(axis=-1) for end in ([0, 3], [1, 2]))
+    return np.asarray(first >= second)
 
 
 def _distances(

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from perception.lens import Lens, TangentPlane
 from perception.quality import Quality
-from perception.sampling import sampled
+from perception.sides import SMALL, Edge, Line, Side, find_edges, fit_line
 
 INNER, HEIGHTS = (0.15, 0.85), 12
 """Heights at which a contour's outermost points tell its sides at first, and how many."""
@@ -25,48 +25,11 @@ INNER, HEIGHTS = (0.15, 0.85), 12
 LEAST_RISE = 0.01
 """A side that rises less over its length is none."""
 
-POINTS = 48
-"""Places on every side at which its edge is looked for."""
-
-TRIMMED = 0.1
-"""Part of a side at each of its ends that round corners may have changed."""
-
-REACH = 8.0
-"""How far from the expected edge it is looked for, px."""
-
-THICK = 4.0
-"""A view must be so many pixels thick where an edge is looked for."""
-
-SAMPLES = 33
-"""Brightness samples across each of these places."""
-
-BRIGHTER = 0.75
-"""Of the samples inside, this part is darker than what counts as the view's brightness."""
-
 STEPS = 3
 """Rounds of finding edges and fitting lines."""
 
-FAR_ROUNDS = 6
-"""Rounds of weighting places by how near to the line they are."""
-
-LEAST_SCATTER = 0.02
-"""No edge is straighter than to so many px."""
-
-TUKEY = 4.685
-"""Residuals of so many standard deviations count no more (95 % efficiency for normal ones)."""
-
-DEEP, SEAM = 0.9, 10.0
-"""Where brightness falls by a smaller part than `DEEP` to the dark, an edge is doubted by so many
-pixels per missing part: what falls halfway only may be as far off as a seam is wide."""
-
-SMALL = 1e-4
-"""Step of differences in the tangent plane."""
-
 RIGHT, UP = np.eye(2)
 """Directions in the tangent plane."""
-
-UNKNOWN = 1.0
-"""Variance of a side that was not found, in the tangent plane: it may be anywhere."""
 
 LEAST_CONTRAST = 5.0
 """Of 255: a lower step is no edge that can be relied on."""
@@ -191,68 +154,6 @@ def _crossings(
     return float(across.min()), float(across.max())
 
 
-@dataclass(frozen=True)
-class _Side:
-    """A side, from corner to corner in the tangent plane, clockwise as the plane is seen."""
-
-    start: Float[np.ndarray, "2"]
-    end: Float[np.ndarray, "2"]
-
-    @property
-    def outward(self) -> Float[np.ndarray, "2"]:
-        along = self.end - self.start
-        return np.array([-along[1], along[0]]) / np.hypot(*along)
-
-    def places(self, shares: Float[np.ndarray, " points"]) -> Float[np.ndarray, "points 2"]:
-        return self.start + shares[:, None] * (self.end - self.start)
-
-
-@dataclass(frozen=True)
-class _Edge:
-    """Where the edge of a side was found.
-
-    Attributes:
-        shares: places along the side, 0 to 1.
-        offsets: outward from the side, tangent plane.
-        scale: px per unit of the tangent plane across the side.
-        found: where an edge was found at all.
-        contrast: step of brightness, the median over the places.
-        doubt: standard deviation of all of the edge together, px: next to another view the
-            brightness does not fall to the dark, and its half is no edge.
-    """
-
-    shares: Float[np.ndarray, " points"]
-    offsets: Float[np.ndarray, " points"]
-    scale: Float[np.ndarray, " points"]
-    found: Bool[np.ndarray, " points"]
-    contrast: float
-    doubt: float
-
-
-@dataclass(frozen=True)
-class _Line:
-    """A side moved outward by ``offset + turn · share``.
-
-    Attributes:
-        offset: tangent plane.
-        turn: tangent plane.
-        covariance: of both.
-        scatter: standard deviation of the edges about it, px.
-    """
-
-    offset: float
-    turn: float
-    covariance: Float[np.ndarray, "2 2"]
-    scatter: float
-
-    def at(self, share: float) -> float:
-        return self.offset + self.turn * share
-
-    def variance(self, share: float) -> float:
-        weights = np.array([1.0, share])
-        return float(weights @ self.covariance @ weights)
-
-
 class _Outline(NamedTuple):
     """A quadrilateral whose sides have been moved onto their edges.
 
@@ -263,9 +164,9 @@ class _Outline(NamedTuple):
         corners: where the lines meet.
     """
 
-    sides: list[_Side]
-    edges: list[_Edge]
-    lines: list[_Line]
+    sides: list[Side]
+    edges: list[Edge]
+    lines: list[Line]
     corners: Float[np.ndarray, "4 2"]
 
 
@@ -276,108 +177,14 @@ def _refined(
     corners: Float[np.ndarray, "4 2"],
 ) -> _Outline | None:
     """One round of finding edges and fitting lines; ``None`` where these do not meet."""
-    sides = [_Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-    edges = _edges(grey, lens, plane, sides)
-    lines = [_line(edge) for edge in edges]
+    sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+    edges = find_edges(grey, lens, plane, sides)
+    lines = [fit_line(edge) for edge in edges]
     moved = _meeting(sides, lines)
     return None if moved is None else _Outline(sides, edges, lines, moved)
 
 
-def _edges(
-    grey: Float[np.ndarray, "rows columns"], lens: Lens, plane: TangentPlane, sides: list[_Side]
-) -> list[_Edge]:
-    """The edges of all sides: where brightness first falls below half of its step outward."""
-    shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
-    flat = np.concatenate([side.places(shares) for side in sides])
-    outward = np.repeat([side.outward for side in sides], POINTS, axis=0)
-    both = lens.project(plane.rays(np.concatenate([flat, flat + SMALL * outward])))
-    at, beside = both[: len(flat)], both[len(flat) :]
-    scale = np.maximum(np.hypot(*(beside - at).T) / SMALL, 1e-9)
-    normal = (beside - at) / (SMALL * scale[:, None])
-    reach = np.linspace(-REACH, REACH, SAMPLES)
-    profile = sampled(grey, at[:, None] + reach[:, None] * normal[:, None])
-    profile = cv2.blur(profile, (3, 1), borderType=cv2.BORDER_REPLICATE)
-    # A narrow view may end again within reach: the brightest quarter is surely inside.
-    inside = np.quantile(profile[:, : SAMPLES // 2 + 1], BRIGHTER, axis=1)
-    outside = profile[:, SAMPLES // 2 :].min(axis=1)
-    half = (inside + outside) / 2
-    rows, counts = np.arange(len(profile)), np.arange(SAMPLES)
-    start = SAMPLES // 2 - np.argmax(profile[:, SAMPLES // 2 :: -1] >= inside[:, None], axis=1)
-    below = (profile < half[:, None]) & (counts > start[:, None])
-    last = np.maximum(np.argmax(below, axis=1), 1)
-    high, low = profile[rows, last - 1], profile[rows, last]
-    drop = high - low
-    found = below.any(axis=1) & (drop > 0) & (high >= half)
-    part = np.where(found, (high - half) / np.where(drop > 0, drop, 1.0), 0.0)
-    offsets = (reach[last - 1] + (reach[1] - reach[0]) * part) / scale
-    contrast = inside - outside
-    # Where a view is too thin, as at its acute corners, the other edge is in the way.
-    inward = flat - THICK / scale[:, None] * outward
-    beyond = np.stack([(inward - side.start) @ side.outward for side in sides])
-    found &= (beyond < 0).all(axis=0)
-    owns = [slice(i * POINTS, (i + 1) * POINTS) for i in range(len(sides))]
-    dark = min(float(np.median(outside[own])) for own in owns)
-    depth = contrast / np.maximum(inside - dark, 1.0)
-    edges = []
-    for own in owns:
-        there = found[own]
-        step, deep = (
-            float(np.median(values[own][there])) if there.any() else 0.0
-            for values in (contrast, depth)
-        )
-        doubt = SEAM * max(DEEP - deep, 0.0)
-        edges.append(_Edge(shares, offsets[own], scale[own], there, step, doubt))
-    return edges
-
-
-def _line(edge: _Edge) -> _Line:
-    """A line through the edges of a side by weighted least squares with Tukey's weights.
-
-    Source: P. J. Huber, E. M. Ronchetti, *Robust Statistics*, 2nd ed., §7.8. Neighbouring edges
-    err alike, so the covariance counts fewer of them: n (1 − r) / (1 + r) for the correlation r
-    of neighbours.
-    """
-    found = edge.found
-    if found.sum() < POINTS // 4:
-        return _Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.inf)
-    design = np.stack([np.ones(found.sum()), edge.shares[found]], axis=-1) * edge.scale[found, None]
-    wanted = edge.offsets[found] * edge.scale[found]
-    left = wanted - np.median(wanted)
-    solution, normal, weights = _weighted(design, wanted, left)
-    for _ in range(FAR_ROUNDS - 1):
-        left = wanted - design @ solution
-        solution, normal, weights = _weighted(design, wanted, left)
-    left = wanted - design @ solution
-    variance = float(np.sum(weights * left**2) / max(np.sum(weights) - 2, 1))
-    furthest = TUKEY * _deviation(left)
-    near = np.clip(left, -furthest, furthest)
-    correlation = np.clip(np.mean(near[1:] * near[:-1]) / max(np.mean(near**2), 1e-12), 0.0, 0.9)
-    fewer = (1 + correlation) / (1 - correlation)
-    covariance = variance * fewer * np.linalg.inv(normal)
-    covariance[0, 0] += (edge.doubt / float(np.mean(edge.scale))) ** 2
-    return _Line(float(solution[0]), float(solution[1]), covariance, float(np.sqrt(variance)))
-
-
-def _deviation(left: Float[np.ndarray, " places"]) -> float:
-    """Standard deviation of most of the residuals, from their median; never quite 0."""
-    return max(1.4826 * float(np.median(np.abs(left))), LEAST_SCATTER)
-
-
-def _weighted(
-    design: Float[np.ndarray, "places 2"],
-    wanted: Float[np.ndarray, " places"],
-    left: Float[np.ndarray, " places"],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Least squares weighted by how small residuals were; with its normal matrix and weights."""
-    weights = np.maximum(1 - (left / (TUKEY * _deviation(left))) ** 2, 0) ** 2
-    weighted = design * weights[:, None]
-    normal = weighted.T @ design
-    # Where all weight lies in one place, the side keeps its direction.
-    normal += 1e-12 * np.trace(normal) * np.eye(2)
-    return np.linalg.solve(normal, weighted.T @ wanted), normal, weights
-
-
-def _meeting(sides: list[_Side], lines: list[_Line]) -> Float[np.ndarray, "4 2"] | None:
+def _meeting(sides: list[Side], lines: list[Line]) -> Float[np.ndarray, "4 2"] | None:
     """Where neighbouring sides meet when they have moved onto their lines."""
     ends = [
         (
