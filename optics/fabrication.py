@@ -62,11 +62,8 @@ def errors_of(deviations: Fabrication, numbers: Float[Array, " errors"]) -> Fabr
     return jax.tree.unflatten(structure, scaled)
 
 
-def fabrication_names(layout: Layout) -> list[str]:
-    """What the entries of a flattened `Fabrication` are, in their order, with their units.
-
-    The last one is there only if the lens has an error.
-    """
+def fabrication_names(layout: Layout, errors: Fabrication) -> list[str]:
+    """What the entries of flattened errors are, in their order, with their units."""
     mirrors, pads = [[part.name for part in kind] for kind in (layout.mirrors, layout.pads)]
     return [
         "camera along x (mm)",
@@ -78,7 +75,7 @@ def fabrication_names(layout: Layout) -> list[str]:
         *(f"tilt of pad {name} (rad)" for name in pads),
         *(f"offset of pad {name} (mm)" for name in pads),
         *(f"shift of pad {name} (mm)" for name in pads),
-        "lens k1",
+        *(["lens k1"] if errors.distortion is not None else []),
     ]
 
 

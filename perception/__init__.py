@@ -1,4 +1,4 @@
-"""OpenCV on images: masks, quads, unwarping, joint angles, directions and posture."""
+"""OpenCV on images: views of pads found, unwarped and compared; joint angles from them."""
 
 import lazy_loader
 

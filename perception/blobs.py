@@ -33,6 +33,9 @@ LEAST_AREA = 1.5e-4
 STEADY = 0.5
 """An edge moves by less than so many pixels from threshold to threshold; a gradient by more."""
 
+MOST = 64
+"""Blobs of one threshold that are looked at; an image with more shows no finger."""
+
 LIKE = 0.05
 """A part that is smaller than this share of a blob falling apart is a chip, not a part."""
 
@@ -44,12 +47,10 @@ class Blob:
     Attributes:
         contour: its outermost pixels, column and row.
         area: within the contour, px².
-        level: the threshold at which it was taken.
     """
 
     contour: Int[np.ndarray, "_ 2"]
     area: float
-    level: float
 
 
 @dataclass
@@ -70,7 +71,7 @@ def stable_blobs(grey: Grey) -> list[Blob]:
             parent = next((other for other in previous if _holds(other.blob, node.blob)), None)
             (roots if parent is None else parent.children).append(node)
         previous = nodes
-    return [blob for root in roots for blob in _kept(root)]
+    return [blob for root in roots for blob in _best(root)[0]]
 
 
 def _levels(grey: Grey) -> list[float]:
@@ -92,10 +93,8 @@ def _blobs(grey: Grey, seams: Mask, level: float) -> list[Blob]:
     outlines = [c.reshape(-1, 2) for c in contours if len(c) ** 2 >= 4 * least]
     areas = map(cv2.contourArea, outlines)
     return [
-        Blob(outline, area, level)
-        for outline, area in zip(outlines, areas, strict=True)
-        if area >= least
-    ]
+        Blob(outline, area) for outline, area in zip(outlines, areas, strict=True) if area >= least
+    ][:MOST]
 
 
 def _holds(outer: Blob, inner: Blob) -> bool:
@@ -103,16 +102,12 @@ def _holds(outer: Blob, inner: Blob) -> bool:
     return cv2.pointPolygonTest(outer.contour, (float(point[0]), float(point[1])), False) >= 0
 
 
-def _kept(node: _Node) -> list[Blob]:
-    """The blobs of a tree: those of its branches where all of these are stable, else the stablest.
+def _best(node: _Node) -> tuple[list[Blob], float]:
+    """The blobs of a tree, and by how many pixels a threshold moves the least stable of them.
 
+    They are those of its branches where all of these are stable, else the stablest of its stem.
     What only a gradient of light parts is not stable: its outline wanders with the threshold.
     """
-    return _best(node)[0]
-
-
-def _best(node: _Node) -> tuple[list[Blob], float]:
-    """The blobs of a tree, and by how many pixels a threshold moves the least stable of them."""
     chain = [node.blob]
     while len(parts := _parts(node)) == 1:
         node = parts[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeGuard
+
 import numpy as np
 
 from perception.blobs import stable_blobs
@@ -11,7 +13,7 @@ from perception.matching import Catalogue, Sighting, match
 from perception.quads import Quad, fit_quad
 
 
-def find_quads(image: np.ndarray, lens: Lens) -> list[Quad]:
+def find_quads(image: object, lens: Lens) -> list[Quad]:
     """All bright quadrilaterals of an image, from its top to its bottom.
 
     Args:
@@ -30,7 +32,7 @@ def find_quads(image: np.ndarray, lens: Lens) -> list[Quad]:
     return sorted(found, key=lambda quad: float(quad.corners[:, 1].mean()))
 
 
-def is_image(image: object, lens: Lens) -> bool:
+def is_image(image: object, lens: Lens) -> TypeGuard[np.ndarray]:
     """Whether something is an 8-bit image, with one or three channels, of a lens's size."""
     return (
         isinstance(image, np.ndarray)
@@ -39,6 +41,6 @@ def is_image(image: object, lens: Lens) -> bool:
     )
 
 
-def find_views(image: np.ndarray, lens: Lens, catalogue: Catalogue) -> Sighting:
+def find_views(image: object, lens: Lens, catalogue: Catalogue) -> Sighting:
     """What an image shows of a finger; of anything that is no image of it, nothing."""
     return match(find_quads(image, lens), catalogue, lens)

@@ -11,9 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from perception.sampling import sampled
+
+MOST = 30_000
+"""Places that OpenCV samples at a time: tables of 2¹⁵ rows it refuses."""
 
 Rays = Float[np.ndarray, "_ 2"]
 Places = Float[np.ndarray, "_ 2"]
@@ -39,7 +42,15 @@ class Lens:
 
     def rays(self, places: Places) -> Rays:
         """The rays through places in the image, interpolated between pixels."""
-        return sampled(self.ray_map, places[:, None]).reshape(-1, 2).astype(float)
+        if not len(places):
+            return np.zeros((0, 2))
+        parts = np.array_split(places, -(-len(places) // MOST))
+        found = [sampled(self.ray_map, part[:, None]).reshape(-1, 2) for part in parts]
+        return np.concatenate(found).astype(float)
+
+    def pixel_rays(self, pixels: Int[np.ndarray, "_ 2"]) -> Rays:
+        """The rays through the middles of pixels."""
+        return self.ray_map[pixels[:, 1], pixels[:, 0]].astype(float)
 
 
 @dataclass(frozen=True)

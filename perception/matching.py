@@ -26,6 +26,9 @@ AROUND = 2
 LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 """A pad's length may come out wrong by that share and by so many standard deviations."""
 
+BORDER = 8.0
+"""An end nearer to the image's border than so many pixels may be cut off by it."""
+
 NEIGHBOUR = 20.0
 """A view beside another one ends within so many pixels (of 1080 rows) of its end."""
 
@@ -49,6 +52,7 @@ class Family:
         corners: where they are imaged.
         visible: whether any of the pad is seen.
         complete: whether all of it is seen.
+        ends: whether its first and its second end are seen.
         wanted: whether it is asked for; other views only explain what is found.
     """
 
@@ -60,6 +64,7 @@ class Family:
     corners: Float[np.ndarray, "values 4 2"]
     visible: Bool[np.ndarray, " values"]
     complete: Bool[np.ndarray, " values"]
+    ends: Bool[np.ndarray, "values 2"]
     wanted: bool
 
 
@@ -89,6 +94,8 @@ class View:
         path: name of the path.
         reflections: on its way.
         quality: how it was found.
+        ends: whether the pad's first and its second end are those of the view: of a clipped view
+            the one that is cut off is not.
         corners: column and row, in the pad's own order; NaN where it is missing.
         rays: of the corners.
         covariance: of the corners, px².
@@ -99,6 +106,7 @@ class View:
     path: str
     reflections: int
     quality: Quality
+    ends: tuple[bool, bool]
     corners: Float[np.ndarray, "4 2"]
     rays: Float[np.ndarray, "4 2"]
     covariance: Float[np.ndarray, "4 2 2"]
@@ -171,7 +179,11 @@ def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
         elif family.complete[best[i]] and (family.joint in known or family.joint is None):
             views.append(_missing(family))
     wanted = {number for i, number in assigned.items() if families[i].wanted}
-    ghosts = tuple(quad for number, quad in enumerate(quads) if number not in wanted)
+    ghosts = tuple(
+        replace(quad, quality=Quality.GHOST)
+        for number, quad in enumerate(quads)
+        if number not in wanted and quad.quality is not Quality.LOW_CONTRAST
+    )
     return Sighting(tuple(views), ghosts, angles)
 
 
@@ -231,16 +243,28 @@ def _found(
                 quad = shortened(quad, catalogue.width, wanted, lens, 1 - beside)
         elif not family.complete[max(value - AROUND, 0) : value + AROUND + 1].any():
             quad = replace(quad, quality=Quality.CLIPPED)
+    ends = np.full(2, quad.quality is Quality.COMPLETE)
+    if quad.quality is Quality.CLIPPED:
+        near = family.ends[max(value - AROUND, 0) : value + AROUND + 1].any(axis=0)
+        ends = near & _off_border(quad.corners[order], lens)
     return View(
         family.pad,
         family.path,
         family.reflections,
         quad.quality,
+        (bool(ends[0]), bool(ends[1])),
         quad.corners[order],
         quad.rays[order],
         quad.covariance[order],
         quad.area,
     )
+
+
+def _off_border(corners: Float[np.ndarray, "4 2"], lens: Lens) -> Bool[np.ndarray, "2"]:
+    """Whether both corners of the first and of the second end are away from the image's border."""
+    limits = np.array(lens.shape[::-1]) - 1 - BORDER
+    inside = np.all((corners > BORDER) & (corners < limits), axis=-1)
+    return np.array([inside[[0, 3]].all(), inside[[1, 2]].all()])
 
 
 def _beside(
@@ -269,6 +293,7 @@ def _missing(family: Family) -> View:
         family.path,
         family.reflections,
         Quality.MISSING,
+        (False, False),
         nothing,
         nothing,
         np.full((4, 2, 2), np.nan),

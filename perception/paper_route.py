@@ -1,7 +1,7 @@
 """Paper B's own route to the corners (§4.1.1), as the baseline: polygons around masks.
 
 Threshold (global and adaptive, combined), opening and closing, contours, their convex hulls, and
-the polygon approximation of these with as coarse a tolerance as leaves four corners.
+the polygon approximation of these with the least tolerance that leaves four corners.
 """
 
 from __future__ import annotations
@@ -40,6 +40,8 @@ class PaperRoute:
         Args:
             image: red, green and blue, 8 bits.
         """
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or not image.size:
+            return []
         grey: Grey = brightness(image)
         mask = cleaned(combined_mask(grey, self.threshold, self.block, self.share), self.size)
         contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]

@@ -28,6 +28,9 @@ LEAST_RISE = 0.01
 STEPS = 3
 """Rounds of finding edges and fitting lines."""
 
+FLAT = 1e-9
+"""Corners that turn by less, product of two sides in the tangent plane, are none."""
+
 RIGHT, UP = np.eye(2)
 """Directions in the tangent plane."""
 
@@ -77,7 +80,7 @@ def fit_quad(
     Returns:
         The view; ``None`` where the contour has no four sides.
     """
-    rays = lens.rays(contour.astype(float))
+    rays = lens.pixel_rays(contour)
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
     corners = first_corners(plane.flat(rays))
     if corners is None:
@@ -94,7 +97,7 @@ def fit_quad(
     quality = Quality.COMPLETE
     if border.any():
         quality = Quality.CLIPPED
-    elif contrast < LEAST_CONTRAST:
+    elif contrast < LEAST_CONTRAST or not all(np.isfinite(line.scatter) for line in found.lines):
         quality = Quality.LOW_CONTRAST
     return Quad(
         rays,
@@ -119,6 +122,8 @@ def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | 
     following = np.roll(flat, -1, axis=0)
     heights = low + (high - low) * np.linspace(*INNER, HEIGHTS)
     crossings = np.array([_crossings(flat, following, height) for height in heights])
+    if not np.isfinite(crossings).all():
+        return None
     sides = []
     for outermost in crossings.T:
         # In units that suit single precision.
@@ -148,6 +153,8 @@ def _crossings(
 ) -> tuple[float, float]:
     """Where a closed contour crosses a height first and last."""
     crosses = (points[:, 1] <= height) != (following[:, 1] <= height)
+    if not crosses.any():
+        return np.nan, np.nan
     start, end = points[crosses], following[crosses]
     part = (height - start[:, 1]) / (end[:, 1] - start[:, 1])
     across = start[:, 0] + part * (end[:, 0] - start[:, 0])
@@ -203,12 +210,15 @@ def _meeting(sides: list[Side], lines: list[Line]) -> Float[np.ndarray, "4 2"] |
         part = ((c - a)[0] * second[1] - (c - a)[1] * second[0]) / across
         corners.append(a + part * first)
     found = np.stack(corners)
-    size = (
-        np.abs(sides[0].start - sides[2].start).max()
-        + np.abs(sides[1].start - sides[3].start).max()
-    )
-    moved = np.abs(found - np.stack([side.start for side in sides])).max()
-    return found if np.isfinite(found).all() and moved < size else None
+    return found if _is_convex(found) else None
+
+
+def _is_convex(corners: Float[np.ndarray, "4 2"]) -> bool:
+    """Whether four corners, in the order of a `Quad`, go clockwise around something."""
+    sides = np.roll(corners, -1, axis=0) - corners
+    following = np.roll(sides, -1, axis=0)
+    turns = sides[:, 0] * following[:, 1] - sides[:, 1] * following[:, 0]
+    return bool(np.isfinite(corners).all() and (turns < -FLAT).all())
 
 
 def _covariances(lens: Lens, plane: TangentPlane, outline: _Outline) -> Float[np.ndarray, "4 2 2"]:

@@ -64,7 +64,7 @@ class Side:
     def outward(self) -> Float[np.ndarray, "2"]:
         """Unit normal that points out of the view."""
         along = self.end - self.start
-        return np.array([-along[1], along[0]]) / np.hypot(*along)
+        return np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-12)
 
     def places(self, shares: Float[np.ndarray, " points"]) -> Float[np.ndarray, "points 2"]:
         """Places at parts 0 to 1 of the way from start to end."""

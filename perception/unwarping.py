@@ -9,6 +9,7 @@ columns of the image, in whatever view it was seen: a mirror's reversal along th
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -22,7 +23,7 @@ from perception.sampling import sampled
 PER_MM = 10.0
 """Samples of an unwarped pad per mm."""
 
-LATTICE = 24
+LATTICE = 96
 """The map from pad to image is smooth: it is computed at so many places a side and interpolated."""
 
 
@@ -55,7 +56,8 @@ def pad_of(
     """Which places of a pad are imaged at given columns and rows; inverts `image_of`."""
     plane, homography = pad_plane(view, length, width)
     flat = plane.flat(lens.rays(places))
-    return cv2.perspectiveTransform(flat[None], np.linalg.inv(homography))[0]
+    back = cv2.invert(homography)[1]
+    return cv2.perspectiveTransform(flat[None], back)[0]
 
 
 def affine_pad_of(
@@ -92,7 +94,7 @@ def unwarp(
     coarse = places.reshape(LATTICE, LATTICE, 2).astype(np.float32)
     # Samples are the middles of squares, the lattice has its outermost places on the edges.
     rows, columns = ((np.arange(count) + 0.5) / count * (LATTICE - 1) for count in shape)
-    fine = sampled(coarse, np.stack(np.meshgrid(columns, rows), axis=-1), smooth=True)
+    fine = sampled(coarse, np.stack(np.meshgrid(columns, rows), axis=-1))
     return sampled(image, fine)
 
 
@@ -109,7 +111,12 @@ def least_scale(view: View, lens: Lens, length: float, width: float) -> float:
 
 
 def best_view(
-    views: Iterable[View], lens: Lens, length: float, width: float, *, by: str = "scale"
+    views: Iterable[View],
+    lens: Lens,
+    length: float,
+    width: float,
+    *,
+    by: Literal["scale", "area"] = "scale",
 ) -> View | None:
     """The view that shows a pad best, among the complete ones.
 

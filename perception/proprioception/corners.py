@@ -37,6 +37,7 @@ class CornerModel(eqx.Module):
         joints: of every view, the index of the joint that moves it, or ``None``.
         errors: number of the finger's errors.
         names: of the joints.
+        limits: least and greatest angle of any joint for which the model holds, rad.
     """
 
     predict: Predict
@@ -44,6 +45,7 @@ class CornerModel(eqx.Module):
     joints: tuple[int | None, ...] = eqx.field(static=True)
     errors: int = eqx.field(static=True)
     names: tuple[str, ...] = eqx.field(static=True)
+    limits: tuple[float, float] = eqx.field(static=True)
 
 
 def deviations(
@@ -93,7 +95,8 @@ class PoseSolver:
             spread: covariance of these; none by default.
 
         Returns:
-            An estimate for each joint; undefined where no complete view tells its angle.
+            An estimate for each joint; undefined where no complete view tells its angle, or where
+            it would be beyond its range.
         """
         count = self.model.errors
         errors = np.zeros(count) if errors is None else errors
@@ -108,12 +111,15 @@ class PoseSolver:
         )
         found, variance, ok = np.asarray(angles), np.diagonal(np.asarray(covariance)), bool(ok)
         told = {joint for joint, there in zip(self.model.joints, seen.seen, strict=True) if there}
+        low, high = self.model.limits
         estimates = []
         for joint, name in enumerate(self.model.names):
             if joint not in told:
                 estimates.append(undefined(f"no complete view tells {name}"))
             elif not ok:
                 estimates.append(undefined(f"no pose fits the corners that tell {name}"))
+            elif not low <= found[joint] <= high:
+                estimates.append(undefined(f"the corners would have {name} beyond its range"))
             else:
                 deviation = float(np.sqrt(variance[joint]))
                 estimates.append(Estimate(float(found[joint]), deviation, "all corners"))

@@ -1,7 +1,7 @@
 """One edge and no model: a joint angle from the section angle of one end of one view.
 
 Labelled frames give a straight line, or with many frames a parabola, from the end's section angle
-to the joint angle. No optics are needed, but nothing is known beyond the labelled range.
+to the joint angle. No optics are needed, but little is known beyond the labelled range.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class EdgeCurve:
         end: of the pad.
         coefficients: of the polynomial in (angle − middle), constant first.
         covariance: of these.
-        noise: standard deviation of an answer that is not the curve's, rad.
+        edge_deviation: standard deviation of a section angle, rad.
         middle: of the labelled section angles, rad.
         limits: least and greatest section angle for which the curve is trusted, rad.
     """
@@ -43,7 +43,7 @@ class EdgeCurve:
     end: int
     coefficients: Float[np.ndarray, " terms"]
     covariance: Float[np.ndarray, "terms terms"]
-    noise: float
+    edge_deviation: float
     middle: float
     limits: tuple[float, float]
 
@@ -52,7 +52,9 @@ class EdgeCurve:
         if not self.limits[0] <= angle <= self.limits[1]:
             return undefined("the end lies outside of the labelled range")
         powers = (angle - self.middle) ** np.arange(len(self.coefficients))
-        variance = self.noise**2 + powers @ self.covariance @ powers
+        orders = np.arange(1, len(self.coefficients))
+        rate = (orders * self.coefficients[1:]) @ powers[:-1]
+        variance = (rate * self.edge_deviation) ** 2 + powers @ self.covariance @ powers
         name = f"end {self.end} of {self.pad}, {self.path}"
         return Estimate(float(powers @ self.coefficients), float(np.sqrt(variance)), name)
 
@@ -67,13 +69,15 @@ class EdgeRuler:
 
     curves: tuple[EdgeCurve, ...]
 
-    def estimate(self, sighting: Sighting, shape: tuple[int, int]) -> Estimate:
+    def estimate(self, sighting: Sighting) -> Estimate:
         """The joint angle by the one end that tells it best."""
-        answers = [undefined("no labelled end is seen")]
+        answers = []
         for curve in self.curves:
             view = sighting.view(curve.pad, curve.path)
-            if view is not None and end_is_seen(view, curve.end, shape):
+            if end_is_seen(view, curve.end):
                 answers.append(curve.estimate(end_angle(view, curve.end)))
+        if not answers:
+            return undefined("no labelled end is seen")
         return min(answers, key=lambda answer: answer.deviation)
 
 
@@ -81,7 +85,6 @@ def fit_edges(
     sightings: Sequence[Sighting],
     labels: Float[np.ndarray, " frames"],
     views: Sequence[tuple[str, str]],
-    shape: tuple[int, int],
     *,
     label_deviation: float,
     edge_deviation: float,
@@ -92,7 +95,6 @@ def fit_edges(
         sightings: of the frames.
         labels: the joint's angle in each, rad.
         views: pad and path of the views that the joint moves.
-        shape: rows and columns of the images.
         label_deviation: standard deviation of the labels, rad.
         edge_deviation: that of an end's section angle, rad.
     """
@@ -100,7 +102,7 @@ def fit_edges(
     for pad, path in views:
         for end in range(2):
             found = [sighting.view(pad, path) for sighting in sightings]
-            there = np.array([end_is_seen(view, end, shape) for view in found], bool)
+            there = np.array([end_is_seen(view, end) for view in found], bool)
             if there.sum() < 2:
                 continue
             angles = np.array([end_angle(v, end) for v, t in zip(found, there, strict=True)
@@ -123,6 +125,8 @@ def _fitted(
     middle = (low + high) / 2
     terms = 3 if len(angles) >= PARABOLA else 2
     design = (angles - middle)[:, None] ** np.arange(terms)
+    if np.linalg.matrix_rank(design / np.abs(design).max(axis=0)) < terms:
+        design, terms = design[:, :2], 2
     coefficients = np.linalg.lstsq(design, labels, rcond=None)[0]
     noise = abs(float(coefficients[1])) * edge_deviation
     left = labels - design @ coefficients
@@ -131,4 +135,4 @@ def _fitted(
     variance = max(stated, float(left @ left) / free) if free > 0 else stated
     covariance = variance * np.linalg.inv(design.T @ design)
     beyond = BEYOND * (high - low)
-    return coefficients, covariance, noise, middle, (low - beyond, high + beyond)
+    return coefficients, covariance, edge_deviation, middle, (low - beyond, high + beyond)

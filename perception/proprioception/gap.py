@@ -8,16 +8,13 @@ frames tell. Where one of the two ends is not seen there is no gap, and no angle
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeGuard
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from perception.matching import Sighting, View
 from perception.proprioception.estimate import Estimate, undefined
-from perception.quality import Quality
-
-BORDER = 8.0
-"""An end nearer to the image's border than so many pixels may be cut off by it."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +59,16 @@ class GapTable:
             ValueError: there is no joint angle at which both views show ends that face each other.
         """
         pairs = [(a, b) for a in range(2) for b in range(2)]
-        middle = np.argmax((seen[:, 0].any(-1)) & (seen[:, 1].any(-1)))
+        both = np.flatnonzero(seen[:, 0].any(axis=-1) & seen[:, 1].any(axis=-1))
+        if not both.size:
+            raise ValueError(f"pad '{pad}' is never seen directly and in {mirror} at once")
+        middle = both[len(both) // 2]
         near = min(pairs, key=lambda p: abs(direct[middle, p[0]] - mirrored[middle, p[1]]))
         gap = np.abs(direct[:, near[0]] - mirrored[:, near[1]])
         valid = seen[:, 0, near[0]] & seen[:, 1, near[1]]
-        if valid.sum() < 2:
-            raise ValueError(f"pad '{pad}' is never seen directly and in {mirror} at once")
         first, last = _monotone(gap, valid)
+        if last - first < 2:
+            raise ValueError(f"pad '{pad}' never shows facing ends directly and in {mirror}")
         return cls(pad, mirror, near, angles[first:last], gap[first:last])
 
     @property
@@ -86,10 +86,10 @@ class GapTable:
         order = slice(None) if rising else slice(None, None, -1)
         return float(np.interp(gap, self.gaps[order], self.angles[order], np.nan, np.nan))
 
-    def measured(self, sighting: Sighting, shape: tuple[int, int]) -> float:
-        """The gap in an image of a size (rows, columns), rad; NaN where there is none."""
+    def measured(self, sighting: Sighting) -> float:
+        """The gap in an image, rad; NaN where there is none."""
         views = [sighting.view(self.pad, path) for path in ("direct", self.mirror)]
-        ends = [_end(view, end, shape) for view, end in zip(views, self.ends, strict=True)]
+        ends = [_end(view, end) for view, end in zip(views, self.ends, strict=True)]
         return abs(ends[0] - ends[1])
 
 
@@ -129,28 +129,36 @@ def calibrate_gap(
     table: GapTable,
     gaps: Float[np.ndarray, " frames"],
     angles: Float[np.ndarray, " frames"],
+    *,
     noise: float,
+    label_deviation: float,
 ) -> GapMeter | None:
-    """Offset and scale of the gap from labelled frames (paper B: at least five), by least squares.
+    """Offset and scale of the gap from labelled frames (paper B: at least five).
+
+    Weighted least squares; a label's error is one of the gap times how fast the gap changes there.
 
     Args:
         table: from the optics.
         gaps: measured, rad; NaN where there is none.
         angles: labels, rad.
         noise: standard deviation of a measured gap, rad.
+        label_deviation: that of the labels, rad.
 
     Returns:
-        The calibrated table; ``None`` where fewer than two frames have a gap.
+        The calibrated table; ``None`` where fewer than two frames have a gap, or all the same one,
+        or where the gap grows as its table falls.
     """
     expected = table.gap(angles)
     there = np.isfinite(gaps) & np.isfinite(expected)
     if there.sum() < 2:
         return None
-    design = np.stack([np.ones(there.sum()), expected[there]], axis=-1)
-    solution, _, rank, _ = np.linalg.lstsq(design, gaps[there], rcond=None)
+    rates = np.interp(angles[there], table.angles, table.rate)
+    weights = 1 / np.sqrt(noise**2 + (rates * label_deviation) ** 2)
+    design = weights[:, None] * np.stack([np.ones(there.sum()), expected[there]], axis=-1)
+    solution, _, rank, _ = np.linalg.lstsq(design, weights * gaps[there], rcond=None)
     if rank < 2 or not solution[1] > 0:
         return None
-    covariance = noise**2 * np.linalg.inv(design.T @ design)
+    covariance = np.linalg.inv(design.T @ design)
     return GapMeter(table, float(solution[0]), float(solution[1]), covariance, noise)
 
 
@@ -159,18 +167,13 @@ def end_angle(view: View, end: int) -> float:
     return float(view.rays[[end, 3 - end], 0].mean())
 
 
-def end_is_seen(view: View | None, end: int, shape: tuple[int, int]) -> bool:
-    """Whether a view shows an end of its pad, away from the image's border."""
-    if view is None or view.quality not in (Quality.COMPLETE, Quality.CLIPPED):
-        return False
-    corners, limits = view.corners[[end, 3 - end]], np.array(shape[::-1]) - 1 - BORDER
-    return bool(((corners > BORDER) & (corners < limits)).all())
+def end_is_seen(view: View | None, end: int) -> TypeGuard[View]:
+    """Whether a view shows an end of its pad."""
+    return view is not None and view.ends[end]
 
 
-def _end(view: View | None, end: int, shape: tuple[int, int]) -> float:
-    if view is None or not end_is_seen(view, end, shape):
-        return np.nan
-    return end_angle(view, end)
+def _end(view: View | None, end: int) -> float:
+    return end_angle(view, end) if end_is_seen(view, end) else np.nan
 
 
 def _monotone(

@@ -15,6 +15,9 @@ FLOOR = 0.25
 """Standard deviation of a corner that its covariance does not tell of, px of 1080 rows: blur,
 saturation and compression move edges, and lenses are not quite as they are thought."""
 
+WORST = 1e12
+"""A view with a corner that is known so unevenly is not used: a side of it was not found."""
+
 NOWHERE = 0.0
 """What stands for the corners of views that were not found; they have no weight."""
 
@@ -53,8 +56,9 @@ def observe(
         view = sighting.view(pad, path)
         if view is None or view.quality is not Quality.COMPLETE:
             continue
-        corners[index] = view.corners
-        whitening[index] = inverse_root(view.covariance + floor**2 * np.eye(2))
+        covariance = view.covariance + floor**2 * np.eye(2)
+        if np.linalg.cond(covariance).max() < WORST:
+            corners[index], whitening[index] = view.corners, inverse_root(covariance)
     return Observation(corners, whitening)
 
 

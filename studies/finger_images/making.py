@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from designopt.errors import UserError
+from optics.camera import Pinhole
 from optics.fabrication import Fabrication, errors_of
 from optics.imaging import Imaging
 from optics.rendering import Effects, Renderer
@@ -23,6 +24,9 @@ from perception.matching import Catalogue
 from perception.proprioception import CornerModel
 from studies.finger_images.sensor import catalogue_of, corner_model, lens_of
 from studies.finger_images.spec import FingerImagesSpec, MadeSpec
+
+LEAST_ROWS, MOST_ROWS = 200, 4000
+"""Heights of images that can be analysed, px."""
 
 BODY = "camera body"
 """Name of the blocker that moves with the camera."""
@@ -61,16 +65,17 @@ class Finger:
         """
         scene = designed(spec.scene)
         if rows is not None:
-            scene = eqx.tree_at(
-                lambda s: s.camera.pixels, scene, jnp.full_like(scene.camera.pixels, rows)
-            )
+            pixels = jnp.full_like(scene.camera.pixels, rows)
+            scene = eqx.tree_at(lambda s: s.camera.pixels, scene, pixels)
         carried = tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
         imaging = Imaging.of(scene.camera)
+        if fault := _fault(scene, imaging):
+            raise UserError(f"scene: {fault}; give the scene of a finger with --set scene=FILE")
         try:
             catalogue = catalogue_of(scene, imaging, spec.width)
         except ValueError as error:
-            raise UserError(f"scene: {error}; give the scene of a finger with --set scene=FILE") \
-                from error  # fmt: skip
+            cure = "give the scene of a finger with --set scene=FILE"
+            raise UserError(f"scene: {error}; {cure}") from error
         deviations = deviations_of(spec.tolerances, scene.layout)
         model = corner_model(scene, imaging, catalogue, deviations, carried)
         return cls(
@@ -94,6 +99,18 @@ class Finger:
         generator = np.random.default_rng([seed, 4, number])
         errors = generator.standard_normal(self.model.errors)
         return errors_of(self.deviations, jnp.asarray(errors)), errors
+
+
+def _fault(scene: Scene, imaging: Imaging) -> str:
+    """What makes a scene none of a finger whose images can be analysed; empty if nothing."""
+    if not scene.angle_names:
+        return "it has no joint whose angle an image could tell"
+    if isinstance(scene.camera.projection, Pinhole):
+        return 'its lens is a pinhole; errors of the lens need projection = "equidistant"'
+    rows = imaging.shape[0]
+    if not LEAST_ROWS <= rows <= MOST_ROWS:
+        return f"its image is {rows} px high; between {LEAST_ROWS} and {MOST_ROWS} can be analysed"
+    return ""
 
 
 def designed(path: str) -> Scene:

@@ -53,12 +53,12 @@ def catalogue_of(scene: Scene, imaging: Imaging, width: float) -> Catalogue:
     poses = np.zeros((joints, len(ANGLES), joints))
     for joint in range(joints):
         poses[joint, :, joint] = ANGLES
-    corners, seen = _looked_at(scene, imaging, jnp.asarray(poses), width)
+    corners, seen, ends_seen = _looked_at(scene, imaging, jnp.asarray(poses), width)
     families = []
     names, words = path_names(layout), paths_of(layout, layout.bounces)
     for path, word in enumerate(words):
         for pad, surface in enumerate(layout.pads):
-            if not (seen[..., path, pad] > 0).any():
+            if not np.any(seen[..., path, pad] > 0):
                 continue
             moved = [
                 j for j in range(joints) if np.ptp(corners[j, :, path, pad], axis=0).max() > 1e-6
@@ -73,7 +73,11 @@ def catalogue_of(scene: Scene, imaging: Imaging, width: float) -> Catalogue:
                 continue
             joint = moved[0] if moved else 0
             values = slice(None) if moved else slice(0, 1)
-            share = seen[joint, values, path, pad]
+            share, ends = seen[joint, values, path, pad], ends_seen[joint, values, path, pad]
+            if not moved:
+                # Whatever the joints are: what is hidden in some poses is still seen in others.
+                share = np.max(seen[..., path, pad])[None]
+                ends = np.any(ends_seen[:, :, path, pad], axis=(0, 1))[None]
             families.append(
                 Family(
                     surface.name,
@@ -84,24 +88,30 @@ def catalogue_of(scene: Scene, imaging: Imaging, width: float) -> Catalogue:
                     corners[joint, values, path, pad],
                     share > 0,
                     share >= 1 - WHOLE,
+                    ends,
                     own,
                 )
             )
-    ends = np.asarray(scene.pads)
-    lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+    pads = np.asarray(scene.pads)
+    lengths = np.hypot(*(pads[:, 1] - pads[:, 0]).T)
     by_name = {pad.name: float(n) for pad, n in zip(layout.pads, lengths, strict=True)}
     return Catalogue(families, by_name, width, joints)
 
 
 def _looked_at(
     scene: Scene, imaging: Imaging, poses: Float[Array, "joints values joints"], width: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Corners, and the part of the pad that is seen, of every pose, path and pad."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of every pose, path and pad: corners, the part that is seen, and which ends are."""
     corners = _corners_of(scene, imaging, poses, width)
-    pieces: Pieces = find_views(scene, poses).value
-    paths = range(len(paths_of(scene.layout, scene.layout.bounces)))
-    seen = np.stack([np.asarray(pieces.seen(path)) for path in paths], axis=-2)
-    return np.asarray(corners), seen
+    pieces: Pieces = jax.tree.map(np.asarray, find_views(scene, poses).value)
+    shares, ends = [], []
+    for path in range(len(paths_of(scene.layout, scene.layout.bounces))):
+        there = pieces.present & (pieces.path == path)
+        shares.append(np.where(there, pieces.end - pieces.start, 0.0).sum(axis=-1))
+        first = (there & (pieces.start <= WHOLE)).any(axis=-1)
+        second = (there & (pieces.end >= 1 - WHOLE)).any(axis=-1)
+        ends.append(np.stack([first, second], axis=-1))
+    return np.asarray(corners), np.stack(shares, axis=-2), np.stack(ends, axis=-3)
 
 
 @eqx.filter_jit
@@ -156,6 +166,7 @@ def corner_model(
         tuple(view.joint for view in views),
         sum(leaf.size for leaf in jax.tree.leaves(deviations)),
         scene.angle_names,
+        (float(ANGLES[0]), float(ANGLES[-1])),
     )
 
 
@@ -193,26 +204,28 @@ class Predictor(eqx.Module):
 
 
 def gap_table(scene: Scene, catalogue: Catalogue, pad: str) -> GapTable:
-    """The gap between a pad's direct view and its mirror view, over its joint's angle."""
+    """The gap between a pad's direct view and its mirror view, over its joint's angle.
+
+    Raises:
+        ValueError: the pad has no such views, or they never show facing ends together.
+    """
     families = {
         family.reflections: family for family in wanted_views(catalogue) if family.pad == pad
     }
+    if 0 not in families or 1 not in families or families[0].joint is None:
+        raise ValueError(f"pad '{pad}' has no direct view and mirror view that a joint moves")
     joint = families[0].joint
-    if joint is None or 1 not in families:
-        raise ValueError(f"pad '{pad}' has no mirror view that moves with a joint")
     poses = np.zeros((len(ANGLES), len(scene.angle_names)))
     poses[:, joint] = ANGLES
     index = [surface.name for surface in scene.layout.pads].index(pad)
     paths = [path_names(scene.layout).index(families[i].path) for i in range(2)]
-    angles = np.asarray(
-        eqx.filter_jit(jax.vmap(lambda pose: find_outlines(scene, pose).angle))(jnp.asarray(poses))
-    )[:, paths, index]
-    pieces: Pieces = find_views(scene, jnp.asarray(poses)).value
-    ends = np.zeros((len(ANGLES), 2, 2), bool)
-    for number, path in enumerate(paths):
-        there = np.asarray(pieces.present & (pieces.path == path))[:, index]
-        ends[:, number, 0] = np.any(there & (np.asarray(pieces.start)[:, index] <= WHOLE), axis=-1)
-        ends[:, number, 1] = np.any(
-            there & (np.asarray(pieces.end)[:, index] >= 1 - WHOLE), axis=-1
-        )
+    angles = np.asarray(_outline_angles(scene, jnp.asarray(poses)))[:, paths, index]
+    ends = np.stack([families[i].ends for i in range(2)], axis=1)
     return GapTable.of(pad, families[1].path, ANGLES, angles[:, 0], angles[:, 1], ends)
+
+
+@eqx.filter_jit
+def _outline_angles(
+    scene: Scene, poses: Float[Array, "values joints"]
+) -> Float[Array, "values paths pads 2"]:
+    return jax.vmap(lambda pose: find_outlines(scene, pose).angle)(poses)

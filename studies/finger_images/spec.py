@@ -17,7 +17,7 @@ class MadeSpec(ToleranceSpec):
         default=0.1, description="each pad, along its normal and along itself (mm)"
     )
     pad_tilt_deg: Error = Field(default=0.2, description="each pad, about its middle (degrees)")
-    lens_k1: Annotated[float, Field(gt=0, le=0.1)] = Field(
+    lens_k1: Annotated[float, Field(gt=0, le=0.01)] = Field(
         default=0.003, description="lens: r over theta + k1 theta^3, the field of view kept"
     )
 

@@ -11,12 +11,8 @@ from designopt.figures import MARKERS, PALETTE, new_figure
 from designopt.results import Figure
 from studies.proprioception.found import Found
 from studies.proprioception.ladder import (
-    DESIGNED,
-    EDGE,
-    GAP,
     LABELLED,
     RUNGS,
-    UNLABELLED,
     errors_deg,
     of_method,
 )
@@ -98,7 +94,6 @@ def gap_figure(found: Found) -> Figure:
     """The gap by the optics, and as measured on one finger before and after calibration."""
     drawing, (row,) = new_figure(1, len(found.tables), height=3.0)
     seen, climbed = found.watched[0], found.climbed[0]
-    shape = found.finger.lens.shape
     for joint, (axes, table) in enumerate(zip(row, found.tables, strict=True)):
         angles = np.rad2deg(table.angles)
         axes.plot(angles, np.rad2deg(table.gaps), color=PALETTE[0], label="optics, as designed")
@@ -108,7 +103,7 @@ def gap_figure(found: Found) -> Figure:
             axes.plot(angles, np.rad2deg(calibrated), "--", color=PALETTE[1], label="calibrated")
         for frames, marker, name in ((seen.in_gap, "s", "labelled frames"),
                                      (seen.frames, "o", "other frames")):  # fmt: skip
-            gaps = np.rad2deg([table.measured(one, shape) for one in frames.sightings])
+            gaps = np.rad2deg([table.measured(one) for one in frames.sightings])
             axes.plot(np.rad2deg(frames.angles[:, joint]), gaps, marker, color=PALETTE[2],
                       markerfacecolor="none" if marker == "o" else None, label=name)  # fmt: skip
         name = found.finger.model.names[joint].upper()
@@ -131,7 +126,7 @@ def bound_figure(found: Found) -> Figure:
     drawing, (row,) = new_figure(1, len(names), height=3.0)
     for joint, (axes, name) in enumerate(zip(row, names, strict=True)):
         own = [(one, of_method(one.answers, LABELLED, name)) for one in found.climbed]
-        told = [(a, one.bounds[a.frame, joint]) for one, answers in own for a in answers
+        told = [(a, one.bound.calibrated[a.frame, joint]) for one, answers in own for a in answers
                 if a.estimate.defined]  # fmt: skip
         angles = np.rad2deg([a.truth for a, _ in told])
         errors = np.abs(np.rad2deg([a.error for a, _ in told]))
@@ -166,7 +161,7 @@ def bound_figure(found: Found) -> Figure:
 def covariance_figure(found: Found) -> Figure:
     """Errors over their predicted deviations against a normal distribution."""
     drawing, ((axes,),) = new_figure(1, 1, height=3.2)
-    for index, method in enumerate((GAP, EDGE, DESIGNED, LABELLED, UNLABELLED)):
+    for index, method in enumerate(RUNGS):
         own = [a for a in of_method(found.answers, method) if a.estimate.defined]
         if len(own) < 5:
             continue

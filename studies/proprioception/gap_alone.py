@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from perception.proprioception import GapTable, calibrate_gap
+from perception.proprioception import GapTable, calibrate_gap, undefined
 from studies.finger_images.making import Finger
 from studies.proprioception.ladder import Answer
 from studies.proprioception.watching import spread_over
@@ -56,17 +56,19 @@ def tried(
                 for path, end in zip(("direct", table.mirror), table.ends, strict=True)
             )
             gaps = np.abs(first - second)
-            meter = calibrate_gap(table, gaps[:labelled], labels[:, joint], pixel)
+            meter = calibrate_gap(
+                table,
+                gaps[:labelled],
+                labels[:, joint],
+                noise=pixel,
+                label_deviation=label_deviation,
+            )
             for index, gap in enumerate(gaps[labelled:]):
-                if meter is not None:
-                    answers.append(
-                        Answer(
-                            METHOD,
-                            number,
-                            index,
-                            model.names[joint],
-                            float(asked[index, joint]),
-                            meter.estimate(gap),
-                        )
-                    )
+                estimate = (
+                    undefined("the gap could not be calibrated")
+                    if meter is None
+                    else meter.estimate(gap)
+                )
+                truth = float(asked[index, joint])
+                answers.append(Answer(METHOD, number, index, model.names[joint], truth, estimate))
     return answers

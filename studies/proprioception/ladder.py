@@ -12,11 +12,13 @@ import numpy as np
 from jaxtyping import Float
 
 from perception.proprioception import (
+    Bound,
     Calibration,
     CornerModel,
     Estimate,
     GapMeter,
     GapTable,
+    Observation,
     PoseSolver,
     calibrate,
     calibrate_gap,
@@ -36,15 +38,16 @@ GAP_THEN_EDGE = "1 gap, else edge"
 EDGE = "2 one edge, no model"
 DESIGNED = "3 all corners, as designed"
 LABELLED = "4 all corners, labelled frames"
-UNLABELLED = "5 all corners, no labels"
+UNLABELLED = "5 all corners, all frames, no labels"
+SAME_UNLABELLED = "5 all corners, the same frames without labels"
 LENS_AS_DESIGNED = "4 without the lens's error"
 EXACT = "all corners, finger known"
 
 RUNGS = (GAP, EDGE, DESIGNED, LABELLED, UNLABELLED)
 """The methods, from the simplest on."""
 
-EDGE_NOISE = 0.5
-"""Standard deviation of an end's section angle in an image, px of 1080 rows."""
+EDGE_NOISE = 0.25
+"""Standard deviation of an end's section angle in an image, px: what is allowed for a corner."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +84,7 @@ class Climbed:
         answers: of all methods, frames and joints.
         labelled: calibration with labels.
         unlabelled: calibration without.
-        errors: of the finger, in units of their deviations.
-        bounds: least standard deviations, rad, of every frame and joint, if calibrated with labels.
+        bound: least standard deviations, rad, of every frame and joint, with labels.
         seconds: of one joint-angle solve, for each frame.
         meters: the calibrated gap of every joint.
     """
@@ -90,8 +92,7 @@ class Climbed:
     answers: list[Answer]
     labelled: Calibration
     unlabelled: Calibration
-    errors: Float[np.ndarray, " errors"]
-    bounds: Float[np.ndarray, "frames joints"]
+    bound: Bound
     seconds: list[float]
     meters: list[GapMeter | None]
 
@@ -123,21 +124,25 @@ class Ladder:
         )
         return cls(finger, tables, label_deviation, plain)
 
+    def labels(self, number: int, seen: Watched, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """What is told of the labelled frames, spread and in the gap: their angles with errors."""
+        generator = np.random.default_rng([seed, 8, number])
+        noise = self.label_deviation * generator.standard_normal((2, *seen.spread.angles.shape))
+        return seen.spread.angles + noise[0], seen.in_gap.angles + noise[1]
+
     def climbed(self, number: int, seen: Watched, seed: int) -> Climbed:
         """All methods on the frames of one finger."""
         finger, model = self.finger, self.finger.model
-        generator = np.random.default_rng([seed, 8, number])
-        shape = finger.lens.shape
-        noise = self.label_deviation * generator.standard_normal((2, *seen.spread.angles.shape))
-        labels, gap_labels = seen.spread.angles + noise[0], seen.in_gap.angles + noise[1]
+        labels, gap_labels = self.labels(number, seen, seed)
         frames = seen.frames
         pixel = 1 / float(finger.scene.camera.focal_pixels)
         meters = [
             calibrate_gap(
                 table,
-                np.array([table.measured(one, shape) for one in seen.in_gap.sightings]),
+                np.array([table.measured(one) for one in seen.in_gap.sightings]),
                 gap_labels[:, joint],
-                pixel,
+                noise=math.sqrt(2) * EDGE_NOISE * pixel,
+                label_deviation=self.label_deviation,
             )
             for joint, table in enumerate(self.tables)
         ]
@@ -146,9 +151,8 @@ class Ladder:
                 seen.spread.sightings,
                 labels[:, joint],
                 [view for view, j in zip(model.views, model.joints, strict=True) if j == joint],
-                shape,
                 label_deviation=self.label_deviation,
-                edge_deviation=EDGE_NOISE * pixel * shape[0] / 1080,
+                edge_deviation=EDGE_NOISE * pixel,
             )
             for joint in range(len(model.names))
         ]
@@ -160,10 +164,12 @@ class Ladder:
         plain = calibrate(self.plain, calibration_frames, labels, self.label_deviation)
         rough = np.stack([one.angles for one in frames.sightings])
         unlabelled = calibrate(model, stack_observations(seen_frames), rough)
+        guesses = np.stack([one.angles for one in seen.spread.sightings])
+        same = calibrate(model, calibration_frames, guesses)
 
         answers: list[Answer] = []
         seconds: list[float] = []
-        bounds: list[np.ndarray] = []
+        bounds: list[Bound] = []
         solve, solve_plain = PoseSolver(model), PoseSolver(self.plain)
 
         for index, (truth, sighting, observation) in enumerate(
@@ -172,13 +178,24 @@ class Ladder:
             gaps = [
                 undefined("the gap could not be calibrated")
                 if meter is None
-                else meter.estimate(meter.table.measured(sighting, shape))
+                else meter.estimate(meter.table.measured(sighting))
                 for meter in meters
             ]
-            edges = [ruler.estimate(sighting, shape) for ruler in rulers]
+            edges = [ruler.estimate(sighting) for ruler in rulers]
             guess = sighting.angles
+
+            def calibrated(
+                solver: PoseSolver,
+                known: Calibration,
+                observation: Observation = observation,
+                guess: np.ndarray = guess,
+            ) -> list[Estimate]:
+                if not known.ok:
+                    return [undefined("the finger could not be calibrated")] * len(guess)
+                return solver(observation, guess, known.errors, known.covariance)
+
             start = time.perf_counter()
-            by_labels = solve(observation, guess, labelled.errors, labelled.covariance)
+            by_labels = calibrated(solve, labelled)
             seconds.append(time.perf_counter() - start)
             by_method: dict[str, Sequence[Estimate]] = {
                 GAP: gaps,
@@ -186,8 +203,9 @@ class Ladder:
                 EDGE: edges,
                 DESIGNED: solve(observation, guess, spread=np.eye(model.errors)),
                 LABELLED: by_labels,
-                UNLABELLED: solve(observation, guess, unlabelled.errors, unlabelled.covariance),
-                LENS_AS_DESIGNED: solve_plain(observation, guess, plain.errors, plain.covariance),
+                UNLABELLED: calibrated(solve, unlabelled),
+                SAME_UNLABELLED: calibrated(solve, same),
+                LENS_AS_DESIGNED: calibrated(solve_plain, plain),
                 EXACT: solve(observation, guess, seen.errors),
             }
             answers += [
@@ -202,22 +220,18 @@ class Ladder:
                     (observation, truth),
                     (calibration_frames, seen.spread.angles),
                     self.label_deviation,
-                ).calibrated
+                )
             )
-        return Climbed(
-            answers, labelled, unlabelled, seen.errors, np.stack(bounds), seconds, meters
-        )
+        bound = Bound(*(np.stack(parts) for parts in zip(*bounds, strict=True)))
+        return Climbed(answers, labelled, unlabelled, bound, seconds, meters)
 
 
-def solved(
-    ladder: Ladder, number: int, seen: Watched, seed: int
-) -> tuple[list[Answer], Calibration]:
-    """Only the labelled calibration and its answers."""
+def solved(ladder: Ladder, number: int, seen: Watched, seed: int) -> list[Answer]:
+    """Only the answers of the labelled calibration."""
     model = ladder.finger.model
-    generator = np.random.default_rng([seed, 8, number])
-    noise = ladder.label_deviation * generator.standard_normal((2, *seen.spread.angles.shape))
+    labels, _ = ladder.labels(number, seen, seed)
     frames = stack_observations([observe(one, model.views) for one in seen.spread.sightings])
-    found = calibrate(model, frames, seen.spread.angles + noise[0], ladder.label_deviation)
+    found = calibrate(model, frames, labels, ladder.label_deviation)
     solve = PoseSolver(model)
     answers = []
     for index, (truth, sighting) in enumerate(
@@ -230,7 +244,7 @@ def solved(
             Answer(LABELLED, number, index, name, float(truth[joint]), estimates[joint])
             for joint, name in enumerate(model.names)
         ]
-    return answers, found
+    return answers
 
 
 def errors_deg(answers: Sequence[Answer]) -> Float[np.ndarray, " defined"]:

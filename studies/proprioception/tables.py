@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
 import jax
@@ -17,13 +18,13 @@ from studies.proprioception.ladder import (
     GAP_THEN_EDGE,
     LENS_AS_DESIGNED,
     RUNGS,
+    SAME_UNLABELLED,
     Answer,
     defined_share,
     errors_deg,
     of_method,
     variance_ratio,
 )
-from studies.proprioception.spec import ProprioceptionSpec
 
 PAPER = {"pip": (2.3, 1.6), "dip": (2.5, 2.0)}
 """Paper B, Table 4.1: mean ± standard deviation of the absolute error over 30 frames, degrees."""
@@ -31,9 +32,9 @@ PAPER = {"pip": (2.3, 1.6), "dip": (2.5, 2.0)}
 SMOOTH = "4 with smooth edges"
 
 
-def tables(spec: ProprioceptionSpec, found: Found) -> list[Table]:
+def tables(found: Found) -> list[Table]:
     """Every table of the study."""
-    return [ladder(found), gaps(found), tolerances(found)]
+    return [ladder(found), undefined(found), gaps(found), tolerances(found)]
 
 
 def every_method(found: Found) -> dict[str, list[Answer]]:
@@ -41,6 +42,7 @@ def every_method(found: Found) -> dict[str, list[Answer]]:
     answers = found.answers
     made = {GAP_ALONE: found.gap_alone}
     made |= {method: of_method(answers, method) for method in (RUNGS[0], GAP_THEN_EDGE, *RUNGS[1:])}
+    made[SAME_UNLABELLED] = of_method(answers, SAME_UNLABELLED)
     made[LENS_AS_DESIGNED] = of_method(answers, LENS_AS_DESIGNED)
     if found.smooth:
         made[SMOOTH] = found.smooth
@@ -60,6 +62,7 @@ def ladder(found: Found) -> Table:
             own = [answer for answer in answers if answer.joint == joint]
             errors = errors_deg(own)
             if not len(errors):
+                rows.append((method, joint, len(own), 0.0, *[None] * 6))
                 continue
             sizes = np.abs(errors)
             predicted = [a.estimate.deviation for a in own if a.estimate.defined]
@@ -106,6 +109,15 @@ def ladder(found: Found) -> Table:
     )
 
 
+def undefined(found: Found) -> Table:
+    """Why answers are undefined, method by method."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for method, answers in every_method(found).items():
+        counts.update((method, a.estimate.reason) for a in answers if not a.estimate.defined)
+    rows = [(*key, count) for key, count in sorted(counts.items())]
+    return Table("undefined", "Why answers are undefined", ["method", "reason", "answers"], rows)
+
+
 def gaps(found: Found) -> Table:
     """The gap's table of both joints."""
     pixels = float(found.finger.scene.camera.focal_pixels)
@@ -136,8 +148,8 @@ def gaps(found: Found) -> Table:
 def tolerances(found: Found) -> Table:
     """What calibration finds of every error of fabrication."""
     sizes = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(found.finger.deviations)])
-    names = fabrication_names(found.finger.scene.layout)
-    true = np.stack([one.errors for one in found.climbed])
+    names = fabrication_names(found.finger.scene.layout, found.finger.deviations)
+    true = np.stack([one.errors for one in found.watched])
     columns: dict[str, list[float]] = {"stated": sizes.tolist()}
     for name in ("labelled", "unlabelled"):
         calibrations = [getattr(one, name) for one in found.climbed]

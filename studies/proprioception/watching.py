@@ -84,6 +84,8 @@ def watched(
         spread_over([(0.0, top)] * joints, labelled),
         spread_over(limits, labelled),
     )
+    # What is compiled on the way is no part of a frame's time.
+    find_views(renderer.render(sets[0][0]).pixels, finger.lens, finger.catalogue)
     made, first = [], 0
     for angles in sets:
         found, seconds = [], []

@@ -14,7 +14,7 @@ from perception.paper_route import PaperRoute
 from perception.quality import Quality
 from perception.unwarping import PER_MM
 from studies.finger_images.making import Finger
-from studies.tactile_images.found import Found
+from studies.tactile_images.found import OURS, PAPER, Found
 from studies.tactile_images.frames import Frame
 from studies.tactile_images.pictures import Shown, Touch
 from studies.tactile_images.spec import TactileImagesSpec
@@ -24,7 +24,7 @@ GREY = 0.5
 """No difference, in a picture of differences."""
 
 OF_QUALITY = {Quality.COMPLETE: PALETTE[5], Quality.CLIPPED: PALETTE[6], Quality.MERGED: PALETTE[3],
-              Quality.LOW_CONTRAST: "white"}  # fmt: skip
+              Quality.LOW_CONTRAST: "0.6"}  # fmt: skip
 
 
 def figures(spec: TactileImagesSpec, found: Found) -> list[Figure]:
@@ -72,20 +72,22 @@ def views_figure(finger: Finger, shown: Shown) -> Figure:
                 style = "--" if view.reflections else "-"
                 _outline(axes, finger.lens, view.rays, OF_QUALITY[view.quality], style)
         for ghost in sighting.ghosts:
-            if ghost.quality is not Quality.LOW_CONTRAST:
-                _outline(axes, finger.lens, ghost.rays, "white", ":")
+            _outline(axes, finger.lens, ghost.rays, "white", ":")
         axes.set(xlim=(0.2 * columns, 0.8 * columns), ylim=(rows, 0))
     handles = [
         Patch(edgecolor=OF_QUALITY[Quality.COMPLETE], fill=False, label="complete"),
         Patch(edgecolor=OF_QUALITY[Quality.CLIPPED], fill=False, label="clipped"),
+        Patch(edgecolor=OF_QUALITY[Quality.MERGED], fill=False, label="merged"),
+        Patch(edgecolor=OF_QUALITY[Quality.LOW_CONTRAST], fill=False, label="low contrast"),
         Patch(edgecolor="grey", fill=False, linestyle="--", label="by a mirror"),
         Patch(edgecolor="grey", fill=False, linestyle=":", label="no view that is asked for"),
     ]
-    drawing.legend(handles=handles, loc="outside lower center", ncols=4)
+    drawing.legend(handles=handles, loc="outside lower center", ncols=3)
     return Figure(
         "views",
         "What the camera sees, and what was found",
-        "Frames of one made finger with things pressed into its pads, at four pairs of PIP / DIP "
+        "Frames of one made finger with things pressed into its pads, at four pairs of "
+        f"{' / '.join(name.upper() for name in finger.model.names)} "
         "(brightened for the eye). Outlines join the corners that were found by sides that are "
         "straight in space, which the lens bends.",
         drawing,
@@ -110,14 +112,15 @@ def masks_figure(shown: Shown) -> Figure:
         axes.set(xlim=(0.2 * columns, 0.8 * columns))
     axes = grid[0, -1]
     _picture(axes, _brighter(image.pixels), "one corner")
-    view = image.view("intermediate", "direct") or image.views[0]
+    whole = [view for view in image.views if view.complete] or list(image.views)
+    view = max(whole, key=lambda view: np.ptp(view.corners, axis=0).min())
     corner = view.corners[1]
     axes.set(xlim=corner[0] + np.array([-14, 26]), ylim=corner[1] + np.array([30, -20]))
     ours = sighting.view(view.pad, view.path)
     polygons = np.concatenate([np.zeros((0, 2)), *route.corners(image.pixels)])
-    marks = [("paper's polygon", polygons, "s", PALETTE[1]), ("true", view.corners, "o", "white")]
+    marks = [(PAPER, polygons, "s", PALETTE[1]), ("true", view.corners, "o", "white")]
     if ours is not None:
-        marks.append(("lines in ray space", ours.corners, "x", PALETTE[5]))
+        marks.append((OURS, ours.corners, "x", PALETTE[5]))
     for name, corners, marker, colour in marks:
         filled = {"markerfacecolor": "none"} if marker != "x" else {}
         axes.plot(*corners.T, marker, color=colour, markersize=8, label=name, **filled)
@@ -127,8 +130,8 @@ def masks_figure(shown: Shown) -> Figure:
         "masks",
         "Thresholds, and a corner",
         "The paper's thresholds on the brightest channel (its Fig. 4.2), and one corner of the "
-        "intermediate pad: a polygon ends on the round corner of the mask, lines that are fitted "
-        "to the sides meet where the pad's rectangle has its corner.",
+        "largest whole view: a polygon has its corner on the mask's outline, lines that are fitted "
+        "to the sides meet where the pad's rectangle has its own.",
         drawing,
     )
 
@@ -163,7 +166,7 @@ def imprints_figure(finger: Finger, shown: Shown) -> Figure:
     return Figure(
         "imprints",
         "Unwarped pads and difference images",
-        f"Every pad in its best view at 65° / 70°, straight from above to scale, {PER_MM:g} "
+        f"Every pad in its best view in one pose, straight from above to scale, {PER_MM:g} "
         "samples per mm, its first end on top (left, brightened for the eye); and the relative "
         "difference from the same view untouched (right).",
         drawing,
@@ -176,8 +179,8 @@ def errors_figure(spec: TactileImagesSpec, frames: list[Frame]) -> Figure:
     seen = all_views(at_severity)
     drawing, (axes,) = new_figure(1, 2, height=3.0)
     corner = {
-        "lines in ray space": [view.errors for view in seen],
-        "paper's polygon": [view.paper_errors for view in seen],
+        OURS: [view.errors for view in seen],
+        PAPER: [view.paper_errors for view in seen],
     }
     pads = [one for frame in at_severity for one in frame.unwarped]
     place = {
@@ -228,7 +231,6 @@ def success_figure(frames: list[Frame]) -> Figure:
     return Figure(
         "success",
         "Views found, by exposure and severity",
-        "Of the complete views off the border. The paper's route has one fixed threshold, which "
-        "light that is dimmer or brighter leaves.",
+        "Of the complete views off the border. The paper's route has one fixed threshold.",
         drawing,
     )

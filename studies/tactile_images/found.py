@@ -11,6 +11,9 @@ from studies.tactile_images.frames import Frame
 from studies.tactile_images.pictures import Shown
 from studies.tactile_images.rendering import EffectTime
 
+OURS, PAPER = "lines in ray space", "paper's polygon"
+"""Both ways to corners."""
+
 
 @dataclass(frozen=True)
 class Found:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -69,6 +69,7 @@ class Frame:
         views: those that can be found.
         wrong: views said to be complete that are not.
         unwarped: of every pad, in the view that shows it best.
+        shown: pads that some view shows whole.
         seconds: of finding all views, after compiling.
     """
 
@@ -78,6 +79,7 @@ class Frame:
     views: tuple[FoundView, ...]
     wrong: int
     unwarped: tuple[Unwarping, ...]
+    shown: int
     seconds: float
 
 
@@ -101,6 +103,8 @@ def rendered(
     renderer = finger.renderer(effects, errors, seed=seed + number)
     lens = lens_of(renderer.imaging)
     frames = []
+    # What is compiled on the way is no part of a frame's time.
+    find_views(renderer.render(angles[0]).pixels, finger.lens, finger.catalogue)
     for index, pose in enumerate(angles):
         image = renderer.render(pose, touched(finger, index), frame=index)
         with one_thread():
@@ -116,6 +120,7 @@ def rendered(
                 views,
                 wrong,
                 unwarped(finger, lens, image, sighting),
+                len({view.pad for view in can_be_found(finger, image)}),
                 seconds,
             )
         )
@@ -219,13 +224,4 @@ def unwarped(
 
 
 def _true_view(view: View, true: TrueView, lens: Lens) -> View:
-    return View(
-        view.pad,
-        view.path,
-        view.reflections,
-        view.quality,
-        true.corners,
-        lens.rays(true.corners),
-        view.covariance,
-        view.area,
-    )
+    return replace(view, corners=true.corners, rays=lens.rays(true.corners))

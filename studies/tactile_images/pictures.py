@@ -19,6 +19,10 @@ POSES_DEG = ((10.0, 35.0), (45.0, 50.0), (57.0, 20.0), (85.0, 80.0))
 """PIP and DIP of the frames that are shown; of a range of 90°."""
 
 
+TOUCHED_DEG = (65.0, 70.0)
+"""The same of the frames in which things are pressed into pads."""
+
+
 @dataclass(frozen=True)
 class Touch:
     """Pads with something pressed in: unwarped pictures and differences, by pad."""
@@ -51,9 +55,9 @@ def shown(finger: Finger, spec: TactileImagesSpec, seed: int) -> Shown:
     frames = []
     for number, pose in enumerate(POSES_DEG):
         pressed = touched(finger, number)
-        image = renderer.render(np.deg2rad(scale * np.array(pose)), pressed, frame=number)
+        image = renderer.render(_pose(finger, scale, pose), pressed, frame=number)
         frames.append((image, find_views(image.pixels, finger.lens, finger.catalogue)))
-    pose = np.deg2rad(scale * np.array([65.0, 70.0]))
+    pose = _pose(finger, scale, TOUCHED_DEG)
     references = References()
     untouched = {}
     bare = renderer.render(pose, frame=1000)
@@ -75,6 +79,11 @@ def shown(finger: Finger, spec: TactileImagesSpec, seed: int) -> Shown:
             )
         )
     return Shown(frames, touches, untouched)
+
+
+def _pose(finger: Finger, scale: float, degrees: tuple[float, ...]) -> np.ndarray:
+    """A pose of as many joints as the finger has, rad."""
+    return np.deg2rad(scale * np.resize(degrees, len(finger.model.names)))
 
 
 def _pictures(finger: Finger, image: TactileImage) -> dict[View, np.ndarray]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from designopt.precision import Contender, measure
@@ -14,8 +16,9 @@ from studies.finger_images.making import Finger
 from studies.finger_images.one_thread import one_thread
 from studies.tactile_images import drawings, statements, tables
 from studies.tactile_images.corrupted import Trial, tried
-from studies.tactile_images.found import Found
+from studies.tactile_images.found import OURS, PAPER, Found
 from studies.tactile_images.frames import (
+    FAR,
     Frame,
     can_be_found,
     nearest_errors,
@@ -26,8 +29,6 @@ from studies.tactile_images.frames import (
 from studies.tactile_images.pictures import shown
 from studies.tactile_images.rendering import effect_times
 from studies.tactile_images.spec import TactileImagesSpec
-
-OURS, PAPER = "lines in ray space", "paper's polygon"
 
 
 def run(spec: TactileImagesSpec, context: Context) -> Results:
@@ -45,7 +46,7 @@ def run(spec: TactileImagesSpec, context: Context) -> Results:
         figures=drawings.figures(spec, found),
         precision=PrecisionStudy(
             found.rows,
-            error="median corner error (px of 1080 rows)",
+            error="median corner error of the views found (px of 1080 rows)",
             reference="the corners of the rendered pads' sharp rectangles",
             claims=[statements.claim(found.rows)],
         )
@@ -62,7 +63,7 @@ def find(spec: TactileImagesSpec, context: Context) -> Found:
     frames: list[Frame] = []
     conditions = [(gain, spec.severity, number) for gain in spec.gains
                   for number in range(spec.fingers)]  # fmt: skip
-    conditions += [(1.0, severity, 0) for severity in spec.severities]
+    conditions += [(1.0, severity, 0) for severity in spec.severities if severity != spec.severity]
     for gain, severity, number in conditions:
         with context.step(f"Finger {number + 1}, gain {gain:g}, severity {severity:g}"):
             frames += rendered(
@@ -100,7 +101,7 @@ def _over_sizes(spec: TactileImagesSpec, size: int, seed: int) -> list[Precision
     joints = len(finger.model.names)
     angles = np.deg2rad(generator.uniform(0, spec.range_deg, (spec.size_frames, joints)))
     images = [renderer.render(pose, frame=frame) for frame, pose in enumerate(angles)]
-    far = 20.0 * size / 1080
+    far = FAR * size / 1080
 
     def ours() -> list[list[np.ndarray]]:
         return [[q.corners for q in find_quads(i.pixels, finger.lens)] for i in images]
@@ -115,7 +116,9 @@ def _over_sizes(spec: TactileImagesSpec, size: int, seed: int) -> list[Precision
             for quads, image in zip(found, images, strict=True)
             for view in can_be_found(finger, image)
         ]
-        return float(np.nanmedian(off)) * 1080 / size
+        known = np.concatenate([*off, np.zeros(0)])
+        known = known[np.isfinite(known)]
+        return float(np.median(known)) * 1080 / size if len(known) else math.nan
 
     rows = []
     for method, call in ((OURS, ours), (PAPER, paper)):

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from studies.finger_images.spec import FingerImagesSpec
 
 Gain = Annotated[float, Field(gt=0, le=10)]
 Severity = Annotated[float, Field(ge=0, le=2)]
+Rows = Annotated[int, Field(ge=200, le=4000)]
+
+
+def _distinct(values: list[Any]) -> list[Any]:
+    if len(set(values)) < len(values):
+        raise ValueError("values must differ from each other")
+    return values
 
 
 class TactileImagesSpec(FingerImagesSpec):
@@ -24,19 +31,17 @@ class TactileImagesSpec(FingerImagesSpec):
     range_deg: Annotated[float, Field(gt=0, le=90)] = Field(
         default=90.0, description="range of both joints (degrees)"
     )
-    gains: Annotated[list[Gain], Field(min_length=1)] = Field(
+    gains: Annotated[list[Gain], Field(min_length=1), AfterValidator(_distinct)] = Field(
         default=[0.6, 1.0, 1.5], description="exposures at the stated severity"
     )
-    severities: list[Severity] = Field(
+    severities: Annotated[list[Severity], AfterValidator(_distinct)] = Field(
         default=[0.0, 0.5, 1.5, 2.0], description="other severities, at gain 1 with one finger"
     )
     corrupted: Annotated[int, Field(ge=0, le=100_000)] = Field(
         default=1000, description="frames that are no proper images"
     )
-    corrupted_rows: Annotated[int, Field(ge=100, le=4000)] = Field(
-        default=540, description="height of these frames (px)"
-    )
-    sizes: list[Annotated[int, Field(ge=200, le=4000)]] = Field(
+    corrupted_rows: Rows = Field(default=540, description="height of these frames (px)")
+    sizes: Annotated[list[Rows], AfterValidator(_distinct)] = Field(
         default=[360, 540, 810, 1080], description="heights of images, error over run time (px)"
     )
     size_frames: Annotated[int, Field(ge=1, le=1000)] = Field(

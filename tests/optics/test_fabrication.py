@@ -167,10 +167,12 @@ def test_random_segments_are_turned_and_displaced():
 
 def test_every_error_has_its_name_in_the_order_of_the_entries():
     layout = finger().layout
-    names = fabrication_names(layout)
+    distorted = flawed(distortion=jnp.array(0.0))
+    names = fabrication_names(layout, distorted)
     without, unravel = ravel_pytree(Fabrication.none(layout))
+    assert fabrication_names(layout, Fabrication.none(layout)) == names[:-1]
     assert len(without) == len(names) - 1
-    assert len(ravel_pytree(flawed(distortion=jnp.array(0.0)))[0]) == len(names)
+    assert len(ravel_pytree(distorted)[0]) == len(names)
     assert len(set(names)) == len(names)
     designed = parts(finger())
     make = jax.jit(lambda entries: as_made(finger(), unravel(entries)))

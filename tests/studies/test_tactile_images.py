@@ -134,8 +134,8 @@ def test_tables_count_what_frames_say():
         return FoundView("distal", "direct", found, errors, np.full(4, np.nan))
 
     frames = [
-        Frame(1.0, 1.0, (0.0, 0.0), (view(True, 1.0), view(False, 0.0)), 1, (), 0.05),
-        Frame(0.6, 1.0, (0.0, 0.0), (view(True, 3.0),), 0, (), 0.05),
+        Frame(1.0, 1.0, (0.0, 0.0), (view(True, 1.0), view(False, 0.0)), 1, (), 1, 0.05),
+        Frame(0.6, 1.0, (0.0, 0.0), (view(True, 3.0),), 0, (), 1, 0.05),
     ]
     rows = tables.conditions(frames).rows
     assert [row[:5] for row in rows] == [(0.6, 1.0, 1, 1, 1.0), (1.0, 1.0, 1, 2, 0.5)]
