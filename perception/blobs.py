@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from perception.masks import Grey, Mask, global_mask, seam_mask
 
@@ -76,11 +76,19 @@ def stable_blobs(grey: Grey) -> list[Blob]:
 
 def _levels(grey: Grey) -> list[float]:
     """Thresholds from just above the background to full scale."""
-    sample = grey[::4, ::4]
-    middle = float(np.median(sample))
-    deviation = 1.4826 * float(np.median(np.abs(sample - middle)))
+    counts = cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()
+    values = np.arange(256)
+    middle = _median(values, counts)
+    deviation = 1.4826 * _median(np.abs(values - middle), counts)
     lowest = middle + SPREAD * max(deviation, 1.0)
     return [] if lowest >= 250 else np.geomspace(lowest, 250.0, LEVELS).tolist()
+
+
+def _median(values: Int[np.ndarray, " bins"], counts: Float[np.ndarray, " bins"]) -> int:
+    """Of values that occur so often."""
+    order = np.argsort(values, kind="stable")
+    reached = np.cumsum(counts[order])
+    return int(values[order[np.searchsorted(reached, reached[-1] / 2)]])
 
 
 def _blobs(grey: Grey, seams: Mask, level: float) -> list[Blob]:

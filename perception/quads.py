@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 
 from perception.lens import Lens, TangentPlane
 from perception.quality import Quality
-from perception.sides import SMALL, Edge, Line, Side, find_edges, fit_line
+from perception.sides import SMALL, Edges, Line, Side, find_edges, fit_lines
 
 INNER, HEIGHTS = (0.15, 0.85), 12
 """Heights at which a contour's outermost points tell its sides at first, and how many."""
@@ -87,13 +87,15 @@ def fit_quad(
         return None
     found = _refined(grey, lens, plane, corners)
     for _ in range(STEPS - 1):
-        found = None if found is None else _refined(grey, lens, plane, found.corners)
+        # What is hardly there is said to be so, and not looked at more closely.
+        if found is not None and found.edges.contrast.min() >= LEAST_CONTRAST:
+            found = _refined(grey, lens, plane, found.corners)
     if found is None:
         return None
     rays = plane.rays(found.corners)
     rows, columns = grey.shape
     border = (contour <= NEAR_BORDER) | (contour >= np.array([columns, rows]) - 1 - NEAR_BORDER)
-    contrast = min(edge.contrast for edge in found.edges)
+    contrast = float(found.edges.contrast.min())
     quality = Quality.COMPLETE
     if border.any():
         quality = Quality.CLIPPED
@@ -172,7 +174,7 @@ class _Outline(NamedTuple):
     """
 
     sides: list[Side]
-    edges: list[Edge]
+    edges: Edges
     lines: list[Line]
     corners: Float[np.ndarray, "4 2"]
 
@@ -186,7 +188,7 @@ def _refined(
     """One round of finding edges and fitting lines; ``None`` where these do not meet."""
     sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
     edges = find_edges(grey, lens, plane, sides)
-    lines = [fit_line(edge) for edge in edges]
+    lines = fit_lines(edges)
     moved = _meeting(sides, lines)
     return None if moved is None else _Outline(sides, edges, lines, moved)
 

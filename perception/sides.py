@@ -33,7 +33,7 @@ SAMPLES = 33
 BRIGHTER = 0.75
 """Of the samples inside, this part is darker than what counts as the view's brightness."""
 
-FAR_ROUNDS = 6
+ROUNDS = 5
 """Rounds of weighting places by how near to the line they are."""
 
 LEAST_SCATTER = 0.02
@@ -72,25 +72,25 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Edge:
-    """Where the edge of a side was found.
+class Edges:
+    """Where the edges of a view's sides were found.
 
     Attributes:
-        shares: places along the side, 0 to 1.
+        shares: places along every side, 0 to 1.
         offsets: outward from the side, tangent plane.
         scale: px per unit of the tangent plane across the side.
         found: where an edge was found at all.
         contrast: step of brightness, the median over the places.
-        doubt: standard deviation of all of the edge together, px: next to another view the
+        doubt: standard deviation of all of a side's edge together, px: next to another view the
             brightness does not fall to the dark, and its half is no edge.
     """
 
     shares: Float[np.ndarray, " points"]
-    offsets: Float[np.ndarray, " points"]
-    scale: Float[np.ndarray, " points"]
-    found: Bool[np.ndarray, " points"]
-    contrast: float
-    doubt: float
+    offsets: Float[np.ndarray, "sides points"]
+    scale: Float[np.ndarray, "sides points"]
+    found: Bool[np.ndarray, "sides points"]
+    contrast: Float[np.ndarray, " sides"]
+    doubt: Float[np.ndarray, " sides"]
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class Line:
 
 def find_edges(
     grey: Float[np.ndarray, "rows columns"], lens: Lens, plane: TangentPlane, sides: list[Side]
-) -> list[Edge]:
+) -> Edges:
     """The edges of all sides: where brightness first falls below half of its step outward."""
     shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
     flat = np.concatenate([side.places(shares) for side in sides])
@@ -151,63 +151,83 @@ def find_edges(
     inward = flat - THICK / scale[:, None] * outward
     beyond = np.stack([(inward - side.start) @ side.outward for side in sides])
     found &= (beyond < 0).all(axis=0)
-    owns = [slice(i * POINTS, (i + 1) * POINTS) for i in range(len(sides))]
-    dark = min(float(np.median(outside[own])) for own in owns)
+    shape = (len(sides), POINTS)
+    there = found.reshape(shape)
+    dark = float(np.median(outside.reshape(shape), axis=1).min())
     depth = contrast / np.maximum(inside - dark, 1.0)
-    edges = []
-    for own in owns:
-        there = found[own]
-        step, deep = (
-            float(np.median(values[own][there])) if there.any() else 0.0
-            for values in (contrast, depth)
-        )
-        doubt = SEAM * max(DEEP - deep, 0.0)
-        edges.append(Edge(shares, offsets[own], scale[own], there, step, doubt))
-    return edges
+    deep = _median(depth.reshape(shape), there)
+    return Edges(
+        shares,
+        offsets.reshape(shape),
+        scale.reshape(shape),
+        there,
+        _median(contrast.reshape(shape), there),
+        SEAM * np.maximum(DEEP - deep, 0.0),
+    )
 
 
-def fit_line(edge: Edge) -> Line:
-    """A line through the edges of a side by weighted least squares with Tukey's weights.
+def fit_lines(edges: Edges) -> list[Line]:
+    """A line through the edges of every side: Tukey's weights, begun at the repeated median.
 
-    Source: P. J. Huber, E. M. Ronchetti, *Robust Statistics*, 2nd ed., §7.8. Neighbouring edges
-    err alike, so the covariance counts fewer of them: n (1 − r) / (1 + r) for the correlation r
-    of neighbours.
+    Sources: A. F. Siegel, *Robust regression using repeated medians*, Biometrika 69 (1982) 242;
+    P. J. Huber, E. M. Ronchetti, *Robust Statistics*, 2nd ed., §7.8. Neighbouring edges err alike,
+    so the covariance counts fewer of them: n (1 − r) / (1 + r) for the correlation r of neighbours.
     """
-    found = edge.found
-    if found.sum() < POINTS // 4:
-        return Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.inf)
-    design = np.stack([np.ones(found.sum()), edge.shares[found]], axis=-1) * edge.scale[found, None]
-    wanted = edge.offsets[found] * edge.scale[found]
-    left = wanted - np.median(wanted)
-    solution, normal, weights = _weighted(design, wanted, left)
-    for _ in range(FAR_ROUNDS - 1):
-        left = wanted - design @ solution
-        solution, normal, weights = _weighted(design, wanted, left)
-    left = wanted - design @ solution
-    variance = float(np.sum(weights * left**2) / max(np.sum(weights) - 2, 1))
-    furthest = TUKEY * _deviation(left)
-    near = np.clip(left, -furthest, furthest)
-    correlation = np.clip(np.mean(near[1:] * near[:-1]) / max(np.mean(near**2), 1e-12), 0.0, 0.9)
-    fewer = (1 + correlation) / (1 - correlation)
-    covariance = variance * fewer * np.linalg.inv(normal)
-    covariance[0, 0] += (edge.doubt / float(np.mean(edge.scale))) ** 2
-    return Line(float(solution[0]), float(solution[1]), covariance, float(np.sqrt(variance)))
+    found, offsets = edges.found, edges.offsets * edges.scale
+    design = np.stack([np.ones_like(edges.scale), edges.shares + 0 * edges.scale], axis=-1)
+    design *= edges.scale[..., None]
+    left = offsets - np.sum(design * _repeated_medians(edges)[:, None], axis=-1)
+    for _ in range(ROUNDS):
+        furthest = TUKEY * _deviation(left, found)
+        weights = np.where(found, np.maximum(1 - (left / furthest) ** 2, 0) ** 2, 0.0)
+        weighted = design * weights[..., None]
+        normal = np.einsum("spi,spj->sij", weighted, design)
+        # Where all weight lies in one place, the side keeps its direction.
+        normal += (1e-12 * np.trace(normal, axis1=1, axis2=2) + 1e-30)[:, None, None] * np.eye(2)
+        solution = np.linalg.solve(normal, np.einsum("spi,sp->si", weighted, offsets)[..., None])
+        left = offsets - (design @ solution)[..., 0]
+    variance = np.sum(weights * left**2, axis=1) / np.maximum(np.sum(weights, axis=1) - 2, 1)
+    near = np.where(found, np.clip(left, -furthest, furthest), 0.0)
+    alike = np.sum(near[:, 1:] * near[:, :-1], axis=1) / np.maximum(np.sum(near**2, axis=1), 1e-9)
+    alike = np.clip(alike, 0.0, 0.9)
+    covariance = (variance * (1 + alike) / (1 - alike))[:, None, None] * np.linalg.inv(normal)
+    covariance[:, 0, 0] += (edges.doubt / np.mean(edges.scale, axis=1)) ** 2
+    unknown = Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.inf)
+    return [
+        Line(float(line[0, 0]), float(line[1, 0]), covariance[i], float(np.sqrt(variance[i])))
+        if found[i].sum() >= POINTS // 4
+        else unknown
+        for i, line in enumerate(solution)
+    ]
 
 
-def _deviation(left: Float[np.ndarray, " places"]) -> float:
+def _repeated_medians(edges: Edges) -> Float[np.ndarray, "sides 2"]:
+    """Offset and turn of every side: of each place the median turn to the others, of these again.
+
+    A line added to all of the edges is added to the result, however bad the edges are.
+    """
+    run = edges.shares - edges.shares[:, None] + np.eye(len(edges.shares))
+    turns = (edges.offsets[:, None, :] - edges.offsets[..., None]) / run
+    others = edges.found[:, None, :] & ~np.eye(len(edges.shares), dtype=bool)
+    turn = _median(_median(turns, others), edges.found)
+    return np.stack(
+        [_median(edges.offsets - turn[:, None] * edges.shares, edges.found), turn], axis=-1
+    )
+
+
+def _deviation(
+    left: Float[np.ndarray, "sides places"], there: Bool[np.ndarray, "sides places"]
+) -> Float[np.ndarray, "sides 1"]:
     """Standard deviation of most of the residuals, from their median; never quite 0."""
-    return max(1.4826 * float(np.median(np.abs(left))), LEAST_SCATTER)
+    return np.maximum(1.4826 * _median(np.abs(left), there), LEAST_SCATTER)[:, None]
 
 
-def _weighted(
-    design: Float[np.ndarray, "places 2"],
-    wanted: Float[np.ndarray, " places"],
-    left: Float[np.ndarray, " places"],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Least squares weighted by how small residuals were; with its normal matrix and weights."""
-    weights = np.maximum(1 - (left / (TUKEY * _deviation(left))) ** 2, 0) ** 2
-    weighted = design * weights[:, None]
-    normal = weighted.T @ design
-    # Where all weight lies in one place, the side keeps its direction.
-    normal += 1e-12 * np.trace(normal) * np.eye(2)
-    return np.linalg.solve(normal, weighted.T @ wanted), normal, weights
+def _median(
+    values: Float[np.ndarray, "*sides places"], there: Bool[np.ndarray, "*sides places"]
+) -> Float[np.ndarray, "*sides"]:
+    """Of the values that are there, along the last axis; 0 where there is none."""
+    ordered = np.sort(np.where(there, values, np.inf), axis=-1)
+    count = there.sum(axis=-1)
+    ends = np.stack([np.maximum(count - 1, 0) // 2, count // 2], axis=-1)
+    middle = np.take_along_axis(ordered, np.minimum(ends, values.shape[-1] - 1), axis=-1)
+    return np.where(count > 0, middle.mean(axis=-1), 0.0)

@@ -1,0 +1,49 @@
+"""The designed finger, and frames of it, for all files of a process."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics.rendering import Effects, Renderer
+from studies.finger_images.making import Finger
+from studies.finger_images.spec import FingerImagesSpec
+from tests.perception.rendered import POSES, Frame, analysed
+
+ROWS = 540
+
+
+@pytest.fixture(scope="session")
+def finger() -> Finger:
+    return Finger.of(FingerImagesSpec(), ROWS)
+
+
+@pytest.fixture(scope="session")
+def perfect(finger: Finger) -> Renderer:
+    """The finger as designed, in perfect light."""
+    return finger.renderer(Effects(), None, seed=0)
+
+
+@pytest.fixture(scope="session")
+def designed_frames(finger: Finger) -> list[Frame]:
+    """Frames of the finger as designed, in the light of a good one."""
+    renderer = finger.renderer(Effects.graded(1.0), None, seed=1)
+    return [
+        analysed(finger, renderer.render(pose, frame=number)) for number, pose in enumerate(POSES)
+    ]
+
+
+@pytest.fixture(scope="session")
+def made_frames(finger: Finger) -> list[Frame]:
+    """The same of a finger that was made with errors, its lens as designed."""
+    errors, _ = finger.made(0, 1)
+    errors = eqx.tree_at(lambda e: e.distortion, errors, None, is_leaf=lambda leaf: leaf is None)
+    # Of the types that no errors have: it is compiled once.
+    errors = jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)), errors)
+    renderer = finger.renderer(Effects.graded(1.0), errors, seed=2)
+    return [
+        analysed(finger, renderer.render(pose, frame=number)) for number, pose in enumerate(POSES)
+    ]

@@ -1,0 +1,53 @@
+"""Frames of the designed finger and of a made one, with what was found in them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from optics.rendering import TactileImage, TrueView
+from perception.detection import find_views
+from perception.matching import Sighting
+from studies.finger_images.making import Finger
+
+POSES = np.deg2rad([[5, 5], [15, 70], [30, 30], [50, 45], [60, 60], [75, 20], [70, 85]])
+"""Joint angles in which all views are seen well at one time or another, rad."""
+
+
+class Frame(NamedTuple):
+    """A frame, and what was found in it."""
+
+    image: TactileImage
+    sighting: Sighting
+
+
+def analysed(finger: Finger, image: TactileImage) -> Frame:
+    return Frame(image, find_views(image.pixels, finger.lens, finger.catalogue))
+
+
+def findable(finger: Finger, image: TactileImage) -> list[TrueView]:
+    """Views that are asked for, and whole and off the border."""
+    wanted = {(family.pad, family.path) for family in finger.catalogue.families if family.wanted}
+    return [
+        view
+        for view in image.views
+        if (view.pad, view.path) in wanted and view.complete and not view.at_border
+    ]
+
+
+def covered(pixels: np.ndarray, view: TrueView, margin: int = 12) -> np.ndarray:
+    """An image in which something black hides a view."""
+    hidden = pixels.copy()
+    columns, rows = view.corners.T
+    left, right = int(columns.min()) - margin, int(columns.max()) + margin
+    top, bottom = int(rows.min()) - margin, int(rows.max()) + margin
+    cv2.rectangle(hidden, (left, top), (right, bottom), (0, 0, 0), -1)
+    return hidden
+
+
+def signed_area(corners: np.ndarray) -> float:
+    """By the shoelace formula: its sign is the sense in which the corners go around."""
+    x, y = corners.T
+    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) / 2)

@@ -1,0 +1,74 @@
+"""Lengths of pads by exact and by noisy corners against the lengths that were imaged."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from perception.detection import find_quads
+from perception.lengths import LEAST_DEVIATION, measured_length, shortened
+from tests.perception.drawn import Eye, Pad, drawn, exact_quad, rays_of, stored
+
+EYE = Eye()
+LENS = EYE.lens()
+PADS = {
+    "before": Pad((20, -14), (22, 12)),
+    "below": Pad((12, -30), (20, -18)),
+    "near": Pad((15, -10), (19, 16), beside=3),
+}
+
+
+@given(st.floats(8, 40), st.floats(-25, -5), st.floats(8, 40), st.floats(-4, 25), st.floats(-6, 6))
+def test_exact_corners_give_the_length(forward, up, further, higher, beside):
+    pad = Pad((forward, up), (further, higher), beside=beside)
+    length, deviation = measured_length(exact_quad(EYE, pad), pad.width, LENS)
+    assert length == pytest.approx(pad.length, rel=1e-9)
+    assert deviation > 0
+
+
+@pytest.mark.parametrize("name", PADS)
+def test_a_drawn_pad_is_as_long_as_it_is(name):
+    pad = PADS[name]
+    (quad,) = find_quads(stored(drawn(EYE, [pad]), noise=2.0), LENS)
+    length, deviation = measured_length(quad, pad.width, LENS)
+    assert abs(length - pad.length) < deviation
+    assert deviation < 0.1 * pad.length
+
+
+@pytest.mark.parametrize("name", PADS)
+@pytest.mark.parametrize("scatter", [0.0, 1.0])
+def test_the_deviation_is_that_of_noisy_corners(name, scatter):
+    pad = PADS[name]
+    quad = exact_quad(EYE, pad, deviation=scatter)
+    _, deviation = measured_length(quad, pad.width, LENS)
+    generator, lengths = np.random.default_rng(0), []
+    size = np.hypot(scatter, LEAST_DEVIATION)
+    for _ in range(400):
+        corners = quad.corners + size * generator.standard_normal((4, 2))
+        rays = rays_of(EYE.directions(corners))
+        lengths.append(measured_length(dataclasses.replace(quad, rays=rays), pad.width, LENS)[0])
+    # 400 draws know a deviation to 4 % (1 σ); the length is not quite linear in the corners.
+    assert deviation == pytest.approx(np.std(lengths), rel=0.2)
+
+
+@pytest.mark.parametrize("name", PADS)
+@pytest.mark.parametrize("kept", [0, 1])
+def test_a_view_that_is_too_long_is_shortened_to_the_pad(name, kept):
+    pad = PADS[name]
+    longer = 1.15 * pad.length * pad.step
+    run_on = (
+        dataclasses.replace(pad, second=tuple(np.add(pad.first, longer)))
+        if kept == 0
+        else dataclasses.replace(pad, first=tuple(np.subtract(pad.second, longer)))
+    )
+    quad = exact_quad(EYE, run_on, deviation=0.1)
+    found = shortened(quad, pad.width, pad.length, LENS, kept)
+    expected = exact_quad(EYE, pad)
+    np.testing.assert_allclose(found.corners, expected.corners, atol=1e-6)
+    np.testing.assert_allclose(found.rays, expected.rays, atol=1e-9)
+    assert measured_length(found, pad.width, LENS)[0] == pytest.approx(pad.length, rel=1e-9)
+    own, moved = ([0, 3], [1, 2]) if kept == 0 else ([1, 2], [0, 3])
+    np.testing.assert_array_equal(found.covariance[own], quad.covariance[own])
+    assert (found.covariance[moved, 1, 1] > quad.covariance[moved, 1, 1]).all()

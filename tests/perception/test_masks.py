@@ -1,0 +1,124 @@
+"""Masks against their definitions written out in NumPy and SciPy."""
+
+import numpy as np
+import pytest
+import scipy.ndimage
+
+from perception.masks import (
+    adaptive_mask,
+    brightness,
+    cleaned,
+    combined_mask,
+    global_mask,
+    otsu_mask,
+    seam_mask,
+)
+
+RANDOM = np.random.default_rng(0).integers(0, 256, (40, 60), np.uint8)
+SEAM, SHARE = 9, 0.8
+
+
+def two_pads(gap: int, dark: int = 40) -> np.ndarray:
+    """A pad over another one, and between them a seam from row 60 on."""
+    grey = np.zeros((120, 160), np.uint8)
+    grey[20 : 100 + gap, 40:120] = 180
+    grey[60 : 60 + gap, 40:120] = dark
+    return grey
+
+
+def test_brightness_is_the_brightest_channel():
+    image = np.random.default_rng(1).integers(0, 256, (20, 30, 3), np.uint8)
+    np.testing.assert_array_equal(brightness(image), image.max(axis=-1))
+
+
+def test_a_blue_side_is_as_bright_as_a_red_one():
+    image = np.zeros((4, 8, 3), np.uint8)
+    image[:, :4, 0] = image[:, 4:, 2] = 200
+    np.testing.assert_array_equal(brightness(image), 200)
+
+
+@pytest.mark.parametrize("threshold", [0, 99, 99.5, 254])
+def test_the_global_mask_is_what_is_brighter(threshold):
+    np.testing.assert_array_equal(global_mask(RANDOM, threshold), 255 * (threshold < RANDOM))
+
+
+def test_no_threshold_parts_a_histogram_better_than_otsus():
+    generator = np.random.default_rng(2)
+    dark, bright = generator.normal(60, 20, 3000), generator.normal(150, 30, 1000)
+    grey = np.clip(np.concatenate([dark, bright]), 0, 255).astype(np.uint8).reshape(50, 80)
+
+    def within(mask: np.ndarray) -> float:
+        return sum(grey[part].size * grey[part].var() for part in (mask, ~mask))
+
+    least = min(within(grey > level) for level in range(grey.min(), grey.max()))
+    assert within(otsu_mask(grey) > 0) <= least * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(("block", "share"), [(5, 0.8), (21, 1.1)])
+def test_the_adaptive_mask_compares_with_the_mean_around(block, share):
+    mean = scipy.ndimage.uniform_filter(RANDOM.astype(float), block, mode="nearest")
+    expected = 255 * (share * mean < RANDOM)
+    # The mean, and the share of it, are rounded to whole numbers.
+    sure = np.abs(RANDOM - share * mean) > 1.1
+    np.testing.assert_array_equal(adaptive_mask(RANDOM, block, share)[sure], expected[sure])
+    assert sure.mean() > 0.95
+
+
+def test_the_adaptive_mask_keeps_what_is_even_and_what_changes_slowly():
+    ramp = np.broadcast_to(np.linspace(60, 200, 120).astype(np.uint8), (50, 120)).copy()
+    assert adaptive_mask(ramp, 21, 0.7).all()
+    ramp[20:23, 60:63] //= 2
+    lost = np.argwhere(adaptive_mask(ramp, 21, 0.7) == 0)
+    assert lost.min(axis=0).tolist() == [20, 60]
+    assert lost.max(axis=0).tolist() == [22, 62]
+
+
+@pytest.mark.parametrize("gap", [2, 4, 7])
+def test_a_narrow_dark_gap_across_the_section_is_a_seam(gap):
+    seam = seam_mask(two_pads(gap), SEAM, SHARE)
+    assert seam[60 : 60 + gap, 40:120].all()
+    assert not seam[:60].any()
+    assert not seam[60 + gap :].any()
+
+
+def test_seams_are_drawn_longer_at_both_ends():
+    grey = two_pads(4)
+    grey[:, 40:60] = 180
+    columns = np.flatnonzero(seam_mask(grey, SEAM, SHARE)[61])
+    # By half the square that they are drawn with, which is a pixel off its middle.
+    assert abs(columns.min() - (60 - 3 * SEAM // 2)) <= 1
+    assert abs(columns.max() - (119 + 3 * SEAM // 2)) <= 1
+
+
+@pytest.mark.parametrize(
+    "grey",
+    [two_pads(12), two_pads(4, 160), two_pads(4).T.copy(), two_pads(0)],
+    ids=["wide", "shallow", "upright", "none"],
+)
+def test_what_is_wide_or_shallow_or_upright_is_no_seam(grey):
+    assert not seam_mask(grey, SEAM, SHARE).any()
+
+
+def test_what_is_shorter_than_two_widths_is_no_seam():
+    grey = two_pads(0)
+    grey[60:63, 70 : 70 + 2 * SEAM - 1] = 20
+    assert not seam_mask(grey, SEAM, SHARE).any()
+
+
+def test_the_combined_mask_is_both():
+    both = global_mask(RANDOM, 90) & adaptive_mask(RANDOM, 9, 0.9)
+    np.testing.assert_array_equal(combined_mask(RANDOM, 90, 9, 0.9), both)
+
+
+def test_cleaning_takes_specks_and_fills_holes_and_leaves_the_rest():
+    pad = np.zeros((60, 80), np.uint8)
+    pad[10:50, 20:60] = 255
+    spoilt = pad.copy()
+    spoilt[5, 5] = spoilt[30:33, 70] = 255
+    spoilt[20:22, 30:33] = spoilt[40, 40] = 0
+    np.testing.assert_array_equal(cleaned(spoilt, 5), pad)
+
+
+def test_cleaning_again_changes_nothing():
+    once = cleaned(global_mask(RANDOM, 100), 3)
+    np.testing.assert_array_equal(cleaned(once, 3), once)

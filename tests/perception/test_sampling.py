@@ -1,0 +1,35 @@
+"""Values between pixels against SciPy's interpolation."""
+
+import numpy as np
+import pytest
+import scipy.ndimage
+
+from perception.sampling import sampled
+
+
+@pytest.mark.parametrize("channels", [(), (2,)])
+def test_values_are_those_of_scipy(channels):
+    generator = np.random.default_rng(0)
+    image = generator.uniform(0, 1, (30, 40, *channels)).astype(np.float32)
+    places = generator.uniform(-3, 42, (20, 25, 2))
+    columns, rows = places[..., 0], places[..., 1]
+
+    def expected(channel: np.ndarray) -> np.ndarray:
+        return scipy.ndimage.map_coordinates(channel, [rows, columns], order=1, mode="nearest")
+
+    exact = [expected(image[..., i]) for i in range(2)] if channels else [expected(image)]
+    found = sampled(image, places).reshape(20, 25, -1)
+    # Places are in single precision.
+    np.testing.assert_allclose(found, np.stack(exact, axis=-1), atol=1e-5)
+
+
+def test_beyond_the_border_values_are_those_on_it():
+    image = np.arange(12, dtype=np.float32).reshape(3, 4)
+    places = np.array([[[-5.0, -5.0], [99.0, -1.0], [-1.0, 99.0], [99.0, 99.0]]])
+    np.testing.assert_array_equal(sampled(image, places), [[0, 3, 8, 11]])
+
+
+def test_channels_and_depth_stay():
+    image = np.random.default_rng(1).integers(0, 256, (10, 10, 3), np.uint8)
+    rows, columns = np.mgrid[:10, :10].astype(float)
+    np.testing.assert_array_equal(sampled(image, np.stack([columns, rows], axis=-1)), image)

@@ -1,0 +1,183 @@
+"""Edges of drawn pads, and lines through edges against least squares and repeats."""
+
+import functools
+
+import cv2
+import numpy as np
+import pytest
+
+from perception.lens import Lens, TangentPlane
+from perception.sides import DEEP, POINTS, SEAM, TRIMMED, Edges, Line, Side, find_edges, fit_lines
+from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, drawn, rays_of, stored
+
+EYE = Eye()
+PAD = Pad((20, -14), (22, 12))
+SHARES = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
+SCALE = 150.0
+"""Pixels per unit of the tangent plane."""
+
+ROUGH = 0.01 * np.array(
+    [-66, -71, -87, -79, -72, -60, -40, -28, -20, 10, 23, 27, 34, 44, 44, 46, 42, 39, 31, 28, 24,
+     21, 20, 20, 30, 25, 24, 16, 14, 7, 7, 5, -6, 0, -1, 9, 12, 13, 14, 10, 2, -9, -18, -30, -50,
+     -61, -69, -73]
+)  # fmt: skip
+"""A rough side as it was rendered, px: its ends lie apart from its middle."""
+
+
+@functools.cache
+def lens() -> Lens:
+    return EYE.lens()
+
+
+def line_of(offsets: np.ndarray, found: np.ndarray | None = None, doubt: float = 0.0) -> Line:
+    """Of offsets in pixels; beside it a side that is straight, which must not matter."""
+    there = np.ones(POINTS, bool) if found is None else found
+    edges = Edges(
+        SHARES,
+        np.stack([offsets / SCALE, 3 * SHARES]),
+        np.full((2, POINTS), SCALE),
+        np.stack([there, np.ones(POINTS, bool)]),
+        np.full(2, 100.0),
+        np.array([doubt, 0.0]),
+    )
+    line, beside = fit_lines(edges)
+    assert beside.turn == pytest.approx(3)
+    return line
+
+
+def sides_of(pad: Pad, moved: float = 0.0) -> tuple[TangentPlane, list[Side]]:
+    """The true sides, all moved outward in the tangent plane."""
+    rays = rays_of(pad.corners())
+    plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
+    corners = plane.flat(rays)
+    sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+    return plane, [
+        Side(side.start + moved * side.outward, side.end + moved * side.outward) for side in sides
+    ]
+
+
+def test_normals_point_out_of_the_view():
+    _, sides = sides_of(PAD)
+    middle = np.mean([side.start for side in sides], axis=0)
+    for side in sides:
+        assert side.outward @ (side.start - middle) > 0
+        assert side.outward @ (side.end - side.start) == pytest.approx(0, abs=1e-12)
+        np.testing.assert_allclose(side.places(np.array([0.0, 1.0])), [side.start, side.end])
+
+
+@pytest.mark.parametrize("pixels", [-4.0, 0.0, 5.0])
+def test_edges_are_found_where_the_pad_ends(pixels):
+    light = cv2.GaussianBlur(drawn(EYE, [PAD]), (0, 0), 0.7)
+    plane, sides = sides_of(PAD, pixels / EYE.focal)
+    edges = find_edges(stored(light).astype(np.float32), lens(), plane, sides)
+    assert edges.found.all()
+    # With the edge well inside, few samples tell how bright the pad is.
+    np.testing.assert_allclose(edges.contrast, BRIGHT - DARK, rtol=0.02)
+    assert edges.doubt.tolist() == [0, 0, 0, 0]
+    off = (edges.offsets + pixels / EYE.focal) * edges.scale
+    # The lattice of pixels shows in single places.
+    np.testing.assert_allclose(off, 0, atol=0.3)
+    np.testing.assert_allclose(off.mean(axis=1), 0, atol=0.1)
+
+
+def test_a_pixel_per_unit_is_that_of_the_lens():
+    plane, sides = sides_of(PAD)
+    edges = find_edges(stored(drawn(EYE, [PAD])).astype(np.float32), lens(), plane, sides)
+    for side, scale in zip(sides, edges.scale, strict=True):
+        places = side.places(edges.shares)
+        both = (EYE.lens().project(plane.rays(p)) for p in (places, places + 1e-3 * side.outward))
+        at, beside = both
+        np.testing.assert_allclose(scale, np.hypot(*(beside - at).T) / 1e-3, rtol=0.01)
+
+
+@pytest.mark.parametrize("beside", [0.2, 0.5])
+def test_an_edge_that_does_not_fall_to_the_dark_is_doubted(beside):
+    # Another pad goes on beyond the upper end.
+    other = Pad(PAD.second, tuple(np.add(PAD.second, 8 * PAD.step)))
+    level = DARK + beside * (BRIGHT - DARK)
+    looks = [lambda places, level=level: np.full(len(places), level) for level in (BRIGHT, level)]
+    plane, sides = sides_of(PAD)
+    grey = stored(drawn(EYE, [PAD, other], looks)).astype(np.float32)
+    edges = find_edges(grey, lens(), plane, sides)
+    assert edges.doubt[1] == pytest.approx(SEAM * (DEEP - (1 - beside)), abs=0.1)
+    assert edges.contrast[1] == pytest.approx((1 - beside) * (BRIGHT - DARK), abs=1)
+    assert edges.doubt[[0, 2, 3]].tolist() == [0, 0, 0]
+
+
+def test_where_there_is_no_step_there_is_no_edge():
+    plane, sides = sides_of(PAD)
+    edges = find_edges(np.full((360, 480), BRIGHT, np.float32), lens(), plane, sides)
+    assert not edges.found.any()
+    assert edges.contrast.tolist() == [0, 0, 0, 0]
+
+
+def test_a_line_through_good_edges_is_that_of_least_squares():
+    offsets = 0.7 - 1.3 * SHARES + np.random.default_rng(0).normal(0, 0.1, POINTS)
+    line = line_of(offsets)
+    slope, constant = np.polyfit(SHARES, offsets, 1)
+    # Tukey's weights of normal residuals take a line away from the mean by a part of its error.
+    assert line.offset * SCALE == pytest.approx(constant, abs=0.02)
+    assert line.turn * SCALE == pytest.approx(slope, abs=0.04)
+    assert line.scatter == pytest.approx(0.1, rel=0.3)
+    assert line.at(0.5) == pytest.approx(line.offset + line.turn / 2)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_the_variance_of_a_line_is_the_scatter_of_repeats(share):
+    generator = np.random.default_rng(1)
+    lines = [line_of(generator.normal(0, 0.2, POINTS)) for _ in range(400)]
+    scatter = np.var([line.at(share) for line in lines])
+    # 400 draws know a variance to 7 % (1 σ); weights make it a little larger than stated.
+    assert np.mean([line.variance(share) for line in lines]) == pytest.approx(scatter, rel=0.3)
+
+
+def test_edges_that_err_alike_tell_less():
+    generator = np.random.default_rng(2)
+    lines = []
+    for _ in range(400):
+        rough = np.convolve(generator.normal(0, 0.3, POINTS + 4), np.ones(5) / 5, "valid")
+        lines.append(line_of(rough))
+    scatter = np.var([line.at(0.0) for line in lines])
+    expected = np.mean([line.variance(0.0) for line in lines])
+    # The correlation is estimated from these few; ignored, it would be a fifth.
+    assert expected / scatter == pytest.approx(1, abs=0.5)
+
+
+def test_outliers_on_a_third_of_a_side_do_not_move_its_line():
+    offsets = 0.2 + 0.5 * SHARES + np.random.default_rng(3).normal(0, 0.1, POINTS)
+    spoilt = offsets.copy()
+    spoilt[20:36] -= 4
+    line, clean = line_of(spoilt), line_of(offsets)
+    for share in (0, 1):
+        assert line.at(share) * SCALE == pytest.approx(clean.at(share) * SCALE, abs=0.1)
+
+
+@pytest.mark.parametrize(("shift", "turn"), [(0.65, -0.9), (-0.7, 1.5), (1.0, 1.0)])
+def test_the_line_does_not_depend_on_where_the_side_was_expected(shift, turn):
+    expected = shift + turn * SHARES
+    line, moved = line_of(ROUGH), line_of(ROUGH - expected)
+    for share in (0, 1):
+        found = moved.at(share) * SCALE + shift + turn * share
+        assert found == pytest.approx(line.at(share) * SCALE, abs=0.05)
+
+
+def test_doubt_is_added_to_the_variance():
+    offsets = np.random.default_rng(4).normal(0, 0.1, POINTS)
+    sure, doubted = line_of(offsets), line_of(offsets, doubt=3.0)
+    added = (doubted.variance(0.3) - sure.variance(0.3)) * SCALE**2
+    assert added == pytest.approx(3.0**2)
+
+
+def test_a_side_that_is_hardly_found_may_be_anywhere():
+    found = np.arange(POINTS) < POINTS // 4 - 1
+    line = line_of(np.zeros(POINTS), found)
+    assert (line.offset, line.turn, line.scatter) == (0, 0, np.inf)
+    assert np.sqrt(line.variance(0.5)) * SCALE > 100
+
+
+def test_places_where_no_edge_was_found_do_not_count():
+    offsets = 0.3 * SHARES
+    found = np.arange(POINTS) % 3 > 0
+    spoilt = np.where(found, offsets, 50.0)
+    line = line_of(spoilt, found)
+    assert line.turn * SCALE == pytest.approx(0.3, abs=1e-6)
