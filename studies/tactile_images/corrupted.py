@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +11,11 @@ import cv2
 import numpy as np
 
 from perception.detection import find_views
-from perception.proprioception import PoseSolver, observe
+from perception.paper_route import PaperRoute
+from perception.proprioception import EdgeRuler, GapTable, PoseSolver, fit_edges, observe
+from perception.unwarping import unwarp
 from studies.finger_images.making import Finger
+from studies.finger_images.sensor import gap_table
 
 Image = Any
 Corruption = Callable[[Image, np.random.Generator], Image]
@@ -83,6 +87,7 @@ def _wrong_type(image: Image, generator: np.random.Generator) -> Image:
         image.astype(float),
         image.astype(np.uint16),
         image[..., :2],
+        image[..., :1],
         image[None],
         np.zeros((0, 0, 3), np.uint8),
         image.tolist()[:2],
@@ -101,6 +106,7 @@ NO_FINGER: dict[str, Corruption] = {
 """Nothing of a finger is left in these: no view may be called complete, no angle be given."""
 
 DAMAGED: dict[str, Corruption] = {
+    "one channel": lambda image, _: np.ascontiguousarray(image[..., 0]),
     "half covered": _half_covered,
     "patches": _patches,
     "salt": _salt,
@@ -111,6 +117,10 @@ DAMAGED: dict[str, Corruption] = {
 """Something may be left in these: any answer that is one."""
 
 
+LABEL_DEVIATION, EDGE_DEVIATION = 0.01, 0.001
+"""What the ruler of edges is told of its frames, rad."""
+
+
 @dataclass(frozen=True)
 class Trial:
     """One corrupted frame.
@@ -119,7 +129,7 @@ class Trial:
         kind: how it was corrupted.
         crash: what was raised; empty if nothing.
         complete: views called complete.
-        angles: joint angles that were given.
+        angles: joint angles that were given, by all corners, by the gap or by one edge.
     """
 
     kind: str
@@ -128,21 +138,71 @@ class Trial:
     angles: int
 
 
-def tried(finger: Finger, image: np.ndarray, count: int, seed: int) -> list[Trial]:
-    """Corrupted versions of an image, every kind as often as every other one."""
-    solver = PoseSolver(finger.model)
+@dataclass(frozen=True)
+class Analysis:
+    """Everything that is done with a frame of a finger.
+
+    Attributes:
+        finger: as designed.
+        solver: all corners.
+        tables: the gaps.
+        rulers: the edges of every joint.
+        paper: the paper's route.
+    """
+
+    finger: Finger
+    solver: PoseSolver
+    tables: list[GapTable]
+    rulers: list[EdgeRuler]
+    paper: PaperRoute
+
+    @classmethod
+    def of(cls, finger: Finger, images: Sequence[np.ndarray], angles: np.ndarray) -> Analysis:
+        """Calibrated by good images at known joint angles, rad."""
+        model = finger.model
+        sightings = [find_views(image, finger.lens, finger.catalogue) for image in images]
+        rulers = [
+            fit_edges(
+                sightings,
+                angles[:, joint],
+                model.views,
+                label_deviation=LABEL_DEVIATION,
+                edge_deviation=EDGE_DEVIATION,
+            )
+            for joint in range(len(model.names))
+        ]
+        tables = []
+        for pad in finger.catalogue.lengths:
+            # A pad that is not seen twice has no gap.
+            with suppress(ValueError):
+                tables.append(gap_table(finger.scene, finger.catalogue, pad))
+        return cls(finger, PoseSolver(model), tables, rulers, PaperRoute())
+
+    def of_frame(self, kind: str, frame: Image) -> Trial:
+        """All of it for one frame."""
+        finger = self.finger
+        sighting = find_views(frame, finger.lens, finger.catalogue)
+        estimates = self.solver(observe(sighting, finger.model.views), sighting.angles)
+        estimates += [ruler.estimate(sighting) for ruler in self.rulers]
+        gaps = [table.angle(table.measured(sighting)) for table in self.tables]
+        for view in sighting.complete():
+            unwarp(frame, view, finger.lens, finger.catalogue.lengths[view.pad], finger.width)
+        if isinstance(frame, np.ndarray):
+            self.paper.corners(frame)
+        given = sum(one.defined for one in estimates) + int(np.isfinite(gaps).sum())
+        return Trial(kind, "", len(sighting.complete()), given)
+
+
+def tried(analysis: Analysis, images: Sequence[np.ndarray], count: int, seed: int) -> list[Trial]:
+    """Corrupted versions of good images, every kind as often as every other one."""
     kinds = NO_FINGER | DAMAGED
     trials = []
     for number in range(count):
         kind = list(kinds)[number % len(kinds)]
         generator = np.random.default_rng([seed, 5, number])
-        frame = kinds[kind](image, generator)
+        frame = kinds[kind](images[number // len(kinds) % len(images)], generator)
         try:
-            sighting = find_views(frame, finger.lens, finger.catalogue)
-            estimates = solver(observe(sighting, finger.model.views), sighting.angles)
+            trials.append(analysis.of_frame(kind, frame))
         except Exception as error:  # any exception at all is what is counted here
             trials.append(Trial(kind, repr(error), 0, 0))
-            continue
-        given = sum(estimate.defined for estimate in estimates)
-        trials.append(Trial(kind, "", len(sighting.complete()), given))
     return trials

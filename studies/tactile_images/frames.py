@@ -15,7 +15,7 @@ from perception.lens import Lens
 from perception.matching import Sighting, View
 from perception.paper_route import PaperRoute
 from perception.quality import Quality
-from perception.unwarping import affine_pad_of, best_view, image_of, pad_of
+from perception.unwarping import affine_pad_of, best_view, image_of, least_scale, pad_of
 from studies.finger_images.making import Finger
 from studies.finger_images.one_thread import one_thread
 from studies.finger_images.sensor import lens_of
@@ -50,12 +50,23 @@ class FoundView:
 
 @dataclass(frozen=True)
 class Unwarping:
-    """How far from their true places an unwarped pad shows its places, mm."""
+    """One pad unwarped in the view that shows it best.
+
+    Attributes:
+        pad: its name.
+        path: that of the view.
+        errors: how far from their true places it shows places, mm.
+        affine_errors: the same by an affine map.
+        scale: the view's least, px/mm.
+        area_scale: that of the view with the largest area, px/mm.
+    """
 
     pad: str
     path: str
     errors: Float[np.ndarray, " places"]
     affine_errors: Float[np.ndarray, " places"]
+    scale: float
+    area_scale: float
 
 
 @dataclass(frozen=True)
@@ -208,8 +219,9 @@ def unwarped(
     for pad, length in finger.catalogue.lengths.items():
         views = [view for view in sighting.views if view.pad == pad]
         best = best_view(views, finger.lens, length, finger.width)
+        largest = best_view(views, finger.lens, length, finger.width, by="area")
         true = image.view(pad, best.path) if best is not None else None
-        if best is None or true is None:
+        if best is None or largest is None or true is None:
             continue
         half = finger.width / 2
         along, across = np.linspace(0, length, LATTICE), np.linspace(-half, half, LATTICE)
@@ -218,7 +230,14 @@ def unwarped(
         shown = pad_of(best, finger.lens, seen, length, finger.width)
         affine = affine_pad_of(best, seen, length, finger.width)
         made.append(
-            Unwarping(pad, best.path, np.hypot(*(shown - places).T), np.hypot(*(affine - places).T))
+            Unwarping(
+                pad,
+                best.path,
+                np.hypot(*(shown - places).T),
+                np.hypot(*(affine - places).T),
+                least_scale(best, finger.lens, length, finger.width),
+                least_scale(largest, finger.lens, length, finger.width),
+            )
         )
     return tuple(made)
 

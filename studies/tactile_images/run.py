@@ -15,7 +15,7 @@ from perception.paper_route import PaperRoute
 from studies.finger_images.making import Finger
 from studies.finger_images.one_thread import one_thread
 from studies.tactile_images import drawings, statements, tables
-from studies.tactile_images.corrupted import Trial, tried
+from studies.tactile_images.corrupted import Analysis, Trial, tried
 from studies.tactile_images.found import OURS, PAPER, Found
 from studies.tactile_images.frames import (
     FAR,
@@ -29,6 +29,9 @@ from studies.tactile_images.frames import (
 from studies.tactile_images.pictures import shown
 from studies.tactile_images.rendering import effect_times
 from studies.tactile_images.spec import TactileImagesSpec
+
+BASES = 4
+"""Good images, from one end of the grid of poses to the other, that are corrupted."""
 
 
 def run(spec: TactileImagesSpec, context: Context) -> Results:
@@ -79,8 +82,13 @@ def find(spec: TactileImagesSpec, context: Context) -> Found:
         with context.step("Corrupted frames"):
             small = Finger.of(spec, spec.corrupted_rows)
             renderer = small.renderer(Effects.graded(spec.severity), None, context.seed)
-            picture = renderer.render(angles[len(angles) // 2], touched(small, 0)).pixels
-            trials = tried(small, picture, spec.corrupted, context.seed)
+            some = angles[np.linspace(0, len(angles) - 1, BASES).round().astype(int)]
+            pictures = [
+                renderer.render(pose, touched(small, frame), frame=frame).pixels
+                for frame, pose in enumerate(some)
+            ]
+            analysis = Analysis.of(small, pictures, some)
+            trials = tried(analysis, pictures, spec.corrupted, context.seed)
     rows: list[PrecisionRow] = []
     for size in spec.sizes:
         with context.step(f"Images {size} px high"):
@@ -88,8 +96,8 @@ def find(spec: TactileImagesSpec, context: Context) -> Found:
     with context.step("Rendering, effect by effect"):
         times = effect_times(finger, spec.severity, context.seed)
     with context.step("Pictures"):
-        pictures = shown(finger, spec, context.seed)
-    return Found(frames, trials, rows, times, finger, pictures)
+        figures = shown(finger, spec, context.seed)
+    return Found(frames, trials, rows, times, finger, figures)
 
 
 def _over_sizes(spec: TactileImagesSpec, size: int, seed: int) -> list[PrecisionRow]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Sequence
 
@@ -65,6 +66,12 @@ def metrics(spec: TactileImagesSpec, found: Found) -> list[Metric]:
         "90th percentile of the distance of places on unwarped pads from where they are",
         Target("<=", UNWARP_MM),
     )
+    for name, scales, words in (
+        ("view_scale_p10", [one.scale for one in pads], "chosen by its least scale"),
+        ("area_view_scale_p10", [one.area_scale for one in pads], "chosen by its area"),
+    ):
+        value = float(np.quantile(scales, 0.1)) if scales else math.nan
+        add(name, value, "px/mm", f"10th percentile of the least scale of a pad's view {words}")
     add("affine_unwarp_p90_mm", affine, "mm", "the same by an affine map, as in the paper")
     add(
         "detection_ms",
