@@ -22,7 +22,8 @@ from designopt.numerics import as_float, safe_arctan2, safe_divide, safe_sqrt
 from optics.camera import Camera
 
 RADII = 4096
-"""Entries of the table that inverts the lens for a whole image; interpolation errs by 1e-8 rad."""
+"""Entries of the table that inverts the lens for a whole image; interpolation errs by 1e-8 rad
+for an equidistant lens, and by 4e-7 rad for a pinhole of 160°."""
 
 CENTRE = 0.5
 """From a pixel's first edge to its middle, px."""

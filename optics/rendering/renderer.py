@@ -201,7 +201,8 @@ class Renderer:
                 look = self._look(pad, tuple((imprints or {}).get(surface.name, ())))
                 window = self._window(geometry.around[path, pad], bool(geometry.behind[path, pad]))
                 shown, colour = self._seen(geometry, path, pad, parts, window, look)
-                colour *= (1 - self._effects.mirror_loss) ** len(word)
+                if word and self._effects.mirror_loss:
+                    colour *= (1 - self._effects.mirror_loss) ** len(word)
                 light[window] += shown[..., None] * (colour - light[window])
                 mine = shown > 0.5
                 if not mine.any():
@@ -259,7 +260,9 @@ class Renderer:
             if pieces.end_label[pad, part] != SECOND_PAD_END:
                 here *= np.clip(0.5 - outward * _turn(angle - limits[1]) / per_pixel, 0, 1)
             part_shown = np.maximum(part_shown, here)
-        return shown * part_shown, colour * self._vignette[window][..., None]
+        if self._vignette is not None:
+            colour *= self._vignette[window][..., None]
+        return shown * part_shown, colour
 
     def _look(self, pad: int, imprints: tuple[Imprint, ...]) -> PadLook:
         if (pad, imprints) not in self._looks:
@@ -276,7 +279,9 @@ class Renderer:
             )
         return self._looks[pad, imprints]
 
-    def _vignetting(self) -> Float[np.ndarray, "rows columns"]:
+    def _vignetting(self) -> Float[np.ndarray, "rows columns"] | None:
+        if not self._effects.vignetting:
+            return None
         # The cosine of the angle from the axis.
         forward = np.cos(self._angle) / np.sqrt(1 + self._slope**2)
         return 1 - np.float32(self._effects.vignetting) * (1 - np.maximum(forward, 0))
@@ -289,7 +294,8 @@ class Renderer:
         generator = np.random.default_rng([self._seed, 3])
         blotches = generator.uniform(0.5, 1.0, (*BLOTCHES, 3)).astype(np.float32)
         broad = cv2.resize(blotches, shape[::-1], interpolation=cv2.INTER_LINEAR)
-        return np.float32(self._effects.ambient) * broad * self._vignette[..., None]
+        inside = np.float32(self._effects.ambient) * broad
+        return inside if self._vignette is None else inside * self._vignette[..., None]
 
     def _window(self, around: Float[np.ndarray, "places 2"], behind: bool) -> tuple[slice, slice]:
         """The part of the image that holds a view; all of it for one that passes the camera."""

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -116,8 +117,9 @@ class Ladder:
     @classmethod
     def of(cls, finger: Finger, tables: list[GapTable], label_deviation: float) -> Ladder:
         """The methods for a design."""
+        # An error that cannot be: the same program as with it.
         deviations = eqx.tree_at(
-            lambda errors: errors.distortion, finger.deviations, None, is_leaf=lambda x: x is None
+            lambda errors: errors.distortion, finger.deviations, replace_fn=jnp.zeros_like
         )
         plain = corner_model(
             finger.scene, finger.imaging, finger.catalogue, deviations, finger.carried
