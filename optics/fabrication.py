@@ -158,12 +158,13 @@ def displaced(
     """Segments turned about their middles, and then moved along their normals.
 
     Args:
-        ends: of the segments, mm.
+        ends: of the segments, mm; none is without a length.
         tilt: counter-clockwise, rad.
         offset: to the left of their direction, mm.
     """
     middle = jnp.mean(ends, axis=1, keepdims=True)
     arms = turned(ends - middle, tilt)
-    along = _directions(arms)
-    normal = jnp.stack([-along[:, 1], along[:, 0]], axis=-1)
+    along = arms[:, 1] - arms[:, 0]
+    length = jnp.sqrt(jnp.sum(along * along, axis=-1, keepdims=True))
+    normal = jnp.stack([-along[:, 1], along[:, 0]], axis=-1) / length
     return middle + arms + (offset[:, None] * normal)[:, None]
