@@ -55,10 +55,15 @@ def calibrate(
         seen: the corners, frames along the first axis.
         angles: the frames' labels, or rough angles to begin with, rad.
         deviation: standard deviation of the labels, rad; ``None`` if the angles are no labels.
+
+    Raises:
+        ValueError: the deviation is not positive.
     """
+    if deviation is not None and not deviation > 0:
+        raise ValueError(f"labels have a positive deviation, not {deviation:g}")
     known = np.isfinite(angles) & (deviation is not None)
-    spread = np.where(known, deviation or LOOSE, LOOSE)
-    start = np.where(np.isfinite(angles), angles, 0.0)
+    spread = np.where(known, LOOSE if deviation is None else deviation, LOOSE)
+    start = np.where(np.isfinite(angles), angles, np.mean(model.limits))
     fit, left = _calibrated(
         model, Observation(*map(jnp.asarray, seen)), jnp.asarray(start), jnp.asarray(spread)
     )

@@ -23,8 +23,9 @@ ROBUST = 3.0
 LOOSE = 10.0
 """Standard deviation of a joint angle before anything is seen, rad: no information."""
 
-SOLVED = 1e-9
-"""Relative tolerance of a pose, far below the corners' noise."""
+SOLVED, STEPS = 1e-9, 128
+"""Relative tolerance of a pose, far below the corners' noise, and a cap on iterations: with many
+corners that count less it converges linearly only."""
 
 
 class CornerModel(eqx.Module):
@@ -101,7 +102,7 @@ class PoseSolver:
         count = self.model.errors
         errors = np.zeros(count) if errors is None else errors
         spread = np.zeros((count, count)) if spread is None else spread
-        start = np.where(np.isfinite(guess), guess, 0.0)
+        start = np.where(np.isfinite(guess), guess, np.mean(self.model.limits))
         angles, covariance, ok = _solve(
             self.model,
             Observation(*map(jnp.asarray, seen)),
@@ -138,7 +139,9 @@ def _solve(
         left = softened(deviations(model, errors, angles, seen))
         return jnp.concatenate([left, (angles - guess) / LOOSE])
 
-    fit: Fit = least_squares(residuals, guess, tolerance=SOLVED, max_steps=32, differentiable=False)
+    fit: Fit = least_squares(
+        residuals, guess, tolerance=SOLVED, max_steps=STEPS, differentiable=False
+    )
     angles = fit.solution.value
     # Errors of the finger move the answer: d angles = −(JᵀJ)⁻¹ Jᵀ J_e d errors.
     by_angle = jax.jacfwd(residuals)(angles, None)

@@ -93,7 +93,7 @@ def fit_edges(
 
     Args:
         sightings: of the frames.
-        labels: the joint's angle in each, rad.
+        labels: the joint's angle in each, rad; NaN where it is not known.
         views: pad and path of the views that the joint moves.
         label_deviation: standard deviation of the labels, rad.
         edge_deviation: that of an end's section angle, rad.
@@ -103,6 +103,7 @@ def fit_edges(
         for end in range(2):
             found = [sighting.view(pad, path) for sighting in sightings]
             there = np.array([end_is_seen(view, end) for view in found], bool)
+            there &= np.isfinite(labels)
             if there.sum() < 2:
                 continue
             angles = np.array([end_angle(v, end) for v, t in zip(found, there, strict=True)

@@ -57,7 +57,7 @@ def observe(
         if view is None or view.quality is not Quality.COMPLETE:
             continue
         covariance = view.covariance + floor**2 * np.eye(2)
-        if np.linalg.cond(covariance).max() < WORST:
+        if np.isfinite(covariance).all() and np.linalg.cond(covariance).max() < WORST:
             corners[index], whitening[index] = view.corners, inverse_root(covariance)
     return Observation(corners, whitening)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter
 from scipy import stats
 
 from designopt.figures import MARKERS, PALETTE, new_figure
@@ -79,6 +80,10 @@ def range_figure(found: Found) -> Figure:
                       linestyle=DASHES[index], label=method)  # fmt: skip
         axes.set(yscale="log", title=name.upper(), xlabel="joint angle (deg)", xlim=(-2, 92),
                  xticks=np.arange(0, 91, 15))  # fmt: skip
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.sharey(row[0])
     row[0].set_ylabel("mean absolute error (deg)")
     drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return Figure(

@@ -30,6 +30,7 @@ from perception.proprioception import (
     stack_observations,
     undefined,
 )
+from perception.proprioception.observation import FLOOR
 from studies.finger_images.making import Finger
 from studies.finger_images.sensor import corner_model
 from studies.proprioception.watching import Watched
@@ -47,8 +48,9 @@ EXACT = "all corners, finger known"
 RUNGS = (GAP, EDGE, DESIGNED, LABELLED, UNLABELLED)
 """The methods, from the simplest on."""
 
-EDGE_NOISE = 0.25
-"""Standard deviation of an end's section angle in an image, px: what is allowed for a corner."""
+END_NOISE = FLOOR / math.sqrt(2)
+"""Standard deviation of an end's section angle in an image, px: an end is the mean of two corners.
+"""
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ class Ladder:
                 table,
                 np.array([table.measured(one) for one in seen.in_gap.sightings]),
                 gap_labels[:, joint],
-                noise=math.sqrt(2) * EDGE_NOISE * pixel,
+                noise=math.sqrt(2) * END_NOISE * pixel,
                 label_deviation=self.label_deviation,
             )
             for joint, table in enumerate(self.tables)
@@ -154,7 +156,7 @@ class Ladder:
                 labels[:, joint],
                 [view for view, j in zip(model.views, model.joints, strict=True) if j == joint],
                 label_deviation=self.label_deviation,
-                edge_deviation=EDGE_NOISE * pixel,
+                edge_deviation=END_NOISE * pixel,
             )
             for joint in range(len(model.names))
         ]

@@ -1,0 +1,233 @@
+"""One end's curve against the curve it was made from, and against repeats."""
+
+import math
+
+import numpy as np
+import pytest
+
+from perception.matching import Sighting
+from perception.proprioception import EdgeCurve, EdgeRuler, fit_edges
+from perception.proprioception.edge import BEYOND, PARABOLA
+from perception.quality import Quality
+from tests.perception.proprioception.toy import missing, sighting_of, view_of
+
+VIEW = ("low", "direct")
+OTHER = ("low", "mirror:low")
+NOISE, LABELS = 0.004, 0.01
+LOW, HIGH = -0.6, 0.4
+"""Labelled section angles of an end, rad."""
+
+
+def line(section: np.ndarray | float) -> np.ndarray:
+    return np.asarray(0.7 - 1.4 * np.asarray(section))
+
+
+def parabola(section: np.ndarray | float) -> np.ndarray:
+    return np.asarray(0.7 - 1.4 * np.asarray(section) + 0.3 * np.asarray(section) ** 2)
+
+
+def first_end(section: float) -> Sighting:
+    """The other end is cut off."""
+    return sighting_of(
+        view_of(*VIEW, (section, np.nan), shown=(True, False), quality=Quality.CLIPPED)
+    )
+
+
+def ruler_of(sections: np.ndarray, labels: np.ndarray) -> EdgeRuler:
+    return fit_edges(
+        [first_end(float(section)) for section in sections],
+        labels,
+        [VIEW],
+        label_deviation=LABELS,
+        edge_deviation=NOISE,
+    )
+
+
+@pytest.mark.parametrize(
+    ("count", "curve", "terms"),
+    [
+        (2, line, 2),
+        (3, line, 2),
+        (PARABOLA - 1, line, 2),
+        (PARABOLA, parabola, 3),
+        (9, parabola, 3),
+    ],
+)
+def test_exact_frames_give_back_their_curve(count, curve, terms):
+    sections = np.linspace(LOW, HIGH, count)
+    ruler = ruler_of(sections, curve(sections))
+    assert [(c.pad, c.path, c.end, len(c.coefficients)) for c in ruler.curves] == [
+        (*VIEW, 0, terms)
+    ]
+    for section in np.linspace(LOW - 0.2, HIGH + 0.2, 7):
+        estimate = ruler.estimate(first_end(section))
+        assert estimate.angle == pytest.approx(float(curve(section)), abs=1e-9)
+        assert estimate.reason == "end 0 of low, direct"
+
+
+def test_few_frames_of_a_curve_have_the_line_of_least_squares():
+    sections = np.array([LOW, -0.3, 0.1, HIGH])
+    slope, constant = np.polyfit(sections, parabola(sections), 1)
+    estimate = ruler_of(sections, parabola(sections)).estimate(first_end(0.2))
+    assert estimate.angle == pytest.approx(constant + 0.2 * slope, abs=1e-9)
+
+
+def test_many_frames_at_two_angles_only_carry_a_line():
+    sections = np.array([LOW, HIGH] * 4)
+    ruler = ruler_of(sections, line(sections))
+    assert len(ruler.curves[0].coefficients) == 2
+    assert ruler.estimate(first_end(0.0)).angle == pytest.approx(0.7, abs=1e-9)
+
+
+def test_frames_that_do_not_move_have_no_curve():
+    sections = np.linspace(0, 3.9 * NOISE, 6)
+    assert ruler_of(sections, line(sections)).curves == ()
+    wider = np.linspace(0, 4.1 * NOISE, 6)
+    assert len(ruler_of(wider, line(wider)).curves) == 1
+
+
+@pytest.mark.parametrize("count", [3, 7])
+def test_far_beyond_the_labelled_range_nothing_is_said(count):
+    sections = np.linspace(LOW, HIGH, count)
+    ruler = ruler_of(sections, line(sections))
+    beyond = BEYOND * (HIGH - LOW)
+    for inside in (LOW - 0.99 * beyond, HIGH + 0.99 * beyond):
+        assert ruler.estimate(first_end(inside)).defined
+    for outside in (LOW - 1.01 * beyond, HIGH + 1.01 * beyond, math.nan):
+        estimate = ruler.estimate(first_end(outside))
+        assert not estimate.defined
+        assert estimate.reason == "the end lies outside of the labelled range"
+
+
+def full(section: float) -> Sighting:
+    """Both ends of both views; the last moves most, and tells a joint angle best."""
+    angle = float(line(section))
+    return sighting_of(
+        view_of(*VIEW, (0.2 * angle, 0.5 * angle)), view_of(*OTHER, (0.8 * angle, -2.0 * angle))
+    )
+
+
+def full_ruler(views: list[tuple[str, str]] | None = None) -> EdgeRuler:
+    sections = np.linspace(LOW, HIGH, 7)
+    return fit_edges(
+        [full(float(section)) for section in sections],
+        line(sections),
+        [VIEW, OTHER] if views is None else views,
+        label_deviation=LABELS,
+        edge_deviation=NOISE,
+    )
+
+
+def test_of_several_ends_the_best_is_taken():
+    ruler = full_ruler()
+    assert [(c.path, c.end) for c in ruler.curves] == [
+        ("direct", 0), ("direct", 1), ("mirror:low", 0), ("mirror:low", 1),
+    ]  # fmt: skip
+    estimate = ruler.estimate(full(0.1))
+    assert estimate.angle == pytest.approx(float(line(0.1)), abs=1e-9)
+    assert estimate.reason == "end 1 of low, mirror:low"
+
+
+def test_an_end_that_is_not_seen_is_not_used():
+    ruler, angle = full_ruler(), float(line(0.1))
+    # What stands for the end that is cut off would mislead.
+    cut = view_of(*OTHER, (0.8 * angle, 0.3), shown=(True, False), quality=Quality.CLIPPED)
+    estimate = ruler.estimate(sighting_of(view_of(*VIEW, (0.2 * angle, 0.5 * angle)), cut))
+    assert estimate.angle == pytest.approx(angle, abs=1e-9)
+    assert estimate.reason == "end 0 of low, mirror:low"
+
+
+def test_an_end_beyond_its_range_gives_way_to_one_within():
+    ruler, angle = full_ruler(), float(line(0.1))
+    views = view_of(*VIEW, (3.0, 0.5 * angle)), view_of(*OTHER, (3.0, 3.0))
+    estimate = ruler.estimate(sighting_of(*views))
+    assert estimate.angle == pytest.approx(angle, abs=1e-9)
+    assert estimate.reason == "end 1 of low, direct"
+
+
+@pytest.mark.parametrize(
+    "sighting",
+    [
+        sighting_of(),
+        sighting_of(missing(*VIEW)),
+        sighting_of(view_of("high", "direct", (0.1, 0.2))),
+        sighting_of(view_of(*VIEW, (0.1, 0.2), shown=(False, False), quality=Quality.CLIPPED)),
+    ],
+    ids=["nothing", "missing", "another pad", "cut off at both ends"],
+)
+def test_without_a_labelled_end_there_is_no_angle(sighting):
+    estimate = full_ruler([VIEW]).estimate(sighting)
+    assert not estimate.defined
+    assert math.isinf(estimate.deviation)
+    assert estimate.reason == "no labelled end is seen"
+
+
+def test_a_curve_is_of_the_frames_that_show_its_end():
+    sections = np.linspace(LOW, HIGH, 6)
+    frames = [first_end(float(section)) for section in sections]
+    spoilt = [*frames, sighting_of(missing(*VIEW)), sighting_of(),
+              sighting_of(view_of(*VIEW, (9.0, 9.0), shown=(False, False)))]  # fmt: skip
+    labels = np.append(parabola(sections), [5.0, 6.0, 7.0])
+    ruler = fit_edges(spoilt, labels, [VIEW], label_deviation=LABELS, edge_deviation=NOISE)
+    np.testing.assert_allclose(
+        ruler.curves[0].coefficients,
+        ruler_of(sections, parabola(sections)).curves[0].coefficients,
+        atol=1e-12,
+    )
+
+
+def test_one_frame_gives_no_curve():
+    assert ruler_of(np.array([0.1]), np.array([0.5])).curves == ()
+
+
+def test_a_known_curve_errs_by_the_ends_noise_times_its_slope():
+    curve = EdgeCurve(*VIEW, 0, np.array([0.7, -1.4, 0.3]), np.zeros((3, 3)), NOISE, 0.1, (-1, 1))
+    for section in (-0.4, 0.1, 0.5):
+        slope = -1.4 + 0.6 * (section - 0.1)
+        assert curve.estimate(section).deviation == pytest.approx(abs(slope) * NOISE)
+
+
+def test_through_two_frames_an_angle_errs_as_between_two_points():
+    first, second = -0.5, 0.3
+    ruler = ruler_of(np.array([first, second]), line(np.array([first, second])))
+    for asked in (-0.6, -0.1, 0.4):
+        shares = np.array([second - asked, asked - first]) / (second - first)
+        label = LABELS**2 + (1.4 * NOISE) ** 2
+        expected = np.sqrt(np.sum(shares**2) * label + (1.4 * NOISE) ** 2)
+        assert ruler.estimate(first_end(asked)).deviation == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("count", "curve"), [(2, line), (8, parabola)])
+@pytest.mark.parametrize("asked", [-0.1, 0.5])
+def test_what_is_said_of_an_angle_is_the_scatter_of_repeats(count, curve, asked):
+    generator, off = np.random.default_rng(1), []
+    sections = np.linspace(LOW, HIGH, count)
+    for _ in range(400):
+        labels = curve(sections) + generator.normal(0, LABELS, count)
+        ruler = ruler_of(sections + generator.normal(0, NOISE, count), labels)
+        estimate = ruler.estimate(first_end(asked + generator.normal(0, NOISE)))
+        off.append((estimate.angle - float(curve(asked))) / estimate.deviation)
+    # 400 draws know a deviation to 3.5 % (1 σ). With frames to spare the larger of the stated and
+    # the found scatter is said, which is too much.
+    assert np.sqrt(np.mean(np.square(off))) == pytest.approx(0.97, abs=0.12)
+
+
+def test_frames_that_scatter_more_than_stated_are_believed_less():
+    generator, found, said = np.random.default_rng(2), [], []
+    sections = np.linspace(LOW, HIGH, 10)
+    for _ in range(200):
+        labels = parabola(sections) + generator.normal(0, 5 * LABELS, len(sections))
+        estimate = ruler_of(sections, labels).estimate(first_end(0.5))
+        found.append(estimate.angle)
+        said.append(estimate.deviation)
+    # 200 draws know a deviation to 5 % (1 σ); the end's own noise is a small part of it.
+    assert np.mean(said) == pytest.approx(np.std(found), rel=0.15)
+
+
+def test_frames_without_a_label_do_not_count():
+    sections = np.linspace(LOW, HIGH, 5)
+    labels = np.where(np.arange(5) == 2, np.nan, line(sections))
+    expected = ruler_of(np.delete(sections, 2), line(np.delete(sections, 2)))
+    found, wanted = (r.estimate(first_end(-0.1)) for r in (ruler_of(sections, labels), expected))
+    assert found == wanted
+    assert found.defined

@@ -1,0 +1,306 @@
+"""The gap of two views against formulas, brute force and repeats."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from perception.proprioception import GapMeter, GapTable, calibrate_gap
+from perception.proprioception.gap import end_angle, end_is_seen
+from perception.quality import Quality
+from tests.perception.proprioception.toy import missing, sighting_of, view_of
+
+PAD, MIRROR = "low", "mirror:low"
+ANGLES = np.linspace(-0.1, 1.3, 281)
+STEP = float(ANGLES[1] - ANGLES[0])
+NOISE, LABELS = 0.004, 0.01
+LABELLED = np.linspace(0.0, 1.2, 6)
+
+
+def gap_at(angle: np.ndarray) -> np.ndarray:
+    """Rising, and bent."""
+    return 0.2 + 0.5 * angle + 0.1 * angle**2
+
+
+def rate_at(angle: np.ndarray) -> np.ndarray:
+    return 0.5 + 0.2 * angle
+
+
+def table_of(gaps: np.ndarray, angles: np.ndarray = ANGLES) -> GapTable:
+    return GapTable(PAD, MIRROR, (1, 1), angles, gaps)
+
+
+RISING = table_of(gap_at(ANGLES))
+FALLING = table_of(1.5 - gap_at(ANGLES))
+both = pytest.mark.parametrize("table", [RISING, FALLING], ids=["rising", "falling"])
+
+
+def from_gaps(gaps: np.ndarray, there: np.ndarray | None = None) -> GapTable:
+    """A table whose first ends face each other at given gaps; the others are far apart."""
+    count = len(gaps)
+    there = np.ones(count, bool) if there is None else there
+    direct = np.stack([np.zeros(count), np.full(count, -100.0)], axis=-1)
+    mirrored = np.stack([gaps, np.full(count, 100.0)], axis=-1)
+    seen = np.ones((count, 2, 2), bool)
+    seen[:, 0, 0] = there
+    return GapTable.of(PAD, MIRROR, np.arange(count, dtype=float), direct, mirrored, seen)
+
+
+def longest_run(gaps: np.ndarray, there: np.ndarray) -> int:
+    """How many values in a row can be used, by trying all."""
+    best = 0
+    for first in range(len(gaps)):
+        for last in range(first + 1, len(gaps) + 1):
+            steps = np.diff(gaps[first:last])
+            if there[first:last].all() and ((steps > 0).all() or (steps < 0).all()):
+                best = max(best, last - first)
+    return best
+
+
+@pytest.mark.parametrize("ends", [(0, 0), (0, 1), (1, 0), (1, 1)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_ends_that_face_each_other_are_the_nearest(ends, sign):
+    # Pads of half a radian; the direct view moves, and the two views grow apart.
+    away = np.stack([0.5 * (np.arange(2) != ends[0])] * len(ANGLES))
+    beyond = np.stack([0.5 * (np.arange(2) != ends[1])] * len(ANGLES))
+    direct = -sign * (0.3 * ANGLES[:, None] + away)
+    mirrored = sign * (0.2 + 0.2 * ANGLES[:, None] + 0.1 * ANGLES[:, None] ** 2 + beyond)
+    seen = np.ones((len(ANGLES), 2, 2), bool)
+    table = GapTable.of(PAD, MIRROR, ANGLES, direct, mirrored, seen)
+    assert (table.pad, table.mirror, table.ends) == (PAD, MIRROR, ends)
+    np.testing.assert_array_equal(table.angles, ANGLES)
+    np.testing.assert_allclose(table.gaps, gap_at(ANGLES), rtol=1e-12)
+
+
+def test_a_table_that_turns_back_keeps_its_longest_part():
+    angles = np.linspace(0, 1, 101)
+    table = from_gaps(1 + (angles - 0.3) ** 2)
+    # A parabola's least value is at 0.3: it stands at the beginning of what rises.
+    np.testing.assert_array_equal(table.angles, np.arange(30, 101))
+    np.testing.assert_allclose(table.gaps, (1 + (angles - 0.3) ** 2)[30:], rtol=1e-12)
+
+
+@given(st.lists(st.tuples(st.integers(1, 4), st.booleans()), min_size=2, max_size=9))
+def test_the_part_kept_is_the_longest_of_all_that_go_one_way(values):
+    gaps = np.array([float(gap) for gap, _ in values])
+    # Few are not seen, or nothing would be left.
+    there = np.array([seen or i % 3 > 0 for i, (_, seen) in enumerate(values)])
+    assume(there.any())
+    longest = longest_run(gaps, there)
+    if longest < 2:
+        with pytest.raises(ValueError, match="never shows facing ends"):
+            from_gaps(gaps, there)
+        return
+    table = from_gaps(gaps, there)
+    assert len(table.angles) == longest
+    kept = table.angles.astype(int)
+    np.testing.assert_array_equal(kept, np.arange(kept[0], kept[0] + longest))
+    assert there[kept].all()
+    np.testing.assert_array_equal(table.gaps, gaps[kept])
+    steps = np.diff(table.gaps)
+    assert (steps > 0).all() or (steps < 0).all()
+
+
+def test_views_that_are_never_seen_at_once_have_no_gap():
+    seen = np.zeros((4, 2, 2), bool)
+    seen[:2, 0], seen[2:, 1] = True, True
+    ends = np.zeros((4, 2))
+    with pytest.raises(ValueError, match="never seen directly and in mirror:low at once"):
+        GapTable.of(PAD, MIRROR, np.arange(4.0), ends, ends, seen)
+
+
+@both
+def test_the_angle_at_a_gap_is_that_which_has_it(table):
+    for angle in (-0.1, 0.0, 0.123, 0.7, 1.2999, 1.3):
+        assert table.angle(float(table.gap(angle))) == pytest.approx(angle, abs=1e-12)
+
+
+@both
+def test_the_gap_is_that_of_the_formula(table):
+    angles = np.linspace(-0.1, 1.3, 37)
+    expected = gap_at(angles) if table is RISING else 1.5 - gap_at(angles)
+    # Between values a line is off by at most an eighth of the step squared times the bend.
+    np.testing.assert_allclose(table.gap(angles), expected, atol=STEP**2 * 0.2 / 8 + 1e-15)
+
+
+@both
+def test_beyond_the_table_there_is_no_number(table):
+    low, high = sorted((table.gaps[0], table.gaps[-1]))
+    assert math.isnan(table.angle(low - 1e-6))
+    assert math.isnan(table.angle(high + 1e-6))
+    assert math.isnan(table.angle(math.nan))
+    assert np.isnan(table.gap(np.array([-0.11, 1.31, np.nan]))).all()
+    assert np.isnan(table.gap(-0.11))
+
+
+def test_the_rate_is_the_slope_of_the_formula():
+    # Values that lie unevenly; inside, a parabola through three is the parabola itself.
+    angles = ANGLES + 0.3 * STEP * np.sin(np.arange(len(ANGLES)))
+    rate = table_of(gap_at(angles), angles).rate
+    np.testing.assert_allclose(rate[1:-1], rate_at(angles)[1:-1], rtol=1e-9)
+    np.testing.assert_allclose(rate[[0, -1]], rate_at(angles)[[0, -1]], atol=0.2 * STEP)
+
+
+def test_an_end_lies_between_its_corners():
+    view = view_of(PAD, "direct", (-0.4, 0.1))
+    assert end_angle(view, 0) == pytest.approx(-0.4)
+    assert end_angle(view, 1) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("ends", "gap"), [((0, 0), 0.8), ((0, 1), 1.0), ((1, 0), 0.3), ((1, 1), 0.5)]
+)
+def test_the_gap_of_an_image_is_between_the_ends_that_face(ends, gap):
+    sighting = sighting_of(
+        view_of(PAD, "direct", (0.3, -0.2)),
+        view_of(PAD, MIRROR, (-0.5, -0.7)),
+        view_of("high", "direct", (2.0, 2.0)),
+    )
+    table = dataclasses.replace(RISING, ends=ends)
+    assert table.measured(sighting) == pytest.approx(gap)
+
+
+@pytest.mark.parametrize("shown", [(True, True), (True, False), (False, True), (False, False)])
+@pytest.mark.parametrize("clipped", ["direct", MIRROR])
+def test_a_clipped_view_counts_if_the_end_that_faces_is_seen(shown, clipped):
+    views = {
+        path: view_of(
+            PAD,
+            path,
+            angles,
+            shown=shown if path == clipped else (True, True),
+            quality=Quality.CLIPPED if path == clipped else Quality.COMPLETE,
+        )
+        for path, angles in (("direct", (0.3, -0.2)), (MIRROR, (-0.7, -0.5)))
+    }
+    measured = RISING.measured(sighting_of(*views.values()))
+    assert measured == pytest.approx(0.3) if shown[1] else math.isnan(measured)
+    assert end_is_seen(views[clipped], 1) == shown[1]
+
+
+@pytest.mark.parametrize("lost", ["direct", MIRROR])
+@pytest.mark.parametrize("expected", [True, False])
+def test_without_one_of_both_views_there_is_no_gap(lost, expected):
+    other = MIRROR if lost == "direct" else "direct"
+    views = [view_of(PAD, other, (0.3, -0.2))] + [missing(PAD, lost)] * expected
+    assert math.isnan(RISING.measured(sighting_of(*views)))
+    assert not end_is_seen(None, 0)
+
+
+def calibrated(gaps: np.ndarray, angles: np.ndarray, table: GapTable = RISING) -> GapMeter | None:
+    return calibrate_gap(table, gaps, angles, noise=NOISE, label_deviation=LABELS)
+
+
+@both
+@pytest.mark.parametrize(("offset", "scale"), [(0.0, 1.0), (0.05, 0.9), (-0.03, 1.2)])
+def test_offset_and_scale_of_exact_frames_are_found(table, offset, scale):
+    gaps = offset + scale * table.gap(LABELLED)
+    meter = calibrated(gaps, LABELLED, table)
+    assert meter is not None
+    assert meter.offset == pytest.approx(offset, abs=1e-12)
+    assert meter.scale == pytest.approx(scale, rel=1e-12)
+    for angle in (0.1, 0.77, 1.1):
+        estimate = meter.estimate(offset + scale * float(table.gap(angle)))
+        assert estimate.angle == pytest.approx(angle, abs=1e-9)
+
+
+def test_frames_without_a_gap_or_beyond_the_table_do_not_count():
+    gaps = 0.02 + 1.1 * gap_at(LABELLED)
+    wrong = np.append(gaps, [np.nan, 5.0, 5.0])
+    labels = np.append(LABELLED, [0.5, 1.4, np.nan])
+    meter, reference = calibrated(wrong, labels), calibrated(gaps, LABELLED)
+    assert meter is not None
+    assert reference is not None
+    assert (meter.offset, meter.scale) == pytest.approx((reference.offset, reference.scale))
+    np.testing.assert_allclose(meter.covariance, reference.covariance)
+
+
+@pytest.mark.parametrize(
+    ("gaps", "angles"),
+    [
+        ([], []),
+        ([0.5], [0.4]),
+        ([0.5, np.nan, np.nan], [0.4, 0.6, 0.8]),
+        ([0.5, 0.6, 0.6], [0.4, 1.4, -0.2]),
+        ([0.5, 0.51, 0.52], [0.4, 0.4, 0.4]),
+        ([0.8, 0.6, 0.4], [0.2, 0.6, 1.0]),
+        ([0.6, 0.6, 0.6], [0.2, 0.6, 1.0]),
+    ],
+    ids=["none", "one", "one seen", "one inside", "one angle", "falling", "constant"],
+)
+def test_what_cannot_be_calibrated_is_not(gaps, angles):
+    assert calibrated(np.array(gaps, float), np.array(angles, float)) is None
+
+
+@both
+def test_the_line_is_that_of_weighted_least_squares(table):
+    # The textbook's sums. Where the gap changes fast a label's error weighs more.
+    x, y = table.gap(LABELLED), table.gap(LABELLED) + 0.01 * np.cos(9 * LABELLED)
+    weights = 1 / (NOISE**2 + (rate_at(LABELLED) * LABELS) ** 2)
+    s, sx, sy, sxx, sxy = (np.sum(weights * part) for part in (1, x, y, x * x, x * y))
+    determinant = s * sxx - sx**2
+    meter = calibrated(y, LABELLED, table)
+    assert meter is not None
+    assert meter.offset == pytest.approx((sxx * sy - sx * sxy) / determinant, rel=1e-6)
+    assert meter.scale == pytest.approx((s * sxy - sx * sy) / determinant, rel=1e-6)
+    expected = np.array([[sxx, -sx], [-sx, s]]) / determinant
+    np.testing.assert_allclose(meter.covariance, expected, rtol=1e-6)
+
+
+def test_two_frames_are_enough():
+    angles = np.array([0.2, 1.0])
+    meter = calibrated(0.1 + 0.9 * gap_at(angles), angles)
+    assert meter is not None
+    # Between the table's values, 0.005 rad apart, a line stands for the formula.
+    assert (meter.offset, meter.scale) == pytest.approx((0.1, 0.9), abs=1e-4)
+
+
+OFFSET, SCALE, ASKED = 0.03, 1.05, 0.8
+
+
+def repeats(table: GapTable, count: int = 1000) -> list[tuple[GapMeter, float]]:
+    """Meters from noisy frames and labels, each with one more noisy gap at a known angle."""
+    generator, found = np.random.default_rng(0), []
+    for _ in range(count):
+        gaps = OFFSET + SCALE * table.gap(LABELLED) + generator.normal(0, NOISE, len(LABELLED))
+        labels = LABELLED + generator.normal(0, LABELS, len(LABELLED))
+        meter = calibrated(gaps, labels, table)
+        assert meter is not None
+        one = OFFSET + SCALE * float(table.gap(ASKED)) + generator.normal(0, NOISE)
+        found.append((meter, one))
+    return found
+
+
+@both
+def test_what_is_said_of_offset_scale_and_angle_is_the_scatter_of_repeats(table):
+    found = repeats(table)
+    values = np.array([(meter.offset, meter.scale) for meter, _ in found])
+    stated = np.mean([meter.covariance for meter, _ in found], axis=0)
+    # 1000 draws know a variance to 4.5 % (1 σ); labels weigh as if the scale were 1, not 1.05.
+    np.testing.assert_allclose(np.cov(values.T), stated, rtol=0.25)
+    np.testing.assert_allclose(values.mean(axis=0), [OFFSET, SCALE], atol=0.002)
+    estimates = [meter.estimate(gap) for meter, gap in found]
+    off = np.array([(e.angle - ASKED) / e.deviation for e in estimates])
+    # 1000 draws know a deviation to 2.2 %.
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(1, abs=0.1)
+    assert {e.reason for e in estimates} == {"gap"}
+
+
+def test_a_known_meter_errs_by_the_noise_over_the_rate():
+    meter = GapMeter(RISING, OFFSET, SCALE, np.zeros((2, 2)), NOISE)
+    angles = np.array([0.1, 0.6, 1.2])
+    said = [meter.estimate(float(gap)).deviation for gap in OFFSET + SCALE * RISING.gap(angles)]
+    np.testing.assert_allclose(said, NOISE / (SCALE * rate_at(angles)), rtol=1e-6)
+
+
+def test_where_the_gap_is_not_in_the_table_there_is_no_angle():
+    meter = GapMeter(RISING, OFFSET, SCALE, np.zeros((2, 2)), NOISE)
+    low, high = (OFFSET + SCALE * gap_at(ANGLES[[0, -1]])).tolist()
+    for gap, word in ((math.nan, "no gap"), (low - 1e-6, "outside"), (high + 1e-6, "outside")):
+        estimate = meter.estimate(gap)
+        assert not estimate.defined
+        assert math.isinf(estimate.deviation)
+        assert word in estimate.reason

@@ -1,0 +1,123 @@
+"""Corners as arrays: their weights against the closed inverse of two rows and columns."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from perception.matching import View
+from perception.proprioception import Observation, observe, stack_observations
+from perception.proprioception.observation import FLOOR, WORST, inverse_root
+from perception.quality import Quality
+from tests.perception.proprioception.toy import VIEWS, missing, sighting_of, view_of
+
+deviation = st.floats(1e-2, 1e2)
+correlation = st.floats(-0.99, 0.99)
+
+
+def covariance_of(first: float, second: float, share: float) -> np.ndarray:
+    both = share * first * second
+    return np.array([[first**2, both], [both, second**2]])
+
+
+def inverse_of(covariance: np.ndarray) -> np.ndarray:
+    (a, b), (c, d) = covariance
+    return np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+
+
+def view_with(covariances: list[np.ndarray], pad: str = "low", path: str = "direct") -> View:
+    return dataclasses.replace(view_of(pad, path, (-0.5, -0.1)), covariance=np.stack(covariances))
+
+
+@given(deviation, deviation, correlation)
+def test_the_square_of_an_inverse_root_is_the_inverse(first, second, share):
+    covariance = covariance_of(first, second, share)
+    root, inverse = inverse_root(covariance), inverse_of(covariance)
+    scale = np.sqrt(np.outer(np.diag(inverse), np.diag(inverse)))
+    # The condition number is up to 1e10, of which half the digits of rounding remain.
+    np.testing.assert_allclose((root.T @ root - inverse) / scale, 0, atol=1e-6)
+
+
+@given(st.lists(st.tuples(deviation, deviation, correlation), min_size=4, max_size=4))
+def test_weights_are_the_inverse_of_the_covariance_and_the_floor(corners):
+    covariances = [covariance_of(*corner) for corner in corners]
+    seen = observe(sighting_of(view_with(covariances)), VIEWS)
+    for whitening, covariance in zip(np.asarray(seen.whitening)[0], covariances, strict=True):
+        product = whitening.T @ whitening @ (covariance + FLOOR**2 * np.eye(2))
+        # With the floor the condition number is below 4e5.
+        np.testing.assert_allclose(product, np.eye(2), atol=1e-9)
+
+
+@pytest.mark.parametrize("floor", [0.0, 2.0])
+def test_another_floor_is_added(floor):
+    covariance = covariance_of(1.0, 2.0, 0.5)
+    whitening = np.asarray(observe(sighting_of(view_with([covariance] * 4)), VIEWS, floor)[1])
+    expected = inverse_of(covariance + floor**2 * np.eye(2))
+    np.testing.assert_allclose(whitening[0, 2].T @ whitening[0, 2], expected, rtol=1e-12)
+
+
+def test_whitened_draws_are_independent_and_of_size_one():
+    covariance = covariance_of(0.4, 1.5, -0.8)
+    generator = np.random.default_rng(0)
+    draws = generator.multivariate_normal([0, 0], covariance + FLOOR**2 * np.eye(2), 4000)
+    whitening = np.asarray(observe(sighting_of(view_with([covariance] * 4)), VIEWS).whitening)
+    # 4000 draws know a variance to 2.2 % (1 σ).
+    np.testing.assert_allclose(np.cov(whitening[0, 0] @ draws.T), np.eye(2), atol=0.08)
+
+
+def test_corners_stand_in_the_order_of_the_model():
+    angles = {view: (0.1 * i, 0.1 * i + 0.05) for i, view in enumerate(VIEWS)}
+    views = [view_of(*view, angles[view]) for view in reversed(VIEWS)]
+    seen = observe(sighting_of(*views), VIEWS)
+    assert seen.seen.tolist() == [True] * 4
+    for corners, view in zip(seen.corners, views[::-1], strict=True):
+        np.testing.assert_array_equal(corners, view.corners)
+
+
+@pytest.mark.parametrize("quality", [q for q in Quality if q is not Quality.COMPLETE])
+def test_what_is_not_complete_has_no_weight(quality):
+    sighting = sighting_of(
+        view_of(*VIEWS[0], (0.1, 0.2), quality=quality), view_of(*VIEWS[2], (0.3, 0.4))
+    )
+    seen = observe(sighting, VIEWS)
+    assert seen.seen.tolist() == [False, False, True, False]
+    assert not np.any(np.asarray(seen.whitening)[[0, 1, 3]])
+    assert np.isfinite(seen.corners).all()
+
+
+def test_nothing_at_all_is_finite_and_weighs_nothing():
+    seen = observe(sighting_of(*(missing(*view) for view in VIEWS)), VIEWS)
+    assert not seen.seen.any()
+    assert np.isfinite(seen.corners).all()
+    assert not np.any(seen.whitening)
+
+
+@pytest.mark.parametrize(("share", "used"), [(0.5, True), (2.0, False)])
+def test_a_view_with_a_corner_known_very_unevenly_is_not_used(share, used):
+    uneven = np.diag([share * WORST * 2 * FLOOR**2, FLOOR**2])
+    good = covariance_of(0.1, 0.1, 0.0)
+    sighting = sighting_of(
+        view_with([good, good, uneven, good]), view_with([good] * 4, "low", "mirror:low")
+    )
+    assert observe(sighting, VIEWS).seen.tolist() == [used, True, False, False]
+
+
+def test_frames_are_stacked_along_a_first_axis():
+    several = [
+        observe(sighting_of(view_of(*VIEWS[index], (0.1, 0.2))), VIEWS) for index in (0, 1, 3)
+    ]
+    stacked = stack_observations(several)
+    assert isinstance(stacked, Observation)
+    assert np.shape(stacked.corners) == (3, 4, 4, 2)
+    assert np.shape(stacked.whitening) == (3, 4, 4, 2, 2)
+    assert stacked.seen.tolist() == [[i == index for i in range(4)] for index in (0, 1, 3)]
+    for number, one in enumerate(several):
+        np.testing.assert_array_equal(np.asarray(stacked.corners)[number], one.corners)
+        np.testing.assert_array_equal(np.asarray(stacked.whitening)[number], one.whitening)
+
+
+def test_corners_of_unknown_place_have_no_weight():
+    seen = observe(sighting_of(view_with([np.full((2, 2), np.nan)] * 4)), VIEWS)
+    assert not seen.seen.any()
