@@ -21,7 +21,7 @@ from tests.perception.proprioception.toy import (
 
 FRAMES = 6
 LABELS = 0.01
-MIDDLE = np.mean(LIMITS)
+MIDDLE = sum(LIMITS) / 2
 """Where the search for an angle begins that nothing is known of, rad."""
 
 SPREAD_OUT = np.stack([np.linspace(0.0, 1.1, FRAMES), np.linspace(0.9, -0.1, FRAMES)], axis=-1)
