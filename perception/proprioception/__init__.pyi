@@ -1,6 +1,6 @@
 from .bounds import Bound, information_bound
 from .calibration import Calibration, calibrate
-from .corners import CornerModel, PoseSolver
+from .corners import CornerModel, Pose, find_pose
 from .edge import EdgeCurve, EdgeRuler, fit_edges
 from .estimate import Estimate, first_defined, undefined
 from .gap import GapMeter, GapTable, calibrate_gap
@@ -16,9 +16,10 @@ __all__ = [
     "GapMeter",
     "GapTable",
     "Observation",
-    "PoseSolver",
+    "Pose",
     "calibrate",
     "calibrate_gap",
+    "find_pose",
     "first_defined",
     "fit_edges",
     "information_bound",

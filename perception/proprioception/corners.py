@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -69,62 +70,64 @@ def softened(left: Float[Array, " data"]) -> Float[Array, " data"]:
     return left * jnp.sqrt(2 / (1 + jnp.sqrt(1 + (left / ROBUST) ** 2)))
 
 
-class PoseSolver:
-    """Joint angles of single frames of one finger.
+class Pose(NamedTuple):
+    """Joint angles of a frame.
 
     Attributes:
-        model: what predicts the corners.
+        estimates: for each joint.
+        covariance: of the joint angles, rad²; infinite and by itself where one is undefined.
     """
 
-    def __init__(self, model: CornerModel) -> None:
-        """Take a model; its first frame compiles."""
-        self.model = model
+    estimates: list[Estimate]
+    covariance: Float[np.ndarray, "joints joints"]
 
-    def __call__(
-        self,
-        seen: Observation,
-        guess: Float[np.ndarray, " joints"],
-        errors: Float[np.ndarray, " errors"] | None = None,
-        spread: Float[np.ndarray, "errors errors"] | None = None,
-    ) -> list[Estimate]:
-        """The joint angles of a frame.
 
-        Args:
-            seen: its corners.
-            guess: rough joint angles, rad.
-            errors: of the finger, in units of their deviations; none by default.
-            spread: covariance of these; none by default.
+def find_pose(
+    model: CornerModel,
+    seen: Observation,
+    guess: Float[np.ndarray, " joints"],
+    errors: Float[np.ndarray, " errors"] | None = None,
+    spread: Float[np.ndarray, "errors errors"] | None = None,
+) -> Pose:
+    """The joint angles of a frame by all of its corners; the first one compiles.
 
-        Returns:
-            An estimate for each joint; undefined where no complete view tells its angle, or where
-            it would be beyond its range.
-        """
-        count = self.model.errors
-        errors = np.zeros(count) if errors is None else errors
-        spread = np.zeros((count, count)) if spread is None else spread
-        start = np.where(np.isfinite(guess), guess, np.mean(self.model.limits))
-        angles, covariance, ok = _solve(
-            self.model,
-            Observation(*map(jnp.asarray, seen)),
-            jnp.asarray(start),
-            jnp.asarray(errors),
-            jnp.asarray(spread),
-        )
-        found, variance, ok = np.asarray(angles), np.diagonal(np.asarray(covariance)), bool(ok)
-        told = {joint for joint, there in zip(self.model.joints, seen.seen, strict=True) if there}
-        low, high = self.model.limits
-        estimates = []
-        for joint, name in enumerate(self.model.names):
-            if joint not in told:
-                estimates.append(undefined(f"no complete view tells {name}"))
-            elif not ok:
-                estimates.append(undefined(f"no pose fits the corners that tell {name}"))
-            elif not low <= found[joint] <= high:
-                estimates.append(undefined(f"the corners would have {name} beyond its range"))
-            else:
-                deviation = float(np.sqrt(variance[joint]))
-                estimates.append(Estimate(float(found[joint]), deviation, "all corners"))
-        return estimates
+    Args:
+        model: what predicts the corners.
+        seen: the corners.
+        guess: rough joint angles, rad; NaN where there is none.
+        errors: of the finger, in units of their deviations; none by default.
+        spread: covariance of these; none by default.
+
+    Returns:
+        An angle is undefined where no complete view tells it, where no pose fits, or where it
+        would be beyond its range.
+    """
+    count = model.errors
+    angles, spreads, ok = _solve(
+        model,
+        Observation(*map(jnp.asarray, seen)),
+        jnp.asarray(np.where(np.isfinite(guess), guess, np.mean(model.limits))),
+        jnp.asarray(np.zeros(count) if errors is None else errors),
+        jnp.asarray(np.zeros((count, count)) if spread is None else spread),
+    )
+    found, covariance = np.asarray(angles), np.array(spreads)
+    told = {joint for joint, there in zip(model.joints, seen.seen, strict=True) if there}
+    low, high = model.limits
+    estimates = []
+    for joint, name in enumerate(model.names):
+        if joint not in told:
+            estimates.append(undefined(f"no complete view tells {name}"))
+        elif not bool(ok):
+            estimates.append(undefined(f"no pose fits the corners that tell {name}"))
+        elif not low <= found[joint] <= high:
+            estimates.append(undefined(f"the corners would have {name} beyond its range"))
+        else:
+            deviation = float(np.sqrt(covariance[joint, joint]))
+            estimates.append(Estimate(float(found[joint]), deviation, "all corners"))
+        if not estimates[-1].defined:
+            covariance[joint] = covariance[:, joint] = 0
+            covariance[joint, joint] = np.inf
+    return Pose(estimates, covariance)
 
 
 @eqx.filter_jit

@@ -20,9 +20,9 @@ from perception.proprioception import (
     GapMeter,
     GapTable,
     Observation,
-    PoseSolver,
     calibrate,
     calibrate_gap,
+    find_pose,
     first_defined,
     fit_edges,
     information_bound,
@@ -174,7 +174,6 @@ class Ladder:
         answers: list[Answer] = []
         seconds: list[float] = []
         bounds: list[Bound] = []
-        solve, solve_plain = PoseSolver(model), PoseSolver(self.plain)
 
         for index, (truth, sighting, observation) in enumerate(
             zip(frames.angles, frames.sightings, seen_frames, strict=True)
@@ -188,29 +187,21 @@ class Ladder:
             edges = [ruler.estimate(sighting) for ruler in rulers]
             guess = sighting.angles
 
-            def calibrated(
-                solver: PoseSolver,
-                known: Calibration,
-                observation: Observation = observation,
-                guess: np.ndarray = guess,
-            ) -> list[Estimate]:
-                if not known.ok:
-                    return [undefined("the finger could not be calibrated")] * len(guess)
-                return solver(observation, guess, known.errors, known.covariance)
-
             start = time.perf_counter()
-            by_labels = calibrated(solve, labelled)
+            by_labels = _by_all_corners(model, labelled, observation, guess)
             seconds.append(time.perf_counter() - start)
             by_method: dict[str, Sequence[Estimate]] = {
                 GAP: gaps,
                 GAP_THEN_EDGE: [first_defined(*pair) for pair in zip(gaps, edges, strict=True)],
                 EDGE: edges,
-                DESIGNED: solve(observation, guess, spread=np.eye(model.errors)),
+                DESIGNED: find_pose(
+                    model, observation, guess, spread=np.eye(model.errors)
+                ).estimates,
                 LABELLED: by_labels,
-                UNLABELLED: calibrated(solve, unlabelled),
-                SAME_UNLABELLED: calibrated(solve, same),
-                LENS_AS_DESIGNED: calibrated(solve_plain, plain),
-                EXACT: solve(observation, guess, seen.errors),
+                UNLABELLED: _by_all_corners(model, unlabelled, observation, guess),
+                SAME_UNLABELLED: _by_all_corners(model, same, observation, guess),
+                LENS_AS_DESIGNED: _by_all_corners(self.plain, plain, observation, guess),
+                EXACT: find_pose(model, observation, guess, seen.errors).estimates,
             }
             answers += [
                 Answer(method, number, index, name, float(truth[joint]), estimates[joint])
@@ -230,20 +221,27 @@ class Ladder:
         return Climbed(answers, labelled, unlabelled, bound, seconds, meters)
 
 
+def _by_all_corners(
+    model: CornerModel, known: Calibration, seen: Observation, guess: Float[np.ndarray, " joints"]
+) -> list[Estimate]:
+    """The joint angles of a frame of a calibrated finger."""
+    if not known.ok:
+        return [undefined("the finger could not be calibrated")] * len(guess)
+    return find_pose(model, seen, guess, known.errors, known.covariance).estimates
+
+
 def solved(ladder: Ladder, number: int, seen: Watched, seed: int) -> list[Answer]:
     """Only the answers of the labelled calibration."""
     model = ladder.finger.model
     labels, _ = ladder.labels(number, seen, seed)
     frames = stack_observations([observe(one, model.views) for one in seen.spread.sightings])
     found = calibrate(model, frames, labels, ladder.label_deviation)
-    solve = PoseSolver(model)
     answers = []
     for index, (truth, sighting) in enumerate(
         zip(seen.frames.angles, seen.frames.sightings, strict=True)
     ):
-        estimates = solve(
-            observe(sighting, model.views), sighting.angles, found.errors, found.covariance
-        )
+        seen_here = observe(sighting, model.views)
+        estimates = _by_all_corners(model, found, seen_here, sighting.angles)
         answers += [
             Answer(LABELLED, number, index, name, float(truth[joint]), estimates[joint])
             for joint, name in enumerate(model.names)

@@ -12,7 +12,7 @@ import numpy as np
 
 from perception.detection import find_views
 from perception.paper_route import PaperRoute
-from perception.proprioception import EdgeRuler, GapTable, PoseSolver, fit_edges, observe
+from perception.proprioception import EdgeRuler, GapTable, find_pose, fit_edges, observe
 from perception.unwarping import unwarp
 from studies.finger_images.making import Finger
 from studies.finger_images.sensor import gap_table
@@ -144,14 +144,12 @@ class Analysis:
 
     Attributes:
         finger: as designed.
-        solver: all corners.
         tables: the gaps.
         rulers: the edges of every joint.
         paper: the paper's route.
     """
 
     finger: Finger
-    solver: PoseSolver
     tables: list[GapTable]
     rulers: list[EdgeRuler]
     paper: PaperRoute
@@ -176,13 +174,14 @@ class Analysis:
             # A pad that is not seen twice has no gap.
             with suppress(ValueError):
                 tables.append(gap_table(finger.scene, finger.catalogue, pad))
-        return cls(finger, PoseSolver(model), tables, rulers, PaperRoute())
+        return cls(finger, tables, rulers, PaperRoute())
 
     def of_frame(self, kind: str, frame: Image) -> Trial:
         """All of it for one frame."""
         finger = self.finger
         sighting = find_views(frame, finger.lens, finger.catalogue)
-        estimates = self.solver(observe(sighting, finger.model.views), sighting.angles)
+        seen = observe(sighting, finger.model.views)
+        estimates = find_pose(finger.model, seen, sighting.angles).estimates
         estimates += [ruler.estimate(sighting) for ruler in self.rulers]
         gaps = [table.angle(table.measured(sighting)) for table in self.tables]
         for view in sighting.complete():

@@ -7,8 +7,8 @@ import pytest
 
 from perception.proprioception import (
     Observation,
-    PoseSolver,
     calibrate,
+    find_pose,
     information_bound,
     stack_observations,
 )
@@ -130,14 +130,14 @@ def test_a_joint_that_is_not_seen_is_as_good_as_unknown():
 def test_with_the_finger_known_exact_corners_are_said_to_reach_it():
     one = frame(MADE, POSE)
     bound = information_bound(MODEL, MADE, (one, POSE), (several(), SPREAD_OUT), LABELS)
-    estimates = PoseSolver(MODEL)(one, POSE, MADE)
+    estimates = find_pose(MODEL, one, POSE, MADE).estimates
     said = [estimate.deviation for estimate in estimates]
     np.testing.assert_allclose(said, bound.finger_known, rtol=1e-6)
 
 
 def test_a_calibrated_finger_comes_near_to_the_bound():
     # The finger is drawn anew each time, as the bound's prior knowledge has it.
-    generator, solver, off = np.random.default_rng(8), PoseSolver(MODEL), []
+    generator, off = np.random.default_rng(8), []
     bound = information_bound(
         MODEL, np.zeros(ERRORS), (frame(MADE, POSE), POSE), (several(), SPREAD_OUT), LABELS
     )
@@ -147,7 +147,7 @@ def test_a_calibrated_finger_comes_near_to_the_bound():
         labels = SPREAD_OUT + LABELS * generator.standard_normal(SPREAD_OUT.shape)
         found = calibrate(MODEL, seen, labels, LABELS)
         one = frame(errors, POSE, generator=generator)
-        estimates = solver(one, POSE, found.errors, found.covariance)
+        estimates = find_pose(MODEL, one, POSE, found.errors, found.covariance).estimates
         off.append([e.angle - a for e, a in zip(estimates, POSE, strict=True)])
     # 120 draws know a deviation to 6.5 % (1 σ). Calibrated first and solved then, not at once, and
     # softened, an answer is a little worse than it could be.

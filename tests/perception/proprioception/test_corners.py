@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.proprioception import Estimate, Observation, PoseSolver
+from perception.proprioception import Estimate, Observation, find_pose
 from perception.proprioception.corners import ROBUST, deviations, softened
 from tests.perception.proprioception.toy import (
     ERRORS,
@@ -25,11 +25,14 @@ from tests.perception.proprioception.toy import (
 NONE = np.zeros(ERRORS)
 MADE = np.array([0.8, -1.1, 0.6, -0.5])
 POSE = np.array([0.7, 0.4])
-SOLVER = PoseSolver(MODEL)
 EXACT = 1e-6
 """Angles that are as good as unknown draw an answer to the guess by far less, rad."""
 
 poses = st.tuples(st.floats(-0.19, 1.19), st.floats(-0.19, 1.19))
+
+
+def solved(*given) -> list[Estimate]:
+    return find_pose(MODEL, *given).estimates
 
 
 def angles_of(estimates: list[Estimate]) -> np.ndarray:
@@ -68,16 +71,16 @@ def minimum(seen: Observation, guess: np.ndarray, *, robust: bool) -> np.ndarray
 
 @given(poses)
 def test_exact_corners_give_back_their_angles(pose):
-    estimates = SOLVER(frame(NONE, np.array(pose)), np.array([0.5, 0.5]))
+    estimates = solved(frame(NONE, np.array(pose)), np.array([0.5, 0.5]))
     np.testing.assert_allclose(angles_of(estimates), pose, atol=EXACT)
     assert [estimate.reason for estimate in estimates] == ["all corners"] * 2
 
 
 def test_the_errors_of_the_finger_are_taken_into_account():
     seen = frame(MADE, POSE)
-    known = SOLVER(seen, np.zeros(2), MADE)
+    known = solved(seen, np.zeros(2), MADE)
     np.testing.assert_allclose(angles_of(known), POSE, atol=EXACT)
-    ignored = SOLVER(seen, np.zeros(2))
+    ignored = solved(seen, np.zeros(2))
     assert np.abs(angles_of(ignored) - POSE).min() > 1e-3
 
 
@@ -86,15 +89,15 @@ def test_another_finger_of_the_same_kind_is_another_model():
     middle = np.array([320.0, 240.0])
     seen = frame(NONE, POSE)
     larger = Observation(middle + 1.4 * (seen.corners - middle), seen.whitening)
-    other = PoseSolver(model_of(hinged(1.4 * FOCAL)))
-    np.testing.assert_allclose(angles_of(other(larger, np.zeros(2))), POSE, atol=EXACT)
-    assert np.abs(angles_of(SOLVER(larger, np.zeros(2))) - POSE).max() > 0.1
+    other = find_pose(model_of(hinged(1.4 * FOCAL)), larger, np.zeros(2)).estimates
+    np.testing.assert_allclose(angles_of(other), POSE, atol=EXACT)
+    assert np.abs(angles_of(solved(larger, np.zeros(2))) - POSE).max() > 0.1
 
 
 def test_without_a_guess_it_starts_at_zero():
     seen = frame(NONE, POSE)
     for guess in (np.array([np.nan, 0.3]), np.full(2, np.nan)):
-        np.testing.assert_allclose(angles_of(SOLVER(seen, guess)), POSE, atol=EXACT)
+        np.testing.assert_allclose(angles_of(solved(seen, guess)), POSE, atol=EXACT)
 
 
 def test_deviations_are_those_of_every_corner_after_the_other():
@@ -137,7 +140,7 @@ def test_the_answer_has_the_least_pseudo_huber_loss(seed):
     # Seen from errors that are not known, many corners are off by more than the limit.
     seen = correlated(seed)
     expected = minimum(seen, POSE, robust=True)
-    np.testing.assert_allclose(angles_of(SOLVER(seen, POSE)), expected, atol=EXACT)
+    np.testing.assert_allclose(angles_of(solved(seen, POSE)), expected, atol=EXACT)
 
 
 def with_outlier(seen: Observation, view: int, corner: int, pixels: float) -> Observation:
@@ -154,12 +157,12 @@ def test_an_outlier_moves_the_answer_less_than_least_squares(view, corner):
     joint = MODEL.joints[view]
     assert joint is not None
     seen = frame(NONE, POSE, generator=np.random.default_rng(3))
-    clean, plain = angles_of(SOLVER(seen, POSE)), minimum(seen, POSE, robust=False)
+    clean, plain = angles_of(solved(seen, POSE)), minimum(seen, POSE, robust=False)
     moved = []
     # Two pixels are seven deviations. What is further off counts less.
     for pixels, least in ((2.0, 1.4), (10.0, 5.0), (30.0, 15.0)):
         wrong = with_outlier(seen, view, corner, pixels)
-        found = angles_of(SOLVER(wrong, POSE))
+        found = angles_of(solved(wrong, POSE))
         np.testing.assert_allclose(found, minimum(wrong, POSE, robust=True), atol=EXACT)
         moved.append(abs(found - clean)[joint])
         assert abs(minimum(wrong, POSE, robust=False) - plain)[joint] > least * moved[-1]
@@ -173,7 +176,7 @@ def test_the_deviation_is_that_of_least_squares():
     seen = frame(MADE, POSE)
     slopes = differences(lambda pose: whitened(corners_of(MADE, pose), seen), POSE)
     expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
-    estimates = SOLVER(seen, POSE, MADE)
+    estimates = solved(seen, POSE, MADE)
     np.testing.assert_allclose(deviations_of(estimates), expected, rtol=1e-5)
 
 
@@ -185,10 +188,10 @@ def test_deviations_of_errors_are_added_as_they_move_the_answer():
     spread = root @ root.T
     # How the answer moves is seen by solving again for another finger.
     guess = POSE + 0.01
-    moves = differences(lambda errors: angles_of(SOLVER(seen, guess, errors)), MADE)
-    alone = deviations_of(SOLVER(seen, POSE, MADE))
+    moves = differences(lambda errors: angles_of(solved(seen, guess, errors)), MADE)
+    alone = deviations_of(solved(seen, POSE, MADE))
     expected = np.sqrt(alone**2 + np.diag(moves @ spread @ moves.T))
-    found = deviations_of(SOLVER(seen, POSE, MADE, spread))
+    found = deviations_of(solved(seen, POSE, MADE, spread))
     np.testing.assert_allclose(found, expected, rtol=1e-3)
     assert (found > 1.2 * alone).all()
 
@@ -199,7 +202,7 @@ def repeated(errors: np.ndarray, spread: np.ndarray | None) -> np.ndarray:
     for one in errors:
         pose = generator.uniform(0, 1, 2)
         seen = frame(one, pose, generator=generator)
-        estimates = SOLVER(seen, pose + generator.normal(0, 0.1, 2), NONE, spread)
+        estimates = solved(seen, pose + generator.normal(0, 0.1, 2), NONE, spread)
         off.append((angles_of(estimates) - pose) / deviations_of(estimates))
     return np.sqrt(np.mean(np.square(off), axis=0))
 
@@ -217,7 +220,7 @@ def test_the_deviation_is_the_scatter_over_unknown_fingers():
 
 @pytest.mark.parametrize(("without", "lost"), [((0, 1), "bend"), ((2,), "curl"), ((2, 3), "curl")])
 def test_a_joint_that_no_view_tells_is_undefined_and_the_other_stays(without, lost):
-    estimates = SOLVER(frame(NONE, POSE, without=without), np.array([0.5, 0.5]))
+    estimates = solved(frame(NONE, POSE, without=without), np.array([0.5, 0.5]))
     for estimate, name, angle in zip(estimates, MODEL.names, POSE, strict=True):
         if name == lost:
             assert not estimate.defined
@@ -228,19 +231,19 @@ def test_a_joint_that_no_view_tells_is_undefined_and_the_other_stays(without, lo
 
 
 def test_one_view_of_a_joint_is_enough_and_tells_less():
-    few = SOLVER(frame(NONE, POSE, without=(1,)), POSE)[0]
+    few = solved(frame(NONE, POSE, without=(1,)), POSE)[0]
     assert few.angle == pytest.approx(POSE[0], abs=EXACT)
-    assert few.deviation > SOLVER(frame(NONE, POSE), POSE)[0].deviation
+    assert few.deviation > solved(frame(NONE, POSE), POSE)[0].deviation
 
 
 def test_without_any_view_there_is_no_angle():
-    estimates = SOLVER(frame(NONE, POSE, without=(0, 1, 2, 3)), POSE)
+    estimates = solved(frame(NONE, POSE, without=(0, 1, 2, 3)), POSE)
     assert [e.reason for e in estimates] == [f"no complete view tells {n}" for n in MODEL.names]
 
 
 @pytest.mark.parametrize("beyond", [LIMITS[0] - 0.01, LIMITS[1] + 0.01])
 def test_an_angle_beyond_the_range_is_undefined_and_the_other_stays(beyond):
-    estimates = SOLVER(frame(NONE, np.array([beyond, 0.4])), np.array([0.5, 0.5]))
+    estimates = solved(frame(NONE, np.array([beyond, 0.4])), np.array([0.5, 0.5]))
     assert not estimates[0].defined
     assert estimates[0].reason == "the corners would have bend beyond its range"
     assert estimates[1].angle == pytest.approx(0.4, abs=EXACT)
@@ -250,7 +253,7 @@ def test_corners_that_no_pose_explains_give_no_angle():
     seen = frame(NONE, POSE, without=(2,))
     corners = np.array(seen.corners)
     corners[0, 0, 0] = np.nan
-    estimates = SOLVER(Observation(corners, seen.whitening), POSE)
+    estimates = solved(Observation(corners, seen.whitening), POSE)
     assert estimates[0].reason == "no pose fits the corners that tell bend"
     assert estimates[1].reason == "no complete view tells curl"
     assert not any(estimate.defined for estimate in estimates)
@@ -265,5 +268,31 @@ def test_corners_far_off_slow_the_search_down_and_do_not_end_it(off):
         seen = frame(NONE, POSE, generator=generator)
         corners = np.asarray(seen.corners).copy()
         corners[0, 1, 1] += off
-        answers += SOLVER(Observation(corners, seen.whitening), POSE + 0.1)
+        answers += solved(Observation(corners, seen.whitening), POSE + 0.1)
     assert all(answer.defined for answer in answers)
+
+
+def test_the_covariance_is_the_inverse_of_the_information():
+    seen, spread = correlated(13), 0.2 * np.eye(ERRORS) + 0.1
+    found = find_pose(MODEL, seen, POSE, MADE, spread)
+    angles = angles_of(found.estimates)
+
+    def left(values: np.ndarray) -> np.ndarray:
+        all_of_it = whitened(corners_of(values[:ERRORS], values[ERRORS:]), seen)
+        return all_of_it * np.sqrt(2 / (1 + np.hypot(1, all_of_it / ROBUST)))
+
+    slopes = differences(left, np.concatenate([MADE, angles]))
+    by_error, by_angle = slopes[:, :ERRORS], slopes[:, ERRORS:]
+    own = np.linalg.inv(by_angle.T @ by_angle)
+    moved = own @ by_angle.T @ by_error
+    # That the angles may be anywhere within 10 rad tells next to nothing.
+    np.testing.assert_allclose(found.covariance, own + moved @ spread @ moved.T, rtol=1e-4)
+    deviations_squared = np.square(deviations_of(found.estimates))
+    np.testing.assert_allclose(np.diag(found.covariance), deviations_squared)
+
+
+def test_an_undefined_angle_has_no_covariance():
+    found = find_pose(MODEL, frame(NONE, POSE, without=(2,)), POSE)
+    assert [estimate.defined for estimate in found.estimates] == [True, False]
+    own = found.estimates[0].deviation ** 2
+    np.testing.assert_allclose(found.covariance, [[own, 0], [0, np.inf]])
