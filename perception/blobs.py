@@ -36,7 +36,7 @@ STEADY = 0.5
 MOST = 64
 """Blobs of one threshold that are looked at; an image with more shows no finger."""
 
-LIKE = 0.05
+LIKE = 0.02
 """A part that is smaller than this share of a blob falling apart is a chip, not a part."""
 
 

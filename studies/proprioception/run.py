@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +22,6 @@ from studies.proprioception.ladder import (
     GAP,
     RUNGS,
     Answer,
-    Climbed,
     Ladder,
     errors_deg,
     of_method,
@@ -89,10 +87,7 @@ def find(spec: ProprioceptionSpec, context: Context) -> Found:
     rows: list[PrecisionRow] = []
     for size in spec.sizes:
         with context.step(f"Images {size} px high"):
-            if size == finger.imaging.shape[0]:
-                rows += _rows(finger, seen, climbed)
-            else:
-                rows += _over_sizes(spec, size, context.seed)
+            rows += _over_sizes(spec, size, context.seed)
     return Found(finger, gaps, seen, climbed, alone, smooth, rows)
 
 
@@ -148,21 +143,15 @@ def _over_sizes(spec: ProprioceptionSpec, size: int, seed: int) -> list[Precisio
     finger = Finger.of(spec, size)
     gaps = _gap_tables(finger)
     ladder = Ladder.of(finger, gaps, math.radians(spec.label_deviation_deg))
-    seen = [
-        _watch(spec, finger, gaps, number, seed, frames=spec.size_frames)
-        for number in range(spec.size_fingers)
-    ]
-    climbed = [ladder.climbed(number, one, seed) for number, one in enumerate(seen)]
-    return _rows(finger, seen, climbed)
-
-
-def _rows(
-    finger: Finger, seen: Sequence[Watched], climbed: Sequence[Climbed]
-) -> list[PrecisionRow]:
-    """Error and run time of every method on the frames of several made fingers."""
-    answers = [answer for one in climbed for answer in one.answers]
-    finding = [seconds for one in seen for seconds in one.frames.seconds]
-    solving = [seconds for one in climbed for seconds in one.seconds]
+    answers: list[Answer] = []
+    finding: list[float] = []
+    solving: list[float] = []
+    for number in range(spec.size_fingers):
+        seen = _watch(spec, finger, gaps, number, seed, frames=spec.size_frames)
+        climbed = ladder.climbed(number, seen, seed)
+        answers += climbed.answers
+        finding += seen.frames.seconds
+        solving += climbed.seconds
     rows = []
     for method in RUNGS:
         # Gap and edge are arithmetic on a few corners.

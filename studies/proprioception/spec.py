@@ -34,7 +34,7 @@ class ProprioceptionSpec(FingerImagesSpec):
         default=100, description="fingers on which the gap is tried without images"
     )
     cost_fingers: Annotated[int, Field(ge=0, le=1000)] = Field(
-        default=4, description="fingers rendered again with smooth edges"
+        default=6, description="fingers rendered again with smooth edges"
     )
     sizes: list[Annotated[int, Field(ge=200, le=4000)]] = Field(
         default=[360, 540, 810, 1080], description="heights of images, error over run time (px)"

@@ -130,8 +130,10 @@ def metrics(spec: ProprioceptionSpec, found: Found) -> list[Metric]:
     add("lens_cost_deg", mean_deg(plain) - mean_deg(labelled), "deg", "what it costs if the model "
         "takes the lens as designed")  # fmt: skip
     if found.smooth:
-        add("edge_cost_deg", _edge_cost_deg(found), "deg", "what rough edges and round corners "
-            "cost, which no model has")  # fmt: skip
+        cost, error = _edge_cost_deg(found)
+        add("edge_cost_deg", cost, "deg", "what rough edges and round corners cost, which no model "
+            "has")  # fmt: skip
+        add("edge_cost_error_deg", error, "deg", "standard error of that")
     add(
         "detection_ms",
         1e3 * statistics.median(s for one in found.watched for s in one.frames.seconds),
@@ -164,10 +166,16 @@ def _bound_deg(found: Found, *, known: bool = False) -> float:
     return math.degrees(float(np.sqrt(np.mean(np.square(kept))))) if kept else math.nan
 
 
-def _edge_cost_deg(found: Found) -> float:
-    fingers = {answer.finger for answer in found.smooth}
-    rough = [a for a in of_method(found.answers, LABELLED) if a.finger in fingers]
-    return mean_deg(rough) - mean_deg(found.smooth)
+def _edge_cost_deg(found: Found) -> tuple[float, float]:
+    """Mean over fingers of what rough edges add to the mean error, and its standard error."""
+    rough = of_method(found.answers, LABELLED)
+    costs = [
+        mean_deg([a for a in rough if a.finger == finger])
+        - mean_deg([a for a in found.smooth if a.finger == finger])
+        for finger in {answer.finger for answer in found.smooth}
+    ]
+    error = statistics.stdev(costs) / math.sqrt(len(costs)) if len(costs) > 1 else math.nan
+    return statistics.mean(costs), error
 
 
 def findings(spec: ProprioceptionSpec, found: Found) -> list[str]:
@@ -208,7 +216,9 @@ def findings(spec: ProprioceptionSpec, found: Found) -> list[str]:
         f"What the model does not have costs: the lens taken as designed "
         f"{mean_deg(of[LENS_AS_DESIGNED]) - mean_deg(of[LABELLED]):+.3f}°"
         + (
-            f"; rough edges and round corners {_edge_cost_deg(found):+.3f}°."
+            "; rough edges and round corners {:+.3f}° (standard error {:.3f}°).".format(
+                *_edge_cost_deg(found)
+            )
             if found.smooth
             else "."
         ),
