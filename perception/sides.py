@@ -177,16 +177,13 @@ def fit_lines(edges: Edges) -> list[Line]:
     design = np.stack([np.ones_like(edges.scale), edges.shares + 0 * edges.scale], axis=-1)
     design *= edges.scale[..., None]
     left = offsets - np.sum(design * _repeated_medians(edges)[:, None], axis=-1)
-    for _ in range(ROUNDS):
-        furthest = TUKEY * _deviation(left, found)
-        weights = np.where(found, np.maximum(1 - (left / furthest) ** 2, 0) ** 2, 0.0)
-        weighted = design * weights[..., None]
-        normal = np.einsum("spi,spj->sij", weighted, design)
-        # Where all weight lies in one place, the side keeps its direction.
-        normal += (1e-12 * np.trace(normal, axis1=1, axis2=2) + 1e-30)[:, None, None] * np.eye(2)
-        solution = np.linalg.solve(normal, np.einsum("spi,sp->si", weighted, offsets)[..., None])
+    solution, normal, weights = _weighted(design, offsets, left, found)
+    for _ in range(ROUNDS - 1):
         left = offsets - (design @ solution)[..., 0]
+        solution, normal, weights = _weighted(design, offsets, left, found)
+    left = offsets - (design @ solution)[..., 0]
     variance = np.sum(weights * left**2, axis=1) / np.maximum(np.sum(weights, axis=1) - 2, 1)
+    furthest = TUKEY * _deviation(left, found)
     near = np.where(found, np.clip(left, -furthest, furthest), 0.0)
     alike = np.sum(near[:, 1:] * near[:, :-1], axis=1) / np.maximum(np.sum(near**2, axis=1), 1e-9)
     alike = np.clip(alike, 0.0, 0.9)
@@ -199,6 +196,23 @@ def fit_lines(edges: Edges) -> list[Line]:
         else unknown
         for i, line in enumerate(solution)
     ]
+
+
+def _weighted(
+    design: Float[np.ndarray, "sides places 2"],
+    wanted: Float[np.ndarray, "sides places"],
+    left: Float[np.ndarray, "sides places"],
+    found: Bool[np.ndarray, "sides places"],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Least squares weighted by how small residuals were; with its normal matrix and weights."""
+    far = left / (TUKEY * _deviation(left, found))
+    weights = np.where(found, np.maximum(1 - far**2, 0) ** 2, 0.0)
+    weighted = design * weights[..., None]
+    normal = np.einsum("spi,spj->sij", weighted, design)
+    # Where all weight lies in one place, the side keeps its direction.
+    normal += (1e-12 * np.trace(normal, axis1=1, axis2=2) + 1e-30)[:, None, None] * np.eye(2)
+    solution = np.linalg.solve(normal, np.einsum("spi,sp->si", weighted, wanted)[..., None])
+    return solution, normal, weights
 
 
 def _repeated_medians(edges: Edges) -> Float[np.ndarray, "sides 2"]:

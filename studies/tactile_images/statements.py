@@ -97,8 +97,8 @@ def metrics(spec: TactileImagesSpec, found: Found) -> list[Metric]:
     add("render_ms", 1e3 * found.times[-1].seconds, "ms", "rendering a frame with all effects")
     add("render_plain_ms", 1e3 * found.times[0].seconds, "ms", "rendering it with none")
     shown = sum(one.shown for one in at_severity)
-    add("unwarped", len(pads) / max(shown, 1), "", f"pads unwarped, over the {shown} that some view "
-        "shows whole; more if it is a little below the least grazing angle")  # fmt: skip
+    add("unwarped", len(pads) / max(shown, 1), "", f"pads unwarped, over the {shown} that some "
+        "view shows whole; more if it is a little below the least grazing angle")  # fmt: skip
     return made
 
 

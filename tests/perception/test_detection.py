@@ -67,7 +67,7 @@ def test_what_is_called_complete_is_where_it_is_said_to_be(frames, number, reque
 def test_rough_angles_are_near_the_true_ones(designed_frames, number):
     image, sighting = designed_frames[number]
     # A view hidden in part tells its joint by a whole one's corners only.
-    np.testing.assert_allclose(sighting.angles, image.angles, atol=2 * STEP)
+    np.testing.assert_allclose(sighting.angles, image.angles, atol=3.5 * STEP)
 
 
 def test_a_mirror_reverses_handedness(finger, designed_frames):
