@@ -1,7 +1,8 @@
 """The errors of one finger, from frames whose joint angles are known, or from any frames.
 
-Errors, and the angles of all frames, are found together: the maximum of their joint probability
-(bundle adjustment with priors; B. Triggs et al., *Bundle adjustment, a modern synthesis*, 2000).
+Errors, the angles of all frames, and what a corner is off by in every frame alike, are found
+together: the maximum of their joint probability (bundle adjustment with priors; B. Triggs et al.,
+*Bundle adjustment, a modern synthesis*, 2000).
 A labelled frame has its label as a prior of its angles; an unlabelled one has none.
 """
 
@@ -20,6 +21,10 @@ from perception.proprioception.corners import LOOSE, CornerModel, deviations, so
 from perception.proprioception.observation import Observation
 
 TOLERANCE = 1e-9
+
+CONSTANT = 0.3
+"""Standard deviation of what a corner is off by in every frame alike, px, beside what its own
+covariance tells: a pad's edge is always rough in the same places."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,8 @@ def calibrate(
     seen: Observation,
     angles: Float[np.ndarray, "frames joints"],
     deviation: float | None = None,
+    *,
+    constant: float = CONSTANT,
 ) -> Calibration:
     """The errors of a finger from several frames.
 
@@ -55,6 +62,7 @@ def calibrate(
         seen: the corners, frames along the first axis.
         angles: the frames' labels, or rough angles to begin with, rad.
         deviation: standard deviation of the labels, rad; ``None`` if the angles are no labels.
+        constant: that of what every corner is off by in all frames alike, px.
 
     Raises:
         ValueError: the deviation is not positive.
@@ -65,16 +73,21 @@ def calibrate(
     spread = np.where(known, LOOSE if deviation is None else deviation, LOOSE)
     start = np.where(np.isfinite(angles), angles, np.mean(model.limits))
     fit, left = _calibrated(
-        model, Observation(*map(jnp.asarray, seen)), jnp.asarray(start), jnp.asarray(spread)
+        model,
+        Observation(*map(jnp.asarray, seen)),
+        jnp.asarray(start),
+        jnp.asarray(spread),
+        jnp.asarray(constant, float),
     )
     values, count = np.asarray(fit.solution.value), model.errors
     used = np.asarray(left) != 0
-    free = max(int(used.sum()) - values.size + count, 1)
+    # Errors and offsets are no free parameters: they have a prior.
+    free = max(int(used.sum()) - start.size, 1)
     scatter = float(np.sqrt(np.sum(np.asarray(left) ** 2) / free))
     return Calibration(
         values[:count],
         np.asarray(fit.covariance)[:count, :count],
-        values[count:].reshape(start.shape),
+        values[-start.size :].reshape(start.shape),
         scatter,
         bool(fit.solution.ok),
     )
@@ -86,20 +99,25 @@ def _calibrated(
     seen: Observation,
     start: Float[Array, "frames joints"],
     spread: Float[Array, "frames joints"],
+    constant: Float[Array, ""],
 ) -> tuple[Fit, Float[Array, " data"]]:
+    # Errors and offsets, all of deviation 1, and then the angles.
+    drawn = model.errors + seen.corners[0].size
+
     def corner_part(values: Float[Array, " values"]) -> Float[Array, " data"]:
-        errors, angles = values[: model.errors], values[model.errors :].reshape(start.shape)
+        errors, angles = values[: model.errors], values[drawn:].reshape(start.shape)
+        offsets = constant * values[model.errors : drawn].reshape(seen.corners[0].shape)
 
         def frame(pose: Array, one: Observation) -> Array:
-            return softened(deviations(model, errors, pose, one))
+            there = Observation(one.corners - offsets, one.whitening)
+            return softened(deviations(model, errors, pose, there))
 
         return jax.vmap(frame)(angles, seen).reshape(-1)
 
     def residuals(values: Float[Array, " values"], _: None) -> Float[Array, " data"]:
-        angles = values[model.errors :].reshape(start.shape)
-        prior = ((angles - start) / spread).reshape(-1)
-        return jnp.concatenate([corner_part(values), values[: model.errors], prior])
+        prior = ((values[drawn:].reshape(start.shape) - start) / spread).reshape(-1)
+        return jnp.concatenate([corner_part(values), values[:drawn], prior])
 
-    guess = jnp.concatenate([jnp.zeros(model.errors), start.reshape(-1)])
+    guess = jnp.concatenate([jnp.zeros(drawn), start.reshape(-1)])
     fit = least_squares(residuals, guess, tolerance=TOLERANCE, max_steps=64, differentiable=False)
     return fit, corner_part(fit.solution.value)

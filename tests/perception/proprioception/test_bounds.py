@@ -145,7 +145,7 @@ def test_a_calibrated_finger_comes_near_to_the_bound():
         errors = generator.standard_normal(ERRORS)
         seen = stack_observations([frame(errors, pose, generator=generator) for pose in SPREAD_OUT])
         labels = SPREAD_OUT + LABELS * generator.standard_normal(SPREAD_OUT.shape)
-        found = calibrate(MODEL, seen, labels, LABELS)
+        found = calibrate(MODEL, seen, labels, LABELS, constant=0.0)
         one = frame(errors, POSE, generator=generator)
         estimates = find_pose(MODEL, one, POSE, found.errors, found.covariance).estimates
         off.append([e.angle - a for e, a in zip(estimates, POSE, strict=True)])

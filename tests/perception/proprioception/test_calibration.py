@@ -67,24 +67,30 @@ def seen_straight(labels: np.ndarray) -> tuple[Observation, np.ndarray]:
     return Observation(corners, whitening), slopes
 
 
+@pytest.mark.parametrize("constant", [0.0, 0.5])
 @pytest.mark.parametrize("labelling", LABELLINGS)
-def test_of_a_straight_finger_the_posterior_is_the_closed_one(labelling):
+def test_of_a_straight_finger_the_posterior_is_the_closed_one(labelling, constant):
     hidden, deviation = LABELLINGS[labelling]
     noise = SMALL * LABELS * np.random.default_rng(2).standard_normal(SPREAD_OUT.shape)
     labels = np.where(hidden, np.nan, SPREAD_OUT + noise)
     seen, slopes = seen_straight(labels)
-    found = calibrate(model_of(straight(*STRAIGHT)), seen, labels, deviation)
+    found = calibrate(model_of(straight(*STRAIGHT)), seen, labels, deviation, constant=constant)
 
     spread = np.full(labels.shape, LOOSE)
     if deviation is not None:
         spread[~hidden] = deviation
-    prior = np.concatenate([np.ones(ERRORS), spread.ravel() ** -2])
-    mean = np.concatenate([np.zeros(ERRORS), np.where(hidden, MIDDLE, labels).ravel()])
+    prior = np.concatenate([np.ones(ERRORS), spread.ravel() ** -2, np.ones(STRAIGHT[0].size)])
+    zero = np.zeros(STRAIGHT[0].size)
+    mean = np.concatenate([np.zeros(ERRORS), np.where(hidden, MIDDLE, labels).ravel(), zero])
+    # What a column or row is off by in every frame is one more unknown for each.
+    alike = np.broadcast_to(constant * np.eye(zero.size), (FRAMES, zero.size, zero.size))
     there = np.any(np.asarray(seen.whitening) != 0, axis=-1) / NOISE
+    slopes = np.concatenate([slopes, alike.reshape(*there.shape, zero.size)], axis=-1)
     weighted = (slopes * there[..., None]).reshape(-1, prior.size)
     data = ((np.asarray(seen.corners) - STRAIGHT[0]) * there).ravel()
     covariance = np.linalg.inv(weighted.T @ weighted + np.diag(prior))
-    expected = covariance @ (weighted.T @ data + prior * mean)
+    expected = (covariance @ (weighted.T @ data + prior * mean))[: -zero.size]
+    covariance = covariance[: -zero.size, : -zero.size]
 
     assert found.ok
     scale = np.sqrt(np.diag(covariance))
@@ -108,7 +114,7 @@ def watched(
 
 @pytest.mark.parametrize("off", [0.0, 0.2])
 def test_exact_unlabelled_frames_tell_all_but_the_zero_of_a_joint(off):
-    found = calibrate(MODEL, watched(MADE), SPREAD_OUT + off)
+    found = calibrate(MODEL, watched(MADE), SPREAD_OUT + off, constant=0.0)
     assert found.ok
     # What is known before draws the mean of a posterior to zero by its covariance's share; the
     # corners' bend within a deviation adds a little.
@@ -123,7 +129,9 @@ def test_exact_unlabelled_frames_tell_all_but_the_zero_of_a_joint(off):
 
 
 def test_exact_labelled_frames_tell_the_errors():
-    found = calibrate(MODEL, watched(MADE, said=NOISE / 100), SPREAD_OUT, LABELS / 100)
+    found = calibrate(
+        MODEL, watched(MADE, said=NOISE / 100), SPREAD_OUT, LABELS / 100, constant=0.0
+    )
     assert found.ok
     # The prior draws them to zero by a part of what is left to be known, 1e-4 of it.
     np.testing.assert_allclose(found.errors, MADE, atol=1e-3)
@@ -134,7 +142,7 @@ def test_exact_labelled_frames_tell_the_errors():
 def test_frames_without_a_label_get_their_angle():
     labels = SPREAD_OUT.copy()
     labels[1], labels[4, 0] = np.nan, np.nan
-    found = calibrate(MODEL, watched(MADE, said=NOISE / 100), labels, LABELS / 100)
+    found = calibrate(MODEL, watched(MADE, said=NOISE / 100), labels, LABELS / 100, constant=0.0)
     assert found.ok
     np.testing.assert_allclose(found.errors, MADE, atol=1e-3)
     np.testing.assert_allclose(found.angles, SPREAD_OUT, atol=1e-4)
@@ -144,7 +152,9 @@ def test_what_nothing_is_seen_of_stays_as_it_was():
     labels = SPREAD_OUT.copy()
     labels[0] = np.nan
     for deviation in (None, LABELS):
-        found = calibrate(MODEL, watched(MADE, without=(0, 1, 2, 3)), labels, deviation)
+        found = calibrate(
+            MODEL, watched(MADE, without=(0, 1, 2, 3)), labels, deviation, constant=0.0
+        )
         assert found.ok
         np.testing.assert_allclose(found.errors, 0, atol=1e-12)
         np.testing.assert_allclose(found.covariance, np.eye(ERRORS), atol=1e-12)
@@ -153,7 +163,7 @@ def test_what_nothing_is_seen_of_stays_as_it_was():
 
 
 def test_a_joint_that_is_never_seen_tells_nothing_of_its_zero():
-    found = calibrate(MODEL, watched(MADE, without=LOW), SPREAD_OUT, LABELS)
+    found = calibrate(MODEL, watched(MADE, without=LOW), SPREAD_OUT, LABELS, constant=0.0)
     assert found.ok
     np.testing.assert_allclose(found.errors[ZERO], 0, atol=1e-9)
     row = np.eye(ERRORS)[ZERO]
@@ -165,25 +175,34 @@ def test_corners_that_are_no_numbers_are_no_calibration():
     seen = watched(MADE)
     corners = np.array(seen.corners)
     corners[0, 0, 0, 0] = np.nan
-    found = calibrate(MODEL, Observation(corners, seen.whitening), SPREAD_OUT, LABELS)
+    found = calibrate(MODEL, Observation(corners, seen.whitening), SPREAD_OUT, LABELS, constant=0.0)
     assert not found.ok
     assert np.isfinite(found.errors).all()
 
 
-def repeated(deviation: float | None, count: int = 120) -> tuple[np.ndarray, list[Calibration]]:
-    """Fingers drawn from what is known of them before, and what is found."""
+def repeated(
+    deviation: float | None, constant: float, count: int = 120
+) -> tuple[np.ndarray, list[Calibration]]:
+    """Fingers drawn from what is known of them before, and what is found.
+
+    Every corner of a finger is off by something in all frames alike.
+    """
     generator, true, found = np.random.default_rng(6), [], []
     for _ in range(count):
         errors = generator.standard_normal(ERRORS)
         labels = SPREAD_OUT + LABELS * generator.standard_normal(SPREAD_OUT.shape)
         true.append(errors)
-        found.append(calibrate(MODEL, watched(errors, generator), labels, deviation))
+        seen = watched(errors, generator)
+        alike = constant * generator.standard_normal(seen.corners.shape[1:])
+        seen = Observation(seen.corners + alike, seen.whitening)
+        found.append(calibrate(MODEL, seen, labels, deviation, constant=constant))
     return np.array(true), found
 
 
+@pytest.mark.parametrize("constant", [0.0, 0.5])
 @pytest.mark.parametrize("deviation", [LABELS, None], ids=["labelled", "unlabelled"])
-def test_the_covariance_is_the_scatter_of_repeats(deviation):
-    true, found = repeated(deviation)
+def test_the_covariance_is_the_scatter_of_repeats(deviation, constant):
+    true, found = repeated(deviation, constant)
     assert all(one.ok for one in found)
     off = np.array([one.errors for one in found]) - true
     roots = [np.linalg.cholesky(np.linalg.inv(one.covariance)) for one in found]
@@ -209,7 +228,9 @@ def softened_square(times: float) -> float:
 def test_the_scatter_tells_how_much_worse_corners_are_than_said(times):
     generator = np.random.default_rng(7)
     found = [
-        calibrate(MODEL, watched(MADE, generator, said=NOISE / times), SPREAD_OUT).scatter
+        calibrate(
+            MODEL, watched(MADE, generator, said=NOISE / times), SPREAD_OUT, constant=0.0
+        ).scatter
         for _ in range(20)
     ]
     # 20 frames of 180 data know it to 1.2 % (1 σ), and one to 5 %; large ones count less. The
@@ -223,4 +244,4 @@ def test_the_scatter_tells_how_much_worse_corners_are_than_said(times):
 def test_labels_without_a_deviation_are_refused(deviation):
     seen = stack_observations([frame(np.zeros(ERRORS), np.zeros(2))])
     with pytest.raises(ValueError, match="positive deviation"):
-        calibrate(MODEL, seen, np.zeros((1, 2)), deviation)
+        calibrate(MODEL, seen, np.zeros((1, 2)), deviation, constant=0.0)
