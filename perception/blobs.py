@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from perception.masks import Grey, Mask, global_mask, seam_mask
 
@@ -76,7 +76,7 @@ def stable_blobs(grey: Grey) -> list[Blob]:
 
 def _levels(grey: Grey) -> list[float]:
     """Thresholds from just above the background to full scale."""
-    counts = cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()
+    counts = cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel().astype(int)
     values = np.arange(256)
     middle = _median(values, counts)
     deviation = 1.4826 * _median(np.abs(values - middle), counts)
@@ -84,7 +84,7 @@ def _levels(grey: Grey) -> list[float]:
     return [] if lowest >= 250 else np.geomspace(lowest, 250.0, LEVELS).tolist()
 
 
-def _median(values: Int[np.ndarray, " bins"], counts: Float[np.ndarray, " bins"]) -> int:
+def _median(values: Int[np.ndarray, " bins"], counts: Int[np.ndarray, " bins"]) -> int:
     """Of values that occur so often."""
     order = np.argsort(values, kind="stable")
     reached = np.cumsum(counts[order])

@@ -87,8 +87,8 @@ def fit_quad(
         return None
     found = _refined(grey, lens, plane, corners)
     for _ in range(STEPS - 1):
-        # What is hardly there is said to be so, and not looked at more closely.
-        if found is not None and found.edges.contrast.min() >= LEAST_CONTRAST:
+        # A blotch, hardly there on any side, is not looked at more closely.
+        if found is not None and found.edges.contrast.max() >= LEAST_CONTRAST:
             found = _refined(grey, lens, plane, found.corners)
     if found is None:
         return None

@@ -174,7 +174,9 @@ def fit_lines(edges: Edges) -> list[Line]:
     so the covariance counts fewer of them: n (1 − r) / (1 + r) for the correlation r of neighbours.
     """
     found, offsets = edges.found, edges.offsets * edges.scale
-    design = np.stack([np.ones_like(edges.scale), edges.shares + 0 * edges.scale], axis=-1)
+    design = np.stack(
+        [np.ones_like(edges.scale), np.broadcast_to(edges.shares, found.shape)], axis=-1
+    )
     design *= edges.scale[..., None]
     left = offsets - np.sum(design * _repeated_medians(edges)[:, None], axis=-1)
     solution, normal, weights = _weighted(design, offsets, left, found)
@@ -185,7 +187,9 @@ def fit_lines(edges: Edges) -> list[Line]:
     variance = np.sum(weights * left**2, axis=1) / np.maximum(np.sum(weights, axis=1) - 2, 1)
     furthest = TUKEY * _deviation(left, found)
     near = np.where(found, np.clip(left, -furthest, furthest), 0.0)
-    alike = np.sum(near[:, 1:] * near[:, :-1], axis=1) / np.maximum(np.sum(near**2, axis=1), 1e-9)
+    pairs = np.maximum((found[:, 1:] & found[:, :-1]).sum(axis=1), 1)
+    mean_square = np.sum(near**2, axis=1) / np.maximum(found.sum(axis=1), 1)
+    alike = np.sum(near[:, 1:] * near[:, :-1], axis=1) / pairs / np.maximum(mean_square, 1e-12)
     alike = np.clip(alike, 0.0, 0.9)
     covariance = (variance * (1 + alike) / (1 - alike))[:, None, None] * np.linalg.inv(normal)
     covariance[:, 0, 0] += (edges.doubt / np.mean(edges.scale, axis=1)) ** 2

@@ -1,10 +1,14 @@
 """Global settings of the test run: what the library must bear, and must never set itself."""
 
 import os
+import sys
 
-# Another way for XLA to make its code, which takes two thirds of the time; read when JAX is loaded.
+# Other ways for XLA to make its code, which compile in two thirds of the time; read when JAX is
+# loaded. They belong to the jaxlib of constraints.txt: another one may not know them and stop.
+# With ``-m slow`` tests run what users run; processes of a test run inherit what its first one set.
 QUICK_TO_COMPILE = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
-os.environ.setdefault("XLA_FLAGS", QUICK_TO_COMPILE)
+if "PYTEST_XDIST_WORKER" not in os.environ and "slow" not in sys.argv:
+    os.environ.setdefault("XLA_FLAGS", QUICK_TO_COMPILE)
 
 import hypothesis  # noqa: E402
 import jax  # noqa: E402

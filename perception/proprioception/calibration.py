@@ -23,8 +23,8 @@ from perception.proprioception.observation import Observation
 TOLERANCE = 1e-9
 
 CONSTANT = 0.3
-"""Standard deviation of what a corner is off by in every frame alike, px, beside what its own
-covariance tells: a pad's edge is always rough in the same places."""
+"""Standard deviation of what a corner is off by in every frame alike, px of any image,
+beside what its own covariance tells: a pad's edge is always rough in the same places."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class Calibration:
         errors: in units of their deviations before.
         covariance: of these.
         angles: of the frames, rad.
-        scatter: root mean square of the corners' deviations, in units of the expected; about 1 if
-            the corners are as good as they were said to be.
+        scatter: root mean square of the deviations of corners and of what was known before, in
+            units of the expected; about 1 if both are as good as they were said to be.
         ok: whether the minimum was found.
     """
 
@@ -80,10 +80,10 @@ def calibrate(
         jnp.asarray(constant, float),
     )
     values, count = np.asarray(fit.solution.value), model.errors
-    used = np.asarray(left) != 0
-    # Errors and offsets are no free parameters: they have a prior.
-    free = max(int(used.sum()) - start.size, 1)
-    scatter = float(np.sqrt(np.sum(np.asarray(left) ** 2) / free))
+    used = int(np.count_nonzero(np.asarray(left)))
+    # With what priors are off by among the squares, only angles without a label are free.
+    free = max(used - int(np.count_nonzero(~known)), 1)
+    scatter = float(np.sqrt(float(fit.chi_squared) / free)) if used else 0.0
     return Calibration(
         values[:count],
         np.asarray(fit.covariance)[:count, :count],

@@ -27,7 +27,7 @@ class FingerImagesSpec(Spec):
 
     scene: str = Field(
         default="",
-        description="scene file of the finger; by default what `designopt run finger` finds",
+        description="scene file of the finger; by default that of the packaged finger",
     )
     width: Length = Field(default=24.0, description="of the pads across the section (mm)")
     severity: Annotated[float, Field(ge=0, le=2)] = Field(

@@ -83,7 +83,8 @@ def range_figure(found: Found) -> Figure:
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
-        axes.sharey(row[0])
+        if axes is not row[0]:
+            axes.sharey(row[0])
     row[0].set_ylabel("mean absolute error (deg)")
     drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return Figure(

@@ -145,7 +145,7 @@ class Ladder:
                 table,
                 np.array([table.measured(one) for one in seen.in_gap.sightings]),
                 gap_labels[:, joint],
-                noise=math.sqrt(2) * END_NOISE * pixel,
+                noise=FLOOR * pixel,
                 label_deviation=self.label_deviation,
             )
             for joint, table in enumerate(self.tables)

@@ -133,7 +133,8 @@ def metrics(spec: ProprioceptionSpec, found: Found) -> list[Metric]:
         cost, error = _edge_cost_deg(found)
         add("edge_cost_deg", cost, "deg", "what rough edges and round corners cost, which no model "
             "has")  # fmt: skip
-        add("edge_cost_error_deg", error, "deg", "standard error of that")
+        if math.isfinite(error):
+            add("edge_cost_error_deg", error, "deg", "standard error of that")
     add(
         "detection_ms",
         1e3 * statistics.median(s for one in found.watched for s in one.frames.seconds),
@@ -174,8 +175,17 @@ def _edge_cost_deg(found: Found) -> tuple[float, float]:
         - mean_deg([a for a in found.smooth if a.finger == finger])
         for finger in {answer.finger for answer in found.smooth}
     ]
-    error = statistics.stdev(costs) / math.sqrt(len(costs)) if len(costs) > 1 else math.nan
-    return statistics.mean(costs), error
+    known = [cost for cost in costs if math.isfinite(cost)]
+    if len(known) < 2:
+        return (known[0] if known else math.nan), math.nan
+    return statistics.mean(known), statistics.stdev(known) / math.sqrt(len(known))
+
+
+def _edge_cost_words(found: Found) -> str:
+    cost, error = _edge_cost_deg(found)
+    fingers = len({answer.finger for answer in found.smooth})
+    exact = f" (standard error {error:.3f}° over {fingers} fingers)" if math.isfinite(error) else ""
+    return f"{cost:+.3f}°{exact}"
 
 
 def findings(spec: ProprioceptionSpec, found: Found) -> list[str]:
@@ -215,13 +225,7 @@ def findings(spec: ProprioceptionSpec, found: Found) -> list[str]:
         f"{_bound_deg(found, known=True):.3f}° if the finger's errors were known.",
         f"What the model does not have costs: the lens taken as designed "
         f"{mean_deg(of[LENS_AS_DESIGNED]) - mean_deg(of[LABELLED]):+.3f}°"
-        + (
-            "; rough edges and round corners {:+.3f}° (standard error {:.3f}°).".format(
-                *_edge_cost_deg(found)
-            )
-            if found.smooth
-            else "."
-        ),
+        + (f"; rough edges and round corners {_edge_cost_words(found)}." if found.smooth else "."),
     ]
     missing = 1 - defined_share(of[LABELLED])
     if missing:

@@ -12,7 +12,7 @@ import numpy as np
 
 from perception.detection import find_views
 from perception.paper_route import PaperRoute
-from perception.proprioception import EdgeRuler, GapTable, find_pose, fit_edges, observe
+from perception.proprioception import EdgeRuler, GapMeter, find_pose, fit_edges, observe
 from perception.unwarping import unwarp
 from studies.finger_images.making import Finger
 from studies.finger_images.sensor import gap_table
@@ -118,7 +118,7 @@ DAMAGED: dict[str, Corruption] = {
 
 
 LABEL_DEVIATION, EDGE_DEVIATION = 0.01, 0.001
-"""What the ruler of edges is told of its frames, rad."""
+"""What the ruler of edges is told of its frames, rad: it must answer, not be good."""
 
 
 @dataclass(frozen=True)
@@ -144,13 +144,13 @@ class Analysis:
 
     Attributes:
         finger: as designed.
-        tables: the gaps.
+        meters: the gaps, as designed.
         rulers: the edges of every joint.
         paper: the paper's route.
     """
 
     finger: Finger
-    tables: list[GapTable]
+    meters: list[GapMeter]
     rulers: list[EdgeRuler]
     paper: PaperRoute
 
@@ -163,18 +163,19 @@ class Analysis:
             fit_edges(
                 sightings,
                 angles[:, joint],
-                model.views,
+                [view for view, j in zip(model.views, model.joints, strict=True) if j == joint],
                 label_deviation=LABEL_DEVIATION,
                 edge_deviation=EDGE_DEVIATION,
             )
             for joint in range(len(model.names))
         ]
-        tables = []
+        meters = []
         for pad in finger.catalogue.lengths:
             # A pad that is not seen twice has no gap.
             with suppress(ValueError):
-                tables.append(gap_table(finger.scene, finger.catalogue, pad))
-        return cls(finger, tables, rulers, PaperRoute())
+                table = gap_table(finger.scene, finger.catalogue, pad)
+                meters.append(GapMeter(table, 0.0, 1.0, np.zeros((2, 2)), EDGE_DEVIATION))
+        return cls(finger, meters, rulers, PaperRoute())
 
     def of_frame(self, kind: str, frame: Image) -> Trial:
         """All of it for one frame."""
@@ -183,12 +184,12 @@ class Analysis:
         seen = observe(sighting, finger.model.views)
         estimates = find_pose(finger.model, seen, sighting.angles).estimates
         estimates += [ruler.estimate(sighting) for ruler in self.rulers]
-        gaps = [table.angle(table.measured(sighting)) for table in self.tables]
+        estimates += [meter.estimate(meter.table.measured(sighting)) for meter in self.meters]
         for view in sighting.complete():
             unwarp(frame, view, finger.lens, finger.catalogue.lengths[view.pad], finger.width)
         if isinstance(frame, np.ndarray):
             self.paper.corners(frame)
-        given = sum(one.defined for one in estimates) + int(np.isfinite(gaps).sum())
+        given = sum(one.defined for one in estimates)
         return Trial(kind, "", len(sighting.complete()), given)
 
 

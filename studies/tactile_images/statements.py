@@ -66,13 +66,13 @@ def metrics(spec: TactileImagesSpec, found: Found) -> list[Metric]:
         "90th percentile of the distance of places on unwarped pads from where they are",
         Target("<=", UNWARP_MM),
     )
+    add("affine_unwarp_p90_mm", affine, "mm", "the same by an affine map, as in the paper")
     for name, scales, words in (
         ("view_scale_p10", [one.scale for one in pads], "chosen by its least scale"),
         ("area_view_scale_p10", [one.area_scale for one in pads], "chosen by its area"),
     ):
         value = float(np.quantile(scales, 0.1)) if scales else math.nan
         add(name, value, "px/mm", f"10th percentile of the least scale of a pad's view {words}")
-    add("affine_unwarp_p90_mm", affine, "mm", "the same by an affine map, as in the paper")
     add(
         "detection_ms",
         1e3 * statistics.median(frame.seconds for frame in at_severity),
@@ -90,15 +90,15 @@ def metrics(spec: TactileImagesSpec, found: Found) -> list[Metric]:
             "corrupted_failures",
             wrong,
             "",
-            f"of {len(found.trials):,} corrupted frames, those with an exception, or with an angle "
-            "where there is no finger",
+            f"of {len(found.trials):,} corrupted frames, those with an exception, or with a view "
+            "or an angle where there is no finger",
             Target("<=", 0),
         )
     add("render_ms", 1e3 * found.times[-1].seconds, "ms", "rendering a frame with all effects")
     add("render_plain_ms", 1e3 * found.times[0].seconds, "ms", "rendering it with none")
     shown = sum(one.shown for one in at_severity)
     add("unwarped", len(pads) / max(shown, 1), "", f"pads unwarped, over the {shown} that some "
-        "view shows whole; more if it is a little below the least grazing angle")  # fmt: skip
+        "view shows whole; above 1 where a view too grazing to count was unwarped")  # fmt: skip
     return made
 
 
