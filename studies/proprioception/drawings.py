@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.ticker import LogLocator, NullFormatter
 from scipy import stats
 
@@ -70,21 +72,16 @@ def range_figure(found: Found) -> Figure:
             own = of_method(found.answers, method, name)
             angles = np.rad2deg([answer.truth for answer in own])
             errors = np.abs(np.rad2deg([answer.error for answer in own]))
-            middles, means = [], []
-            for start in np.arange(0, 90, BIN_DEG):
-                inside = (angles >= start) & (angles < start + BIN_DEG) & np.isfinite(errors)
-                if inside.sum() >= 3:
-                    middles.append(start + BIN_DEG / 2)
-                    means.append(errors[inside].mean())
-            axes.plot(middles, means, color=PALETTE[index], marker=MARKERS[index],
-                      linestyle=DASHES[index], label=method)  # fmt: skip
+            axes.plot(*_binned(angles, errors, np.mean), color=PALETTE[index],
+                      marker=MARKERS[index], linestyle=DASHES[index], label=method)  # fmt: skip
         axes.set(yscale="log", title=name.upper(), xlabel="joint angle (deg)", xlim=(-2, 92),
                  xticks=np.arange(0, 91, 15))  # fmt: skip
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
-        if axes is not row[0]:
-            axes.sharey(row[0])
+    limits = np.array([axes.get_ylim() for axes in row])
+    for axes in row:
+        axes.set_ylim(limits[:, 0].min(), limits[:, 1].max())
     row[0].set_ylabel("mean absolute error (deg)")
     drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return Figure(
@@ -144,13 +141,8 @@ def bound_figure(found: Found) -> Figure:
             (errors, PALETTE[0], "o", "reached, root mean square"),
             (bounds, PALETTE[1], "s", "Cramér–Rao bound, root mean square"),
         ):
-            starts = np.arange(0, 90, BIN_DEG)
-            inside = [(angles >= start) & (angles < start + BIN_DEG) for start in starts]
-            kept = [(start, values[part]) for start, part in zip(starts, inside, strict=True)
-                    if part.sum() >= 3]  # fmt: skip
-            axes.plot([start + BIN_DEG / 2 for start, _ in kept],
-                      [np.sqrt(np.mean(part**2)) for _, part in kept], color=colour,
-                      marker=marker, label=label)  # fmt: skip
+            axes.plot(*_binned(angles, values, _root_mean_square), color=colour, marker=marker,
+                      label=label)  # fmt: skip
         axes.set(yscale="log", title=name.upper(), xlabel="joint angle (deg)", xlim=(-2, 92),
                  ylim=(3e-3, 3), xticks=np.arange(0, 91, 15))  # fmt: skip
     row[0].set_ylabel("error, labelled calibration (deg)")
@@ -162,6 +154,25 @@ def bound_figure(found: Found) -> Figure:
         "deviation and the errors of fabrication that these frames leave.",
         drawing,
     )
+
+
+def _root_mean_square(values: Float[np.ndarray, " _"]) -> np.floating:
+    return np.sqrt(np.mean(values**2))
+
+
+def _binned(
+    angles: Float[np.ndarray, " answers"],
+    values: Float[np.ndarray, " answers"],
+    statistic: Callable[[np.ndarray], np.floating],
+) -> tuple[list[float], list[float]]:
+    """Middles of the bins that hold three numbers or more, and a statistic of these."""
+    middles, found = [], []
+    for start in np.arange(0, 90, BIN_DEG):
+        inside = (angles >= start) & (angles < start + BIN_DEG) & np.isfinite(values)
+        if inside.sum() >= 3:
+            middles.append(float(start + BIN_DEG / 2))
+            found.append(float(statistic(values[inside])))
+    return middles, found
 
 
 def covariance_figure(found: Found) -> Figure:

@@ -197,7 +197,7 @@ def errors_figure(spec: TactileImagesSpec, frames: list[Frame]) -> Figure:
                 one.plot(numbers, parts, color=PALETTE[index], linestyle=("-", "--")[index],
                          label=name)  # fmt: skip
         one.set(xscale="log", xlabel=label, ylabel="part below (%)", ylim=(0, 101))
-        one.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+        one.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return Figure(
         "errors",
         "How far off corners and places are",

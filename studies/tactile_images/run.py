@@ -49,7 +49,7 @@ def run(spec: TactileImagesSpec, context: Context) -> Results:
         figures=drawings.figures(spec, found),
         precision=PrecisionStudy(
             found.rows,
-            error="median corner error of the views found (px of 1080 rows)",
+            error="median corner error (px of 1080 rows)",
             reference="the corners of the rendered pads' sharp rectangles",
             claims=[statements.claim(found.rows)],
         )
