@@ -120,12 +120,12 @@ class SpecFile:
     Attributes:
         name: file name with its ending.
         title: what it is and what reads it, in one line, for the report.
-        text: its content.
+        content: what stands in it: text, or bytes where a program reads it.
     """
 
     name: str
     title: str
-    text: str
+    content: str | bytes
 
 
 @dataclass(frozen=True)

@@ -189,7 +189,8 @@ def write_results(record: RunRecord, results: Results, folder: Path) -> None:
     if results.specs:
         (folder / "specs").mkdir()
     for spec in results.specs:
-        (folder / "specs" / spec.name).write_text(spec.text, encoding="utf-8")
+        content = spec.content.encode() if isinstance(spec.content, str) else spec.content
+        (folder / "specs" / spec.name).write_bytes(content)
     precision = results.precision
     document = record._asdict() | {
         "findings": list(results.findings),

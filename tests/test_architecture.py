@@ -26,7 +26,10 @@ PUBLIC = (
     "kinematics",
     "optics",
     "optics.rendering",
+    "optics.soft_finger",
     "perception",
+    "perception.chamber",
+    "perception.posture",
     "perception.proprioception",
 )
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))

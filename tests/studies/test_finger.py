@@ -23,7 +23,7 @@ from studies.finger_mirrors.statements import percent_at_least
 @pytest.fixture(scope="module")
 def files():
     made = spec_files(FingerSpec(), reference_pins(), robust_layout())
-    return {file.name: tomllib.loads(file.text) for file in made}
+    return {file.name: tomllib.loads(str(file.content)) for file in made}
 
 
 def test_the_files_are_the_finger(files):

@@ -307,7 +307,7 @@ def test_a_comparison_without_a_feasible_run_has_no_best():
 
 
 def test_the_linkage_file_is_the_design():
-    text = spec_file(reference_pins(), BODY).text
+    text = str(spec_file(reference_pins(), BODY).content)
     linkage = linkage_from(tomllib.loads(text))
     angles = -jnp.deg2rad(jnp.array([[0.0, 0.0], [40.0, 70.0]]))
     mine = solve_poses(linkage, angles).value

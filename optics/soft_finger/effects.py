@@ -1,0 +1,62 @@
+"""What makes an endoscope's picture worse than the geometry: effects whose size can be 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+
+@dataclass(frozen=True)
+class ChamberEffects:
+    """Sizes of the effects; what is 0 is off.
+
+    Attributes:
+        gain: exposure; 1 images a white wall at B, where red meets blue, at full scale.
+        flicker: standard deviation of the exposure's logarithm from frame to frame.
+        falloff: power with which light falls with the distance from the lens; it would be 3 for a
+            lamp at the lens and dark walls, less for walls that light each other.
+        uneven: part of the light that is lost from the side nearest to the lamp to the other.
+        vignetting: part of the light that the lens loses in the image's corners.
+        glare: brightness of the lamp's mirror image on the wet wall, part of full scale.
+        shake: standard deviation of the camera's pointing to either side, px.
+        roll_deg: standard deviation of its turning about its axis.
+        blur: standard deviation of the point spread, px.
+        noise: standard deviation of a sample's photon noise at full scale, part of full scale; it
+            falls with the square root of the light. A fifth of it is added everywhere.
+    """
+
+    gain: float = 1.0
+    flicker: float = 0.0
+    falloff: float = 1.0
+    uneven: float = 0.0
+    vignetting: float = 0.0
+    glare: float = 0.0
+    shake: float = 0.0
+    roll_deg: float = 0.0
+    blur: float = 0.0
+    noise: float = 0.0
+
+    @classmethod
+    def graded(cls, severity: float, gain: float = 1.0) -> ChamberEffects:
+        """All effects, from none (severity 0) over those of a good finger (1) to a poor one (2)."""
+        if not 0 <= severity <= 2:
+            raise ValueError(f"severity is {severity:g}; give 0 (perfect) to 2 (poor)")
+        kept = ("gain", "falloff")
+        sizes = {
+            each.name: severity * getattr(TYPICAL, each.name)
+            for each in fields(cls)
+            if each.name not in kept
+        }
+        return replace(TYPICAL, gain=gain, **sizes)
+
+
+TYPICAL = ChamberEffects(
+    flicker=0.15,
+    uneven=0.2,
+    vignetting=0.3,
+    glare=0.3,
+    shake=0.5,
+    roll_deg=0.2,
+    blur=0.8,
+    noise=0.02,
+)
+"""A well-made finger; chosen, as the paper gives no numbers."""

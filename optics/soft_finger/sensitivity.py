@@ -1,0 +1,62 @@
+"""How far the image moves when the finger bends: what a chamber is designed for."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from designopt.numerics import as_float
+from designopt.solution import Solution, first_failure
+from optics.chamber import Chamber, ChamberResult
+from optics.soft_finger.endoscope import Endoscope
+from optics.soft_finger.rings import Rings, spans
+
+
+def extreme_points(
+    chamber: Chamber, endoscope: Endoscope, bend: ArrayLike, direction: ArrayLike
+) -> Solution[Float[Array, "3 2"]]:
+    """Where blue, yellow and the top end in the image on the side to which the finger bends.
+
+    Args:
+        chamber: of the straight finger, not pressed.
+        endoscope: its camera.
+        bend: in radians; the points are those of the other side where it is negative.
+        direction: to which side it bends, in the image: 0 is right, a right angle is down.
+
+    Returns:
+        Points of the outer outlines of blue, of yellow and of the top, px. ``margin`` is the
+        least width that is seen of the three in the plane of bending, as a difference of tangents.
+    """
+    rings = Rings.of(chamber)
+    bend = as_float(bend).astype(rings.arc.dtype)
+    direction = as_float(direction).astype(rings.arc.dtype)
+    seen = spans(rings, bend, jnp.zeros_like(rings.arc))
+    ends = jnp.asarray(rings.ends)
+    side = jnp.stack([jnp.cos(direction), jnp.sin(direction)])
+    points = endoscope.image(seen.seen_high[ends][:, None] * side[None])
+    margin, result = first_failure(
+        ChamberResult.successful,
+        (jnp.min(seen.margin), ChamberResult.behind_pinhole),
+        (jnp.min(seen.width[ends]), ChamberResult.hidden),
+    )
+    return Solution(points, margin, jnp.zeros_like(margin), result)
+
+
+def image_rates(chamber: Chamber, endoscope: Endoscope, direction: ArrayLike) -> Float[Array, "3"]:
+    """Px per radian of bend by which blue's, yellow's and the top's outline starts to move.
+
+    The derivative, for the straight finger, of `extreme_points` along the direction of bending:
+
+        f (s²/2 + r² s/(s + δ)) / ((s + δ) L) (1 + 3 k1 r²/(s + δ)²)
+
+    for a ring of radius r at s, with f the focal length in px; the first part is the ring's way
+    sideways, the second its turn towards the camera, the last the lens.
+    """
+    angle = as_float(direction).astype(chamber.length_ab.dtype)
+    side = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+
+    def along(bend: Float[Array, ""]) -> Float[Array, "3"]:
+        return extreme_points(chamber, endoscope, bend, angle).value @ side
+
+    return jax.jacfwd(along)(jnp.zeros_like(angle))

@@ -1,0 +1,5 @@
+"""Views into a soft finger's chamber: its coloured regions, seven points, the bending direction."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,52 @@
+"""Boundaries between the coloured regions of a chamber, and these as a network takes them.
+
+Source: paper A, *Vision-Based Tactile Perception for Soft Robotic Hand*, §III.A, which gives the
+network boundary images. How they are made smaller is a reading: not stated there.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+THICKEN = np.ones((3, 3), np.uint8)
+
+
+def boundary_image(labels: UInt8[np.ndarray, "rows columns"]) -> UInt8[np.ndarray, "rows columns"]:
+    """Where regions meet: 255 where a pixel's label is not that of the pixel right of or below it.
+
+    The image's own border is no boundary: its last column has nothing right of it, its last row
+    nothing below it.
+
+    Args:
+        labels: of every pixel, the region it belongs to.
+    """
+    edges = np.zeros(labels.shape, np.bool_)
+    edges[:, :-1] = labels[:, :-1] != labels[:, 1:]
+    edges[:-1] |= labels[:-1] != labels[1:]
+    return edges.view(np.uint8) * np.uint8(255)
+
+
+def shrunk(
+    boundary: UInt8[np.ndarray, "rows columns"], size: tuple[int, int]
+) -> Float32[np.ndarray, "_rows _columns"]:
+    """A boundary image made smaller: lines thickened by a pixel all round, then area averages.
+
+    Averages keep in grey levels where in a pixel a line runs, which picking pixels would lose.
+
+    Args:
+        boundary: 255 on a boundary, else 0.
+        size: columns and rows of the result, at most those of the image.
+
+    Returns:
+        0 to 255.
+
+    Raises:
+        ValueError: the size is not positive or larger than the image.
+    """
+    rows, columns = boundary.shape
+    if not (1 <= size[0] <= columns and 1 <= size[1] <= rows):
+        raise ValueError(f"an image of {columns}x{rows} cannot be shrunk to {size[0]}x{size[1]}")
+    thick = cv2.dilate(boundary, THICKEN).astype(np.float32)
+    return cv2.resize(thick, size, interpolation=cv2.INTER_AREA)

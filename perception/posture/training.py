@@ -1,0 +1,185 @@
+"""Training a network on boundary images whose markers are known.
+
+Source: paper A, *Vision-Based Tactile Perception for Soft Robotic Hand*, §III.A; the optimiser is
+Adam (D. P. Kingma and J. Ba, *Adam: A Method for Stochastic Optimization*, ICLR 2015).
+
+Readings: images and labels are standardised. From raw images errors are several times as large,
+and a network that starts otherwise than from zero may settle on the mean of the labels, whatever
+it is shown: `measures.mean_predictor_error` is what to compare with.
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float, Float32, Int32
+
+from perception.posture.estimator import PostureEstimator, standardised
+from perception.posture.measures import marker_errors
+from perception.posture.network import PostureNetwork, weighted_loss
+from perception.posture.settings import Training, TrainingRecord
+
+Samples = tuple[Float[np.ndarray, "others rows columns"], Float[np.ndarray, "others 3 2"]]
+"""Images and their markers, mm."""
+
+ADAM = optax.scale_by_adam()
+
+
+class Rates(NamedTuple):
+    """Settings as arrays: trainings that differ in them run one program."""
+
+    learning_rate: Float32[Array, ""]
+    decay: Float32[Array, ""]
+    regularisation: Float32[Array, ""]
+    loss_weights: Float32[Array, "3"]
+    steps: Int32[Array, ""]
+
+
+class State(NamedTuple):
+    """What a step changes.
+
+    Attributes:
+        network: with its weights so far.
+        optimiser: Adam's means of slopes and of their squares.
+        done: number of steps.
+    """
+
+    network: PostureNetwork
+    optimiser: optax.OptState
+    done: Int32[Array, ""]
+
+
+def train(
+    images: Float[np.ndarray, "images rows columns"],
+    markers: Float[np.ndarray, "images 3 2"],
+    settings: Training,
+    validation: Samples | None = None,
+) -> PostureEstimator:
+    """A network trained on samples, in float32 whatever JAX's float type is.
+
+    Every epoch sees the samples in another order; those that do not fill a batch are left out of
+    it. The same seed gives the same network on the same machine.
+
+    Args:
+        images: boundary images, 0 to 255.
+        markers: (x, y) relative to the marker nearest the camera, the nearest first, mm.
+        settings: of the training.
+        validation: other samples, whose mean tip error is recorded after every epoch.
+
+    Raises:
+        ValueError: there are not as many markers as images, they are not finite, or all images or
+            all markers are the same.
+    """
+    began = time.perf_counter()
+    _check(images, markers)
+    mean, deviation = 0.0, 1.0
+    if settings.standardise:
+        mean, deviation = float(images.mean(dtype=np.float64)), float(images.std(dtype=np.float64))
+    label_mean = markers.mean(axis=0, dtype=np.float64)
+    scale = float(np.sqrt(np.mean((markers - label_mean) ** 2)))
+    if deviation == 0 or scale == 0:
+        raise ValueError("samples that are all the same teach nothing")
+    inputs = jnp.asarray(standardised(images, mean, deviation))
+    targets = jnp.asarray(((markers - label_mean) / scale).astype(np.float32))
+
+    count, (rows, columns) = len(images), images.shape[1:]
+    batch = min(settings.batch, count)
+    steps = count // batch
+    rates = Rates(
+        jnp.asarray(settings.learning_rate, jnp.float32),
+        jnp.asarray(float(settings.decay), jnp.float32),
+        jnp.asarray(settings.regularisation, jnp.float32),
+        jnp.asarray(settings.loss_weights, jnp.float32),
+        jnp.asarray(settings.epochs * steps, jnp.int32),
+    )
+    generator = np.random.default_rng(settings.seed)
+    network = PostureNetwork((columns, rows), settings.channels, generator)
+    state = _first(network)
+    losses, tip_errors, seconds = [], [], []
+
+    def estimator() -> PostureEstimator:
+        record = TrainingRecord(
+            tuple(losses),
+            tuple(tip_errors),
+            tuple(seconds),
+            count,
+            (columns, rows),
+            settings,
+            _versions(),
+        )
+        return PostureEstimator(state.network, mean, deviation, label_mean, scale, record)
+
+    for _ in range(settings.epochs):
+        order = generator.permutation(count)[: steps * batch].astype(np.int32)
+        state, loss = _epoch(
+            state, inputs, targets, jnp.asarray(order.reshape(steps, batch)), rates
+        )
+        losses.append(float(loss) * scale**2)
+        if validation is not None:
+            errors = marker_errors(estimator().predict(validation[0]), validation[1])
+            tip_errors.append(float(errors[:, -1].mean()))
+        seconds.append(time.perf_counter() - began)
+    return estimator()
+
+
+@eqx.filter_jit
+def _first(network: Any) -> State:
+    return State(network, ADAM.init(network), jnp.zeros((), jnp.int32))
+
+
+@eqx.filter_jit
+def _epoch(
+    state: State,
+    inputs: Float32[Array, "images rows columns"],
+    targets: Float32[Array, "images 3 2"],
+    order: Int32[Array, "steps batch"],
+    rates: Rates,
+) -> tuple[State, Float32[Array, ""]]:
+    """All steps of an epoch, and the mean of their losses before regularisation."""
+
+    def step(state: State, chosen: Int32[Array, " batch"]) -> tuple[State, Array]:
+        (_, fit), slopes = eqx.filter_value_and_grad(objective, has_aux=True)(
+            state.network, inputs[chosen], targets[chosen], rates
+        )
+        done = state.done.astype(jnp.float32) / rates.steps.astype(jnp.float32)
+        rate = rates.learning_rate * (1 - rates.decay * (1 - jnp.cos(jnp.pi * done)) / 2)
+        # Optax raises a float to the number of steps, which strict promotion forbids.
+        with jax.numpy_dtype_promotion("standard"):
+            directions, optimiser = ADAM.update(slopes, state.optimiser)
+        network = jax.tree.map(lambda w, d: w - rate * d, state.network, directions)
+        return State(network, optimiser, state.done + 1), fit
+
+    state, fits = jax.lax.scan(step, state, order)
+    return state, jnp.mean(fits)
+
+
+def objective(
+    network: PostureNetwork,
+    images: Float[Array, "batch rows columns"],
+    markers: Float[Array, "batch 3 2"],
+    rates: Rates,
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """What is made small: Eq. 4 of standardised markers with L2 regularisation; and without."""
+    fit = weighted_loss(jax.vmap(network)(images[:, None]), markers, rates.loss_weights)
+    return fit + rates.regularisation * network.squared_weights(), fit
+
+
+def _check(images: np.ndarray, markers: np.ndarray) -> None:
+    if len(images) != len(markers) or len(images) == 0:
+        raise ValueError(f"{len(images)} images with {len(markers)} markers are no samples")
+    if not (np.isfinite(images).all() and np.isfinite(markers).all()):
+        raise ValueError("images and markers of samples are finite")
+
+
+def _versions() -> dict[str, str]:
+    packages = {"jax": jax, "equinox": eqx, "optax": optax, "numpy": np}
+    return {"python": platform.python_version()} | {
+        name: package.__version__ for name, package in packages.items()
+    }

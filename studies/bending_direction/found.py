@@ -1,0 +1,53 @@
+"""Everything that the study measures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from designopt.optimising import Optimum
+from optics.soft_finger import ChamberImage
+from perception.chamber import Points
+from perception.chamber.directions import Use
+from studies.bending_direction.design import Design
+from studies.bending_direction.frames import Series
+from studies.bending_direction.odd import AtBend, Odd
+
+USES: tuple[Use, ...] = ("blue", "all", "centre")
+"""The points that Algorithm 1 may use; the first is the paper's choice."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A picture for the report, with what was found on it."""
+
+    title: str
+    image: ChamberImage
+    points: Points
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the study measures.
+
+    Attributes:
+        series: random images, by direction.
+        curves: bending evenly from nothing to far, by direction.
+        designs: the study's chamber, then the best one.
+        optimum: what the solver says of the best one.
+        small: images at small bends, by direction, of each of the designs; their shake, noise
+            and bends are the same.
+        bends: answers from 0.01° to 120°.
+        odd: frames that are no proper images.
+        seconds: of regions and points of one frame, on one core.
+        shown: pictures.
+    """
+
+    series: list[Series]
+    curves: list[Series]
+    designs: list[Design]
+    optimum: Optimum
+    small: list[list[Series]]
+    bends: list[AtBend]
+    odd: list[Odd]
+    seconds: float
+    shown: list[Shown]

@@ -1,0 +1,115 @@
+"""From hardly bent to far too far, and frames that are no proper images: each has an answer."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.chamber import (
+    Direction,
+    Points,
+    Sight,
+    bending_direction,
+    find_points,
+    find_regions,
+)
+from studies.bending_direction.frames import TOWARDS, Series, before_bending, series
+from studies.chamber_images.making import SoftFinger
+from studies.chamber_images.odd import Kind, Picture, odd_pictures
+
+BENDS_DEG = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 60.0, 90.0, 120.0)
+
+ODD_BEND_DEG = 25.0
+"""Bend of the finger in odd frames, far enough to be decided where anything is."""
+
+
+@dataclass(frozen=True)
+class Odd:
+    """One odd frame and what came out.
+
+    Attributes:
+        kind: what is odd, and what is to be answered.
+        truth: the direction.
+        sight: what was answered of the chamber.
+        direction: what was answered of the direction; None after an exception.
+    """
+
+    kind: Kind
+    truth: Direction
+    sight: Sight | None
+    direction: Direction | None
+
+    @property
+    def failed(self) -> bool:
+        """Whether the answer is not the defined one."""
+        if self.sight is not self.kind.sight:
+            return True
+        return self.direction is not (self.truth if self.kind.usable else Direction.UNDEFINED)
+
+
+def odd_frames(finger: SoftFinger, seed: int) -> list[Odd]:
+    """One frame of every kind in every direction."""
+    truths = list(TOWARDS)
+    bends = np.full(len(truths), np.deg2rad(ODD_BEND_DEG))
+    postures = finger.postures(bends, np.array([TOWARDS[truth] for truth in truths]))
+    initial = before_bending(finger.renderer(seed), finger)
+    return [
+        Odd(kind, truths[i], *_answer(picture, initial))
+        for kind, i, picture in odd_pictures(finger, postures, seed)
+    ]
+
+
+def _answer(picture: Picture, initial: Points) -> tuple[Sight | None, Direction | None]:
+    # Whatever is raised is a fault of perception, and is counted as one.
+    try:
+        regions = find_regions(picture)
+        return regions.sight, bending_direction(
+            find_points(picture, regions), initial, threshold=4.0, use="all"
+        )
+    except Exception:
+        return None, None
+
+
+@dataclass(frozen=True)
+class AtBend:
+    """Answers at one bend, over all directions.
+
+    Attributes:
+        bend_deg: the bend.
+        severity: of the pictures.
+        threshold: px.
+        answers: how often the true direction, "not bent", a wrong one and none was answered.
+    """
+
+    bend_deg: float
+    severity: float
+    threshold: float
+    answers: Counter[str]
+
+
+def over_bends(
+    finger: SoftFinger, images: int, severity: float, threshold: float, seed: int
+) -> list[AtBend]:
+    """What is answered from 0.01° to 120° of bend, straight towards every direction."""
+    bends = np.repeat(np.deg2rad(BENDS_DEG), images)
+    counts = [Counter[str]() for _ in BENDS_DEG]
+    for number, truth in enumerate(TOWARDS):
+        frames = series(
+            finger, truth, bends, np.zeros(len(bends)), seed=seed, first=number * len(bends),
+            severity=severity,
+        )  # fmt: skip
+        for i, answer in enumerate(frames.tally(threshold, "all").answers):
+            counts[i // images][_word(answer, frames)] += 1
+    return [
+        AtBend(bend, severity, threshold, count)
+        for bend, count in zip(BENDS_DEG, counts, strict=True)
+    ]
+
+
+def _word(answer: Direction, frames: Series) -> str:
+    if answer is frames.truth:
+        return "right"
+    words = {Direction.INITIAL: "not bent", Direction.UNDEFINED: "undefined"}
+    return words.get(answer, "wrong")

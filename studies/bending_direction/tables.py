@@ -1,0 +1,185 @@
+"""The study's tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from designopt.results import Cell, Table
+from perception.chamber import Direction
+from perception.chamber.directions import Use
+from studies.bending_direction import paper
+from studies.bending_direction.design import OUTLINES, Design
+from studies.bending_direction.found import USES, Found
+from studies.bending_direction.frames import Series
+from studies.bending_direction.odd import AtBend, Odd
+from studies.bending_direction.rules import Tally
+from studies.bending_direction.spec import BendingDirectionSpec
+
+RULES = ("paper", "strict", "decided", "abstained")
+
+
+def tables(spec: BendingDirectionSpec, found: Found) -> list[Table]:
+    """Every table of the study."""
+    return [
+        directions(found.series, spec.threshold),
+        small_bends(spec, found),
+        designs(found.designs),
+        bends(found.bends),
+        odd(found.odd),
+    ]
+
+
+def paper_tally(truth: Direction, threshold: bool) -> Tally:
+    """Table II's answers."""
+    counts = paper.COUNTS[truth, threshold]
+    return Tally.of_counts(truth, zip(paper.ANSWERS, counts, strict=True))
+
+
+def _percent(tally: Tally) -> list[Cell]:
+    return [100 * getattr(tally, rule) for rule in RULES]
+
+
+def directions(series: Sequence[Series], threshold: float) -> Table:
+    """Table II, the paper's and ours, by every rule."""
+    rows: list[list[Cell]] = []
+    for frames in series:
+        for least in (0.0, threshold):
+            own: list[tuple[str, Tally]] = [("paper A", paper_tally(frames.truth, least > 0))]
+            own += [(f"ours, {use}", frames.tally(least, use)) for use in USES]
+            rows += [
+                [
+                    frames.truth.name.lower(),
+                    "yes" if least else "no",
+                    source,
+                    *(tally.count(answer) for answer in paper.ANSWERS),
+                    *_percent(tally),
+                ]
+                for source, tally in own
+            ]
+    return Table(
+        "directions",
+        "Table II of paper A and ours, answer by answer and rule by rule: the paper counts "
+        '"initial" as correct, strictly it is not, decided leaves undecided images out',
+        [
+            "direction",
+            "threshold",
+            "source",
+            *(answer.name.lower() for answer in paper.ANSWERS),
+            *(f"{rule}_percent" for rule in RULES),
+        ],
+        rows,
+        {f"{rule}_percent": 2 for rule in RULES},
+    )
+
+
+def undecided(series: Sequence[Series], threshold: float, use: Use) -> int:
+    """Images of all directions for which none was named."""
+    return sum(frames.tally(threshold, use).undecided for frames in series)
+
+
+def small_bends(spec: BendingDirectionSpec, found: Found) -> Table:
+    """Undecided images at small bends, chamber by chamber."""
+    rows: list[list[Cell]] = []
+    for design, series in zip(found.designs, found.small, strict=True):
+        for use in USES:
+            tallies = [frames.tally(spec.threshold, use) for frames in series]
+            plain = [frames.tally(0.0, use) for frames in series]
+            right = sum(tally.count(tally.truth) for tally in plain)
+            images = sum(len(tally.answers) for tally in tallies)
+            wrong = sum(len(t.answers) - t.undecided - t.count(t.truth) for t in tallies)
+            rows.append(
+                [
+                    design.name,
+                    use,
+                    images,
+                    sum(tally.undecided for tally in tallies),
+                    wrong,
+                    100 * right / images,
+                ]
+            )
+    return Table(
+        "small_bends",
+        f"Bends up to {spec.small_bend_deg:g}°, the same ones with the same shake and noise for "
+        f"both chambers: images left undecided with a threshold of {spec.threshold:g} px, wrong "
+        "ones, and right ones without a threshold",
+        ["chamber", "points", "images", "undecided", "wrong", "right_without_percent"],
+        rows,
+        {"right_without_percent": 2},
+    )
+
+
+def designs(made: Sequence[Design]) -> Table:
+    """Chambers, how their images move, and what changes that."""
+    rows: list[list[Cell]] = []
+    for design in made:
+        for outline, rate, slopes in zip(OUTLINES, design.rates, design.slopes, strict=True):
+            rows.append(
+                [
+                    design.name,
+                    float(design.knobs.eta),
+                    float(design.knobs.offset_b),
+                    float(np.rad2deg(design.knobs.wall_angle_bc)),
+                    float(design.finger.chamber.offset_d),
+                    outline,
+                    float(rate),
+                    *map(float, slopes),
+                ]
+            )
+    return Table(
+        "designs",
+        "Displacement of each outline per degree of bend as the finger starts to bend, and its "
+        "derivatives with respect to η, Δl_B and θ_BC",
+        [
+            "chamber",
+            "eta",
+            "offset_b_mm",
+            "theta_bc_deg",
+            "offset_d_mm",
+            "outline",
+            "rate_px_per_deg",
+            "per_eta",
+            "per_mm_offset_b",
+            "per_deg_theta_bc",
+        ],
+        rows,
+    )
+
+
+def bends(rows: Sequence[AtBend]) -> Table:
+    """Answers over the bend."""
+    words = ("right", "not bent", "wrong", "undefined")
+    return Table(
+        "bends",
+        "Answers of all points from hardly bent to far, over all directions",
+        ["severity", "threshold_px", "bend_deg", *(word.replace(" ", "_") for word in words)],
+        [
+            [row.severity, row.threshold, row.bend_deg, *(row.answers[word] for word in words)]
+            for row in rows
+        ],
+    )
+
+
+def odd(frames: Sequence[Odd]) -> Table:
+    """Answers to frames that are no proper images."""
+    rows: list[list[Cell]] = []
+    for kind in dict.fromkeys(frame.kind for frame in frames):
+        own = [frame for frame in frames if frame.kind == kind]
+        rows.append(
+            [
+                kind.name,
+                len(own),
+                kind.sight.name,
+                "the direction" if kind.usable else "undefined",
+                ", ".join(sorted({frame.sight.name if frame.sight else "exception"
+                                  for frame in own})),
+                sum(frame.failed for frame in own),
+            ]
+        )  # fmt: skip
+    return Table(
+        "odd_frames",
+        "Frames that are no proper images: what is to be answered, and how often it was not",
+        ["kind", "frames", "expected_sight", "expected_direction", "sights", "failures"],
+        rows,
+    )

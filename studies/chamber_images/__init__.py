@@ -1,0 +1,1 @@
+"""The soft finger whose images several studies look at; no study by itself."""

@@ -1,0 +1,157 @@
+"""The soft finger as designed and as made, and its images by the thousand."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from designopt.errors import UserError
+from optics.chamber import Chamber
+from optics.soft_finger import (
+    ChamberEffects,
+    ChamberImage,
+    ChamberRenderer,
+    Endoscope,
+    Posture,
+    Rings,
+    wall_radii,
+)
+from optics.soft_finger.renderer import CHUNK, COLOURS
+from studies.chamber_images.spec import ChamberImagesSpec, MadeSpec
+from studies.table1 import imaging
+
+Looked = TypeVar("Looked")
+
+DOWN = math.pi / 2
+"""Direction in the image of a finger that bends down."""
+
+
+@dataclass(frozen=True)
+class SoftFinger:
+    """A chamber and its camera.
+
+    Attributes:
+        chamber: of the straight finger.
+        endoscope: its camera.
+        severity: of everything that makes its pictures worse.
+    """
+
+    chamber: Chamber
+    endoscope: Endoscope
+    severity: float
+
+    @classmethod
+    def of(cls, spec: ChamberImagesSpec) -> SoftFinger:
+        """The finger of a study: Table I's chamber with its identified camera constants.
+
+        Raises:
+            UserError: no chamber follows from the settings.
+        """
+        printed = imaging.printed_chamber(spec.chamber)
+        fit = imaging.identify(imaging.printed_chamber(type(spec.chamber)()))
+        constants = imaging.with_constants(printed, fit.solution.value)
+        chamber = imaging.with_ratio(constants, jnp.asarray(spec.eta))
+        if not (bool(chamber.imaging_ratio().ok) and bool(jnp.all(wall_radii(chamber) > 0))):
+            raise UserError(
+                f"--set eta={spec.eta:g}: no chamber with these dimensions gives this ratio; "
+                "choose another eta, or dimensions nearer to the paper's"
+            )
+        endoscope = Endoscope(
+            math.radians(spec.endoscope.field_of_view_deg), spec.endoscope.distortion
+        )
+        return cls(chamber, endoscope, spec.severity)
+
+    @property
+    def length(self) -> float:
+        """Of the chamber along its centre line, mm."""
+        return float(self.chamber.length_ab + self.chamber.length_bc + self.chamber.length_cd)
+
+    def renderer(
+        self,
+        seed: int,
+        *,
+        gain: float = 1.0,
+        severity: float | None = None,
+        colours: Float[np.ndarray, "4 3"] = COLOURS,
+    ) -> ChamberRenderer:
+        """A camera in this finger, its pictures as bad as the study's unless told otherwise."""
+        severity = self.severity if severity is None else severity
+        effects = ChamberEffects.graded(severity, gain)
+        return ChamberRenderer(self.chamber, self.endoscope, effects, seed=seed, colours=colours)
+
+    def postures(
+        self,
+        bends: Float[np.ndarray, " frames"],
+        directions: Float[np.ndarray, " frames"],
+        pressed: Float[np.ndarray, "frames rings"] | None = None,
+    ) -> Posture:
+        """Postures of this finger, not pressed unless told otherwise; angles in radians."""
+        if pressed is None:
+            pressed = np.zeros((len(bends), len(self.arc)))
+        return Posture(jnp.asarray(bends), jnp.asarray(directions), jnp.asarray(pressed))
+
+    @property
+    def arc(self) -> Float[np.ndarray, " rings"]:
+        """Places of the rings along the centre line, mm."""
+        return np.asarray(Rings.of(self.chamber).arc)
+
+    def made(self, errors: MadeSpec, generator: np.random.Generator) -> SoftFinger:
+        """This finger as one of many is made."""
+
+        def off(deviation: float) -> float:
+            return deviation * float(generator.standard_normal())
+
+        chamber = self.chamber
+        changed = {
+            name: getattr(chamber, name) + off(errors.length)
+            for name in ("length_ab", "length_bc", "length_cd")
+        } | {
+            name: getattr(chamber, name) + off(errors.offset)
+            for name in ("offset_a", "offset_b", "offset_d")
+        }
+        view = self.endoscope.field_of_view + math.radians(off(errors.field_of_view_deg))
+        return dataclasses.replace(
+            self,
+            chamber=dataclasses.replace(chamber, **changed),
+            endoscope=dataclasses.replace(self.endoscope, field_of_view=view),
+        )
+
+
+def looked_at(
+    renderer: ChamberRenderer,
+    postures: Posture,
+    look: Callable[[int, ChamberImage], Looked],
+    first: int = 0,
+) -> list[Looked]:
+    """What is found on a picture of every posture; pictures are not kept.
+
+    Args:
+        renderer: makes the pictures.
+        postures: one batch axis.
+        look: from the number of a posture and its picture to what is found; called in threads.
+        first: number of the first frame (`ChamberRenderer.render`).
+    """
+    count = int(np.shape(postures.bend)[0])
+
+    # JAX's float type, as set for the time of a study, is that of one thread.
+    double = jnp.zeros(()).dtype == jnp.float64
+
+    def chunk(start: int) -> list[Looked]:
+        with jax.enable_x64(double):
+            some = jax.tree.map(lambda leaf: leaf[start : start + CHUNK], postures)
+            images = renderer.render(some, first + start)
+        return [look(start + i, image) for i, image in enumerate(images)]
+
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, 8)) as pool:
+        found = pool.map(chunk, range(0, count, CHUNK))
+        return [one for some in found for one in some]

@@ -1,0 +1,246 @@
+"""What is seen through the rings against rays that march to the wall, and its symmetries."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics.soft_finger import Apertures, Posture, Rings, apertures, pressed_by
+from optics.soft_finger.rings import FIELD_STOP
+from tests.optics.soft_finger.marched import Press, Tube, finger, regions_met
+
+ANGLES = 256
+FINE = 80
+"""Rings per region; between rings s apart the wall bulges by s²/8R."""
+
+FOCAL = 400.0
+"""px: of a camera of 640 × 480 px with a field of view of a right angle."""
+
+COARSE = 0.25
+"""px at `FOCAL`: what 20 rings per region, some 2 mm apart, leave of a wall that bulges by 0.02 mm
+between them; 0.20 is found under the object and 0.14 without one."""
+
+OUTLINE = 1e-4
+"""Of a tangent, 0.04 px: how far the rings, where the wall bulges between them, are off."""
+
+CORNER = 2e-3
+"""Of a tangent, 0.8 px: what chords between the points of an outline cut off of its corners."""
+
+STOPPED = 1e-6
+"""Nearer to the field stop than this nothing is compared."""
+
+NONE = Press()
+PRESSES = {
+    "none": NONE,
+    "inside": Press(70.0, 20.0, 4.0),
+    "outside": Press(55.0, 20.0, -4.0),
+    "deep": Press(70.0, 20.0, 12.0),
+    "deep outside": Press(80.0, 15.0, -9.0),
+}
+BENDS_DEG = (0.0, 0.01, 10.0, 30.0, 60.0, 90.0, 120.0)
+DIRECTIONS = (0.0, np.pi / 2, 2.3, -1.0)
+CASES = [
+    (bend, DIRECTIONS[(i + j) % len(DIRECTIONS)], press)
+    for i, bend in enumerate((*BENDS_DEG, 170.0, 250.0, -10.0, -60.0))
+    for j, press in enumerate(PRESSES)
+]
+
+seen_through = eqx.filter_jit(apertures)
+
+
+@functools.cache
+def rings(per_region: int) -> Rings:
+    return Rings.of(finger(), per_region)
+
+
+def look(bend: float, direction: float, press: Press, per_region: int = FINE) -> Apertures:
+    values = (jnp.asarray(value) for value in (press.place, press.radius, press.depth))
+    pressed = pressed_by(rings(per_region).arc, *values)
+    posture = Posture(jnp.asarray(bend), jnp.asarray(direction), pressed)
+    return seen_through(rings(per_region), posture, ANGLES)
+
+
+def at_ends(found: Apertures, per_region: int = FINE) -> tuple[np.ndarray, np.ndarray]:
+    """Outlines at B, C and D, and whether anything is seen through them."""
+    ends = np.array(rings(per_region).ends)
+    return np.asarray(found.outline)[ends], np.asarray(found.seen)[ends]
+
+
+def depths_inside(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Distances of points from a convex outline, negative outside; −1 if it is only a point."""
+    step = np.roll(outline, -1, axis=0) - outline
+    kept = np.hypot(*step.T) > 1e-12
+    if not kept.any():
+        return np.full(len(points), -1.0)
+    start, step = outline[kept], step[kept]
+    off = points[:, None] - start
+    along = np.clip(np.sum(off * step, axis=-1) / np.sum(step**2, axis=-1), 0, 1)
+    nearest = np.linalg.norm(off - along[..., None] * step, axis=-1).min(axis=1)
+    left = step[:, 0] * off[..., 1] - step[:, 1] * off[..., 0]
+    return np.where((left >= 0).all(axis=1), nearest, -nearest)
+
+
+def scattered(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Evenly over what the field stop lets through."""
+    radius, turn = FIELD_STOP * np.sqrt(rng.random(count)), 2 * np.pi * rng.random(count)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
+
+
+@pytest.mark.parametrize(("bend_deg", "direction", "press"), CASES)
+def test_rays_meet_the_region_between_the_outlines_that_they_are_between(
+    bend_deg, direction, press
+):
+    bend = float(np.deg2rad(bend_deg))
+    outlines, seen = at_ends(look(bend, direction, PRESSES[press]))
+    rng = np.random.default_rng(int(10 * abs(bend_deg)))
+    near = outlines[:, ::16].reshape(-1, 2)
+    near = near + rng.normal(0, 0.01, near.shape)
+    rays = np.concatenate([scattered(rng, 300), near])
+    rays = rays[np.hypot(*rays.T) < FIELD_STOP]
+    met = regions_met(Tube.of(finger()), rays, bend, direction, PRESSES[press])
+    for region, outline in enumerate(outlines):
+        inside = depths_inside(outline, rays)
+        assert seen[region] or (met <= region).all()
+        clear = np.abs(inside) > CORNER
+        assert clear.mean() > 0.8
+        np.testing.assert_array_equal((inside > 0)[clear], (met > region)[clear])
+
+
+@pytest.mark.parametrize(("bend_deg", "direction", "press"), CASES)
+def test_points_of_outlines_are_where_the_region_changes(bend_deg, direction, press):
+    bend = float(np.deg2rad(bend_deg))
+    outlines, seen = at_ends(look(bend, direction, PRESSES[press]))
+    for region in np.flatnonzero(seen):
+        points = outlines[region, 3::8]
+        outward = points - outlines[seen][-1].mean(axis=0)
+        size = np.hypot(*outward.T)
+        for move in (OUTLINE, -OUTLINE):
+            moved = points + move * outward / size[:, None]
+            # Beyond the field stop nothing is followed, and across the pole is the other side.
+            compared = (np.hypot(*moved.T) < FIELD_STOP - STOPPED) & (size > 2 * OUTLINE)
+            met = regions_met(Tube.of(finger()), moved[compared], bend, direction, PRESSES[press])
+            assert ((met > region) == (move < 0)).all()
+
+
+def test_all_that_is_bounded_and_all_that_is_hidden_is_among_the_cases():
+    seen = [
+        at_ends(look(float(np.deg2rad(bend)), direction, PRESSES[press]))[1].tolist()
+        for bend, direction, press in CASES
+    ]
+    assert {tuple(row) for row in seen} == {
+        (True, True, True), (True, True, False), (True, False, False)
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("bend_deg", BENDS_DEG)
+@pytest.mark.parametrize("press", ["none", "inside", "outside"])
+def test_few_rings_do_as_well_as_many(bend_deg, press):
+    bend = float(np.deg2rad(bend_deg))
+    few, seen = at_ends(look(bend, 0.4, PRESSES[press], 20), 20)
+    many, really = at_ends(look(bend, 0.4, PRESSES[press]), FINE)
+    np.testing.assert_array_equal(seen, really)
+    for one, other in zip(few[seen], many[seen], strict=True):
+        deviation = FOCAL * np.abs(depths_inside(other, one)).max()
+        assert deviation < COARSE
+
+
+@pytest.mark.parametrize("chamber_press", ["none", "inside"])
+def test_a_straight_finger_has_round_outlines_cut_by_the_press(chamber_press):
+    press = PRESSES[chamber_press]
+    outlines, _ = at_ends(look(0.0, 0.0, press))
+    tube = Tube.of(finger())
+    arcs = np.arange(1, 3 * FINE + 1) / FINE
+    arcs = np.interp(arcs, range(4), tube.arcs)
+    cuts = (np.interp(arcs, tube.arcs, tube.radii) - press.at(arcs)) / (arcs + tube.pinhole)
+    for outline, end in zip(outlines, (1, 2, 3), strict=True):
+        radius = tube.radii[end] / (tube.arcs[end] + tube.pinhole)
+        cut = cuts[arcs <= tube.arcs[end] + 1e-9].min()
+        on_circle = np.abs(np.hypot(*outline.T) - radius) < 1e-12
+        on_chord = np.abs(outline[:, 0] - cut) < 1e-12
+        assert (on_circle | on_chord).all()
+        assert on_chord.any()
+        assert outline[:, 0].max() == pytest.approx(cut)
+
+
+@pytest.mark.parametrize("bend_deg", [0.0, 10.0, 60.0, 170.0])
+@pytest.mark.parametrize("press", PRESSES)
+def test_outlines_are_convex_and_lie_in_each_other(bend_deg, press):
+    found = look(float(np.deg2rad(bend_deg)), 0.7, PRESSES[press])
+    outlines, seen = np.asarray(found.outline), np.asarray(found.seen)
+    step = np.roll(outlines, -1, axis=1) - outlines
+    following = np.roll(step, -1, axis=1)
+    turning = step[..., 0] * following[..., 1] - step[..., 1] * following[..., 0]
+    assert turning.min() > -1e-14  # from right to down, that is from x to y
+    # What is seen is an unbroken row of rings, and what is not is a point.
+    assert (np.diff(seen.astype(int)) <= 0).all()
+    assert not np.ptp(outlines[~seen], axis=1).any()
+    shown = outlines[seen][:: FINE // 8]
+    for outer, inner in itertools.pairwise(shown):
+        assert depths_inside(outer, inner).min() > -1e-12
+
+
+@pytest.mark.parametrize("bend_deg", [0.0, 30.0, 120.0])
+def test_outlines_turn_with_the_side_that_the_finger_bends_to(bend_deg):
+    bend, press, turn = float(np.deg2rad(bend_deg)), PRESSES["inside"], 1.1
+    before = np.asarray(look(bend, 0.4, press).outline)
+    after = np.asarray(look(bend, 0.4 + turn, press).outline)
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    np.testing.assert_allclose(after, before @ rotation.T, atol=1e-12)
+
+
+def test_a_finger_bends_to_the_right_and_down():
+    # The far end is seen on the side that it bends to.
+    for direction, ahead in ((0.0, (1, 0)), (np.pi / 2, (0, 1))):
+        top = at_ends(look(float(np.deg2rad(20)), direction, NONE))[0][2].mean(axis=0)
+        assert top @ ahead > 0.1
+        assert abs(top @ ahead[::-1]) < 1e-3
+
+
+@pytest.mark.parametrize("bend_deg", [0.01, 10.0, 60.0, 170.0])
+@pytest.mark.parametrize("press", ["none", "inside", "outside"])
+def test_a_negative_bend_is_one_to_the_other_side(bend_deg, press):
+    bend, pressed = float(np.deg2rad(bend_deg)), PRESSES[press]
+    other = Press(pressed.place, pressed.radius, -pressed.depth)
+    negative = look(-bend, 0.4, pressed)
+    opposite = look(bend, 0.4 + np.pi, other)
+    np.testing.assert_array_equal(negative.seen, opposite.seen)
+    # Outlines begin on the side that ``direction`` names.
+    turned = np.roll(np.asarray(opposite.outline), ANGLES // 2, axis=1)
+    np.testing.assert_allclose(negative.outline, turned, atol=1e-12)
+
+
+def test_nothing_is_seen_past_a_wall_that_is_pressed_to_the_other_side():
+    found = look(0.1, 0.0, Press(60.0, 30.0, 25.0))
+    _, seen = at_ends(found)
+    assert not seen[1:].any()
+    assert np.isfinite(found.outline).all()
+
+
+def test_nothing_is_nan_however_a_finger_is_bent():
+    bends = jnp.asarray(np.deg2rad([-720.0, -180, 0, 170, 180, 250, 359, 360, 400, 460, 600, 3000]))
+    depth = jnp.asarray([0.0, 4.0, -4.0, 30.0])
+
+    def one(bend: jax.Array, depth: jax.Array) -> Apertures:
+        pressed = pressed_by(rings(20).arc, jnp.asarray(70.0), jnp.asarray(20.0), depth)
+        return apertures(rings(20), Posture(bend, jnp.asarray(0.3), pressed), 32)
+
+    found = jax.jit(jax.vmap(jax.vmap(one, in_axes=(None, 0)), in_axes=(0, None)))(bends, depth)
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found))
+    assert (np.hypot(*np.moveaxis(np.asarray(found.outline), -1, 0)) < FIELD_STOP + 1e-9).all()
+
+
+def test_a_ring_that_is_imaged_as_a_hyperbola_leaves_its_outline_to_the_object_that_presses():
+    # Bent to a radius below its own, a ring reaches behind the camera but for what is pressed in.
+    rings = Rings.of(finger(length_ab=10.0, length_bc=10.0, length_cd=10.0))
+    posture = Posture(jnp.asarray(np.deg2rad(200.0)), jnp.asarray(0.0), jnp.full(60, 3.0))
+    found = apertures(rings, posture, 64)
+    seen = np.asarray(found.seen)
+    assert seen.any()
+    outermost = np.asarray(found.outline)[seen, 0, 0]
+    np.testing.assert_allclose(outermost, np.asarray(found.spans.seen_high)[seen], atol=1e-9)

@@ -1,0 +1,441 @@
+"""Rendered images against areas and crossings of their outlines, and effects against formulas."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import fields, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics.soft_finger import (
+    ChamberEffects,
+    ChamberImage,
+    ChamberRenderer,
+    Endoscope,
+    Posture,
+    pressed_by,
+)
+from optics.soft_finger.renderer import BRIGHTEST
+from tests.optics.soft_finger.marched import Tube, finger
+
+COLUMNS, ROWS = 320, 240
+FOCAL = 200.0
+"""px: half the diagonal, for a field of view of a right angle."""
+
+MASKS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1]], np.float32)
+"""Colours by which red, green and blue are what lies inside the outlines at B, C and D."""
+
+WHITE = np.ones((4, 3), np.float32)
+EVEN = ChamberEffects(gain=0.8, falloff=0.0)
+TYPICAL = ChamberEffects.graded(1.0, gain=0.6)
+
+AREA = 0.08
+"""px: mean distance between an outline and the edge in the image that is painted after it; a side
+that is straight and upright is off by up to a quarter, as pixels are painted in halves."""
+
+CENTROID = 0.1
+"""px: by such a side."""
+
+CROSSING = 0.5
+"""px: one painted pixel; half of one from rounding, and what a slanted edge adds in two of them."""
+
+CROSSINGS = 0.15
+"""px, root mean square: what is rounded to halves is off by 1/√48 = 0.14."""
+
+BIAS = 0.05
+"""px, mean, outwards."""
+
+ROUNDED = 1.5
+"""Of 255: a painted shade is rounded before the gain, at most 1.3, and the pixel after it."""
+
+FRAMES = 288
+"""For statistics: the standard deviation of twice as many numbers is known to 1/√1152 = 3 %."""
+
+PER_REGION, ANGLES = 20, 192
+
+
+def postures(*rows: tuple[float, float, float], per_region: int = PER_REGION) -> Posture:
+    """Bends and directions in degrees, and depths of a press at 70 mm by an object of 20 mm."""
+    chamber = finger()
+    arc = np.interp(np.arange(1, 3 * per_region + 1) / per_region, range(4), Tube.of(chamber).arcs)
+    bend, direction, depth = np.transpose(np.array(rows, float))
+    pressed = [
+        pressed_by(jnp.asarray(arc), jnp.asarray(70.0), jnp.asarray(20.0), jnp.asarray(each))
+        for each in depth
+    ]
+    return Posture(
+        jnp.asarray(np.deg2rad(bend)), jnp.asarray(np.deg2rad(direction)), jnp.stack(pressed)
+    )
+
+
+@functools.cache
+def renderer(
+    effects: ChamberEffects = EVEN, *, colours: str = "masks", seed: int = 0
+) -> ChamberRenderer:
+    chosen = {"masks": MASKS, "white": WHITE}[colours]
+    camera = Endoscope(np.pi / 2, columns=COLUMNS, rows=ROWS, distortion=-0.05)
+    return ChamberRenderer(
+        finger(), camera, effects, seed=seed, colours=chosen, per_region=PER_REGION, angles=ANGLES
+    )
+
+
+STRAIGHT = postures((0, 0, 0))
+SHOWN = ((0, 0, 0), (10, 20, 0), (20, 100, 0), (25, 230, 3), (15, 300, -5), (40, 0, 0), (35, 90, 4))
+
+
+@functools.cache
+def shown() -> list[ChamberImage]:
+    return renderer().render(postures(*SHOWN))
+
+
+def take(some: Posture, start: int, stop: int) -> Posture:
+    return jax.tree.map(lambda leaf: leaf[start:stop], some)
+
+
+def covered(image: ChamberImage, region: int) -> np.ndarray:
+    """Part of every pixel that is inside an outline."""
+    channel = image.pixels[..., region].astype(float)
+    return channel / channel.max()
+
+
+def area_and_centroid(outline: np.ndarray) -> tuple[float, np.ndarray]:
+    """By the shoelace formula."""
+    following = np.roll(outline, -1, axis=0)
+    cross = outline[:, 0] * following[:, 1] - outline[:, 1] * following[:, 0]
+    area = cross.sum() / 2
+    return float(area), ((outline + following) * cross[:, None]).sum(axis=0) / (6 * area)
+
+
+def crossings(outline: np.ndarray, row: float) -> np.ndarray:
+    """Columns at which a closed outline crosses a row."""
+    following = np.roll(outline, -1, axis=0)
+    crossed = (outline[:, 1] > row) != (following[:, 1] > row)
+    start, end = outline[crossed], following[crossed]
+    part = (row - start[:, 1]) / (end[:, 1] - start[:, 1])
+    return np.sort(start[:, 0] + part * (end[:, 0] - start[:, 0]))
+
+
+def test_every_outline_is_inside_the_image_in_some_case():
+    for region in range(3):
+        assert sum(bool(image.seen[region]) and _inside(image, region) for image in shown()) >= 3
+
+
+def _inside(image: ChamberImage, region: int) -> bool:
+    outline = image.outlines[region]
+    return bool((outline > 1).all() and (outline < [COLUMNS - 2, ROWS - 2]).all())
+
+
+@pytest.mark.parametrize("region", range(3))
+@pytest.mark.parametrize("case", range(len(SHOWN)))
+def test_areas_and_centroids_are_those_of_the_outlines(case, region):
+    image = shown()[case]
+    if not image.seen[region]:
+        assert not covered_at_all(image, region)
+        return
+    assert _inside(image, region)
+    part = covered(image, region)
+    outline = image.outlines[region]
+    area, centroid = area_and_centroid(outline)
+    step = np.roll(outline, -1, axis=0) - outline
+    perimeter = np.hypot(*step.T).sum()
+    assert abs(part.sum() - area) < AREA * perimeter
+    row, column = np.mgrid[:ROWS, :COLUMNS]
+    found = np.array([(part * column).sum(), (part * row).sum()]) / part.sum()
+    assert np.abs(found - centroid).max() < CENTROID
+
+
+def covered_at_all(image: ChamberImage, region: int) -> bool:
+    return bool(image.pixels[..., region].any())
+
+
+def edge_errors(image: ChamberImage, region: int) -> np.ndarray:
+    """Outwards, px: where rows pass from dark to light, against where they cross the outline.
+
+    Rows are compared that cross the outline steeply all over their height: the light up to the
+    middle of the region is the length of the row that is inside.
+    """
+    outline, part = image.outlines[region], covered(image, region)
+    errors = []
+    for row in range(ROWS):
+        ends = [crossings(outline, row + off) for off in (-0.5, -0.25, 0, 0.25, 0.5)]
+        if any(len(each) != 2 for each in ends):
+            continue
+        left, right = np.transpose(ends)
+        if max(np.ptp(left), np.ptp(right)) > 0.7 or right[2] - left[2] < 4:
+            continue
+        middle = round((left[2] + right[2]) / 2)
+        errors.append(part[row, :middle].sum() - (middle - 0.5 - left.mean()))
+        errors.append(part[row, middle:].sum() - (right.mean() - (middle - 0.5)))
+    return np.array(errors)
+
+
+@pytest.mark.parametrize("region", range(3))
+def test_rows_become_light_where_they_cross_the_outlines(region):
+    errors = np.concatenate([edge_errors(image, region) for image in shown() if image.seen[region]])
+    assert len(errors) > 100
+    assert np.abs(errors).max() < CROSSING
+    assert np.sqrt(np.mean(errors**2)) < CROSSINGS
+    assert abs(errors.mean()) < BIAS
+
+
+def test_margins_are_widths_in_the_plane_of_bending():
+    # Straight and unpressed, twice the radius; the distortion is apart from it.
+    margins = renderer().render(STRAIGHT)[0].margins
+    tube = Tube.of(finger())
+    wanted = 2 * FOCAL * tube.radii[1:] / (tube.arcs[1:] + tube.pinhole)
+    np.testing.assert_allclose(margins, wanted, rtol=1e-12)
+    for image in shown():
+        np.testing.assert_array_equal(image.seen, image.margins > 0)
+    hidden = renderer().render(postures((120, 0, 0)))[0]
+    assert hidden.margins[2] < 0
+
+
+def test_shapes_of_what_is_rendered():
+    image = shown()[0]
+    assert image.pixels.shape == (ROWS, COLUMNS, 3)
+    assert image.outlines.shape == (3, ANGLES, 2)
+    assert image.pixels.dtype == np.uint8
+
+
+MANY = postures(*[(i % 7 * 9.0, 37.0 * i, i % 5 - 2.0) for i in range(37)])
+"""More than are worked out at once."""
+
+
+def test_frames_are_the_same_however_they_are_asked_for():
+    whole = renderer(TYPICAL).render(MANY)
+    assert len(whole) == 37
+    for start, stop in ((5, 6), (30, 37), (36, 37)):
+        for i, image in enumerate(renderer(TYPICAL).render(take(MANY, start, stop), first=start)):
+            same = whole[start + i]
+            np.testing.assert_array_equal(image.pixels, same.pixels)
+            np.testing.assert_array_equal(image.outlines, same.outlines)
+            np.testing.assert_array_equal(image.margins, same.margins)
+    again = ChamberRenderer(
+        finger(), renderer(TYPICAL).endoscope, TYPICAL, colours=MASKS, angles=ANGLES
+    ).render(take(MANY, 0, 1))[0]
+    np.testing.assert_array_equal(again.pixels, whole[0].pixels)
+
+
+def test_frames_and_seeds_differ():
+    same = postures(*[SHOWN[1]] * 2)
+    one, two = renderer(TYPICAL).render(same)
+    other = renderer(TYPICAL, seed=1).render(same)[0]
+    assert (one.pixels != two.pixels).any()
+    assert (one.pixels != other.pixels).any()
+    assert (one.outlines != two.outlines).any()
+
+
+def test_effects_without_size_change_nothing():
+    plain = shown()[1].pixels
+    still = take(postures(*SHOWN), 1, 2)
+    for first, seed in ((0, 0), (9, 5)):
+        same = renderer(EVEN, seed=seed).render(still, first)[0]
+        np.testing.assert_array_equal(same.pixels, plain)
+    off = replace(ChamberEffects.graded(0.0), gain=0.8, falloff=0.0)
+    assert off == EVEN
+    np.testing.assert_array_equal(renderer(off, seed=3).render(still)[0].pixels, plain)
+
+
+@pytest.mark.parametrize(
+    "effect", [each.name for each in fields(ChamberEffects) if each.name != "gain"]
+)
+def test_each_effect_does_something(effect):
+    size = {"falloff": 1.0, "shake": 3.0, "roll_deg": 3.0}.get(effect, 0.3)
+    still = take(postures(*SHOWN), 1, 2)
+    changed = renderer(replace(EVEN, **{effect: size})).render(still)[0]
+    assert (changed.pixels != shown()[1].pixels).any()
+    moved = (changed.outlines != shown()[1].outlines).any()
+    assert moved == (effect in ("shake", "roll_deg"))
+
+
+def test_severity_grades_all_effects():
+    good, poor = ChamberEffects.graded(1.0), ChamberEffects.graded(2.0, gain=0.7)
+    for each in fields(ChamberEffects):
+        size = getattr(good, each.name)
+        factor = {"gain": 0.7, "falloff": 1.0}.get(each.name, 2.0)
+        assert getattr(poor, each.name) == pytest.approx(factor * size)
+        assert size > 0
+    for severity in (-0.01, 2.01, np.nan):
+        with pytest.raises(ValueError, match="severity"):
+            ChamberEffects.graded(severity)
+
+
+@pytest.mark.parametrize("degrees", [0.0, -20.0, 100.5, 170.0, 200.0])
+def test_a_field_of_view_that_is_not_followed_is_refused(degrees):
+    with pytest.raises(ValueError, match="field of view"):
+        ChamberRenderer(finger(), Endoscope(np.deg2rad(degrees)), EVEN)
+
+
+def root(function: Callable[[float], float], low: float, high: float) -> float:
+    """By halving."""
+    rising = function(high) > 0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (low, middle) if (function(middle) > 0) == rising else (middle, high)
+    return (low + high) / 2
+
+
+def test_light_falls_with_the_distance_from_the_lens():
+    # A straight finger of white walls; along a row the wall's distance follows from its slope.
+    power = 1.5
+    effects = ChamberEffects(gain=0.7, falloff=power)
+    image = renderer(effects, colours="white").render(STRAIGHT)[0]
+    tube = Tube.of(finger())
+
+    def ahead(slope: float) -> float:
+        return root(
+            lambda s: np.interp(s, tube.arcs, tube.radii) - slope * (s + tube.pinhole), 0, 101
+        )
+
+    depth_b = 40.0 + tube.pinhole
+    for column in range(175, 231, 5):
+        off = (column - (COLUMNS - 1) / 2) / FOCAL
+        slope = root(lambda r, off=off: r * (1 - 0.05 * r**2) - off, 0, 1)
+        depth = min(ahead(slope), 100.0) + tube.pinhole
+        # From one ring to the next, some 2 mm or 5 % away, the light is the same.
+        wanted = 255 * 0.7 * min((depth_b / depth) ** power, BRIGHTEST)
+        pixel = image.pixels[ROWS // 2, column].astype(float)
+        np.testing.assert_allclose(pixel, wanted, rtol=power * 2.0 / depth, atol=ROUNDED)
+
+
+def test_full_gain_images_a_white_wall_at_b_at_full_scale():
+    image = renderer(ChamberEffects(gain=1.0, falloff=1.0), colours="white").render(STRAIGHT)[0]
+    edge = image.outlines[0, 0, 0]  # of B, to the right
+    # One ring, 2 and 1.5 mm, to either side.
+    outside, inside = (
+        image.pixels[ROWS // 2, round(edge + off)].astype(float) for off in (1.5, -0.8)
+    )
+    assert (outside >= 254).all()
+    np.testing.assert_allclose(inside, 255 * (1 - 0.75 / 40.8), atol=2 * ROUNDED)
+
+
+def test_gain_scales_the_light():
+    bright = renderer(replace(EVEN, gain=0.9)).render(postures(*SHOWN[:2]))
+    dim = renderer(replace(EVEN, gain=0.3)).render(postures(*SHOWN[:2]))
+    for one, other in zip(bright, dim, strict=True):
+        assert one.pixels.max() == pytest.approx(255 * 0.9, abs=ROUNDED)
+        np.testing.assert_allclose(one.pixels / 3.0, other.pixels, atol=2 / 3 + 1e-6)  # roundings
+    over = renderer(replace(EVEN, gain=3.0)).render(STRAIGHT)[0]
+    assert over.pixels.max() == 255
+    assert set(np.unique(over.pixels[0])) == {0}
+
+
+def test_light_is_lost_in_the_corners_and_away_from_the_lamp():
+    vignetted = renderer(replace(EVEN, vignetting=0.3), colours="white").render(STRAIGHT)[0]
+    y, x = np.mgrid[:ROWS, :COLUMNS] - np.array([(ROWS - 1) / 2, (COLUMNS - 1) / 2])[:, None, None]
+    corner = (x**2 + y**2) / (COLUMNS**2 + ROWS**2) * 4
+    wanted = 255 * 0.8 * (1 - 0.3 * corner)
+    assert np.abs(vignetted.pixels - wanted[..., None]).max() < ROUNDED
+    uneven = renderer(replace(EVEN, uneven=0.4), colours="white").render(STRAIGHT)[0]
+    light = uneven.pixels[..., 0].astype(float)
+    # A slope from full light at the rim near the lamp to 60 % at the other: a plane.
+    plane = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
+    (middle, right, down), *_ = np.linalg.lstsq(plane, light.ravel(), rcond=None)
+    assert np.abs(plane @ [middle, right, down] - light.ravel()).max() < ROUNDED
+    assert middle == pytest.approx(255 * 0.8 * 0.8, abs=ROUNDED)
+    half = np.hypot(COLUMNS, ROWS) / 2
+    assert np.hypot(right, down) * half == pytest.approx(255 * 0.8 * 0.2, abs=0.5)
+
+
+def test_glare_is_a_spot_of_its_brightness():
+    glare = renderer(replace(EVEN, gain=0.5, glare=0.4)).render(STRAIGHT)[0].pixels.astype(float)
+    without = renderer(replace(EVEN, gain=0.5)).render(STRAIGHT)[0].pixels
+    added = glare[..., 2] - without[..., 2]
+    assert added.max() == pytest.approx(255 * 0.5 * 0.4, abs=ROUNDED)
+    assert (added > 1).mean() < 0.05
+
+
+def test_blur_spreads_an_edge_by_its_standard_deviation():
+    def spread(effects: ChamberEffects) -> float:
+        image = renderer(effects).render(STRAIGHT)[0]
+        # The middle rows cross the outline of B at a right angle.
+        rows = image.pixels[ROWS // 2 - 4 : ROWS // 2 + 4, COLUMNS // 2 :, 0].astype(float)
+        weights = -np.diff(rows.mean(axis=0))
+        place = np.arange(len(weights))
+        mean = (weights * place).sum() / weights.sum()
+        return float((weights * (place - mean) ** 2).sum() / weights.sum())
+
+    for size in (0.8, 2.0):
+        variance = spread(replace(EVEN, blur=size)) - spread(EVEN)
+        assert np.sqrt(variance) == pytest.approx(size, rel=0.05)
+
+
+@pytest.mark.parametrize("gain", [0.3, 0.7])
+def test_noise_is_that_of_photons_and_of_reading(gain):
+    size = 0.03
+    effects = ChamberEffects(gain=gain, falloff=0.0, noise=size)
+    images = renderer(effects, colours="white").render(postures(*[(0, 0, 0)] * 6))
+    stack = np.stack([image.pixels for image in images]).astype(float)
+    level = 255 * gain
+    # Photons: the light's square root; reading: a fifth; and a twelfth for rounding to integers.
+    wanted = np.sqrt((size * 255) ** 2 * (gain + 0.2**2) + 1 / 12)
+    assert stack.mean() == pytest.approx(level, abs=ROUNDED)
+    assert stack.std() == pytest.approx(wanted, rel=0.01)
+    # Of one frame and the next, and of two colours, it is not the same.
+    samples = (stack - stack.mean()).reshape(6, -1, 3)
+    frames = np.corrcoef(samples[..., 0])
+    colours = np.corrcoef(samples[0].T)
+    assert np.abs(frames - np.eye(6)).max() < 0.02  # 1/√76 800 is 0.004
+    assert np.abs(colours - np.eye(3)).max() < 0.02
+
+
+def test_noise_in_the_dark_is_a_fifth_of_that_at_full_scale():
+    effects = ChamberEffects(gain=0.8, falloff=0.0, noise=0.05)
+    dark = renderer(effects).render(STRAIGHT)[0].pixels[:20, :, 0].astype(float)  # of red: black
+    # Half of it is below zero and cut off; the 90th percentile is left.
+    assert np.quantile(dark, 0.9) == pytest.approx(0.05 * 255 * 0.2 * 1.2816, abs=0.5)
+
+
+def moved(effects: ChamberEffects) -> np.ndarray:
+    """Outlines at B of many frames of a straight finger, about the middle of the image."""
+    camera = Endoscope(np.pi / 2, columns=COLUMNS // 8, rows=ROWS // 8)
+    small = ChamberRenderer(finger(), camera, effects, per_region=2, angles=32)
+    still = postures(*[(0, 0, 0)] * FRAMES, per_region=2)
+    images = small.render(still)
+    return np.stack([image.outlines[0] for image in images]) - camera.centre
+
+
+def test_shake_moves_outlines_by_its_standard_deviation():
+    size = 0.5
+    centres = moved(ChamberEffects(shake=size)).mean(axis=1)
+    # About the axis an image moves by f tan of the angle; the outline's middle by 5 % more, where
+    # it is imaged 0.26 f off the axis: 1 + 3/4 · 0.26².
+    np.testing.assert_allclose(centres.std(axis=0), size * 1.05, rtol=0.1)
+    assert np.abs(centres.mean(axis=0)).max() < 4 * size / np.sqrt(FRAMES)
+    assert abs(np.corrcoef(centres.T)[0, 1]) < 4 / np.sqrt(FRAMES)
+
+
+def test_roll_turns_outlines_by_its_standard_deviation():
+    size = 2.0
+    outlines = moved(ChamberEffects(roll_deg=size)) @ [1, 1j]
+    turn = np.angle((outlines * np.conj(outlines[0])).sum(axis=1))
+    assert np.rad2deg(turn).std() == pytest.approx(size, rel=0.15)
+    turned = np.abs(outlines) - np.abs(outlines[0])
+    assert np.abs(turned).max() < 1e-9
+
+
+def test_a_lens_that_folds_its_image_is_refused():
+    with pytest.raises(ValueError, match="distortion"):
+        ChamberRenderer(finger(), Endoscope(np.deg2rad(90.0), distortion=-0.3), EVEN)
+
+
+def test_more_rings_than_a_byte_can_number_are_refused():
+    with pytest.raises(ValueError, match="per_region"):
+        ChamberRenderer(finger(), Endoscope(np.deg2rad(60.0)), EVEN, per_region=85)
+
+
+def test_a_camera_that_is_mounted_askew_stays_so():
+    camera = Endoscope(np.deg2rad(60.0))
+    posture = Posture(jnp.zeros(1), jnp.zeros(1), jnp.zeros((1, 60)))
+    straight, askew = (
+        ChamberRenderer(finger(), one, EVEN).render(posture)[0].outlines[0].mean(axis=0)
+        for one in (camera, camera.turned(np.array([0.1, 0.0]), 0.0))
+    )
+    # Turned to the right by 0.1, the camera images what was ahead at a tangent to its left.
+    shift = float(camera.focal_px) * np.tan(0.1)
+    assert straight[0] - askew[0] == pytest.approx(shift, rel=0.05)
+    assert askew[1] == pytest.approx(straight[1], abs=1e-6)

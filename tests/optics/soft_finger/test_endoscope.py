@@ -1,0 +1,135 @@
+"""The endoscope against OpenCV's projection with rotations composed by SciPy, and by hand."""
+
+from __future__ import annotations
+
+import cv2
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from optics.soft_finger import Endoscope
+from tests.helpers import central_differences
+
+PIXELS = 1e-9
+GRADIENT = 1e-6  # relative to the largest slope: what central differences can tell
+QUARTER = np.deg2rad(90.0)
+"""A field of view that makes the focal length half the diagonal."""
+
+CASES = {
+    "plain": ({}, (0.0, 0.0), 0.0),
+    "barrel": ({"distortion": -0.12}, (0.0, 0.0), 0.0),
+    "pincushion": ({"distortion": 0.2}, (0.0, 0.0), 0.0),
+    "right": ({}, (0.2, 0.0), 0.0),
+    "down": ({}, (0.0, 0.15), 0.0),
+    "rolled": ({}, (0.0, 0.0), 0.4),
+    "all": ({"distortion": -0.08, "columns": 401, "rows": 300}, (-0.11, 0.07), -0.3),
+}
+
+
+def endoscope(case: str) -> Endoscope:
+    settings, pointing, roll = CASES[case]
+    return Endoscope(np.deg2rad(75.0), pointing=np.array(pointing), roll=roll, **settings)
+
+
+def slopes() -> np.ndarray:
+    side = np.linspace(-0.6, 0.6, 9)
+    return np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_images_are_those_of_opencv(case):
+    settings, (right, down), roll = CASES[case]
+    camera = endoscope(case)
+    columns, rows = settings.get("columns", 640), settings.get("rows", 480)
+    focal = np.hypot(columns, rows) / 2 / np.tan(np.deg2rad(75.0) / 2)
+    matrix = np.array([[focal, 0, (columns - 1) / 2], [0, focal, (rows - 1) / 2], [0, 0, 1]])
+    # x right, y down, z ahead: about y to the right, about the camera's x down, about its z.
+    turned = Rotation.from_euler("YXZ", [right, -down, roll])
+    points = np.concatenate([slopes(), np.ones((81, 1))], axis=1)
+    wanted, _ = cv2.projectPoints(
+        points,
+        turned.inv().as_rotvec(),
+        np.zeros(3),
+        matrix,
+        np.array([settings.get("distortion", 0.0), 0, 0, 0]),
+    )
+    np.testing.assert_allclose(camera.image(jnp.asarray(slopes())), wanted[:, 0], atol=PIXELS)
+
+
+def test_the_field_of_view_is_between_opposite_corners():
+    camera = Endoscope(QUARTER)
+    assert float(camera.focal_px) == pytest.approx(400.0)  # half of √(640² + 480²)
+    assert float(Endoscope(QUARTER, columns=300, rows=400).focal_px) == pytest.approx(250.0)
+    narrow = Endoscope(2 * np.arctan(0.5))
+    assert float(narrow.focal_px) == pytest.approx(800.0)
+    # A ray at half the field of view, towards a corner: half a pixel beyond its middle.
+    corner = np.asarray(narrow.image(jnp.asarray([0.5 * 0.8, 0.5 * 0.6])))
+    np.testing.assert_allclose(corner, [639.5, 479.5], atol=PIXELS)
+
+
+def test_the_axis_is_imaged_in_the_middle_and_other_rays_to_their_side():
+    camera = Endoscope(QUARTER, columns=641, rows=481)
+    places = np.asarray(camera.image(jnp.asarray([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1]])))
+    np.testing.assert_allclose(places[0], [320, 240], atol=PIXELS)
+    np.testing.assert_allclose(places[0], camera.centre, atol=PIXELS)
+    assert places[1, 0] > 320
+    assert places[1, 1] == pytest.approx(240)
+    assert places[2, 1] > 240
+    assert places[2, 0] == pytest.approx(320)
+
+
+def test_a_camera_sees_in_the_middle_what_it_points_at():
+    pointing = np.array([0.2, -0.1])
+    camera = Endoscope(QUARTER).turned(pointing, 0.7)
+    # The direction that is turned to by spherical coordinates: azimuth, then elevation.
+    ahead = np.array(
+        [np.sin(0.2) * np.cos(0.1), -np.sin(0.1), np.cos(0.2) * np.cos(0.1)]
+    )  # y is down
+    place = camera.image(jnp.asarray(ahead[:2] / ahead[2]))
+    np.testing.assert_allclose(place, camera.centre, atol=PIXELS)
+
+
+def test_roll_turns_the_image_counter_clockwise():
+    camera = Endoscope(QUARTER).turned(np.zeros(2), np.pi / 2)
+    right = np.asarray(camera.image(jnp.asarray([0.1, 0.0]))) - np.asarray(camera.centre)
+    np.testing.assert_allclose(right, [0, -40], atol=PIXELS)  # to the top
+
+
+def test_a_barrel_draws_rays_together():
+    plain, barrel = Endoscope(QUARTER), Endoscope(QUARTER, distortion=-0.1)
+    ray = jnp.asarray([0.3, -0.4])
+    off = np.asarray(plain.image(ray)) - plain.centre
+    drawn = np.asarray(barrel.image(ray)) - barrel.centre
+    np.testing.assert_allclose(drawn, off * (1 - 0.1 * 0.25), atol=PIXELS)
+
+
+def test_aiming_keeps_all_else():
+    camera = Endoscope(QUARTER, distortion=-0.1, columns=200, rows=100)
+    turned = camera.turned(np.array([0.1, 0.2]), 0.3)
+    assert (turned.columns, turned.rows) == (200, 100)
+    assert float(turned.distortion) == -0.1
+    assert float(turned.field_of_view) == QUARTER
+    np.testing.assert_array_equal(turned.pointing, [0.1, 0.2])
+    assert float(turned.roll) == 0.3
+
+
+def test_gradients_are_central_differences():
+    def seen(values: list[jax.Array]) -> jax.Array:
+        x, y, field, distortion, right, down, roll = values
+        camera = Endoscope(field, distortion, jnp.stack([right, down]), roll)
+        place = camera.image(jnp.stack([x, y]))
+        return place[0] + 0.3 * place[1]
+
+    points = [
+        [0.0, 0.0, 1.3, 0.0, 0.0, 0.0, 0.0],
+        [0.3, -0.2, 1.5, -0.1, 0.1, 0.2, 0.3],
+        [-0.5, 0.4, 1.0, 0.1, -0.2, 0.05, -2.0],
+    ]
+    batch = [jnp.asarray(column) for column in np.transpose(points)]
+    found = np.transpose(jax.jit(jax.vmap(jax.grad(seen)))(batch))
+    compiled = jax.jit(seen)
+    for point, slope in zip(points, found, strict=True):
+        wanted = central_differences(compiled, [jnp.asarray(value) for value in point])
+        np.testing.assert_allclose(slope, wanted, atol=GRADIENT * np.abs(wanted).max())

@@ -1,0 +1,195 @@
+"""What the rings span in the plane of bending, in complex numbers, and its gradients."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics import dimension_for_ratio
+from optics.soft_finger import Posture, Rings, Spans, apertures, pressed_by, spans
+from optics.soft_finger.rings import FIELD_STOP
+from tests.helpers import central_differences
+from tests.optics.soft_finger.marched import Press, finger
+
+ROUNDING = 1e-12
+GRADIENT = 1e-6  # relative to the largest slope: what central differences can tell
+BENDS_DEG = (0.0, 0.01, 10.0, -25.0, 60.0, 90.0, 120.0)
+BEYOND_DEG = (170.0, 182.0, 250.0, 400.0, 460.0, 600.0)
+"""Rings behind the camera; from 451 degrees the centre of curvature is inside the chamber."""
+
+PRESSES = {
+    "none": Press(),
+    "inside": Press(70.0, 20.0, 4.0),
+    "outside": Press(55.0, 20.0, -4.0),
+    "through": Press(75.0, 20.0, 25.0),
+}
+every_press = pytest.mark.parametrize("press", PRESSES.values(), ids=PRESSES.keys())
+rings = Rings.of(finger())
+
+
+def pressed(press: Press) -> jax.Array:
+    values = (jnp.asarray(value) for value in (press.place, press.radius, press.depth))
+    return pressed_by(rings.arc, *values)
+
+
+spanned = eqx.filter_jit(jax.vmap(spans, in_axes=(None, 0, None)))
+
+
+def batch(bends_deg: tuple[float, ...], press: Press) -> Spans:
+    return spanned(rings, jnp.asarray(np.deg2rad(bends_deg)), pressed(press))
+
+
+@every_press
+def test_rings_span_what_their_ends_in_the_plane_are_seen_at(press):
+    found = batch(BENDS_DEG + BEYOND_DEG, press)
+    arcs, radii = np.asarray(rings.arc), np.asarray(rings.radius)
+    deep = press.at(arcs)
+    high = radii - (deep if press.depth > 0 else 0)
+    low = radii - (deep if press.depth < 0 else 0)
+    for i, bend_deg in enumerate(BENDS_DEG + BEYOND_DEG):
+        # Ahead is real, towards the bend imaginary; the line turns about a centre of curvature.
+        turned = np.exp(1j * np.deg2rad(bend_deg) * arcs / 100)
+        line = arcs.astype(complex)
+        if bend_deg:
+            line = 100 / np.deg2rad(bend_deg) * (turned - 1) / 1j
+        ends = np.stack([line + 1j * turned * high, line - 1j * turned * low]) + 0.844
+        margin = ends.real.min(axis=0)
+        scale = 1 + np.abs(np.asarray(found.margin[i]))
+        np.testing.assert_allclose(
+            found.margin[i], np.minimum(margin, radii), atol=ROUNDING * scale.max() * 100
+        )
+        ahead = margin > 0
+        slopes = ends.imag / np.where(ahead, ends.real, 1)
+        # A bend of 0.01 degrees takes four digits of the line as this says it.
+        tolerance = 1e-9 if bend_deg == 0.01 else 1e-11
+        np.testing.assert_allclose(found.high[i][ahead], slopes[0, ahead], rtol=tolerance)
+        np.testing.assert_allclose(found.low[i][ahead], slopes[1, ahead], rtol=tolerance)
+        # What is behind the camera hides itself and all that is beyond it.
+        upper = np.where(ahead, np.minimum(slopes[0], FIELD_STOP), -FIELD_STOP)
+        lower = np.where(ahead, np.maximum(slopes[1], -FIELD_STOP), FIELD_STOP)
+        upper, lower = np.minimum.accumulate(upper), np.maximum.accumulate(lower)
+        np.testing.assert_allclose(found.seen_high[i], upper, rtol=tolerance)
+        np.testing.assert_allclose(found.seen_low[i], lower, rtol=tolerance)
+        np.testing.assert_allclose(found.width[i], upper - lower, atol=tolerance)
+
+
+@every_press
+@pytest.mark.parametrize("bend_deg", [0.0, 25.0, 120.0])
+def test_spans_are_where_outlines_cross_the_plane_of_bending(bend_deg, press):
+    bend = jnp.asarray(np.deg2rad(bend_deg))
+    found = eqx.filter_jit(apertures)(rings, Posture(bend, jnp.zeros(()), pressed(press)), 32)
+    flat = batch((bend_deg,), press)
+    np.testing.assert_array_equal(found.seen, np.asarray(flat.width[0]) > 0)
+    seen = np.asarray(found.seen)
+    outlines = np.asarray(found.outline)
+    np.testing.assert_allclose(outlines[seen, 0, 0], flat.seen_high[0][seen], atol=ROUNDING)
+    np.testing.assert_allclose(outlines[seen, 16, 0], flat.seen_low[0][seen], atol=ROUNDING)
+    assert not outlines[seen, 0, 1].any()
+
+
+class Finger(NamedTuple):
+    """What a study changes; η by the offset at D."""
+
+    bend: jax.Array
+    ratio: jax.Array
+    offset_b: jax.Array
+    wall_angle_bc: jax.Array
+    depth: jax.Array
+
+
+def designed(values: Finger) -> tuple[Rings, jax.Array]:
+    chamber = dataclasses.replace(
+        finger(), offset_b=values.offset_b, wall_angle_bc=values.wall_angle_bc
+    )
+    offset = dimension_for_ratio(chamber, "offset_d", values.ratio).value
+    made = Rings.of(dataclasses.replace(chamber, offset_d=offset), 6)
+    place, radius = jnp.asarray(70.0), jnp.asarray(20.0)
+    return made, pressed_by(made.arc, place, radius, values.depth)
+
+
+def seen_of(values: Finger) -> jax.Array:
+    """A mix of all that spans give."""
+    made, deep = designed(values)
+    found = spans(made, values.bend, deep)
+    ends = jnp.asarray(made.ends)
+    width = found.width[ends] @ jnp.asarray([0.7, -1.3, 1.9])
+    return width + 0.4 * found.seen_low[ends[1]] + 0.1 * jnp.sum(found.margin) / 100
+
+
+def fingers(bends_deg: tuple[float, ...]) -> Finger:
+    values = [
+        (np.deg2rad(bend), ratio, 1.8, np.deg2rad(angle), depth)
+        for bend in bends_deg
+        for ratio, angle, depth in ((0.6, 2.0, 0.0), (0.85, -1.0, 4.0), (0.5, 4.0, -3.0))
+    ]
+    return Finger(*(jnp.asarray(column) for column in np.transpose(values)))
+
+
+EXTREME_DEG = (*BEYOND_DEG, -400.0, 180.0, 360.0, 3600.0)
+MANY = fingers(BENDS_DEG + EXTREME_DEG)
+ORDINARY = 3 * len(BENDS_DEG)
+seen_value = jax.jit(seen_of)
+
+
+@functools.cache
+def seen_slopes() -> Finger:
+    """Of all fingers at once, compiled."""
+    return jax.jit(jax.vmap(jax.grad(seen_of)))(MANY)
+
+
+@functools.cache
+def widths() -> np.ndarray:
+    return np.asarray(jax.jit(jax.vmap(hidden))(MANY))
+
+
+def test_gradients_are_central_differences():
+    for i, slope in enumerate(np.transpose(seen_slopes())[:ORDINARY]):
+        values = jax.tree.map(lambda leaf, i=i: leaf[i], MANY)
+        # A press of no depth has a kink: nothing is pressed on either side. Zero is its slope.
+        unpressed = float(values.depth) == 0
+        wanted = np.array(central_differences(seen_value, values))
+        compared = slice(0, 4 if unpressed else 5)
+        np.testing.assert_allclose(
+            slope[compared], wanted[compared], atol=GRADIENT * np.abs(wanted).max()
+        )
+        assert np.isfinite(slope).all()
+
+
+def hidden(values: Finger) -> jax.Array:
+    made, deep = designed(values)
+    return spans(made, values.bend, deep).width[jnp.asarray(made.ends)]
+
+
+def test_gradients_are_compared_where_tops_are_seen_and_where_they_are_hidden():
+    width = widths()[:ORDINARY]
+    assert (width[:, 2] > 0).any()
+    assert (width[:, 2] < 0).any()
+
+
+def test_values_and_gradients_are_finite_however_a_finger_is_bent():
+    width = widths()[ORDINARY:]
+    assert np.isfinite(width).all()
+    assert (width[:, 2] <= 0).all()
+    assert all(np.isfinite(leaf).all() for leaf in seen_slopes())
+    deep = jnp.asarray(PRESSES["inside"].at(np.asarray(rings.arc)))
+    found = spanned(rings, MANY.bend[ORDINARY:], deep)
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found))
+    assert (np.asarray(found.margin).min(axis=1) <= 0).sum() > 6
+
+
+def test_all_slopes_of_all_spans_are_finite():
+    def every(bend: jax.Array, which: jax.Array) -> jax.Array:
+        found = spans(rings, bend, pressed(PRESSES["outside"]))
+        return jnp.sum(which * jnp.concatenate(jax.tree.leaves(found)))
+
+    bends = jnp.asarray(np.deg2rad(BENDS_DEG + BEYOND_DEG))
+    each = jnp.eye(5 * len(rings.region))
+    slopes = jax.jit(jax.vmap(jax.vmap(jax.grad(every), in_axes=(None, 0)), in_axes=(0, None)))
+    assert np.isfinite(slopes(bends, each)).all()

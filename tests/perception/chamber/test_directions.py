@@ -1,0 +1,165 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from perception.chamber import (
+    Direction,
+    Points,
+    bending_direction,
+    displacements,
+    find_points,
+    find_regions,
+)
+from perception.chamber.directions import Use
+from tests.perception.chamber.drawn import Ellipse, Scene
+
+NUMBERS = Direction.INITIAL, Direction.UP, Direction.DOWN, Direction.LEFT, Direction.RIGHT
+"""The paper's numbers 0 to 4."""
+
+START = np.array(
+    [(140, 240), (320, 420), (500, 240), (226, 240), (320, 334), (414, 240), (320, 240)], float
+)
+
+
+def algorithm_1(x: list[float], y: list[float], threshold: float) -> int:
+    """Literally, line by line; x and y are displacements."""
+    values = [abs(value) for value in x + y]
+    largest = max(values)
+    if largest < threshold or largest == 0:
+        return 0
+    index = values.index(largest)
+    if index < len(x):
+        return 4 if x[index] > 0 else 3
+    return 2 if y[index - len(x)] > 0 else 1
+
+
+def points(moved: object = 0.0, seen: object = True) -> Points:
+    return Points(START + np.asarray(moved, float), np.broadcast_to(np.asarray(seen), 7).copy())
+
+
+MOVES = st.lists(
+    st.tuples(*[st.integers(-4, 4) | st.floats(-90, 90, width=16)] * 2), min_size=7, max_size=7
+)
+SEEN = st.lists(st.booleans(), min_size=6, max_size=6)
+
+
+@given(MOVES, SEEN, SEEN, st.sampled_from([0.0, 2.0, 30.0]), st.sampled_from(["blue", "all"]))
+def test_against_a_literal_transcription(
+    moves: list[tuple[float, float]],
+    now: list[bool],
+    before: list[bool],
+    threshold: float,
+    use: Use,
+):
+    frame, initial = points(moves, [*now, True]), points(0.0, [*before, True])
+    moved = frame.xy - initial.xy
+    chosen = [*(a and b for a, b in zip(now, before, strict=True)), True]
+    yellow = use == "all" and all(chosen[3:6])
+    in_x, in_y = ("acdfg", "beg") if yellow else ("acg", "bg")
+    x, y = (
+        [
+            float(moved["abcdefg".index(name), axis])
+            for name in names
+            if chosen["abcdefg".index(name)]
+        ]
+        for axis, names in enumerate((in_x, in_y))
+    )
+    expected = NUMBERS[algorithm_1(x, y, threshold)]
+    assert bending_direction(frame, initial, threshold=threshold, use=use) is expected
+
+
+@pytest.mark.parametrize("use", ["blue", "all", "centre"])
+@pytest.mark.parametrize(
+    ("move", "direction"),
+    [
+        ((3, 1), Direction.RIGHT),
+        ((-3, 1), Direction.LEFT),
+        ((1, 3), Direction.DOWN),
+        ((1, -3), Direction.UP),
+        ((0, 0), Direction.INITIAL),
+        ((-2, 2), Direction.LEFT),
+        ((2, -2), Direction.RIGHT),
+    ],
+)
+def test_directions_and_ties(move: tuple[float, float], direction: Direction, use: Use):
+    assert bending_direction(points(move), points(), use=use) is direction
+
+
+def test_only_less_than_the_threshold_is_initial():
+    assert bending_direction(points((2, 0)), points(), threshold=2.0) is Direction.RIGHT
+    assert bending_direction(points((2, 0)), points(), threshold=2.01) is Direction.INITIAL
+    assert bending_direction(points((1e-9, 0)), points()) is Direction.RIGHT
+
+
+@pytest.mark.parametrize("use", ["blue", "all", "centre"])
+def test_undefined_without_a_chamber(use: Use):
+    nothing = points(seen=False)
+    assert bending_direction(nothing, points(), use=use) is Direction.UNDEFINED
+    assert bending_direction(points((5, 0)), nothing, use=use) is Direction.UNDEFINED
+
+
+def test_displacements_of_what_both_frames_show():
+    seen = np.array([True, False, True, True, True, True, True])
+    moved = displacements(points((2, -3), seen), points())
+    assert moved.tolist() == [[2, -3], [0, 0], *[[2, -3]] * 5]
+
+
+def test_yellow_counts_while_it_is_seen():
+    moves = np.zeros((7, 2))
+    moves[0, 0], moves[4, 1] = 2, 5
+    assert bending_direction(points(moves), points(), use="blue") is Direction.RIGHT
+    assert bending_direction(points(moves), points(), use="all") is Direction.DOWN
+    no_yellow = [True, True, True, False, False, False, True]
+    assert bending_direction(points(moves, no_yellow), points(), use="all") is Direction.RIGHT
+    assert bending_direction(points(moves), points(0, no_yellow), use="all") is Direction.RIGHT
+
+
+def test_a_part_of_yellow_does_not_count():
+    """Its lowest point has left the image: what is left of it moves to the side alone."""
+    moves = np.tile([10.0, 12.0], (7, 1))
+    moves[3:6] = 20, 24
+    cut = [True, True, True, True, False, True, True]
+    assert bending_direction(points(moves), points(), use="all") is Direction.DOWN
+    assert bending_direction(points(moves, cut), points(), use="all") is Direction.DOWN
+
+
+def points_of(scene: Scene, seed: int = 0) -> Points:
+    image = scene.image(noise=4, seed=seed)
+    return find_points(image, find_regions(image))
+
+
+@pytest.mark.parametrize("use", ["blue", "all", "centre"])
+@pytest.mark.parametrize("far", [0.8, 15, 50, 100, 140])
+def test_drawn_bends(far: float, use: Use):
+    straight = Scene().half
+    initial = points_of(straight, seed=1)
+    for x, y, direction in (
+        (0, -far, Direction.UP),
+        (0, far, Direction.DOWN),
+        (-far, 0, Direction.LEFT),
+        (far, 0, Direction.RIGHT),
+    ):
+        frame = points_of(straight.moved(x, y), seed=2)
+        assert bending_direction(frame, initial, use=use) is direction
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "literal", "centre"),
+    [
+        (0, 1, Direction.UP, Direction.DOWN),
+        (0, -1, Direction.UP, Direction.UP),
+        (1, 0, Direction.RIGHT, Direction.RIGHT),
+    ],
+)
+def test_a_bend_down_behind_a_nearer_wall(x: int, y: int, literal: Direction, centre: Direction):
+    """Where the wall hides blue's lower side its lowest point rises, and no topmost one falls."""
+    straight = replace(Scene().half, yellow=None)
+    hidden = replace(
+        straight.moved(60 * x, 60 * y), opening=Ellipse(159.5 - 45 * x, 119.5 - 45 * y, 90, 90)
+    )
+    initial, frame = points_of(straight, seed=1), points_of(hidden, seed=2)
+    assert bending_direction(frame, initial) is literal
+    assert bending_direction(frame, initial, use="centre") is centre

@@ -1,0 +1,162 @@
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from perception.chamber import (
+    Direction,
+    Region,
+    Sight,
+    bending_direction,
+    find_points,
+    find_regions,
+)
+from tests.perception.chamber.drawn import Ellipse, Scene
+
+STRAIGHT = Scene().half
+NO_YELLOW = replace(STRAIGHT, yellow=None)
+WALL = replace(STRAIGHT, blue=None)
+BENT = STRAIGHT.moved(30, -12)
+
+
+def overlap(outline: np.ndarray, ellipse: Ellipse, shape: tuple[int, int]) -> float:
+    """Intersection over union of an outline's pixels with those of an ellipse."""
+    found = cv2.fillConvexPoly(np.zeros(shape, np.uint8), outline, 1).astype(bool)
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    true = ellipse.holds(x, y)
+    return (found & true).sum() / (found | true).sum()
+
+
+@pytest.mark.parametrize("gain", [0.4, 1.0, 2.5])
+@pytest.mark.parametrize("noise", [0.0, 6.0])
+def test_every_region_is_labelled_in_all_light(gain: float, noise: float):
+    regions = find_regions(BENT.image(gain=gain, noise=noise))
+    assert regions.sight is Sight.CHAMBER
+    # Colours mix within 3 px of an edge; everywhere else the labels are those drawn.
+    drawn = np.full(regions.labels.shape, Region.RED, np.uint8)
+    y, x = np.mgrid[: BENT.rows, : BENT.columns]
+    for ellipse, region in (
+        (BENT.blue, Region.BLUE),
+        (BENT.yellow, Region.YELLOW),
+        (BENT.top, Region.TOP),
+    ):
+        assert ellipse is not None
+        drawn[ellipse.holds(x, y)] = region
+    near = cv2.morphologyEx(drawn, cv2.MORPH_GRADIENT, np.ones((7, 7), np.uint8)) > 0
+    # An opening leaves a few noisy pixels of the dark top unlabelled.
+    assert (regions.labels == drawn)[~near].mean() > 0.999
+
+
+@pytest.mark.parametrize("gain", [0.4, 1.0, 2.5])
+def test_outlines_are_those_drawn(gain: float):
+    regions = find_regions(BENT.image(gain=gain, noise=4))
+    assert BENT.blue is not None
+    assert BENT.yellow is not None
+    # One pixel all around is 2 % of blue's area and 4 % of yellow's.
+    assert overlap(regions.blue, BENT.blue, regions.labels.shape) > 0.98
+    assert overlap(regions.yellow, BENT.yellow, regions.labels.shape) > 0.96
+
+
+def test_the_outline_of_blue_holds_yellow_that_lies_at_the_wall():
+    scene = STRAIGHT.moved(60, 0)
+    regions = find_regions(scene.image(noise=4))
+    assert regions.sight is Sight.CHAMBER
+    assert scene.blue is not None
+    assert overlap(regions.blue, scene.blue, regions.labels.shape) > 0.98
+
+
+def test_the_outline_of_yellow_holds_a_top_that_lies_at_blue():
+    ellipse = Ellipse(150.3, 119.5, 47, 47)
+    scene = replace(STRAIGHT, yellow=ellipse, top=replace(ellipse, x=120.0, wide=22, high=22))
+    regions = find_regions(scene.image(noise=4))
+    assert overlap(regions.yellow, ellipse, regions.labels.shape) > 0.96
+
+
+SIGHTS = {
+    "straight": (STRAIGHT.image(noise=4), Sight.CHAMBER),
+    "no yellow": (NO_YELLOW.image(noise=4), Sight.NO_YELLOW),
+    "wall alone": (WALL.image(noise=4), Sight.NO_CHAMBER),
+    "blue alone": (np.full((240, 320, 3), (25, 50, 180), np.uint8), Sight.NO_CHAMBER),
+    "grey": (np.full((240, 320, 3), 128, np.uint8), Sight.NO_CHAMBER),
+    "dark": (STRAIGHT.image(gain=0.05, noise=3), Sight.TOO_DARK),
+    "black": (np.zeros((240, 320, 3), np.uint8), Sight.TOO_DARK),
+    "overexposed": (STRAIGHT.image(gain=15), Sight.TOO_BRIGHT),
+    "white": (np.full((240, 320, 3), 255, np.uint8), Sight.TOO_BRIGHT),
+    "swapped": (STRAIGHT.image(noise=4)[..., ::-1], Sight.SWAPPED),
+    "swapped, no yellow": (NO_YELLOW.image(noise=4)[..., ::-1], Sight.SWAPPED),
+    "swapped and bent": (STRAIGHT.moved(60, 20).image(noise=4)[..., ::-1], Sight.SWAPPED),
+    "white pixel": (np.full((1, 1, 3), 255, np.uint8), Sight.TOO_BRIGHT),
+    "red pixel": (np.array([[[180, 20, 20]]], np.uint8), Sight.NO_CHAMBER),
+}
+
+
+@pytest.mark.parametrize("name", SIGHTS)
+def test_every_sight(name: str):
+    image, sight = SIGHTS[name]
+    regions = find_regions(image)
+    assert regions.sight is sight
+    assert (len(regions.blue) > 0) == (sight in (Sight.CHAMBER, Sight.NO_YELLOW))
+    assert (len(regions.yellow) > 0) == (sight is Sight.CHAMBER)
+
+
+def test_every_sight_is_tested():
+    assert {sight for _, sight in SIGHTS.values()} == set(Sight)
+
+
+def test_dark_corners_specks_and_highlights_do_not_matter():
+    image = STRAIGHT.image(noise=4)
+    clean = find_regions(image)
+    y, x = np.mgrid[:240, :320]
+    image[np.hypot(x - 159.5, y - 119.5) > 170] = (6, 4, 4)
+    cv2.circle(image, (159, 48), 8, (255, 255, 255), -1)  # on the blue ring
+    cv2.circle(image, (140, 90), 5, (255, 255, 255), -1)  # where blue and yellow meet
+    cv2.rectangle(image, (10, 100), (14, 104), (20, 50, 190), -1)  # a blue speck on the wall
+    regions = find_regions(image)
+    assert regions.sight is Sight.CHAMBER
+    for name in ("blue", "yellow"):
+        box, usual = (np.array(cv2.boundingRect(getattr(r, name))) for r in (regions, clean))
+        assert np.abs(box - usual).max() <= 1
+
+
+def corrupt(number: int) -> np.ndarray:
+    """A frame that something is wrong with."""
+    rng = np.random.default_rng(number)
+    rows, columns = (int(n) for n in rng.integers(1, 90, 2))
+    match number % 6:
+        case 0:
+            return rng.integers(0, 256, (rows, columns, 3), dtype=np.uint8)
+        case 1:
+            colours = np.array([(180, 30, 25), (25, 50, 190), (215, 180, 25), (40, 40, 40)])
+            return colours[rng.integers(0, 4, (rows, columns))].astype(np.uint8)
+        case 2:  # patches of these colours
+            colours = np.array([(180, 30, 25), (25, 50, 190), (215, 180, 25), (40, 40, 40)])
+            patches = colours[rng.integers(0, 4, (3, 4))].astype(np.uint8)
+            return cv2.resize(patches, (columns, rows), interpolation=cv2.INTER_NEAREST)
+        case 3:  # rows of another frame, as of a broken cable
+            image = STRAIGHT.image(noise=4)
+            image[rng.integers(0, 240) :] = np.roll(image, int(rng.integers(1, 300)), 1)[0]
+            return image
+        case 4:
+            return np.ascontiguousarray(STRAIGHT.image(noise=40, seed=number)[:rows, :columns])
+        case _:
+            image = STRAIGHT.image(noise=4)
+            return (image * rng.uniform(0, 1, 3)).astype(np.uint8)
+
+
+@pytest.mark.parametrize("first", range(0, 300, 50))
+def test_every_frame_has_an_answer(first: int):
+    image = STRAIGHT.image()
+    initial = find_points(image, find_regions(image))
+    for number in range(first, first + 50):
+        image = corrupt(number)
+        regions = find_regions(image)
+        points = find_points(image, regions)
+        assert np.isfinite(points.xy).all()
+        assert (points.xy[~points.seen] == 0).all()
+        inside = points.xy[points.seen]
+        assert (inside >= -0.5).all()
+        assert (inside <= np.array(image.shape[1::-1]) - 0.5).all()
+        seen = regions.sight in (Sight.CHAMBER, Sight.NO_YELLOW)
+        direction = bending_direction(points, initial, use="all")
+        assert (direction is Direction.UNDEFINED) == (not seen)

@@ -1,0 +1,131 @@
+"""Trainings on a toy chamber, against who always answers the mean and against each other."""
+
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+
+from perception.posture import (
+    EQUAL_WEIGHTS,
+    PostureEstimator,
+    Training,
+    marker_errors,
+    mean_predictor_error,
+    train,
+)
+from tests.perception.posture.toy import samples
+
+SIZE = (32, 24)
+QUICK = Training(epochs=30, batch=32, channels=(4, 8, 8, 16))
+IMAGES, MARKERS = samples(300, SIZE, seed=1)
+OTHERS = samples(100, SIZE, seed=2)
+MEAN_PREDICTOR = mean_predictor_error(MARKERS, OTHERS[1])
+
+
+def tip_error(estimator: PostureEstimator) -> float:
+    return float(marker_errors(estimator.predict(OTHERS[0]), OTHERS[1])[:, -1].mean())
+
+
+@pytest.fixture(scope="module")
+def trained() -> PostureEstimator:
+    return train(IMAGES, MARKERS, QUICK, OTHERS)
+
+
+def test_far_better_than_the_mean(trained):
+    assert tip_error(trained) < MEAN_PREDICTOR / 5
+
+
+def test_the_mean_predictor_by_hand():
+    train_markers = np.zeros((2, 3, 2))
+    train_markers[1, 2] = (0.0, 8.0)
+    markers = np.zeros((2, 3, 2))
+    markers[0, 2], markers[1, 2] = (3.0, 0.0), (0.0, 4.0)
+    assert mean_predictor_error(train_markers, markers) == 2.5  # (3, 4) and (0, 0) off
+
+
+def test_marker_errors_are_distances():
+    errors = marker_errors(np.full((2, 3, 2), [3.0, 4.0]), np.zeros((2, 3, 2)))
+    np.testing.assert_array_equal(errors, np.full((2, 3), 5.0))
+
+
+def test_raw_images_are_worse(trained):
+    raw = train(IMAGES, MARKERS, dataclasses.replace(QUICK, standardise=False))
+    assert np.isfinite(raw.record.loss).all()
+    assert tip_error(raw) > 1.2 * tip_error(trained)
+
+
+def test_strong_regularisation_is_worse(trained):
+    strong = train(IMAGES, MARKERS, dataclasses.replace(QUICK, regularisation=10.0))
+    assert tip_error(strong) > 2 * tip_error(trained)
+
+
+def test_the_record(trained):
+    record = trained.record
+    assert len(record.loss) == len(record.tip_error) == len(record.seconds) == QUICK.epochs
+    assert record.tip_error[-1] == pytest.approx(tip_error(trained), rel=1e-6)
+    assert record.loss[-1] < record.loss[0] / 10
+    assert record.seconds == tuple(sorted(record.seconds))
+    assert record.total_seconds == record.seconds[-1]
+    assert (record.samples, record.image_size, record.settings) == (300, SIZE, QUICK)
+    assert set(record.versions) == {"python", "jax", "equinox", "optax", "numpy"}
+
+
+def test_the_loss_is_equation_4_in_mm():
+    """A step so small that the network stays as it was: the epoch's loss is that of its answers."""
+    still = dataclasses.replace(QUICK, epochs=1, learning_rate=1e-12)
+    estimator = train(IMAGES[:256], MARKERS[:256], still)
+    squares = marker_errors(estimator.predict(IMAGES[:256]), MARKERS[:256]) ** 2
+    expected = (squares @ np.array(QUICK.loss_weights)).mean()
+    assert estimator.record.loss[0] == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_seed_gives_the_same_network_again(trained):
+    few = dataclasses.replace(QUICK, epochs=2)
+    one, same, other = (
+        train(IMAGES, MARKERS, dataclasses.replace(few, seed=seed)).network for seed in (3, 3, 4)
+    )
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(same), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert not np.array_equal(one.weight, other.weight)
+
+
+def test_fewer_samples_than_a_batch():
+    estimator = train(
+        IMAGES[:20], MARKERS[:20], dataclasses.replace(QUICK, epochs=2, loss_weights=EQUAL_WEIGHTS)
+    )
+    assert estimator.record.samples == 20
+
+
+@pytest.mark.parametrize(
+    ("images", "markers", "message"),
+    [
+        (IMAGES[:0], MARKERS[:0], "0 images with 0 markers"),
+        (IMAGES[:9] * np.float32(np.nan), MARKERS[:9], "finite"),
+        (IMAGES[:9], MARKERS[:9] * np.inf, "finite"),
+        (IMAGES[:9] * np.float32(0), MARKERS[:9], "all the same"),
+        (IMAGES[:9], np.ones((9, 3, 2)), "all the same"),
+    ],
+)
+def test_samples_that_teach_nothing_are_refused(images, markers, message):
+    with pytest.raises(ValueError, match=message):
+        train(images, markers, QUICK)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"epochs": 0}, "epochs is at least 1, not 0"),
+        ({"batch": 0}, "batch is at least 1, not 0"),
+        ({"learning_rate": 0.0}, "learning_rate is positive"),
+        ({"learning_rate": float("nan")}, "learning_rate is positive"),
+        ({"regularisation": -1.0}, "regularisation is finite and at least 0"),
+        ({"loss_weights": (1.0, 0.0, 1.0)}, "3 positive finite numbers"),
+        ({"seed": -1}, "seed is at least 0"),
+        ({"channels": ()}, "channels are one or more"),
+        ({"channels": (4, 0)}, "channels are one or more"),
+    ],
+)
+def test_settings_out_of_range_are_refused(settings, message):
+    with pytest.raises(ValueError, match=message):
+        Training(**settings)

@@ -1,0 +1,158 @@
+"""The study ``bending-direction``: a quick run end to end, and its pieces."""
+
+import json
+import math
+import tomllib
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from designopt.cli import run as command
+from designopt.errors import UserError
+from perception.chamber import Direction
+from studies.bending_direction import paper
+from studies.bending_direction.design import Design, Knobs, best, clearance, problem, rates
+from studies.bending_direction.frames import TOWARDS
+from studies.bending_direction.rules import Tally
+from studies.bending_direction.statements import gone_at
+from studies.bending_direction.tables import paper_tally
+from studies.chamber_images.making import SoftFinger
+from studies.chamber_images.spec import ChamberImagesSpec, MadeSpec
+
+PRINTED = tomllib.loads(
+    (Path(__file__).parent.parent / "data" / "table2.toml").read_text(encoding="utf-8")
+)
+QUICK = ["images=12", "small_images=12", "stability_images=1"]
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    out = tmp_path_factory.mktemp("quick") / "out"
+    sets = [part for setting in QUICK for part in ("--set", setting)]
+    code = command(["run", "bending-direction", *sets, "--out", str(out)])
+    return code, json.loads((out / "results.json").read_text(encoding="utf-8")), out
+
+
+@pytest.fixture(scope="module")
+def finger():
+    return SoftFinger.of(ChamberImagesSpec())
+
+
+def test_a_quick_run_tells_directions(done):
+    _, document, out = done
+    measured = {name: metric["value"] for name, metric in document["metrics"].items()}
+    for direction in ("up", "down", "left", "right"):
+        assert measured[f"decided_{direction}_percent"] == 100
+        assert measured[f"right_{direction}_percent"] >= 80  # 2 of 12 may be bent by hardly any
+    assert measured["odd_failures"] == 0
+    assert measured["wrong_with_threshold"] == 0
+    assert measured["rate_best_px_per_deg"] > measured["rate_spec_px_per_deg"]
+    assert measured["undecided_small_best"] <= measured["undecided_small_spec"]
+    for name in ("pictures", "curves", "rules", "small_bends"):
+        assert (out / "figures" / f"{name}.png").stat().st_size > 5000
+
+
+def test_the_quick_run_shows_both_stages(done):
+    _, document, _ = done
+    assert any("yellow shrinks until it is gone" in line for line in document["findings"])
+
+
+def test_table_2_is_as_printed_and_follows_the_rule_that_initial_is_correct():
+    for row in PRINTED["rows"]:
+        truth, threshold = Direction[row["direction"].upper()], row["threshold"]
+        assert paper.COUNTS[truth, threshold] == tuple(row["counts"])
+        assert sum(row["counts"]) == 300
+        tally = paper_tally(truth, threshold)
+        assert f"{100 * tally.paper:.2f}" == f"{row['accuracy_percent']:.2f}"
+        assert f"{row['accuracy_percent']:.2f}" == f"{paper.ACCURACY[truth, threshold]:.2f}"
+
+
+def test_rules_on_answers_counted_by_hand():
+    answers = [Direction.UP] * 6 + [Direction.LEFT] + [Direction.INITIAL] * 2
+    tally = Tally(Direction.UP, (*answers, Direction.UNDEFINED))
+    assert (tally.paper, tally.strict, tally.abstained) == (0.9, 0.6, 0.3)
+    assert tally.decided == pytest.approx(6 / 7)
+    assert math.isnan(Tally(Direction.UP, (Direction.INITIAL,)).decided)
+
+
+def test_the_best_chamber_beats_every_one_of_a_grid(finger):
+    asked = problem(finger)
+    found, optimum = best(finger, seed=0)
+    assert optimum.feasible
+    axes = [
+        jnp.linspace(low, high, 9)
+        for low, high in zip(
+            jax.tree.leaves(asked.lower), jax.tree.leaves(asked.upper), strict=True
+        )
+    ]
+    grid = jnp.stack(jnp.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+    def judged(values):
+        terms = asked.terms(Knobs(*values), *asked.data)
+        return terms.objective, terms.inequalities["room"]
+
+    objectives, rooms = jax.jit(jax.vmap(judged))(grid)
+    allowed = np.asarray(rooms) >= 0
+    assert allowed.any()
+    assert not allowed.all()
+    assert optimum.objective <= np.asarray(objectives)[allowed].min() + 1e-9
+    assert float(clearance(found.chamber)) >= float(clearance(finger.chamber)) - 1e-6
+
+
+def test_slopes_of_a_design_are_differences(finger):
+    design = Design.of("as it is", finger)
+    steps = (1e-5, 1e-5, math.radians(1e-4))
+    units = (1e-5, 1e-5, 1e-4)
+    for i, (step, unit) in enumerate(zip(steps, units, strict=True)):
+        ends = []
+        for sign in (1, -1):
+            values = list(jax.tree.leaves(design.knobs))
+            values[i] = values[i] + sign * step
+            ends.append(np.asarray(rates(Knobs(*values), finger.chamber, finger.endoscope)))
+        np.testing.assert_allclose(
+            design.slopes[:, i], (ends[0] - ends[1]) / (2 * unit), rtol=1e-5, atol=1e-7
+        )
+
+
+def test_knobs_come_back_from_the_chamber_they_were_turned_to(finger):
+    knobs = Knobs(jnp.asarray(0.8), jnp.asarray(3.0), jnp.deg2rad(jnp.asarray(1.5)))
+    again = Knobs.of(knobs.turned(finger.chamber))
+    np.testing.assert_allclose(jax.tree.leaves(again), jax.tree.leaves(knobs), rtol=1e-10)
+
+
+def test_directions_point_where_their_names_say():
+    pointing = {truth: (round(math.cos(a)), round(math.sin(a))) for truth, a in TOWARDS.items()}
+    assert pointing == {
+        Direction.UP: (0, -1),
+        Direction.DOWN: (0, 1),
+        Direction.LEFT: (-1, 0),
+        Direction.RIGHT: (1, 0),
+    }
+
+
+@pytest.mark.parametrize(
+    ("areas", "gone"), [([5, 3, 0, 0], 2.0), ([5, 0, 3, 0], 3.0), ([5, 3, 2, 1], None)]
+)
+def test_a_region_is_gone_from_where_it_does_not_come_back(areas, gone):
+    assert gone_at(np.array(areas), np.arange(4.0)) == gone
+
+
+def test_a_made_finger_differs_by_its_deviations(finger):
+    made = [finger.made(MadeSpec(), np.random.default_rng(seed)) for seed in range(200)]
+    lengths = [float(one.chamber.length_bc - finger.chamber.length_bc) for one in made]
+    offsets = [float(one.chamber.offset_b - finger.chamber.offset_b) for one in made]
+    views = [math.degrees(one.endoscope.field_of_view) - 60 for one in made]
+    # 200 numbers: a standard deviation is known to 5 %.
+    assert np.std(lengths) == pytest.approx(0.3, rel=0.2)
+    assert np.std(offsets) == pytest.approx(0.15, rel=0.2)
+    assert np.std(views) == pytest.approx(0.5, rel=0.2)
+
+
+def test_a_chamber_that_cannot_be_is_refused():
+    with pytest.raises(UserError, match="eta"):
+        SoftFinger.of(
+            ChamberImagesSpec.model_validate({"eta": 1.2, "chamber": {"wall_angle_bc_deg": 30.0}})
+        )
