@@ -76,12 +76,26 @@ class Regions:
         blue: the blue region's outer outline, corners of a convex polygon in pixels, column and
             row; what blue encloses belongs to it. Empty where it is not seen.
         yellow: the same of the yellow region, with the top.
+        top: the same of the top.
     """
 
     labels: UInt8[np.ndarray, "rows columns"]
     sight: Sight
     blue: Outline
     yellow: Outline
+    top: Outline
+
+    def nested(self) -> UInt8[np.ndarray, "rows columns"]:
+        """Labels by the outlines alone: highlights, specks and mixed colours are gone.
+
+        All red where there are no outlines.
+        """
+        labels = np.full_like(self.labels, Region.RED)
+        outlines = (self.blue, Region.BLUE), (self.yellow, Region.YELLOW), (self.top, Region.TOP)
+        for outline, region in outlines:
+            if len(outline):
+                cv2.fillConvexPoly(labels, outline, int(region))
+        return labels
 
 
 NOWHERE = np.zeros((0, 2), np.int32)
@@ -146,12 +160,12 @@ def find_regions(image: Image) -> Regions:
     )
     if len(outline) < 3:
         value = cv2.max(cv2.max(red, green), blue)
-        return Regions(_labelled(masks, shape), _missing(value), NOWHERE, NOWHERE)
+        return Regions(_labelled(masks, shape), _missing(value), NOWHERE, NOWHERE, NOWHERE)
     within = filled(outline, shape)
     if 2 * cv2.countNonZero(cv2.bitwise_and(reds, within)) > amount[Region.RED]:
-        return Regions(_labelled(masks, shape), Sight.SWAPPED, NOWHERE, NOWHERE)
+        return Regions(_labelled(masks, shape), Sight.SWAPPED, NOWHERE, NOWHERE, NOWHERE)
     if amount[Region.YELLOW] <= least:
-        return Regions(_labelled(masks, shape), Sight.NO_YELLOW, outline, NOWHERE)
+        return Regions(_labelled(masks, shape), Sight.NO_YELLOW, outline, NOWHERE, NOWHERE)
 
     left, upper, wide, high = cv2.boundingRect(outline)
     box = np.s_[upper : upper + high, left : left + wide]
@@ -162,7 +176,8 @@ def find_regions(image: Image) -> Regions:
     tops = np.zeros_like(reds)
     tops[box] = cleaned(shade, OPENING)
     labels = _labelled([*masks, (tops, Region.TOP)], shape)
-    return Regions(labels, Sight.CHAMBER, outline, _outline(cv2.max(yellows, tops)))
+    yellow = _outline(cv2.max(yellows, tops))
+    return Regions(labels, Sight.CHAMBER, outline, yellow, _outline(tops))
 
 
 def _missing(value: Grey) -> Sight:

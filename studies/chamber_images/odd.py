@@ -10,8 +10,8 @@ from jaxtyping import UInt8
 
 from optics.soft_finger import COLOURS, Posture
 from perception.chamber import Sight
+from perception.posture import USABLE
 from studies.chamber_images.making import SoftFinger, looked_at
-from studies.chamber_images.samples import USABLE
 
 Picture = UInt8[np.ndarray, "rows columns 3"]
 

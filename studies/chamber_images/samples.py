@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
 from optics.soft_finger import ChamberImage, Posture, bent, pressed_by
-from perception.chamber import Sight, find_regions
-from perception.posture import boundary_image, shrunk
+from perception.chamber import find_regions
+from perception.posture import USABLE, boundary_image, shrunk
 from studies.chamber_images.making import DOWN, SoftFinger, looked_at
 
 Size = tuple[int, int]
@@ -19,9 +20,6 @@ Size = tuple[int, int]
 MARKERS = (0.1, 0.4, 0.7, 1.0)
 """Places of the markers over the finger's length, the one that the others are relative to first.
 The paper gives none."""
-
-USABLE = frozenset({Sight.CHAMBER, Sight.NO_YELLOW})
-"""Frames that say something of the posture."""
 
 SCATTER_DEG = 3.0
 """Standard deviation of the direction around the plane that the outer camera looks at."""
@@ -47,10 +45,10 @@ class Samples:
     usable: Bool[np.ndarray, " samples"]
     markers: Float[np.ndarray, "samples 3 2"]
 
-    def some(self, count: int) -> Samples:
-        """The first ones."""
-        images = {size: stack[:count] for size, stack in self.images.items()}
-        return Samples(self.bends[:count], images, self.usable[:count], self.markers[:count])
+    def part(self, which: slice) -> Samples:
+        """Some of them."""
+        images = {size: stack[which] for size, stack in self.images.items()}
+        return Samples(self.bends[which], images, self.usable[which], self.markers[which])
 
 
 def marker_places(
@@ -58,11 +56,8 @@ def marker_places(
 ) -> Float[np.ndarray, "samples 3 2"]:
     """The three markers relative to the one nearest the camera, mm (paper A §III.A.c)."""
     arcs = jnp.asarray(np.multiply(MARKERS, length))
-    line = bent(
-        jnp.broadcast_to(arcs, (len(bends), len(MARKERS))),
-        jnp.broadcast_to(jnp.asarray(bends)[:, None], (len(bends), len(MARKERS))),
-        jnp.full((len(bends), len(MARKERS)), length),
-    )
+    each = jax.vmap(bent, in_axes=(None, 0, None))
+    line = each(arcs, jnp.asarray(bends), jnp.asarray(length))
     places = np.stack([np.asarray(line.across), np.asarray(line.along)], axis=-1)
     return places[:, 1:] - places[:, :1]
 
@@ -88,7 +83,7 @@ def random_postures(
 def boundaries(image: ChamberImage, sizes: tuple[Size, ...]) -> tuple[list[np.ndarray], bool]:
     """Shrunk boundary images of one picture, and whether it is usable."""
     regions = find_regions(image.pixels)
-    edges = boundary_image(regions.labels)
+    edges = boundary_image(regions.nested())
     return [shrunk(edges, size) for size in sizes], regions.sight in USABLE
 
 

@@ -31,7 +31,7 @@ def integrated(bend: float, arc: float) -> tuple[float, float]:
         ends = [0, mpmath.mpf(arc)]
         across = mpmath.quad(lambda s: mpmath.sin(curvature * s), ends, method="gauss-legendre")
         along = mpmath.quad(lambda s: mpmath.cos(curvature * s), ends, method="gauss-legendre")
-        return float(across), float(along)
+        return float(mpmath.mpf(across)), float(mpmath.mpf(along))
 
 
 @pytest.mark.parametrize("bend", BENDS)

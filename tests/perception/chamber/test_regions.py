@@ -160,3 +160,30 @@ def test_every_frame_has_an_answer(first: int):
         seen = regions.sight in (Sight.CHAMBER, Sight.NO_YELLOW)
         direction = bending_direction(points, initial, use="all")
         assert (direction is Direction.UNDEFINED) == (not seen)
+
+
+def test_labels_by_outlines_are_those_drawn_without_highlights_between():
+    image = BENT.image(noise=4.0).copy()
+    cv2.circle(image, (40, 30), 9, (255, 200, 200), -1)  # a highlight on the red wall
+    assert BENT.blue is not None
+    cv2.circle(image, (int(BENT.blue.x) - 70, int(BENT.blue.y)), 5, (255, 255, 255), -1)
+    regions = find_regions(image)
+    assert np.any(regions.labels[25:36, 35:46] == Region.OTHER)
+    drawn = np.full(regions.labels.shape, Region.RED, np.uint8)
+    y, x = np.mgrid[: BENT.rows, : BENT.columns]
+    for ellipse, region in (
+        (BENT.blue, Region.BLUE),
+        (BENT.yellow, Region.YELLOW),
+        (BENT.top, Region.TOP),
+    ):
+        assert ellipse is not None
+        drawn[ellipse.holds(x, y)] = region
+    # Outlines are whole pixels: labels differ on edges alone, by a pixel or two.
+    wrong = (regions.nested() != drawn).astype(np.uint8)
+    assert not cv2.erode(wrong, np.ones((3, 3), np.uint8)).any()
+    assert wrong.mean() < 0.02
+
+
+def test_without_a_chamber_all_labels_by_outlines_are_red():
+    grey = np.full((40, 60, 3), 120, np.uint8)
+    assert np.all(find_regions(grey).nested() == Region.RED)

@@ -97,6 +97,7 @@ def test_gradient_against_central_differences(regularisation):
     markers = jnp.asarray(np.random.default_rng(3).normal(size=(4, 3, 2)))
     rates = Rates(
         jnp.asarray(0.003, jnp.float32),
+        jnp.asarray(1.0, jnp.float32),
         jnp.asarray(regularisation, jnp.float64),
         jnp.asarray([0.5, 1.0, 1.5]),
         jnp.asarray(1, jnp.int32),

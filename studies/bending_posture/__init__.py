@@ -1,0 +1,20 @@
+"""Paper A's bending posture (Figs. 10 and 11): a network that reads markers from the chamber."""
+
+from designopt.results import Results
+from designopt.study import Context, Study
+from studies.bending_posture.spec import BendingPostureSpec
+
+
+def _run(spec: BendingPostureSpec, context: Context) -> Results:
+    # Imported here, so that listing the study does not load JAX.
+    from studies.bending_posture.run import run
+
+    return run(spec, context)
+
+
+STUDY = Study(
+    name="bending-posture",
+    purpose="How a soft finger is bent, from its chamber, by a network: Figs. 10 and 11 of paper A",
+    spec=BendingPostureSpec,
+    run=_run,
+)

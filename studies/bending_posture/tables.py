@@ -1,0 +1,141 @@
+"""The study's tables."""
+
+from __future__ import annotations
+
+import statistics
+
+import numpy as np
+
+from designopt.results import Cell, Table
+from studies.bending_posture.found import Found
+from studies.bending_posture.trainings import EQUAL, MEAN, OURS
+
+MARKERS = ("marker_1", "marker_2", "tip")
+
+
+def tables(found: Found) -> list[Table]:
+    """Every table of the study."""
+    return [
+        ways(found),
+        markers(found),
+        regularisations(found),
+        etas(found),
+        bends(found),
+        odd(found),
+    ]
+
+
+def ways(found: Found) -> Table:
+    """Every training."""
+    rows: list[list[Cell]] = [[MEAN, None, found.data.mean_error, None, None, None]]
+    for way, networks in found.trained.items():
+        for one in networks:
+            rows.append(
+                [
+                    way,
+                    one.estimator.record.settings.seed,
+                    one.tip_error,
+                    float(np.quantile(one.errors[:, -1], 0.95)),
+                    found.data.mean_error / one.tip_error,
+                    one.estimator.record.total_seconds,
+                ]
+            )
+    return Table(
+        "trainings",
+        "Tip error on unseen images of every training, beside always answering the mean of the "
+        "labels; seconds with what is compiled",
+        ["way", "seed", "tip_mean_mm", "tip_p95_mm", "times_better_than_mean", "seconds"],
+        rows,
+        {"tip_mean_mm": 3, "tip_p95_mm": 3, "times_better_than_mean": 1, "seconds": 1},
+    )
+
+
+def markers(found: Found) -> Table:
+    """Errors by marker, with and without weights (the paper's Fig. 11)."""
+    rows: list[list[Cell]] = []
+    for way in (EQUAL, OURS):
+        errors = np.stack([one.errors for one in found.trained[way]])
+        for i, name in enumerate(MARKERS):
+            one = errors[..., i]
+            rows.append(
+                [way, name, float(one.mean()), float(one.std()), float(np.quantile(one, 0.95))]
+            )
+    return Table(
+        "markers",
+        "Error by marker, nearest to the camera first, without and with loss weights, over all "
+        "seeds",
+        ["way", "marker", "mean_mm", "deviation_mm", "p95_mm"],
+        rows,
+        {"mean_mm": 3, "deviation_mm": 3, "p95_mm": 3},
+    )
+
+
+def regularisations(found: Found) -> Table:
+    """Tip error over the weight of the L2 regularisation."""
+    return Table(
+        "regularisations",
+        "Tip error over the weight of the L2 regularisation, of standardised labels; the paper's "
+        "0.01 is "
+        + ", ".join(f"{value:.2g} if its loss is in {unit}" if unit != "standardised"
+                    else f"{value:.2g} if it is {unit}" for unit, value in found.paper.items()),
+        ["regularisation", "tip_mean_mm"],
+        found.sweep,
+        {"tip_mean_mm": 3},
+    )  # fmt: skip
+
+
+def etas(found: Found) -> Table:
+    """Postures read from chambers of different η."""
+    return Table(
+        "etas",
+        "Chambers of different η: widths of their rings, how fast yellow's outline starts to move, "
+        "and the tip error of networks trained on them",
+        ["eta", "blue_px", "yellow_px", "yellow_px_per_deg", "tip_mean_mm", "tip_least_mm",
+         "tip_most_mm"],
+        [
+            [one.eta, *one.rings, one.rate, statistics.mean(one.tip_errors), min(one.tip_errors),
+             max(one.tip_errors)]
+            for one in found.etas
+        ],
+        {"tip_mean_mm": 3, "tip_least_mm": 3, "tip_most_mm": 3, "blue_px": 1, "yellow_px": 1},
+    )  # fmt: skip
+
+
+def bends(found: Found) -> Table:
+    """Tip errors over the bend."""
+    rows: list[list[Cell]] = []
+    for one in found.bends:
+        known = one.errors[np.isfinite(one.errors)]
+        numbers = [float(known.mean()), float(known.max())] if len(known) else [None, None]
+        rows.append([one.bend_deg, len(one.errors), len(known), *numbers])
+    return Table(
+        "bends",
+        "Tip error from hardly bent to far, frames with all effects",
+        ["bend_deg", "frames", "answered", "tip_mean_mm", "tip_most_mm"],
+        rows,
+        {"tip_mean_mm": 3, "tip_most_mm": 3},
+    )
+
+
+def odd(found: Found) -> Table:
+    """Answers to frames that are no proper images."""
+    rows: list[list[Cell]] = []
+    for kind in dict.fromkeys(one.kind for one in found.odd):
+        own = [one for one in found.odd if one.kind is kind]
+        rows.append(
+            [
+                kind.name,
+                len(own),
+                kind.sight.name,
+                "a posture" if kind.usable else "none",
+                sum(one.answered for one in own),
+                sum(one.failed for one in own),
+            ]
+        )
+    return Table(
+        "odd_frames",
+        "Frames that are no proper images: what is to be said of the chamber, whether a posture "
+        "is to be given, and how often it was otherwise",
+        ["kind", "frames", "expected_sight", "expected", "with_posture", "failures"],
+        rows,
+    )

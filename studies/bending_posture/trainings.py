@@ -1,0 +1,165 @@
+"""Networks trained in different ways on the same samples, and their errors on unseen images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from perception.posture import (
+    EQUAL_WEIGHTS,
+    PostureEstimator,
+    Training,
+    marker_errors,
+    mean_predictor_error,
+    train,
+)
+from studies.bending_posture.spec import BendingPostureSpec
+from studies.chamber_images.making import SoftFinger
+from studies.chamber_images.samples import Samples, Size, random_postures, samples
+
+MEAN = "mean of the labels"
+"""What every network is compared with."""
+
+PAPER_REGULARISATION = 0.01
+
+REGULARISATIONS = (1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
+"""Weights of L2 regularisation that are compared, for standardised labels."""
+
+OURS, EQUAL, KEPT, L2, L2_LENGTHS, RAW = (
+    "weighted",
+    "equal weights",
+    "rate kept",
+    "L2 0.01, labels standardised",
+    "L2 0.01, labels in finger lengths",
+    "raw images",
+)
+"""Names of ways to train; the first is the one that the study stands for."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """Samples to train on, with the labels that an outer camera gives, and others to judge on.
+
+    Attributes:
+        train: the samples.
+        labels: their markers with noise, mm.
+        unseen: other samples.
+    """
+
+    train: Samples
+    labels: Float[np.ndarray, "samples 3 2"]
+    unseen: Samples
+
+    @property
+    def mean_error(self) -> float:
+        """Tip error of always answering the mean of the labels, mm."""
+        return mean_predictor_error(self.labels, self.unseen.markers)
+
+
+@dataclass(frozen=True)
+class Trained:
+    """One network.
+
+    Attributes:
+        way: name of how it was trained.
+        estimator: it.
+        predicted: markers of the unseen images, mm.
+        errors: distances of these from the true ones, mm.
+    """
+
+    way: str
+    estimator: PostureEstimator
+    predicted: Float[np.ndarray, "unseen 3 2"]
+    errors: Float[np.ndarray, "unseen 3"]
+
+    @property
+    def tip_error(self) -> float:
+        """Mean error of the marker farthest from the camera, mm."""
+        return float(self.errors[:, -1].mean())
+
+
+def size_of(width: int) -> Size:
+    """Columns and rows of a small image of the camera's shape."""
+    return width, round(width * 0.75)
+
+
+def data_of(
+    spec: BendingPostureSpec, finger: SoftFinger, count: int, widths: list[int], seed: int
+) -> Data:
+    """Random postures of a finger; the same bends, directions and objects for every finger."""
+    generator = np.random.default_rng([seed, 5])
+    total = count + spec.unseen
+    bends = np.deg2rad(generator.uniform(0, spec.largest_bend_deg, total))
+    postures = random_postures(finger, bends, generator)
+    sizes = tuple(size_of(width) for width in dict.fromkeys(widths))
+    made = samples(finger, postures, sizes, seed=seed)
+    noise = spec.label_noise * generator.standard_normal((count, 3, 2))
+    seen = made.part(slice(None, count))
+    return Data(seen, seen.markers + noise, made.part(slice(count, None)))
+
+
+def label_scale(data: Data) -> float:
+    """Root mean square of what labels are off their mean, mm, by which they are standardised."""
+    return float(np.sqrt(np.mean((data.labels - data.labels.mean(axis=0)) ** 2)))
+
+
+def regularisations(data: Data, length: float) -> dict[str, float]:
+    """What the paper's 0.01 is for standardised labels, by the unit in which its loss may be.
+
+    Eq. 4 goes with the square of that unit, and the paper does not say which one it has: a loss in
+    finger lengths is that of standardised labels times (scale / length)², so that 0.01 beside it
+    weighs as much as 0.01 (length / scale)² does here.
+    """
+    scale = label_scale(data)
+    return {
+        "mm": PAPER_REGULARISATION / scale**2,
+        "standardised": PAPER_REGULARISATION,
+        "finger lengths": PAPER_REGULARISATION * (length / scale) ** 2,
+    }
+
+
+def ours(spec: BendingPostureSpec) -> Training:
+    """How the study trains."""
+    return Training(epochs=spec.epochs)
+
+
+def ways(spec: BendingPostureSpec, data: Data, length: float) -> dict[str, Training]:
+    """Ways of training, by name."""
+    own = ours(spec)
+    paper = regularisations(data, length)
+    return {
+        OURS: own,
+        EQUAL: replace(own, loss_weights=EQUAL_WEIGHTS),
+        KEPT: replace(own, decay=False),
+        L2: replace(own, regularisation=paper["standardised"]),
+        L2_LENGTHS: replace(own, regularisation=paper["finger lengths"]),
+        RAW: replace(own, standardise=False),
+    }
+
+
+def trained(way: str, settings: Training, data: Data, size: Size, *, watch: bool) -> Trained:
+    """A network trained on all of the data, judged on the unseen images.
+
+    Args:
+        way: its name.
+        settings: of the training.
+        data: samples.
+        size: of the images.
+        watch: whether the unseen images' errors are recorded epoch by epoch, which takes time.
+    """
+    unseen = data.unseen.images[size]
+    estimator = train(
+        data.train.images[size],
+        data.labels,
+        settings,
+        (unseen, data.unseen.markers) if watch else None,
+    )
+    predicted = estimator.predict(unseen)
+    return Trained(way, estimator, predicted, marker_errors(predicted, data.unseen.markers))
+
+
+def fewer(data: Data, count: int) -> Data:
+    """The first samples only."""
+    return replace(data, train=data.train.part(slice(None, count)), labels=data.labels[:count])

@@ -1,0 +1,110 @@
+"""What the study says: findings in sentences, and metrics with targets."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from designopt.results import Metric, Target
+from perception.posture import marker_errors
+from studies.object_size.found import Found
+from studies.object_size.spec import ObjectSizeSpec
+from studies.object_size.tables import counts, summary, told_apart
+
+ERROR_MM, TOLD_APART = 3.0, 0.95
+
+
+def metrics(spec: ObjectSizeSpec, found: Found) -> list[Metric]:
+    """The study's numbers; targets belong to the stated finger, hand and grasps."""
+    stated = spec == ObjectSizeSpec()
+    random = found.random
+    error, bias, _, p95 = summary(random.errors(random.diameters))
+    grasp = summary(random.errors(random.by_true_bend))[0]
+    image = summary(random.errors(random.by_true_place))[0]
+    undefined = sum(int((~measured.known).sum()) for measured in found.grasps)
+    trials = sum(len(measured.known) for measured in found.grasps)
+    tips = np.concatenate([marker_errors(m.predicted, m.markers)[:, -1] for m in found.grasps])
+    off = np.concatenate([m.bends - m.grasps.bends for m in found.grasps])
+    slopes = np.abs(found.curve.slopes)
+
+    def mm(name: str, value: float, description: str, target: Target | None = None) -> Metric:
+        return Metric(name, value, "mm", description, None, target if stated else None)
+
+    sizes = f"bottles of {spec.least:g} to {spec.largest:g} mm"
+    return [
+        mm("mean_absolute_error_mm", error, f"of the diameters of {spec.random_grasps} {sizes}, "
+           "where there is an answer", Target("<=", ERROR_MM)),
+        Metric("told_apart", told_apart(spec, found.bottles), "", "part of "
+               f"{len(found.bottles.known)} grasps whose bottle was told from the others; without "
+               "an answer it was not", None,
+               Target(">=", TOLD_APART) if stated else None),
+        mm("bias_mm", bias, f"mean error of the diameters of the same {sizes}"),
+        mm("p95_mm", p95, "95th percentile of their absolute error"),
+        mm("grasp_error_mm", grasp, "mean absolute error by the true bend: what a bottle off its "
+           "place and the wall's giving way do"),
+        mm("image_error_mm", image, "mean absolute error with the bottle's true place and wall: "
+           "what is off in the bend found on the image"),
+        Metric("undefined", undefined, "", f"of {trials} grasps, those without an answer"),
+        mm("tip_error_mm", float(tips.mean()), "mean distance of the fingertip's marker from where "
+           "it is, over all grasps"),
+        Metric("bend_error_deg", float(np.rad2deg(np.sqrt(np.mean(off**2)))), "°", "root mean "
+               "square error of the bend over all grasps"),
+        Metric("largest_bend_error_deg", float(np.rad2deg(np.abs(off).max())), "°", "the largest "
+               "of these errors"),
+        Metric("least_mm_per_deg", float(slopes.min()), "mm/°", "diameter for a degree of bend, "
+               "where that is least"),
+        Metric("largest_mm_per_deg", float(slopes.max()), "mm/°", "the same where it is most"),
+        Metric("training_seconds", found.record.total_seconds, "s", f"training of the network on "
+               f"{found.record.samples} images, compiling included"),
+        Metric("frame_ms", 1e3 * found.seconds, "ms", "median time from a picture to a diameter, "
+               "on one core"),
+    ]  # fmt: skip
+
+
+def findings(spec: ObjectSizeSpec, found: Found) -> list[str]:
+    """Plain sentences, most important first."""
+    random, curve = found.random, found.curve
+    error, bias, _, p95 = summary(random.errors(random.diameters))
+    grasp, image = (
+        summary(random.errors(diameters))[0]
+        for diameters in (random.by_true_bend, random.by_true_place)
+    )
+    right = int(np.trace(counts(spec, found)))
+    names = [f"{diameter:g}" for diameter in spec.bottles]
+    bends = np.rad2deg(curve.bends)
+    slopes = np.abs(curve.slopes)
+    lines = [
+        f"Of {len(found.bottles.known)} grasps of bottles of {', '.join(names[:-1])} and "
+        f"{names[-1]} mm, {right} ({100 * told_apart(spec, found.bottles):.1f} %) were told for "
+        "what they are by the nearest diameter.",
+        f"Diameters of {spec.random_grasps} bottles of {spec.least:g} to {spec.largest:g} mm are "
+        f"off by {error:.2f} mm in the mean and by {p95:.2f} mm at the 95th percentile; the bias "
+        f"is {bias:+.2f} mm.",
+        f"By the true bend they would still be off by {grasp:.2f} mm, for a bottle is off its "
+        "place and presses the wall in more or less; by the bend found on the image alone, with "
+        f"the bottle's place known, by {image:.2f} mm.",
+        _curve(found, bends, slopes),
+    ]
+    undefined = sum(int((~measured.known).sum()) for measured in found.grasps)
+    trials = sum(len(measured.known) for measured in found.grasps)
+    lines.append(
+        f"{undefined} of {trials} grasps had no answer."
+        if undefined
+        else f"All {trials} grasps had an answer."
+    )
+    return lines
+
+
+def _curve(found: Found, bends: np.ndarray, slopes: np.ndarray) -> str:
+    one = found.curve
+    span = (
+        f"from {one.diameters[0]:g} to {one.diameters[-1]:g} mm the finger bends by {bends[0]:.1f} "
+        f"to {bends[-1]:.1f}°, and a degree is worth {slopes.min():.2f} to {slopes.max():.2f} mm"
+    )
+    if not one.monotone:
+        return f"The bend does not tell the diameter everywhere: {span}."
+    tip = one.arcs >= float(found.hand.length)
+    at_tip = ""
+    if tip.any() and not tip.all():
+        at_tip = f"; bottles up to {one.diameters[tip][-1]:.0f} mm touch the fingertip, wider ones "
+        at_tip += "the finger before it"
+    return f"The wider a bottle, the less the finger bends: {span}{at_tip}."

@@ -1,0 +1,238 @@
+"""Heights by points that move, against maps made up; kinds of surfaces, against drawn profiles."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.chamber.points import Points
+from perception.chamber.profile import (
+    CURVED,
+    CUTOFF,
+    LEAST_HEIGHTS,
+    ROUGH,
+    ChamberMap,
+    Heights,
+    Movements,
+    SurfaceKind,
+    kind_of,
+    movements,
+    scatter,
+    shape,
+    surface_kind,
+)
+
+HEIGHTS = np.linspace(0.0, 12.0, 49)
+RATES = np.array([3.7, 6.1, 3.8])
+CHAMBER = ChamberMap(HEIGHTS, RATES * HEIGHTS[:, None] * (1 + 0.004 * HEIGHTS[:, None]))
+X = np.linspace(-30.0, 30.0, 41)
+
+
+def points(*rows: float, seen: tuple[bool, ...] = (True,) * 7) -> Points:
+    xy = np.zeros((7, 2))
+    xy[[1, 4, 6], 1] = rows
+    return Points(xy, np.array(seen))
+
+
+def moved(heights: np.ndarray, chamber: ChamberMap = CHAMBER) -> Movements:
+    px = np.stack([np.interp(heights, HEIGHTS, chamber.moved[:, i]) for i in range(3)], axis=1)
+    return Movements(px, np.ones(px.shape, bool))
+
+
+def known(mm: np.ndarray) -> Heights:
+    return Heights(mm, np.ones(len(mm), bool))
+
+
+def test_movements_are_upwards_from_the_mean_at_rest():
+    rest = [points(400.0, 330.0, 240.0), points(401.0, 330.4, 240.0)]
+    hidden = points(390.0, 0.0, 230.0, seen=(True, True, True, True, False, True, True))
+    found = movements([points(390.5, 320.2, 239.0), hidden], rest)
+    np.testing.assert_allclose(found.px, [[10.0, 10.0, 1.0], [10.5, 0.0, 10.0]])
+    assert found.seen.tolist() == [[True] * 3, [True, False, True]]
+    whole = movements([points(390.6, 320.2, 239.4)], rest, whole=True)
+    assert whole.px.tolist() == [[400.0 - 391.0, 330.0 - 320.0, 240.0 - 239.0]]
+
+
+def test_what_is_not_seen_at_rest_has_not_moved():
+    blind = points(0.0, 0.0, 0.0, seen=(False,) * 7)
+    found = movements([points(390.0, 320.0, 239.0)], [blind])
+    assert not found.seen.any()
+    assert not movements([points(1.0, 2.0, 3.0)], []).seen.any()
+    assert movements([], []).px.shape == (0, 3)
+
+
+def test_scatter_parts_what_is_common_from_what_is_not():
+    generator = np.random.default_rng(1)
+    px = 0.5 * generator.standard_normal((4000, 1)) + 0.1 * generator.standard_normal((4000, 3))
+    shake, noise = scatter(Movements(px, np.ones(px.shape, bool)))
+    assert shake == pytest.approx(0.5, rel=0.05)
+    assert noise == pytest.approx(0.1, rel=0.05)
+    assert scatter(Movements(px[:1], np.ones((1, 3), bool))) == (0.0, 0.0)
+    assert scatter(Movements(px, np.zeros(px.shape, bool))) == (0.0, 0.0)
+
+
+def test_heights_are_those_that_moved_the_points():
+    truth = np.linspace(0.05, 11.95, 200)
+    for use in ("beg", "e", "bg"):
+        found = CHAMBER.height(moved(truth), use=use)
+        assert found.known.all()
+        # the table is a chain of straight lines, and so is what moved the points
+        np.testing.assert_allclose(found.mm, truth, atol=1e-12)
+
+
+def test_what_is_not_seen_does_not_count():
+    truth = np.array([2.0, 5.0, 9.0])
+    frames = moved(truth)
+    frames.seen[0, 1] = frames.seen[1, [0, 2]] = frames.seen[2] = False
+    found = CHAMBER.height(Movements(np.where(frames.seen, frames.px, 0.0), frames.seen))
+    np.testing.assert_allclose(found.mm, [2.0, 5.0, 0.0], atol=1e-12)
+    assert found.known.tolist() == [True, True, False]
+
+
+def test_beyond_the_map_nothing_is_known():
+    end = CHAMBER.moved[-1]
+    frames = Movements(np.stack([end + 1, -np.ones(3), end * [2, 0.5, 2]]), np.ones((3, 3), bool))
+    found = CHAMBER.height(frames)
+    assert found.known.tolist() == [False, False, True]
+    assert found.mm[:2].tolist() == [0.0, 0.0]
+    assert found.mm[2] == pytest.approx(np.interp(0.5 * end[1], CHAMBER.moved[:, 1], HEIGHTS))
+
+
+def test_weights_are_those_of_least_variance():
+    chamber = replace(CHAMBER, shake=0.5, noise=0.1)
+    generator = np.random.default_rng(2)
+    shaking = 0.5 * generator.standard_normal((20_000, 1))
+    own = 0.1 * generator.standard_normal((20_000, 3))
+    frames = moved(np.full(20_000, 6.0), chamber)
+    frames = Movements(frames.px + shaking + own, frames.seen)
+    rates = 1 / chamber.resolution(np.array([6.0]))[0]
+    covariance = (0.5**2 + 0.1**2 * np.eye(3)) / rates / rates[:, None]
+    best = 1 / np.sqrt(np.linalg.inv(covariance).sum())
+    assert chamber.height(frames).mm.std() == pytest.approx(best, rel=0.03)
+    alone = np.sqrt(covariance[1, 1])
+    assert chamber.height(frames, use="e").mm.std() == pytest.approx(alone, rel=0.03)
+    assert alone > 1.5 * best
+
+
+def test_equal_rates_and_no_noise_are_an_average():
+    chamber = ChamberMap(np.array([0.0, 10.0]), np.array([[0.0] * 3, [20.0] * 3]), 0.0, 0.0)
+    frames = Movements(np.array([[8.0, 10.0, 12.0]]), np.ones((1, 3), bool))
+    assert chamber.height(frames).mm.tolist() == pytest.approx([5.0])
+
+
+def test_calibration_recovers_scales_and_offsets():
+    scales, offsets = np.array([0.96, 1.03, 1.01]), np.array([0.4, -0.3, 0.1])
+    made = replace(CHAMBER, moved=offsets + scales * CHAMBER.moved)
+    plate = np.array([2.0, 5.0, 11.0])
+    for count in (2, 3):
+        found = CHAMBER.calibrated(plate[:count], moved(plate[:count], made))
+        np.testing.assert_allclose(found.moved, made.moved, atol=1e-9)
+    truth = np.linspace(1.0, 11.0, 7)
+    np.testing.assert_allclose(found.height(moved(truth, made)).mm, truth, atol=1e-9)
+
+
+def test_calibration_by_least_squares_is_numpys():
+    generator = np.random.default_rng(3)
+    plate = np.linspace(1.0, 11.0, 12)
+    frames = moved(plate)
+    px = frames.px + generator.normal(0, 0.5, frames.px.shape)
+    found = CHAMBER.calibrated(plate, Movements(px, frames.seen))
+    for point in range(3):
+        slope, level = np.polyfit(frames.px[:, point], px[:, point], 1)
+        expected = level + slope * CHAMBER.moved[:, point]
+        np.testing.assert_allclose(found.moved[:, point], expected, atol=1e-9)
+
+
+def test_too_few_frames_calibrate_what_they_can():
+    nothing = CHAMBER.calibrated(np.zeros(0), Movements(np.zeros((0, 3)), np.zeros((0, 3), bool)))
+    np.testing.assert_array_equal(nothing.moved, CHAMBER.moved)
+    plate = np.array([4.0, 4.0])
+    frames = moved(plate)
+    frames.seen[:, 2] = False
+    once = CHAMBER.calibrated(plate, Movements(frames.px + 0.7, frames.seen))
+    np.testing.assert_allclose(once.moved - CHAMBER.moved, np.full((49, 3), [0.7, 0.7, 0.0]))
+    backwards = CHAMBER.calibrated(np.array([2.0, 8.0]), moved(np.array([8.0, 2.0])))
+    assert (np.diff(backwards.moved, axis=0) > 0).all()
+
+
+def test_resolution_is_the_slope_of_height_over_pixels():
+    places, step = np.array([0.6, 3.1, 7.3, 11.9]), 1e-4
+    found = CHAMBER.resolution(places)
+    for point, name in enumerate("beg"):
+        px = moved(places).px
+        change = []
+        for sign in (-0.5, 0.5):
+            other = Movements(px + sign * step, np.ones(px.shape, bool))
+            change.append(CHAMBER.height(other, use=name).mm)
+        np.testing.assert_allclose(found[:, point], (change[1] - change[0]) / step, rtol=1e-7)
+    ends = CHAMBER.resolution(np.array([-5.0, 0.1, 11.9, 50.0]))
+    np.testing.assert_array_equal(ends[[0, 3]], ends[[1, 2]])
+
+
+@pytest.mark.parametrize("rows", [[0.0, 0.0], [0.0, -1.0]])
+def test_a_map_must_rise(rows):
+    with pytest.raises(ValueError, match="must rise"):
+        ChamberMap(np.array([0.0, 1.0]), np.tile(np.array(rows)[:, None], 3))
+    with pytest.raises(ValueError, match="must rise"):
+        ChamberMap(np.array(rows), np.array([[0.0] * 3, [1.0] * 3]))
+    with pytest.raises(ValueError, match="two places"):
+        ChamberMap(np.zeros(1), np.zeros((1, 3)))
+
+
+def test_a_parabola_is_all_sagitta():
+    for sagitta in (-3.0, 2.0):
+        z = sagitta * (1 - (X / 30) ** 2) + 0.02 * X + 7
+        found = shape(X, known(z))
+        assert found is not None
+        assert found.sagitta == pytest.approx(sagitta)
+        assert found.roughness == pytest.approx(0, abs=1e-9)  # of second order: no form is left
+
+
+@pytest.mark.parametrize(("part", "left"), [(0.25, (0.9, 1.1)), (0.5, (0.8, 1.1)), (3.0, (0, 0.1))])
+def test_the_cutoff_parts_form_and_roughness(part, left):
+    fine = np.linspace(-100, 100, 801)
+    waves = np.sin(2 * np.pi * fine / (part * CUTOFF))
+    found = shape(fine, known(waves))
+    assert found is not None
+    assert left[0] <= found.roughness * np.sqrt(2) <= left[1]
+
+
+def test_a_wave_of_the_cutoff_is_halved():
+    fine = np.linspace(-200, 200, 1601)
+    found = shape(fine, known(np.sin(2 * np.pi * fine / CUTOFF)))
+    assert found is not None
+    # ISO/TS 16610-31: 50 % at the cut-off; the ends, where the window is one-sided, leave less
+    assert found.roughness * np.sqrt(2) == pytest.approx(0.5, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("z", "kind"),
+    [
+        (0.02 * X, SurfaceKind.FLAT),
+        (2 * CURVED * (X / 30) ** 2, SurfaceKind.CONCAVE),
+        (-2 * CURVED * (X / 30) ** 2, SurfaceKind.CONVEX),
+        (3 * ROUGH * np.sin(X), SurfaceKind.ROUGH),
+        (np.where(np.abs(X) < 20, 4 - X**2 / 100, 0.0), SurfaceKind.CONVEX),
+    ],
+)
+def test_kinds(z: np.ndarray, kind: SurfaceKind):
+    assert surface_kind(X, known(z)) is kind
+    noisy = z + np.random.default_rng(4).normal(0, 0.03, len(X))
+    assert surface_kind(X, known(noisy)) is kind
+    assert surface_kind(X, known(z + 5 + 0.01 * X)) is kind
+    gaps = np.arange(len(X)) % 3 > 0
+    assert surface_kind(X, Heights(np.where(gaps, z, 0.0), gaps)) is kind
+
+
+def test_too_little_is_undefined():
+    assert kind_of(None) is SurfaceKind.UNDEFINED
+    nothing = Heights(np.zeros(41), np.zeros(41, bool))
+    assert surface_kind(X, nothing) is SurfaceKind.UNDEFINED
+    few = Heights(np.zeros(41), np.arange(41) % 4 == 0)
+    assert few.known.sum() < LEAST_HEIGHTS
+    assert surface_kind(X, few) is SurfaceKind.UNDEFINED
+    near = Heights(np.zeros(41), np.arange(41) < 15)
+    assert surface_kind(X, near) is SurfaceKind.UNDEFINED
+    assert surface_kind(np.zeros(0), Heights(np.zeros(0), np.zeros(0, bool))) is (
+        SurfaceKind.UNDEFINED
+    )

@@ -1,0 +1,110 @@
+"""The bend from markers, against integrated arcs, brute force and markers that are none."""
+
+import numpy as np
+import pytest
+from scipy.optimize import fminbound
+
+from perception.posture.bending import Bends, arc_markers, bend_of_markers
+from studies.chamber_images.samples import marker_places
+
+LENGTH = 100.0
+ARCS = (10.0, 40.0, 70.0, 100.0)
+BENDS = np.deg2rad([-179.0, -90.0, -1e-6, 0.0, 1e-6, 0.5, 30.0, 92.0, 120.0, 179.0])
+
+NUDGED = 1e-8  # radians: slopes by differences are off by 1e-9 of themselves
+SEARCHED = 2e-5  # radians: what a search for a least value can tell, the root of rounding
+
+
+def integrated(bend: float) -> np.ndarray:
+    """Markers by Gauss and Legendre's rule from the tangent (sin κs, cos κs)."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    places = []
+    for arc in ARCS:
+        turned = bend / LENGTH * arc * (nodes + 1) / 2
+        places.append([arc / 2 * weights @ np.sin(turned), arc / 2 * weights @ np.cos(turned)])
+    return np.array(places[1:]) - np.array(places[0])
+
+
+def found(markers: np.ndarray) -> Bends:
+    return bend_of_markers(markers, ARCS, LENGTH)
+
+
+def test_markers_of_an_arc_are_its_tangent_integrated():
+    wanted = np.stack([integrated(bend) for bend in BENDS])
+    np.testing.assert_allclose(arc_markers(BENDS, ARCS, LENGTH), wanted, atol=1e-12)
+
+
+def test_an_arc_has_its_bend_and_nothing_is_left():
+    fit = found(np.stack([integrated(bend) for bend in BENDS]))
+    assert fit.known.all()
+    np.testing.assert_allclose(fit.bend, BENDS, atol=NUDGED)
+    np.testing.assert_allclose(fit.residual, 0, atol=NUDGED * LENGTH)
+
+
+def test_labels_of_the_studies_have_their_bends():
+    bends = np.deg2rad(np.linspace(0, 120, 25))
+    np.testing.assert_allclose(found(marker_places(bends, LENGTH)).bend, bends, atol=NUDGED)
+
+
+@pytest.mark.parametrize("noise", [0.3, 3.0, 20.0])
+def test_noisy_markers_as_by_brute_force(noise):
+    generator = np.random.default_rng(5)
+    bends = np.deg2rad(generator.uniform(-100, 120, 12))
+    markers = np.stack([integrated(bend) for bend in bends])
+    markers += noise * generator.standard_normal(markers.shape)
+    fit = found(markers)
+    grid = np.linspace(-np.pi, np.pi, 2001)
+    drawn = np.stack([integrated(bend) for bend in grid])
+    for wanted, bend, residual in zip(markers, fit.bend, fit.residual, strict=True):
+
+        def squares(bend: float, wanted=wanted) -> float:
+            return float(np.sum((integrated(bend) - wanted) ** 2))
+
+        start = grid[np.argmin(np.sum((drawn - wanted) ** 2, axis=(1, 2)))]
+        bounds = (max(start - 0.02, -np.pi), min(start + 0.02, np.pi))
+        best = float(np.asarray(fminbound(squares, *bounds, xtol=1e-10)))
+        assert bend == pytest.approx(best, abs=SEARCHED)
+        assert squares(bend) <= squares(best) * (1 + 1e-12)
+        assert residual == pytest.approx(np.sqrt(squares(bend) / 3), rel=1e-9)
+
+
+def test_residual_is_the_distance_of_markers_off_across_the_arc():
+    """Moved across a straight finger so that the bend does not change."""
+    off = np.array([1.0, 2.0, 0.0])
+    slope = (integrated(1e-6) - integrated(-1e-6))[:, 0]
+    off[2] = -(off[:2] @ slope[:2]) / slope[2]
+    markers = integrated(0.0)
+    markers[:, 0] += off
+    fit = found(markers[None])
+    assert fit.bend[0] == pytest.approx(0, abs=1e-6)
+    assert fit.residual[0] == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-6)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300, -1001.0])
+@pytest.mark.parametrize("place", [(0, 0), (1, 1), (2, 0)])
+def test_markers_that_are_none_are_not_known_and_finite(bad, place):
+    markers = np.stack([integrated(0.5)] * 3)
+    markers[1][place] = bad
+    fit = found(markers)
+    assert fit.known.tolist() == [True, False, True]
+    assert (fit.bend[1], fit.residual[1]) == (0, 0)
+    np.testing.assert_allclose(fit.bend[[0, 2]], 0.5, atol=NUDGED)
+
+
+def test_nothing_known_and_nothing_at_all():
+    fit = found(np.full((2, 3, 2), np.nan))
+    assert not fit.known.any()
+    assert not fit.bend.any()
+    assert not fit.residual.any()
+    assert found(np.zeros((0, 3, 2))).bend.shape == (0,)
+
+
+def test_any_markers_have_a_finite_answer():
+    generator = np.random.default_rng(6)
+    markers = 10.0 ** generator.uniform(-12, 3, (300, 3, 2)) * generator.choice(
+        [-1, 1], (300, 3, 2)
+    )
+    fit = found(markers)
+    assert fit.known.all()
+    assert (np.abs(fit.bend) <= np.pi).all()
+    assert np.isfinite(fit.residual).all()

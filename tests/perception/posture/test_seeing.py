@@ -1,0 +1,52 @@
+"""The posture in one frame: what is said is what its parts say, and nothing where none is seen."""
+
+import numpy as np
+import pytest
+
+from perception.chamber import Sight, find_regions
+from perception.posture import Training, boundary_image, find_posture, shrunk, train
+from tests.perception.chamber.drawn import Scene
+
+SIZE = (32, 24)
+STRAIGHT = Scene().half
+
+
+@pytest.fixture(scope="module")
+def estimator():
+    generator = np.random.default_rng(0)
+    images, markers = [], []
+    for down in np.linspace(0, 40, 24):
+        regions = find_regions(STRAIGHT.moved(0, down).image())
+        images.append(shrunk(boundary_image(regions.nested()), SIZE))
+        markers.append(np.full((3, 2), down) + generator.normal(0, 0.1, (3, 2)))
+    return train(np.stack(images), np.stack(markers), Training(epochs=60, batch=8))
+
+
+def test_what_is_drawn_farther_down_is_read_farther_down(estimator):
+    read = []
+    for down in (5.0, 20.0, 35.0):
+        seen = find_posture(STRAIGHT.moved(0, down).image(), estimator)
+        assert seen.sight is Sight.CHAMBER
+        assert seen.markers is not None
+        read.append(float(seen.markers.mean()))
+    np.testing.assert_allclose(read, [5, 20, 35], atol=4)
+
+
+@pytest.mark.parametrize(
+    ("image", "sight"),
+    [
+        (np.zeros((240, 320, 3), np.uint8), Sight.TOO_DARK),
+        (np.full((240, 320, 3), 255, np.uint8), Sight.TOO_BRIGHT),
+        (np.full((240, 320, 3), 120, np.uint8), Sight.NO_CHAMBER),
+        (np.ascontiguousarray(STRAIGHT.image()[..., ::-1]), Sight.SWAPPED),
+    ],
+)
+def test_without_a_chamber_there_is_no_posture(estimator, image, sight):
+    seen = find_posture(image, estimator)
+    assert seen.sight is sight
+    assert seen.markers is None
+
+
+def test_a_frame_smaller_than_the_networks_images_is_no_fault(estimator):
+    tiny = find_posture(np.zeros((1, 1, 3), np.uint8), estimator)
+    assert tiny.markers is None
