@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from designopt.optimising import Optimum
+from designopt.results import PrecisionRow
 from optics.soft_finger import ChamberImage
 from perception.chamber import Points
 from perception.chamber.directions import Use
@@ -38,6 +39,7 @@ class Found:
             and bends are the same.
         bends: answers from 0.01° to 120°.
         odd: frames that are no proper images.
+        rows: outlines of pictures, error against run time.
         seconds: of regions and points of one frame, on one core.
         shown: pictures.
     """
@@ -49,5 +51,6 @@ class Found:
     small: list[list[Series]]
     bends: list[AtBend]
     odd: list[Odd]
+    rows: list[PrecisionRow]
     seconds: float
     shown: list[Shown]

@@ -6,10 +6,10 @@ import statistics
 
 import numpy as np
 
-from designopt.results import Results
+from designopt.results import PrecisionStudy, Results
 from designopt.study import Context
 from perception.chamber import Direction, find_points, find_regions
-from studies.bending_direction import drawings, statements, tables
+from studies.bending_direction import drawings, precision, statements, tables
 from studies.bending_direction.design import Design, best
 from studies.bending_direction.found import Found, Shown
 from studies.bending_direction.frames import TOWARDS, Series, look_at, series
@@ -49,6 +49,12 @@ def run(spec: BendingDirectionSpec, context: Context) -> Results:
         metrics=statements.metrics(spec, found),
         tables=tables.tables(spec, found),
         figures=drawings.figures(spec, found),
+        precision=PrecisionStudy(
+            found.rows,
+            error="error of the outlines' ends (px)",
+            reference=f"{precision.REFERENCE} rings per region",
+            claims=[precision.claim(found.rows)],
+        ),
     )
 
 
@@ -87,10 +93,12 @@ def find(spec: BendingDirectionSpec, context: Context) -> Found:
             bends += over_bends(finger, count, severity, threshold, seed + 2)
     with context.step("Frames that are no proper images"):
         odd = odd_frames(finger, seed + 3)
+    with context.step("Outlines, error against run time"):
+        rows = precision.measured(finger)
     with context.step("Pictures and run time"):
         shown = _shown(finger, seed + 4)
         seconds = _seconds(finger, spec, seed)
-    return Found(random, curves, designs, optimum, small, bends, odd, seconds, shown)
+    return Found(random, curves, designs, optimum, small, bends, odd, rows, seconds, shown)
 
 
 def _random(
