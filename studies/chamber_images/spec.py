@@ -12,6 +12,17 @@ from studies.table1.spec import ChamberSpec
 Severity = Annotated[float, Field(ge=0, le=2)]
 
 
+def distinct(values: list) -> list:
+    """Settings that must differ from each other.
+
+    Raises:
+        ValueError: two are the same.
+    """
+    if len(set(values)) < len(values):
+        raise ValueError("values must differ from each other")
+    return values
+
+
 class EndoscopeSpec(Spec):
     """The camera; the paper gives its pixels, 640 × 480, and no angle."""
 
