@@ -54,7 +54,10 @@ class ChamberResult(eqx.Enumeration):
         "No value of this dimension gives the imaging ratio asked for: "
         "change the ratio or another dimension."
     )
-    hidden = "The bent wall hides what was asked for: bend the finger less, or widen the chamber."
+    hidden = (
+        "The wall hides what was asked for, or it is behind the camera or has no radius: "
+        "bend the finger less, or widen the chamber."
+    )
     out_of_range = (
         "The answer or its slope does not fit this float type: use float64 or rescale the lengths."
     )

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
+
+AnyEffects = TypeVar("AnyEffects", bound=Any)
 
 
 @dataclass(frozen=True)
@@ -39,9 +42,7 @@ class Effects:
     @classmethod
     def graded(cls, severity: float, gain: float = 1.0) -> Effects:
         """All effects, from none (severity 0) over those of a good finger (1) to a poor one (2)."""
-        if not 0 <= severity <= 2:
-            raise ValueError(f"severity is {severity:g}; give 0 (perfect) to 2 (poor)")
-        return replace(scaled(TYPICAL, severity), gain=gain)
+        return replace(scaled(TYPICAL, checked(severity)), gain=gain)
 
 
 TYPICAL = Effects(
@@ -59,11 +60,24 @@ TYPICAL = Effects(
 """A well-made finger; chosen, as neither paper gives numbers."""
 
 
-def scaled(effects: Effects, factor: float) -> Effects:
-    """All sizes but the gain times a factor."""
+def scaled(
+    effects: AnyEffects, factor: float, kept: frozenset[str] = frozenset({"gain"})
+) -> AnyEffects:
+    """All sizes times a factor, but for those that are kept."""
     sizes = {
         field.name: factor * getattr(effects, field.name)
         for field in fields(effects)
-        if field.name != "gain"
+        if field.name not in kept
     }
     return replace(effects, **sizes)
+
+
+def checked(severity: float) -> float:
+    """A severity, which is 0 to 2.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if not 0 <= severity <= 2:
+        raise ValueError(f"severity is {severity:g}; give 0 (perfect) to 2 (poor)")
+    return severity

@@ -14,7 +14,7 @@ class CentreLine(eqx.Module):
     """Places along a bent centre line.
 
     Attributes:
-        across: towards the side it bends to, mm.
+        across: towards the side to which a positive bend goes, mm.
         along: in the direction in which the line starts, mm.
         turned: angle by which the line has turned there, in radians.
     """

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+
+from optics.rendering.effects import checked, scaled
 
 
 @dataclass(frozen=True)
@@ -38,16 +40,11 @@ class ChamberEffects:
     @classmethod
     def graded(cls, severity: float, gain: float = 1.0) -> ChamberEffects:
         """All effects, from none (severity 0) over those of a good finger (1) to a poor one (2)."""
-        if not 0 <= severity <= 2:
-            raise ValueError(f"severity is {severity:g}; give 0 (perfect) to 2 (poor)")
-        kept = ("gain", "falloff")
-        sizes = {
-            each.name: severity * getattr(TYPICAL, each.name)
-            for each in fields(cls)
-            if each.name not in kept
-        }
-        return replace(TYPICAL, gain=gain, **sizes)
+        return replace(scaled(TYPICAL, checked(severity), KEPT), gain=gain)
 
+
+KEPT = frozenset({"gain", "falloff"})
+"""What is no fault of a picture."""
 
 TYPICAL = ChamberEffects(
     flicker=0.15,

@@ -19,8 +19,9 @@ class Endoscope(eqx.Module):
         field_of_view: angle between the rays of two opposite corners of the image, lens apart.
         distortion: k1 of r (1 + k1 r²), with r the tangent of a ray's angle to the optical axis;
             negative is a barrel (D. C. Brown, Photogrammetric Engineering 32 (1966) 444).
-        pointing: by which angles the camera is turned to the image's right and down, in radians.
-        roll: by which angle it is turned about its axis, in radians; positive turns the image
+        pointing: by which angles the camera is turned to the right and down, before it is rolled,
+            in radians.
+        roll: by which angle it is then turned about its axis, in radians; positive turns the image
             counter-clockwise as it is looked at.
         columns: width of the image, px.
         rows: its height, px.
@@ -45,7 +46,7 @@ class Endoscope(eqx.Module):
         return (self.columns - 1) / 2, (self.rows - 1) / 2
 
     def turned(self, pointing: ArrayLike, roll: ArrayLike) -> Endoscope:
-        """The same camera turned further, by angles in radians."""
+        """The same camera with angles, in radians, added to its own: `pointing` before its roll."""
         return dataclasses.replace(
             self, pointing=self.pointing + as_float(pointing), roll=self.roll + as_float(roll)
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -13,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
 from optics.chamber import Chamber
+from optics.rendering.exposure import READ_NOISE
 from optics.soft_finger.effects import ChamberEffects
 from optics.soft_finger.endoscope import Endoscope
 from optics.soft_finger.rings import FIELD_STOP, Apertures, Posture, Rings, apertures
@@ -34,11 +36,8 @@ CHUNK = 32
 BRIGHTEST = 1.3
 """How much brighter than at B the wall can be near the lens, where light falls in at a slant."""
 
-READ_NOISE = 0.2
-"""Noise without light, over that at full scale."""
-
-MOST_RINGS = 254
-"""What a byte can number, beside what lies before the first one and the top."""
+MOST_RINGS = 255
+"""What a byte can number, beside the 0 of what lies before the first one."""
 
 SPARE = 97
 """By how many pixels a field of noise may be shifted; fields are drawn once."""
@@ -51,7 +50,8 @@ class ChamberImage:
     Attributes:
         pixels: red, green, blue.
         outlines: of blue with all it encloses, of yellow with all it encloses, and of the top, in
-            px with pixel centres at whole numbers; as they are seen, beyond the image's border too.
+            px with pixel centres at whole numbers; as they are seen, beyond the image's border too,
+            and one point where nothing is.
         seen: whether there is anything of the three, inside the image or not.
         margins: widths of what is seen of the three in the plane of bending, px at the image's
             centre; negative: by how much it is hidden.
@@ -82,7 +82,13 @@ def _seen(
 
 
 class ChamberRenderer:
-    """A camera in a finger. Frame ``n`` of a seed is the same however frames are asked for."""
+    """A camera in a finger. Frame ``n`` of a seed is the same however frames are asked for.
+
+    Attributes:
+        rings: of the straight finger.
+        endoscope: the camera where it is not shaken.
+        effects: what makes pictures worse.
+    """
 
     def __init__(
         self,
@@ -90,7 +96,7 @@ class ChamberRenderer:
         endoscope: Endoscope,
         effects: ChamberEffects,
         *,
-        seed: int = 0,
+        seed: int | Sequence[int] = 0,
         colours: Float[np.ndarray, "4 3"] = COLOURS,
         per_region: int = 20,
         angles: int = 192,
@@ -101,7 +107,7 @@ class ChamberRenderer:
             chamber: of the straight finger.
             endoscope: its camera; shake turns it.
             effects: what makes pictures worse.
-            seed: of everything that is random.
+            seed: of everything that is random; a number, or several that are one together.
             colours: of the walls and of the top.
             per_region: rings in every region; the light changes from one to the next.
             angles: points of an outline.
@@ -111,17 +117,17 @@ class ChamberRenderer:
                 lens images two rays at one place, or there are more rings than can be painted.
         """
         _check(endoscope)
-        if 3 * per_region > MOST_RINGS:
-            raise ValueError(f"per_region is {per_region}; give at most {MOST_RINGS // 3}")
+        if not 1 <= per_region <= MOST_RINGS // 3:
+            raise ValueError(f"per_region is {per_region}; give 1 to {MOST_RINGS // 3}")
         self.rings = Rings.of(chamber, per_region)
         self.endoscope = endoscope
         self.effects = effects
-        self._seed = seed
+        self._seed = tuple(np.atleast_1d(seed).tolist())
         self._angles = angles
         self._shades = self._shaded(np.asarray(colours, np.float32))
         self._focal = float(endoscope.focal_px)
         shape = (endoscope.rows, endoscope.columns)
-        generator = np.random.default_rng([seed, 1])
+        generator = np.random.default_rng([*self._seed, 1])
         self._light = _light(shape, effects, generator)
         spare = (shape[0] + SPARE, shape[1] + SPARE)
         self._noise = [
@@ -148,32 +154,32 @@ class ChamberRenderer:
             postures: one batch axis.
             first: number of the first frame; the number and the seed choose shake and noise.
         """
-        count = int(np.shape(postures.bend)[0])
+        leaves = jax.tree.map(np.asarray, postures)
+        count = len(leaves.bend)
         images: list[ChamberImage] = []
         for start in range(0, count, CHUNK):
             some = np.minimum(np.arange(start, start + CHUNK), count - 1)
-            chunk = jax.tree.map(
-                lambda leaf, some=some: jnp.asarray(np.asarray(leaf)[some]), postures
-            )
-            number = min(CHUNK, count - start)
-            images += self._chunk(chunk, first + start, number)
+            chunk = jax.tree.map(lambda leaf, some=some: leaf[some], leaves)
+            images += self._chunk(chunk, first + start, min(CHUNK, count - start))
         return images
 
     def _chunk(self, postures: Posture, first: int, number: int) -> list[ChamberImage]:
-        generators = [np.random.default_rng([self._seed, 2, first + i]) for i in range(number)]
+        generators = [np.random.default_rng([*self._seed, 2, first + i]) for i in range(number)]
         shaken = np.zeros((CHUNK, 3))
         spread = [self.effects.shake / self._focal] * 2 + [math.radians(self.effects.roll_deg)]
         for i, generator in enumerate(generators):
             shaken[i] = spread * generator.standard_normal(3)
-        dtype = self.rings.arc.dtype
-        through, outlines = _seen(
-            self.rings,
-            self.endoscope,
-            postures,
-            jnp.asarray(shaken[:, :2], dtype),
-            jnp.asarray(shaken[:, 2], dtype),
-            self._angles,
-        )
+        # JAX's float type may be that of another thread: frames are the same in every one.
+        with jax.enable_x64(self.rings.arc.dtype == np.float64):
+            dtype = self.rings.arc.dtype
+            through, outlines = _seen(
+                self.rings,
+                self.endoscope,
+                jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), postures),
+                jnp.asarray(shaken[:, :2], dtype),
+                jnp.asarray(shaken[:, 2], dtype),
+                self._angles,
+            )
         ends = np.array(self.rings.ends)
         outlines, seen = np.asarray(outlines), np.asarray(through.seen)
         widths = self._focal * np.asarray(through.spans.width)
@@ -225,15 +231,19 @@ class ChamberRenderer:
 
 
 def _check(endoscope: Endoscope) -> None:
-    """That every pixel shows one ray that is followed."""
-    corner = math.tan(float(endoscope.field_of_view) / 2)
-    k1 = float(endoscope.distortion)
-    rises = 1 + 3 * k1 * FIELD_STOP**2 > 0
-    if not (rises and 0 < corner < FIELD_STOP * (1 + k1 * FIELD_STOP**2)):
-        raise ValueError(
-            f"a field of view of {math.degrees(float(endoscope.field_of_view)):.0f} degrees with a "
-            f"distortion of {k1:g} shows rays that are not followed; make either smaller"
-        )
+    """That every pixel shows one ray that is followed, however the camera is turned."""
+    corner, k1 = math.tan(float(endoscope.field_of_view) / 2), float(endoscope.distortion)
+    turned, stop = float(np.hypot(*endoscope.pointing)), math.atan(FIELD_STOP)
+    if turned + stop < math.pi / 2:
+        near, far = math.tan(stop - turned), math.tan(stop + turned)
+        rises = 1 + 3 * k1 * far**2 > 0
+        if rises and near > 0 and 0 < corner < near * (1 + k1 * near**2):
+            return
+    raise ValueError(
+        f"a field of view of {math.degrees(float(endoscope.field_of_view)):.0f} degrees, turned by "
+        f"{math.degrees(turned):.0f} degrees, with a distortion of {k1:g} shows rays that are not "
+        "followed; make one of them smaller"
+    )
 
 
 def _light(

@@ -88,9 +88,10 @@ class Posture(eqx.Module):
 
     Attributes:
         bend: angle between both ends of the finger, in radians.
-        direction: to which side it bends, in the image: 0 is right, a right angle is down.
-        pressed: by how much the wall is pressed in at every ring, mm; positive on the side the
-            finger bends to, negative on the other one.
+        direction: the side to which a positive bend goes, in the image: 0 is right, a right angle
+            is down.
+        pressed: by how much the wall is pressed in at every ring, mm; positive on that side,
+            negative on the other one.
     """
 
     bend: Float[Array, "*batch"]
@@ -120,8 +121,8 @@ class Spans(eqx.Module):
     """What every ring spans in the plane of bending, in tangents u of the angle to the axis.
 
     Attributes:
-        low: its side away from the bend.
-        high: its side towards the bend.
+        low: its side away from that to which a positive bend goes.
+        high: its other side.
         seen_low: the same of what is seen through all nearer rings and the field stop.
         seen_high: likewise; below ``seen_low`` where nothing is seen of it.
         margin: how far the ring's nearest point is in front of the pinhole plane, and how large

@@ -27,7 +27,7 @@ class Direction(enum.Enum):
     DOWN = "The finger bends down."
     LEFT = "The finger bends to the left."
     RIGHT = "The finger bends to the right."
-    UNDEFINED = "The chamber is not in view."
+    UNDEFINED = "The frame, or the one to compare it with, shows no chamber."
 
 
 def displacements(points: Points, initial: Points) -> Float[np.ndarray, "7 2"]:

@@ -57,6 +57,8 @@ class Points:
     Attributes:
         xy: pixels, to the right and down; pixels have their middles at integers. 0 if not seen.
         seen: whether the region is in view and the point is not where the image's border cuts it.
+            The centre of blue counts as seen whenever blue is in view; it is that of what the
+            border leaves.
     """
 
     xy: Float[np.ndarray, "7 2"]

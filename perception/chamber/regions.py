@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import Int32, UInt8
 
-from perception.masks import Grey, Image, Mask, cleaned, global_mask
+from perception.masks import Grey, Image, Mask, brightness, cleaned, global_mask
 
 Outline = Int32[np.ndarray, "_ 2"]
 
@@ -24,7 +24,7 @@ CLEARLY = 1.4
 blue is overexposed 2.5 times, the ratio is still 1.8."""
 
 RED_CLEARLY = 2.0
-"""The same for red, halfway between red's own ratio to green, about 6, and yellow's, about 1.2."""
+"""The same for red, between red's own ratio to green, about 6, and yellow's, about 1.2."""
 
 LEAST = 8
 """... and by so many grey levels more, as noise has ratios too."""
@@ -143,7 +143,8 @@ def find_regions(image: Image) -> Regions:
         image: red, green, blue.
     """
     # Averages of 3×3 pixels: dark pixels' ratios are mostly noise.
-    red, green, blue = cv2.split(cv2.blur(image, (3, 3)))
+    even = cv2.blur(image, (3, 3))
+    red, green, blue = cv2.split(even)
     shape, least = red.shape, LEAST_SHARE * red.size
     raw_reds = _above(red, cv2.max(green, blue), RED_CLEARLY)
     # Red is a little above blue in green too: what is red is not yellow.
@@ -159,8 +160,9 @@ def find_regions(image: Image) -> Regions:
         _outline(coloured) if min(amount[Region.RED], amount[Region.BLUE]) > least else NOWHERE
     )
     if len(outline) < 3:
-        value = cv2.max(cv2.max(red, green), blue)
-        return Regions(_labelled(masks, shape), _missing(value), NOWHERE, NOWHERE, NOWHERE)
+        return Regions(
+            _labelled(masks, shape), _missing(brightness(even)), NOWHERE, NOWHERE, NOWHERE
+        )
     within = filled(outline, shape)
     if 2 * cv2.countNonZero(cv2.bitwise_and(reds, within)) > amount[Region.RED]:
         return Regions(_labelled(masks, shape), Sight.SWAPPED, NOWHERE, NOWHERE, NOWHERE)
@@ -169,7 +171,7 @@ def find_regions(image: Image) -> Regions:
 
     left, upper, wide, high = cv2.boundingRect(outline)
     box = np.s_[upper : upper + high, left : left + wide]
-    value = cv2.max(cv2.max(red[box], green[box]), blue[box])
+    value = brightness(even[box])
     dark = DARK * cv2.mean(value, yellows[box])[0]
     shade = cv2.bitwise_and(cv2.bitwise_not(global_mask(value, dark)), within[box])
     shade = cv2.subtract(shade, cv2.max(reds[box], coloured[box]))

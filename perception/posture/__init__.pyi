@@ -4,11 +4,10 @@ from .estimator import PostureEstimator
 from .measures import marker_errors, mean_predictor_error
 from .network import PostureNetwork, weighted_loss
 from .seeing import USABLE, SeenPosture, find_posture
-from .settings import DISTANCE_WEIGHTS, EQUAL_WEIGHTS, Training, TrainingRecord
+from .settings import EQUAL_WEIGHTS, Training, TrainingRecord
 from .training import train
 
 __all__ = [
-    "DISTANCE_WEIGHTS",
     "EQUAL_WEIGHTS",
     "USABLE",
     "Bends",

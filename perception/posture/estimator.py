@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -16,11 +17,13 @@ from jaxtyping import Array, Float, Float32
 
 from designopt.errors import UserError
 from designopt.files import replaced_when_complete
-from perception.posture.network import PostureNetwork
+from perception.posture.network import MARKERS, PostureNetwork
 from perception.posture.settings import Training, TrainingRecord
 
 FORMAT = "posture estimator 1"
 DIGEST = hashlib.sha256().digest_size
+
+SCALES = ("image_mean", "image_deviation", "label_scale")
 
 BLOCK = 256
 """Images predicted at a time: bounds the memory, and one program serves any greater number."""
@@ -63,16 +66,8 @@ class PostureEstimator:
                 f"images have the shape (number, {rows}, {columns}) of the training's, "
                 f"not {images.shape}"
             )
-        found = np.zeros((len(images), *self.label_mean.shape))
-        for start in range(0, len(images), BLOCK):
-            block = standardised(
-                images[start : start + BLOCK], self.image_mean, self.image_deviation
-            )
-            count = len(block)
-            if len(images) > BLOCK:
-                block = np.pad(block, ((0, BLOCK - count), (0, 0), (0, 0)))
-            found[start : start + count] = _answers(self.network, jnp.asarray(block))[:count]
-        return self.label_mean + self.label_scale * found
+        inputs = standardised(images, self.image_mean, self.image_deviation)
+        return self.label_mean + self.label_scale * answered(self.network, inputs)
 
     def save(self, path: Path) -> None:
         """Everything in one file, which is complete or not there.
@@ -122,7 +117,15 @@ class PostureEstimator:
             like = PostureNetwork(
                 record.image_size, record.settings.channels, np.random.default_rng()
             )
-            return cls(eqx.tree_deserialise_leaves(body, like), **header)
+            network = eqx.tree_deserialise_leaves(body, like)
+            scales = [float(header[name]) for name in SCALES]
+            if (
+                header["label_mean"].shape != (MARKERS, 2)
+                or body.read()
+                or not all(map(math.isfinite, scales))
+            ):
+                raise ValueError("not what was saved")
+            return cls(network, **header)
         except (AttributeError, KeyError, TypeError, ValueError, RuntimeError) as error:
             raise UserError(
                 f"{path}: written by another version of this program; train and save it anew"
@@ -134,6 +137,20 @@ def standardised(
 ) -> Float32[np.ndarray, "images rows columns"]:
     """Images as a network takes them."""
     return (images.astype(np.float32, copy=False) - np.float32(mean)) / np.float32(deviation)
+
+
+def answered(
+    network: PostureNetwork, inputs: Float32[np.ndarray, "images rows columns"]
+) -> Float[np.ndarray, "images 3 2"]:
+    """A network's answers to standardised images, block by block."""
+    found = np.zeros((len(inputs), MARKERS, 2))
+    for start in range(0, len(inputs), BLOCK):
+        block = inputs[start : start + BLOCK]
+        count = len(block)
+        if len(inputs) > BLOCK:
+            block = np.pad(block, ((0, BLOCK - count), (0, 0), (0, 0)))
+        found[start : start + count] = _answers(network, jnp.asarray(block))[:count]
+    return found
 
 
 def _record(fields: dict) -> TrainingRecord:

@@ -31,11 +31,14 @@ class SeenPosture:
 
 
 def find_posture(image: Image, estimator: PostureEstimator) -> SeenPosture:
-    """The posture in one frame; every image has an answer (paper A §III.A).
+    """The posture in one frame (paper A §III.A).
 
     Args:
         image: red, green, blue.
         estimator: trained on boundary images of frames of this size.
+
+    Raises:
+        ValueError: the frame shows a chamber, in fewer pixels than the network takes.
     """
     regions = find_regions(image)
     if regions.sight not in USABLE:

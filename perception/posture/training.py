@@ -21,7 +21,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float, Float32, Int32
 
-from perception.posture.estimator import PostureEstimator, standardised
+from perception.posture.estimator import PostureEstimator, answered, standardised
 from perception.posture.measures import marker_errors
 from perception.posture.network import PostureNetwork, weighted_loss
 from perception.posture.settings import Training, TrainingRecord
@@ -84,8 +84,6 @@ def train(
         mean, deviation = float(images.mean(dtype=np.float64)), float(images.std(dtype=np.float64))
     label_mean = markers.mean(axis=0, dtype=np.float64)
     scale = float(np.sqrt(np.mean((markers - label_mean) ** 2)))
-    if deviation == 0 or scale == 0:
-        raise ValueError("samples that are all the same teach nothing")
     inputs = jnp.asarray(standardised(images, mean, deviation))
     targets = jnp.asarray(((markers - label_mean) / scale).astype(np.float32))
 
@@ -104,18 +102,6 @@ def train(
     state = _first(network)
     losses, tip_errors, seconds = [], [], []
 
-    def estimator() -> PostureEstimator:
-        record = TrainingRecord(
-            tuple(losses),
-            tuple(tip_errors),
-            tuple(seconds),
-            count,
-            (columns, rows),
-            settings,
-            _versions(),
-        )
-        return PostureEstimator(state.network, mean, deviation, label_mean, scale, record)
-
     for _ in range(settings.epochs):
         order = generator.permutation(count)[: steps * batch].astype(np.int32)
         state, loss = _epoch(
@@ -123,10 +109,22 @@ def train(
         )
         losses.append(float(loss) * scale**2)
         if validation is not None:
-            errors = marker_errors(estimator().predict(validation[0]), validation[1])
+            predicted = label_mean + scale * answered(
+                state.network, standardised(validation[0], mean, deviation)
+            )
+            errors = marker_errors(predicted, validation[1])
             tip_errors.append(float(errors[:, -1].mean()))
         seconds.append(time.perf_counter() - began)
-    return estimator()
+    record = TrainingRecord(
+        tuple(losses),
+        tuple(tip_errors),
+        tuple(seconds),
+        count,
+        (columns, rows),
+        settings,
+        _versions(),
+    )
+    return PostureEstimator(state.network, mean, deviation, label_mean, scale, record)
 
 
 @eqx.filter_jit
@@ -176,6 +174,8 @@ def _check(images: np.ndarray, markers: np.ndarray) -> None:
         raise ValueError(f"{len(images)} images with {len(markers)} markers are no samples")
     if not (np.isfinite(images).all() and np.isfinite(markers).all()):
         raise ValueError("images and markers of samples are finite")
+    if not (np.ptp(images, axis=0).any() and np.ptp(markers, axis=0).any()):
+        raise ValueError("samples that are all the same teach nothing")
 
 
 def _versions() -> dict[str, str]:

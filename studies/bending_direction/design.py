@@ -56,7 +56,7 @@ class Knobs(eqx.Module):
 
 def rates(knobs: Knobs, chamber: Chamber, endoscope: Endoscope) -> Float[Array, "3"]:
     """Px per degree by which the outlines of blue, yellow and top start to move downwards."""
-    return image_rates(knobs.turned(chamber), endoscope, DOWN) * (jnp.pi / 180)
+    return image_rates(knobs.turned(chamber), endoscope, DOWN).value * (jnp.pi / 180)
 
 
 @eqx.filter_jit

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
@@ -87,7 +87,7 @@ class SoftFinger:
 
     def renderer(
         self,
-        seed: int,
+        seed: int | Sequence[int],
         *,
         gain: float = 1.0,
         severity: float | None = None,
@@ -150,15 +150,12 @@ def looked_at(
         look: from the number of a posture and its picture to what is found; called in threads.
         first: number of the first frame (`ChamberRenderer.render`).
     """
-    count = int(np.shape(postures.bend)[0])
-
-    # JAX's float type, as set for the time of a study, is that of one thread.
-    double = jnp.zeros(()).dtype == jnp.float64
+    leaves = jax.tree.map(np.asarray, postures)
+    count = len(leaves.bend)
 
     def chunk(start: int) -> list[Looked]:
-        with jax.enable_x64(double):
-            some = jax.tree.map(lambda leaf: leaf[start : start + CHUNK], postures)
-            images = renderer.render(some, first + start)
+        some = jax.tree.map(lambda leaf: leaf[start : start + CHUNK], leaves)
+        images = renderer.render(some, first + start)
         return [look(start + i, image) for i, image in enumerate(images)]
 
     with ThreadPoolExecutor(min(os.cpu_count() or 1, 8)) as pool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 
 import jax
@@ -424,8 +425,13 @@ def test_a_lens_that_folds_its_image_is_refused():
 
 
 def test_more_rings_than_a_byte_can_number_are_refused():
-    with pytest.raises(ValueError, match="per_region"):
-        ChamberRenderer(finger(), Endoscope(np.deg2rad(60.0)), EVEN, per_region=85)
+    for number in (0, 86):
+        with pytest.raises(ValueError, match="per_region"):
+            ChamberRenderer(finger(), Endoscope(np.deg2rad(60.0)), EVEN, per_region=number)
+    most = ChamberRenderer(finger(), Endoscope(np.deg2rad(60.0)), EVEN, per_region=85)
+    posture = Posture(jnp.zeros(1), jnp.zeros(1), jnp.zeros((1, 255)))
+    pixels = most.render(posture)[0].pixels
+    assert pixels[240, 320].max() < pixels[240, 260].max()  # the top, the last to be painted
 
 
 def test_a_camera_that_is_mounted_askew_stays_so():
@@ -439,3 +445,37 @@ def test_a_camera_that_is_mounted_askew_stays_so():
     shift = float(camera.focal_px) * np.tan(0.1)
     assert straight[0] - askew[0] == pytest.approx(shift, rel=0.05)
     assert askew[1] == pytest.approx(straight[1], abs=1e-6)
+
+
+@pytest.mark.parametrize("pointing", [0.6, 1.2])
+def test_a_camera_turned_beyond_what_is_followed_is_refused(pointing):
+    camera = Endoscope(np.deg2rad(60.0)).turned(np.array([pointing, 0.0]), 0.0)
+    with pytest.raises(ValueError, match="turned"):
+        ChamberRenderer(finger(), camera, EVEN)
+
+
+def test_frames_are_the_same_from_several_threads():
+    renderer = ChamberRenderer(finger(), Endoscope(np.deg2rad(60.0)), TYPICAL, seed=(3, 1))
+    bends = jnp.linspace(0.0, 1.5, 4)
+    postures = Posture(bends, jnp.ones(4), jnp.zeros((4, 60)))
+    one_by_one = [
+        jax.tree.map(lambda leaf, i=i: leaf[i : i + 1], postures) for i in range(len(bends))
+    ]
+    with ThreadPoolExecutor(4) as pool:
+        threaded = pool.map(renderer.render, one_by_one, range(4))
+        for image, (other,) in zip(renderer.render(postures), threaded, strict=True):
+            np.testing.assert_array_equal(image.pixels, other.pixels)
+            np.testing.assert_array_equal(image.outlines, other.outlines)
+
+
+def test_single_precision_is_good_to_a_hundredth_of_a_pixel():
+    def outlines() -> np.ndarray:
+        renderer = ChamberRenderer(finger(), Endoscope(np.deg2rad(60.0)), EVEN)
+        bends = jnp.deg2rad(jnp.asarray([0.0, 0.01, 40.0, 110.0]))
+        images = renderer.render(Posture(bends, jnp.ones(4), jnp.zeros((4, 60))))
+        return np.stack([image.outlines[:2] for image in images])
+
+    with jax.enable_x64(False):
+        single = outlines()
+    assert single.dtype == np.float32
+    np.testing.assert_allclose(single, outlines(), atol=0.01)

@@ -133,3 +133,11 @@ def test_gradients_are_central_differences():
     for point, slope in zip(points, found, strict=True):
         wanted = central_differences(compiled, [jnp.asarray(value) for value in point])
         np.testing.assert_allclose(slope, wanted, atol=GRADIENT * np.abs(wanted).max())
+
+
+def test_pointing_comes_before_the_roll():
+    # A camera on its side that points to the right sees the axis above the middle, not beside it.
+    camera = Endoscope(QUARTER, roll=np.pi / 2).turned(np.array([0.1, 0.0]), 0.0)
+    across, down = np.asarray(camera.image(jnp.zeros(2))) - np.array(camera.centre)
+    assert abs(across) < 1e-9
+    assert down == pytest.approx(float(camera.focal_px) * np.tan(0.1))

@@ -36,7 +36,8 @@ def by_hand(chamber, camera):
 @pytest.mark.parametrize("direction", [0.0, DOWN, 2.5])
 def test_rates_are_those_by_hand(direction):
     found = image_rates(finger(), CAMERA, direction)
-    np.testing.assert_allclose(found, by_hand(finger(), CAMERA), rtol=1e-12)
+    assert bool(found.ok)
+    np.testing.assert_allclose(found.value, by_hand(finger(), CAMERA), rtol=1e-12)
 
 
 def test_rates_are_differences_of_the_points():
@@ -45,7 +46,7 @@ def test_rates_are_differences_of_the_points():
 
     step = 1e-5
     differences = (np.asarray(lowest(step)) - np.asarray(lowest(-step))) / (2 * step)
-    np.testing.assert_allclose(image_rates(finger(), CAMERA, DOWN), differences, rtol=1e-7)
+    np.testing.assert_allclose(image_rates(finger(), CAMERA, DOWN).value, differences, rtol=1e-7)
 
 
 def test_slopes_of_the_rates_with_respect_to_the_design():
@@ -53,7 +54,8 @@ def test_slopes_of_the_rates_with_respect_to_the_design():
         eta, offset_b, angle = knobs
         chamber = dataclasses.replace(finger(), offset_b=offset_b, wall_angle_bc=angle)
         offset_d = dimension_for_ratio(chamber, "offset_d", eta).value
-        return jnp.sum(image_rates(dataclasses.replace(chamber, offset_d=offset_d), CAMERA, DOWN))
+        designed = dataclasses.replace(chamber, offset_d=offset_d)
+        return jnp.sum(image_rates(designed, CAMERA, DOWN).value)
 
     knobs = jnp.asarray([[0.6, 2.0, math.radians(2.0)], [0.9, 3.0, math.radians(1.2)]])
     found = jax.jit(jax.vmap(jax.grad(rates)))(tuple(knobs.T))
@@ -69,3 +71,21 @@ def test_points_that_the_wall_hides_are_said_to_be():
     assert far.messages() == [ChamberResult[ChamberResult.hidden]]
     assert float(far.margin) < 0
     assert np.isfinite(np.asarray(far.value)).all()
+
+
+@pytest.mark.parametrize("changed", [{"offset_d": 9.0}, {"pinhole_offset": -45.0}])
+def test_a_chamber_without_an_image_has_no_rates(changed):
+    changed = {name: jnp.asarray(value) for name, value in changed.items()}
+    found = image_rates(dataclasses.replace(finger(), **changed), CAMERA, DOWN)
+    assert found.messages() == [ChamberResult[ChamberResult.hidden]]
+    assert np.isfinite(np.asarray(found.value)).all()
+
+
+def test_the_margin_is_a_width_in_the_image():
+    bend = math.radians(50.0)
+    found = extreme_points(finger(), Endoscope(math.radians(60.0)), bend, 0.0)
+    # On the other side, points are those of the finger bent the other way.
+    other = extreme_points(finger(), Endoscope(math.radians(60.0)), -bend, 0.0)
+    centre = (640 - 1) / 2
+    top = float(found.value[2, 0]) - (2 * centre - float(other.value[2, 0]))
+    assert float(found.margin) * float(CAMERA.focal_px) == pytest.approx(top, rel=1e-9)

@@ -5,7 +5,7 @@ import pytest
 
 from perception.chamber import Sight, find_regions
 from perception.posture import Training, boundary_image, find_posture, shrunk, train
-from tests.perception.chamber.drawn import Scene
+from tests.perception.chamber.drawn import Ellipse, Scene
 
 SIZE = (32, 24)
 STRAIGHT = Scene().half
@@ -47,6 +47,8 @@ def test_without_a_chamber_there_is_no_posture(estimator, image, sight):
     assert seen.markers is None
 
 
-def test_a_frame_smaller_than_the_networks_images_is_no_fault(estimator):
-    tiny = find_posture(np.zeros((1, 1, 3), np.uint8), estimator)
-    assert tiny.markers is None
+def test_a_frame_smaller_than_the_networks_images_is_refused(estimator):
+    small = Scene(rows=20, columns=28, blue=Ellipse(14, 10, 8, 8), yellow=Ellipse(14, 10, 4, 4),
+                  top=None)  # fmt: skip
+    with pytest.raises(ValueError, match="28x20"):
+        find_posture(small.image(), estimator)

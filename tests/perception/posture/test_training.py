@@ -105,6 +105,8 @@ def test_fewer_samples_than_a_batch():
         (IMAGES[:9], MARKERS[:9] * np.inf, "finite"),
         (IMAGES[:9] * np.float32(0), MARKERS[:9], "all the same"),
         (IMAGES[:9], np.ones((9, 3, 2)), "all the same"),
+        (IMAGES[:9], np.full((9, 3, 2), 12.3), "all the same"),
+        (np.repeat(IMAGES[:1], 9, axis=0), MARKERS[:9], "all the same"),
     ],
 )
 def test_samples_that_teach_nothing_are_refused(images, markers, message):
