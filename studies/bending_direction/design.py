@@ -11,11 +11,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.optimising import Optimum, Problem, Requirement, Terms, minimise, sobol_starts
+from designopt.errors import UserError
+from designopt.optimising import (
+    Problem,
+    Requirement,
+    Terms,
+    active_set,
+    conflict,
+    minimise,
+    sobol_starts,
+)
 from optics.chamber import Chamber
-from optics.soft_finger import Endoscope, image_rates
+from optics.soft_finger import Endoscope, extreme_points, image_rates
 from studies.chamber_images.making import DOWN, SoftFinger
 from studies.table1 import imaging, paper
+from studies.table1.spec import ChamberSpec
 
 RATIOS = (min(paper.ETA), max(paper.ETA))
 """Table I's range of η."""
@@ -24,6 +34,12 @@ WALL_ANGLES_DEG = (1.0, 2.0)
 """Range of θ_BC in the paper's text (§II.A)."""
 
 STARTS = 8
+
+INSIDE = 20.0
+"""How far, px, the straight chamber's blue outline must stay inside the image."""
+
+OWN, BEST = "as in the spec", "moves most"
+"""Names of the first and of the last design."""
 
 OUTLINES = ("blue", "yellow", "top")
 
@@ -104,20 +120,27 @@ def problem(finger: SoftFinger) -> Problem:
 
     Limits, a reading: η as in the table's rows, θ_BC as in the text, Δl_B between the centre line
     and Δl_A, and |Δl_D| as far inside Δl_A as in the paper's own choice, η = 0.6 in its chamber.
+    Besides, the straight chamber's blue outline stays inside the image.
     """
-    least = imaging.clearance_at(
-        dataclasses.replace(
-            finger.chamber, offset_b=jnp.asarray(2.0), wall_angle_bc=jnp.deg2rad(jnp.asarray(2.0))
-        ),
-        jnp.asarray(paper.CHOSEN_ETA),
+    paper_spec = ChamberSpec()
+    paper_chamber = dataclasses.replace(
+        finger.chamber,
+        offset_b=jnp.asarray(paper_spec.offset_b),
+        wall_angle_bc=jnp.deg2rad(jnp.asarray(paper_spec.wall_angle_bc_deg)),
     )
+    least = imaging.clearance_at(paper_chamber, jnp.asarray(paper.CHOSEN_ETA))
 
     def terms(
         knobs: Knobs, chamber: Chamber, endoscope: Endoscope, least: Float[Array, ""]
     ) -> Terms:
-        room = clearance(knobs.turned(chamber)) - least
+        turned = knobs.turned(chamber)
+        lowest = extreme_points(turned, endoscope, 0.0, DOWN).value[0, 1]
         return Terms(
-            objective=-jnp.mean(rates(knobs, chamber, endoscope)), inequalities={"room": room}
+            objective=-jnp.mean(rates(knobs, chamber, endoscope)),
+            inequalities={
+                "room": clearance(turned) - least,
+                "image": (endoscope.rows - 1 - INSIDE - lowest) / endoscope.rows,
+            },
         )
 
     angles = jnp.deg2rad(jnp.asarray(WALL_ANGLES_DEG))
@@ -126,16 +149,41 @@ def problem(finger: SoftFinger) -> Problem:
         lower=Knobs(jnp.asarray(RATIOS[0]), jnp.zeros_like(least), angles[0]),
         upper=Knobs(jnp.asarray(RATIOS[1]), finger.chamber.offset_a, angles[1]),
         requirements={
-            "room": Requirement(lambda _: "|Δl_D| inside Δl_A as in the paper's choice", "mm")
+            "room": Requirement(lambda _: "|Δl_D| inside Δl_A as in the paper's choice", "mm"),
+            "image": Requirement(
+                lambda _: "blue's outline inside the image", "px", finger.endoscope.rows
+            ),
         },
         data=(finger.chamber, finger.endoscope, least),
     )
 
 
-def best(finger: SoftFinger, seed: int) -> tuple[SoftFinger, Optimum]:
-    """The finger whose chamber's image moves most, and what the solver says of it."""
+def best(finger: SoftFinger, seed: int) -> tuple[list[Design], list[str]]:
+    """The chamber whose image moves most, and what it owes to each of its knobs.
+
+    Returns:
+        Designs: the finger's own; with one knob each as in the best chamber; that chamber. And
+        the limits that hold it, in words.
+
+    Raises:
+        UserError: no chamber is within the limits.
+    """
     asked = problem(finger)
-    starts = sobol_starts(asked, STARTS, seed=seed)
-    found = minimise(asked, starts).best
-    chamber = found.parameters.turned(finger.chamber)
-    return dataclasses.replace(finger, chamber=chamber), found
+    found = minimise(asked, sobol_starts(asked, STARTS, seed=seed)).best
+    if not found.feasible:
+        raise UserError(
+            "--set endoscope: no chamber within Table I's limits shows its whole blue ring (missed: "
+            f"{'; '.join(conflict(asked, found))}); choose a wider field of view"
+        )
+    own, knobs = Knobs.of(finger.chamber), found.parameters
+
+    def with_knobs(name: str, knobs: Knobs) -> Design:
+        chamber = knobs.turned(finger.chamber)
+        return Design.of(name, dataclasses.replace(finger, chamber=chamber))
+
+    alone = [
+        with_knobs(f"{word} alone", dataclasses.replace(own, **{field: getattr(knobs, field)}))
+        for field, word in (("offset_b", "Δl_B"), ("wall_angle_bc", "θ_BC"), ("eta", "η"))
+    ]
+    designs = [Design.of(OWN, finger), *alone, with_knobs(BEST, knobs)]
+    return designs, [active.words for active in active_set(asked, found)]

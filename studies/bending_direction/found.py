@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from designopt.optimising import Optimum
 from designopt.results import PrecisionRow
 from optics.soft_finger import ChamberImage
 from perception.chamber import Points
@@ -33,8 +32,8 @@ class Found:
     Attributes:
         series: random images, by direction.
         curves: bending evenly from nothing to far, by direction.
-        designs: the study's chamber, then the best one.
-        optimum: what the solver says of the best one.
+        designs: the study's chamber, with each knob of the best one alone, then the best one.
+        held_by: the limits that hold the best one, in words.
         small: images at small bends, by direction, of each of the designs; their shake, noise
             and bends are the same.
         bends: answers from 0.01° to 120°.
@@ -47,7 +46,7 @@ class Found:
     series: list[Series]
     curves: list[Series]
     designs: list[Design]
-    optimum: Optimum
+    held_by: list[str]
     small: list[list[Series]]
     bends: list[AtBend]
     odd: list[Odd]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,7 +101,7 @@ def series(
     bends: Float[np.ndarray, " frames"],
     scatter: Float[np.ndarray, " frames"],
     *,
-    seed: int,
+    seed: int | Sequence[int],
     first: int,
     severity: float | None = None,
 ) -> Series:

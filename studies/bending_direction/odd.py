@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -49,24 +50,26 @@ class Odd:
         return self.direction is not (self.truth if self.kind.usable else Direction.UNDEFINED)
 
 
-def odd_frames(finger: SoftFinger, seed: int) -> list[Odd]:
-    """One frame of every kind in every direction."""
+def odd_frames(finger: SoftFinger, threshold: float, seed: int) -> list[Odd]:
+    """One frame of every kind in every direction, answered with a threshold, px."""
     truths = list(TOWARDS)
     bends = np.full(len(truths), np.deg2rad(ODD_BEND_DEG))
     postures = finger.postures(bends, np.array([TOWARDS[truth] for truth in truths]))
     initial = before_bending(finger.renderer(seed), finger)
     return [
-        Odd(kind, truths[i], *_answer(picture, initial))
+        Odd(kind, truths[i], *_answer(picture, initial, threshold))
         for kind, i, picture in odd_pictures(finger, postures, seed)
     ]
 
 
-def _answer(picture: Picture, initial: Points) -> tuple[Sight | None, Direction | None]:
+def _answer(
+    picture: Picture, initial: Points, threshold: float
+) -> tuple[Sight | None, Direction | None]:
     # Whatever is raised is a fault of perception, and is counted as one.
     try:
         regions = find_regions(picture)
         return regions.sight, bending_direction(
-            find_points(picture, regions), initial, threshold=4.0, use="all"
+            find_points(picture, regions), initial, threshold=threshold, use="all"
         )
     except Exception:
         return None, None
@@ -77,35 +80,43 @@ class AtBend:
     """Answers at one bend, over all directions.
 
     Attributes:
+        images: which images these are.
         bend_deg: the bend.
-        severity: of the pictures.
         threshold: px.
         answers: how often the true direction, "not bent", a wrong one and none was answered.
     """
 
+    images: Literal["perfect", "with all effects"]
     bend_deg: float
-    severity: float
     threshold: float
     answers: Counter[str]
 
 
 def over_bends(
-    finger: SoftFinger, images: int, severity: float, threshold: float, seed: int
+    finger: SoftFinger, images: int, threshold: float, seed: int, *, perfect: bool = False
 ) -> list[AtBend]:
-    """What is answered from 0.01° to 120° of bend, straight towards every direction."""
+    """What is answered from 0.01° to 120° of bend, straight towards every direction.
+
+    Args:
+        finger: its chamber and camera.
+        images: at every bend in every direction.
+        threshold: a largest displacement below it counts as not bent, px; without and with it.
+        seed: of the pictures.
+        perfect: whether the pictures are, in place of the finger's own.
+    """
     bends = np.repeat(np.deg2rad(BENDS_DEG), images)
-    counts = [Counter[str]() for _ in BENDS_DEG]
+    thresholds = (0.0,) if perfect else tuple(dict.fromkeys((0.0, threshold)))
+    counts = {(least, bend): Counter[str]() for least in thresholds for bend in BENDS_DEG}
     for number, truth in enumerate(TOWARDS):
         frames = series(
             finger, truth, bends, np.zeros(len(bends)), seed=seed, first=number * len(bends),
-            severity=severity,
+            severity=0.0 if perfect else None,
         )  # fmt: skip
-        for i, answer in enumerate(frames.tally(threshold, "all").answers):
-            counts[i // images][_word(answer, frames)] += 1
-    return [
-        AtBend(bend, severity, threshold, count)
-        for bend, count in zip(BENDS_DEG, counts, strict=True)
-    ]
+        for least in thresholds:
+            for i, answer in enumerate(frames.tally(least, "all").answers):
+                counts[least, BENDS_DEG[i // images]][_word(answer, frames)] += 1
+    kind = "perfect" if perfect else "with all effects"
+    return [AtBend(kind, bend, least, count) for (least, bend), count in counts.items()]
 
 
 def _word(answer: Direction, frames: Series) -> str:

@@ -36,8 +36,9 @@ class Tally:
 
     @property
     def paper(self) -> float:
-        """The paper's accuracy: "initial" counts as correct, and so does no answer at all."""
-        return (self.count(self.truth) + self.undecided) / len(self.answers)
+        """The paper's accuracy: "initial" counts as correct."""
+        right = self.count(self.truth) + self.count(Direction.INITIAL)
+        return right / len(self.answers)
 
     @property
     def strict(self) -> float:

@@ -10,7 +10,7 @@ from designopt.results import PrecisionStudy, Results
 from designopt.study import Context
 from perception.chamber import Direction, find_points, find_regions
 from studies.bending_direction import drawings, precision, statements, tables
-from studies.bending_direction.design import Design, best
+from studies.bending_direction.design import best
 from studies.bending_direction.found import Found, Shown
 from studies.bending_direction.frames import TOWARDS, Series, look_at, series
 from studies.bending_direction.odd import odd_frames, over_bends
@@ -78,27 +78,24 @@ def find(spec: BendingDirectionSpec, context: Context) -> Found:
             for number, truth in enumerate(TOWARDS)
         ]
     with context.step("The chamber whose image moves most"):
-        other, optimum = best(finger, seed)
-        designs = [Design.of("as in the spec", finger), Design.of("moves most", other)]
+        designs, held_by = best(finger, seed)
     small: list[list[Series]] = []
     for design in designs:
         with context.step(f"Small bends, chamber {design.name}"):
             small.append(
                 _random(spec, design.finger, spec.small_images, spec.small_bend_deg, seed, stream=4)
             )
-    bends = []
-    for severity, threshold in ((0.0, 0.0), (spec.severity, 0.0), (spec.severity, spec.threshold)):
-        with context.step(f"0.01° to 120°, severity {severity:g}, threshold {threshold:g} px"):
-            count = spec.stability_images if severity else 1
-            bends += over_bends(finger, count, severity, threshold, seed + 2)
+    with context.step("0.01° to 120° of bend"):
+        bends = over_bends(finger, 1, spec.threshold, seed + 2, perfect=True)
+        bends += over_bends(finger, spec.stability_images, spec.threshold, seed + 2)
     with context.step("Frames that are no proper images"):
-        odd = odd_frames(finger, seed + 3)
+        odd = odd_frames(finger, spec.threshold, seed + 3)
     with context.step("Outlines, error against run time"):
         rows = precision.measured(finger)
     with context.step("Pictures and run time"):
         shown = _shown(finger, seed + 4)
         seconds = _seconds(finger, spec, seed)
-    return Found(random, curves, designs, optimum, small, bends, odd, rows, seconds, shown)
+    return Found(random, curves, designs, held_by, small, bends, odd, rows, seconds, shown)
 
 
 def _random(
@@ -116,7 +113,7 @@ def _random(
         bends = np.deg2rad(generator.uniform(0, largest_deg, images))
         scatter = np.deg2rad(spec.scatter_deg) * generator.standard_normal(images)
         # Every direction is an experiment of its own, with its own lamp and its own initial frame.
-        own = seed + 1000 * stream + number
+        own = (seed, stream, number)
         made.append(series(finger, truth, bends, scatter, seed=own, first=0))
     return made
 

@@ -30,7 +30,7 @@ class BendingDirectionSpec(ChamberImagesSpec):
         default=2.0, description="largest bend of the images that compare chambers (degrees)"
     )
     small_images: Annotated[int, Field(ge=1, le=100_000)] = Field(
-        default=400, description="of these, in every direction and for every chamber"
+        default=1000, description="of these, in every direction and for every chamber"
     )
     stability_images: Annotated[int, Field(ge=1, le=10_000)] = Field(
         default=20, description="in every direction at every bend from 0.01° to 120°"

@@ -5,18 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from designopt.results import Metric, Target
-from studies.bending_direction.design import Design
+from studies.bending_direction.design import OUTLINES, Design
 from studies.bending_direction.found import USES, Found
 from studies.bending_direction.spec import BendingDirectionSpec
-from studies.bending_direction.tables import paper_tally, undecided
+from studies.bending_direction.tables import THRESHOLDS, flipped, paper_tally, undecided
+from studies.chamber_images.targets import stated
 
 RIGHT, DECIDED, ABSTAINED, FRAME_MS = 96.0, 99.0, 6.0, 5.0
+
+KNOBS = ("η", "Δl_B", "θ_BC")
+
+LUCK = 0.01
+"""Chance up to which fewer undecided images are taken for no luck."""
 
 
 def metrics(spec: BendingDirectionSpec, found: Found) -> list[Metric]:
     """The study's numbers; targets belong to the stated finger and images."""
-    sizes = {"images", "small_images", "stability_images"}
-    stated = spec.model_dump(exclude=sizes) == BendingDirectionSpec().model_dump(exclude=sizes)
+    asked = stated(
+        spec,
+        free=frozenset(),
+        least={"images": 300, "small_images": 1000, "stability_images": 20},
+    )
     made: list[Metric] = []
 
     def add(
@@ -27,7 +36,7 @@ def metrics(spec: BendingDirectionSpec, found: Found) -> list[Metric]:
         target: Target | None = None,
         reference: float | None = None,
     ) -> None:
-        made.append(Metric(name, value, unit, description, reference, target if stated else None))
+        made.append(Metric(name, value, unit, description, reference, target if asked else None))
 
     for frames in found.series:
         name = frames.truth.name.lower()
@@ -49,27 +58,36 @@ def metrics(spec: BendingDirectionSpec, found: Found) -> list[Metric]:
         "without a threshold", None, 96.0)  # fmt: skip
     add("frame_ms", 1e3 * found.seconds, "ms", "median time to find regions and points in a frame "
         "of 640 × 480 px on one core", Target("<=", FRAME_MS))  # fmt: skip
-    plain, best = found.designs
-    for design, words in ((plain, "the chamber in the spec"), (best, "the best chamber")):
-        key = "spec" if design is plain else "best"
+    own, best = found.designs[0], found.designs[-1]
+    for key, design, words in (("spec", own, "the chamber in the spec"),
+                               ("best", best, "the best chamber")):  # fmt: skip
         add(f"rate_{key}_px_per_deg", float(design.rates.mean()), "px/°",
             f"displacement per degree of bend as it starts, mean of the three outlines, {words}"
             )  # fmt: skip
-    before, after = (undecided(series, spec.threshold, "all") for series in found.small)
-    add("undecided_small_spec", before, "", "undecided images at small bends, chamber in the spec")
-    add("undecided_small_best", after, "", "the same images with the best chamber",
-        Target("<=", before - 1))  # fmt: skip
+    for use in USES[:2]:
+        before, after = (undecided(found.small[i], spec.threshold, use) for i in (0, -1))
+        points = "all points" if use == "all" else "the points of blue"
+        add(f"undecided_small_spec_{use}", before, "", f"undecided images at small bends by "
+            f"{points}, chamber in the spec")  # fmt: skip
+        add(f"undecided_small_best_{use}", after, "", "the same images with the best chamber",
+            Target("<=", before - 1))  # fmt: skip
+        luck = flipped(found.small[0], found.small[-1], spec.threshold, use)
+        add(f"fewer_undecided_p_value_{use}", luck.p_value, "", f"chance that this is luck: "
+            f"{luck.gained} images are decided by the best chamber only, {luck.lost} by the other "
+            "only", Target("<=", LUCK))  # fmt: skip
     add("odd_failures", sum(frame.failed for frame in found.odd), "",
         f"of {len(found.odd)} frames that are no proper images, those without the defined answer",
         Target("<=", 0))  # fmt: skip
-    perfect = [row for row in found.bends if row.severity == 0]
+    perfect = [row for row in found.bends if row.images == "perfect"]
     add("wrong_perfect", sum(row.answers.total() - row.answers["right"] for row in perfect), "",
         f"of {sum(row.answers.total() for row in perfect)} perfect images from 0.01° to 120° of "
         "bend, those with another answer than the right one, no threshold")  # fmt: skip
-    thresholded = [row for row in found.bends if row.threshold and row.severity]
-    wrong = sum(row.answers["wrong"] + row.answers["undefined"] for row in thresholded)
-    add("wrong_with_threshold", wrong, "", "wrong or missing directions from 0.01° to 120°, with "
-        "the threshold", Target("<=", 0))  # fmt: skip
+    kept = [row for row in found.bends if row.threshold]
+    if kept:
+        wrong = sum(row.answers["wrong"] + row.answers["undefined"] for row in kept)
+        add("wrong_with_threshold", wrong, "", f"of {sum(row.answers.total() for row in kept)} "
+            "images with all effects from 0.01° to 120°, wrong or missing directions with the "
+            "threshold", Target("<=", 0))  # fmt: skip
     return made
 
 
@@ -85,9 +103,11 @@ def findings(spec: BendingDirectionSpec, found: Found) -> list[str]:
         "Table II.",
         f"With a threshold of {spec.threshold:g} px {_range([t.decided for t in kept])} of those "
         f"decided are right, and {_range([t.abstained for t in kept])} are left undecided.",
-        'Table II counts "initial" as correct: counted strictly, its thresholds lower what is '
-        "right from 96.0–100 % to 95.0–97.3 %.",
-        _stages(found),
+        f'Table II counts "initial" as correct. Counted strictly, it has '
+        f"{_printed(found, threshold=False)} right without and {_printed(found, threshold=True)} "
+        "with its threshold.",
+        *_thresholds(found),
+        *_stages(found),
         *_design(spec, found),
     ]
     failed = [frame for frame in found.odd if frame.failed]
@@ -113,43 +133,82 @@ def gone_at(areas: np.ndarray, bends: np.ndarray) -> float | None:
     return float(bends[len(empty) - int(np.argmin(empty[::-1]))])
 
 
-def _stages(found: Found) -> str:
-    parts = []
+def _printed(found: Found, *, threshold: bool) -> str:
+    return _range([paper_tally(frames.truth, threshold).strict for frames in found.series])
+
+
+def _thresholds(found: Found) -> list[str]:
+    """Which thresholds meet both what is asked of decided and of undecided images."""
+    good = []
+    for least in THRESHOLDS:
+        tallies = [frames.tally(least, "all") for frames in found.series]
+        if all(100 * t.decided >= DECIDED and 100 * t.abstained <= ABSTAINED for t in tallies):
+            good.append(least)
+    if not good:
+        return []
+    return [
+        f"Of the thresholds tried, those from {good[0]:g} to {good[-1]:g} px leave at most "
+        f"{ABSTAINED:g} % undecided with at least {DECIDED:g} % of the others right in every "
+        "direction."
+    ]
+
+
+def _stages(found: Found) -> list[str]:
+    gone, kept, shrinking = [], [], True
     for frames in found.curves:
-        areas = np.array([look.areas[1] for look in frames.looks])
-        gone = gone_at(areas, np.rad2deg(frames.bends))
-        if gone is not None:
-            parts.append(f"{frames.truth.name.lower()} {gone:.0f}°")
-    if not parts:
-        return "Yellow stays in view up to 120° of bend."
-    return (
-        "Bending has the paper's two stages: yellow shrinks until it is gone, from "
-        f"{', '.join(parts)} of bend on, and then blue shrinks."
-    )
+        blue, yellow = np.array([look.areas for look in frames.looks]).T
+        name, bends = frames.truth.name.lower(), np.rad2deg(frames.bends)
+        at = gone_at(yellow, bends)
+        if at is None:
+            kept.append(name)
+        else:
+            gone.append(f"{name} {at:.0f}°")
+            shrinking &= bool(blue[-1] < blue[np.searchsorted(bends, at)])
+    lines = []
+    if gone:
+        then = ", and then blue shrinks" if shrinking else ""
+        lines.append(
+            f"Yellow shrinks until it is gone, from {', '.join(gone)} of bend on{then}: "
+            "the two stages of the paper's Fig. 12."
+            if then
+            else f"Yellow is gone from {', '.join(gone)} of bend on."
+        )
+    if kept:
+        lines.append(f"Bending {' and '.join(kept)}, yellow is in view up to 120°.")
+    return lines
 
 
 def _design(spec: BendingDirectionSpec, found: Found) -> list[str]:
-    before, after = found.designs
-    gains = 100 * (after.rates / before.rates - 1)
+    own, best = found.designs[0], found.designs[-1]
+    gains = 100 * (best.rates / own.rates - 1)
+    moved = []
+    for knob, slopes in zip(KNOBS, own.slopes.T, strict=True):
+        outlines = [name for name, slope in zip(OUTLINES, slopes, strict=True) if slope]
+        moved.append(f"{knob}, that of {' and '.join(outlines)}")
     lines = [
         f"As the finger starts to bend, the outlines of blue, yellow and top move by "
-        f"{_numbers(before)} px per degree; Δl_B changes all three, θ_BC the inner two, and η the "
-        "top's alone, which is none of the paper's points.",
-        f"Within Table I's limits they move most, {_numbers(after)} px per degree, with "
-        f"η = {float(after.knobs.eta):.2f}, Δl_B = {float(after.knobs.offset_b):.2f} mm and "
-        f"θ_BC = {np.rad2deg(float(after.knobs.wall_angle_bc)):.2f}° "
-        f"(+{gains[0]:.1f} %, +{gains[1]:.1f} %, +{gains[2]:.1f} %).",
+        f"{_numbers(own)} px per degree. What changes it: {'; '.join(moved)}. The paper's points "
+        "are none of the top's.",
+        f"Within Table I's limits they move most, {_numbers(best)} px per degree, with "
+        f"η = {float(best.knobs.eta):.2f}, Δl_B = {float(best.knobs.offset_b):.2f} mm and "
+        f"θ_BC = {np.rad2deg(float(best.knobs.wall_angle_bc)):.2f}° "
+        f"({gains[0]:+.1f} %, {gains[1]:+.1f} %, {gains[2]:+.1f} %); what holds it: "
+        f"{', '.join(found.held_by)}.",
     ]
-    parts = []
-    for use in USES[:2]:
-        counts = [undecided(series, spec.threshold, use) for series in found.small]
-        points = "all points" if use == "all" else f"the points of {use}"
-        parts.append(f"{counts[0]} to {counts[1]} by {points}")
     images = sum(len(frames.looks) for frames in found.small[0])
-    lines.append(
-        f"On {images} images of bends up to {spec.small_bend_deg:g}°, that chamber takes undecided "
-        f"ones from {' and from '.join(parts)}."
-    )
+    for use in USES[:2]:
+        points = "all points" if use == "all" else "the points of blue"
+        counts = [undecided(series, spec.threshold, use) for series in found.small]
+        luck = flipped(found.small[0], found.small[-1], spec.threshold, use)
+        alone = ", ".join(
+            f"{count} with {design.name}"
+            for design, count in zip(found.designs[1:-1], counts[1:-1], strict=True)
+        )
+        lines.append(
+            f"Of {images} images of bends up to {spec.small_bend_deg:g}°, {points} leave "
+            f"{counts[0]} undecided with the chamber in the spec, {counts[-1]} with that chamber "
+            f"({luck.gained} gained, {luck.lost} lost, p = {luck.p_value:.2g}); {alone}."
+        )
     return lines
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import binomtest
 
 from designopt.results import Cell, Table
 from perception.chamber import Direction
@@ -17,6 +19,14 @@ from studies.bending_direction.odd import AtBend, Odd
 from studies.bending_direction.rules import Tally
 from studies.bending_direction.spec import BendingDirectionSpec
 
+OPEN = (Direction.INITIAL, Direction.UNDEFINED)
+"""Answers that name no direction."""
+
+THRESHOLDS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0)
+
+ANSWERS = (*paper.ANSWERS, Direction.UNDEFINED)
+"""The paper's columns, and the answer that it does not have."""
+
 RULES = ("paper", "strict", "decided", "abstained")
 
 
@@ -25,6 +35,8 @@ def tables(spec: BendingDirectionSpec, found: Found) -> list[Table]:
     return [
         directions(found.series, spec.threshold),
         small_bends(spec, found),
+        flips(spec, found),
+        thresholds(found.series),
         designs(found.designs),
         bends(found.bends),
         odd(found.odd),
@@ -45,7 +57,7 @@ def directions(series: Sequence[Series], threshold: float) -> Table:
     """Table II, the paper's and ours, by every rule."""
     rows: list[list[Cell]] = []
     for frames in series:
-        for least in (0.0, threshold):
+        for least in dict.fromkeys((0.0, threshold)):
             own: list[tuple[str, Tally]] = [("paper A", paper_tally(frames.truth, least > 0))]
             own += [(f"ours, {use}", frames.tally(least, use)) for use in USES]
             rows += [
@@ -53,7 +65,7 @@ def directions(series: Sequence[Series], threshold: float) -> Table:
                     frames.truth.name.lower(),
                     "yes" if least else "no",
                     source,
-                    *(tally.count(answer) for answer in paper.ANSWERS),
+                    *(tally.count(answer) for answer in ANSWERS),
                     *_percent(tally),
                 ]
                 for source, tally in own
@@ -66,7 +78,7 @@ def directions(series: Sequence[Series], threshold: float) -> Table:
             "direction",
             "threshold",
             "source",
-            *(answer.name.lower() for answer in paper.ANSWERS),
+            *(answer.name.lower() for answer in ANSWERS),
             *(f"{rule}_percent" for rule in RULES),
         ],
         rows,
@@ -107,6 +119,73 @@ def small_bends(spec: BendingDirectionSpec, found: Found) -> Table:
         ["chamber", "points", "images", "undecided", "wrong", "right_without_percent"],
         rows,
         {"right_without_percent": 2},
+    )
+
+
+@dataclass(frozen=True)
+class Flips:
+    """Images that one of two chambers leaves undecided and the other does not.
+
+    Attributes:
+        gained: decided with the second chamber only.
+        lost: decided with the first one only.
+        p_value: chance of so many gained or more, were either as likely (one-sided sign test).
+    """
+
+    gained: int
+    lost: int
+    p_value: float
+
+
+def flipped(before: Sequence[Series], after: Sequence[Series], threshold: float, use: Use) -> Flips:
+    """How the same bends, with the same shake and noise, are decided with two chambers."""
+    gained = lost = 0
+    for one, other in zip(before, after, strict=True):
+        pairs = zip(
+            one.tally(threshold, use).answers, other.tally(threshold, use).answers, strict=True
+        )
+        for first, second in pairs:
+            gained += first in OPEN and second not in OPEN
+            lost += first not in OPEN and second in OPEN
+    both = gained + lost
+    p_value = float(binomtest(gained, both, alternative="greater").pvalue) if both else 1.0
+    return Flips(gained, lost, p_value)
+
+
+def flips(spec: BendingDirectionSpec, found: Found) -> Table:
+    """Every chamber against the study's own, image by image."""
+    rows: list[list[Cell]] = []
+    for design, series in zip(found.designs[1:], found.small[1:], strict=True):
+        for use in USES:
+            one = flipped(found.small[0], series, spec.threshold, use)
+            rows.append([design.name, use, one.gained, one.lost, one.p_value])
+    return Table(
+        "flips",
+        "Images of small bends that only this chamber decides, and that only the study's own does, "
+        "with the one-sided sign test's chance that this is luck",
+        ["chamber", "points", "gained", "lost", "p_value"],
+        rows,
+    )
+
+
+def thresholds(series: Sequence[Series]) -> Table:
+    """Decided and undecided images over the threshold, the worst direction of each."""
+    rows: list[list[Cell]] = []
+    for use in USES:
+        for least in THRESHOLDS:
+            tallies = [frames.tally(least, use) for frames in series]
+            decided = [100 * t.decided for t in tallies if t.undecided < len(t.answers)]
+            rows.append(
+                [use, least, min(decided, default=None),
+                 max(100 * tally.abstained for tally in tallies)]
+            )  # fmt: skip
+    return Table(
+        "thresholds",
+        "Over the threshold, in the direction where it is worst: of the decided images those that "
+        "are right, and the undecided ones",
+        ["points", "threshold_px", "least_decided_percent", "most_abstained_percent"],
+        rows,
+        {"least_decided_percent": 2, "most_abstained_percent": 2},
     )
 
 
@@ -153,9 +232,9 @@ def bends(rows: Sequence[AtBend]) -> Table:
     return Table(
         "bends",
         "Answers of all points from hardly bent to far, over all directions",
-        ["severity", "threshold_px", "bend_deg", *(word.replace(" ", "_") for word in words)],
+        ["images", "threshold_px", "bend_deg", *(word.replace(" ", "_") for word in words)],
         [
-            [row.severity, row.threshold, row.bend_deg, *(row.answers[word] for word in words)]
+            [row.images, row.threshold, row.bend_deg, *(row.answers[word] for word in words)]
             for row in rows
         ],
     )
