@@ -27,6 +27,12 @@ bend by as little."""
 FAR = 10.0
 """Markers farther off than so many lengths of the finger are none of it."""
 
+APART = 1e-6
+"""Of the finger's length: markers nearer to each other along it do not rise."""
+
+ROUNDED = 1e-9
+"""Of the finger's length: by so much the last marker may lie beyond it."""
+
 
 @dataclass(frozen=True)
 class Bends:
@@ -63,7 +69,18 @@ def bend_of_markers(
 
     Returns:
         Bends; not known where a marker is not finite, or farther off than `FAR` lengths.
+
+    Raises:
+        ValueError: the length is not positive, or the markers' places do not rise along it.
     """
+    if not 0 < length < math.inf:
+        raise ValueError(f"a finger's length is positive, not {length:g} mm")
+    rise = np.diff(arcs)
+    if not (arcs[0] >= 0 and np.all(rise > APART * length) and arcs[-1] <= length * (1 + ROUNDED)):
+        raise ValueError(
+            f"places of markers rise along the finger, from 0 to {length:g} mm at most, "
+            f"not {', '.join(f'{arc:g}' for arc in arcs)}"
+        )
     sane = np.isfinite(markers) & (np.abs(markers) <= FAR * length)
     known = np.all(sane, axis=(1, 2), keepdims=True)[:, 0, 0]
     if not known.any():
@@ -72,14 +89,14 @@ def bend_of_markers(
     wanted = np.where(known[:, None, None], markers, 0.0)
 
     grid = np.linspace(SMALLEST, LARGEST, STARTS)
-    off = wanted[:, None] - arc_markers(grid, arcs, length)[None]
+    off = wanted[:, None] - _arc_markers(grid, arcs, length)[None]
     bend = grid[np.argmin(np.sum(off**2, axis=(2, 3)), axis=1)]
     reach = grid[1] - grid[0]
     low = np.maximum(bend - reach, SMALLEST)
     high = np.minimum(bend + reach, LARGEST)
     for _ in range(STEPS):
-        ends = [arc_markers(bend + move, arcs, length) for move in (NUDGE, -NUDGE)]
-        here = arc_markers(bend, arcs, length)
+        ends = [_arc_markers(bend + move, arcs, length) for move in (NUDGE, -NUDGE)]
+        here = _arc_markers(bend, arcs, length)
         slope = (ends[0] - ends[1]) / (2 * NUDGE)
         curved = (ends[0] - 2 * here + ends[1]) / NUDGE**2
         off = wanted - here
@@ -87,12 +104,12 @@ def bend_of_markers(
         second = steep - np.sum(curved * off, axis=(1, 2))
         step = np.sum(slope * off, axis=(1, 2)) / np.maximum(second, LEAST_CURVED * steep)
         bend = np.clip(bend + step, low, high)
-    off = wanted - arc_markers(bend, arcs, length)
+    off = wanted - _arc_markers(bend, arcs, length)
     residual = np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))
     return Bends(np.where(known, bend, 0.0), np.where(known, residual, 0.0), known)
 
 
-def arc_markers(
+def _arc_markers(
     bends: Float[np.ndarray, " images"],
     arcs: tuple[float, float, float, float],
     length: float,

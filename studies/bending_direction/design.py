@@ -172,7 +172,7 @@ def best(finger: SoftFinger, seed: int) -> tuple[list[Design], list[str]]:
     found = minimise(asked, sobol_starts(asked, STARTS, seed=seed)).best
     if not found.feasible:
         raise UserError(
-            "--set endoscope: no chamber within Table I's limits shows its whole blue ring (missed: "
+            "--set endoscope: no chamber within Table I's limits shows all of its blue ring ("
             f"{'; '.join(conflict(asked, found))}); choose a wider field of view"
         )
     own, knobs = Knobs.of(finger.chamber), found.parameters

@@ -112,7 +112,7 @@ def estimates_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
     """Estimated over true diameters, and where errors come from."""
     drawing, grid = new_figure(1, 2, height=3.9)
     left, right = grid[0]
-    random, known = found.random, found.random.known
+    random, known = found.random, found.random.estimates.known
     truth = random.grasps.diameters[known]
     ends = np.array([spec.least - 3, spec.largest + 3])
     left.fill_between(
@@ -163,7 +163,7 @@ def confusion_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
     axes.grid(visible=False)
     measured = found.bottles
     for number, diameter in enumerate(spec.bottles):
-        own = (measured.grasps.diameters == diameter) & measured.known
+        own = (measured.grasps.diameters == diameter) & measured.estimates.known
         # Spread downwards by their order, so that points do not hide each other.
         height = number + np.linspace(-0.3, 0.3, int(own.sum()))
         right.plot(

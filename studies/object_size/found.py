@@ -9,6 +9,7 @@ from jaxtyping import Float, Float32, UInt8
 
 from perception.posture import TrainingRecord
 from studies.object_size.grasp import Hand
+from studies.object_size.odd import AtBend, Odd
 from studies.object_size.trials import Measured
 
 
@@ -61,8 +62,11 @@ class Found:
         usable: samples that it was trained on.
         bottles: grasps of the bottles that are told apart.
         random: grasps of bottles of random diameters.
+        other_lamp: the same with a lamp that the network was not trained with.
+        bends: answers from hardly bent to far.
+        odd: frames that are no proper images.
         shown: pictures.
-        seconds: from one picture to a diameter, on one core.
+        seconds: from one picture to a diameter.
     """
 
     hand: Hand
@@ -71,10 +75,18 @@ class Found:
     usable: int
     bottles: Measured
     random: Measured
+    other_lamp: Measured
+    bends: list[AtBend]
+    odd: list[Odd]
     shown: list[Shown]
     seconds: float
 
     @property
     def grasps(self) -> list[Measured]:
-        """All of them."""
+        """All with the lamp of the training."""
         return [self.bottles, self.random]
+
+    @property
+    def odd_failures(self) -> int:
+        """Frames without the answer that is defined for them."""
+        return sum(one.failed for one in self.odd) + sum(one.failures for one in self.bends)

@@ -56,6 +56,7 @@ class BendResult(eqx.Enumeration):
     successful = ""
     beyond = "The finger is bent farther than it closes around a bottle."
     away = "The finger is bent away from the palm: it holds nothing."
+    closed = "The finger has reached the palm: there is no room for a bottle."
 
 
 class Hand(eqx.Module):
@@ -113,11 +114,15 @@ def diameter_of(hand: Hand, bend: Float[Array, ""]) -> Solution[Float[Array, ""]
 
     Returns:
         In closed form, with derivatives; ``margin`` is the least bend, in radians, that leads out
-        of what a holding finger can have.
+        of what a holding finger can have, or the diameter over the finger's length, if that is
+        less.
     """
     diameter = touched(hand, bend).diameter
     margin, result = first_failure(
-        BendResult.successful, (bend, BendResult.away), (CLOSED - bend, BendResult.beyond)
+        BendResult.successful,
+        (bend, BendResult.away),
+        (CLOSED - bend, BendResult.beyond),
+        (diameter / hand.length, BendResult.closed),
     )
     return Solution(diameter, margin, jnp.zeros_like(diameter), result)
 
@@ -185,7 +190,9 @@ def _nearest(hand: Hand, curvature: Float[Array, ""], radius: Float[Array, ""]) 
 
 
 def _tip(hand: Hand, bend: Float[Array, ""]) -> Float[Array, ""]:
-    """Radius of the bottle that the tip touches, mm."""
+    """Radius of the bottle that the tip touches, mm; not positive if it has reached the palm."""
     tip = bent(hand.length, bend, hand.length)
     off = (tip.across - hand.palm) ** 2 + (tip.along - hand.gap) ** 2 - hand.radius**2
-    return off / (2 * (hand.radius + tip.along - hand.gap))
+    room = hand.radius + tip.along - hand.gap
+    # No circle touches the palm and what is all below it.
+    return jnp.where(room > 0, off / (2 * jnp.where(room > 0, room, 1)), -hand.radius)

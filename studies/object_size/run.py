@@ -17,10 +17,12 @@ from studies.chamber_images.making import DOWN, SoftFinger
 from studies.chamber_images.samples import boundaries, random_postures, samples
 from studies.finger_images.one_thread import one_thread
 from studies.object_size import drawings, statements, tables
+from studies.object_size.estimates import Reader
 from studies.object_size.found import Curve, Found, Shown
-from studies.object_size.grasp import Hand, bend_around, diameter_of, touched
+from studies.object_size.grasp import Hand, bend_around, touched
+from studies.object_size.odd import odd_frames, over_bends, say
 from studies.object_size.spec import ObjectSizeSpec
-from studies.object_size.trials import Measured, designed, drawn, found_bends, measured, pictured
+from studies.object_size.trials import Grasps, designed, drawn, measured
 
 PLACES = 241
 """Diameters of the curve."""
@@ -28,7 +30,7 @@ PLACES = 241
 TIMED = 40
 """Pictures whose way to a diameter is timed."""
 
-TRAINING, BOTTLES, RANDOM = 5, 6, 7
+TRAINING, BOTTLES, RANDOM, OTHER_LAMP = 5, 6, 7, 8
 """Streams of random numbers."""
 
 
@@ -58,19 +60,31 @@ def find(spec: ObjectSizeSpec, context: Context) -> Found:
         curve = curve_of(hand, spec)
     with context.step(f"{spec.samples} labelled images"):
         estimator, usable = _trained(spec, finger, seed)
+        reader = Reader(estimator, hand, spec.largest_residual)
+    # The same seed as in training: the same finger, with the same lamp.
     with context.step(f"{spec.grasps} grasps of each of {len(spec.bottles)} bottles"):
         told = np.repeat(spec.bottles, spec.grasps)
-        bottles = _measured(spec, finger, estimator, told, seed, BOTTLES, spec.samples)
+        first = spec.samples
+        grasps = drawn(spec, finger, told, np.random.default_rng([seed, BOTTLES, 1]))
+        bottles = measured(reader, finger, grasps, seed=seed, first=first)
     with context.step(f"{spec.random_grasps} grasps of bottles of random diameters"):
-        generator = np.random.default_rng([seed, RANDOM, 0])
-        any_size = generator.uniform(spec.least, spec.largest, spec.random_grasps)
-        first = spec.samples + len(told)
-        random = _measured(spec, finger, estimator, any_size, seed, RANDOM, first)
+        first += len(told)
+        grasps = _any_size(spec, finger, spec.random_grasps, seed, RANDOM)
+        random = measured(reader, finger, grasps, seed=seed, first=first)
+    with context.step(f"{spec.other_lamp_grasps} grasps with another lamp"):
+        grasps = _any_size(spec, finger, spec.other_lamp_grasps, seed, OTHER_LAMP)
+        other_lamp = measured(reader, finger, grasps, seed=seed + 1, first=0)
+    with context.step("From 0.01° to 120°, and odd frames"):
+        bends = over_bends(finger, reader, spec.stability_images, seed)
+        odd = odd_frames(finger, reader, seed)
     with context.step("Pictures and run time"):
-        first += len(any_size)
+        first += spec.random_grasps
         shown = _shown(spec, finger, hand, seed, first)
-        seconds = _seconds(spec, finger, estimator, hand, seed, first + len(shown))
-    return Found(hand, curve, estimator.record, usable, bottles, random, shown, seconds)
+        seconds = _seconds(finger, reader, seed, first + len(shown))
+    return Found(
+        hand, curve, estimator.record, usable, bottles, random, other_lamp, bends, odd, shown,
+        seconds,
+    )  # fmt: skip
 
 
 def curve_of(hand: Hand, spec: ObjectSizeSpec) -> Curve:
@@ -119,19 +133,12 @@ def _trained(spec: ObjectSizeSpec, finger: SoftFinger, seed: int) -> tuple[Postu
     return estimator, int(np.count_nonzero(kept))
 
 
-def _measured(
-    spec: ObjectSizeSpec,
-    finger: SoftFinger,
-    estimator: PostureEstimator,
-    diameters: np.ndarray,
-    seed: int,
-    stream: int,
-    first: int,
-) -> Measured:
-    # The same seed as in training: the same finger, with the same lamp.
-    grasps = drawn(spec, finger, diameters, np.random.default_rng([seed, stream, 1]))
-    seen = pictured(spec, finger, grasps, seed=seed, first=first)
-    return measured(spec, finger, estimator, grasps, seen)
+def _any_size(
+    spec: ObjectSizeSpec, finger: SoftFinger, count: int, seed: int, stream: int
+) -> Grasps:
+    """Grasps of bottles of random diameters."""
+    sizes = np.random.default_rng([seed, stream, 0]).uniform(spec.least, spec.largest, count)
+    return drawn(spec, finger, sizes, np.random.default_rng([seed, stream, 1]))
 
 
 def _shown(
@@ -149,24 +156,13 @@ def _shown(
     ]
 
 
-def _seconds(
-    spec: ObjectSizeSpec,
-    finger: SoftFinger,
-    estimator: PostureEstimator,
-    hand: Hand,
-    seed: int,
-    first: int,
-) -> float:
+def _seconds(finger: SoftFinger, reader: Reader, seed: int, first: int) -> float:
     """Median time from one picture to a diameter, one after the other."""
     bends = np.deg2rad(np.linspace(10, 100, TIMED))
     images = finger.renderer(seed).render(finger.postures(bends, np.full(TIMED, DOWN)), first)
-    size = (spec.columns, spec.rows)
-    inverse = jax.jit(diameter_of)
     seconds = []
     for image in images:
         start = time.perf_counter()
-        (small,), _ = boundaries(image, (size,))
-        _, (bend, _) = found_bends(estimator, small[None], finger.length)
-        jax.block_until_ready(inverse(hand, jnp.asarray(bend[0])))
+        say(image.pixels, reader)
         seconds.append(time.perf_counter() - start)
     return statistics.median(seconds)

@@ -70,6 +70,9 @@ class ObjectSizeSpec(HandSpec):
     random_grasps: Annotated[int, Field(ge=2, le=100_000)] = Field(
         default=200, description="grasps of bottles of random diameters"
     )
+    other_lamp_grasps: Annotated[int, Field(ge=2, le=100_000)] = Field(
+        default=50, description="the same with a lamp that the network was not trained with"
+    )
     samples: Annotated[int, Field(ge=64, le=100_000)] = Field(
         default=1500, description="labelled images that the network is trained on"
     )
@@ -83,6 +86,14 @@ class ObjectSizeSpec(HandSpec):
         default=64, description="of the images as the network takes them"
     )
     rows: Annotated[int, Field(ge=12, le=480)] = Field(default=48, description="likewise")
+    largest_residual: Annotated[float, Field(gt=0, le=100)] = Field(
+        default=1.5,
+        description="markers farther than this from every arc are no finger's that the network "
+        "knows (root mean square, mm)",
+    )
+    stability_images: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=5, description="frames at each bend from 0.01° to 120°"
+    )
 
     @model_validator(mode="after")
     def _room(self) -> ObjectSizeSpec:

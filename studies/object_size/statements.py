@@ -2,62 +2,107 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from designopt.results import Metric, Target
 from perception.posture import marker_errors
+from studies.chamber_images.targets import stated
 from studies.object_size.found import Found
 from studies.object_size.spec import ObjectSizeSpec
 from studies.object_size.tables import counts, summary, told_apart
+from studies.object_size.trials import Measured
+
+DEFAULT = ObjectSizeSpec()
 
 ERROR_MM, TOLD_APART = 3.0, 0.95
 
 
 def metrics(spec: ObjectSizeSpec, found: Found) -> list[Metric]:
     """The study's numbers; targets belong to the stated finger, hand and grasps."""
-    stated = spec == ObjectSizeSpec()
+    asked = stated(
+        spec,
+        free=frozenset({"other_lamp_grasps"}),
+        least={name: getattr(DEFAULT, name) for name in ("grasps", "random_grasps",
+                                                         "stability_images")},
+    )  # fmt: skip
     random = found.random
     error, bias, _, p95 = summary(random.errors(random.diameters))
     grasp = summary(random.errors(random.by_true_bend))[0]
     image = summary(random.errors(random.by_true_place))[0]
-    undefined = sum(int((~measured.known).sum()) for measured in found.grasps)
-    trials = sum(len(measured.known) for measured in found.grasps)
-    tips = np.concatenate([marker_errors(m.predicted, m.markers)[:, -1] for m in found.grasps])
-    off = np.concatenate([m.bends - m.grasps.bends for m in found.grasps])
+    other = summary(found.other_lamp.errors(found.other_lamp.diameters))[0]
+    other_image = summary(found.other_lamp.errors(found.other_lamp.by_true_place))[0]
+    trials, undefined = _undefined(found.grasps)
+    others, other_undefined = _undefined([found.other_lamp])
+    redrawn = sum(m.grasps.redrawn for m in [*found.grasps, found.other_lamp])
+    tips, off = _off(found)
+    frames = len(found.odd) + sum(len(one.said) for one in found.bends)
     slopes = np.abs(found.curve.slopes)
 
     def mm(name: str, value: float, description: str, target: Target | None = None) -> Metric:
-        return Metric(name, value, "mm", description, None, target if stated else None)
+        return Metric(name, value, "mm", description, None, target if asked else None)
 
     sizes = f"bottles of {spec.least:g} to {spec.largest:g} mm"
     return [
         mm("mean_absolute_error_mm", error, f"of the diameters of {spec.random_grasps} {sizes}, "
            "where there is an answer", Target("<=", ERROR_MM)),
         Metric("told_apart", told_apart(spec, found.bottles), "", "part of "
-               f"{len(found.bottles.known)} grasps whose bottle was told from the others; without "
-               "an answer it was not", None,
-               Target(">=", TOLD_APART) if stated else None),
+               f"{len(found.bottles.diameters)} grasps whose bottle was told from the others; "
+               "without an answer it was not", None,
+               Target(">=", TOLD_APART) if asked else None),
         mm("bias_mm", bias, f"mean error of the diameters of the same {sizes}"),
         mm("p95_mm", p95, "95th percentile of their absolute error"),
         mm("grasp_error_mm", grasp, "mean absolute error by the true bend: what a bottle off its "
            "place and the wall's giving way do"),
         mm("image_error_mm", image, "mean absolute error with the bottle's true place and wall: "
            "what is off in the bend found on the image"),
-        Metric("undefined", undefined, "", f"of {trials} grasps, those without an answer"),
-        mm("tip_error_mm", float(tips.mean()), "mean distance of the fingertip's marker from where "
-           "it is, over all grasps"),
-        Metric("bend_error_deg", float(np.rad2deg(np.sqrt(np.mean(off**2)))), "°", "root mean "
-               "square error of the bend over all grasps"),
-        Metric("largest_bend_error_deg", float(np.rad2deg(np.abs(off).max())), "°", "the largest "
-               "of these errors"),
+        Metric("undefined", undefined, "", f"of {trials} grasps, those without an answer", None,
+               Target("<=", 0) if asked else None),
+        Metric("odd_failures", found.odd_failures, "", f"of {frames} frames that are no proper "
+               "images, or of fingers bent by 0.01° to 120°, those without the answer defined for "
+               "them", None, Target("<=", 0) if asked else None),
+        Metric("redrawn", redrawn, "", f"of {trials + others} grasps, bottles that lay so that the "
+               "finger missed them, and were put into the hand anew"),
+        mm("other_lamp_error_mm", other, f"mean absolute error of {others} {sizes} with a lamp "
+           "that the network was not trained with"),
+        mm("other_lamp_image_error_mm", other_image, "the same with the bottle's true place and "
+           "wall"),
+        Metric("other_lamp_undefined", other_undefined, "", "of these, grasps without an answer"),
+        mm("tip_error_mm", float(tips.mean()) if len(tips) else math.nan, "mean distance of the "
+           "fingertip's marker from where it is, over all grasps in which the chamber is seen"),
+        Metric("bend_error_deg", float(np.rad2deg(np.sqrt(np.mean(off**2)))) if len(off)
+               else math.nan, "°", "root mean square error of the bend over the same grasps"),
+        Metric("largest_bend_error_deg", float(np.rad2deg(np.abs(off).max(initial=0))), "°", "the "
+               "largest of these errors"),
+        mm("largest_residual_mm", max(float(m.estimates.residuals.max()) for m in found.grasps),
+           "the farthest that an image's markers are from their arc, over all grasps; beyond "
+           f"{spec.largest_residual:g} mm there is no answer"),
         Metric("least_mm_per_deg", float(slopes.min()), "mm/°", "diameter for a degree of bend, "
                "where that is least"),
         Metric("largest_mm_per_deg", float(slopes.max()), "mm/°", "the same where it is most"),
         Metric("training_seconds", found.record.total_seconds, "s", f"training of the network on "
                f"{found.record.samples} images, compiling included"),
         Metric("frame_ms", 1e3 * found.seconds, "ms", "median time from a picture to a diameter, "
-               "on one core"),
+               "one after the other; OpenCV on one core, JAX on those that there are"),
     ]  # fmt: skip
+
+
+def _undefined(grasps: list[Measured]) -> tuple[int, int]:
+    """Number of grasps, and of those without an answer."""
+    known = np.concatenate([one.estimates.known for one in grasps])
+    return len(known), int(np.count_nonzero(~known))
+
+
+def _off(found: Found) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of tips, mm, and of bends, in radians, where the chamber is seen."""
+    tips, bends = [], []
+    for one in found.grasps:
+        said = one.estimates
+        truth = one.marker_truth(float(found.hand.length))
+        tips.append(marker_errors(said.markers, truth)[said.seen, -1])
+        bends.append((said.bends - one.grasps.bends)[said.seen])
+    return np.concatenate(tips), np.concatenate(bends)
 
 
 def findings(spec: ObjectSizeSpec, found: Found) -> list[str]:
@@ -73,7 +118,7 @@ def findings(spec: ObjectSizeSpec, found: Found) -> list[str]:
     bends = np.rad2deg(curve.bends)
     slopes = np.abs(curve.slopes)
     lines = [
-        f"Of {len(found.bottles.known)} grasps of bottles of {', '.join(names[:-1])} and "
+        f"Of {len(found.bottles.diameters)} grasps of bottles of {', '.join(names[:-1])} and "
         f"{names[-1]} mm, {right} ({100 * told_apart(spec, found.bottles):.1f} %) were told for "
         "what they are by the nearest diameter.",
         f"Diameters of {spec.random_grasps} bottles of {spec.least:g} to {spec.largest:g} mm are "
@@ -84,12 +129,30 @@ def findings(spec: ObjectSizeSpec, found: Found) -> list[str]:
         f"the bottle's place known, by {image:.2f} mm.",
         _curve(found, bends, slopes),
     ]
-    undefined = sum(int((~measured.known).sum()) for measured in found.grasps)
-    trials = sum(len(measured.known) for measured in found.grasps)
+    trials, undefined = _undefined(found.grasps)
     lines.append(
         f"{undefined} of {trials} grasps had no answer."
         if undefined
         else f"All {trials} grasps had an answer."
+    )
+    other = found.other_lamp
+    by_image = summary(other.errors(other.by_true_place))[0]
+    lines.append(
+        f"With a lamp that the network was not trained with, {len(other.diameters)} diameters are "
+        f"off by {summary(other.errors(other.diameters))[0]:.2f} mm in the mean, by "
+        f"{by_image:.2f} mm for the image alone."
+    )
+    frames = len(found.odd) + sum(len(one.said) for one in found.bends)
+    failed = found.odd_failures
+    lines.append(
+        f"{frames} frames of fingers bent by 0.01° to 120°, and such that are no proper images "
+        "(dark, saturated, out of the chamber, a region missing, colours swapped and the like), "
+        "have "
+        + (
+            f"{failed} answers not defined for them."
+            if failed
+            else "the answer defined for them, each."
+        )
     )
     return lines
 

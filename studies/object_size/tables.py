@@ -20,7 +20,14 @@ WAYS = {
 
 def tables(spec: ObjectSizeSpec, found: Found) -> list[Table]:
     """Every table of the study."""
-    return [confusion(spec, found), bottles(spec, found), budget(found), curve(found)]
+    return [
+        confusion(spec, found),
+        bottles(spec, found),
+        budget(found),
+        curve(found),
+        bends(found),
+        odd(found),
+    ]
 
 
 def counts(spec: ObjectSizeSpec, found: Found) -> Int[np.ndarray, "bottles answers"]:
@@ -48,14 +55,14 @@ def confusion(spec: ObjectSizeSpec, found: Found) -> Table:
 
 def bottles(spec: ObjectSizeSpec, found: Found) -> Table:
     """What was found of each bottle."""
-    measured, grasps = found.bottles, found.bottles.grasps
+    measured, grasps, said = found.bottles, found.bottles.grasps, found.bottles.estimates
     rows: list[list[Cell]] = []
     for diameter in spec.bottles:
-        own = (grasps.diameters == diameter) & measured.known
+        own = (grasps.diameters == diameter) & said.known
         if not own.any():
             rows.append([diameter, 0, *[None] * 8])
             continue
-        bends = np.rad2deg(np.stack([grasps.bends[own], measured.bends[own]]))
+        bent = np.rad2deg(np.stack([grasps.bends[own], said.bends[own]]))
         rows.append(
             [
                 diameter,
@@ -63,11 +70,11 @@ def bottles(spec: ObjectSizeSpec, found: Found) -> Table:
                 float(measured.diameters[own].mean()),
                 float(measured.diameters[own].std()),
                 float(np.abs(measured.diameters[own] - diameter).mean()),
-                float(bends[0].mean()),
-                float(bends[1].mean()),
-                float(np.sqrt(np.mean((bends[1] - bends[0]) ** 2))),
+                float(bent[0].mean()),
+                float(bent[1].mean()),
+                float(np.sqrt(np.mean((bent[1] - bent[0]) ** 2))),
                 float(grasps.arcs[own].mean()),
-                float(measured.residuals[own].mean()),
+                float(said.residuals[own].mean()),
             ]
         )
     return Table(
@@ -93,17 +100,26 @@ def bottles(spec: ObjectSizeSpec, found: Found) -> Table:
 def budget(found: Found) -> Table:
     """Where errors come from."""
     rows: list[list[Cell]] = []
-    for name, measured in (("the bottles", found.bottles), ("random", found.random)):
+    all_grasps = (
+        ("the bottles", found.bottles),
+        ("random", found.random),
+        ("random, another lamp", found.other_lamp),
+    )
+    for name, measured in all_grasps:
         for way, field in WAYS.items():
             errors = measured.errors(getattr(measured, field))
-            rows.append([name, way, len(errors), *summary(errors)])
+            trials = len(measured.diameters)
+            rows.append([name, way, trials, measured.grasps.redrawn, len(errors), *summary(errors)])
     return Table(
         "budget",
         "Where errors come from: a bottle off its place and the wall pressed in more or less "
-        "(grasp), or markers off on the image",
+        "(grasp), or markers off on the image; redrawn: bottles that the finger missed, put in "
+        "anew",
         [
             "diameters",
             "what_is_off",
+            "grasps",
+            "redrawn",
             "answers",
             "absolute_error_mm",
             "bias_mm",
@@ -142,6 +158,58 @@ def curve(found: Found) -> Table:
             "mm_per_deg": one.slopes[chosen].tolist(),
         },
         {"diameter_mm": 0},
+    )
+
+
+def bends(found: Found) -> Table:
+    """Answers over the bend."""
+    rows: list[list[Cell]] = []
+    for one in found.bends:
+        answers = [said.diameter for said in one.said if said.diameter is not None]
+        range_: list[Cell] = [min(answers), max(answers)] if answers else [None, None]
+        undefined = len(one.said) - len(answers)
+        rows.append([one.bend_deg, one.diameter, len(one.said), undefined, *range_, one.failures])
+    return Table(
+        "bends",
+        "Diameters from hardly bent to far: what a finger so bent holds, and what was said of "
+        "frames with all effects; undefined: the markers read lie on no arc, or on one that holds "
+        "nothing",
+        [
+            "bend_deg",
+            "held_mm",
+            "frames",
+            "undefined",
+            "least_estimate_mm",
+            "largest_estimate_mm",
+            "failures",
+        ],
+        rows,
+        {"held_mm": 1, "least_estimate_mm": 1, "largest_estimate_mm": 1},
+    )
+
+
+def odd(found: Found) -> Table:
+    """Answers to frames that are no proper images."""
+    rows: list[list[Cell]] = []
+    for kind in dict.fromkeys(one.kind for one in found.odd):
+        own = [one for one in found.odd if one.kind is kind]
+        sights = {one.said.sight.name if one.said.sight else "exception" for one in own}
+        rows.append(
+            [
+                kind.name,
+                len(own),
+                kind.sight.name,
+                "a diameter, or a bend of none" if kind.usable else "undefined",
+                ", ".join(sorted(sights)),
+                sum(one.said.diameter is not None for one in own),
+                sum(one.failed for one in own),
+            ]
+        )
+    return Table(
+        "odd_frames",
+        "Frames that are no proper images: what is to be answered, and how often it was not",
+        ["kind", "frames", "expected_sight", "expected", "sights", "with_diameter", "failures"],
+        rows,
     )
 
 

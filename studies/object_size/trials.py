@@ -1,4 +1,4 @@
-"""Grasps with all that is off in them, their images, and the diameters found from these."""
+"""Grasps with all that is off in them, their pictures, and the diameters found from these."""
 
 from __future__ import annotations
 
@@ -7,81 +7,83 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
+from designopt.errors import UserError
 from optics.soft_finger import Posture, pressed_by
-from perception.posture import PostureEstimator
-from perception.posture.bending import bend_of_markers
-from studies.chamber_images.making import DOWN, SoftFinger
-from studies.chamber_images.samples import MARKERS, Samples, samples
-from studies.object_size.grasp import Hand, bend_around, diameter_of, touched
+from perception.posture import find_posture
+from studies.chamber_images.making import DOWN, SoftFinger, looked_at
+from studies.chamber_images.samples import marker_places
+from studies.object_size.estimates import Estimates, Reader, diameters_of, estimated
+from studies.object_size.grasp import Hand, bend_around, touched
 from studies.object_size.spec import ObjectSizeSpec
 
 bends_around = jax.jit(jax.vmap(bend_around))
 all_touched = jax.jit(jax.vmap(touched))
-diameters_of = jax.jit(jax.vmap(diameter_of))
+
+ROUNDS = 100
+"""So often a bottle is put into the hand anew before the settings are said to be no grasp's."""
 
 
 @dataclass(frozen=True)
 class Grasps:
-    """Bottles in the hand.
+    """Bottles in the hand, each touched by the finger.
 
     Attributes:
         diameters: mm.
         hands: as they are in each grasp: the bottle off its place, the wall pressed in.
         depths: to which the wall is pressed in, mm.
         bends: of the finger, in radians.
-        held: whether the finger touches the bottle; if not, the bend means nothing.
         arcs: where along the finger it touches, mm.
         postures: of the finger.
+        redrawn: how many bottles lay so that the finger missed them, and were put in anew.
     """
 
     diameters: Float[np.ndarray, " grasps"]
     hands: Hand
     depths: Float[np.ndarray, " grasps"]
     bends: Float[np.ndarray, " grasps"]
-    held: Bool[np.ndarray, " grasps"]
     arcs: Float[np.ndarray, " grasps"]
     postures: Posture
+    redrawn: int
 
 
 @dataclass(frozen=True)
 class Measured:
-    """What is said of some grasps; diameters in mm, and 0 where there is none.
+    """What is said of some grasps.
 
     Attributes:
         grasps: what they are.
-        images: boundary images as the network takes them.
-        markers: true places, mm.
-        predicted: places by the network, mm.
-        bends: of the finger, from these, in radians.
-        residuals: root mean square distance of markers from the arc that fits them best, mm.
-        known: whether there is an answer: the chamber is in view, and the bend is one of a finger
-            that holds something.
-        diameters: from the bends, with every bottle in its place.
-        by_true_bend: from the true bends, with every bottle in its place: what is off is the grasp.
-        by_true_place: from the bends, with every bottle where it is: what is off is the bend.
+        estimates: what is read from their pictures, with every bottle in its place; nothing else
+            says whether there is an answer.
+        by_true_bend: diameters from the true bends, with every bottle in its place, mm: what is
+            off is the grasp.
+        by_true_place: diameters from the bends that were read, with every bottle where it is, mm:
+            what is off is the bend. 0 where there is no answer.
     """
 
     grasps: Grasps
-    images: np.ndarray
-    markers: Float[np.ndarray, "grasps 3 2"]
-    predicted: Float[np.ndarray, "grasps 3 2"]
-    bends: Float[np.ndarray, " grasps"]
-    residuals: Float[np.ndarray, " grasps"]
-    known: Bool[np.ndarray, " grasps"]
-    diameters: Float[np.ndarray, " grasps"]
+    estimates: Estimates
     by_true_bend: Float[np.ndarray, " grasps"]
     by_true_place: Float[np.ndarray, " grasps"]
 
+    @property
+    def diameters(self) -> Float[np.ndarray, " grasps"]:
+        """The estimates, mm; 0 where there is none."""
+        return self.estimates.diameters
+
     def errors(self, diameters: Float[np.ndarray, " grasps"]) -> Float[np.ndarray, " known"]:
         """Of diameters, where there is an answer, mm."""
-        return (diameters - self.grasps.diameters)[self.known]
+        return (diameters - self.grasps.diameters)[self.estimates.known]
 
     def told(self, bottles: list[float]) -> Int[np.ndarray, " grasps"]:
         """Number of the bottle whose diameter is nearest; that of bottles if there is no answer."""
         off = np.abs(self.diameters[:, None] - np.asarray(bottles)[None])
-        return np.where(self.known, np.argmin(off, axis=1), len(bottles))
+        return np.where(self.estimates.known, np.argmin(off, axis=1), len(bottles))
+
+    def marker_truth(self, length: float) -> Float[np.ndarray, "grasps 3 2"]:
+        """True places of the markers, mm."""
+        return marker_places(self.grasps.bends, length)
 
 
 def designed(spec: ObjectSizeSpec, length: float) -> Hand:
@@ -97,75 +99,86 @@ def drawn(
     diameters: Float[np.ndarray, " grasps"],
     generator: np.random.Generator,
 ) -> Grasps:
-    """Grasps of these bottles, each off by what is random."""
+    """Grasps of these bottles, each off by what is random.
+
+    Raises:
+        UserError: the finger misses a bottle however often that is put into the hand.
+    """
     count = len(diameters)
+    sizes = jnp.asarray(diameters)
+    hands, depths = _placed(spec, finger, count, generator)
+    scatter = np.deg2rad(spec.direction_scatter_deg) * generator.standard_normal(count)
+    solved = bends_around(hands, sizes)
+    redrawn = 0
+    for _ in range(ROUNDS):
+        held = np.asarray(solved.ok)
+        if held.all():
+            break
+        redrawn += int(np.count_nonzero(~held))
+        others, deeper = _placed(spec, finger, count, generator)
+        hands = jax.tree.map(lambda old, new, held=held: jnp.where(held, old, new), hands, others)
+        depths = np.where(held, depths, deeper)
+        solved = bends_around(hands, sizes)
+    missed = np.flatnonzero(~np.asarray(solved.ok))
+    if len(missed):
+        raise UserError(
+            f"--set place={spec.place:g}: the finger misses a bottle of "
+            f"{diameters[missed[0]]:.1f} mm however it is put into the hand; choose bottles nearer "
+            "to the middle of what the hand holds, or a smaller place"
+        )
+    touch = all_touched(hands, solved.value)
+    pressed = jax.vmap(pressed_by, in_axes=(None, 0, 0, 0))(
+        jnp.asarray(finger.arc), touch.arc, touch.relative_radius, jnp.asarray(depths)
+    )
+    bends = np.asarray(solved.value)
+    postures = finger.postures(bends, DOWN + scatter, np.asarray(pressed))
+    return Grasps(diameters, hands, depths, bends, np.asarray(touch.arc), postures, redrawn)
+
+
+def _placed(
+    spec: ObjectSizeSpec, finger: SoftFinger, count: int, generator: np.random.Generator
+) -> tuple[Hand, Float[np.ndarray, " grasps"]]:
+    """Bottles somewhere near their place, and how deep each presses the wall in, mm."""
     off = spec.place * generator.standard_normal((2, count))
     depths = generator.uniform(spec.squeeze_least, spec.squeeze_most, count)
-    scatter = np.deg2rad(spec.direction_scatter_deg) * generator.standard_normal(count)
     hands = Hand(
         jnp.asarray(spec.palm + off[0]),
         jnp.asarray(spec.gap + off[1]),
         jnp.asarray(spec.finger_radius - depths),
         jnp.full(count, finger.length),
     )
-    solved = bends_around(hands, jnp.asarray(diameters))
-    touch = all_touched(hands, solved.value)
-    arc = jnp.asarray(finger.arc)
-    pressed = jax.vmap(pressed_by, in_axes=(None, 0, 0, 0))(
-        arc, touch.arc, touch.relative_radius, jnp.asarray(depths)
-    )
-    bends = np.asarray(solved.value)
-    postures = finger.postures(bends, DOWN + scatter, np.asarray(pressed))
-    return Grasps(
-        diameters, hands, depths, bends, np.asarray(solved.ok), np.asarray(touch.arc), postures
-    )
-
-
-def pictured(
-    spec: ObjectSizeSpec, finger: SoftFinger, grasps: Grasps, *, seed: int, first: int
-) -> Samples:
-    """The grasps' boundary images, numbered from ``first`` on."""
-    size = (spec.columns, spec.rows)
-    return samples(finger, grasps.postures, (size,), seed=seed, first=first)
-
-
-def found_bends(
-    estimator: PostureEstimator, images: np.ndarray, length: float
-) -> tuple[Float[np.ndarray, "images 3 2"], Float[np.ndarray, "2 images"]]:
-    """Markers on images, mm; and the finger's bends, in radians, with their residuals, mm."""
-    predicted = estimator.predict(images)
-    first, second, third, last = (part * length for part in MARKERS)
-    fit = bend_of_markers(predicted, (first, second, third, last), length)
-    return predicted, np.stack([fit.bend, fit.residual])
+    return hands, depths
 
 
 def measured(
-    spec: ObjectSizeSpec,
+    reader: Reader,
     finger: SoftFinger,
-    estimator: PostureEstimator,
     grasps: Grasps,
-    seen: Samples,
+    *,
+    seed: int,
+    first: int,
 ) -> Measured:
-    """Diameters of grasped bottles from the finger's images."""
-    images = seen.images[spec.columns, spec.rows]
-    predicted, (bends, residuals) = found_bends(estimator, images, finger.length)
-    count = len(bends)
-    hand = jax.tree.map(lambda value: jnp.full(count, value), designed(spec, finger.length))
-    found = diameters_of(hand, jnp.asarray(bends))
-    known = grasps.held & seen.usable & np.asarray(found.ok)
+    """Diameters of grasped bottles from pictures of the finger, numbered from ``first`` on.
 
-    def where_known(diameters: jax.Array) -> np.ndarray:
-        return np.where(known, np.asarray(diameters), 0.0)
-
+    Args:
+        reader: takes every bottle to be in its place.
+        finger: its chamber and camera.
+        grasps: what is in the hand.
+        seed: of the pictures: the lamp, and shake and noise of each.
+        first: number of the first picture.
+    """
+    seen = looked_at(
+        finger.renderer(seed),
+        grasps.postures,
+        lambda _, image: find_posture(image.pixels, reader.estimator),
+        first,
+    )
+    estimates = estimated(seen, reader)
+    designs = jax.tree.map(lambda value: jnp.full(len(seen), value), reader.hand)
+    by_place = diameters_of(grasps.hands, jnp.asarray(estimates.bends)).value
     return Measured(
         grasps,
-        images,
-        seen.markers,
-        predicted,
-        bends,
-        residuals,
-        known,
-        where_known(found.value),
-        where_known(all_touched(hand, jnp.asarray(grasps.bends)).diameter),
-        where_known(all_touched(grasps.hands, jnp.asarray(bends)).diameter),
+        estimates,
+        np.asarray(all_touched(designs, jnp.asarray(grasps.bends)).diameter),
+        np.where(estimates.known, np.asarray(by_place), 0.0),
     )

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import fminbound
 
-from perception.posture.bending import Bends, arc_markers, bend_of_markers
-from studies.chamber_images.samples import marker_places
+from perception.posture import Bends, bend_of_markers
 
 LENGTH = 100.0
 ARCS = (10.0, 40.0, 70.0, 100.0)
@@ -29,21 +28,11 @@ def found(markers: np.ndarray) -> Bends:
     return bend_of_markers(markers, ARCS, LENGTH)
 
 
-def test_markers_of_an_arc_are_its_tangent_integrated():
-    wanted = np.stack([integrated(bend) for bend in BENDS])
-    np.testing.assert_allclose(arc_markers(BENDS, ARCS, LENGTH), wanted, atol=1e-12)
-
-
 def test_an_arc_has_its_bend_and_nothing_is_left():
     fit = found(np.stack([integrated(bend) for bend in BENDS]))
     assert fit.known.all()
     np.testing.assert_allclose(fit.bend, BENDS, atol=NUDGED)
     np.testing.assert_allclose(fit.residual, 0, atol=NUDGED * LENGTH)
-
-
-def test_labels_of_the_studies_have_their_bends():
-    bends = np.deg2rad(np.linspace(0, 120, 25))
-    np.testing.assert_allclose(found(marker_places(bends, LENGTH)).bend, bends, atol=NUDGED)
 
 
 @pytest.mark.parametrize("noise", [0.3, 3.0, 20.0])
@@ -105,6 +94,41 @@ def test_any_markers_have_a_finite_answer():
         [-1, 1], (300, 3, 2)
     )
     fit = found(markers)
+    assert fit.known.all()
+    assert (np.abs(fit.bend) <= np.pi).all()
+    assert np.isfinite(fit.residual).all()
+
+
+@pytest.mark.parametrize(
+    "arcs",
+    [
+        (10.0, 10.0, 10.0, 10.0),
+        (10.0, 40.0, 40.0, 100.0),
+        (100.0, 70.0, 40.0, 10.0),
+        (-1.0, 40.0, 70.0, 100.0),
+        (10.0, 40.0, 70.0, 101.0),
+        (10.0, 40.0, 70.0, np.nan),
+        (np.nan, 40.0, 70.0, 100.0),
+        (10.0, 40.0, 70.0, np.inf),
+    ],
+)
+def test_markers_that_do_not_rise_along_the_finger_are_refused(arcs):
+    with pytest.raises(ValueError, match="rise along the finger"):
+        bend_of_markers(integrated(0.5)[None], arcs, LENGTH)
+
+
+@pytest.mark.parametrize("length", [0.0, -100.0, np.nan, np.inf])
+def test_lengths_that_are_none_are_refused(length):
+    with pytest.raises(ValueError, match="length is positive"):
+        bend_of_markers(integrated(0.5)[None], ARCS, length)
+
+
+@pytest.mark.parametrize("apart", [2e-6, 1e-3, 0.3])
+def test_markers_close_together_have_a_finite_answer(apart):
+    """Of the length; the last one is at its end."""
+    arcs = (LENGTH * (1 - 3 * apart), LENGTH * (1 - 2 * apart), LENGTH * (1 - apart), LENGTH)
+    generator = np.random.default_rng(7)
+    fit = bend_of_markers(generator.standard_normal((50, 3, 2)), arcs, LENGTH)
     assert fit.known.all()
     assert (np.abs(fit.bend) <= np.pi).all()
     assert np.isfinite(fit.residual).all()
