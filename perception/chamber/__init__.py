@@ -1,4 +1,4 @@
-"""Views into a soft finger's chamber: its coloured regions, seven points, the bending direction."""
+"""Views into a soft finger's chamber: regions, points, bending direction, touched profiles."""
 
 import lazy_loader
 

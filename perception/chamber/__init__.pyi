@@ -1,18 +1,8 @@
 from .directions import Direction, bending_direction, displacements
+from .heights import ChamberMap, Heights, Movements, movements, scatter
 from .points import Points, find_points
-from .profile import (
-    ChamberMap,
-    Heights,
-    Movements,
-    Shape,
-    SurfaceKind,
-    kind_of,
-    movements,
-    scatter,
-    shape,
-    surface_kind,
-)
 from .regions import Region, Regions, Sight, find_regions
+from .surfaces import Shape, SurfaceKind, kind_of, shape_of
 
 __all__ = [
     "ChamberMap",
@@ -32,6 +22,5 @@ __all__ = [
     "kind_of",
     "movements",
     "scatter",
-    "shape",
-    "surface_kind",
+    "shape_of",
 ]

@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 
 from designopt.figures import MARKERS, PALETTE, new_figure
 from designopt.results import Figure
+from perception.chamber.heights import TRACKED
 from perception.chamber.points import NAMES
-from perception.chamber.profile import CURVED, CURVED_OVER_ROUGH, ROUGH, TRACKED
+from perception.chamber.surfaces import CURVED, CURVED_OVER_ROUGH, ROUGH
 from studies.surface_profile.found import (
     Found,
     Picture,
@@ -17,6 +18,7 @@ from studies.surface_profile.found import (
     of_kind,
     quantiles,
 )
+from studies.surface_profile.limits import LIMIT, WORD, Quantity, Sized, of_quantity
 from studies.surface_profile.spec import SurfaceProfileSpec
 from studies.surface_profile.surfaces import KINDS
 from studies.surface_profile.trials import POINTS, WAYS, WHOLE, YELLOW, Trial
@@ -41,6 +43,7 @@ def figures(spec: SurfaceProfileSpec, found: Found) -> list[Figure]:
         pictures_figure(found.pictures),
         kinds_figure(found),
         errors_figure(spec, found),
+        *limits_figure(found),
     ]
 
 
@@ -203,3 +206,36 @@ def errors_figure(spec: SurfaceProfileSpec, found: Found) -> Figure:
         "map. Right: over the severity of shaking, noise and light.",
         drawing,
     )
+
+
+def limits_figure(found: Found) -> list[Figure]:
+    """Part told over the true size, of both quantities; none where no sizes are asked for."""
+    every: list[tuple[Quantity, list[Sized]]] = [
+        (name, of_quantity(found.sized, name)) for name in LIMIT
+    ]
+    shown = [one for one in every if one[1]]
+    if not shown:
+        return []
+    drawing, (row,) = new_figure(1, len(shown), height=2.9)
+    for axes, (name, sized) in zip(row, shown, strict=True):
+        size = [one.size for one in sized]
+        exact = [100 * one.told_exactly() for one in sized]
+        axes.plot(size, exact, color="0.6", linewidth=3, label="by the ridden heights, exactly")
+        for way, marker in ((POINTS, "o"), (WHOLE, "s")):
+            told = [100 * one.told(way) for one in sized]
+            axes.plot(size, told, marker=marker, color=COLOURS[way], linestyle=STYLES[way],
+                      label=f"by {way}")  # fmt: skip
+        axes.axvline(LIMIT[name], color="black", linewidth=1, linestyle="-.", label="limit")
+        axes.set(xlabel=f"true {name} (mm)", ylabel=f"called {WORD[name]} (%)", ylim=(-3, 103))
+        axes.set_xlim(left=0)
+    handles, labels = row[0].get_legend_handles_labels()
+    drawing.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
+    return [
+        Figure(
+            "limits",
+            "From which size on surfaces are called curved or rough",
+            f"{len(shown[0][1][0].trials)} surfaces of every size. Limits apply to the sizes "
+            "found, by the parabola and the filter, of what the pad rides.",
+            drawing,
+        )
+    ]

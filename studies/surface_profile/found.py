@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from perception.chamber.points import Points
-from perception.chamber.profile import ChamberMap, Heights, SurfaceKind
+from perception.chamber import ChamberMap, Heights, Points, SurfaceKind
+from studies.surface_profile.limits import Sized
+from studies.surface_profile.odd import AtBend, Odd
 from studies.surface_profile.spec import SurfaceProfileSpec
 from studies.surface_profile.trials import POINTS, Touching, Trial, found_heights
 
@@ -29,8 +30,11 @@ class Found:
 
     Attributes:
         design: the map that the chamber's design predicts.
-        fingers: at the stated severity.
+        fingers: at the stated severity; those with slides.
         severities: one finger at others.
+        sized: surfaces of sizes through the limits.
+        odd: frames that are no proper images.
+        bends: heights over the bend.
         seconds: to find the points of a frame, on one core.
         pictures: what the camera sees.
     """
@@ -38,6 +42,9 @@ class Found:
     design: ChamberMap
     fingers: list[Touching]
     severities: list[Touching]
+    sized: list[Sized]
+    odd: list[Odd]
+    bends: list[AtBend]
     seconds: float
     pictures: list[Picture]
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from designopt.results import Results
 from designopt.study import Context
-from perception.chamber.points import find_points
-from perception.chamber.profile import SurfaceKind
-from perception.chamber.regions import find_regions
+from perception.chamber import SurfaceKind, find_points, find_regions
 from studies.finger_images.one_thread import one_thread
 from studies.surface_profile import drawings, statements, tables
 from studies.surface_profile.found import Found, Picture
+from studies.surface_profile.limits import over_sizes
+from studies.surface_profile.odd import odd_frames, over_bends
 from studies.surface_profile.sensor import UP, postures_on
 from studies.surface_profile.spec import SurfaceProfileSpec
 from studies.surface_profile.surfaces import KINDS
@@ -49,7 +49,7 @@ def find(spec: SurfaceProfileSpec, context: Context) -> Found:
         ]
     counts = [spec.calibration, *(one for one in spec.calibrations if one != spec.calibration)]
     fingers = []
-    for number in range(spec.fingers):
+    for number in range(min(spec.fingers, spec.trials)):
         own = [slide for slide in slides if slide.number // len(KINDS) % spec.fingers == number]
         with context.step(f"Finger {number + 1}: {len(own)} slides"):
             fingers.append(
@@ -72,9 +72,14 @@ def find(spec: SurfaceProfileSpec, context: Context) -> Found:
                     counts=[spec.calibration],
                 )
             )
+    with context.step(f"{len(spec.sagittas) + len(spec.roughnesses)} sizes through the limits"):
+        sized = over_sizes(spec, design, context.seed)
+    with context.step("Frames that are no proper images, and bends up to 120°"):
+        odd = odd_frames(spec, design, context.seed + 1)
+        bends = over_bends(spec, design, context.seed + 2)
     with context.step("Pictures, and the time that a frame takes"):
         pictures, seconds = _pictured(spec, slides, context.seed)
-    return Found(design, fingers, severities, seconds, pictures)
+    return Found(design, fingers, severities, sized, odd, bends, seconds, pictures)
 
 
 def _pictured(

@@ -14,7 +14,7 @@ from designopt.errors import UserError
 from designopt.roots import find_root
 from optics.chamber import Chamber
 from optics.soft_finger import Endoscope, Posture, bent, extreme_points, pressed_by
-from perception.chamber.profile import ChamberMap
+from perception.chamber import ChamberMap
 from studies.chamber_images.making import DOWN, SoftFinger
 from studies.surface_profile.spec import SurfaceProfileSpec
 from studies.surface_profile.surfaces import FLAT_RMS, SAGITTA, TILT_DEG

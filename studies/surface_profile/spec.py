@@ -6,15 +6,11 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from studies.chamber_images.spec import ChamberImagesSpec, MadeSpec, Severity
+from studies.chamber_images.spec import ChamberImagesSpec, MadeSpec, Severity, distinct
 
 Frames = Annotated[int, Field(ge=0, le=200)]
-
-
-def _distinct(values: list[float]) -> list[float]:
-    if len(set(values)) < len(values):
-        raise ValueError("values must differ from each other")
-    return values
+Sagitta = Annotated[float, Field(gt=0, le=6)]
+Roughness = Annotated[float, Field(gt=0, le=1)]
 
 
 class SurfaceProfileSpec(ChamberImagesSpec):
@@ -25,7 +21,8 @@ class SurfaceProfileSpec(ChamberImagesSpec):
         default=50, description="surfaces of each of the four kinds"
     )
     fingers: Annotated[int, Field(ge=1, le=100)] = Field(
-        default=5, description="fingers with errors of fabrication, which share the surfaces"
+        default=5,
+        description="fingers with errors of fabrication, which share the surfaces; at most trials",
     )
     slide: Annotated[float, Field(ge=40, le=200)] = Field(
         default=60.0, description="length of a slide (mm)"
@@ -61,13 +58,24 @@ class SurfaceProfileSpec(ChamberImagesSpec):
     setting_error: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.05, description="standard deviation of the plate's height (mm)"
     )
-    calibrations: Annotated[list[Frames], AfterValidator(_distinct)] = Field(
+    calibrations: Annotated[list[Frames], AfterValidator(distinct)] = Field(
         default=[0, 1, 2, 3, 5, 9, 17, 33],
         description="other numbers of frames to calibrate with, for the error over them",
     )
-    severities: Annotated[list[Severity], AfterValidator(_distinct)] = Field(
+    severities: Annotated[list[Severity], AfterValidator(distinct)] = Field(
         default=[0.0, 0.5, 1.5, 2.0], description="other severities, with one finger"
     )
     severity_trials: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=3, description="surfaces of each kind at each of these"
+    )
+    sagittas: Annotated[list[Sagitta], AfterValidator(distinct)] = Field(
+        default=[0.4, 0.8, 1.0, 1.1, 1.2, 1.3, 1.4, 1.8, 2.4],
+        description="of curved surfaces, through the limit from which on they are called so (mm)",
+    )
+    roughnesses: Annotated[list[Roughness], AfterValidator(distinct)] = Field(
+        default=[0.05, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.3, 0.4],
+        description="of rough surfaces, likewise; root mean square (mm)",
+    )
+    size_slides: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=12, description="surfaces of each of these sizes"
     )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from perception.chamber.profile import SurfaceKind
+from perception.chamber import SurfaceKind
 
 KINDS = (SurfaceKind.FLAT, SurfaceKind.CONCAVE, SurfaceKind.CONVEX, SurfaceKind.ROUGH)
 """The paper's four."""
@@ -76,6 +76,20 @@ class Surface:
             arc = np.where(np.abs(off) < half, arc, 0.0)
         return level + math.copysign(1.0, self.sagitta) * arc
 
+    def of_size(self, size: float, slide: float) -> Surface:
+        """The same surface, but for its size.
+
+        Args:
+            size: of a curved surface the sagitta over the whole slide, without shoulders; of any
+                other the root mean square of its waves, mm.
+            slide: length, mm.
+        """
+        if self.sagitta:
+            sagitta = math.copysign(size, self.sagitta)
+            return replace(self, sagitta=sagitta, width=slide, middle=0.0, shoulders=False)
+        scale = size / _rms(slide, self.amplitudes, self.lengths, self.phases)
+        return replace(self, amplitudes=scale * self.amplitudes)
+
     def ridden(self, x: Float[np.ndarray, " places"], tip: float) -> Float[np.ndarray, " places"]:
         """Height at which a round pad of this radius touches, less the radius, mm.
 
@@ -98,6 +112,16 @@ def _waves(
     return np.sin(2 * np.pi * x[..., None] / lengths + phases) @ amplitudes
 
 
+def _rms(
+    slide: float,
+    amplitudes: Float[np.ndarray, " waves"],
+    lengths: Float[np.ndarray, " waves"],
+    phases: Float[np.ndarray, " waves"],
+) -> float:
+    x = np.linspace(-slide / 2, slide / 2, 2001)
+    return float(_waves(x, amplitudes, lengths, phases).std())
+
+
 def drawn(kind: SurfaceKind, slide: float, generator: np.random.Generator) -> Surface:
     """A surface of a kind, by chance; the slide goes over −slide/2 to slide/2."""
 
@@ -108,8 +132,7 @@ def drawn(kind: SurfaceKind, slide: float, generator: np.random.Generator) -> Su
     lengths = generator.uniform(*waves, WAVES)
     phases = generator.uniform(0, 2 * math.pi, WAVES)
     amplitudes = generator.uniform(0.5, 1.0, WAVES)
-    x = np.linspace(-slide / 2, slide / 2, 2001)
-    amplitudes *= between(rms) / _waves(x, amplitudes, lengths, phases).std()
+    amplitudes *= between(rms) / _rms(slide, amplitudes, lengths, phases)
     curved = kind in (SurfaceKind.CONCAVE, SurfaceKind.CONVEX)
     shoulders = curved and bool(generator.random() < 0.5)
     part = between(SHOULDERED) if shoulders else 1.0

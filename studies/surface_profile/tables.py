@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from designopt.results import Table
-from perception.chamber.profile import SurfaceKind
+import numpy as np
+
+from designopt.results import Cell, Table
+from perception.chamber import SurfaceKind
 from studies.surface_profile.found import (
     Found,
     calibrated_errors,
@@ -14,6 +16,8 @@ from studies.surface_profile.found import (
     stylus_errors,
     surface_errors,
 )
+from studies.surface_profile.limits import LIMIT
+from studies.surface_profile.odd import WITHIN
 from studies.surface_profile.spec import SurfaceProfileSpec
 from studies.surface_profile.surfaces import KINDS
 from studies.surface_profile.trials import POINTS, WAYS, WHOLE, YELLOW
@@ -28,6 +32,9 @@ def tables(spec: SurfaceProfileSpec, found: Found) -> list[Table]:
         calibration(spec, found),
         severities(spec, found),
         fingers(spec, found),
+        sizes(found),
+        odd_frames(found),
+        bends(found),
     ]
 
 
@@ -177,4 +184,80 @@ def fingers(spec: SurfaceProfileSpec, found: Found) -> Table:
         ["finger", "scale_b", "scale_e", "scale_g", "shake_px", "noise_px", "p90_mm"],
         rows,
         {"scale_b": 3, "scale_e": 3, "scale_g": 3, "shake_px": 2, "noise_px": 3, "p90_mm": 3},
+    )
+
+
+def sizes(found: Found) -> Table:
+    """Surfaces through the limits."""
+    return Table(
+        "sizes",
+        "Surfaces of sizes through the limits: the part called what it is by b, e and g, by e in "
+        "whole pixels, and by the very heights that the pad rides; and the median size found",
+        ["quantity", "limit_mm", "size_mm", "slides", "told", "whole_told", "exact_told",
+         "found_mm"],
+        [
+            (
+                one.quantity,
+                LIMIT[one.quantity],
+                one.size,
+                len(one.trials),
+                one.told(),
+                one.told(WHOLE),
+                one.told_exactly(),
+                one.found(),
+            )
+            for one in found.sized
+        ],
+        {"limit_mm": 2, "size_mm": 2, "told": 2, "whole_told": 2, "exact_told": 2, "found_mm": 3},
+    )  # fmt: skip
+
+
+def odd_frames(found: Found) -> Table:
+    """Answers to frames that are no proper images."""
+    rows: list[list[Cell]] = []
+    for kind in dict.fromkeys(one.kind for one in found.odd):
+        own = [one for one in found.odd if one.kind == kind]
+        sights = sorted({one.sight.name if one.sight else "exception" for one in own})
+        rows.append(
+            [
+                kind.name,
+                len(own),
+                kind.sight.name,
+                f"within {WITHIN:g} mm" if kind.usable else "not known",
+                ", ".join(sights),
+                sum(one.failed for one in own),
+            ]
+        )
+    return Table(
+        "odd_frames",
+        "Frames that are no proper images: what is to be answered, and how often it was not",
+        ["kind", "frames", "expected_sight", "expected_height", "sights", "failures"],
+        rows,
+    )
+
+
+def bends(found: Found) -> Table:
+    """Heights from hardly bent to far beyond the map."""
+    rows: list[list[Cell]] = []
+    for one in found.bends:
+        off = np.abs(one.heights.mm - one.deflection)[one.heights.known]
+        rows.append(
+            [
+                one.severity,
+                one.bend_deg,
+                one.deflection,
+                len(one.heights.mm),
+                int(one.heights.known.sum()),
+                float(off.max()) if len(off) else None,
+                one.failures,
+            ]
+        )
+    return Table(
+        "bends",
+        f"Heights over the bend: the map ends at {found.design.heights[-1]:.1f} mm of deflection, "
+        f"beyond which none is to be known; within it, none is to be off by more than {WITHIN:g} "
+        "mm",
+        ["severity", "bend_deg", "deflection_mm", "frames", "known", "worst_mm", "failures"],
+        rows,
+        {"deflection_mm": 2, "worst_mm": 3},
     )

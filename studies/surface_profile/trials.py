@@ -11,19 +11,20 @@ import numpy as np
 from jaxtyping import Float
 
 from optics.soft_finger import Posture
-from perception.chamber.points import Points, find_points
-from perception.chamber.profile import (
+from perception.chamber import (
     ChamberMap,
     Heights,
     Movements,
+    Points,
     Shape,
     SurfaceKind,
+    find_points,
+    find_regions,
     kind_of,
     movements,
     scatter,
-    shape,
+    shape_of,
 )
-from perception.chamber.regions import find_regions
 from studies.chamber_images.making import SoftFinger, looked_at
 from studies.surface_profile.sensor import UP, designed_map, highest, postures_on
 from studies.surface_profile.spec import SurfaceProfileSpec
@@ -63,6 +64,13 @@ class Slide:
         """One of all trials; the kinds take turns."""
         generator = np.random.default_rng([seed, TRIAL, number])
         surface = drawn(KINDS[number % len(KINDS)], spec.slide, generator)
+        return cls.under(spec, number, surface, generator)
+
+    @classmethod
+    def under(
+        cls, spec: SurfaceProfileSpec, number: int, surface: Surface, generator: np.random.Generator
+    ) -> Slide:
+        """Along a surface, the finger bent towards it but for some scatter."""
         x = np.linspace(-spec.slide / 2, spec.slide / 2, spec.frames)
         ridden = surface.ridden(x, spec.tip_radius)
         turned = np.deg2rad(spec.direction_scatter_deg) * float(generator.standard_normal())
@@ -188,7 +196,7 @@ def touched(
     for slide, run in zip(slides, runs[len(counts) :], strict=True):
         moved, whole = movements(run, rest), movements(run, rest, whole=True)
         heights = found_heights(spec, calibrations[counts[0]], moved, whole)
-        shapes = {way: shape(slide.x, found) for way, found in heights.items()}
+        shapes = {way: shape_of(slide.x, found) for way, found in heights.items()}
         trials.append(Trial(slide, severity, number, moved, whole, heights, shapes))
     return Touching(number, severity, shake, noise, calibrations, trials)
 

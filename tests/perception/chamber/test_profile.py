@@ -5,22 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.chamber.points import Points
-from perception.chamber.profile import (
-    CURVED,
-    CUTOFF,
-    LEAST_HEIGHTS,
-    ROUGH,
+from perception.chamber import (
     ChamberMap,
     Heights,
     Movements,
+    Points,
     SurfaceKind,
     kind_of,
     movements,
     scatter,
-    shape,
-    surface_kind,
+    shape_of,
 )
+from perception.chamber.heights import LEAST_APART
+from perception.chamber.surfaces import CURVED, CUTOFF, LEAST_HEIGHTS, ROUGH
 
 HEIGHTS = np.linspace(0.0, 12.0, 49)
 RATES = np.array([3.7, 6.1, 3.8])
@@ -41,6 +38,10 @@ def moved(heights: np.ndarray, chamber: ChamberMap = CHAMBER) -> Movements:
 
 def known(mm: np.ndarray) -> Heights:
     return Heights(mm, np.ones(len(mm), bool))
+
+
+def kind(positions: np.ndarray, heights: Heights) -> SurfaceKind:
+    return kind_of(shape_of(positions, heights))
 
 
 def test_movements_are_upwards_from_the_mean_at_rest():
@@ -155,6 +156,37 @@ def test_too_few_frames_calibrate_what_they_can():
     assert (np.diff(backwards.moved, axis=0) > 0).all()
 
 
+@pytest.mark.parametrize("count", [3, 7, 10])
+@pytest.mark.parametrize("height", [11.7, 9.9, 11.4])
+def test_one_height_gives_an_offset_however_often(count, height):
+    # The mean of equal numbers may be off by a rounding error, which is no spread.
+    plate = np.full(count, height)
+    frames = moved(plate)
+    noise = np.random.default_rng(count).normal(0, 0.5, frames.px.shape)
+    found = CHAMBER.calibrated(plate, Movements(frames.px + noise, frames.seen))
+    expected = CHAMBER.moved + noise.mean(axis=0)
+    np.testing.assert_allclose(found.moved, expected, rtol=0, atol=1e-12)
+
+
+def test_heights_that_hardly_differ_are_one():
+    for apart, offset_only in ((0.99 * LEAST_APART, True), (1.01 * LEAST_APART, False)):
+        plate = 5 + np.array([0.0, apart])
+        found = CHAMBER.calibrated(plate, Movements(1.1 * moved(plate).px, np.ones((2, 3), bool)))
+        kept = np.allclose(np.diff(found.moved, axis=0), np.diff(CHAMBER.moved, axis=0))
+        assert kept is offset_only
+
+
+def test_plates_beyond_the_table_are_at_its_end():
+    beyond = CHAMBER.calibrated(np.array([13.0, 15.0]), moved(np.array([12.0, 12.0])))
+    np.testing.assert_allclose(beyond.moved, CHAMBER.moved, atol=1e-12)
+
+
+@pytest.mark.parametrize("use", ["a", "bed", "E", ""])
+def test_other_points_are_refused(use):
+    with pytest.raises(ValueError, match="give one or more of the letters beg"):
+        CHAMBER.height(moved(np.array([5.0])), use=use)
+
+
 def test_resolution_is_the_slope_of_height_over_pixels():
     places, step = np.array([0.6, 3.1, 7.3, 11.9]), 1e-4
     found = CHAMBER.resolution(places)
@@ -182,7 +214,7 @@ def test_a_map_must_rise(rows):
 def test_a_parabola_is_all_sagitta():
     for sagitta in (-3.0, 2.0):
         z = sagitta * (1 - (X / 30) ** 2) + 0.02 * X + 7
-        found = shape(X, known(z))
+        found = shape_of(X, known(z))
         assert found is not None
         assert found.sagitta == pytest.approx(sagitta)
         assert found.roughness == pytest.approx(0, abs=1e-9)  # of second order: no form is left
@@ -192,21 +224,21 @@ def test_a_parabola_is_all_sagitta():
 def test_the_cutoff_parts_form_and_roughness(part, left):
     fine = np.linspace(-100, 100, 801)
     waves = np.sin(2 * np.pi * fine / (part * CUTOFF))
-    found = shape(fine, known(waves))
+    found = shape_of(fine, known(waves))
     assert found is not None
     assert left[0] <= found.roughness * np.sqrt(2) <= left[1]
 
 
 def test_a_wave_of_the_cutoff_is_halved():
     fine = np.linspace(-200, 200, 1601)
-    found = shape(fine, known(np.sin(2 * np.pi * fine / CUTOFF)))
+    found = shape_of(fine, known(np.sin(2 * np.pi * fine / CUTOFF)))
     assert found is not None
     # ISO/TS 16610-31: 50 % at the cut-off; the ends, where the window is one-sided, leave less
     assert found.roughness * np.sqrt(2) == pytest.approx(0.5, abs=0.03)
 
 
 @pytest.mark.parametrize(
-    ("z", "kind"),
+    ("z", "expected"),
     [
         (0.02 * X, SurfaceKind.FLAT),
         (2 * CURVED * (X / 30) ** 2, SurfaceKind.CONCAVE),
@@ -215,24 +247,22 @@ def test_a_wave_of_the_cutoff_is_halved():
         (np.where(np.abs(X) < 20, 4 - X**2 / 100, 0.0), SurfaceKind.CONVEX),
     ],
 )
-def test_kinds(z: np.ndarray, kind: SurfaceKind):
-    assert surface_kind(X, known(z)) is kind
+def test_kinds(z: np.ndarray, expected: SurfaceKind):
+    assert kind(X, known(z)) is expected
     noisy = z + np.random.default_rng(4).normal(0, 0.03, len(X))
-    assert surface_kind(X, known(noisy)) is kind
-    assert surface_kind(X, known(z + 5 + 0.01 * X)) is kind
+    assert kind(X, known(noisy)) is expected
+    assert kind(X, known(z + 5 + 0.01 * X)) is expected
     gaps = np.arange(len(X)) % 3 > 0
-    assert surface_kind(X, Heights(np.where(gaps, z, 0.0), gaps)) is kind
+    assert kind(X, Heights(np.where(gaps, z, 0.0), gaps)) is expected
 
 
 def test_too_little_is_undefined():
     assert kind_of(None) is SurfaceKind.UNDEFINED
     nothing = Heights(np.zeros(41), np.zeros(41, bool))
-    assert surface_kind(X, nothing) is SurfaceKind.UNDEFINED
+    assert kind(X, nothing) is SurfaceKind.UNDEFINED
     few = Heights(np.zeros(41), np.arange(41) % 4 == 0)
     assert few.known.sum() < LEAST_HEIGHTS
-    assert surface_kind(X, few) is SurfaceKind.UNDEFINED
+    assert kind(X, few) is SurfaceKind.UNDEFINED
     near = Heights(np.zeros(41), np.arange(41) < 15)
-    assert surface_kind(X, near) is SurfaceKind.UNDEFINED
-    assert surface_kind(np.zeros(0), Heights(np.zeros(0), np.zeros(0, bool))) is (
-        SurfaceKind.UNDEFINED
-    )
+    assert kind(X, near) is SurfaceKind.UNDEFINED
+    assert kind(np.zeros(0), Heights(np.zeros(0), np.zeros(0, bool))) is SurfaceKind.UNDEFINED

@@ -1,4 +1,4 @@
-"""A surface's profile from how far points of the chamber moved (paper A §IV.D, Fig. 14).
+"""Heights of what the finger touches, from how far points of the chamber moved (paper A §IV.D).
 
 The finger touches a surface, bends, and is slid along it; what it bends, the endoscope sees as a
 displacement of the chamber's points. The paper leaves the profile in whole pixels, a ladder. Here
@@ -8,7 +8,6 @@ touched heights calibrate turns it into millimetres.
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -24,32 +23,9 @@ TRACKED = DOWN["all"]
 LEAST_NOISE = 0.01
 """Of a point, px; keeps the weights finite where frames do not differ at all."""
 
-CUTOFF = 20.0
-"""Wavelength between form and roughness, mm."""
-
-CURVED = 1.2
-"""Least sagitta of a curved surface, mm."""
-
-CURVED_OVER_ROUGH = 4.0
-"""Least ratio of sagitta and roughness: corners of a curved part are rough too, and a rough
-surface is not quite level; a parabola's share of waves shorter than `CUTOFF` is below this."""
-
-ROUGH = 0.15
-"""Least roughness of a rough surface, mm; about a pixel's height, and several times the scatter of
-a height (some 0.03 mm with a good camera)."""
-
-LEAST_HEIGHTS, LEAST_SPAN = 12, 30.0
-"""Heights, and mm from the first to the last, below which no kind is given."""
-
-
-class SurfaceKind(enum.Enum):
-    """Kinds of surfaces; the values are what a person reads."""
-
-    FLAT = "The surface is flat."
-    CONCAVE = "The surface is concave: its middle is lower than its ends."
-    CONVEX = "The surface is convex: its middle is higher than its ends."
-    ROUGH = "The surface is rough."
-    UNDEFINED = "Too few heights are known to tell what the surface is like."
+LEAST_APART = 1.0
+"""Touched heights that differ by less count as one, mm: shaking by half a pixel, about 0.1 mm,
+would become a tenth of the scale and more."""
 
 
 @dataclass(frozen=True)
@@ -148,24 +124,26 @@ class ChamberMap:
         """The map of a finger that is not quite as designed, from frames at known heights.
 
         Of every point, scale and offset of the movement are fitted by least squares. Two frames
-        at different heights are needed; from one, or from several at one height, only the offset
-        is taken, and a point that no frame shows stays as designed. More frames average shaking
-        and errors of setting. A scale that is not positive is no calibration: it stays 1.
+        at heights that differ by `LEAST_APART` are needed; from one, or from several at one
+        height, only the offset is taken, and a point that no frame shows stays as designed. More
+        frames average shaking and errors of setting. A scale that is not positive is no
+        calibration: it stays 1.
 
         Args:
-            touched: heights of a flat plate, mm, within the table.
+            touched: heights of a flat plate, mm; beyond the table, as at its end.
             seen: movements there.
         """
         moved = self.moved.copy()
+        plate = np.clip(touched, self.heights[0], self.heights[-1])
         for point in range(moved.shape[1]):
             used = seen.seen[:, point]
             if not used.any():
                 continue
-            table = np.interp(touched[used], self.heights, self.moved[:, point])
+            table = np.interp(plate[used], self.heights, self.moved[:, point])
             found = seen.px[used, point]
             off = table - table.mean()
-            spread = off @ off
-            scale = off @ found / spread if spread > 0 else 1.0
+            apart = np.ptp(plate[used]) >= LEAST_APART
+            scale = off @ found / (off @ off) if apart else 1.0
             scale = scale if scale > 0 else 1.0
             moved[:, point] = found.mean() + scale * (self.moved[:, point] - table.mean())
         return replace(self, moved=moved)
@@ -176,14 +154,21 @@ class ChamberMap:
         Args:
             seen: movements.
             use: of b, e and g those that count.
+
+        Raises:
+            ValueError: other points, or none.
         """
+        if not use or not set(use) <= set(TRACKED):
+            raise ValueError(f"use is {use!r}; give one or more of the letters {TRACKED}")
         each = np.zeros_like(seen.px)
         usable = seen.seen & np.isin(list(TRACKED), list(use))
         for point in range(each.shape[1]):
             column, moved = self.moved[:, point], seen.px[:, point]
             usable[:, point] &= (moved >= column[0]) & (moved <= column[-1])
             each[:, point] = np.interp(moved, column, self.heights)
-        rates = 1 / self.resolution(np.where(usable, each, self.heights[0]).max(axis=1))
+        rates = 1 / np.stack(
+            [self.resolution(column)[:, point] for point, column in enumerate(each.T)], axis=1
+        )
         mm = np.zeros(len(each))
         for shown in np.unique(usable, axis=0):
             if shown.any():
@@ -211,58 +196,3 @@ class ChamberMap:
         """
         at = np.clip(np.searchsorted(self.heights, heights) - 1, 0, len(self.heights) - 2)
         return (np.diff(self.heights)[:, None] / np.diff(self.moved, axis=0))[at]
-
-
-@dataclass(frozen=True)
-class Shape:
-    """What tells surfaces apart.
-
-    Attributes:
-        sagitta: of the middle over both ends, by the parabola through the heights, mm; positive
-            if convex.
-        roughness: root mean square of what is shorter than `CUTOFF`, mm.
-    """
-
-    sagitta: float
-    roughness: float
-
-
-def shape(positions: Float[np.ndarray, " frames"], heights: Heights) -> Shape | None:
-    """Sagitta and roughness of a profile; None where too few heights are known.
-
-    The profile less its parts longer than `CUTOFF` is rough; the longer parts are those that a
-    Gaussian regression filter of second order leaves (after ISO/TS 16610-31, not robust).
-
-    Args:
-        positions: along the slide, mm; rising.
-        heights: there.
-    """
-    x, z = positions[heights.known], heights.mm[heights.known]
-    if len(x) < LEAST_HEIGHTS or np.ptp(x) < LEAST_SPAN:
-        return None
-    place = (x - (x[0] + x[-1]) / 2) / (np.ptp(x) / 2)
-    sagitta = -float(np.polyfit(place, z, 2)[0])
-    off = (x[None, :] - x[:, None]) / CUTOFF
-    root = np.exp(-np.pi / 2 * (off / 0.7309) ** 2)  # of the filter's weight
-    powers = root[..., None] * off[..., None] ** np.arange(3)
-    form = (np.linalg.pinv(powers) @ (root * z)[..., None])[:, 0, 0]
-    return Shape(sagitta, float(np.sqrt(np.mean((z - form) ** 2))))
-
-
-def kind_of(found: Shape | None) -> SurfaceKind:
-    """The kind of a surface by its shape: first whether it is curved, then whether it is rough."""
-    if found is None:
-        return SurfaceKind.UNDEFINED
-    if abs(found.sagitta) >= max(CURVED, CURVED_OVER_ROUGH * found.roughness):
-        return SurfaceKind.CONVEX if found.sagitta > 0 else SurfaceKind.CONCAVE
-    return SurfaceKind.ROUGH if found.roughness >= ROUGH else SurfaceKind.FLAT
-
-
-def surface_kind(positions: Float[np.ndarray, " frames"], heights: Heights) -> SurfaceKind:
-    """What a surface is like, by its profile; a tilt does not count.
-
-    Args:
-        positions: along the slide, mm; rising.
-        heights: there.
-    """
-    return kind_of(shape(positions, heights))
