@@ -5,13 +5,16 @@ from __future__ import annotations
 import statistics
 
 import numpy as np
+from matplotlib.axis import Axis
 from matplotlib.colors import ListedColormap
+from matplotlib.ticker import FuncFormatter
 
 from designopt.figures import MARKERS, PALETTE, new_figure
 from designopt.results import Figure
 from studies.bending_posture.found import Found
 from studies.bending_posture.spec import BendingPostureSpec
 from studies.bending_posture.trainings import EQUAL, OURS
+from studies.bending_posture.verdicts import ROOM_MM
 
 BLUE, VERMILION, GREEN = PALETTE[:3]
 NAMES = ("marker 1", "marker 2", "tip")
@@ -32,6 +35,14 @@ def figures(spec: BendingPostureSpec, found: Found) -> list[Figure]:
     if found.sweep:
         drawn.append(regularisation_figure(found))
     return drawn + ([etas_figure(found)] if found.etas else [])
+
+
+def _plainly(axis: Axis) -> None:
+    """Numbers on an axis with a logarithmic scale without powers of ten, at 1, 2 and 5."""
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(
+        FuncFormatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "25" else "")
+    )
 
 
 def pictures_figure(found: Found) -> Figure:
@@ -69,7 +80,9 @@ def dots_figure(found: Found) -> Figure:
         axes.plot([], [], "o", color="0.75", label="true")
         axes.plot(0, 0, "s", color="black", markersize=5)
         axes.set(title=title, xlabel="across (mm)", ylabel="along (mm)", aspect="equal")
-    drawing.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        axes.set(xlim=(-5, None), ylim=(-5, None))
+    drawing.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4,
+                   markerscale=2)  # fmt: skip
     return Figure(
         "dots",
         "Predicted markers on true ones (the paper's Fig. 10)",
@@ -121,6 +134,8 @@ def learning_figure(found: Found) -> Figure:
     right.axhline(found.data.mean_error, color="0.4", linestyle=":")
     right.text(0.02, 0.92 * found.data.mean_error, "mean of the labels", va="top", color="0.3",
                transform=right.get_yaxis_transform())  # fmt: skip
+    _plainly(left.yaxis)
+    _plainly(right.yaxis)
     left.set(xlabel="epoch", ylabel="weighted loss, Eq. 4 (mm²)", title="Training")
     right.set(
         xlabel="time (s)", ylabel="mean tip error (mm)", title="Unseen images", xlim=(0, None)
@@ -148,6 +163,7 @@ def ways_figure(found: Found) -> Figure:
     axes.text(found.data.mean_error * 0.95, len(names) / 2 - 0.5, "mean of the labels",
               rotation=90, va="center", ha="right", color="0.3")  # fmt: skip
     axes.set(xscale="log", yticks=range(len(names)), yticklabels=names)
+    _plainly(axes.xaxis)
     axes.set(xlabel="mean tip error on unseen images (mm)", ylim=(len(names) - 0.5, -0.5))
     return Figure(
         "ways",
@@ -184,6 +200,7 @@ def regularisation_figure(found: Found) -> Figure:
         axes.text(value, 1.02, f"0.01 {unit if unit == 'standardised' else 'in ' + unit}",
                   color=VERMILION, ha="center", fontsize=8,
                   transform=axes.get_xaxis_transform())  # fmt: skip
+    _plainly(axes.yaxis)
     axes.set(xlabel="L2 regularisation, of standardised labels")
     axes.set(ylabel="mean tip error on unseen images (mm)")
     return Figure(
@@ -197,25 +214,32 @@ def regularisation_figure(found: Found) -> Figure:
 
 def etas_figure(found: Found) -> Figure:
     """Chambers of different η."""
-    drawing, grid = new_figure(1, 2, height=3.2)
-    left, right = grid[0]
+    drawing, grid = new_figure(1, 3, height=3.0)
+    left, middle, right = grid[0]
     etas = [one.eta for one in found.etas]
     left.plot(etas, [statistics.mean(o.tip_errors) for o in found.etas], "-o", color=BLUE)
     for one in found.etas:
         left.plot([one.eta] * len(one.tip_errors), one.tip_errors, ".", color="0.5")
-    left.set(xlabel="η, yellow ring over blue ring", ylabel="mean tip error (mm)")
-    left.set(title="Posture", ylim=(0, None))
+    left.set(title="Posture", ylabel="mean tip error (mm)", ylim=(0, None))
     for i, (name, colour, style) in enumerate(
         (("blue ring", BLUE, "-o"), ("yellow ring", "#C79A00", "--s"))
     ):
-        right.plot(etas, [one.rings[i] for one in found.etas], style, color=colour, label=name)
-    right.set(xlabel="η, yellow ring over blue ring", ylabel="width (px)", ylim=(0, None))
-    right.set(title="The straight chamber's image")
-    right.legend()
+        middle.plot(etas, [one.rings[i] for one in found.etas], style, color=colour, label=name)
+    middle.set(title="Image, straight", ylabel="width (px)", ylim=(0, None))
+    middle.legend(loc="lower right")
+    right.plot(etas, [one.clearance for one in found.etas], "-o", color=VERMILION)
+    right.axhline(0, color="0.4", linewidth=0.9)
+    right.axhline(ROOM_MM, color="0.4", linestyle=":")
+    right.text(1, ROOM_MM, f"{ROOM_MM:g} mm", ha="right", va="bottom", color="0.3",
+               transform=right.get_yaxis_transform())  # fmt: skip
+    right.set(title="Room at D", ylabel=r"$\Delta l_A - |\Delta l_D|$ (mm)")
+    for axes in (left, middle, right):
+        axes.set_xlabel("η, yellow over blue")
     return Figure(
         "etas",
-        "Which chamber shows the posture best",
-        "Left: networks trained on images of chambers with different η, dots are seeds. Right: how "
-        "wide their rings are imaged.",
+        "Chambers of different η",
+        "Left: networks trained on their images, dots are seeds. Middle: how wide their rings are "
+        "imaged. Right: the paper's criterion, what |Δl_D| leaves inside Δl_A; dotted: the room "
+        "asked for in table1.",
         drawing,
     )

@@ -31,6 +31,11 @@ class AtBend:
     bend_deg: float
     errors: Float[np.ndarray, " frames"]
 
+    @property
+    def known(self) -> Float[np.ndarray, " answered"]:
+        """Errors of frames with an answer, mm."""
+        return self.errors[np.isfinite(self.errors)]
+
 
 @dataclass(frozen=True)
 class Odd:

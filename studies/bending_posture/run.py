@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import statistics
 import tempfile
 import time
@@ -10,17 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from designopt.errors import UserError
 from designopt.results import PrecisionRow, PrecisionStudy, Results, SpecFile
 from designopt.study import Context
 from optics.soft_finger import image_rates
 from perception.chamber import find_regions
-from perception.posture import (
-    PostureEstimator,
-    boundary_image,
-    find_posture,
-    shrunk,
-)
+from perception.posture import PostureEstimator, boundary_image, find_posture, shrunk
 from studies.bending_posture import drawings, statements, tables
+from studies.bending_posture.elsewhere import elsewhere
 from studies.bending_posture.found import AtEta, Found, Shown
 from studies.bending_posture.odd import odd_frames, over_bends
 from studies.bending_posture.spec import BendingPostureSpec
@@ -29,7 +27,7 @@ from studies.bending_posture.trainings import (
     OURS,
     REGULARISATIONS,
     Data,
-    Trained,
+    counted,
     data_of,
     fewer,
     ours,
@@ -59,7 +57,7 @@ def run(spec: BendingPostureSpec, context: Context) -> Results:
     with one_thread():
         found = find(spec, context)
     return Results(
-        findings=statements.findings(spec, found),
+        findings=statements.findings(found),
         metrics=statements.metrics(spec, found),
         tables=tables.tables(found),
         figures=drawings.figures(spec, found),
@@ -73,9 +71,10 @@ def run(spec: BendingPostureSpec, context: Context) -> Results:
         ],
         precision=PrecisionStudy(
             found.rows,
-            error="tip error, over that of the mean of the labels",
-            reference="the markers of the rendered finger, on unseen images",
-            claims=[statements.claim(found)],
+            error="relative tip error",
+            reference="the markers of the rendered finger on unseen images, over the error of the "
+            "mean of the labels",
+            claims=statements.claims(spec, found),
         ),
     )
 
@@ -85,14 +84,15 @@ def find(spec: BendingPostureSpec, context: Context) -> Found:
     seed = context.seed
     with context.step("The finger"):
         finger = SoftFinger.of(spec)
+        chambers = [(eta, _chamber(spec, eta)) for eta in spec.etas]
     most = max([spec.samples, *spec.counts])
     with context.step(f"{most + spec.unseen} images"):
         everything = data_of(spec, finger, most, [spec.width, *spec.widths], seed)
     data = fewer(everything, spec.samples)
     size = size_of(spec.width)
-    found: dict[str, list[Trained]] = {}
+    found = {}
     for way, settings in ways(spec, data, finger.length).items():
-        with context.step(f"{spec.seeds} trainings, {way}"):
+        with context.step(f"Trainings: {way}"):
             found[way] = [
                 trained(way, replace(settings, seed=seed + i), data, size, watch=way == OURS)
                 for i in range(spec.seeds)
@@ -104,14 +104,16 @@ def find(spec: BendingPostureSpec, context: Context) -> Found:
             one = trained("sweep", settings, data, size, watch=False)
             sweep.append((regularisation, one.tip_error))
     rows = [_mean_row(everything)]
-    for width in spec.widths:
-        for count in spec.counts:
-            with context.step(f"{width} px wide, {count} samples"):
-                rows.append(_timed(spec, fewer(everything, count), width, seed))
+    for width in sorted(spec.widths):
+        for count in sorted(spec.counts):
+            with context.step(f"{width} px wide, {counted(count)}"):
+                rows.append(_timed(spec, fewer(everything, count), width, count, seed))
     etas = []
-    for eta in spec.etas:
+    for eta, chamber in chambers:
         with context.step(f"Chamber with η = {eta:g}"):
-            etas.append(_at_eta(spec, eta, seed))
+            etas.append(_at_eta(spec.model_copy(update={"eta": eta}), chamber, seed))
+    with context.step("Other lamps and fingers"):
+        others = elsewhere(spec, finger, [one.estimator for one in found[OURS]], seed)
     with context.step("0.01° to 120°, and frames that are no proper images"):
         estimator = found[OURS][0].estimator
         bends = over_bends(finger, estimator, REPEATED, seed + 1)
@@ -120,7 +122,24 @@ def find(spec: BendingPostureSpec, context: Context) -> Found:
         shown = _shown(finger, spec, seed + 3)
         seconds = _seconds(finger, estimator, spec, seed + 4)
     marks = regularisations(data, finger.length)
-    return Found(data, found, sweep, marks, rows, etas, bends, odd, seconds, shown)
+    return Found(
+        data, found, sweep, marks, rows, etas, others, bends, odd, seconds, _cores(), shown
+    )
+
+
+def _chamber(spec: BendingPostureSpec, eta: float) -> SoftFinger:
+    try:
+        return SoftFinger.of(spec.model_copy(update={"eta": eta}))
+    except UserError as error:
+        raise UserError(
+            f"--set etas: no chamber with these dimensions has η = {eta:g}; leave it out"
+        ) from error
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _saved(estimator: PostureEstimator) -> bytes:
@@ -137,7 +156,7 @@ def _mean_row(data: Data) -> PrecisionRow:
     return PrecisionRow(MEAN, "all samples", "training", 1.0, seconds, seconds, seconds, 0.0)
 
 
-def _timed(spec: BendingPostureSpec, data: Data, width: int, seed: int) -> PrecisionRow:
+def _timed(spec: BendingPostureSpec, data: Data, width: int, count: int, seed: int) -> PrecisionRow:
     """One training, timed; what it compiles is seen in its first epoch."""
     columns, rows = size_of(width)
     settings = replace(ours(spec), seed=seed)
@@ -148,7 +167,7 @@ def _timed(spec: BendingPostureSpec, data: Data, width: int, seed: int) -> Preci
     total = epoch * len(seconds)
     return PrecisionRow(
         f"{columns} × {rows} px",
-        f"{len(data.labels)} samples",
+        counted(count),
         "training",
         one.tip_error / data.mean_error,
         total,
@@ -158,8 +177,7 @@ def _timed(spec: BendingPostureSpec, data: Data, width: int, seed: int) -> Preci
     )
 
 
-def _at_eta(spec: BendingPostureSpec, eta: float, seed: int) -> AtEta:
-    finger = SoftFinger.of(spec.model_copy(update={"eta": eta}))
+def _at_eta(spec: BendingPostureSpec, finger: SoftFinger, seed: int) -> AtEta:
     data = data_of(spec, finger, spec.eta_samples, [spec.width], seed)
     settings, size = ours(spec), size_of(spec.width)
     tips = tuple(
@@ -170,8 +188,12 @@ def _at_eta(spec: BendingPostureSpec, eta: float, seed: int) -> AtEta:
         finger.postures(np.zeros(1), np.zeros(1))
     )[0]
     blue, yellow, top = (float(np.ptp(outline[:, 0])) / 2 for outline in straight.outlines)
-    rate = float(image_rates(finger.chamber, finger.endoscope, DOWN)[1]) * np.pi / 180
-    return AtEta(eta, (blue - yellow, yellow - top), rate, tips)
+    chamber = finger.chamber
+    rates = image_rates(chamber, finger.endoscope, DOWN)
+    rate = float(rates.value[1]) * np.pi / 180 if bool(rates.ok) else None
+    clearance = float(chamber.offset_a) - abs(float(chamber.offset_d))
+    widths = (blue - yellow, yellow - top)
+    return AtEta(spec.eta, widths, rate, clearance, data.unusable, tips)
 
 
 def _shown(finger: SoftFinger, spec: BendingPostureSpec, seed: int) -> list[Shown]:

@@ -6,17 +6,11 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from studies.chamber_images.spec import ChamberImagesSpec
+from studies.chamber_images.spec import ChamberImagesSpec, distinct
 
 Count = Annotated[int, Field(ge=50, le=100_000)]
 Eta = Annotated[float, Field(ge=0.3, le=1.2)]
 Pixels = Annotated[int, Field(ge=16, le=640)]
-
-
-def _distinct(values: list) -> list:
-    if len(set(values)) < len(values):
-        raise ValueError("values must differ from each other")
-    return values
 
 
 class BendingPostureSpec(ChamberImagesSpec):
@@ -37,13 +31,13 @@ class BendingPostureSpec(ChamberImagesSpec):
         default=3, description="trainings of every kind, each from other weights"
     )
     width: Pixels = Field(default=64, description="of the image that the network sees (px)")
-    widths: Annotated[list[Pixels], AfterValidator(_distinct)] = Field(
+    widths: Annotated[list[Pixels], AfterValidator(distinct)] = Field(
         default=[32, 64, 96], description="other widths, error against training time (px)"
     )
-    counts: Annotated[list[Count], AfterValidator(_distinct)] = Field(
+    counts: Annotated[list[Count], AfterValidator(distinct)] = Field(
         default=[250, 500, 1000, 2000], description="numbers of samples, likewise"
     )
-    etas: Annotated[list[Eta], AfterValidator(_distinct)] = Field(
+    etas: Annotated[list[Eta], AfterValidator(distinct)] = Field(
         default=[0.5, 0.6, 0.7, 0.8, 0.9, 1.0], description="chambers whose postures are compared"
     )
     sweep: bool = Field(default=True, description="compare weights of the L2 regularisation")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from designopt.errors import UserError
 from perception.posture import (
     EQUAL_WEIGHTS,
     PostureEstimator,
@@ -27,15 +28,19 @@ PAPER_REGULARISATION = 0.01
 REGULARISATIONS = (1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0)
 """Weights of L2 regularisation that are compared, for standardised labels."""
 
-OURS, EQUAL, KEPT, L2, L2_LENGTHS, RAW = (
+OURS, EQUAL, KEPT, L2_MM, L2_STANDARDISED, L2_LENGTHS, RAW = (
     "weighted",
     "equal weights",
     "rate kept",
+    "L2 0.01, labels in mm",
     "L2 0.01, labels standardised",
     "L2 0.01, labels in finger lengths",
     "raw images",
 )
 """Names of ways to train; the first is the one that the study stands for."""
+
+READINGS = {"mm": L2_MM, "standardised": L2_STANDARDISED, "finger lengths": L2_LENGTHS}
+"""Ways with the paper's regularisation, by the unit in which its loss may be."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +51,13 @@ class Data:
         train: the samples.
         labels: their markers with noise, mm.
         unseen: other samples.
+        unusable: frames that showed no chamber, which are in neither.
     """
 
     train: Samples
     labels: Float[np.ndarray, "samples 3 2"]
     unseen: Samples
+    unusable: int
 
     @property
     def mean_error(self) -> float:
@@ -80,6 +87,11 @@ class Trained:
         return float(self.errors[:, -1].mean())
 
 
+def counted(count: int) -> str:
+    """A number of samples in words."""
+    return f"{count} samples"
+
+
 def size_of(width: int) -> Size:
     """Columns and rows of a small image of the camera's shape."""
     return width, round(width * 0.75)
@@ -88,7 +100,13 @@ def size_of(width: int) -> Size:
 def data_of(
     spec: BendingPostureSpec, finger: SoftFinger, count: int, widths: list[int], seed: int
 ) -> Data:
-    """Random postures of a finger; the same bends, directions and objects for every finger."""
+    """Random postures of a finger; the same bends, directions and objects for every finger.
+
+    Frames that show no chamber have no posture to be read, and are left out.
+
+    Raises:
+        UserError: hardly any frame shows a chamber.
+    """
     generator = np.random.default_rng([seed, 5])
     total = count + spec.unseen
     bends = np.deg2rad(generator.uniform(0, spec.largest_bend_deg, total))
@@ -96,8 +114,20 @@ def data_of(
     sizes = tuple(size_of(width) for width in dict.fromkeys(widths))
     made = samples(finger, postures, sizes, seed=seed)
     noise = spec.label_noise * generator.standard_normal((count, 3, 2))
-    seen = made.part(slice(None, count))
-    return Data(seen, seen.markers + noise, made.part(slice(count, None)))
+    seen, unseen = made.part(slice(None, count)), made.part(slice(count, None))
+    if np.count_nonzero(seen.usable) < 2 or not unseen.usable.any():
+        raise UserError(
+            f"η = {spec.eta:g}: hardly any picture of this chamber can be used; choose another "
+            "eta (or etas), or a lower severity"
+        )
+    labels = (seen.markers + noise)[seen.usable]
+    return Data(_usable(seen), labels, _usable(unseen), int(np.count_nonzero(~made.usable)))
+
+
+def _usable(some: Samples) -> Samples:
+    which = some.usable
+    images = {size: stack[which] for size, stack in some.images.items()}
+    return Samples(some.bends[which], images, some.usable[which], some.markers[which])
 
 
 def label_scale(data: Data) -> float:
@@ -133,8 +163,7 @@ def ways(spec: BendingPostureSpec, data: Data, length: float) -> dict[str, Train
         OURS: own,
         EQUAL: replace(own, loss_weights=EQUAL_WEIGHTS),
         KEPT: replace(own, decay=False),
-        L2: replace(own, regularisation=paper["standardised"]),
-        L2_LENGTHS: replace(own, regularisation=paper["finger lengths"]),
+        **{way: replace(own, regularisation=paper[unit]) for unit, way in READINGS.items()},
         RAW: replace(own, standardise=False),
     }
 
