@@ -20,8 +20,11 @@ MOST_STEPS = 100
 CLOSED = 1e-9
 """Largest gap, in units of the linkage's size, of an assembled linkage."""
 
-ATTEMPTS = 8
+ATTEMPTS = 24
 """Starts of the assembly: the sketch itself, then the sketch with ever more disorder."""
+
+DISORDERED = 8
+"""Attempt from which on the disorder is as large as the linkage."""
 
 POLISH = 4
 """Newton steps that take an assembled linkage to rounding."""
@@ -239,7 +242,8 @@ class Equations:
         random = np.random.default_rng(0)
         best = None
         for attempt in range(ATTEMPTS):
-            start = drawn + attempt / ATTEMPTS * random.standard_normal(drawn.shape)
+            disorder = min(attempt / DISORDERED, 1)
+            start = drawn + disorder * random.standard_normal(drawn.shape)
             for rows in (held, held[:0]):
                 found = self._closest(start, rows, rows @ drawn)
                 residual = self.residual_and_jacobian(found)[0]

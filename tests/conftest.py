@@ -13,6 +13,7 @@ if "PYTEST_XDIST_WORKER" not in os.environ and "slow" not in sys.argv:
 import hypothesis  # noqa: E402
 import jax  # noqa: E402
 import pytest  # noqa: E402
+from hypothesis.internal.conjecture import providers  # noqa: E402
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -33,3 +34,7 @@ def pytest_configure(config: pytest.Config) -> None:
 # Compiling makes a first example slow; the same examples every time keep the suite reproducible.
 hypothesis.settings.register_profile("suite", deadline=None, derandomize=True, max_examples=50)
 hypothesis.settings.load_profile("suite")
+
+# Hypothesis also draws constants that it finds in the modules a process has imported so far, so
+# that examples would depend on which other tests the process ran before.
+providers._get_local_constants = providers.Constants
