@@ -14,6 +14,7 @@ import hypothesis  # noqa: E402
 import jax  # noqa: E402
 import pytest  # noqa: E402
 from hypothesis.internal.conjecture import providers  # noqa: E402
+from hypothesis.internal.constants_ast import Constants  # noqa: E402
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -37,4 +38,4 @@ hypothesis.settings.load_profile("suite")
 
 # Hypothesis also draws constants that it finds in the modules a process has imported so far, so
 # that examples would depend on which other tests the process ran before.
-providers._get_local_constants = providers.Constants
+providers._get_local_constants = Constants
