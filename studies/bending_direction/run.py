@@ -63,6 +63,8 @@ def find(spec: BendingDirectionSpec, context: Context) -> Found:
     seed = context.seed
     with context.step("The finger"):
         finger = SoftFinger.of(spec)
+    with context.step("The chamber whose image moves most"):
+        designs, held_by = best(finger, seed)
     with context.step(f"{spec.images} images in every direction"):
         random = _random(spec, finger, spec.images, spec.largest_bend_deg, seed, stream=3)
     with context.step("Bending from nothing to 120°"):
@@ -77,8 +79,6 @@ def find(spec: BendingDirectionSpec, context: Context) -> Found:
             )
             for number, truth in enumerate(TOWARDS)
         ]
-    with context.step("The chamber whose image moves most"):
-        designs, held_by = best(finger, seed)
     small: list[list[Series]] = []
     for design in designs:
         with context.step(f"Small bends, chamber {design.name}"):
