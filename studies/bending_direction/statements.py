@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from designopt.results import Metric, Target
-from studies.bending_direction.design import OUTLINES, Design
+from studies.bending_direction.design import INSIDE, OUTLINES, Design
 from studies.bending_direction.found import USES, Found
 from studies.bending_direction.spec import BendingDirectionSpec
 from studies.bending_direction.tables import THRESHOLDS, flipped, paper_tally, undecided
@@ -121,6 +123,9 @@ def findings(spec: BendingDirectionSpec, found: Found) -> list[str]:
 
 
 def _range(parts: list[float]) -> str:
+    parts = [part for part in parts if math.isfinite(part)]
+    if not parts:
+        return "none"
     low, high = 100 * min(parts), 100 * max(parts)
     return f"{low:.1f} %" if f"{low:.1f}" == f"{high:.1f}" else f"{low:.1f}–{high:.1f} %"
 
@@ -128,6 +133,8 @@ def _range(parts: list[float]) -> str:
 def gone_at(areas: np.ndarray, bends: np.ndarray) -> float | None:
     """The bend from which on nothing is left of an area; None if something always is."""
     empty = areas == 0
+    if empty.all():
+        return float(bends[0])
     if not empty[-1]:
         return None
     return float(bends[len(empty) - int(np.argmin(empty[::-1]))])
@@ -147,7 +154,7 @@ def _thresholds(found: Found) -> list[str]:
     if not good:
         return []
     return [
-        f"Of the thresholds tried, those from {good[0]:g} to {good[-1]:g} px leave at most "
+        f"Of the thresholds tried, {', '.join(f'{least:g}' for least in good)} px leave at most "
         f"{ABSTAINED:g} % undecided with at least {DECIDED:g} % of the others right in every "
         "direction."
     ]
@@ -189,7 +196,9 @@ def _design(spec: BendingDirectionSpec, found: Found) -> list[str]:
         f"As the finger starts to bend, the outlines of blue, yellow and top move by "
         f"{_numbers(own)} px per degree. What changes it: {'; '.join(moved)}. The paper's points "
         "are none of the top's.",
-        f"Within Table I's limits they move most, {_numbers(best)} px per degree, with "
+        f"Within Table I's limits, and with blue inside the image by {INSIDE:g} px, they move "
+        f"{'most' if best.rates.mean() > own.rates.mean() else 'at most'}, {_numbers(best)} px per "
+        "degree, with "
         f"η = {float(best.knobs.eta):.2f}, Δl_B = {float(best.knobs.offset_b):.2f} mm and "
         f"θ_BC = {np.rad2deg(float(best.knobs.wall_angle_bc)):.2f}° "
         f"({gains[0]:+.1f} %, {gains[1]:+.1f} %, {gains[2]:+.1f} %); what holds it: "

@@ -84,7 +84,7 @@ def find(spec: BendingPostureSpec, context: Context) -> Found:
     seed = context.seed
     with context.step("The finger"):
         finger = SoftFinger.of(spec)
-        chambers = [(eta, _chamber(spec, eta)) for eta in spec.etas]
+        chambers = [(eta, _chamber(spec, eta)) for eta in sorted(spec.etas)]
     most = max([spec.samples, *spec.counts])
     with context.step(f"{most + spec.unseen} images"):
         everything = data_of(spec, finger, most, [spec.width, *spec.widths], seed)

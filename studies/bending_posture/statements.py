@@ -232,7 +232,7 @@ def _bends(found: Found) -> str:
         return "No frame from 0.01° to 120° of bend has an answer."
     worst = max(answered, key=lambda one: float(one.known.mean()))
     return (
-        f"From 0.01° to 120° of bend the mean tip error is at most "
+        f"From 0.01° to 120° of bend, under another lamp, the mean tip error is at most "
         f"{float(worst.known.mean()):.2f} mm, at {worst.bend_deg:g}°."
     )
 

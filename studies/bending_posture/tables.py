@@ -153,7 +153,7 @@ def bends(found: Found) -> Table:
         rows.append([one.bend_deg, len(one.errors), len(known), *numbers])
     return Table(
         "bends",
-        "Tip error from hardly bent to far, frames with all effects",
+        "Tip error from hardly bent to far, frames with all effects under another lamp",
         ["bend_deg", "frames", "answered", "tip_mean_mm", "tip_most_mm"],
         rows,
         {"tip_mean_mm": 3, "tip_most_mm": 3},

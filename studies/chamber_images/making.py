@@ -28,7 +28,7 @@ from optics.soft_finger import (
     wall_radii,
 )
 from optics.soft_finger.renderer import CHUNK, COLOURS
-from studies.chamber_images.spec import ChamberImagesSpec, MadeSpec
+from studies.chamber_images.spec import WIDEST_DEG, ChamberImagesSpec, MadeSpec
 from studies.table1 import imaging
 from studies.table1.spec import ChamberSpec
 
@@ -115,7 +115,7 @@ class SoftFinger:
         return np.asarray(Rings.of(self.chamber).arc)
 
     def made(self, errors: MadeSpec, generator: np.random.Generator) -> SoftFinger:
-        """This finger as one of many is made."""
+        """This finger as one of many is made; no camera sees wider than settings allow."""
 
         def off(deviation: float) -> float:
             return deviation * float(generator.standard_normal())
@@ -129,6 +129,7 @@ class SoftFinger:
             for name in ("offset_a", "offset_b", "offset_d")
         }
         view = self.endoscope.field_of_view + math.radians(off(errors.field_of_view_deg))
+        view = jnp.minimum(view, math.radians(WIDEST_DEG))
         return dataclasses.replace(
             self,
             chamber=dataclasses.replace(chamber, **changed),

@@ -12,6 +12,10 @@ from studies.table1.spec import ChamberSpec
 Severity = Annotated[float, Field(ge=0, le=2)]
 
 
+WIDEST_DEG = 80.0
+"""Widest field of view, with all distortions that are allowed, whose rays are all followed."""
+
+
 def distinct(values: list) -> list:
     """Settings that must differ from each other.
 
@@ -26,7 +30,7 @@ def distinct(values: list) -> list:
 class EndoscopeSpec(Spec):
     """The camera; the paper gives its pixels, 640 × 480, and no angle."""
 
-    field_of_view_deg: Annotated[float, Field(ge=30, le=80)] = Field(
+    field_of_view_deg: Annotated[float, Field(ge=30, le=WIDEST_DEG)] = Field(
         default=60.0, description="angle between opposite corners of the image (degrees)"
     )
     distortion: Annotated[float, Field(ge=-0.2, le=0.2)] = Field(

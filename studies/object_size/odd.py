@@ -67,6 +67,10 @@ class Odd:
         return self.said.sight is not self.kind.sight or unseen or not self.said.sound
 
 
+WITHIN = 5.0
+"""How far a diameter may be off the bottle's, mm; more is another answer than the defined one."""
+
+
 @dataclass(frozen=True)
 class AtBend:
     """What was said of a finger at one bend.
@@ -86,12 +90,16 @@ class AtBend:
         """Frames without the defined answer.
 
         All show the chamber. A finger that holds nothing has no diameter. One that holds a bottle
-        has, unless the bend that is read is off to where it holds nothing.
+        has about that of the bottle, or none: the bend that is read may be off to where it holds
+        nothing.
         """
         return sum(
             one.sight not in USABLE
             or not one.sound
-            or (self.diameter is None and one.diameter is not None)
+            or (
+                one.diameter is not None
+                and (self.diameter is None or abs(one.diameter - self.diameter) > WITHIN)
+            )
             for one in self.said
         )
 

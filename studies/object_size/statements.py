@@ -121,9 +121,9 @@ def findings(spec: ObjectSizeSpec, found: Found) -> list[str]:
         f"Of {len(found.bottles.diameters)} grasps of bottles of {', '.join(names[:-1])} and "
         f"{names[-1]} mm, {right} ({100 * told_apart(spec, found.bottles):.1f} %) were told for "
         "what they are by the nearest diameter.",
-        f"Diameters of {spec.random_grasps} bottles of {spec.least:g} to {spec.largest:g} mm are "
-        f"off by {error:.2f} mm in the mean and by {p95:.2f} mm at the 95th percentile; the bias "
-        f"is {bias:+.2f} mm.",
+        f"Diameters of {int(np.count_nonzero(random.estimates.known))} bottles with an answer, of "
+        f"{spec.random_grasps} of {spec.least:g} to {spec.largest:g} mm, are off by {error:.2f} mm "
+        f"in the mean and by {p95:.2f} mm at the 95th percentile; the bias is {bias:+.2f} mm.",
         f"By the true bend they would still be off by {grasp:.2f} mm, for a bottle is off its "
         "place and presses the wall in more or less; by the bend found on the image alone, with "
         f"the bottle's place known, by {image:.2f} mm.",
@@ -138,8 +138,9 @@ def findings(spec: ObjectSizeSpec, found: Found) -> list[str]:
     other = found.other_lamp
     by_image = summary(other.errors(other.by_true_place))[0]
     lines.append(
-        f"With a lamp that the network was not trained with, {len(other.diameters)} diameters are "
-        f"off by {summary(other.errors(other.diameters))[0]:.2f} mm in the mean, by "
+        f"With a lamp that the network was not trained with, "
+        f"{int(np.count_nonzero(other.estimates.known))} of {len(other.diameters)} grasps have an "
+        f"answer, off by {summary(other.errors(other.diameters))[0]:.2f} mm in the mean, by "
         f"{by_image:.2f} mm for the image alone."
     )
     frames = len(found.odd) + sum(len(one.said) for one in found.bends)

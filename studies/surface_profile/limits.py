@@ -95,9 +95,10 @@ def over_sizes(spec: SurfaceProfileSpec, design: ChamberMap, seed: int) -> list[
         for slide in slides(spec, quantity, size, seed)
     ]
     trials: list[list[Trial]] = [[] for _ in sizes]
-    for finger in range(spec.fingers):
+    fingers = min(spec.fingers, spec.trials)
+    for finger in range(fingers):
         # Pairs of kinds share the fingers.
-        own = [(i, slide) for i, slide in asked if slide.number // 2 % spec.fingers == finger]
+        own = [(i, slide) for i, slide in asked if slide.number // 2 % fingers == finger]
         if own:
             found = touched(
                 spec,

@@ -205,7 +205,8 @@ def test_directions_point_where_their_names_say():
 
 
 @pytest.mark.parametrize(
-    ("areas", "gone"), [([5, 3, 0, 0], 2.0), ([5, 0, 3, 0], 3.0), ([5, 3, 2, 1], None)]
+    ("areas", "gone"),
+    [([5, 3, 0, 0], 2.0), ([5, 0, 3, 0], 3.0), ([5, 3, 2, 1], None), ([0, 0, 0, 0], 0.0)],
 )
 def test_a_region_is_gone_from_where_it_does_not_come_back(areas, gone):
     assert gone_at(np.array(areas), np.arange(4.0)) == gone

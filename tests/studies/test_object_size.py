@@ -445,8 +445,9 @@ def test_odd_frames_fail_where_their_answer_is_not_the_defined_one():
     ]
     for kind, said, failed in answers:
         assert Odd(kind, said).failed is failed
-    at = AtBend(60.0, 70.0, [said for _, said, _ in answers])
-    assert at.failures == 6
+    said = [said for _, said, _ in answers]
+    assert AtBend(60.0, 62.0, said).failures == 6
+    assert AtBend(60.0, 70.0, said).failures == 8  # two that are finite are 10 mm off
     closed = AtBend(120.0, None, [Said(Sight.CHAMBER, 60.0), Said(Sight.NO_YELLOW, None)])
     assert closed.failures == 1
 
