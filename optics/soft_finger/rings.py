@@ -31,9 +31,6 @@ from optics.soft_finger.bending import bent
 FIELD_STOP = 1.2
 """Tangent of the angle from the chamber's axis beyond which nothing is followed."""
 
-REGIONS = ("red", "blue", "yellow")
-"""From the lens to the top; what closes the chamber is the top."""
-
 
 class Rings(eqx.Module):
     """Rings of a straight chamber's wall, from near the lens to its top.
@@ -43,7 +40,7 @@ class Rings(eqx.Module):
         radius: of the wall there, mm.
         pinhole_offset: δ, distance of the pinhole behind the start of the centre line, mm.
         length: of the centre line, mm.
-        region: of each ring, the index in `REGIONS` of the wall that ends there.
+        region: of each ring, the wall that it ends: 0 red, 1 blue, 2 yellow.
         ends: index of the last ring of each region: that at B, at C and at D.
     """
 
