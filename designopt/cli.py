@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 import io
 import os
 import sys
+from collections.abc import Callable
 from importlib.metadata import entry_points, version
 from typing import Annotated, cast
 
 import typer
 
-from designopt.errors import UserError
+from designopt.errors import Interrupted, UserError
 
 COMMAND_GROUP = "designopt.commands"
 
@@ -50,6 +52,9 @@ def run(arguments: list[str]) -> int:
         return _fault(str(error))
     except _UsageError as error:
         return _fault(f"{error.format_message()} ('designopt --help' shows how to call it)")
+    except Interrupted as end:
+        print(f"interrupted; {end}", file=sys.stderr)
+        return INTERRUPTED
     except KeyboardInterrupt:  # before Typer was there to catch it
         code = INTERRUPTED
     if code == INTERRUPTED:  # Typer, which turns an interrupt into this code, says nothing
@@ -70,8 +75,14 @@ def _app() -> typer.Typer:
         except Exception as error:  # a plug-in is anyone's code; the other commands must not suffer
             print(f"warning: command '{point.name}' cannot be loaded: {error}", file=sys.stderr)
             continue
-        app.command(point.name)(command)
+        app.command(point.name, help=_help(command))(command)
     return app
+
+
+def _help(command: Callable[..., object]) -> str:
+    """A command's docstring, whose example keeps its lines."""
+    # A line with \b alone keeps Click from filling the paragraph after it.
+    return inspect.cleandoc(command.__doc__ or "").replace("Example:\n", "\b\nExample:\n")
 
 
 def _show_version(wanted: bool) -> bool:

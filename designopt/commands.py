@@ -28,7 +28,11 @@ def list_studies(
         str | None, typer.Argument(metavar="[STUDY]", help="Show this study's settings.")
     ] = None,
 ) -> None:
-    """List the studies, or the settings of one."""
+    """List the studies, or the settings of one.
+
+    Example:
+      designopt list table1
+    """
     from pydantic_core import PydanticUndefined
     from rich.console import Console
     from rich.table import Table
@@ -69,7 +73,11 @@ def run_study(
     dtype: Annotated[Dtype, typer.Option(help="Float type to compute in.")] = Dtype.float64,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier result.")] = False,
 ) -> int:
-    """Run a study into a folder of results."""
+    """Run a study into a folder of results.
+
+    Example:
+      designopt run table1 --set precision=false --set stability=false --out quick
+    """
     from designopt.settings import spec_with
     from designopt.study import load_study
 

@@ -1,8 +1,15 @@
-"""The one error a user can cause."""
+"""The one error a user can cause, and an end that a user asked for."""
 
 
 class UserError(Exception):
     """A fault in what a person wrote; its text names the place, the key and the cure in one line.
 
     The command line prints it as ``error: …`` and exits with code 2, without a traceback.
+    """
+
+
+class Interrupted(Exception):  # noqa: N818 - an end, and no error
+    """Ctrl-C or SIGTERM ended a command that keeps what it has; its text says what, in one line.
+
+    The command line prints it and exits with code 130.
     """

@@ -37,6 +37,25 @@ def spec_with(model: type[Spec], assignments: Iterable[str], *, study: str) -> S
         ) from error
 
 
+def spec_of(model: type[Spec], tables: Any, *, source: str) -> Spec:
+    """The spec that an earlier result was made with.
+
+    Args:
+        model: the study's spec.
+        tables: as they stand in ``results.json``.
+        source: where they come from, for messages.
+
+    Raises:
+        UserError: this version of the study has other settings.
+    """
+    try:
+        return model.model_validate(tables)
+    except pydantic.ValidationError as error:
+        raise UserError(
+            f"{source}: made by another version of the study, whose settings differ; run it again"
+        ) from error
+
+
 def fields(model: type[Spec], prefix: str = "") -> Iterator[tuple[str, Any, str]]:
     """Every key of a spec as ``(key, default, description)``, nested keys joined by dots.
 

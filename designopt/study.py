@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pydantic
 
 from designopt.errors import UserError
 from designopt.results import Results
+
+if TYPE_CHECKING:
+    from designopt.designs.design import Design
 
 STUDY_GROUP = "designopt.studies"
 
@@ -62,6 +66,12 @@ class Study:
         spec: pydantic model of its settings, with defaults.
         run: from spec and context to results; imports JAX and the rest only when called.
         needs: what must be installed beyond the package itself (extras); empty if nothing.
+        design: from its spec, and from the ``specs`` folder of an earlier result with that spec
+            if there is one, to the design that ``explore`` and ``export`` take; ``None`` if the
+            study designs nothing.
+        batch: from many specs at once to what ``run`` finds for each, in the same order, but for
+            rounding: its metrics, or the error that says why there are none. For studies whose
+            points JAX can batch; used by sweeps only.
     """
 
     name: str
@@ -69,6 +79,8 @@ class Study:
     spec: type[Spec]
     run: Callable[[Any, Context], Results]
     needs: tuple[str, ...] = ()
+    design: Callable[[Any, Path | None], Design] | None = None
+    batch: Callable[[Sequence[Any], Context], Sequence[Results | UserError]] | None = None
 
 
 def installed_studies() -> Iterator[tuple[str, Study | UserError]]:

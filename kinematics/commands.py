@@ -48,7 +48,11 @@ def solve(
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> int:
-    """Solve a linkage over a sweep of its inputs."""
+    """Solve a linkage over a sweep of its inputs.
+
+    Example:
+      designopt solve four-bar.toml --sweep crank=0:360:37 --csv four-bar.csv
+    """
     # Imported here, so that listing the commands does not load JAX.
     from kinematics.solving import Request, print_plan, solve_file
 

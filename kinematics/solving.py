@@ -16,8 +16,8 @@ from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.files import check_figure_ending, check_targets, replaced_when_complete
+from designopt.ranges import grid_of, single_values
 from designopt.solution import Solution
-from designopt.sweeps import grid_of, single_values
 from kinematics.limits import find_limits
 from kinematics.linkage import Linkage
 from kinematics.plan import describe

@@ -53,7 +53,11 @@ def trace(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> int:
-    """Trace what the camera of a scene sees, and rays."""
+    """Trace what the camera of a scene sees, and rays.
+
+    Example:
+      designopt trace finger.toml --sweep pip=0:90:4 --json finger.json
+    """
     # Imported here, so that listing the commands does not load JAX.
     from optics.trace_command import Request, trace_file
 

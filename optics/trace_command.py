@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from designopt.errors import UserError
 from designopt.files import check_figure_ending, check_targets, replaced_when_complete
-from designopt.sweeps import LARGEST_INPUT, grid_of, single_values
+from designopt.ranges import LARGEST_INPUT, grid_of, single_values
 from optics.scene import Scene
 from optics.scene_file import MOST_BOUNCES
 from optics.scene_reading import read_scene

@@ -1,8 +1,16 @@
 """Paper A's bending directions (Table II, Fig. 12), and the chamber that shows them best."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from designopt.results import Results
 from designopt.study import Context, Study
 from studies.bending_direction.spec import BendingDirectionSpec
+
+if TYPE_CHECKING:
+    from designopt.designs import Design
 
 
 def _run(spec: BendingDirectionSpec, context: Context) -> Results:
@@ -12,9 +20,16 @@ def _run(spec: BendingDirectionSpec, context: Context) -> Results:
     return run(spec, context)
 
 
+def _design(spec: BendingDirectionSpec, folder: Path | None) -> Design:
+    from studies.chamber_images.design import soft_finger_design
+
+    return soft_finger_design("bending-direction", spec, folder)
+
+
 STUDY = Study(
     name="bending-direction",
     purpose="Which way a soft finger bends, from its coloured chamber: Table II of paper A",
     spec=BendingDirectionSpec,
     run=_run,
+    design=_design,
 )

@@ -1,8 +1,16 @@
 """Paper A's bending posture (Figs. 10 and 11): a network that reads markers from the chamber."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from designopt.results import Results
 from designopt.study import Context, Study
 from studies.bending_posture.spec import BendingPostureSpec
+
+if TYPE_CHECKING:
+    from designopt.designs import Design
 
 
 def _run(spec: BendingPostureSpec, context: Context) -> Results:
@@ -12,9 +20,16 @@ def _run(spec: BendingPostureSpec, context: Context) -> Results:
     return run(spec, context)
 
 
+def _design(spec: BendingPostureSpec, folder: Path | None) -> Design:
+    from studies.chamber_images.design import soft_finger_design
+
+    return soft_finger_design("bending-posture", spec, folder)
+
+
 STUDY = Study(
     name="bending-posture",
     purpose="How a soft finger is bent, from its chamber, by a network: Figs. 10 and 11 of paper A",
     spec=BendingPostureSpec,
     run=_run,
+    design=_design,
 )

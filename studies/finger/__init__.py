@@ -1,8 +1,16 @@
 """Paper B's finger from its requirements: linkage, mirrors, grasp."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from designopt.results import Results
 from designopt.study import Context, Study
 from studies.finger.spec import FingerSpec
+
+if TYPE_CHECKING:
+    from designopt.designs import Design
 
 
 def _run(spec: FingerSpec, context: Context) -> Results:
@@ -12,9 +20,16 @@ def _run(spec: FingerSpec, context: Context) -> Results:
     return run(spec, context)
 
 
+def _design(spec: FingerSpec, folder: Path | None) -> Design:
+    from studies.finger.design import finger_design
+
+    return finger_design(spec, folder)
+
+
 STUDY = Study(
     name="finger",
     purpose="Requirements in, finger out: paper B's linkage, mirrors and camera, and its grasp",
     spec=FingerSpec,
     run=_run,
+    design=_design,
 )

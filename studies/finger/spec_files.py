@@ -7,7 +7,8 @@ from designopt.toml_writing import toml_text
 from studies.finger.spec import FingerSpec
 from studies.finger_linkage.pins import Pins, linkage_table
 from studies.finger_linkage.run import spec_file
-from studies.finger_mirrors.arrangement import Arrangement, scene_table
+from studies.finger_mirrors.arrangement import Arrangement
+from studies.finger_mirrors.designed import scene_file
 
 
 def spec_files(spec: FingerSpec, pins: Pins, arrangement: Arrangement) -> list[SpecFile]:
@@ -18,13 +19,8 @@ def spec_files(spec: FingerSpec, pins: Pins, arrangement: Arrangement) -> list[S
         "The finger's linkage as the motor sees it: driven by its crank, and by the angle between\n"
         "plate and distal phalanx, which a spring holds in the straight finger.",
     )
-    scene = toml_text(
-        scene_table(arrangement, spec.body, spec.mirrors),
-        "Camera, mirrors and pads; the intermediate phalanx is the world.\n"
-        "designopt trace scene.toml --sweep pip=0:90:91 --pose dip=30",
-    )
     return [
         spec_file(pins, spec.body),
         SpecFile("linkage-crank.toml", "the linkage, driven by its crank", by_crank),
-        SpecFile("scene.toml", "camera, mirrors and pads, for `designopt trace`", scene),
+        scene_file(arrangement, spec.body, spec.mirrors),
     ]

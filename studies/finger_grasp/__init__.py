@@ -1,8 +1,16 @@
 """How paper B's finger closes: pinching, adapting and opening, with its contact forces."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from designopt.results import Results
 from designopt.study import Context, Study
 from studies.finger_grasp.spec import GraspSpec
+
+if TYPE_CHECKING:
+    from designopt.designs import Design
 
 
 def _run(spec: GraspSpec, context: Context) -> Results:
@@ -12,9 +20,16 @@ def _run(spec: GraspSpec, context: Context) -> Results:
     return run(spec, context)
 
 
+def _design(spec: GraspSpec, folder: Path | None) -> Design:
+    from studies.finger_grasp.design import finger_grasp_design
+
+    return finger_grasp_design(spec, folder)
+
+
 STUDY = Study(
     name="finger-grasp",
     purpose="Paper B's finger closing on objects: pinch, adaptive grasp, contact forces",
     spec=GraspSpec,
     run=_run,
+    design=_design,
 )

@@ -1,8 +1,16 @@
 """The linkage of paper B's finger, designed for the largest least transmission angle."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from designopt.results import Results
 from designopt.study import Context, Study
 from studies.finger_linkage.spec import FingerLinkageSpec
+
+if TYPE_CHECKING:
+    from designopt.designs import Design
 
 
 def _run(spec: FingerLinkageSpec, context: Context) -> Results:
@@ -12,9 +20,16 @@ def _run(spec: FingerLinkageSpec, context: Context) -> Results:
     return run(spec, context)
 
 
+def _design(spec: FingerLinkageSpec, folder: Path | None) -> Design:
+    from studies.finger_linkage.design import finger_linkage_design
+
+    return finger_linkage_design(spec, folder)
+
+
 STUDY = Study(
     name="finger-linkage",
     purpose="The pins of paper B's six-bar finger, for the largest least transmission angle",
     spec=FingerLinkageSpec,
     run=_run,
+    design=_design,
 )

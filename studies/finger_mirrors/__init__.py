@@ -1,8 +1,16 @@
 """Mirrors of the finger: one camera that sees all pads in every posture, and bears its errors."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from designopt.results import Results
 from designopt.study import Context, Study
 from studies.finger_mirrors.spec import FingerMirrorsSpec
+
+if TYPE_CHECKING:
+    from designopt.designs import Design
 
 
 def _run(spec: FingerMirrorsSpec, context: Context) -> Results:
@@ -12,9 +20,16 @@ def _run(spec: FingerMirrorsSpec, context: Context) -> Results:
     return run(spec, context)
 
 
+def _design(spec: FingerMirrorsSpec, folder: Path | None) -> Design:
+    from studies.finger_mirrors.designed import finger_mirrors_design
+
+    return finger_mirrors_design(spec, folder)
+
+
 STUDY = Study(
     name="finger-mirrors",
     purpose="Camera and mirrors of the finger: every pad seen in every posture, errors included",
     spec=FingerMirrorsSpec,
     run=_run,
+    design=_design,
 )

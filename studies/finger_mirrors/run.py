@@ -11,6 +11,7 @@ from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors import drawings, left_out, solvers, statements, tables
 from studies.finger_mirrors.arrangement import Arrangement, poor_start, robust_layout, scene_of
 from studies.finger_mirrors.design import design_mirrors
+from studies.finger_mirrors.designed import scene_file
 from studies.finger_mirrors.findings import GIVEN, OPTIMUM, START, Case, Found, RayCheck
 from studies.finger_mirrors.judging import degrees_of, judged, seen_by_rays, whole_square
 from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec
@@ -58,6 +59,7 @@ def run(spec: FingerMirrorsSpec, context: Context) -> Results:
             drawings.yield_figure(yields, degrees, pads),
             drawings.sensitivity_figure(found.sensitivity),
         ],
+        specs=[scene_file(found.design.arrangement, spec.body, spec)],
         precision=compared,
         left_out=operations,
     )

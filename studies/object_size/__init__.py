@@ -1,8 +1,16 @@
 """The diameter of a grasped bottle from the chamber of the finger around it (paper A, Fig. 13)."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from designopt.results import Results
 from designopt.study import Context, Study
 from studies.object_size.spec import ObjectSizeSpec
+
+if TYPE_CHECKING:
+    from designopt.designs import Design
 
 
 def _run(spec: ObjectSizeSpec, context: Context) -> Results:
@@ -12,9 +20,16 @@ def _run(spec: ObjectSizeSpec, context: Context) -> Results:
     return run(spec, context)
 
 
+def _design(spec: ObjectSizeSpec, folder: Path | None) -> Design:
+    from studies.chamber_images.design import soft_finger_design
+
+    return soft_finger_design("object-size", spec, folder)
+
+
 STUDY = Study(
     name="object-size",
     purpose="How wide a grasped bottle is, from the posture that its finger's chamber shows",
     spec=ObjectSizeSpec,
     run=_run,
+    design=_design,
 )

@@ -1,8 +1,16 @@
 """Joint angles from the finger's images: the paper's gap, better ways, and their bound."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from designopt.results import Results
 from designopt.study import Context, Study
 from studies.proprioception.spec import ProprioceptionSpec
+
+if TYPE_CHECKING:
+    from designopt.designs import Design
 
 
 def _run(spec: ProprioceptionSpec, context: Context) -> Results:
@@ -12,9 +20,16 @@ def _run(spec: ProprioceptionSpec, context: Context) -> Results:
     return run(spec, context)
 
 
+def _design(spec: ProprioceptionSpec, folder: Path | None) -> Design:
+    from studies.finger_images.design import imaged_finger_design
+
+    return imaged_finger_design(spec, folder)
+
+
 STUDY = Study(
     name="proprioception",
     purpose="Joint angles from images: gap, edge, all corners, calibrated with and without labels",
     spec=ProprioceptionSpec,
     run=_run,
+    design=_design,
 )

@@ -1,8 +1,16 @@
 """Surfaces slid along the soft finger: their profile and kind from its chamber's images."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from designopt.results import Results
 from designopt.study import Context, Study
 from studies.surface_profile.spec import SurfaceProfileSpec
+
+if TYPE_CHECKING:
+    from designopt.designs import Design
 
 
 def _run(spec: SurfaceProfileSpec, context: Context) -> Results:
@@ -12,9 +20,16 @@ def _run(spec: SurfaceProfileSpec, context: Context) -> Results:
     return run(spec, context)
 
 
+def _design(spec: SurfaceProfileSpec, folder: Path | None) -> Design:
+    from studies.chamber_images.design import soft_finger_design
+
+    return soft_finger_design("surface-profile", spec, folder)
+
+
 STUDY = Study(
     name="surface-profile",
     purpose="Soft finger: profile and kind of a surface it is slid along, in px and in mm",
     spec=SurfaceProfileSpec,
     run=_run,
+    design=_design,
 )

@@ -7,11 +7,11 @@ import numpy as np
 from designopt.figures import PALETTE, new_figure
 from designopt.results import Figure
 from optics.chamber import Chamber
+from optics.chamber_drawing import REGIONS
 from studies.table1 import paper
 from studies.table1.imaging import Imaging
 
 BLUE, VERMILION, GREEN = PALETTE[:3]
-REGIONS = {"red AB": "#C0392B", "blue BC": BLUE, "yellow CD": "#E0A800", "top DE": "#555555"}
 
 
 def line_figure(imaging: Imaging, clearance: float) -> Figure:

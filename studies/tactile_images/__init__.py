@@ -1,8 +1,16 @@
 """Tactile images of the finger: its pads found in synthetic images, unwarped, and compared."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from designopt.results import Results
 from designopt.study import Context, Study
 from studies.tactile_images.spec import TactileImagesSpec
+
+if TYPE_CHECKING:
+    from designopt.designs import Design
 
 
 def _run(spec: TactileImagesSpec, context: Context) -> Results:
@@ -12,9 +20,16 @@ def _run(spec: TactileImagesSpec, context: Context) -> Results:
     return run(spec, context)
 
 
+def _design(spec: TactileImagesSpec, folder: Path | None) -> Design:
+    from studies.finger_images.design import imaged_finger_design
+
+    return imaged_finger_design(spec, folder)
+
+
 STUDY = Study(
     name="tactile-images",
     purpose="Images of the finger: every view found, unwarped, and imprints made visible",
     spec=TactileImagesSpec,
     run=_run,
+    design=_design,
 )

@@ -9,6 +9,7 @@ import pytest
 
 from designopt import cli
 from designopt import study as study_module
+from designopt.errors import Interrupted
 from tests.designopt.plugin import points
 
 HEAVY = ("cv2", "equinox", "jax", "matplotlib", "mpmath", "numpy", "optimistix", "scipy")
@@ -121,6 +122,17 @@ def test_an_interrupted_run_says_so(square, capsys):
     assert cli.run(["run", "square", "--set", "side=1", "--set", "label=interrupt"]) == 130
     assert capsys.readouterr().err == "interrupted; nothing was written\n"
     assert list(square.rglob("*.json")) == []
+
+
+def test_an_interrupted_command_that_keeps_something_says_what(monkeypatch, capsys):
+    def sweep() -> None:
+        raise Interrupted("3 of 4 points are kept in out")
+
+    point = EntryPoint("sweep", "absent:sweep", cli.COMMAND_GROUP)
+    monkeypatch.setattr(EntryPoint, "load", lambda self: sweep)
+    monkeypatch.setattr(cli, "entry_points", lambda group: [point])
+    assert cli.run(["sweep"]) == 130
+    assert capsys.readouterr().err == "interrupted; 3 of 4 points are kept in out\n"
 
 
 def test_a_broken_command_does_not_hurt_the_others(monkeypatch, capsys):

@@ -4,7 +4,7 @@ import pydantic_core
 import pytest
 
 from designopt import UserError
-from designopt.settings import fields, spec_with
+from designopt.settings import fields, spec_of, spec_with
 from tests.designopt.plugin import SquareSpec
 
 
@@ -64,3 +64,14 @@ def test_fields_are_listed_with_defaults_and_meanings():
         ("label", "", "free text"),
         ("asked", 9.0, "area asked for (mm²)"),
     ]
+
+
+def test_the_spec_of_a_result_is_the_one_it_was_made_with():
+    spec = make("side=3", "inner.length=0.5", "label=wide angle")
+    assert spec_of(SquareSpec, spec.model_dump(mode="json"), source="out") == spec
+
+
+@pytest.mark.parametrize("tables", [{"side": 3.0, "lable": "x"}, {}, {"side": "wide"}, [], None])
+def test_a_spec_of_other_settings_names_where_it_is_from(tables):
+    with pytest.raises(UserError, match=r"^out/square: made by another version .*; run it again$"):
+        spec_of(SquareSpec, tables, source="out/square")

@@ -400,6 +400,12 @@ def test_the_study_end_to_end(tmp_path, monkeypatch, capsys):
     with (out / "tables" / "starts.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["start"] for row in rows] == ["poor", "random 1"]
+    assert document["specs"] == ["specs/scene.toml"]
+    assert [one.name for one in read_scene(out / "specs" / "scene.toml").layout.pads] == [
+        "proximal",
+        "intermediate",
+        "distal",
+    ]
     for name in ("views", "views_before", "coverage", "resolution", "yield", "sensitivity"):
         assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from designopt import UserError
-from designopt.sweeps import grid_of, single_values
+from designopt.ranges import ends_of, grid_of, single_values, split_name, values_of
 
 ANGLES = {"pip": True, "dip": True, "slide": False}
 
@@ -79,3 +79,26 @@ def test_single_values():
 def test_faulty_single_values_are_told(texts, words):
     with pytest.raises(UserError, match=words):
         single_values(texts, "--rate", ANGLES, "input")
+
+
+def test_parts_of_a_text():
+    assert split_name("crank=1=2", "--set", "X=Y") == ("crank", "1=2")
+    assert values_of("0:1:3", "--vary", "KEY").tolist() == [0.0, 0.5, 1.0]
+    assert values_of("3,1", "--vary", "KEY").tolist() == [3.0, 1.0]
+    assert values_of("3", "--vary", "KEY").tolist() == [3.0]
+    assert ends_of("-1:2.5", "--sobol", "KEY") == (-1.0, 2.5)
+
+
+@pytest.mark.parametrize(
+    ("read", "words"),
+    [
+        (lambda: split_name("=1", "--vary =1", "KEY=X"), "--vary =1: write it as KEY=X$"),
+        (lambda: values_of("1:2", "--vary", "KEY"), "KEY=START:STOP:COUNT or KEY=VALUE,VALUE,…$"),
+        (lambda: values_of("1,", "--vary", "KEY"), "'' is not a finite number"),
+        (lambda: ends_of("1", "--sobol", "KEY"), "--sobol: write it as KEY=LOW:HIGH$"),
+        (lambda: ends_of("1:1", "--sobol", "KEY"), "LOW must be smaller than HIGH"),
+    ],
+)
+def test_faulty_parts_are_told(read, words):
+    with pytest.raises(UserError, match=words):
+        read()

@@ -92,14 +92,66 @@ def grid_of(
     return grid
 
 
+def split_name(text: str, place: str, form: str) -> tuple[str, str]:
+    """The name and the value of a text such as ``crank=2``.
+
+    Args:
+        text: as it was written.
+        place: the option and the text, for messages.
+        form: how it should have been written, for messages.
+
+    Raises:
+        UserError: a name or an equals sign is missing.
+    """
+    name, mark, value = text.partition("=")
+    if not (name and mark):
+        raise UserError(f"{place}: write it as {form}")
+    return name, value
+
+
+def values_of(text: str, place: str, symbol: str) -> np.ndarray:
+    """The values of ``start:stop:count``, both ends included, or of ``value,value,…``.
+
+    Args:
+        text: what was written after the name.
+        place: the option and all that was written after it, for messages.
+        symbol: what stands for the name, such as ``KEY``, in messages.
+
+    Raises:
+        UserError: a text of another form, a number that is not finite, or a COUNT that is no
+            whole number.
+    """
+    if "," in text:
+        return np.array([_number(part, place) for part in text.split(",")])
+    return _range(text, place, f"{symbol}=START:STOP:COUNT or {symbol}=VALUE,VALUE,…")
+
+
+def ends_of(text: str, place: str, symbol: str) -> tuple[float, float]:
+    """The bounds of ``low:high``.
+
+    Args:
+        text: what was written after the name.
+        place: the option and all that was written after it, for messages.
+        symbol: what stands for the name, such as ``KEY``, in messages.
+
+    Raises:
+        UserError: a text of another form, a number that is not finite, or low above high.
+    """
+    parts = text.split(":")
+    if len(parts) != 2:
+        raise UserError(f"{place}: write it as {symbol}=LOW:HIGH")
+    low, high = (_number(part, place) for part in parts)
+    if not low < high:
+        raise UserError(f"{place}: LOW must be smaller than HIGH")
+    return low, high
+
+
 def _symbol(noun: str) -> str:
     return noun.upper().replace(" ", "_")
 
 
 def _split(text: str, place: str, names: Collection[str], noun: str, form: str) -> tuple[str, str]:
-    name, mark, value = text.partition("=")
-    if not mark:
-        raise UserError(f"{place}: write it as {form}")
+    name, value = split_name(text, place, form)
     if name not in names:
         raise UserError(
             f"{place}: no {noun} is named '{name}'; there are: {', '.join(names) or 'none'}"

@@ -1,0 +1,113 @@
+"""A drawing to scale, in mm, without saying in which file format."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+Place = tuple[float, float]
+"""x and y, mm; y upwards."""
+
+Kind = Literal["body", "mirror", "pad", "blocker", "camera", "construction"]
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Lines that belong together.
+
+    Attributes:
+        name: unique; a body's, or ``mirrors``, ``pads``, …
+        kind: how it is drawn.
+        framed: whether the picture is made to hold it; a camera 10 m away is left outside.
+        colour: ``#RRGGBB``; if empty it follows from the kind.
+    """
+
+    name: str
+    kind: Kind
+    framed: bool = True
+    colour: str = ""
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """A line through places, closed or not."""
+
+    layer: str
+    places: Sequence[Place]
+    closed: bool = False
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle, such as a pin; ``name`` is that of what it stands for."""
+
+    layer: str
+    name: str
+    centre: Place
+    radius: float
+
+
+@dataclass(frozen=True)
+class Label:
+    """A text beside a place."""
+
+    layer: str
+    place: Place
+    text: str
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A dimension line between two places; the text is their distance."""
+
+    start: Place
+    end: Place
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A drawing of a design in one pose.
+
+    Attributes:
+        title: of the drawing.
+        layers: all layers, in order.
+        strokes: lines.
+        circles: circles.
+        labels: texts.
+        measures: the dimensions that a drawing sheet states.
+        notes: further lines for the sheet's title block.
+    """
+
+    title: str
+    layers: Sequence[Layer]
+    strokes: Sequence[Stroke] = ()
+    circles: Sequence[Circle] = ()
+    labels: Sequence[Label] = ()
+    measures: Sequence[Measure] = ()
+    notes: Sequence[str] = ()
+
+    def box(self) -> tuple[Place, Place]:
+        """Lower left and upper right corner of what the picture has to hold."""
+        framed = {layer.name for layer in self.layers if layer.framed}
+        places = [p for line in self.strokes if line.layer in framed for p in line.places]
+        for circle in self.circles:
+            if circle.layer in framed:
+                (x, y), radius = circle.centre, circle.radius
+                places += [(x - radius, y - radius), (x + radius, y + radius)]
+        across, up = zip(*places, strict=True)
+        return (min(across), min(up)), (max(across), max(up))
+
+
+def round_down(value: float) -> float:
+    """The largest of …, 0.1, 0.2, 0.5, 1, 2, 5, … that is not larger than a positive number."""
+    decade = math.floor(math.log10(value))
+    # A number that is one of them but for rounding is not taken for less.
+    figure = max(n for n in (1, 2, 5, 10) if n <= value / 10.0**decade * (1 + 1e-9))
+    return float(f"{figure}e{decade}")
+
+
+def printable(text: str) -> str:
+    """A text with spaces for what cannot be printed; no file format can hold, say, a bell."""
+    return "".join(char if char.isprintable() else " " for char in text)

@@ -1,0 +1,108 @@
+"""The designed finger as ``designopt explore`` and ``designopt export`` take it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from designopt.designs.design import Design, Quantity
+from designopt.designs.sheet import Sheet
+from designopt.progress import step_display
+from designopt.study import Context
+from kinematics.design import DesignedLinkage
+from kinematics.sketch import parse_sketch
+from optics.scene_design import DesignedScene
+from optics.scene_file import SceneFile
+from studies.finger.spec import FingerSpec
+from studies.finger_linkage.analysis import design_linkage
+from studies.finger_linkage.pins import linkage_table
+from studies.finger_mirrors.arrangement import scene_table
+from studies.finger_mirrors.design import design_mirrors
+
+if TYPE_CHECKING:
+    from designopt.designs.bench import Bench
+
+NAME = "finger"
+
+DECIDING = {"body", "linkage", "mirrors"}
+"""The settings on which linkage and mirrors depend."""
+
+
+@dataclass(frozen=True)
+class DesignedFinger(Design):
+    """Linkage, camera, mirrors and pads of one finger.
+
+    Attributes:
+        name: in titles and file names.
+        spec: the requirements, body and spring.
+        linkage: driven at its joints; flexion is negative.
+        scene: camera, mirrors and pads; flexion is positive, the intermediate phalanx the world.
+    """
+
+    name: str
+    spec: FingerSpec
+    linkage: DesignedLinkage
+    scene: DesignedScene
+
+    def bench(self) -> Bench:
+        """Linkage and scene side by side, moving together."""
+        from studies.finger.bench import FingerBench
+
+        return FingerBench(self)
+
+    def sheet(self) -> Sheet:
+        """The straight finger in section."""
+        from studies.finger.sheet import finger_sheet
+
+        return finger_sheet(self)
+
+    def quantities(self) -> Sequence[Quantity]:
+        """Every number of linkage and scene, and of the spring."""
+        from studies.finger.sheet import finger_quantities
+
+        return finger_quantities(self)
+
+    def mjcf(self) -> str:
+        """The linkage driven by its crank, with its spring, joint stops and pads."""
+        from studies.finger.mjcf import finger_mjcf
+
+        return finger_mjcf(self)
+
+
+def finger_design(spec: FingerSpec, folder: Path | None) -> DesignedFinger:
+    """The finger that the study designs for these requirements.
+
+    Args:
+        spec: the requirements.
+        folder: the ``specs`` of an earlier result with them; the package has those of the default
+            body, linkage and mirrors.
+
+    Raises:
+        UserError: the folder lacks its files, or they have been spoilt.
+    """
+    with ExitStack() as stack:
+        if folder is None and _deciding(spec) == _deciding(FingerSpec()):
+            folder = stack.enter_context(as_file(files("studies") / "finger"))
+        if folder is not None:
+            linkage = DesignedLinkage.read(folder / "linkage.toml")
+            return DesignedFinger(NAME, spec, linkage, DesignedScene.read(folder / "scene.toml"))
+        context = Context(0, "float64", stack.enter_context(step_display()))
+        with context.step("Linkage"):
+            pins = design_linkage(spec.linkage_spec(), context.seed).pins
+        mirrors = design_mirrors(spec.body, spec.mirrors, context)
+    sketch = parse_sketch(linkage_table(pins, spec.body, "joints"), NAME)
+    scene = scene_table(mirrors.arrangement, spec.body, spec.mirrors)
+    return DesignedFinger(
+        NAME,
+        spec,
+        DesignedLinkage.of(sketch, NAME),
+        DesignedScene.of(SceneFile.model_validate(scene), NAME),
+    )
+
+
+def _deciding(spec: FingerSpec) -> dict[str, Any]:
+    return spec.model_dump(include=DECIDING)

@@ -1,0 +1,47 @@
+"""The grasping finger as ``designopt explore`` and ``designopt export`` take it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from kinematics.design import DesignedLinkage
+from kinematics.sketch import parse_sketch
+from studies.finger_grasp.spec import GraspSpec
+from studies.finger_linkage.pins import linkage_table
+
+NAME = "finger-grasp"
+
+
+@dataclass(frozen=True)
+class DesignedGrasp(DesignedLinkage):
+    """The finger's linkage with what closes it.
+
+    Attributes:
+        spec: the settings.
+    """
+
+    spec: GraspSpec
+
+    def mjcf(self) -> str:
+        """The linkage with its spring and servo, joint stops and pads."""
+        from studies.finger_grasp.mjcf import grasp_mjcf
+
+        return grasp_mjcf(self.linkage, self.spec.body, self.spec.servo_stiffness)
+
+
+def finger_grasp_design(spec: GraspSpec, folder: Path | None) -> DesignedGrasp:
+    """The linkage of the study's pins, driven by its crank, with its spring.
+
+    Args:
+        spec: the study's settings.
+        folder: of an earlier result; not needed, for the pins stand in the settings.
+
+    Raises:
+        UserError: no linkage follows from them.
+    """
+    del folder
+    spring = (spec.spring_stiffness, spec.preload)
+    table = linkage_table(spec.pins.design(), spec.body, "crank", spring)
+    made = DesignedLinkage.of(parse_sketch(table, NAME), NAME)
+    return DesignedGrasp(made.name, made.sketch, made.linkage, spec)

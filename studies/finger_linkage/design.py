@@ -1,0 +1,40 @@
+"""The designed linkage as ``designopt explore`` and ``designopt export`` take it."""
+
+from __future__ import annotations
+
+from importlib.resources import as_file, files
+from pathlib import Path
+
+from kinematics.design import DesignedLinkage
+from kinematics.sketch import parse_sketch
+from studies.finger_linkage.pins import linkage_table
+from studies.finger_linkage.searching import search
+from studies.finger_linkage.spec import FingerLinkageSpec
+
+NAME = "finger-linkage"
+
+SEED = 0
+"""Of the search's starts; that of ``designopt run``."""
+
+DECIDING = {"body", "limits", "search"}
+"""The settings on which the design depends; the others say how it is judged."""
+
+
+def finger_linkage_design(spec: FingerLinkageSpec, folder: Path | None) -> DesignedLinkage:
+    """The linkage that the study designs for these settings, driven at its joints.
+
+    Args:
+        spec: the study's settings.
+        folder: the ``specs`` of an earlier result with them; the package has that of the default.
+
+    Raises:
+        UserError: the folder lacks its file, or it has been spoilt.
+    """
+    if folder is not None:
+        return DesignedLinkage.read(folder / "linkage.toml")
+    default = FingerLinkageSpec()
+    if spec.model_dump(include=DECIDING) == default.model_dump(include=DECIDING):
+        with as_file(files("studies") / "finger" / "linkage.toml") as packaged:
+            return DesignedLinkage.read(packaged)
+    pins = search(spec, SEED).pins
+    return DesignedLinkage.of(parse_sketch(linkage_table(pins, spec.body, "joints"), NAME), NAME)

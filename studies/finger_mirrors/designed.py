@@ -1,0 +1,56 @@
+"""The designed mirrors as a file, and as ``designopt explore`` and ``designopt export`` take it."""
+
+from __future__ import annotations
+
+from importlib.resources import as_file, files
+from pathlib import Path
+
+from designopt.progress import step_display
+from designopt.results import SpecFile
+from designopt.study import Context
+from designopt.toml_writing import toml_text
+from optics.scene_design import DesignedScene
+from optics.scene_file import SceneFile
+from studies.finger_linkage.body import BodySpec
+from studies.finger_mirrors.arrangement import Arrangement, scene_table
+from studies.finger_mirrors.design import design_mirrors
+from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec
+
+NAME = "finger-mirrors"
+
+SEED = 0
+"""Of the search's starts; that of ``designopt run``."""
+
+DECIDING = {"body", *MirrorSpec.model_fields}
+"""The settings on which the design depends; the others say how it is judged."""
+
+
+def finger_mirrors_design(spec: FingerMirrorsSpec, folder: Path | None) -> DesignedScene:
+    """Camera and mirrors that the study designs for these settings.
+
+    Args:
+        spec: the study's settings.
+        folder: the ``specs`` of an earlier result with them; the package has that of the default.
+
+    Raises:
+        UserError: the folder lacks its file, or it has been spoilt.
+    """
+    if folder is not None:
+        return DesignedScene.read(folder / "scene.toml")
+    if spec.model_dump(include=DECIDING) == FingerMirrorsSpec().model_dump(include=DECIDING):
+        with as_file(files("studies") / "finger" / "scene.toml") as packaged:
+            return DesignedScene.read(packaged)
+    with step_display() as step:
+        arrangement = design_mirrors(spec.body, spec, Context(SEED, "float64", step)).arrangement
+    table = scene_table(arrangement, spec.body, spec)
+    return DesignedScene.of(SceneFile.model_validate(table), NAME)
+
+
+def scene_file(arrangement: Arrangement, body: BodySpec, spec: MirrorSpec) -> SpecFile:
+    """The scene file of a design."""
+    text = toml_text(
+        scene_table(arrangement, body, spec),
+        "Camera, mirrors and pads; the intermediate phalanx is the world.\n"
+        "designopt trace scene.toml --sweep pip=0:90:91 --pose dip=30",
+    )
+    return SpecFile("scene.toml", "camera, mirrors and pads, for `designopt trace`", text)

@@ -1,0 +1,176 @@
+"""Naming a design: by a study, by a file, by the folder of a result."""
+
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+from pydantic import Field
+
+from designopt import Spec, Study, UserError
+from designopt import study as study_module
+from designopt.designs import Bench, Design, DesignFile, Quantity, Sheet, design, load_design
+from designopt.files import read_toml
+from designopt.results import Results, SpecFile
+from designopt.runner import run
+
+
+class BoxSpec(Spec):
+    side: float = Field(default=2.0, description="a length (mm)")
+
+
+@dataclass(frozen=True)
+class Box(Design):
+    """A design that remembers where it comes from."""
+
+    name: str
+    spec: BoxSpec | None = None
+    folder: Path | None = None
+
+    def bench(self) -> Bench:
+        raise NotImplementedError
+
+    def sheet(self) -> Sheet:
+        raise NotImplementedError
+
+    def quantities(self) -> list[Quantity]:
+        return []
+
+
+def results(spec, context):
+    return Results(["A box."], [], specs=[SpecFile("box.toml", "the box", "[box]\n")])
+
+
+BOX = Study("box", "A box", BoxSpec, results, design=lambda spec, folder: Box("box", spec, folder))
+RULER = Study("ruler", "Measures", BoxSpec, results)
+FILE = DesignFile("box", "box", lambda path: Box(read_toml(path, "box")["box"]["name"]))
+OTHER = DesignFile("ball", "ball", lambda path: Box("ball"))
+
+POINTS = {
+    study_module.STUDY_GROUP: {"box": "BOX", "ruler": "RULER"},
+    design.DESIGN_GROUP: {"box": "FILE", "ball": "OTHER"},
+}
+
+
+@pytest.fixture(autouse=True)
+def installed(monkeypatch, tmp_path):
+    """Only the studies and kinds of files of this module, in an empty folder."""
+
+    def points(group: str) -> list[EntryPoint]:
+        return [EntryPoint(name, f"{__name__}:{at}", group) for name, at in POINTS[group].items()]
+
+    monkeypatch.setattr(study_module, "entry_points", points)
+    monkeypatch.setattr(design, "entry_points", points)
+    monkeypatch.chdir(tmp_path)
+
+
+def result_of(study: Study, spec: BoxSpec, folder: Path) -> Path:
+    run(study, spec, seed=0, dtype="float64", out=folder, force=False)
+    return folder
+
+
+def refused(named: str, settings=()) -> str:
+    with pytest.raises(UserError) as caught:
+        load_design(named, settings)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_a_study_with_its_settings():
+    assert load_design("box") == Box("box", BoxSpec(), None)
+    assert load_design("box", ["side=3"]) == Box("box", BoxSpec(side=3.0), None)
+    assert "--set sise: unknown key; did you mean 'side'?" in refused("box", ["sise=3"])
+
+
+def test_a_result_has_the_spec_that_it_was_made_with(tmp_path):
+    folder = result_of(BOX, BoxSpec(side=5.0), tmp_path / "earlier")
+    assert load_design(str(folder)) == Box("box", BoxSpec(side=5.0), folder / "specs")
+    assert (folder / "specs" / "box.toml").is_file()
+    message = refused(str(folder), ["side=3"])
+    assert message.startswith("--set side=3: only a study has settings; change ")
+
+
+def test_a_study_is_meant_where_a_folder_has_its_name():
+    Path("box").mkdir()
+    assert load_design("box", ["side=3"]) == Box("box", BoxSpec(side=3.0), None)
+    assert refused("./box") == (
+        "box: a folder without a result of designopt run; name a file or a study"
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        None,
+        "{",
+        "[1, 2]",
+        '{"study": "box"}',
+        '{"spec": {}}',
+        "\xff",
+        "[" * 100_000,
+        "null",
+    ],
+)
+def test_a_foreign_folder_is_refused(tmp_path, text):
+    folder = tmp_path / "foreign"
+    folder.mkdir()
+    if text is not None:
+        (folder / "results.json").write_bytes(text.encode("latin-1"))
+    assert "foreign: a folder without a result of designopt run" in refused(str(folder))
+
+
+def test_a_result_of_a_study_that_is_not_installed_is_refused(tmp_path):
+    (tmp_path / "results.json").write_text('{"study": "boxx", "spec": {}}')
+    assert "no study is named 'boxx'; did you mean 'box'?" in refused(str(tmp_path))
+
+
+@pytest.mark.parametrize("tables", ['{"length": 1.0}', '{"side": "wide"}', "[]", "null"])
+def test_a_result_of_another_version_is_refused(tmp_path, tables):
+    (tmp_path / "results.json").write_text(f'{{"study": "box", "spec": {tables}}}')
+    message = refused(str(tmp_path))
+    assert message.startswith(f"{tmp_path}: made by another version of the study")
+    assert message.endswith("run it again")
+
+
+def test_a_study_that_designs_nothing_is_refused(tmp_path):
+    message = "study 'ruler' measures and designs nothing that could be shown; these design: box"
+    assert refused("ruler") == message
+    assert refused(str(result_of(RULER, BoxSpec(), tmp_path / "measured"))) == message
+
+
+def test_an_unknown_study_is_refused():
+    assert refused("bix") == "STUDY: no study is named 'bix'; did you mean 'box'?"
+
+
+def test_a_file_is_read_by_its_kind(tmp_path):
+    Path("crate.toml").write_text('[box]\nname = "crate"\n')
+    assert load_design("crate.toml") == Box("crate")
+    Path("plain").write_text("[ball]\n")
+    assert load_design("plain") == Box("ball")
+    assert refused("crate.toml", ["side=3"]).startswith("--set side=3: only a study has settings")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[bax]\n", "no design that is known here: a ball has [ball], a box has [box]"),
+        ("", "no design that is known here"),
+        ("[box\n", "thing.toml: not TOML: "),
+        ("\xff", "thing.toml: cannot be read: it is not UTF-8 text"),
+        (None, "thing.toml: cannot be read: No such file"),
+    ],
+)
+def test_a_file_that_is_none_is_refused(text, message):
+    if text is not None:
+        Path("thing.toml").write_bytes(text.encode("latin-1"))
+    assert message in refused("thing.toml")
+
+
+def test_a_name_that_is_too_long_is_refused_like_any_other():
+    assert "File name too long" in refused(f"{'x' * 5000}.toml")
+    assert "no study is named" in refused("x" * 5000)
+
+
+def test_what_does_not_move_has_no_simulation():
+    with pytest.raises(UserError, match="--to mjcf: crate has no linkage that moves it; export a"):
+        Box("crate").mjcf()

@@ -1,0 +1,75 @@
+"""The chamber's file: what it says, and what is said of a faulty one."""
+
+import dataclasses
+import math
+import tomllib
+
+import pytest
+
+from designopt import UserError
+from designopt.designs import load_design
+from optics.chamber_design import DesignedChamber
+from optics.chamber_file import chamber_text, read_chamber
+from tests.optics.test_chamber_bench import PAPER
+
+TEXT = chamber_text("soft", PAPER)
+
+
+def written(tmp_path, text=TEXT):
+    path = tmp_path / "finger.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_file_reads_back_as_the_chamber(tmp_path):
+    name, chamber = read_chamber(written(tmp_path))
+    assert name == "soft"
+    for field in dataclasses.fields(chamber):
+        expected = float(getattr(PAPER, field.name))
+        assert float(getattr(chamber, field.name)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_commands_take_the_file(tmp_path):
+    design = load_design(str(written(tmp_path)))
+    assert isinstance(design, DesignedChamber)
+    assert float(design.chamber.offset_d) == 2.55
+
+
+def test_a_file_has_the_papers_numbers():
+    table = tomllib.loads(TEXT)["chamber"]
+    assert table.pop("name") == "soft"
+    assert table["wall_angle_bc_deg"] == pytest.approx(2.0, rel=1e-12)
+    assert table["length_ab"] == 40.0
+    assert set(table) == {field.name for field in dataclasses.fields(PAPER)} - {"wall_angle_bc"} | {
+        "wall_angle_bc_deg"
+    }
+
+
+def test_without_a_name_it_is_the_files(tmp_path):
+    design = DesignedChamber.read(written(tmp_path, TEXT.replace('name = "soft"\n', "")))
+    assert design.name == "finger"
+    assert math.degrees(float(design.chamber.wall_angle_bc)) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("offset_b =", "ofset_b =", "chamber.ofset_b: no such key; did you mean 'offset_b'?"),
+        ("offset_b = 2.0\n", "", "chamber.offset_b: missing; add it"),
+        ("length_bc = 30.0", "length_bc = 0", "chamber.length_bc: a length must be positive"),
+        ("length_bc = 30.0", 'length_bc = "30"', "chamber.length_bc: write a finite number"),
+        ("wall_angle_bc_deg = 2.0", "wall_angle_bc_deg = -90", "less than a right angle"),
+        ('name = "soft"', 'name = " "', "chamber.name: a name must not be blank"),
+        ("wall_angle_bc_deg = 2.0", "wall_angle_bc_deg = -20", "looks along the blue wall"),
+        ("pinhole_offset = 0.844", "pinhole_offset = -50", "behind the pinhole plane"),
+        ("[chamber]", "[chambre]", "chambre: no such key; did you mean 'chamber'?"),
+    ],
+)
+def test_faults_name_the_file_the_key_and_the_cure(tmp_path, old, new, message):
+    assert old in TEXT
+    path = written(tmp_path, TEXT.replace(old, new))
+    with pytest.raises(UserError) as caught:
+        read_chamber(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)

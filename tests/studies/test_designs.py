@@ -1,0 +1,314 @@
+"""What every study designs: found without a search, and what the study says of it."""
+
+import json
+import math
+import tomllib
+from contextlib import nullcontext
+from importlib.resources import files
+from types import SimpleNamespace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from designopt import Study, UserError
+from designopt.designs import load_design
+from designopt.settings import spec_of
+from designopt.study import Context, installed_studies, load_study
+from kinematics.design import DesignedLinkage
+from optics import Chamber, find_coverage
+from optics.chamber_design import DesignedChamber
+from optics.scene_design import DesignedScene
+from studies.chamber_images.making import SoftFinger
+from studies.chamber_images.spec import ChamberImagesSpec
+from studies.finger.design import DesignedFinger, finger_design
+from studies.finger.spec import FingerSpec
+from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage.judging import everywhere
+from studies.finger_linkage.pins import reference_pins
+from studies.finger_mirrors.arrangement import robust_layout, scene_table
+from studies.finger_mirrors.design import design_mirrors
+from studies.finger_mirrors.designed import scene_file
+from studies.finger_mirrors.spec import FingerMirrorsSpec
+from studies.table1 import paper
+from studies.table1.spec import Table1Spec
+
+KINDS = {
+    "bending-direction": DesignedChamber,
+    "bending-posture": DesignedChamber,
+    "finger": DesignedFinger,
+    "finger-grasp": DesignedLinkage,
+    "finger-linkage": DesignedLinkage,
+    "finger-mirrors": DesignedScene,
+    "object-size": DesignedChamber,
+    "proprioception": DesignedScene,
+    "surface-profile": DesignedChamber,
+    "table1": DesignedChamber,
+    "tactile-images": DesignedScene,
+}
+SOFT = ("bending-direction", "bending-posture", "object-size", "surface-profile")
+IMAGED = ("proprioception", "tactile-images")
+PACKAGED = files("studies") / "finger"
+
+
+@pytest.fixture
+def unsearched(monkeypatch):
+    """Lets no search run."""
+
+    def refused(*arguments):
+        raise AssertionError("a search was begun")
+
+    for place in (
+        "studies.finger_linkage.design.search",
+        "studies.finger_linkage.analysis.search",
+        "studies.finger_mirrors.designed.design_mirrors",
+        "studies.finger.design.design_mirrors",
+    ):
+        monkeypatch.setattr(place, refused)
+
+
+def test_these_studies_design_something():
+    offered = {
+        name
+        for name, study in installed_studies()
+        if isinstance(study, Study) and study.design is not None
+    }
+    assert offered == set(KINDS)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_every_design_is_there_without_a_search(unsearched, name):
+    design = load_design(name)
+    assert isinstance(design, KINDS[name])
+    chamber = KINDS[name] is DesignedChamber
+    assert design.name.startswith(name if chamber else "finger")
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_settings_come_back_from_a_result(name):
+    spec = load_study(name).spec()
+    tables = json.loads(json.dumps(spec.model_dump(mode="json")))
+    assert spec_of(type(spec), tables, source=name) == spec
+
+
+def linkage_design(name: str, *settings: str) -> DesignedLinkage:
+    design = load_design(name, settings)
+    assert isinstance(design, DesignedLinkage)
+    return design
+
+
+def scene_design(name: str, *settings: str) -> DesignedScene:
+    design = load_design(name, settings)
+    assert isinstance(design, DesignedScene)
+    return design
+
+
+def chamber_of(name: str, *settings: str) -> Chamber:
+    design = load_design(name, settings)
+    assert isinstance(design, DesignedChamber)
+    return design.chamber
+
+
+def finger() -> DesignedFinger:
+    design = load_design("finger")
+    assert isinstance(design, DesignedFinger)
+    return design
+
+
+def table(name: str) -> dict:
+    return tomllib.loads((PACKAGED / name).read_text(encoding="utf-8"))
+
+
+def assert_same(found, expected, tolerance=1e-6):
+    """Two nested tables: their numbers within a tolerance, all else equal."""
+    if isinstance(expected, dict):
+        assert set(found) == set(expected)
+        for key, value in expected.items():
+            assert_same(found[key], value, tolerance)
+    elif isinstance(expected, list | tuple):
+        assert len(found) == len(expected)
+        for one, other in zip(found, expected, strict=True):
+            assert_same(one, other, tolerance)
+    elif isinstance(expected, float):
+        assert found == pytest.approx(expected, abs=tolerance)
+    else:
+        assert found == expected
+
+
+# --- linkages
+
+
+def test_the_packaged_linkage_has_the_transmission_angle_that_is_told(unsearched):
+    """49.61°, as the READMEs have it, by the general solver on the 1° grid."""
+    linkage = linkage_design("finger-linkage").linkage
+    flexion = np.deg2rad(np.arange(0.0, 91.0))
+    square = np.stack(np.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
+    poses, angles = everywhere(linkage, -jnp.asarray(square))
+    assert bool(jnp.all(poses.ok))
+    least = min(float(jnp.min(angle)) for angle in angles.values())
+    assert round(math.degrees(least), 2) == 49.61
+
+
+def test_settings_that_only_judge_the_linkage_leave_it(unsearched):
+    default = linkage_design("finger-linkage")
+    same = linkage_design("finger-linkage", "precision=false", "draws=10", "tolerance=0.2")
+    assert same.sketch == default.sketch
+    assert finger().linkage.sketch == default.sketch
+
+
+def test_another_body_is_searched_for(monkeypatch):
+    seen = []
+
+    def search(spec, seed):
+        seen.append((spec.body.thickness, seed))
+        return SimpleNamespace(pins=reference_pins())
+
+    monkeypatch.setattr("studies.finger_linkage.design.search", search)
+    design = linkage_design("finger-linkage", "body.thickness=22", "body.distal=30")
+    assert seen == [(22.0, 0)]
+    assert design.sketch.joints["E"] == pytest.approx((-21.27, 14.06))
+    assert design.sketch.joints["T"] == (53.0, 0.0)
+    assert design.linkage.input_names == ("pip", "dip")
+
+
+def test_the_linkage_of_an_earlier_result_is_its_file(unsearched, tmp_path):
+    from studies.finger_linkage.design import finger_linkage_design
+    from studies.finger_linkage.spec import FingerLinkageSpec
+
+    text = (PACKAGED / "linkage.toml").read_text(encoding="utf-8")
+    spec = FingerLinkageSpec(body=BodySpec(thickness=22.0))
+    with pytest.raises(UserError, match=r"linkage\.toml: cannot be read"):
+        finger_linkage_design(spec, tmp_path)
+    (tmp_path / "linkage.toml").write_text(text.replace("-7.77, -1.98", "-7.5, -2.0"))
+    assert finger_linkage_design(spec, tmp_path).sketch.joints["F"] == (-7.5, -2.0)
+
+
+def test_the_grasping_finger_is_driven_by_its_crank_and_has_its_spring():
+    design = linkage_design("finger-grasp", "spring_stiffness=12", "pins.G=[11.0, 2.0]")
+    linkage = design.linkage
+    assert linkage.input_names == ("theta", "gamma")
+    (spring,) = linkage.springs
+    assert (float(spring.stiffness), float(spring.preload)) == (12.0, 0.3)
+    crank = math.hypot(21.27 - 7.75, 14.06 + 2.0)  # design B's |EF|
+    assert float(linkage.links["crank"].length) == pytest.approx(crank, rel=1e-12)
+    bar = math.hypot(15.0 - 11.0, 19.0 - 2.0)
+    assert float(linkage.links["bar"].length) == pytest.approx(bar, rel=1e-12)
+
+
+# --- scenes
+
+
+@pytest.mark.parametrize("name", ["finger-mirrors", *IMAGED])
+def test_the_packaged_scene_shows_every_pad(unsearched, name):
+    design = scene_design(name)
+    angles = jnp.deg2rad(jnp.array([[0.0, 0.0], [30.0, 60.0], [90.0, 90.0]]))
+    np.testing.assert_allclose(find_coverage(design.scene, angles).value, 1.0, atol=1e-9)
+    np.testing.assert_array_equal(design.scene.mirrors, finger().scene.scene.mirrors)
+
+
+def test_settings_that_only_judge_the_mirrors_leave_them(unsearched):
+    same = scene_design("finger-mirrors", "thin=0", "draws=10", "solvers=none")
+    assert same.file == scene_design("finger-mirrors").file
+
+
+def test_other_mirrors_are_searched_for(monkeypatch):
+    def search(body, spec, context):
+        assert (body.thickness, spec.floor, context.seed) == (25.0, 3.0, 0)
+        return SimpleNamespace(arrangement=robust_layout())
+
+    monkeypatch.setattr("studies.finger_mirrors.designed.design_mirrors", search)
+    design = scene_design("finger-mirrors", "floor=3.0")
+    expected = scene_table(robust_layout(), BodySpec(), FingerMirrorsSpec())
+    assert [mirror.name for mirror in design.file.mirrors] == ["distal", "proximal"]
+    np.testing.assert_allclose(design.file.camera.position, expected["camera"]["position"])
+
+
+def test_the_mirrors_of_an_earlier_result_are_its_file(unsearched, tmp_path):
+    from studies.finger_mirrors.designed import finger_mirrors_design
+
+    spec = FingerMirrorsSpec(floor=3.0)
+    with pytest.raises(UserError, match=r"scene\.toml: cannot be read"):
+        finger_mirrors_design(spec, tmp_path)
+    file = scene_file(robust_layout(), spec.body, spec)
+    (tmp_path / file.name).write_text(str(file.content), encoding="utf-8")
+    read = tomllib.loads(str(file.content))
+    assert_same(read, scene_table(robust_layout(), spec.body, spec), 1e-12)
+    position = finger_mirrors_design(spec, tmp_path).file.camera.position
+    np.testing.assert_allclose(position, read["camera"]["position"])
+
+
+@pytest.mark.parametrize("name", IMAGED)
+def test_the_scene_that_is_imaged_may_be_a_file(tmp_path, name):
+    path = tmp_path / "mine.toml"
+    text = (PACKAGED / "scene.toml").read_text(encoding="utf-8")
+    path.write_text(text.replace("fov_deg = 160.0", "fov_deg = 150.0"), encoding="utf-8")
+    assert scene_design(name, f"scene={path}").file.camera.fov_deg == 150.0
+    with pytest.raises(UserError, match=r"none\.toml: cannot be read"):
+        load_design(name, [f"scene={tmp_path / 'none.toml'}"])
+
+
+# --- chambers
+
+
+@pytest.mark.parametrize("clearance", [1.5, 2.0])
+def test_table1s_chamber_leaves_its_clearance(clearance):
+    chamber = chamber_of("table1", f"clearance={clearance}")
+    assert float(chamber.offset_d) == pytest.approx(4.1 - clearance, rel=1e-9)
+    assert float(chamber.reference_height) == pytest.approx(8.616, abs=0.001)
+    assert float(chamber.pinhole_offset) == pytest.approx(0.844, abs=0.001)
+    # The table's line, 12.591 η − 5.004 mm.
+    ratio = (4.1 - clearance + 5.004) / 12.591
+    assert float(chamber.imaging_ratio().value) == pytest.approx(ratio, abs=2e-4)
+
+
+def test_a_result_of_table1_is_its_chamber(tmp_path):
+    spec = Table1Spec(clearance=2.0).model_dump(mode="json")
+    (tmp_path / "results.json").write_text(json.dumps({"study": "table1", "spec": spec}))
+    assert float(chamber_of(str(tmp_path)).offset_d) == pytest.approx(2.1, rel=1e-9)
+
+
+def test_a_chamber_that_cannot_be_chosen_is_refused():
+    settings = ["chamber.wall_angle_bc_deg=30", "clearance=0.0005"]
+    with pytest.raises(UserError, match=r"^--set chamber: no η could be chosen: "):
+        load_design("table1", settings)
+    with pytest.raises(UserError, match=r"^--set chamber: no camera constants bring this chamber"):
+        load_design("table1", ["chamber.length_ab=1000"])
+
+
+@pytest.mark.parametrize("name", SOFT)
+@pytest.mark.parametrize("row", [0, 2, 4])
+def test_soft_fingers_are_rows_of_table_i(name, row):
+    chamber = chamber_of(name, f"eta={paper.ETA[row]}")
+    assert float(chamber.offset_d) == pytest.approx(10 * paper.DELTA_L_D_CM[row], abs=0.005)
+    angle = math.degrees(float(chamber.wall_angle_cd))
+    assert angle == pytest.approx(paper.THETA_CD_DEG[row], abs=0.0005)
+
+
+def test_a_soft_finger_is_the_one_whose_images_are_made():
+    chamber = chamber_of("object-size")
+    expected = SoftFinger.of(ChamberImagesSpec()).chamber
+    assert float(chamber.offset_d) == float(expected.offset_d)
+    with pytest.raises(UserError, match=r"^--set eta=1\.2: no chamber"):
+        load_design("object-size", ["eta=1.2"])
+
+
+# --- what the package holds is what is found
+
+
+@pytest.mark.slow
+def test_the_packaged_finger_is_what_is_designed():
+    """A setting that only judges makes the finger be designed anew."""
+    found = finger_design(FingerSpec(yield_draws=10), None)
+    packaged = finger_design(FingerSpec(), None)
+    assert_same(found.linkage.sketch.model_dump(), packaged.linkage.sketch.model_dump())
+    # The file leaves out what is nothing.
+    assert_same(
+        found.scene.file.model_dump(by_alias=True), packaged.scene.file.model_dump(by_alias=True)
+    )
+
+
+@pytest.mark.slow
+def test_the_packaged_scene_is_what_the_mirrors_own_study_finds():
+    spec = FingerMirrorsSpec()
+    found = design_mirrors(spec.body, spec, Context(0, "float64", lambda _: nullcontext()))
+    assert_same(scene_table(found.arrangement, spec.body, spec), table("scene.toml"))
