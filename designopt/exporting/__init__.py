@@ -1,0 +1,1 @@
+"""``designopt export``: a design as a drawing, a simulation model or numbers."""

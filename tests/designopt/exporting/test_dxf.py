@@ -1,0 +1,180 @@
+"""A drawing as DXF, read back by another reader of the format than the one who wrote it here."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from ezdxf._options import options
+
+from designopt.designs import Circle, Label, Layer, Measure, Sheet, Stroke
+from designopt.exporting.dxf import dxf_text
+from designopt.exporting.paper import SIZES, Paper
+from tests.designopt.exporting.reading import dimensions, opened, polylines, words_of
+
+PLATE = Sheet(
+    title="plate",
+    layers=[
+        Layer("plate", "body"),
+        Layer("mirrors", "mirror"),
+        Layer("axes", "construction"),
+        Layer("far", "camera", framed=False),
+    ],
+    strokes=[
+        Stroke("plate", [(0.0, 0.0), (40.0, 0.0), (40.0, 30.0)], closed=True),
+        Stroke("mirrors", [(-5.0, 1 / 3), (12.0, 7.0)]),
+        Stroke("axes", [(0.0, -5.0), (0.0, 5.0), (2.0, 8.0)]),
+        Stroke("far", [(900.0, 0.0), (901.0, 0.0)]),
+    ],
+    circles=[Circle("plate", "A", (0.0, 0.0), 1.5), Circle("plate", "η", (40.0, 30.0), 1.5)],
+    labels=[Label("plate", (40.0, 30.0), "η"), Label("mirrors", (3.0, 3.0), "glass")],
+    measures=[
+        Measure((0.0, 0.0), (40.0, 0.0)),
+        Measure((40.0, 30.0), (40.0, 0.0)),
+        Measure((40.0, 30.0), (0.0, 0.0)),
+    ],
+    notes=["of brass", "2 mm thick"],
+)
+
+
+def test_nothing_is_amiss_and_units_are_mm():
+    document = opened(PLATE)
+    audit = document.audit()
+    assert not audit.errors
+    assert not audit.fixes
+    assert document.header["$INSUNITS"] == 4
+    assert document.header["$MEASUREMENT"] == 1
+    assert document.dxfversion >= "AC1024"  # R2010
+
+
+def test_geometry_is_where_the_sheet_has_it():
+    document = opened(PLATE)
+    space = document.modelspace()
+    (line,) = polylines(document, "plate")
+    assert [tuple(point) for point in line.get_points("xy")] == list(PLATE.strokes[0].places)
+    assert line.closed
+    (mirror,) = space.query("LINE[layer=='mirrors']")
+    assert [tuple(mirror.dxf.start)[:2], tuple(mirror.dxf.end)[:2]] == list(PLATE.strokes[1].places)
+    (open_line,) = polylines(document, "axes")
+    assert not open_line.closed
+    circles = {
+        circle.get_xdata("DESIGNOPT")[0].value: (tuple(circle.dxf.center)[:2], circle.dxf.radius)
+        for circle in space.query("CIRCLE[layer=='plate']")
+    }
+    assert circles == {"A": ((0.0, 0.0), 1.5), "η": ((40.0, 30.0), 1.5)}
+    assert {text.dxf.text for text in space.query("TEXT")} == {"η", "glass"}
+
+
+def test_layers_differ_by_kind_and_what_is_not_the_design_lies_on_others():
+    document = opened(PLATE)
+    layers = document.layers
+    assert layers.get("mirrors").dxf.lineweight > layers.get("plate").dxf.lineweight
+    assert layers.get("axes").dxf.linetype != layers.get("plate").dxf.linetype
+    assert layers.get("mirrors").dxf.true_color != layers.get("plate").dxf.true_color
+    on_plate = document.modelspace().query("*[layer=='plate']")
+    assert sorted(entity.dxftype() for entity in on_plate) == ["CIRCLE", "CIRCLE", "LWPOLYLINE"]
+
+
+@pytest.mark.parametrize(
+    ("names", "wanted"),
+    [
+        (["a/b", "a:b", "A_B"], ["a_b", "a_b_2", "A_B_3"]),
+        (["0", "dimensions", "Sheet"], ["0_2", "dimensions_2", "Sheet_2"]),
+        (["Glied 1", "ß→", 'x|"\\'], ["Glied 1", "ß→", "x___"]),
+    ],
+)
+def test_layers_keep_their_names_as_far_as_the_format_has_them(names, wanted):
+    sheet = Sheet(
+        "names",
+        [Layer(name, "body") for name in names],
+        strokes=[Stroke(name, [(0.0, 0.0), (1.0, 2.0)]) for name in names],
+    )
+    document = opened(sheet)
+    assert not document.audit().has_issues
+    assert [line.dxf.layer for line in document.modelspace().query("LINE")] == wanted
+    assert all(name in document.layers for name in wanted)
+
+
+def test_dimensions_measure_what_they_stand_at():
+    found = dimensions(opened(PLATE))
+    assert sorted(part.get_measurement() for part in found) == pytest.approx([30, 40, 50], abs=1e-9)
+    for part in found:
+        assert {part.dxf.layer, part.dxf.dimstyle} == {"dimensions", "SHEET"}
+        words = words_of(part)
+        # Read from below or from the right: no text stands on its head.
+        angle = math.remainder(words.get_rotation(), 360)
+        assert -90 < angle <= 90 + 1e-9
+        assert words.text.endswith(f"{part.get_measurement():.0f}")
+
+
+def test_dimensions_are_as_large_on_paper_as_the_standard_has_them():
+    for factor in (1.0, 0.01, 1000.0):
+        sheet = Sheet(
+            "bar",
+            [Layer("bar", "body")],
+            strokes=[Stroke("bar", [(0.0, 0.0), (150.0 * factor, 0.0)])],
+            measures=[Measure((0.0, 0.0), (150.0 * factor, 0.0))],
+        )
+        paper = Paper.of(sheet)
+        (dimension,) = dimensions(opened(sheet))
+        words = words_of(dimension)
+        assert words.dxf.char_height * paper.scale == pytest.approx(2.5)
+        offset = abs(dimension.dxf.defpoint.y) * paper.scale
+        assert offset == pytest.approx(7.0)
+
+
+@pytest.mark.parametrize(
+    ("width", "scale", "words"),
+    [
+        (200.0, 1.0, "scale 1:1"),
+        (150.0, 1.0, "scale 1:1"),
+        (90.0, 2.0, "scale 2:1"),
+        (3000.0, 0.05, "scale 1:20"),
+        (0.4, 500.0, "scale 500:1"),
+    ],
+)
+def test_the_view_shows_the_design_at_a_standard_scale(width, scale, words):
+    sheet = Sheet(
+        "bar", [Layer("bar", "body")], strokes=[Stroke("bar", [(7.0, 3.0), (7.0 + width, 3.0)])]
+    )
+    document = opened(sheet)
+    space = document.paperspace("Sheet")
+    _, view = space.viewports()  # the first stands for the paper itself
+    assert view.dxf.height / view.dxf.view_height == pytest.approx(scale, rel=1e-12)
+    assert view.get_scale() == pytest.approx(scale, rel=1e-12)
+    middle = np.array(view.dxf.view_center_point)[:2]
+    np.testing.assert_allclose(middle, [7.0 + width / 2, 3.0], rtol=1e-12)
+    assert width * scale < view.dxf.width
+    texts = [text.dxf.text for text in space.query("TEXT")]
+    assert texts[0] == "bar"
+    assert texts[1].startswith(words + " ")
+    low, high = space.get_paper_limits()
+    assert tuple(high - low) == pytest.approx(SIZES["A4"])
+    assert document.header["$INSUNITS"] == 4
+
+
+def test_the_frame_is_made_for_what_belongs_into_it():
+    document = opened(PLATE)
+    space = document.paperspace("Sheet")
+    _, view = space.viewports()
+    left = view.dxf.view_center_point.x - view.dxf.width / view.get_scale() / 2
+    right = view.dxf.view_center_point.x + view.dxf.width / view.get_scale() / 2
+    assert left < -5
+    assert 41.5 < right < 900
+    assert {"of brass", "2 mm thick"} <= {text.dxf.text for text in space.query("TEXT")}
+    assert document.layers.get(view.dxf.layer).dxf.plot == 0
+
+
+def test_many_dimensions_have_a_larger_sheet():
+    fan = [Measure((0.0, 0.0), (50.0, float(height))) for height in range(12)]
+    strokes = [Stroke("fan", [part.start, part.end]) for part in fan]
+    sheet = Sheet("fan", [Layer("fan", "body")], strokes=strokes, measures=fan)
+    assert Paper.of(sheet).size == "A3"
+    assert len(dimensions(opened(sheet))) == 12
+
+
+def test_the_same_design_gives_the_same_file_and_settings_stay_as_they_were():
+    before = options.write_fixed_meta_data_for_testing
+    assert dxf_text(PLATE) == dxf_text(PLATE)
+    assert options.write_fixed_meta_data_for_testing == before

@@ -1,0 +1,284 @@
+"""A linkage's drawing and numbers, against its file and against the solver of poses."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import tomllib
+import xml.etree.ElementTree as ElementTree
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from ezdxf.document import Drawing
+
+from designopt.designs import Sheet
+from designopt.exporting.dxf import dxf_text
+from designopt.exporting.svg import svg_text
+from kinematics.design import DesignedLinkage
+from kinematics.sketch import parse_sketch
+from tests.designopt.exporting.reading import dimensions, opened
+from tests.kinematics.gallery import FOLDER, NAMES, poses_of
+
+MAKER = 1e-6
+"""What the distances between pins have to keep, mm."""
+
+
+@cache
+def design(name: str) -> DesignedLinkage:
+    return DesignedLinkage.read(FOLDER / f"{name}.toml")
+
+
+@cache
+def sheet(name: str) -> Sheet:
+    return design(name).sheet()
+
+
+@cache
+def drawing(name: str) -> Drawing:
+    return opened(sheet(name))
+
+
+def tables(name: str) -> dict[str, Any]:
+    return tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+def stated(name: str) -> dict[tuple[str, str, str], float]:
+    """Distances between joints that the file states: exact ones, otherwise the sketch's."""
+    data, found = tables(name), {}
+    for body, part in data["bodies"].items():
+        lengths = part.get("lengths", {})
+        for pair in itertools.combinations(part["joints"], 2):
+            if lengths and "-".join(pair) not in lengths:
+                continue  # other lengths may have moved it
+            sketched = math.dist(*(data["joints"][joint] for joint in pair))
+            found[body, *pair] = lengths.get("-".join(pair), sketched)
+    return found
+
+
+def numbers(name: str) -> dict[str, tuple[float, str]]:
+    quantities = design(name).quantities()
+    found = {part.name: (part.value, part.unit) for part in quantities}
+    assert len(found) == len(quantities)
+    return found
+
+
+def linkage(**changes: Any) -> DesignedLinkage:
+    base = {
+        "joints": {"A": [0, 0], "B": [10, 0], "C": [10, 8], "D": [0, 8]},
+        "bodies": {
+            "base": {"joints": ["A", "B"], "fixed": True},
+            "left": {"joints": ["A", "D"]},
+            "right": {"joints": ["B", "C"]},
+            "top": {"joints": ["D", "C"]},
+        },
+        "inputs": [{"name": "turn", "body": "left"}],
+    }
+    return DesignedLinkage.of(parse_sketch(base | changes, "sketch"), "sketch")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_pins_in_the_file_are_as_far_apart_as_the_linkage_says(name):
+    pins: dict[str, dict[str, np.ndarray]] = {}
+    for circle in drawing(name).modelspace().query("CIRCLE"):
+        joint = circle.get_xdata("DESIGNOPT")[0].value
+        place = np.array(circle.dxf.center)[:2]
+        pins.setdefault(circle.dxf.layer, {})[joint] = place
+    data, measured = tables(name), 0
+    assert set(pins) <= set(data["bodies"])
+    for (body, first, second), wanted in stated(name).items():
+        if {first, second} <= pins.get(body, {}).keys():
+            found = math.dist(pins[body][first], pins[body][second])
+            assert found == pytest.approx(wanted, abs=MAKER), (body, first, second)
+            measured += 1
+    assert measured >= 2 or "slider" in name or "yoke" in name
+    # A pin is drawn on every body that it joins, in one place.
+    for first, second in itertools.combinations(pins.values(), 2):
+        for joint in first.keys() & second.keys():
+            np.testing.assert_allclose(first[joint], second[joint], atol=MAKER)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_drawing_is_clean_and_dimensions_are_the_distances(name):
+    document = drawing(name)
+    assert not document.audit().has_issues
+    assert all(body in document.layers for body in tables(name)["bodies"])
+    measured = [part.get_measurement() for part in dimensions(document)]
+    by_joints = {frozenset(key[1:]): value for key, value in stated(name).items()}
+    assert sorted(measured) == pytest.approx(sorted(by_joints.values()), abs=MAKER)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_joint_that_joins_is_a_circle_and_the_others_are_not(name):
+    data = tables(name)
+    partners = dict.fromkeys(data["joints"], 0)
+    for part in data["bodies"].values():
+        if not part.get("fixed"):
+            partners |= {joint: partners[joint] + 1 for joint in part["joints"]}
+    for joint in {
+        j for part in data["bodies"].values() if part.get("fixed") for j in part["joints"]
+    }:
+        partners[joint] += 1
+    for slider in data.get("sliders", []):
+        partners[slider["joint"]] += 1
+    circles = {circle.name for circle in sheet(name).circles}
+    assert circles == {joint for joint, count in partners.items() if count > 1}
+    assert [label.text for label in sheet(name).labels] != []
+    assert {label.text for label in sheet(name).labels} == set(data["joints"])
+
+
+@pytest.mark.parametrize("name", ["four-bar", "quick-return", "scotch-yoke", "slider-crank"])
+def test_joints_are_where_the_solver_of_poses_puts_them(name):
+    linkage = design(name).linkage
+    poses = poses_of(linkage, jnp.asarray(linkage.home.inputs)[None])
+    assert bool(jnp.all(poses.ok))
+    found = numbers(name)
+    for joint in linkage.structure.joints:
+        wanted = np.asarray(poses.value.position(joint))[0]
+        place = [found[f"joints.{joint}.{axis}"][0] for axis in "xy"]
+        np.testing.assert_allclose(place, wanted, atol=1e-9)
+
+
+def test_bodies_are_bars_or_outlines_and_carry_their_slots():
+    strokes = {body: [s for s in sheet("watt").strokes if s.layer == body] for body in ("rocker",)}
+    (rocker,) = strokes["rocker"]
+    assert rocker.closed
+    corners = {circle.name: circle.centre for circle in sheet("watt").circles}
+    assert set(rocker.places) == {corners[joint] for joint in ("O4", "B", "C")}
+    # The lever's slot runs along it, through the crank's pin.
+    lines = [stroke.places for stroke in sheet("quick-return").strokes if stroke.layer == "lever"]
+    pin = next(part.centre for part in sheet("quick-return").circles if part.name == "A")
+    slot = next(line for line in lines if math.dist(*line[:2]) < 10)
+    assert math.dist(slot[0], pin) + math.dist(pin, slot[1]) == pytest.approx(math.dist(*slot))
+    fixed = [s for s in sheet("slider-crank").strokes if s.layer == "ground" and len(s.places) == 2]
+    assert any(all(y == pytest.approx(-20, abs=1e-9) for _, y in line.places) for line in fixed)
+
+
+def test_pins_do_not_touch_each_other():
+    for name in NAMES:
+        for layer in sheet(name).layers:
+            pins = [circle for circle in sheet(name).circles if circle.layer == layer.name]
+            for first, second in itertools.combinations(pins, 2):
+                assert math.dist(first.centre, second.centre) > first.radius + second.radius
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_numbers_hold_every_number_of_the_file(name):
+    found, data = numbers(name), tables(name)
+    for (body, first, second), wanted in stated(name).items():
+        value, unit = found[f"bodies.{body}.{first}-{second}"]
+        assert (value, unit) == (pytest.approx(wanted, rel=1e-12), "mm")
+    for spring in data.get("springs", []):
+        name = f"springs.{'-'.join(spring['between'])}"
+        assert found[f"{name}.stiffness"] == (spring["stiffness"], "N mm/rad")
+        assert found[f"{name}.preload"] == (spring["preload"], "rad")
+    if not any("lengths" in part for part in data["bodies"].values()):
+        for joint, place in data["joints"].items():
+            read_back = [found[f"joints.{joint}.{axis}"] for axis in "xy"]
+            assert [value for value, _ in read_back] == pytest.approx(place, abs=1e-9)
+            assert {unit for _, unit in read_back} == {"mm"}
+    assert {f"inputs.{part['name']}" for part in data["inputs"]} <= found.keys()
+
+
+def test_angles_are_those_between_joints_in_degrees():
+    found = numbers("finger-crank")
+
+    def angle(first: str, second: str) -> float:
+        joints = tables("finger-crank")["joints"]
+        x, y = np.subtract(joints[second], joints[first])
+        return math.degrees(math.atan2(y, x))
+
+    assert found["inputs.theta"] == (pytest.approx(angle("F", "E")), "°")
+    assert found["bodies.rod.angle"] == (pytest.approx(angle("D", "E")), "°")
+    relative = angle("C", "D") - angle("B", "T")
+    assert found["inputs.gamma"] == (pytest.approx(relative), "°")
+
+
+def test_places_in_a_body_are_its_own():
+    found = numbers("jansen")
+    foot = tables("jansen")["bodies"]["foot"]["joints"]
+    places = [[found[f"bodies.foot.{joint}.{axis}"][0] for axis in "xy"] for joint in foot]
+    assert places[0] == [0, 0]
+    assert places[1][1] == 0
+    for (i, first), (j, second) in itertools.combinations(enumerate(foot), 2):
+        wanted = math.dist(*(tables("jansen")["joints"][joint] for joint in (first, second)))
+        assert math.dist(places[i], places[j]) == pytest.approx(wanted)
+
+
+def test_sliders_have_their_lines_and_places():
+    found = numbers("slider-crank")
+    assert found["sliders.C.point.y"] == (-20, "mm")
+    assert found["sliders.C.angle"] == (0, "°")
+    # Norton's Example 4-2: the pin C on the line y = −20 at its distance from the line's origin.
+    wanted = found["joints.C.x"][0] - found["sliders.C.point.x"][0]
+    assert found["sliders.C.slide"] == (pytest.approx(wanted, abs=1e-9), "mm")
+    assert "sliders.C.turn" not in found
+    yoke = numbers("scotch-yoke")
+    assert yoke["sliders.Y.turn"] == (pytest.approx(0, abs=1e-9), "°")
+
+
+def test_a_body_held_by_its_slots_alone_is_found_from_them():
+    # Two pins of the ground in two slots of a plate, which its angle drives.
+    plate = linkage(
+        joints={"O": [0, 0], "M": [20, 0], "P": [5, 12], "Q": [15, 13]},
+        bodies={
+            "base": {"joints": ["O", "M"], "fixed": True},
+            "plate": {"joints": ["P", "Q"]},
+        },
+        sliders=[
+            {"joint": "O", "on": "plate", "line": [[0, 0], [5, 12]]},
+            {"joint": "M", "on": "plate", "line": [[20, 0], [15, 13]]},
+        ],
+        inputs=[{"name": "turn", "body": "plate"}],
+    )
+    found = {part.name: part.value for part in plate.quantities()}
+    for joint, place in plate.sketch.joints.items():
+        read_back = [found[f"joints.{joint}.{axis}"] for axis in "xy"]
+        np.testing.assert_allclose(read_back, place, atol=1e-9)
+    assert {circle.name for circle in plate.sheet().circles} == {"O", "M"}
+
+
+def test_a_name_that_cannot_be_printed_spoils_no_file():
+    odd = linkage(linkage={"name": "first\nsecond\a%"}).sheet()
+    assert odd.title == "first second %"
+    texts = [text.dxf.text for text in opened(odd).paperspace("Sheet").query("TEXT")]
+    assert texts[0] == odd.title
+    assert ElementTree.fromstring(svg_text(odd))[0].text == odd.title
+
+
+def test_springs_are_noted_but_many_are_only_counted():
+    spring = {"between": ["left", "right"], "stiffness": 30, "preload": 0.25}
+    assert (
+        "spring left – right: 30 N mm/rad, preload 0.25 rad"
+        in linkage(springs=[spring]).sheet().notes
+    )
+    many = linkage(springs=[spring] * 40).sheet()
+    assert "40 springs" in many.notes
+    dxf_text(many)  # and the drawing still has room
+
+
+def test_coincident_joints_have_no_dimension():
+    twin = linkage(
+        joints={"A": [0, 0], "B": [10, 0], "C": [10, 8], "D": [0, 8], "D2": [0, 8]},
+        bodies={
+            "base": {"joints": ["A", "B"], "fixed": True},
+            "left": {"joints": ["A", "D", "D2"]},
+            "right": {"joints": ["B", "C"]},
+            "top": {"joints": ["D", "C"]},
+        },
+    )
+    lengths = [math.dist(part.start, part.end) for part in twin.sheet().measures]
+    assert sorted(lengths) == pytest.approx([8, 8, 8, 10, 10])
+    assert not opened(twin.sheet()).audit().has_issues
+
+
+def test_a_linkage_read_in_float32_is_drawn_too():
+    with jax.enable_x64(False):
+        small = linkage().sheet()
+    wanted = linkage().sheet()
+    np.testing.assert_allclose(
+        [part.centre for part in small.circles], [part.centre for part in wanted.circles], atol=1e-5
+    )

@@ -1,0 +1,248 @@
+"""Drawings and numbers of scenes and chambers, against their files and formulas of their own."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from designopt.designs import Sheet
+from optics.chamber import Chamber
+from optics.chamber_design import DesignedChamber
+from optics.scene_design import DesignedScene
+from optics.scene_file import SceneFile
+from tests.designopt.exporting.reading import dimensions, numbers_in, opened
+
+GALLERY = Path(__file__).parents[2] / "studies/optics_gallery"
+NAMES = sorted(path.stem for path in GALLERY.glob("*.toml"))
+DRAWN = 1e-3
+"""How far a curved mirror's drawing may be from its curve, mm."""
+
+
+def scene(name: str) -> DesignedScene:
+    return DesignedScene.read(GALLERY / f"{name}.toml")
+
+
+def tables(name: str) -> dict[str, Any]:
+    return tomllib.loads((GALLERY / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+def strokes(sheet: Sheet, layer: str) -> list[list[tuple[float, float]]]:
+    return [list(stroke.places) for stroke in sheet.strokes if stroke.layer == layer]
+
+
+def curved(radius: float, conic: float, half: float = 40.0) -> Sheet:
+    mirror = {"name": "m", "from": [0, half], "to": [0, -half], "radius": radius, "conic": conic}
+    camera = {"position": [200, 0], "direction_deg": 180, "fov_deg": 60, "pixels": 100}
+    file = SceneFile.model_validate({"camera": camera, "mirrors": [mirror]})
+    return DesignedScene.of(file, "curved").sheet()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_number_of_a_scene_file_is_among_the_numbers(name):
+    quantities = scene(name).quantities()
+    assert len({part.name for part in quantities}) == len(quantities)
+    missing = Counter(numbers_in(tables(name))) - Counter(float(part.value) for part in quantities)
+    assert not missing
+    for part in quantities:
+        leaf = part.name.rsplit(".", 1)[-1]
+        units = {"x": "mm", "y": "mm", "length": "mm", "radius": "mm", "conic": "", "pixels": "px"}
+        units |= {"direction": "°", "field_of_view": "°", "min_grazing": "°", "bounces": ""}
+        assert part.unit == units[leaf]
+
+
+def test_a_lens_and_coefficients_are_among_the_numbers():
+    coefficients = [0.01, -0.002, 0.0003, -0.00004]
+    pad = {"name": "pad", "from": [9, 0], "to": [9, 5]}
+    lens = {"focal_length": 2.5, "f_number": 2.8, "focus": 30.0}
+    camera = {"position": [1, 2], "direction_deg": 0, "fov_deg": 90, "pixels": 480}
+    camera |= {"projection": coefficients, "lens": lens}
+    file = SceneFile.model_validate({"camera": camera, "pads": [pad]})
+    found = {part.name: part for part in DesignedScene.of(file, "scene").quantities()}
+    assert [found[f"camera.projection.k{i}"].value for i in range(1, 5)] == coefficients
+    assert {key: found[f"camera.lens.{key}"].value for key in lens} == lens
+    assert found["camera.lens.focus"].unit == "mm"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_straight_surfaces_and_hinges_are_where_the_file_has_them(name):
+    data, document = tables(name), opened(scene(name).sheet())
+    assert not document.audit().has_issues
+    space = document.modelspace()
+    for layer in ("mirrors", "pads", "blockers"):
+        wanted = [
+            (*part["from"], *part["to"]) for part in data.get(layer, []) if "radius" not in part
+        ]
+        found = [
+            (line.dxf.start.x, line.dxf.start.y, line.dxf.end.x, line.dxf.end.y)
+            for line in space.query(f"LINE[layer=='{layer}']")
+        ]
+        np.testing.assert_array_equal(found, wanted)
+    hinges = [tuple(circle.dxf.center)[:2] for circle in space.query("CIRCLE[layer=='hinges']")]
+    assert hinges == [tuple(frame["hinge"]) for frame in data.get("frames", {}).values()]
+    (camera,) = space.query("CIRCLE[layer=='camera']")
+    assert tuple(camera.dxf.center)[:2] == tuple(data["camera"]["position"])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_lines_of_sight_are_the_axis_and_the_edges_of_the_field(name):
+    camera, sheet = tables(name)["camera"], scene(name).sheet()
+    turns = []
+    for (start, end), layer in [
+        *((line, "camera") for line in strokes(sheet, "camera")),
+        *((line, "field of view") for line in strokes(sheet, "field of view")),
+    ]:
+        assert start == tuple(camera["position"])
+        angle = math.degrees(math.atan2(end[1] - start[1], end[0] - start[0]))
+        turns.append((layer, math.remainder(angle - camera["direction_deg"], 360)))
+    assert [layer for layer, _ in turns] == ["camera", "field of view", "field of view"]
+    half = camera["fov_deg"] / 2
+    assert [turn for _, turn in turns] == pytest.approx([0, -half, half], abs=1e-9)
+
+
+def test_a_camera_that_sees_all_around_has_one_edge():
+    camera = {"position": [0, 0], "direction_deg": 90, "fov_deg": 360, "pixels": 100}
+    pad = {"name": "pad", "from": [9, 0], "to": [9, 5]}
+    file = SceneFile.model_validate({"camera": camera, "pads": [pad]})
+    sheet = DesignedScene.of(file, "all").sheet()
+    ((_, end),) = strokes(sheet, "field of view")
+    assert end[1] < 0
+    assert abs(end[0]) < 1e-12
+    assert not opened(sheet).audit().has_issues
+
+
+@pytest.mark.parametrize("radius", [100.0, -41.0, 40.000001, 5000.0])
+def test_a_circular_mirror_is_nowhere_far_from_its_circle(radius):
+    (line,) = strokes(curved(radius, 0.0), "mirrors")
+    assert (line[0], line[-1]) == ((0.0, 40.0), (0.0, -40.0))
+    # The middle of the circle lies on the chord's bisector; to the left of from → to is +x.
+    middle = math.copysign(math.sqrt(radius**2 - 40**2), radius)
+    places = np.array(line) - [middle, 0]
+    fine = places[:-1, None] + np.linspace(0, 1, 33)[:, None] * np.diff(places, axis=0)[:, None]
+    off = np.abs(np.hypot(fine[..., 0], fine[..., 1]) - abs(radius))
+    assert np.max(off) < DRAWN
+    # The mirror is the minor arc.
+    assert np.min(places[:, 0] * -np.sign(radius)) >= abs(middle) - 1e-9
+
+
+@pytest.mark.parametrize("half", [40.0, 0.04])
+def test_a_parabolic_mirror_is_nowhere_far_from_its_parabola(half):
+    radius = 0.75 * half
+    (line,) = strokes(curved(radius, -1.0, half), "mirrors")
+    places = np.array(line)
+    vertex = -(half**2) / (2 * radius)
+    fine = places[:-1, None] + np.linspace(0, 1, 33)[:, None] * np.diff(places, axis=0)[:, None]
+    along = fine[..., 0] - (vertex + fine[..., 1] ** 2 / (2 * radius))
+    # Along the axis it is at least as far off as across the curve.
+    assert np.max(np.abs(along)) < DRAWN * 4 * min(1.0, half / 10)
+
+
+def test_an_elliptic_mirror_lies_on_its_ellipse():
+    (line,) = strokes(scene("ellipse").sheet(), "mirrors")
+    places = np.array(line)
+    np.testing.assert_allclose(
+        ((places[:, 0] - 100) / 100) ** 2 + (places[:, 1] / 80) ** 2, 1.0, rtol=1e-12
+    )
+
+
+def test_a_far_camera_is_drawn_but_does_not_shrink_the_picture():
+    sheet = scene("circle").sheet()
+    (left, _), (right, _) = sheet.box()
+    assert right - left < 100
+    assert any(circle.centre == (10000, 0) for circle in sheet.circles)
+    assert any("outside the picture" in note for note in sheet.notes)
+    assert max(math.dist(part.start, part.end) for part in sheet.measures) < 100
+    assert not any("outside" in note for note in scene("ellipse").sheet().notes)
+
+
+def test_dimensions_of_a_scene_say_how_to_build_it():
+    data = tables("finger")
+    found = [part.get_measurement() for part in dimensions(opened(scene("finger").sheet()))]
+    wanted = [math.dist(part["from"], part["to"]) for part in data["mirrors"] + data["pads"]]
+    for part in data["mirrors"]:
+        hinge = data["frames"][part["body"]]["hinge"]
+        wanted += [math.dist(hinge, part[end]) for end in ("from", "to")]
+    assert sorted(found) == pytest.approx(sorted(wanted), abs=1e-9)
+
+
+def test_a_distance_that_two_mirrors_share_is_stated_once():
+    measures = scene("kaleidoscope-60").sheet().measures
+    assert len(set(measures)) == len(measures)
+    corner, camera = (0.0, 0.0), tuple(map(float, tables("kaleidoscope-60")["camera"]["position"]))
+    assert sum({part.start, part.end} == {corner, camera} for part in measures) == 1
+
+
+# The chamber of paper A's Table I, as printed, at one of its rows.
+CHAMBER = Chamber(
+    length_ab=19.3,
+    length_bc=24.7,
+    length_cd=37.0,
+    offset_a=7.2,
+    offset_b=6.5,
+    wall_angle_bc=0.04,
+    offset_d=-2.0,
+    focal_length=1.6,
+    image_distance=1.7,
+    reference_height=4.0,
+    pinhole_offset=1.5,
+)
+
+
+def test_the_chamber_is_drawn_region_by_region():
+    sheet = DesignedChamber("chamber", CHAMBER).sheet()
+    document = opened(sheet)
+    assert not document.audit().has_issues
+    offset_c = 6.5 - 24.7 * math.tan(0.04)
+    corners = [(0, 7.2), (19.3, 6.5), (44, offset_c), (81, 2.0), (81, -4.0)]
+    for index, region in enumerate(("red", "blue", "yellow", "top")):
+        (line,) = document.modelspace().query(f"LINE[layer=='{region}']")
+        np.testing.assert_allclose(tuple(line.dxf.start)[:2], corners[index], atol=1e-12)
+        np.testing.assert_allclose(tuple(line.dxf.end)[:2], corners[index + 1], atol=1e-12)
+    for region, strong in (("red", (0,)), ("blue", (2,)), ("yellow", (0, 1))):
+        colour = np.array(document.layers.get(region).rgb, int)
+        assert np.min(colour[list(strong)]) > 1.4 * np.max(np.delete(colour, strong))
+    (pinhole,) = document.modelspace().query("CIRCLE")
+    np.testing.assert_allclose(tuple(pinhole.dxf.center)[:2], (-1.5, -4.0))
+    assert [label.text for label in sheet.labels] == ["A", "B", "C", "D", "E", "pinhole"]
+    found = [part.get_measurement() for part in dimensions(document)]
+    wanted = [19.3, 24.7, 37.0, 7.2, 6.5, offset_c, 2.0, 1.5, 4.0]
+    assert sorted(found) == pytest.approx(sorted(wanted), abs=1e-9)
+
+
+def test_the_numbers_of_a_chamber_follow_eqs_1_to_3():
+    found = {
+        part.name: (part.value, part.unit) for part in DesignedChamber("c", CHAMBER).quantities()
+    }
+    assert found["length_cd"] == (37.0, "mm")
+    assert found["wall_angle_bc"] == (pytest.approx(math.degrees(0.04)), "°")
+    offset_c = 6.5 - 24.7 * math.tan(0.04)
+    assert found["offset_c"] == (pytest.approx(offset_c), "mm")
+    angle = math.degrees(math.atan((offset_c - 2.0) / 37.0))
+    assert found["wall_angle_cd"] == (pytest.approx(angle), "°")
+    heights = [
+        (1.6 - 1.7) * (4.0 + offset) / (s + 1.5)
+        for s, offset in ((19.3, 6.5), (44.0, offset_c), (81.0, 2.0))
+    ]
+    blue, yellow = heights[0] - heights[1], heights[1] - heights[2]
+    assert found["ring_blue"] == (pytest.approx(blue), "mm")
+    assert found["ring_yellow"] == (pytest.approx(yellow), "mm")
+    assert found["ring_top"] == (pytest.approx(heights[2]), "mm")
+    assert found["imaging_ratio"] == (pytest.approx(yellow / blue), "")
+    assert len(found) == 17
+    notes = DesignedChamber("c", CHAMBER).sheet().notes
+    assert notes[-1] == f"imaging ratio {yellow / blue:.6g}"
+
+
+def test_a_chamber_without_an_image_has_no_numbers_of_it():
+    behind = Chamber(**{**vars(CHAMBER), "pinhole_offset": -50.0})
+    design = DesignedChamber("behind", behind)
+    names = {part.name for part in design.quantities()}
+    assert {"imaging_ratio", "ring_blue"}.isdisjoint(names)
+    assert "length_ab" in names
+    assert not any("ratio" in note for note in design.sheet().notes)
+    assert not opened(design.sheet()).audit().has_issues
