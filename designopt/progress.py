@@ -6,7 +6,18 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+REMEMBERED = 3600.0
+"""Seconds over which the speed is measured that tells the time left: points may take minutes."""
 
 
 @contextmanager
@@ -34,3 +45,44 @@ def step_display(
             progress.update(task, completed=1)
 
         yield step
+
+
+@contextmanager
+def point_display(
+    total: int, done: int, failed: int, console: Console | None = None
+) -> Iterator[Callable[[bool], None]]:
+    """A bar over the points of a sweep, with the time left: call what is yielded for each point.
+
+    Args:
+        total: points of the sweep.
+        done: those that were finished before.
+        failed: those of them that failed.
+        console: where to show it; standard error by default. Nothing is shown where it is not a
+            terminal.
+
+    Yields:
+        A function to be told, point by point, whether it failed.
+    """
+    console = console or Console(stderr=True)
+    columns = (
+        MofNCompleteColumn(),
+        TextColumn("points"),
+        BarColumn(),
+        TextColumn("{task.fields[failed]} failed"),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+    )
+    with Progress(
+        *columns,
+        console=console,
+        disable=not console.is_terminal,
+        speed_estimate_period=REMEMBERED,
+    ) as progress:
+        task = progress.add_task("", total=total, completed=done, failed=failed)
+
+        def show(has_failed: bool) -> None:
+            nonlocal failed
+            failed += has_failed
+            progress.update(task, advance=1, failed=failed)
+
+        yield show

@@ -1,0 +1,198 @@
+"""A sweep from its points to its result: what is missing is computed, and kept as it comes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from designopt.errors import Interrupted, UserError
+from designopt.interrupts import interruptible
+from designopt.progress import point_display
+from designopt.runner import RECORDED_PACKAGES
+from designopt.settings import spec_with
+from designopt.study import Study
+from designopt.sweeping.cluster import run_on_cluster
+from designopt.sweeping.evaluating import Task, version_of
+from designopt.sweeping.keeping import RESULT, Folder
+from designopt.sweeping.local import run_locally
+from designopt.sweeping.outcomes import Outcome, failed
+from designopt.sweeping.points import Points
+from designopt.sweeping.results import Swept, write_result
+
+LARGEST_BATCH = 64
+LEAST_TASKS = 16
+"""A study with ``batch`` is given so many tasks at least, for several workers to have some."""
+
+LOST = failed(
+    "its worker was lost again and again (killed, perhaps for want of memory); give the same "
+    "command again to try once more",
+    final=False,
+)
+
+
+@dataclass(frozen=True)
+class Request:
+    """A sweep, as asked for.
+
+    Attributes:
+        study: which.
+        points: over what.
+        settings: ``key=value`` texts that all points share.
+        seed: seed of every random draw.
+        dtype: float type to compute in.
+        out: its folder.
+        workers: processes on this machine.
+        scheduler: address of a dask scheduler, to compute on its cluster instead; ``None`` for
+            this machine.
+        force: whether another sweep in the folder may be replaced.
+    """
+
+    study: Study
+    points: Points
+    settings: tuple[str, ...]
+    seed: int
+    dtype: str
+    out: Path
+    workers: int
+    scheduler: str | None
+    force: bool
+
+
+def run_sweep(request: Request) -> dict[int, Outcome]:
+    """Compute what is missing, and write the result once every point is finished.
+
+    Returns:
+        What became of every point, by its number.
+
+    Raises:
+        UserError: no point's settings are valid, the folder holds something else or cannot be
+            written, or the cluster fails; points that were finished are kept.
+        Interrupted: by Ctrl-C or SIGTERM; points that were finished are kept.
+    """
+    kept: dict[int, Outcome] = {}
+    try:
+        with interruptible() as check:
+            refused = _refused(request)
+            folder = Folder(request.out, _definition(request), force=request.force)
+            for index, outcome in folder.outcomes().items():
+                if outcome.final:
+                    kept[index] = outcome
+            for index in refused.keys() - kept.keys():
+                _keep(request, folder, kept, index, refused[index])
+            # The groups are those of the whole sweep, however much of it is kept: the last bits
+            # of a batch may depend on what else is in it.
+            valid = [index for index in range(len(request.points)) if index not in refused]
+            width = _width(request, len(valid))
+            groups = [valid[start : start + width] for start in range(0, len(valid), width)]
+            missing = [group for group in groups if not kept.keys() >= set(group)]
+            if missing:
+                _compute(request, folder, kept, missing, width, check)
+            write_result(_swept(request, kept), request.out / RESULT)
+            check()
+    except KeyboardInterrupt as interrupt:
+        raise Interrupted(f"{_kept(request, kept)}; the same command goes on") from interrupt
+    return kept
+
+
+def _refused(request: Request) -> dict[int, Outcome]:
+    """The points whose settings are not valid."""
+    refused = {}
+    for index in range(len(request.points)):
+        try:
+            spec_with(request.study.spec, _settings(request, index), study=request.study.name)
+        except UserError as error:
+            refused[index] = failed(str(error), final=True)
+    if len(refused) == len(request.points):
+        raise UserError(f"no point can be computed: {refused[0].failure}")
+    return refused
+
+
+def _settings(request: Request, index: int) -> tuple[str, ...]:
+    return (*request.settings, *request.points.assignments(index))
+
+
+def versions() -> dict[str, str]:
+    """Of Python and of the packages that shape the numbers."""
+    return {name: version_of(name) for name in ("python", *RECORDED_PACKAGES)}
+
+
+def _definition(request: Request) -> dict[str, object]:
+    return {
+        "study": request.study.name,
+        "points": dict(request.points.definition),
+        "settings": list(request.settings),
+        "seed": request.seed,
+        "dtype": request.dtype,
+        "versions": versions(),
+    }
+
+
+def _width(request: Request, points: int) -> int:
+    """Points in a task. The number of workers has no say, or the numbers would depend on it."""
+    if request.study.batch is None:
+        return 1
+    return min(LARGEST_BATCH, math.ceil(points / LEAST_TASKS))
+
+
+def _compute(
+    request: Request,
+    folder: Folder,
+    kept: dict[int, Outcome],
+    groups: Sequence[Sequence[int]],
+    width: int,
+    check: Callable[[], None],
+) -> None:
+    tasks = [
+        Task(
+            request.study.name,
+            tuple(_settings(request, index) for index in group),
+            width,
+            request.seed,
+            request.dtype,
+            versions(),
+        )
+        for group in groups
+    ]
+    if request.scheduler is None:
+        answers = run_locally(tasks, request.workers)
+    else:
+        answers = run_on_cluster(tasks, request.scheduler)
+    failures = sum(bool(outcome.failure) for outcome in kept.values())
+    try:
+        with point_display(len(request.points), len(kept), failures) as show, closing(answers):
+            for task, answer in answers:
+                for place, index in enumerate(groups[task]):
+                    if index not in kept:
+                        outcome = LOST if answer is None else answer[place]
+                        _keep(request, folder, kept, index, outcome)
+                        show(bool(outcome.failure))
+                check()
+    except UserError as error:
+        raise UserError(f"{error}; {_kept(request, kept)}") from error
+
+
+def _keep(
+    request: Request, folder: Folder, kept: dict[int, Outcome], index: int, outcome: Outcome
+) -> None:
+    points = request.points
+    folder.keep(index, dict(zip(points.keys, points.rows[index], strict=True)), outcome)
+    kept[index] = outcome
+
+
+def _kept(request: Request, kept: dict[int, Outcome]) -> str:
+    return f"{len(kept)} of {len(request.points)} points are kept in {request.out}"
+
+
+def _swept(request: Request, kept: dict[int, Outcome]) -> Swept:
+    return Swept(
+        request.study,
+        request.points,
+        tuple(kept[index] for index in range(len(request.points))),
+        request.settings,
+        request.seed,
+        request.dtype,
+        versions(),
+    )

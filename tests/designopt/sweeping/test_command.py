@@ -1,0 +1,73 @@
+"""``designopt sweep`` as a person meets it: faults, failed points, no scheduler."""
+
+import csv
+
+import pytest
+
+from designopt import cli
+
+TABLE = "result/tables/points.csv"
+
+
+def test_failed_points_are_listed_and_stop_nothing(installed, capsys):
+    sweep = ["sweep", "batched", "--vary", "x=-1,0,2,1000", "--workers", "1", "--out", "o"]
+    assert cli.run(sweep) == 1
+    shown = capsys.readouterr()
+    assert shown.out == "report: o/result/report.html\n"
+    told = shown.err.splitlines()
+    assert told[0] == "failed: 3 of 4 points"
+    assert told[1] == "  x=-1.0: x: a length is not negative; make it larger"
+    assert told[2] == "  x=0.0: ZeroDivisionError: float division by zero"
+    assert told[3].startswith("  x=1000.0: --set x=1000.0: input should be less than or equal")
+    with (installed / "o" / TABLE).open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [bool(row["sine_mm"]) for row in rows] == [False, False, True, False]
+    # What failed for its settings stays so; what was broken, and that alone, is tried again.
+    before = {path.name: path.stat().st_mtime_ns for path in (installed / "o/points").iterdir()}
+    assert cli.run(sweep) == 1
+    after = {path.name: path.stat().st_mtime_ns for path in (installed / "o/points").iterdir()}
+    assert [name for name in sorted(after) if after[name] != before[name]] == ["000001.json"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["swpt", "--vary", "x=1"], ["STUDY", "did you mean 'swept'"]),
+        (["swept"], ["--vary, --sobol: write one of them"]),
+        (["swept", "--vary", "x=1", "--sobol", "4"], ["--vary, --sobol: write one of them"]),
+        (
+            ["swept", "--vary", "x=1", "--vary", "count=1", "wait=0"],
+            ["wait=0: write --vary before"],
+        ),
+        (["swept", "--vary", "y=1:2:3"], ["--vary y=1:2:3", "unknown key 'y'"]),
+        (["swept", "--sobol", "4"], ["--sobol 4", "between which bounds"]),
+        (["swept", "--sobol", "4", "x=1:2:3"], ["--sobol x=1:2:3", "KEY=LOW:HIGH"]),
+        (["swept", "--vary", "x=1:2:3", "--set", "x=1"], ["--set x=1", "'x' is varied"]),
+        (["swept", "--vary", "x=1:2:3", "--set", "y=1"], ["no point can be computed", "--set y"]),
+        (["swept", "--vary", "x=200:300:2"], ["no point can be computed", "less than or equal"]),
+        (["swept", "--vary", "x=1", "--workers", "0"], ["--workers"]),
+        (["swept", "--vary", "x=1", "--workers", "2", "--scheduler", "tcp://x"], ["--workers 2"]),
+        (["swept", "--vary", "x=1", "--out", "there"], ["--out there", "it holds no sweep"]),
+    ],
+)
+def test_faults_are_one_line_and_exit_code_2(installed, capsys, arguments, words):
+    (installed / "there").mkdir()
+    (installed / "there" / "mine").touch()
+    assert cli.run(["sweep", *arguments]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("error: ")
+    assert shown.err.count("\n") == 1
+    for word in words:
+        assert word in shown.err
+    assert sorted(path.name for path in installed.rglob("*")) == ["mine", "there"]
+
+
+def test_a_scheduler_that_is_not_there_costs_no_point(installed, capsys, monkeypatch):
+    monkeypatch.setattr("designopt.sweeping.cluster.PATIENCE", 0.5)
+    address = "tcp://127.0.0.1:9"
+    sweep = ["sweep", "swept", "--vary", "x=1:2:3"]
+    assert cli.run([*sweep, "--scheduler", address]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"error: --scheduler {address}: no scheduler answers there")
+    assert told.endswith("0 of 3 points are kept in out/sweep-swept\n")

@@ -1,0 +1,71 @@
+"""Which points are swept, in which order, and what is said of faulty ranges."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+from designopt import UserError
+from designopt.sweeping.points import grid_points, sobol_points
+from tests.designopt.sweeping.plugin import SweptSpec
+
+
+def test_a_grid_has_all_combinations_the_last_key_changing_fastest():
+    points = grid_points(SweptSpec, ["x=0:1:3", "wait=7,5"])
+    assert points.keys == ("x", "wait")
+    assert points.labels == ("x (mm)", "wait (s)")
+    assert points.rows == tuple(itertools.product((0.0, 0.5, 1.0), (7.0, 5.0)))
+    assert points.grid == ((0.0, 0.5, 1.0), (7.0, 5.0))
+    assert points.assignments(1) == ("x=0.0", "wait=5.0")
+    assert points.definition == {"grid": {"x": [0.0, 0.5, 1.0], "wait": [7.0, 5.0]}}
+
+
+def test_whole_values_of_an_integer_setting_are_integers():
+    points = grid_points(SweptSpec, ["count=1:2:3"])
+    assert points.rows == ((1,), (1.5,), (2,))  # the one in between is a fault of its point
+    assert points.assignments(2) == ("count=2",)
+    sobol = sobol_points(SweptSpec, 8, ["count=1:9"], seed=0)
+    assert {type(row[0]) for row in sobol.rows} == {int}
+
+
+def test_sobol_points_are_scipys_between_the_bounds():
+    points = sobol_points(SweptSpec, 6, ["x=-1:1", "wait=2:6"], seed=3)
+    unit = qmc.Sobol(2, rng=np.random.default_rng(3)).random_base2(3)[:6]
+    np.testing.assert_allclose(points.rows, qmc.scale(unit, [-1, 2], [1, 6]), rtol=1e-15)
+    assert points.grid is None
+    assert points.rows == sobol_points(SweptSpec, 6, ["x=-1:1", "wait=2:6"], seed=3).rows
+    assert points.rows != sobol_points(SweptSpec, 6, ["x=-1:1", "wait=2:6"], seed=4).rows
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        (["x"], "--vary x: write it as KEY=START:STOP:COUNT"),
+        (["x=1:2"], "write it as KEY=START:STOP:COUNT or KEY=VALUE,VALUE,…"),
+        (["coutn=1:2:2"], "unknown key 'coutn'; did you mean 'count'"),
+        (["zzz=1:2:2"], "unknown key 'zzz'; the keys are x, count, wait, fatal, marker"),
+        (["x=1", "x=2"], "--vary x=2: 'x' is varied twice"),
+        (["x=1,y"], "'y' is not a finite number"),
+        (["x=0:1:1000", "wait=0:1:1000"], r"a grid of 1,000,000 points is too large"),
+    ],
+)
+def test_faulty_grids_are_told(texts, words):
+    with pytest.raises(UserError, match=words):
+        grid_points(SweptSpec, texts)
+
+
+@pytest.mark.parametrize(
+    ("count", "texts", "words"),
+    [
+        (4, [], "--sobol 4: say between which bounds"),
+        (4, ["x=1:2:3"], "--sobol x=1:2:3: write it as KEY=LOW:HIGH"),
+        (4, ["x=2:1"], "LOW must be smaller than HIGH"),
+        (4, ["x=1:nan"], "'nan' is not a finite number"),
+        (4, ["x=1:2", "x=1:2"], "'x' is varied twice"),
+        (200_000, ["x=1:2"], "at most 100,000 points"),
+    ],
+)
+def test_faulty_bounds_are_told(count, texts, words):
+    with pytest.raises(UserError, match=words):
+        sobol_points(SweptSpec, count, texts, seed=0)

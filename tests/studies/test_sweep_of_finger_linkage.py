@@ -1,0 +1,74 @@
+"""A sweep of the linkage's design over T × |EF|: disturbed in every way, and the same table."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from tests.designopt.sweeping.clusters import kill_a_worker, two_workers
+
+SEARCH = ("starts=4", "among=512", "step_deg=45", "exchanges=0", "finalists=1")
+"""A search of a few seconds: what is looked at is the sweep, not the design."""
+
+SWEEP = [
+    *(sys.executable, "-m", "designopt", "sweep", "finger-linkage"),
+    *("--vary", "body.thickness=22:27:6", "--vary", "limits.crank_length=18:24:4"),
+    *("--set", "precision=false", "--set", "draws=10"),
+    *(part for text in SEARCH for part in ("--set", f"search.{text}")),
+]
+POINTS = 24
+
+
+@pytest.fixture
+def environment(tmp_path, monkeypatch):
+    """Most of a point's time is compiling: with few optimisations, and once for all sweeps."""
+    monkeypatch.setenv("JAX_DISABLE_MOST_OPTIMIZATIONS", "true")
+    monkeypatch.setenv(
+        "XLA_FLAGS",
+        "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1",
+    )
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "compiled"))
+    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
+
+
+def kept(folder):
+    return sorted(path.name for path in folder.glob("points/0*.json"))
+
+
+def wait_for(process, folder, count):
+    while len(kept(folder)) < count:
+        assert process.poll() is None
+        time.sleep(0.1)
+
+
+def table(folder):
+    return (folder / "result" / "tables" / "points.csv").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_disturbed_sweep_finds_what_an_undisturbed_one_finds(environment, tmp_path):
+    whole, stopped = tmp_path / "whole", tmp_path / "stopped"
+    done = subprocess.run([*SWEEP, "--out", str(whole), "--workers", "2"], check=False)
+    assert done.returncode == 0
+    assert table(whole).count(b"\n") == 1 + POINTS
+
+    with two_workers() as cluster:
+        far = [*SWEEP, "--out", str(stopped), "--scheduler", cluster.scheduler_address]
+        with subprocess.Popen(far, stderr=subprocess.PIPE, text=True) as process:
+            wait_for(process, stopped, 4)
+            kill_a_worker(cluster.scheduler_address)
+            wait_for(process, stopped, 12)
+            process.send_signal(signal.SIGINT)
+            assert process.stderr is not None
+            said = process.stderr.read()
+        count = len(kept(stopped))
+        assert process.returncode == 130
+        assert said == (
+            f"interrupted; {count} of {POINTS} points are kept in {stopped}; "
+            "the same command goes on\n"
+        )
+        assert 12 <= count < POINTS
+        assert subprocess.run(far, check=False).returncode == 0
+    assert table(stopped) == table(whole)
