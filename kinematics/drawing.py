@@ -55,15 +55,47 @@ class Scene:
     @classmethod
     def of(cls, linkage: Linkage, pose: Pose, travel: Travel | None = None) -> Scene:
         """The scene of a pose; see `draw_pose` for the arguments."""
-        structure, size = linkage.structure, float(linkage.size())
-        joints = {name: _numbers(pose.joints[name]) for name in structure.joints}
+        structure = linkage.structure
+        turns = {part.name: _numbers(pose.bodies[part.name]) for part in structure.bodies}
+        return cls.at(
+            structure,
+            float(linkage.size()),
+            {name: _numbers(pose.joints[name]) for name in structure.joints},
+            {name: math.atan2(turn[1], turn[0]) for name, turn in turns.items()},
+            [
+                (float(line.angle), float(pose.slides[index]))
+                for index, line in enumerate(linkage.lines)
+            ],
+            travel,
+        )
+
+    @classmethod
+    def at(
+        cls,
+        structure: Structure,
+        size: float,
+        joints: Mapping[str, Place],
+        turns: Mapping[str, float],
+        slides: Sequence[tuple[float, float]],
+        travel: Travel | None = None,
+    ) -> Scene:
+        """The scene of a pose in plain numbers.
+
+        Args:
+            structure: who is joined to whom.
+            size: the linkage's largest dimension, mm.
+            joints: positions, mm.
+            turns: angle of each body, rad.
+            slides: of each slider the angle of its line in the frame of its body, rad, and its
+                place along it, mm.
+            travel: as in `draw_pose`.
+        """
         directions, ends = [], []
         for index, part in enumerate(structure.sliders):
             fixed = structure.node(part.on) == WORLD
-            turn = (1.0, 0.0) if fixed else _numbers(pose.bodies[part.on])
-            angle = float(linkage.lines[index].angle) + math.atan2(turn[1], turn[0])
+            line, slide = slides[index]
+            angle = line + (0.0 if fixed else turns[part.on])
             along = np.array([math.cos(angle), math.sin(angle)])
-            slide = float(pose.slides[index])
             low, high = (travel or {}).get(index, (slide, slide))
             beyond = (TRACK_END if fixed else SLOT_END) * size
             reach = np.array([low - slide - beyond, high - slide + beyond])
@@ -71,8 +103,7 @@ class Scene:
             ends.append(joints[part.joint] + reach[:, None] * along)
         angles = dict.fromkeys(joints, 0.0)
         for part in reversed(structure.moving):
-            turn = _numbers(pose.bodies[part.name])
-            angles |= dict.fromkeys(part.joints, math.atan2(turn[1], turn[0]))
+            angles |= dict.fromkeys(part.joints, turns[part.name])
         angles |= dict.fromkeys(structure.fixed_joints, 0.0)
         return cls(structure, size, joints, angles, tuple(directions), tuple(ends))
 
@@ -134,14 +165,24 @@ def draw_pose(
     axes.set(xlabel="x (mm)", ylabel="y (mm)")
     widen(axes, np.vstack([*scene.joints.values(), *scene.ends]))
     if faint:
-        _draw_faint(axes, scene)
+        draw_faint(axes, scene)
         return
-    _draw_fixed(axes, scene)
+    offsets = offsets_of(axes, [scene], clear_of) if labels is True else labels or {}
+    draw_scene(axes, scene, offsets)
+
+
+def draw_scene(axes: Axes, scene: Scene, labels: Mapping[str, tuple[float, float]]) -> None:
+    """Draw a scene and nothing else of the axes; their limits stay as they are.
+
+    Args:
+        axes: where to draw.
+        scene: the pose.
+        labels: where the names of joints stand, in points from each; those left out have none.
+    """
+    draw_fixed(axes, scene)
     _draw_bodies(axes, scene)
     _draw_joints(axes, scene)
-    if labels:
-        offsets = labels if isinstance(labels, Mapping) else offsets_of(axes, [scene], clear_of)
-        _draw_labels(axes, scene, offsets)
+    _draw_labels(axes, scene, labels)
 
 
 def widen(axes: Axes, places: Points) -> None:
@@ -238,7 +279,8 @@ def _away(places: Points, place: Place) -> Place:
     return farthest if np.any(farthest) else np.array([0.0, -1.0])
 
 
-def _draw_fixed(axes: Axes, scene: Scene) -> None:
+def draw_fixed(axes: Axes, scene: Scene) -> None:
+    """Draw what does not move: the ground, tracks and fixed pivots."""
     for part in scene.structure.bodies:
         outlines = scene.outlines(part.name) if part.fixed and len(part.joints) > 1 else []
         if outlines:
@@ -280,7 +322,8 @@ def _draw_joints(axes: Axes, scene: Scene) -> None:
             symbols.point(axes, joint, place, PINS, colour)
 
 
-def _draw_faint(axes: Axes, scene: Scene) -> None:
+def draw_faint(axes: Axes, scene: Scene) -> None:
+    """Draw only thin lines for the moving bodies."""
     colours = body_colours(scene.structure)
     for part in scene.structure.moving:
         light = symbols.tint(colours[part.name], 0.7)
@@ -289,9 +332,10 @@ def _draw_faint(axes: Axes, scene: Scene) -> None:
 
 
 def _draw_labels(axes: Axes, scene: Scene, offsets: Mapping[str, tuple[float, float]]) -> None:
-    for name, place in scene.joints.items():
+    for name, offset in offsets.items():
+        place = scene.joints[name]
         text = axes.annotate(
-            name, (float(place[0]), float(place[1])), offsets[name], textcoords="offset points"
+            name, (float(place[0]), float(place[1])), offset, textcoords="offset points"
         )
         text.set(ha="center", va="center_baseline", fontsize=FONT, color=INK, zorder=LABELS)
         text.set_path_effects([withStroke(linewidth=2.0, foreground=symbols.PAPER)])

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -75,24 +76,67 @@ def draw_scene(
     if far and not axes.viewLim.contains(*section.camera):
         title += f" (camera {far:,.0f} mm away)"
     axes.set(xlabel="x (mm)", ylabel="y (mm)", title=title)
-    figure: Any = axes.figure
-    size = min(max(axes.bbox.width / figure.dpi * 72 / LARGE, SMALLEST), 1.0)
-    _draw_camera(axes, scene, section, size)
-    _draw_surfaces(axes, scene, section, size)
-    light = []
+    found = scene_signs(axes, scene, angles, views, section, rays=rays)
+    for artist in found.artists:
+        axes.add_artist(artist)
+    if labels:
+        draw_labels(axes, names_of(scene, section), found.clutter, found.size)
+
+
+@dataclass(frozen=True)
+class Signs:
+    """All that is drawn of a scene in a pose, but its names.
+
+    Attributes:
+        artists: none of them takes part in choosing the axes' limits; not yet in the axes.
+        clutter: lines that names keep clear of, mm.
+        size: of the signs; 1 in a large drawing.
+    """
+
+    artists: list[Artist]
+    clutter: list[Points]
+    size: float
+
+
+def scene_signs(
+    axes: Axes,
+    scene: Scene,
+    angles: Angles,
+    views: Solution[Pieces],
+    section: Section,
+    *,
+    rays: int = 4,
+    seen: Sequence[str] | None = None,
+    joined: bool = False,
+) -> Signs:
+    """What `draw_scene` draws into axes, but for names.
+
+    Args:
+        axes: as in `draw_scene`.
+        scene: as in `draw_scene`.
+        angles: as in `draw_scene`.
+        views: as in `draw_scene`.
+        section: the scene in this pose.
+        rays: as in `draw_scene`.
+        seen: colours of what is seen of every pad; by default `SEEN`.
+        joined: whether the rays to a piece are one artist, which is drawn faster.
+    """
+    layout = scene.layout
+    size = _size(axes)
+    artists = [*_camera(axes, scene, section, size), *_surfaces(scene, section, size)]
+    # The camera's and the hinges' signs are as wide as a few points around them.
+    clutter = [*section.lines, section.hinges, section.camera[None]]
     words = words_of(scene, views)
     for path, pad, lines in rays_to(scene, angles, views.value, rays):
-        gid = f"ray:{path_name(scene.layout, words[path])}:{scene.layout.pads[pad].name}"
-        for line in lines:
-            artist = Line2D(*line.T, linewidth=0.8, alpha=0.65, **path_style(path))
-            _add(axes, artist, LIGHT, gid)
-        light += lines
-    _draw_pads(axes, scene, section, views, size)
-    for frame, hinge in zip(scene.layout.frames, section.hinges, strict=True):
-        for artist in _hinge(hinge, size):
-            _add(axes, artist, SIGNS, f"hinge:{frame.name}")
-    if labels:
-        _draw_labels(axes, scene, section, light, size)
+        gid = f"ray:{path_name(layout, words[path])}:{layout.pads[pad].name}"
+        look = path_style(path)
+        for line in [_joined(lines)] if joined else lines:
+            artists.append(_sign(Line2D(*line.T, linewidth=0.8, alpha=0.65, **look), LIGHT, gid))
+        clutter += lines
+    artists += _pads(axes, scene, section, views, size, seen or [SEEN] * len(layout.pads))
+    for frame, hinge in zip(layout.frames, section.hinges, strict=True):
+        artists += [_sign(part, SIGNS, f"hinge:{frame.name}") for part in _hinge(hinge, size)]
+    return Signs(artists, clutter, size)
 
 
 def pose_name(scene: Scene, angles: Angles) -> str:
@@ -180,13 +224,25 @@ def seen_pieces(views: Solution[Pieces], pad: int) -> list[tuple[float, float]]:
     return merged
 
 
-def _add(axes: Axes, artist: Artist, z: float, gid: str) -> None:
-    """Add an artist that takes no part in choosing the axes' limits."""
+def _joined(lines: Sequence[Points]) -> Points:
+    """Lines as one, with a gap after each of them."""
+    gap = np.full((1, 2), np.nan)
+    return np.vstack([part for line in lines for part in (line, gap)])
+
+
+def _sign(artist: Artist, z: float, gid: str) -> Artist:
+    """An artist with its place in the order of drawing and its name."""
     artist.set(zorder=z, gid=gid)
-    axes.add_artist(artist)
+    return artist
 
 
-def _draw_camera(axes: Axes, scene: Scene, section: Section, size: float) -> None:
+def _size(axes: Axes) -> float:
+    """Size of the signs in axes as large as these."""
+    figure: Any = axes.figure
+    return min(max(axes.bbox.width / figure.dpi * 72 / LARGE, SMALLEST), 1.0)
+
+
+def _camera(axes: Axes, scene: Scene, section: Section, size: float) -> Iterator[Artist]:
     """A small camera, and a fan of its field of view, both sized in points."""
     figure: Any = axes.figure
     to_display: Any = axes.transData
@@ -197,23 +253,23 @@ def _draw_camera(axes: Axes, scene: Scene, section: Section, size: float) -> Non
     half = math.degrees(float(scene.camera.field_of_view)) / 2
     fan = Wedge((0, 0), REACH, -half, half, facecolor="0.94", transform=at)
     fan.set(edgecolor="0.45", linewidth=0.8, linestyle=(0, (2, 1.5)))
-    _add(axes, fan, FIELD, "field of view")
+    yield _sign(fan, FIELD, "field of view")
     outline = [(0.0, 4.0), (-3.5, 1.8), (-3.5, 4.2), (-11.5, 4.2)]
     corners = [*outline, *((x, -y) for x, y in reversed(outline)), outline[0]]
     body = PathPatch(Path(corners, closed=True), fc=INK, ec=PAPER, lw=0.6, transform=at)
-    _add(axes, body, SIGNS, "camera")
+    yield _sign(body, SIGNS, "camera")
 
 
-def _draw_surfaces(axes: Axes, scene: Scene, section: Section, size: float) -> None:
+def _surfaces(scene: Scene, section: Section, size: float) -> Iterator[Artist]:
     layout = scene.layout
     for index, part in enumerate(layout.surfaces):
         kind = layout.kind(index)
         if kind == "mirror":
             mirror = _mirror(section.lines[index], part.side, size)
-            _add(axes, mirror, FRONTS, f"mirror:{part.name}")
+            yield _sign(mirror, FRONTS, f"mirror:{part.name}")
         elif kind == "blocker":
             blocker = _blocker(section.lines[index], part.side, size)
-            _add(axes, blocker, BACKS, f"blocker:{part.name}")
+            yield _sign(blocker, BACKS, f"blocker:{part.name}")
 
 
 def _mirror(line: Points, side: int, size: float = 1.0) -> Line2D:
@@ -246,9 +302,14 @@ def _hinge(place: Point, size: float = 1.0) -> list[Line2D]:
     return [ring, point]
 
 
-def _draw_pads(
-    axes: Axes, scene: Scene, section: Section, views: Solution[Pieces], size: float
-) -> None:
+def _pads(
+    axes: Axes,
+    scene: Scene,
+    section: Section,
+    views: Solution[Pieces],
+    size: float,
+    colours: Sequence[str],
+) -> Iterator[Artist]:
     """Pads as bars behind their sensing sides, striped where they are hidden."""
     layout, bar, face = scene.layout, BAR * size, FACE * size
     for index, part in enumerate(layout.pads):
@@ -259,14 +320,14 @@ def _draw_pads(
         hidden = [pair for pair in zip(ends[::2], ends[1::2], strict=True) if pair[1] > pair[0]]
         for pair in hidden:
             artist = _part(line, pair, inner, color=HIDDEN, linewidth=bar, linestyle=STRIPES)
-            _add(axes, artist, BACKS, f"hidden:{part.name}")
+            yield _sign(artist, BACKS, f"hidden:{part.name}")
         for pair in seen:
-            artist = _part(line, pair, inner, color=SEEN, linewidth=bar)
-            _add(axes, artist, BACKS, f"seen:{part.name}")
+            artist = _part(line, pair, inner, color=colours[index], linewidth=bar)
+            yield _sign(artist, BACKS, f"seen:{part.name}")
         for offset in (0.0,) if part.side else (-bar / 2, bar / 2):
             outer = _shifted(axes, line, offset)
             artist = _part(line, (0.0, 1.0), outer, color=INK, linewidth=face)
-            _add(axes, artist, FRONTS, f"sensing:{part.name}")
+            yield _sign(artist, FRONTS, f"sensing:{part.name}")
 
 
 def _part(line: Points, pair: tuple[float, float], shift: Transform, **style: Any) -> Line2D:
@@ -285,9 +346,8 @@ def _shifted(axes: Axes, line: Points, points: float) -> Transform:
     return to_display + ScaledTranslation(-inch * step[1], inch * step[0], figure.dpi_scale_trans)
 
 
-def _draw_labels(
-    axes: Axes, scene: Scene, section: Section, light: Sequence[Points], size: float
-) -> None:
+def names_of(scene: Scene, section: Section) -> list[Label]:
+    """The names of mirrors and pads, in their order."""
     layout = scene.layout
     pads = {part.name for part in layout.pads}
     labels = []
@@ -298,6 +358,4 @@ def _draw_labels(
         line = section.lines[index]
         third = (len(line) - 1) // 3  # the middle of an arc is almost straight
         labels.append(Label(text, line[[third, -1 - third]], -part.side, depth))
-    # The camera's and the hinges' signs are as wide as a few points around them.
-    drawn = [*section.lines, *light, section.hinges, section.camera[None]]
-    draw_labels(axes, labels, drawn, size)
+    return labels

@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
+from matplotlib.text import Text
 
 Point = Float[np.ndarray, "2"]
 Points = Float[np.ndarray, "_ 2"]
@@ -47,10 +49,52 @@ class Label:
     depth: float
 
 
+@dataclass(frozen=True)
+class PlacedLabel:
+    """A label and where it stands.
+
+    Attributes:
+        text: its text.
+        middle: of the text, mm.
+        angle: of the text, rad.
+        leader: ends of the line from it to what it names, mm; no ends where there is no doubt.
+    """
+
+    text: str
+    middle: Point
+    angle: float
+    leader: Points
+
+    def artists(self, size: float) -> list[Artist]:
+        """Its line and its text, for axes in mm; ``size`` as in `place_labels`."""
+        found: list[Artist] = []
+        if len(self.leader):
+            line = Line2D(*self.leader.T, color=INK, linewidth=0.5, zorder=7)
+            line.set_gid(f"leader:{self.text}")
+            found.append(line)
+        x, y = map(float, self.middle)
+        text = Text(x, y, self.text, clip_on=False)
+        text.set(rotation=math.degrees(self.angle), rotation_mode="anchor")
+        text.set(ha="center", va="center_baseline", fontsize=FONT * size, color=INK)
+        text.set(zorder=8, gid=f"label:{self.text}")
+        text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
+        text.set_in_layout(False)
+        return [*found, text]
+
+
 def draw_labels(
     axes: Axes, labels: Sequence[Label], drawn: Sequence[Points], size: float = 1.0
 ) -> None:
-    """Name segments, each parallel to itself where there is most room.
+    """Name segments, each parallel to itself where there is most room; see `place_labels`."""
+    for label in place_labels(axes, labels, drawn, size):
+        for artist in label.artists(size):
+            axes.add_artist(artist)
+
+
+def place_labels(
+    axes: Axes, labels: Sequence[Label], drawn: Sequence[Points], size: float = 1.0
+) -> list[PlacedLabel]:
+    """Where labels stand, in the order of the labels.
 
     Args:
         axes: whose limits and place are (nearly) final.
@@ -68,24 +112,19 @@ def draw_labels(
         reach = [depth * side for depth in (label.depth / 2, label.depth) for side in sides]
         clutter = np.vstack([clutter, *(sign + points * left for points in reach)])
     taken = np.zeros((0, 2))
+    placed: dict[int, PlacedLabel] = {}
     # What names a short line has the least choice.
-    for label in sorted(labels, key=lambda label: math.dist(*label.ends)):
+    for index in sorted(range(len(labels)), key=lambda index: math.dist(*labels[index].ends)):
+        label = labels[index]
         boxes = _candidates(label, scale)
         merits = [_merit(box, clutter, taken, window) for box in boxes]
         box = boxes[int(np.argmax(merits))]
         leader = _sampled(box.leader)
         clutter = np.vstack([clutter, box.points(), leader])
         taken = np.vstack([taken, box.points(), leader])
-        if len(leader) > 1:
-            line = Line2D(*(box.leader / scale).T, color=INK, linewidth=0.5, zorder=7)
-            line.set_gid(f"leader:{label.text}")
-            axes.add_artist(line)
-        text = axes.text(*map(float, box.middle / scale), label.text)
-        text.set(rotation=math.degrees(box.angle), rotation_mode="anchor")
-        text.set(ha="center", va="center_baseline", fontsize=FONT * size, color=INK)
-        text.set(zorder=8, gid=f"label:{label.text}")
-        text.set_path_effects([withStroke(linewidth=1.6, foreground="white")])
-        text.set_in_layout(False)
+        line = box.leader / scale if len(leader) > 1 else np.zeros((0, 2))
+        placed[index] = PlacedLabel(label.text, box.middle / scale, box.angle, line)
+    return [placed[index] for index in range(len(labels))]
 
 
 @dataclass(frozen=True)

@@ -51,19 +51,13 @@ class Section:
     @classmethod
     def of(cls, scene: Scene, angles: Angles) -> Section:
         """The section of a scene at joint angles in rad."""
-        placed = place(scene, jnp.asarray(angles))
-
-        def absolute(part: Vector) -> np.ndarray:
-            return np.asarray(placed.absolute(part).stacked(), float)
-
-        ends = np.stack([absolute(placed.starts), absolute(placed.ends)], axis=1)
+        camera, axis, ends, arcs, hinges = jax.tree.map(
+            lambda leaf: np.asarray(leaf, float), _placed(scene, jnp.asarray(angles))
+        )
         lines = list(ends)
-        arcs, parts = Tracer.of(scene, placed).arcs, jnp.linspace(0, 1, ARC)
-        for number, surface in enumerate(scene.layout.curved):
-            arc = jax.tree.map(lambda leaf, number=number: leaf[number], arcs)
-            lines[surface] = absolute(jax.vmap(arc.place)(parts))
-        axis = math.atan2(float(placed.axis.y), float(placed.axis.x))
-        return cls(absolute(placed.camera), axis, tuple(lines), absolute(placed.hinges))
+        for surface, arc in zip(scene.layout.curved, arcs, strict=True):
+            lines[surface] = arc
+        return cls(camera, float(axis), tuple(lines), hinges)
 
     def places(self) -> Points:
         """All that has to be in a picture, mm; a camera that is far away has not."""
@@ -78,6 +72,23 @@ class Section:
         low, high = rest.min(axis=0), rest.max(axis=0)
         gap = math.hypot(*np.maximum(np.maximum(low - self.camera, self.camera - high), 0))
         return gap if gap > FAR * max(high - low) > 0 else None
+
+
+@jax.jit
+def _placed(scene: Scene, angles: Float[Array, " joints"]) -> tuple[Array, ...]:
+    """Camera, its axis (rad), ends of the surfaces, points of the arcs and hinges, mm."""
+    placed, parts = place(scene, angles), jnp.linspace(0, 1, ARC, dtype=scene.mirrors.dtype)
+
+    def absolute(part: Vector) -> Array:
+        return placed.absolute(part).stacked()
+
+    ends = jnp.stack([absolute(placed.starts), absolute(placed.ends)], axis=1)
+    arcs = Tracer.of(scene, placed).arcs
+    bent = jnp.zeros((0, ARC, 2), parts.dtype)
+    if arcs is not None:
+        bent = absolute(jax.vmap(lambda arc: jax.vmap(arc.place)(parts))(arcs))
+    camera = absolute(placed.camera)
+    return camera, placed.axis.angle(), ends, bent, absolute(placed.hinges)
 
 
 def rays_to(

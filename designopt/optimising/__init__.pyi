@@ -1,3 +1,4 @@
+from .iterating import Iterate, Iteration
 from .minimising import Method, Minimiser, Optima, minimise
 from .problem import (
     BOUND,
@@ -20,6 +21,8 @@ __all__ = [
     "FEASIBLE",
     "Active",
     "Evolution",
+    "Iterate",
+    "Iteration",
     "Levelled",
     "Method",
     "Minimiser",

@@ -54,7 +54,20 @@ class Trace(eqx.Module):
     steps: Int[Array, " updates"]
 
 
-class _State(eqx.Module):
+class State(eqx.Module):
+    """Where the iterations are, after a number of updates of the multipliers.
+
+    Attributes:
+        point: in scaled units; not quite inside its bounds if the inner solver knows none.
+        multipliers: of the equalities, and of the inequalities with bounds the solver is not told.
+        penalty: ρ.
+        gap: how far constraints and complementarity were from holding; infinite at first.
+        objective: of the problem at the point; infinite at first.
+        update: how many there were.
+        done: whether constraints hold and the objective no longer changes, to the tolerance.
+        trace: how it went.
+    """
+
     point: Point
     multipliers: tuple[Float[Array, " equalities"], Float[Array, " inequalities"]]
     penalty: Float[Array, ""]
@@ -63,6 +76,11 @@ class _State(eqx.Module):
     update: Int[Array, ""]
     done: Bool[Array, ""]
     trace: Trace
+
+    @property
+    def held(self) -> bool:
+        """Whether there is anything that needs multipliers."""
+        return sum(part.size for part in self.multipliers) > 0
 
 
 def augmented_lagrangian(
@@ -95,51 +113,37 @@ def augmented_lagrangian(
         ValueError: Levenberg–Marquardt without residuals or a floor, or in a float type that it
             would mix with another.
     """
-    dtype = start.dtype
-    tolerance = max(tolerance, ROUNDING_UNITS * float(jnp.finfo(dtype).eps))
+    tolerance = achievable(tolerance, start)
     solve = _inner(flat, inner, floor, tolerance, steps)
-    _, h, g = jax.eval_shape(lambda point: _evaluated(flat, inner, point), start)
-    none = (jnp.zeros(h.shape, dtype), jnp.zeros(g.shape, dtype))
-    if h.size + g.size == 0:
+    first = first_state(flat, inner, start, updates)
+    if not first.held:
         # Nothing to hold: one solve, and no multipliers.
-        point, count = solve(start, (*none, jnp.ones((), dtype)))
+        point, count = solve(start, (*first.multipliers, jnp.ones((), start.dtype)))
         point = flat.clipped(point)
         value = flat.terms(point).value[None]
         return point, Trace(value, jnp.zeros_like(value), count[None])
 
-    def update(state: _State) -> _State:
-        (mu, lam), penalty = state.multipliers, state.penalty
-        point, count = solve(state.point, (mu, lam, penalty))
-        point = jnp.where(jnp.all(jnp.isfinite(point)), point, state.point)
-        terms, h, g = _evaluated(flat, inner, point)
-        objective = terms.value
-        # How far constraints and complementarity are from holding.
-        gap = _largest(jnp.abs(h), jnp.abs(jnp.minimum(g, lam / penalty)))
-        better = gap <= PROGRESS * state.gap
-        settled = jnp.abs(objective - state.objective) <= tolerance * (1 + jnp.abs(objective))
-        at = state.update
-        total = count + jnp.where(at > 0, state.trace.steps[at - 1], 0)
-        violation = _largest(jnp.abs(h), jnp.maximum(-g, 0.0))
-        later, before = jnp.arange(updates) >= at, state.trace
-        trace = Trace(
-            jnp.where(later, objective, before.objective),
-            jnp.where(later, violation, before.violation),
-            jnp.where(later, total, before.steps),
-        )
-        return _State(
-            point,
-            (mu + penalty * h, jnp.maximum(0.0, lam - penalty * g)),
-            jnp.where(better, penalty, jnp.minimum(GROWTH * penalty, LARGEST_PENALTY)),
-            gap,
-            objective,
-            at + 1,
-            (gap <= tolerance) & settled,
-            trace,
-        )
+    def update(state: State) -> State:
+        point, count = solve(state.point, (*state.multipliers, state.penalty))
+        return updated(flat, inner, state, point, count, tolerance)
 
+    last = jax.lax.while_loop(lambda s: ~s.done & (s.update < updates), update, first)
+    return flat.clipped(last.point), last.trace
+
+
+def achievable(tolerance: float, start: Point) -> float:
+    """A tolerance that is not below `ROUNDING_UNITS` units of rounding of the start's dtype."""
+    return max(tolerance, ROUNDING_UNITS * float(jnp.finfo(start.dtype).eps))
+
+
+def first_state(flat: Flat, inner: Inner, start: Point, updates: int) -> State:
+    """The state before the first update of the multipliers; see `augmented_lagrangian`."""
+    dtype = start.dtype
+    _, h, g = jax.eval_shape(lambda point: _evaluated(flat, inner, point), start)
+    none = (jnp.zeros(h.shape, dtype), jnp.zeros(g.shape, dtype))
     infinite = jnp.asarray(jnp.inf, dtype)
     zeros = jnp.zeros(updates, dtype)
-    first = _State(
+    return State(
         start,
         none,
         jnp.asarray(FIRST_PENALTY, dtype),
@@ -149,8 +153,53 @@ def augmented_lagrangian(
         jnp.zeros((), bool),
         Trace(zeros, zeros, jnp.zeros(updates, int)),
     )
-    last = jax.lax.while_loop(lambda s: ~s.done & (s.update < updates), update, first)
-    return flat.clipped(last.point), last.trace
+
+
+def updated(
+    flat: Flat,
+    inner: Inner,
+    state: State,
+    point: Point,
+    count: Int[Array, ""],
+    tolerance: float,
+) -> State:
+    """The next state: multipliers updated after one inner solve.
+
+    Args:
+        flat: the problem; something in it has multipliers.
+        inner: what solved.
+        state: where it started.
+        point: what it found.
+        count: its number of steps.
+        tolerance: see `augmented_lagrangian`.
+    """
+    (mu, lam), penalty = state.multipliers, state.penalty
+    point = jnp.where(jnp.all(jnp.isfinite(point)), point, state.point)
+    terms, h, g = _evaluated(flat, inner, point)
+    objective = terms.value
+    # How far constraints and complementarity are from holding.
+    gap = _largest(jnp.abs(h), jnp.abs(jnp.minimum(g, lam / penalty)))
+    better = gap <= PROGRESS * state.gap
+    settled = jnp.abs(objective - state.objective) <= tolerance * (1 + jnp.abs(objective))
+    at, before = state.update, state.trace
+    total = count + jnp.where(at > 0, before.steps[at - 1], 0)
+    violation = _largest(jnp.abs(h), jnp.maximum(-g, 0.0))
+    later = jnp.arange(before.steps.size) >= at
+    trace = Trace(
+        jnp.where(later, objective, before.objective),
+        jnp.where(later, violation, before.violation),
+        jnp.where(later, total, before.steps),
+    )
+    return State(
+        point,
+        (mu + penalty * h, jnp.maximum(0.0, lam - penalty * g)),
+        jnp.where(better, penalty, jnp.minimum(GROWTH * penalty, LARGEST_PENALTY)),
+        gap,
+        objective,
+        at + 1,
+        (gap <= tolerance) & settled,
+        trace,
+    )
 
 
 def _evaluated(
@@ -165,26 +214,38 @@ def _largest(*arrays: Float[Array, "..."]) -> Float[Array, ""]:
     return jnp.max(jnp.concatenate(arrays))
 
 
+def lagrangian(flat: Flat, inner: Inner) -> Callable[[Point, Any], Float[Array, ""]]:
+    """What is minimised between the updates, over ρ, of a point and (μ, λ, ρ, data)."""
+
+    def merit(point: Point, args: Any) -> Float[Array, ""]:
+        # Over ρ: a quasi-Newton method that starts with the identity then finds the penalty's
+        # curvature of order one, and does not mistake the tiny steps it needs for the end.
+        terms, short = _shortfalls(flat, inner, point, args)
+        return terms.value / args[2] + jnp.sum(short**2) / 2
+
+    return merit
+
+
+def _shortfalls(
+    flat: Flat, inner: Inner, point: Point, args: Any
+) -> tuple[Terms, Float[Array, " constraints"]]:
+    """The terms, and what is squared of the constraints."""
+    mu, lam, penalty, data = args
+    terms, h, g = _evaluated(flat.given(data), inner, point)
+    return terms, jnp.concatenate([h + mu / penalty, jnp.maximum(0.0, lam / penalty - g)])
+
+
 def _inner(
     flat: Flat, inner: Inner, floor: float | None, tolerance: float, steps: int
 ) -> Callable[[Point, Any], tuple[Point, Int[Array, ""]]]:
     """The inner solve: from a start and (μ, λ, ρ) to a point and its number of steps."""
     data = flat.problem.data
 
-    def shortfalls(point: Point, args: Any) -> tuple[Terms, Float[Array, " constraints"]]:
-        mu, lam, penalty, data = args
-        terms, h, g = _evaluated(flat.given(data), inner, point)
-        return terms, jnp.concatenate([h + mu / penalty, jnp.maximum(0.0, lam / penalty - g)])
-
-    def lagrangian(point: Point, args: Any) -> Float[Array, ""]:
-        # Over ρ: a quasi-Newton method that starts with the identity then finds the penalty's
-        # curvature of order one, and does not mistake the tiny steps it needs for the end.
-        terms, short = shortfalls(point, args)
-        return terms.value / args[2] + jnp.sum(short**2) / 2
+    merit = lagrangian(flat, inner)
 
     @with_jacobian
     def residuals(point: Point, args: Any) -> Float[Array, " residuals"]:
-        terms, short = shortfalls(point, args)
+        terms, short = _shortfalls(flat, inner, point, args)
         if terms.residuals is not None:
             wanted = terms.residuals
         elif floor is not None:
@@ -199,7 +260,7 @@ def _inner(
             def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
                 bfgs = optx.BFGS(tolerance, tolerance / args[2])
                 found = optx.minimise(
-                    lagrangian, bfgs, point, (*args, data), max_steps=steps, throw=False
+                    merit, bfgs, point, (*args, data), max_steps=steps, throw=False
                 )
                 return found.value, found.stats["num_steps"]
 
@@ -226,7 +287,7 @@ def _inner(
 
             def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
                 return jaxopt_adapter.minimise_in_box(
-                    lagrangian,
+                    merit,
                     flat.clipped(point),
                     (jnp.asarray(flat.lower), jnp.asarray(flat.upper)),
                     (*args, data),

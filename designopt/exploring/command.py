@@ -1,0 +1,85 @@
+"""The command ``designopt explore``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from designopt.errors import UserError
+
+if TYPE_CHECKING:
+    from designopt.designs.bench import Bench
+
+PORT = 8988
+
+
+def explore(
+    named: Annotated[
+        str,
+        typer.Argument(
+            metavar="STUDY|FILE",
+            help="A study, a linkage or scene file, or a folder that 'designopt run' wrote.",
+        ),
+    ],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Change a study's setting; repeatable."),
+    ] = None,
+    web: Annotated[
+        bool, typer.Option("--web", help="A page for a browser on this machine, not a window.")
+    ] = False,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=65535, help="Of the page; 0 takes any free one.", show_default=str(PORT)
+        ),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where pictures and specs are saved.")
+    ] = Path("."),
+) -> None:
+    """Turn a design's joints and dimensions and watch what they do.
+
+    Example:
+      designopt explore four-bar.toml --web
+    """
+    if port is not None and not web:
+        raise UserError(f"--port {port}: only a page has a port; add --web")
+    if not out.is_dir():
+        raise UserError(f"--out {out}: there is no such folder; make it first")
+    with suppress(KeyboardInterrupt):
+        _open(named, settings or [], port=PORT if port is None else port, web=web, out=out)
+
+
+def _open(named: str, settings: list[str], *, port: int, web: bool, out: Path) -> None:
+    from designopt.exploring.desktop import desktop_figure, show_window
+    from designopt.exploring.server import listen, serve
+    from designopt.exploring.window import Window
+    from designopt.figures import style
+
+    # The place first: a design may take minutes to compute.
+    if web:
+        with style(), listen(port) as listener, _designed(named, settings) as (bench, name):
+            serve(bench, name, out, listener)
+        return
+    with style():
+        figure = desktop_figure()
+        with _designed(named, settings) as (bench, name):
+            window = Window(bench, figure, name, out)
+            show_window(figure, bench.title)
+            del window  # until here: widgets live as long as someone holds them
+
+
+@contextmanager
+def _designed(named: str, settings: list[str]) -> Iterator[tuple[Bench, str]]:
+    import jax
+
+    from designopt.designs.design import load_design
+
+    with jax.enable_x64(True):
+        design = load_design(named, settings)
+        yield design.bench(), design.name

@@ -1,0 +1,247 @@
+"""A page on this machine: the window's canvas, live, and its readings as a table."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import socket
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from matplotlib.backends.backend_webagg_core import FigureCanvasWebAggCore, FigureManagerWebAgg
+from matplotlib.figure import Figure
+from tornado.httpserver import HTTPServer
+from tornado.httputil import split_host_and_port
+from tornado.web import Application, HTTPError, RequestHandler
+from tornado.websocket import WebSocketHandler
+
+from designopt.designs.bench import Bench, Reading
+from designopt.errors import UserError
+from designopt.exploring.face import DPI, HEIGHT, WIDTH
+from designopt.exploring.frames import Change, Pixels, change, pixels_of, png
+from designopt.exploring.window import Window
+from designopt.exploring.words import number_text
+
+ADDRESS = "127.0.0.1"
+HOSTS = (ADDRESS, "localhost")
+"""What a browser on this machine calls it; another name is another site's, led here."""
+
+POINTER = ("button_press", "button_release", "motion_notify", "figure_enter", "figure_leave")
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' blob: data:; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
+
+
+def listen(port: int) -> socket.socket:
+    """A socket that listens on this machine's loopback alone.
+
+    Args:
+        port: 0 takes any that is free.
+
+    Raises:
+        UserError: the port cannot be had.
+    """
+    try:
+        listener = socket.create_server((ADDRESS, port))
+    except OSError as error:
+        reason = os.strerror(error.errno or 0)
+        raise UserError(f"--port {port}: {reason}; choose another, or 0 for any free") from error
+    listener.setblocking(False)
+    return listener
+
+
+def serve(bench: Bench, name: str, folder: Path, listener: socket.socket) -> None:
+    """Show a bench on a page until interrupted; the page's address is printed when it is ready.
+
+    Args:
+        bench: with its knobs.
+        name: of the saved pictures.
+        folder: where pictures and specs are saved.
+        listener: see `listen`.
+    """
+    asyncio.run(_serve(bench, name, folder, listener))
+
+
+async def _serve(bench: Bench, name: str, folder: Path, listener: socket.socket) -> None:
+    page = Page(bench, name, folder)
+    server = HTTPServer(page.application())
+    server.add_socket(listener)
+    port = listener.getsockname()[1]
+    print(f"{bench.title}: http://{ADDRESS}:{port}/ (Ctrl-C ends it)", flush=True)
+    try:
+        await asyncio.Event().wait()
+    finally:
+        server.stop()
+        for tab in list(page.tabs):
+            tab.close()
+
+
+class Page:
+    """A window that any number of browser tabs share.
+
+    Attributes:
+        title: of the page.
+        window: what is shown.
+        canvas: what it is drawn on.
+        manager: Matplotlib's link between the canvas and the tabs.
+        tabs: the tabs that are open.
+        picture: counts the pictures drawn so far.
+        news: the readings and the message, as they were last sent.
+    """
+
+    def __init__(self, bench: Bench, name: str, folder: Path) -> None:
+        self.title = bench.title
+        self.tabs: set[Tab] = set()
+        self.picture = 0
+        self.news: dict[str, Any] = {}
+        figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
+        self.canvas = FigureCanvasWebAggCore(figure)
+        self.manager = _Manager(self.canvas, self)
+        self.manager.set_window_title(bench.title)
+        self.window = Window(bench, figure, name, folder, self._tell)
+
+    def application(self) -> Application:
+        """The web application."""
+        return Application(
+            [
+                (r"/", _Html, {"page": self}),
+                (r"/(mpl|explore)\.js", _Script),
+                (r"/ws", Tab, {"page": self}),
+            ],
+            log_function=lambda _: None,
+        )
+
+    def drawn(self) -> None:
+        """Send what was drawn to all tabs."""
+        self.picture += 1
+        for tab in self.tabs:
+            tab.send_picture()
+
+    def _tell(self, readings: Sequence[Reading], message: str) -> None:
+        rows = [(each.name, number_text(each.value), each.unit) for each in readings]
+        self.news = {"type": "readings", "rows": rows, "message": message}
+        for tab in self.tabs:
+            tab.send_json(self.news)
+
+
+class _Manager(FigureManagerWebAgg):
+    """Every tab is sent what is new for it, when it has shown what it was sent before."""
+
+    def __init__(self, canvas: FigureCanvasWebAggCore, page: Page) -> None:
+        self._page = page
+        super().__init__(canvas, 1)
+        if self.key_press_handler_id is not None:
+            canvas.mpl_disconnect(self.key_press_handler_id)  # no toolbar, no shortcuts for it
+
+    def refresh_all(self) -> None:
+        self._page.drawn()
+
+
+class _Guarded(RequestHandler):
+    """Answers nobody but this machine's own pages."""
+
+    def prepare(self) -> None:
+        host, _ = split_host_and_port(self.request.host.lower())
+        if host not in HOSTS:
+            raise HTTPError(403)
+
+    def set_default_headers(self) -> None:
+        for name, value in HEADERS.items():
+            self.set_header(name, value)
+
+
+class _Html(_Guarded):
+    def initialize(self, page: Page) -> None:
+        self._page = page
+
+    def get(self) -> None:
+        template = jinja2.Environment(autoescape=True).from_string(_resource("explore.html.j2"))
+        self.write(template.render(title=self._page.title, width=WIDTH, height=HEIGHT))
+
+
+class _Script(_Guarded):
+    def get(self, name: str) -> None:
+        self.set_header("Content-Type", "text/javascript; charset=utf-8")
+        script = _resource("explore.js") if name == "explore" else _Manager.get_javascript()
+        self.write(script or "")
+
+
+class Tab(_Guarded, WebSocketHandler):
+    """One browser tab; Tornado refuses those of pages from elsewhere."""
+
+    def initialize(self, page: Page) -> None:
+        """Nothing of the page has been sent yet."""
+        self._page = page
+        self._ratio = 1.0
+        self._seen: Pixels | None = None
+        self._sent, self._busy = -1, False
+
+    def open(self) -> None:
+        """Show the window as it stands."""
+        self.set_nodelay(True)
+        self._page.tabs.add(self)
+        self._page.manager.add_web_socket(self)
+        self.send_json(self._page.news)
+
+    def on_close(self) -> None:
+        """Forget the tab."""
+        self._page.tabs.discard(self)
+        self._page.manager.web_sockets.discard(self)
+
+    def on_message(self, message: str | bytes) -> None:
+        """Take what the page's script says; see Matplotlib's ``mpl.js``."""
+        event = json.loads(message)
+        kind = event["type"]
+        if kind == "ack":
+            self._busy = False
+            self.send_picture()
+        elif kind in ("refresh", "resize"):  # the canvas is new, or was cleared
+            self._seen, self._sent = None, -1
+            self.send_picture()
+        elif kind == "draw":
+            self._seen, self._sent = None, -1  # the page waits for a picture, come what may
+            self._page.canvas.draw()
+        elif kind == "set_device_pixel_ratio":
+            self._ratio = float(event["device_pixel_ratio"])
+            self._page.canvas.handle_event(event)
+        elif kind in POINTER:
+            scale = self._page.canvas.device_pixel_ratio / self._ratio
+            self._page.canvas.handle_event(event | {at: event[at] * scale for at in ("x", "y")})
+
+    def send_json(self, content: Mapping[str, Any]) -> None:
+        """Send a message for the page's script."""
+        self.write_message(json.dumps(content))
+
+    def send_binary(self, data: bytes) -> None:
+        """Send a picture, over the last one or instead of it."""
+        self.write_message(data, binary=True)
+
+    def send_picture(self) -> None:
+        """Send what this tab lacks of the picture, unless it is still busy with the last one."""
+        if self._busy or self._sent == self._page.picture:
+            return
+        self._sent = self._page.picture
+        pixels = pixels_of(np.asarray(self._page.canvas.buffer_rgba()))
+        if self._seen is None or self._seen.shape != pixels.shape:
+            self._seen, part = pixels.copy(), Change(0, 0, pixels)
+        else:
+            part = change(pixels, self._seen)
+            np.copyto(self._seen, pixels)
+        if part is None:
+            return
+        self._busy = True
+        place = {"left": part.left, "top": part.top, "wide": pixels.shape[1]}
+        self.send_json({"type": "part", **place})
+        self.send_binary(png(part.pixels))
+
+
+def _resource(name: str) -> str:
+    return (files("designopt") / "templates" / name).read_text(encoding="utf-8")

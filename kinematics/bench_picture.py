@@ -1,0 +1,304 @@
+"""The picture of a linkage's bench: the pose with its curves, the margin, transmission angles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import SubFigure
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
+
+from designopt.figures import PALETTE
+from designopt.lettering import Lettering
+from kinematics.bench_survey import EDGES, Survey
+from kinematics.drawing import (
+    LABELS,
+    ROOM,
+    draw_faint,
+    draw_fixed,
+    draw_scene,
+    offsets_of,
+)
+from kinematics.labels import FONT, turned
+from kinematics.margin_figures import LEAST_TRANSMISSION_DEG
+from kinematics.motion_figures import draw_paths, traced_joints
+from kinematics.structure import Structure
+from kinematics.symbols import INK, Points
+
+Place = tuple[float, float, float, float]
+
+SPARE = 0.15
+"""How much farther than needed axes reach that had to be changed, as a part of what is needed."""
+
+LOCK = "#B00020"
+"""Colour of the limits of what can be assembled."""
+
+LEFT = {"loc": "left", "fontsize": 9}
+SMALL = 8
+"""Size of ticks and names of axes, in points."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the axes stand: left, bottom, width and height as parts of the area.
+
+    Attributes:
+        pose: of the pose.
+        margin: of the margin.
+        angle: of the transmission angles.
+        ticks: most steps between ticks along an input.
+        pins: pins side by side in the legend.
+        angles: title of the angles.
+    """
+
+    pose: Place
+    margin: Place
+    angle: Place
+    ticks: int
+    pins: int
+    angles: str
+
+
+WIDE = Layout(
+    (0.065, 0.09, 0.485, 0.84),
+    (0.62, 0.56, 0.36, 0.37),
+    (0.62, 0.09, 0.36, 0.37),
+    ticks=8,
+    pins=4,
+    angles="Transmission angle μ (deg)",
+)
+"""The pose on the left, the others on the right."""
+
+NARROW = Layout(
+    (0.12, 0.46, 0.86, 0.49),
+    (0.12, 0.09, 0.35, 0.24),
+    (0.61, 0.09, 0.36, 0.24),
+    ticks=3,
+    pins=3,
+    angles="μ (deg)",
+)
+"""The pose above, the others below, in an area that is higher than wide."""
+
+
+class Picture:
+    """Three axes, and everything in them that changes."""
+
+    def __init__(
+        self, area: SubFigure, structure: Structure, pins: Sequence[str], surveys: Sequence[Survey]
+    ) -> None:
+        """Make the axes.
+
+        Args:
+            area: where.
+            structure: of the linkage.
+            pins: those with a transmission angle.
+            surveys: one for every input; the axes are as large as all of these need.
+        """
+        layout = WIDE if area.bbox.width >= area.bbox.height else NARROW
+        self._structure, self._layout = structure, layout
+        self._pose = area.add_axes(layout.pose)
+        self._margin = area.add_axes(layout.margin)
+        self._angle = area.add_axes(layout.angle)
+        self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
+        self._top = 0.0
+        self._column: int | None = None
+        self._set_up()
+        draw_paths(
+            self._pose, structure, {j: np.full((1, 2), np.nan) for j in traced_joints(structure)}
+        )
+        self._paths = list(self._pose.lines)
+        self._curve = self._margin.plot([], [], color=INK, linewidth=1.4)[0]
+        self._angles = {
+            pin: self._angle.plot([], [], label=pin, color=PALETTE[n % len(PALETTE)])[0]
+            for n, pin in enumerate(pins)
+        }
+        both = (self._margin, self._angle)
+        self._here = [axes.axvline(0.0, color=INK, linewidth=0.9, zorder=3) for axes in both]
+        self._dot = self._margin.plot([0.0], [0.0], "o", color=INK, clip_on=False, zorder=4)[0]
+        self._spans = [_span(axes) for axes in both for _ in range(EDGES + 1)]
+        self._edges = [
+            axes.axvline(0.0, color=LOCK, linewidth=1.1, zorder=2.5)
+            for axes in both
+            for _ in range(EDGES)
+        ]
+        self._values = [
+            self._margin.text(0.0, 0.98, "", color=LOCK, fontsize=8, va="top", zorder=5)
+            for _ in range(EDGES)
+        ]
+        for text in self._values:
+            text.set_transform(self._margin.get_xaxis_transform())
+        if pins:
+            self._angle.legend(
+                loc="lower right",
+                bbox_to_anchor=(1.0, 1.0),
+                ncols=min(len(pins), layout.pins),
+                fontsize=SMALL,
+                handlelength=1.2,
+                handletextpad=0.4,
+                columnspacing=0.9,
+                borderaxespad=0.2,
+                borderpad=0.1,
+            )
+        self._kept: list[Artist] = [
+            *(*self._paths, self._curve, *self._angles.values(), *self._here, self._dot),
+            *(*self._spans, *self._edges, *self._values),
+        ]
+        for artist in self._kept:
+            artist.set_animated(True)
+        self._fit_places(np.vstack([survey.places() for survey in surveys]), 0.0)
+        self._fit(surveys[0])
+        self._drawn: list[Artist] = []
+        self._good = surveys[0].scene()
+        self._at = self._good.angles
+        paths = [surveys[0].joints[joint] for joint in traced_joints(structure)]
+        seen = [path[np.isfinite(path[:, 0])] for path in paths]
+        offsets = offsets_of(self._pose, [self._good], seen)
+        self._offsets = {name: np.array(offset) for name, offset in offsets.items()}
+        transforms = self._pose.transData, area.dpi_scale_trans
+        style = {"color": INK, "rim": 2.0, "zorder": LABELS, "animated": True}
+        self._names = {name: Lettering(name, FONT, *transforms, **style) for name in offsets}
+        for text in self._names.values():
+            self._pose.add_artist(text)
+        self._kept += self._names.values()
+        self._move_names()
+
+    def _set_up(self) -> None:
+        self._pose.set_aspect("equal")
+        self._pose.set(xlabel="x (mm)", ylabel="y (mm)")
+        self._pose.set_title(self._structure.name, **LEFT)
+        self._margin.set_title("Margin (mm)", **LEFT)
+        self._margin.axhline(0.0, color="0.3", linewidth=0.9)
+        self._angle.set(ylim=(0, 92), yticks=range(0, 91, 15 if self._layout is WIDE else 30))
+        self._angle.set_title(self._layout.angles, **LEFT)
+        for axes in (self._margin, self._angle):
+            steps = [1, 1.5, 2, 3, 4.5, 5, 6, 9, 10]
+            axes.xaxis.set_major_locator(MaxNLocator(self._layout.ticks, steps=steps))
+        for axes in (self._pose, self._margin, self._angle):
+            axes.tick_params(labelsize=SMALL)
+            axes.xaxis.label.set_fontsize(SMALL)
+            axes.yaxis.label.set_fontsize(SMALL)
+        self._angle.axhline(
+            LEAST_TRANSMISSION_DEG, color="0.3", linewidth=0.9, linestyle=(0, (4, 3))
+        )
+
+    def show(self, survey: Survey | None) -> tuple[list[Artist], bool]:
+        """Draw a survey, or where it has no pose the last one that was good, faintly.
+
+        Args:
+            survey: what to draw; none where the bodies have no shape, so that nothing else
+                changes.
+
+        Returns:
+            Everything that changed, in the order of drawing; and whether the axes did not.
+        """
+        for artist in self._drawn:
+            artist.remove()
+        settled = survey is None or self._fit(survey)
+        if survey is not None:
+            self._draw_curves(survey)
+        before = set(map(id, self._pose.get_children()))
+        for text in self._names.values():
+            text.set_visible(survey is not None and survey.ok)
+        if survey is not None and survey.ok:
+            self._good = survey.scene()
+            draw_scene(self._pose, self._good, {})
+            self._move_names()
+        else:
+            draw_fixed(self._pose, self._good)
+            draw_faint(self._pose, self._good)
+        self._drawn = [one for one in self._pose.get_children() if id(one) not in before]
+        for artist in self._drawn:
+            artist.set_animated(True)
+        shown = [one for one in (*self._kept, *self._drawn) if one.get_visible()]
+        return sorted(shown, key=lambda artist: artist.get_zorder()), settled
+
+    def _move_names(self) -> None:
+        scene = self._good
+        for name, text in self._names.items():
+            x, y = scene.joints[name].tolist()
+            offset = turned(self._offsets[name], scene.angles[name] - self._at[name])
+            text.move((x, y), (float(offset[0]), float(offset[1])))
+
+    def _draw_curves(self, survey: Survey) -> None:
+        across = survey.across()
+        for line in self._paths:
+            path = survey.joints[str(line.get_gid()).removeprefix("path:")]
+            line.set_data(path[:, 0], path[:, 1])
+        self._curve.set_data(across, survey.margin)
+        for pin, line in self._angles.items():
+            line.set_data(across, np.degrees(survey.angles[pin]))
+        here = survey.shown(survey.here)
+        for line in self._here:
+            line.set_xdata([here, here])
+        # What is missing lies below the axes; its mark stays at their lower end.
+        self._dot.set_data([here], [max(survey.margin_here, self._margin.get_ylim()[0])])
+        self._dot.set_color(INK if survey.ok else LOCK)
+        self._draw_edges(survey)
+
+    def _draw_edges(self, survey: Survey) -> None:
+        low, high = self._margin.get_xlim()
+        bad = [(survey.shown(start), survey.shown(end)) for start, end in survey.gaps()]
+        for half in (0, 1):
+            for number in range(EDGES + 1):
+                patch = self._spans[half * (EDGES + 1) + number]
+                patch.set_visible(number < len(bad))
+                if number < len(bad):
+                    patch.set_x(bad[number][0])
+                    patch.set_width(bad[number][1] - bad[number][0])
+            for number in range(EDGES):
+                line = self._edges[half * EDGES + number]
+                line.set_visible(number < len(survey.edges))
+                if number < len(survey.edges):
+                    line.set_xdata([survey.shown(survey.edges[number].value)] * 2)
+        for number, text in enumerate(self._values):
+            text.set_visible(number < len(survey.edges))
+            if number < len(survey.edges):
+                value = survey.shown(survey.edges[number].value)
+                left = value < (low + high) / 2
+                text.set_text(f" {survey.told(survey.edges[number].value)} ")
+                text.set(x=value, ha="left" if left else "right")
+
+    def _fit(self, survey: Survey) -> bool:
+        """Make the axes large enough; whether they were."""
+        settled = [self._fit_places(survey.places(), SPARE), self._fit_margin(survey.margin)]
+        if survey.column != self._column:
+            self._column = survey.column
+            for axes in (self._margin, self._angle):
+                axes.set_xlim(*survey.across()[[0, -1]].tolist())
+                axes.set_xlabel(f"{survey.swept.name} ({'deg' if survey.turns else 'mm'})")
+            settled.append(False)
+        return all(settled)
+
+    def _fit_places(self, places: Points, spare: float) -> bool:
+        if not len(places):
+            return True
+        low, high = np.min(places, axis=0), np.max(places, axis=0)
+        if np.all(low >= self._low) and np.all(high <= self._high):
+            return True
+        more = spare * float(np.max(high - low))
+        self._low = np.where(low < self._low, low - more, self._low)
+        self._high = np.where(high > self._high, high + more, self._high)
+        room = ROOM * float(np.max(self._high - self._low))
+        (left, bottom), (right, top) = self._low - room, self._high + room
+        self._pose.set(xlim=(left, right), ylim=(bottom, top))
+        return False
+
+    def _fit_margin(self, margin: np.ndarray) -> bool:
+        top = float(np.max(margin, initial=0.0, where=np.isfinite(margin)))
+        if top == 0.0 or self._top / 3 <= top <= self._top:
+            return True
+        self._top = (1 + SPARE) * top
+        self._margin.set_ylim(-0.04 * self._top, 1.1 * self._top)
+        return False
+
+
+def _span(axes: Axes) -> Rectangle:
+    """A grey ground for where there is no pose."""
+    patch = Rectangle((0.0, 0.0), 1.0, 1.0, color="0.88", linewidth=0, zorder=0.5)
+    patch.set_transform(axes.get_xaxis_transform())
+    axes.add_artist(patch)
+    return patch

@@ -1,0 +1,361 @@
+"""The picture of a scene as it stands: its section, and below it how much and how well it sees."""
+
+from __future__ import annotations
+
+import cmath
+import dataclasses
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.artist import Artist
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap, to_hex
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+
+from designopt.designs.bench import Knob
+from designopt.lettering import Lettering
+from optics.scene import Scene
+from optics.scene_bench_seeing import Seen
+from optics.scene_drawing import HIDDEN, INK, SEEN, names_of, scene_legend, scene_signs
+from optics.scene_labels import FONT, Label, PlacedLabel, place_labels
+from optics.section import Points, Section
+
+if TYPE_CHECKING:
+    from matplotlib.figure import SubFigure
+
+COVERED = LinearSegmentedColormap.from_list("covered", [HIDDEN, SEEN])
+"""Colours of what is seen of a pad: from almost nothing to all of it."""
+
+TRACK = "0.92"
+"""Colour of the part of a bar that is not covered."""
+CURVES: tuple[tuple[str, Any], ...] = (
+    ("#222222", "-"),
+    ("#8A8A8A", "-"),
+    ("#222222", (0, (3, 1.5))),
+    ("#AA4499", "-"),
+)
+"""Colours and lines of the pads' curves, in turn; no ray has one of these colours."""
+
+SMALL = 7.5
+"""Size of the text, in points."""
+BAR = 8.0
+"""Width of a bar, in points."""
+
+MARGIN = 0.04
+"""Room around a section, as a part of its larger side."""
+SPARE = 1.2
+"""How far the axis of resolution reaches, over the greatest one shown."""
+
+Place = tuple[float, float, float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """Where everything stands, as parts of the area: left, bottom, width and height.
+
+    Attributes:
+        section: of the section.
+        legend: middle and upper end of what hangs below it.
+        across: entries of that legend side by side.
+        below: of the axes below, from left to right, if there are curves.
+        without: of those if there are none.
+        words: below the axis of resolution.
+        gap: between entries of the legend, in units of its text's size.
+    """
+
+    section: Place
+    legend: tuple[float, float]
+    across: int
+    below: tuple[Place, ...]
+    without: tuple[Place, ...]
+    words: str
+    gap: float
+
+
+WIDE = Layout(
+    (0.09, 0.5, 0.88, 0.44),
+    (0.5, 0.42),
+    4,
+    ((0.14, 0.085, 0.22, 0.19), (0.41, 0.085, 0.2, 0.19), (0.69, 0.085, 0.28, 0.19)),
+    ((0.14, 0.085, 0.4, 0.19), (0.6, 0.085, 0.37, 0.19)),
+    "least, median, greatest px/mm",
+    2.0,
+)
+NARROW = Layout(
+    (0.1, 0.51, 0.88, 0.44),
+    (0.5, 0.45),
+    2,
+    ((0.18, 0.115, 0.2, 0.17), (0.43, 0.115, 0.19, 0.17), (0.74, 0.115, 0.23, 0.17)),
+    ((0.18, 0.115, 0.36, 0.17), (0.6, 0.115, 0.37, 0.17)),
+    "least, median,\ngreatest px/mm",
+    1.0,
+)
+"""In an area that is higher than wide."""
+
+
+class ScenePicture:
+    """The axes of a scene's picture, and what is in them."""
+
+    def __init__(
+        self,
+        area: SubFigure,
+        scene: Scene,
+        reach: Points,
+        *,
+        floor: float | None,
+        curves: bool,
+    ) -> None:
+        """Make the axes.
+
+        Args:
+            area: what they fill.
+            scene: whose picture it is.
+            reach: places that are in it from the beginning, mm.
+            floor: resolution that is asked for, px/mm; if there is one, it is marked.
+            curves: whether there are curves of coverage over a knob.
+        """
+        self.area, self._layout = area, scene.layout
+        layout = WIDE if area.bbox.width >= area.bbox.height else NARROW
+        self._places = layout
+        below = [area.add_axes(place) for place in (layout.below if curves else layout.without)]
+        self.section = area.add_axes(layout.section)
+        self.covered, self.sharp, *more = below
+        self.curves = more[0] if more else None
+        self._drawn: list[Artist] = []
+        self._names: list[tuple[Label, PlacedLabel]] = []
+        self._named_in: Any = None
+        self._entries: dict[str, Any] = {}
+        self._legend: Legend | None = None
+        self._told: set[int | str] = set()
+        self._greatest = 0.0
+        self._low, self._high = reach.min(axis=0), reach.max(axis=0)
+        self._prepare_section()
+        self._prepare_rows(floor)
+        self._prepare_curves()
+        for axes in (self.section, *below):
+            axes.tick_params(labelsize=SMALL)
+            for text in (axes.xaxis.label, axes.yaxis.label):
+                text.set_fontsize(SMALL)
+
+    def _prepare_section(self) -> None:
+        axes = self.section
+        axes.set_aspect("equal")
+        axes.grid(visible=False)
+        axes.set(xlabel="x (mm)", ylabel="y (mm)", title=self._layout.name)
+        self._set_limits()
+
+    def _prepare_rows(self, floor: float | None) -> None:
+        pads = self._layout.pads
+        rows = np.arange(len(pads))[::-1]
+        for axes in (self.covered, self.sharp):
+            axes.set(ylim=(-0.6, len(pads) - 0.4), yticks=rows, yticklabels=[])
+            axes.tick_params(axis="y", length=0)
+            axes.grid(visible=False, axis="y")
+        self.covered.set_yticklabels([part.name for part in pads])
+        self.covered.set(xlim=(0, 100), xlabel="coverage (%)")
+        if floor is not None:
+            self.sharp.axvline(floor, color=INK, linestyle=":", linewidth=1, gid="floor")
+        asked = "" if floor is None else f"\n(dotted: {floor:g} asked for)"
+        self.sharp.set(xlabel=f"{self._places.words}{asked}")
+        tracks = [[(0.0, row), (100.0, row)] for row in rows]
+        track = LineCollection(tracks, colors=TRACK, linewidths=BAR, capstyle="butt")
+        self.covered.add_collection(track, autolim=False)
+        self._rows = rows
+        self._bars = LineCollection([], linewidths=BAR, capstyle="butt", gid="coverage")
+        self._spans = LineCollection([], colors="0.6", linewidths=2.5, gid="px/mm")
+        dots: dict[str, Any] = {"color": INK, "linestyle": "none", "markersize": 4}
+        self._least = Line2D([], [], marker="|", markeredgewidth=1.5, gid="least", **dots)
+        self._median = Line2D([], [], marker="o", gid="median", **dots)
+        for axes, artists in (
+            (self.covered, (self._bars,)),
+            (self.sharp, (self._spans, self._least, self._median)),
+        ):
+            for artist in artists:
+                artist.set_animated(True)
+                axes.add_artist(artist)
+
+    def _prepare_curves(self) -> None:
+        axes = self.curves
+        if axes is None:
+            return
+        axes.set(xlim=(0, 1), ylim=(-5, 105), xticks=(0, 0.5, 1), xticklabels=[])
+        axes.set_ylabel("coverage (%)", labelpad=1)
+        self._curve_lines: list[Line2D] = []
+        count = len(self._layout.pads)
+        for index, part in enumerate(self._layout.pads):
+            colour, dashes = CURVES[index % len(CURVES)]
+            width = 1.2 + 0.8 * (count - 1 - index)  # earlier ones show below later ones
+            line = Line2D([], [], color=colour, linestyle=dashes, linewidth=min(width, 4.0))
+            line.set(label=part.name, gid=f"curve:{part.name}", animated=True)
+            axes.add_artist(line)
+            self._curve_lines.append(line)
+        axes.legend(
+            handles=self._curve_lines,
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=min(count, 3),
+            fontsize=SMALL - 1,
+            handlelength=1.6,
+            columnspacing=0.9,
+            borderaxespad=0.2,
+        )
+        self._now = Line2D([], [], color=HIDDEN, linewidth=1.2, gid="now", animated=True)
+        axes.add_artist(self._now)
+        under = axes.get_xaxis_transform()
+        scale, style = self.area.dpi_scale_trans, {"color": "black", "animated": True}
+        # The first, the middle and the last tick, and what they are of.
+        self._words = [
+            Lettering(" ", SMALL, under, scale, anchor=(across, 1.0), **style)
+            for across in (0.0, 0.5, 1.0, 0.5)
+        ]
+        for text, place in zip(self._words, ((0, -5), (0.5, -5), (1, -5), (0.5, -20)), strict=True):
+            text.move((place[0], 0.0), (0.0, place[1]))
+            axes.add_artist(text)
+
+    def show(self, scene: Scene, angles: Float[np.ndarray, " joints"], seen: Seen) -> bool:
+        """Draw what is seen in a pose; returns whether axes and legend are as they were."""
+        section = Section.of(scene, angles)
+        settled = self._hold(section) & self._tell(scene, seen)
+        colours = [to_hex(COVERED(part)) for part in np.clip(seen.coverage, 0, 1).tolist()]
+        signs = scene_signs(
+            self.section, scene, angles, seen.views, section, seen=colours, joined=True
+        )
+        names = self._named(names_of(scene, section), signs.clutter, signs.size)
+        labels = [artist for name in names for artist in self._letters(name, signs.size)]
+        for artist in self._drawn:
+            artist.remove()
+        self._drawn = sorted([*signs.artists, *labels], key=lambda artist: artist.zorder)
+        for artist in self._drawn:
+            artist.set_animated(True)
+            self.section.add_artist(artist)
+        return self._show_rows(seen, colours) & settled
+
+    def _letters(self, name: PlacedLabel, size: float) -> list[Artist]:
+        """A name with its line; see `PlacedLabel.artists`."""
+        *line, _ = name.artists(size)
+        places, scale = self.section.transData, self.area.dpi_scale_trans
+        text = Lettering(name.text, FONT * size, places, scale, rim=1.6, color=INK, zorder=8)
+        text.set_gid(f"label:{name.text}")
+        x, y = map(float, name.middle)
+        text.move((x, y), angle=name.angle)
+        return [*line, text]
+
+    def _show_rows(self, seen: Seen, colours: Sequence[str]) -> bool:
+        covered = 100 * seen.coverage
+        ends = zip(covered.tolist(), self._rows.tolist(), strict=True)
+        self._bars.set_segments([[(0.0, row), (end, row)] for end, row in ends])
+        self._bars.set_color(list(colours))
+        there = seen.px_per_mm[:, 2] > 0
+        least, median, greatest = seen.px_per_mm[there].T
+        rows = self._rows[there]
+        self._spans.set_segments(
+            [np.array([(a, y), (b, y)]) for a, b, y in zip(least, greatest, rows, strict=True)]
+        )
+        self._least.set_data(least, rows)
+        self._median.set_data(median, rows)
+        most = float(np.max(greatest, initial=0.0))
+        if most <= self._greatest:
+            return True
+        self._greatest = SPARE * most
+        self.sharp.set_xlim(0, self._greatest)
+        return False
+
+    def show_curves(
+        self, knob: Knob, value: float, coverage: Float[np.ndarray, "places pads"]
+    ) -> None:
+        """Draw coverage at places evenly spread over a knob's range, and where the knob stands."""
+        places = np.linspace(0, 1, len(coverage))
+        for line, column in zip(self._curve_lines, 100 * coverage.T, strict=True):
+            line.set_data(places, column)
+        at = (value - knob.low) / (knob.high - knob.low)
+        self._now.set_data([at, at], [-5, 105])
+        marks = (knob.low, (knob.low + knob.high) / 2, knob.high)
+        words = (*(f"{mark:.4g}" for mark in marks), f"{knob.name} ({knob.unit})")
+        for text, said in zip(self._words, words, strict=True):
+            text.say(said)
+
+    @property
+    def artists(self) -> list[Artist]:
+        """All that changes, in the order of drawing."""
+        found = [*self._drawn, self._bars, self._spans, self._least, self._median]
+        if self.curves is not None:
+            found += [*self._curve_lines, self._now, *self._words]
+        return found
+
+    def _hold(self, section: Section) -> bool:
+        """Widen the axes if the picture no longer fits; returns whether it did."""
+        places = section.places()
+        low, high = places.min(axis=0), places.max(axis=0)
+        if np.all(low >= self._low - self._room) and np.all(high <= self._high + self._room):
+            return True
+        self._low, self._high = np.minimum(low, self._low), np.maximum(high, self._high)
+        self._set_limits()
+        return False
+
+    def _set_limits(self) -> None:
+        self._room = MARGIN * max(float(np.max(self._high - self._low)), 1e-9)
+        (left, low), (right, high) = self._low - self._room, self._high + self._room
+        self.section.set(xlim=(left, right), ylim=(low, high))
+
+    def _tell(self, scene: Scene, seen: Seen) -> bool:
+        """Add to the legend what it does not tell of; returns whether it told of all."""
+        view = seen.views.value
+        signs: set[int | str] = set(np.unique(view.path[view.present]).tolist())
+        signs.add("hidden" if np.any(seen.coverage < 1 - 1e-9) else "seen")
+        if signs <= self._told:
+            return True
+        self._told |= signs
+        told = len(self._entries)
+        for handle, text in zip(*scene_legend(scene, seen.views), strict=True):
+            self._entries.setdefault(text, handle)
+        if len(self._entries) == told:
+            return True
+        if self._legend is not None:
+            self._legend.remove()
+        self._legend = self.area.legend(
+            list(self._entries.values()),
+            list(self._entries),
+            loc="upper center",
+            bbox_to_anchor=self._places.legend,
+            ncols=self._places.across,
+            columnspacing=self._places.gap,
+            fontsize=SMALL,
+            borderaxespad=0,
+        )
+        return False
+
+    def _named(
+        self, labels: Sequence[Label], clutter: Sequence[Points], size: float
+    ) -> list[PlacedLabel]:
+        """Names beside what they name; a search places them once, and they move with it."""
+        axes = self.section
+        axes.apply_aspect()
+        # In a window of another size, or with other limits, they have other room.
+        room = (*np.round(axes.bbox.size).tolist(), *axes.get_xlim(), *axes.get_ylim())
+        if room != self._named_in:
+            self._named_in = room
+            placed = place_labels(axes, labels, clutter, size)
+            self._names = list(zip(labels, placed, strict=True))
+        pairs = zip(self._names, labels, strict=True)
+        return [moved(name, before, now) for (before, name), now in pairs]
+
+
+def moved(name: PlacedLabel, before: Label, now: Label) -> PlacedLabel:
+    """A name that keeps its place beside a segment that has moved and turned."""
+    (first, last), (start, end) = before.ends @ [1, 1j], now.ends @ [1, 1j]
+    turn = (end - start) / (last - first)
+    turn /= abs(turn)
+
+    def carried(places: Points) -> Points:
+        there = (start + end) / 2 + (places @ [1, 1j] - (first + last) / 2) * turn
+        return np.stack([there.real, there.imag], axis=-1)
+
+    angle = name.angle + cmath.phase(turn)
+    # Readable from below or from the right.
+    angle -= np.pi * round((angle - 1e-6) / np.pi)
+    return dataclasses.replace(
+        name, middle=carried(name.middle[None])[0], angle=angle, leader=carried(name.leader)
+    )

@@ -1,0 +1,116 @@
+"""The whole finger with its knobs: linkage and scene side by side, moving together."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from designopt.designs.bench import Bench, Knob, Reading, Shown, Step, Values
+from designopt.errors import UserError
+from designopt.results import SpecFile
+from kinematics.bench import LinkageBench
+from optics.scene_bench import SceneBench
+from studies.finger.design import DesignedFinger
+
+if TYPE_CHECKING:
+    from matplotlib.figure import SubFigure
+
+MOST = 12
+"""Most knobs of camera and mirrors."""
+
+SIDE = "linkage: "
+"""What the linkage's readings begin with."""
+
+PHALANGES = ("proximal", "intermediate", "distal")
+
+
+class FingerBench(Bench):
+    """Linkage and scene of one finger, turned by the same joint angles; flexion is positive.
+
+    The lengths of the phalanges have no knobs: they are the body's, which both share.
+    """
+
+    def __init__(self, design: DesignedFinger) -> None:
+        """Make both benches."""
+        self._scene = SceneBench(
+            design.scene,
+            joint=(0.0, design.spec.body.range_deg),
+            most=MOST,
+            floor=design.spec.mirrors.floor,
+        )
+        joints = [knob for knob in self._scene.knobs if knob.kind == "joint"]
+        bodies = design.linkage.sketch.bodies
+        self._linkage = LinkageBench(
+            design.linkage,
+            ranges={knob.name: (knob.low, knob.high) for knob in joints},
+            held=[f"{name} {'-'.join(bodies[name].joints[:2])}" for name in PHALANGES],
+            opposite=True,
+        )
+        self._joints = tuple(knob.name for knob in joints)
+        self._lengths = tuple(knob for knob in self._linkage.knobs if knob.kind == "dimension")
+        self.title = design.name
+        self.knobs: tuple[Knob, ...] = (
+            *joints,
+            *self._lengths,
+            *(knob for knob in self._scene.knobs if knob.kind == "dimension"),
+        )
+        aims = (("linkage first", self._linkage.aim), ("then camera and mirrors", self._scene.aim))
+        self.aim = "; ".join(f"{what}: {aim}" for what, aim in aims if aim)
+
+    def draw(self, area: SubFigure) -> None:
+        """The linkage on the left, the scene on the right."""
+        halves: Any = area.subfigures(1, 2)
+        left, right = halves
+        self._linkage.draw(left)
+        self._scene.draw(right)
+
+    def show(self, values: Values) -> Shown:
+        """Both in one pose."""
+        linkage = self._linkage.show(self._of_linkage(values))
+        scene = self._scene.show(values)
+        readings = [
+            dataclasses.replace(reading, name=SIDE + reading.name)
+            for reading in linkage.readings
+            if reading.name not in self._joints
+        ]
+        angles = [Reading(name, values[name], "°") for name in self._joints]
+        return Shown(
+            [*angles, *readings, *scene.readings],
+            [*linkage.artists, *scene.artists],
+            "; ".join(message for message in (linkage.message, scene.message) if message),
+            linkage.settled and scene.settled,
+        )
+
+    def specs(self, values: Values) -> Sequence[SpecFile]:
+        """The linkage file, of the straight finger, and the scene file."""
+        straight = {**values, **dict.fromkeys(self._joints, 0.0)}
+        (linkage,) = self._linkage.specs(self._of_linkage(straight))
+        return [dataclasses.replace(linkage, name="linkage.toml"), *self._scene.specs(values)]
+
+    def optimise(self, values: Values) -> Iterator[Step]:
+        """The linkage's steps, then those of camera and mirrors.
+
+        Raises:
+            UserError: neither of them can be improved from here, and why.
+        """
+        faults = []
+        try:
+            for step in self._linkage.optimise(self._of_linkage(values)):
+                lengths = {knob.name: step.values[knob.name] for knob in self._lengths}
+                values = {**values, **lengths}
+                yield Step(values, f"linkage: {step.message}")
+        except UserError as error:
+            faults.append(f"linkage: {error}")
+            yield Step(values, faults[0])
+        try:
+            for step in self._scene.optimise(values):
+                yield Step({**values, **step.values}, f"camera and mirrors: {step.message}")
+        except UserError as error:
+            faults.append(f"camera and mirrors: {error}")
+            if len(faults) > 1:
+                raise UserError("; ".join(faults)) from error
+            yield Step(values, faults[0])
+
+    def _of_linkage(self, values: Values) -> dict[str, float]:
+        return {knob.name: values[knob.name] for knob in self._linkage.knobs}

@@ -1,0 +1,123 @@
+"""The command ``designopt explore``: its faults, its window, its end."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+from designopt import cli
+from designopt.exploring.server import listen
+from tests.designopt.exploring.hands import environment
+
+FOUR_BAR = str(Path(__file__).parents[3] / "studies" / "linkage_gallery" / "four-bar.toml")
+COMMAND = [sys.executable, "-m", "designopt", "explore", FOUR_BAR]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([FOUR_BAR, "--port", "0"], ["--port 0", "add --web"]),
+        ([FOUR_BAR, "--web", "--port", "70000"], ["--port", "65535"]),
+        ([FOUR_BAR, "--out", "nowhere"], ["--out nowhere", "no such folder", "make it"]),
+        ([FOUR_BAR, "--web", "--port", "0", "--set", "a=1"], ["--set a=1", "only a study"]),
+        (["no.toml", "--web", "--port", "0"], ["no.toml", "cannot be read"]),
+        (["sqare", "--web", "--port", "0"], ["STUDY", "'sqare'"]),
+        ([], ["STUDY|FILE"]),
+    ],
+)
+def test_faults_are_one_line(capsys, monkeypatch, tmp_path, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    assert cli.run(["explore", *arguments]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("error: ")
+    assert shown.err.count("\n") == 1
+    for word in words:
+        assert word in shown.err
+
+
+def test_a_port_in_use_is_said(capsys):
+    with listen(0) as listener:
+        port = str(listener.getsockname()[1])
+        assert cli.run(["explore", FOUR_BAR, "--web", "--port", port]) == 2
+    assert f"--port {port}: " in capsys.readouterr().err
+
+
+NO_WINDOWS = r"error: there is no window system .* use --web .*\n"
+
+
+def test_without_a_window_system_the_page_is_named(capsys):
+    with matplotlib.rc_context({"backend": "agg"}):
+        assert cli.run(["explore", FOUR_BAR]) == 2
+    assert re.fullmatch(NO_WINDOWS, capsys.readouterr().err)
+
+
+def test_a_backend_that_finds_no_display_is_the_same():
+    displays = ("DISPLAY", "WAYLAND_DISPLAY")
+    bare = {name: value for name, value in os.environ.items() if name not in displays}
+    bare["MPLBACKEND"] = "tkagg"
+    done = subprocess.run(COMMAND, env=bare, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert re.fullmatch(NO_WINDOWS, done.stderr)
+
+
+def test_an_interrupt_ends_the_page_quietly(tmp_path):
+    with subprocess.Popen(
+        [*COMMAND, "--web", "--port", "0"],
+        cwd=tmp_path,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        assert re.search(r"http://127\.0\.0\.1:\d+/", process.stdout.readline())
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (0, "", "")
+
+
+DESKTOP = """
+import sys
+from matplotlib import pyplot
+from designopt import cli
+from designopt.exploring import desktop
+
+def close_soon(figure, title, show=desktop.show_window):
+    canvas = figure.canvas
+    timer = canvas.new_timer(interval=300)
+    timer.single_shot = True
+    timer.add_callback(lambda: (print(title, *canvas.get_width_height()), pyplot.close(figure)))
+    timer.start()
+    show(figure, title)
+
+desktop.show_window = close_soon
+sys.exit(cli.run(["explore", *sys.argv[1:]]))
+"""
+
+
+def test_a_window_opens_on_a_desktop(tmp_path):
+    xvfb = shutil.which("xvfb-run")
+    if xvfb is None:
+        pytest.skip("no xvfb-run here, and so no desktop to open a window on")
+    pytest.importorskip("tkinter", reason="Python was built without Tk")
+    done = subprocess.run(
+        [xvfb, "-a", sys.executable, "-c", DESKTOP, FOUR_BAR],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=200,
+        env=environment() | {"MPLBACKEND": "tkagg"},
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    title, width, height = done.stdout.split()
+    assert title == "four-bar"
+    # Some desktops take a line of pixels for themselves.
+    assert (int(width), int(height)) == pytest.approx((1280, 760), abs=2)

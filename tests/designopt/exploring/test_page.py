@@ -1,0 +1,193 @@
+"""The page in a real browser, over the real command and real designs."""
+
+import base64
+import io
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from PIL import Image
+
+from designopt.designs.design import load_design
+from designopt.exploring.face import HEIGHT
+from designopt.exploring.window import OPTIMISE, PICTURE, RESET, SPEC
+from designopt.exploring.words import number_text
+from kinematics import read_linkage, solve_poses
+from tests.designopt.exploring.hands import Hands, environment, on_button, on_track
+
+STUDIES = Path(__file__).parents[3] / "studies"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+PATIENCE = 120_000
+"""Milliseconds: a busy machine compiles slowly."""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    executable = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if executable is None:
+        pytest.skip(f"no browser to drive: none of {', '.join(BROWSERS)} is installed")
+    sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []  # Chromium's needs another user
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=executable, args=sandbox)
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def served(named, folder):
+    """The command, running; its page's address."""
+    arguments = ["explore", named, "--web", "--port", "0", "--out", str(folder)]
+    with subprocess.Popen(
+        [sys.executable, "-m", "designopt", *arguments],
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            assert process.stdout is not None
+            said = process.stdout.readline()
+            address = re.search(r"http://127\.0\.0\.1:\d+/", said)
+            assert address, said + (process.stderr.read() if process.stderr else "")
+            yield address[0]
+        finally:
+            process.send_signal(signal.SIGINT)
+            _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (0, "")
+
+
+NUMBERS = """(wanted) => {
+  const cells = [...document.querySelectorAll('#readings td.number')].map((c) => c.textContent);
+  return cells.length === wanted.length && wanted.every((number, i) => number === null
+    ? cells[i] === '–' : Math.abs(Number(cells[i]) - number) <= 1e-5 * Math.abs(number) + 1e-7);
+}"""
+OTHER = "(before) => document.querySelector('canvas.mpl-canvas').toDataURL() !== before"
+SAID = "(words) => new RegExp(words).test(document.querySelector('#message').textContent)"
+LOADED = """() => document.querySelector('canvas.mpl-canvas').width === 1280
+  && document.querySelector('#readings tr')"""
+
+
+class Visitor:
+    """Does the same on the page and at a window in this process."""
+
+    def __init__(self, page, window):
+        self.page, self.window = page, window
+        self.wait(LOADED)
+        self._box = page.locator("canvas.mpl-canvas").bounding_box()
+
+    def wait(self, condition, given=None):
+        self.page.wait_for_function(condition, arg=given, timeout=PATIENCE)
+
+    def whole(self, place):
+        """The whole pixel of the page at a place in the figure, and where that is in the figure."""
+        left, top = self._box["x"], self._box["y"]
+        x, y = round(left + place[0]), round(top + HEIGHT - place[1])
+        return (x, y), (x - left, HEIGHT - (y - top))
+
+    def drag(self, row, fraction):
+        """Take a slider by its handle and let it go elsewhere."""
+        now = (row.value - row.knob.low) / (row.knob.high - row.knob.low)
+        (start, here), (end, there) = (
+            self.whole(on_track(row, each)) for each in (min(max(now, 0.02), 0.98), fraction)
+        )
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.page.mouse.move(*end, steps=4)
+        self.page.mouse.up()
+        self.window.mouse("button_press", *here)
+        self.window.mouse("motion_notify", *there)
+        self.window.mouse("button_release", *there)
+        self.window.run_until_still()
+
+    def press(self, name):
+        self.page.mouse.click(*self.whole(on_button(self.window.window, name))[0])
+
+    @property
+    def expected(self):
+        values = (each.value for each in self.window.window.readings)
+        return [None if number_text(value) == "–" else value for value in values]
+
+    def numbers(self):
+        return self.page.locator("#readings td.number").all_inner_texts()
+
+    def picture(self):
+        return self.page.evaluate("document.querySelector('canvas.mpl-canvas').toDataURL()")
+
+    def pixels(self):
+        data = base64.b64decode(self.picture().partition(",")[2])
+        return np.array(Image.open(io.BytesIO(data)).convert("RGBA"), float)
+
+
+def tour(browser, named, folder, check=lambda saved, numbers, joint: None):
+    """Move every slider and press every button of a design's page."""
+    window = Hands(load_design(named).bench(), folder)
+    page = browser.new_page(viewport={"width": 1340, "height": 1000})
+    faults = []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
+    with served(named, folder) as address:
+        page.goto(address)
+        visitor = Visitor(page, window)
+        first = visitor.expected
+        visitor.wait(NUMBERS, first)
+        # The same picture, but for what another compiler's rounding does to an edge.
+        assert np.abs(visitor.pixels() - window.canvas.pixels()).mean() < 0.5
+        names = page.locator("#readings th").all_inner_texts()
+        assert names == [each.name for each in window.window.readings]
+        for row in window.window.rows:
+            before, value = visitor.picture(), row.value
+            high = value > (row.knob.low + row.knob.high) / 2
+            visitor.drag(row, 0.4 if high else 0.6)
+            assert row.value != value
+            visitor.wait(OTHER, before)
+            visitor.wait(NUMBERS, visitor.expected)
+        visitor.press(RESET)
+        visitor.wait(NUMBERS, first)
+        joint = window.window.rows[0]
+        window.press(RESET)
+        visitor.drag(joint, 0.45)
+        visitor.wait(NUMBERS, visitor.expected)
+        visitor.press(SPEC)
+        visitor.wait(SAID, "^Saved .*-1\\.toml")
+        specs = sorted(folder.glob("*-1.*"))
+        check(specs[0], dict(zip(names, visitor.numbers(), strict=True)), joint)
+        visitor.press(PICTURE)
+        visitor.wait(SAID, "^Saved .*-1\\.png and .*-1\\.svg")
+        (picture,) = folder.glob("*-1.png")
+        assert np.array(Image.open(picture)).shape == (1520, 2560, 4)
+        assert len(list(folder.glob("*-1.svg"))) == 1
+        if OPTIMISE in window.window.buttons:
+            visitor.press(RESET)
+            visitor.wait(NUMBERS, first)
+            visitor.press(OPTIMISE)
+            page.wait_for_function(f"(first) => !({NUMBERS})(first)", arg=first, timeout=PATIENCE)
+            visitor.press(RESET)
+            visitor.wait(NUMBERS, first)
+    visitor.wait(SAID, "designopt explore has ended")
+    page.close()
+    assert not faults
+
+
+def check_four_bar(saved, numbers, joint):
+    """The saved linkage, solved by itself, has the margin that the page says."""
+    poses = solve_poses(read_linkage(saved), jnp.deg2rad(jnp.array([[joint.value]])))
+    assert float(numbers["margin"]) == pytest.approx(float(poses.margin[0]), rel=1e-5)
+
+
+def test_a_linkage_on_the_page(browser, tmp_path):
+    tour(browser, str(STUDIES / "linkage_gallery/four-bar.toml"), tmp_path, check_four_bar)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("named", [str(STUDIES / "optics_gallery/finger.toml"), "table1", "finger"])
+def test_other_designs_on_the_page(browser, tmp_path, named):
+    tour(browser, named, tmp_path)

@@ -1,0 +1,243 @@
+"""The page's server: on loopback, for its own pages only, a picture for every tab."""
+
+import asyncio
+import io
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
+from tornado.httpserver import HTTPServer
+from tornado.websocket import websocket_connect
+
+from designopt.errors import UserError
+from designopt.exploring.face import HEIGHT, WIDTH
+from designopt.exploring.server import Page, listen
+from designopt.exploring.window import PICTURE
+from designopt.figures import style
+from tests.designopt.exploring.hands import on_button, on_track
+from tests.designopt.exploring.toy import SliderCrank, place
+
+
+@pytest.fixture
+def visit(tmp_path):
+    """Run a coroutine that is given the page and the port it is served at."""
+
+    def run(guest):
+        async def main():
+            page = Page(SliderCrank(), "toy", tmp_path)
+            listener = listen(0)
+            server = HTTPServer(page.application())
+            server.add_socket(listener)
+            try:
+                await asyncio.wait_for(guest(page, listener.getsockname()[1]), 60)
+            finally:
+                while BROWSERS:
+                    await BROWSERS.pop().closed()
+                server.stop()
+                await server.close_all_connections()
+
+        with style():
+            asyncio.run(main())
+
+    return run
+
+
+def test_it_listens_on_loopback_alone():
+    with listen(0) as listener:
+        address, port = listener.getsockname()
+        assert address == "127.0.0.1"
+        with pytest.raises(UserError, match=r"--port \d+: .*in use; choose another, or 0"):
+            listen(port)
+
+
+def test_the_page_and_its_scripts_load(visit):
+    async def guest(page, port):
+        client = AsyncHTTPClient()
+        html = (await client.fetch(f"http://127.0.0.1:{port}/")).body.decode()
+        assert "<title>slider-crank</title>" in html
+        for name, words in (("mpl", "mpl.figure"), ("explore", "handle_readings")):
+            assert f'src="{name}.js"' in html
+            script = await client.fetch(f"http://localhost:{port}/{name}.js")
+            assert words in script.body.decode()
+        assert "//" not in html.replace("<!doctype html>", "")  # nothing from elsewhere
+
+    visit(guest)
+
+
+@pytest.mark.parametrize("path", ["", "explore.js", "ws"])
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1.evil.example"])
+def test_a_name_of_another_site_is_refused(visit, path, host):
+    async def guest(page, port):
+        request = HTTPRequest(
+            f"http://127.0.0.1:{port}/{path}", headers={"Host": host.format(port=port)}
+        )
+        with pytest.raises(HTTPClientError) as caught:
+            await AsyncHTTPClient().fetch(request)
+        assert caught.value.code == 403
+
+    visit(guest)
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "http://localhost:1", "null"])
+def test_a_page_of_another_site_is_refused(visit, origin):
+    async def guest(page, port):
+        request = HTTPRequest(f"ws://127.0.0.1:{port}/ws", headers={"Origin": origin})
+        with pytest.raises(HTTPClientError) as caught:
+            await websocket_connect(request)
+        assert caught.value.code == 403
+        assert not page.tabs
+
+    visit(guest)
+
+
+BROWSERS = []
+
+
+class Browser:
+    """A tab without a screen: it puts the pictures together and keeps the readings."""
+
+    def __init__(self, connection):
+        self.connection = connection
+        self.news = {}
+        self.picture = np.zeros((1, 1, 4), np.uint8)
+        self.pictures = 0
+        self._place, self._wide = (0, 0), 0
+
+    @classmethod
+    async def opened(cls, port):
+        url = f"ws://127.0.0.1:{port}/ws"
+        request = HTTPRequest(url, headers={"Origin": f"http://127.0.0.1:{port}"})
+        tab = cls(await websocket_connect(request))
+        BROWSERS.append(tab)
+        await tab.send("set_device_pixel_ratio", device_pixel_ratio=1)
+        await tab.send("refresh")
+        return tab
+
+    async def closed(self):
+        self.connection.close()
+        while await self.connection.read_message() is not None:
+            pass
+
+    async def send(self, kind, **content):
+        await self.connection.write_message(json.dumps({"type": kind, **content}))
+
+    async def mouse(self, kind, place, buttons=1):
+        x, y = place
+        await self.send(
+            kind, x=x, y=HEIGHT - y, button=0, buttons=buttons, modifiers=[], step=0, guiEvent={}
+        )
+
+    async def look(self, until, acknowledge=True):
+        """Take what comes until a condition holds."""
+        while not until(self):
+            message = await self.connection.read_message()
+            assert message is not None
+            if isinstance(message, bytes):
+                patch = Image.open(io.BytesIO(message))
+                same_size = self.picture.shape[1] == self._wide
+                over = Image.fromarray(self.picture) if same_size else patch.copy()
+                over.alpha_composite(patch, self._place)
+                self.picture = np.array(over)
+                self.pictures += 1
+                if acknowledge:
+                    await self.send("ack")
+            else:
+                content = json.loads(message)
+                if content["type"] == "part":
+                    self._place = (content["left"], content["top"])
+                    self._wide = content["wide"]
+                if content["type"] == "readings":
+                    self.news = content
+
+    @property
+    def place(self):
+        return self.news["rows"][0][1]
+
+
+def drawn(page):
+    return np.asarray(page.canvas.buffer_rgba())
+
+
+def test_a_slider_moved_in_one_tab_moves_in_all(visit):
+    async def guest(page, port):
+        first, second = await Browser.opened(port), await Browser.opened(port)
+        for tab in (first, second):
+            await tab.look(lambda tab: tab.pictures)
+            assert tab.picture.shape == (HEIGHT, WIDTH, 4)
+            assert tab.place == f"{place(page.window.values):.6g}"
+            np.testing.assert_array_equal(tab.picture, drawn(page))
+        row, before = page.window.rows[0], first.place
+        await first.mouse("button_press", on_track(row, 0.5))
+        await first.mouse("motion_notify", on_track(row, 0.6))
+        await first.mouse("button_release", on_track(row, 0.6), 0)
+        await first.look(lambda _: page.window.values["crank"] > 0.58 * 360)
+        for tab in (first, second):
+            await tab.look(lambda tab: tab.place == f"{place(page.window.values):.6g}")
+            await tab.look(lambda tab: (tab.picture == drawn(page)).all())
+            assert tab.place != before
+
+    visit(guest)
+
+
+def test_a_busy_tab_is_spared_and_catches_up(visit):
+    async def guest(page, port):
+        quick, slow = await Browser.opened(port), await Browser.opened(port)
+        await quick.look(lambda tab: tab.pictures)
+        await slow.look(lambda tab: tab.pictures, acknowledge=False)
+        row = page.window.rows[1]
+        await quick.mouse("button_press", on_track(row, 0.1))
+        for fraction in (0.3, 0.5, 0.7, 0.9):
+            before = quick.pictures
+            await quick.mouse("motion_notify", on_track(row, fraction))
+            await quick.look(lambda tab, before=before: tab.pictures > before)
+        await slow.look(lambda tab: tab.place == f"{place(page.window.values):.6g}", False)
+        assert slow.pictures == 1
+        await slow.send("ack")
+        await slow.look(lambda tab: tab.pictures == 2)
+        np.testing.assert_array_equal(slow.picture, drawn(page))
+
+    visit(guest)
+
+
+def test_a_sharper_screen_gets_a_sharper_picture(visit):
+    async def guest(page, port):
+        tab = await Browser.opened(port)
+        await tab.look(lambda tab: tab.pictures)
+        await tab.send("set_device_pixel_ratio", device_pixel_ratio=2)
+        await tab.send("draw")
+        await tab.look(lambda tab: tab.picture.shape == (2 * HEIGHT, 2 * WIDTH, 4))
+        x, y = on_track(page.window.rows[0], 0.25)  # now in the pixels of that screen
+        await tab.send("button_press", x=x, y=2 * HEIGHT - y, button=0, buttons=1, modifiers=[])
+        before = tab.place
+        await tab.look(lambda tab: tab.place != before)
+        assert tab.place == f"{place(page.window.values):.6g}"
+        assert page.window.values["crank"] == pytest.approx(90, abs=5)
+
+    visit(guest)
+
+
+def test_what_a_page_does_not_send_changes_nothing(visit, tmp_path):
+    async def guest(page, port):
+        tab = await Browser.opened(port)
+        await tab.look(lambda tab: tab.pictures)
+        before = drawn(page).copy()
+        await tab.send("toolbar_button", name="save_figure")
+        await tab.send("resize", width=10, height=10)
+        await tab.look(lambda tab: tab.pictures == 2)
+        np.testing.assert_array_equal(tab.picture, before)
+
+    visit(guest)
+
+
+def test_a_button_is_pressed_and_the_message_comes(visit, tmp_path):
+    async def guest(page, port):
+        tab = await Browser.opened(port)
+        await tab.look(lambda tab: tab.pictures)
+        await tab.mouse("button_press", on_button(page.window, PICTURE))
+        await tab.mouse("button_release", on_button(page.window, PICTURE), 0)
+        await tab.look(lambda tab: tab.news["message"].startswith("Saved toy-1.png and toy-1.svg"))
+        assert (tmp_path / "toy-1.png").is_file()
+
+    visit(guest)

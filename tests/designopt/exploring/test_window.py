@@ -1,0 +1,260 @@
+"""A window's sliders and buttons under a mouse, with a bench known by heart."""
+
+import itertools
+import time
+import tomllib
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from designopt.exploring.face import round_step, stops
+from designopt.exploring.window import OPTIMISE, PICTURE, RESET, SPEC, STOP
+from designopt.exploring.words import number_text
+from tests.designopt.exploring.hands import Hands, on_button
+from tests.designopt.exploring.toy import ASKED, KNOBS, LOCKED, SliderCrank, place
+
+
+@pytest.fixture
+def hands(tmp_path):
+    return Hands(SliderCrank(), tmp_path)
+
+
+def readings(hands):
+    return {each.name: each.value for each in hands.window.readings}
+
+
+@pytest.mark.parametrize("knob", KNOBS, ids=lambda knob: knob.name)
+def test_each_slider_shows_what_the_bench_computes(hands, knob):
+    before, first = hands.canvas.pixels(), hands.window.values
+    hands.drag(knob.name, 0.5, 0.4, 0.3)
+    values = hands.window.values
+    wanted = knob.low + 0.3 * (knob.high - knob.low)
+    assert values[knob.name] == pytest.approx(wanted, abs=(knob.high - knob.low) / 150)
+    assert {k: v for k, v in values.items() if k != knob.name} == {
+        k: v for k, v in first.items() if k != knob.name
+    }
+    assert readings(hands)["slider's place"] == place(values)
+    assert hands.told[-1] == ([place(values), values["rod"] / values["radius"]], "")
+    assert (hands.canvas.pixels() != before).any()
+
+
+def test_what_is_painted_is_what_would_be_drawn(hands):
+    for name, fraction in (("crank", 0.8), ("radius", 0.9), ("rod", 0.1), ("crank", 0.2)):
+        hands.drag(name, fraction)
+        draws = hands.canvas.draws
+        painted = hands.canvas.pixels()
+        np.testing.assert_array_equal(painted, hands.redrawn())
+        assert hands.canvas.draws == draws + 1
+
+
+def test_a_slider_paints_and_draws_nothing_anew(hands):
+    draws, blits = hands.canvas.draws, hands.canvas.blits
+    hands.drag("crank", 0.3)
+    assert (hands.canvas.draws, hands.canvas.blits) == (draws, blits + 1)
+
+
+def test_axes_that_change_are_drawn_anew(hands):
+    hands.drag("rod", 0.95)
+    np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
+
+
+def test_of_moves_that_come_together_the_last_is_shown(tmp_path):
+    bench = SliderCrank()
+    hands = Hands(bench, tmp_path)
+    shows = bench.shows
+    hands.hold("crank", *np.linspace(0.1, 0.9, 30))
+    assert bench.shows == shows
+    hands.run_until_still()
+    assert bench.shows == shows + 1
+    assert readings(hands)["slider's place"] == place(hands.window.values)
+
+
+def test_a_fault_is_said_and_goes_away(hands):
+    hands.drag("crank", 0.25)
+    hands.drag("radius", 1.0)
+    assert hands.told[-1][0][0] is None
+    assert hands.window.message == LOCKED
+    hands.press(RESET)
+    assert hands.window.message == ""
+
+
+def test_reset_puts_all_sliders_back(hands):
+    before = hands.canvas.pixels()
+    for knob in KNOBS:
+        hands.drag(knob.name, 0.3)
+    hands.press(RESET)
+    assert hands.window.values == {knob.name: knob.value for knob in KNOBS}
+    assert readings(hands)["slider's place"] == place(hands.window.values)
+    hands.mouse("motion_notify", 5.0, 755.0, None)  # off the button, which is lit up
+    hands.run()
+    np.testing.assert_array_equal(hands.canvas.pixels(), before)
+
+
+def test_a_button_lights_up_under_the_mouse(hands):
+    before, shown = hands.canvas.pixels(), len(hands.told)
+    hands.mouse("motion_notify", *on_button(hands.window, RESET), None)
+    hands.run()
+    assert (hands.canvas.pixels() != before).any()
+    hands.mouse("motion_notify", 5.0, 755.0, None)
+    hands.run()
+    np.testing.assert_array_equal(hands.canvas.pixels(), before)
+    assert len(hands.told) == shown
+
+
+def test_pictures_are_numbered_and_never_replaced(hands, tmp_path):
+    (tmp_path / "toy-2.svg").write_text("mine")
+    before = hands.canvas.pixels()
+    hands.press(PICTURE)
+    assert hands.window.message == f"Saved toy-1.png and toy-1.svg in {tmp_path}."
+    hands.drag("crank", 0.7)
+    hands.press(PICTURE)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["toy-1.png", "toy-1.svg", "toy-2.svg", "toy-3.png", "toy-3.svg"]
+    assert (tmp_path / "toy-2.svg").read_text() == "mine"
+    first, second = (np.array(Image.open(tmp_path / f"toy-{n}.png")) for n in (1, 3))
+    assert first.shape == second.shape == (1520, 2560, 4)
+    assert (first != second).any()
+    for number in (1, 3):
+        root = ElementTree.parse(tmp_path / f"toy-{number}.svg").getroot()
+        assert root.tag.endswith("svg")
+    # The picture is the window without its buttons: the drawing, the knobs and the readings.
+    small = np.array(Image.open(tmp_path / "toy-1.png").resize((1280, 760)), dtype=float)
+    rows, columns = slice(10, 600), slice(10, 1270)
+    alike = np.abs(small[rows, columns, :3] - before[rows, columns, :3]).mean()
+    assert alike < 3.0  # of 255: lines of another width alone
+    x, y = on_button(hands.window, RESET)
+    assert small[round(760 - y), round(x), :3].min() == 255
+
+
+def test_saving_leaves_the_window_as_it_was(hands):
+    hands.drag("crank", 0.7)
+    hands.press(PICTURE)
+    np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
+    hands.drag("crank", 0.1)
+    np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
+
+
+def test_specs_share_a_number_and_read_back(hands, tmp_path):
+    (tmp_path / "raw-1.bin").write_bytes(b"mine")
+    hands.drag("rod", 0.61)
+    hands.press(SPEC)
+    assert hands.window.message == f"Saved crank-2.toml and raw-2.bin in {tmp_path}."
+    read = tomllib.loads((tmp_path / "crank-2.toml").read_text(encoding="utf-8"))
+    assert read == hands.window.values
+    assert (tmp_path / "raw-2.bin").read_bytes() == b"\x00"
+    assert (tmp_path / "raw-1.bin").read_bytes() == b"mine"
+
+
+def test_what_cannot_be_saved_is_said(hands, tmp_path):
+    hands.drag("radius", 1.0)
+    hands.drag("crank", 0.25)
+    hands.press(SPEC)
+    assert hands.window.message.startswith("slider-crank: a locked one is not saved")
+    tmp_path.rmdir()
+    hands.press(PICTURE)
+    assert "toy-1.png: cannot be written" in hands.window.message
+    np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
+
+
+def label(hands):
+    return hands.window.buttons[OPTIMISE].button.label.get_text()
+
+
+def test_optimising_draws_each_iteration(hands):
+    hands.press(OPTIMISE)
+    assert label(hands) == STOP
+    assert hands.window.optimising
+    rods, pictures = [], []
+    for _ in range(3):  # after the first, which came with the button
+        hands.run()
+        rods.append(hands.window.values["rod"])
+        pictures.append(hands.canvas.pixels())
+        assert readings(hands)["slider's place"] == place(hands.window.values)
+    assert len(set(rods)) == 3
+    assert all((a != b).any() for a, b in itertools.pairwise(pictures))
+    assert hands.window.message == f"rod {rods[-1]:.2f} mm"
+    hands.run_until_still()
+    assert readings(hands)["slider's place"] == pytest.approx(ASKED, abs=0.02)
+    assert (label(hands), hands.window.optimising) == (OPTIMISE, False)
+    assert "rod" in hands.window.message
+    np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
+
+
+def test_optimising_can_be_stopped(hands):
+    hands.press(OPTIMISE)
+    hands.run()
+    hands.press(OPTIMISE)
+    stopped = hands.window.values
+    hands.run_until_still()
+    assert hands.window.values == stopped
+    assert (label(hands), hands.window.optimising) == (OPTIMISE, False)
+    assert "Stopped after" in hands.window.message
+    hands.press(OPTIMISE)  # and taken up again
+    hands.run_until_still()
+    assert readings(hands)["slider's place"] == pytest.approx(ASKED, abs=0.02)
+
+
+@pytest.mark.parametrize("act", [lambda h: h.drag("crank", 0.1), lambda h: h.press(RESET)])
+def test_whoever_moves_a_slider_stops_it(hands, act):
+    hands.press(OPTIMISE)
+    hands.run()
+    act(hands)
+    mine = hands.window.values
+    hands.run_until_still()
+    assert hands.window.values == mine
+    assert label(hands) == OPTIMISE
+
+
+@pytest.mark.parametrize(
+    ("knobs", "words"),
+    [
+        ({"radius": 1.0, "crank": 0.25}, "optimise: it cannot start locked"),
+        ({"offset": 1.0}, "The optimisation broke off: ZeroDivisionError: on purpose"),
+    ],
+)
+def test_an_optimisation_that_fails_says_why(hands, knobs, words):
+    for name, fraction in knobs.items():
+        hands.drag(name, fraction)
+    hands.press(OPTIMISE)
+    hands.run_until_still()
+    assert hands.window.message.startswith(words)
+    assert (label(hands), hands.window.optimising) == (OPTIMISE, False)
+
+
+def test_without_an_aim_there_is_no_button(tmp_path):
+    bench = SliderCrank()
+    bench.aim = ""
+    assert list(Hands(bench, tmp_path).window.buttons) == [RESET, PICTURE, SPEC]
+
+
+def test_painting_is_far_quicker_than_drawing(tmp_path):
+    hands = Hands(SliderCrank(lines=30, more_knobs=18), tmp_path)
+    painting, drawing = [], []
+    for i in range(5):
+        start = time.perf_counter()
+        hands.drag("crank", 0.1 + 0.05 * i)
+        middle = time.perf_counter()
+        hands.redrawn()
+        painting.append(middle - start)
+        drawing.append(time.perf_counter() - middle)
+    assert np.median(painting) < 0.5 * np.median(drawing)
+
+
+def test_round_steps():
+    assert [round_step(span, 154) for span in (360.0, 70.0, 1.0, 154.0)] == [5.0, 0.5, 0.01, 1.0]
+    for knob in KNOBS:
+        found = stops(knob, round_step(knob.high - knob.low, 154))
+        assert {knob.low, knob.high, knob.value} <= set(found)
+        assert np.ptp(found) == knob.high - knob.low
+        assert len(found) <= 154 + 3
+        assert all(len(f"{value!r}") <= 5 for value in found.tolist())  # no 0.30000000000000004
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1.23456789, "1.23457"), (-0.5, "-0.5"), (1e-9, "1e-09"), (None, "–"), (float("nan"), "–")],
+)
+def test_numbers_have_six_digits(value, text):
+    assert number_text(value) == text

@@ -1,0 +1,166 @@
+"""The finger's bench is the linkage's and the scene's, turned by the same flexion."""
+
+import tomllib
+from itertools import pairwise
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from designopt.errors import UserError
+from designopt.figures import style
+from kinematics.poses import solve_poses
+from kinematics.reading import linkage_from
+from kinematics.transmission import solve_transmission
+from optics.scene_reading import scene_from
+from optics.visibility import find_coverage
+from studies.finger.bench import FingerBench
+from studies.finger.design import finger_design
+from studies.finger.spec import FingerSpec
+
+
+@pytest.fixture(scope="module")
+def finger():
+    """A bench drawn into a figure, the values it begins with, and the figure's canvas."""
+    bench = FingerBench(finger_design(FingerSpec(), None))
+    with style():
+        figure = Figure(figsize=(12, 6))
+        canvas = FigureCanvasAgg(figure)
+        area: Any = figure.subfigures()
+        bench.draw(area)
+    values = {knob.name: knob.value for knob in bench.knobs}
+    bench.show(values)
+    return bench, values, canvas
+
+
+MOVED = {"pip": 50.0, "dip": 35.0, "crank F-E": 21.5, "camera tilt": -85.0, "camera x": 12.0}
+
+
+def test_flexion_comes_first_and_the_body_has_no_knobs(finger):
+    bench, values, _ = finger
+    assert [(knob.name, knob.low, knob.value, knob.high) for knob in bench.knobs[:2]] == [
+        ("pip", 0, 0, 90),
+        ("dip", 0, 0, 90),
+    ]
+    assert len(values) == len(bench.knobs)
+    assert set(MOVED) <= set(values)
+    assert not {"proximal O-A", "intermediate A-B", "distal B-T"} & set(values)
+    assert "transmission" in bench.aim
+    assert "mirrors" in bench.aim
+
+
+def test_both_are_shown_in_one_pose(finger):
+    bench, values, canvas = finger
+    values = values | MOVED
+    shown = bench.show(values)
+    found = {reading.name: reading.value for reading in shown.readings}
+    assert len(found) == len(shown.readings)
+    assert (found["pip"], found["dip"]) == (50.0, 35.0)
+    files = {file.name: tomllib.loads(file.content) for file in bench.specs(values)}
+    assert set(files) == {"linkage.toml", "scene.toml"}
+    flexion = np.radians([50.0, 35.0])
+
+    linkage = linkage_from(files["linkage.toml"])
+    inputs = jnp.asarray(-flexion)
+    poses = solve_poses(linkage, inputs)
+    assert bool(poses.ok)
+    assert found["linkage: margin"] == pytest.approx(float(poses.margin), abs=1e-6)
+    for pin, angle in solve_transmission(linkage, inputs).angles.items():
+        assert found[f"linkage: μ at {pin}"] == pytest.approx(np.degrees(angle), abs=1e-6)
+
+    scene = scene_from(files["scene.toml"])
+    covered = find_coverage(scene, jnp.asarray(flexion)).value
+    for part, wanted in zip(scene.layout.pads, covered, strict=True):
+        assert found[f"{part.name}: coverage"] == pytest.approx(100 * float(wanted), abs=1e-9)
+
+    # Left and right of the middle, nothing twice.
+    middle = canvas.figure.bbox.width / 2
+    sides = {artist.axes.bbox.x0 < middle for artist in shown.artists if artist.axes}
+    assert sides == {True, False}
+    assert len({id(artist) for artist in shown.artists}) == len(shown.artists)
+
+
+def test_the_saved_linkage_is_straight(finger):
+    bench, values, _ = finger
+    for file in bench.specs(values | {"pip": 50.0, "dip": 35.0}):
+        if file.name == "linkage.toml":
+            home = linkage_from(tomllib.loads(file.content)).home
+            np.testing.assert_allclose(home.inputs, 0, atol=1e-9)
+
+
+def test_messages_of_both_are_told(finger):
+    bench, values, _ = finger
+    assert bench.show(values).message == ""
+    # The plate's other sides are 25.7 and 6 mm long.
+    told = bench.show(values | {"plate C-H": 10.0, "camera tilt": -65.0}).message
+    linkage, scene = told.split("; pad ")
+    assert "plate" in linkage
+    assert scene.startswith("'proximal': ")
+
+
+class Steps:
+    """In place of a bench: its steps, or why there are none."""
+
+    def __init__(self, steps, fault=""):
+        self.steps, self.fault = steps, fault
+
+    def __call__(self, values):
+        yield from self.steps(values)
+        if self.fault:
+            raise UserError(self.fault)
+
+
+def test_the_linkage_is_improved_before_camera_and_mirrors(finger, monkeypatch):
+    from designopt.designs.bench import Step
+
+    bench, values, _ = finger
+
+    def longer(given):
+        assert (given["pip"], given["dip"]) == (20.0, values["dip"])
+        for length in (21.0, 21.5):
+            yield Step({**given, "crank F-E": length}, f"crank {length:g}")
+
+    def turned(given):
+        yield Step({**given, "camera tilt": -90.0}, "turned")
+
+    monkeypatch.setattr(bench._linkage, "optimise", Steps(longer))
+    monkeypatch.setattr(bench._scene, "optimise", Steps(turned))
+    values = values | {"pip": 20.0}
+    steps = list(bench.optimise(values))
+    assert [step.message for step in steps] == [
+        "linkage: crank 21",
+        "linkage: crank 21.5",
+        "camera and mirrors: turned",
+    ]
+    assert all(step.values.keys() == values.keys() for step in steps)
+    last = steps[-1].values
+    assert (last["crank F-E"], last["camera tilt"]) == (21.5, -90.0)
+    changed = [
+        {k for k in one if one[k] != two[k]} for one, two in pairwise(s.values for s in steps)
+    ]
+    assert changed == [{"crank F-E"}, {"camera tilt"}]
+
+    monkeypatch.setattr(bench._linkage, "optimise", Steps(lambda _: (), "it locks"))
+    first, second = bench.optimise(values)
+    assert (first.message, second.message) == ("linkage: it locks", "camera and mirrors: turned")
+    monkeypatch.setattr(bench._scene, "optimise", Steps(lambda _: (), "it is bent"))
+    with pytest.raises(UserError, match="linkage: it locks; camera and mirrors: it is bent"):
+        list(bench.optimise(values))
+
+
+@pytest.mark.slow
+def test_the_finger_is_improved(finger):
+    bench, values, _ = finger
+    values = values | {"camera tilt": values["camera tilt"] + 15}
+    *_, last = bench.optimise(values)
+    grid = np.stack(np.meshgrid(*[np.radians(np.linspace(0, 90, 7))] * 2), axis=-1).reshape(-1, 2)
+
+    def worst(at):
+        scene = next(f for f in bench.specs(at) if f.name == "scene.toml")
+        found = find_coverage(scene_from(tomllib.loads(scene.content)), jnp.asarray(grid))
+        return float(np.min(found.value))
+
+    assert worst(last.values) > worst(values) + 0.05
