@@ -106,9 +106,9 @@ class LinkageBench(Bench):
         if not broken:
             span = self._spans[self._swept]
             survey = self._surveyor.survey(distances, inputs, self._swept, span)
-        artists, settled = self._picture.show(survey)
+        artists, reframed = self._picture.show(survey)
         message = broken if survey is None else _matter(survey)
-        return Shown(self._readings(inputs, survey), artists, message, settled)
+        return Shown(self._readings(inputs, survey), artists, message, reframed)
 
     def specs(self, values: Values) -> Sequence[SpecFile]:
         """See `Bench`: the linkage as it is shown, or where it has no pose there, as sketched."""

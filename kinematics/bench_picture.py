@@ -185,7 +185,7 @@ class Picture:
             LEAST_TRANSMISSION_DEG, color="0.3", linewidth=0.9, linestyle=(0, (4, 3))
         )
 
-    def show(self, survey: Survey | None) -> tuple[list[Artist], bool]:
+    def show(self, survey: Survey | None) -> tuple[list[Artist], list[Axes]]:
         """Draw a survey, or where it has no pose the last one that was good, faintly.
 
         Args:
@@ -193,11 +193,11 @@ class Picture:
                 changes.
 
         Returns:
-            Everything that changed, in the order of drawing; and whether the axes did not.
+            Everything that changed, in the order of drawing; and the axes that did.
         """
         for artist in self._drawn:
             artist.remove()
-        settled = survey is None or self._fit(survey)
+        reframed = [] if survey is None else self._fit(survey)
         if survey is not None:
             self._draw_curves(survey)
         before = set(map(id, self._pose.get_children()))
@@ -214,7 +214,7 @@ class Picture:
         for artist in self._drawn:
             artist.set_animated(True)
         shown = [one for one in (*self._kept, *self._drawn) if one.get_visible()]
-        return sorted(shown, key=lambda artist: artist.get_zorder()), settled
+        return sorted(shown, key=lambda artist: artist.get_zorder()), reframed
 
     def _move_names(self) -> None:
         scene = self._good
@@ -262,38 +262,43 @@ class Picture:
                 text.set_text(f" {survey.told(survey.edges[number].value)} ")
                 text.set(x=value, ha="left" if left else "right")
 
-    def _fit(self, survey: Survey) -> bool:
-        """Make the axes large enough; whether they were."""
-        settled = [self._fit_places(survey.places(), SPARE), self._fit_margin(survey.margin)]
+    def _fit(self, survey: Survey) -> list[Axes]:
+        """Make the axes large enough; which of them were not."""
+        changed = {
+            self._pose: self._fit_places(survey.places(), SPARE),
+            self._margin: self._fit_margin(survey.margin),
+            self._angle: False,
+        }
         if survey.column != self._column:
             self._column = survey.column
             for axes in (self._margin, self._angle):
                 axes.set_xlim(*survey.across()[[0, -1]].tolist())
                 axes.set_xlabel(f"{survey.swept.name} ({'deg' if survey.turns else 'mm'})")
-            settled.append(False)
-        return all(settled)
+                changed[axes] = True
+        return [axes for axes, has_changed in changed.items() if has_changed]
 
     def _fit_places(self, places: Points, spare: float) -> bool:
+        """Hold places; whether the limits had to be changed."""
         if not len(places):
-            return True
+            return False
         low, high = np.min(places, axis=0), np.max(places, axis=0)
         if np.all(low >= self._low) and np.all(high <= self._high):
-            return True
+            return False
         more = spare * float(np.max(high - low))
         self._low = np.where(low < self._low, low - more, self._low)
         self._high = np.where(high > self._high, high + more, self._high)
         room = ROOM * float(np.max(self._high - self._low))
         (left, bottom), (right, top) = self._low - room, self._high + room
         self._pose.set(xlim=(left, right), ylim=(bottom, top))
-        return False
+        return True
 
     def _fit_margin(self, margin: np.ndarray) -> bool:
         top = float(np.max(margin, initial=0.0, where=np.isfinite(margin)))
         if top == 0.0 or self._top / 3 <= top <= self._top:
-            return True
+            return False
         self._top = (1 + SPARE) * top
         self._margin.set_ylim(-0.04 * self._top, 1.1 * self._top)
-        return False
+        return True
 
 
 def _span(axes: Axes) -> Rectangle:

@@ -24,6 +24,7 @@ from optics.chamber_improving import Improver, rings_problem
 from optics.chamber_solve import dimension_for_ratio
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
 
     from optics.chamber_design import DesignedChamber
@@ -156,13 +157,13 @@ class ChamberBench(Bench):
             raise RuntimeError("draw an area before anything is shown in it")
         look = self._look(values)
         message = _failure(look)
-        settled = True
+        reframed: Sequence[Axes] = ()
         if message:
             self._picture.fade()
         else:
-            settled = self._picture.draw(_drawn(look, values[ETA]))
+            reframed = self._picture.draw(_drawn(look, values[ETA]))
             message = _remark(look)
-        return Shown(_readings(look, values[ETA]), self._picture.artists, message, settled=settled)
+        return Shown(_readings(look, values[ETA]), self._picture.artists, message, reframed)
 
     def specs(self, values: Values) -> Sequence[SpecFile]:
         """The chamber's file.

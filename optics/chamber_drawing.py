@@ -85,11 +85,11 @@ class ChamberPicture:
             *self._rings,
         ]
 
-    def draw(self, look: ChamberLook) -> bool:
+    def draw(self, look: ChamberLook) -> list[Axes]:
         """Draw a chamber.
 
         Returns:
-            Whether the axes' limits are what they were.
+            The axes whose limits are not what they were.
         """
         for artist in self.artists:
             artist.set_alpha(None)
@@ -161,26 +161,26 @@ class ChamberPicture:
         for ring in self._rings:
             axes.add_patch(ring)
 
-    def _fitted(self, look: ChamberLook) -> bool:
+    def _fitted(self, look: ChamberLook) -> list[Axes]:
         """Choose limits of every view that what is drawn leaves, or no longer fills."""
         along, heights = zip(*look.points, look.pinhole, strict=True)
         offsets = (*look.line, -look.offset_a, look.offset_a)
         largest = max(look.image_radii)
         image = (-largest, largest)
-        settled = [
-            _fit(self._section, xlim=_span(along), ylim=_span((*heights, 0.0))),
-            _fit(self._line, ylim=_span(offsets)),
-            _fit(self._sensor, xlim=image, ylim=image) if largest > 0 else True,
-        ]
-        return all(settled)
+        spans = {
+            self._section: {"xlim": _span(along), "ylim": _span((*heights, 0.0))},
+            self._line: {"ylim": _span(offsets)},
+            self._sensor: {"xlim": image, "ylim": image} if largest > 0 else {},
+        }
+        return [axes for axes, shown in spans.items() if _refitted(axes, **shown)]
 
 
-def _fit(axes: Axes, **shown: Span) -> bool:
-    """Change the limits that do not hold what is shown; whether there are none."""
+def _refitted(axes: Axes, **shown: Span) -> bool:
+    """Change the limits that do not hold what is shown; whether there are any."""
     views = {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
     unfit = {name: _wider(span) for name, span in shown.items() if not _holds(views[name], span)}
     axes.set(**unfit)
-    return not unfit
+    return bool(unfit)
 
 
 def _span(values: Sequence[float]) -> Span:

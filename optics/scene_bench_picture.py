@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, to_hex
-from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 
 from designopt.designs.bench import Knob
@@ -64,6 +64,7 @@ class Layout:
         without: of those if there are none.
         words: below the axis of resolution.
         gap: between entries of the legend, in units of its text's size.
+        digits: of the ends of a knob's range.
     """
 
     section: Place
@@ -73,6 +74,7 @@ class Layout:
     without: tuple[Place, ...]
     words: str
     gap: float
+    digits: int
 
 
 WIDE = Layout(
@@ -83,15 +85,17 @@ WIDE = Layout(
     ((0.14, 0.085, 0.4, 0.19), (0.6, 0.085, 0.37, 0.19)),
     "least, median, greatest px/mm",
     2.0,
+    4,
 )
 NARROW = Layout(
     (0.1, 0.51, 0.88, 0.44),
     (0.5, 0.45),
     2,
-    ((0.18, 0.115, 0.2, 0.17), (0.43, 0.115, 0.19, 0.17), (0.74, 0.115, 0.23, 0.17)),
+    ((0.18, 0.115, 0.2, 0.17), (0.42, 0.115, 0.19, 0.17), (0.725, 0.115, 0.26, 0.17)),
     ((0.18, 0.115, 0.36, 0.17), (0.6, 0.115, 0.37, 0.17)),
     "least, median,\ngreatest px/mm",
     1.0,
+    3,
 )
 """In an area that is higher than wide."""
 
@@ -128,7 +132,6 @@ class ScenePicture:
         self._names: list[tuple[Label, PlacedLabel]] = []
         self._named_in: Any = None
         self._entries: dict[str, Any] = {}
-        self._legend: Legend | None = None
         self._told: set[int | str] = set()
         self._greatest = 0.0
         self._low, self._high = reach.min(axis=0), reach.max(axis=0)
@@ -209,16 +212,16 @@ class ScenePicture:
         # The first, the middle and the last tick, and what they are of.
         self._words = [
             Lettering(" ", SMALL, under, scale, anchor=(across, 1.0), **style)
-            for across in (0.0, 0.5, 1.0, 0.5)
+            for across in (0.0, 0.5, 1.0, 1.0)
         ]
-        for text, place in zip(self._words, ((0, -5), (0.5, -5), (1, -5), (0.5, -20)), strict=True):
+        for text, place in zip(self._words, ((0, -5), (0.5, -5), (1, -5), (1, -20)), strict=True):
             text.move((place[0], 0.0), (0.0, place[1]))
             axes.add_artist(text)
 
-    def show(self, scene: Scene, angles: Float[np.ndarray, " joints"], seen: Seen) -> bool:
-        """Draw what is seen in a pose; returns whether axes and legend are as they were."""
+    def show(self, scene: Scene, angles: Float[np.ndarray, " joints"], seen: Seen) -> list[Axes]:
+        """Draw what is seen in a pose; returns the axes that changed."""
         section = Section.of(scene, angles)
-        settled = self._hold(section) & self._tell(scene, seen)
+        changed = self._widened(section) | self._told_more(scene, seen)
         colours = [to_hex(COVERED(part)) for part in np.clip(seen.coverage, 0, 1).tolist()]
         signs = scene_signs(
             self.section, scene, angles, seen.views, section, seen=colours, joined=True
@@ -231,7 +234,9 @@ class ScenePicture:
         for artist in self._drawn:
             artist.set_animated(True)
             self.section.add_artist(artist)
-        return self._show_rows(seen, colours) & settled
+        resolution = self._show_rows(seen, colours)
+        pairs = ((self.section, changed), (self.sharp, resolution))
+        return [axes for axes, has_changed in pairs if has_changed]
 
     def _letters(self, name: PlacedLabel, size: float) -> list[Artist]:
         """A name with its line; see `PlacedLabel.artists`."""
@@ -244,6 +249,7 @@ class ScenePicture:
         return [*line, text]
 
     def _show_rows(self, seen: Seen, colours: Sequence[str]) -> bool:
+        """Draw coverage and resolution; whether the axis of resolution had to be widened."""
         covered = 100 * seen.coverage
         ends = zip(covered.tolist(), self._rows.tolist(), strict=True)
         self._bars.set_segments([[(0.0, row), (end, row)] for end, row in ends])
@@ -258,10 +264,10 @@ class ScenePicture:
         self._median.set_data(median, rows)
         most = float(np.max(greatest, initial=0.0))
         if most <= self._greatest:
-            return True
+            return False
         self._greatest = SPARE * most
         self.sharp.set_xlim(0, self._greatest)
-        return False
+        return True
 
     def show_curves(
         self, knob: Knob, value: float, coverage: Float[np.ndarray, "places pads"]
@@ -273,7 +279,10 @@ class ScenePicture:
         at = (value - knob.low) / (knob.high - knob.low)
         self._now.set_data([at, at], [-5, 105])
         marks = (knob.low, (knob.low + knob.high) / 2, knob.high)
-        words = (*(f"{mark:.4g}" for mark in marks), f"{knob.name} ({knob.unit})")
+        words = (
+            *(f"{mark:.{self._places.digits}g}" for mark in marks),
+            f"{knob.name} ({knob.unit})",
+        )
         for text, said in zip(self._words, words, strict=True):
             text.say(said)
 
@@ -285,47 +294,46 @@ class ScenePicture:
             found += [*self._curve_lines, self._now, *self._words]
         return found
 
-    def _hold(self, section: Section) -> bool:
-        """Widen the axes if the picture no longer fits; returns whether it did."""
+    def _widened(self, section: Section) -> bool:
+        """Widen the axes if the picture no longer fits; whether it did not."""
         places = section.places()
         low, high = places.min(axis=0), places.max(axis=0)
         if np.all(low >= self._low - self._room) and np.all(high <= self._high + self._room):
-            return True
+            return False
         self._low, self._high = np.minimum(low, self._low), np.maximum(high, self._high)
         self._set_limits()
-        return False
+        return True
 
     def _set_limits(self) -> None:
         self._room = MARGIN * max(float(np.max(self._high - self._low)), 1e-9)
         (left, low), (right, high) = self._low - self._room, self._high + self._room
         self.section.set(xlim=(left, right), ylim=(low, high))
 
-    def _tell(self, scene: Scene, seen: Seen) -> bool:
-        """Add to the legend what it does not tell of; returns whether it told of all."""
+    def _told_more(self, scene: Scene, seen: Seen) -> bool:
+        """Add to the legend what it does not tell of; whether there was any."""
         view = seen.views.value
         signs: set[int | str] = set(np.unique(view.path[view.present]).tolist())
         signs.add("hidden" if np.any(seen.coverage < 1 - 1e-9) else "seen")
         if signs <= self._told:
-            return True
+            return False
         self._told |= signs
         told = len(self._entries)
         for handle, text in zip(*scene_legend(scene, seen.views), strict=True):
             self._entries.setdefault(text, handle)
         if len(self._entries) == told:
-            return True
-        if self._legend is not None:
-            self._legend.remove()
-        self._legend = self.area.legend(
+            return False
+        self.section.legend(
             list(self._entries.values()),
             list(self._entries),
             loc="upper center",
             bbox_to_anchor=self._places.legend,
+            bbox_transform=self.area.transSubfigure,
             ncols=self._places.across,
             columnspacing=self._places.gap,
             fontsize=SMALL,
             borderaxespad=0,
         )
-        return False
+        return True
 
     def _named(
         self, labels: Sequence[Label], clutter: Sequence[Points], size: float

@@ -14,6 +14,7 @@ from designopt.results import SpecFile
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
 
 Values = Mapping[str, float]
@@ -63,16 +64,15 @@ class Shown:
     Attributes:
         readings: the numbers, the same names in the same order every time.
         artists: all that changes with the values, in the order of drawing; everything else in the
-            figure stays as it is until ``settled`` is false.
+            figure stays as it is, but for ``reframed``.
         message: what is the matter, in one sentence with its cure; empty where all is well.
-        settled: whether the axes' limits, ticks and titles are what they were, so that drawing the
-            artists alone is enough.
+        reframed: axes whose limits, ticks, titles or legend are not what they were.
     """
 
     readings: Sequence[Reading]
     artists: Sequence[Artist]
     message: str = ""
-    settled: bool = True
+    reframed: Sequence[Axes] = ()
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+
 import matplotlib
 from matplotlib import pyplot
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -35,4 +37,5 @@ def show_window(figure: Figure, title: str) -> None:
     """Show the figure's window until it is closed."""
     if figure.canvas.manager is not None:
         figure.canvas.manager.set_window_title(title)
+    gc.freeze()  # as for a page
     pyplot.show(block=True)

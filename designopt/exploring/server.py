@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import os
 import socket
@@ -72,6 +73,7 @@ def serve(bench: Bench, name: str, folder: Path, listener: socket.socket) -> Non
 
 async def _serve(bench: Bench, name: str, folder: Path, listener: socket.socket) -> None:
     page = Page(bench, name, folder)
+    gc.freeze()  # to look through all that is here by now takes longer than to show a move
     server = HTTPServer(page.application())
     server.add_socket(listener)
     port = listener.getsockname()[1]

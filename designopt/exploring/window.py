@@ -23,6 +23,7 @@ from designopt.exploring.painting import Painter, Patch
 from designopt.exploring.saving import save_picture, save_specs
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.backend_bases import Event, TimerBase
     from matplotlib.figure import Figure
 
@@ -120,8 +121,8 @@ class Window:
     def present(self) -> None:
         """Compute and draw what has changed since the last time."""
         self._scheduled = False
-        if self._moved and not self._show():
-            self._painter.renew(self._picture, self._area)
+        if self._moved:
+            self._painter.renew(self._picture, self._show())
         self._painter.paint(self._unpainted)
         self._unpainted.clear()
 
@@ -132,14 +133,14 @@ class Window:
             self._scheduled = True
             self._later.start()
 
-    def _show(self) -> bool:
+    def _show(self) -> Sequence[Axes]:
         self._moved = False
         self._shown = self._bench.show(self.values)
         self.readings = self._shown.readings
         self._picture.put(self._shown.artists)
         self._unpainted |= dict.fromkeys([self._picture, *self._readings.put(self.readings)])
         self._tell()
-        return self._shown.settled
+        return self._shown.reframed
 
     def _tell(self) -> None:
         self.message = " ".join(filter(None, (self._note, self._shown.message)))

@@ -79,7 +79,7 @@ class FingerBench(Bench):
             [*angles, *readings, *scene.readings],
             [*linkage.artists, *scene.artists],
             "; ".join(message for message in (linkage.message, scene.message) if message),
-            linkage.settled and scene.settled,
+            [*linkage.reframed, *scene.reframed],
         )
 
     def specs(self, values: Values) -> Sequence[SpecFile]:

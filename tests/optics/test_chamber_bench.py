@@ -183,7 +183,7 @@ def test_a_failure_is_told_and_the_last_chamber_left_faint(moves, result, margin
         above = (values["h, reference height"] + values["Δl_B, offset of B"]) * math.cos(angle)
         margin = above + (values["a, red length"] + values["δ, pinhole offset"]) * math.sin(angle)
     assert found["margin"] == pytest.approx(margin, rel=1e-9)
-    assert shown.settled
+    assert not shown.reframed
     for there, left in zip(lines(area.axes[0]), good, strict=True):
         np.testing.assert_array_equal(there, left)
     assert {artist.get_alpha() for artist in shown.artists} == {FAINT}
@@ -223,11 +223,11 @@ def test_views_stay_until_they_no_longer_fit(paper):
     bench.show(values)
     limits = [axes.axis() for axes in area.axes]
     shown = bench.show(values | {"θ_BC, blue wall": 2.3, "a, red length": 41.0})
-    assert shown.settled
+    assert not shown.reframed
     assert [axes.axis() for axes in area.axes] == limits
-    assert not bench.show(values | {"a, red length": 80.0, "b, blue length": 60.0}).settled
-    assert bench.show(values | {"a, red length": 80.0, "b, blue length": 60.0}).settled
-    assert not bench.show(values).settled  # a view that has become much too wide is narrowed
+    assert bench.show(values | {"a, red length": 80.0, "b, blue length": 60.0}).reframed
+    assert not bench.show(values | {"a, red length": 80.0, "b, blue length": 60.0}).reframed
+    assert bench.show(values).reframed  # a view that has become much too wide is narrowed
 
 
 def test_the_file_is_the_chamber_as_it_stands(paper, tmp_path):

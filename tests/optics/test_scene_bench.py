@@ -212,19 +212,19 @@ def test_a_slider_compiles_nothing_anew():
 
 def test_axes_stay_until_the_picture_no_longer_fits():
     bench, values, canvas = opened("finger")
-    assert not bench.show(values).settled
+    assert bench.show(values).reframed
     canvas.draw()
-    assert bench.show(values).settled
+    assert not bench.show(values).reframed
     (axes,) = (axes for axes in canvas.figure.subfigs[1].axes if axes.get_title() == "finger")
     limits = axes.get_xlim(), axes.get_ylim()
     for pip in (0.0, 45.0, 90.0):
         bench.show({**values, "pip": pip})
         assert (axes.get_xlim(), axes.get_ylim()) == limits
     far = {**values, "camera y": 60.0}
-    assert not bench.show(far).settled
+    assert bench.show(far).reframed
     assert axes.get_ylim()[1] > 60
     assert axes.get_ylim()[1] > limits[1][1]
-    assert bench.show(far).settled
+    assert not bench.show(far).reframed
 
 
 def test_a_message_says_which_pad_is_hidden_and_what_ends_the_view():

@@ -66,13 +66,13 @@ class SliderCrank(Bench):
         self.dot.set_data([values["crank"]], [end[0]])
         self.words.set_text(f"radius {radius:.1f} mm")
         wide = values["rod"] > 100
-        settled = bool(wide == (self.axes.get_xlim()[1] > 210))
+        reframed = [self.axes] if wide != (self.axes.get_xlim()[1] > 210) else []
         self.axes.set_xlim(-90, 260 if wide else 210)
         return Shown(
             [Reading("slider's place", x, "mm"), Reading("rod to crank", values["rod"] / radius)],
             [*self.body, self.curve, self.dot, self.words],
             "" if x is not None else LOCKED,
-            settled,
+            reframed,
         )
 
     def specs(self, values: Values) -> Sequence[SpecFile]:
