@@ -14,6 +14,7 @@ import numpy as np
 from designopt.designs.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.errors import UserError
 from designopt.results import SpecFile
+from kinematics.assembled import zeroed
 from kinematics.bench_dimensions import Dimensions
 from kinematics.bench_survey import Survey, Surveyor
 from kinematics.design import DesignedLinkage
@@ -191,7 +192,7 @@ class LinkageBench(Bench):
 
     def _outside(self, part: InputPart, value: float) -> float:
         """What an input's knob shows, of rad or mm."""
-        return self._sign * (math.degrees(value) if part.slider is None else value) + 0.0  # no −0
+        return zeroed(self._sign * (math.degrees(value) if part.slider is None else value))
 
     def _length_knob(self, number: int) -> Knob:
         value = float(self._distances[number])

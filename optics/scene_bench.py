@@ -30,8 +30,8 @@ POSED = 4
 """Angles of every joint for which the picture has room from the beginning."""
 
 AIM = (
-    "Moves camera and mirrors, so that all of every pad is seen over the joints' range, and what "
-    "is seen least sharply is seen sharper."
+    "move camera and mirrors, so that all of every pad is seen over the joints' range, and what "
+    "is seen least sharply is seen sharper"
 )
 
 

@@ -65,6 +65,7 @@ class Layout:
         words: below the axis of resolution.
         gap: between entries of the legend, in units of its text's size.
         digits: of the ends of a knob's range.
+        name: where a knob's name stands along its range, as a part of it.
     """
 
     section: Place
@@ -75,6 +76,7 @@ class Layout:
     words: str
     gap: float
     digits: int
+    name: float
 
 
 WIDE = Layout(
@@ -86,6 +88,7 @@ WIDE = Layout(
     "least, median, greatest px/mm",
     2.0,
     4,
+    0.5,
 )
 NARROW = Layout(
     (0.1, 0.51, 0.88, 0.44),
@@ -96,6 +99,7 @@ NARROW = Layout(
     "least, median,\ngreatest px/mm",
     1.0,
     3,
+    1.0,
 )
 """In an area that is higher than wide."""
 
@@ -210,13 +214,12 @@ class ScenePicture:
         under = axes.get_xaxis_transform()
         scale, style = self.area.dpi_scale_trans, {"color": "black", "animated": True}
         # The first, the middle and the last tick, and what they are of.
-        self._words = [
-            Lettering(" ", SMALL, under, scale, anchor=(across, 1.0), **style)
-            for across in (0.0, 0.5, 1.0, 1.0)
-        ]
-        for text, place in zip(self._words, ((0, -5), (0.5, -5), (1, -5), (1, -20)), strict=True):
-            text.move((place[0], 0.0), (0.0, place[1]))
+        self._words = []
+        for across, down in ((0.0, 5), (0.5, 5), (1.0, 5), (self._places.name, 20)):
+            text = Lettering(" ", SMALL, under, scale, anchor=(across, 1.0), **style)
+            text.move((across, 0.0), (0.0, -down))
             axes.add_artist(text)
+            self._words.append(text)
 
     def show(self, scene: Scene, angles: Float[np.ndarray, " joints"], seen: Seen) -> list[Axes]:
         """Draw what is seen in a pose; returns the axes that changed."""
