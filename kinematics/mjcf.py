@@ -4,9 +4,9 @@ MuJoCo knows trees of bodies, so the linkage is cut open (`mjcf_tree`) and its l
 constraints, which are a little soft. As written, MuJoCo's ``discrete`` integrator computes with
 them in steps of 1 ms: it takes springs, motors and constraints implicitly. How far a constraint
 yields grows with the forces over the masses in play. So that strong springs do not pull a small
-linkage apart, hinges have inertias, and motors and loops the stiffness, that follow from the
-springs where these ask for more than the rods: whatever its size, a linkage moves as it should but
-for some 1e-5 of its size.
+linkage apart, hinges have inertias, blocks masses, and motors and loops the stiffness, that follow
+from the springs where these ask for more than the rods: whatever its size and its springs, a
+linkage comes to rest within 1e-4 of its size of where it should.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from kinematics.structure import WORLD, InputPart
 UNITS = """ m, kg, s, N, N m, rad; the linkage moves in the plane x-y, without weight.
      Controls are the values of the inputs, m or rad: start from the keyframe 'sketch', for with
      controls of 0 the motors leave the sketched pose at once.
-     Masses are those of rods of aluminium; where springs are strong, joints have more inertia.
+     Masses are those of rods of aluminium; more, at joints and of blocks, where springs are strong.
      Pads touch what has conaffinity="1": give it to the geoms of objects that you add.
      For MuJoCo 4 or later. The constraints are meant for its integrator 'discrete', which earlier
      ones lack: with another one take RK4 and steps of 1e-4 s at most, or softer constraints. """
@@ -57,6 +57,10 @@ TOUCH = {"solref": "0.001 2", "solimp": "0.9999 0.9999 0.001 0.5 2"}
 
 DAMPING, ARMATURE = 100.0, 0.01
 """Of every joint, in inertia scales per s and in inertia scales; of a slide per size²."""
+
+BLOCK = 0.1
+"""Mass of a block, in inertia scales per size². Of a lone one MuJoCo takes the mass alone, without
+the armature, to say how soft a pin in it is."""
 
 LOAD = 1e4
 """All stiffnesses together are at most so large, in inertia scales per s²; otherwise the scale is
@@ -184,6 +188,7 @@ def _settings(root: Element, scale: float, size: float) -> None:
     add(default, "equality", **LOOPS)
     mass = scale / size**2
     slides = add(default, "default", **{"class": SLIDE})
+    add(slides, "geom", mass=BLOCK * mass)
     add(slides, "joint", damping=DAMPING * mass, armature=ARMATURE * mass, **limits)
 
 

@@ -176,6 +176,7 @@ class Bodies:
             size=numbers(2 * radius, radius, radius),
             euler=numbers(0, 0, math.atan2(along[1], along[0])),
             rgba=colour(GREY),
+            **{"class": SLIDE},
         )
 
     def _disc(self, world: Element, disc: Disc) -> None:

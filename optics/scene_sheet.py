@@ -20,6 +20,7 @@ from designopt.designs.sheet import (
     Place,
     Sheet,
     Stroke,
+    printable,
     round_down,
 )
 from designopt.vectors import vector
@@ -91,7 +92,7 @@ def scene_sheet(design: DesignedScene, *, pose: bool = True) -> Sheet:
     labels.append(Label("camera", file.camera.position, "camera"))
     strokes += _lines_of_sight(file.camera, SIGHT * diagonal)
     return Sheet(
-        title=design.name,
+        title=printable(design.name),
         layers=layers,
         strokes=strokes,
         circles=circles,

@@ -69,7 +69,7 @@ class Design(abc.ABC):
         """
         raise UserError(
             f"--to mjcf: {self.name} has no linkage that moves it; export a linkage file, or a "
-            "study that designs a linkage, such as 'finger'"
+            "study that designs a linkage, such as 'finger-linkage'"
         )
 
 

@@ -59,9 +59,10 @@ def export(
       designopt export finger --to dxf --to json --out cad
     """
     # Imported here, so that listing the commands does not load JAX.
+    from designopt.designs.sheet import printable
     from designopt.exporting.writing import export_design
 
     formats = list(dict.fromkeys(part.value for part in to))
     for path in export_design(named, formats, out, settings=settings or [], force=force):
-        print(path)
+        print(printable(str(path)))
     return 0

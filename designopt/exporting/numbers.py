@@ -6,11 +6,15 @@ import json
 from collections.abc import Sequence
 
 from designopt.designs import Quantity
+from designopt.designs.sheet import printable
 from designopt.errors import UserError
+
+DIGITS = 14
+"""Of every number: what was computed from 13.73 should not come out as 13.730000000000002."""
 
 
 def json_text(name: str, quantities: Sequence[Quantity]) -> str:
-    """A document of every number with its unit; floats come back to the bit.
+    """A document of every number with its unit.
 
     Args:
         name: the design's.
@@ -25,8 +29,9 @@ def json_text(name: str, quantities: Sequence[Quantity]) -> str:
             raise UserError(
                 f"--to json: two numbers of {name} are called '{part.name}'; rename a part of it"
             )
-        numbers[part.name] = {"value": part.value, "unit": part.unit}
+        value = float(f"{part.value:.{DIGITS}g}") if isinstance(part.value, float) else part.value
+        numbers[part.name] = {"value": value, "unit": part.unit}
         if part.note:
             numbers[part.name]["note"] = part.note
-    document = {"name": name, "quantities": numbers}
+    document = {"name": printable(name), "quantities": numbers}
     return json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False) + "\n"

@@ -17,6 +17,10 @@ AT_REST = 1e-5
 PATIENCE = 5000
 """Steps in which everything should come to rest."""
 
+_warnings: list[str] = []
+# Otherwise MuJoCo writes a file into the working directory for them. It cannot bear an exception.
+mujoco.set_mju_user_warning(_warnings.append)
+
 
 class Simulated:
     """A model, where it is now; lengths in mm."""
@@ -31,11 +35,20 @@ class Simulated:
             if body:
                 self._sites.setdefault(joint, []).append(index)
 
+    def start(self, key: str) -> None:
+        """Go to a keyframe."""
+        mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key(key).id)
+
+    def run(self, time: float) -> None:
+        """Go on for a time, s."""
+        mujoco.mj_step(self.model, self.data, round(time / self.model.opt.timestep))
+        assert not _warnings, _warnings.pop()
+
     def settle(self, controls: Sequence[float] | np.ndarray) -> None:
         """Tell the motors where to go, and wait until everything rests."""
         self.data.ctrl[:] = controls
         for _ in range(PATIENCE // 20):
-            mujoco.mj_step(self.model, self.data, 20)
+            self.run(20 * self.model.opt.timestep)
             if np.abs(self.data.qvel).max() < AT_REST:
                 # Places and forces are those before the last step until they are asked for again.
                 return self.look(controls)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from typing import Any
 from xml.etree import ElementTree
 
 import jax
@@ -14,7 +16,7 @@ from designopt.errors import UserError
 from kinematics import Linkage, input_efforts, linkage_from
 from kinematics.mjcf import Stop, linkage_mjcf
 from kinematics.mjcf_bodies import Disc, Pad
-from tests.kinematics.gallery import NAMES, gallery, poses_of
+from tests.kinematics.gallery import FOLDER, NAMES, gallery, poses_of
 from tests.kinematics.simulated import Simulated
 
 NEAR = 0.02
@@ -27,8 +29,14 @@ CLOSED = 1e-3
 YIELDS = 1e-3
 """How far a stop yields to the 2 N m with which a motor pushes on it, rad."""
 
+REST = 1e-4
+"""How far from where it should a linkage with strong springs may rest, as a part of its size."""
+
 LONG_TO_COMPILE = ("stephenson", "double-butterfly")
 """Iterated poses compile for half a minute."""
+
+LOCKS = "double-butterfly"
+"""Goes only one way from its sketch as far as it is driven here."""
 
 efforts_of = jax.jit(input_efforts)
 
@@ -76,17 +84,30 @@ FURTHER = {
 }
 
 
-def driven(linkage: Linkage) -> tuple[np.ndarray, np.ndarray]:
-    """Inputs from the sketch on, and what a model is told to go there."""
+def driven(linkage: Linkage, *, back: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Inputs from the sketch on, one way or both ways, and what a model is told to go there."""
     slides = np.array([part.body is None for part in linkage.structure.inputs])
     travel = np.where(slides, 0.1 * float(linkage.size()), 0.4)
-    inputs = np.asarray(linkage.home.inputs) + np.linspace(0, 1, 9)[:, None] * travel
+    parts = np.linspace(0, 1, 9)
+    if back:
+        parts = np.concatenate([np.linspace(0, 1, 5), np.linspace(0.75, -1, 8)])
+    inputs = np.asarray(linkage.home.inputs) + parts[:, None] * travel
     return inputs, inputs * np.where(slides, 1e-3, 1.0)
 
 
-def follows(linkage: Linkage) -> None:
+def enlarged(scale: float, table: dict[str, Any] = FOUR_BAR) -> Linkage:
+    """A linkage enlarged, its lines too."""
+    joints = {name: (scale * np.array(at)).tolist() for name, at in table["joints"].items()}
+    sliders = [
+        part | {"line": (scale * np.array(part["line"])).tolist()}
+        for part in table.get("sliders", [])
+    ]
+    return linkage_from(table | {"joints": joints, "sliders": sliders})
+
+
+def follows(linkage: Linkage, *, back: bool = True) -> None:
     model = Simulated(linkage_mjcf(linkage))
-    inputs, controls = driven(linkage)
+    inputs, controls = driven(linkage, back=back)
     poses = poses_of(linkage, jnp.asarray(inputs))
     assert bool(poses.ok.all())
     for i, control in enumerate(controls):
@@ -107,7 +128,7 @@ def follows(linkage: Linkage) -> None:
     ],
 )
 def test_the_gallery_moves_as_it_is_solved(name):
-    follows(gallery(name))
+    follows(gallery(name), back=name != LOCKS)
 
 
 @pytest.mark.parametrize("name", FURTHER)
@@ -255,9 +276,67 @@ def test_what_cannot_be_is_refused(given, words):
     assert "\n" not in str(raised.value)
 
 
-def enlarged(scale: float) -> Linkage:
-    joints = {name: [scale * x for x in at] for name, at in FOUR_BAR["joints"].items()}
-    return linkage_from(FOUR_BAR | {"joints": joints})
+STRONG = {
+    # Where a stiff spring pulls at a loop: past the pins of a tree, at a block, at a slider pushed.
+    "four-bar": (FOUR_BAR, ["ground", "rocker"]),
+    "four-bar, no common pin": (FOUR_BAR, ["crank", "rocker"]),
+    "a block that holds its lever": (BLOCK_FIRST, ["ground", "lever"]),
+    "a slider driven": (PUSHED | {"inputs": FOUR_BAR["inputs"]}, ["crank", "rod"]),
+    "a slider pushed": (PUSHED, ["crank", "rod"]),
+}
+
+
+@pytest.mark.parametrize("stiffness", [0.3, 30.0, 300.0])
+@pytest.mark.parametrize("size", [3.0, 10.0, 100.0])
+@pytest.mark.parametrize("name", STRONG)
+def test_strong_springs_do_not_pull_small_linkages_apart(name, size, stiffness):
+    table, between = STRONG[name]
+    scale = size / float(linkage_from(table).size())
+    spring = {"between": between, "stiffness": stiffness, "preload": 1.0}
+    linkage = enlarged(scale, table | {"springs": [spring]})
+    assert float(linkage.size()) == pytest.approx(size)
+    model = Simulated(linkage_mjcf(linkage))
+    inputs, controls = (part[::2] for part in driven(linkage))
+    poses = poses_of(linkage, jnp.asarray(inputs))
+    assert bool(poses.ok.all())
+    for i, control in enumerate(controls):
+        model.settle(control)
+        assert model.gap() < REST * size
+        for joint in linkage.structure.joints:
+            wanted = np.asarray(poses.value.position(joint))[i]
+            assert np.abs(model.places(joint)[:, :2] - wanted).max() < REST * size
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_rests_in_the_keyframe(name):
+    linkage = gallery(name)
+    model = Simulated(linkage_mjcf(linkage))
+    home = model.data.qpos.copy()
+    model.start("sketch")
+    for _ in range(10):
+        model.run(0.1)
+        np.testing.assert_allclose(model.data.qpos, home, atol=1e-5)
+
+
+def test_without_motors_there_is_no_keyframe_for_their_controls():
+    assert "<keyframe>" not in linkage_mjcf(linkage_from(FOUR_BAR), motors={})
+
+
+def test_what_never_turns_has_neither_spring_nor_stop():
+    """The yoke slides without turning: no joint changes the angle between it and the ground."""
+    table = tomllib.loads((FOLDER / "scotch-yoke.toml").read_text(encoding="utf-8"))
+    spring = {"between": ["ground", "yoke"], "stiffness": 3.0, "preload": 1.0}
+    linkage = linkage_from(table | {"springs": [spring]})
+    text = linkage_mjcf(linkage, stops=[Stop(("yoke", "ground"), -1.0, 1.0)])
+    assert text == linkage_mjcf(linkage_from(table))
+    assert Simulated(text).model.ntendon == 0
+
+
+def test_a_name_that_cannot_be_printed_spoils_no_file():
+    linkage = linkage_from(FOUR_BAR | {"linkage": {"name": "be\all\n<&> -->"}})
+    text = linkage_mjcf(linkage)
+    assert ElementTree.fromstring(text).get("model") == "be ll <&> -->"
+    Simulated(text)
 
 
 @pytest.mark.parametrize("scale", [1e-3, 0.03, 100.0])

@@ -94,7 +94,7 @@ def test_pins_in_the_file_are_as_far_apart_as_the_linkage_says(name):
             found = math.dist(pins[body][first], pins[body][second])
             assert found == pytest.approx(wanted, abs=MAKER), (body, first, second)
             measured += 1
-    assert measured >= 2 or "slider" in name or "yoke" in name
+    assert measured >= (1 if name == "scotch-yoke" else 2)
     # A pin is drawn on every body that it joins, in one place.
     for first, second in itertools.combinations(pins.values(), 2):
         for joint in first.keys() & second.keys():
@@ -126,7 +126,6 @@ def test_every_joint_that_joins_is_a_circle_and_the_others_are_not(name):
         partners[slider["joint"]] += 1
     circles = {circle.name for circle in sheet(name).circles}
     assert circles == {joint for joint, count in partners.items() if count > 1}
-    assert [label.text for label in sheet(name).labels] != []
     assert {label.text for label in sheet(name).labels} == set(data["joints"])
 
 

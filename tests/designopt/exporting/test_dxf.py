@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from ezdxf._options import options
+from ezdxf.tools.text import plain_text
 
 from designopt.designs import Circle, Label, Layer, Measure, Sheet, Stroke
 from designopt.exporting.dxf import dxf_text
@@ -64,6 +66,15 @@ def test_geometry_is_where_the_sheet_has_it():
     }
     assert circles == {"A": ((0.0, 0.0), 1.5), "η": ((40.0, 30.0), 1.5)}
     assert {text.dxf.text for text in space.query("TEXT")} == {"η", "glass"}
+
+
+def test_texts_hold_nothing_that_is_read_as_a_code():
+    """%%d would be shown as a degree sign, %%%%% as signs of percent, ^J as a new line."""
+    names = ["90%%d", "a%%%%%b", "x^J", "50%"]
+    sheet = replace(PLATE, labels=[Label("plate", (40.0, 30.0), name) for name in names])
+    texts = [text.dxf.text for text in opened(sheet).modelspace().query("TEXT")]
+    assert not any("%%" in text for text in texts)
+    assert [plain_text(text).replace(" ", "") for text in texts] == names
 
 
 def test_layers_differ_by_kind_and_what_is_not_the_design_lies_on_others():

@@ -83,6 +83,45 @@ def test_existing_files_are_kept_unless_forced(capsys):
     assert Path("four-bar.svg").read_text(encoding="utf-8").startswith("<?xml")
 
 
+def test_a_folder_that_is_missing_on_the_way_hides_no_file(capsys):
+    Path("keep").mkdir()
+    Path("keep/four-bar.svg").write_text("mine", encoding="utf-8")
+    assert run(["export", "four-bar.toml", "--to", "svg", "--out", "keep/missing/.."]) == 2
+    assert "four-bar.svg: exists already" in capsys.readouterr().err
+    assert Path("keep/four-bar.svg").read_text(encoding="utf-8") == "mine"
+
+
+def test_files_are_called_as_what_was_named():
+    Path("mine.toml").symlink_to("four-bar.toml")
+    assert run(["export", "mine.toml", "--to", "svg", "--out", "new"]) == 0
+    Path("finger-grasp").mkdir()  # the study's name means the study
+    assert run(["export", "finger-grasp", "--to", "json", "--out", "new"]) == 0
+    assert files_in("new") == ["finger-grasp.json", "mine.svg"]
+
+
+def test_a_name_that_cannot_be_printed_spoils_no_file(capsys):
+    odd = "peri\ascope %%d\n\udcff.toml"
+    Path("periscope.toml").rename(odd)
+    formats = ["--to", "svg", "--to", "dxf", "--to", "json"]
+    assert run(["export", odd, *formats, "--out", "new"]) == 0
+    assert capsys.readouterr().out.count("\n") == 3
+    stem = Path("new") / Path(odd).stem
+    assert ElementTree.parse(f"{stem}.svg").getroot()[0].text == "peri scope %%d  "
+    texts = readfile(f"{stem}.dxf").paperspace("Sheet").query("TEXT")
+    assert next(text.dxf.text for text in texts) == "peri scope % %d  "
+    document = json.loads(Path(f"{stem}.json").read_text(encoding="utf-8"))
+    assert document["name"] == "peri scope %%d  "
+
+
+def test_settings_beside_the_design_begin_no_search(monkeypatch):
+    for place in ("design_linkage", "design_mirrors"):
+        monkeypatch.setattr(f"studies.finger.design.{place}", lambda *_: pytest.fail("a search"))
+    asked = ["export", "finger", "--set", "spring.stiffness=12", "--to", "json", "--out", "new"]
+    assert run(asked) == 0
+    found = json.loads(Path("new/finger.json").read_text(encoding="utf-8"))["quantities"]
+    assert found["spring.stiffness"] == {"value": 12.0, "unit": "N mm/rad"}
+
+
 def test_checks_come_before_any_computing(monkeypatch):
     monkeypatch.setattr(writing, "load_design", lambda *_: pytest.fail("it was loaded"))
     Path("four-bar.json").write_text("mine", encoding="utf-8")
@@ -131,6 +170,10 @@ def test_a_full_disk_leaves_no_file_behind(monkeypatch, capsys):
             r"--out .*x+: File name too long; choose",
         ),
         ([".", "--to", "svg"], r"a folder without a result"),
+        (["x" * 300, "--to", "svg"], r"no study is named 'x+'"),
+        (["x" * 300 + ".toml", "--to", "svg"], r"x+\.toml: cannot be read: File name too long"),
+        (["", "--to", "svg"], r"STUDY\|FILE: it is empty; name"),
+        (["four-bar.toml", "--to", "svg", "--out", ""], r"--out: it is empty; name a folder"),
     ],
 )
 def test_faults_are_one_line_and_nothing_is_written(arguments, words, capsys):
