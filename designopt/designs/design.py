@@ -142,7 +142,10 @@ def _of_result(folder: Path) -> Design:
         raise UserError(
             f"{folder}: a folder without a result of designopt run; name a file or a study"
         ) from error
-    study = load_study(name)
+    try:
+        study = load_study(name)
+    except UserError as error:
+        raise UserError(f"{folder}: {error}") from error
     return _designed(study)(spec_of(study.spec, tables, source=str(folder)), folder / "specs")
 
 

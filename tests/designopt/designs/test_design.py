@@ -121,7 +121,9 @@ def test_a_foreign_folder_is_refused(tmp_path, text):
 
 def test_a_result_of_a_study_that_is_not_installed_is_refused(tmp_path):
     (tmp_path / "results.json").write_text('{"study": "boxx", "spec": {}}')
-    assert "no study is named 'boxx'; did you mean 'box'?" in refused(str(tmp_path))
+    told = refused(str(tmp_path))
+    assert told.startswith(f"{tmp_path}: ")
+    assert "no study is named 'boxx'; did you mean 'box'?" in told
 
 
 @pytest.mark.parametrize("tables", ['{"length": 1.0}', '{"side": "wide"}', "[]", "null"])
