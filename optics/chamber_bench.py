@@ -61,6 +61,9 @@ SHORTEST, LONGEST = 0.25, 2.0
 SHIFT = 0.05
 """How far a signed offset goes either way, in units of the chamber's length."""
 
+ROUNDING = 1e-6
+"""Mm that D may lie outside the wall without a word: an optimised D lies in it."""
+
 WITHOUT_MARGIN = (ChamberResult.no_solution, ChamberResult.out_of_range)
 """Results whose margin measures something else than a chamber."""
 
@@ -238,7 +241,7 @@ def _remark(look: Look) -> str:
             "D lies beyond the reference ray, so the top has no ring: "
             "lower the imaging ratio or raise the reference height."
         )
-    if _room(chamber) < 0:
+    if _room(chamber) < -ROUNDING:
         return (
             f"D lies outside the wall at the lens, by {-_room(chamber):.3g} mm: "
             "change the imaging ratio, or raise Δl_A."

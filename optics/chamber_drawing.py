@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -96,7 +97,8 @@ class ChamberPicture:
         places = dict(zip("ABCDE", look.points, strict=True))
         for wall, start, end in zip(self._walls, "ABCD", "BCDE", strict=True):
             wall.set_data(*zip(places[start], places[end], strict=True))
-        ends = [place for name in "BCD" for place in (look.pinhole, places[name])]
+        nowhere = (math.nan, math.nan)
+        ends = [place for name in "BCD" for place in (look.pinhole, places[name], nowhere)]
         self._sights.set_data(*zip(*ends, strict=True))
         self._pinhole.set_data([look.pinhole[0]], [look.pinhole[1]])
         self._ray.set_ydata([look.pinhole[1]] * 2)

@@ -78,6 +78,6 @@ def chamber_text(name: str, chamber: Chamber) -> str:
             table[key] = float(getattr(chamber, key))
     comment = (
         "A soft finger's chamber and its camera: lengths in mm; Δl_D is counted to the other side "
-        "of\nthe centre line from Δl_A and Δl_B.\ndesignopt explore chamber.toml"
+        "of\nthe centre line from Δl_A and Δl_B. designopt explore and export take this file."
     )
     return toml_text({"chamber": table}, comment)

@@ -8,6 +8,7 @@ import json
 import os
 import socket
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from matplotlib.figure import Figure
 from tornado.httpserver import HTTPServer
 from tornado.httputil import split_host_and_port
 from tornado.web import Application, HTTPError, RequestHandler
-from tornado.websocket import WebSocketHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from designopt.designs.bench import Bench, Reading
 from designopt.errors import UserError
@@ -31,6 +32,9 @@ from designopt.exploring.words import number_text
 ADDRESS = "127.0.0.1"
 HOSTS = (ADDRESS, "localhost")
 """What a browser on this machine calls it; another name is another site's, led here."""
+
+LEAST_RATIO, GREATEST_RATIO = 0.25, 4.0
+"""Pixels of the screen per pixel of the page: no browser's zoom asks for a picture beyond them."""
 
 POINTER = ("button_press", "button_release", "motion_notify", "figure_enter", "figure_leave")
 HEADERS = {
@@ -200,7 +204,10 @@ class Tab(_Guarded, WebSocketHandler):
 
     def on_message(self, message: str | bytes) -> None:
         """Take what the page's script says; see Matplotlib's ``mpl.js``."""
-        event = json.loads(message)
+        with suppress(ValueError, TypeError, KeyError):  # something else is not for us
+            self._take(json.loads(message))
+
+    def _take(self, event: Mapping[str, Any]) -> None:
         kind = event["type"]
         if kind == "ack":
             self._busy = False
@@ -212,19 +219,25 @@ class Tab(_Guarded, WebSocketHandler):
             self._seen, self._sent = None, -1  # the page waits for a picture, come what may
             self._page.canvas.draw()
         elif kind == "set_device_pixel_ratio":
-            self._ratio = float(event["device_pixel_ratio"])
-            self._page.canvas.handle_event(event)
+            ratio = float(event["device_pixel_ratio"])
+            if LEAST_RATIO <= ratio <= GREATEST_RATIO:
+                self._ratio = ratio
+                self._page.canvas.handle_event(event)
         elif kind in POINTER:
             scale = self._page.canvas.device_pixel_ratio / self._ratio
             self._page.canvas.handle_event(event | {at: event[at] * scale for at in ("x", "y")})
 
     def send_json(self, content: Mapping[str, Any]) -> None:
         """Send a message for the page's script."""
-        self.write_message(json.dumps(content))
+        self._write(json.dumps(content))
 
     def send_binary(self, data: bytes) -> None:
         """Send a picture, over the last one or instead of it."""
-        self.write_message(data, binary=True)
+        self._write(data)
+
+    def _write(self, message: str | bytes) -> None:
+        with suppress(WebSocketClosedError):  # it is just being closed
+            self.write_message(message, binary=isinstance(message, bytes))
 
     def send_picture(self) -> None:
         """Send what this tab lacks of the picture, unless it is still busy with the last one."""

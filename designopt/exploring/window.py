@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -98,15 +99,27 @@ class Window:
             draw_hint(figure, f"{OPTIMISE}: {bench.aim}")
         self.buttons: dict[str, PushButton] = push_buttons(list(actions), painter, figure)
         for name, push in self.buttons.items():
-            push.button.on_clicked(lambda _, action=actions[name]: action())
+            push.button.on_clicked(lambda _, action=actions[name]: self._try(action))
         figure.canvas.mpl_connect("motion_notify_event", self._hover)
         bench.draw(self._area)
 
     def _timer(self, action: Callable[[], None]) -> TimerBase:
         timer = self._figure.canvas.new_timer(interval=1)
         timer.single_shot = True
-        timer.add_callback(action)
+        timer.add_callback(self._try, action)
         return timer
+
+    def _try(self, action: Callable[[], object]) -> None:
+        """Do something, and say what is the matter if it fails: the window goes on."""
+        try:
+            action()
+        except UserError as error:
+            self._end()
+            self._say(str(error), fault=True)
+        except Exception as error:  # a bench is anyone's code
+            self._end()
+            traceback.print_exc()
+            self._say(f"This failed: {type(error).__name__}: {error}", fault=True)
 
     @property
     def values(self) -> dict[str, float]:
@@ -176,33 +189,24 @@ class Window:
         self._say("")
 
     def _save_picture(self) -> None:
+        self.present()  # what is saved is what the sliders say
         try:
             paths = save_picture(self._figure, self._folder, self._name)
-        except UserError as error:
-            self._say(str(error), fault=True)
-        else:
-            self._say(_saved(paths))
-        self._painter.draw()  # the canvas has drawn in another size meanwhile
-        self._unpainted.clear()
+        finally:
+            self._painter.draw()  # the canvas has drawn in another size meanwhile
+        self._say(_saved(paths))
 
     def _save_spec(self) -> None:
-        try:
-            paths = save_specs(self._bench.specs(self.values), self._folder)
-        except UserError as error:
-            self._say(str(error), fault=True)
-        else:
-            self._say(_saved(paths))
+        specs = self._bench.specs(self.values)
+        titles = dict.fromkeys(spec.title for spec in specs if spec.title)
+        self._say(_saved(save_specs(specs, self._folder), "; ".join(titles)))
 
     def _start_or_stop(self) -> None:
         if self._steps is not None:
             self._end()
-            self._say(f"Stopped after {self._taken} iterations.")
+            self._say(f"Stopped after {self._taken} iteration{'s' * (self._taken != 1)}.")
             return
-        try:
-            self._steps = self._bench.optimise(self.values)
-        except UserError as error:
-            self._say(str(error), fault=True)
-            return
+        self._steps = self._bench.optimise(self.values)
         self._taken = 0
         self._label(STOP)
         self._say("Optimising … The first iteration takes longest.")
@@ -211,22 +215,15 @@ class Window:
     def _iterate(self) -> None:
         if self._steps is None:
             return
-        try:
-            step = next(self._steps)
-        except StopIteration:
+        step = next(self._steps, None)
+        if step is None:
             self._end()
-        except UserError as error:
-            self._end()
-            self._say(str(error), fault=True)
-        except Exception as error:  # a bench is anyone's code: say so, and let go of the button
-            self._end()
-            self._say(f"The optimisation broke off: {type(error).__name__}: {error}", fault=True)
-        else:
-            self._taken += 1
-            self._put(step.values)
-            self._note, self._note_is_fault = step.message, False
-            self.present()
-            self._next.start()
+            return
+        self._taken += 1
+        self._put(step.values)
+        self._note, self._note_is_fault = step.message, False
+        self.present()
+        self._next.start()
 
     def _end(self) -> None:
         """Leave the optimisation where it is."""
@@ -240,6 +237,6 @@ class Window:
         self._soon(push.patch)
 
 
-def _saved(paths: Sequence[Path]) -> str:
+def _saved(paths: Sequence[Path], what: str = "") -> str:
     names = " and ".join(path.name for path in paths)
-    return f"Saved {names} in {paths[0].parent.resolve()}."
+    return f"Saved {names} in {paths[0].parent.resolve()}{f': {what}' if what else ''}."

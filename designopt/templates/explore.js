@@ -33,7 +33,7 @@ socket.onmessage = (event) => {
 };
 
 socket.onclose = () => {
-  message.textContent = 'designopt explore has ended. Start it again and reload this page.';
+  message.textContent = 'The connection was lost: reload this page, or start designopt explore again.';
 };
 
 // A slider follows the mouse beyond the canvas, until the button is let go.

@@ -172,7 +172,7 @@ def tour(browser, named, folder, check=lambda saved, numbers, joint: None):
             page.wait_for_function(f"(first) => !({NUMBERS})(first)", arg=first, timeout=PATIENCE)
             visitor.press(RESET)
             visitor.wait(NUMBERS, first)
-    visitor.wait(SAID, "designopt explore has ended")
+    visitor.wait(SAID, "The connection was lost")
     page.close()
     assert not faults
 

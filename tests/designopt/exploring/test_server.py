@@ -231,6 +231,37 @@ def test_what_a_page_does_not_send_changes_nothing(visit, tmp_path):
     visit(guest)
 
 
+NONSENSE = (
+    "no JSON",
+    "3",
+    "[]",
+    "{}",
+    '{"type": 1}',
+    '{"type": "motion_notify"}',
+    '{"type": "button_press", "x": "a", "y": null}',
+    '{"type": "set_device_pixel_ratio", "device_pixel_ratio": 0}',
+    '{"type": "set_device_pixel_ratio", "device_pixel_ratio": NaN}',
+    '{"type": "set_device_pixel_ratio", "device_pixel_ratio": 1e9}',
+    b"\xff\x00",
+)
+
+
+def test_nonsense_is_passed_over(visit):
+    async def guest(page, port):
+        tab = await Browser.opened(port)
+        await tab.look(lambda tab: tab.pictures)
+        for message in NONSENSE:
+            before = tab.pictures
+            await tab.connection.write_message(message, binary=isinstance(message, bytes))
+            await tab.send("draw")
+            await tab.look(lambda tab, before=before: tab.pictures == before + 1)
+            np.testing.assert_array_equal(tab.picture, drawn(page))
+        other = await Browser.opened(port)
+        await other.look(lambda tab: tab.pictures)
+
+    visit(guest)
+
+
 def test_a_button_is_pressed_and_the_message_comes(visit, tmp_path):
     async def guest(page, port):
         tab = await Browser.opened(port)

@@ -140,7 +140,9 @@ def test_specs_share_a_number_and_read_back(hands, tmp_path):
     (tmp_path / "raw-1.bin").write_bytes(b"mine")
     hands.drag("rod", 0.61)
     hands.press(SPEC)
-    assert hands.window.message == f"Saved crank-2.toml and raw-2.bin in {tmp_path}."
+    assert (
+        hands.window.message == f"Saved crank-2.toml and raw-2.bin in {tmp_path}: the slider-crank."
+    )
     read = tomllib.loads((tmp_path / "crank-2.toml").read_text(encoding="utf-8"))
     assert read == hands.window.values
     assert (tmp_path / "raw-2.bin").read_bytes() == b"\x00"
@@ -211,7 +213,7 @@ def test_whoever_moves_a_slider_stops_it(hands, act):
     ("knobs", "words"),
     [
         ({"radius": 1.0, "crank": 0.25}, "optimise: it cannot start locked"),
-        ({"offset": 1.0}, "The optimisation broke off: ZeroDivisionError: on purpose"),
+        ({"offset": 1.0}, "This failed: ZeroDivisionError: on purpose"),
     ],
 )
 def test_an_optimisation_that_fails_says_why(hands, knobs, words):
@@ -221,6 +223,38 @@ def test_an_optimisation_that_fails_says_why(hands, knobs, words):
     hands.run_until_still()
     assert hands.window.message.startswith(words)
     assert (label(hands), hands.window.optimising) == (OPTIMISE, False)
+
+
+@pytest.mark.parametrize(
+    ("method", "act"),
+    [
+        ("show", lambda h: h.drag("crank", 0.7)),
+        ("specs", lambda h: h.press(SPEC)),
+        ("optimise", lambda h: h.press(OPTIMISE)),
+    ],
+)
+def test_a_bench_that_fails_is_told_of_and_the_window_goes_on(hands, monkeypatch, method, act):
+    def failing(values):
+        raise ZeroDivisionError("on purpose")
+
+    with monkeypatch.context() as during:
+        during.setattr(hands.window._bench, method, failing)
+        act(hands)
+        hands.run_until_still()
+    assert hands.window.message == "This failed: ZeroDivisionError: on purpose"
+    assert label(hands) == OPTIMISE
+    hands.drag("crank", 0.2)
+    assert hands.window.message == ""
+    assert readings(hands)["slider's place"] == place(hands.window.values)
+    np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
+
+
+def test_a_picture_shows_where_the_sliders_are(tmp_path):
+    hands = Hands(SliderCrank(), tmp_path)
+    row = hands.window.rows[0]
+    row.slider.set_val(200.0)  # and nothing has been drawn yet
+    hands.window.buttons[PICTURE].button._observers.process("clicked", None)
+    assert readings(hands)["slider's place"] == place(hands.window.values)
 
 
 def test_without_an_aim_there_is_no_button(tmp_path):
