@@ -249,12 +249,19 @@ def test_a_bench_that_fails_is_told_of_and_the_window_goes_on(hands, monkeypatch
     np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
 
 
-def test_a_picture_shows_where_the_sliders_are(tmp_path):
-    hands = Hands(SliderCrank(), tmp_path)
-    row = hands.window.rows[0]
-    row.slider.set_val(200.0)  # and nothing has been drawn yet
-    hands.window.buttons[PICTURE].button._observers.process("clicked", None)
-    assert readings(hands)["slider's place"] == place(hands.window.values)
+def test_a_picture_shows_where_the_sliders_are(hands, tmp_path, monkeypatch):
+    saved = []
+
+    def saving(*_):
+        saved.append(readings(hands)["slider's place"])
+        return [tmp_path / "toy.png"]
+
+    monkeypatch.setattr("designopt.exploring.window.save_picture", saving)
+    hands.row("crank").slider.set_val(200.0)
+    before = readings(hands)["slider's place"]  # nothing has been drawn yet
+    hands.press(PICTURE)
+    assert saved == [place(hands.window.values)]
+    assert saved != [before]
 
 
 def test_without_an_aim_there_is_no_button(tmp_path):
