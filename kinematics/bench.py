@@ -16,6 +16,7 @@ from designopt.errors import UserError
 from designopt.results import SpecFile
 from kinematics.assembled import zeroed
 from kinematics.bench_dimensions import Dimensions
+from kinematics.bench_range import INSIDE, WorkingRange
 from kinematics.bench_survey import Survey, Surveyor
 from kinematics.design import DesignedLinkage
 from kinematics.linkage import Linkage
@@ -79,6 +80,7 @@ class LinkageBench(Bench):
             (self._inside(part, knob.low), self._inside(part, knob.high))
             for part, knob in zip(self._structure.inputs, inputs, strict=True)
         ]
+        self._working = WorkingRange(self._surveyor, self._spans)
         self._swept = 0
         self._last = self._inputs({knob.name: knob.value for knob in self.knobs})
         self._picture: Picture | None = None
@@ -92,7 +94,10 @@ class LinkageBench(Bench):
             for column, span in enumerate(self._spans)
         ]
         self._picture = Picture(area, self._structure, self._surveyor.pins, surveys)
+        # What only some moves run compiles now, so that the first one is as fast.
         self._surveyor.warm_up(self._distances, self._home)
+        surveys[0].message()
+        self._least(self._distances, self._home, surveys[0])
 
     def show(self, values: Values) -> Shown:
         """See `Bench`; the input that moved last is the abscissa of margin and angles."""
@@ -103,13 +108,14 @@ class LinkageBench(Bench):
             self._swept = int(moved[0])
         self._last = inputs
         broken = self._dimensions.broken(distances.tolist())
-        survey = None
+        survey, least = None, None
         if not broken:
             span = self._spans[self._swept]
             survey = self._surveyor.survey(distances, inputs, self._swept, span)
+            least = self._least(distances, inputs, survey)
         artists, reframed = self._picture.show(survey)
         message = broken if survey is None else _matter(survey)
-        return Shown(self._readings(inputs, survey), artists, message, reframed)
+        return Shown(self._readings(inputs, survey, least), artists, message, reframed)
 
     def specs(self, values: Values) -> Sequence[SpecFile]:
         """See `Bench`: the linkage as it is shown, or where it has no pose there, as sketched."""
@@ -155,7 +161,7 @@ class LinkageBench(Bench):
             number: (knob.low, knob.high)
             for number, knob in zip(self._free, self.knobs[len(self._home) :], strict=True)
         }
-        return Improver(self._surveyor, self._distances, self._spans, ranges)
+        return Improver(self._surveyor, self._distances, self._working, ranges)
 
     def distances(self, values: Values) -> np.ndarray:
         """All distances of the linkage's dimensions, mm, those without a knob among them."""
@@ -227,9 +233,18 @@ class LinkageBench(Bench):
         if not self._surveyor.pins:
             return ""
         names = " and ".join(self._design.linkage.input_names)
-        return f"the least transmission angle over the whole range of {names}, as large as it gets"
+        if len(self._home) > 1:
+            over = f"over a grid of all poses that the knobs of {names} give"
+        else:
+            over = f"over the range of {names} in which it works, {INSIDE:.0%} short of its limits"
+        return f"least μ, the least transmission angle {over}, as large as it gets"
 
-    def _readings(self, inputs: np.ndarray, survey: Survey | None) -> list[Reading]:
+    def _least(self, distances: np.ndarray, inputs: np.ndarray, survey: Survey) -> float | None:
+        return self._working.least(distances, inputs, survey) if self._surveyor.pins else None
+
+    def _readings(
+        self, inputs: np.ndarray, survey: Survey | None, least: float | None
+    ) -> list[Reading]:
         readings = [
             Reading(part.name, self._outside(part, value), "°" if part.slider is None else "mm")
             for part, value in zip(self._structure.inputs, inputs.tolist(), strict=True)
@@ -241,8 +256,7 @@ class LinkageBench(Bench):
             angle = angles.get(pin)
             readings.append(Reading(f"μ at {pin}", _degrees(angle), "°"))
         if self._surveyor.pins:
-            least = None if survey is None else survey.least_angle
-            readings.append(Reading("least μ", _degrees(least), "°"))
+            readings.append(Reading("least μ", least, "°"))
         if self._surveyor.iterated:
             readings.append(Reading("closure", None if good is None else good.closure_here, "mm"))
         return readings

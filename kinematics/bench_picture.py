@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ from kinematics.bench_survey import EDGES, Survey
 from kinematics.drawing import (
     LABELS,
     ROOM,
+    Scene,
     draw_faint,
     draw_fixed,
     draw_scene,
@@ -36,6 +38,9 @@ SPARE = 0.15
 
 LOCK = "#B00020"
 """Colour of the limits of what can be assembled."""
+
+CLEAR = math.radians(35)
+"""Between a fixed joint's name and a body, seen from the joint."""
 
 LEFT = {"loc": "left", "fontsize": 9}
 SMALL = 8
@@ -69,7 +74,7 @@ WIDE = Layout(
     (0.62, 0.09, 0.36, 0.37),
     ticks=8,
     pins=4,
-    angles="Transmission angle μ (deg)",
+    angles="Transmission angle μ (°)",
 )
 """The pose on the left, the others on the right."""
 
@@ -79,7 +84,7 @@ NARROW = Layout(
     (0.61, 0.09, 0.36, 0.24),
     ticks=3,
     pins=3,
-    angles="μ (deg)",
+    angles="μ (°)",
 )
 """The pose above, the others below, in an area that is higher than wide."""
 
@@ -221,6 +226,8 @@ class Picture:
         for name, text in self._names.items():
             x, y = scene.joints[name].tolist()
             offset = turned(self._offsets[name], scene.angles[name] - self._at[name])
+            if name in self._structure.fixed_joints:
+                offset = _beside(scene, name, offset)
             text.move((x, y), (float(offset[0]), float(offset[1])))
 
     def _draw_curves(self, survey: Survey) -> None:
@@ -273,8 +280,11 @@ class Picture:
             self._column = survey.column
             for axes in (self._margin, self._angle):
                 axes.set_xlim(*survey.across()[[0, -1]].tolist())
-                axes.set_xlabel(f"{survey.swept.name} ({'deg' if survey.turns else 'mm'})")
                 changed[axes] = True
+            # One above the other, they have the abscissa in common.
+            named = (self._angle,) if self._layout is WIDE else (self._margin, self._angle)
+            for axes in named:
+                axes.set_xlabel(f"{survey.swept.name} ({'°' if survey.turns else 'mm'})")
         return [axes for axes, has_changed in changed.items() if has_changed]
 
     def _fit_places(self, places: Points, spare: float) -> bool:
@@ -299,6 +309,24 @@ class Picture:
         self._top = (1 + SPARE) * top
         self._margin.set_ylim(-0.04 * self._top, 1.1 * self._top)
         return True
+
+
+def _beside(scene: Scene, joint: str, offset: np.ndarray) -> np.ndarray:
+    """The offset of a fixed joint's name, turned off the bodies that are over it now."""
+    x, y = scene.joints[joint].tolist()
+    taken = [-math.pi / 2]  # by its support
+    for body in scene.structure.bodies:
+        if joint in body.joints:
+            ends = [scene.joints[one].tolist() for one in body.joints if one != joint]
+            taken += [math.atan2(end[1] - y, end[0] - x) for end in ends]
+    first = math.atan2(offset[1], offset[0])
+
+    def room(turn: float) -> float:
+        return min(abs(math.remainder(first + turn - one, 2 * math.pi)) for one in taken)
+
+    turns = [number * math.pi / 8 for number in range(16)]
+    turn = 0.0 if room(0.0) >= CLEAR else max(turns, key=room)
+    return turned(offset, turn)
 
 
 def _span(axes: Axes) -> Rectangle:

@@ -221,12 +221,6 @@ class Survey:
         """The pose's transmission angles, rad, by pin."""
         return dict(zip(self.angles, self._found.angles[0].tolist(), strict=True))
 
-    @property
-    def least_angle(self) -> float | None:
-        """Least transmission angle of the sweep, rad; none where there is none."""
-        table = self._found.angles[1:][self.sweep_ok]
-        return float(np.min(table)) if table.size else None
-
     def message(self) -> str:
         """Why there is no pose; empty if there is one."""
         first = jax.tree.map(lambda code: jnp.asarray(code)[:1], self._found.result)
@@ -264,6 +258,7 @@ class Surveyor:
         groups = make_plan(linkage.structure).groups
         self.pins = _pins(linkage.structure)
         self.iterated = any(group.kind == "iterated" for group in groups)
+        self.samples = FEW_SAMPLES if self.iterated else SAMPLES
         # Whether a pose that cannot be reached says by its margin where its only input locks.
         self._tells = self.iterated and len(linkage.input_names) == 1
 
@@ -276,6 +271,21 @@ class Surveyor:
         if not self._tells:
             ends = np.tile(inputs, (EDGES, 1))
             _halve(self.linkage, distances, ends, ends, self.dimensions)
+
+    def judged(
+        self, distances: np.ndarray, inputs: Float[np.ndarray, "poses inputs"]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Which of many inputs give poses; margins, mm; transmission angles, rad, by pin.
+
+        Up to as many as a sweep has, nothing more is compiled for it.
+        """
+        count = len(inputs)
+        spare = max(1 + self.samples - count, 0)
+        found = self._solved(distances, np.pad(inputs, ((0, spare), (0, 0)), mode="edge"))
+        return found.ok[:count], found.margin[:count], found.angles[:count]
+
+    def _solved(self, distances: np.ndarray, inputs: np.ndarray) -> _Found:
+        return jax.tree.map(np.asarray, _solve(self.linkage, distances, inputs, self.dimensions))
 
     def survey(
         self,
@@ -292,11 +302,10 @@ class Surveyor:
             column: which input to sweep.
             span: from where to where, rad or mm.
         """
-        samples = np.linspace(*span, FEW_SAMPLES if self.iterated else SAMPLES)
+        samples = np.linspace(*span, self.samples)
         batch = np.tile(inputs, (len(samples) + 1, 1))
         batch[1:, column] = samples
-        solved = _solve(self.linkage, distances, batch, self.dimensions)
-        found = jax.tree.map(np.asarray, solved)
+        found = self._solved(distances, batch)
         good = found.ok[1:]
         angles = np.where(good[:, None], found.angles[1:], np.nan)
         joints = np.where(good[:, None, None], found.joints[1:], np.nan)

@@ -45,6 +45,7 @@ class SceneBench(Bench):
         joint: tuple[float, float] = JOINT,
         most: int = MOST,
         floor: float | None = None,
+        straight_deg: float | None = None,
     ) -> None:
         """Make the knobs.
 
@@ -53,13 +54,15 @@ class SceneBench(Bench):
             joint: range of every joint angle, degrees.
             most: most knobs of dimensions.
             floor: resolution that is asked for, px/mm, if any is.
+            straight_deg: direction of a camera that is not tilted, counter-clockwise from +x; the
+                one in the scene's file by default.
 
         Raises:
             UserError: there is no pad.
         """
         if not design.scene.layout.pads:
             raise UserError(f"{design.name}: there is no pad to be seen; add one under [[pads]]")
-        self._handles = Handles.of(design, joint, most)
+        self._handles = Handles.of(design, joint, most, straight_deg)
         self._design, self._floor = design, floor
         self._bent = bool(design.scene.layout.curved)
         self._before: dict[str, float] = {}
@@ -128,7 +131,11 @@ class SceneBench(Bench):
         self._picture.show_curves(knob, values[knob.name], self._coverage)
 
     def _readings(self, values: Values, seen: Seen | None) -> list[Reading]:
-        readings = [Reading("camera tilt", values["camera tilt"], "°")]
+        direction = float(np.degrees(self._handles.dimensions(values).direction))
+        readings = [
+            Reading("camera tilt", values["camera tilt"], "°"),
+            Reading("camera direction", direction, "°"),
+        ]
         for index, part in enumerate(self._design.scene.layout.pads):
             numbers: list[float | None] = [None] * 4
             if seen is not None:

@@ -109,17 +109,23 @@ class Handle:
         address: in the tables of the scene file.
         field: of `Dimensions`.
         place: in that field's array.
+        zero: the file's number where the knob stands at 0.
     """
 
     knob: Knob
     address: Address
     field: str
     place: tuple[int, ...] = ()
+    zero: float = 0.0
 
     @property
     def unit(self) -> float:
         """Of the field, for one unit of the knob."""
         return math.radians(1.0) if self.knob.unit == "°" else 1.0
+
+    def told(self, values: Values) -> float:
+        """The file's number."""
+        return float(values[self.knob.name]) + self.zero
 
 
 @dataclass(frozen=True)
@@ -138,7 +144,11 @@ class Handles:
 
     @classmethod
     def of(
-        cls, design: DesignedScene, joint: tuple[float, float] = JOINT, most: int = MOST
+        cls,
+        design: DesignedScene,
+        joint: tuple[float, float] = JOINT,
+        most: int = MOST,
+        straight_deg: float | None = None,
     ) -> Handles:
         """The knobs of a scene.
 
@@ -146,10 +156,11 @@ class Handles:
             design: the scene.
             joint: range of every joint angle, degrees; it holds 0.
             most: most knobs of dimensions; mirrors that come late have none.
+            straight_deg: direction of a camera that is not tilted; the one in the file by default.
         """
         names = design.scene.angle_names
         joints = tuple(Knob(name, 0.0, *joint, "°", "joint") for name in names)
-        handles = _of_camera(design)
+        handles = _of_camera(design, straight_deg)
         for index in range(len(design.scene.layout.mirrors)):
             more = _of_mirror(design, index)
             if len(handles) + len(more) > most:
@@ -185,7 +196,7 @@ class Handles:
             for name, leaf in fields.items()
         }
         for handle in self.handles:
-            turned = [values[handle.knob.name] * handle.unit for values in states]
+            turned = [handle.told(values) * handle.unit for values in states]
             arrays[handle.field][(slice(None), *handle.place)] = turned
         if with_one_axis:
             return Dimensions(**arrays)
@@ -200,6 +211,7 @@ class Handles:
         found = dict(values)
         for handle in self.handles:
             number = float(getattr(dimensions, handle.field)[handle.place]) / handle.unit
+            number -= handle.zero
             found[handle.knob.name] = min(max(number, handle.knob.low), handle.knob.high)
         return found
 
@@ -214,7 +226,7 @@ class Handles:
         tables = {"scene": {}, **tables}
         tables["scene"].setdefault("name", design.name)
         for handle in self.handles:
-            _put(tables, handle.address, float(values[handle.knob.name]))
+            _put(tables, handle.address, handle.told(values))
         blockers = np.asarray(self.scene(values).blockers)
         for index, part in enumerate(design.scene.layout.blockers):
             if _is_body(part.name, part.frame, design.scene.layout):
@@ -230,14 +242,16 @@ class Handles:
             UserError: these values describe no scene, and why.
         """
         pose = ",".join(f"{knob.name}={values[knob.name]:.10g}" for knob in self.joints)
-        trace = f"designopt trace scene.toml{f' --pose {pose}' if pose else ''}"
-        return toml_text(self.tables(values), f"{self.design.name} as explored.\n{trace}")
+        posed = f"; in the picture it had --pose {pose}" if pose else ""
+        return toml_text(self.tables(values), f"{self.design.name} as explored{posed}")
 
 
-def _of_camera(design: DesignedScene) -> list[Handle]:
+def _of_camera(design: DesignedScene, straight_deg: float | None) -> list[Handle]:
     file, reach = design.file.camera, _reach(design)
     widest = WIDEST_PINHOLE if isinstance(design.scene.camera.projection, Pinhole) else WIDEST
-    tilt, field = file.direction_deg, file.fov_deg
+    straight, field = straight_deg, file.fov_deg
+    straight = file.direction_deg if straight is None else straight
+    tilt = file.direction_deg - straight
     turn = min(TILT, field / 2)
     turned = Knob("camera tilt", tilt, tilt - turn, tilt + turn, "°", "dimension")
     seen = Knob(
@@ -258,7 +272,7 @@ def _of_camera(design: DesignedScene) -> list[Handle]:
         for at, axis in enumerate("xy")
     ]
     return [
-        Handle(turned, ("camera", "direction_deg"), "direction"),
+        Handle(turned, ("camera", "direction_deg"), "direction", zero=straight),
         *places,
         Handle(seen, ("camera", "fov_deg"), "field_of_view"),
     ]

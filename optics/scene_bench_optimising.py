@@ -20,6 +20,7 @@ from designopt.errors import UserError
 from designopt.optimising import Iteration, Problem, Terms
 from optics.scene import Scene
 from optics.scene_bench_knobs import Dimensions, Handles, arranged
+from optics.scene_bench_seeing import sharpness_of
 from optics.views import Pieces
 from optics.visibility import find_views
 
@@ -28,22 +29,26 @@ GRID = {0: 1, 1: 9, 2: 4}
 SCATTERED = 16
 """How many poses are, if there are more joints: those of a Sobol sequence."""
 
-SHARPER = 1.0
-"""What a resolution e times as high is worth, in % of a pad that is not seen."""
 SOFT = 0.03
 """How much, in logarithms, a resolution is above the least one to count a third as much."""
-PLACES = 9
-"""Places along a pad at which resolution is asked for."""
+PLACES = 17
+"""Places along a pad at which resolution is asked for, its ends included."""
+BEYOND = (30.0, 100.0, 300.0)
+"""How much less, in logarithms, a view is worth at a place one pad's length beyond its end. What
+is seen best often ends at the pad's end, and slopes have to tell that it must not recede: gently
+at first, as a search gets far on gentle slopes, and then as steeply as is true."""
 NO_VIEW = 30.0
-"""Logarithm of the resolution of what is not seen: that is coverage's concern."""
+"""Logarithm of the resolution of a pad that is not seen: that is coverage's concern."""
 
 MILLIMETRE, TENTH = 1.0, 0.1
 """Changes of a place (mm) and of a direction (rad) that matter about as much as each other."""
 
-UPDATES, STEPS = 40, 3
+UPDATES, STEPS = 120, 3
 """Cap on iterations, and steps in each."""
 GAIN, PATIENCE = 1e-2, 6
-"""So many iterations that each gain less than this, in %, end the search."""
+"""So many iterations that together gain less than this part of a resolution end the search."""
+FINE = 1e-4
+"""A smaller part of a pad may be left out, and does not count."""
 
 
 class Free(eqx.Module):
@@ -67,31 +72,46 @@ class Task(eqx.Module):
         scene: as in its file.
         dimensions: as they stand.
         poses: joint angles to look at, rad.
+        beyond: one of `BEYOND`.
     """
 
     scene: Scene
     dimensions: Dimensions
     poses: Float[Array, "poses joints"]
+    beyond: Float[Array, ""]
 
 
 class Worth(NamedTuple):
-    """What an arrangement is worth, over all poses and pads.
+    """What an arrangement is worth, over all poses and pads; the greater is better.
 
     Attributes:
         covered: least part of a pad that is seen.
+        mean: part that is seen, on average.
         sharp: least resolution of what is seen, px/mm; 0 where nothing is seen at all.
     """
 
-    covered: Float[Array, ""]
-    sharp: Float[Array, ""]
+    covered: float
+    mean: float
+    sharp: float
+
+    @property
+    def order(self) -> tuple[float, float, float]:
+        """By this it is compared: what is seen first, and `FINE` parts of it do not count."""
+        return (round(self.covered / FINE), round(self.mean / FINE), self.sharp)
+
+    def exceeds(self, other: Worth) -> bool:
+        """Whether it is better by more than little."""
+        *seen, sharp = self.order
+        *less, blunt = other.order
+        return seen > less or (seen == less and sharp > (1 + GAIN) * blunt)
 
 
 class Improver:
     """Moves camera and mirrors so that more is seen, and more sharply; compiled once for a scene.
 
-    What is minimised is the part of all pads that is not seen, in % and on average over poses that
-    cover the joints' ranges, a hidden pad counting more by the angle by which it is missed; less
-    `SHARPER` times the logarithm of the least resolution.
+    What is maximised is the least resolution over poses that cover the joints' ranges, while all of
+    every pad has to be seen in all of them; a hidden pad counts more by the angle by which it is
+    missed. It never ends worse than it began: first of all in what is seen of the worst pad.
     """
 
     def __init__(self, handles: Handles) -> None:
@@ -136,7 +156,7 @@ class Improver:
 
     def _task(self, values: Values) -> Task:
         dimensions = jax.tree.map(jnp.asarray, self._handles.dimensions(values))
-        return Task(self._handles.design.scene, dimensions, self._poses)
+        return Task(self._handles.design.scene, dimensions, self._poses, jnp.asarray(BEYOND[0]))
 
     def _free(self, task: Task) -> Free:
         found = task.dimensions
@@ -156,25 +176,51 @@ class Improver:
 
     def _steps(self, values: Values) -> Iterator[Step]:
         task = self._task(values)
-        start = self._free(task)
-        worth = _worth(start, task)
-        iteration = self._coverage if float(worth.covered) > 0 else self._hidden
-        best, least, idle, end = start, np.inf, 0, ""
-        solve = iteration.run(start, (task,), updates=UPDATES)
-        for number, found in enumerate(solve, start=1):
-            idle = 0 if found.objective < least - GAIN else idle + 1
-            if found.objective < least:
-                best, least = found.parameters, found.objective
-            moved = _put(task.dimensions, found.parameters)
-            told = _told(_worth(found.parameters, task))
-            yield Step(self._handles.values(values, moved), told)
-            if idle == PATIENCE:
+        best = first = self._free(task)
+        greatest = before = self._worth(first, task)
+        iteration = self._coverage if before.covered > 0 else self._hidden
+        number, since, end = 0, before, ""
+        for steepness in itertools.cycle(BEYOND):
+            task = eqx.tree_at(lambda task: task.beyond, task, jnp.asarray(steepness))
+            trail, kept = list[float](), list[Worth]()
+            for found in iteration.run(best, (task,), updates=UPDATES - number):
+                number += 1
+                worth = self._worth(found.parameters, task)
+                if worth.order > greatest.order:
+                    best, greatest = found.parameters, worth
+                yield self._step(values, task, found.parameters, _told(worth))
+                trail.append(found.objective)
+                kept.append(greatest)
+                if _idle(trail, kept):
+                    end = f"little gained in the last {PATIENCE} iterations"
+                    break
+                end = "converged" if found.converged else f"stopped after {number} iterations"
+            if number == UPDATES:
                 break
-            if found.done and not found.converged:
-                end = f"; not converged after {number} iterations"
-        moved = _put(task.dimensions, best)
-        told = f"{_told(_worth(best, task))}; it was {_told(worth)}{end}"
-        yield Step(self._handles.values(values, moved), told)
+            if steepness == BEYOND[-1]:
+                if greatest == since:
+                    break
+                since = greatest
+        yield self._step(values, task, best, f"{_told(greatest)}; it was {_told(before)}; {end}")
+
+    def _step(self, values: Values, task: Task, free: Free, message: str) -> Step:
+        return Step(self._handles.values(values, _put(task.dimensions, free)), message)
+
+    def _worth(self, free: Free, task: Task) -> Worth:
+        scene, view = _seen(free, task)
+        covered = np.asarray(view.coverage())
+        least = sharpness_of(scene, np.asarray(task.poses), view).px_per_mm[..., 0]
+        sharp = float(np.min(least, where=least > 0, initial=np.inf))
+        sharp = sharp if math.isfinite(sharp) else 0.0
+        return Worth(float(np.min(covered)), float(np.mean(covered)), sharp)
+
+
+def _idle(trail: list[float], kept: list[Worth]) -> bool:
+    """Whether the last iterations have hardly changed the objective, nor found anything better."""
+    last = slice(-1 - PATIENCE, None)
+    few = len(trail) <= PATIENCE
+    still = not few and float(np.ptp(trail[last])) < GAIN
+    return still and not kept[-1].exceeds(kept[last][0])
 
 
 def poses_of(handles: Handles) -> Float[np.ndarray, "poses joints"]:
@@ -189,9 +235,9 @@ def poses_of(handles: Handles) -> Float[np.ndarray, "poses joints"]:
 
 
 def terms(free: Free, task: Task) -> Terms:
-    """The objective, of which 1 is 1 % of a pad; differentiable."""
+    """Resolution, and that all is seen; differentiable."""
     scene, view, _ = _looked(free, task)
-    return _objective(scene, view, 1 - view.coverage())
+    return _objective(scene, view, 1 - view.coverage(), task)
 
 
 def terms_of_hidden(free: Free, task: Task) -> Terms:
@@ -202,7 +248,7 @@ def terms_of_hidden(free: Free, task: Task) -> Terms:
     """
     scene, view, margin = _looked(free, task)
     missed = jnp.maximum(-jnp.max(margin, axis=-2), 0.0)
-    return _objective(scene, view, (1 - view.coverage()) * (1 + missed))
+    return _objective(scene, view, (1 - view.coverage()) * (1 + missed), task)
 
 
 def _looked(free: Free, task: Task) -> tuple[Scene, Pieces, Float[Array, "poses paths pads"]]:
@@ -211,44 +257,49 @@ def _looked(free: Free, task: Task) -> tuple[Scene, Pieces, Float[Array, "poses 
     return scene, views.value, views.margin
 
 
-def _objective(scene: Scene, view: Pieces, missing: Float[Array, "poses pads"]) -> Terms:
-    least = -SOFT * jax.nn.logsumexp(-_log_resolution(scene, view) / SOFT)
-    return Terms(objective=100 * jnp.mean(jnp.sum(missing, axis=-1)) - SHARPER * least)
+def _objective(
+    scene: Scene, view: Pieces, missing: Float[Array, "poses pads"], task: Task
+) -> Terms:
+    sharp = _log_resolution(scene, view, task.beyond)
+    least = -SOFT * jax.nn.logsumexp(-sharp / SOFT)
+    return Terms(objective=-least, inequalities={"seen": FINE - missing})
 
 
-def _log_resolution(scene: Scene, view: Pieces) -> Float[Array, "*poses pads places"]:
+def _log_resolution(
+    scene: Scene, view: Pieces, beyond: Float[Array, ""]
+) -> Float[Array, "*poses pads places"]:
     """Logarithm of the resolution (px/mm) at places of each pad, each by the best view of it.
 
     Squared distance is a quadratic of the place (Stewart's theorem), and resolution times squared
-    distance is taken as linear, which it is for an equidistant lens.
+    distance is taken as linear, which it is for an equidistant lens. Beyond a view's end it is
+    what it is there, less ``beyond`` times the distance in lengths of the pad.
     """
     step = scene.pads[:, 1] - scene.pads[:, 0]
     lengths = jnp.sqrt(jnp.sum(step * step, axis=-1))[None, :, None, None]
     at = jnp.linspace(0.0, 1.0, PLACES, dtype=lengths.dtype)[None, None, None]
     there, start, end = (leaf[..., None] for leaf in (view.present, view.start, view.end))
-    inside = there & (start <= at) & (at <= end)
+    there &= end > start
     width = jnp.where(there, end - start, 1.0)
-    part = jnp.where(inside, (at - start) / width, 0.0)
+    gap = jnp.maximum(jnp.maximum(start - at, at - end), 0.0)
+    part = jnp.where(there, jnp.clip((at - start) / width, 0.0, 1.0), 0.0)
     first, last = (view.distance[..., i, None] ** 2 for i in (0, 1))
     squared = first + part * (last - first) - part * (1 - part) * (width * lengths) ** 2
     scaled = [view.px_per_mm[..., i, None] * (first, last)[i] for i in (0, 1)]
-    sharp = (scaled[0] + part * (scaled[1] - scaled[0])) / jnp.where(inside, squared, 1.0)
-    best = jnp.max(jnp.where(inside, sharp, 0.0), axis=-2)
-    return jnp.where(best > 0, jnp.log(jnp.where(best > 0, best, 1.0)), NO_VIEW)
+    sharp = (scaled[0] + part * (scaled[1] - scaled[0])) / jnp.where(there, squared, 1.0)
+    usable = there & (sharp > 0)
+    worth = jnp.log(jnp.where(usable, sharp, 1.0)) - beyond * gap
+    best = jnp.max(jnp.where(usable, worth, -jnp.inf), axis=-2)
+    return jnp.where(jnp.any(usable, axis=-2), best, NO_VIEW)
 
 
 @jax.jit
-def _worth(free: Free, task: Task) -> Worth:
+def _seen(free: Free, task: Task) -> tuple[Scene, Pieces]:
     scene, view, _ = _looked(free, task)
-    sharp = jnp.min(_log_resolution(scene, view))
-    return Worth(jnp.min(view.coverage()), jnp.where(sharp < NO_VIEW, jnp.exp(sharp), 0.0))
+    return scene, view
 
 
 def _told(worth: Worth) -> str:
-    return (
-        f"{100 * float(worth.covered):.1f} % of the worst pad seen, "
-        f"{float(worth.sharp):.3g} px/mm at least"
-    )
+    return f"{100 * worth.covered:.1f} % of the worst pad seen, {worth.sharp:.3g} px/mm at least"
 
 
 def _put(dimensions: Dimensions, free: Free) -> Dimensions:

@@ -19,6 +19,7 @@ from designopt.designs.bench import Knob
 from designopt.lettering import Lettering
 from optics.scene import Scene
 from optics.scene_bench_seeing import Seen
+from optics.scene_drawing import BAR as PAD
 from optics.scene_drawing import HIDDEN, INK, SEEN, names_of, scene_legend, scene_signs
 from optics.scene_labels import FONT, Label, PlacedLabel, place_labels
 from optics.section import Points, Section
@@ -46,8 +47,12 @@ BAR = 8.0
 
 MARGIN = 0.04
 """Room around a section, as a part of its larger side."""
-SPARE = 1.2
-"""How far the axis of resolution reaches, over the greatest one shown."""
+SIGN = 13.0
+"""And in points: the camera's sign reaches so far from its place."""
+SPARE = 0.2
+"""How much farther than needed axes reach that had to be changed, as a part of what is needed."""
+RESCALED = 0.1
+"""Names are placed anew where the scale has changed by more than this part of it."""
 
 Place = tuple[float, float, float, float]
 
@@ -268,7 +273,7 @@ class ScenePicture:
         most = float(np.max(greatest, initial=0.0))
         if most <= self._greatest:
             return False
-        self._greatest = SPARE * most
+        self._greatest = (1 + SPARE) * most
         self.sharp.set_xlim(0, self._greatest)
         return True
 
@@ -301,15 +306,24 @@ class ScenePicture:
         """Widen the axes if the picture no longer fits; whether it did not."""
         places = section.places()
         low, high = places.min(axis=0), places.max(axis=0)
-        if np.all(low >= self._low - self._room) and np.all(high <= self._high + self._room):
+        under, over = low < self._low - self._room, high > self._high + self._room
+        if not np.any(under | over):
             return False
-        self._low, self._high = np.minimum(low, self._low), np.maximum(high, self._high)
+        spare = SPARE * float(np.max(self._high - self._low))
+        self._low = np.where(under, low - spare, self._low)
+        self._high = np.where(over, high + spare, self._high)
         self._set_limits()
         return True
 
     def _set_limits(self) -> None:
-        self._room = MARGIN * max(float(np.max(self._high - self._low)), 1e-9)
-        (left, low), (right, high) = self._low - self._room, self._high + self._room
+        figure: Any = self.area.figure
+        sides = self._high - self._low
+        self._room = MARGIN * max(float(np.max(sides)), 1e-9)
+        sides = sides + 2 * self._room
+        # mm for a point, with signs on either side.
+        points = np.array(self.area.bbox.size) / figure.dpi * 72 * self._places.section[2:]
+        sign = SIGN * float(np.max(sides / (points - 2 * SIGN)))
+        (left, low), (right, high) = self._low - self._room - sign, self._high + self._room + sign
         self.section.set(xlim=(left, right), ylim=(low, high))
 
     def _told_more(self, scene: Scene, seen: Seen) -> bool:
@@ -317,12 +331,17 @@ class ScenePicture:
         view = seen.views.value
         signs: set[int | str] = set(np.unique(view.path[view.present]).tolist())
         signs.add("hidden" if np.any(seen.coverage < 1 - 1e-9) else "seen")
+        if np.any((seen.coverage > 0) & (seen.coverage < 1 - 1e-9)):
+            signs.add("part")
         if signs <= self._told:
             return False
         self._told |= signs
         told = len(self._entries)
         for handle, text in zip(*scene_legend(scene, seen.views), strict=True):
             self._entries.setdefault(text, handle)
+        if "part" in signs:
+            line = Line2D([], [], color=COVERED(0.5), linewidth=PAD)
+            self._entries.setdefault("pad seen in part, by coverage", line)
         if len(self._entries) == told:
             return False
         self.section.legend(
@@ -344,10 +363,13 @@ class ScenePicture:
         """Names beside what they name; a search places them once, and they move with it."""
         axes = self.section
         axes.apply_aspect()
-        # In a window of another size, or with other limits, they have other room.
-        room = (*np.round(axes.bbox.size).tolist(), *axes.get_xlim(), *axes.get_ylim())
-        if room != self._named_in:
-            self._named_in = room
+        # In a window of another size, or at another scale, they have other room.
+        width, height = np.round(axes.bbox.size).tolist()
+        scale = width / float(np.ptp(axes.get_xlim()))
+        if self._named_in is None or not np.allclose(
+            (width, height, scale), self._named_in, rtol=RESCALED
+        ):
+            self._named_in = (width, height, scale)
             placed = place_labels(axes, labels, clutter, size)
             self._names = list(zip(labels, placed, strict=True))
         pairs = zip(self._names, labels, strict=True)

@@ -17,9 +17,10 @@ from designopt.solution import Solution
 from optics.edge_refined import trace_views
 from optics.scene import Scene
 from optics.scene_bench_knobs import Dimensions, arranged
-from optics.sharpness import find_sharpness
+from optics.sharpness import ROUNDING, Sharpness, find_sharpness
 from optics.sight import Sight, Views
-from optics.sight_remarks import ROUNDING, remarks_on
+from optics.sight_remarks import ROUNDING as WHOLE
+from optics.sight_remarks import remarks_on
 from optics.unfolding import paths_of
 from optics.views import Pieces, ViewResult, path_names
 from optics.visibility import find_coverage, find_views
@@ -72,9 +73,8 @@ def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
     found, coverage, redundancy = _quickly(_views)(scene, angles)
     views, coverage, redundancy = jax.tree.map(np.asarray, (found, coverage, redundancy))
     several = jax.tree.map(lambda leaf: leaf[None], views)
-    pieces = jax.tree.map(lambda leaf: leaf[:, :, : _room(views.value)], several.value)
     bounces = scene.layout.bounces
-    sharpness = find_sharpness(scene, angles[None], pieces, bounces=bounces)
+    sharpness = sharpness_of(scene, angles[None], several.value)
     codes = jax.tree.leaves(several.result)[0]
     sight = Sight(
         scene,
@@ -91,6 +91,18 @@ def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
     hidden = (coverage == 0) & (len(scene.layout.curved) == 0)
     missed_by = np.where(hidden, -np.max(views.margin, axis=0), np.nan)
     return Seen(views, coverage, sharpness.px_per_mm[0], missed_by, _remarks(sight, coverage))
+
+
+def sharpness_of(
+    scene: Scene, angles: Float[np.ndarray, "poses joints"], pieces: Pieces
+) -> Sharpness:
+    """Resolution of what is seen in several poses, at joint angles in rad."""
+    room = pieces.present.shape[-1]
+    # All pieces that there are come first.
+    most = int(np.max(np.sum(np.asarray(pieces.present), axis=-1), initial=0))
+    room = min(ROOM, room) if most <= ROOM else room
+    pieces = jax.tree.map(lambda leaf: np.asarray(leaf)[:, :, :room], pieces)
+    return find_sharpness(scene, angles, pieces, bounces=scene.layout.bounces)
 
 
 def coverage_over(
@@ -110,7 +122,8 @@ def _views(
     scene: Scene, angles: Float[Array, " joints"]
 ) -> tuple[Solution[Pieces], Float[Array, " pads"], Float[Array, " pads"]]:
     found = (trace_views if scene.layout.curved else find_views)(scene, angles)
-    return found, found.value.coverage(), found.value.redundancy()
+    coverage = found.value.coverage()
+    return found, jnp.where(coverage > ROUNDING, coverage, 0.0), found.value.redundancy()
 
 
 def _coverage(
@@ -123,18 +136,11 @@ def _coverage(
     return jax.lax.map(one, (dimensions, angles))
 
 
-def _room(pieces: Pieces) -> int:
-    """Room for all pieces that there are, which come first; the same for almost all poses."""
-    room = pieces.present.shape[-1]
-    most = int(np.max(np.sum(pieces.present, axis=-1), initial=0))
-    return min(ROOM, room) if most <= ROOM else room
-
-
 def _remarks(sight: Sight, coverage: Float[np.ndarray, " pads"]) -> tuple[tuple[str, str], ...]:
     """Pairs of lines from `remarks_on`, of the least covered pad first."""
     lines = remarks_on(sight)
     pairs = [(what, why.strip()) for what, why in pairwise(lines) if why.startswith(" ")]
-    order = np.argsort(coverage[coverage < 1 - ROUNDING], kind="stable")
+    order = np.argsort(coverage[coverage < 1 - WHOLE], kind="stable")
     return tuple(pairs[index] for index in order)
 
 

@@ -29,6 +29,9 @@ from optics.views import Pieces
 PARTS = 64
 """Parts into which a stretch is cut and, by rays, a piece."""
 
+ROUNDING = 1e-12
+"""A smaller part of a pad is no more than a point: rays that meet there have no resolution."""
+
 
 class Sharpness(eqx.Module):
     """Resolution along pads, and distances; 0 where nothing is seen.
@@ -64,7 +67,8 @@ def find_sharpness(
     low, high = ends[..., :-1], ends[..., 1:]
     parts = np.linspace(0, 1, PARTS + 1)
     places = low[..., None] * (1 - parts) + high[..., None] * parts
-    weights = (high - low)[..., None] * np.where((parts == 0) | (parts == 1), 0.5, 1) / PARTS
+    widths = np.where(high - low > ROUNDING, high - low, 0)
+    weights = widths[..., None] * np.where((parts == 0) | (parts == 1), 0.5, 1) / PARTS
     shown = view.present[..., None] & (high > low)[..., None, :]
     shown &= (view.start[..., None] <= low[..., None, :]) & (
         high[..., None, :] <= view.end[..., None]

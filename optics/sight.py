@@ -18,7 +18,7 @@ from designopt.solution import Solution
 from optics.edge_refined import RAYS, trace_views
 from optics.focus import Focus, find_focus
 from optics.scene import Layout, Scene, place
-from optics.sharpness import PARTS, Sharpness, find_sharpness
+from optics.sharpness import PARTS, ROUNDING, Sharpness, find_sharpness
 from optics.tracing import Hits, trace_rays
 from optics.unfolding import padded, paths_of, unfold
 from optics.views import Pieces, path_names
@@ -169,7 +169,8 @@ def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:
 
 @jax.jit
 def _totals(pieces: Pieces) -> tuple[Float[Array, "poses pads"], Float[Array, "poses pads"]]:
-    return pieces.coverage(), pieces.redundancy()
+    coverage = pieces.coverage()
+    return jnp.where(coverage > ROUNDING, coverage, 0.0), pieces.redundancy()
 
 
 def _reasons(views: Views) -> dict[int, str]:

@@ -61,6 +61,8 @@ def _why(sight: Sight, view: Views, pad: int) -> str:
     if view.coverage[pad] > 0:
         bounds = dict.fromkeys(_bounds(sight.scene.layout, view, pad))
         return f"what is seen ends at: {'; '.join(bounds)}"
+    if np.any(view.found.value.present[pad]):
+        return "all rays to it meet it in single points"
     nearest = int(np.argmax(view.found.margin[:, pad]))
     why = sight.reasons[int(view.codes[nearest, pad])]
     return f"nearest to showing any of it is {sight.paths[nearest]}: {why}"

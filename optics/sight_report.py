@@ -115,7 +115,7 @@ def _pad(sight: Sight, view: Any, pad: int) -> Entry:
     return {
         "coverage": min(view.coverage[pad], 1.0),
         "redundancy": view.redundancy[pad],
-        "px_per_mm": _spread(view.sharpness.px_per_mm[pad]) if any(pieces.values()) else None,
+        "px_per_mm": _spread(view.sharpness.px_per_mm[pad]),
         "views": {
             name: _view(sight, view, pad, path, pieces[path])
             for path, name in enumerate(sight.paths)
@@ -153,8 +153,9 @@ def _view(sight: Sight, view: Any, pad: int, path: int, pieces: Sequence[int]) -
     return entry
 
 
-def _spread(values: Sequence[float]) -> Entry:
-    return dict(zip(("min", "median", "max"), values, strict=True))
+def _spread(values: Sequence[float]) -> Entry | None:
+    """Nothing where nothing is seen, or single points only."""
+    return dict(zip(("min", "median", "max"), values, strict=True)) if values[-1] else None
 
 
 def _mirrors(sight: Sight, view: Any) -> Entry:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 MOST = 12
 """Most knobs of camera and mirrors."""
 
+STRAIGHT = -90.0
+"""Direction of a camera that looks straight at the palmar face, degrees."""
+
 SIDE = "linkage: "
 """What the linkage's readings begin with."""
 
@@ -38,6 +41,7 @@ class FingerBench(Bench):
             joint=(0.0, design.spec.body.range_deg),
             most=MOST,
             floor=design.spec.mirrors.floor,
+            straight_deg=STRAIGHT,
         )
         joints = [knob for knob in self._scene.knobs if knob.kind == "joint"]
         bodies = design.linkage.sketch.bodies

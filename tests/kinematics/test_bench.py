@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from designopt import UserError
 from designopt.figures import style
+from designopt.lettering import Lettering
 from kinematics import (
     find_limits,
     linkage_from,
@@ -183,7 +184,7 @@ def test_what_is_saved_is_the_linkage_as_it_stands(name):
         for knob in bench.knobs
     }
     check_saved(bench, turned)
-    again = reread(bench, turned)
+    again = reread(bench, turned).bench()
     knobs = {knob.name: knob.value for knob in again.knobs}
     assert knobs.keys() == turned.keys()
     for knob in bench.knobs:
@@ -193,7 +194,7 @@ def test_what_is_saved_is_the_linkage_as_it_stands(name):
 
 def reread(bench, values):
     (file,) = bench.specs(values)
-    return DesignedLinkage.of(parse_sketch(tomllib.loads(file.content), "saved"), "saved").bench()
+    return DesignedLinkage.of(parse_sketch(tomllib.loads(file.content), "saved"), "saved")
 
 
 def test_what_is_saved_where_it_locks_is_in_the_first_pose():
@@ -233,6 +234,95 @@ def test_the_transmission_angle_of_a_four_bar():
     found = readings(bench.show(start(bench)))
     least = min(angle(0.0), angle(math.pi))
     np.testing.assert_allclose(found["least μ"], least, atol=1e-9)
+
+
+def test_the_least_transmission_angle_of_a_watt():
+    """By a dense sweep from limit to limit, which are found apart, 2 % short of them."""
+    bench = bench_of("watt")
+    low, high = (limit.value for limit in ends(find_limits(gallery("watt"), "crank")))
+    inset = 0.02 * (high - low)
+    cranks = jnp.linspace(low + inset, high - inset, 1201)[:, None]
+    angles = transmission_of(gallery("watt"), cranks).angles
+    dense = math.degrees(min(float(jnp.min(angle)) for angle in angles.values()))
+    for crank in (-80.0, 0.0, 100.0):
+        least = readings(bench.show(start(bench, crank=crank)))["least μ"]
+        np.testing.assert_allclose(least, dense, rtol=0, atol=0.02)
+
+
+@pytest.mark.parametrize("name", ["watt", "four-bar", "five-bar"])
+def test_the_least_transmission_angle_reads_back(name):
+    bench = bench_of(name)
+    for share in (0.0, 0.02, -0.03):
+        changed = {
+            knob.name: knob.value * (1 + share * (-1) ** number)
+            for number, knob in enumerate(bench.knobs)
+        }
+        least = readings(bench.show(changed))["least μ"]
+        again = drawn(reread(bench, changed))
+        np.testing.assert_allclose(
+            readings(again.show(start(again)))["least μ"], least, rtol=0, atol=1e-4
+        )
+
+
+def test_a_range_goes_on_where_a_whole_turn_ends():
+    """As a crank that locks around 180° has one range, wherever its turn is cut."""
+    bench = bench_of("four-bar")
+    locks = start(bench, **{"ground O2-O4": 170.0, "coupler A-B": 100.0, "rocker O4-B": 90.0})
+    found = [readings(bench.show({**locks, "crank": crank}))["least μ"] for crank in (5, 355)]
+    np.testing.assert_allclose(*found, rtol=0, atol=1e-9)
+    limit = math.acos((40**2 + 170**2 - 190**2) / (2 * 40 * 170))
+    crank = 0.96 * limit  # 2 % of twice the limit
+    diagonal = 40**2 + 170**2 - 2 * 40 * 170 * math.cos(crank)
+    cosine = (100**2 + 90**2 - diagonal) / (2 * 100 * 90)
+    np.testing.assert_allclose(found[0], math.degrees(math.acos(abs(cosine))), atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["watt", "five-bar"])
+def test_no_move_compiles_anything(name):
+    """The first one that locks, or that no triangle allows, is no exception."""
+    jax.clear_caches()
+    bench = drawn(DesignedLinkage.read(FOLDER / f"{name}.toml"))
+    bench.show(start(bench))
+    moves = [{knob.name: end} for knob in bench.knobs for end in (knob.high, knob.low)]
+    moves.append({knob.name: knob.low for knob in bench.knobs if knob.kind == "dimension"})
+    moves.append(
+        moves[-1] | {knob.name: knob.high for knob in bench.knobs if "ground" in knob.name}
+    )
+    compiled = []
+
+    def heard(event: str, *_: Any, **__: Any) -> None:
+        if event == "/jax/core/compile/backend_compile_duration":
+            compiled.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(heard)
+    try:
+        messages = [bench.show(start(bench, **move)).message for move in moves]
+        assert any("locks at" in said or "gives a pose" in said for said in messages)
+        assert not compiled
+        jax.jit(lambda number: number + len(moves))(1.0)
+        assert compiled
+    finally:
+        jax.monitoring.unregister_event_duration_listener(heard)
+
+
+def test_names_of_pivots_stand_off_their_links():
+    bench = bench_of("four-bar")
+    for crank in range(0, 360, 15):
+        shown = bench.show(start(bench, crank=float(crank)))
+        gids: dict[str, Any] = {str(one.get_gid()): one for one in shown.artists}
+        names = {one.words: one for one in shown.artists if isinstance(one, Lettering)}
+        axes = gids["path:A"].axes
+        poses = poses_of(gallery("four-bar"), jnp.radians(jnp.asarray([float(crank)])))
+        for pivot, other in (("O2", "A"), ("O4", "B")):
+            here, there = (
+                axes.transData.transform(np.asarray(poses.value.position(joint)))
+                for joint in (pivot, other)
+            )
+            # An outline is laid out around its place.
+            x, y = names[pivot].get_transform().transform((0.0, 0.0)) - here
+            link = there - here
+            between = math.atan2(y, x) - math.atan2(link[1], link[0])
+            assert abs(math.remainder(between, 2 * math.pi)) > math.radians(30)
 
 
 def test_a_crank_that_turns_has_a_full_turn():

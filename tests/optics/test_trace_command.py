@@ -407,5 +407,9 @@ def test_every_gallery_scene_is_traced_and_drawn(name, tmp_path, trace):
     assert (tmp_path / "t.png").stat().st_size > 10_000
     assert said == "" or name in ("circle.toml", "ellipse.toml")
     for pad in document["poses"][0]["pads"].values():
+        if name == "ellipse.toml":  # all rays meet in one point of the pad
+            assert (pad["coverage"], pad["px_per_mm"]) == (0, None)
+            assert pad["views"]["mirror:bowl"]["px_per_mm"] is None
+            continue
         assert pad["coverage"] > 0
         assert pad["px_per_mm"]["min"] <= pad["px_per_mm"]["median"] <= pad["px_per_mm"]["max"]

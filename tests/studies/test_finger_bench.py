@@ -36,7 +36,7 @@ def finger():
     return bench, values, canvas
 
 
-MOVED = {"pip": 50.0, "dip": 35.0, "crank F-E": 21.5, "camera tilt": -85.0, "camera x": 12.0}
+MOVED = {"pip": 50.0, "dip": 35.0, "crank F-E": 21.5, "camera tilt": 5.0, "camera x": 12.0}
 
 
 def test_flexion_comes_first_and_the_body_has_no_knobs(finger):
@@ -95,7 +95,7 @@ def test_messages_of_both_are_told(finger):
     bench, values, _ = finger
     assert bench.show(values).message == ""
     # The plate's other sides are 25.7 and 6 mm long.
-    told = bench.show(values | {"plate C-H": 10.0, "camera tilt": -65.0}).message
+    told = bench.show(values | {"plate C-H": 10.0, "camera tilt": 25.0}).message
     linkage, scene = told.split("; pad ")
     assert "plate" in linkage
     assert scene.startswith("'proximal': ")
@@ -124,7 +124,7 @@ def test_the_linkage_is_improved_before_camera_and_mirrors(finger, monkeypatch):
             yield Step({**given, "crank F-E": length}, f"crank {length:g}")
 
     def turned(given):
-        yield Step({**given, "camera tilt": -90.0}, "turned")
+        yield Step({**given, "camera tilt": 0.0}, "turned")
 
     monkeypatch.setattr(bench._linkage, "optimise", Steps(longer))
     monkeypatch.setattr(bench._scene, "optimise", Steps(turned))
@@ -137,7 +137,7 @@ def test_the_linkage_is_improved_before_camera_and_mirrors(finger, monkeypatch):
     ]
     assert all(step.values.keys() == values.keys() for step in steps)
     last = steps[-1].values
-    assert (last["crank F-E"], last["camera tilt"]) == (21.5, -90.0)
+    assert (last["crank F-E"], last["camera tilt"]) == (21.5, 0.0)
     changed = [
         {k for k in one if one[k] != two[k]} for one, two in pairwise(s.values for s in steps)
     ]
