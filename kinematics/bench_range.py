@@ -19,8 +19,8 @@ ALONG_EACH = 10
 """Samples of the range of each of several inputs; an even number has both 0° and 180° in it."""
 
 INSIDE = 0.02
-"""How far from a limit the outermost samples stay, as a part of the range: at the limit itself no
-lengths transmit anything."""
+"""How far from a limit the outermost samples of a single input stay, as a part of the range: at the
+limit itself no lengths transmit anything."""
 
 WHOLE = 1e-9
 """Rad by which a whole turn may be missed."""
@@ -116,10 +116,7 @@ class WorkingRange:
 
     def _sampled(self, column: int) -> np.ndarray:
         low, high = self._spans[column]
-        if self._whole(column):
-            return np.linspace(low, high, ALONG_EACH, endpoint=False)
-        inset = INSIDE * (high - low)
-        return np.linspace(low + inset, high - inset, ALONG_EACH)
+        return np.linspace(low, high, ALONG_EACH, endpoint=not self._whole(column))
 
 
 def _ranges(survey: Survey, span: tuple[float, float]) -> list[tuple[float, float]]:
