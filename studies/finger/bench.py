@@ -51,6 +51,7 @@ class FingerBench(Bench):
             held=[f"{name} {'-'.join(bodies[name].joints[:2])}" for name in PHALANGES],
             opposite=True,
         )
+        self._shown: dict[Bench, tuple[Values, Shown]] = {}
         self._joints = tuple(knob.name for knob in joints)
         self._lengths = tuple(knob for knob in self._linkage.knobs if knob.kind == "dimension")
         self.title = design.name
@@ -71,8 +72,8 @@ class FingerBench(Bench):
 
     def show(self, values: Values) -> Shown:
         """Both in one pose."""
-        linkage = self._linkage.show(self._of_linkage(values))
-        scene = self._scene.show(values)
+        linkage = self._side(self._linkage, values)
+        scene = self._side(self._scene, values)
         readings = [
             dataclasses.replace(reading, name=SIDE + reading.name)
             for reading in linkage.readings
@@ -86,10 +87,20 @@ class FingerBench(Bench):
             [*linkage.reframed, *scene.reframed],
         )
 
+    def _side(self, bench: Bench, values: Values) -> Shown:
+        """One of both; what has not been turned is shown already."""
+        own = _own(bench, values)
+        before = self._shown.get(bench)
+        if before is not None and before[0] == own:
+            return dataclasses.replace(before[1], reframed=())
+        shown = bench.show(own)
+        self._shown[bench] = own, shown
+        return shown
+
     def specs(self, values: Values) -> Sequence[SpecFile]:
         """The linkage file, of the straight finger, and the scene file."""
         straight = {**values, **dict.fromkeys(self._joints, 0.0)}
-        (linkage,) = self._linkage.specs(self._of_linkage(straight))
+        (linkage,) = self._linkage.specs(_own(self._linkage, straight))
         return [dataclasses.replace(linkage, name="linkage.toml"), *self._scene.specs(values)]
 
     def optimise(self, values: Values) -> Iterator[Step]:
@@ -100,7 +111,7 @@ class FingerBench(Bench):
         """
         faults = []
         try:
-            for step in self._linkage.optimise(self._of_linkage(values)):
+            for step in self._linkage.optimise(_own(self._linkage, values)):
                 lengths = {knob.name: step.values[knob.name] for knob in self._lengths}
                 values = {**values, **lengths}
                 yield Step(values, f"linkage: {step.message}")
@@ -116,5 +127,6 @@ class FingerBench(Bench):
                 raise UserError("; ".join(faults)) from error
             yield Step(values, faults[0])
 
-    def _of_linkage(self, values: Values) -> dict[str, float]:
-        return {knob.name: values[knob.name] for knob in self._linkage.knobs}
+
+def _own(bench: Bench, values: Values) -> dict[str, float]:
+    return {knob.name: values[knob.name] for knob in bench.knobs}
