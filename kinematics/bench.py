@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-import re
 import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -123,7 +122,8 @@ class LinkageBench(Bench):
 
         distances = self._made(values)
         linkage, fault = self._surveyor.shaped(distances), ""
-        for inputs in (self._inputs(values), self._home):
+        poses = {"as it stands": self._inputs(values), "in its first pose": self._home}
+        for pose, inputs in poses.items():
             survey = self._surveyor.survey(distances, inputs, 0, self._spans[0])
             fault = survey.message()
             if not survey.ok:
@@ -134,8 +134,8 @@ class LinkageBench(Bench):
             except UserError as error:  # such as a pose in which an assembly is not decided
                 fault = str(error)
                 continue
-            title = "the linkage as it stands, for designopt solve, explore and export"
-            return [SpecFile(f"{_stem(self.title)}.toml", title, text)]
+            title = f"the linkage {pose}, for designopt solve, explore and export"
+            return [SpecFile("linkage.toml", title, text)]
         raise UserError(
             f"'{self.title}' as it stands cannot be sketched in a file, neither in this pose nor "
             f"in the first one: {fault}"
@@ -274,7 +274,3 @@ def _matter(survey: Survey) -> str:
         return f"{survey.message()} No {survey.swept.name} in its range gives a pose."
     nearest = min(survey.edges, key=lambda edge: abs(edge.value - survey.here))
     return f"{survey.message()} {survey.swept.name} locks at {survey.told(nearest.value)}."
-
-
-def _stem(title: str) -> str:
-    return re.sub(r"\W+", "-", title).strip("-").lower() or "linkage"

@@ -100,8 +100,8 @@ class FingerBench(Bench):
     def specs(self, values: Values) -> Sequence[SpecFile]:
         """The linkage file, of the straight finger, and the scene file."""
         straight = {**values, **dict.fromkeys(self._joints, 0.0)}
-        (linkage,) = self._linkage.specs(_own(self._linkage, straight))
-        return [dataclasses.replace(linkage, name="linkage.toml"), *self._scene.specs(values)]
+        linkage = self._linkage.specs(_own(self._linkage, straight))
+        return [*linkage, *self._scene.specs(values)]
 
     def optimise(self, values: Values) -> Iterator[Step]:
         """The linkage's steps, then those of camera and mirrors.

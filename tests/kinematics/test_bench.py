@@ -114,7 +114,7 @@ def check(bench, values):
 
 def saved(bench, values):
     (file,) = bench.specs(values)
-    assert file.name.endswith(".toml")
+    assert file.name == "linkage.toml"
     return linkage_from(tomllib.loads(file.content), file.name)
 
 
@@ -202,6 +202,8 @@ def test_what_is_saved_where_it_locks_is_in_the_first_pose():
     values = start(bench, crank=189.0)
     assert bench.show(values).message
     check_saved(bench, values)
+    assert "in its first pose" in bench.specs(values)[0].title
+    assert "as it stands" in bench.specs(start(bench))[0].title
 
 
 def test_springs_are_as_taut_as_they_were():
