@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Generator, Iterable, Iterator, Sequence
-from concurrent.futures import CancelledError, Executor, as_completed
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
 
 from designopt.errors import UserError
 from designopt.sweeping.evaluating import Task, evaluate
 from designopt.sweeping.outcomes import Outcome
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 PATIENCE = 10.0
 """Seconds given to the scheduler to answer."""
@@ -43,8 +48,9 @@ def run_on_cluster(
             f"{place}: clusters need the extra 'cluster'; install it: pip install "
             "'designopt[cluster]'"
         ) from error
-    # What it logs of a lost scheduler is told below, in one line.
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    # What it logs of lost workers and schedulers is told below, in one line.
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, ImportError) as error:
@@ -53,36 +59,40 @@ def run_on_cluster(
             f"{place}: no scheduler answers there ({reason}); start one with 'dask scheduler', or "
             "correct the address"
         ) from error
-    if not client.nthreads():
-        print(f"{place}: it has no workers yet; waiting for some", file=sys.stderr)
-    executor = client.get_executor(pure=False)
     try:
-        suspects = []
-        for index, answer in _answers(executor, tasks, range(len(tasks)), place):
+        # A worker without this package ends when it reads a task, which then waits for another
+        # worker; this it can read.
+        list(_answers(client, version, {0: "designopt"}, place))
+        suspects = {}
+        for index, answer in _answers(client, evaluate, dict(enumerate(tasks)), place):
             if answer is None:
-                suspects.append(index)
+                suspects[index] = tasks[index]
             else:
                 yield index, answer
         # A lost worker is held against all tasks that were assigned to it: alone, each tells.
-        for index in suspects:
-            yield from _answers(executor, tasks, [index], place)
+        for index, task in suspects.items():
+            yield from _answers(client, evaluate, {index: task}, place)
     finally:
-        executor.shutdown(wait=False)
-        client.close(timeout=PATIENCE)
+        client.close(timeout=PATIENCE)  # whereupon the cluster forgets what is not finished
 
 
 def _answers(
-    executor: Executor, tasks: Sequence[Task], indices: Iterable[int], place: str
-) -> Iterator[tuple[int, list[Outcome] | None]]:
-    from distributed import KilledWorker
+    client: Client, function: Callable[[Any], Any], asked: Mapping[int, Any], place: str
+) -> Iterator[tuple[int, Any]]:
+    """What the function answers, by the number of what is asked; ``None`` for a lost worker."""
+    from distributed import KilledWorker, as_completed
 
-    futures = {executor.submit(evaluate, tasks[index]): index for index in indices}
-    for future in as_completed(futures):
+    if not client.nthreads():
+        print(f"{place}: it has no workers; waiting for some", file=sys.stderr)
+    futures = {client.submit(function, one, pure=False): index for index, one in asked.items()}
+    for future in as_completed([*futures], loop=client.loop):
+        # An answer that nobody holds is not computed again when its worker is lost.
+        index = futures.pop(future)
         try:
             answer = future.result()
         except KilledWorker:
             answer = None
-        except CancelledError as error:
+        except (CancelledError, OSError) as error:
             raise UserError(f"{place}: the scheduler was lost; start it again") from error
         except UserError as error:
             raise UserError(f"{place}: {error}") from error
@@ -91,4 +101,5 @@ def _answers(
                 f"{place}: a worker cannot run points ({type(error).__name__}: {error}); "
                 "install the same packages there"
             ) from error
-        yield futures[future], answer
+        del future
+        yield index, answer

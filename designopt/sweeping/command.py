@@ -84,6 +84,7 @@ def sweep(
       designopt sweep table1 --vary clearance=1:2:3 --set precision=false --set stability=false
     """
     # Imported here, so that listing the commands loads neither JAX nor Matplotlib.
+    from designopt.interrupts import interruptible
     from designopt.study import load_study
     from designopt.sweeping.points import grid_points, sobol_points
 
@@ -103,8 +104,11 @@ def sweep(
         if (key := text.partition("=")[0].strip()) in points.keys:
             raise UserError(f"--set {text}: '{key}' is varied; leave one of them out")
 
-    from designopt.sweeping.running import Request, run_sweep
+    # Code that is loaded may swallow an interrupt.
+    with interruptible() as check:
+        from designopt.sweeping.running import Request, run_sweep, versions_of
 
+        check()
     folder = out if out is not None else Path("out") / f"sweep-{study}"
     outcomes = run_sweep(
         Request(
@@ -117,6 +121,7 @@ def sweep(
             workers=workers or _cores(),
             scheduler=scheduler,
             force=force,
+            versions=versions_of(study),
         )
     )
     print(f"report: {folder / 'result' / 'report.html'}")

@@ -19,7 +19,6 @@ MOST_WRITTEN = 12
 
 COLOURS = "cividis"  # the same order for all eyes, and in grey
 
-
 WRITTEN = {"°": "deg", "mm²": "mm2", "%": "percent"}
 """Units as names of metrics end in them, where that is not the unit itself."""
 
@@ -116,12 +115,14 @@ def _map(points: Points, series: Series) -> Figure:
     axes.set_facecolor("0.85")
     low, high = float(cells.min()), float(cells.max())
     scale = Normalize(low, high)
-    image = axes.pcolormesh(cells, cmap=COLOURS, norm=scale, edgecolors="white", linewidth=0.5)
+    written = max(shape) <= MOST_WRITTEN
+    edges = {"edgecolors": "white", "linewidth": 0.5} if written else {}
+    image = axes.pcolormesh(cells, cmap=COLOURS, norm=scale, **edges)
     bar = figure.colorbar(image, ax=axes, label=series.label)
     bar.ax.ticklabel_format(useOffset=False)
     if series.target is not None and low < series.target.value < high:
         bar.ax.axhline(series.target.value, color="white", linewidth=2)
-    _label(axes, points, max(shape) <= MOST_WRITTEN, cells, scale, series.target)
+    _label(axes, points, written, cells, scale, series.target)
     return figure
 
 
@@ -157,5 +158,7 @@ def _label(
                 va="center",
                 color="white" if dark else "black",
             )
+    notes = ["grey: no value"] if np.ma.is_masked(cells) else []
     if target is not None:
-        axes.set_title(f"target {target}" + (" (* missed)" if short_of and written else ""))
+        notes.insert(0, f"target {target}" + (" (* missed)" if short_of and written else ""))
+    axes.set_title("; ".join(notes))

@@ -6,7 +6,6 @@ Nothing here loads JAX before `evaluate` has asked for one thread.
 from __future__ import annotations
 
 import functools
-import itertools
 import os
 import platform
 import sys
@@ -15,7 +14,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from designopt.errors import UserError
@@ -33,12 +32,7 @@ ONE_THREAD = {
 }
 """How the libraries below are told to use one thread; they read it when they are loaded."""
 
-REMEMBERED = 16
-"""After so many points what JAX has compiled is forgotten: a study that compiles its settings into
-its programs leaves tens of megabytes per point behind."""
-
 _ALONE = threading.Lock()
-_DONE = itertools.count(1)
 
 
 @dataclass(frozen=True)
@@ -77,28 +71,33 @@ def evaluate(task: Task) -> list[Outcome]:
             os.environ.update(ONE_THREAD)
         import jax
 
+        from designopt.sweeping.forgetting import compiled
+
+        programs = compiled()  # listens from now on
         study = _loaded(task.study, tuple(task.versions.items()))
         specs = [spec_with(study.spec, settings, study=task.study) for settings in task.settings]
         context = Context(task.seed, task.dtype, _no_step)
         with jax.enable_x64(task.dtype == "float64"):
             device = f"{jax.devices()[0].device_kind} ({platform.machine()}), one thread a worker"
-            if study.batch is not None:
-                return _batch(study, study.batch, specs, task.width, context, device)
-            outcomes = []
-            for spec in specs:
-                outcomes.append(_point(study.run, spec, context, device))
-                if next(_DONE) % REMEMBERED == 0:
-                    jax.clear_caches()
+            if study.batch is None:
+                outcomes = [_point(study.run, spec, context, device) for spec in specs]
+            else:
+                outcomes = _batch(study, study.batch, specs, task.width, context, device)
+            programs.task_is_done()
             return outcomes
 
 
 @functools.cache  # looking through what is installed takes longer than many a point
 def _loaded(name: str, versions: tuple[tuple[str, str], ...]) -> Study:
     for package, asked in versions:
-        if (here := version_of(package)) != asked:
+        try:
+            here = version_of(package)
+        except PackageNotFoundError:
+            here = "missing"
+        if here != asked:
             raise UserError(
-                f"worker on {platform.node()}: it has {package} {here}, and the sweep was begun "
-                f"with {asked}; install the same versions everywhere"
+                f"worker on {platform.node()}: {package} is {here}, and the sweep was begun with "
+                f"{asked}; install the same versions everywhere"
             )
     return load_study(name)
 
@@ -117,8 +116,8 @@ def _point(
         return found(metrics, time.perf_counter() - start, device)
     except UserError as error:
         reason, final = str(error), True
-    except (Exception, SystemExit) as error:  # a study is anyone's code, and the rest goes on
-        reason, final = f"{type(error).__name__}: {error}", False
+    except BaseException as error:  # a study is anyone's code, and the rest goes on
+        reason, final = ": ".join(filter(None, (type(error).__name__, str(error)))), False
     return failed(reason, final=final, seconds=time.perf_counter() - start, device=device)
 
 
@@ -134,15 +133,16 @@ def _batch(
     start = time.perf_counter()
     try:
         answers = batch(filled, context)
-    except (Exception, SystemExit):  # which point it was that raised, only single points tell
+        seconds = (time.perf_counter() - start) / len(specs)
+        outcomes = [
+            failed(str(answer), final=True, seconds=seconds, device=device)
+            if isinstance(answer, UserError)
+            else found(answer.metrics, seconds, device)
+            for answer, _ in zip(answers, filled, strict=True)
+        ]
+    except BaseException:  # which point it was that raised, only single points tell
         return [_point(study.run, spec, context, device) for spec in specs]
-    seconds = (time.perf_counter() - start) / len(specs)
-    return [
-        failed(str(answer), final=True, seconds=seconds, device=device)
-        if isinstance(answer, UserError)
-        else found(answer.metrics, seconds, device)
-        for answer in answers[: len(specs)]
-    ]
+    return outcomes[: len(specs)]
 
 
 def _no_step(_: str) -> AbstractContextManager[None]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,35 @@ POINTS = "points"
 RESULT = "result"
 
 
+@contextmanager
+def only_one(path: Path) -> Iterator[None]:
+    """Keep other sweeps out of a folder, which is made as needed, while the context lasts.
+
+    Where its file system cannot lock folders, nothing keeps them out; they would then compute the
+    same points twice.
+
+    Raises:
+        UserError: another sweep is at work there, or it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        place = os.open(path, os.O_RDONLY)
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+    try:
+        try:
+            fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise UserError(
+                f"--out {path}: another sweep is at work there; wait for it, or name another folder"
+            ) from error
+        except OSError:  # not on every file system
+            pass
+        yield
+    finally:
+        os.close(place)
+
+
 class Folder:
     """A sweep's folder.
 
@@ -25,10 +57,10 @@ class Folder:
     """
 
     def __init__(self, path: Path, definition: Mapping[str, Any], *, force: bool) -> None:
-        """Begin a sweep in a new or empty folder, or go on with one of the same definition.
+        """Begin a sweep in an empty folder, or go on with one of the same definition.
 
         Args:
-            path: the folder; made as needed.
+            path: the folder; see `only_one`.
             definition: what decides every point's numbers, as plain data with ``"versions"``.
             force: forget another sweep that is kept there.
 
@@ -38,10 +70,15 @@ class Folder:
         """
         self.path = path
         try:
-            names = {entry.name for entry in path.iterdir()} if path.exists() else set()
-            if names and DEFINITION not in names:
+            begun = (path / DEFINITION).exists()
+            # What a command that was killed while it wrote has left behind.
+            for pattern in (f".{DEFINITION}.*", *([f"{POINTS}/.*", ".partial-*"] if begun else [])):
+                for leftover in path.glob(pattern):
+                    shutil.rmtree(leftover, ignore_errors=True)
+            names = {entry.name for entry in path.iterdir()}
+            if names and not begun:
                 raise UserError(f"--out {path}: it holds no sweep; name a new folder")
-            if names:
+            if begun:
                 if not force:
                     self._compare(definition)
                     return
@@ -54,12 +91,9 @@ class Folder:
                 for name in (RESULT, POINTS):
                     if (path / name).exists():
                         shutil.rmtree(path / name)
-            path.mkdir(parents=True, exist_ok=True)
             _write(path / DEFINITION, definition)
         except OSError as error:
-            raise UserError(
-                f"--out {path}: cannot be written ({error.strerror}); name a folder that can"
-            ) from error
+            raise _cannot_write(path, error) from error
 
     def _compare(self, definition: Mapping[str, Any]) -> None:
         kept = _read(self.path / DEFINITION)
@@ -91,7 +125,7 @@ class Folder:
             UserError: a file is damaged.
         """
         found = {}
-        for path in sorted((self.path / POINTS).glob("[0-9]*.json")):
+        for path in kept_in(self.path):
             try:
                 found[int(path.stem)] = from_tables(_read(path))
             except (KeyError, TypeError, ValueError) as error:
@@ -110,6 +144,15 @@ class Folder:
         except OSError as error:
             raise UserError(f"{path.parent}: cannot be written: {error.strerror}") from error
         _write(path, {"point": index, "settings": dict(settings)} | to_tables(outcome))
+
+
+def kept_in(path: Path) -> list[Path]:
+    """The files of the points that are kept in a sweep's folder, in their order."""
+    return sorted((path / POINTS).glob("[0-9]*.json"))
+
+
+def _cannot_write(path: Path, error: OSError) -> UserError:
+    return UserError(f"--out {path}: cannot be written ({error.strerror}); name a folder that can")
 
 
 def _read(path: Path) -> dict[str, Any]:

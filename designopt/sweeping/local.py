@@ -7,12 +7,12 @@ import os
 import signal
 import threading
 from collections import Counter, deque
-from collections.abc import Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing.connection import wait as wait_for
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
+from designopt.errors import UserError
 from designopt.sweeping.evaluating import ONE_THREAD, Task, evaluate
 from designopt.sweeping.outcomes import Outcome
 
@@ -31,82 +31,124 @@ def run_locally(tasks: Sequence[Task], count: int) -> Generator[tuple[int, list[
 
     Yields:
         ``None`` in place of outcomes for a task that has lost its worker `MOST_LOSSES` times.
+
+    Raises:
+        UserError: a process cannot be started, or does not find the study.
     """
-    waiting, losses = deque(enumerate(tasks)), Counter[int]()
-    idle = [_Worker() for _ in range(min(count, len(tasks)))]
-    running: dict[Future[list[Outcome]], tuple[_Worker, int, Task]] = {}
+    waiting, losses = deque(range(len(tasks))), Counter[int]()
+    workers = [_Worker() for _ in range(min(count, len(tasks)))]
+    idle, running = list(workers), dict[Connection, tuple[_Worker, int]]()
     finished: list[tuple[int, list[Outcome] | None]] = []
     try:
         while waiting or running:
             while idle and waiting:
-                worker = idle.pop()
-                index, task = waiting.popleft()
-                running[worker.submit(task)] = worker, index, task
+                worker, index = idle.pop(), waiting.popleft()
+                running[worker.give(tasks[index])] = worker, index
             yield from finished  # whoever keeps them does so while the workers go on
             finished.clear()
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                worker, index, task = running.pop(future)
+            ready = wait(list(running))
+            for pipe in [one for one in running if one in ready]:
+                worker, index = running.pop(pipe)
                 idle.append(worker)
-                try:
-                    finished.append((index, future.result()))
-                except BrokenProcessPool:
+                answer = worker.answer()
+                if answer is None:
                     losses[index] += 1
-                    worker.end()
                     if losses[index] < MOST_LOSSES:
-                        waiting.appendleft((index, task))
-                    else:
-                        finished.append((index, None))
+                        waiting.appendleft(index)
+                        continue
+                finished.append((index, answer))
         yield from finished
     finally:
-        for worker in [*idle, *(worker for worker, _, _ in running.values())]:
+        for worker in workers:
+            worker.kill()
+        for worker in workers:
             worker.end()
 
 
 class _Worker:
-    """One process, started when it is first needed: a pool of one, so that a loss has one task."""
+    """One process, started when it is first needed, and again when it was lost."""
 
     def __init__(self) -> None:
-        self._pool: ProcessPoolExecutor | None = None
         self._process: BaseProcess | None = None
+        self._pipe: Connection | None = None
 
-    def submit(self, task: Task) -> Future[list[Outcome]]:
-        if self._pool is not None:
+    def give(self, task: Task) -> Connection:
+        """Hand it a task; what is returned is ready as soon as there is an `answer`."""
+        if self._pipe is not None:
             try:
-                return self._pool.submit(evaluate, task)
-            except BrokenProcessPool:  # it was lost while it had nothing to do
+                self._pipe.send(task)
+                return self._pipe
+            except OSError:  # it was lost while it had nothing to do
                 self.end()
-        before = set(multiprocessing.active_children())
-        self._pool = ProcessPoolExecutor(
-            1, multiprocessing.get_context("spawn"), _begin, (os.environ | ONE_THREAD,)
-        )
-        # A blocked signal stays blocked in the process that is started, and is kept for this one:
-        # Ctrl-C, which a terminal sends to both, ends a worker by `end` alone.
-        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        pipe = self._start()
+        with suppress(OSError):  # lost already: its answer will be that there is none
+            pipe.send(task)
+        return pipe
+
+    def answer(self) -> list[Outcome] | None:
+        """What became of the task; ``None`` if the worker was lost."""
+        assert self._pipe is not None
         try:
-            future = self._pool.submit(evaluate, task)
-            (self._process,) = set(multiprocessing.active_children()) - before
-        finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-        return future
+            found = self._pipe.recv()
+        except (EOFError, OSError):
+            self.end()
+            return None
+        if isinstance(found, UserError):
+            raise found
+        return found
+
+    def kill(self) -> None:
+        """End the process at once, without waiting until it is gone."""
+        if self._process is not None and self._process.pid is not None:
+            self._process.kill()
 
     def end(self) -> None:
         """End the process at once."""
-        if self._process is not None:
-            self._process.kill()
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
-        self._pool = self._process = None
+        self.kill()
+        if self._process is not None and self._process.pid is not None:
+            self._process.join()
+        if self._pipe is not None:
+            self._pipe.close()
+        self._process = self._pipe = None
+
+    def _start(self) -> Connection:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        process = context.Process(target=_work, args=(theirs, os.environ | ONE_THREAD))
+        self._process = process
+        # A blocked signal stays blocked in the process that is started: Ctrl-C, which a terminal
+        # sends to both, ends a worker by `end` alone.
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            process.start()
+        except OSError as error:
+            raise UserError(
+                f"--workers: no other process can be started ({error.strerror}); ask for fewer"
+            ) from error
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+        theirs.close()  # so that this end tells when the worker's is gone
+        return self._pipe
 
 
-def _begin(environment: dict[str, str]) -> None:
-    """Prepare a worker, which has loaded nothing yet that reads its environment."""
+def _work(pipe: Connection, environment: Mapping[str, str]) -> None:
+    """A worker, which has loaded nothing yet that reads its environment."""
     os.environ.update(environment)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    while True:
+        try:
+            task = pipe.recv()
+        except EOFError:  # whoever gave the tasks is gone
+            return
+        try:
+            answer = evaluate(task)
+        except UserError as error:
+            answer = error
+        pipe.send(answer)
 
 
 def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
-    wait_for([parent.sentinel])
+    wait([parent.sentinel])
     os._exit(1)

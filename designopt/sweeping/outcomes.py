@@ -32,9 +32,12 @@ class Outcome:
 
 
 def found(metrics: Sequence[Metric], seconds: float, device: str) -> Outcome:
-    """The outcome of a point that has metrics, as plain numbers that every file keeps exactly."""
+    """The outcome of a point that has metrics, as plain numbers that every file keeps exactly.
+
+    A published figure to compare with is of the study's own design, and is left out.
+    """
     plain = tuple(
-        Metric(one.name, _plain(one.value), one.unit, one.description, one.reference, one.target)
+        Metric(one.name, _plain(one.value), one.unit, one.description, target=one.target)
         for one in metrics
     )
     return Outcome(plain, seconds=seconds, device=device)
@@ -42,11 +45,12 @@ def found(metrics: Sequence[Metric], seconds: float, device: str) -> Outcome:
 
 def failed(reason: str, *, final: bool, seconds: float = 0.0, device: str = "") -> Outcome:
     """The outcome of a point that has none."""
-    return Outcome(failure=" ".join(reason.split()), final=final, seconds=seconds, device=device)
+    words = " ".join(reason.split()) or "no reason is given"
+    return Outcome(failure=words, final=final, seconds=seconds, device=device)
 
 
 def to_tables(outcome: Outcome) -> dict[str, Any]:
-    """An outcome as plain data for a JSON file; a number that is not finite becomes ``null``."""
+    """An outcome as plain data for a JSON file; numbers that are not finite become words."""
     if outcome.failure:
         found_or_not: dict[str, Any] = {"failure": outcome.failure, "final": outcome.final}
     else:
@@ -58,12 +62,12 @@ def from_tables(tables: Mapping[str, Any]) -> Outcome:
     """The outcome that `to_tables` made these of.
 
     Raises:
-        KeyError, TypeError: they are none.
+        KeyError, TypeError, ValueError: they are none.
     """
     metrics = tuple(
         Metric(
             one["name"],
-            math.nan if one["value"] is None else one["value"],
+            one["value"] if isinstance(one["value"], int | float) else float(one["value"]),
             one["unit"],
             one["description"],
             target=None if one["target"] is None else Target(*one["target"]),
@@ -83,7 +87,7 @@ def _metric(metric: Metric) -> dict[str, Any]:
     target = metric.target
     return {
         "name": metric.name,
-        "value": metric.value if math.isfinite(metric.value) else None,
+        "value": metric.value if math.isfinite(metric.value) else str(metric.value),
         "unit": metric.unit,
         "description": metric.description,
         "target": None if target is None else [target.relation, target.value, target.tolerance],

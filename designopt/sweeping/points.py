@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast, get_args
 
 import numpy as np
 from scipy.stats import qmc
@@ -81,7 +81,7 @@ def grid_points(model: type[Spec], texts: Sequence[str]) -> Points:
 
 
 def sobol_points(model: type[Spec], count: int, texts: Sequence[str], seed: int) -> Points:
-    """Scrambled Sobol points between bounds; those of an integer setting are rounded.
+    """Scrambled Sobol points between bounds; of an integer setting all values are as likely.
 
     Args:
         model: the study's spec.
@@ -90,8 +90,8 @@ def sobol_points(model: type[Spec], count: int, texts: Sequence[str], seed: int)
         seed: of the scrambling.
 
     Raises:
-        UserError: no texts, a text of another form, an unknown key, a key given twice, or too
-            many points.
+        UserError: no texts, a text of another form, an unknown key, a key given twice, bounds of
+            an integer setting that are no whole numbers, or too many points.
     """
     if not texts:
         raise UserError(
@@ -103,12 +103,16 @@ def sobol_points(model: type[Spec], count: int, texts: Sequence[str], seed: int)
     for text in texts:
         key, value = _named(model, "--sobol", text, "KEY=LOW:HIGH", bounds)
         bounds[key] = ends_of(value, f"--sobol {text}", "KEY")
+        if _is_integer(model, key) and not all(end.is_integer() for end in bounds[key]):
+            raise UserError(f"--sobol {text}: '{key}' has whole numbers; so must its bounds be")
     sampler = qmc.Sobol(len(bounds), rng=np.random.default_rng(seed))
     unit = sampler.random_base2(max(count - 1, 0).bit_length())[:count]
     columns = []
     for (key, (low, high)), column in zip(bounds.items(), unit.T, strict=True):
-        values = low + column * (high - low)
-        columns.append(_whole(model, key, np.rint(values) if _is_integer(model, key) else values))
+        if _is_integer(model, key):
+            columns.append(_whole(model, key, np.floor(low + column * (high - low + 1))))
+        else:
+            columns.append(_whole(model, key, low + column * (high - low)))
     rows = tuple(zip(*columns, strict=True))
     definition = {"sobol": count, "bounds": {key: list(ends) for key, ends in bounds.items()}}
     return Points(tuple(bounds), _labels(model, bounds), rows, None, definition)
@@ -136,8 +140,13 @@ def _labels(model: type[Spec], keys: Iterable[str]) -> tuple[str, ...]:
 
 
 def _is_integer(model: type[Spec], key: str) -> bool:
-    default = next(default for name, default, _ in fields(model) if name == key)
-    return isinstance(default, int) and not isinstance(default, bool)
+    *tables, name = key.split(".")
+    for table in tables:
+        model = cast("type[Spec]", model.model_fields[table].annotation)
+    kind = model.model_fields[name].annotation
+    # Behind ``Annotated``, and beside ``None``.
+    kinds = {getattr(one, "__origin__", one) for one in (kind, *get_args(kind))}
+    return int in kinds and float not in kinds
 
 
 def _whole(model: type[Spec], key: str, values: np.ndarray) -> tuple[Value, ...]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from designopt import figures
 from designopt.errors import UserError
@@ -13,13 +15,15 @@ from designopt.report import RunRecord
 from designopt.results import Cell, Figure, Metric, Results, Table, Target
 from designopt.runner import result_folder, write_results
 from designopt.study import Study
-from designopt.sweeping.drawings import Series, draw
+from designopt.sweeping.drawings import MOST_WRITTEN, Series, draw
 from designopt.sweeping.outcomes import Outcome
 from designopt.sweeping.points import Points, Value
 
 TIMES = ("s", "ms")
 """A metric in one of these is a run time: the studies' mechanics and optics know no time. It is not
 the same twice, and stays out of the tables that are."""
+
+ALL_FOUND = Target("=", 0)
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,7 @@ def write_result(swept: Swept, out: Path) -> None:
         study=study.name,
         purpose=f"A sweep of {len(points)} points over {', '.join(points.keys)}: {study.purpose}",
         spec={
-            "vary": dict(points.definition),
+            "vary": _told(points),
             "set": {
                 key: value for key, _, value in (text.partition("=") for text in swept.settings)
             },
@@ -119,9 +123,6 @@ def results(swept: Swept) -> Results:
             if (figure := metric_figure(swept.points, name, column)) is not None
         ],
     )
-
-
-ALL_FOUND = Target("=", 0)
 
 
 def points_table(swept: Swept) -> Table:
@@ -188,8 +189,8 @@ def run_times(swept: Swept) -> Table:
 
 
 def metric_figure(points: Points, name: str, column: list[Metric | None]) -> Figure | None:
-    """A metric over what is varied; ``None`` if no point has a number."""
-    values = [_number(metric) for metric in column]
+    """A metric over what is varied; ``None`` if no point has a finite number."""
+    values = [metric.value if metric and math.isfinite(metric.value) else None for metric in column]
     if all(value is None for value in values):
         return None
     shared = _shared(column)
@@ -208,8 +209,20 @@ def _findings(swept: Swept) -> list[str]:
             f"{len(values)} of {key}" for key, values in zip(points.keys, points.grid, strict=True)
         )
     failures = len(swept.failures)
-    ending = "every point has an answer" if not failures else f"{failures} failed, with the reason"
+    ending = f"{failures} failed, and a table says why" if failures else "every point has an answer"
     return [f"{where}; {ending}."]
+
+
+def _told(points: Points) -> dict[str, Any]:
+    """What makes the points, without long lists of values: the table of all points has them."""
+    if points.grid is None:
+        return dict(points.definition)
+    return {
+        key: list(values)
+        if len(values) <= MOST_WRITTEN
+        else f"{len(values)} values from {min(values)} to {max(values)}"
+        for key, values in zip(points.keys, points.grid, strict=True)
+    }
 
 
 def _number(metric: Metric | None) -> Value | None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from pathlib import Path
 
 from designopt.errors import Interrupted, UserError
@@ -13,10 +14,10 @@ from designopt.interrupts import interruptible
 from designopt.progress import point_display
 from designopt.runner import RECORDED_PACKAGES
 from designopt.settings import spec_with
-from designopt.study import Study
+from designopt.study import STUDY_GROUP, Study
 from designopt.sweeping.cluster import run_on_cluster
 from designopt.sweeping.evaluating import Task, version_of
-from designopt.sweeping.keeping import RESULT, Folder
+from designopt.sweeping.keeping import RESULT, Folder, kept_in, only_one
 from designopt.sweeping.local import run_locally
 from designopt.sweeping.outcomes import Outcome, failed
 from designopt.sweeping.points import Points
@@ -27,8 +28,8 @@ LEAST_TASKS = 16
 """A study with ``batch`` is given so many tasks at least, for several workers to have some."""
 
 LOST = failed(
-    "its worker was lost again and again (killed, perhaps for want of memory); give the same "
-    "command again to try once more",
+    "its worker was lost again and again (it crashed, or was killed, perhaps for want of memory); "
+    "give the same command again to try once more",
     final=False,
 )
 
@@ -48,6 +49,7 @@ class Request:
         scheduler: address of a dask scheduler, to compute on its cluster instead; ``None`` for
             this machine.
         force: whether another sweep in the folder may be replaced.
+        versions: see `versions_of`.
     """
 
     study: Study
@@ -59,6 +61,7 @@ class Request:
     workers: int
     scheduler: str | None
     force: bool
+    versions: Mapping[str, str]
 
 
 def run_sweep(request: Request) -> dict[int, Outcome]:
@@ -76,24 +79,23 @@ def run_sweep(request: Request) -> dict[int, Outcome]:
     try:
         with interruptible() as check:
             refused = _refused(request)
-            folder = Folder(request.out, _definition(request), force=request.force)
-            for index, outcome in folder.outcomes().items():
-                if outcome.final:
-                    kept[index] = outcome
-            for index in refused.keys() - kept.keys():
-                _keep(request, folder, kept, index, refused[index])
-            # The groups are those of the whole sweep, however much of it is kept: the last bits
-            # of a batch may depend on what else is in it.
-            valid = [index for index in range(len(request.points)) if index not in refused]
-            width = _width(request, len(valid))
-            groups = [valid[start : start + width] for start in range(0, len(valid), width)]
-            missing = [group for group in groups if not kept.keys() >= set(group)]
-            if missing:
-                _compute(request, folder, kept, missing, width, check)
-            write_result(_swept(request, kept), request.out / RESULT)
-            check()
+            with only_one(request.out):
+                folder = Folder(request.out, _definition(request), force=request.force)
+                for index, outcome in folder.outcomes().items():
+                    if outcome.final:
+                        kept[index] = outcome
+                for index in refused.keys() - kept.keys():
+                    _keep(request, folder, kept, index, refused[index])
+                # The groups are those of the whole sweep, however much of it is kept: the last
+                # bits of a batch may depend on what else is in it.
+                valid = [index for index in range(len(request.points)) if index not in refused]
+                width = _width(request, len(valid))
+                groups = [valid[start : start + width] for start in range(0, len(valid), width)]
+                _compute(request, folder, kept, groups, width, check)
+                write_result(_swept(request, kept), request.out / RESULT)
+                check()
     except KeyboardInterrupt as interrupt:
-        raise Interrupted(f"{_kept(request, kept)}; the same command goes on") from interrupt
+        raise Interrupted(f"{_kept(request)}; the same command goes on") from interrupt
     return kept
 
 
@@ -114,9 +116,11 @@ def _settings(request: Request, index: int) -> tuple[str, ...]:
     return (*request.settings, *request.points.assignments(index))
 
 
-def versions() -> dict[str, str]:
-    """Of Python and of the packages that shape the numbers."""
-    return {name: version_of(name) for name in ("python", *RECORDED_PACKAGES)}
+def versions_of(study: str) -> dict[str, str]:
+    """Of Python, of the packages that shape the numbers, and of the one that offers the study."""
+    points = entry_points(group=STUDY_GROUP, name=study)
+    offering = [point.dist.name for point in points if point.dist is not None]
+    return {name: version_of(name) for name in ("python", *RECORDED_PACKAGES, *offering)}
 
 
 def _definition(request: Request) -> dict[str, object]:
@@ -126,7 +130,7 @@ def _definition(request: Request) -> dict[str, object]:
         "settings": list(request.settings),
         "seed": request.seed,
         "dtype": request.dtype,
-        "versions": versions(),
+        "versions": dict(request.versions),
     }
 
 
@@ -145,6 +149,10 @@ def _compute(
     width: int,
     check: Callable[[], None],
 ) -> None:
+    """Compute and keep the points of these groups that are not kept yet."""
+    missing = [group for group in groups if not kept.keys() >= set(group)]
+    if not missing:
+        return
     tasks = [
         Task(
             request.study.name,
@@ -152,26 +160,31 @@ def _compute(
             width,
             request.seed,
             request.dtype,
-            versions(),
+            request.versions,
         )
-        for group in groups
+        for group in missing
     ]
     if request.scheduler is None:
         answers = run_locally(tasks, request.workers)
     else:
         answers = run_on_cluster(tasks, request.scheduler)
     failures = sum(bool(outcome.failure) for outcome in kept.values())
+    alone: list[list[int]] = []
     try:
         with point_display(len(request.points), len(kept), failures) as show, closing(answers):
             for task, answer in answers:
-                for place, index in enumerate(groups[task]):
+                if answer is None and len(missing[task]) > 1:
+                    alone += [[index] for index in missing[task]]
+                    continue
+                for index, outcome in zip(missing[task], answer or [LOST], strict=True):
                     if index not in kept:
-                        outcome = LOST if answer is None else answer[place]
                         _keep(request, folder, kept, index, outcome)
                         show(bool(outcome.failure))
                 check()
     except UserError as error:
-        raise UserError(f"{error}; {_kept(request, kept)}") from error
+        raise UserError(f"{error}; {_kept(request)}") from error
+    # Some point ends every worker that is given its group: the others of the group have answers.
+    _compute(request, folder, kept, alone, width, check)
 
 
 def _keep(
@@ -182,8 +195,9 @@ def _keep(
     kept[index] = outcome
 
 
-def _kept(request: Request, kept: dict[int, Outcome]) -> str:
-    return f"{len(kept)} of {len(request.points)} points are kept in {request.out}"
+def _kept(request: Request) -> str:
+    # Counted there: an interrupt may come just after a point was written.
+    return f"{len(kept_in(request.out))} of {len(request.points)} points are kept in {request.out}"
 
 
 def _swept(request: Request, kept: dict[int, Outcome]) -> Swept:
@@ -194,5 +208,5 @@ def _swept(request: Request, kept: dict[int, Outcome]) -> Swept:
         request.settings,
         request.seed,
         request.dtype,
-        versions(),
+        request.versions,
     )

@@ -1,10 +1,12 @@
 """``designopt sweep`` as a person meets it: faults, failed points, no scheduler."""
 
 import csv
+from importlib.metadata import version
 
 import pytest
 
 from designopt import cli
+from designopt.sweeping.running import versions_of
 
 TABLE = "result/tables/points.csv"
 
@@ -71,3 +73,17 @@ def test_a_scheduler_that_is_not_there_costs_no_point(installed, capsys, monkeyp
     told = capsys.readouterr().err
     assert told.startswith(f"error: --scheduler {address}: no scheduler answers there")
     assert told.endswith("0 of 3 points are kept in out/sweep-swept\n")
+
+
+def test_a_point_that_ends_every_worker_costs_no_other_of_its_batch(installed, capsys, monkeypatch):
+    monkeypatch.setattr("designopt.sweeping.local.MOST_LOSSES", 1)
+    sweep = ["sweep", "batched", "--vary", "x=1:17:17", "--set", "fatal=2", "--workers", "1"]
+    assert cli.run([*sweep, "--out", "o"]) == 1  # two points in a batch
+    told = capsys.readouterr().err.splitlines()
+    assert told[0] == "failed: 1 of 17 points"
+    assert told[1].startswith("  x=2.0: its worker was lost again and again")
+
+
+def test_the_package_that_offers_a_study_is_among_the_versions(installed):
+    assert versions_of("swept")["swept"] == "1.0"
+    assert versions_of("table1")["designopt"] == version("designopt")

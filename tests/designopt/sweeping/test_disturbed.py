@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from importlib.metadata import PackageNotFoundError
 from typing import Any
 
 import pytest
@@ -80,11 +81,19 @@ def test_an_interrupted_sweep_goes_on_and_finds_the_same(installed, undisturbed)
     assert before.items() <= kept(out).items()  # none of them was computed again
 
 
-def test_what_workers_cannot_do_is_told(installed, cluster):
+def nowhere(package):
+    raise PackageNotFoundError(f"no {package}")
+
+
+def test_what_workers_cannot_do_is_told(installed, cluster, monkeypatch):
     address = cluster.scheduler_address
     with pytest.raises(UserError, match=r"the sweep was begun with 0\.0"):
         next(run_on_cluster([Task("swept", (("x=1",),), 1, 0, "float64", {"jax": "0.0"})], address))
-    cluster.scheduler.allowed_failures = 0
+    with monkeypatch.context() as patch:
+        patch.setattr(cluster_module, "version", nowhere)
+        with pytest.raises(UserError, match=r"cannot run points \(PackageNotFoundError"):
+            next(run_on_cluster(tasks(2), address))
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
     answers: dict[int, Any] = dict(run_on_cluster(tasks(4, "fatal=2"), address))
     assert answers[1] is None
     for index, x in ((0, 1), (2, 3)):
@@ -118,7 +127,7 @@ def test_a_scheduler_that_is_lost_or_was_never_there_is_one_line(scheduler, caps
     with pytest.raises(UserError, match=f"--scheduler {address}: the scheduler was lost"):
         next(run_on_cluster(tasks(3), address))
     lose.join()
-    assert "no workers yet; waiting" in capsys.readouterr().err
+    assert "no workers; waiting" in capsys.readouterr().err
     monkeypatch.setattr(cluster_module, "PATIENCE", 0.5)
     with pytest.raises(UserError, match=f"--scheduler {address}: no scheduler answers there"):
         next(run_on_cluster(tasks(3), address))

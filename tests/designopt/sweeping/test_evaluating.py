@@ -1,6 +1,7 @@
 """What a worker makes of its points, here in this process."""
 
 import dataclasses
+import json
 import math
 
 import jax
@@ -8,8 +9,10 @@ import pytest
 
 from designopt import UserError
 from designopt.results import Metric, Target
+from designopt.sweeping import evaluating
 from designopt.sweeping.evaluating import Task, evaluate, version_of
 from designopt.sweeping.outcomes import failed, found, from_tables, to_tables
+from tests.designopt.sweeping.plugin import BATCHED
 
 
 def task(study, *settings, width=1, **changes):
@@ -50,8 +53,28 @@ def test_a_batch_that_raises_is_run_point_by_point(installed):
     assert broken.failure.startswith("ZeroDivisionError")
 
 
+@pytest.mark.parametrize("raised", [KeyboardInterrupt, SystemExit, MemoryError, UserError])
+def test_whatever_a_study_raises_is_the_reason_of_its_point(installed, monkeypatch, raised):
+    def broken(*_):
+        raise raised
+
+    monkeypatch.setattr(math, "sin", broken)
+    for study in ("swept", "batched"):
+        (outcome,) = evaluate(task(study, "x=2"))
+        wanted = "no reason is given" if raised is UserError else raised.__name__
+        assert (outcome.failure, outcome.final) == (wanted, raised is UserError)
+
+
+def test_a_batch_that_answers_for_other_points_is_run_point_by_point(installed, monkeypatch):
+    monkeypatch.setattr(
+        evaluating, "load_study", lambda name: dataclasses.replace(BATCHED, batch=lambda *_: [])
+    )
+    (outcome,) = evaluate(task("batched", "x=2", versions={"numpy": version_of("numpy")}))
+    assert outcome.metrics[0].value == 2 * math.sin(2.0) / 2
+
+
 def test_other_versions_are_refused(installed):
-    with pytest.raises(UserError, match=r"it has jax .* the sweep was begun with 0\.0"):
+    with pytest.raises(UserError, match=r"jax is .* the sweep was begun with 0\.0"):
         evaluate(task("swept", "x=1", versions={"python": version_of("python"), "jax": "0.0"}))
 
 
@@ -60,9 +83,8 @@ def test_outcomes_survive_their_file():
     many = found([metric, Metric("n", 3, "", "")], 1.5, "cpu")
     assert from_tables(to_tables(many)) == many
     assert to_tables(many)["metrics"][1]["value"].__class__ is int
-    assert (
-        to_tables(found([Metric("a", float("inf"), "", "")], 0, ""))["metrics"][0]["value"] is None
-    )
+    endless = found([Metric("a", math.inf, "", ""), Metric("b", -math.inf, "", "")], 0, "")
+    assert from_tables(json.loads(json.dumps(to_tables(endless), allow_nan=False))) == endless
     lost = failed("a\n b", final=False, seconds=2.0, device="cpu")
     assert lost.failure == "a b"
     assert from_tables(to_tables(lost)) == lost

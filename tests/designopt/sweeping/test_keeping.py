@@ -6,14 +6,14 @@ import pytest
 
 from designopt import UserError
 from designopt.results import Metric
-from designopt.sweeping.keeping import Folder
+from designopt.sweeping.keeping import Folder, only_one
 from designopt.sweeping.outcomes import failed, found
 
 DEFINITION = {"study": "swept", "seed": 0, "versions": {"jax": "1", "numpy": "2"}}
 
 
 def test_finished_points_are_there_for_the_same_sweep(tmp_path):
-    folder = Folder(tmp_path / "a" / "b", DEFINITION, force=False)
+    folder = Folder(tmp_path, DEFINITION, force=False)
     assert folder.outcomes() == {}
     outcomes = {0: found([Metric("a", 0.1, "", "")], 1.0, "cpu"), 12: failed("no", final=False)}
     for index, outcome in outcomes.items():
@@ -34,6 +34,36 @@ def test_another_sweep_is_refused_and_replaced_by_force_alone(tmp_path):
     assert len(Folder(tmp_path, DEFINITION, force=False).outcomes()) == 1
     assert Folder(tmp_path, other, force=True).outcomes() == {}
     assert Folder(tmp_path, other, force=False).outcomes() == {}
+
+
+def test_a_folder_has_one_sweep_at_a_time(tmp_path):
+    with only_one(tmp_path / "a" / "b"):
+        with (
+            pytest.raises(UserError, match="another sweep is at work there"),
+            only_one(tmp_path / "a" / "b"),
+        ):
+            pass
+        with only_one(tmp_path / "a"):
+            pass
+    with only_one(tmp_path / "a" / "b"):
+        pass
+    (tmp_path / "file").touch()
+    with (
+        pytest.raises(UserError, match=r"--out .*file: cannot be written"),
+        only_one(tmp_path / "file"),
+    ):
+        pass
+
+
+def test_what_a_killed_sweep_left_behind_goes(tmp_path):
+    (tmp_path / ".sweep.json.abc").mkdir()
+    Folder(tmp_path, DEFINITION, force=False).keep(3, {}, failed("no", final=True))
+    for name in (".sweep.json.abc", ".partial-abc", "points/.000003.json.abc"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "half").touch()
+    assert len(Folder(tmp_path, DEFINITION, force=False).outcomes()) == 1
+    names = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*"))
+    assert names == ["points", "points/000003.json", "sweep.json"]
 
 
 def test_what_is_no_sweep_is_never_touched(tmp_path):

@@ -2,8 +2,12 @@
 
 import math
 import multiprocessing
+from multiprocessing.context import SpawnProcess
 from typing import Any
 
+import pytest
+
+from designopt import UserError
 from designopt.sweeping.evaluating import Task
 from designopt.sweeping.local import MOST_LOSSES, run_locally
 
@@ -29,6 +33,35 @@ def test_a_lost_worker_costs_its_own_point_only(installed, tmp_path):
         assert outcome.metrics[0].value == 2 * math.sin(index + 1) / (index + 1)
     assert (tmp_path / "once").is_file()
     assert workers() == before
+
+
+def test_an_interrupt_while_a_worker_starts_leaves_none_behind(installed, monkeypatch):
+    start = SpawnProcess.start
+
+    def interrupted(process):
+        start(process)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(SpawnProcess, "start", interrupted)
+    before = workers()
+    with pytest.raises(KeyboardInterrupt):
+        next(run_locally(tasks(("x=1", "wait=1000")), 1))
+    assert workers() == before
+
+
+def test_a_process_that_cannot_be_started_is_told(installed, monkeypatch):
+    def refused(process):
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(SpawnProcess, "start", refused)
+    with pytest.raises(UserError, match=r"--workers: .*temporarily unavailable.*ask for fewer"):
+        next(run_locally(tasks(("x=1",)), 1))
+
+
+def test_what_a_worker_does_not_find_is_told(installed):
+    strange = Task("swept", (("x=1",),), 1, 0, "float64", {"jax": "0.0"})
+    with pytest.raises(UserError, match=r"jax is .* the sweep was begun with 0\.0"):
+        next(run_locally([strange], 1))
 
 
 def test_closing_ends_the_workers_at_once(installed):

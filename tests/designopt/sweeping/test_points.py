@@ -1,12 +1,16 @@
 """Which points are swept, in which order, and what is said of faulty ranges."""
 
+import collections
 import itertools
+from typing import Annotated
 
 import numpy as np
 import pytest
+from pydantic import Field
 from scipy.stats import qmc
 
 from designopt import UserError
+from designopt.study import Spec
 from designopt.sweeping.points import grid_points, sobol_points
 from tests.designopt.sweeping.plugin import SweptSpec
 
@@ -25,8 +29,28 @@ def test_whole_values_of_an_integer_setting_are_integers():
     points = grid_points(SweptSpec, ["count=1:2:3"])
     assert points.rows == ((1,), (1.5,), (2,))  # the one in between is a fault of its point
     assert points.assignments(2) == ("count=2",)
-    sobol = sobol_points(SweptSpec, 8, ["count=1:9"], seed=0)
-    assert {type(row[0]) for row in sobol.rows} == {int}
+    assert grid_points(SweptSpec, ["fatal=1:3:3"]).rows == ((1.0,), (2.0,), (3.0,))
+
+
+class Inner(Spec):
+    whole: Annotated[int, Field(ge=1)] | None = None
+
+
+class Outer(Spec):
+    real: float = 1  # written without a point
+    inner: Inner = Inner()
+
+
+def test_what_a_setting_is_says_its_type_and_not_its_default():
+    assert repr(grid_points(Outer, ["real=1,2"]).rows) == "((1.0,), (2.0,))"
+    assert repr(grid_points(Outer, ["inner.whole=1,2"]).rows) == "((1,), (2,))"
+
+
+def test_sobol_points_of_an_integer_setting_have_every_value_as_often():
+    sobol = sobol_points(SweptSpec, 64, ["count=1:8"], seed=0)
+    drawn = collections.Counter(row[0] for row in sobol.rows)
+    assert drawn == dict.fromkeys(range(1, 9), 8)
+    assert {type(value) for value in drawn} == {int}
 
 
 def test_sobol_points_are_scipys_between_the_bounds():
@@ -60,6 +84,7 @@ def test_faulty_grids_are_told(texts, words):
     [
         (4, [], "--sobol 4: say between which bounds"),
         (4, ["x=1:2:3"], "--sobol x=1:2:3: write it as KEY=LOW:HIGH"),
+        (4, ["count=1:2.5"], "'count' has whole numbers; so must its bounds be"),
         (4, ["x=2:1"], "LOW must be smaller than HIGH"),
         (4, ["x=1:nan"], "'nan' is not a finite number"),
         (4, ["x=1:2", "x=1:2"], "'x' is varied twice"),

@@ -1,5 +1,6 @@
 """Tables and figures of a sweep, from outcomes that are known."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,10 @@ def test_a_sweep_without_failures_has_no_table_of_them():
     ]
     assert [figure.name for figure in found_all.figures] == ["area"]  # of nothing there is none
     assert results(swept(GRID, 1.0, None, 3.0, 4.0)).unmet
+    endless = results(swept(GRID, math.inf, 2.0, 3.0, 4.0))
+    assert endless.tables[0].rows[0][3] == math.inf
+    assert [figure.name for figure in endless.figures] == ["area"]
+    assert not results(swept(GRID, *4 * [math.inf])).figures
 
 
 def test_a_grid_of_two_settings_is_a_map_with_its_numbers():
@@ -83,7 +88,7 @@ def test_a_grid_of_two_settings_is_a_map_with_its_numbers():
     assert [text.get_text() for text in axes.texts] == ["4", "–", "-1*", "3"]
     assert (axes.get_ylabel(), axes.get_xlabel()) == ("x (mm)", "wait (s)")
     assert [label.get_text() for label in axes.get_xticklabels()] == ["0", "5"]
-    assert axes.get_title() == "target ≥ 2 (* missed)"
+    assert axes.get_title() == "target ≥ 2 (* missed); grey: no value"
     assert bar.get_ylabel() == "area (mm)"
 
 
