@@ -29,7 +29,13 @@ def near_home(name, count, spread=0.3):
     return jnp.asarray(home + random.uniform(-spread, spread, (count, len(home))))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name == "double-butterfly" else ())
+        for name in NAMES
+    ],
+)
 def test_every_gallery_linkage_closes(name):
     poses = poses_of(gallery(name), near_home(name, 20, 0.05))
     assert bool(jnp.all(poses.ok))

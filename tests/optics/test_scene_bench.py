@@ -125,7 +125,14 @@ def test_the_saved_file_has_the_knobs_numbers_and_the_camera_takes_its_body_alon
         np.testing.assert_allclose(one, other, atol=1e-9)
 
 
-@pytest.mark.parametrize("turned", [{}, MOVED, {"pip": 60.0, "camera tilt": 26.3}])
+@pytest.mark.parametrize(
+    "turned",
+    [
+        pytest.param({}, marks=pytest.mark.slow),
+        MOVED,
+        pytest.param({"pip": 60.0, "camera tilt": 26.3}, marks=pytest.mark.slow),
+    ],
+)
 def test_readings_are_those_of_the_saved_scene(turned):
     bench, values, _ = opened("finger")
     values |= turned
@@ -291,6 +298,7 @@ def test_the_header_tells_the_pose():
     assert first == "# finger as explored; in the picture it had --pose pip=35,dip=0"
 
 
+@pytest.mark.slow
 def test_a_point_that_all_rays_meet_has_no_resolution():
     bench, values, _ = opened("ellipse")
     found = readings(shown := bench.show(values))
@@ -304,6 +312,7 @@ def test_a_point_that_all_rays_meet_has_no_resolution():
     assert by_gid(shown, "ray:mirror:bowl:target") is not None
 
 
+@pytest.mark.slow
 def test_the_camera_is_drawn_whole():
     for name in ("finger", "periscope"):
         bench, values, canvas = opened(name)

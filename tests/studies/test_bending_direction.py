@@ -89,6 +89,7 @@ def test_rules_on_answers_counted_by_hand():
     assert math.isnan(Tally(Direction.UP, (Direction.INITIAL,)).decided)
 
 
+@pytest.mark.slow
 def test_the_best_chamber_beats_every_one_of_a_grid(finger):
     asked = problem(finger)
     designs, held_by = best(finger, seed=0)
@@ -118,6 +119,7 @@ def test_the_best_chamber_beats_every_one_of_a_grid(finger):
     ]
 
 
+@pytest.mark.slow
 def test_designs_between_differ_in_one_knob(finger):
     designs, _ = best(finger, seed=0)
     own, end = (np.array(jax.tree.leaves(designs[i].knobs)) for i in (0, -1))

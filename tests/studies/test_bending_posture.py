@@ -77,6 +77,7 @@ def data(finger):
     return data_of(BendingPostureSpec(unseen=50), finger, 50, [32], seed=3)
 
 
+@pytest.mark.slow
 def test_a_quick_run_reads_postures(done):
     code, document, out = done
     assert code == 0
@@ -101,6 +102,7 @@ def test_a_quick_run_reads_postures(done):
         assert (out / "figures" / f"{name}.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_the_network_of_a_run_is_loaded_and_reads_a_new_frame(done, finger):
     _, document, out = done
     assert document["specs"] == ["specs/posture.network"]

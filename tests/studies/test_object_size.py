@@ -221,6 +221,7 @@ def done(tmp_path_factory):
     return code, json.loads((out / "results.json").read_text(encoding="utf-8")), out
 
 
+@pytest.mark.slow
 def test_a_quick_run_tells_bottles_apart(done):
     code, document, out = done
     measured = {name: metric["value"] for name, metric in document["metrics"].items()}
@@ -240,6 +241,7 @@ def test_a_quick_run_tells_bottles_apart(done):
         assert (out / "figures" / f"{name}.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_tables_of_the_quick_run_agree(done):
     _, document, out = done
 
