@@ -1,6 +1,7 @@
 """Global settings of the test run: what the library must bear, and must never set itself."""
 
 import os
+import signal
 import sys
 
 # Other ways for XLA to make its code, which compile in two thirds of the time; read when JAX is
@@ -9,6 +10,11 @@ import sys
 QUICK_TO_COMPILE = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
 if "PYTEST_XDIST_WORKER" not in os.environ and "slow" not in sys.argv:
     os.environ.setdefault("XLA_FLAGS", QUICK_TO_COMPILE)
+
+# Who starts the tests in the background has them ignore interrupts, and so would every command that
+# a test starts in order to interrupt it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 import hypothesis  # noqa: E402
 import jax  # noqa: E402
