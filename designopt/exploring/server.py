@@ -207,7 +207,7 @@ class Tab(_Guarded, WebSocketHandler):
         with suppress(ValueError, TypeError, KeyError):  # something else is not for us
             self._take(json.loads(message))
 
-    def _take(self, event: Mapping[str, Any]) -> None:
+    def _take(self, event: dict[str, Any]) -> None:
         kind = event["type"]
         if kind == "ack":
             self._busy = False
