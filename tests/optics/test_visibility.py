@@ -98,6 +98,7 @@ def person(foot: float = 0.8) -> Case:
     )
 
 
+@pytest.mark.slow
 def test_half_a_height_of_mirror_shows_a_whole_body():
     np.testing.assert_allclose(extent(answer_of(person()), [BOTH]), [0, 1], atol=ROUNDING)
     raised = extent(answer_of(person(foot=0.9)), [BOTH])

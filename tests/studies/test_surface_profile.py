@@ -67,6 +67,7 @@ def done(tmp_path_factory):
     return results, json.loads((out / "results.json").read_text(encoding="utf-8")), out
 
 
+@pytest.mark.slow
 def test_a_quick_run_tells_surfaces_apart(done):
     results, document, out = done
     measured = {name: metric["value"] for name, metric in document["metrics"].items()}
@@ -85,12 +86,14 @@ def test_a_quick_run_tells_surfaces_apart(done):
         assert (out / "figures" / f"{name}.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_only_the_stated_finger_has_a_target(done):
     results, _, _ = done
     # Fewer frames are another slide than the stated one.
     assert all(metric.target is None for metric in results.metrics)
 
 
+@pytest.mark.slow
 def test_tables_count_every_slide(done):
     results, _, _ = done
     tables = {table.name: table for table in results.tables}
