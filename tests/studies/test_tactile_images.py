@@ -35,6 +35,7 @@ def done(tmp_path_factory):
     return code, json.loads((out / "results.json").read_text(encoding="utf-8")), out
 
 
+@pytest.mark.slow
 def test_a_quick_run_finds_what_can_be_found(done):
     code, document, out = done
     measured = {name: metric["value"] for name, metric in document["metrics"].items()}
@@ -49,6 +50,7 @@ def test_a_quick_run_finds_what_can_be_found(done):
         assert (out / "figures" / f"{name}.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_no_frame_of_the_quick_run_raised(done):
     _, _, out = done
     rows = (out / "tables" / "corrupted.csv").read_text(encoding="utf-8").splitlines()[1:]
