@@ -25,6 +25,9 @@ ROOM = 0.15
 LEAST_FILLED = 0.5
 """A view that shows less than this part of itself is narrowed."""
 
+TICKS = 4
+"""Most steps between ticks along an axis: when limits change, most of the time goes to ticks."""
+
 Span = tuple[float, float]
 
 
@@ -69,6 +72,8 @@ class ChamberPicture:
         self._make_section()
         self._make_line()
         self._make_sensor()
+        for axes in (self._section, self._line, self._sensor):
+            axes.locator_params(nbins=TICKS)
 
     @property
     def artists(self) -> list[Artist]:
@@ -154,7 +159,6 @@ class ChamberPicture:
         axes.set(xlabel="on the sensor (mm)", aspect="equal")
         axes.set_title("Image rings")
         axes.grid(visible=False)
-        axes.tick_params(axis="x", labelrotation=30)
         red, *inner = REGIONS.values()
         # The red wall reaches to the lens, farther out than any sensor.
         self._red = axes.axhspan(0, 1, color=red, linewidth=0, animated=True)
