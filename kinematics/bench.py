@@ -112,9 +112,9 @@ class LinkageBench(Bench):
             span = self._spans[self._swept]
             survey = self._surveyor.survey(distances, inputs, self._swept, span)
             least = self._least(distances, inputs, survey)
-        artists, reframed = self._picture.show(survey)
+        artists = self._picture.show(survey)
         message = broken if survey is None else _matter(survey)
-        return Shown(self._readings(inputs, survey, least), artists, message, reframed)
+        return Shown(self._readings(inputs, survey, least), artists, message)
 
     def specs(self, values: Values) -> Sequence[SpecFile]:
         """See `Bench`: the linkage as it is shown, or where it has no pose there, as sketched."""

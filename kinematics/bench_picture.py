@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import SubFigure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import ScaledTranslation
 
 from designopt.figures import PALETTE
 from designopt.lettering import Lettering
+from designopt.quick_text import QuickText
+from designopt.ruling import Ruling, hold
 from kinematics.bench_survey import EDGES, Survey
 from kinematics.drawing import (
     LABELS,
@@ -45,6 +48,10 @@ CLEAR = math.radians(35)
 LEFT = {"loc": "left", "fontsize": 9}
 SMALL = 8
 """Size of ticks and names of axes, in points."""
+BELOW = -26.0
+"""From an axis along an input to the line its name is written on, in points."""
+DEGREES = (1, 1.5, 2, 3, 4.5, 5, 6, 9, 10)
+"""Round steps of an angle, times a power of ten."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +62,7 @@ class Layout:
         pose: of the pose.
         margin: of the margin.
         angle: of the transmission angles.
-        ticks: most steps between ticks along an input.
+        steps: most intervals between ticks: of the pose, along an input, and of the margin.
         pins: pins side by side in the legend.
         angles: title of the angles.
     """
@@ -63,26 +70,26 @@ class Layout:
     pose: Place
     margin: Place
     angle: Place
-    ticks: int
+    steps: tuple[int, int, int]
     pins: int
     angles: str
 
 
 WIDE = Layout(
-    (0.065, 0.09, 0.485, 0.84),
+    (0.07, 0.09, 0.48, 0.84),
     (0.62, 0.56, 0.36, 0.37),
     (0.62, 0.09, 0.36, 0.37),
-    ticks=8,
+    steps=(8, 8, 6),
     pins=4,
     angles="Transmission angle μ (°)",
 )
 """The pose on the left, the others on the right."""
 
 NARROW = Layout(
-    (0.12, 0.46, 0.86, 0.49),
-    (0.12, 0.09, 0.35, 0.24),
+    (0.14, 0.46, 0.84, 0.49),
+    (0.14, 0.09, 0.34, 0.24),
     (0.61, 0.09, 0.36, 0.24),
-    ticks=3,
+    steps=(6, 3, 4),
     pins=3,
     angles="μ (°)",
 )
@@ -116,6 +123,7 @@ class Picture:
             self._pose, structure, {j: np.full((1, 2), np.nan) for j in traced_joints(structure)}
         )
         self._paths = list(self._pose.lines)
+        self._zero = self._margin.axhline(0.0, color="0.3", linewidth=0.9)
         self._curve = self._margin.plot([], [], color=INK, linewidth=1.4)[0]
         self._angles = {
             pin: self._angle.plot([], [], label=pin, color=PALETTE[n % len(PALETTE)])[0]
@@ -149,7 +157,8 @@ class Picture:
                 borderpad=0.1,
             )
         self._kept: list[Artist] = [
-            *(*self._paths, self._curve, *self._angles.values(), *self._here, self._dot),
+            *(*self._rulings, *self._abscissas, *self._paths, self._zero, self._curve),
+            *(*self._angles.values(), *self._here, self._dot),
             *(*self._spans, *self._edges, *self._values),
         ]
         for artist in self._kept:
@@ -172,25 +181,36 @@ class Picture:
         self._move_names()
 
     def _set_up(self) -> None:
-        self._pose.set_aspect("equal")
         self._pose.set(xlabel="x (mm)", ylabel="y (mm)")
         self._pose.set_title(self._structure.name, **LEFT)
         self._margin.set_title("Margin (mm)", **LEFT)
-        self._margin.axhline(0.0, color="0.3", linewidth=0.9)
         self._angle.set(ylim=(0, 92), yticks=range(0, 91, 15 if self._layout is WIDE else 30))
         self._angle.set_title(self._layout.angles, **LEFT)
-        for axes in (self._margin, self._angle):
-            steps = [1, 1.5, 2, 3, 4.5, 5, 6, 9, 10]
-            axes.xaxis.set_major_locator(MaxNLocator(self._layout.ticks, steps=steps))
-        for axes in (self._pose, self._margin, self._angle):
-            axes.tick_params(labelsize=SMALL)
-            axes.xaxis.label.set_fontsize(SMALL)
-            axes.yaxis.label.set_fontsize(SMALL)
+        self._angle.tick_params(labelsize=SMALL)
+        places, inputs, margins = self._layout.steps
+        self._rulings = [
+            Ruling(self._pose, "x", places, SMALL),
+            Ruling(self._pose, "y", places, SMALL),
+            Ruling(self._margin, "x", inputs, SMALL, steps=DEGREES),
+            Ruling(self._margin, "y", margins, SMALL),
+            Ruling(self._angle, "x", inputs, SMALL, steps=DEGREES),
+        ]
+        for text in (self._pose.xaxis.label, self._pose.yaxis.label):
+            text.set_fontsize(SMALL)
+        # One above the other, they have the abscissa in common.
+        named = (self._angle,) if self._layout is WIDE else (self._margin, self._angle)
+        below = ScaledTranslation(0.0, BELOW / 72, self._angle.figure.dpi_scale_trans)  # pyright: ignore[reportArgumentType]
+        style: Any = {"fontsize": SMALL, "ha": "center", "clip_on": False}
+        self._abscissas = [
+            QuickText(0.5, 0.0, "", transform=axes.transAxes + below, **style) for axes in named
+        ]
+        for axes, text in zip(named, self._abscissas, strict=True):
+            axes.add_artist(text)
         self._angle.axhline(
             LEAST_TRANSMISSION_DEG, color="0.3", linewidth=0.9, linestyle=(0, (4, 3))
         )
 
-    def show(self, survey: Survey | None) -> tuple[list[Artist], list[Axes]]:
+    def show(self, survey: Survey | None) -> list[Artist]:
         """Draw a survey, or where it has no pose the last one that was good, faintly.
 
         Args:
@@ -198,12 +218,12 @@ class Picture:
                 changes.
 
         Returns:
-            Everything that changed, in the order of drawing; and the axes that did.
+            Everything that changes, in the order of drawing.
         """
         for artist in self._drawn:
             artist.remove()
-        reframed = [] if survey is None else self._fit(survey)
         if survey is not None:
+            self._fit(survey)
             self._draw_curves(survey)
         before = set(map(id, self._pose.get_children()))
         for text in self._names.values():
@@ -219,7 +239,7 @@ class Picture:
         for artist in self._drawn:
             artist.set_animated(True)
         shown = [one for one in (*self._kept, *self._drawn) if one.get_visible()]
-        return sorted(shown, key=lambda artist: artist.get_zorder()), reframed
+        return sorted(shown, key=lambda artist: artist.get_zorder())
 
     def _move_names(self) -> None:
         scene = self._good
@@ -269,46 +289,31 @@ class Picture:
                 text.set_text(f" {survey.told(survey.edges[number].value)} ")
                 text.set(x=value, ha="left" if left else "right")
 
-    def _fit(self, survey: Survey) -> list[Axes]:
-        """Make the axes large enough; which of them were not."""
-        changed = {
-            self._pose: self._fit_places(survey.places(), SPARE),
-            self._margin: self._fit_margin(survey.margin),
-            self._angle: False,
-        }
+    def _fit(self, survey: Survey) -> None:
+        """Make the axes large enough."""
+        self._fit_places(survey.places(), SPARE)
+        self._fit_margin(survey.margin)
         if survey.column != self._column:
             self._column = survey.column
             for axes in (self._margin, self._angle):
                 axes.set_xlim(*survey.across()[[0, -1]].tolist())
-                changed[axes] = True
-            # One above the other, they have the abscissa in common.
-            named = (self._angle,) if self._layout is WIDE else (self._margin, self._angle)
-            for axes in named:
-                axes.set_xlabel(f"{survey.swept.name} ({'°' if survey.turns else 'mm'})")
-        return [axes for axes, has_changed in changed.items() if has_changed]
+            for text in self._abscissas:
+                text.set_text(f"{survey.swept.name} ({'°' if survey.turns else 'mm'})")
 
-    def _fit_places(self, places: Points, spare: float) -> bool:
-        """Hold places; whether the limits had to be changed."""
-        if not len(places):
-            return False
-        low, high = np.min(places, axis=0), np.max(places, axis=0)
-        if np.all(low >= self._low) and np.all(high <= self._high):
-            return False
-        more = spare * float(np.max(high - low))
-        self._low = np.where(low < self._low, low - more, self._low)
-        self._high = np.where(high > self._high, high + more, self._high)
+    def _fit_places(self, places: Points, spare: float) -> None:
+        if len(places):
+            low, high = np.min(places, axis=0), np.max(places, axis=0)
+            more = spare * float(np.max(high - low))
+            self._low = np.where(low < self._low, low - more, self._low)
+            self._high = np.where(high > self._high, high + more, self._high)
         room = ROOM * float(np.max(self._high - self._low))
-        (left, bottom), (right, top) = self._low - room, self._high + room
-        self._pose.set(xlim=(left, right), ylim=(bottom, top))
-        return True
+        hold(self._pose, self._low - room, self._high + room)
 
-    def _fit_margin(self, margin: np.ndarray) -> bool:
+    def _fit_margin(self, margin: np.ndarray) -> None:
         top = float(np.max(margin, initial=0.0, where=np.isfinite(margin)))
-        if top == 0.0 or self._top / 3 <= top <= self._top:
-            return False
-        self._top = (1 + SPARE) * top
-        self._margin.set_ylim(-0.04 * self._top, 1.1 * self._top)
-        return True
+        if top > 0.0 and not self._top / 3 <= top <= self._top:
+            self._top = (1 + SPARE) * top
+            self._margin.set_ylim(-0.04 * self._top, 1.1 * self._top)
 
 
 def _beside(scene: Scene, joint: str, offset: np.ndarray) -> np.ndarray:

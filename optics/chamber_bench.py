@@ -24,7 +24,6 @@ from optics.chamber_improving import Improver, rings_problem
 from optics.chamber_solve import dimension_for_ratio
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
 
     from optics.chamber_design import DesignedChamber
@@ -160,13 +159,12 @@ class ChamberBench(Bench):
             raise RuntimeError("draw an area before anything is shown in it")
         look = self._look(values)
         message = _failure(look)
-        reframed: Sequence[Axes] = ()
         if message:
             self._picture.fade()
         else:
-            reframed = self._picture.draw(_drawn(look, values[ETA]))
+            self._picture.draw(_drawn(look, values[ETA]))
             message = _remark(look)
-        return Shown(_readings(look, values[ETA]), self._picture.artists, message, reframed)
+        return Shown(_readings(look, values[ETA]), self._picture.artists, message)
 
     def specs(self, values: Values) -> Sequence[SpecFile]:
         """The chamber's file.

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.figure import SubFigure
 from matplotlib.patches import Circle
 
 from designopt.figures import PALETTE
+from designopt.ruling import Ruling
 
 REGIONS = {"red AB": "#C0392B", "blue BC": PALETTE[0], "yellow CD": "#E0A800", "top DE": "#555555"}
 """Regions of the wall from the lens to the end, and their colours."""
@@ -25,8 +26,12 @@ ROOM = 0.15
 LEAST_FILLED = 0.5
 """A view that shows less than this part of itself is narrowed."""
 
-TICKS = 4
-"""Most steps between ticks along an axis: when limits change, most of the time goes to ticks."""
+STEPS = 6
+"""Most intervals between ticks along an axis."""
+SMALL = 9
+"""Size of their numbers, points."""
+
+ALONG: tuple[Literal["x", "y"], ...] = ("x", "y")
 
 Span = tuple[float, float]
 
@@ -72,12 +77,19 @@ class ChamberPicture:
         self._make_section()
         self._make_line()
         self._make_sensor()
-        for axes in (self._section, self._line, self._sensor):
-            axes.locator_params(nbins=TICKS)
+        self._rulings = [
+            Ruling(axes, along, STEPS, SMALL, grid=axes is not self._sensor)
+            for axes in (self._section, self._line, self._sensor)
+            for along in ALONG
+        ]
 
     @property
     def artists(self) -> list[Artist]:
-        """All that `draw` and `fade` change, in the order of drawing."""
+        """All that changes, in the order of drawing."""
+        return [*self._rulings, self._centre, *self._chamber]
+
+    @property
+    def _chamber(self) -> list[Artist]:
         return [
             self._room,
             self._ray,
@@ -91,13 +103,9 @@ class ChamberPicture:
             *self._rings,
         ]
 
-    def draw(self, look: ChamberLook) -> list[Axes]:
-        """Draw a chamber.
-
-        Returns:
-            The axes whose limits are not what they were.
-        """
-        for artist in self.artists:
+    def draw(self, look: ChamberLook) -> None:
+        """Draw a chamber."""
+        for artist in self._chamber:
             artist.set_alpha(None)
         places = dict(zip("ABCDE", look.points, strict=True))
         for wall, start, end in zip(self._walls, "ABCD", "BCDE", strict=True):
@@ -114,18 +122,18 @@ class ChamberPicture:
         self._mark.set_data([look.ratio], [look.offset_d])
         for ring, radius in zip(self._rings, look.image_radii, strict=True):
             ring.set_radius(radius)
-        return self._fitted(look)
+        self._fit(look)
 
     def fade(self) -> None:
         """Show that the picture is not that of the present values."""
-        for artist in self.artists:
+        for artist in self._chamber:
             artist.set_alpha(FAINT)
 
     def _make_section(self) -> None:
         axes = self._section
         axes.set(xlabel="distance s along the centre line (mm)", ylabel="height (mm), enlarged")
         axes.set_title("Section, with the sight lines to B, C and D")
-        axes.axhline(0, color="0.55", linewidth=0.8, linestyle="-.")
+        self._centre = axes.axhline(0, color="0.55", linewidth=0.8, linestyle="-.", animated=True)
         (self._ray,) = axes.plot(
             [0, 1], [0, 0], ":", color="0.55", linewidth=0.8, transform=axes.get_yaxis_transform()
         )
@@ -167,7 +175,7 @@ class ChamberPicture:
         for ring in self._rings:
             axes.add_patch(ring)
 
-    def _fitted(self, look: ChamberLook) -> list[Axes]:
+    def _fit(self, look: ChamberLook) -> None:
         """Choose limits of every view that what is drawn leaves, or no longer fills."""
         along, heights = zip(*look.points, look.pinhole, strict=True)
         offsets = (*look.line, -look.offset_a, look.offset_a)
@@ -178,15 +186,10 @@ class ChamberPicture:
             self._line: {"ylim": _span(offsets)},
             self._sensor: {"xlim": image, "ylim": image} if largest > 0 else {},
         }
-        return [axes for axes, shown in spans.items() if _refitted(axes, **shown)]
-
-
-def _refitted(axes: Axes, **shown: Span) -> bool:
-    """Change the limits that do not hold what is shown; whether there are any."""
-    views = {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
-    unfit = {name: _wider(span) for name, span in shown.items() if not _holds(views[name], span)}
-    axes.set(**unfit)
-    return bool(unfit)
+        for axes, shown in spans.items():
+            views = {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
+            unfit = [name for name, span in shown.items() if not _holds(views[name], span)]
+            axes.set(**{name: _wider(shown[name]) for name in unfit})
 
 
 def _span(values: Sequence[float]) -> Span:

@@ -91,11 +91,11 @@ class SceneBench(Bench):
         angles = handles.angles(values)
         scene = handles.scene(values)
         seen = look_at(scene, angles)
-        reframed = self._picture.show(scene, angles, seen)
+        self._picture.show(scene, angles, seen)
         self._notice(values)
         if not self._bent:
             self._sweep(values)
-        return Shown(self._readings(values, seen), self._picture.artists, _message(seen), reframed)
+        return Shown(self._readings(values, seen), self._picture.artists, _message(seen))
 
     def specs(self, values: Values) -> Sequence[SpecFile]:
         """The scene file."""

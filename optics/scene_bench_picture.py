@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, to_hex
+from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 
 from designopt.designs.bench import Knob
+from designopt.drawn_once import DrawnOnce
 from designopt.lettering import Lettering
+from designopt.ruling import Ruling, hold
 from optics.scene import Scene
 from optics.scene_bench_seeing import Seen
 from optics.scene_drawing import BAR as PAD
@@ -68,6 +70,7 @@ class Layout:
         below: of the axes below, from left to right, if there are curves.
         without: of those if there are none.
         words: below the axis of resolution.
+        steps: most intervals between its ticks.
         gap: between entries of the legend, in units of its text's size.
         digits: of the ends of a knob's range.
         name: where a knob's name stands along its range, as a part of it.
@@ -79,6 +82,7 @@ class Layout:
     below: tuple[Place, ...]
     without: tuple[Place, ...]
     words: str
+    steps: int
     gap: float
     digits: int
     name: float
@@ -91,17 +95,19 @@ WIDE = Layout(
     ((0.14, 0.085, 0.22, 0.19), (0.41, 0.085, 0.2, 0.19), (0.69, 0.085, 0.28, 0.19)),
     ((0.14, 0.085, 0.4, 0.19), (0.6, 0.085, 0.37, 0.19)),
     "least, median, greatest px/mm",
+    6,
     2.0,
     4,
     0.5,
 )
 NARROW = Layout(
-    (0.1, 0.51, 0.88, 0.44),
+    (0.13, 0.51, 0.85, 0.44),
     (0.5, 0.45),
     2,
     ((0.18, 0.115, 0.2, 0.17), (0.42, 0.115, 0.19, 0.17), (0.725, 0.115, 0.26, 0.17)),
     ((0.18, 0.115, 0.36, 0.17), (0.6, 0.115, 0.37, 0.17)),
     "least, median,\ngreatest px/mm",
+    3,
     1.0,
     3,
     1.0,
@@ -142,6 +148,8 @@ class ScenePicture:
         self._named_in: Any = None
         self._entries: dict[str, Any] = {}
         self._told: set[int | str] = set()
+        self._legend: list[DrawnOnce] = []
+        self._floor: list[Line2D] = []
         self._greatest = 0.0
         self._low, self._high = reach.min(axis=0), reach.max(axis=0)
         self._prepare_section()
@@ -154,9 +162,9 @@ class ScenePicture:
 
     def _prepare_section(self) -> None:
         axes = self.section
-        axes.set_aspect("equal")
-        axes.grid(visible=False)
         axes.set(xlabel="x (mm)", ylabel="y (mm)", title=self._layout.name)
+        self._rulings = [Ruling(axes, "x", 10, SMALL, grid=False)]
+        self._rulings.append(Ruling(axes, "y", 8, SMALL, grid=False))
         self._set_limits()
 
     def _prepare_rows(self, floor: float | None) -> None:
@@ -169,9 +177,12 @@ class ScenePicture:
         self.covered.set_yticklabels([part.name for part in pads])
         self.covered.set(xlim=(0, 100), xlabel="coverage (%)")
         if floor is not None:
-            self.sharp.axvline(floor, color=INK, linestyle=":", linewidth=1, gid="floor")
+            line = self.sharp.axvline(floor, color=INK, linestyle=":", linewidth=1, gid="floor")
+            line.set_animated(True)
+            self._floor.append(line)
         asked = "" if floor is None else f"\n(dotted: {floor:g} asked for)"
         self.sharp.set(xlabel=f"{self._places.words}{asked}")
+        self._rulings.append(Ruling(self.sharp, "x", self._places.steps, SMALL))
         tracks = [[(0.0, row), (100.0, row)] for row in rows]
         track = LineCollection(tracks, colors=TRACK, linewidths=BAR, capstyle="butt")
         self.covered.add_collection(track, autolim=False)
@@ -226,10 +237,11 @@ class ScenePicture:
             axes.add_artist(text)
             self._words.append(text)
 
-    def show(self, scene: Scene, angles: Float[np.ndarray, " joints"], seen: Seen) -> list[Axes]:
-        """Draw what is seen in a pose; returns the axes that changed."""
+    def show(self, scene: Scene, angles: Float[np.ndarray, " joints"], seen: Seen) -> None:
+        """Draw what is seen in a pose."""
         section = Section.of(scene, angles)
-        changed = self._widened(section) | self._told_more(scene, seen)
+        self._widen(section)
+        self._tell_more(scene, seen)
         colours = [to_hex(COVERED(part)) for part in np.clip(seen.coverage, 0, 1).tolist()]
         signs = scene_signs(
             self.section, scene, angles, seen.views, section, seen=colours, joined=True
@@ -242,9 +254,7 @@ class ScenePicture:
         for artist in self._drawn:
             artist.set_animated(True)
             self.section.add_artist(artist)
-        resolution = self._show_rows(seen, colours)
-        pairs = ((self.section, changed), (self.sharp, resolution))
-        return [axes for axes, has_changed in pairs if has_changed]
+        self._show_rows(seen, colours)
 
     def _letters(self, name: PlacedLabel, size: float) -> list[Artist]:
         """A name with its line; see `PlacedLabel.artists`."""
@@ -256,8 +266,8 @@ class ScenePicture:
         text.move((x, y), angle=name.angle)
         return [*line, text]
 
-    def _show_rows(self, seen: Seen, colours: Sequence[str]) -> bool:
-        """Draw coverage and resolution; whether the axis of resolution had to be widened."""
+    def _show_rows(self, seen: Seen, colours: Sequence[str]) -> None:
+        """Draw coverage and resolution."""
         covered = 100 * seen.coverage
         ends = zip(covered.tolist(), self._rows.tolist(), strict=True)
         self._bars.set_segments([[(0.0, row), (end, row)] for end, row in ends])
@@ -271,11 +281,9 @@ class ScenePicture:
         self._least.set_data(least, rows)
         self._median.set_data(median, rows)
         most = float(np.max(greatest, initial=0.0))
-        if most <= self._greatest:
-            return False
-        self._greatest = (1 + SPARE) * most
-        self.sharp.set_xlim(0, self._greatest)
-        return True
+        if most > self._greatest:
+            self._greatest = (1 + SPARE) * most
+            self.sharp.set_xlim(0, self._greatest)
 
     def show_curves(
         self, knob: Knob, value: float, coverage: Float[np.ndarray, "places pads"]
@@ -297,23 +305,21 @@ class ScenePicture:
     @property
     def artists(self) -> list[Artist]:
         """All that changes, in the order of drawing."""
-        found = [*self._drawn, self._bars, self._spans, self._least, self._median]
+        found = [*self._rulings, *self._legend, *self._drawn]
+        found += [*self._floor, self._bars, self._spans, self._least, self._median]
         if self.curves is not None:
             found += [*self._curve_lines, self._now, *self._words]
         return found
 
-    def _widened(self, section: Section) -> bool:
-        """Widen the axes if the picture no longer fits; whether it did not."""
+    def _widen(self, section: Section) -> None:
+        """Widen the axes if the picture no longer fits."""
         places = section.places()
         low, high = places.min(axis=0), places.max(axis=0)
         under, over = low < self._low - self._room, high > self._high + self._room
-        if not np.any(under | over):
-            return False
         spare = SPARE * float(np.max(self._high - self._low))
         self._low = np.where(under, low - spare, self._low)
         self._high = np.where(over, high + spare, self._high)
         self._set_limits()
-        return True
 
     def _set_limits(self) -> None:
         figure: Any = self.area.figure
@@ -323,18 +329,18 @@ class ScenePicture:
         # mm for a point, with signs on either side.
         points = np.array(self.area.bbox.size) / figure.dpi * 72 * self._places.section[2:]
         sign = SIGN * float(np.max(sides / (points - 2 * SIGN)))
-        (left, low), (right, high) = self._low - self._room - sign, self._high + self._room + sign
-        self.section.set(xlim=(left, right), ylim=(low, high))
+        around = self._room + sign
+        hold(self.section, self._low - around, self._high + around)
 
-    def _told_more(self, scene: Scene, seen: Seen) -> bool:
-        """Add to the legend what it does not tell of; whether there was any."""
+    def _tell_more(self, scene: Scene, seen: Seen) -> None:
+        """Add to the legend what it does not tell of."""
         view = seen.views.value
         signs: set[int | str] = set(np.unique(view.path[view.present]).tolist())
         signs.add("hidden" if np.any(seen.coverage < 1 - 1e-9) else "seen")
         if np.any((seen.coverage > 0) & (seen.coverage < 1 - 1e-9)):
             signs.add("part")
         if signs <= self._told:
-            return False
+            return
         self._told |= signs
         told = len(self._entries)
         for handle, text in zip(*scene_legend(scene, seen.views), strict=True):
@@ -343,8 +349,11 @@ class ScenePicture:
             line = Line2D([], [], color=COVERED(0.5), linewidth=PAD)
             self._entries.setdefault("pad seen in part, by coverage", line)
         if len(self._entries) == told:
-            return False
-        self.section.legend(
+            return
+        for old in self._legend:
+            old.remove()
+        legend = Legend(
+            self.section,
             list(self._entries.values()),
             list(self._entries),
             loc="upper center",
@@ -355,7 +364,9 @@ class ScenePicture:
             fontsize=SMALL,
             borderaxespad=0,
         )
-        return True
+        self._legend = [DrawnOnce(legend)]
+        self._legend[0].set_animated(True)
+        self.section.add_artist(self._legend[0])
 
     def _named(
         self, labels: Sequence[Label], clutter: Sequence[Points], size: float

@@ -14,7 +14,6 @@ from designopt.results import SpecFile
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
 
 Values = Mapping[str, float]
@@ -64,15 +63,13 @@ class Shown:
     Attributes:
         readings: the numbers, the same names in the same order every time.
         artists: all that changes with the values, in the order of drawing; everything else in the
-            figure stays as it is, but for ``reframed``.
+            figure stays as it is. For ticks that change with limits, see `designopt.ruling`.
         message: what is the matter, in one sentence with its cure; empty where all is well.
-        reframed: axes whose limits, ticks, titles or legend are not what they were.
     """
 
     readings: Sequence[Reading]
     artists: Sequence[Artist]
     message: str = ""
-    reframed: Sequence[Axes] = ()
 
 
 @dataclass(frozen=True)

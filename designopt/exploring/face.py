@@ -14,9 +14,9 @@ from matplotlib.widgets import Button, Slider
 
 from designopt.designs.bench import Knob, Reading
 from designopt.exploring.painting import Painter, Patch
-from designopt.exploring.quick_text import QuickText
 from designopt.exploring.words import number_text
 from designopt.figures import PALETTE
+from designopt.quick_text import QuickText
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

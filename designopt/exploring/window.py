@@ -24,7 +24,6 @@ from designopt.exploring.painting import Painter, Patch
 from designopt.exploring.saving import save_picture, save_specs
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.backend_bases import Event, TimerBase
     from matplotlib.figure import Figure
 
@@ -77,6 +76,7 @@ class Window:
         figure.set_layout_engine("constrained", w_pad=0.1, h_pad=0.1)
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
+        self._show()  # in their places
         self._painter.draw()
 
     def _make(self) -> None:
@@ -101,6 +101,7 @@ class Window:
         for name, push in self.buttons.items():
             push.button.on_clicked(lambda _, action=actions[name]: self._try(action))
         figure.canvas.mpl_connect("motion_notify_event", self._hover)
+        figure.canvas.mpl_connect("resize_event", self._resized)
         bench.draw(self._area)
 
     def _timer(self, action: Callable[[], None]) -> TimerBase:
@@ -135,7 +136,7 @@ class Window:
         """Compute and draw what has changed since the last time."""
         self._scheduled = False
         if self._moved:
-            self._painter.renew(self._picture, self._show())
+            self._show()
         self._painter.paint(self._unpainted)
         self._unpainted.clear()
 
@@ -146,14 +147,13 @@ class Window:
             self._scheduled = True
             self._later.start()
 
-    def _show(self) -> Sequence[Axes]:
+    def _show(self) -> None:
         self._moved = False
         self._shown = self._bench.show(self.values)
         self.readings = self._shown.readings
         self._picture.put(self._shown.artists)
         self._unpainted |= dict.fromkeys([self._picture, *self._readings.put(self.readings)])
         self._tell()
-        return self._shown.reframed
 
     def _tell(self) -> None:
         self.message = " ".join(filter(None, (self._note, self._shown.message)))
@@ -171,6 +171,10 @@ class Window:
         self._end()
         self._note, self._note_is_fault, self._moved = "", False, True
         self._soon(row.patch)
+
+    def _resized(self, _: Event) -> None:
+        """Fill the axes, which are of another shape when they are drawn next."""
+        self._try(self._show)
 
     def _hover(self, _: Event) -> None:
         for push in self.buttons.values():

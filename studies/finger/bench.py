@@ -84,7 +84,6 @@ class FingerBench(Bench):
             [*angles, *readings, *scene.readings],
             [*linkage.artists, *scene.artists],
             "; ".join(message for message in (linkage.message, scene.message) if message),
-            [*linkage.reframed, *scene.reframed],
         )
 
     def _side(self, bench: Bench, values: Values) -> Shown:
@@ -92,7 +91,7 @@ class FingerBench(Bench):
         own = _own(bench, values)
         before = self._shown.get(bench)
         if before is not None and before[0] == own:
-            return dataclasses.replace(before[1], reframed=())
+            return before[1]
         shown = bench.show(own)
         self._shown[bench] = own, shown
         return shown

@@ -68,6 +68,7 @@ class Hands:
 
     def __init__(self, bench: Bench, folder: Path, name: str = "toy") -> None:
         self.told: list[tuple[list[float | None], str]] = []
+        self.bench = bench
         with style():
             figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
             self.canvas = Canvas(figure)

@@ -72,8 +72,12 @@ NUMBERS = """(wanted) => {
 }"""
 OTHER = "(before) => document.querySelector('canvas.mpl-canvas').toDataURL() !== before"
 SAID = "(words) => new RegExp(words).test(document.querySelector('#message').textContent)"
-LOADED = """() => document.querySelector('canvas.mpl-canvas').width === 1280
-  && document.querySelector('#readings tr')"""
+LOADED = """() => {
+  const canvas = document.querySelector('canvas.mpl-canvas');
+  return canvas.width === 1280 && document.querySelector('#readings tr')
+    && canvas.getContext('2d').getImageData(0, 0, 1, 1).data[3] === 255;
+}"""
+"""Numbers come first, and the picture when the browser has unpacked it."""
 
 
 class Visitor:

@@ -4,12 +4,14 @@ import itertools
 import time
 import tomllib
 import xml.etree.ElementTree as ElementTree
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backend_bases import ResizeEvent
 from PIL import Image
 
-from designopt.exploring.face import round_step, stops
+from designopt.exploring.face import DPI, HEIGHT, WIDTH, round_step, stops
 from designopt.exploring.window import OPTIMISE, PICTURE, RESET, SPEC, STOP
 from designopt.exploring.words import number_text
 from tests.designopt.exploring.hands import Hands, on_button
@@ -55,9 +57,28 @@ def test_a_slider_paints_and_draws_nothing_anew(hands):
     assert (hands.canvas.draws, hands.canvas.blits) == (draws, blits + 1)
 
 
-def test_axes_that_change_are_drawn_anew(hands):
+def test_limits_may_change(hands):
+    """In a picture that is painted, with ticks that are."""
+    bench: Any = hands.bench
+    limits = bench.axes.get_xlim()
     hands.drag("rod", 0.95)
+    assert bench.axes.get_xlim() != limits
     np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
+
+
+def test_what_depends_on_the_windows_size_is_shown_anew(hands):
+    bench: Any = hands.bench
+    shows = bench.shows
+    hands.canvas.figure.set_size_inches(9, 6)
+    resized: Any = ResizeEvent("resize_event", hands.canvas)
+    resized._process()
+    assert bench.shows == shows + 1
+    hands.redrawn()
+    hands.canvas.figure.set_size_inches(WIDTH / DPI, HEIGHT / DPI)
+    resized._process()
+    painted = hands.redrawn()
+    hands.window.present()
+    np.testing.assert_array_equal(hands.canvas.pixels(), painted)
 
 
 def test_of_moves_that_come_together_the_last_is_shown(tmp_path):
