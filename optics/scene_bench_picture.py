@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -22,8 +21,17 @@ from designopt.ruling import Ruling, hold
 from optics.scene import Scene
 from optics.scene_bench_seeing import Seen
 from optics.scene_drawing import BAR as PAD
-from optics.scene_drawing import HIDDEN, INK, SEEN, names_of, scene_legend, scene_signs
-from optics.scene_labels import FONT, Label, PlacedLabel, place_labels
+from optics.scene_drawing import (
+    HIDDEN,
+    INK,
+    SEEN,
+    legend_of,
+    names_of,
+    scene_signs,
+    seeing_paths,
+    words_of,
+)
+from optics.scene_labels import FONT, Label, PlacedLabel, moved, place_labels
 from optics.section import Points, Section
 
 if TYPE_CHECKING:
@@ -53,6 +61,8 @@ SIGN = 13.0
 """And in points: the camera's sign reaches so far from its place."""
 SPARE = 0.2
 """How much farther than needed axes reach that had to be changed, as a part of what is needed."""
+FEW = 6
+"""So many paths are told of in the legend whether they see anything or not."""
 RESCALED = 0.1
 """Names are placed anew where the scale has changed by more than this part of it."""
 
@@ -146,8 +156,7 @@ class ScenePicture:
         self._drawn: list[Artist] = []
         self._names: list[tuple[Label, PlacedLabel]] = []
         self._named_in: Any = None
-        self._entries: dict[str, Any] = {}
-        self._told: set[int | str] = set()
+        self._told: set[int] = set()
         self._legend: list[DrawnOnce] = []
         self._floor: list[Line2D] = []
         self._greatest = 0.0
@@ -333,29 +342,22 @@ class ScenePicture:
         hold(self.section, self._low - around, self._high + around)
 
     def _tell_more(self, scene: Scene, seen: Seen) -> None:
-        """Add to the legend what it does not tell of."""
-        view = seen.views.value
-        signs: set[int | str] = set(np.unique(view.path[view.present]).tolist())
-        signs.add("hidden" if np.any(seen.coverage < 1 - 1e-9) else "seen")
-        if np.any((seen.coverage > 0) & (seen.coverage < 1 - 1e-9)):
-            signs.add("part")
-        if signs <= self._told:
+        """Add to the legend the paths that it does not tell of, unless there are few anyway."""
+        words = words_of(scene, seen.views)
+        few = len(words) <= FEW
+        paths = self._told.union(range(len(words)) if few else seeing_paths(seen.views))
+        if self._legend and paths == self._told:
             return
-        self._told |= signs
-        told = len(self._entries)
-        for handle, text in zip(*scene_legend(scene, seen.views), strict=True):
-            self._entries.setdefault(text, handle)
-        if "part" in signs:
-            line = Line2D([], [], color=COVERED(0.5), linewidth=PAD)
-            self._entries.setdefault("pad seen in part, by coverage", line)
-        if len(self._entries) == told:
-            return
+        self._told = paths
+        handles, texts = legend_of(scene, words, sorted(paths), hidden=True)
+        handles.insert(1, Line2D([], [], color=COVERED(0.5), linewidth=PAD))
+        texts.insert(1, "pad, seen in part")
         for old in self._legend:
             old.remove()
         legend = Legend(
             self.section,
-            list(self._entries.values()),
-            list(self._entries),
+            handles,
+            texts,
             loc="upper center",
             bbox_to_anchor=self._places.legend,
             bbox_transform=self.area.transSubfigure,
@@ -385,21 +387,3 @@ class ScenePicture:
             self._names = list(zip(labels, placed, strict=True))
         pairs = zip(self._names, labels, strict=True)
         return [moved(name, before, now) for (before, name), now in pairs]
-
-
-def moved(name: PlacedLabel, before: Label, now: Label) -> PlacedLabel:
-    """A name that keeps its place beside a segment that has moved and turned."""
-    (first, last), (start, end) = before.ends @ [1, 1j], now.ends @ [1, 1j]
-    turn = (end - start) / (last - first)
-    turn /= abs(turn)
-
-    def carried(places: Points) -> Points:
-        there = (start + end) / 2 + (places @ [1, 1j] - (first + last) / 2) * turn
-        return np.stack([there.real, there.imag], axis=-1)
-
-    angle = name.angle + cmath.phase(turn)
-    # Readable from below or from the right.
-    angle -= np.pi * round((angle - 1e-6) / np.pi)
-    return dataclasses.replace(
-        name, middle=carried(name.middle[None])[0], angle=angle, leader=carried(name.leader)
-    )

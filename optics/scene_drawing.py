@@ -171,16 +171,36 @@ def scene_legend(scene: Scene, views: Solution[Pieces]) -> tuple[list[Any], list
         scene: the scene.
         views: of one pose, or of all poses that share the legend.
     """
-    layout, view = scene.layout, views.value
-    seeing = np.unique(np.asarray(view.path)[np.asarray(view.present)])
+    hidden = np.min(np.asarray(views.value.coverage()), initial=1.0) <= 1 - 1e-9
+    return legend_of(scene, words_of(scene, views), seeing_paths(views), hidden=bool(hidden))
+
+
+def seeing_paths(views: Solution[Pieces]) -> list[int]:
+    """Indices of the paths that see anything, ascending."""
+    view = views.value
+    return np.unique(np.asarray(view.path)[np.asarray(view.present)]).tolist()
+
+
+def legend_of(
+    scene: Scene, words: Sequence[tuple[int, ...]], paths: Sequence[int], *, hidden: bool
+) -> tuple[list[Any], list[str]]:
+    """Handles and texts of a scene's signs and of paths.
+
+    Args:
+        scene: the scene.
+        words: the mirrors along every path; see `words_of`.
+        paths: indices of those that are told of.
+        hidden: whether a pad that is not seen is told of.
+    """
+    layout = scene.layout
     none = np.zeros((1, 2))
     reflecting = {part.side for part in layout.mirrors}
     entries: list[tuple[str, Any]] = []
     if layout.pads:
         entries.append(("pad, seen", Line2D([], [], color=SEEN, linewidth=BAR)))
-        if np.min(np.asarray(view.coverage()), initial=1.0) <= 1 - 1e-9:
-            hidden = Line2D([], [], color=HIDDEN, linewidth=BAR, linestyle=STRIPES)
-            entries.append(("pad, hidden", hidden))
+        if hidden:
+            stripes = Line2D([], [], color=HIDDEN, linewidth=BAR, linestyle=STRIPES)
+            entries.append(("pad, hidden", stripes))
         entries.append(("sensing side of a pad", Line2D([], [], color=INK, linewidth=FACE)))
     if reflecting - {0}:
         entries.append(("mirror, ticks on its back", _mirror(none, 1)))
@@ -192,8 +212,7 @@ def scene_legend(scene: Scene, views: Solution[Pieces]) -> tuple[list[Any], list
         entries.append(("one-sided blocker", _blocker(none, 1)))
     if layout.frames:
         entries.append(("hinge", tuple(_hinge(none[0]))))
-    words = words_of(scene, views)
-    for path in seeing.tolist():
+    for path in paths:
         line = Line2D([], [], linewidth=1.3, **path_style(path))
         entries.append((path_name(layout, words[path]), line))
     return [handle for _, handle in entries], [text for text, _ in entries]

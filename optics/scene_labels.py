@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import dataclasses
 import itertools
 import math
@@ -125,6 +126,24 @@ def place_labels(
         line = box.leader / scale if len(leader) > 1 else np.zeros((0, 2))
         placed[index] = PlacedLabel(label.text, box.middle / scale, box.angle, line)
     return [placed[index] for index in range(len(labels))]
+
+
+def moved(name: PlacedLabel, before: Label, now: Label) -> PlacedLabel:
+    """A name that keeps its place beside a segment that has moved and turned."""
+    (first, last), (start, end) = before.ends @ [1, 1j], now.ends @ [1, 1j]
+    turn = (end - start) / (last - first)
+    turn /= abs(turn)
+
+    def carried(places: Points) -> Points:
+        there = (start + end) / 2 + (places @ [1, 1j] - (first + last) / 2) * turn
+        return np.stack([there.real, there.imag], axis=-1)
+
+    angle = name.angle + cmath.phase(turn)
+    # Readable from below or from the right.
+    angle -= np.pi * round((angle - 1e-6) / np.pi)
+    return dataclasses.replace(
+        name, middle=carried(name.middle[None])[0], angle=angle, leader=carried(name.leader)
+    )
 
 
 @dataclass(frozen=True)
