@@ -35,6 +35,7 @@ from studies.bending_posture.trainings import (
     label_scale,
     regularisations,
     size_of,
+    trained,
     ways,
 )
 from studies.bending_posture.verdicts import compared, judged, roomy
@@ -77,6 +78,12 @@ def data(finger):
     return data_of(BendingPostureSpec(unseen=50), finger, 50, [32], seed=3)
 
 
+@pytest.fixture(scope="module")
+def network(data):
+    settings = dataclasses.replace(ways(BendingPostureSpec(), data, 100.0)[OURS], epochs=3)
+    return trained(OURS, settings, data, size_of(32), watch=True).estimator
+
+
 @pytest.mark.slow
 def test_a_quick_run_reads_postures(done):
     code, document, out = done
@@ -117,11 +124,10 @@ def test_the_network_of_a_run_is_loaded_and_reads_a_new_frame(done, finger):
     assert off < 8  # mm: of a network that saw 300 images twelve times
 
 
-def test_frames_without_a_chamber_have_no_posture(done, finger):
-    estimator = PostureEstimator.load(Path(done[2] / "specs" / "posture.network"))
+def test_frames_without_a_chamber_have_no_posture(network, finger):
     postures = finger.postures(np.deg2rad([20.0]), np.array([DOWN]))
     for kind, _, picture in odd_pictures(finger, postures, seed=1):
-        seen = find_posture(picture, estimator)
+        seen = find_posture(picture, network)
         assert seen.sight is kind.sight, kind.name
         assert (seen.markers is not None) is kind.usable, kind.name
     assert {kind.sight for kind in KINDS} == set(Sight)
@@ -222,15 +228,10 @@ TIPS = {
 """Tip errors of three seeds, mm, as they may be."""
 
 
-@pytest.fixture(scope="module")
-def network(done):
-    return PostureEstimator.load(Path(done[2] / "specs" / "posture.network"))
-
-
 def made_up(network, etas=(), rows=(), **tips):
     """What a study may have found: a mean predictor that is off by 30 mm, and these tip errors."""
 
-    def trained(way, seed, tip):
+    def made(way, seed, tip):
         record = network.record
         settings = dataclasses.replace(record.settings, seed=seed)
         estimator = dataclasses.replace(
@@ -241,7 +242,7 @@ def made_up(network, etas=(), rows=(), **tips):
     none = Samples(np.zeros(2), {}, np.ones(2, bool), np.zeros((2, 3, 2)))
     unseen = dataclasses.replace(none, markers=np.full((2, 3, 2), [30.0, 0.0]))
     networks = {
-        way: [trained(way, i, tip) for i, tip in enumerate(known)]
+        way: [made(way, i, tip) for i, tip in enumerate(known)]
         for way, known in (TIPS | tips).items()
     }
     return Found(
