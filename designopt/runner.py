@@ -40,8 +40,10 @@ RECORDED_PACKAGES = (
     "optimistix",
     "lineax",
     "jaxopt",
+    "optax",
     "numpy",
     "scipy",
+    "opencv-contrib-python-headless",
     "matplotlib",
 )
 

@@ -72,6 +72,10 @@ def fields(model: type[Spec], prefix: str = "") -> Iterator[tuple[str, Any, str]
 def _assign(overrides: dict[str, Any], text: str, study: str) -> None:
     key, equals, value = text.partition("=")
     path = key.strip().split(".")
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise UserError(f"--set {text!a}: not UTF-8; write it in UTF-8") from error
     if not equals or not all(path):
         raise UserError(
             f"--set {text}: a key is missing; write --set key=value "

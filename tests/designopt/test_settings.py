@@ -31,6 +31,7 @@ def test_the_last_of_two_assignments_counts():
     [
         (["side"], "--set side: a key is missing; write --set key=value"),
         (["=3"], "--set =3: a key is missing"),
+        (["label=caf\udce9"], "--set 'label=caf\\udce9': not UTF-8; write it in UTF-8"),
         (["side=1", "a..b=3"], "--set a..b=3: a key is missing"),
         ([], "--set side=…: this key is missing and has no default"),
         (["side=1", "lable=x"], "--set lable: unknown key; did you mean 'label'?"),
