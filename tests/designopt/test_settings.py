@@ -31,7 +31,6 @@ def test_the_last_of_two_assignments_counts():
     [
         (["side"], "--set side: a key is missing; write --set key=value"),
         (["=3"], "--set =3: a key is missing"),
-        (["label=caf\udce9"], "--set 'label=caf\\udce9': not UTF-8; write it in UTF-8"),
         (["side=1", "a..b=3"], "--set a..b=3: a key is missing"),
         ([], "--set side=…: this key is missing and has no default"),
         (["side=1", "lable=x"], "--set lable: unknown key; did you mean 'label'?"),
@@ -49,6 +48,12 @@ def test_faults_name_the_key_and_the_cure(assignments, message):
     assert message in str(caught.value)
     assert "designopt list square" in str(caught.value) or "was already given" in message
     assert "\n" not in str(caught.value)
+
+
+def test_what_no_file_can_hold_is_refused():
+    with pytest.raises(UserError) as caught:
+        make("side=1", "label=caf\udce9")  # what the shell makes of a Latin é
+    assert str(caught.value) == "--set 'label=caf\\udce9': not UTF-8; write it in UTF-8"
 
 
 def test_all_faults_come_at_once():
