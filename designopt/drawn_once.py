@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import RendererAgg
 
+from designopt.quick_text import draw_pixels
+
 if TYPE_CHECKING:
     from matplotlib.backend_bases import RendererBase
     from matplotlib.transforms import Bbox
@@ -26,6 +28,7 @@ class DrawnOnce(Artist):
             artist: it; it does not change any more.
         """
         super().__init__()
+        self.set(clip_on=False, zorder=artist.get_zorder())
         self.artist = artist
         self._kept: tuple[object, float, float, np.ndarray] | None = None
 
@@ -36,6 +39,8 @@ class DrawnOnce(Artist):
     def draw(self, renderer: RendererBase) -> None:
         """Draw it, or its pixels."""
         self.stale = False
+        if not self.get_visible():
+            return
         if not isinstance(renderer, RendererAgg):
             self.artist.draw(renderer)
             return
@@ -43,9 +48,7 @@ class DrawnOnce(Artist):
         if self._kept is None or self._kept[0] != size:
             self._kept = size, *_pixels(self.artist, RendererAgg(*size))
         _, left, low, image = self._kept
-        gc = renderer.new_gc()
-        renderer.draw_image(gc, left, low, image)
-        gc.restore()
+        draw_pixels(renderer, self, left, low, image)
 
 
 def _pixels(artist: Any, empty: RendererAgg) -> tuple[float, float, np.ndarray]:

@@ -13,6 +13,7 @@ from matplotlib.text import Text
 from PIL import Image, ImageDraw, ImageFont
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.backend_bases import RendererBase
 
 ANCHORS = {"left": "ls", "center": "ms", "right": "rs"}
@@ -42,12 +43,27 @@ class QuickText(Text):
             to_rgb(self.get_color()),
         )
         x, y = self.get_transform().transform(self.get_unitless_position())
-        gc = renderer.new_gc()
-        within = self.get_clip_box()
-        if self.get_clip_on() and within is not None:
-            gc.set_clip_rectangle(within)
-        renderer.draw_image(gc, round(x) + left, round(y) - bottom, image)
-        gc.restore()
+        draw_pixels(renderer, self, round(x) + left, round(y) - bottom, image)
+
+
+def draw_pixels(
+    renderer: RendererAgg, artist: Artist, left: float, low: float, image: np.ndarray
+) -> None:
+    """Draw an artist as an image, where the artist is not clipped.
+
+    Args:
+        renderer: draws it.
+        artist: what the image is of.
+        left: where the image begins, pixels.
+        low: likewise.
+        image: rows from the bottom, columns, and red, green, blue and opacity (uint8).
+    """
+    gc = renderer.new_gc()
+    within = artist.get_clip_box()
+    if artist.get_clip_on() and within is not None:
+        gc.set_clip_rectangle(within)
+    renderer.draw_image(gc, left, low, image)
+    gc.restore()
 
 
 @functools.lru_cache(maxsize=256)

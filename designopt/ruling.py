@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 STEPS = (1, 2, 2.5, 5, 10)
 TICK, GAP = 3.5, 3.5
 """Length of a tick, and from its end to its number, points."""
-HEIGHT, WIDTH = 0.73, 2.8
-"""Of −100, which the axis' name leaves room for, as parts of the text's size."""
+HEIGHT, WIDTH = 0.73, 3.4
+"""Of −1000, which the axis' name leaves room for, as parts of the text's size."""
 ORDINARY = (1e-4, 1e6)
 """Least and greatest numbers that are written without an exponent."""
 
@@ -116,11 +116,13 @@ class Ruling(Artist):
         return Bbox.union([text.get_window_extent(renderer) for text in shown])
 
     def get_tightbbox(self, renderer: RendererBase | None = None) -> Bbox:
-        """The same."""
+        """The same; layouts would take it to end where it is clipped."""
         return self.get_window_extent(renderer)
 
     def draw(self, renderer: RendererBase) -> None:
         """Draw them."""
+        if not self.get_visible():
+            return
         self._fit()
         for artist in self.get_children():
             artist.draw(renderer)
@@ -135,8 +137,10 @@ class Ruling(Artist):
         values = ticks(self._locator, limits)
         turn = 1 if self._level else -1
         ends = np.array([0.0, 1.0])
+        # At the first limit is the spine, which lies below what changes.
+        crossing = values[np.abs(values - limits[0]) > 1e-6 * abs(limits[1] - limits[0])]
         self._lines.set_segments(
-            [np.stack([np.full(2, value), ends][::turn], axis=-1) for value in values]
+            [np.stack([np.full(2, value), ends][::turn], axis=-1) for value in crossing]
         )
         self._marks.set_data(*[values, np.zeros_like(values)][::turn])
         for text, value, words in zip_longest(self._numbers, values, numbers(values)):
@@ -149,13 +153,15 @@ def hold(axes: Axes, low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]
     """Choose limits that hold a rectangle, at the same scale along both axes.
 
     Args:
-        axes: whose place in the figure does not depend on their limits.
+        axes: whose place in the figure does not depend on their limits; where that changes, they
+            are held anew.
         low: the rectangle's lower left corner, (x, y).
         high: its upper right one.
     """
     place = np.array(axes.bbox.size)
     middle = (low + high) / 2
-    half = float(np.max((high - low) / place)) * place / 2
+    scale = float(np.max((high - low) / place))
+    half = (scale or 1.0 / float(np.min(place))) * place / 2  # around a point a millimetre
     (left, bottom), (right, top) = (middle - half).tolist(), (middle + half).tolist()
     axes.set(xlim=(left, right), ylim=(bottom, top))
 

@@ -48,7 +48,7 @@ CLEAR = math.radians(35)
 LEFT = {"loc": "left", "fontsize": 9}
 SMALL = 8
 """Size of ticks and names of axes, in points."""
-BELOW = -26.0
+BELOW = -22.5
 """From an axis along an input to the line its name is written on, in points."""
 DEGREES = (1, 1.5, 2, 3, 4.5, 5, 6, 9, 10)
 """Round steps of an angle, times a power of ten."""
@@ -76,7 +76,7 @@ class Layout:
 
 
 WIDE = Layout(
-    (0.07, 0.09, 0.48, 0.84),
+    (0.078, 0.09, 0.472, 0.84),
     (0.62, 0.56, 0.36, 0.37),
     (0.62, 0.09, 0.36, 0.37),
     steps=(8, 8, 6),
@@ -86,8 +86,8 @@ WIDE = Layout(
 """The pose on the left, the others on the right."""
 
 NARROW = Layout(
-    (0.14, 0.46, 0.84, 0.49),
-    (0.14, 0.09, 0.34, 0.24),
+    (0.155, 0.46, 0.825, 0.49),
+    (0.155, 0.09, 0.325, 0.24),
     (0.61, 0.09, 0.36, 0.24),
     steps=(6, 3, 4),
     pins=3,
@@ -165,6 +165,7 @@ class Picture:
             artist.set_animated(True)
         self._fit_places(np.vstack([survey.places() for survey in surveys]), 0.0)
         self._fit(surveys[0])
+        self._hold()
         self._drawn: list[Artist] = []
         self._good = surveys[0].scene()
         self._at = self._good.angles
@@ -225,6 +226,7 @@ class Picture:
         if survey is not None:
             self._fit(survey)
             self._draw_curves(survey)
+        self._hold()
         before = set(map(id, self._pose.get_children()))
         for text in self._names.values():
             text.set_visible(survey is not None and survey.ok)
@@ -306,6 +308,9 @@ class Picture:
             more = spare * float(np.max(high - low))
             self._low = np.where(low < self._low, low - more, self._low)
             self._high = np.where(high > self._high, high + more, self._high)
+
+    def _hold(self) -> None:
+        """Let the pose fill its axes, whatever the size of the window."""
         room = ROOM * float(np.max(self._high - self._low))
         hold(self._pose, self._low - room, self._high + room)
 

@@ -87,6 +87,7 @@ class SceneBench(Bench):
         try:
             handles.tables(values)
         except UserError as error:
+            self._picture.fit()
             return Shown(self._readings(values, None), self._picture.artists, str(error))
         angles = handles.angles(values)
         scene = handles.scene(values)

@@ -111,7 +111,7 @@ WIDE = Layout(
     0.5,
 )
 NARROW = Layout(
-    (0.13, 0.51, 0.85, 0.44),
+    (0.145, 0.51, 0.835, 0.44),
     (0.5, 0.45),
     2,
     ((0.18, 0.115, 0.2, 0.17), (0.42, 0.115, 0.19, 0.17), (0.725, 0.115, 0.26, 0.17)),
@@ -174,7 +174,7 @@ class ScenePicture:
         axes.set(xlabel="x (mm)", ylabel="y (mm)", title=self._layout.name)
         self._rulings = [Ruling(axes, "x", 10, SMALL, grid=False)]
         self._rulings.append(Ruling(axes, "y", 8, SMALL, grid=False))
-        self._set_limits()
+        self.fit()
 
     def _prepare_rows(self, floor: float | None) -> None:
         pads = self._layout.pads
@@ -191,7 +191,8 @@ class ScenePicture:
             self._floor.append(line)
         asked = "" if floor is None else f"\n(dotted: {floor:g} asked for)"
         self.sharp.set(xlabel=f"{self._places.words}{asked}")
-        self._rulings.append(Ruling(self.sharp, "x", self._places.steps, SMALL))
+        for axes in (self.covered, self.sharp):
+            self._rulings.append(Ruling(axes, "x", self._places.steps, SMALL))
         tracks = [[(0.0, row), (100.0, row)] for row in rows]
         track = LineCollection(tracks, colors=TRACK, linewidths=BAR, capstyle="butt")
         self.covered.add_collection(track, autolim=False)
@@ -250,6 +251,7 @@ class ScenePicture:
         """Draw what is seen in a pose."""
         section = Section.of(scene, angles)
         self._widen(section)
+        self.fit()
         self._tell_more(scene, seen)
         colours = [to_hex(COVERED(part)) for part in np.clip(seen.coverage, 0, 1).tolist()]
         signs = scene_signs(
@@ -328,9 +330,9 @@ class ScenePicture:
         spare = SPARE * float(np.max(self._high - self._low))
         self._low = np.where(under, low - spare, self._low)
         self._high = np.where(over, high + spare, self._high)
-        self._set_limits()
 
-    def _set_limits(self) -> None:
+    def fit(self) -> None:
+        """Let the section fill its axes, whatever the size of the window."""
         figure: Any = self.area.figure
         sides = self._high - self._low
         self._room = MARGIN * max(float(np.max(sides)), 1e-9)
@@ -375,7 +377,6 @@ class ScenePicture:
     ) -> list[PlacedLabel]:
         """Names beside what they name; a search places them once, and they move with it."""
         axes = self.section
-        axes.apply_aspect()
         # In a window of another size, or at another scale, they have other room.
         width, height = np.round(axes.bbox.size).tolist()
         scale = width / float(np.ptp(axes.get_xlim()))

@@ -173,7 +173,7 @@ class Window:
         self._soon(row.patch)
 
     def _resized(self, _: Event) -> None:
-        """Fill the axes, which are of another shape when they are drawn next."""
+        """Show the bench anew, before it is drawn in axes of another shape."""
         self._try(self._show)
 
     def _hover(self, _: Event) -> None:

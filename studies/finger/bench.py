@@ -51,7 +51,7 @@ class FingerBench(Bench):
             held=[f"{name} {'-'.join(bodies[name].joints[:2])}" for name in PHALANGES],
             opposite=True,
         )
-        self._shown: dict[Bench, tuple[Values, Shown]] = {}
+        self._shown: dict[Bench, tuple[object, Shown]] = {}
         self._joints = tuple(knob.name for knob in joints)
         self._lengths = tuple(knob for knob in self._linkage.knobs if knob.kind == "dimension")
         self.title = design.name
@@ -65,6 +65,7 @@ class FingerBench(Bench):
 
     def draw(self, area: SubFigure) -> None:
         """The linkage on the left, the scene on the right."""
+        self._area = area
         halves: Any = area.subfigures(1, 2)
         left, right = halves
         self._linkage.draw(left)
@@ -87,13 +88,13 @@ class FingerBench(Bench):
         )
 
     def _side(self, bench: Bench, values: Values) -> Shown:
-        """One of both; what has not been turned is shown already."""
-        own = _own(bench, values)
+        """One of both; what has not been turned is shown already, in an area of this size."""
+        own, size = _own(bench, values), tuple(self._area.bbox.bounds)
         before = self._shown.get(bench)
-        if before is not None and before[0] == own:
+        if before is not None and before[0] == (own, size):
             return before[1]
         shown = bench.show(own)
-        self._shown[bench] = own, shown
+        self._shown[bench] = (own, size), shown
         return shown
 
     def specs(self, values: Values) -> Sequence[SpecFile]:

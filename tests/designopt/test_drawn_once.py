@@ -5,6 +5,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
+from matplotlib.transforms import Bbox
 
 from designopt.drawn_once import DrawnOnce
 
@@ -69,6 +70,22 @@ def test_it_stays_what_it_is_where_no_pixels_are_drawn(tmp_path):
     figure.savefig(tmp_path / "legend.svg")
     assert "<image" not in (tmp_path / "legend.svg").read_text()
     assert legend.draws == 1
+
+
+def test_it_is_clipped_and_hidden():
+    _, canvas, _, legend = pictured()
+    canvas.draw()
+    blank = pixels(canvas)
+    kept = DrawnOnce(legend)
+    kept.set(clip_box=Bbox([[0, 0], [200, 200]]), clip_on=True)
+    kept.draw(canvas.get_renderer())
+    changed = (pixels(canvas) != blank).any(axis=(0, 2))
+    assert changed[:200].any()
+    assert not changed[201:].any()
+    canvas.draw()
+    kept.set_visible(False)
+    kept.draw(canvas.get_renderer())
+    np.testing.assert_array_equal(pixels(canvas), blank)
 
 
 def test_one_that_shows_nothing_is_nothing():

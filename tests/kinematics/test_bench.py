@@ -378,29 +378,6 @@ def test_a_pose_that_is_none_leaves_the_last_one_faint():
     assert "ghost:crank" in gids[1]
 
 
-def test_axes_stay_until_the_picture_no_longer_fits():
-    bench = bench_of("four-bar")
-    shown = bench.show(start(bench))
-    pose, margin, angle = {artist.axes: None for artist in shown.artists if artist.axes}
-
-    def limits():
-        return [axes.axis() for axes in (pose, margin, angle)]
-
-    before = limits()
-    for crank in range(0, 360, 30):
-        bench.show(start(bench, crank=float(crank)))
-        assert limits() == before
-    wide = start(bench, **{"ground O2-O4": 170.0, "coupler A-B": 150.0})
-    bench.show(wide)
-    right = pose.get_xlim()[1]
-    assert right > 170
-    # A circle looks like one.
-    scales = np.diff(pose.transData.transform([(0, 0), (1, 1)]), axis=0)[0]
-    assert scales[0] == pytest.approx(scales[1], rel=1e-9)
-    bench.show({**wide, "ground O2-O4": 171.0})
-    assert pose.get_xlim()[1] == right
-
-
 def test_the_traced_curve_is_the_joints_path():
     bench = bench_of("four-bar")
     values = start(bench, **{"coupler A-B": 110.0})

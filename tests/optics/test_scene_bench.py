@@ -1,6 +1,7 @@
 """A scene's bench shows what the public functions say of the scene that it saves."""
 
 import functools
+import math
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,15 +13,15 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from designopt.drawn_once import DrawnOnce
 from designopt.errors import UserError
 from designopt.figures import style
 from designopt.lettering import Lettering
 from optics.scene_bench import SceneBench
-from optics.scene_bench_picture import moved
 from optics.scene_bench_seeing import _coverage, _quickly, _views
 from optics.scene_design import DesignedScene
 from optics.scene_file import SceneFile
-from optics.scene_labels import Label, PlacedLabel
+from optics.scene_labels import Label, PlacedLabel, moved
 from optics.scene_reading import scene_from
 from optics.sharpness import find_sharpness
 from optics.views import describe_end
@@ -234,6 +235,56 @@ def test_axes_stay_until_the_picture_no_longer_fits():
     limits = axes.get_xlim(), axes.get_ylim()
     bench.show({**far, "camera y": 59.0})
     assert (axes.get_xlim(), axes.get_ylim()) == limits
+
+
+def legend_of(shown):
+    (legend,) = (artist for artist in shown.artists if isinstance(artist, DrawnOnce))
+    return legend
+
+
+def told(legend):
+    return [text.get_text() for text in legend.artist.get_texts()]
+
+
+def test_the_legend_tells_of_all_few_paths_and_is_drawn_once():
+    bench, values, _ = opened("finger")
+    legend = legend_of(bench.show(values))
+    pads = ["pad, seen", "pad, seen in part", "pad, hidden", "sensing side of a pad"]
+    assert told(legend)[:4] == pads
+    assert told(legend)[-3:] == ["direct", "mirror:distal", "mirror:proximal"]
+    for angle in (45.0, 90.0):
+        assert legend_of(bench.show({**values, "pip": angle})) is legend
+
+
+def test_of_many_paths_it_tells_of_those_that_have_seen_anything():
+    bench, values, _ = opened("kaleidoscope-60")
+    shown = bench.show(values)
+    before = legend_of(shown)
+    assert told(before)[-1] == "mirror:a+b+a"
+    assert "mirror:b+a+b" not in told(before)
+    for angle in range(0, 181, 5):  # the bead in each of the sectors
+        turned = math.radians(angle)
+        place = {"camera x": 60 * math.cos(turned), "camera y": 60 * math.sin(turned)}
+        shown = bench.show({**values, **place})
+    after = legend_of(shown)
+    assert after is not before
+    assert told(after)[-1] == "mirror:b+a+b"
+    section: Any = after.axes
+    kept = [child for child in section.get_children() if isinstance(child, DrawnOnce)]
+    assert kept == [after]
+
+
+def test_a_section_is_true_to_scale_even_where_there_is_nothing_to_see():
+    bench, values, canvas = opened("finger")
+    bench.show(values)
+    (axes,) = (axes for axes in canvas.figure.subfigs[1].axes if axes.get_title() == "finger")
+    for size in ((12, 6), (6, 9)):
+        canvas.figure.set_size_inches(*size)
+        ends = {"from x": "to x", "from y": "to y"}
+        flat = {f"distal mirror: {a}": values[f"distal mirror: {b}"] for a, b in ends.items()}
+        assert bench.show({**values, **flat}).message
+        across, up = np.diff(axes.transData.transform([(0, 0), (1, 1)]), axis=0)[0]
+        assert across == pytest.approx(up, rel=1e-9)
 
 
 def test_a_message_says_which_pad_is_hidden_and_what_ends_the_view():

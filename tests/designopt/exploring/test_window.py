@@ -66,19 +66,17 @@ def test_limits_may_change(hands):
     np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
 
 
-def test_what_depends_on_the_windows_size_is_shown_anew(hands):
+def test_in_a_window_of_another_shape_circles_stay_round(hands):
     bench: Any = hands.bench
-    shows = bench.shows
-    hands.canvas.figure.set_size_inches(9, 6)
     resized: Any = ResizeEvent("resize_event", hands.canvas)
-    resized._process()
-    assert bench.shows == shows + 1
-    hands.redrawn()
-    hands.canvas.figure.set_size_inches(WIDTH / DPI, HEIGHT / DPI)
-    resized._process()
-    painted = hands.redrawn()
-    hands.window.present()
-    np.testing.assert_array_equal(hands.canvas.pixels(), painted)
+    for size in ((WIDTH / DPI, HEIGHT / DPI), (9, 6), (8, 9)):
+        hands.canvas.figure.set_size_inches(*size)
+        resized._process()
+        hands.redrawn()
+        scales = np.diff(bench.axes.transData.transform([(0, 0), (1, 1)]), axis=0)[0]
+        assert scales[0] == pytest.approx(scales[1], rel=1e-9)
+        hands.window.present()
+        np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
 
 
 def test_of_moves_that_come_together_the_last_is_shown(tmp_path):

@@ -11,7 +11,7 @@ from matplotlib.figure import SubFigure
 from designopt.designs.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.errors import UserError
 from designopt.results import SpecFile
-from designopt.ruling import Ruling
+from designopt.ruling import Ruling, hold
 
 KNOBS = (
     Knob("crank", 40.0, 0.0, 360.0, "°", "joint"),
@@ -46,8 +46,8 @@ class SliderCrank(Bench):
 
     def draw(self, area: SubFigure) -> None:
         self.axes, traced = area.subplots(1, 2)
-        self.axes.set(xlim=(-90, 210), ylim=(-110, 110), xlabel="x (mm)")
-        self.ruling = Ruling(self.axes, "x", 6, 9)
+        self.axes.set_xlabel("x (mm)")
+        self.rulings = [Ruling(self.axes, "x", 6, 9), Ruling(self.axes, "y", 6, 9)]
         traced.set(xlim=(0, 360), ylim=(-90, 210), xlabel="crank (°)", ylabel="slider (mm)")
         self.body = [self.axes.plot([], [], "o-")[0] for _ in range(self._lines)]
         self.dot = traced.plot([], [], "o")[0]
@@ -67,10 +67,11 @@ class SliderCrank(Bench):
         self.curve.set_data(swept, [math.nan if each is None else each for each in places])
         self.dot.set_data([values["crank"]], [end[0]])
         self.words.set_text(f"radius {radius:.1f} mm")
-        self.axes.set_xlim(-90, 260 if values["rod"] > 100 else 210)
+        right = 260 if values["rod"] > 100 else 210
+        hold(self.axes, np.array([-90.0, -110.0]), np.array([right, 110.0]))
         return Shown(
             [Reading("slider's place", x, "mm"), Reading("rod to crank", values["rod"] / radius)],
-            [self.ruling, *self.body, self.curve, self.dot, self.words],
+            [*self.rulings, *self.body, self.curve, self.dot, self.words],
             "" if x is not None else LOCKED,
         )
 
