@@ -188,7 +188,8 @@ def draw_hint(figure: Figure, words: str) -> None:
     hint = axes.text(
         MARGIN / (WIDTH - COLUMN), 0.95, "\n".join(lines), size=7.5, color=SOFT, va="top"
     )
-    fit(hint, WIDTH - COLUMN - 2 * MARGIN)
+    # Small letters are a little wider where there are more pixels for them.
+    fit(hint, 0.95 * (WIDTH - COLUMN - 2 * MARGIN))
 
 
 class ReadingsTable:
