@@ -282,7 +282,10 @@ def test_a_range_goes_on_where_a_whole_turn_ends():
     np.testing.assert_allclose(found[0], math.degrees(math.acos(abs(cosine))), atol=1e-4)
 
 
-@pytest.mark.parametrize("name", ["watt", pytest.param("five-bar", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name",
+    ["four-bar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("watt", "five-bar"))],
+)
 def test_no_move_compiles_anything(name):
     """The first one that locks, or that no triangle allows, is no exception."""
     jax.clear_caches()

@@ -44,6 +44,7 @@ def finger():
     return SoftFinger.of(ChamberImagesSpec())
 
 
+@pytest.mark.slow
 def test_a_quick_run_tells_directions(done):
     _, document, out = done
     measured = {name: metric["value"] for name, metric in document["metrics"].items()}
@@ -58,6 +59,7 @@ def test_a_quick_run_tells_directions(done):
         assert (out / "figures" / f"{name}.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_the_quick_run_shows_both_stages(done):
     _, document, _ = done
     lines = [line for line in document["findings"] if "Yellow shrinks until it is gone" in line]
@@ -65,6 +67,7 @@ def test_the_quick_run_shows_both_stages(done):
     assert "and then blue shrinks" in lines[0]
 
 
+@pytest.mark.slow
 def test_few_images_meet_no_target(done):
     code, document, _ = done
     assert code == 0

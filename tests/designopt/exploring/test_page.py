@@ -187,6 +187,7 @@ def check_four_bar(saved, numbers, joint):
     assert float(numbers["margin"]) == pytest.approx(float(poses.margin[0]), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_linkage_on_the_page(browser, tmp_path):
     tour(browser, str(STUDIES / "linkage_gallery/four-bar.toml"), tmp_path, check_four_bar)
 
