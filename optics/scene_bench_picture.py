@@ -61,7 +61,7 @@ SIGN = 13.0
 """And in points: the camera's sign reaches so far from its place."""
 SPARE = 0.2
 """How much farther than needed axes reach that had to be changed, as a part of what is needed."""
-FEW = 6
+FEW = 8
 """So many paths are told of in the legend whether they see anything or not."""
 RESCALED = 0.1
 """Names are placed anew where the scale has changed by more than this part of it."""

@@ -27,10 +27,6 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 
-LONG = {"studies", "perception", "README.md"}
-"""Folders and files whose tests take longest."""
-
-
 def pytest_configure(config: pytest.Config) -> None:
     """Most of a test's time is compiling.
 
@@ -40,11 +36,6 @@ def pytest_configure(config: pytest.Config) -> None:
     jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("jax")))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     jax.config.update("jax_disable_most_optimizations", config.option.markexpr == "not slow")
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest files first, so that at the end no process waits long for another."""
-    items.sort(key=lambda item: LONG.isdisjoint(item.path.parts))
 
 
 # Compiling makes a first example slow; the same examples every time keep the suite reproducible.
