@@ -132,6 +132,7 @@ def test_designs_between_differ_in_one_knob(finger):
         np.testing.assert_allclose(np.array(jax.tree.leaves(design.knobs))[changed], end[changed])
 
 
+@pytest.mark.slow
 def test_a_camera_that_cannot_show_blue_whole_is_refused():
     narrow = {"endoscope": {"field_of_view_deg": 30.0}}
     finger = SoftFinger.of(ChamberImagesSpec.model_validate(narrow))

@@ -19,7 +19,7 @@ from studies.proprioception.ladder import (
 from studies.proprioception.watching import spread_over
 
 QUICK = [
-    "fingers=1",
+    "fingers=2",
     "frames=5",
     "gap_fingers=8",
     "cost_fingers=1",
