@@ -139,9 +139,9 @@ def test_slopes_of_a_slit_are_those_of_similar_triangles():
 @pytest.fixture(scope="module")
 def random():
     """Random scenes that show something, the answers for them and their rays."""
-    rows = random_rows(80, seed=3)
+    rows = random_rows(150, seed=3)
     answers = ask(ASKED, rows)
-    return rows, answers, rays.bounds(STRUCTURE, fans_of(rows), 10_000, 1)
+    return rows, answers, rays.bounds(STRUCTURE, fans_of(rows), 20_000, 1)
 
 
 def test_sound_answers_agree(random):
