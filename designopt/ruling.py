@@ -62,7 +62,7 @@ class Ruling(Artist):
         self.set(animated=True, clip_on=False, zorder=0.5)
         self._level = along == "x"
         self._locator = MaxNLocator(most, steps=list(steps))
-        self._limits: tuple[float, float] | None = None
+        self._fitted: tuple[float, float] | None = None
         axes.add_artist(self)
         axis: Any = axes.xaxis if self._level else axes.yaxis
         axis.set_major_locator(NullLocator())
@@ -128,12 +128,17 @@ class Ruling(Artist):
             artist.draw(renderer)
         self.stale = False
 
-    def _fit(self) -> None:
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Those of the axes, which are all that it changes with."""
         axes: Any = self.axes
-        limits = axes.get_xlim() if self._level else axes.get_ylim()
-        if limits == self._limits:
+        return axes.get_xlim() if self._level else axes.get_ylim()
+
+    def _fit(self) -> None:
+        limits = self.limits
+        if limits == self._fitted:
             return
-        self._limits = limits
+        self._fitted = limits
         values = ticks(self._locator, limits)
         turn = 1 if self._level else -1
         ends = np.array([0.0, 1.0])

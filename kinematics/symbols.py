@@ -15,11 +15,12 @@ from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
-from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.patheffects import withTickedStroke
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
+
+from designopt.quick_line import QuickLine
 
 Points = Float[np.ndarray, "_ 2"]
 Place = Float[np.ndarray, "2"]
@@ -112,7 +113,7 @@ def stroke(
     axes: Axes, line: Points, colour: Any, width: float, z: float, gid: str, **style: Any
 ) -> None:
     """A line with round ends and corners."""
-    artist = Line2D(line[:, 0], line[:, 1], color=colour, linewidth=width, zorder=z, **style)
+    artist = QuickLine(line[:, 0], line[:, 1], color=colour, linewidth=width, zorder=z, **style)
     artist.set(solid_capstyle="round", solid_joinstyle="round", gid=gid)
     add(axes, artist)
 
@@ -128,7 +129,7 @@ def point(axes: Axes, name: str, place: Place, z: float, colour: str) -> None:
 
 
 def _dot(axes: Axes, name: str, place: Place, z: float, size: float, edge: str, face: str) -> None:
-    artist = Line2D([place[0]], [place[1]], marker="o", color=edge, markerfacecolor=face)
+    artist = QuickLine([place[0]], [place[1]], marker="o", color=edge, markerfacecolor=face)
     artist.set(markersize=size, markeredgewidth=1.1, zorder=z, gid=f"joint:{name}")
     add(axes, artist)
 
@@ -138,7 +139,7 @@ def ground(axes: Axes, place: Place, z: float) -> None:
     at = anchored(axes, place)
     triangle = Path([*GROUND, GROUND[0]], closed=True)
     add(axes, PathPatch(triangle, fc=PAPER, ec=INK, lw=1.0, transform=at, zorder=z, gid="ground"))
-    base = Line2D([-11.0, 11.0], [GROUND[1, 1]] * 2, transform=at, zorder=z)
+    base = QuickLine([-11.0, 11.0], [GROUND[1, 1]] * 2, transform=at, zorder=z)
     _hatch(axes, base)
 
 
@@ -156,11 +157,13 @@ def track(axes: Axes, ends: Points, z: float) -> None:
     down = np.array([step[1], -step[0]]) / math.hypot(*step) * BLOCK[1] / 2 / 72
     figure: Any = axes.figure
     shift = ScaledTranslation(float(down[0]), float(down[1]), figure.dpi_scale_trans)
-    base = Line2D(ends[:, 0], ends[:, 1], transform=axes.transData + shift, zorder=z, gid="track")
+    base = QuickLine(
+        ends[:, 0], ends[:, 1], transform=axes.transData + shift, zorder=z, gid="track"
+    )
     _hatch(axes, base)
 
 
-def _hatch(axes: Axes, line: Line2D) -> None:
+def _hatch(axes: Axes, line: QuickLine) -> None:
     line.set(color=INK, linewidth=1.0)
     strokes = withTickedStroke(spacing=4.0, angle=-130, length=1.0, linewidth=0.7)
     line.set_path_effects([strokes])

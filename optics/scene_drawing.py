@@ -17,6 +17,7 @@ from matplotlib.patheffects import Stroke, withTickedStroke
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
 
 from designopt.figures import PALETTE
+from designopt.quick_line import QuickLine
 from designopt.solution import Solution
 from optics.scene import Scene
 from optics.scene_labels import Label, draw_labels
@@ -131,7 +132,7 @@ def scene_signs(
         gid = f"ray:{path_name(layout, words[path])}:{layout.pads[pad].name}"
         look = path_style(path)
         for line in [_joined(lines)] if joined else lines:
-            artists.append(_sign(Line2D(*line.T, linewidth=0.8, alpha=0.65, **look), LIGHT, gid))
+            artists.append(_sign(QuickLine(*line.T, linewidth=0.8, alpha=0.65, **look), LIGHT, gid))
         clutter += lines
     artists += _pads(axes, scene, section, views, size, seen or [SEEN] * len(layout.pads))
     for frame, hinge in zip(layout.frames, section.hinges, strict=True):
@@ -291,9 +292,9 @@ def _surfaces(scene: Scene, section: Section, size: float) -> Iterator[Artist]:
             yield _sign(blocker, BACKS, f"blocker:{part.name}")
 
 
-def _mirror(line: Points, side: int, size: float = 1.0) -> Line2D:
+def _mirror(line: Points, side: int, size: float = 1.0) -> QuickLine:
     """A mirror: ticks on the back of one side, a double line for two."""
-    artist = Line2D(*line.T, color=INK, linewidth=1.5 * size)
+    artist = QuickLine(*line.T, color=INK, linewidth=1.5 * size)
     if side:
         ticks = withTickedStroke(
             spacing=TICK * size, angle=-135.0 * side, length=1.0, linewidth=0.7
@@ -305,16 +306,16 @@ def _mirror(line: Points, side: int, size: float = 1.0) -> Line2D:
     return artist
 
 
-def _blocker(line: Points, side: int, size: float = 1.0) -> Line2D:
+def _blocker(line: Points, side: int, size: float = 1.0) -> QuickLine:
     """A blocker: a grey line, broken if it lets rays pass from one side."""
     dashes = (0, (2, 0.8)) if side else "-"
-    return Line2D(*line.T, color=GREY, linewidth=2.2 * size, linestyle=dashes)
+    return QuickLine(*line.T, color=GREY, linewidth=2.2 * size, linestyle=dashes)
 
 
-def _hinge(place: Point, size: float = 1.0) -> list[Line2D]:
+def _hinge(place: Point, size: float = 1.0) -> list[QuickLine]:
     """A pivot: a circle with a point in it."""
     ring, point = (
-        Line2D(place[:1], place[1:], marker="o", color=INK, linestyle="none") for _ in range(2)
+        QuickLine(place[:1], place[1:], marker="o", color=INK, linestyle="none") for _ in range(2)
     )
     ring.set(markersize=7 * size, markerfacecolor=PAPER, markeredgewidth=1.1 * size)
     point.set(markersize=2 * size)
@@ -349,9 +350,9 @@ def _pads(
             yield _sign(artist, FRONTS, f"sensing:{part.name}")
 
 
-def _part(line: Points, pair: tuple[float, float], shift: Transform, **style: Any) -> Line2D:
+def _part(line: Points, pair: tuple[float, float], shift: Transform, **style: Any) -> QuickLine:
     """The part of a segment between two coordinates along it."""
-    artist = Line2D(*(line[0] + np.array(pair)[:, None] * (line[1] - line[0])).T, **style)
+    artist = QuickLine(*(line[0] + np.array(pair)[:, None] * (line[1] - line[0])).T, **style)
     artist.set(solid_capstyle="butt", dash_capstyle="butt", transform=shift)
     return artist
 

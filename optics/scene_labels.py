@@ -14,9 +14,10 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
+
+from designopt.quick_line import QuickLine
 
 Point = Float[np.ndarray, "2"]
 Points = Float[np.ndarray, "_ 2"]
@@ -70,7 +71,7 @@ class PlacedLabel:
         """Its line and its text, for axes in mm; ``size`` as in `place_labels`."""
         found: list[Artist] = []
         if len(self.leader):
-            line = Line2D(*self.leader.T, color=INK, linewidth=0.5, zorder=7)
+            line = QuickLine(*self.leader.T, color=INK, linewidth=0.5, zorder=7)
             line.set_gid(f"leader:{self.text}")
             found.append(line)
         x, y = map(float, self.middle)

@@ -39,6 +39,8 @@ HEADING = 24
 TALLEST_ROW = 26
 TRACK = (1030, 1180)
 """Left and right end of the sliders; names left of them, values right of them."""
+LETTERS = 8.5
+"""Size of a knob's name and value, points."""
 GAP = 6
 """Between buttons."""
 ROWS_OF_READINGS = (7, 10)
@@ -95,8 +97,26 @@ class KnobRow:
         )
         self.slider.valstep = stops(knob, step)
         self.slider.drawon = False
-        _at(figure, self.slider.label, (COLUMN + MARGIN, y + tall / 2), "left")
-        _at(figure, self.slider.valtext, (WIDTH - MARGIN, y + tall / 2), "right")
+        self.slider.label.set(
+            transform=figure.transFigure,
+            position=((COLUMN + MARGIN) / WIDTH, (y + tall / 2) / HEIGHT),
+            horizontalalignment="left",
+            verticalalignment="center_baseline",
+            size=LETTERS,
+            color=INK,
+        )
+        foot = y + tall / 2 - 0.5 * LETTERS
+        number = QuickText(
+            (WIDTH - MARGIN) / WIDTH,
+            foot / HEIGHT,
+            self.slider.valtext.get_text(),
+            transform=figure.transFigure,
+            ha="right",
+            size=LETTERS,
+            color=INK,
+        )
+        self.slider.valtext.remove()
+        self.slider.valtext = axes.add_artist(number)
         fit(self.slider.label, TRACK[0] - COLUMN - 2 * MARGIN)
         moving = [self.slider.poly, *axes.lines, self.slider.valtext]
         self.patch = painter.patch(_box(figure, TRACK[0] - 9, y, WIDTH, y + tall), moving)
@@ -238,18 +258,21 @@ class MessageLine:
 
     def __init__(self, painter: Painter, figure: Figure) -> None:
         axes = _axes(figure, 0, 0, WIDTH, FOOT - 1)
-        self._text = axes.text(
-            MARGIN / WIDTH, 0.5, "", size=9, va="center", linespacing=1.15, parse_math=False
-        )
-        self._patch = painter.patch(_box(figure, 0, 0, WIDTH, FOOT - 1), [axes])
+        axes.set(xlim=(0, WIDTH), ylim=(0, FOOT - 1))
+        self._lines = [axes.add_artist(QuickText(MARGIN, 0, "", size=9)) for _ in range(2)]
+        self._patch = painter.patch(_box(figure, 0, 0, WIDTH, FOOT - 1), self._lines)
 
     def put(self, words: str, fault: bool) -> list[Patch]:
         """Show these words, and return what must be painted."""
-        lines = "\n".join(textwrap.wrap(words, 185, max_lines=2, placeholder=" …"))
-        if lines == self._text.get_text():
-            return []
-        self._text.set(text=lines, color="#a33c00" if fault else INK)
-        return [self._patch]
+        lines = textwrap.wrap(words, 185, max_lines=len(self._lines), placeholder=" …")
+        tall = 14
+        top = (FOOT + tall * len(lines)) / 2 - 10
+        changed = False
+        for number, text in enumerate(self._lines):
+            line = lines[number] if number < len(lines) else ""
+            changed = changed or line != text.get_text()
+            text.set(text=line, y=top - tall * number, color="#a33c00" if fault else INK)
+        return [self._patch] if changed else []
 
 
 def round_step(span: float, stops: float) -> float:
@@ -289,14 +312,3 @@ def _axes(figure: Figure, left: float, bottom: float, wide: float, tall: float) 
 def _box(figure: Figure, left: float, bottom: float, right: float, top: float) -> TransformedBbox:
     corners = Bbox([(left / WIDTH, bottom / HEIGHT), (right / WIDTH, top / HEIGHT)])
     return TransformedBbox(corners, figure.transFigure)
-
-
-def _at(figure: Figure, text: Text, place: tuple[float, float], side: str) -> None:
-    text.set(
-        transform=figure.transFigure,
-        position=(place[0] / WIDTH, place[1] / HEIGHT),
-        horizontalalignment=side,
-        verticalalignment="center_baseline",
-        size=8.5,
-        color=INK,
-    )

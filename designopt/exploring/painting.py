@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
+
+from designopt.ruling import Ruling
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -18,13 +20,20 @@ class Patch:
 
     Attributes:
         box: where it lies, pixels; patches do not overlap.
-        artists: what changes in it, in the order of drawing.
+        artists: what changes in it, in the order of drawing, above the rulings.
+        rulings: what changes only with the limits of axes.
+        bare: the pixels of what does not change.
+        ruled: the pixels of that and of the rulings.
+        limits: at which the rulings were drawn.
     """
 
     def __init__(self, box: BboxBase, artists: Sequence[Artist] = ()) -> None:
         self.box = box
         self.artists: Sequence[Artist] = ()
-        self.background = None
+        self.rulings: Sequence[Ruling] = ()
+        self.bare: Any = None
+        self.ruled: Any = None
+        self.limits: list[tuple[float, float]] = []
         self.put(artists)
 
     def put(self, artists: Sequence[Artist]) -> None:
@@ -36,13 +45,15 @@ class Patch:
                 artist.set_clip_path(None)
                 artist.set_clip_box(self.box)
                 artist.set_clip_on(True)
-        self.artists = artists
+        self.rulings = [artist for artist in artists if isinstance(artist, Ruling)]
+        self.artists = [artist for artist in artists if not isinstance(artist, Ruling)]
 
 
 class Painter:
     """Draws the patches of a figure.
 
-    Everything else in the figure is drawn once and kept as pixels, patch by patch.
+    Everything else in the figure is drawn once and kept as pixels, patch by patch; rulings are
+    drawn over them, and kept, whenever limits change.
     """
 
     def __init__(self, figure: Figure) -> None:
@@ -64,18 +75,27 @@ class Painter:
     def paint(self, patches: Iterable[Patch]) -> None:
         """Draw what changes in these patches, and nothing else."""
         for patch in patches:
-            self._canvas.restore_region(patch.background)
-            self._draw_artists(patch)
+            self._paint(patch)
         self._canvas.blit(self._figure.bbox)
 
     def _keep_backgrounds(self, event: Event) -> None:
         if event.canvas is not self._canvas or self._canvas.is_saving():
             return
         for patch in self._patches:
-            patch.background = self._canvas.copy_from_bbox(patch.box)
+            patch.bare = self._canvas.copy_from_bbox(patch.box)
+            patch.ruled = None
         for patch in self._patches:
-            self._draw_artists(patch)
+            self._paint(patch)
 
-    def _draw_artists(self, patch: Patch) -> None:
+    def _paint(self, patch: Patch) -> None:
+        renderer = self._canvas.get_renderer()
+        limits = [ruling.limits for ruling in patch.rulings]
+        if patch.ruled is None or limits != patch.limits:
+            self._canvas.restore_region(patch.bare)
+            for ruling in patch.rulings:
+                ruling.draw(renderer)
+            patch.ruled, patch.limits = self._canvas.copy_from_bbox(patch.box), limits
+        else:
+            self._canvas.restore_region(patch.ruled)
         for artist in patch.artists:
-            self._figure.draw_artist(artist)
+            artist.draw(renderer)

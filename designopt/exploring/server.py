@@ -25,7 +25,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from designopt.designs.bench import Bench, Reading
 from designopt.errors import UserError
 from designopt.exploring.face import DPI, HEIGHT, WIDTH
-from designopt.exploring.frames import Change, Pixels, change, pixels_of, png
+from designopt.exploring.frames import SIDE, Pixels, change, pixels_of, png
 from designopt.exploring.window import Window
 from designopt.exploring.words import number_text
 
@@ -246,16 +246,16 @@ class Tab(_Guarded, WebSocketHandler):
         self._sent = self._page.picture
         pixels = pixels_of(np.asarray(self._page.canvas.buffer_rgba()))
         if self._seen is None or self._seen.shape != pixels.shape:
-            self._seen, part = pixels.copy(), Change(0, 0, pixels)
+            self._seen, changed = pixels.copy(), change(pixels, None)
         else:
-            part = change(pixels, self._seen)
+            changed = change(pixels, self._seen)
             np.copyto(self._seen, pixels)
-        if part is None:
+        if changed is None:
             return
         self._busy = True
-        place = {"left": part.left, "top": part.top, "wide": pixels.shape[1]}
-        self.send_json({"type": "part", **place})
-        self.send_binary(png(part.pixels))
+        places = {"side": SIDE, "across": changed.across, "places": changed.places.tolist()}
+        self.send_json({"type": "squares", "wide": pixels.shape[1], **places})
+        self.send_binary(png(changed.pixels))
 
 
 def _resource(name: str) -> str:

@@ -7,25 +7,30 @@ const figure = new mpl.figure('1', socket, () => {}, document.getElementById('fi
 const message = document.getElementById('message');
 const rows = document.querySelector('#readings tbody');
 
-// A picture may hold no more than what has changed since the one before: none may be left out or
-// drawn out of turn, and the server sends the next one when this one is drawn.
+// A picture holds no more than the squares that have changed since the one before: none may be left
+// out or drawn out of turn, and the server sends the next one when this one is drawn.
 const takeMessage = socket.onmessage;
-let part = {};
+let squares = {};
 let pictures = Promise.resolve();
-figure.handle_part = (_, place) => {
-  part = place;
+figure.handle_squares = (_, news) => {
+  squares = news;
 };
 socket.onmessage = (event) => {
   if (!(event.data instanceof Blob)) {
     takeMessage(event);
     return;
   }
-  const { left, top, wide } = part;
+  const { side, across, places, wide } = squares;
   pictures = pictures.then(async () => {
     const bitmap = await createImageBitmap(event.data);
     const ratio = figure.canvas.width / wide; // 1, unless two screens look at one window
-    const place = [left, top, bitmap.width, bitmap.height].map((pixels) => pixels * ratio);
-    figure.context.drawImage(bitmap, ...place);
+    places.forEach(([left, top], i) => {
+      const from = [(i % across) * side, Math.floor(i / across) * side, side, side];
+      // Whole pixels, lest the squares' edges show.
+      const [x, right] = [left, left + side].map((pixels) => Math.round(pixels * ratio));
+      const [y, foot] = [top, top + side].map((pixels) => Math.round(pixels * ratio));
+      figure.context.drawImage(bitmap, ...from, x, y, right - x, foot - y);
+    });
     bitmap.close();
     figure.waiting = false;
     figure.updated_canvas_event();
