@@ -32,6 +32,8 @@ CLEAR = 4.0
 """Points between a label and what is drawn beyond which more does not count."""
 STEP = 3.0
 """Points between the samples that stand for a line."""
+GRID = np.array(list(itertools.product(np.linspace(-1, 1, 9), (-1.0, 0.0, 1.0))))
+"""What stands for a label, in halves of its size."""
 
 
 @dataclass(frozen=True)
@@ -113,17 +115,15 @@ def place_labels(
         sides = (label.back,) if label.back else (1, -1)
         reach = [depth * side for depth in (label.depth / 2, label.depth) for side in sides]
         clutter = np.vstack([clutter, *(sign + points * left for points in reach)])
-    taken = np.zeros((0, 2))
+    taken = 0  # of the clutter, so many of the last points are other labels
     placed: dict[int, PlacedLabel] = {}
     # What names a short line has the least choice.
     for index in sorted(range(len(labels)), key=lambda index: math.dist(*labels[index].ends)):
         label = labels[index]
-        boxes = _candidates(label, scale)
-        merits = [_merit(box, clutter, taken, window) for box in boxes]
-        box = boxes[int(np.argmax(merits))]
+        box = _best(label, scale, clutter, taken, window)
         leader = _sampled(box.leader)
         clutter = np.vstack([clutter, box.points(), leader])
-        taken = np.vstack([taken, box.points(), leader])
+        taken += len(GRID) + len(leader)
         line = box.leader / scale if len(leader) > 1 else np.zeros((0, 2))
         placed[index] = PlacedLabel(label.text, box.middle / scale, box.angle, line)
     return [placed[index] for index in range(len(labels))]
@@ -168,8 +168,7 @@ class _Box:
 
     def points(self) -> Points:
         """Points all over the box."""
-        grid = itertools.product(np.linspace(-1, 1, 9), (-1.0, 0.0, 1.0))
-        return self.middle + self.half * np.array(list(grid)) @ self.axes
+        return self.middle + self.half * GRID @ self.axes
 
     def gaps(self, places: Points) -> Float[np.ndarray, " places"]:
         """How far places are from the box; 0 in it."""
@@ -177,28 +176,48 @@ class _Box:
         return np.linalg.norm(np.maximum(beyond, 0), axis=1)
 
 
-def _candidates(label: Label, scale: float) -> list[_Box]:
+def _best(
+    label: Label, scale: float, clutter: Points, taken: int, window: Float[np.ndarray, "2 2"]
+) -> _Box:
+    """Where a label stands best of all places that are tried: in doubt, at the first of them."""
+    places = list(itertools.product((0, 1), (1, -1), GAPS, PARTS))
+    costs = [
+        0.1 * gap + 1.5 * abs(part - 0.5) + 2 * across + 3 * (side * label.back < 0)
+        for across, side, gap, part in places
+    ]
+    best, found = (-math.inf, 0), None
+    for number in sorted(range(len(places)), key=costs.__getitem__):
+        if CLEAR - costs[number] < best[0]:
+            break  # the others cost more than any room is worth
+        box = _box(label, scale, *places[number], costs[number])
+        if CLEAR - box.cost < best[0]:
+            continue
+        merit = (_merit(box, clutter, taken, window), -number)
+        if merit > best:
+            best, found = merit, box
+    assert found is not None
+    return found
+
+
+def _box(
+    label: Label, scale: float, across: int, side: int, gap: float, part: float, cost: float
+) -> _Box:
+    """A place along a label's line, or across it, on one of its sides."""
     start, end = label.ends * scale
     left = _left(label.ends)
     half = FONT * np.array([0.28 * len(label.text), 0.42])
-    found = []
-    for across in (0, 1):  # along the line, or across it
-        angle = math.atan2(-left[0], left[1]) + across * math.pi / 2
-        angle -= math.pi * round((angle - 1e-6) / math.pi)  # readable from below or the right
-        for side, gap, part in itertools.product((1, -1), GAPS, PARTS):
-            front = side * label.back < 0
-            depth = 0.0 if front else label.depth
-            middle = start + part * (end - start) + side * (depth + gap + half[1 - across]) * left
-            cost = 0.1 * gap + 1.5 * abs(part - 0.5) + 2 * across + 3 * front
-            box = _Box(middle, half, angle, cost, np.zeros((0, 2)))
-            if gap > NEAR or abs(part - 0.5) > 0.6 or front or across:
-                sign = label.back * label.depth / 2 * left
-                parts = start + sign + np.linspace(0.1, 0.9, 17)[:, None] * (end - start)
-                leader = _shortest(box.points(), parts)
-                cost += 1 + 0.1 * math.dist(*leader)
-                box = dataclasses.replace(box, cost=cost, leader=leader)
-            found.append(box)
-    return found
+    angle = math.atan2(-left[0], left[1]) + across * math.pi / 2
+    angle -= math.pi * round((angle - 1e-6) / math.pi)  # readable from below or the right
+    front = side * label.back < 0
+    depth = 0.0 if front else label.depth
+    middle = start + part * (end - start) + side * (depth + gap + half[1 - across]) * left
+    box = _Box(middle, half, angle, cost, np.zeros((0, 2)))
+    if gap <= NEAR and abs(part - 0.5) <= 0.6 and not front and not across:
+        return box
+    sign = label.back * label.depth / 2 * left
+    parts = start + sign + np.linspace(0.1, 0.9, 17)[:, None] * (end - start)
+    leader = _shortest(box.points(), parts)
+    return dataclasses.replace(box, cost=cost + 1 + 0.1 * math.dist(*leader), leader=leader)
 
 
 def _shortest(first: Points, second: Points) -> Points:
@@ -208,14 +227,15 @@ def _shortest(first: Points, second: Points) -> Points:
     return np.array([first[i], second[j]])
 
 
-def _merit(box: _Box, clutter: Points, taken: Points, window: Float[np.ndarray, "2 2"]) -> float:
+def _merit(box: _Box, clutter: Points, taken: int, window: Float[np.ndarray, "2 2"]) -> float:
     """How far a label is from what is drawn, less its costs and what it would cover."""
     points = box.points()
     outside = max(float(np.max(window[0] - points)), float(np.max(points - window[1])), 0.0)
-    crossed = np.linalg.norm(_sampled(box.leader)[:, None] - taken[None], axis=-1) < STEP
+    labels = np.s_[len(clutter) - taken :]
+    near = np.linalg.norm(_sampled(box.leader)[:, None] - clutter[labels][None], axis=-1) < STEP
     gaps = box.gaps(clutter)
     # Other labels are the last that it may cover.
-    covered = np.sum(gaps == 0) + 5 * np.sum(box.gaps(taken) == 0) + np.sum(crossed)
+    covered = np.sum(gaps == 0) + 5 * np.sum(gaps[labels] == 0) + np.sum(near)
     return min(float(np.min(gaps)), CLEAR) - float(covered) - box.cost - 2 * outside
 
 

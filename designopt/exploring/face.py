@@ -114,9 +114,11 @@ class KnobRow:
             ha="right",
             size=LETTERS,
             color=INK,
+            clip_on=False,
         )
         self.slider.valtext.remove()
-        self.slider.valtext = axes.add_artist(number)
+        axes.add_artist(number)
+        self.slider.valtext = number
         fit(self.slider.label, TRACK[0] - COLUMN - 2 * MARGIN)
         moving = [self.slider.poly, *axes.lines, self.slider.valtext]
         self.patch = painter.patch(_box(figure, TRACK[0] - 9, y, WIDTH, y + tall), moving)
@@ -259,7 +261,9 @@ class MessageLine:
     def __init__(self, painter: Painter, figure: Figure) -> None:
         axes = _axes(figure, 0, 0, WIDTH, FOOT - 1)
         axes.set(xlim=(0, WIDTH), ylim=(0, FOOT - 1))
-        self._lines = [axes.add_artist(QuickText(MARGIN, 0, "", size=9)) for _ in range(2)]
+        self._lines = [QuickText(MARGIN, 0, "", size=9) for _ in range(2)]
+        for text in self._lines:
+            axes.add_artist(text)
         self._patch = painter.patch(_box(figure, 0, 0, WIDTH, FOOT - 1), self._lines)
 
     def put(self, words: str, fault: bool) -> list[Patch]:

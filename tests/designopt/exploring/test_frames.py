@@ -6,39 +6,59 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from designopt.exploring.frames import change, pixels_of, png
+from designopt.exploring.frames import SIDE, change, pixels_of, png
+
+TALL, WIDE = 2 * SIDE + 7, 3 * SIDE + 5  # no multiples of the squares
 
 
 def picture(seed):
-    rgba = np.random.default_rng(seed).integers(0, 255, (30, 40, 4), dtype=np.uint8)
+    rgba = np.random.default_rng(seed).integers(0, 255, (TALL, WIDE, 4), dtype=np.uint8)
     rgba[:, :, 3] = 255
     return rgba
 
 
-def opened(data):
-    return Image.open(io.BytesIO(data))
+def put_together(old, found):
+    """What a browser makes of the squares, one by one."""
+    new, image = old.copy(), Image.open(io.BytesIO(png(found.pixels))).convert("RGBA")
+    for number, (left, top) in enumerate(found.places.tolist()):
+        x, y = number % found.across * SIDE, number // found.across * SIDE
+        square = image.crop((x, y, x + SIDE, y + SIDE))
+        new[top : top + SIDE, left : left + SIDE] = np.array(square)
+    return new
 
 
 def test_a_picture_is_packed_without_loss():
     rgba = picture(0)
-    np.testing.assert_array_equal(np.array(opened(png(pixels_of(rgba)))), rgba)
+    found = np.array(Image.open(io.BytesIO(png(pixels_of(rgba)))))
+    np.testing.assert_array_equal(found, rgba[:, :, :3])
 
 
-@pytest.mark.parametrize("where", [np.s_[3:7, 5:9], np.s_[:, :], np.s_[[2, 29], [39, 3]]])
-def test_what_has_changed_over_the_old_gives_the_new(where):
+@pytest.mark.parametrize("first", [np.zeros((TALL, WIDE, 4), np.uint8), picture(2)])
+def test_the_first_picture_is_sent_whole(first):
+    found = change(pixels_of(picture(1)), None)
+    assert found is not None
+    np.testing.assert_array_equal(put_together(first, found), picture(1))
+
+
+@pytest.mark.parametrize(
+    ("where", "squares"),
+    [
+        (np.s_[3:7, 5:9], 1),
+        (np.s_[:, :], 12),
+        (np.s_[[2, TALL - 1], [WIDE - 1, 3]], 2),
+        (np.s_[SIDE - 1 : SIDE + 1, SIDE - 1 : SIDE + 1], 4),
+        (np.s_[TALL - 1, WIDE - 1], 1),
+        (np.s_[0, ::SIDE], 4),
+    ],
+)
+def test_the_squares_that_have_changed_over_the_old_give_the_new(where, squares):
     old = picture(1)
     new = old.copy()
     new[where] = picture(2)[where]
-    part = change(pixels_of(new), pixels_of(old))
-    assert part is not None
-    patch = opened(png(part.pixels))
-    over = Image.fromarray(old)
-    over.alpha_composite(patch, (part.left, part.top))
-    np.testing.assert_array_equal(np.array(over), new)
-    rows, columns = np.nonzero((new != old).any(axis=2))
-    assert patch.size == (int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1)
-    there = np.s_[part.top : part.top + patch.height, part.left : part.left + patch.width]
-    assert not np.array(patch)[(new == old).all(axis=2)[there]].any()
+    found = change(pixels_of(new), pixels_of(old))
+    assert found is not None
+    assert len(found.places) == squares
+    np.testing.assert_array_equal(put_together(old, found), new)
 
 
 def test_where_nothing_has_changed_nothing_is_sent():

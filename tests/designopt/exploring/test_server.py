@@ -103,7 +103,7 @@ class Browser:
         self.news = {}
         self.picture = np.zeros((1, 1, 4), np.uint8)
         self.pictures = 0
-        self._place, self._wide = (0, 0), 0
+        self._squares = {}
 
     @classmethod
     async def opened(cls, port):
@@ -135,21 +135,28 @@ class Browser:
             message = await self.connection.read_message()
             assert message is not None
             if isinstance(message, bytes):
-                patch = Image.open(io.BytesIO(message))
-                same_size = self.picture.shape[1] == self._wide
-                over = Image.fromarray(self.picture) if same_size else patch.copy()
-                over.alpha_composite(patch, self._place)
-                self.picture = np.array(over)
+                self._put(np.array(Image.open(io.BytesIO(message)).convert("RGBA")))
                 self.pictures += 1
                 if acknowledge:
                     await self.send("ack")
             else:
                 content = json.loads(message)
-                if content["type"] == "part":
-                    self._place = (content["left"], content["top"])
-                    self._wide = content["wide"]
+                if content["type"] == "squares":
+                    self._squares = content
                 if content["type"] == "readings":
                     self.news = content
+
+    def _put(self, image):
+        side, across, places, wide = (
+            self._squares[name] for name in ("side", "across", "places", "wide")
+        )
+        if self.picture.shape[1] != wide:  # the first picture of a size is whole
+            tall = max(top for _, top in places) + side
+            self.picture = np.zeros((tall, wide, 4), np.uint8)
+        for number, (left, top) in enumerate(places):
+            x, y = number % across * side, number // across * side
+            square = image[y : y + side, x : x + side]
+            self.picture[top : top + side, left : left + side] = square
 
     @property
     def place(self):

@@ -11,9 +11,11 @@ import pytest
 from matplotlib.backend_bases import ResizeEvent
 from PIL import Image
 
-from designopt.exploring.face import DPI, HEIGHT, WIDTH, round_step, stops
+from designopt.exploring.face import DPI, FOOT, HEIGHT, TRACK, WIDTH, round_step, stops
 from designopt.exploring.window import OPTIMISE, PICTURE, RESET, SPEC, STOP
 from designopt.exploring.words import number_text
+from designopt.ruling import Ruling
+from tests.designopt.exploring import toy
 from tests.designopt.exploring.hands import Hands, on_button
 from tests.designopt.exploring.toy import ASKED, KNOBS, LOCKED, SliderCrank, place
 
@@ -42,6 +44,18 @@ def test_each_slider_shows_what_the_bench_computes(hands, knob):
     assert (hands.canvas.pixels() != before).any()
 
 
+def test_each_slider_has_its_number_beside_it(hands):
+    for row in hands.window.rows:
+        _, low, right, top = row.patch.box.extents.astype(int)
+        beside = np.s_[HEIGHT - top : HEIGHT - low, TRACK[1] + 9 : right]
+        before = hands.canvas.pixels()
+        hands.drag(row.knob.name, 0.3)
+        now = hands.canvas.pixels()
+        assert (now[beside] != before[beside]).any()
+        rows = np.flatnonzero((now[beside] != now[0, 0]).any(axis=(1, 2)))
+        assert 0 < rows[0] < rows[-1] < top - low - 1  # it is whole
+
+
 def test_what_is_painted_is_what_would_be_drawn(hands):
     for name, fraction in (("crank", 0.8), ("radius", 0.9), ("rod", 0.1), ("crank", 0.2)):
         hands.drag(name, fraction)
@@ -66,6 +80,18 @@ def test_limits_may_change(hands):
     np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
 
 
+def test_ticks_are_drawn_only_when_limits_change(hands, monkeypatch):
+    drawn = []
+    draw = Ruling.draw
+    monkeypatch.setattr(
+        Ruling, "draw", lambda self, renderer: (drawn.append(self), draw(self, renderer))
+    )
+    hands.drag("crank", 0.3)
+    assert not drawn
+    hands.drag("rod", 0.95)
+    assert drawn == hands.bench.rulings
+
+
 def test_in_a_window_of_another_shape_circles_stay_round(hands):
     bench: Any = hands.bench
     resized: Any = ResizeEvent("resize_event", hands.canvas)
@@ -77,6 +103,21 @@ def test_in_a_window_of_another_shape_circles_stay_round(hands):
         assert scales[0] == pytest.approx(scales[1], rel=1e-9)
         hands.window.present()
         np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
+
+
+@pytest.mark.parametrize(("count", "lines"), [(5, 1), (40, 2), (400, 2)])
+def test_a_message_fills_a_line_or_two(hands, monkeypatch, count, lines):
+    """None beyond the foot of the window, whose last word says that there are more."""
+    blank = hands.canvas.pixels()[-FOOT:]
+    monkeypatch.setattr(toy, "LOCKED", " ".join(["inked"] * count))
+    hands.drag("rod", 0.0)
+    foot = (hands.canvas.pixels()[-FOOT:] != blank).any(axis=(1, 2))
+    starts = np.count_nonzero(foot[1:] & ~foot[:-1])
+    assert starts == lines
+    assert not foot[[0, -1]].any()
+    np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
+    hands.drag("rod", 0.9)
+    np.testing.assert_array_equal(hands.canvas.pixels()[-FOOT:], blank)
 
 
 def test_of_moves_that_come_together_the_last_is_shown(tmp_path):
