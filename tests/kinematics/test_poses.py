@@ -182,8 +182,12 @@ def test_many_poses_are_those_of_few():
     every = poses_of(linkage, inputs)
     some = poses_of(linkage, inputs[::4000])
     assert every.margin.shape == (20_011,)
-    np.testing.assert_array_equal(every.value.joints["B"].x[::4000], some.value.joints["B"].x)
-    np.testing.assert_array_equal(every.margin[::4000], some.margin)
+    # Compiled for another number of poses, the last digit may be another one.
+    few_ulp = {"rtol": 1e-14, "atol": 1e-12}
+    np.testing.assert_allclose(
+        every.value.joints["B"].x[::4000], some.value.joints["B"].x, **few_ulp
+    )
+    np.testing.assert_allclose(every.margin[::4000], some.margin, **few_ulp)
 
 
 def test_gradients_of_many_poses_are_those_of_few():
