@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import RendererAgg
@@ -25,6 +25,10 @@ class QuickText(Text):
     Matplotlib lays out and draws every glyph by itself, about a millisecond for a number: of a
     table of them, longer than all the rest of a picture.
     """
+
+    def __init__(self, *args: Any, **style: Any) -> None:
+        """As `Text`; dollar signs have no meaning."""
+        super().__init__(*args, parse_math=False, **style)
 
     def draw(self, renderer: RendererBase) -> None:
         """Draw it, as pixels where pixels are drawn."""

@@ -33,9 +33,9 @@ def test_it_looks_as_matplotlib_draws_it(side, weight):
 def test_it_is_text_where_no_pixels_are_drawn(tmp_path):
     with matplotlib.rc_context({"svg.fonttype": "none"}):
         figure = Figure()
-        figure.add_artist(QuickText(0.5, 0.5, "-12.3456"))
+        figure.add_artist(QuickText(0.5, 0.5, "$-12.3456$"))
         figure.savefig(tmp_path / "number.svg")
-    assert "12.3456" in (tmp_path / "number.svg").read_text()
+    assert "$-12.3456$" in (tmp_path / "number.svg").read_text()
 
 
 def test_nothing_is_drawn_of_an_empty_or_hidden_one():
