@@ -1,4 +1,4 @@
-"""Numbers that change with every move of a slider, drawn in one go."""
+"""Numbers and words that change with every move of a slider, drawn in one go."""
 
 from __future__ import annotations
 

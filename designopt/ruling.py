@@ -130,7 +130,7 @@ class Ruling(Artist):
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Those of the axes, which are all that it changes with."""
+        """Those of the axes; in axes that stay where they are, all that its looks depend on."""
         axes: Any = self.axes
         return axes.get_xlim() if self._level else axes.get_ylim()
 

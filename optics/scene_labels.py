@@ -217,7 +217,7 @@ def _box(
     sign = label.back * label.depth / 2 * left
     parts = start + sign + np.linspace(0.1, 0.9, 17)[:, None] * (end - start)
     leader = _shortest(box.points(), parts)
-    return dataclasses.replace(box, cost=cost + 1 + 0.1 * math.dist(*leader), leader=leader)
+    return dataclasses.replace(box, cost=cost + (1 + 0.1 * math.dist(*leader)), leader=leader)
 
 
 def _shortest(first: Points, second: Points) -> Points:

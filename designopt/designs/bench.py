@@ -62,8 +62,9 @@ class Shown:
 
     Attributes:
         readings: the numbers, the same names in the same order every time.
-        artists: all that changes with the values, in the order of drawing; everything else in the
-            figure stays as it is. For ticks that change with limits, see `designopt.ruling`.
+        artists: all that changes with the values, in the order of drawing, but for rulings, which
+            lie below the others; everything else in the figure stays as it is. For ticks that
+            change with limits, see `designopt.ruling`.
         message: what is the matter, in one sentence with its cure; empty where all is well.
     """
 

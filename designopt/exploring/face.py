@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
-from matplotlib.transforms import Bbox, TransformedBbox
+from matplotlib.transforms import Bbox, ScaledTranslation, Transform, TransformedBbox
 from matplotlib.widgets import Button, Slider
 
 from designopt.designs.bench import Knob, Reading
@@ -39,8 +39,12 @@ HEADING = 24
 TALLEST_ROW = 26
 TRACK = (1030, 1180)
 """Left and right end of the sliders; names left of them, values right of them."""
-LETTERS = 8.5
-"""Size of a knob's name and value, points."""
+LETTERS, WORDS = 8.5, 9.0
+"""Sizes of a knob's name and value and of the message, points."""
+PITCH = 10.0
+"""From one line of the message to the next, points."""
+HALF = 0.36
+"""Half the height of capitals, as a part of a text's size."""
 GAP = 6
 """Between buttons."""
 ROWS_OF_READINGS = (7, 10)
@@ -97,25 +101,13 @@ class KnobRow:
         )
         self.slider.valstep = stops(knob, step)
         self.slider.drawon = False
-        self.slider.label.set(
-            transform=figure.transFigure,
-            position=((COLUMN + MARGIN) / WIDTH, (y + tall / 2) / HEIGHT),
-            horizontalalignment="left",
-            verticalalignment="center_baseline",
-            size=LETTERS,
-            color=INK,
-        )
-        foot = y + tall / 2 - 0.5 * LETTERS
-        number = QuickText(
-            (WIDTH - MARGIN) / WIDTH,
-            foot / HEIGHT,
-            self.slider.valtext.get_text(),
-            transform=figure.transFigure,
-            ha="right",
-            size=LETTERS,
-            color=INK,
-            clip_on=False,
-        )
+        middle = (y + tall / 2) / HEIGHT
+        style: dict[str, Any] = {"size": LETTERS, "color": INK, "va": "baseline"}
+        style["transform"] = _raised(figure, -HALF * LETTERS)
+        self.slider.label.set(position=((COLUMN + MARGIN) / WIDTH, middle), ha="left", **style)
+        words = self.slider.valtext.get_text()
+        number = QuickText((WIDTH - MARGIN) / WIDTH, middle, words, ha="right", **style)
+        number.set_clip_on(False)
         self.slider.valtext.remove()
         axes.add_artist(number)
         self.slider.valtext = number
@@ -218,21 +210,20 @@ class ReadingsTable:
     """Names, numbers and units below the drawing."""
 
     def __init__(self, painter: Painter, figure: Figure) -> None:
-        self._painter, self._figure = painter, figure
         self._axes = _axes(figure, 0, FOOT, COLUMN, STRIP - FOOT)
-        self._numbers: list[tuple[Text, Patch]] = []
+        self._numbers: list[QuickText] = []
+        self._patch = painter.patch(_box(figure, 0, FOOT + 1, COLUMN - 1, STRIP - 1))
 
     def put(self, readings: Sequence[Reading]) -> list[Patch]:
         """Show these, and return what must be painted; names and places are the first ones'."""
         if not self._numbers:
             self._make(readings)
-        changed = []
-        for (text, patch), reading in zip(self._numbers, readings, strict=True):
-            words = number_text(reading.value)
-            if words != text.get_text():
-                text.set_text(words)
-                changed.append(patch)
-        return changed
+        words = [number_text(reading.value) for reading in readings]
+        if words == [text.get_text() for text in self._numbers]:
+            return []
+        for text, number in zip(self._numbers, words, strict=True):
+            text.set_text(number)
+        return [self._patch]
 
     def _make(self, readings: Sequence[Reading]) -> None:
         few, most = ROWS_OF_READINGS
@@ -249,10 +240,10 @@ class ReadingsTable:
             name = self._axes.text(left, foot, reading.name, size=size, color=SOFT)
             fit(name, right - number - left)
             self._axes.text(right + 4, foot, reading.unit, size=size, color=SOFT, parse_math=False)
-            text = QuickText(right, foot, color=INK, ha="right", weight="bold", size=size)
-            self._axes.add_artist(text)
-            box = _box(self._figure, right - number, y, right + 2, y + tall)
-            self._numbers.append((text, self._painter.patch(box, [text])))
+            style = {"color": INK, "ha": "right", "weight": "bold", "size": size}
+            self._numbers.append(QuickText(right, foot, "", clip_on=False, **style))
+            self._axes.add_artist(self._numbers[-1])
+        self._patch.put(self._numbers)
 
 
 class MessageLine:
@@ -260,23 +251,29 @@ class MessageLine:
 
     def __init__(self, painter: Painter, figure: Figure) -> None:
         axes = _axes(figure, 0, 0, WIDTH, FOOT - 1)
-        axes.set(xlim=(0, WIDTH), ylim=(0, FOOT - 1))
-        self._lines = [QuickText(MARGIN, 0, "", size=9) for _ in range(2)]
+        middle = (FOOT - 1) / 2 / HEIGHT
+        self._figure = figure
+        style = {"size": WORDS, "clip_on": False}
+        self._lines = [QuickText(MARGIN / WIDTH, middle, "", **style) for _ in range(2)]
         for text in self._lines:
             axes.add_artist(text)
+        self._shown: tuple[list[str], bool] = [], False
         self._patch = painter.patch(_box(figure, 0, 0, WIDTH, FOOT - 1), self._lines)
 
     def put(self, words: str, fault: bool) -> list[Patch]:
         """Show these words, and return what must be painted."""
-        lines = textwrap.wrap(words, 185, max_lines=len(self._lines), placeholder=" …")
-        tall = 14
-        top = (FOOT + tall * len(lines)) / 2 - 10
-        changed = False
-        for number, text in enumerate(self._lines):
-            line = lines[number] if number < len(lines) else ""
-            changed = changed or line != text.get_text()
-            text.set(text=line, y=top - tall * number, color="#a33c00" if fault else INK)
-        return [self._patch] if changed else []
+        # A file's name can hold any of Unicode's line breaks.
+        one = " ".join(words.split())
+        lines = textwrap.wrap(one, 185, max_lines=len(self._lines), placeholder=" …")
+        if (lines, fault) == self._shown:
+            return []
+        self._shown = lines, fault
+        up = PITCH * (len(lines) - 1) / 2 - HALF * WORDS
+        for text, line in zip(self._lines, (*lines, "", ""), strict=False):
+            text.set(text=line, color="#a33c00" if fault else INK)
+            text.set_transform(_raised(self._figure, up))
+            up -= PITCH
+        return [self._patch]
 
 
 def round_step(span: float, stops: float) -> float:
@@ -311,6 +308,12 @@ def _axes(figure: Figure, left: float, bottom: float, wide: float, tall: float) 
     axes.set_axis_off()
     axes.set_navigate(False)
     return axes
+
+
+def _raised(figure: Figure, points: float) -> Transform:
+    """From parts of the figure to the display, and so many points up."""
+    up = ScaledTranslation(0.0, points / 72, figure.dpi_scale_trans)  # pyright: ignore[reportArgumentType]
+    return figure.transFigure + up
 
 
 def _box(figure: Figure, left: float, bottom: float, right: float, top: float) -> TransformedBbox:

@@ -254,7 +254,7 @@ class Tab(_Guarded, WebSocketHandler):
             return
         self._busy = True
         places = {"side": SIDE, "across": changed.across, "places": changed.places.tolist()}
-        self.send_json({"type": "squares", "wide": pixels.shape[1], **places})
+        self.send_json({"type": "squares", "size": pixels.shape[::-1], **places})
         self.send_binary(png(changed.pixels))
 
 

@@ -20,16 +20,16 @@ socket.onmessage = (event) => {
     takeMessage(event);
     return;
   }
-  const { side, across, places, wide } = squares;
+  const { side, across, places, size } = squares;
   pictures = pictures.then(async () => {
     const bitmap = await createImageBitmap(event.data);
-    const ratio = figure.canvas.width / wide; // 1, unless two screens look at one window
+    const { canvas } = figure;
+    if (canvas.width !== size[0] || canvas.height !== size[1]) {
+      [canvas.width, canvas.height] = size; // what it fills of the page stays the same
+    }
     places.forEach(([left, top], i) => {
       const from = [(i % across) * side, Math.floor(i / across) * side, side, side];
-      // Whole pixels, lest the squares' edges show.
-      const [x, right] = [left, left + side].map((pixels) => Math.round(pixels * ratio));
-      const [y, foot] = [top, top + side].map((pixels) => Math.round(pixels * ratio));
-      figure.context.drawImage(bitmap, ...from, x, y, right - x, foot - y);
+      figure.context.drawImage(bitmap, ...from, left, top, side, side);
     });
     bitmap.close();
     figure.waiting = false;

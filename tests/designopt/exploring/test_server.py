@@ -147,11 +147,10 @@ class Browser:
                     self.news = content
 
     def _put(self, image):
-        side, across, places, wide = (
-            self._squares[name] for name in ("side", "across", "places", "wide")
+        side, across, places, (wide, tall) = (
+            self._squares[name] for name in ("side", "across", "places", "size")
         )
-        if self.picture.shape[1] != wide:  # the first picture of a size is whole
-            tall = max(top for _, top in places) + side
+        if self.picture.shape[:2] != (tall, wide):  # the first picture of a size is whole
             self.picture = np.zeros((tall, wide, 4), np.uint8)
         for number, (left, top) in enumerate(places):
             x, y = number % across * side, number // across * side

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.backend_bases import ResizeEvent
 from PIL import Image
 
-from designopt.exploring.face import DPI, FOOT, HEIGHT, TRACK, WIDTH, round_step, stops
+from designopt.exploring.face import COLUMN, DPI, FOOT, HEIGHT, TRACK, WIDTH, round_step, stops
 from designopt.exploring.window import OPTIMISE, PICTURE, RESET, SPEC, STOP
 from designopt.exploring.words import number_text
 from designopt.ruling import Ruling
@@ -80,6 +80,16 @@ def test_limits_may_change(hands):
     np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
 
 
+@pytest.mark.parametrize("visible", [False, True])
+def test_ticks_may_be_hidden_and_shown(hands, visible):
+    for ruling in hands.bench.rulings:
+        ruling.set_visible(not visible)
+    hands.drag("crank", 0.3)
+    hands.bench.rulings[0].set_visible(visible)
+    hands.drag("crank", 0.4)
+    np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
+
+
 def test_ticks_are_drawn_only_when_limits_change(hands, monkeypatch):
     drawn = []
     draw = Ruling.draw
@@ -120,6 +130,17 @@ def test_a_message_fills_a_line_or_two(hands, monkeypatch, count, lines):
     np.testing.assert_array_equal(hands.canvas.pixels()[-FOOT:], blank)
 
 
+@pytest.mark.parametrize("gap", ["\n", "\x85", "\u2029", "\x1c", "\v", "  "])
+def test_a_message_takes_any_line_break_for_a_space(hands, monkeypatch, gap):
+    drawn = []
+    for between in (" ", gap):
+        monkeypatch.setattr(toy, "LOCKED", f"12°{between}$μ$ – η")
+        hands.drag("rod", 0.0)
+        drawn.append(hands.canvas.pixels())
+        hands.drag("rod", 0.9)
+    np.testing.assert_array_equal(*drawn)
+
+
 def test_of_moves_that_come_together_the_last_is_shown(tmp_path):
     bench = SliderCrank()
     hands = Hands(bench, tmp_path)
@@ -129,6 +150,42 @@ def test_of_moves_that_come_together_the_last_is_shown(tmp_path):
     hands.run_until_still()
     assert bench.shows == shows + 1
     assert readings(hands)["slider's place"] == place(hands.window.values)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_in_a_window_of_any_size_nothing_of_the_last_move_is_left(tmp_path, seed):
+    draw = np.random.default_rng(seed)
+    hands = Hands(SliderCrank(more_knobs=14), tmp_path)
+    hands.canvas.figure.set_size_inches(*draw.integers((600, 350), (2000, 1400)) / DPI)
+    resized: Any = ResizeEvent("resize_event", hands.canvas)
+    resized._process()
+    hands.redrawn()
+    for row in hands.window.rows * 2:
+        row.slider.set_val(draw.uniform(row.knob.low, row.knob.high))
+        hands.run_until_still()
+    np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
+
+
+@pytest.mark.parametrize("size", [(9, 5), (12.8, 7.6), (12.8, 15.2)])
+def test_in_a_window_of_any_size_numbers_stand_beside_their_names(hands, size):
+    hands.canvas.figure.set_size_inches(*size)
+    hands.redrawn()
+    wide, tall = hands.canvas.get_width_height()
+    name, number = (
+        np.s_[:, int(left / WIDTH * wide) : int(right / WIDTH * wide)]
+        for left, right in ((COLUMN + 2, TRACK[0] - 12), (TRACK[1] + 12, WIDTH))
+    )
+    ink = (hands.canvas.pixels()[:, :, :3] < 128).any(axis=-1)
+    for row in hands.window.rows:
+        _, low, _, high = row.patch.box.extents.astype(int)
+        rows = [
+            np.flatnonzero(ink[part][tall - high : tall - low].any(1)) for part in (name, number)
+        ]
+        middle = (high - low) / 2
+        assert rows[0][0] < middle < rows[0][-1]
+        # Digits are as high as the highest letters, and stand on the same line.
+        assert rows[1][0] == pytest.approx(rows[0][0], abs=2)
+        assert np.mean(rows[1][[0, -1]]) == pytest.approx(middle, abs=2)
 
 
 def test_a_fault_is_said_and_goes_away(hands):
