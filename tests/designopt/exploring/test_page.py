@@ -10,6 +10,7 @@ import subprocess
 import sys
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -206,7 +207,8 @@ def test_a_sharper_screen_shows_every_pixel(browser, tmp_path, ratio):
     window = Hands(load_design(named).bench(), tmp_path)
     row = window.window.rows[0]
     places = [on_track(row, fraction) for fraction in (0.4, 0.7)]
-    window.canvas._set_device_pixel_ratio(ratio)
+    canvas: Any = window.canvas
+    canvas._set_device_pixel_ratio(ratio)
     page = browser.new_page(viewport={"width": 1340, "height": 1000}, device_scale_factor=ratio)
     with served(named, tmp_path) as address:
         page.goto(address)
