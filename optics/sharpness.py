@@ -84,7 +84,8 @@ def find_sharpness(
     best = np.max(per_mm, axis=2, where=shown, initial=0)
     over_all = _spread(best, np.where(np.any(shown, axis=2), weights, 0))
     by_path = np.zeros((*view.path.shape, 3))
-    for piece in range(view.path.shape[-1]):
+    # There is room for many more pieces than most scenes ever have.
+    for piece in np.flatnonzero(view.present.any(axis=(0, 1))):
         mine = shown & (view.path == view.path[..., piece, None])[..., None]
         best = np.max(per_mm, axis=2, where=mine, initial=0)
         by_path[..., piece, :] = _spread(best, np.where(np.any(mine, axis=2), weights, 0))
