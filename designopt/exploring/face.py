@@ -106,8 +106,8 @@ class KnobRow:
         style["transform"] = _raised(figure, -HALF * LETTERS)
         self.slider.label.set(position=((COLUMN + MARGIN) / WIDTH, middle), ha="left", **style)
         words = self.slider.valtext.get_text()
-        number = QuickText((WIDTH - MARGIN) / WIDTH, middle, words, ha="right", **style)
-        number.set_clip_on(False)
+        style |= {"ha": "right", "clip_on": False}
+        number = QuickText((WIDTH - MARGIN) / WIDTH, middle, words, **style)
         self.slider.valtext.remove()
         axes.add_artist(number)
         self.slider.valtext = number

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 
 EDGES = np.array([(0.0, 1.0), (-1.0, 0.0)])
+"""From corners of whole pixels to those of what ink is clipped to; see `WholePixels`."""
 
 
 class WholePixels(BboxBase):
