@@ -45,7 +45,7 @@ def tracked(name, angles):
     ("name", "turn"),
     [
         ("stephenson", 2 * np.pi),
-        pytest.param("double-butterfly", 0.5, marks=pytest.mark.slow),
+        pytest.param("double-butterfly", 0.5, marks=pytest.mark.nightly),
     ],
 )
 def test_sweeps_agree_with_small_steps_of_scipy(name, turn):

@@ -169,7 +169,9 @@ def test_turning_points_of_a_triad():
         assert not bool(beyond.ok[0])
 
 
-@pytest.mark.parametrize("name", ["watt", pytest.param("double-butterfly", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["watt", pytest.param("double-butterfly", marks=pytest.mark.nightly)]
+)
 def test_turning_points_are_differentiable(name):
     linkage = gallery(name)
     _, limit = ends(find_limits(linkage, "crank"))

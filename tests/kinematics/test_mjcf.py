@@ -123,7 +123,7 @@ def follows(linkage: Linkage, *, back: bool = True) -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.slow if name in LONG_TO_COMPILE else ())
+        pytest.param(name, marks=pytest.mark.nightly if name in LONG_TO_COMPILE else ())
         for name in NAMES
     ],
 )

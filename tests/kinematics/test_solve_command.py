@@ -90,7 +90,7 @@ def test_rows_beyond_lock_up_are_empty_and_say_why(capsys):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[pytest.mark.slow] if name[:-5] in SLOW_TO_COMPILE else [])
+        pytest.param(name, marks=[pytest.mark.nightly] if name[:-5] in SLOW_TO_COMPILE else [])
         for name in FILES
     ],
 )

@@ -97,8 +97,13 @@ def test_what_is_seen_lies_between_the_bounds_of_shot_rays(bounces):
     assert_shot(sample(), bounces)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 5))
+@pytest.mark.parametrize(
+    "seed",
+    [
+        pytest.param(1, marks=pytest.mark.as_users),
+        *(pytest.param(seed, marks=pytest.mark.nightly) for seed in (2, 3, 4)),
+    ],
+)
 def test_what_is_seen_in_many_scenes_lies_between_the_bounds_of_shot_rays(seed):
     assert_shot(sample(seed, 2048), 2)
 

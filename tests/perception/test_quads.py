@@ -181,7 +181,7 @@ def test_an_image_turned_over_has_its_corners_turned_over(name):
     np.testing.assert_allclose(upside_down, turned, atol=0.05)
 
 
-@pytest.mark.parametrize("name", ["below", pytest.param("before", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["below", pytest.param("before", marks=pytest.mark.nightly)])
 def test_the_covariance_is_the_scatter_of_repeats(name):
     errors, predicted = [], []
     for number in range(34):

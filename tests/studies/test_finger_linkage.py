@@ -342,7 +342,7 @@ def test_a_quick_search_beats_design_b():
 ASKED = [(25.0, None, 49.0), (22.0, None, 46.5), (20.0, None, 42.5), (25.0, 0.412, 43.5)]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("thickness", "ratio", "asked"), ASKED)
 def test_the_search_reaches_what_is_asked(thickness, ratio, asked):
     body, limits = BodySpec(thickness=thickness), LimitsSpec(force_ratio=ratio)

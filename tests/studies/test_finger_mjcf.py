@@ -158,7 +158,7 @@ def test_closing_goes_as_finger_grasp_says(name, way):
     agree(path, simulate(path, text_of(path.problem.finger, object_of(path))))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_closing_of_the_study_goes_as_it_says():
     found = analyse(reference_pins(), BODY, SPEC, polygon=False)
     paths = found.paths()

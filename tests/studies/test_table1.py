@@ -166,8 +166,13 @@ def test_the_exact_forms_are_those_of_the_library():
         np.testing.assert_allclose(float(roots[0]), 4.0, rtol=1e-20)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize(
+    "seed",
+    [
+        pytest.param(1, marks=pytest.mark.as_users),
+        *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(2, 6)),
+    ],
+)
 def test_every_family_passes_for_other_seeds(seed):
     for family in stability.families(seed):
         for row in assess(family, ("float64", "float32")):

@@ -27,12 +27,17 @@ QUICK = [
 ]
 
 
+def run(out, *settings):
+    """A quick run's exit code and its results."""
+    sets = [part for setting in (*QUICK, *settings) for part in ("--set", setting)]
+    code = command(["run", "tactile-images", *sets, "--out", str(out)])
+    return code, json.loads((out / "results.json").read_text(encoding="utf-8"))
+
+
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     out = tmp_path_factory.mktemp("quick") / "out"
-    sets = [part for setting in QUICK for part in ("--set", setting)]
-    code = command(["run", "tactile-images", *sets, "--out", str(out)])
-    return code, json.loads((out / "results.json").read_text(encoding="utf-8")), out
+    return *run(out), out
 
 
 @pytest.mark.slow
@@ -56,20 +61,6 @@ def test_no_frame_of_the_quick_run_raised(done):
     rows = (out / "tables" / "corrupted.csv").read_text(encoding="utf-8").splitlines()[1:]
     assert len(rows) == len(NO_FINGER | DAMAGED)
     assert all(row.split(",")[2] == "0" for row in rows)
-
-
-@pytest.mark.slow
-def test_the_finger_that_a_run_designs_is_found_on_its_images(tmp_path):
-    """Designs follow rounding from machine to machine; whichever comes out must be found."""
-    assert command(["run", "finger", "--out", str(tmp_path / "finger")]) == 0
-    scene = tmp_path / "finger" / "specs" / "scene.toml"
-    sets = [part for setting in (*QUICK, f"scene={scene}") for part in ("--set", setting)]
-    assert command(["run", "tactile-images", *sets, "--out", str(tmp_path / "images")]) == 0
-    text = (tmp_path / "images" / "results.json").read_text(encoding="utf-8")
-    measured = {name: metric["value"] for name, metric in json.loads(text)["metrics"].items()}
-    assert measured["found_at_gain_1"] >= 0.95
-    assert measured["corner_p90_px"] <= 5
-    assert measured["unwarp_p90_mm"] <= 0.3
 
 
 def test_the_packaged_scene_is_the_default():
