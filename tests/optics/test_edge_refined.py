@@ -83,7 +83,7 @@ def test_dense_fan_sees_the_same_in_a_curved_mirror(radius: float, conic: float)
     assert abs(float(pieces.coverage()[0]) - len(cells) * 1e-3) < 5e-3 + spacing
 
 
-@pytest.mark.as_users
+@pytest.mark.slow
 def test_gradients_through_edges_of_curved_views():
     scene = curved()
 

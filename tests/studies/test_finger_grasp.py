@@ -305,7 +305,7 @@ def test_implicit_gradients_of_free_closing_against_central_differences():
     assert float(jnp.abs(slopes).max()) > 0.01
 
 
-@pytest.mark.as_users
+@pytest.mark.slow
 def test_implicit_gradients_against_central_differences():
     """Compiled and batched: a state with two contacts, one with one, a free one, and a failure."""
     paths, _ = closings()
