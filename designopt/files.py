@@ -6,11 +6,12 @@ import os
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from designopt.errors import UserError
+from designopt.staging import sync
 
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 
@@ -93,6 +94,8 @@ def check_figure_ending(option: str, path: Path) -> None:
 def replaced_when_complete(path: Path) -> Iterator[Path]:
     """A file to write beside ``path``, which takes its place if nothing goes wrong.
 
+    It is on the disk before, so that ``path`` is whole at every moment.
+
     Raises:
         UserError: the folder or the file cannot be written.
     """
@@ -100,7 +103,23 @@ def replaced_when_complete(path: Path) -> Iterator[Path]:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
             partial = Path(folder) / path.name
             yield partial
+            sync(partial)
             os.replace(partial, path)
+            sync(path.parent)
     except OSError as error:
         reason = error.strerror or str(error)
         raise UserError(f"{path}: cannot be written: {reason}; choose another") from error
+
+
+def remove_partials(folder: Path, names: str) -> None:
+    """Remove what killed processes left of files that were to be replaced when complete.
+
+    Args:
+        folder: of these files.
+        names: pattern of their names, as of `Path.glob`.
+    """
+    for leftover in folder.glob(f".{names}.????????"):
+        with suppress(OSError):  # it is somebody else's
+            name = leftover.name[1:-9]
+            (leftover / name).unlink(missing_ok=True)
+            leftover.rmdir()
