@@ -12,7 +12,14 @@ import numpy as np
 
 from perception.detection import find_views
 from perception.paper_route import PaperRoute
-from perception.proprioception import EdgeRuler, GapMeter, find_pose, fit_edges, observe
+from perception.proprioception import (
+    EdgeRuler,
+    GapMeter,
+    estimates_of,
+    find_pose,
+    fit_edges,
+    observe,
+)
 from perception.unwarping import unwarp
 from studies.finger_images.making import Finger
 from studies.finger_images.sensor import gap_table
@@ -182,7 +189,7 @@ class Analysis:
         finger = self.finger
         sighting = find_views(frame, finger.lens, finger.catalogue)
         seen = observe(sighting, finger.model.views)
-        estimates = find_pose(finger.model, seen, sighting.angles).estimates
+        estimates = estimates_of(find_pose(finger.model, seen, sighting.angles))
         estimates += [ruler.estimate(sighting) for ruler in self.rulers]
         estimates += [meter.estimate(meter.table.measured(sighting)) for meter in self.meters]
         for view in sighting.complete():
