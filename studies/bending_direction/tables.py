@@ -218,9 +218,9 @@ def designs(made: Sequence[Design]) -> Table:
             "offset_d_mm",
             "outline",
             "rate_px_per_deg",
-            "per_eta",
-            "per_mm_offset_b",
-            "per_deg_theta_bc",
+            "slope_eta_px_per_deg",
+            "slope_offset_b_px_per_deg_mm",
+            "slope_theta_bc_px_per_deg2",
         ],
         rows,
     )

@@ -48,6 +48,19 @@ LINKS = {
 }
 """Pins on every link."""
 
+
+def told(pin: str) -> str:
+    """A pin's name for people: the paper's."""
+    return "G'" if pin == "H" else pin
+
+
+def _coordinate(pin: str, index: tuple[int, ...]) -> str:
+    return f"{'xy'[index[0]]} of pin {told(pin)}"
+
+
+COORDINATES = {pin: Requirement(functools.partial(_coordinate, pin), "mm") for pin in HOSTS}
+"""The parameters as people know them."""
+
 PAIRS = [
     (first, second)
     for pins in LINKS.values()
@@ -94,8 +107,8 @@ def linkage_problem(
     lower, upper = _box(body, limits, allowance)
     scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
     turns = (rotation(-jnp.asarray(angles)) for angles in (pip, dip))
-    told = _requirements(np.rad2deg(pip), np.rad2deg(dip))
-    return Problem(terms, lower, upper, scale, told, tuple(turns))
+    requirements = _requirements(np.rad2deg(pip), np.rad2deg(dip))
+    return Problem(terms, lower, upper, scale, requirements, COORDINATES, tuple(turns))
 
 
 def inequalities(
@@ -211,8 +224,3 @@ def _requirements(
         for name, amount in amounts.items()
     }
     return found | {"pins apart": Requirement(pair, *length)}
-
-
-def told(pin: str) -> str:
-    """A pin's name for people: the paper's."""
-    return "G'" if pin == "H" else pin
