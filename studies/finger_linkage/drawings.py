@@ -19,8 +19,7 @@ from kinematics.poses import solve_poses
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import EVOLUTION, Comparison
 from studies.finger_linkage.judging import Verdict
-from studies.finger_linkage.pins import Pins, linkage_of
-from studies.finger_linkage.problem import told
+from studies.finger_linkage.pins import Pins, linkage_of, told
 
 LINK_COLOURS = {"crank": "#D55E00", "rod": "#E69F00", "plate": "#009E73", "bar": "#CC79A7"}
 PHALANX = "#0072B2"
@@ -82,7 +81,7 @@ def draw_finger(
     """
     linkage = linkage_of(pins, body, "joints")
     pose = solve_poses(linkage, -jnp.deg2rad(jnp.asarray(pose_deg))).value
-    at = {name: np.asarray(pose.position(name)) for name in pose.joints}
+    at = {name: np.asarray(pose.position(told(name))) for name in "ABCDEFGH"}
     turns = np.deg2rad(np.cumsum([0.0, *pose_deg]))
     spans = ((-body.proximal, 0.0), (0.0, body.intermediate), (0.0, body.distal))
     for number, (origin, turn, (rear, front)) in enumerate(zip("AAB", turns, spans, strict=True)):

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from designopt.optimising import Problem, Requirement, Terms
 from designopt.vectors import Vector, rotation
 from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.pins import Pins
+from studies.finger_linkage.pins import Pins, told
 from studies.finger_linkage.postures import Postures, postures_at
 from studies.finger_linkage.spec import LimitsSpec
 
@@ -47,11 +47,6 @@ LINKS = {
     "bar": "GH",
 }
 """Pins on every link."""
-
-
-def told(pin: str) -> str:
-    """A pin's name for people: the paper's."""
-    return "G'" if pin == "H" else pin
 
 
 def _coordinate(pin: str, index: tuple[int, ...]) -> str:

@@ -8,8 +8,8 @@ from designopt.results import Table
 from studies.finger_linkage.analysis import LinkageDesign
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import Comparison
-from studies.finger_linkage.pins import Pins
-from studies.finger_linkage.problem import ANGLE, HOSTS, LINKS, PAIRS, told
+from studies.finger_linkage.pins import Pins, told
+from studies.finger_linkage.problem import ANGLE, HOSTS, LINKS, PAIRS
 from studies.finger_linkage.spec import LimitsSpec
 
 
