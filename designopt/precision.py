@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import statistics
+import textwrap
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -28,6 +29,9 @@ LARGEST_PLAIN = 300.0
 
 LONG_NAME = 32
 """Characters of a method's name; of longer ones two stand beside each other, not three."""
+
+LONG_TITLE = 38
+"""Characters of a workload's name that have room over one of two panels; longer ones are broken."""
 
 MIN_SAMPLE_SECONDS = 2e-3
 """A timed sample repeats its call until it lasts this long, so that the clock's grain is lost."""
@@ -179,7 +183,8 @@ def figure(study: PrecisionStudy) -> Figure:
                 elinewidth=0.8,
                 label=method if drawn else None,
             )
-        axis.set(xscale="log", yscale="log", title=as_mathtext(panel))
+        title = panel if len(panels) == 1 else textwrap.fill(panel, LONG_TITLE)
+        axis.set(xscale="log", yscale="log", title=as_mathtext(title))
         axis.set(xlabel="run time of one call (s)", ylabel=as_mathtext(study.error))
         # Whole decades, so that every axis has labelled ticks, and only those.
         panel_rows = [row for row in study.rows if row.panel == panel]

@@ -158,9 +158,11 @@ def _number(value: float | None) -> str:
 
 
 def _cell(table: Table, column: int, value: Cell) -> str:
-    if value is None:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if not isinstance(value, (int, float)):
         return str(value)
     places = table.places.get(table.columns[column])
     if places is not None:

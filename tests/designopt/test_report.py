@@ -35,7 +35,12 @@ def everything(spec, context):
         ],
         tables=[
             Table("t", "A table", ["x_mm", "word"], [(1 / 3, "w"), (None, "v")], {"x_mm": 2}),
-            Table("symbols", "Of μ_C", ["paper_delta_l_d_cm", "k_s"], [(1.0, "see `a_b`")]),
+            Table(
+                "symbols",
+                "Of μ_C",
+                ["paper_delta_l_d_cm", "k_s", "met"],
+                [(1.0, "see `a_b`", True), (float("nan"), "", False)],
+            ),
         ],
         figures=[Figure("drawing", "A drawing", "Its caption.", drawing)],
         precision=PrecisionStudy(
@@ -95,6 +100,8 @@ def test_names_and_symbols_are_typeset(page):
     assert "<li>Δl<sub>D</sub> &lt; 4 mm by <code>chamber.offset_a</code>.</li>" in page
     assert '<th class="number">paper Δl<sub>D</sub> (cm)</th>' in page
     assert "<td>see <code>a_b</code></td>" in page
+    assert all(f">{word}</td>" in page for word in ("yes", "no"))
+    assert ">nan<" not in page
     findings = page.partition('<section id="findings">')[2]
     read = re.sub(r"<code>.*?</code>|<[^>]*>", "", findings)
     assert "`" not in read
