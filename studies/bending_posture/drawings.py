@@ -9,6 +9,7 @@ from matplotlib.colors import ListedColormap
 
 from designopt.figures import MARKERS, PALETTE, label_plainly, new_figure
 from designopt.results import Figure
+from designopt.typesetting import as_mathtext
 from studies.bending_posture.found import Found
 from studies.bending_posture.spec import BendingPostureSpec
 from studies.bending_posture.trainings import EQUAL, OURS
@@ -222,7 +223,7 @@ def etas_figure(found: Found) -> Figure:
     right.axhline(ROOM_MM, color="0.4", linestyle=":")
     right.text(1, ROOM_MM, f"{ROOM_MM:g} mm", ha="right", va="bottom", color="0.3",
                transform=right.get_yaxis_transform())  # fmt: skip
-    right.set(title="Room at D", ylabel=r"$\Delta l_A - |\Delta l_D|$ (mm)")
+    right.set(title="Room at D", ylabel=as_mathtext("Δl_A − |Δl_D| (mm)"))
     for axes in (left, middle, right):
         axes.set_xlabel("η, yellow over blue")
     return Figure(

@@ -25,7 +25,7 @@ def figures(found: Analysis) -> list[Figure]:
         paths(found),
         stability_map(found),
         over_diameter(found),
-        pinches(found),
+        *([] if all(pinch.holds for pinch, _, _ in found.pinches) else [pinches(found)]),
     ]
 
 
@@ -37,8 +37,11 @@ def sequences(found: Analysis) -> Figure:
     ]
     if pinch is not None:
         shown.append(("Pinch: DIP stays straight", pinch, (0, 8, 16, APPROACH, 120)))
-    first = int(np.argmax(found.adaptive.gaps[:, 0] < 1e-7))
-    both = int(np.argmax((found.adaptive.gaps < 1e-7).all(axis=1)))
+    touching = found.adaptive.gaps[: CLOSED + 1] < 1e-7
+    first, both = (
+        int(np.argmax(pads)) if pads.any() else CLOSED
+        for pads in (touching[:, 0], touching.all(axis=1))
+    )
     shown.append(
         (
             f"Adaptive: a circle of {2 * radius_of(found.adaptive):.3g} mm",
@@ -153,6 +156,7 @@ def _pushes(axis: Axes, path: Path, state: int) -> None:
 def paths(found: Analysis) -> Figure:
     """Joints and forces over the motor's angle: free, blocked, and against a load."""
     drawing, axes = new_figure(2, 2, height=6.0)
+    last = 1.03 * found.finger.body.range_deg
     shown = (("free", found.free, "-"), ("circle", found.adaptive, "-"))
     shown += (("circle, loaded", found.loaded, "--"),)
     for index, (name, path, style) in enumerate(shown):
@@ -163,7 +167,9 @@ def paths(found: Analysis) -> Figure:
             axes[0, column].plot(
                 angle, np.degrees(path.joints[closing, column]), style, color=color, label=name
             )
-            axes[0, column].set(ylabel=f"{joint} flexion (°)", title=joint)
+            axes[0, column].set(
+                ylabel=f"{joint} flexion (°)", title=joint, ylim=(-0.03 * last, last)
+            )
         axes[1, 0].plot(angle, path.motor[closing], style, color=color)
         if path.per_pad:
             for pad, mark in ((0, "s"), (1, "o")):
