@@ -57,10 +57,14 @@ def as_mathtext(text: str) -> str:
 def heading(column: str) -> str:
     """What stands over a table's column of this name: words, symbols and the unit in brackets.
 
+    A key with dots is a setting, which is typed as it stands.
+
     Example:
         >>> heading("worst_px_per_mm"), heading("paper_delta_l_d_cm"), heading("μ_C_deg")
         ('worst (px/mm)', 'paper Δl_D (cm)', 'μ_C (°)')
     """
+    if "." in column:
+        return f"`{column}`"
     unit = next((unit for unit in UNITS if column.endswith(f"_{unit}")), None)
     name = column if unit is None else column.removesuffix(f"_{unit}")
     return words(name) + (f" ({UNITS[unit]})" if unit else "")

@@ -40,6 +40,7 @@ def test_plain_text_as_html(text, page):
         ("met", "met"),
         ("seconds_low", "seconds low"),
         ("theatre_mm", "theatre (mm)"),
+        ("limits.crank_length", "`limits.crank_length`"),
     ],
 )
 def test_the_head_of_a_column(column, words):
