@@ -51,7 +51,7 @@ def sequence_figure(pins: Pins, body: BodySpec) -> Figure:
             axis = axes[row, column]
             pose = (share * end, dip * share * end)
             draw_finger(axis, pins, body, pose)
-            axis.set_title(f"{name}: PIP {pose[0]:.0f}°, DIP {pose[1]:.0f}°", fontsize=8)
+            axis.set_title(f"{name}:\nPIP {pose[0]:.0f}°, DIP {pose[1]:.0f}°", fontsize=8)
             axis.tick_params(labelsize=7)
         axes[row, 0].set_ylabel("y (mm)")
     for axis in axes[1]:
@@ -77,7 +77,7 @@ def draw_finger(
         pins: the design.
         body: its section.
         pose_deg: flexion of PIP and DIP, degrees.
-        named: write the pins' names.
+        named: write the pins' names, for which the drawing has to be large.
     """
     linkage = linkage_of(pins, body, "joints")
     pose = solve_poses(linkage, -jnp.deg2rad(jnp.asarray(pose_deg))).value
@@ -98,7 +98,9 @@ def draw_finger(
     for host, ends in (("A", "F"), ("A", "G"), ("B", "C")):
         axis.plot(*np.array([at[host], at[ends]]).T, color=PHALANX, linewidth=1.0, linestyle=":")
     for pin in "ABCDEFGH":
-        axis.plot(*at[pin], "o", color="black", markerfacecolor="white", markersize=4)
+        axis.plot(
+            *at[pin], "o", color="black", markerfacecolor="white", markersize=4 if named else 2.5
+        )
         if named:
             axis.annotate(
                 told(pin), tuple(at[pin]), xytext=(5, 4), textcoords="offset points", fontsize=9
