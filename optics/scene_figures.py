@@ -236,7 +236,7 @@ def _curves(scene: Scene, poses: np.ndarray, varying: np.ndarray, measures: list
     lower.set_ylim(0, 1.08 * _span(greatest)[1])
     names = [joint_name(scene.angle_names[column]) for column in varying]
     note = f"; {', '.join(names[1:])} varying with it" if names[1:] else ""
-    lower.set_xlabel(f"{names[0]} (deg){note}")
+    lower.set_xlabel(f"{names[0]} (°){note}")
     figure.legend(loc="outside lower center", ncols=min(len(pads), 5), handlelength=3.5)
     return figure
 
@@ -267,7 +267,7 @@ def _maps(
             there = value[np.isfinite(value)]
             note = f"{there.min():.3g} to {there.max():.3g}" if there.size else "nothing seen"
             axes.set_title(f"{part.name}: {note}")
-            axes.set(xlabel=f"{joint_name(names[0])} (deg)", ylabel=f"{joint_name(names[1])} (deg)")
+            axes.set(xlabel=f"{joint_name(names[0])} (°)", ylabel=f"{joint_name(names[1])} (°)")
             if down == 1:
                 axes.label_outer()
         figure.colorbar(mappable, ax=list(panels), aspect=30, pad=0.02, label=unit)

@@ -138,7 +138,7 @@ def _named(
 
 def _labels(model: type[Spec], keys: Iterable[str]) -> tuple[str, ...]:
     words = {key: description for key, _, description in fields(model)}
-    units = (re.search(r" (\([^() ]+\))$", words[key]) for key in keys)
+    units = (re.search(r" (\([^() ]+\))$", words[key].replace("(degrees)", "(°)")) for key in keys)
     return tuple(f"{key} {unit[1]}" if unit else key for key, unit in zip(keys, units, strict=True))
 
 

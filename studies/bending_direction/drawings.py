@@ -163,10 +163,12 @@ def rules_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
 def thresholds_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
     """Decided and undecided images over the threshold."""
     drawing, grid = new_figure(1, 2, height=3.2)
+    lowest = 100.0
     for use, colour, style in zip(USES, (BLUE, GREEN, VERMILION), ("-", "--", "-."), strict=True):
         tallies = [[f.tally(least, use) for f in found.series] for least in THRESHOLDS]
         decided = [min(100 * tally.decided for tally in row) for row in tallies]
         abstained = [max(100 * tally.abstained for tally in row) for row in tallies]
+        lowest = min([lowest, *(part for part in decided if math.isfinite(part))])
         grid[0, 0].plot(THRESHOLDS, decided, style, color=colour, label=f"{use} points")
         grid[0, 1].plot(THRESHOLDS, abstained, style, color=colour)
     for axes, name in zip(
@@ -174,6 +176,7 @@ def thresholds_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
     ):
         axes.axvline(spec.threshold, color="0.5", linestyle=":", linewidth=1)
         axes.set(xlabel="threshold (px)", ylabel=name)
+    grid[0, 0].set(ylim=(math.floor(lowest) - 2, 100.3))
     grid[0, 1].set(ylim=(0, None))
     drawing.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return Figure(

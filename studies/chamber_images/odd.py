@@ -8,12 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import UInt8
 
+from designopt.typesetting import words
 from optics.soft_finger import COLOURS, Posture
 from perception.chamber import Sight
 from perception.posture import USABLE
 from studies.chamber_images.making import SoftFinger, looked_at
 
 Picture = UInt8[np.ndarray, "rows columns 3"]
+
+
+def sight_words(sight: Sight | None) -> str:
+    """What is said of the chamber in an image; none is said where an exception is raised."""
+    return words(sight.name.lower()) if sight else "exception"
 
 
 @dataclass(frozen=True)

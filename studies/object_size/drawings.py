@@ -114,7 +114,8 @@ def estimates_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
     left, right = grid[0]
     random, known = found.random, found.random.estimates.known
     truth = random.grasps.diameters[known]
-    ends = np.array([spec.least - 3, spec.largest + 3])
+    shown = np.concatenate([truth, random.diameters[known], [spec.least, spec.largest]])
+    ends = np.array([shown.min() - 3, shown.max() + 3])
     left.fill_between(
         ends, ends - ERROR_MM, ends + ERROR_MM, color="0.9", label=f"± {ERROR_MM:g} mm"
     )
@@ -189,20 +190,21 @@ def curve_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
     drawing, grid = new_figure(1, 2, height=3.4)
     left, right = grid[0]
     one = found.curve
+    bottles = [size for size in spec.bottles if one.diameters[0] <= size <= one.diameters[-1]]
     bends, tip = np.rad2deg(one.bends), one.arcs >= float(found.hand.length)
     for axes, values in ((left, one.diameters), (right, np.abs(one.slopes))):
         axes.plot(bends[~tip], values[~tip], color=BLUE, label="touches before the tip")
         axes.plot(bends[tip], values[tip], "--", color=VERMILION, label="touches the tip")
-        at = [np.interp(size, one.diameters, values) for size in spec.bottles]
-        where = [np.interp(size, one.diameters, bends) for size in spec.bottles]
+        at = np.interp(bottles, one.diameters, values)
+        where = np.interp(bottles, one.diameters, bends)
         axes.plot(where, at, "o", color="black", label="the bottles")
         axes.set_xlabel("bend (°)")
-    for place, size in zip(where, spec.bottles, strict=True):
+    for place, size in zip(where, bottles, strict=True):
         left.annotate(f"{size:g} mm", (place, size), (6, 3), textcoords="offset points")
     room = 0.15 * (bends.max() - bends.min())
     left.set(xlim=(bends.min() - room / 3, bends.max() + room))
     left.set(ylabel="diameter (mm)", title="Diameter over bend")
-    right.set(ylabel="mm per degree", title="What a degree of bend is worth")
+    right.set(ylabel="diameter per bend (mm/°)", title="What a degree of bend is worth")
     right.set_ylim(0, 1.1 * float(np.abs(one.slopes).max()))
     right.legend(loc="lower right")
     return Figure(

@@ -23,7 +23,7 @@ from studies.surface_profile.spec import SurfaceProfileSpec
 from studies.surface_profile.surfaces import KINDS
 from studies.surface_profile.trials import POINTS, WAYS, WHOLE, YELLOW, Trial
 
-COLOURS = {POINTS: PALETTE[0], YELLOW: PALETTE[6], WHOLE: PALETTE[1]}
+COLOURS = {POINTS: PALETTE[0], YELLOW: PALETTE[6], WHOLE: PALETTE[4]}
 STYLES = {POINTS: "-", YELLOW: "--", WHOLE: ":"}
 
 LEAST_RANGE = 1.0

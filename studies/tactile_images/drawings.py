@@ -23,6 +23,9 @@ from studies.tactile_images.tables import all_views, of, paper_found, share
 GREY = 0.5
 """No difference, in a picture of differences."""
 
+MARGIN = 0.02
+"""Of an image's width, beside the pads that are seen in it."""
+
 OF_QUALITY = {Quality.COMPLETE: PALETTE[5], Quality.CLIPPED: PALETTE[6], Quality.MERGED: PALETTE[3],
               Quality.LOW_CONTRAST: "0.6"}  # fmt: skip
 
@@ -60,11 +63,18 @@ def _outline(axes: Axes, lens: Lens, rays: np.ndarray, colour: str, style: str) 
     axes.add_patch(Polygon(places, fill=False, color=colour, linestyle=style, linewidth=1.2))
 
 
+def _seen_columns(shown: Shown) -> tuple[float, float]:
+    """From where to where pads are seen in any of the frames, with a margin, px."""
+    seen = np.any([image.labels > 0 for image, _ in shown.frames], axis=(0, 1))
+    first, *_, last = np.flatnonzero(seen)
+    margin = MARGIN * len(seen)
+    return max(first - margin, 0), min(last + margin, len(seen))
+
+
 def views_figure(finger: Finger, shown: Shown) -> Figure:
     """Frames with what was found in them."""
     drawing, grid = new_figure(1, len(shown.frames), height=3.3)
     for axes, (image, sighting) in zip(grid[0], shown.frames, strict=True):
-        rows, columns = image.labels.shape
         degrees = np.rad2deg(image.angles)
         _picture(axes, _brighter(image.pixels), " / ".join(f"{angle:.0f}°" for angle in degrees))
         for view in sighting.views:
@@ -73,7 +83,7 @@ def views_figure(finger: Finger, shown: Shown) -> Figure:
                 _outline(axes, finger.lens, view.rays, OF_QUALITY[view.quality], style)
         for ghost in sighting.ghosts:
             _outline(axes, finger.lens, ghost.rays, "white", ":")
-        axes.set(xlim=(0.2 * columns, 0.8 * columns), ylim=(rows, 0))
+        axes.set(xlim=_seen_columns(shown), ylim=(len(image.labels), 0))
     handles = [
         Patch(edgecolor=OF_QUALITY[Quality.COMPLETE], fill=False, label="complete"),
         Patch(edgecolor=OF_QUALITY[Quality.CLIPPED], fill=False, label="clipped"),
@@ -106,10 +116,9 @@ def masks_figure(shown: Shown) -> Figure:
         "combined": combined_mask(grey, route.threshold, route.block, route.share),
     }
     drawing, grid = new_figure(1, len(masks) + 1, height=2.5)
-    columns = grey.shape[1]
     for axes, (name, mask) in zip(grid[0], masks.items(), strict=False):
         _picture(axes, mask, name)
-        axes.set(xlim=(0.2 * columns, 0.8 * columns))
+        axes.set_xlim(_seen_columns(shown))
     axes = grid[0, -1]
     _picture(axes, _brighter(image.pixels), "one corner")
     whole = [view for view in image.views if view.complete] or list(image.views)
@@ -161,7 +170,7 @@ def imprints_figure(finger: Finger, shown: Shown) -> Figure:
                 axes.set(xlim=(0, finger.width), ylim=(max(lengths), 0), aspect="equal")
             if row == 0:
                 plain.set_title(f"{pad}", fontsize=8)
-                changed.set_title(f"{pad}, change", fontsize=8)
+                changed.set_title(f"{pad},\nchange", fontsize=8)
         grid[row, 0].set_ylabel(touch.kind, fontsize=8)
     return Figure(
         "imprints",

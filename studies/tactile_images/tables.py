@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from designopt.results import Table
+from designopt.typesetting import words
 from studies.tactile_images.corrupted import NO_FINGER, Trial
 from studies.tactile_images.found import Found
 from studies.tactile_images.frames import FoundView, Frame
@@ -139,7 +140,7 @@ def unwarping(frames: list[Frame]) -> Table:
 def rendering(times: list[EffectTime]) -> Table:
     """What every effect costs by itself."""
     base = times[0].seconds
-    rows = [(one.effect, 1e3 * one.seconds, 1e3 * (one.seconds - base)) for one in times]
+    rows = [(words(one.effect), 1e3 * one.seconds, 1e3 * (one.seconds - base)) for one in times]
     return Table(
         "rendering",
         "Rendering one frame without effects, with each alone, and with all of them",

@@ -54,7 +54,8 @@ def _histogram(
     series: Sequence[tuple[np.ndarray, str, str, str]],
     limits: tuple[float, float],
 ) -> None:
-    bins = np.linspace(np.log10(limits[0]), np.log10(limits[1]), 61)
+    largest = max([limits[1], *(np.max(values, initial=0.0) for values, *_ in series)])
+    bins = np.linspace(np.log10(limits[0]), np.log10(largest), 61)
     for values, label, colour, style in series:
         values = np.log10(np.maximum(values[values > 0], limits[0]))
         axis.hist(values, bins, histtype="step", color=colour, linestyle=style, label=label)

@@ -236,15 +236,15 @@ def test_the_study_end_to_end(tmp_path, capsys):
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [
         "eta",
-        "delta_l_d_cm_paper",
-        "delta_l_d_cm_printed",
-        "delta_l_d_cm_identified",
-        "theta_cd_deg_paper",
-        "theta_cd_deg_printed",
-        "theta_cd_deg_identified",
+        "paper_delta_l_d_cm",
+        "printed_delta_l_d_cm",
+        "identified_delta_l_d_cm",
+        "paper_theta_cd_deg",
+        "printed_theta_cd_deg",
+        "identified_theta_cd_deg",
         "eta_from_theta",
     ]
-    assert [float(row["delta_l_d_cm_paper"]) for row in rows] == TABLE["paper"]["delta_l_d_cm"]
+    assert [float(row["paper_delta_l_d_cm"]) for row in rows] == TABLE["paper"]["delta_l_d_cm"]
     figures_are_there(out, document, ("line", "section"))
 
 
