@@ -100,7 +100,19 @@ def _root(
         ),
     ] = False,
 ) -> None:
-    pass
+    if "MPLBACKEND" in os.environ:
+        _check_backend()
+
+
+def _check_backend() -> None:
+    """Refuse a backend that Matplotlib would refuse later, when something is to be drawn."""
+    try:
+        import matplotlib  # noqa: F401
+    except ValueError as error:
+        backend = os.environ["MPLBACKEND"]
+        raise UserError(
+            f"MPLBACKEND={backend}: Matplotlib has no such backend; unset it"
+        ) from error
 
 
 def _fault(message: str) -> int:

@@ -49,23 +49,25 @@ def explore(
     """
     if port is not None and not web:
         raise UserError(f"--port {port}: only a page has a port; add --web")
-    if not out.is_dir():
-        raise UserError(f"--out {out}: there is no such folder; make it first")
     with suppress(KeyboardInterrupt):
         _open(named, settings or [], port=PORT if port is None else port, web=web, out=out)
 
 
 def _open(named: str, settings: list[str], *, port: int, web: bool, out: Path) -> None:
-    from designopt.exploring.desktop import desktop_figure, show_window
-    from designopt.exploring.server import listen, serve
-    from designopt.exploring.window import Window
+    from designopt.exploring.saving import check_folder
     from designopt.figures import style
 
-    # The place first: a design may take minutes to compute.
+    # The places first: a design may take minutes to compute.
+    check_folder(out)
     if web:
+        from designopt.exploring.server import listen, serve
+
         with style(), listen(port) as listener, _designed(named, settings) as (bench, name):
             serve(bench, name, out, listener)
         return
+    from designopt.exploring.desktop import desktop_figure, show_window
+    from designopt.exploring.window import Window
+
     with style():
         figure = desktop_figure()
         with _designed(named, settings) as (bench, name):

@@ -1,6 +1,7 @@
 """The command line as a person meets it: help, faults in one line, exit codes."""
 
 import json
+import os
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
@@ -151,6 +152,21 @@ def test_the_installed_command_runs():
     )
     assert done.returncode == 0
     assert "table1" in done.stdout
+
+
+@pytest.mark.parametrize("arguments", [["list"], ["run", "table1"], ["explore", "x.toml"]])
+def test_an_unknown_backend_of_matplotlib_is_one_line(tmp_path, arguments):
+    done = subprocess.run(
+        [sys.executable, "-m", "designopt", *arguments],
+        env={**os.environ, "MPLBACKEND": "nosuch"},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: MPLBACKEND=nosuch: Matplotlib has no such backend; unset it\n"
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("command", ["PYTHONIOENCODING=ascii {} list table1", "{} list | true"])
