@@ -1,39 +1,53 @@
-"""The ``designopt`` command: plug-in commands under one roof, faults in one line."""
+"""The ``designopt`` command: an exit code, and of whatever goes wrong one line.
+
+Nothing else is loaded before an interrupt can be handled.
+"""
 
 from __future__ import annotations
 
-import inspect
+import errno
 import io
 import os
+import signal
 import sys
-from collections.abc import Callable
-from importlib.metadata import entry_points, version
-from typing import Annotated, cast
+from contextlib import suppress
 
-import typer
+from designopt.errors import Interrupted, UserError, shortened
+from designopt.interrupts import interruptible
 
-from designopt.errors import Interrupted, UserError
+WRONG = 2
+"""Exit code for faults of a person's command, files or machine."""
 
-COMMAND_GROUP = "designopt.commands"
+OUR_FAULT = 70
+"""Exit code for a fault of the program: ``EX_SOFTWARE`` of BSD's ``sysexits.h``."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it (128 + SIGINT)."""
 
-# Typer may carry its own copy of click; this reaches the base of its usage faults in either case.
-_UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__base__)
+LONGEST = 4000
+"""Characters of a message; of a longer one the middle is left out."""
+
+CURES = {
+    errno.ENOSPC: "make room there, or write elsewhere",
+    errno.EDQUOT: "make room there, or write elsewhere",
+    errno.EROFS: "write elsewhere",
+    errno.EIO: "check the disk, or write elsewhere",
+    errno.EACCES: "change its permissions, or use another place",
+    errno.EMFILE: "allow more open files (ulimit -n)",
+    errno.ENFILE: "close other programs",
+    errno.ENOMEM: "ask for fewer poses or smaller images, or close other programs",
+}
+"""What can be done about faults of the machine that any command may meet."""
 
 
 def main() -> None:
     """Run the command line; the console script's entry point."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without Greek letters is no fault
-    try:
-        code = run(sys.argv[1:])
-        sys.stdout.flush()
-    except BrokenPipeError:  # whoever read our output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 0
+    # Python's own handler would print a traceback just before and after what follows.
+    if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    code = INTERRUPTED
+    with suppress(KeyboardInterrupt), interruptible():
+        code = _run_with_streams(sys.argv[1:])
     sys.exit(code)
 
 
@@ -41,80 +55,86 @@ def run(arguments: list[str]) -> int:
     """Run one command.
 
     Returns:
-        0 when all went well, 1 when a target was missed, 2 for a fault in what was asked for,
-        which is printed as one line, 130 when interrupted.
+        0 when all went well; 1 when the output is complete, but a target is missed or nothing of
+        what was asked for exists; 2 for a fault of what was asked for, of a file or of the
+        machine; 70 for a fault of the program; 130 when interrupted. Of everything but 0 one line
+        on standard error gives the reason.
     """
     try:
-        code = typer.main.get_command(_app())(
-            arguments or ["--help"], prog_name="designopt", standalone_mode=False
-        )
-    except UserError as error:
-        return _fault(str(error))
-    except _UsageError as error:
-        return _fault(f"{error.format_message()} ('designopt --help' shows how to call it)")
-    except Interrupted as end:
-        print(f"interrupted; {end}", file=sys.stderr)
+        with interruptible() as check:
+            try:
+                from designopt.app import invoke
+
+                return invoke(arguments, check)
+            except Exception:
+                check()  # an interrupt of code that is being loaded may come out as another fault
+                raise
+    except BrokenPipeError:  # whoever read the output has seen enough
+        return 0
+    except KeyboardInterrupt:
+        _say("interrupted; no file is half-written")
         return INTERRUPTED
-    except KeyboardInterrupt:  # before Typer was there to catch it
-        code = INTERRUPTED
-    if code == INTERRUPTED:  # Typer, which turns an interrupt into this code, says nothing
-        print("interrupted; nothing was written", file=sys.stderr)
-    return code or 0
+    except SystemExit:
+        raise
+    except BaseException as error:  # compiled extensions have faults that are no Exception
+        return _reported(error)
 
 
-def _app() -> typer.Typer:
-    app = typer.Typer(
-        help="Design robot fingers that feel with a camera.",
-        add_completion=False,
-        rich_markup_mode=None,
-    )
-    app.callback()(_root)
-    for point in sorted(entry_points(group=COMMAND_GROUP), key=lambda point: point.name):
-        try:
-            command = point.load()
-        except Exception as error:  # a plug-in is anyone's code; the other commands must not suffer
-            print(f"warning: command '{point.name}' cannot be loaded: {error}", file=sys.stderr)
-            continue
-        app.command(point.name, help=_help(command))(command)
-    return app
-
-
-def _help(command: Callable[..., object]) -> str:
-    """A command's docstring, whose example keeps its lines."""
-    # A line with \b alone keeps Click from filling the paragraph after it.
-    return inspect.cleandoc(command.__doc__ or "").replace("Example:\n", "\b\nExample:\n")
-
-
-def _show_version(wanted: bool) -> bool:
-    if wanted:
-        print(f"designopt {version('designopt')}")
-        raise typer.Exit
-    return wanted
-
-
-def _root(
-    show_version: Annotated[
-        bool,
-        typer.Option(
-            "--version", help="Show the version and exit.", is_eager=True, callback=_show_version
-        ),
-    ] = False,
-) -> None:
-    if "MPLBACKEND" in os.environ:
-        _check_backend()
-
-
-def _check_backend() -> None:
-    """Refuse a backend that Matplotlib would refuse later, when something is to be drawn."""
+def _run_with_streams(arguments: list[str]) -> int:
+    """`run`, and standard output written to its end."""
+    if sys.stderr is None:  # closed by whoever started this
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - open to the end
+    if sys.stdout is None:
+        _say("error: standard output is closed; send it to a file or to /dev/null")
+        return WRONG
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without Greek letters is no fault
+    code = run(arguments)
     try:
-        import matplotlib  # noqa: F401
-    except ValueError as error:
-        backend = os.environ["MPLBACKEND"]
-        raise UserError(
-            f"MPLBACKEND={backend}: Matplotlib has no such backend; unset it"
-        ) from error
+        sys.stdout.flush()
+    except OSError as error:
+        # Python flushes once more at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError) and code <= 1:
+            code = _reported(error)
+    return code
 
 
-def _fault(message: str) -> int:
-    print("error: " + " ".join(message.split()), file=sys.stderr)
-    return 2
+def _reported(error: BaseException) -> int:
+    """Say in one line what went wrong, and return the exit code."""
+    if isinstance(error, Interrupted):
+        _say(f"interrupted; {error}")
+        return INTERRUPTED
+    if isinstance(error, UserError):
+        _say(f"error: {error}")
+        return WRONG
+    if isinstance(error, OSError) and error.errno in CURES:
+        place = error.filename or "output"
+        _say(f"error: {place}: {os.strerror(error.errno)}; {CURES[error.errno]}")
+        return WRONG
+    # JAX has an error of its own for a machine without enough memory.
+    if isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in str(error):
+        _say(f"error: {os.strerror(errno.ENOMEM)}; {CURES[errno.ENOMEM]}")
+        return WRONG
+    from designopt.fault_files import kept_traceback, short_traceback
+
+    name = f"{type(error).__name__}: {shortened(str(error), 200)}"
+    what = f"error: a fault of designopt's own ({name})"
+    place = kept_traceback(error)
+    if place is None:
+        _say(f"{what}; please report it with this: {short_traceback(error)}")
+    else:
+        _say(f"{what}; please report it with the traceback in {place}")
+    return OUR_FAULT
+
+
+def _say(message: str) -> None:
+    """One line on standard error, whatever a message holds of names and files."""
+    line = " ".join(message.split())
+    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+    with suppress(OSError):
+        try:
+            print(shortened(line, LONGEST), file=sys.stderr, flush=True)
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())

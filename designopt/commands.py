@@ -13,7 +13,10 @@ import typer
 from designopt.errors import UserError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from designopt.results import Results
+    from designopt.study import Study
 
 
 class Dtype(StrEnum):
@@ -33,31 +36,20 @@ def list_studies(
     Example:
       designopt list table1
     """
-    from pydantic_core import PydanticUndefined
-    from rich.console import Console
-    from rich.table import Table
-
-    from designopt.settings import fields
     from designopt.study import installed_studies, load_study
 
-    console = Console()
-    if study is None:
-        for name, entry in installed_studies():
-            if isinstance(entry, UserError):
-                console.print(f"{name}  ({entry})", markup=False, soft_wrap=True)
-                continue
-            needs = ", ".join(entry.needs) or "nothing beyond the package"
-            console.print(f"{name}  {entry.purpose}", markup=False, soft_wrap=True)
-            console.print(f"  needs: {needs}", markup=False, soft_wrap=True)
-            keys = ", ".join(key for key, _, _ in fields(entry.spec))
-            console.print(f"  settings: {keys}", markup=False, soft_wrap=True)
+    if study is not None:
+        _print_settings(load_study(study))
         return
-    chosen = load_study(study)
-    table = Table("key", "default", "meaning", title=f"{chosen.name}: {chosen.purpose}")
-    for key, default, description in fields(chosen.spec):
-        shown = "must be given" if default is PydanticUndefined else str(default)
-        table.add_row(key, shown, description)
-    console.print(table)
+    from designopt.settings import fields
+
+    for name, entry in installed_studies():
+        if isinstance(entry, UserError):
+            print(f"{name}  ({entry})")
+            continue
+        print(f"{name}  {entry.purpose}")
+        print(f"  needs: {', '.join(entry.needs) or 'nothing beyond the package'}")
+        print(f"  settings: {', '.join(key for key, _, _ in fields(entry.spec))}")
 
 
 def run_study(
@@ -91,21 +83,54 @@ def run_study(
     return _summarise(results, folder)
 
 
-def _summarise(results: Results, folder: Path) -> int:
+def _print_settings(study: Study) -> None:
+    from pydantic_core import PydanticUndefined
     from rich import box
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console()
+    from designopt.settings import fields
+
+    rows = [
+        (key, "must be given" if default is PydanticUndefined else str(default), meaning)
+        for key, default, meaning in fields(study.spec)
+    ]
+    print(f"{study.name}: {study.purpose}")
+    table = Table(box=box.SIMPLE_HEAD)
+    # A key is copied into a command, so that it stands whole in one line.
+    longest = max((len(key) for key, _, _ in rows), default=0)
+    table.add_column("key", no_wrap=True, min_width=longest)
+    table.add_column("default", max_width=20, overflow="fold")
+    table.add_column("meaning", min_width=18, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    _print(table, least=longest + 46)
+
+
+def _summarise(results: Results, folder: Path) -> int:
+    from rich import box
+    from rich.table import Table
+
     table = Table("metric", "value", "unit", "target", "", box=box.SIMPLE_HEAD)
     for metric in results.metrics:
         verdict = {True: "met", False: "MISSED", None: ""}[metric.met]
         value = f"{metric.value:.6g}" if math.isfinite(metric.value) else "none"
         table.add_row(metric.name, value, metric.unit, str(metric.target or ""), verdict)
-    console.print(table)
+    _print(table)
     print(f"report: {folder / 'report.html'}")
     if not results.unmet:
         return 0
     names = ", ".join(metric.name for metric in results.unmet)
     print(f"targets missed: {names}", file=sys.stderr)
     return 1
+
+
+def _print(table: Table, least: int = 0) -> None:
+    """Print a table as wide as the terminal, but at least so many columns."""
+    from rich.console import Console
+
+    console = Console(markup=False, highlight=False)
+    console.width = max(console.width, least)
+    # Rich itself ends the process with exit code 1 where a pipe is closed.
+    with console.capture() as text:
+        console.print(table)
+    sys.stdout.write(text.get())

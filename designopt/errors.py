@@ -1,4 +1,4 @@
-"""The one error a user can cause, and an end that a user asked for."""
+"""The one error a user can cause, an end that a user asked for, and texts for their messages."""
 
 
 class UserError(Exception):
@@ -13,3 +13,9 @@ class Interrupted(Exception):  # noqa: N818 - an end, and no error
 
     The command line prints it and exits with code 130.
     """
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """A text for a message; of one that is longer than ``most`` characters only its ends."""
+    half = (most - 3) // 2
+    return text if len(text) <= most else f"{text[:half]}...{text[-half:]}"

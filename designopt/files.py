@@ -15,6 +15,22 @@ from designopt.staging import sync
 
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 
+DEEPEST = 32
+"""Tables and lists in each other. No file needs more, and Python's recursion has an end."""
+
+
+def is_too_deep(value: object) -> bool:
+    """Whether tables and lists lie in each other more than `DEEPEST` times."""
+    level = [value]
+    for _ in range(DEEPEST + 1):
+        level = [
+            part
+            for one in level
+            if isinstance(one, (dict, list))
+            for part in (one.values() if isinstance(one, dict) else one)
+        ]
+    return bool(level)
+
 
 def read_toml(path: str | Path, what: str) -> dict[str, Any]:
     """The tables of a TOML file.
@@ -35,13 +51,16 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
         reason = getattr(error, "strerror", None) or str(error)
         raise UserError(f"{path}: cannot be read: {reason}") from error
     try:
-        return tomllib.loads(text)
+        tables = tomllib.loads(text)
+        if is_too_deep(tables):
+            raise RecursionError
     except tomllib.TOMLDecodeError as error:
         raise UserError(f"{path}: not TOML: {error}; correct it there") from error
     except ValueError as error:
         raise UserError(f"{path}: it holds a number of too many digits; shorten it") from error
     except RecursionError as error:
         raise UserError(f"{path}: its tables are nested too deeply for a {what}") from error
+    return tables
 
 
 def check_targets(named: Mapping[str, Path | str | None], *, force: bool) -> None:

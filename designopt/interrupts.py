@@ -6,31 +6,39 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], None]]:
     """Ctrl-C and SIGTERM raise `KeyboardInterrupt`; the function yielded raises it once more.
 
-    An exception raised while a destructor or a callback runs is swallowed by Python: whoever
-    publishes a result calls that function first. Outside the main thread, where Python allows no
-    signal handlers, nothing changes.
+    An exception raised while a destructor, a callback or a compiled module's first lines run is
+    swallowed by Python, or comes out as another one: whoever publishes a result, or reports an
+    exception, calls that function first. A signal that the process was started to ignore (as a
+    shell's background jobs ignore Ctrl-C) stays ignored. Outside the main thread, where Python
+    allows no signal handlers, nothing changes.
     """
     interrupted = threading.Event()
 
-    def handle(*_: object) -> None:
+    def handle(number: int, frame: FrameType | None) -> None:
         interrupted.set()
+        outer = previous.get(signal.Signals(number))
+        if callable(outer):
+            outer(number, frame)
         raise KeyboardInterrupt
 
     def check() -> None:
         if interrupted.is_set():
             raise KeyboardInterrupt
 
-    if threading.current_thread() is not threading.main_thread():
-        yield check
-        return
-    previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    previous = {}
+    if threading.current_thread() is threading.main_thread():
+        handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+        previous = {n: handler for n, handler in handlers.items() if handler != signal.SIG_IGN}
     try:
+        for number in previous:
+            signal.signal(number, handle)
         yield check
     finally:
         for number, handler in previous.items():

@@ -31,12 +31,13 @@ def single_values(
         UserError: a text of another form, an unknown name, a name given twice, or no finite number.
     """
     values: dict[str, float] = {}
+    form = f"{_symbol(noun)}=VALUE"
     for text in texts:
         place = f"{option} {text}"
-        name, value = _split(text, place, names, noun, form=f"{_symbol(noun)}=VALUE")
+        name, value = _split(text, place, names, noun, form)
         if name in values:
             raise UserError(f"{place}: '{name}' is given twice; once is enough")
-        values[name] = _number(value, place)
+        values[name] = _number(value, place, form)
     return values
 
 
@@ -82,13 +83,17 @@ def grid_of(
     columns = [ranges[name] for name in angles]
     count = math.prod(len(column) for column in columns)
     if count > MOST_POSES:
+        poses = f"{count:,}" if count < 10**12 else f"1e{int(math.log10(count))}"
         raise UserError(
-            f"{option}: a grid of {count:,} poses is too large (at most {MOST_POSES:,}); "
+            f"{option}: a grid of {poses} poses is too large (at most {MOST_POSES:,}); "
             "sweep fewer values"
         )
-    grid = np.empty((count, len(columns)))  # one pose, even where nothing has a name
-    for column, values in zip(grid.T, np.meshgrid(*columns, indexing="ij"), strict=True):
-        column[:] = values.ravel()
+    # One pose, even where nothing has a name. (NumPy's grids have 64 axes at most.)
+    grid = np.empty((count, len(columns)))
+    each = count
+    for column, values in zip(grid.T, columns, strict=True):
+        each //= len(values)
+        column.reshape(-1, len(values), each)[:] = values[:, None]
     return grid
 
 
@@ -159,23 +164,24 @@ def _split(text: str, place: str, names: Collection[str], noun: str, form: str) 
     return name, value
 
 
-def _number(text: str, place: str) -> float:
+def _number(text: str, place: str, form: str = "") -> float:
     try:
         number = float(text)
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise UserError(f"{place}: '{text}' is not a finite number")
+        cure = f"; write it as {form}" if form else ""
+        raise UserError(f"{place}: '{text}' is not a finite number{cure}")
     return number
 
 
 def _range(value: str, place: str, form: str) -> np.ndarray:
     parts = value.split(":")
     if len(parts) == 1:
-        start = stop = _number(value, place)
+        start = stop = _number(value, place, form)
         count = 1.0
     elif len(parts) == 3:
-        start, stop, count = (_number(part, place) for part in parts)
+        start, stop, count = (_number(part, place, form) for part in parts)
     else:
         raise UserError(f"{place}: write it as {form}")
     if count != int(count) or not 1 <= count <= MOST_POSES:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import pydantic
 
-from designopt.errors import UserError
+from designopt.errors import UserError, shortened
+from designopt.files import DEEPEST, is_too_deep
 from designopt.study import Spec
 
 
@@ -76,16 +77,26 @@ def _assign(overrides: dict[str, Any], text: str, study: str) -> None:
         text.encode()
     except UnicodeEncodeError as error:
         raise UserError(f"--set {text!a}: not UTF-8; write it in UTF-8") from error
-    if not equals or not all(path):
+    if not all(path):
         raise UserError(
             f"--set {text}: a key is missing; write --set key=value "
             f"('designopt list {study}' shows the keys)"
+        )
+    if not equals:
+        raise UserError(
+            f"--set {text}: a value is missing; write --set {text}=VALUE "
+            f"('designopt list {study}' shows the defaults)"
         )
     try:
         document = tomllib.loads(f"value = {value}")
     except (tomllib.TOMLDecodeError, RecursionError):
         document = {}
     parsed = document["value"] if set(document) == {"value"} else value
+    if len(path) > DEEPEST or is_too_deep(parsed):
+        raise UserError(
+            f"--set {shortened(text)}: nested too deeply for a setting "
+            f"('designopt list {study}' shows the keys)"
+        )
     place = overrides
     for part in path[:-1]:
         place = place.setdefault(part, {})
@@ -97,14 +108,27 @@ def _assign(overrides: dict[str, Any], text: str, study: str) -> None:
 
 
 def _fault(model: type[Spec], details: Any) -> str:
-    key = ".".join(str(part) for part in details["loc"])
+    path = [str(part) for part in details["loc"]]
+    key = ".".join(path)
     if details["type"] == "extra_forbidden":
-        known = [name for name, _, _ in fields(model)]
-        close = difflib.get_close_matches(key, known, n=1)
-        hint = f"did you mean '{close[0]}'?" if close else f"the keys are {', '.join(known)}"
-        return f"--set {key}: unknown key; {hint}"
+        return f"--set {key}: unknown key; {_known_keys(model, path)}"
     if details["type"] == "missing":
         return f"--set {key}=…: this key is missing and has no default; give it a value"
     wanted = details["msg"].removeprefix("Value error, ")
     wanted = wanted[0].lower() + wanted[1:]
-    return f"--set {key}={details['input']}: {wanted}" if key else wanted
+    return f"--set {key}={shortened(str(details['input']))}: {wanted}" if key else wanted
+
+
+def _known_keys(model: type[Spec], path: Sequence[str]) -> str:
+    """What an unknown key may have been meant for, or else what there is in its table."""
+    known = [name for name, _, _ in fields(model)]
+    table = "".join(f"{part}." for part in path[:-1])
+    inside = [key.removeprefix(table) for key in known if key.startswith(table)]
+    names = list(dict.fromkeys(key.split(".")[0] for key in inside))
+    close = [table + name for name in difflib.get_close_matches(path[-1], names, n=1)]
+    # Perhaps the name is right and its table was forgotten, or mistaken.
+    close = close or [key for key in known if key.split(".")[-1] == path[-1]]
+    if close:
+        return f"did you mean {' or '.join(repr(key) for key in close)}?"
+    there = (name if name in inside else f"{name}.*" for name in names)
+    return f"the keys{f' of {table[:-1]}' if table else ''} are {', '.join(there)}"

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 import pydantic
 
-from designopt.errors import UserError
+from designopt.errors import UserError, shortened
 from designopt.study import Spec
 
 LARGEST, SMALLEST = 1e30, 1e-30
@@ -57,7 +57,7 @@ def _said(fault: Any, model: type[Spec]) -> str:
     """What is wrong and how it is cured, in words of the file instead of Python's."""
     place: Place = fault["loc"]
     kind, table = _kind(model, place), _kind(model, place[:-1])
-    it_is = f"(it is {_short(fault['input'])})"
+    it_is = f"(it is {shortened(repr(fault['input']), 40)})"
     match fault["type"]:
         case "value_error":
             return str(fault["ctx"]["error"])
@@ -152,8 +152,3 @@ def _hint(key: str, table: Any) -> str:
     known = list(_fields(table))
     close = difflib.get_close_matches(key, known, n=1)
     return f"did you mean '{close[0]}'?" if close else f"remove it (there are: {', '.join(known)})"
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."

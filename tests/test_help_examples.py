@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from designopt import cli
+from designopt import app, cli
 
-COMMANDS = {point.name: point for point in entry_points(group=cli.COMMAND_GROUP)}
+COMMANDS = {point.name: point for point in entry_points(group=app.COMMAND_GROUP)}
 WRITES = {
     "export": ["cad/finger.dxf", "cad/finger.json"],
     "run": ["quick/report.html"],

@@ -23,6 +23,16 @@ def test_what_is_not_swept_has_its_default():
     np.testing.assert_array_equal(grid, [[-10, 1, 0], [-10, 2, 0]])
 
 
+def test_a_grid_may_have_more_axes_than_an_array():
+    many = {f"joint{i}": True for i in range(100)}
+    texts = [f"{name}=0:1:2" if name in ("joint3", "joint70") else f"{name}=5" for name in many]
+    grid = grid_of(texts, "--sweep", many, "joint angle")
+    assert grid.shape == (4, 100)
+    assert grid[:, [3, 70]].tolist() == [[0, 0], [0, 1], [1, 0], [1, 1]]
+    with pytest.raises(UserError, match=r"a grid of 1e700 poses is too large"):
+        grid_of([f"{name}=0:1:10000000" for name in many], "--sweep", many, "joint angle")
+
+
 def test_without_names_there_is_one_pose():
     assert grid_of([], "--sweep", {}, "joint angle").shape == (1, 0)
 
@@ -35,6 +45,7 @@ def test_without_names_there_is_one_pose():
         (["pap=1"], "pap=1: no joint angle is named 'pap'; there are: pip, dip, slide"),
         (["pip=1", "pip=2"], "pip=2: 'pip' is swept twice; once is enough"),
         (["pip="], "pip=: '' is not a finite number"),
+        (["pip=0-360"], "'0-360' is not a finite number; write it as JOINT_ANGLE=START:STOP:COUNT"),
         (["pip=0:inf:3"], "pip=0:inf:3: 'inf' is not a finite number"),
         (["pip=0:1:0"], "COUNT is the number of values, a whole number from 1 to 10,000,000"),
         (["pip=0:1:2.5"], "COUNT"),

@@ -108,5 +108,6 @@ def test_faults_within_tables_are_told(entries, said):
 
 def test_all_faults_are_told_at_once_and_long_values_are_cut():
     said = said_of({"origin": "x" * 99, "scale": 0, "qq\n": 1})
-    assert f"origin: write it as two numbers, [x, y] (it is '{'x' * 36}...); scale: " in said
+    long = "x" * 17
+    assert f"origin: write it as two numbers, [x, y] (it is '{long}...{long}'); scale: " in said
     assert "must be positive (it is 0); correct it; 'qq\\n': no such key" in said
