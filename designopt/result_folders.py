@@ -29,7 +29,7 @@ FOLDERS = ("tables", "figures", "specs")
 which is all that older versions list."""
 
 
-NO_RESULT = "it holds no earlier result, and only such a one is replaced; name another folder"
+NO_RESULT = "it does not hold an earlier result, and nothing else is replaced; name another folder"
 
 
 class ForeignFileError(Exception):

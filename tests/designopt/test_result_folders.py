@@ -87,7 +87,7 @@ def test_a_file_that_is_gone_is_no_obstacle(out):
 @pytest.mark.parametrize("text", ["", "{}", "[]", '{"study": 1, "spec": 1}', 9999 * "["])
 def test_what_is_no_result_is_not_replaced(out, text):
     (out / "results.json").write_text(text)
-    with pytest.raises(UserError, match="it holds no earlier result"):
+    with pytest.raises(UserError, match="it does not hold an earlier result"):
         check_replaceable(out)
 
 

@@ -52,7 +52,7 @@ def test_an_existing_folder_is_not_touched(tmp_path):
     (tmp_path / "mine.txt").write_text("kept")
     with pytest.raises(UserError, match="exists already; name another folder"):
         run_square(tmp_path)
-    with pytest.raises(UserError, match="it holds no earlier result, and only such a one"):
+    with pytest.raises(UserError, match="it does not hold an earlier result"):
         run_square(tmp_path, force=True)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 

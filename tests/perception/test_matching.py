@@ -244,7 +244,7 @@ def test_where_no_value_nearby_shows_all_of_a_pad_it_is_clipped():
 
 
 def test_a_pad_seen_at_two_joint_angles_is_ambiguous_and_the_others_stay():
-    """A double exposure: the second joint's pad is there a second time, as it is at another angle."""
+    """A double exposure: the second joint's pad is there once more, as it is at another angle."""
     other = corners_in(BOTH + np.array([0.0, 0.45]))
     index = max(
         (i for i, family in enumerate(KNOWN.families) if family.wanted and family.joint == 1),
