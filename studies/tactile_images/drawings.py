@@ -27,7 +27,7 @@ MARGIN = 0.02
 """Of an image's width, beside the pads that are seen in it."""
 
 OF_QUALITY = {Quality.COMPLETE: PALETTE[5], Quality.CLIPPED: PALETTE[6], Quality.MERGED: PALETTE[3],
-              Quality.LOW_CONTRAST: "0.6"}  # fmt: skip
+              Quality.BLURRED: PALETTE[1], Quality.LOW_CONTRAST: "0.6"}  # fmt: skip
 
 
 def figures(spec: TactileImagesSpec, found: Found) -> list[Figure]:
@@ -85,10 +85,10 @@ def views_figure(finger: Finger, shown: Shown) -> Figure:
             _outline(axes, finger.lens, ghost.rays, "white", ":")
         axes.set(xlim=_seen_columns(shown), ylim=(len(image.labels), 0))
     handles = [
-        Patch(edgecolor=OF_QUALITY[Quality.COMPLETE], fill=False, label="complete"),
-        Patch(edgecolor=OF_QUALITY[Quality.CLIPPED], fill=False, label="clipped"),
-        Patch(edgecolor=OF_QUALITY[Quality.MERGED], fill=False, label="merged"),
-        Patch(edgecolor=OF_QUALITY[Quality.LOW_CONTRAST], fill=False, label="low contrast"),
+        *(
+            Patch(edgecolor=colour, fill=False, label=quality.name.lower().replace("_", " "))
+            for quality, colour in OF_QUALITY.items()
+        ),
         Patch(edgecolor="grey", fill=False, linestyle="--", label="by a mirror"),
         Patch(edgecolor="grey", fill=False, linestyle=":", label="no view that is asked for"),
     ]

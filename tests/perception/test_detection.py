@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 import pytest
 
-from optics.rendering import TactileImage
+from optics.rendering import Effects, TactileImage
 from optics.rendering.renderer import TrueView
 from perception.detection import find_quads, find_views, is_image
 from perception.matching import Sighting
 from perception.quads import Quad
 from perception.quality import Quality
 from studies.finger_images.making import Finger
-from tests.perception.rendered import POSES, covered, findable, signed_area
+from tests.perception.rendered import POSES, analysed, covered, findable, signed_area
 
 NEAR = 2.0
 """Corners are found to so many pixels of 540 rows, in good light and through fair tolerances."""
@@ -131,6 +131,15 @@ def test_exposure_leaves_views_where_they_are(finger, designed_frames, number, g
         assert after is not None
         assert after.quality is Quality.COMPLETE
         np.testing.assert_allclose(after.corners, before.corners, atol=0.5)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_compression_hides_no_view_in_a_dark_finger(finger, noise):
+    renderer = finger.renderer(Effects(blur=0.8, jpeg=8, noise=noise), None, seed=1)
+    for number, pose in enumerate(POSES):
+        image, sighting = analysed(finger, renderer.render(pose, frame=number))
+        for view in findable(finger, image):
+            assert off(sighting, view) < NEAR, (number, view.pad, view.path)
 
 
 def test_one_channel_is_seen_as_three_equal_ones(finger, designed_frames):
