@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from designopt.errors import UserError
-from designopt.figures import PALETTE, new_figure
+from designopt.figures import PALETTE, new_figure, trim
 from designopt.solution import Solution
 from optics.scene import Scene
 from optics.scene_drawing import DASHES, draw_scene, joint_name, scene_legend, widen
@@ -81,9 +81,7 @@ def poses_figure(
         axes.set(title=" ", xlabel="x (mm)" if index + columns >= count else "")
         axes.set(ylabel="" if index % columns else "y (mm)")
         widen(axes, reach)
-    # Labels look for room where the axes will be; those of equal scales take two passes.
-    figure.draw_without_rendering()
-    figure.draw_without_rendering()
+    trim(figure)  # labels look for room where the axes will be
     for index, axes in enumerate(panels):
         outer = {"xlabel": axes.get_xlabel(), "ylabel": axes.get_ylabel()}
         one = jax.tree.map(lambda leaf, index=index: leaf[index], views)

@@ -29,6 +29,8 @@ ALONG = {
 }
 """Points whose displacement tells a direction."""
 
+STYLES = {"a": "-", "b": "-", "c": ":", "d": "--", "e": "--", "f": ":", "g": "-."}
+
 WORDS = {"a": "leftmost", "b": "lowest", "c": "rightmost", "d": "leftmost", "e": "lowest",
          "f": "rightmost", "g": "centre"}  # fmt: skip
 
@@ -82,29 +84,35 @@ def curves_figure(found: Found) -> Figure:
     drawing, grid = new_figure(3, 2, height=8.0)
     for axes, frames in zip(grid[:2].flat, found.curves, strict=True):
         bends = np.rad2deg(frames.bends)
-        for name, style in zip(ALONG[frames.truth], ("-", "--", "-.", ":", "-"), strict=False):
+        for name in ALONG[frames.truth]:
             along, seen = moved(frames, name)
             colour = YELLOW if name in "def" else BLUE
             region = "yellow" if name in "def" else "blue"
             axes.plot(
-                bends[seen], along[seen], style, color=colour,
+                bends[seen], along[seen], STYLES[name], color=colour,
                 linewidth=2.2 if name == "g" else 1.3, label=f"{name}: {WORDS[name]} of {region}",
             )  # fmt: skip
         axis = "x" if frames.truth in (Direction.LEFT, Direction.RIGHT) else "y"
         axes.set(title=f"Bending {frames.truth.name.lower()}", xlim=(0, 120))
         axes.set(xlabel="bend (°)", ylabel=f"displacement along {axis} (px)")
-        axes.legend(fontsize=7)
     for axes, truth in zip(grid[2], (Direction.DOWN, Direction.RIGHT), strict=True):
         frames = next(one for one in found.curves if one.truth is truth)
         areas = np.array([look.areas for look in frames.looks])
         for index, (name, colour) in enumerate((("blue", BLUE), ("yellow", YELLOW))):
             axes.plot(
-                np.rad2deg(frames.bends), 1e-3 * areas[:, index], color=colour, label=name,
-                linestyle=("-", "--")[index],
+                np.rad2deg(frames.bends), 1e-3 * areas[:, index], color=colour, linewidth=2.2,
+                label=f"below: area of {name}", linestyle=("--", "-.")[index],
             )  # fmt: skip
         axes.set(title=f"What is seen, bending {truth.name.lower()}", xlim=(0, 120), ylim=(0, None))
         axes.set(xlabel="bend (°)", ylabel="area (1000 px)")
-        axes.legend(fontsize=7)
+    named = {
+        label: handle
+        for axes in grid.flat
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    labels = sorted(named)
+    handles = [named[label] for label in labels]
+    drawing.legend(handles, labels, loc="outside lower center", ncols=3, handlelength=3.5)
     return Figure(
         "curves",
         "Displacements of the reference points over the bend (the paper's Fig. 12)",

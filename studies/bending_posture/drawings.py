@@ -6,8 +6,9 @@ import statistics
 
 import numpy as np
 from matplotlib.colors import ListedColormap
+from matplotlib.ticker import MaxNLocator
 
-from designopt.figures import MARKERS, PALETTE, label_plainly, new_figure
+from designopt.figures import MARKERS, PALETTE, label_plainly, new_figure, share_limits
 from designopt.results import Figure
 from designopt.typesetting import as_mathtext
 from studies.bending_posture.found import Found
@@ -71,7 +72,7 @@ def dots_figure(found: Found) -> Figure:
         axes.plot([], [], "o", color="0.75", label="true")
         axes.plot(0, 0, "s", color="black", markersize=5)
         axes.set(title=title, xlabel="across (mm)", ylabel="along (mm)", aspect="equal")
-        axes.set(xlim=(-5, None), ylim=(-5, None))
+    share_limits(grid[0])
     drawing.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4,
                    markerscale=2)  # fmt: skip
     return Figure(
@@ -127,6 +128,7 @@ def learning_figure(found: Found) -> Figure:
                transform=right.get_yaxis_transform())  # fmt: skip
     label_plainly(left.yaxis)
     label_plainly(right.yaxis)
+    left.xaxis.set_major_locator(MaxNLocator(integer=True))
     left.set(xlabel="epoch", ylabel="weighted loss, Eq. 4 (mm²)", title="Training")
     right.set(
         xlabel="time (s)", ylabel="mean tip error (mm)", title="Unseen images", xlim=(0, None)
@@ -211,7 +213,8 @@ def etas_figure(found: Found) -> Figure:
     left.plot(etas, [statistics.mean(o.tip_errors) for o in found.etas], "-o", color=BLUE)
     for one in found.etas:
         left.plot([one.eta] * len(one.tip_errors), one.tip_errors, ".", color="0.5")
-    left.set(title="Posture", ylabel="mean tip error (mm)", ylim=(0, None))
+    left.set(title="Posture", ylabel="mean tip error (mm)")
+    left.set_ylim(0, 1.1 * max(max(one.tip_errors) for one in found.etas))
     for i, (name, colour, style) in enumerate(
         (("blue ring", BLUE, "-o"), ("yellow ring", "#C79A00", "--s"))
     ):

@@ -51,9 +51,8 @@ def sequences(found: Analysis) -> Figure:
     )
     if found.box is not None:
         shown.append(("A square of 24 mm", found.box, (0, 26, 38, CLOSED)))
-    columns = 3 if len(shown) == 3 else 2
-    rows = -(-len(shown) // columns)
-    drawing, axes = new_figure(rows, columns, height=3.6 * rows)
+    rows = -(-len(shown) // 2)
+    drawing, axes = new_figure(rows, 2, height=3.6 * rows)
     for axis, (title, path, states) in zip(axes.flat, shown, strict=False):
         if path.problem.thing is not None:
             outline = np.asarray(path.problem.thing.outline())
@@ -67,8 +66,6 @@ def sequences(found: Analysis) -> Figure:
         axis.set(title=title, xlabel="x (mm)", aspect="equal")
     for axis in axes[:, 0]:
         axis.set_ylabel("y (mm)")
-    for axis in axes.flat[len(shown) :]:
-        axis.remove()
     share_limits(axes.flat[: len(shown)])
     # Every name once, by what is drawn full: the last of its name.
     named = {
@@ -76,7 +73,11 @@ def sequences(found: Analysis) -> Figure:
         for axis in axes.flat[: len(shown)]
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
     }
-    drawing.legend(named.values(), named.keys(), loc="outside lower center", ncols=3)
+    for axis in axes.flat[len(shown) :]:  # where no drawing stands the legend does
+        axis.set_axis_off()
+        axis.legend(named.values(), named.keys(), loc="center")
+    if axes.size == len(shown):
+        drawing.legend(named.values(), named.keys(), loc="outside lower center", ncols=3)
     return Figure(
         "closing",
         "Closing sequences in section",

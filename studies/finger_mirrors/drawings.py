@@ -95,7 +95,7 @@ def resolution_figure(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
         mesh.set_rasterized(True)
         there = shown[np.isfinite(shown)]
         note = f"{there.min():.3g} to {there.max():.3g} px/mm" if there.size else "nothing seen"
-        axes.set_title(f"{list(scenes)[row]}, {name} pad: {note}")
+        axes.set_title(f"{list(scenes)[row]}, {name}: {note}")
         axes.set(ylabel="" if column else "along the pad (mm)", xticks=angle_ticks(degrees[-1], 6))
         if row == len(scenes) - 1:
             axes.set_xlabel(f"{pads[name]} (°)")
