@@ -27,7 +27,8 @@ MARGIN = 0.02
 """Of an image's width, beside the pads that are seen in it."""
 
 OF_QUALITY = {Quality.COMPLETE: PALETTE[5], Quality.CLIPPED: PALETTE[6], Quality.MERGED: PALETTE[3],
-              Quality.BLURRED: PALETTE[1], Quality.LOW_CONTRAST: "0.6"}  # fmt: skip
+              Quality.AMBIGUOUS: PALETTE[2], Quality.BLURRED: PALETTE[1],
+              Quality.LOW_CONTRAST: "0.6"}  # fmt: skip
 
 
 def figures(spec: TactileImagesSpec, found: Found) -> list[Figure]:
