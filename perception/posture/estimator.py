@@ -17,6 +17,7 @@ from jaxtyping import Array, Float, Float32
 
 from designopt.errors import UserError
 from designopt.files import replaced_when_complete
+from perception.images import checked_floats
 from perception.posture.network import MARKERS, PostureNetwork
 from perception.posture.settings import Training, TrainingRecord
 
@@ -58,14 +59,15 @@ class PostureEstimator:
         The first call for a number of images compiles; all above ``BLOCK`` are alike.
 
         Raises:
-            ValueError: the images are not of the size of the training's.
+            UserError: the images are not of the size of the training's, or not finite floats.
         """
         columns, rows = self.record.image_size
-        if images.ndim != 3 or images.shape[1:] != (rows, columns):
-            raise ValueError(
-                f"images have the shape (number, {rows}, {columns}) of the training's, "
-                f"not {images.shape}"
-            )
+        images = checked_floats(
+            images,
+            ("number", rows, columns),
+            what="a stack of boundary images",
+            cure="make them as the training's, with boundary_image and shrunk",
+        )
         inputs = standardised(images, self.image_mean, self.image_deviation)
         return self.label_mean + self.label_scale * answered(self.network, inputs)
 
