@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 
 from designopt.errors import UserError
 
@@ -16,6 +16,14 @@ CONVERSIONS = {
     "i": "convert it with image.clip(0, 255).astype(numpy.uint8)",
 }
 """By NumPy's kinds of numbers."""
+
+NOT_READ = "look whether the camera or the file was read"
+
+BRIGHTNESS = "the brightness of an image"
+
+AROUND = 16
+"""Pixels about a contour in which brightness must be finite: edges are looked for in half as many.
+"""
 
 
 def checked_image(
@@ -63,7 +71,24 @@ def checked_image(
     return np.ascontiguousarray(array)
 
 
-NOT_READ = "look whether the camera or the file was read"
+def checked_brightness(
+    grey: object, shape: tuple[int, int], contour: Int[np.ndarray, "_ 2"]
+) -> None:
+    """That brightness can be sampled about a contour.
+
+    Raises:
+        UserError: it is not float32, not finite there, or has other rows and columns.
+    """
+    cure = "give image.max(axis=2).astype(numpy.float32) of an image of the lens"
+    low, high = contour.min(axis=0) - AROUND, contour.max(axis=0) + AROUND + 1
+    rows, columns = (slice(max(low[i], 0), high[i]) for i in (1, 0))
+    array = _checked_array(grey, BRIGHTNESS)
+    if array.shape != shape or array.dtype != np.float32:
+        raise UserError(
+            f"{BRIGHTNESS} is float32 of the shape {shape}, not {array.dtype} of {array.shape}; "
+            f"{cure}"
+        )
+    checked_floats(array[rows, columns], ("rows", "columns"), what=BRIGHTNESS, cure=cure)
 
 
 def checked_floats(

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Int
 
+from perception.images import checked_brightness
 from perception.lens import Lens, TangentPlane
 from perception.quality import Quality
 from perception.sides import FEET, REACH, SMALL, Edges, Line, Side, find_edges, fit_lines
@@ -87,7 +88,11 @@ def fit_quad(
 
     Returns:
         The view; ``None`` where the contour has no four sides.
+
+    Raises:
+        UserError: the brightness is not float32, finite about the contour, and of the lens's size.
     """
+    checked_brightness(grey, lens.shape, contour)
     rays = lens.pixel_rays(contour)
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
     corners = first_corners(plane.flat(rays))

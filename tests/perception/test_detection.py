@@ -1,14 +1,12 @@
 """Views found in rendered frames against the truth about them, and in frames that are none."""
 
-import inspect
-
 import cv2
 import numpy as np
 import pytest
 
 from optics.rendering import Effects, TactileImage
 from optics.rendering.renderer import TrueView
-from perception.detection import find_quads, find_views, is_image
+from perception.detection import find_quads, find_views
 from perception.matching import Sighting
 from perception.quads import Quad
 from perception.quality import Quality
@@ -193,13 +191,6 @@ NOTHING = {
         shape[1::-1],
         interpolation=cv2.INTER_CUBIC,
     ),
-    "too small": lambda shape: np.full((shape[0] // 2, shape[1] // 2, 3), 90, np.uint8),
-    "turned": lambda shape: np.full((shape[1], shape[0], 3), 90, np.uint8),
-    "empty": lambda shape: np.zeros((0, 0, 3), np.uint8),
-    "floats": lambda shape: np.full(shape, 90.0),
-    "16 bits": lambda shape: np.full(shape, 90, np.uint16),
-    "two channels": lambda shape: np.full((*shape[:2], 2), 90, np.uint8),
-    "a stack": lambda shape: np.full((1, *shape), 90, np.uint8),
 }
 
 
@@ -210,13 +201,6 @@ def test_frames_without_a_finger_show_none(finger, kind):
     assert np.isnan(sighting.angles).all()
     # What does not move must be in every image.
     assert {v.quality for v in sighting.views} <= {Quality.MISSING, Quality.CLIPPED}
-
-
-@pytest.mark.parametrize("frame", [None, "image", 3, [[0, 0], [0, 0]]])
-def test_what_is_no_array_is_no_image(finger, frame):
-    assert not is_image(frame, finger.lens)
-    # As users call it, without the run-time checks of types.
-    assert inspect.unwrap(find_quads)(frame, finger.lens) == []
 
 
 @pytest.mark.parametrize("part", ["top", "bottom", "left", "right"])

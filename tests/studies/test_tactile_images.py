@@ -12,7 +12,7 @@ from studies.finger_images.making import Finger, designed
 from studies.finger_images.one_thread import one_thread
 from studies.finger_images.spec import FingerImagesSpec
 from studies.tactile_images import tables
-from studies.tactile_images.corrupted import DAMAGED, NO_FINGER
+from studies.tactile_images.corrupted import DAMAGED, NO_FINGER, NO_IMAGE, Trial
 from studies.tactile_images.frames import FoundView, Frame, nearest_errors, poses
 
 QUICK = [
@@ -59,8 +59,19 @@ def test_a_quick_run_finds_what_can_be_found(done):
 def test_no_frame_of_the_quick_run_raised(done):
     _, _, out = done
     rows = (out / "tables" / "corrupted.csv").read_text(encoding="utf-8").splitlines()[1:]
-    assert len(rows) == len(NO_FINGER | DAMAGED)
+    assert len(rows) == len(NO_FINGER | NO_IMAGE | DAMAGED)
     assert all(row.split(",")[2] == "0" for row in rows)
+
+
+def test_what_is_no_image_is_to_be_refused_and_an_image_is_not():
+    assert not Trial("black").failed
+    assert not Trial("patches", complete=2, angles=2).failed
+    assert not Trial("wrong size", refused=True).failed
+    assert Trial("wrong size").failed
+    assert Trial("black", refused=True).failed
+    assert Trial("black", complete=1).failed
+    assert Trial("noise", angles=1).failed
+    assert Trial("patches", crash="ValueError()").failed
 
 
 def test_the_packaged_scene_is_the_default():
