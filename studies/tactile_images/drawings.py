@@ -26,6 +26,12 @@ GREY = 0.5
 MARGIN = 0.02
 """Of an image's width, beside the pads that are seen in it."""
 
+WIDE = 0.7
+"""Width over length of pads that have room for their names above them."""
+
+NARROWEST = 0.8
+"""Width of what is shown of an image, as a part of its height: titles have room above it."""
+
 OF_QUALITY = {Quality.COMPLETE: PALETTE[5], Quality.CLIPPED: PALETTE[6], Quality.MERGED: PALETTE[3],
               Quality.AMBIGUOUS: PALETTE[2], Quality.BLURRED: PALETTE[1],
               Quality.LOW_CONTRAST: "0.6"}  # fmt: skip
@@ -68,8 +74,10 @@ def _seen_columns(shown: Shown) -> tuple[float, float]:
     """From where to where pads are seen in any of the frames, with a margin, px."""
     seen = np.any([image.labels > 0 for image, _ in shown.frames], axis=(0, 1))
     first, *_, last = np.flatnonzero(seen)
-    margin = MARGIN * len(seen)
-    return max(first - margin, 0), min(last + margin, len(seen))
+    rows = len(shown.frames[0][0].labels)
+    half = max((last - first) / 2 + MARGIN * len(seen), NARROWEST * rows / 2)
+    middle = (first + last) / 2
+    return max(middle - half, 0), min(middle + half, len(seen))
 
 
 def views_figure(finger: Finger, shown: Shown) -> Figure:
@@ -170,8 +178,10 @@ def imprints_figure(finger: Finger, shown: Shown) -> Figure:
                     axes.imshow(seen, extent=extent, interpolation="nearest")
                 axes.set(xlim=(0, finger.width), ylim=(max(lengths), 0), aspect="equal")
             if row == 0:
-                plain.set_title(f"{pad}", fontsize=8)
-                changed.set_title(f"{pad},\nchange", fontsize=8)
+                # Names stand upright over pads that are narrower than they are.
+                turn = 0 if finger.width > WIDE * max(lengths) else 90
+                plain.set_title(pad, fontsize=8, rotation=turn)
+                changed.set_title(f"{pad},\nchange", fontsize=8, rotation=turn)
         grid[row, 0].set_ylabel(touch.kind, fontsize=8)
     return Figure(
         "imprints",
