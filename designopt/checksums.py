@@ -29,11 +29,18 @@ def with_checksum(document: Mapping[str, Any]) -> dict[str, Any]:
     return {**document, CHECKSUM: _checksum(document)}
 
 
-def checksum_holds(document: Mapping[str, Any]) -> bool:
-    """Whether a document has the checksum of what it holds."""
+def checksum_holds(document: Mapping[str, Any], *, required: bool = True) -> bool:
+    """Whether a document has the checksum of what it holds.
+
+    Args:
+        document: as `with_checksum` made it.
+        required: whether one without a checksum, as older versions wrote them, fails.
+    """
+    if CHECKSUM not in document:
+        return not required
     rest = {key: value for key, value in document.items() if key != CHECKSUM}
     try:
-        return document.get(CHECKSUM) == _checksum(rest)
+        return document[CHECKSUM] == _checksum(rest)
     except ValueError:  # JSON that Python reads may hold NaN
         return False
 

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from designopt.checksums import checksum_holds, file_checksum, with_checksum
 from designopt.errors import UserError
-from designopt.staging import recover, staging_folder
+from designopt.staging import BusyError, recover, staging_folder
 
 DOCUMENT = "results.json"
 MANIFEST = "manifest"
@@ -95,11 +95,12 @@ def result_folder(out: Path, *, force: bool) -> Iterator[Path]:
     with ExitStack() as stack:
         try:
             place = out.resolve()  # the folder itself, where ``out`` is a link to it
+            recover_result(out)
             _refuse_existing(out, place, force=force)
             made = [parent for parent in place.parents if not parent.exists()]
             stack.callback(_remove_empty, made)
             place.parent.mkdir(parents=True, exist_ok=True)
-            staging = stack.enter_context(staging_folder(place.parent, _discard))
+            staging = stack.enter_context(staging_folder(place, _discard))
         except (OSError, RuntimeError) as error:  # a loop of links is a RuntimeError
             raise cannot_write(out, error) from error
         yield staging.folder
@@ -109,7 +110,7 @@ def result_folder(out: Path, *, force: bool) -> Iterator[Path]:
                     meanwhile = "made by somebody else meanwhile"
                     raise FileExistsError(errno.EEXIST, meanwhile, str(place))
                 check_replaceable(out)
-            staging.publish(place)
+            staging.publish()
         except OSError as error:
             raise cannot_write(out, error) from error
 
@@ -249,9 +250,19 @@ def _folders(files: Iterable[Path]) -> set[Path]:
     return {parent for path in files for parent in path.parents} | set(map(Path, FOLDERS))
 
 
-def recover_results(parent: Path) -> None:
-    """Finish what killed processes began to publish in a folder, and remove what they left."""
-    recover(parent, _discard)
+def recover_result(out: Path) -> None:
+    """Finish what killed processes began to publish at ``out`` or beside it.
+
+    Raises:
+        UserError: another process is writing a result for the same place.
+    """
+    try:
+        recover(out.resolve(), _discard)
+    except BusyError as error:
+        raise UserError(
+            f"--out {out}: another run is writing its result there; wait for it, or name another "
+            "folder"
+        ) from error
 
 
 def _discard(folder: Path, place: Path) -> None:

@@ -1,8 +1,9 @@
 """Folders that take their place whole: written beside it, synced, exchanged in one step.
 
 A staging folder stands beside the place: ``.partial-…`` with the folder itself in ``new`` and a
-file ``lock``, which the process at work holds locked. The system lets go of the lock however that
-process ends, so what a killed one left behind is known, and removed by the next.
+file ``lock``, which the process at work holds locked and in which the place is named. The system
+lets go of the lock however that process ends, so what a killed one left behind is known, and
+removed by the next. Its name holds a checksum of itself, as no other program's folder does.
 
 Where the system can exchange two folders in one step (Linux, on most file systems), there is the
 old folder or the new one under its name at every moment. Elsewhere the old one is moved away and
@@ -15,18 +16,19 @@ from __future__ import annotations
 import ctypes
 import errno
 import fcntl
+import hashlib
 import os
-import re
+import secrets
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PREFIX = ".partial-"
-_OURS = re.compile(r"\.partial-[a-z0-9_]{8}")
-
 NEW, OLD, LOCK = "new", "old", "lock"
+
+BEGUN = b"/replaced"
+"""Follows the place's name, which has no such character, where replacing it has begun."""
 
 ATTEMPTS = 16
 """A folder just made may be taken for one left behind before it is locked; then another is made."""
@@ -37,6 +39,10 @@ Discard = Callable[[Path, Path], None]
 """Takes away a folder that another one has replaced; the second path is its former place."""
 
 
+class BusyError(Exception):
+    """Another process is about to publish a folder in the same place."""
+
+
 class Staging:
     """A staging folder beside a place.
 
@@ -44,22 +50,24 @@ class Staging:
         folder: to be written, and published.
     """
 
-    def __init__(self, path: Path, lock: int) -> None:
-        """A staging folder at ``path``, whose lock file is open as ``lock``."""
-        self._path, self._lock = path, lock
-        self.folder = path / NEW
+    def __init__(self, place: Path) -> None:
+        """A new staging folder for a place; its lock is held until it is closed."""
+        self._place = place
+        self._path, self._lock = _locked(place)
+        self.folder = self._path / NEW
         self.folder.mkdir()
 
-    def publish(self, place: Path) -> None:
+    def publish(self) -> None:
         """Put the folder in its place, or in the place of the one that is there.
 
         Raises:
             OSError: it cannot be done; what was there is still there.
         """
+        place = self._place
         sync_tree(self.folder)
         if os.path.lexists(place):
             # From here on, ``new`` may be what is replaced.
-            os.write(self._lock, os.fsencode(place.name))
+            os.write(self._lock, BEGUN)
             os.fsync(self._lock)
             sync(self._path)
             try:
@@ -67,18 +75,18 @@ class Staging:
             except OSError as error:
                 if error.errno not in _WITHOUT_EXCHANGE:
                     raise
-                self._rename_twice(place)
+                self._rename_twice()
         else:
             self.folder.rename(place)
         sync(place.parent)
 
-    def _rename_twice(self, place: Path) -> None:
+    def _rename_twice(self) -> None:
         old = self._path / OLD
-        place.rename(old)
+        self._place.rename(old)
         try:
-            self.folder.rename(place)
+            self.folder.rename(self._place)
         except BaseException:
-            old.rename(place)
+            old.rename(self._place)
             raise
 
     def close(self, discard: Discard) -> None:
@@ -91,59 +99,68 @@ class Staging:
 
 
 @contextmanager
-def staging_folder(parent: Path, discard: Discard) -> Iterator[Staging]:
-    """A staging folder in ``parent``, after those that killed processes left there are cleared.
+def staging_folder(place: Path, discard: Discard) -> Iterator[Staging]:
+    """A staging folder for a place.
 
     Args:
-        parent: the folder in which the place is.
+        place: where the folder is to be published.
         discard: takes away folders that were replaced.
 
     Raises:
         OSError: it cannot be made.
     """
-    recover(parent, discard)
-    staging = Staging(*_locked(parent))
+    staging = Staging(place)
     try:
         yield staging
     finally:
         staging.close(discard)
 
 
-def recover(parent: Path, discard: Discard) -> None:
-    """Finish what killed processes began in staging folders, and remove these."""
-    for path in sorted(parent.glob(f"{PREFIX}*")):
-        if _OURS.fullmatch(path.name) and path.is_dir() and not path.is_symlink():
-            with suppress(OSError):  # another process is at work there, or it is somebody else's
-                _recover(path, discard)
+def recover(place: Path, discard: Discard) -> None:
+    """Finish what killed processes began in staging folders beside a place, and remove these.
+
+    Raises:
+        BusyError: another process is about to publish a folder in this place.
+    """
+    for path in sorted(place.parent.glob(f"{PREFIX}*")):
+        if path.name == _name(path.name) and path.is_dir() and not path.is_symlink():
+            with suppress(OSError):  # it cannot be removed; the next one may
+                _recover(path, place, discard)
 
 
-def _recover(path: Path, discard: Discard) -> None:
+def _recover(path: Path, place: Path, discard: Discard) -> None:
     try:
         lock = os.open(path / LOCK, os.O_RDWR | os.O_NOFOLLOW)
     except FileNotFoundError:
-        path.rmdir()  # killed before it was locked; anything else is not empty, and stays
+        path.rmdir()  # killed before it was locked
         return
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        place = _replaced(path, lock)
-        if place is not None and not os.path.lexists(place) and (path / OLD).exists():
-            (path / NEW).rename(place)
+        target, begun = _journal(path, lock)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if target == place:
+                raise BusyError from None
+            return
+        if begun and not os.path.lexists(target) and (path / OLD).exists():
+            (path / NEW).rename(target)
             sync(path.parent)
         _clear(path, lock, discard)
     finally:
         os.close(lock)
 
 
-def _replaced(path: Path, lock: int) -> Path | None:
-    """The place in which a folder was to be replaced, if that was begun."""
-    name = os.fsdecode(os.pread(lock, 4096, 0))
-    return path.parent / name if name else None
+def _journal(path: Path, lock: int) -> tuple[Path, bool]:
+    """The place for which a staging folder is, and whether replacing what is there has begun."""
+    text = os.pread(lock, 4096, 0)
+    return path.parent / os.fsdecode(text.removesuffix(BEGUN)), text.endswith(BEGUN)
 
 
-def _locked(parent: Path) -> tuple[Path, int]:
-    """A new folder in ``parent``, and its lock file, open and locked."""
+def _locked(place: Path) -> tuple[Path, int]:
+    """A new folder beside a place, and its lock file, open and locked."""
     for _ in range(ATTEMPTS):
-        path = Path(tempfile.mkdtemp(prefix=PREFIX, dir=parent))
+        path = place.with_name(_name(PREFIX + secrets.token_hex(4)))
+        path.mkdir(0o700)
         try:
             lock = os.open(path / LOCK, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
         except FileNotFoundError:
@@ -151,16 +168,23 @@ def _locked(parent: Path) -> tuple[Path, int]:
         with suppress(OSError):  # not every file system has locks; nothing is cleared there
             fcntl.flock(lock, fcntl.LOCK_EX)
         if (path / LOCK).exists():
+            os.write(lock, os.fsencode(place.name))
             return path, lock
         os.close(lock)
-    raise OSError(errno.EBUSY, "folders beside it vanish as soon as they are made", str(parent))
+    raise OSError(errno.EBUSY, "folders beside it vanish as soon as they are made", str(place))
+
+
+def _name(text: str) -> str:
+    """The name of a staging folder that begins as a text does: 8 digits and their checksum."""
+    begin = text[: len(PREFIX) + 8]
+    return f"{begin}-{hashlib.sha256(f'designopt {begin}'.encode()).hexdigest()[:8]}"
 
 
 def _clear(path: Path, lock: int, discard: Discard) -> None:
     """Remove a staging folder and all that is in it."""
-    place = _replaced(path, lock)
+    place, begun = _journal(path, lock)
     for part in (path / OLD, path / NEW):
-        if place is None:
+        if not begun:
             shutil.rmtree(part, ignore_errors=True)
         elif part.exists():
             discard(part, place)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import itertools
 import json
 import os
 import re
@@ -15,7 +16,7 @@ from typing import Any
 from designopt.checksums import checksum_holds, with_checksum
 from designopt.errors import UserError
 from designopt.files import remove_partials, replaced_when_complete
-from designopt.result_folders import check_replaceable, recover_results, remove_result
+from designopt.result_folders import check_replaceable, recover_result
 from designopt.sweeping.outcomes import Outcome, from_tables, to_tables
 
 DEFINITION = "sweep.json"
@@ -79,7 +80,7 @@ class Folder:
             begun = (path / DEFINITION).exists()
             remove_partials(path, DEFINITION)
             if begun:
-                recover_results(path)
+                recover_result(path / RESULT)
                 remove_partials(path / POINTS, "[0-9]*.json")
             names = {entry.name for entry in path.iterdir()}
             if names and not begun:
@@ -91,22 +92,27 @@ class Folder:
                     self._compare(definition)
                     return
                 self._forget(names)
-            _write(path / DEFINITION, definition)
+            _write(path / DEFINITION, with_checksum(definition))
         except OSError as error:
             raise _cannot_write(path, error) from error
 
     def _forget(self, names: set[str]) -> None:
-        """Remove another sweep, unless there is a file that it did not write."""
+        """Remove another sweep's points, unless there is a file that it did not write.
+
+        Its result stays until the new one takes its place.
+        """
         strangers = sorted(names - {DEFINITION, POINTS, RESULT})
+        if not checksum_holds(_read(self.path / DEFINITION), required=False):
+            strangers.append(DEFINITION)
         points = sorted((self.path / POINTS).glob("*"))
+        if (self.path / POINTS).is_symlink():
+            strangers.append(POINTS)
         strangers += [f"{POINTS}/{path.name}" for path in points if _own_point(path) is None]
         if strangers:
             raise UserError(
                 f"--out {self.path}: {strangers[0]} is not of the earlier sweep as it was written, "
                 "so --force does not replace it; move it away, or name another folder"
             )
-        if RESULT in names:
-            remove_result(self.path / RESULT)
         for path in points:
             path.unlink()
 
@@ -137,7 +143,8 @@ class Folder:
         """The kept points by their number.
 
         A file that is not the point of its number with the settings that are asked for, or is no
-        longer as it was written, is named on the terminal and is no outcome.
+        longer as it was written, is named on the terminal and is no outcome; one that no sweep
+        wrote is renamed, for the point's own.
 
         Args:
             asked: the settings of every point of the sweep.
@@ -146,7 +153,11 @@ class Folder:
         for path in kept_in(self.path):
             index, document = int(path.stem), _own_point(path)
             wanted = dict(asked[index]) if index < len(asked) else None
-            if document is None or document["settings"] != wanted:
+            if document is None:
+                _set_aside(path)
+                others.append(path.name)
+            elif not (checksum_holds(document) and document["point"] == index
+                      and document["settings"] == wanted):  # fmt: skip
                 others.append(path.name)
             else:
                 found[index] = from_tables(document)
@@ -180,17 +191,24 @@ def kept_in(path: Path) -> list[Path]:
 
 
 def _own_point(path: Path) -> dict[str, Any] | None:
-    """What a point's file holds; ``None`` if it is not as a sweep wrote it under its name."""
+    """What a point's file holds; ``None`` if no sweep wrote it so. Older ones have no checksum."""
     try:
         if path.is_symlink() or not path.is_file():
             return None
         document = json.loads(path.read_text(encoding="utf-8"))
-        if not (checksum_holds(document) and path.name == _file_name(document["point"])):
+        if not checksum_holds(document, required=False):
+            return None
+        if document["point"] < 0 or document["settings"] is None:
             return None
         from_tables(document)
     except (OSError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
         return None
     return document
+
+
+def _set_aside(path: Path) -> None:
+    names = (path.with_name(f"{path.name}.other-{n}") for n in itertools.count(1))
+    path.rename(next(name for name in names if not os.path.lexists(name)))
 
 
 def _file_name(index: int) -> str:

@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 
 from designopt import staging
-from designopt.result_folders import recover_results, result_folder, write_document
+from designopt.result_folders import recover_result, result_folder, write_document
 
 STEPS = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.listdir", "os.scandir")
 
@@ -83,7 +83,7 @@ def every_step(out: Path) -> tuple[int, int]:
             assert number_of(out) in (number, number + 1), step
         else:
             missing += 1
-        recover_results(out.parent)
+        recover_result(out)
         assert number_of(out) in (number, number + 1), step
         number += 2
         write(out, number)

@@ -145,13 +145,14 @@ def test_a_failure_while_it_is_written_keeps_what_was(tmp_path, out):
 
 
 def test_a_result_made_meanwhile_is_replaced_by_force_alone(tmp_path):
-    def write_twice(out, force):
+    def write_while_another_one_appears(out, force):
+        write(tmp_path / "other" / "out", 1)
         with result_folder(out, force=force) as folder:
-            write(out, 1)
+            (tmp_path / "other" / "out").rename(out)
             write_document(folder, {"study": "", "spec": {}, "metrics": {}})
 
     with pytest.raises(UserError, match="made by somebody else meanwhile"):
-        write_twice(tmp_path / "a", False)
+        write_while_another_one_appears(tmp_path / "a", False)
     assert number_of(tmp_path / "a") == 1
-    write_twice(tmp_path / "b", True)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
+    write_while_another_one_appears(tmp_path / "b", True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "other"]

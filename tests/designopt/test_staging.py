@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from designopt import staging
+from designopt import UserError, staging
+from designopt.result_folders import result_folder
 from designopt.staging import recover, staging_folder
 from tests.designopt import killed
 
@@ -70,25 +71,73 @@ def keep(folder: Path, place: Path) -> None:
 
 
 def test_a_folder_at_which_a_process_is_at_work_stays(tmp_path):
-    with staging_folder(tmp_path, keep) as mine:
+    with staging_folder(tmp_path / "out", keep) as mine:
         (mine.folder / "half").touch()
-        recover(tmp_path, keep)
-        with staging_folder(tmp_path, keep) as other:
+        recover(tmp_path / "other", keep)
+        with staging_folder(tmp_path / "other", keep) as other:
             assert other.folder != mine.folder
+        with pytest.raises(staging.BusyError):
+            recover(tmp_path / "out", keep)
         assert (mine.folder / "half").exists()
     assert list(tmp_path.iterdir()) == []
 
 
+def test_two_runs_for_one_place_are_refused_at_once(tmp_path):
+    with (
+        staging_folder(tmp_path / "out", keep),
+        pytest.raises(UserError, match="another run is writing its result there"),
+    ):
+        killed.write(tmp_path / "out", 1)
+    killed.write(tmp_path / "out", 1)
+
+
 def test_what_only_looks_like_a_staging_folder_is_never_touched(tmp_path):
-    names = [".partial-thesis", ".partial-abcdefg1", ".partial-abcdefg2", ".partial-x"]
-    for name in names[:2]:
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "mine.txt").touch()
-    (tmp_path / names[2]).symlink_to(tmp_path / names[1])
-    (tmp_path / names[3]).touch()
-    recover(tmp_path, keep)
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
-    assert (tmp_path / names[1] / "mine.txt").exists()
+    with staging_folder(tmp_path / "out", keep) as own:
+        name = own.folder.parent.name
+    names = [
+        ".partial-thesis",
+        ".partial-abcdefg1",
+        f"{name[:-1]}{'a' if name[-1] != 'a' else 'b'}",
+    ]
+    for each in names:
+        (tmp_path / each / "new").mkdir(parents=True)
+        (tmp_path / each / "lock").touch()
+        (tmp_path / each / "new" / "mine.txt").touch()
+    (tmp_path / ".partial-empty123").mkdir()
+    (tmp_path / name).symlink_to(tmp_path / names[0])
+    recover(tmp_path / "out", keep)
+    expected = sorted([*names, ".partial-empty123", name])
+    assert sorted(path.name for path in tmp_path.iterdir()) == expected
+    for each in names:
+        assert (tmp_path / each / "new" / "mine.txt").exists()
+
+
+def test_after_a_kill_between_two_renames_the_result_is_there_and_not_overwritten(
+    tmp_path, monkeypatch
+):
+    out = tmp_path / "out"
+    killed.write(out, 0)
+    monkeypatch.setattr(staging, "_exchange", killed.refuse_exchange)
+    monkeypatch.setattr(staging.Staging, "close", lambda *_: None)  # as when it is killed
+    with monkeypatch.context() as patch:
+        patch.setattr(staging.Staging, "_rename_twice", lambda self: out.rename(self._path / "old"))
+        killed.write(out, 1)
+    assert not out.exists()
+    (held,) = (entry for entry in tmp_path.iterdir())
+    locks = [int(one) for one in os.listdir("/proc/self/fd") if _points_to(one, held / "lock")]
+    for lock in locks:
+        os.close(lock)
+    with pytest.raises(UserError, match="exists already"), result_folder(out, force=False):
+        pass
+    assert killed.number_of(out) == 1
+    assert leftovers(tmp_path) == []
+
+
+def _points_to(number: str, path: Path) -> bool:
+    try:
+        return os.readlink(f"/proc/self/fd/{number}") == str(path)
+    except OSError:
+        return False
 
 
 def test_an_exchange_that_fails_leaves_what_was(tmp_path, monkeypatch):

@@ -4,11 +4,11 @@ import json
 
 import pytest
 
-from designopt import UserError
+from designopt import UserError, staging
 from designopt.results import Metric
 from designopt.sweeping.keeping import Folder, only_one
 from designopt.sweeping.outcomes import failed, found
-from tests.designopt.killed import write
+from tests.designopt.killed import number_of, write
 
 ASKED = [{"x": float(index)} for index in range(20)]
 DEFINITION = {"study": "swept", "seed": 0, "versions": {"jax": "1", "numpy": "2"}}
@@ -60,7 +60,7 @@ def test_a_folder_has_one_sweep_at_a_time(tmp_path):
 def test_what_a_killed_sweep_left_behind_goes(tmp_path):
     (tmp_path / ".sweep.json.abcdefgh").mkdir()
     Folder(tmp_path, DEFINITION, force=False).keep(3, ASKED[3], failed("no", final=True))
-    (tmp_path / ".partial-abcdefgh").mkdir()  # killed before it was locked
+    (tmp_path / staging._name(".partial-abcdefgh")).mkdir()  # killed before it was locked
     for name in (".sweep.json.abcdefgh", "points/.000003.json.abcdefgh"):
         (tmp_path / name).mkdir()
         (tmp_path / name / name.split("/")[-1][1:-9]).touch()
@@ -147,4 +147,40 @@ def test_a_file_among_the_results_stops_a_sweep_before_it_begins(tmp_path):
     (tmp_path / "result" / "figures" / "mine.toml").unlink()
     assert len(Folder(tmp_path, DEFINITION, force=False).outcomes(ASKED)) == 2
     Folder(tmp_path, DEFINITION, force=True)
-    assert not (tmp_path / "result").exists()
+    assert number_of(tmp_path / "result") == 1  # until a new one takes its place
+    assert list((tmp_path / "points").iterdir()) == []
+
+
+def test_what_no_sweep_wrote_is_set_aside_for_the_point(tmp_path):
+    folder, (own, other) = kept_at(tmp_path, 5, 6)
+    own.write_text("mine")
+    assert list(folder.outcomes(ASKED)) == [6]
+    folder.keep(5, ASKED[5], failed("no", final=True))
+    assert (tmp_path / "points" / "000005.json.other-1").read_text() == "mine"
+    assert sorted(folder.outcomes(ASKED)) == [5, 6]
+    assert other.exists()
+
+
+def test_force_does_not_follow_a_link_nor_replace_an_altered_definition(tmp_path):
+    (tmp_path / "sweep").mkdir()
+    folder, _ = kept_at(tmp_path / "sweep", 5, 6)
+    (folder.path / "points").rename(tmp_path / "elsewhere")
+    (folder.path / "points").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(UserError, match="points is not of the earlier sweep"):
+        Folder(folder.path, DEFINITION, force=True)
+    assert len(list((tmp_path / "elsewhere").iterdir())) == 2
+    (folder.path / "points").unlink()
+    definition = folder.path / "sweep.json"
+    definition.write_text(definition.read_text().replace('"seed": 0', '"seed": 9'))
+    with pytest.raises(UserError, match=r"sweep\.json is not of the earlier sweep"):
+        Folder(folder.path, DEFINITION, force=True)
+
+
+def test_points_of_an_older_version_are_its_own_and_are_evaluated_anew(tmp_path):
+    folder, (own, _) = kept_at(tmp_path, 5, 6)
+    document = json.loads(own.read_text())
+    del document["checksum"]
+    own.write_text(json.dumps(document))
+    assert list(folder.outcomes(ASKED)) == [6]
+    Folder(tmp_path, DEFINITION, force=True)
+    assert list((tmp_path / "points").iterdir()) == []
