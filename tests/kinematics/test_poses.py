@@ -32,7 +32,7 @@ def near_home(name, count, spread=0.3):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.nightly if name == "double-butterfly" else ())
+        pytest.param(name, marks=() if name in ("jansen", "stephenson") else pytest.mark.nightly)
         for name in NAMES
     ],
 )

@@ -415,7 +415,7 @@ def covered_over_range(bench, values):
 @pytest.mark.parametrize(
     ("name", "turned"),
     [
-        ("folded-pad", {"field of view": 50.0}),
+        pytest.param("folded-pad", {"field of view": 50.0}, marks=pytest.mark.slow),
         pytest.param("finger", {"camera tilt": 15.0}, marks=pytest.mark.nightly),
     ],
 )

@@ -272,6 +272,7 @@ def test_the_measurements_end_to_end(tmp_path, capsys):
     figures_are_there(out, document, ("precision", "stability"))
 
 
+@pytest.mark.slow
 def test_float32_meets_its_targets_too(tmp_path, capsys):
     arguments = ["--dtype", "float32", "--set", "precision=false", "--set", "stability=false"]
     out = tmp_path / "out"

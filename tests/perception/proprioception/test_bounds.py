@@ -137,6 +137,7 @@ def test_with_the_finger_known_exact_corners_are_said_to_reach_it():
     np.testing.assert_allclose(found.value.deviations, bound.finger_known, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_calibrated_finger_comes_near_to_the_bound():
     # The finger is drawn anew each time, as the bound's prior knowledge has it.
     generator, off = np.random.default_rng(8), []

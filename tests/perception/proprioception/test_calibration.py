@@ -212,8 +212,15 @@ def repeated(
     return np.array(true), found
 
 
-@pytest.mark.parametrize("constant", [0.0, 0.5])
-@pytest.mark.parametrize("deviation", [LABELS, None], ids=["labelled", "unlabelled"])
+@pytest.mark.parametrize(
+    ("deviation", "constant"),
+    [
+        (LABELS, 0.5),
+        pytest.param(None, 0.5, marks=pytest.mark.slow),
+        pytest.param(LABELS, 0.0, marks=pytest.mark.nightly),
+        pytest.param(None, 0.0, marks=pytest.mark.nightly),
+    ],
+)
 def test_the_covariance_is_the_scatter_of_repeats(deviation, constant):
     true, found = repeated(deviation, constant)
     off = np.array([one.errors.mean for one in found]) - true
