@@ -87,7 +87,7 @@ def test_a_figure_without_fixed_aspect_keeps_its_size(tmp_path):
     assert drawing.get_size_inches().tolist() == [TEXT_WIDTH, 3.0]
 
 
-@pytest.mark.parametrize(("length", "lines"), [(4, 2), (40, 3), (90, 5)])
+@pytest.mark.parametrize(("length", "lines"), [(4, 2), (25, 3), (90, 5)])
 def test_a_legend_has_as_many_columns_as_fit(length, lines):
     """Five names, one of them in both axes."""
     drawing, grid = new_figure(1, 2)
