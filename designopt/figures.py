@@ -155,7 +155,7 @@ def trim(figure: Figure) -> None:
         needed = np.minimum(size, np.array([box.width, box.height]) + 2 * RIM)
         if np.max(size - needed) < RIM:
             return
-        figure.set_size_inches(needed)
+        figure.set_size_inches(*needed.tolist())
 
 
 def save(figure: Figure, folder: Path, name: str) -> tuple[Path, Path]:

@@ -100,7 +100,7 @@ def views_figure(finger: Finger, shown: Shown) -> Figure:
         Patch(edgecolor="grey", fill=False, linestyle="--", label="by a mirror"),
         Patch(edgecolor="grey", fill=False, linestyle=":", label="no view that is asked for"),
     ]
-    legend_below(drawing, handles, [handle.get_label() for handle in handles])
+    legend_below(drawing, handles, [str(handle.get_label()) for handle in handles])
     return Figure(
         "views",
         "What the camera sees, and what was found",
