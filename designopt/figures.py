@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -68,6 +69,44 @@ def new_figure(
     return figure, figure.subplots(rows, columns, squeeze=False, width_ratios=width_ratios)
 
 
+def legend_below(
+    figure: Figure,
+    handles: Iterable[Any] | None = None,
+    labels: Iterable[str] | None = None,
+    *,
+    most: int = 3,
+    **style: Any,
+) -> int:
+    """A legend below all axes, in as many columns as fit.
+
+    Args:
+        figure: whose.
+        handles: what is named; by default all that has a label in any axes, each label once.
+        labels: their names.
+        most: columns there may be at most.
+        style: as `Figure.legend` takes it.
+
+    Returns:
+        How many lines it has.
+    """
+    if handles is None or labels is None:
+        named = {
+            label: handle
+            for axes in figure.axes
+            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+        }
+        handles, labels = named.values(), named.keys()
+    handles, labels = list(handles), list(labels)
+    columns = max(min(most, len(labels)), 1)
+    while True:
+        place = {"loc": "outside lower center", "ncols": columns}
+        legend = figure.legend(handles, labels, **place, **style)
+        if columns == 1 or legend.get_window_extent().width < figure.bbox.width:
+            return math.ceil(len(labels) / columns)
+        legend.remove()
+        columns -= 1
+
+
 def share_limits(axes: Iterable[Axes], margin: float = 0.03) -> None:
     """Give all axes the same limits, so that each has room for what is drawn in any of them.
 
@@ -116,7 +155,7 @@ def trim(figure: Figure) -> None:
         needed = np.minimum(size, np.array([box.width, box.height]) + 2 * RIM)
         if np.max(size - needed) < RIM:
             return
-        figure.set_size_inches(needed)
+        figure.set_size_inches(*needed.tolist())
 
 
 def save(figure: Figure, folder: Path, name: str) -> tuple[Path, Path]:

@@ -17,7 +17,7 @@ from typing import Any
 import jax
 from matplotlib.ticker import NullFormatter
 
-from designopt.figures import MARKERS, PALETTE, label_plainly, new_figure
+from designopt.figures import MARKERS, PALETTE, label_plainly, legend_below, new_figure
 from designopt.results import Figure, PrecisionRow, PrecisionStudy, Table
 from designopt.typesetting import as_mathtext
 
@@ -26,9 +26,6 @@ LARGEST_DRAWN = 10.0
 
 LARGEST_PLAIN = 300.0
 """Errors over a smaller range are labelled in plain numbers, others in powers of ten."""
-
-LONG_NAME = 32
-"""Characters of a method's name; of longer ones two stand beside each other, not three."""
 
 LONG_TITLE = 38
 """Characters of a workload's name that have room over one of two panels; longer ones are broken."""
@@ -195,14 +192,7 @@ def figure(study: PrecisionStudy) -> Figure:
         low, high = axis.get_ylim()
         if high < LARGEST_PLAIN * low:
             label_plainly(axis.yaxis)
-    handles = {
-        label: handle
-        for axis in axes.flat
-        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
-    }
-    # Long names stand in fewer columns, so that none leaves the figure.
-    columns = 3 if max(map(len, methods)) <= LONG_NAME else 2
-    drawing.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns)
+    legend_below(drawing)
     return Figure(
         "precision",
         "Error against run time",

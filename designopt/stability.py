@@ -25,7 +25,7 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.figures import MARKERS, PALETTE, label_plainly, new_figure
+from designopt.figures import MARKERS, PALETTE, label_plainly, legend_below, new_figure
 from designopt.results import Figure, StabilityRow, Table
 from designopt.solution import Solution
 from designopt.typesetting import as_mathtext
@@ -242,7 +242,7 @@ def figure(rows: Sequence[StabilityRow]) -> Figure:
     low, high = axis.get_xlim()
     if high < 10 * low:
         label_plainly(axis.xaxis)
-    drawing.legend(loc="outside lower center", ncols=2)
+    legend_below(drawing, most=2)
     return Figure(
         "stability",
         "Worst error in stiff and extreme cases",

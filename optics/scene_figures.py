@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from designopt.errors import UserError
-from designopt.figures import PALETTE, new_figure, trim
+from designopt.figures import PALETTE, legend_below, new_figure, trim
 from designopt.solution import Solution
 from optics.scene import Scene
 from optics.scene_drawing import DASHES, draw_scene, joint_name, scene_legend, widen
@@ -71,7 +71,7 @@ def poses_figure(
     width, height = np.ptp(reach, axis=0)
     panel = min(6.6 / columns * max(height / max(width, 1e-9), 0.3), TALLEST / rows)
     figure, grid = new_figure(rows, columns)
-    lines = _add_legend(figure, *scene_legend(scene, views))
+    lines = legend_below(figure, *scene_legend(scene, views), most=5)
     figure.set_figheight(rows * (panel + 0.5) + 0.2 * lines + 0.2)
     for axes in grid.ravel()[count:]:
         axes.remove()
@@ -88,16 +88,6 @@ def poses_figure(
         draw_scene(axes, scene, poses[index], one, rays=rays, labels=labels)
         axes.set(**outer)
     return figure
-
-
-def _add_legend(figure: Figure, handles: list[Any], names: list[str]) -> int:
-    """A legend below all axes in as many columns as fit; returns how many lines it has."""
-    for columns in range(min(len(names), 5), 0, -1):
-        legend = figure.legend(handles, names, loc="outside lower center", ncols=columns)
-        if columns == 1 or legend.get_window_extent().width < figure.bbox.width:
-            return math.ceil(len(names) / columns)
-        legend.remove()
-    return 0
 
 
 def sweep_figure(scene: Scene, poses: Poses, views: Solution[Pieces]) -> Figure:
@@ -235,7 +225,7 @@ def _curves(scene: Scene, poses: np.ndarray, varying: np.ndarray, measures: list
     names = [joint_name(scene.angle_names[column]) for column in varying]
     note = f"; {', '.join(names[1:])} varying with it" if names[1:] else ""
     lower.set_xlabel(f"{names[0]} (°){note}")
-    figure.legend(loc="outside lower center", ncols=min(len(pads), 5), handlelength=3.5)
+    legend_below(figure, most=5, handlelength=3.5)
     return figure
 
 

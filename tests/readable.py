@@ -67,6 +67,6 @@ def assert_legend_apart(axes: Axes) -> None:
     box = legend.get_window_extent()
     for line in axes.lines:
         if line.get_transform() == axes.transData and line.get_visible():
-            points = axes.transData.transform(np.transpose(line.get_data()))
+            points = axes.transData.transform(line.get_xydata())
             hidden = [box.contains(x, y) for x, y in points if np.isfinite([x, y]).all()]
             assert not any(hidden), f"the legend hides {sum(hidden)} points of {line.get_label()}"

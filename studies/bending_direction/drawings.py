@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.patches import Polygon
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from perception.chamber import Direction, displacements
 from perception.chamber.points import NAMES
@@ -105,14 +105,7 @@ def curves_figure(found: Found) -> Figure:
             )  # fmt: skip
         axes.set(title=f"What is seen, bending {truth.name.lower()}", xlim=(0, 120), ylim=(0, None))
         axes.set(xlabel="bend (°)", ylabel="area (1000 px)")
-    named = {
-        label: handle
-        for axes in grid.flat
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    labels = sorted(named)
-    handles = [named[label] for label in labels]
-    drawing.legend(handles, labels, loc="outside lower center", ncols=3, handlelength=3.5)
+    legend_below(drawing, handlelength=3.5)
     return Figure(
         "curves",
         "Displacements of the reference points over the bend (the paper's Fig. 12)",
@@ -156,8 +149,7 @@ def rules_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
             axes.set(ylim=(0, None))
         else:
             axes.set(ylim=(math.floor(lowest) - 2, 100.3))
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    drawing.legend(handles, labels, loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "rules",
         "Table II and ours, rule by rule",
@@ -186,7 +178,7 @@ def thresholds_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
         axes.set(xlabel="threshold (px)", ylabel=name)
     grid[0, 0].set(ylim=(math.floor(lowest) - 2, 100.3))
     grid[0, 1].set(ylim=(0, None))
-    drawing.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "thresholds",
         "What the threshold does",

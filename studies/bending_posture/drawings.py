@@ -8,7 +8,14 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.ticker import MaxNLocator
 
-from designopt.figures import MARKERS, PALETTE, label_plainly, new_figure, share_limits
+from designopt.figures import (
+    MARKERS,
+    PALETTE,
+    label_plainly,
+    legend_below,
+    new_figure,
+    share_limits,
+)
 from designopt.results import Figure
 from designopt.typesetting import as_mathtext
 from studies.bending_posture.found import Found
@@ -73,7 +80,7 @@ def dots_figure(found: Found) -> Figure:
         axes.plot(0, 0, "s", color="black", markersize=5)
         axes.set(title=title, xlabel="across (mm)", ylabel="along (mm)", aspect="equal")
     share_limits(grid[0])
-    drawing.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4,
+    legend_below(drawing, most=4,
                    markerscale=2)  # fmt: skip
     return Figure(
         "dots",

@@ -7,7 +7,15 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 
-from designopt.figures import MARKERS, PALETTE, angle_ticks, label_plainly, new_figure, share_limits
+from designopt.figures import (
+    MARKERS,
+    PALETTE,
+    angle_ticks,
+    label_plainly,
+    legend_below,
+    new_figure,
+    share_limits,
+)
 from designopt.results import Figure
 from studies.finger_grasp.analysis import CLOSED, Analysis, radius_of
 from studies.finger_grasp.closing import Path
@@ -77,7 +85,7 @@ def sequences(found: Analysis) -> Figure:
         axis.set_axis_off()
         axis.legend(named.values(), named.keys(), loc="center")
     if axes.size == len(shown):
-        drawing.legend(named.values(), named.keys(), loc="outside lower center", ncols=3)
+        legend_below(drawing, named.values(), named.keys())
     return Figure(
         "closing",
         "Closing sequences in section",
@@ -189,7 +197,7 @@ def paths(found: Analysis) -> Figure:
     axes[1, 1].legend(loc="upper left", fontsize=8)
     for axis in axes.flat:
         axis.set(xlabel="motor angle α (°)")
-    drawing.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing, *axes[0, 0].get_legend_handles_labels())
     return Figure(
         "paths",
         "Equilibria over the motor's angle",

@@ -142,7 +142,7 @@ def _run(problem: Problem, method: str, count: int, optima: Optima, starts: Star
     return Run(
         NAMES[method],
         f"{count} start{'s' if count > 1 else ''}",
-        *least_angles_deg(problem, [best]),
+        least_angles_deg(problem, [best])[0],
         best.violation,
         optima.seconds + starts.seconds,
         optima.compile_seconds + starts.compile_seconds,

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 
-from designopt.figures import MARKERS, PALETTE, angle_ticks, new_figure, share_limits
+from designopt.figures import MARKERS, PALETTE, angle_ticks, legend_below, new_figure, share_limits
 from designopt.optimising import FEASIBLE
 from designopt.results import Figure
 from designopt.typesetting import as_mathtext
@@ -31,7 +31,7 @@ def finger_figure(pins: Pins, body: BodySpec) -> Figure:
     axis = axes[0, 0]
     draw_finger(axis, pins, body, (0.0, 0.0), named=True)
     axis.set(xlabel="x from the PIP axis, to the tip (mm)", ylabel="y, to the back (mm)")
-    drawing.legend(loc="outside lower center", ncols=5)
+    legend_below(drawing, most=5)
     return Figure(
         "finger",
         "The linkage in the straight finger",
@@ -57,7 +57,7 @@ def sequence_figure(pins: Pins, body: BodySpec) -> Figure:
     for axis in axes[1]:
         axis.set_xlabel("x (mm)")
     share_limits(axes.ravel())
-    drawing.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    legend_below(drawing, most=5)
     return Figure(
         "sequences",
         "Pinch and adaptive closing",
@@ -177,7 +177,7 @@ def tolerance_figure(least: Float[np.ndarray, " draws"], nominal: float, require
     axis.axvline(nominal, color=PALETTE[0], label=f"without errors {nominal:.1f}°")
     axis.axvline(required, color=PALETTE[1], linestyle="--", label=f"required {required:g}°")
     axis.set(xlabel="least transmission angle (°)", ylabel="fingers")
-    drawing.legend(loc="outside lower center", ncols=2)
+    legend_below(drawing, most=2)
     return Figure(
         "tolerance",
         "The least transmission angle of fingers with errors",
@@ -205,7 +205,7 @@ def comparison_figure(found: Comparison) -> Figure:
         )
     axis.set(xscale="log", xlabel="run time without compiling (s)")
     axis.set(ylabel="least transmission angle (°)")
-    drawing.legend(loc="outside lower center", ncols=2, fontsize=7)
+    legend_below(drawing, most=2, fontsize=7)
     return Figure(
         "run_time",
         "Least transmission angle over run time",

@@ -13,7 +13,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Patch
 
-from designopt.figures import PALETTE, angle_ticks, new_figure
+from designopt.figures import PALETTE, angle_ticks, legend_below, new_figure
 from designopt.results import Figure
 from optics.scene import Scene
 from optics.scene_drawing import DASHES
@@ -137,7 +137,7 @@ def sensitivity_figure(found: Sensitivity) -> Figure:
     yields = [found.base, *found.doubled.values()]
     _bars(right, names, yields)
     right.set_title("Yield, a tolerance doubled")
-    drawing.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "sensitivity",
         "Sensitivity to each tolerance",
@@ -177,7 +177,7 @@ def yield_figure(yields: Mapping[str, Yield], degrees: np.ndarray, pads: list[st
     lowest = min(float(np.min(one.by_pose)) for one in yields.values())
     for axes in grid[0]:
         axes.set_ylim(100 * lowest - 1, 100.5)
-    drawing.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    legend_below(drawing, most=2)
     return Figure(
         "yield",
         "Where errors hide something",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from studies.linkage_stability.statements import random_families
 
@@ -61,7 +61,7 @@ def approach_figure(found: Sequence[Family]) -> Figure:
     errors.set(ylabel="condition-scaled error")
     sizes.set(ylabel="largest gradient entry, of the size")
     sizes.legend(loc="upper left")
-    drawing.legend(*errors.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    legend_below(drawing, *errors.get_legend_handles_labels(), most=4)
     return Figure(
         "approach",
         "Errors and gradients on the way to lock-up",

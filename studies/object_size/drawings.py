@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from optics.soft_finger import bent
 from studies.object_size.found import Found, Shown
@@ -40,15 +40,14 @@ def grasps_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
     for axes in grid.flat[len(found.shown) :]:
         axes.set_axis_off()
     for axes, shown in zip(grid.flat, found.shown, strict=False):
-        _grasp(axes, spec, found, shown)
+        _grasp(axes, spec, found, shown, reach)
         axes.set(title=f"{shown.diameter:g} mm: bend {np.rad2deg(shown.bend):.0f}°")
         axes.set(xlim=(-spec.finger_radius - 4, reach), ylim=(min(spec.gap, 0) - 12, top + 4))
         axes.set(aspect="equal", xlabel="x (mm)")
         axes.grid(visible=False)
     for axes in grid[:, 0]:
         axes.set_ylabel("z (mm)")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    drawing.legend(handles, labels, loc="outside lower center", ncols=5)
+    legend_below(drawing, most=5)
     return Figure(
         "grasps",
         "The finger around each bottle, to scale",
@@ -58,7 +57,7 @@ def grasps_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
     )
 
 
-def _grasp(axes: Axes, spec: ObjectSizeSpec, found: Found, shown: Shown) -> None:
+def _grasp(axes: Axes, spec: ObjectSizeSpec, found: Found, shown: Shown, reach: float) -> None:
     arcs = jnp.linspace(0, found.hand.length, 101)
     line = bent(arcs, jnp.asarray(shown.bend), found.hand.length)
     across, along, turned = (np.asarray(part) for part in (line.across, line.along, line.turned))
@@ -78,7 +77,9 @@ def _grasp(axes: Axes, spec: ObjectSizeSpec, found: Found, shown: Shown) -> None
         Circle(centre, shown.diameter / 2, facecolor=GLASS, edgecolor=BLUE, label="bottle")
     )
     axes.plot(across, along, "--", color="black", linewidth=0.9, label="centre line")
-    axes.plot([spec.finger_radius, 1000], [spec.gap] * 2, color="0.35", linewidth=2.5, label="palm")
+    axes.plot(
+        [spec.finger_radius, reach], [spec.gap] * 2, color="0.35", linewidth=2.5, label="palm"
+    )
     place = bent(jnp.asarray(shown.arc), jnp.asarray(shown.bend), found.hand.length)
     away = np.array([centre[0] - float(place.across), centre[1] - float(place.along)])
     way = away / np.hypot(*away) * float(found.hand.radius)

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from scipy import stats
 
-from designopt.figures import MARKERS, PALETTE, angle_ticks, label_plainly, new_figure
+from designopt.figures import MARKERS, PALETTE, angle_ticks, label_plainly, legend_below, new_figure
 from designopt.results import Figure
 from studies.proprioception.found import Found
 from studies.proprioception.ladder import (
@@ -53,7 +53,7 @@ def ladder_figure(found: Found) -> Figure:
              ylabel="part of the defined answers (%)")  # fmt: skip
     axes.set_xlim(left=5e-3)
     label_plainly(axes.xaxis)
-    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "ladder",
         "Errors of all methods",
@@ -81,7 +81,7 @@ def range_figure(found: Found) -> Figure:
         axes.set(yscale="log", title=name.upper(), xlabel="joint angle (°)")
     _share_log_ordinate(row)
     row[0].set_ylabel("mean absolute error (°)")
-    drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "range",
         "Errors over the joints' ranges",
@@ -111,7 +111,7 @@ def gap_figure(found: Found) -> Figure:
         axes.set(title=f"{table.pad} pad", xlabel=f"{name} (°)")
         _angle_axis(axes, found)
     row[0].set_ylabel("gap, section angle (°)")
-    drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    legend_below(drawing, most=4)
     return Figure(
         "gap",
         "The gap and its calibration",
@@ -145,7 +145,7 @@ def bound_figure(found: Found) -> Figure:
         _angle_axis(axes, found)
     _share_log_ordinate(row)
     row[0].set_ylabel("error, labelled calibration (°)")
-    drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "bound",
         "What was reached, and what the images allow",
@@ -202,7 +202,7 @@ def covariance_figure(found: Found) -> Figure:
         axes.plot(normal, scaled, color=PALETTE[index], linestyle=DASHES[index], label=method)
     axes.plot([-3, 3], [-3, 3], color="0.4", linewidth=1, linestyle=":", label="as predicted")
     axes.set(xlabel="quantile of the standard normal", ylabel="error over predicted deviation")
-    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "covariance",
         "Are the predicted deviations right?",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from designopt.figures import PALETTE, new_figure
+from designopt.figures import PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from designopt.typesetting import as_mathtext
 from optics.chamber import Chamber
@@ -61,7 +61,7 @@ def line_figure(imaging: Imaging, clearance: float) -> Figure:
     residual.set(xlabel="η, yellow ring over blue ring")
     residual.set(ylabel=as_mathtext("Δl_D, identified − Table I (µm)"))
     residual.set(title="What the identified constants leave", ylim=(-reach, reach))
-    drawing.legend(loc="outside lower center", ncols=2)
+    legend_below(drawing, most=2)
     return Figure(
         "line",
         "Δl_D against η",
@@ -120,7 +120,7 @@ def section_figure(chamber: Chamber) -> Figure:
     sensor.set(title="Image", ylabel="image height T (mm)")
     sensor.set(xlim=(-0.5, 2.9), xticks=[])
     sensor.grid(visible=False)
-    drawing.legend(*section.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     caption = (
         f"The wall of the identified chamber at the chosen η = {ratio:.3f}, with a ray from B, C "
         "and D through the pinhole; heights are enlarged. Right, the rings on the sensor: yellow "

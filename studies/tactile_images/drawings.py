@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Polygon
 
-from designopt.figures import PALETTE, new_figure
+from designopt.figures import PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from perception.lens import Lens, TangentPlane
 from perception.masks import adaptive_mask, brightness, combined_mask, global_mask
@@ -101,7 +101,7 @@ def views_figure(finger: Finger, shown: Shown) -> Figure:
         Patch(edgecolor="grey", fill=False, linestyle="--", label="by a mirror"),
         Patch(edgecolor="grey", fill=False, linestyle=":", label="no view that is asked for"),
     ]
-    drawing.legend(handles=handles, loc="outside lower center", ncols=3)
+    legend_below(drawing, handles, [str(handle.get_label()) for handle in handles])
     return Figure(
         "views",
         "What the camera sees, and what was found",
@@ -247,7 +247,7 @@ def success_figure(frames: list[Frame]) -> Figure:
         ylim=(0, 102),
     )
     axes.grid(visible=False, axis="x")
-    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "success",
         "Views found, by exposure and severity",

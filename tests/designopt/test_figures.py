@@ -11,6 +11,7 @@ from designopt.figures import (
     TEXT_WIDTH,
     angle_ticks,
     label_plainly,
+    legend_below,
     new_figure,
     save,
     share_limits,
@@ -84,6 +85,21 @@ def test_a_figure_without_fixed_aspect_keeps_its_size(tmp_path):
     grid[0, 0].plot([0, 1], [0, 5])
     save(drawing, tmp_path, "drawing")
     assert drawing.get_size_inches().tolist() == [TEXT_WIDTH, 3.0]
+
+
+@pytest.mark.parametrize(("length", "lines"), [(4, 2), (25, 3), (90, 5)])
+def test_a_legend_has_as_many_columns_as_fit(length, lines):
+    """Five names, one of them in both axes."""
+    drawing, grid = new_figure(1, 2)
+    for number in range(5):
+        grid[0, number % 2].plot([0, 1], [0, number], label=f"{number}" * length)
+    grid[0, 1].plot([0, 1], [1, 0], label="0" * length)
+    assert legend_below(drawing) == lines
+    (legend,) = drawing.legends
+    assert len(legend.get_texts()) == 5
+    drawing.draw_without_rendering()
+    box = legend.get_window_extent()
+    assert lines == 5 or (box.x0 >= 0 and box.x1 <= drawing.bbox.width)
 
 
 def test_shared_limits_hold_what_is_drawn_anywhere():

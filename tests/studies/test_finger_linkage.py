@@ -325,11 +325,13 @@ def test_the_sequences_show_all_of_a_finger_of_any_length(distal):
     drawing = sequence_figure(reference_pins(), BodySpec(distal=distal)).drawing
     trim(drawing)
     assert_readable(drawing)
-    assert drawing.axes[0].patches[2].get_xy()[:, 0].max() == pytest.approx(23 + distal)
+    assert float(
+        np.asarray(drawing.axes[0].patches[2].get_path().vertices)[:, 0].max()
+    ) == pytest.approx(23 + distal)
     for axes in drawing.axes:
         (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
         for phalanx in axes.patches:
-            x, y = phalanx.get_xy().T
+            x, y = np.asarray(phalanx.get_path().vertices).T
             assert left < x.min() < x.max() < right
             assert low < y.min() < y.max() < high
 
