@@ -66,6 +66,8 @@ def run(arguments: list[str]) -> int:
                 from designopt.app import invoke
 
                 return invoke(arguments, check)
+            except Interrupted:
+                raise
             except Exception:
                 check()  # an interrupt of code that is being loaded may come out as another fault
                 raise

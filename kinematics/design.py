@@ -66,4 +66,4 @@ class DesignedLinkage(Design):
         return linkage_mjcf(self.linkage)
 
 
-FILE = DesignFile("linkage", "joints", DesignedLinkage.read)
+FILE = DesignFile("linkage", "joints", DesignedLinkage.read, "designopt solve")

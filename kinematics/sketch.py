@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import pydantic
 
-from designopt.files import read_toml
+from designopt.designs.design import read_tables
 from designopt.spec_files import Length, Line, Name, Number, Point, validated
 from designopt.study import Spec
 
@@ -81,7 +81,7 @@ def load_sketch(path: str | Path) -> Sketch:
         UserError: it cannot be read, is no TOML, or has unknown, missing or impossible entries;
             all of these at once.
     """
-    return parse_sketch(read_toml(path, "linkage"), str(path))
+    return parse_sketch(read_tables(path, "linkage", "joints"), str(path))
 
 
 def parse_sketch(data: dict[str, Any], source: str) -> Sketch:

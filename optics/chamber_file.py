@@ -8,8 +8,8 @@ from typing import Annotated
 
 import pydantic
 
+from designopt.designs.design import read_tables
 from designopt.errors import UserError
-from designopt.files import read_toml
 from designopt.spec_files import Length, Number, validated
 from designopt.study import Spec
 from designopt.toml_writing import toml_text
@@ -58,7 +58,7 @@ def read_chamber(path: Path) -> tuple[str, Chamber]:
         UserError: the file cannot be read, or describes no chamber with an image; one line says
             where and what to change.
     """
-    table = validated(ChamberFile, read_toml(path, "chamber"), str(path)).chamber
+    table = validated(ChamberFile, read_tables(path, "chamber", "chamber"), str(path)).chamber
     fields = table.model_dump(exclude={"name"})
     fields[ANGLE] = math.radians(fields.pop(f"{ANGLE}_deg"))
     chamber = Chamber(**fields)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from designopt.designs.design import Design, DesignFile, Quantity
+from designopt.designs.design import Design, DesignFile, Quantity, read_tables
 from designopt.designs.sheet import Sheet
-from designopt.files import read_toml
 from designopt.spec_files import validated
 from optics.scene import Scene
 from optics.scene_file import SceneFile
@@ -42,7 +41,9 @@ class DesignedScene(Design):
     @classmethod
     def read(cls, path: Path) -> DesignedScene:
         """The design of a scene file; see `read_scene`."""
-        return cls.of(validated(SceneFile, read_toml(path, "scene"), str(path)), str(path))
+        return cls.of(
+            validated(SceneFile, read_tables(path, "scene", "camera"), str(path)), str(path)
+        )
 
     def bench(self) -> Bench:
         """Joint angles, camera and mirrors as knobs; rays by path, coverage, px/mm."""
@@ -63,4 +64,4 @@ class DesignedScene(Design):
         return scene_quantities(self)
 
 
-FILE = DesignFile("scene", "camera", DesignedScene.read)
+FILE = DesignFile("scene", "camera", DesignedScene.read, "designopt trace")

@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.designs.design import read_tables
 from designopt.errors import UserError
-from designopt.files import read_toml
 from designopt.spec_files import validated
 from optics.camera import Camera, Equidistant, KannalaBrandt, Pinhole
 from optics.scene import WORLD, Frame, Layout, Scene, Surface
@@ -45,7 +45,7 @@ def read_scene(path: str | Path) -> Scene:
         UserError: the file cannot be read or describes no scene; one line says where and what to
             change.
     """
-    return scene_from(read_toml(path, "scene"), str(path))
+    return scene_from(read_tables(path, "scene", "camera"), str(path))
 
 
 def scene_from(data: Mapping[str, Any], source: str = "scene") -> Scene:

@@ -1,5 +1,5 @@
 from .bench import Bench, Knob, Reading, Shown, Step
-from .design import Design, DesignFile, Quantity, load_design
+from .design import Design, DesignFile, Quantity, load_design, read_tables
 from .sheet import Circle, Label, Layer, Measure, Sheet, Stroke
 
 __all__ = [
@@ -18,4 +18,5 @@ __all__ = [
     "Step",
     "Stroke",
     "load_design",
+    "read_tables",
 ]

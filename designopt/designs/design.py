@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from designopt.errors import UserError
 from designopt.files import read_toml
@@ -81,11 +81,33 @@ class DesignFile:
         what: what such a file describes, such as ``"linkage"``.
         table: the table that only files of this kind have.
         read: from a file to the design.
+        command: what computes something of such a file, for messages.
     """
 
     what: str
     table: str
     read: Callable[[Path], Design]
+    command: str = "designopt explore"
+
+
+def read_tables(path: str | Path, what: str, table: str) -> dict[str, Any]:
+    """The tables of a design's file of one kind; otherwise as `read_toml`.
+
+    Args:
+        path: the file.
+        what: what such a file describes, as in `DesignFile`.
+        table: the table that every such file has.
+
+    Raises:
+        UserError: also where the file is of another kind.
+    """
+    tables = read_toml(path, what)
+    for kind in _kinds() if table not in tables else ():
+        if kind.table in tables:
+            raise UserError(
+                f"{path}: it describes a {kind.what} and no {what}; {kind.command} takes it"
+            )
+    return tables
 
 
 def load_design(named: str, settings: Sequence[str] = ()) -> Design:
@@ -126,12 +148,26 @@ def kind_of(named: str) -> Literal["study", "folder", "file"]:
 
 def _of_file(path: Path) -> Design:
     tables = read_toml(path, "design")
-    kinds: list[DesignFile] = [point.load() for point in entry_points(group=DESIGN_GROUP)]
+    kinds = _kinds()
     for kind in kinds:
         if kind.table in tables:
             return kind.read(path)
     known = ", ".join(sorted(f"a {kind.what} has [{kind.table}]" for kind in kinds))
     raise UserError(f"{path}: it describes no design that is known here: {known}; correct it")
+
+
+def _kinds() -> list[DesignFile]:
+    kinds = []
+    for point in entry_points(group=DESIGN_GROUP):
+        try:
+            kinds.append(point.load())
+        except Exception as error:  # as for a study: a plug-in is anyone's code
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise UserError(
+                f"the kind of file '{point.name}' ({point.value}) cannot be loaded: {reason}; "
+                "repair or uninstall the package that offers it"
+            ) from error
+    return kinds
 
 
 def _of_result(folder: Path) -> Design:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import sys
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
@@ -52,8 +53,10 @@ def run_on_cluster(
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
+        # A client of an address that is none would end with the process, and with a traceback.
+        asyncio.run(_connect(address))
         client = Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError, ImportError) as error:
+    except Exception as error:  # what an address can be faulty in is the transport's to say
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise UserError(
             f"{place}: no scheduler answers there ({reason}); start one with 'dask scheduler', or "
@@ -74,6 +77,18 @@ def run_on_cluster(
             yield from _answers(client, evaluate, {index: task}, place)
     finally:
         client.close(timeout=PATIENCE)  # whereupon the cluster forgets what is not finished
+
+
+async def _connect(address: str) -> None:
+    """Connect to a scheduler and leave it again."""
+    from distributed.comm.core import connect
+    from distributed.security import Security
+
+    options = Security().get_connection_args("client")
+    # Another kind of server may take the connection and never answer.
+    async with asyncio.timeout(2 * PATIENCE):
+        connection = await connect(address, timeout=PATIENCE, **options)
+    await connection.close()
 
 
 def _answers(

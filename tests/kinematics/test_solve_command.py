@@ -201,6 +201,7 @@ def test_only_what_is_asked_for_is_solved(capsys):
         ("four-bar.toml --sweep crank=1 --csv .", ["that is a folder", "name a file"]),
         ("four-bar.toml --swep crank=1", ["--swep", "--sweep", "designopt --help"]),
         ("--sweep crank=1", ["LINKAGE.toml"]),
+        ("four-bar.toml --sweep crank=0-360", ["not a finite number", "INPUT=START:STOP:COUNT"]),
     ],
 )
 def test_nonsense_is_one_line_and_exit_code_2(arguments, words, tmp_path, capsys):
@@ -224,6 +225,8 @@ def test_nonsense_is_one_line_and_exit_code_2(arguments, words, tmp_path, capsys
         ("A = [30, 26]", "A = [0, 0]", ["bodies.crank", "coincide in the sketch"]),
         ("A = [30, 26]", "A = [30, 26", ["not TOML"]),
         ("fixed = true", "fixed = false", ["bodies", "none is fixed"]),
+        ("[joints]", "[camera]", ["a scene and no linkage; designopt trace takes it"]),
+        ("[joints]", "[joints" + 3000 * ".a" + "]", ["nested too deeply"]),
     ],
 )
 def test_a_file_that_is_no_mechanism_is_one_line_and_exit_code_2(old, new, words, capsys):

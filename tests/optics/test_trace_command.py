@@ -347,6 +347,7 @@ def test_rays_are_drawn_without_pads(tmp_path, trace):
     ("change", "arguments", "words"),
     [
         (('body = "lid"', 'body = "lit"'), [], ["blockers.0.body", "did you mean 'lid'?"]),
+        (("[camera]", "[joints]"), [], ["a linkage and no scene; designopt solve takes it"]),
         (("fov_deg = 60", "fov_deg = 0"), [], ["camera.fov_deg", "greater than 0"]),
         (("to = [8, 0]", "to = [-8, 0]"), [], ["pads.0", "no length"]),
         (None, ["--pose", "lid=3"], ["--pose lid=3", "joint angle", "tilt"]),

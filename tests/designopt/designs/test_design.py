@@ -9,7 +9,16 @@ from pydantic import Field
 
 from designopt import Spec, Study, UserError
 from designopt import study as study_module
-from designopt.designs import Bench, Design, DesignFile, Quantity, Sheet, design, load_design
+from designopt.designs import (
+    Bench,
+    Design,
+    DesignFile,
+    Quantity,
+    Sheet,
+    design,
+    load_design,
+    read_tables,
+)
 from designopt.files import read_toml
 from designopt.results import Results, SpecFile
 from designopt.runner import run
@@ -176,3 +185,24 @@ def test_a_name_that_is_too_long_is_refused_like_any_other():
 def test_what_does_not_move_has_no_simulation():
     with pytest.raises(UserError, match="--to mjcf: crate has no linkage that moves it; export a"):
         Box("crate").mjcf()
+
+
+def test_a_file_of_another_kind_is_named_with_what_takes_it(tmp_path):
+    path = tmp_path / "box.toml"
+    path.write_text("[box]\n")
+    assert read_tables(path, "box", "box") == {"box": {}}
+    with pytest.raises(UserError) as caught:
+        read_tables(path, "ball", "ball")
+    assert (
+        str(caught.value) == f"{path}: it describes a box and no ball; designopt explore takes it"
+    )
+    path.write_text("[bag]\n")
+    assert read_tables(path, "ball", "ball") == {"bag": {}}  # whoever asked names what is missing
+
+
+def test_a_kind_of_file_that_cannot_be_loaded_is_named(tmp_path, monkeypatch):
+    point = EntryPoint("bag", "no_such_package:FILE", design.DESIGN_GROUP)
+    monkeypatch.setattr(design, "entry_points", lambda group: [point])
+    path = tmp_path / "bag.toml"
+    path.write_text("[bag]\n")
+    assert "'bag' (no_such_package:FILE) cannot be loaded: No module named" in refused(str(path))

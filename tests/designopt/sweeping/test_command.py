@@ -1,6 +1,9 @@
 """``designopt sweep`` as a person meets it: faults, failed points, no scheduler."""
 
 import csv
+import re
+import subprocess
+import sys
 from importlib.metadata import version
 
 import pytest
@@ -73,6 +76,23 @@ def test_a_scheduler_that_is_not_there_costs_no_point(installed, capsys, monkeyp
     told = capsys.readouterr().err
     assert told.startswith(f"error: --scheduler {address}: no scheduler answers there")
     assert told.endswith("0 of 3 points are kept in out/sweep-swept\n")
+
+
+def test_an_address_that_is_none_leaves_nothing_behind(tmp_path):
+    """Nor does what is left of a client when the process ends."""
+    probe = (
+        "from designopt import cli\n"
+        "sweep = ['sweep', 'table1', '--vary', 'clearance=1:2:3', '--scheduler']\n"
+        "for address in ('nowhere', 'tcp://127.0.0.1:x', 'tcq://127.0.0.1:1'):\n"
+        "    assert cli.run([*sweep, address]) == 2\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", probe], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    lines = done.stderr.splitlines()
+    assert (done.returncode, done.stdout, len(lines)) == (0, "", 3)
+    for line in lines:
+        assert re.match(r"error: --scheduler \S+: no scheduler answers there \(", line)
 
 
 def test_a_point_that_ends_every_worker_costs_no_other_of_its_batch(installed, capsys, monkeypatch):
