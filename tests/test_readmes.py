@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 import typer
 
-from designopt import cli
+from designopt import app, cli
 from designopt.settings import fields, spec_with
 from designopt.study import load_study
 
 ROOT = Path(__file__).parents[1]
 READMES = [ROOT / "README.md", *sorted(ROOT.glob("studies/*/README.md"))]
-COMMANDS = {point.name: point for point in entry_points(group=cli.COMMAND_GROUP)}
+COMMANDS = {point.name: point for point in entry_points(group=app.COMMAND_GROUP)}
 MAIN_JOB = "out/finger"
 """What the first set-up command of the README leaves behind."""
 OTHERS = ("python3", ".", "pip")

@@ -152,6 +152,7 @@ def blended(finger, one, pose, generator) -> Picture:
 def photograph(finger, one, pose, generator) -> Picture:
     """A part of a portrait, at any magnification and in any order of colours."""
     whole = cv2.imread(str(cbook.get_sample_data("grace_hopper.jpg", asfileobj=False)))
+    assert whole is not None
     size = int(generator.integers(60, min(whole.shape[:2])))
     top, left = (int(generator.integers(0, side - size)) for side in whole.shape[:2])
     part = whole[top : top + size, left : left + size, generator.permutation(3)]
