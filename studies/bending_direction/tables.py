@@ -250,7 +250,7 @@ def odd(frames: Sequence[Odd]) -> Table:
                 kind.name,
                 len(own),
                 kind.sight.name,
-                "the direction" if kind.usable else "undefined",
+                "the direction" if kind.in_view else "undefined",
                 ", ".join(sorted({frame.sight.name if frame.sight else "exception"
                                   for frame in own})),
                 sum(frame.failed for frame in own),
