@@ -36,9 +36,9 @@ BLACK, NIGHT, FULL = 6.0, 20.0, 250.0
 """Mean of an image that is too dark for anything, and of one that is too dark if it shows no
 chamber; a pixel above the last level is saturated."""
 
-# What tells a chamber from other pictures. The renderer's fingers, bent by up to 120° and pressed
-# by up to 4 mm, in light from none of the effects to twice the typical ones, keep every limit by a
-# third of what is left of it; of pictures of other things, most miss several.
+# What tells a chamber from other pictures. Of 1,080 rendered frames of fingers as made, bent by up
+# to 120° and pressed by up to 4 mm, in light from perfect to poor, the worst has, in the order of
+# what follows: 0.08; 0; 0.97; 0.86; 0.77; 0.58; 0.36. Pictures of other things miss one or several.
 
 LEAST_AREA = 0.03
 """Of the image; blue with all that it encloses has more."""
@@ -176,7 +176,7 @@ def _regions(image: Image) -> Regions:
     # Where closing made masks overlap, the inner region has the pixel.
     labels = np.zeros_like(red)
     for mask, region in zip((red, blue, yellow, top), INWARDS, strict=True):
-        labels[mask > 0] = region
+        labels = cv2.max(labels, mask & np.uint8(region))
     sight = Sight.CHAMBER if len(inner) else Sight.NO_YELLOW
     found = Regions(labels, sight, outline, inner, convex_outline(top))
     return _judged(found, within, value)

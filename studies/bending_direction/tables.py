@@ -251,7 +251,7 @@ def odd(frames: Sequence[Odd]) -> Table:
                 kind.name,
                 len(own),
                 sight_words(kind.sight),
-                "the direction" if kind.usable else "undefined",
+                "the direction" if kind.in_view else "undefined",
                 ", ".join(sorted({sight_words(frame.sight)
                                   for frame in own})),
                 sum(frame.failed for frame in own),

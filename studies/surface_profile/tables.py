@@ -224,7 +224,7 @@ def odd_frames(found: Found) -> Table:
                 kind.name,
                 len(own),
                 sight_words(kind.sight),
-                f"within {WITHIN:g} mm" if kind.usable else "not known",
+                f"within {WITHIN:g} mm" if kind.in_view else "not known",
                 ", ".join(sights),
                 sum(one.failed for one in own),
             ]
