@@ -19,7 +19,35 @@ Number = Annotated[float, pydantic.Field(strict=True, ge=-LARGEST, le=LARGEST)]
 Length = Annotated[float, pydantic.Field(strict=True, ge=SMALLEST, le=LARGEST)]
 Point = tuple[Number, Number]
 Line = tuple[Point, Point]
-Name = Annotated[str, pydantic.Field(pattern=r"^[^\s,=\"\[\]\p{C}]+$")]
+
+LONGEST_NAME = 100
+"""Characters; no drawing has room for more."""
+
+
+def _title(name: str) -> str:
+    # Not printable are control characters, line separators and marks of the direction of writing:
+    # in a terminal, a table or a drawing they would change what stands around a name.
+    if not name.strip() or not name.isprintable() or len(name) > LONGEST_NAME:
+        raise ValueError(
+            f"a name must not be blank, longer than {LONGEST_NAME} characters, or hold what cannot "
+            "be printed; choose another"
+        )
+    return name
+
+
+def _name(name: str) -> str:
+    if not name or any(char.isspace() or char in ',="[]' for char in name):
+        raise ValueError(
+            "a name must not be empty or hold blanks, commas, quotes, brackets or '='; choose "
+            "another"
+        )
+    return _title(name)
+
+
+Title = Annotated[str, pydantic.AfterValidator(_title)]
+"""A name of something that no command line and no other entry names."""
+
+Name = Annotated[str, pydantic.AfterValidator(_name)]
 
 Place = tuple[int | str, ...]
 S = TypeVar("S", bound=Spec)
@@ -67,11 +95,6 @@ def _said(fault: Any, model: type[Spec]) -> str:
             return "missing; a point is two numbers, [x, y]"
         case "missing":
             return "missing; add it"
-        case "string_pattern_mismatch":
-            return (
-                "a name must not be empty or hold blanks, commas, quotes, brackets, '=' or what "
-                "cannot be printed; choose another"
-            )
         case "model_type" | "dict_type" if len(place) == 1:
             return f"write it as a table, [{place[0]}] {it_is}"
         case "model_type" | "dict_type":

@@ -8,14 +8,14 @@ from typing import Annotated, Any
 import pydantic
 
 from designopt.designs.design import read_tables
-from designopt.spec_files import Length, Line, Name, Number, Point, validated
+from designopt.spec_files import Length, Line, Name, Number, Point, Title, validated
 from designopt.study import Spec
 
 
 class LinkageTable(Spec):
     """``[linkage]``."""
 
-    name: str = "linkage"
+    name: Title = "linkage"
 
 
 def _some(joints: list[str]) -> list[str]:

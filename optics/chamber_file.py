@@ -9,12 +9,12 @@ from typing import Annotated
 import pydantic
 
 from designopt.designs.design import read_tables
+from designopt.designs.sheet import printable
 from designopt.errors import UserError
-from designopt.spec_files import Length, Number, validated
+from designopt.spec_files import Length, Number, Title, validated
 from designopt.study import Spec
 from designopt.toml_writing import toml_text
 from optics.chamber import Chamber
-from optics.scene_file import Title
 
 ANGLE = "wall_angle_bc"
 """The one field of `Chamber` that a file has in degrees."""
@@ -65,7 +65,7 @@ def read_chamber(path: Path) -> tuple[str, Chamber]:
     image = chamber.imaging_ratio()
     if not bool(image.ok):
         raise UserError(f"{path}: chamber: {image.messages()[0]}")
-    return table.name or path.stem, chamber
+    return table.name or printable(path.stem), chamber
 
 
 def chamber_text(name: str, chamber: Chamber) -> str:

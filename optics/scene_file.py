@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 import pydantic
 
-from designopt.spec_files import Length, Name, Number, Point
+from designopt.spec_files import Length, Name, Number, Point, Title
 from designopt.study import Spec
 
 FIXED = "world"
@@ -22,12 +22,6 @@ LARGEST_RATIO = 1e9
 
 Coefficients = tuple[Number, Number, Number, Number]
 Side = Literal["left", "right", "both"]
-
-
-def _legible(name: str) -> str:
-    if not name.strip() or not name.isprintable():
-        raise ValueError("a name must not be blank or hold what cannot be printed; choose another")
-    return name
 
 
 def _joins_no_path(name: str) -> str:
@@ -46,7 +40,6 @@ def _known(value: object, check: Callable[[object], object]) -> object:
         ) from None
 
 
-Title = Annotated[str, pydantic.AfterValidator(_legible)]
 MirrorName = Annotated[Title, pydantic.AfterValidator(_joins_no_path)]
 ProjectionEntry = Annotated[
     Literal["equidistant", "pinhole"] | Coefficients, pydantic.WrapValidator(_known)

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.designs.design import read_tables
+from designopt.designs.sheet import printable
 from designopt.errors import UserError
 from designopt.spec_files import validated
 from optics.camera import Camera, Equidistant, KannalaBrandt, Pinhole
@@ -73,7 +74,7 @@ def build_scene(file: SceneFile, source: str) -> Scene:
         return tuple(Surface(part.name, SIDES[part.side], index[part.body]) for part in tables)
 
     layout = Layout(
-        name=file.scene.name or Path(source).stem,
+        name=file.scene.name or printable(Path(source).stem),
         mirrors=surfaces(file.mirrors),
         curved=curved,
         pads=surfaces(file.pads),

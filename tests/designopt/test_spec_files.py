@@ -6,7 +6,7 @@ import pydantic
 import pytest
 
 from designopt import Spec, UserError
-from designopt.spec_files import Length, Line, Name, Number, Point, validated
+from designopt.spec_files import Length, Line, Name, Number, Point, Title, validated
 
 
 class Square(Spec):
@@ -21,6 +21,7 @@ class Disc(Spec):
 
 class Part(Spec):
     name: Name
+    title: Title = "part"
     outline: list[Point] = pydantic.Field(default_factory=list)
     axis: Line | None = None
     tags: list[Name] = pydantic.Field(default_factory=list)
@@ -111,3 +112,21 @@ def test_all_faults_are_told_at_once_and_long_values_are_cut():
     long = "x" * 17
     assert f"origin: write it as two numbers, [x, y] (it is '{long}...{long}'); scale: " in said
     assert "must be positive (it is 0); correct it; 'qq\\n': no such key" in said
+
+
+UNPRINTABLE = ("\0", "\t", "\x1b", "\x7f", "\x85", "\u2028", "\u2029", "\u202e", "\u2066", "\ufeff")
+
+
+@pytest.mark.parametrize("char", UNPRINTABLE)
+@pytest.mark.parametrize("key", ["name", "title"])
+def test_what_cannot_be_printed_is_in_no_name(key, char):
+    said = said_of({"parts": [{"name": "a", key: f"a{char}b"}]})
+    assert said.startswith(f"f.toml: parts.0.{key}: a name must not ")
+
+
+def test_a_name_is_no_longer_than_a_drawing_has_room_for():
+    part = {"name": 100 * "é", "title": 50 * "$ "}
+    assert validated(Drawing, {"parts": [part]}, "f.toml").parts[0].title == part["title"]
+    for key in part:
+        said = said_of({"parts": [part | {key: part[key] + "x"}]})
+        assert f"parts.0.{key}: a name must not be blank, longer than 100 characters" in said

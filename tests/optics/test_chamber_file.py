@@ -48,6 +48,8 @@ def test_a_file_has_the_papers_numbers():
 def test_without_a_name_it_is_the_files(tmp_path):
     design = DesignedChamber.read(written(tmp_path, TEXT.replace('name = "soft"\n', "")))
     assert design.name == "finger"
+    odd = written(tmp_path, TEXT.replace('name = "soft"\n', "")).rename(tmp_path / "a\x1bb.toml")
+    assert DesignedChamber.read(odd).name == "a b"
     assert math.degrees(float(design.chamber.wall_angle_bc)) == pytest.approx(2.0)
 
 
@@ -60,6 +62,7 @@ def test_without_a_name_it_is_the_files(tmp_path):
         ("length_bc = 30.0", 'length_bc = "30"', "chamber.length_bc: write a finite number"),
         ("wall_angle_bc_deg = 2.0", "wall_angle_bc_deg = -90", "less than a right angle"),
         ('name = "soft"', 'name = " "', "chamber.name: a name must not be blank"),
+        ('name = "soft"', 'name = "a\\u2029"', "chamber.name: a name must not be blank"),
         ("wall_angle_bc_deg = 2.0", "wall_angle_bc_deg = -20", "looks along the blue wall"),
         ("pinhole_offset = 0.844", "pinhole_offset = -50", "behind the pinhole plane"),
         ("[chamber]", "[chambre]", "chambre: no such key; did you mean 'chamber'?"),
