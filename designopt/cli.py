@@ -12,7 +12,9 @@ from typing import Annotated, cast
 
 import typer
 
+from designopt.compilation_cache import NoCache
 from designopt.errors import Interrupted, UserError
+from designopt.interrupts import leave
 
 COMMAND_GROUP = "designopt.commands"
 
@@ -34,7 +36,7 @@ def main() -> None:
     except BrokenPipeError:  # whoever read our output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
-    sys.exit(code)
+    leave(code)
 
 
 def run(arguments: list[str]) -> int:
@@ -99,6 +101,7 @@ def _root(
             "--version", help="Show the version and exit.", is_eager=True, callback=_show_version
         ),
     ] = False,
+    no_cache: NoCache = False,
 ) -> None:
     if "MPLBACKEND" in os.environ:
         _check_backend()

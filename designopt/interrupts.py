@@ -2,23 +2,48 @@
 
 from __future__ import annotations
 
+import _thread
+import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import NoReturn
+
+AGAIN = 0.05
+"""Seconds until an interrupt that was swallowed is raised again."""
+
+_has_come = threading.Event()
+"""An interrupt has come to this process."""
+
+
+def leave(code: int) -> NoReturn:
+    """End the process with an exit code.
+
+    An interrupt ends the wait for a program that XLA compiles in another thread, and not the
+    compiling, which crashes when Python is taken down around it: then the process ends at once.
+    """
+    if _has_come.is_set():
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        os._exit(code)
+    sys.exit(code)
 
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], None]]:
     """Ctrl-C and SIGTERM raise `KeyboardInterrupt`; the function yielded raises it once more.
 
-    An exception raised while a destructor or a callback runs is swallowed by Python: whoever
-    publishes a result calls that function first. Outside the main thread, where Python allows no
-    signal handlers, nothing changes.
+    An exception raised while a destructor or a callback runs (JAX has one for garbage collection)
+    is swallowed by Python. It is raised again soon after; and whoever publishes a result calls that
+    function first. Outside the main thread, where Python allows no signal handlers, nothing
+    changes.
     """
     interrupted = threading.Event()
+    again = threading.Timer(0.0, _thread.interrupt_main)
 
-    def handle(*_: object) -> None:
+    def handle() -> None:
         interrupted.set()
         raise KeyboardInterrupt
 
@@ -26,12 +51,48 @@ def interruptible() -> Iterator[Callable[[], None]]:
         if interrupted.is_set():
             raise KeyboardInterrupt
 
+    def raise_again(unraisable: sys.UnraisableHookArgs) -> None:
+        nonlocal again
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            previous(unraisable)
+            return
+        again = threading.Timer(AGAIN, _thread.interrupt_main)
+        again.daemon = True
+        again.start()
+
+    with _handled_by(handle):
+        previous, sys.unraisablehook = sys.unraisablehook, raise_again
+        try:
+            yield check
+        finally:
+            sys.unraisablehook = previous
+            again.cancel()
+
+
+@contextmanager
+def deferred() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C and SIGTERM raise nothing; the function yielded returns whether one has come.
+
+    For code that an exception at any place would break: compiled modules while they are loaded, and
+    event loops that print what their callbacks raise and go on.
+    """
+    interrupted = threading.Event()
+    with _handled_by(interrupted.set):
+        yield interrupted.is_set
+
+
+@contextmanager
+def _handled_by(action: Callable[[], None]) -> Iterator[None]:
+    def handle(*_: object) -> None:
+        _has_come.set()
+        action()
+
     if threading.current_thread() is not threading.main_thread():
-        yield check
+        yield
         return
     previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield check
+        yield
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)

@@ -23,6 +23,7 @@ import jax
 
 from designopt import figures
 from designopt.errors import UserError
+from designopt.files import check_new_folder
 from designopt.interrupts import interruptible
 from designopt.progress import step_display
 from designopt.report import RunRecord, measurements, render_report
@@ -124,11 +125,7 @@ def result_folder(out: Path, *, force: bool) -> Iterator[Path]:
 def _refuse_existing(out: Path, place: Path, *, force: bool) -> None:
     if not (place.exists() or out.is_symlink()):
         return
-    if not force:
-        raise UserError(
-            f"--out {out}: exists already; name another folder, or replace an earlier result "
-            "with --force"
-        )
+    check_new_folder(out, force=force)
     if not _is_result(place):
         raise UserError(
             f"--out {out}: exists and is not an earlier result alone, so --force does not replace "
