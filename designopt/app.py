@@ -11,6 +11,7 @@ from typing import Annotated, cast
 
 import typer
 
+from designopt.compilation_cache import NoCache
 from designopt.errors import UserError
 
 COMMAND_GROUP = "designopt.commands"
@@ -84,6 +85,7 @@ def _root(
             "--version", help="Show the version and exit.", is_eager=True, callback=_show_version
         ),
     ] = False,
+    no_cache: NoCache = False,
 ) -> None:
     if "MPLBACKEND" in os.environ:
         _check_backend()

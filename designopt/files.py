@@ -63,6 +63,39 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
     return tables
 
 
+def check_toml(path: Path, what: str) -> None:
+    """Refuse a file that `read_toml` would refuse, unless it can be read only once, as a pipe.
+
+    Raises:
+        UserError: as `read_toml`.
+    """
+    if os.path.isfile(path) or not os.path.lexists(path):
+        read_toml(path, what)
+
+
+def check_new_folder(folder: Path, *, force: bool) -> None:
+    """Refuse a folder that could not be made, before anything is computed for it.
+
+    Args:
+        folder: the folder; folders above it are made as needed.
+        force: whether there may be one.
+
+    Raises:
+        UserError: it exists and must not, or something else is in its place or above it.
+    """
+    wanted = Path(os.path.realpath(folder))
+    place = next(path for path in (wanted, *wanted.parents) if os.path.lexists(path))
+    if (place == wanted or os.path.islink(folder)) and not force:
+        raise UserError(
+            f"--out {folder}: exists already; name another folder, or replace an earlier result "
+            "with --force"
+        )
+    if not os.path.isdir(place):
+        raise UserError(
+            f"--out {folder}: cannot be written ({place} is no folder); name a folder that can"
+        )
+
+
 def check_targets(named: Mapping[str, Path | str | None], *, force: bool) -> None:
     """Refuse files that could not be written, before anything is computed for them.
 

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 from designopt.checksums import checksum_holds, file_checksum, with_checksum
 from designopt.errors import UserError
+from designopt.files import check_new_folder
 from designopt.staging import BusyError, recover, staging_folder
 
 DOCUMENT = "results.json"
@@ -171,11 +172,7 @@ def own_files(folder: Path) -> dict[Path, Listed]:
 def _refuse_existing(out: Path, place: Path, *, force: bool) -> None:
     if not (place.exists() or out.is_symlink()):
         return
-    if not force:
-        raise UserError(
-            f"--out {out}: exists already; name another folder, or replace an earlier result "
-            "with --force"
-        )
+    check_new_folder(out, force=force)
     check_replaceable(out)
 
 

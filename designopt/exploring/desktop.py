@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from designopt.errors import UserError
 from designopt.exploring.face import DPI, HEIGHT, WIDTH
+from designopt.interrupts import deferred
 
 TRIAL = """
 from matplotlib import pyplot
@@ -21,7 +22,9 @@ canvas = pyplot.figure().canvas
 if not (isinstance(canvas, FigureCanvasAgg) and canvas.required_interactive_framework):
     raise SystemExit("Matplotlib finds no window system, or no toolkit for it")
 """
-PATIENCE = 30.0
+HEARTBEAT = 200
+"""Milliseconds until a window closes after an interrupt."""
+PATIENCE = 60.0
 """Seconds that a window system may take to answer; one on another machine may never do so."""
 
 
@@ -63,8 +66,18 @@ def _no_window(reason: str) -> UserError:
 
 
 def show_window(figure: Figure, title: str) -> None:
-    """Show the figure's window until it is closed."""
+    """Show the figure's window until it is closed, or until Ctrl-C or SIGTERM closes it."""
     if figure.canvas.manager is not None:
         figure.canvas.manager.set_window_title(title)
     gc.freeze()  # as for a page
-    pyplot.show(block=True)
+    with deferred() as is_interrupted:
+
+        def go_on() -> bool:
+            if is_interrupted():
+                pyplot.close(figure)
+            return not is_interrupted()
+
+        # Python gets to its signals only while Python runs, which a toolkit does for a callback.
+        timer = figure.canvas.new_timer(interval=HEARTBEAT, callbacks=[(go_on, (), {})])
+        timer.start()
+        pyplot.show(block=True)

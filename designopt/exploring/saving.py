@@ -18,17 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def check_folder(folder: Path) -> None:
-    """Refuse a folder that could not be made.
-
-    Raises:
-        UserError: something else is in its place, or in that of a folder above it.
-    """
-    place = next(path for path in (folder, *folder.parents) if os.path.lexists(path))
-    if not place.is_dir():
-        raise UserError(f"--out {folder}: {place} is no folder; name another")
-
-
 def save_picture(figure: Figure, folder: Path, name: str) -> list[Path]:
     """Write ``NAME-N.png`` and ``NAME-N.svg`` with the first free N, and return their paths.
 
