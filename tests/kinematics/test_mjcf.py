@@ -332,13 +332,6 @@ def test_what_never_turns_has_neither_spring_nor_stop():
     assert Simulated(text).model.ntendon == 0
 
 
-def test_a_name_that_cannot_be_printed_spoils_no_file():
-    linkage = linkage_from(FOUR_BAR | {"linkage": {"name": "be\all\n<&> -->"}})
-    text = linkage_mjcf(linkage)
-    assert ElementTree.fromstring(text).get("model") == "be ll <&> -->"
-    Simulated(text)
-
-
 @pytest.mark.parametrize("scale", [1e-3, 0.03, 100.0])
 def test_small_and_large_linkages_move_alike(scale):
     linkage = enlarged(scale)

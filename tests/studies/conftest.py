@@ -6,7 +6,7 @@ from designopt import figures
 from tests.readable import assert_readable
 
 
-@pytest.fixture(autouse=True, scope="session")
+@pytest.fixture(autouse=True, scope="module")
 def _look_at_figures():
     save = figures.save
 
