@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import _thread
 import os
 import signal
 import sys
@@ -44,7 +43,7 @@ def interruptible() -> Iterator[Callable[[], None]]:
     nothing changes.
     """
     interrupted = threading.Event()
-    again = threading.Timer(0.0, _thread.interrupt_main)
+    again = threading.Timer(AGAIN, _interrupt_main_thread)
 
     def handle(number: int, frame: FrameType | None) -> None:
         interrupted.set()
@@ -62,7 +61,7 @@ def interruptible() -> Iterator[Callable[[], None]]:
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
             previous(unraisable)
             return
-        again = threading.Timer(AGAIN, _thread.interrupt_main)
+        again = threading.Timer(AGAIN, _interrupt_main_thread)
         again.daemon = True
         again.start()
 
@@ -85,6 +84,11 @@ def deferred() -> Iterator[Callable[[], bool]]:
     interrupted = threading.Event()
     with _handled_by(lambda *_: interrupted.set()):
         yield interrupted.is_set
+
+
+def _interrupt_main_thread() -> None:
+    # A signal also ends what that thread waits for, which Python's own `interrupt_main` does not.
+    signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
 
 @contextmanager

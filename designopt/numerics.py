@@ -35,7 +35,10 @@ def safe_divide(
 def safe_sqrt(value: Float[Array, "..."]) -> Float[Array, "..."]:
     """Square root, and 0 with zero slope where the argument is not positive."""
     positive = value > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, value, 1.0)), 0.0)
+    # XLA may compute an argument twice, rounded in two ways, so that the two masks differ where it
+    # nearly vanishes: what the inner one puts in must have a root near 0, and finite slopes.
+    filled = jnp.where(positive, value, jnp.finfo(value.dtype).tiny ** 0.5)
+    return jnp.where(positive, jnp.sqrt(filled), 0.0)
 
 
 def safe_arctan2(y: Float[Array, "..."], x: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -239,8 +239,6 @@ class Tab(_Guarded, WebSocketHandler):
 
     def on_close(self) -> None:
         """Forget the tab."""
-        if self in self._page.tabs and self.close_code is None:
-            LOG.warning("the connection to a tab broke off; the others go on")
         self._page.tabs.discard(self)
         self._page.manager.web_sockets.discard(self)
         self._page.let_go(self)

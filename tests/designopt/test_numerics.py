@@ -61,6 +61,14 @@ def test_square_root():
     )
 
 
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_square_root_has_finite_slopes_of_several_orders_where_it_is_zero(dtype):
+    slope = safe_sqrt
+    for _ in range(3):
+        slope = jax.grad(slope)
+        assert [float(slope(dtype(value))) for value in (0.0, -1.0)] == [0.0, 0.0]
+
+
 @given(y=moderate, x=moderate)
 def test_arctan2_is_the_plain_one(y, x):
     np.testing.assert_allclose(safe_arctan2(jnp.asarray(y), jnp.asarray(x)), np.arctan2(y, x))

@@ -202,7 +202,6 @@ def judged(mechanism, inputs, sides, *, oracle=None, **changed):
     return judging.judge(oracle or mechanism, inputs, sides, solved)
 
 
-@pytest.mark.as_users  # rounding is judged, which depends on XLA's optimisations
 def test_sound_answers_pass(feasible):
     result = judged(*feasible)
     assert not np.any(result.failed)
@@ -255,7 +254,6 @@ def test_numbers_that_are_not_finite_are_seen(feasible):
     assert np.all(mechanisms.solve(broken, inputs[:2], sides[:2]).non_finite > 0)
 
 
-@pytest.mark.as_users  # rounding is judged, which depends on XLA's optimisations
 def test_findings_name_what_failed(feasible):
     good = judged(*feasible)
     bad = dataclasses.replace(good, closure=good.closure + 1.0)

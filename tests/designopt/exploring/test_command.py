@@ -1,11 +1,13 @@
 """The command ``designopt explore``: its faults, its window, its end."""
 
 import os
+import random
 import re
 import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -116,6 +118,26 @@ def test_an_interrupt_ends_the_page_quietly(tmp_path):
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (0, "", "")
+
+
+@pytest.mark.slow
+def test_an_interrupt_ends_it_quietly_at_any_moment(tmp_path):
+    """From the first import of its own to the page that is served."""
+    chances, served = random.Random(0), 0
+    while served < 3:
+        with subprocess.Popen(
+            [*COMMAND, "--web", "--port", "0", "--no-cache"],
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as process:
+            time.sleep(chances.uniform(1.0, 4.0 + 4.0 * served))
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=60)
+        assert process.returncode in (0, 130)
+        assert err in ("", "interrupted; nothing was written\n")
+        served += bool(out)
 
 
 DESKTOP = """
