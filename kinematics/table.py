@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
+from designopt.csv_text import inert, rows_of_numbers
 from designopt.files import replaced_when_complete
 from kinematics.linkage import Linkage
 
@@ -55,30 +58,33 @@ def _where(ok: np.ndarray, values: object) -> np.ndarray:
     return np.where(ok, np.broadcast_to(np.asarray(values), ok.shape), np.nan)
 
 
-def write_table(columns: dict[str, np.ndarray], target: str) -> None:
-    """Write a table as CSV, to standard output for ``-``; a file appears when it is complete.
+class TableWriter:
+    """Writes a table chunk by chunk."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._begun = False
+
+    def write(self, columns: dict[str, np.ndarray]) -> None:
+        """Write rows, by their columns; before the first ones the names of the columns."""
+        if not self._begun:
+            self._begun = True
+            csv.writer(self._stream, lineterminator="\n").writerow(map(inert, columns))
+        self._stream.write(rows_of_numbers(list(columns.values())))
+
+
+@contextmanager
+def table_at(target: str) -> Iterator[TableWriter]:
+    """A table to write as CSV, on standard output for ``-``; a file appears when it is complete.
 
     Raises:
         UserError: the file cannot be written.
     """
     if target == "-":
-        sys.stdout.writelines(_lines(columns))
+        yield TableWriter(sys.stdout)
         return
     with (
         replaced_when_complete(Path(target)) as partial,
         partial.open("w", encoding="utf-8", newline="") as stream,
     ):
-        stream.writelines(_lines(columns))
-
-
-def _lines(columns: dict[str, np.ndarray]) -> Iterator[str]:
-    yield ",".join(columns) + "\n"
-    # Shortest decimals that give back the same number.
-    texts = [
-        [str(value) for value in column.tolist()]
-        if column.dtype.kind == "i"
-        else ["" if value != value else repr(value) for value in column.tolist()]
-        for column in columns.values()
-    ]
-    for row in zip(*texts, strict=True):
-        yield ",".join(row) + "\n"
+        yield TableWriter(stream)
