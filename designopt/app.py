@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import sys
 from collections.abc import Callable
 from importlib.metadata import entry_points, version
@@ -10,6 +11,7 @@ from typing import Annotated, cast
 
 import typer
 
+from designopt.compilation_cache import NoCache
 from designopt.errors import UserError
 
 COMMAND_GROUP = "designopt.commands"
@@ -83,5 +85,18 @@ def _root(
             "--version", help="Show the version and exit.", is_eager=True, callback=_show_version
         ),
     ] = False,
+    no_cache: NoCache = False,
 ) -> None:
-    pass
+    if "MPLBACKEND" in os.environ:
+        _check_backend()
+
+
+def _check_backend() -> None:
+    """Refuse a backend that Matplotlib would refuse later, when something is to be drawn."""
+    try:
+        import matplotlib  # noqa: F401
+    except ValueError as error:
+        backend = os.environ["MPLBACKEND"]
+        raise UserError(
+            f"MPLBACKEND={backend}: Matplotlib has no such backend; unset it"
+        ) from error

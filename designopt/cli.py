@@ -13,7 +13,7 @@ import sys
 from contextlib import suppress
 
 from designopt.errors import Interrupted, UserError, shortened
-from designopt.interrupts import interruptible
+from designopt.interrupts import interruptible, leave
 
 WRONG = 2
 """Exit code for faults of a person's command, files or machine."""
@@ -48,7 +48,7 @@ def main() -> None:
     code = INTERRUPTED
     with suppress(KeyboardInterrupt), interruptible():
         code = _run_with_streams(sys.argv[1:])
-    sys.exit(code)
+    leave(code)
 
 
 def run(arguments: list[str]) -> int:

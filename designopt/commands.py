@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
 
 if TYPE_CHECKING:
@@ -64,19 +65,23 @@ def run_study(
     seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 0,
     dtype: Annotated[Dtype, typer.Option(help="Float type to compute in.")] = Dtype.float64,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier result.")] = False,
+    no_cache: NoCache = False,
 ) -> int:
     """Run a study into a folder of results.
 
     Example:
       designopt run table1 --set precision=false --set stability=false --out quick
     """
+    from designopt.files import check_new_folder
     from designopt.settings import spec_with
     from designopt.study import load_study
 
     chosen = load_study(study)
     spec = spec_with(chosen.spec, settings or [], study=study)
     folder = out if out is not None else Path("out") / study
+    check_new_folder(folder, force=force)
     # Only now, when all that was asked for is in order, are JAX and the rest worth loading.
+    keep_programs()
     from designopt.runner import run
 
     results = run(chosen, spec, seed=seed, dtype=dtype.value, out=folder, force=force)

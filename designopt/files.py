@@ -6,11 +6,12 @@ import os
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from designopt.errors import UserError
+from designopt.staging import sync
 
 FIGURE_ENDINGS = (".png", ".svg", ".pdf")
 
@@ -60,6 +61,39 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
     except RecursionError as error:
         raise UserError(f"{path}: its tables are nested too deeply for a {what}") from error
     return tables
+
+
+def check_toml(path: Path, what: str) -> None:
+    """Refuse a file that `read_toml` would refuse, unless it can be read only once, as a pipe.
+
+    Raises:
+        UserError: as `read_toml`.
+    """
+    if os.path.isfile(path) or not os.path.lexists(path):
+        read_toml(path, what)
+
+
+def check_new_folder(folder: Path, *, force: bool) -> None:
+    """Refuse a folder that could not be made, before anything is computed for it.
+
+    Args:
+        folder: the folder; folders above it are made as needed.
+        force: whether there may be one.
+
+    Raises:
+        UserError: it exists and must not, or something else is in its place or above it.
+    """
+    wanted = Path(os.path.realpath(folder))
+    place = next(path for path in (wanted, *wanted.parents) if os.path.lexists(path))
+    if (place == wanted or os.path.islink(folder)) and not force:
+        raise UserError(
+            f"--out {folder}: exists already; name another folder, or replace an earlier result "
+            "with --force"
+        )
+    if not os.path.isdir(place):
+        raise UserError(
+            f"--out {folder}: cannot be written ({place} is no folder); name a folder that can"
+        )
 
 
 def check_targets(named: Mapping[str, Path | str | None], *, force: bool) -> None:
@@ -112,6 +146,8 @@ def check_figure_ending(option: str, path: Path) -> None:
 def replaced_when_complete(path: Path) -> Iterator[Path]:
     """A file to write beside ``path``, which takes its place if nothing goes wrong.
 
+    It is on the disk before, so that ``path`` is whole at every moment.
+
     Raises:
         UserError: the folder or the file cannot be written.
     """
@@ -119,7 +155,23 @@ def replaced_when_complete(path: Path) -> Iterator[Path]:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
             partial = Path(folder) / path.name
             yield partial
+            sync(partial)
             os.replace(partial, path)
+            sync(path.parent)
     except OSError as error:
         reason = error.strerror or str(error)
         raise UserError(f"{path}: cannot be written: {reason}; choose another") from error
+
+
+def remove_partials(folder: Path, names: str) -> None:
+    """Remove what killed processes left of files that were to be replaced when complete.
+
+    Args:
+        folder: of these files.
+        names: pattern of their names, as of `Path.glob`.
+    """
+    for leftover in folder.glob(f".{names}.????????"):
+        with suppress(OSError):  # it is somebody else's
+            name = leftover.name[1:-9]
+            (leftover / name).unlink(missing_ok=True)
+            leftover.rmdir()

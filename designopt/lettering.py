@@ -47,6 +47,9 @@ class Lettering(PathPatch):
         super().__init__(outline(words, size, anchor), linewidth=0, clip_on=False, **style)
         self.words = words
         self.set_in_layout(False)
+        # Where all lines of a path are level or upright, as in an E, Agg moves its corners to whole
+        # pixels: bars as thin as those of a small letter vanish, and the E becomes an F.
+        self.set_snap(False)
         if rim:
             self.set_path_effects([withStroke(linewidth=rim, foreground="white")])
 

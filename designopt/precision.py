@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import statistics
+import textwrap
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -16,14 +17,18 @@ from typing import Any
 import jax
 from matplotlib.ticker import NullFormatter
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, label_plainly, legend_below, new_figure
 from designopt.results import Figure, PrecisionRow, PrecisionStudy, Table
+from designopt.typesetting import as_mathtext
 
 LARGEST_DRAWN = 10.0
 """An error above this is no answer at all, and would squeeze the others out of the figure."""
 
-LONG_NAME = 32
-"""Characters of a method's name; of longer ones two stand beside each other, not three."""
+LARGEST_PLAIN = 300.0
+"""Errors over a smaller range are labelled in plain numbers, others in powers of ten."""
+
+LONG_TITLE = 38
+"""Characters of a workload's name that have room over one of two panels; longer ones are broken."""
 
 MIN_SAMPLE_SECONDS = 2e-3
 """A timed sample repeats its call until it lasts this long, so that the clock's grain is lost."""
@@ -164,6 +169,7 @@ def figure(study: PrecisionStudy) -> Figure:
                 [row.seconds - row.seconds_low for row in mine],
                 [row.seconds_high - row.seconds for row in mine],
             ]
+            drawn = any(not math.isnan(row.error) for row in mine)
             axis.errorbar(
                 seconds,
                 [min(max(row.error, floor), LARGEST_DRAWN) for row in mine],
@@ -172,24 +178,21 @@ def figure(study: PrecisionStudy) -> Figure:
                 marker=MARKERS[index % len(MARKERS)],
                 linestyle="-" if index < len(PALETTE) else "--",
                 elinewidth=0.8,
-                label=method,
+                label=method if drawn else None,
             )
-        axis.set(xscale="log", yscale="log", title=panel)
-        axis.set(xlabel="run time of one call (s)", ylabel=study.error)
+        title = panel if len(panels) == 1 else textwrap.fill(panel, LONG_TITLE)
+        axis.set(xscale="log", yscale="log", title=as_mathtext(title))
+        axis.set(xlabel="run time of one call (s)", ylabel=as_mathtext(study.error))
         # Whole decades, so that every axis has labelled ticks, and only those.
         panel_rows = [row for row in study.rows if row.panel == panel]
         low = math.floor(math.log10(min(row.seconds_low for row in panel_rows)))
         high = math.ceil(math.log10(max(row.seconds_high for row in panel_rows)))
         axis.set_xlim(10.0**low, 10.0 ** max(high, low + 1))
         axis.xaxis.set_minor_formatter(NullFormatter())
-    handles = {
-        label: handle
-        for axis in axes.flat
-        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
-    }
-    # Long names stand in fewer columns, so that none leaves the figure.
-    columns = 3 if max(map(len, methods)) <= LONG_NAME else 2
-    drawing.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns)
+        low, high = axis.get_ylim()
+        if high < LARGEST_PLAIN * low:
+            label_plainly(axis.yaxis)
+    legend_below(drawing)
     return Figure(
         "precision",
         "Error against run time",

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import jinja2
+from markupsafe import Markup
 
-from designopt import left_out, precision, stability
+from designopt import figures, left_out, precision, stability
 from designopt.results import Cell, Claim, Figure, Results, Table
+from designopt.typesetting import as_html, heading
 
 
 class RunRecord(NamedTuple):
@@ -104,6 +106,8 @@ def render_report(
 ) -> str:
     """The report as one HTML text, with every figure inside it.
 
+    Names and symbols in it are typeset: see `designopt.typesetting`.
+
     Args:
         record: how the study was run.
         results: what it found.
@@ -117,6 +121,10 @@ def render_report(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["typeset"] = lambda text: Markup(as_html(text))
+
+    def width(figure: Figure) -> float:
+        return 100 * figure.drawing.get_figwidth() / figures.TEXT_WIDTH
 
     def source(figure: Figure) -> str:
         drawing = (folder / "figures" / f"{figure.name}.svg").read_bytes()
@@ -128,6 +136,8 @@ def render_report(
         measured=measured,
         settings=list(_flat(record.spec)),
         source=source,
+        width=width,
+        heading=heading,
         number=_number,
         cell=_cell,
     )
@@ -148,9 +158,11 @@ def _number(value: float | None) -> str:
 
 
 def _cell(table: Table, column: int, value: Cell) -> str:
-    if value is None:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if not isinstance(value, (int, float)):
         return str(value)
     places = table.places.get(table.columns[column])
     if places is not None:

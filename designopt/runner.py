@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import csv
-import errno
-import json
 import math
 import os
 import platform
-import shutil
-import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -22,15 +16,12 @@ from typing import Any
 import jax
 
 from designopt import figures
-from designopt.errors import UserError
 from designopt.interrupts import interruptible
 from designopt.progress import step_display
 from designopt.report import RunRecord, measurements, render_report
+from designopt.result_folders import cannot_write, result_folder, write_document
 from designopt.results import Metric, Results, Table
 from designopt.study import Context, Spec, Study
-
-RESULT_NAMES = ("figures", "report.html", "results.json", "specs", "tables")
-"""What a result folder holds."""
 
 RECORDED_PACKAGES = (
     "designopt",
@@ -80,97 +71,9 @@ def run(study: Study, spec: Spec, *, seed: int, dtype: str, out: Path, force: bo
         try:
             write_results(record, results, folder)
         except OSError as error:
-            raise _cannot_write(out, error) from error
+            raise cannot_write(out, error) from error
         check()
     return results
-
-
-@contextmanager
-def result_folder(out: Path, *, force: bool) -> Iterator[Path]:
-    """A new folder to write into, which becomes ``out`` on leaving and vanishes on an exception.
-
-    Args:
-        out: the folder to make; folders above it are made as needed.
-        force: replace an earlier result at ``out``, at the very end. Only a folder that holds an
-            earlier result and nothing else is ever replaced.
-
-    Raises:
-        UserError: ``out`` exists and must not be replaced, or cannot be written.
-    """
-    made: list[Path] = []
-    folder = place = None
-    try:
-        try:
-            place = out.resolve()  # the folder itself, where ``out`` is a link to it
-            _refuse_existing(out, place, force=force)
-            made = [parent for parent in place.parents if not parent.exists()]
-            place.parent.mkdir(parents=True, exist_ok=True)
-            folder = Path(tempfile.mkdtemp(prefix=".partial-", dir=place.parent))
-        except (OSError, RuntimeError) as error:  # a loop of links is a RuntimeError
-            raise _cannot_write(out, error) from error
-        yield folder
-        try:
-            _publish(folder, place, force=force)
-        except OSError as error:
-            raise _cannot_write(out, error) from error
-    finally:
-        if folder is not None:
-            shutil.rmtree(folder, ignore_errors=True)
-        for parent in made:
-            with suppress(OSError):  # not empty: the result is in it, or somebody else's file
-                parent.rmdir()
-
-
-def _refuse_existing(out: Path, place: Path, *, force: bool) -> None:
-    if not (place.exists() or out.is_symlink()):
-        return
-    if not force:
-        raise UserError(
-            f"--out {out}: exists already; name another folder, or replace an earlier result "
-            "with --force"
-        )
-    if not _is_result(place):
-        raise UserError(
-            f"--out {out}: exists and is not an earlier result alone, so --force does not replace "
-            "it; name another folder"
-        )
-
-
-def _is_result(place: Path) -> bool:
-    try:
-        document = json.loads((place / "results.json").read_text(encoding="utf-8"))
-        strangers = {path.name for path in place.iterdir()} - set(RESULT_NAMES)
-    except (OSError, ValueError):
-        return False
-    return (
-        isinstance(document, dict)
-        and {"study", "spec", "metrics"} <= set(document)
-        and not strangers
-    )
-
-
-def _publish(folder: Path, place: Path, *, force: bool) -> None:
-    folder.chmod(0o755)  # mkdtemp makes it private
-    if not place.exists():
-        folder.rename(place)
-        return
-    if not (force and _is_result(place)):
-        raise FileExistsError(errno.EEXIST, "made by somebody else meanwhile", str(place))
-    replaced = folder.with_name(folder.name + "-replaced")
-    place.rename(replaced)
-    try:
-        folder.rename(place)
-    except BaseException:
-        replaced.rename(place)
-        raise
-    shutil.rmtree(replaced, ignore_errors=True)
-
-
-def _cannot_write(out: Path, error: Exception) -> UserError:
-    reason = str(error)
-    if isinstance(error, OSError):
-        reason = f"{error.strerror}: {error.filename}" if error.filename else str(error.strerror)
-    return UserError(f"--out {out}: cannot be written ({reason}); name a folder that can")
 
 
 def write_results(record: RunRecord, results: Results, folder: Path) -> None:
@@ -207,10 +110,9 @@ def write_results(record: RunRecord, results: Results, folder: Path) -> None:
         "stability": [asdict(row) for row in results.stability],
         "left_out": [asdict(row) for row in results.left_out],
     }
-    text = json.dumps(_strict(document), indent=1, ensure_ascii=False, allow_nan=False)
-    (folder / "results.json").write_text(text + "\n", encoding="utf-8")
     page = render_report(record, results, measured, folder)
     (folder / "report.html").write_text(page, encoding="utf-8")
+    write_document(folder, _strict(document))
 
 
 def _write_table(table: Table, path: Path) -> None:

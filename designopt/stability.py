@@ -25,9 +25,10 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, label_plainly, legend_below, new_figure
 from designopt.results import Figure, StabilityRow, Table
 from designopt.solution import Solution
+from designopt.typesetting import as_mathtext
 
 DIGITS = 50
 VALUE_TOLERANCE = 64.0
@@ -212,6 +213,8 @@ def figure(rows: Sequence[StabilityRow]) -> Figure:
             (0.12, "none", "gradients", [row.worst_gradient_error for row in mine]),
         )
         for shift, face, label, errors in series:
+            if not np.isfinite(errors).any():
+                continue
             axis.plot(
                 np.maximum(errors, rounding / 8),
                 heights + shift,
@@ -233,8 +236,13 @@ def figure(rows: Sequence[StabilityRow]) -> Figure:
                 color="0.35",
             )
     axis.set(xscale="log", xlabel="worst condition-scaled error")
-    axis.set(yticks=range(len(cases)), yticklabels=cases, ylim=(len(cases) - 0.5, -0.5))
-    drawing.legend(loc="outside lower center", ncols=2)
+    axis.set(
+        yticks=range(len(cases)), yticklabels=map(as_mathtext, cases), ylim=(len(cases) - 0.5, -0.5)
+    )
+    low, high = axis.get_xlim()
+    if high < 10 * low:
+        label_plainly(axis.xaxis)
+    legend_below(drawing, most=2)
     return Figure(
         "stability",
         "Worst error in stiff and extreme cases",

@@ -22,7 +22,6 @@ from kinematics.motion_figures import (
     good_poses,
     path_of,
     pose_at,
-    settle,
     shape_of,
     traced_joints,
     travel_of,
@@ -117,8 +116,9 @@ class _Film:
         self.axes: Axes = grid[0, 0]
         self.labels: dict[str, tuple[float, float]] = dict.fromkeys(structure.joints, (0.0, 9.0))
         self.show(int(good[0]))
-        # Once laid out, the axes stay where they are.
-        settle(self.figure)
+        # Once laid out, the axes stay where they are; those of equal scales take two passes.
+        self.figure.draw_without_rendering()
+        self.figure.draw_without_rendering()
         self.figure.set_layout_engine("none")
         some = good[np.linspace(0, len(good) - 1, min(LABELLED_POSES, len(good))).astype(int)]
         scenes = [Scene.of(linkage, pose_at(poses, int(index)), self.travel) for index in some]

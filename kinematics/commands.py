@@ -8,7 +8,9 @@ from typing import Annotated
 
 import typer
 
+from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
+from designopt.files import check_toml
 
 
 def solve(
@@ -47,6 +49,7 @@ def solve(
         bool, typer.Option("--plan", help="Say how the linkage is solved, and stop.")
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
+    no_cache: NoCache = False,
 ) -> int:
     """Solve a linkage over a sweep of its inputs.
 
@@ -56,7 +59,9 @@ def solve(
     Example:
       designopt solve four-bar.toml --sweep crank=0:360:37 --csv four-bar.csv
     """
-    # Imported here, so that listing the commands does not load JAX.
+    check_toml(file, "linkage")
+    # Loaded here, so that neither listing the commands nor a file that cannot be read loads JAX.
+    keep_programs()
     from kinematics.solving import Request, print_plan, solve_file
 
     if plan:

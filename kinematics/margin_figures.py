@@ -75,7 +75,7 @@ def margin_figure(
         note = "no pin of this linkage has a transmission angle"
         lower.text(0.5, 0.65, note, transform=lower.transAxes, ha="center", color="0.3")
     _mark_limit(lower)
-    lower.set(xlabel=label, ylabel="transmission angle (deg)", ylim=(0, 92))
+    lower.set(xlabel=label, ylabel="transmission angle (°)", ylim=(0, 92))
     lower.set(yticks=np.arange(0, 91, 15), title="Transmission angle at each pin")
     for axes in (upper, lower):
         _finish(axes, abscissa, failed_stretches(abscissa, ok))
@@ -101,7 +101,7 @@ def _abscissa(structure: Structure, inputs: Float[np.ndarray, "poses inputs"]) -
     others = [structure.inputs[index].name for index in varying if index != column]
     note = f"; {', '.join(others)} varying with it" if others else ""
     if part.slider is None:
-        return np.degrees(inputs[:, column]), f"{part.name} (deg){note}"
+        return np.degrees(inputs[:, column]), f"{part.name} (°){note}"
     return inputs[:, column], f"{part.name} (mm){note}"
 
 

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from designopt.errors import UserError
-from designopt.figures import new_figure
+from designopt.figures import new_figure, trim
 from designopt.solution import Solution
 from kinematics.drawing import CURVES, ROOM, Travel, body_colours, draw_pose, widen
 from kinematics.linkage import Linkage
@@ -97,16 +97,10 @@ def motion_figure(
         draw_pose(axes, linkage, pose_at(poses, index), faint=True)
     draw_paths(axes, structure, paths)
     _add_legend(figure, structure, list(paths), below=wide)
-    settle(figure)  # before labels look for a place
+    trim(figure)  # labels look for a place where the axes will be
     clear_of = [path[good] for path in paths.values()]
     draw_pose(axes, linkage, pose_at(poses, strong), travel=travel, clear_of=clear_of)
     return figure
-
-
-def settle(figure: Figure) -> None:
-    """Lay a figure out; axes of equal scales take two passes to find their place."""
-    figure.draw_without_rendering()
-    figure.draw_without_rendering()
 
 
 def shape_of(reach: Points) -> tuple[bool, float]:

@@ -8,6 +8,9 @@ from typing import Annotated
 
 import typer
 
+from designopt.compilation_cache import NoCache, keep_programs
+from designopt.files import check_toml
+
 
 def trace(
     file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene.")],
@@ -52,13 +55,16 @@ def trace(
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
+    no_cache: NoCache = False,
 ) -> int:
     """Trace what the camera of a scene sees, and rays.
 
     Example:
       designopt trace finger.toml --sweep pip=0:90:4 --json finger.json
     """
-    # Imported here, so that listing the commands does not load JAX.
+    check_toml(file, "scene")
+    # Loaded here, so that neither listing the commands nor a file that cannot be read loads JAX.
+    keep_programs()
     from optics.trace_command import Request, trace_file
 
     request = Request(

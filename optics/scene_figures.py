@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from designopt.errors import UserError
-from designopt.figures import PALETTE, new_figure
+from designopt.figures import PALETTE, legend_below, new_figure, trim
 from designopt.solution import Solution
 from optics.scene import Scene
 from optics.scene_drawing import DASHES, draw_scene, joint_name, scene_legend, widen
@@ -71,7 +71,7 @@ def poses_figure(
     width, height = np.ptp(reach, axis=0)
     panel = min(6.6 / columns * max(height / max(width, 1e-9), 0.3), TALLEST / rows)
     figure, grid = new_figure(rows, columns)
-    lines = _add_legend(figure, *scene_legend(scene, views))
+    lines = legend_below(figure, *scene_legend(scene, views), most=5)
     figure.set_figheight(rows * (panel + 0.5) + 0.2 * lines + 0.2)
     for axes in grid.ravel()[count:]:
         axes.remove()
@@ -81,25 +81,13 @@ def poses_figure(
         axes.set(title=" ", xlabel="x (mm)" if index + columns >= count else "")
         axes.set(ylabel="" if index % columns else "y (mm)")
         widen(axes, reach)
-    # Labels look for room where the axes will be; those of equal scales take two passes.
-    figure.draw_without_rendering()
-    figure.draw_without_rendering()
+    trim(figure)  # labels look for room where the axes will be
     for index, axes in enumerate(panels):
         outer = {"xlabel": axes.get_xlabel(), "ylabel": axes.get_ylabel()}
         one = jax.tree.map(lambda leaf, index=index: leaf[index], views)
         draw_scene(axes, scene, poses[index], one, rays=rays, labels=labels)
         axes.set(**outer)
     return figure
-
-
-def _add_legend(figure: Figure, handles: list[Any], names: list[str]) -> int:
-    """A legend below all axes in as many columns as fit; returns how many lines it has."""
-    for columns in range(min(len(names), 5), 0, -1):
-        legend = figure.legend(handles, names, loc="outside lower center", ncols=columns)
-        if columns == 1 or legend.get_window_extent().width < figure.bbox.width:
-            return math.ceil(len(names) / columns)
-        legend.remove()
-    return 0
 
 
 def sweep_figure(scene: Scene, poses: Poses, views: Solution[Pieces]) -> Figure:
@@ -236,8 +224,8 @@ def _curves(scene: Scene, poses: np.ndarray, varying: np.ndarray, measures: list
     lower.set_ylim(0, 1.08 * _span(greatest)[1])
     names = [joint_name(scene.angle_names[column]) for column in varying]
     note = f"; {', '.join(names[1:])} varying with it" if names[1:] else ""
-    lower.set_xlabel(f"{names[0]} (deg){note}")
-    figure.legend(loc="outside lower center", ncols=min(len(pads), 5), handlelength=3.5)
+    lower.set_xlabel(f"{names[0]} (°){note}")
+    legend_below(figure, most=5, handlelength=3.5)
     return figure
 
 
@@ -267,7 +255,7 @@ def _maps(
             there = value[np.isfinite(value)]
             note = f"{there.min():.3g} to {there.max():.3g}" if there.size else "nothing seen"
             axes.set_title(f"{part.name}: {note}")
-            axes.set(xlabel=f"{joint_name(names[0])} (deg)", ylabel=f"{joint_name(names[1])} (deg)")
+            axes.set(xlabel=f"{joint_name(names[0])} (°)", ylabel=f"{joint_name(names[1])} (°)")
             if down == 1:
                 axes.label_outer()
         figure.colorbar(mappable, ax=list(panels), aspect=30, pad=0.02, label=unit)

@@ -81,7 +81,10 @@ def _levels(grey: Grey) -> list[float]:
     middle = _median(values, counts)
     deviation = 1.4826 * _median(np.abs(values - middle), counts)
     lowest = middle + SPREAD * max(deviation, 1.0)
-    return [] if lowest >= 250 else np.geomspace(lowest, 250.0, LEVELS).tolist()
+    if lowest >= 250:
+        return []
+    # Thresholds between the same two values part an image alike.
+    return np.unique(np.floor(np.geomspace(lowest, 250.0, LEVELS))).tolist()
 
 
 def _median(values: Int[np.ndarray, " bins"], counts: Int[np.ndarray, " bins"]) -> int:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TypeGuard
-
 import numpy as np
 
 from perception.blobs import stable_blobs
+from perception.images import checked_image
 from perception.lens import Lens
 from perception.masks import brightness
 from perception.matching import Catalogue, Sighting, match
@@ -20,27 +19,21 @@ def find_quads(image: object, lens: Lens) -> list[Quad]:
         image: red, green and blue, or one channel, 8 bits.
         lens: of the camera.
 
-    Returns:
-        None where the image is no image of the lens (another size or type), or shows nothing.
+    Raises:
+        UserError: it is no image of the lens, but of another size or type.
     """
-    if not is_image(image, lens):
-        return []
-    grey = brightness(image) if image.ndim == 3 else np.ascontiguousarray(image)
+    picture = checked_image(image, channels=(1, 3), like=("what the lens images", lens.shape))
+    grey = brightness(picture) if picture.ndim == 3 else picture
     exact = grey.astype(np.float32)
     quads = [fit_quad(exact, lens, blob.contour) for blob in stable_blobs(grey)]
     found = [quad for quad in quads if quad is not None]
     return sorted(found, key=lambda quad: float(quad.corners[:, 1].mean()))
 
 
-def is_image(image: object, lens: Lens) -> TypeGuard[np.ndarray]:
-    """Whether something is an 8-bit image, with one or three channels, of a lens's size."""
-    return (
-        isinstance(image, np.ndarray)
-        and image.dtype == np.uint8
-        and image.shape in (lens.shape, (*lens.shape, 3))
-    )
-
-
 def find_views(image: object, lens: Lens, catalogue: Catalogue) -> Sighting:
-    """What an image shows of a finger; of anything that is no image of it, nothing."""
+    """What an image shows of a finger.
+
+    Raises:
+        UserError: it is no image of the lens, but of another size or type.
+    """
     return match(find_quads(image, lens), catalogue, lens)

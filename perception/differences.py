@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from perception.images import checked_image
 from perception.matching import View
 from perception.unwarping import PER_MM
 
@@ -31,20 +32,40 @@ class References:
     pictures: dict[tuple[str, str], Unwarped] = field(default_factory=dict)
 
     def keep(self, view: View, picture: Unwarped) -> None:
-        """Keep a picture of an untouched pad."""
-        self.pictures[view.pad, view.path] = picture
+        """Keep a picture of an untouched pad.
+
+        Raises:
+            UserError: it is no image of three channels of 8 bits.
+        """
+        self.pictures[view.pad, view.path] = checked_image(picture, what="an unwarped pad")
 
     def difference(
         self, view: View, picture: Unwarped
     ) -> Float[np.ndarray, "along across 3"] | None:
-        """The relative difference from the same view's reference; ``None`` if there is none."""
+        """The relative difference from the same view's reference; ``None`` if there is none.
+
+        Raises:
+            UserError: as `difference`.
+        """
         reference = self.pictures.get((view.pad, view.path))
-        return None if reference is None else difference(picture, reference)
+        return None if reference is None else _compared(picture, reference)
 
 
 def difference(picture: Unwarped, reference: Unwarped) -> Float[np.ndarray, "along across 3"]:
-    """How much brighter each place is than in the reference, each over its own smooth part."""
-    return _flattened(picture) - _flattened(reference)
+    """How much brighter each place is than in the reference, each over its own smooth part.
+
+    Raises:
+        UserError: one is no image of three channels of 8 bits, or they differ in size.
+    """
+    return _compared(picture, reference)
+
+
+def _compared(picture: object, reference: object) -> Float[np.ndarray, "along across 3"]:
+    untouched = checked_image(reference, what="the reference of a pad")
+    like = "its reference", untouched.shape[:2]
+    return _flattened(checked_image(picture, like=like, what="an unwarped pad")) - _flattened(
+        untouched
+    )
 
 
 def _flattened(picture: Unwarped) -> Float[np.ndarray, "along across 3"]:

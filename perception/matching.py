@@ -6,7 +6,7 @@ of the one joint that moves it. For each joint the value is taken that explains 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -142,14 +142,15 @@ def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
     angles = np.full(catalogue.joints, np.nan)
     cap = CAP * lens.shape[0] / 1080
     best = dict.fromkeys(range(len(families)), 0)
+    distances: dict[int, Float[np.ndarray, "quads values"]] = {}
     pairs: list[tuple[float, int, int]] = []
     shift = np.zeros(2)
     for joint in (None, *range(catalogue.joints)):
         own = [i for i, family in enumerate(families) if family.joint == joint]
         if not own or not quads:
             continue
-        distances = {i: _distances(families[i], quads, lens, shift) for i in own}
-        costs = _costs([families[i] for i in own], list(distances.values()), cap)
+        distances |= {i: _distances(families[i], quads, lens, shift) for i in own}
+        costs = _costs([families[i] for i in own], [distances[i] for i in own], cap)
         value = int(np.argmin(costs))
         near = [
             (float(distances[i][number, value]), number, i)
@@ -170,12 +171,19 @@ def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
         if number not in assigned.values() and i not in assigned:
             assigned[i] = number
     known = {families[i].joint for i in assigned}
+    rest = [number for number, quad in enumerate(quads)
+            if quad.quality is Quality.COMPLETE and number not in assigned.values()]  # fmt: skip
+    twice = _seen_twice(families, best, distances, rest, cap)
+    angles[list(twice)] = np.nan
     views = []
     for i, family in enumerate(families):
         if not family.wanted:
             continue
         if i in assigned:
-            views.append(_found(families, i, best[i], quads[assigned[i]], catalogue, lens))
+            found = _found(families, i, best[i], quads[assigned[i]], catalogue, lens)
+            if family.joint in twice:
+                found = replace(found, quality=Quality.AMBIGUOUS, ends=(False, False))
+            views.append(found)
         elif family.complete[best[i]] and (family.joint in known or family.joint is None):
             views.append(_missing(family))
     wanted = {number for i, number in assigned.items() if families[i].wanted}
@@ -222,6 +230,32 @@ def _costs(
     visible = np.stack([family.visible for family in families])
     by_quad = np.minimum(shown.min(axis=0), cap)
     return np.where(visible, by_view, 0.0).sum(axis=0) + by_quad.sum(axis=0)
+
+
+def _seen_twice(
+    families: Sequence[Family],
+    best: Mapping[int, int],
+    distances: Mapping[int, Float[np.ndarray, "quads values"]],
+    rest: Sequence[int],
+    cap: float,
+) -> set[int]:
+    """Joints of which the rest of the image shows a pad at another angle than what was matched.
+
+    A complete quadrilateral that no view explains as well at the angles that were found is a view
+    of a pad at another angle: the image is a double exposure, or shows another finger.
+    """
+    joints = set()
+    for number in rest:
+        explained, other, moved = np.inf, cap, None
+        for i, family in enumerate(families):
+            own = np.where(family.visible, distances[i][number], np.inf)
+            near = own[max(best[i] - AROUND, 0) : best[i] + AROUND + 1]
+            explained = min(explained, near.min())
+            if family.wanted and family.joint is not None and own.min() < other:
+                other, moved = own.min(), family.joint
+        if moved is not None and other < explained:
+            joints.add(moved)
+    return joints
 
 
 def _found(

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
+from perception.images import checked_image
 from perception.masks import Grey, brightness, cleaned, combined_mask
 from perception.quads import ordered
 
@@ -39,10 +40,11 @@ class PaperRoute:
 
         Args:
             image: red, green and blue, 8 bits.
+
+        Raises:
+            UserError: it is something else.
         """
-        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or not image.size:
-            return []
-        grey: Grey = brightness(image)
+        grey: Grey = brightness(checked_image(image))
         mask = cleaned(combined_mask(grey, self.threshold, self.block, self.share), self.size)
         contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]
         found = []

@@ -15,9 +15,10 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Int
 
+from perception.images import checked_brightness
 from perception.lens import Lens, TangentPlane
 from perception.quality import Quality
-from perception.sides import SMALL, Edges, Line, Side, find_edges, fit_lines
+from perception.sides import FEET, REACH, SMALL, Edges, Line, Side, find_edges, fit_lines
 
 INNER, HEIGHTS = (0.15, 0.85), 12
 """Heights at which a contour's outermost points tell its sides at first, and how many."""
@@ -25,8 +26,9 @@ INNER, HEIGHTS = (0.15, 0.85), 12
 LEAST_RISE = 0.01
 """A side that rises less over its length is none."""
 
-STEPS = 3
-"""Rounds of finding edges and fitting lines."""
+STEPS, SETTLED = 8, 0.05
+"""Rounds of finding edges and fitting lines, at most, and by how many px the last one moves no
+corner any more."""
 
 FLAT = 1e-9
 """Corners that turn by less, product of two sides in the tangent plane, are none."""
@@ -36,6 +38,13 @@ RIGHT, UP = np.eye(2)
 
 LEAST_CONTRAST = 5.0
 """Of 255: a lower step is no edge that can be relied on."""
+
+WIDEST = 0.8 * 2 * REACH / FEET
+"""Of a side's edge, px: of a wider one not both feet lie within reach, with a fifth to spare."""
+
+CLEAR = 0.5
+"""Other sides' edges are clear of at least this part of every side: a line through less of it would
+be extended to a corner by more than its own length."""
 
 NEAR_BORDER = 3
 """A blob within so many pixels of the image's border is cut off by it."""
@@ -55,7 +64,7 @@ class Quad:
         area: of the blob, px².
         contrast: step of brightness across the side that has the least, of 255.
         scatter: standard deviation of edges about the side that fits worst, px.
-        quality: complete, clipped or of low contrast.
+        quality: complete, clipped, of low contrast or blurred.
     """
 
     rays: Float[np.ndarray, "4 2"]
@@ -79,17 +88,25 @@ def fit_quad(
 
     Returns:
         The view; ``None`` where the contour has no four sides.
+
+    Raises:
+        UserError: the brightness is not float32, finite about the contour, and of the lens's size.
     """
+    checked_brightness(grey, lens.shape, contour)
     rays = lens.pixel_rays(contour)
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
     corners = first_corners(plane.flat(rays))
     if corners is None:
         return None
-    found = _refined(grey, lens, plane, corners)
+    found, places = _refined(grey, lens, plane, corners), None
     for _ in range(STEPS - 1):
         # A blotch, hardly there on any side, is not looked at more closely.
-        if found is not None and found.edges.contrast.max() >= LEAST_CONTRAST:
-            found = _refined(grey, lens, plane, found.corners)
+        if found is None or found.edges.contrast.max() < LEAST_CONTRAST:
+            break
+        before, places = places, lens.project(plane.rays(found.corners))
+        if before is not None and np.abs(places - before).max() < SETTLED:
+            break
+        found = _refined(grey, lens, plane, found.corners)
     if found is None:
         return None
     rays = plane.rays(found.corners)
@@ -99,7 +116,11 @@ def fit_quad(
     quality = Quality.COMPLETE
     if border.any():
         quality = Quality.CLIPPED
-    elif contrast < LEAST_CONTRAST or not all(np.isfinite(line.scatter) for line in found.lines):
+    elif contrast < LEAST_CONTRAST:
+        quality = Quality.LOW_CONTRAST
+    elif found.edges.width.max() > WIDEST or found.edges.clear.min() < CLEAR:
+        quality = Quality.BLURRED
+    elif not all(np.isfinite(line.scatter) for line in found.lines):
         quality = Quality.LOW_CONTRAST
     return Quad(
         rays,

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from perception.images import checked_image
 from perception.lens import Lens, TangentPlane
 from perception.matching import View
 from perception.quality import Quality
@@ -86,7 +87,11 @@ def unwarp(
         lens: of the camera.
         length: of the pad, mm.
         width: of the pad, mm.
+
+    Raises:
+        UserError: it is no image of the lens, but of another size or type.
     """
+    image = checked_image(image, channels=(1, 3), like=("what the lens images", lens.shape))
     shape = round(length * PER_MM), round(width * PER_MM)
     along, across = (np.linspace(0, size, LATTICE) for size in (length, width))
     lattice = np.stack(np.meshgrid(along, across - width / 2, indexing="ij"), axis=-1)

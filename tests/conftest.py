@@ -5,12 +5,17 @@ import os
 import signal
 import sys
 
-# Other ways for XLA to make its code, which compile in two thirds of the time; read when JAX is
-# loaded. They belong to the jaxlib of constraints.txt: another one may not know them and stop.
-# With ``-m slow`` tests run what users run; processes of a test run inherit what its first one set.
-QUICK_TO_COMPILE = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
-if "PYTEST_XDIST_WORKER" not in os.environ and "slow" not in sys.argv:
-    os.environ.setdefault("XLA_FLAGS", QUICK_TO_COMPILE)
+# Most of a test's time is compiling. XLA compiles in two thirds of the time with these flags, which
+# belong to the jaxlib of constraints.txt (another one may not have them and stop), and with few
+# optimisations. Tests selected by ``as_users`` are compiled as users compile. JAX reads these
+# settings when it is loaded; the processes and commands of a test run inherit them.
+QUICK_TO_COMPILE = {
+    "XLA_FLAGS": "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1",
+    "JAX_DISABLE_MOST_OPTIMIZATIONS": "true",
+}
+if "PYTEST_XDIST_WORKER" not in os.environ and not any("as_users" in one for one in sys.argv):
+    for name, value in QUICK_TO_COMPILE.items():
+        os.environ.setdefault(name, value)
 
 # Tracing makes so many objects that looking for those that hold each other, as often as Python
 # does by default, takes a fifteenth of the time and finds next to nothing.
@@ -33,14 +38,14 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Most of a test's time is compiling.
-
-    What is compiled is kept, for files that run in different processes and for the next run. By
-    default it is compiled with few optimisations; with ``-m slow`` as users compile it.
-    """
-    jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("jax")))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
-    jax.config.update("jax_disable_most_optimizations", config.option.markexpr == "not slow")
+    """Keep what is compiled for the other processes, the commands tests start, and the next run."""
+    settings = {
+        "jax_compilation_cache_dir": str(config.cache.mkdir("jax")),
+        "jax_persistent_cache_min_compile_time_secs": 0.2,
+    }
+    for name, value in settings.items():
+        jax.config.update(name, value)
+        os.environ[name.upper()] = str(value)
 
 
 # Compiling makes a first example slow; the same examples every time keep the suite reproducible.

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from designopt.errors import UserError
-from designopt.files import read_toml
+from designopt.files import check_toml, read_toml
 from designopt.settings import spec_of, spec_with
 from designopt.study import STUDY_GROUP, Study, installed_studies, load_study
 
@@ -130,6 +130,21 @@ def load_design(named: str, settings: Sequence[str] = ()) -> Design:
     return _of_result(path) if kind == "folder" else _of_file(path)
 
 
+def check_design(named: str) -> None:
+    """Refuse what `load_design` would, as far as that can be seen before JAX is loaded.
+
+    Raises:
+        UserError: there is no such thing, or it has no design to show.
+    """
+    match kind_of(named):
+        case "study":
+            _designed(load_study(named))
+        case "folder":
+            _result_in(Path(named))
+        case "file":
+            check_toml(Path(named), "design")
+
+
 def kind_of(named: str) -> Literal["study", "folder", "file"]:
     """What a person names; a study's name is the study even where a file or a folder has it too.
 
@@ -171,18 +186,23 @@ def _kinds() -> list[DesignFile]:
 
 
 def _of_result(folder: Path) -> Design:
-    try:
-        document = json.loads((folder / "results.json").read_text(encoding="utf-8"))
-        name, tables = str(document["study"]), document["spec"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise UserError(
-            f"{folder}: a folder without a result of designopt run; name a file or a study"
-        ) from error
+    name, tables = _result_in(folder)
     try:
         study = load_study(name)
     except UserError as error:
         raise UserError(f"{folder}: {error}") from error
     return _designed(study)(spec_of(study.spec, tables, source=str(folder)), folder / "specs")
+
+
+def _result_in(folder: Path) -> tuple[str, Any]:
+    """The name of a result's study, and its settings."""
+    try:
+        document = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+        return str(document["study"]), document["spec"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise UserError(
+            f"{folder}: a folder without a result of designopt run; name a file or a study"
+        ) from error
 
 
 def _designed(study: Study) -> Callable[..., Design]:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
+from designopt.interrupts import deferred, interruptible
 
 if TYPE_CHECKING:
     from designopt.designs.bench import Bench
@@ -41,6 +43,7 @@ def explore(
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Where pictures and specs are saved.")
     ] = Path("."),
+    no_cache: NoCache = False,
 ) -> None:
     """Turn a design's joints and dimensions and watch what they do.
 
@@ -49,29 +52,46 @@ def explore(
     """
     if port is not None and not web:
         raise UserError(f"--port {port}: only a page has a port; add --web")
-    if not out.is_dir():
-        raise UserError(f"--out {out}: there is no such folder; make it first")
-    with suppress(KeyboardInterrupt):
+    with suppress(KeyboardInterrupt), interruptible():
         _open(named, settings or [], port=PORT if port is None else port, web=web, out=out)
 
 
 def _open(named: str, settings: list[str], *, port: int, web: bool, out: Path) -> None:
-    from designopt.exploring.desktop import desktop_figure, show_window
-    from designopt.exploring.server import listen, serve
-    from designopt.exploring.window import Window
+    from designopt.designs.design import check_design
+    from designopt.files import check_new_folder
+
+    check_new_folder(out, force=True)
+    check_design(named)
+    _load()
     from designopt.figures import style
 
     # The place first: a design may take minutes to compute.
     if web:
+        from designopt.exploring.server import listen, serve
+
         with style(), listen(port) as listener, _designed(named, settings) as (bench, name):
             serve(bench, name, out, listener)
         return
+    from designopt.exploring.desktop import desktop_figure, show_window
+    from designopt.exploring.window import Window
+
     with style():
         figure = desktop_figure()
         with _designed(named, settings) as (bench, name):
             window = Window(bench, figure, name, out)
             show_window(figure, bench.title)
             del window  # until here: widgets live as long as someone holds them
+
+
+def _load() -> None:
+    """Load what is compiled: an interrupt in the middle of that may crash Python."""
+    with deferred() as is_interrupted:
+        keep_programs()
+        import cv2  # noqa: F401
+        import jax  # noqa: F401
+        import matplotlib.figure  # noqa: F401
+    if is_interrupted():
+        raise KeyboardInterrupt
 
 
 @contextmanager

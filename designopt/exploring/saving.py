@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from designopt.errors import UserError
 from designopt.files import replaced_when_complete
 from designopt.results import SpecFile
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 def save_picture(figure: Figure, folder: Path, name: str) -> list[Path]:
     """Write ``NAME-N.png`` and ``NAME-N.svg`` with the first free N, and return their paths.
+
+    The folder and those above it are made as needed.
 
     Raises:
         UserError: they cannot be written.
@@ -33,6 +36,8 @@ def save_picture(figure: Figure, folder: Path, name: str) -> list[Path]:
 
 def save_specs(specs: Sequence[SpecFile], folder: Path) -> list[Path]:
     """Write files, all with the same first free number, and return their paths.
+
+    The folder and those above it are made as needed.
 
     Raises:
         UserError: they cannot be written.
@@ -57,5 +62,12 @@ def numbered(folder: Path, names: Sequence[str]) -> list[Path]:
 
 @contextmanager
 def _all_or_none(paths: Sequence[Path]) -> Iterator[list[Path]]:
+    folder = paths[0].parent
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(
+            f"--out {folder}: cannot be made ({error.strerror}); name another"
+        ) from error
     with ExitStack() as stack:
         yield [stack.enter_context(replaced_when_complete(path)) for path in paths]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import json
+import logging
 import os
 import socket
 from collections.abc import Mapping, Sequence
@@ -26,6 +27,14 @@ from designopt.designs.bench import Bench, Reading
 from designopt.errors import UserError
 from designopt.exploring.face import DPI, HEIGHT, WIDTH
 from designopt.exploring.frames import SIDE, Pixels, change, pixels_of, png
+from designopt.exploring.messages import (
+    LONGEST,
+    Message,
+    PixelRatio,
+    Pointer,
+    Signal,
+    read_message,
+)
 from designopt.exploring.window import Window
 from designopt.exploring.words import number_text
 
@@ -34,9 +43,13 @@ HOSTS = (ADDRESS, "localhost")
 """What a browser on this machine calls it; another name is another site's, led here."""
 
 LEAST_RATIO, GREATEST_RATIO = 0.25, 4.0
-"""Pixels of the screen per pixel of the page: no browser's zoom asks for a picture beyond them."""
+"""Pixels of the picture per pixel of the page; a screen with more gets the picture enlarged."""
 
-POINTER = ("button_press", "button_release", "motion_notify", "figure_enter", "figure_leave")
+NOWHERE = Pointer(type="button_release", x=-1e6, y=-1e6, button=0, buttons=0)
+"""A mouse button that is let go where there is nothing to press."""
+
+LOG = logging.getLogger("designopt.explore")
+
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' blob: data:; frame-ancestors 'none'",
@@ -86,8 +99,8 @@ async def _serve(bench: Bench, name: str, folder: Path, listener: socket.socket)
         await asyncio.Event().wait()
     finally:
         server.stop()
-        for tab in list(page.tabs):
-            tab.close()
+        while page.tabs:
+            page.tabs.pop().close()
 
 
 class Page:
@@ -108,6 +121,7 @@ class Page:
         self.tabs: set[Tab] = set()
         self.picture = 0
         self.news: dict[str, Any] = {}
+        self._pressed_by: Tab | None = None
         figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
         self.canvas = FigureCanvasWebAggCore(figure)
         self.manager = _Manager(self.canvas, self)
@@ -123,6 +137,7 @@ class Page:
                 (r"/ws", Tab, {"page": self}),
             ],
             log_function=lambda _: None,
+            websocket_max_message_size=LONGEST,
         )
 
     def drawn(self) -> None:
@@ -130,6 +145,30 @@ class Page:
         self.picture += 1
         for tab in self.tabs:
             tab.send_picture()
+
+    def point(self, tab: Tab, pointer: Pointer, scale: float) -> None:
+        """Let a tab's mouse do something, unless another tab holds a button down.
+
+        Args:
+            tab: it.
+            pointer: what its mouse does.
+            scale: pixels of the picture per pixel of its screen.
+        """
+        if pointer.type == "button_press":
+            self.let_go()  # of a button whose release was lost, or of another tab's
+            self._pressed_by = tab
+        elif self._pressed_by not in (None, tab):
+            return
+        elif pointer.type == "button_release":
+            self._pressed_by = None
+        event = pointer.model_dump() | {"x": pointer.x * scale, "y": pointer.y * scale}
+        self.canvas.handle_event(event | {"modifiers": []})
+
+    def let_go(self, tab: Tab | None = None) -> None:
+        """End what a mouse button holds, if any; with a tab, only if it is that tab's."""
+        holder = self._pressed_by
+        if holder is not None and tab in (None, holder):
+            self.point(holder, NOWHERE, 1.0)
 
     def _tell(self, readings: Sequence[Reading], message: str) -> None:
         rows = [(each.name, number_text(each.value), each.unit) for each in readings]
@@ -187,6 +226,7 @@ class Tab(_Guarded, WebSocketHandler):
         """Nothing of the page has been sent yet."""
         self._page = page
         self._ratio = 1.0
+        self._warned = False
         self._seen: Pixels | None = None
         self._sent, self._busy = -1, False
 
@@ -199,33 +239,40 @@ class Tab(_Guarded, WebSocketHandler):
 
     def on_close(self) -> None:
         """Forget the tab."""
+        if self in self._page.tabs and self.close_code is None:
+            LOG.warning("the connection to a tab broke off; the others go on")
         self._page.tabs.discard(self)
         self._page.manager.web_sockets.discard(self)
+        self._page.let_go(self)
 
     def on_message(self, message: str | bytes) -> None:
-        """Take what the page's script says; see Matplotlib's ``mpl.js``."""
-        with suppress(ValueError, TypeError, KeyError):  # something else is not for us
-            self._take(json.loads(message))
+        """Take what the page's script sends; see Matplotlib's ``mpl.js``."""
+        try:
+            known = read_message(message)
+        except ValueError as error:
+            if not self._warned:  # once, however many there are
+                LOG.warning("a tab sent what is no message of this page; ignored: %s", error)
+                self._warned = True
+            return
+        self._take(known)
 
-    def _take(self, event: dict[str, Any]) -> None:
-        kind = event["type"]
-        if kind == "ack":
-            self._busy = False
-            self.send_picture()
-        elif kind in ("refresh", "resize"):  # the canvas is new, or was cleared
-            self._seen, self._sent = None, -1
-            self.send_picture()
-        elif kind == "draw":
-            self._seen, self._sent = None, -1  # the page waits for a picture, come what may
-            self._page.canvas.draw()
-        elif kind == "set_device_pixel_ratio":
-            ratio = float(event["device_pixel_ratio"])
-            if LEAST_RATIO <= ratio <= GREATEST_RATIO:
+    def _take(self, message: Message) -> None:
+        match message:
+            case Signal(type="ack"):
+                self._busy = False
+                self.send_picture()
+            case Signal(type="refresh" | "resize"):  # the canvas is new, or was cleared
+                self._seen, self._sent = None, -1
+                self.send_picture()
+            case Signal(type="draw"):
+                self._seen, self._sent = None, -1  # the page waits for a picture, come what may
+                self._page.canvas.draw()
+            case PixelRatio(device_pixel_ratio=ratio):
                 self._ratio = ratio
-                self._page.canvas.handle_event(event)
-        elif kind in POINTER:
-            scale = self._page.canvas.device_pixel_ratio / self._ratio
-            self._page.canvas.handle_event(event | {at: event[at] * scale for at in ("x", "y")})
+                ratio = min(max(ratio, LEAST_RATIO), GREATEST_RATIO)
+                self._page.canvas.handle_event(message.model_dump() | {"device_pixel_ratio": ratio})
+            case Pointer():
+                self._page.point(self, message, self._page.canvas.device_pixel_ratio / self._ratio)
 
     def send_json(self, content: Mapping[str, Any]) -> None:
         """Send a message for the page's script."""
@@ -237,7 +284,9 @@ class Tab(_Guarded, WebSocketHandler):
 
     def _write(self, message: str | bytes) -> None:
         with suppress(WebSocketClosedError):  # it is just being closed
-            self.write_message(message, binary=isinstance(message, bytes))
+            written = self.write_message(message, binary=isinstance(message, bytes))
+            # The tab may be gone before it is written, which is no news to anyone.
+            written.add_done_callback(lambda done: done.cancelled() or done.exception())
 
     def send_picture(self) -> None:
         """Send what this tab lacks of the picture, unless it is still busy with the last one."""

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
 
 
@@ -52,13 +53,18 @@ def export(
         typer.Option("--set", metavar="KEY=VALUE", help="Change a study's setting; repeatable."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
+    no_cache: NoCache = False,
 ) -> int:
     """Export a design to CAD, drawing, simulation or numbers.
 
     Example:
       designopt export finger --to dxf --to json --out cad
     """
-    # Imported here, so that listing the commands does not load JAX.
+    # Imported here, so that neither listing the commands nor a wrong name loads JAX.
+    from designopt.designs.design import check_design
+
+    check_design(named)
+    keep_programs()
     from designopt.designs.sheet import printable
     from designopt.exporting.writing import export_design
 

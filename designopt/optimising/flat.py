@@ -11,7 +11,13 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from designopt.optimising.problem import Parameters, Problem, Terms
+from designopt.optimising.problem import (
+    Levelled,
+    Parameters,
+    Problem,
+    Terms,
+    told_by_index,
+)
 
 Point = Float[Array, " parameters"]
 
@@ -86,16 +92,20 @@ class Flat:
             point, jnp.asarray(self.lower, point.dtype), jnp.asarray(self.upper, point.dtype)
         )
 
-    def bound(self, place: int) -> tuple[str, float]:
-        """Of an element of `bounds`: what it is in words, and its parameter's scale."""
+    def bound(self, place: int) -> tuple[str, str, float]:
+        """Of an element of `bounds`: words, unit, and the unit's amount for 1 in scaled units."""
         low, high = self.limited
         which = left = int([*low, *high][place])
         for path, leaf in jax.tree_util.tree_leaves_with_path(self.problem.lower):
             if left < leaf.size:
+                # The epigraph form's parameters are told as the problem's own.
+                path = path[isinstance(self.problem.lower, Levelled) :]
                 name = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
-                index = [int(i) for i in np.unravel_index(left, leaf.shape)]
+                told = self.problem.parameters.get(name, told_by_index(name))
+                index = tuple(int(i) for i in np.unravel_index(left, leaf.shape))
                 side = "lower" if place < len(low) else "upper"
-                return f"{name}{index or ''} at its {side} bound", float(self.units[which])
+                amount = float(self.units[which]) * told.scale
+                return f"{told.words(index)} at its {side} bound", told.unit, amount
             left -= leaf.size
         raise IndexError(place)
 

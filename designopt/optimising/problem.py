@@ -58,7 +58,7 @@ class Terms(eqx.Module):
 
 @dataclass(frozen=True)
 class Requirement:
-    """How a requirement is told to people.
+    """How a requirement or a parameter is told to people.
 
     Attributes:
         words: from the index of an element of its array to words, such as "pin G at the palmar
@@ -70,6 +70,11 @@ class Requirement:
     words: Callable[[tuple[int, ...]], str]
     unit: str = ""
     scale: float = 1.0
+
+
+def told_by_index(name: str) -> Requirement:
+    """How an array is told that nothing else is stated of."""
+    return Requirement(lambda index: f"{name}{list(index) or ''}")
 
 
 @dataclass(frozen=True)
@@ -85,6 +90,8 @@ class Problem:
             compute in these units. By default the distance between finite bounds, else 1.
         requirements: how each named array of the terms is told to people; one that has none is
             told by its name and index.
+        parameters: the same for the arrays of the parameters, by their paths (``F`` or ``arm.F``),
+            which are told where a bound of theirs is.
         data: further arguments of ``terms``, such as the cases in which a design is judged. A
             `Minimiser` solves for others of the same shapes without compiling again.
     """
@@ -94,6 +101,7 @@ class Problem:
     upper: Parameters
     scale: Parameters | None = None
     requirements: Mapping[str, Requirement] = field(default_factory=dict)
+    parameters: Mapping[str, Requirement] = field(default_factory=dict)
     data: tuple[Any, ...] = ()
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from designopt.optimising.flat import Flat
-from designopt.optimising.problem import BOUND, Problem, Requirement
+from designopt.optimising.problem import BOUND, Problem, told_by_index
 from designopt.optimising.verdict import Optimum
 
 
@@ -74,9 +74,6 @@ def conflict(problem: Problem, optimum: Optimum) -> list[str]:
 def _told(problem: Problem, name: str, place: tuple[int, ...]) -> tuple[str, str, float]:
     """Of an element of a requirement: words, unit, and the unit's amount for 1 in the array."""
     if name == BOUND:
-        words, scale = Flat.of(problem).bound(*place)
-        return words, "", scale
-    told = problem.requirements.get(name)
-    if told is None:
-        told = Requirement(lambda index: f"{name}{list(index) or ''}")
+        return Flat.of(problem).bound(*place)
+    told = problem.requirements.get(name, told_by_index(name))
     return told.words(place), told.unit, told.scale

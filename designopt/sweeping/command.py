@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from designopt.commands import Dtype
+from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
 
 MOST_SHOWN = 20
@@ -71,6 +72,7 @@ def sweep(
     force: Annotated[
         bool, typer.Option("--force", help="Replace another sweep in the folder.")
     ] = False,
+    no_cache: NoCache = False,
 ) -> int:
     """Run a study over a grid of settings, or over Sobol points.
 
@@ -86,9 +88,10 @@ def sweep(
     # Imported here, so that listing the commands loads neither JAX nor Matplotlib.
     from designopt.interrupts import interruptible
     from designopt.study import load_study
-    from designopt.sweeping.points import grid_points, sobol_points
 
     chosen = load_study(study)
+    from designopt.sweeping.points import grid_points, sobol_points
+
     vary, ranges, shared = vary or [], ranges or [], tuple(settings or ())
     if bool(vary) == (sobol is not None):
         raise UserError("--vary, --sobol: write one of them, to say what is varied")
@@ -106,6 +109,7 @@ def sweep(
 
     # Code that is loaded may swallow an interrupt.
     with interruptible() as check:
+        keep_programs()
         from designopt.sweeping.running import Request, run_sweep, versions_of
 
         check()

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from designopt.figures import PALETTE, new_figure
 from designopt.results import Target
 from designopt.sweeping.points import Points
+from designopt.typesetting import as_mathtext, words
 
 MOST_WRITTEN = 12
 """A map with more values along a side than this has no numbers in its cells."""
@@ -43,8 +44,8 @@ class Series:
     def label(self) -> str:
         """For an axis."""
         ending = "_" + WRITTEN.get(self.unit, self.unit.lower())
-        words = self.name.removesuffix(ending).replace("_", " ")
-        return f"{words} ({self.unit})" if self.unit else words
+        name = as_mathtext(words(self.name.removesuffix(ending)))
+        return f"{name} ({self.unit})" if self.unit else name
 
     @property
     def numbers(self) -> np.ndarray:
@@ -89,9 +90,9 @@ def _panels(points: Points, series: Series) -> Figure:
         axes.ticklabel_format(useOffset=False)
         axes.set_xlabel(label)
         axes.set_ylabel(series.label if axes in all_axes[:, 0] else "")
-    handles, words = all_axes[0, 0].get_legend_handles_labels()
+    handles, names = all_axes[0, 0].get_legend_handles_labels()
     if handles:
-        figure.legend(handles, words, loc="outside upper right", ncols=2)
+        figure.legend(handles, names, loc="outside upper right", ncols=2)
     return figure
 
 

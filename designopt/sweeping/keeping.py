@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import fcntl
+import itertools
 import json
 import os
-import shutil
-from collections.abc import Iterator, Mapping
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from designopt.checksums import checksum_holds, with_checksum
 from designopt.errors import UserError
-from designopt.files import replaced_when_complete
+from designopt.files import remove_partials, replaced_when_complete
+from designopt.result_folders import check_replaceable, recover_result
 from designopt.sweeping.outcomes import Outcome, from_tables, to_tables
 
 DEFINITION = "sweep.json"
 POINTS = "points"
 RESULT = "result"
+
+NAMED = re.compile(r"[0-9]{6,}\.json")
+"""Names of the points' files."""
 
 
 @contextmanager
@@ -71,29 +78,43 @@ class Folder:
         self.path = path
         try:
             begun = (path / DEFINITION).exists()
-            # What a command that was killed while it wrote has left behind.
-            for pattern in (f".{DEFINITION}.*", *([f"{POINTS}/.*", ".partial-*"] if begun else [])):
-                for leftover in path.glob(pattern):
-                    shutil.rmtree(leftover, ignore_errors=True)
+            remove_partials(path, DEFINITION)
+            if begun:
+                recover_result(path / RESULT)
+                remove_partials(path / POINTS, "[0-9]*.json")
             names = {entry.name for entry in path.iterdir()}
             if names and not begun:
                 raise UserError(f"--out {path}: it holds no sweep; name a new folder")
             if begun:
+                if (path / RESULT).exists():
+                    check_replaceable(path / RESULT)
                 if not force:
                     self._compare(definition)
                     return
-                strangers = sorted(names - {DEFINITION, POINTS, RESULT})
-                if strangers:
-                    raise UserError(
-                        f"--out {path}: it holds more than a sweep ({strangers[0]}), so --force "
-                        "does not replace it; name another folder"
-                    )
-                for name in (RESULT, POINTS):
-                    if (path / name).exists():
-                        shutil.rmtree(path / name)
-            _write(path / DEFINITION, definition)
+                self._forget(names)
+            _write(path / DEFINITION, with_checksum(definition))
         except OSError as error:
             raise _cannot_write(path, error) from error
+
+    def _forget(self, names: set[str]) -> None:
+        """Remove another sweep's points, unless there is a file that it did not write.
+
+        Its result stays until the new one takes its place.
+        """
+        strangers = sorted(names - {DEFINITION, POINTS, RESULT})
+        if not checksum_holds(_read(self.path / DEFINITION), required=False):
+            strangers.append(DEFINITION)
+        points = sorted((self.path / POINTS).glob("*"))
+        if (self.path / POINTS).is_symlink():
+            strangers.append(POINTS)
+        strangers += [f"{POINTS}/{path.name}" for path in points if _own_point(path) is None]
+        if strangers:
+            raise UserError(
+                f"--out {self.path}: {strangers[0]} is not of the earlier sweep as it was written, "
+                "so --force does not replace it; move it away, or name another folder"
+            )
+        for path in points:
+            path.unlink()
 
     def _compare(self, definition: Mapping[str, Any]) -> None:
         kept = _read(self.path / DEFINITION)
@@ -118,18 +139,35 @@ class Folder:
             "another folder, or replace it with --force"
         )
 
-    def outcomes(self) -> dict[int, Outcome]:
+    def outcomes(self, asked: Sequence[Mapping[str, Any]]) -> dict[int, Outcome]:
         """The kept points by their number.
 
-        Raises:
-            UserError: a file is damaged.
+        A file that is not the point of its number with the settings that are asked for, or is no
+        longer as it was written, is named on the terminal and is no outcome; one that no sweep
+        wrote is renamed, for the point's own.
+
+        Args:
+            asked: the settings of every point of the sweep.
         """
-        found = {}
+        found, others = {}, []
         for path in kept_in(self.path):
-            try:
-                found[int(path.stem)] = from_tables(_read(path))
-            except (KeyError, TypeError, ValueError) as error:
-                raise UserError(f"{path}: it is no point of a sweep; delete it") from error
+            index, document = int(path.stem), _own_point(path)
+            wanted = dict(asked[index]) if index < len(asked) else None
+            if document is None:
+                _set_aside(path)
+                others.append(path.name)
+            elif not (checksum_holds(document) and document["point"] == index
+                      and document["settings"] == wanted):  # fmt: skip
+                others.append(path.name)
+            else:
+                found[index] = from_tables(document)
+        if others:
+            more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+            print(
+                f"{self.path / POINTS / others[0]}{more}: not a point of this sweep as it was "
+                "written; evaluated anew",
+                file=sys.stderr,
+            )
         return found
 
     def keep(self, index: int, settings: Mapping[str, Any], outcome: Outcome) -> None:
@@ -138,17 +176,43 @@ class Folder:
         Raises:
             UserError: it cannot be written.
         """
-        path = self.path / POINTS / f"{index:06d}.json"
+        path = self.path / POINTS / _file_name(index)
         try:
             path.parent.mkdir(exist_ok=True)
         except OSError as error:
             raise UserError(f"{path.parent}: cannot be written: {error.strerror}") from error
-        _write(path, {"point": index, "settings": dict(settings)} | to_tables(outcome))
+        document = {"point": index, "settings": dict(settings)} | to_tables(outcome)
+        _write(path, with_checksum(document))
 
 
 def kept_in(path: Path) -> list[Path]:
     """The files of the points that are kept in a sweep's folder, in their order."""
-    return sorted((path / POINTS).glob("[0-9]*.json"))
+    return sorted(each for each in (path / POINTS).glob("*") if NAMED.fullmatch(each.name))
+
+
+def _own_point(path: Path) -> dict[str, Any] | None:
+    """What a point's file holds; ``None`` if no sweep wrote it so. Older ones have no checksum."""
+    try:
+        if path.is_symlink() or not path.is_file():
+            return None
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if not checksum_holds(document, required=False):
+            return None
+        if document["point"] < 0 or document["settings"] is None:
+            return None
+        from_tables(document)
+    except (OSError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
+        return None
+    return document
+
+
+def _set_aside(path: Path) -> None:
+    names = (path.with_name(f"{path.name}.other-{n}") for n in itertools.count(1))
+    path.rename(next(name for name in names if not os.path.lexists(name)))
+
+
+def _file_name(index: int) -> str:
+    return f"{index:06d}.json"
 
 
 def _cannot_write(path: Path, error: OSError) -> UserError:

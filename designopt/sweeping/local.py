@@ -12,6 +12,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
+from designopt.compilation_cache import keep_programs
 from designopt.errors import UserError
 from designopt.sweeping.evaluating import ONE_THREAD, Task, evaluate
 from designopt.sweeping.outcomes import Outcome
@@ -135,6 +136,7 @@ def _work(pipe: Connection, environment: Mapping[str, str]) -> None:
     """A worker, which has loaded nothing yet that reads its environment."""
     os.environ.update(environment)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    keep_programs()
     while True:
         try:
             task = pipe.recv()

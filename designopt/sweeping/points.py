@@ -46,10 +46,13 @@ class Points:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def settings(self, index: int) -> dict[str, Value]:
+        """What is varied, with its value in one point."""
+        return dict(zip(self.keys, self.rows[index], strict=True))
+
     def assignments(self, index: int) -> tuple[str, ...]:
         """The settings of one point, as they would be written after ``--set``."""
-        pairs = zip(self.keys, self.rows[index], strict=True)
-        return tuple(f"{key}={value!r}" for key, value in pairs)
+        return tuple(f"{key}={value!r}" for key, value in self.settings(index).items())
 
 
 def grid_points(model: type[Spec], texts: Sequence[str]) -> Points:
@@ -135,7 +138,7 @@ def _named(
 
 def _labels(model: type[Spec], keys: Iterable[str]) -> tuple[str, ...]:
     words = {key: description for key, _, description in fields(model)}
-    units = (re.search(r" (\([^() ]+\))$", words[key]) for key in keys)
+    units = (re.search(r" (\([^() ]+\))$", words[key].replace("(degrees)", "(°)")) for key in keys)
     return tuple(f"{key} {unit[1]}" if unit else key for key, unit in zip(keys, units, strict=True))
 
 

@@ -12,8 +12,9 @@ from typing import Any
 from designopt import figures
 from designopt.errors import UserError
 from designopt.report import RunRecord
+from designopt.result_folders import result_folder
 from designopt.results import Cell, Figure, Metric, Results, Table, Target
-from designopt.runner import result_folder, write_results
+from designopt.runner import write_results
 from designopt.study import Study
 from designopt.sweeping.drawings import MOST_WRITTEN, Series, draw
 from designopt.sweeping.outcomes import Outcome

@@ -81,7 +81,8 @@ def run_sweep(request: Request) -> dict[int, Outcome]:
             refused = _refused(request)
             with only_one(request.out):
                 folder = Folder(request.out, _definition(request), force=request.force)
-                for index, outcome in folder.outcomes().items():
+                asked = [request.points.settings(index) for index in range(len(request.points))]
+                for index, outcome in folder.outcomes(asked).items():
                     if outcome.final:
                         kept[index] = outcome
                 for index in refused.keys() - kept.keys():
@@ -190,8 +191,7 @@ def _compute(
 def _keep(
     request: Request, folder: Folder, kept: dict[int, Outcome], index: int, outcome: Outcome
 ) -> None:
-    points = request.points
-    folder.keep(index, dict(zip(points.keys, points.rows[index], strict=True)), outcome)
+    folder.keep(index, request.points.settings(index), outcome)
     kept[index] = outcome
 
 

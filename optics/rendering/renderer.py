@@ -18,6 +18,7 @@ from optics.fabrication import Fabrication, as_made
 from optics.imaging import Imaging
 from optics.labels import FIRST_PAD_END, SECOND_PAD_END
 from optics.outlines import Outlines, find_corners, find_outlines
+from optics.rendering.angles import checked_angles
 from optics.rendering.effects import Effects
 from optics.rendering.exposure import exposed
 from optics.rendering.imprints import Imprint
@@ -167,14 +168,19 @@ class Renderer:
         """An image of the finger in a pose.
 
         Args:
-            angles: joint angles in the order of ``scene.angle_names``, rad.
+            angles: joint angles in the order of ``scene.angle_names``, rad; at most a turn to
+                either side, within which every pose lies.
             imprints: what is pressed into pads, by the pads' names.
             frame: number of the frame, which with the finger's seed gives its noise.
 
         Raises:
+            UserError: angles are not finite, not as many as joints, or no radians.
             ValueError: there is no pad of a name.
         """
         layout = self.scene.layout
+        joints = layout.angles
+        one_each = f"give one of each joint ({', '.join(joints) or 'there is none'})"
+        pose = checked_angles(angles, (len(joints),), what="joint angles", cure=one_each)
         unknown = set(imprints or ()) - {pad.name for pad in layout.pads}
         if unknown:
             raise ValueError(f"no pad is named {', '.join(sorted(unknown))}")
@@ -183,7 +189,7 @@ class Renderer:
             _geometry(
                 self.scene,
                 self.imaging,
-                jnp.asarray(angles),
+                jnp.asarray(pose),
                 jnp.asarray(self._width),
                 self._errors.lateral,
                 jnp.asarray(2 * float(np.abs(self._angle).max())),
@@ -224,7 +230,7 @@ class Renderer:
                 )
         generator = np.random.default_rng([self._seed, 1, frame])
         pixels = exposed(light, self._effects, generator)
-        return TactileImage(pixels, labels, tuple(views), np.asarray(angles), self._errors)
+        return TactileImage(pixels, labels, tuple(views), pose, self._errors)
 
     def _seen(
         self,

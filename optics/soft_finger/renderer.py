@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
 from optics.chamber import Chamber
+from optics.rendering.angles import checked_angles, checked_numbers
 from optics.rendering.exposure import READ_NOISE
 from optics.soft_finger.effects import ChamberEffects
 from optics.soft_finger.endoscope import Endoscope
@@ -151,10 +152,15 @@ class ChamberRenderer:
         """Pictures of some postures.
 
         Args:
-            postures: one batch axis.
+            postures: one batch axis; bends and directions of at most a turn to either side, within
+                which all lie.
             first: number of the first frame; the number and the seed choose shake and noise.
+
+        Raises:
+            UserError: postures are not finite, differ in number, are pressed at other places than
+                the rings, or have angles that are no radians.
         """
-        leaves = jax.tree.map(np.asarray, postures)
+        leaves = self._checked(postures)
         count = len(leaves.bend)
         images: list[ChamberImage] = []
         for start in range(0, count, CHUNK):
@@ -162,6 +168,21 @@ class ChamberRenderer:
             chunk = jax.tree.map(lambda leaf, some=some: leaf[some], leaves)
             images += self._chunk(chunk, first + start, min(CHUNK, count - start))
         return images
+
+    def _checked(self, postures: Posture) -> Posture:
+        batch = "give arrays with one axis of postures, in radians"
+        bend = checked_angles(postures.bend, ("postures",), what="bends", cure=batch)
+        direction = checked_angles(postures.direction, bend.shape, what="directions", cure=batch)
+        rings = (*bend.shape, len(self.rings.arc))
+        pressed = checked_numbers(
+            postures.pressed,
+            rings,
+            what="depths to which postures are pressed",
+            cure="give one in mm for every ring of every posture",
+        )
+        return eqx.tree_at(
+            lambda one: (one.bend, one.direction, one.pressed), postures, (bend, direction, pressed)
+        )
 
     def _chunk(self, postures: Posture, first: int, number: int) -> list[ChamberImage]:
         generators = [np.random.default_rng([*self._seed, 2, first + i]) for i in range(number)]

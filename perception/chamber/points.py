@@ -15,7 +15,10 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from perception.chamber.regions import Outline, Regions, filled
+from perception.chamber.colours import despeckled
+from perception.chamber.outlines import Outline, filled
+from perception.chamber.regions import Regions
+from perception.images import checked_image
 from perception.masks import Image, Mask
 
 NAMES = "abcdefg"
@@ -155,7 +158,13 @@ def find_points(image: Image, regions: Regions) -> Points:
     Args:
         image: red, green, blue.
         regions: of this image.
+
+    Raises:
+        UserError: it is no image of three channels of 8 bits, or not as large as the regions.
     """
+    image = despeckled(
+        checked_image(image, like=("the picture of the regions", regions.labels.shape))
+    )
     xy, seen = np.zeros((7, 2)), np.zeros(7, bool)
     parts = (0, regions.blue, BLUE_EDGE), (3, regions.yellow, YELLOW_EDGE)
     for start, outline, weights in parts:

@@ -10,6 +10,9 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from designopt.errors import UserError
+from perception.images import checked_image
+
 THICKEN = np.ones((3, 3), np.uint8)
 
 
@@ -21,7 +24,11 @@ def boundary_image(labels: UInt8[np.ndarray, "rows columns"]) -> UInt8[np.ndarra
 
     Args:
         labels: of every pixel, the region it belongs to.
+
+    Raises:
+        UserError: it is no image of one channel of 8 bits.
     """
+    labels = checked_image(labels, channels=(1,), what="an image of labels")
     edges = np.zeros(labels.shape, np.bool_)
     edges[:, :-1] = labels[:, :-1] != labels[:, 1:]
     edges[:-1] |= labels[:-1] != labels[1:]
@@ -43,10 +50,14 @@ def shrunk(
         0 to 255.
 
     Raises:
-        ValueError: the size is not positive or larger than the image.
+        UserError: it is no image of one channel of 8 bits, or the size is not positive or larger.
     """
+    boundary = checked_image(boundary, channels=(1,), what="a boundary image")
     rows, columns = boundary.shape
     if not (1 <= size[0] <= columns and 1 <= size[1] <= rows):
-        raise ValueError(f"an image of {columns}x{rows} cannot be shrunk to {size[0]}x{size[1]}")
+        raise UserError(
+            f"an image of {columns}x{rows} px cannot be shrunk to {size[0]}x{size[1]} px; give a "
+            "larger image, or train the network for a smaller size"
+        )
     thick = cv2.dilate(boundary, THICKEN).astype(np.float32)
     return cv2.resize(thick, size, interpolation=cv2.INTER_AREA)

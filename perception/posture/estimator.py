@@ -17,13 +17,27 @@ from jaxtyping import Array, Float, Float32
 
 from designopt.errors import UserError
 from designopt.files import replaced_when_complete
-from perception.posture.network import MARKERS, PostureNetwork
+from perception.images import checked_floats
+from perception.posture.network import MARKERS, PostureNetwork, weight_shapes
 from perception.posture.settings import Training, TrainingRecord
 
 FORMAT = "posture estimator 1"
 DIGEST = hashlib.sha256().digest_size
 
 SCALES = ("image_mean", "image_deviation", "label_scale")
+
+NPY_HEADER = 64
+"""Bytes that NumPy's format has before every array, at least."""
+
+LARGEST_WEIGHT = 1e3
+"""Weights start at about 1, and a step of Adam moves one by about the learning rate: in a training
+of the default settings by some 10 in all, in one that goes wrong by far more."""
+
+WHITE = 255.0
+"""Of boundary images: their mean and deviation are no larger."""
+
+FARTHEST = 1e4
+"""Markers of a finger are no farther off, mm."""
 
 BLOCK = 256
 """Images predicted at a time: bounds the memory, and one program serves any greater number."""
@@ -58,14 +72,15 @@ class PostureEstimator:
         The first call for a number of images compiles; all above ``BLOCK`` are alike.
 
         Raises:
-            ValueError: the images are not of the size of the training's.
+            UserError: the images are not of the size of the training's, or not finite floats.
         """
         columns, rows = self.record.image_size
-        if images.ndim != 3 or images.shape[1:] != (rows, columns):
-            raise ValueError(
-                f"images have the shape (number, {rows}, {columns}) of the training's, "
-                f"not {images.shape}"
-            )
+        images = checked_floats(
+            images,
+            ("number", rows, columns),
+            what="a stack of boundary images",
+            cure="make them as the training's, with boundary_image and shrunk",
+        )
         inputs = standardised(images, self.image_mean, self.image_deviation)
         return self.label_mean + self.label_scale * answered(self.network, inputs)
 
@@ -97,7 +112,8 @@ class PostureEstimator:
         """What `save` wrote; it predicts the same to the last bit.
 
         Raises:
-            UserError: it cannot be read, is damaged, or is something else.
+            UserError: it cannot be read, is damaged or something else, or holds numbers that no
+                training gives.
         """
         try:
             content = path.read_bytes()
@@ -111,25 +127,65 @@ class PostureEstimator:
             header = json.loads(body.readline())
             if header.pop("format") != FORMAT:
                 raise ValueError("another format")
+            header |= {name: float(header[name]) for name in SCALES}
             header["label_mean"] = np.asarray(header["label_mean"], np.float64)
             header["record"] = record = _record(header["record"])
-            # Only its shapes count.
-            like = PostureNetwork(
-                record.image_size, record.settings.channels, np.random.default_rng()
-            )
-            network = eqx.tree_deserialise_leaves(body, like)
-            scales = [float(header[name]) for name in SCALES]
-            if (
-                header["label_mean"].shape != (MARKERS, 2)
-                or body.read()
-                or not all(map(math.isfinite, scales))
-            ):
+            size, channels = record.image_size, record.settings.channels
+            weights = _weights(body, weight_shapes(size, channels))
+            if header["label_mean"].shape != (MARKERS, 2) or body.read():
                 raise ValueError("not what was saved")
-            return cls(network, **header)
-        except (AttributeError, KeyError, TypeError, ValueError, RuntimeError) as error:
+            # Only its structure counts.
+            like = PostureNetwork(size, channels, np.random.default_rng())
+            network = jax.tree.unflatten(jax.tree.structure(like), map(jnp.asarray, weights))
+            loaded = cls(network, **header)
+        except (
+            ArithmeticError,
+            AttributeError,
+            LookupError,
+            RuntimeError,
+            TypeError,
+            ValueError,
+        ) as error:
             raise UserError(
                 f"{path}: written by another version of this program; train and save it anew"
             ) from error
+        if not _is_sane(loaded, weights):
+            raise UserError(
+                f"{path}: its weights or scales are not finite, or far beyond any that a training "
+                "gives; train with a lower learning rate, and save it anew"
+            )
+        return loaded
+
+
+def _weights(body: io.BytesIO, shapes: list[tuple[int, ...]]) -> list[Float32[np.ndarray, "..."]]:
+    """Arrays of known shapes from NumPy's format; no memory is taken for any other.
+
+    Raises:
+        ValueError: the file has others.
+    """
+    sizes = [NPY_HEADER + 4 * math.prod(shape) for shape in shapes]
+    if sum(sizes) > len(body.getbuffer()) - body.tell():
+        raise ValueError("fewer numbers than the record asks for")
+    found = []
+    for shape in shapes:
+        if np.lib.format.read_magic(body) != (1, 0):
+            raise ValueError("another version of NumPy's format")
+        given = np.lib.format.read_array_header_1_0(body)
+        if given != (shape, False, np.dtype(np.float32)):
+            raise ValueError("another array")
+        found.append(np.frombuffer(body.read(4 * math.prod(shape)), np.float32).reshape(shape))
+    return found
+
+
+def _is_sane(estimator: PostureEstimator, weights: list[Float32[np.ndarray, "..."]]) -> bool:
+    """Whether all numbers are finite and no larger than a training makes them."""
+    return (
+        all(bool((np.abs(array) <= LARGEST_WEIGHT).all()) for array in weights)
+        and 0 <= estimator.image_mean <= WHITE
+        and 0 < estimator.image_deviation <= WHITE
+        and bool((np.abs(estimator.label_mean) <= FARTHEST).all())
+        and 0 < estimator.label_scale <= FARTHEST
+    )
 
 
 def standardised(
@@ -160,7 +216,11 @@ def _record(fields: dict) -> TrainingRecord:
         return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
 
     settings = Training(**tuples(fields["settings"]))
-    return TrainingRecord(**{**tuples(fields), "settings": settings})
+    record = TrainingRecord(**{**tuples(fields), "settings": settings})
+    lengths = (*record.image_size, *settings.channels)
+    if len(record.image_size) != 2 or not all(type(one) is int and one > 0 for one in lengths):
+        raise ValueError("no sizes of images and layers")
+    return record
 
 
 @eqx.filter_jit

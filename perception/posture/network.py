@@ -111,6 +111,16 @@ class PostureNetwork(eqx.Module):
         return total
 
 
+def weight_shapes(image_size: tuple[int, int], channels: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """Shapes of a network's arrays in the order of its leaves, which are made for none of them."""
+    columns, rows = image_size
+    shapes: list[tuple[int, ...]] = []
+    for before, after in zip((1, *channels), channels, strict=False):
+        shapes += [(SIDE, SIDE, before, after), (after,)]
+        columns, rows = halved(columns), halved(rows)
+    return [*shapes, (rows * columns * channels[-1], 2 * MARKERS), (2 * MARKERS,)]
+
+
 def halved(length: int) -> int:
     """What a convolution leaves of rows or columns: half, rounded up."""
     return (length + 2 * PADDING - SIDE) // STRIDE + 1

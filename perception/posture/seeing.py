@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from perception.chamber import Sight, find_regions
+from perception.images import checked_image
 from perception.masks import Image
 from perception.posture.boundary import boundary_image, shrunk
 from perception.posture.estimator import PostureEstimator
@@ -38,9 +39,10 @@ def find_posture(image: Image, estimator: PostureEstimator) -> SeenPosture:
         estimator: trained on boundary images of frames of this size.
 
     Raises:
-        ValueError: the frame shows a chamber, in fewer pixels than the network takes.
+        UserError: it is no image of three channels of 8 bits, or shows a chamber in fewer pixels
+            than the network takes.
     """
-    regions = find_regions(image)
+    regions = find_regions(checked_image(image))
     if regions.sight not in USABLE:
         return SeenPosture(regions.sight, None)
     small = shrunk(boundary_image(regions.nested()), estimator.record.image_size)

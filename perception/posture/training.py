@@ -21,9 +21,11 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float, Float32, Int32
 
+from designopt.errors import UserError
+from perception.images import checked_floats
 from perception.posture.estimator import PostureEstimator, answered, standardised
 from perception.posture.measures import marker_errors
-from perception.posture.network import PostureNetwork, weighted_loss
+from perception.posture.network import MARKERS, PostureNetwork, weighted_loss
 from perception.posture.settings import Training, TrainingRecord
 
 Samples = tuple[Float[np.ndarray, "others rows columns"], Float[np.ndarray, "others 3 2"]]
@@ -74,11 +76,13 @@ def train(
         validation: other samples, whose mean tip error is recorded after every epoch.
 
     Raises:
-        ValueError: there are not as many markers as images, they are not finite, or all images or
-            all markers are the same.
+        UserError: images or markers are no finite floats, not as many of one as of the other, or
+            all the same.
     """
     began = time.perf_counter()
     _check(images, markers)
+    if validation is not None:
+        _check_shapes(*validation, size=images.shape[1:])
     mean, deviation = 0.0, 1.0
     if settings.standardise:
         mean, deviation = float(images.mean(dtype=np.float64)), float(images.std(dtype=np.float64))
@@ -170,12 +174,18 @@ def objective(
 
 
 def _check(images: np.ndarray, markers: np.ndarray) -> None:
-    if len(images) != len(markers) or len(images) == 0:
-        raise ValueError(f"{len(images)} images with {len(markers)} markers are no samples")
-    if not (np.isfinite(images).all() and np.isfinite(markers).all()):
-        raise ValueError("images and markers of samples are finite")
+    _check_shapes(images, markers, size=("rows", "columns"))
     if not (np.ptp(images, axis=0).any() and np.ptp(markers, axis=0).any()):
-        raise ValueError("samples that are all the same teach nothing")
+        raise UserError("samples that are all the same teach nothing; give several postures")
+
+
+def _check_shapes(images: np.ndarray, markers: np.ndarray, size: tuple[int | str, ...]) -> None:
+    what, cure = "a stack of boundary images", "make them with boundary_image and shrunk"
+    images = checked_floats(images, ("samples", *size), what=what, cure=cure)
+    if not images.size:
+        raise UserError(f"{what} of the shape {images.shape} has no pixels; {cure}")
+    cure = "give the places of three markers, in mm, with every image"
+    checked_floats(markers, (len(images), MARKERS, 2), what="an array of markers", cure=cure)
 
 
 def _versions() -> dict[str, str]:

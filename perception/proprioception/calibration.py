@@ -8,43 +8,61 @@ A labelled frame has its label as a prior of its angles; an unlabelled one has n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from designopt.fitting import Fit, least_squares
-from perception.proprioception.corners import LOOSE, CornerModel, deviations, softened
+from designopt.solution import Solution
+from perception.proprioception.corners import (
+    CONSTANT,
+    LOOSE,
+    CornerModel,
+    FingerErrors,
+    deviations,
+    softened,
+)
+from perception.proprioception.misfit import Misfit, find_misfit
 from perception.proprioception.observation import Observation
 
 TOLERANCE = 1e-9
 
-CONSTANT = 0.3
-"""Standard deviation of what a corner is off by in every frame alike, px of any image,
-beside what its own covariance tells: a pad's edge is always rough in the same places."""
+MOST_SCATTER = 1.5
+"""Frames that scatter more, in units of their stated deviations, are no calibration."""
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """What is known of a finger.
+class Calibration(eqx.Module):
+    """What frames reveal of a finger.
 
     Attributes:
-        errors: in units of their deviations before.
-        covariance: of these.
+        errors: of the finger and its corners, with their covariance by the frames, times the square
+            of the scatter where this is above 1.
         angles: of the frames, rad.
-        scatter: root mean square of the deviations of corners and of what was known before, in
-            units of the expected; about 1 if both are as good as they were said to be.
-        ok: whether the minimum was found.
+        misfit: of all corners, labels and fabrication tolerances together.
     """
 
-    errors: Float[np.ndarray, " errors"]
-    covariance: Float[np.ndarray, "errors errors"]
-    angles: Float[np.ndarray, "frames joints"]
-    scatter: float
-    ok: bool
+    errors: FingerErrors
+    angles: Float[Array, "frames joints"]
+    misfit: Misfit
+
+    @property
+    def scatter(self) -> Float[Array, ""]:
+        """Root mean square of all deviations per degree of freedom, in units of the stated."""
+        return self.misfit.rms
+
+
+class CalibrationResult(eqx.Enumeration):
+    """How a calibration ended."""
+
+    successful = ""
+    unsolved = "No errors of the finger fit the frames: the search did not end at a minimum."
+    scattered = (
+        "The frames scatter more than 1.5 times as much as corners, labels and fabrication "
+        "tolerances allow: the finger has an error that the model lacks, a label or a view is "
+        "wrong, or a stated deviation is too small."
+    )
 
 
 def calibrate(
@@ -54,8 +72,12 @@ def calibrate(
     deviation: float | None = None,
     *,
     constant: float = CONSTANT,
-) -> Calibration:
+) -> Solution[Calibration]:
     """The errors of a finger from several frames.
+
+    The scatter is the square root of χ² over its degrees of freedom, as in the test of
+    `find_pose`. Where it is above 1, stated deviations are too small by that factor, and all
+    deviations that are derived from them are scaled by it (R. T. Birge, Phys. Rev. 40 (1932) 207).
 
     Args:
         model: what predicts the corners.
@@ -64,32 +86,24 @@ def calibrate(
         deviation: standard deviation of the labels, rad; ``None`` if the angles are no labels.
         constant: that of what every corner is off by in all frames alike, px.
 
+    Returns:
+        ``margin`` is 1 − scatter / 1.5, and −1 where no minimum was found.
+
     Raises:
         ValueError: the deviation is not positive.
     """
     if deviation is not None and not deviation > 0:
         raise ValueError(f"labels have a positive deviation, not {deviation:g}")
-    known = np.isfinite(angles) & (deviation is not None)
-    spread = np.where(known, LOOSE if deviation is None else deviation, LOOSE)
+    labelled = np.isfinite(angles) & (deviation is not None)
+    spread = np.where(labelled, LOOSE if deviation is None else deviation, LOOSE)
     start = np.where(np.isfinite(angles), angles, np.mean(model.limits))
-    fit, left = _calibrated(
+    return _calibrated(
         model,
         Observation(*map(jnp.asarray, seen)),
         jnp.asarray(start),
         jnp.asarray(spread),
+        jnp.asarray(labelled),
         jnp.asarray(constant, float),
-    )
-    values, count = np.asarray(fit.solution.value), model.errors
-    used = int(np.count_nonzero(np.asarray(left)))
-    # With what priors are off by among the squares, only angles without a label are free.
-    free = max(used - int(np.count_nonzero(~known)), 1)
-    scatter = float(np.sqrt(float(fit.chi_squared) / free)) if used else 0.0
-    return Calibration(
-        values[:count],
-        np.asarray(fit.covariance)[:count, :count],
-        values[-start.size :].reshape(start.shape),
-        scatter,
-        bool(fit.solution.ok),
     )
 
 
@@ -99,8 +113,9 @@ def _calibrated(
     seen: Observation,
     start: Float[Array, "frames joints"],
     spread: Float[Array, "frames joints"],
+    labelled: Bool[Array, "frames joints"],
     constant: Float[Array, ""],
-) -> tuple[Fit, Float[Array, " data"]]:
+) -> Solution[Calibration]:
     # Errors and offsets, all of deviation 1, and then the angles.
     drawn = model.errors + seen.corners[0].size
 
@@ -109,15 +124,44 @@ def _calibrated(
         offsets = constant * values[model.errors : drawn].reshape(seen.corners[0].shape)
 
         def frame(pose: Array, one: Observation) -> Array:
-            there = Observation(one.corners - offsets, one.whitening)
-            return softened(deviations(model, errors, pose, there))
+            return deviations(
+                model, errors, pose, Observation(one.corners - offsets, one.whitening)
+            )
 
         return jax.vmap(frame)(angles, seen).reshape(-1)
 
+    def prior_part(values: Float[Array, " values"]) -> Float[Array, " values"]:
+        return jnp.concatenate(
+            [values[:drawn], ((values[drawn:].reshape(start.shape) - start) / spread).reshape(-1)]
+        )
+
     def residuals(values: Float[Array, " values"], _: None) -> Float[Array, " data"]:
-        prior = ((values[drawn:].reshape(start.shape) - start) / spread).reshape(-1)
-        return jnp.concatenate([corner_part(values), values[:drawn], prior])
+        return jnp.concatenate([softened(corner_part(values)), prior_part(values)])
 
     guess = jnp.concatenate([jnp.zeros(drawn), start.reshape(-1)])
-    fit = least_squares(residuals, guess, tolerance=TOLERANCE, max_steps=64, differentiable=False)
-    return fit, corner_part(fit.solution.value)
+    fit: Fit = least_squares(
+        residuals, guess, tolerance=TOLERANCE, max_steps=64, differentiable=False
+    )
+    values, found = fit.solution.value, fit.solution.ok
+
+    def raw(values: Float[Array, " values"]) -> tuple[Array, Array]:
+        left = jnp.concatenate([corner_part(values), prior_part(values)])
+        return left, left
+
+    jacobian, left = jax.jacfwd(raw, has_aux=True)(values)
+    used = jnp.concatenate([seen.used.reshape(-1), jnp.ones(drawn, bool), labelled.reshape(-1)])
+    misfit = find_misfit(jnp.where(found, left, 0.0), jnp.where(found, jacobian, 0.0), used)
+    scale = jnp.maximum(misfit.rms, 1.0)
+    unit = jnp.concatenate([jnp.ones(model.errors), jnp.full(seen.corners[0].size, constant)])
+    errors = FingerErrors(
+        values[: model.errors],
+        constant * values[model.errors : drawn].reshape(seen.corners[0].shape),
+        scale**2 * jnp.outer(unit, unit) * fit.covariance[:drawn, :drawn],
+        scale,
+    )
+    code = CalibrationResult
+    result = code.where(misfit.rms <= MOST_SCATTER, code.successful, code.scattered)
+    result = code.where(found, result, code.unsolved)
+    margin = jnp.where(found, 1 - misfit.rms / MOST_SCATTER, -1.0)
+    calibration = Calibration(errors, values[drawn:].reshape(start.shape), misfit)
+    return Solution(calibration, margin, fit.solution.residual, result)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from designopt.fitting import Fit, least_squares
-from perception.proprioception.estimate import Estimate, undefined
+from designopt.solution import Solution
+from perception.proprioception.misfit import (
+    SIGNIFICANCE,
+    Misfit,
+    chi_squared_limits,
+    find_misfit,
+)
 from perception.proprioception.observation import Observation
 
 Predict = Callable[[Float[Array, " errors"], Float[Array, " joints"]], Float[Array, "views 4 2"]]
@@ -27,6 +32,10 @@ LOOSE = 10.0
 SOLVED, STEPS = 1e-9, 128
 """Relative tolerance of a pose, far below the corners' noise, and a cap on iterations: with many
 corners that count less it converges linearly only."""
+
+CONSTANT = 0.3
+"""Standard deviation of what a corner is off by in every frame alike, px of any image,
+beside its own covariance: a pad's edge is always rough in the same places."""
 
 
 class CornerModel(eqx.Module):
@@ -50,6 +59,85 @@ class CornerModel(eqx.Module):
     limits: tuple[float, float] = eqx.field(static=True)
 
 
+class FingerErrors(eqx.Module):
+    """What is known of one finger: nothing but its tolerances, or what a calibration found.
+
+    Attributes:
+        mean: errors in units of their standard deviations as fabricated.
+        offsets: what every corner is off by in all frames alike, px.
+        covariance: of errors and offsets together.
+        scale: of the corners' stated standard deviations, at least 1: how much more the frames of
+            a calibration scatter than these explain.
+    """
+
+    mean: Float[Array, " errors"]
+    offsets: Float[Array, "views 4 2"]
+    covariance: Float[Array, "causes causes"]
+    scale: Float[Array, ""]
+
+    @classmethod
+    def of(
+        cls,
+        model: CornerModel,
+        mean: Float[np.ndarray, " errors"] | None = None,
+        covariance: Float[np.ndarray, "errors errors"] | None = None,
+        *,
+        constant: float = CONSTANT,
+    ) -> FingerErrors:
+        """Errors as they are stated; by default those of fabrication.
+
+        Args:
+            model: of the finger.
+            mean: of the errors; 0 by default.
+            covariance: of the errors; the identity by default, and 0 if they are known exactly.
+            constant: standard deviation of what a corner is off by in all frames alike, px.
+        """
+        corners = 8 * len(model.views)
+        own = jnp.eye(model.errors) if covariance is None else jnp.asarray(covariance)
+        return cls(
+            jnp.zeros(model.errors) if mean is None else jnp.asarray(mean),
+            jnp.zeros((len(model.views), 4, 2)),
+            jax.scipy.linalg.block_diag(own, constant**2 * jnp.eye(corners)),
+            jnp.ones(()),
+        )
+
+
+class JointAngles(eqx.Module):
+    """Joint angles of a frame.
+
+    Attributes:
+        angles: rad.
+        covariance: of these, rad²: corners, the finger's errors and constant corner errors.
+        misfit: of all corners of the frame.
+        own_misfit: of the corners of every joint's own views: an error of one joint alone stands
+            out there, and would be lost among the other corners.
+    """
+
+    angles: Float[Array, " joints"]
+    covariance: Float[Array, "joints joints"]
+    misfit: Misfit
+    own_misfit: Misfit
+
+    @property
+    def deviations(self) -> Float[Array, " joints"]:
+        """Standard deviations of the angles, rad."""
+        return jnp.sqrt(jnp.diagonal(self.covariance))
+
+
+class JointAngleResult(eqx.Enumeration):
+    """How the search for a joint angle ended."""
+
+    successful = ""
+    not_seen = "No complete view shows a pad that this joint moves: turn on more light, or move it."
+    unsolved = "No pose fits the corners: the search for one did not end at a minimum."
+    contradicted = (
+        "The corners contradict the model of the finger at every pose: calibrate the finger "
+        "(again), and check that the image is of this finger and camera and neither mirrored, "
+        "scaled nor moved."
+    )
+    out_of_range = "The corners would place this joint beyond its range."
+
+
 def deviations(
     model: CornerModel,
     errors: Float[Array, " errors"],
@@ -61,7 +149,7 @@ def deviations(
     return jnp.einsum("vcij,vcj->vci", jnp.asarray(seen.whitening), off).reshape(-1)
 
 
-def softened(left: Float[Array, " data"]) -> Float[Array, " data"]:
+def softened(left: Float[Array, "*data"]) -> Float[Array, "*data"]:
     """Deviations whose squares are those of the pseudo-Huber loss: outliers count less.
 
     Source: P. Charbonnier et al., IEEE Trans. Image Process. 6 (1997) 298, with
@@ -70,64 +158,45 @@ def softened(left: Float[Array, " data"]) -> Float[Array, " data"]:
     return left * jnp.sqrt(2 / (1 + jnp.sqrt(1 + (left / ROBUST) ** 2)))
 
 
-class Pose(NamedTuple):
-    """Joint angles of a frame.
-
-    Attributes:
-        estimates: for each joint.
-        covariance: of the joint angles, rad²; infinite and by itself where one is undefined.
-    """
-
-    estimates: list[Estimate]
-    covariance: Float[np.ndarray, "joints joints"]
-
-
 def find_pose(
     model: CornerModel,
     seen: Observation,
     guess: Float[np.ndarray, " joints"],
-    errors: Float[np.ndarray, " errors"] | None = None,
-    spread: Float[np.ndarray, "errors errors"] | None = None,
-) -> Pose:
+    errors: FingerErrors | None = None,
+    *,
+    significance: float = SIGNIFICANCE,
+) -> Solution[JointAngles]:
     """The joint angles of a frame by all of its corners; the first one compiles.
+
+    Angles have the least pseudo-Huber loss. Whether corners agree with the finger at that pose
+    is a χ² test of their raw residuals, of all views and of each joint's own, with the covariance
+    C = s² N + J Σ Jᵀ of all that may move them: N of the corners, s their ``scale``, Σ of the
+    finger's errors and constant offsets, J the derivative by these (linear model error;
+    A. Tarantola, *Inverse Problem Theory*, 2005, §3.2).
 
     Args:
         model: what predicts the corners.
         seen: the corners.
         guess: rough joint angles, rad; NaN where there is none.
-        errors: of the finger, in units of their deviations; none by default.
-        spread: covariance of these; none by default.
+        errors: of the finger, from its calibration; by default those of fabrication.
+        significance: probability at which a frame of the right finger is refused.
 
     Returns:
-        An angle is undefined where no complete view tells it, where no pose fits, or where it
-        would be beyond its range.
+        One element for each joint. ``margin`` is the lesser of 1 − χ² / its limit and of the
+        distance from the nearer end of the range over that range, −1 where nothing is found;
+        ``residual`` is that of the search.
+
+    Raises:
+        ValueError: the significance does not lie between 0 and 1.
     """
-    count = model.errors
-    angles, spreads, ok = _solve(
+    limits = chi_squared_limits(8 * len(model.views), significance)
+    return _solve(
         model,
         Observation(*map(jnp.asarray, seen)),
         jnp.asarray(np.where(np.isfinite(guess), guess, np.mean(model.limits))),
-        jnp.asarray(np.zeros(count) if errors is None else errors),
-        jnp.asarray(np.zeros((count, count)) if spread is None else spread),
+        FingerErrors.of(model) if errors is None else errors,
+        jnp.asarray(limits),
     )
-    found, covariance = np.asarray(angles), np.array(spreads)
-    told = {joint for joint, there in zip(model.joints, seen.seen, strict=True) if there}
-    low, high = model.limits
-    estimates = []
-    for joint, name in enumerate(model.names):
-        if joint not in told:
-            estimates.append(undefined(f"no complete view tells {name}"))
-        elif not bool(ok):
-            estimates.append(undefined(f"no pose fits the corners that tell {name}"))
-        elif not low <= found[joint] <= high:
-            estimates.append(undefined(f"the corners would have {name} beyond its range"))
-        else:
-            deviation = float(np.sqrt(covariance[joint, joint]))
-            estimates.append(Estimate(float(found[joint]), deviation, "all corners"))
-        if not estimates[-1].defined:
-            covariance[joint] = covariance[:, joint] = 0
-            covariance[joint, joint] = np.inf
-    return Pose(estimates, covariance)
 
 
 @eqx.filter_jit
@@ -135,19 +204,77 @@ def _solve(
     model: CornerModel,
     seen: Observation,
     guess: Float[Array, " joints"],
-    errors: Float[Array, " errors"],
-    spread: Float[Array, "errors errors"],
-) -> tuple[Array, Array, Array]:
+    errors: FingerErrors,
+    limits: Float[Array, " counts"],
+) -> Solution[JointAngles]:
+    def left_at(causes: Float[Array, " causes"], pose: Float[Array, " joints"]) -> Array:
+        own, offsets = causes[: model.errors], causes[model.errors :].reshape(seen.corners.shape)
+        return deviations(model, own, pose, Observation(seen.corners - offsets, seen.whitening))
+
+    causes = jnp.concatenate([errors.mean, errors.offsets.reshape(-1)])
+
     def residuals(angles: Float[Array, " joints"], _: None) -> Float[Array, " data"]:
-        left = softened(deviations(model, errors, angles, seen))
-        return jnp.concatenate([left, (angles - guess) / LOOSE])
+        return jnp.concatenate([softened(left_at(causes, angles)), (angles - guess) / LOOSE])
 
     fit: Fit = least_squares(
         residuals, guess, tolerance=SOLVED, max_steps=STEPS, differentiable=False
     )
     angles = fit.solution.value
-    # Errors of the finger move the answer: d angles = −(JᵀJ)⁻¹ Jᵀ J_e d errors.
-    by_angle = jax.jacfwd(residuals)(angles, None)
-    by_error = jax.jacfwd(lambda e: softened(deviations(model, e, angles, seen)))(errors)
-    moved = -fit.covariance @ by_angle[: len(by_error)].T @ by_error
-    return angles, fit.covariance + moved @ spread @ moved.T, fit.solution.ok
+
+    left = left_at(causes, angles)
+    by_cause, by_angle = jax.jacfwd(left_at, (0, 1))(causes, angles)
+    found = fit.solution.ok & jnp.all(jnp.isfinite(left))
+    left, by_angle, by_cause = (jnp.where(found, part, 0.0) for part in (left, by_angle, by_cause))
+    noise = errors.scale**2
+    total = noise * jnp.eye(left.size) + by_cause @ errors.covariance @ by_cause.T
+
+    def misfit_of(views: Bool[Array, " views"]) -> Misfit:
+        """The misfit of some views by themselves, whatever the others show."""
+        used = (jnp.asarray(seen.used) & views[:, None, None]).reshape(-1)
+        both = used[:, None] & used[None, :]
+        root = jnp.linalg.cholesky(jnp.where(both, total, jnp.eye(left.size)))
+        whitened, slopes = (
+            jax.scipy.linalg.solve_triangular(root, jnp.where(used[:, None], part, 0), lower=True)
+            for part in (left[:, None], by_angle)
+        )
+        return find_misfit(whitened[:, 0], slopes, used)
+
+    moves = np.array([[j == joint for j in model.joints] for joint in range(len(model.names))])
+    misfit = misfit_of(jnp.ones(len(model.views), bool))
+    own_misfit = jax.vmap(misfit_of)(jnp.asarray(moves))
+
+    # Causes move the answer: d angles = −(JᵀJ)⁻¹ Jᵀ J_c d causes, with J of the softened residuals.
+    softening = jax.vmap(jax.grad(softened))(left)[:, None]
+    gain = fit.covariance @ (softening * by_angle).T @ (softening * by_cause)
+    covariance = noise * fit.covariance + gain @ errors.covariance @ gain.T
+    # Corners that scatter more than stated give larger deviations than stated.
+    excess = jnp.maximum(jnp.maximum(misfit.rms, own_misfit.rms), 1.0)
+    covariance = covariance * jnp.outer(excess, excess)
+
+    shown = jnp.any(moves & seen.seen[None, :], axis=1)
+    low, high = model.limits
+    agreement = jnp.minimum(_agreement(misfit, limits), _agreement(own_misfit, limits))
+    room = jnp.minimum(angles - low, high - angles) / (high - low)
+
+    def ended(
+        shown: Bool[Array, ""], agreement: Float[Array, ""], room: Float[Array, ""]
+    ) -> JointAngleResult:
+        code = JointAngleResult
+        result = code.where(room >= 0, code.successful, code.out_of_range)
+        result = code.where(agreement >= 0, result, code.contradicted)
+        result = code.where(found, result, code.unsolved)
+        return code.where(shown, result, code.not_seen)
+
+    margin = jnp.where(shown & found, jnp.minimum(agreement, room), -1.0)
+    residual = jnp.broadcast_to(fit.solution.residual, margin.shape)
+    return Solution(
+        JointAngles(angles, covariance, misfit, own_misfit),
+        margin,
+        residual,
+        jax.vmap(ended)(shown, agreement, room),
+    )
+
+
+def _agreement(misfit: Misfit, limits: Float[Array, " counts"]) -> Float[Array, "*joints"]:
+    """1 − χ² over its limit."""
+    return 1 - misfit.chi_squared / limits[misfit.degrees_of_freedom.astype(int)]

@@ -5,6 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from designopt.solution import Solution
+from perception.proprioception.corners import JointAngles
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -34,3 +39,17 @@ def undefined(reason: str) -> Estimate:
 def first_defined(*estimates: Estimate) -> Estimate:
     """The first of several estimates that is defined: each is the fall-back of the one before."""
     return next((estimate for estimate in estimates if estimate.defined), estimates[0])
+
+
+def estimates_of(solution: Solution[JointAngles]) -> list[Estimate]:
+    """The answer of `find_pose` in the shape of every other method, one element for each joint."""
+    return [
+        Estimate(float(angle), float(deviation), "all corners") if ok else undefined(message)
+        for ok, angle, deviation, message in zip(
+            np.asarray(solution.ok),
+            np.asarray(solution.value.angles),
+            np.asarray(solution.value.deviations),
+            solution.messages(),
+            strict=True,
+        )
+    ]

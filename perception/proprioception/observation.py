@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from perception.matching import Sighting
 from perception.quality import Quality
@@ -35,9 +35,14 @@ class Observation(NamedTuple):
     whitening: Float[Array | np.ndarray, "*frames views 4 2 2"]
 
     @property
-    def seen(self) -> np.ndarray:
+    def seen(self) -> Bool[Array | np.ndarray, "*frames views"]:
         """Which views were found complete."""
-        return np.any(np.asarray(self.whitening) != 0, axis=(-1, -2, -3))
+        return (self.whitening != 0).any(axis=(-1, -2, -3))
+
+    @property
+    def used(self) -> Bool[Array | np.ndarray, "*frames views 4 2"]:
+        """Which columns and rows of corners were found."""
+        return (self.whitening != 0).any(axis=-1)
 
 
 def observe(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -153,6 +154,11 @@ def problem(finger: SoftFinger) -> Problem:
             "image": Requirement(
                 lambda _: "blue's outline inside the image", "px", finger.endoscope.rows
             ),
+        },
+        parameters={
+            "offset_b": Requirement(lambda _: "Δl_B", "mm"),
+            "wall_angle_bc": Requirement(lambda _: "θ_BC", "°", math.degrees(1)),
+            "eta": Requirement(lambda _: "η"),
         },
         data=(finger.chamber, finger.endoscope, least),
     )

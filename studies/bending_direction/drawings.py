@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.patches import Polygon
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from perception.chamber import Direction, displacements
 from perception.chamber.points import NAMES
@@ -28,6 +28,8 @@ ALONG = {
     Direction.RIGHT: ("a", "c", "d", "f", "g"),
 }
 """Points whose displacement tells a direction."""
+
+STYLES = {"a": "-", "b": "-", "c": ":", "d": "--", "e": "--", "f": ":", "g": "-."}
 
 WORDS = {"a": "leftmost", "b": "lowest", "c": "rightmost", "d": "leftmost", "e": "lowest",
          "f": "rightmost", "g": "centre"}  # fmt: skip
@@ -82,29 +84,28 @@ def curves_figure(found: Found) -> Figure:
     drawing, grid = new_figure(3, 2, height=8.0)
     for axes, frames in zip(grid[:2].flat, found.curves, strict=True):
         bends = np.rad2deg(frames.bends)
-        for name, style in zip(ALONG[frames.truth], ("-", "--", "-.", ":", "-"), strict=False):
+        for name in ALONG[frames.truth]:
             along, seen = moved(frames, name)
             colour = YELLOW if name in "def" else BLUE
             region = "yellow" if name in "def" else "blue"
             axes.plot(
-                bends[seen], along[seen], style, color=colour,
+                bends[seen], along[seen], STYLES[name], color=colour,
                 linewidth=2.2 if name == "g" else 1.3, label=f"{name}: {WORDS[name]} of {region}",
             )  # fmt: skip
         axis = "x" if frames.truth in (Direction.LEFT, Direction.RIGHT) else "y"
         axes.set(title=f"Bending {frames.truth.name.lower()}", xlim=(0, 120))
         axes.set(xlabel="bend (°)", ylabel=f"displacement along {axis} (px)")
-        axes.legend(fontsize=7)
     for axes, truth in zip(grid[2], (Direction.DOWN, Direction.RIGHT), strict=True):
         frames = next(one for one in found.curves if one.truth is truth)
         areas = np.array([look.areas for look in frames.looks])
         for index, (name, colour) in enumerate((("blue", BLUE), ("yellow", YELLOW))):
             axes.plot(
-                np.rad2deg(frames.bends), 1e-3 * areas[:, index], color=colour, label=name,
-                linestyle=("-", "--")[index],
+                np.rad2deg(frames.bends), 1e-3 * areas[:, index], color=colour, linewidth=2.2,
+                label=f"below: area of {name}", linestyle=("--", "-.")[index],
             )  # fmt: skip
         axes.set(title=f"What is seen, bending {truth.name.lower()}", xlim=(0, 120), ylim=(0, None))
         axes.set(xlabel="bend (°)", ylabel="area (1000 px)")
-        axes.legend(fontsize=7)
+    legend_below(drawing, handlelength=3.5)
     return Figure(
         "curves",
         "Displacements of the reference points over the bend (the paper's Fig. 12)",
@@ -148,8 +149,7 @@ def rules_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
             axes.set(ylim=(0, None))
         else:
             axes.set(ylim=(math.floor(lowest) - 2, 100.3))
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    drawing.legend(handles, labels, loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "rules",
         "Table II and ours, rule by rule",
@@ -163,10 +163,12 @@ def rules_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
 def thresholds_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
     """Decided and undecided images over the threshold."""
     drawing, grid = new_figure(1, 2, height=3.2)
+    lowest = 100.0
     for use, colour, style in zip(USES, (BLUE, GREEN, VERMILION), ("-", "--", "-."), strict=True):
         tallies = [[f.tally(least, use) for f in found.series] for least in THRESHOLDS]
         decided = [min(100 * tally.decided for tally in row) for row in tallies]
         abstained = [max(100 * tally.abstained for tally in row) for row in tallies]
+        lowest = min([lowest, *(part for part in decided if math.isfinite(part))])
         grid[0, 0].plot(THRESHOLDS, decided, style, color=colour, label=f"{use} points")
         grid[0, 1].plot(THRESHOLDS, abstained, style, color=colour)
     for axes, name in zip(
@@ -174,8 +176,9 @@ def thresholds_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
     ):
         axes.axvline(spec.threshold, color="0.5", linestyle=":", linewidth=1)
         axes.set(xlabel="threshold (px)", ylabel=name)
+    grid[0, 0].set(ylim=(math.floor(lowest) - 2, 100.3))
     grid[0, 1].set(ylim=(0, None))
-    drawing.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "thresholds",
         "What the threshold does",

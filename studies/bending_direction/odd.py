@@ -47,7 +47,7 @@ class Odd:
         """Whether the answer is not the defined one."""
         if self.sight is not self.kind.sight:
             return True
-        return self.direction is not (self.truth if self.kind.usable else Direction.UNDEFINED)
+        return self.direction is not (self.truth if self.kind.in_view else Direction.UNDEFINED)
 
 
 def odd_frames(finger: SoftFinger, threshold: float, seed: int) -> list[Odd]:

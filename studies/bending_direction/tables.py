@@ -18,6 +18,7 @@ from studies.bending_direction.frames import Series
 from studies.bending_direction.odd import AtBend, Odd
 from studies.bending_direction.rules import Tally
 from studies.bending_direction.spec import BendingDirectionSpec
+from studies.chamber_images.odd import sight_words
 
 OPEN = (Direction.INITIAL, Direction.UNDEFINED)
 """Answers that name no direction."""
@@ -218,9 +219,9 @@ def designs(made: Sequence[Design]) -> Table:
             "offset_d_mm",
             "outline",
             "rate_px_per_deg",
-            "per_eta",
-            "per_mm_offset_b",
-            "per_deg_theta_bc",
+            "slope_eta_px_per_deg",
+            "slope_offset_b_px_per_deg_mm",
+            "slope_theta_bc_px_per_deg2",
         ],
         rows,
     )
@@ -228,13 +229,13 @@ def designs(made: Sequence[Design]) -> Table:
 
 def bends(rows: Sequence[AtBend]) -> Table:
     """Answers over the bend."""
-    words = ("right", "not bent", "wrong", "undefined")
+    answers = ("right", "not bent", "wrong", "undefined")
     return Table(
         "bends",
         "Answers of all points from hardly bent to far, over all directions",
-        ["images", "threshold_px", "bend_deg", *(word.replace(" ", "_") for word in words)],
+        ["images", "threshold_px", "bend_deg", *(one.replace(" ", "_") for one in answers)],
         [
-            [row.images, row.threshold, row.bend_deg, *(row.answers[word] for word in words)]
+            [row.images, row.threshold, row.bend_deg, *(row.answers[one] for one in answers)]
             for row in rows
         ],
     )
@@ -249,9 +250,9 @@ def odd(frames: Sequence[Odd]) -> Table:
             [
                 kind.name,
                 len(own),
-                kind.sight.name,
-                "the direction" if kind.usable else "undefined",
-                ", ".join(sorted({frame.sight.name if frame.sight else "exception"
+                sight_words(kind.sight),
+                "the direction" if kind.in_view else "undefined",
+                ", ".join(sorted({sight_words(frame.sight)
                                   for frame in own})),
                 sum(frame.failed for frame in own),
             ]

@@ -5,12 +5,19 @@ from __future__ import annotations
 import statistics
 
 import numpy as np
-from matplotlib.axis import Axis
 from matplotlib.colors import ListedColormap
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import MaxNLocator
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import (
+    MARKERS,
+    PALETTE,
+    label_plainly,
+    legend_below,
+    new_figure,
+    share_limits,
+)
 from designopt.results import Figure
+from designopt.typesetting import as_mathtext
 from studies.bending_posture.found import Found
 from studies.bending_posture.spec import BendingPostureSpec
 from studies.bending_posture.trainings import EQUAL, OURS
@@ -35,14 +42,6 @@ def figures(spec: BendingPostureSpec, found: Found) -> list[Figure]:
     if found.sweep:
         drawn.append(regularisation_figure(found))
     return drawn + ([etas_figure(found)] if found.etas else [])
-
-
-def _plainly(axis: Axis) -> None:
-    """Numbers on an axis with a logarithmic scale without powers of ten, at 1, 2 and 5."""
-    axis.set_major_formatter("{x:g}")
-    axis.set_minor_formatter(
-        FuncFormatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "25" else "")
-    )
 
 
 def pictures_figure(found: Found) -> Figure:
@@ -80,8 +79,8 @@ def dots_figure(found: Found) -> Figure:
         axes.plot([], [], "o", color="0.75", label="true")
         axes.plot(0, 0, "s", color="black", markersize=5)
         axes.set(title=title, xlabel="across (mm)", ylabel="along (mm)", aspect="equal")
-        axes.set(xlim=(-5, None), ylim=(-5, None))
-    drawing.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4,
+    share_limits(grid[0])
+    legend_below(drawing, most=4,
                    markerscale=2)  # fmt: skip
     return Figure(
         "dots",
@@ -134,8 +133,9 @@ def learning_figure(found: Found) -> Figure:
     right.axhline(found.data.mean_error, color="0.4", linestyle=":")
     right.text(0.02, 0.92 * found.data.mean_error, "mean of the labels", va="top", color="0.3",
                transform=right.get_yaxis_transform())  # fmt: skip
-    _plainly(left.yaxis)
-    _plainly(right.yaxis)
+    label_plainly(left.yaxis)
+    label_plainly(right.yaxis)
+    left.xaxis.set_major_locator(MaxNLocator(integer=True))
     left.set(xlabel="epoch", ylabel="weighted loss, Eq. 4 (mm²)", title="Training")
     right.set(
         xlabel="time (s)", ylabel="mean tip error (mm)", title="Unseen images", xlim=(0, None)
@@ -163,7 +163,7 @@ def ways_figure(found: Found) -> Figure:
     axes.text(found.data.mean_error * 0.95, len(names) / 2 - 0.5, "mean of the labels",
               rotation=90, va="center", ha="right", color="0.3")  # fmt: skip
     axes.set(xscale="log", yticks=range(len(names)), yticklabels=names)
-    _plainly(axes.xaxis)
+    label_plainly(axes.xaxis)
     axes.set(xlabel="mean tip error on unseen images (mm)", ylim=(len(names) - 0.5, -0.5))
     return Figure(
         "ways",
@@ -200,7 +200,7 @@ def regularisation_figure(found: Found) -> Figure:
         axes.text(value, 1.02, f"0.01 {unit if unit == 'standardised' else 'in ' + unit}",
                   color=VERMILION, ha="center", fontsize=8,
                   transform=axes.get_xaxis_transform())  # fmt: skip
-    _plainly(axes.yaxis)
+    label_plainly(axes.yaxis)
     axes.set(xlabel="L2 regularisation, of standardised labels")
     axes.set(ylabel="mean tip error on unseen images (mm)")
     return Figure(
@@ -220,7 +220,8 @@ def etas_figure(found: Found) -> Figure:
     left.plot(etas, [statistics.mean(o.tip_errors) for o in found.etas], "-o", color=BLUE)
     for one in found.etas:
         left.plot([one.eta] * len(one.tip_errors), one.tip_errors, ".", color="0.5")
-    left.set(title="Posture", ylabel="mean tip error (mm)", ylim=(0, None))
+    left.set(title="Posture", ylabel="mean tip error (mm)")
+    left.set_ylim(0, 1.1 * max(max(one.tip_errors) for one in found.etas))
     for i, (name, colour, style) in enumerate(
         (("blue ring", BLUE, "-o"), ("yellow ring", "#C79A00", "--s"))
     ):
@@ -232,7 +233,7 @@ def etas_figure(found: Found) -> Figure:
     right.axhline(ROOM_MM, color="0.4", linestyle=":")
     right.text(1, ROOM_MM, f"{ROOM_MM:g} mm", ha="right", va="bottom", color="0.3",
                transform=right.get_yaxis_transform())  # fmt: skip
-    right.set(title="Room at D", ylabel=r"$\Delta l_A - |\Delta l_D|$ (mm)")
+    right.set(title="Room at D", ylabel=as_mathtext("Δl_A − |Δl_D| (mm)"))
     for axes in (left, middle, right):
         axes.set_xlabel("η, yellow over blue")
     return Figure(

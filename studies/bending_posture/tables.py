@@ -11,8 +11,9 @@ from designopt.results import Cell, Table
 from studies.bending_posture.found import Found
 from studies.bending_posture.trainings import EQUAL, MEAN, OURS, READINGS
 from studies.bending_posture.verdicts import judged
+from studies.chamber_images.odd import sight_words
 
-MARKERS = ("marker_1", "marker_2", "tip")
+MARKERS = ("marker 1", "marker 2", "tip")
 
 
 def tables(found: Found) -> list[Table]:
@@ -169,7 +170,7 @@ def odd(found: Found) -> Table:
             [
                 kind.name,
                 len(own),
-                kind.sight.name,
+                sight_words(kind.sight),
                 "a posture" if kind.usable else "none",
                 sum(one.answered for one in own),
                 sum(one.failed for one in own),

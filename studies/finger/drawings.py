@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from designopt.figures import PALETTE, new_figure
+from designopt.figures import PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from optics.scene import Scene
 from studies.finger_linkage.body import BodySpec
@@ -35,7 +35,7 @@ def section_figure(pins: Pins, body: BodySpec, scene: Scene) -> Figure:
         arrowprops={"arrowstyle": "->", "color": CAMERA},
     )
     axis.set(xlabel="x from the PIP axis, to the tip (mm)", ylabel="y, to the back (mm)")
-    drawing.legend(loc="outside lower center", ncols=4)
+    legend_below(drawing, most=4)
     return Figure(
         "drawing",
         "The finger in section",

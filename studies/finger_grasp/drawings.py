@@ -6,9 +6,16 @@ import math
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import (
+    MARKERS,
+    PALETTE,
+    angle_ticks,
+    label_plainly,
+    legend_below,
+    new_figure,
+    share_limits,
+)
 from designopt.results import Figure
 from studies.finger_grasp.analysis import CLOSED, Analysis, radius_of
 from studies.finger_grasp.closing import Path
@@ -26,22 +33,23 @@ def figures(found: Analysis) -> list[Figure]:
         paths(found),
         stability_map(found),
         over_diameter(found),
-        pinches(found),
+        *([] if all(pinch.holds for pinch, _, _ in found.pinches) else [pinches(found)]),
     ]
 
 
 def sequences(found: Analysis) -> Figure:
     """The finger in section: pinching, closing on a circle and on a square."""
-    body: BodySpec = found.finger.body
-    reach = body.intermediate + body.distal
     pinch = next((path for one, path, _ in found.pinches if one.holds), None)
     shown: list[tuple[str, Path, tuple[int, ...]]] = [
         ("Free closing", found.free, (0, 20, 34, 45, 56))
     ]
     if pinch is not None:
         shown.append(("Pinch: DIP stays straight", pinch, (0, 8, 16, APPROACH, 120)))
-    first = int(np.argmax(found.adaptive.gaps[:, 0] < 1e-7))
-    both = int(np.argmax((found.adaptive.gaps < 1e-7).all(axis=1)))
+    touching = found.adaptive.gaps[: CLOSED + 1] < 1e-7
+    first, both = (
+        int(np.argmax(pads)) if pads.any() else CLOSED
+        for pads in (touching[:, 0], touching.all(axis=1))
+    )
     shown.append(
         (
             f"Adaptive: a circle of {2 * radius_of(found.adaptive):.3g} mm",
@@ -51,28 +59,38 @@ def sequences(found: Analysis) -> Figure:
     )
     if found.box is not None:
         shown.append(("A square of 24 mm", found.box, (0, 26, 38, CLOSED)))
-    drawing, axes = new_figure(-(-len(shown) // 2), 2, height=3.4 * -(-len(shown) // 2))
+    rows = -(-len(shown) // 2)
+    drawing, axes = new_figure(rows, 2, height=3.6 * rows)
     for axis, (title, path, states) in zip(axes.flat, shown, strict=False):
         if path.problem.thing is not None:
             outline = np.asarray(path.problem.thing.outline())
-            axis.fill(*outline.T, color="0.85", zorder=0)
-            axis.plot(*outline.T, color="0.5", linewidth=0.8, zorder=0)
+            axis.fill(*outline.T, facecolor="0.85", edgecolor="0.5", zorder=0, label="object")
         usable = [state for state in states if path.ok[state]]
         for rank, state in enumerate(usable):
             last = rank == len(usable) - 1
             _finger(axis, path, state, 1.0 if last else 0.25 + 0.3 * rank / len(usable))
         if usable:
             _pushes(axis, path, usable[-1])
-        axis.set(title=title, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
-        axis.set(xlim=(-body.proximal - 7, reach + 7), ylim=(-reach - 11, body.dorsal + 5))
-    for axis in axes.flat[len(shown) :]:
-        axis.set_visible(False)
+        axis.set(title=title, xlabel="x (mm)", aspect="equal")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("y (mm)")
+    share_limits(axes.flat[: len(shown)])
+    # Every name once, by what is drawn full: the last of its name.
+    named = {
+        label: handle
+        for axis in axes.flat[: len(shown)]
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
+    for axis in axes.flat[len(shown) :]:  # where no drawing stands the legend does
+        axis.set_axis_off()
+        axis.legend(named.values(), named.keys(), loc="center")
+    if axes.size == len(shown):
+        legend_below(drawing, named.values(), named.keys())
     return Figure(
         "closing",
         "Closing sequences in section",
-        "Phalanges in outline, pads in blue, the linkage in orange; the last state is drawn full, "
-        "those before it fainter. Arrows are contact forces on the finger in the last state, "
-        "1 mm for 1 N. The object is fixed beside the proximal phalanx.",
+        "The last state is drawn full, those before it fainter. Arrows are contact forces on the "
+        "finger in the last state, 1 mm for 1 N. The object is fixed beside the proximal phalanx.",
         drawing,
     )
 
@@ -97,7 +115,8 @@ def _finger(axis: Axes, path: Path, state: int, strength: float) -> None:
                 [start, body.palmar],
             ]
         )
-        axis.plot(*_placed(corners, tilt, origin).T, color="0.35", linewidth=0.7, alpha=strength)
+        axis.plot(*_placed(corners, tilt, origin).T, color="0.35", linewidth=0.7, alpha=strength,
+                  label="phalanges")  # fmt: skip
     h = body.axis_height
     for low, high, tilt, origin in (
         (-body.proximal + RIM, -h, tilts[0], at["A"]),
@@ -105,11 +124,13 @@ def _finger(axis: Axes, path: Path, state: int, strength: float) -> None:
         (h, body.distal - RIM, tilts[2], at["B"]),
     ):
         pad = np.array([[low, body.palmar], [high, body.palmar]])
-        axis.plot(*_placed(pad, tilt, origin).T, color=BLUE, linewidth=2.5, alpha=strength)
+        axis.plot(*_placed(pad, tilt, origin).T, color=BLUE, linewidth=2.5, alpha=strength,
+                  label="pads")  # fmt: skip
     for chain in ("FED", "DCHD", "GH", "AB"):
         line = np.array([at[name] for name in chain])
-        color = "0.2" if chain == "AB" else VERMILION
-        axis.plot(*line.T, "-o", color=color, linewidth=1.1, markersize=2.2, alpha=strength)
+        color, label = ("0.2", "joints") if chain == "AB" else (VERMILION, "linkage")
+        axis.plot(*line.T, "-o", color=color, linewidth=1.1, markersize=2.2, alpha=strength,
+                  label=label)  # fmt: skip
 
 
 def _placed(points: np.ndarray, tilt: float, origin: np.ndarray) -> np.ndarray:
@@ -134,6 +155,9 @@ def _pushes(axis: Axes, path: Path, state: int) -> None:
                     place - push,
                     arrowprops={"arrowstyle": "-|>", "color": GREEN, "linewidth": 1.6},
                 )
+                axis.update_datalim([place - push])
+                # An arrow has no entry in a legend of its own.
+                axis.plot([], [], color=GREEN, marker=">", linewidth=1.6, label="contact force")
         origin = _placed(np.array([[body.intermediate, 0.0]]), tilt, origin)[0]
         tilt -= joints[1]
 
@@ -141,6 +165,7 @@ def _pushes(axis: Axes, path: Path, state: int) -> None:
 def paths(found: Analysis) -> Figure:
     """Joints and forces over the motor's angle: free, blocked, and against a load."""
     drawing, axes = new_figure(2, 2, height=6.0)
+    last = 1.03 * found.finger.body.range_deg
     shown = (("free", found.free, "-"), ("circle", found.adaptive, "-"))
     shown += (("circle, loaded", found.loaded, "--"),)
     for index, (name, path, style) in enumerate(shown):
@@ -151,7 +176,9 @@ def paths(found: Analysis) -> Figure:
             axes[0, column].plot(
                 angle, np.degrees(path.joints[closing, column]), style, color=color, label=name
             )
-            axes[0, column].set(ylabel=f"{joint} flexion (°)", title=joint)
+            axes[0, column].set(
+                ylabel=f"{joint} flexion (°)", title=joint, ylim=(-0.03 * last, last)
+            )
         axes[1, 0].plot(angle, path.motor[closing], style, color=color)
         if path.per_pad:
             for pad, mark in ((0, "s"), (1, "o")):
@@ -170,7 +197,7 @@ def paths(found: Analysis) -> Figure:
     axes[1, 1].legend(loc="upper left", fontsize=8)
     for axis in axes.flat:
         axis.set(xlabel="motor angle α (°)")
-    drawing.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing, *axes[0, 0].get_legend_handles_labels())
     return Figure(
         "paths",
         "Equilibria over the motor's angle",
@@ -196,7 +223,7 @@ def stability_map(found: Analysis) -> Figure:
         axis.clabel(lines, fontsize=7, fmt="%.2g")
         drawing.colorbar(filled, ax=axis, label=title + unit, shrink=0.72)
         axis.set(xlabel="PIP flexion (°)", ylabel="DIP flexion (°)", title=title)
-        axis.set(xticks=range(0, 91, 30), yticks=range(0, 91, 30), aspect="equal")
+        axis.set(xticks=angle_ticks(angles[-1]), yticks=angle_ticks(angles[-1]), aspect="equal")
         axis.grid(visible=False)
     return Figure(
         "stability_map",
@@ -282,8 +309,7 @@ def pinches(found: Analysis) -> Figure:
                 )
     limit.set(xlabel="k₂ (mm)", ylabel="largest motor moment (N mm)", yscale="log")
     limit.set(title="Where a pinch gives way")
-    for which in (limit.yaxis.set_major_formatter, limit.yaxis.set_minor_formatter):
-        which(FuncFormatter(lambda moment, _: f"{moment:g}" if f"{moment:e}"[0] in "1235" else ""))
+    label_plainly(limit.yaxis)
     limit.legend(loc="upper left", fontsize=8)
     loading.axvline(1.0, color="0.4", linewidth=0.8)
     loading.set(xlabel="motor moment over the formula's limit", ylabel="DIP flexion (°)")

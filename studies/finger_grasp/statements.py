@@ -155,6 +155,11 @@ def findings(spec: GraspSpec, found: Analysis, check: GraspCheck) -> list[str]:
         if math.isnan(check.adaptive_dip_deg)
         else f", until the distal pad touches at {check.adaptive_dip_deg:.2f}°"
     )
+    formulas = (
+        ""  # no state in which both pads press
+        if math.isnan(check.formula_error)
+        else f", and with the formulas for two phalanges to {check.formula_error:.1e}"
+    )
     said = [
         f"Free closing turns PIP alone up to {check.free_closing_pip_deg:.1f}° of its "
         f"{spec.body.range_deg:g}°; on a circle of {2 * circle.radius:.3g} mm that blocks the "
@@ -162,8 +167,7 @@ def findings(spec: GraspSpec, found: Analysis, check: GraspCheck) -> list[str]:
         f"instead{touched} (geometry alone, 2 atan((l − k₁)/(r + h)), asks for {wrapped:.2f}°).",
         f"φ₂/φ₁ runs from {check.ratio_low:.3f} to {check.ratio_high:.3f} over all postures.",
         f"Contact forces by virtual work and by the balance of all six links agree to "
-        f"{check.virtual_work_error:.1e}, and with the formulas for two phalanges to "
-        f"{check.formula_error:.1e}.",
+        f"{check.virtual_work_error:.1e}{formulas}.",
     ]
     if yielding:
         limits = [one.limit for one in yielding]

@@ -29,7 +29,7 @@ class FingerImagesSpec(Spec):
         default="",
         description="scene file of the finger; by default that of the packaged finger",
     )
-    width: Length = Field(default=24.0, description="of the pads across the section (mm)")
+    width: Length = Field(default=24.0, description="of the pads, as in paper B (mm)")
     severity: Annotated[float, Field(ge=0, le=2)] = Field(
         default=1.0, description="of light, blur, noise, rough edges: 0 none, 1 good, 2 poor"
     )

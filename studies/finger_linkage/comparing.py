@@ -13,6 +13,7 @@ from designopt.optimising import (
     Method,
     Minimiser,
     Optima,
+    Problem,
     Starts,
     differential_evolution,
     epigraph,
@@ -20,7 +21,7 @@ from designopt.optimising import (
 )
 from designopt.results import Claim, PrecisionRow, PrecisionStudy
 from studies.finger_linkage.problem import ANGLE, grid
-from studies.finger_linkage.searching import FLOOR, STEPS, UPDATES, Search, over
+from studies.finger_linkage.searching import FLOOR, STEPS, UPDATES, Search, least_angles_deg, over
 from studies.finger_linkage.spec import FingerLinkageSpec
 
 CONTENDERS: tuple[tuple[Method, tuple[int, ...]], ...] = (
@@ -119,14 +120,14 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> Comparison:
     exact = epigraph(problem, scale=ANGLE)
     starts = found.starts
     every = level_starts(problem, starts.parameters)
-    runs = [_run("bfgs", spec.search.starts, found.rounds[0].optima, starts)]
+    runs = [_run(problem, "bfgs", spec.search.starts, found.rounds[0].optima, starts)]
     for method, counts in CONTENDERS:
         for count in counts:
             if count > spec.search.starts or (method, count) == ("bfgs", spec.search.starts):
                 continue
             minimiser = Minimiser(exact, count, method, floor=FLOOR, updates=UPDATES, steps=STEPS)
             optima = minimiser.solve(jax.tree.map(lambda leaf, n=count: leaf[:n], every))
-            runs.append(_run(method, count, optima, starts))
+            runs.append(_run(problem, method, count, optima, starts))
     evolution = differential_evolution(problem, seconds=spec.evolution_seconds, seed=seed)
     comparison = Comparison(tuple(runs), evolution)
     for share in (1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1):
@@ -136,12 +137,12 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> Comparison:
     return Comparison(tuple(runs), evolution)
 
 
-def _run(method: str, count: int, optima: Optima, starts: Starts) -> Run:
+def _run(problem: Problem, method: str, count: int, optima: Optima, starts: Starts) -> Run:
     best = optima.best
     return Run(
         NAMES[method],
         f"{count} start{'s' if count > 1 else ''}",
-        -float(np.rad2deg(best.objective * ANGLE)),
+        least_angles_deg(problem, [best])[0],
         best.violation,
         optima.seconds + starts.seconds,
         optima.compile_seconds + starts.compile_seconds,

@@ -11,15 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, angle_ticks, legend_below, new_figure, share_limits
 from designopt.optimising import FEASIBLE
 from designopt.results import Figure
+from designopt.typesetting import as_mathtext
 from kinematics.poses import solve_poses
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import EVOLUTION, Comparison
 from studies.finger_linkage.judging import Verdict
-from studies.finger_linkage.pins import Pins, linkage_of
-from studies.finger_linkage.problem import told
+from studies.finger_linkage.pins import Pins, linkage_of, told
 
 LINK_COLOURS = {"crank": "#D55E00", "rod": "#E69F00", "plate": "#009E73", "bar": "#CC79A7"}
 PHALANX = "#0072B2"
@@ -31,7 +31,7 @@ def finger_figure(pins: Pins, body: BodySpec) -> Figure:
     axis = axes[0, 0]
     draw_finger(axis, pins, body, (0.0, 0.0), named=True)
     axis.set(xlabel="x from the PIP axis, to the tip (mm)", ylabel="y, to the back (mm)")
-    drawing.legend(loc="outside lower center", ncols=5)
+    legend_below(drawing, most=5)
     return Figure(
         "finger",
         "The linkage in the straight finger",
@@ -51,17 +51,18 @@ def sequence_figure(pins: Pins, body: BodySpec) -> Figure:
             axis = axes[row, column]
             pose = (share * end, dip * share * end)
             draw_finger(axis, pins, body, pose)
-            axis.set_title(f"{name}: PIP {pose[0]:.0f}°, DIP {pose[1]:.0f}°", fontsize=8)
-            axis.set(xlim=(-body.proximal - 6, 62), ylim=(-62, 34))
+            axis.set_title(f"{name}:\nPIP {pose[0]:.0f}°, DIP {pose[1]:.0f}°", fontsize=8)
             axis.tick_params(labelsize=7)
         axes[row, 0].set_ylabel("y (mm)")
     for axis in axes[1]:
         axis.set_xlabel("x (mm)")
+    share_limits(axes.ravel())
+    legend_below(drawing, most=5)
     return Figure(
         "sequences",
         "Pinch and adaptive closing",
         "Pinch: the spring holds the plate against the distal phalanx, and only PIP moves. "
-        "Adaptive: both joints move (paper B, Fig. 3.4). Colours as in the drawing of the finger.",
+        "Adaptive: both joints move (paper B, Fig. 3.4).",
         drawing,
     )
 
@@ -76,11 +77,11 @@ def draw_finger(
         pins: the design.
         body: its section.
         pose_deg: flexion of PIP and DIP, degrees.
-        named: write the pins' names, and label the links for a legend.
+        named: write the pins' names, for which the drawing has to be large.
     """
     linkage = linkage_of(pins, body, "joints")
     pose = solve_poses(linkage, -jnp.deg2rad(jnp.asarray(pose_deg))).value
-    at = {name: np.asarray(pose.position(name)) for name in pose.joints}
+    at = {name: np.asarray(pose.position(told(name))) for name in "ABCDEFGH"}
     turns = np.deg2rad(np.cumsum([0.0, *pose_deg]))
     spans = ((-body.proximal, 0.0), (0.0, body.intermediate), (0.0, body.distal))
     for number, (origin, turn, (rear, front)) in enumerate(zip("AAB", turns, spans, strict=True)):
@@ -88,16 +89,18 @@ def draw_finger(
             [[rear, body.palmar], [front, body.palmar], [front, body.dorsal], [rear, body.dorsal]]
         )
         outline = at[origin] + corners @ _turned(turn).T
-        label = "phalanges" if named and not number else None
+        label = None if number else "phalanges"
         axis.fill(*outline.T, facecolor="0.95", edgecolor=PHALANX, linewidth=1.0, label=label)
     links = {"crank": "FE", "rod": "ED", "plate": "CDHC", "bar": "GH"}
     for name, path in links.items():
         places = np.array([at[pin] for pin in path])
-        axis.plot(*places.T, color=LINK_COLOURS[name], linewidth=2.0, label=name if named else None)
+        axis.plot(*places.T, color=LINK_COLOURS[name], linewidth=2.0, label=name)
     for host, ends in (("A", "F"), ("A", "G"), ("B", "C")):
         axis.plot(*np.array([at[host], at[ends]]).T, color=PHALANX, linewidth=1.0, linestyle=":")
     for pin in "ABCDEFGH":
-        axis.plot(*at[pin], "o", color="black", markerfacecolor="white", markersize=4)
+        axis.plot(
+            *at[pin], "o", color="black", markerfacecolor="white", markersize=4 if named else 2.5
+        )
         if named:
             axis.annotate(
                 told(pin), tuple(at[pin]), xytext=(5, 4), textcoords="offset points", fontsize=9
@@ -124,8 +127,9 @@ def maps_figure(verdict: Verdict) -> Figure:
         worst = np.unravel_index(np.argmin(full), full.shape)
         place = [verdict.flexion_deg[i] for i in worst]
         axis.plot(*place, "X", color=PALETTE[1], markersize=9, clip_on=False, zorder=5)
-        axis.set_title(f"{name}: least {full.min():.1f}°", fontsize=9)
-        axis.set(aspect="equal", xticks=[0, 30, 60, 90], yticks=[0, 30, 60, 90])
+        axis.set_title(as_mathtext(f"{name}: least {full.min():.1f}°"), fontsize=9)
+        ticks = angle_ticks(verdict.flexion_deg[-1])
+        axis.set(aspect="equal", xticks=ticks, yticks=ticks)
         axis.grid(visible=False)
     for axis in axes[1]:
         axis.set_xlabel("PIP (°)")
@@ -153,7 +157,8 @@ def ratio_figure(verdict: Verdict) -> Figure:
             verdict.flexion_deg, verdict.flexion_deg, values.T, levels=12, cmap="cividis"
         )
         axis.set(xlabel="PIP (°)", ylabel="DIP (°)", aspect="equal")
-        axis.set(xticks=[0, 30, 60, 90], yticks=[0, 30, 60, 90])
+        ticks = angle_ticks(verdict.flexion_deg[-1])
+        axis.set(xticks=ticks, yticks=ticks)
         axis.grid(visible=False)
         drawing.colorbar(shown, ax=axis, label=label, shrink=0.9)
     return Figure(
@@ -172,7 +177,7 @@ def tolerance_figure(least: Float[np.ndarray, " draws"], nominal: float, require
     axis.axvline(nominal, color=PALETTE[0], label=f"without errors {nominal:.1f}°")
     axis.axvline(required, color=PALETTE[1], linestyle="--", label=f"required {required:g}°")
     axis.set(xlabel="least transmission angle (°)", ylabel="fingers")
-    drawing.legend(loc="outside lower center", ncols=2)
+    legend_below(drawing, most=2)
     return Figure(
         "tolerance",
         "The least transmission angle of fingers with errors",
@@ -200,7 +205,7 @@ def comparison_figure(found: Comparison) -> Figure:
         )
     axis.set(xscale="log", xlabel="run time without compiling (s)")
     axis.set(ylabel="least transmission angle (°)")
-    drawing.legend(loc="outside lower center", ncols=2, fontsize=7)
+    legend_below(drawing, most=2, fontsize=7)
     return Figure(
         "run_time",
         "Least transmission angle over run time",

@@ -15,8 +15,8 @@ from kinematics.linkage import Linkage
 from kinematics.poses import solve_poses
 from kinematics.solver import Pose
 from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.pins import Pins, linkage_of
-from studies.finger_linkage.problem import HOSTS, PAIRS, SYMBOLS, grid, told
+from studies.finger_linkage.pins import Pins, linkage_of, told
+from studies.finger_linkage.problem import HOSTS, PAIRS, SYMBOLS, grid
 from studies.finger_linkage.spec import LimitsSpec
 from studies.finger_linkage.transmission import finger_transmission
 
@@ -210,9 +210,9 @@ def _inside(pose: Pose, body: BodySpec, limits: LimitsSpec) -> list[Check]:
     for name, host in HOSTS.items():
         turn = pose.bodies[host].conjugate()
         if host == "proximal":  # its body points from O to A, and is fixed
-            place = pose.joints[name]
+            place = pose.joints[told(name)]
         else:
-            place = (pose.joints[name] - pose.joints[origins[host]]).turned(turn)
+            place = (pose.joints[told(name)] - pose.joints[origins[host]]).turned(turn)
         sides = [place.y - body.palmar, body.dorsal - place.y]
         if host == "proximal":
             sides.append(place.x + body.proximal)

@@ -53,6 +53,11 @@ def reference_pins() -> Pins:
     )
 
 
+def told(pin: str) -> str:
+    """A pin's name in files and for people: the paper's."""
+    return "G'" if pin == "H" else pin
+
+
 def linkage_table(
     pins: Pins, body: BodySpec, drive: Drive, spring: tuple[float, float] | None = None
 ) -> dict[str, Any]:
@@ -66,7 +71,7 @@ def linkage_table(
         spring: stiffness (N mm/rad) and preload (rad) of the torsion spring between distal
             phalanx and plate.
     """
-    moving = {name: [float(x) for x in getattr(pins, name)] for name in "FEDCGH"}
+    moving = {told(name): [float(x) for x in getattr(pins, name)] for name in "FEDCGH"}
     fixed = {
         "O": [-body.proximal, 0.0],
         "A": [0.0, 0.0],
@@ -90,10 +95,10 @@ def linkage_table(
             "proximal": {"joints": ["O", "A", "F"], "fixed": True},
             "intermediate": {"joints": ["A", "B", "G"]},
             "distal": {"joints": ["B", "T", "C"]},
-            "plate": {"joints": ["C", "D", "H"]},
+            "plate": {"joints": ["C", "D", told("H")]},
             "rod": {"joints": ["D", "E"]},
             "crank": {"joints": ["F", "E"]},
-            "bar": {"joints": ["G", "H"]},
+            "bar": {"joints": ["G", told("H")]},
         },
         "inputs": inputs[drive],
     }

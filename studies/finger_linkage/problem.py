@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from designopt.optimising import Problem, Requirement, Terms
 from designopt.vectors import Vector, rotation
 from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.pins import Pins
+from studies.finger_linkage.pins import Pins, told
 from studies.finger_linkage.postures import Postures, postures_at
 from studies.finger_linkage.spec import LimitsSpec
 
@@ -47,6 +47,14 @@ LINKS = {
     "bar": "GH",
 }
 """Pins on every link."""
+
+
+def _coordinate(pin: str, index: tuple[int, ...]) -> str:
+    return f"{'xy'[index[0]]} of pin {told(pin)}"
+
+
+COORDINATES = {pin: Requirement(functools.partial(_coordinate, pin), "mm") for pin in HOSTS}
+"""The parameters as people know them."""
 
 PAIRS = [
     (first, second)
@@ -94,8 +102,8 @@ def linkage_problem(
     lower, upper = _box(body, limits, allowance)
     scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
     turns = (rotation(-jnp.asarray(angles)) for angles in (pip, dip))
-    told = _requirements(np.rad2deg(pip), np.rad2deg(dip))
-    return Problem(terms, lower, upper, scale, told, tuple(turns))
+    requirements = _requirements(np.rad2deg(pip), np.rad2deg(dip))
+    return Problem(terms, lower, upper, scale, requirements, COORDINATES, tuple(turns))
 
 
 def inequalities(
@@ -211,8 +219,3 @@ def _requirements(
         for name, amount in amounts.items()
     }
     return found | {"pins apart": Requirement(pair, *length)}
-
-
-def told(pin: str) -> str:
-    """A pin's name for people: the paper's."""
-    return "G'" if pin == "H" else pin

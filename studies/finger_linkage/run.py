@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import jax.numpy as jnp
-import numpy as np
 
 from designopt.left_out import count_operations
 from designopt.results import LeftOutRow, Results, SpecFile
@@ -16,7 +15,7 @@ from studies.finger_linkage.comparing import Comparison, compare, precision_stud
 from studies.finger_linkage.judging import everywhere
 from studies.finger_linkage.pins import Pins, linkage_of, linkage_table
 from studies.finger_linkage.postures import find_postures
-from studies.finger_linkage.problem import ANGLE, grid
+from studies.finger_linkage.problem import grid
 from studies.finger_linkage.spec import FingerLinkageSpec
 
 
@@ -62,10 +61,6 @@ def design_tables(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
 
 def design_figures(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
     """Figures of a design."""
-    levels = [
-        [-float(np.rad2deg(one.objective * ANGLE)) for one in each.optima.feasible]
-        for each in design.search.rounds
-    ]
     return [
         drawings.finger_figure(design.pins, spec.body),
         drawings.sequence_figure(design.pins, spec.body),
@@ -74,7 +69,7 @@ def design_figures(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
         drawings.tolerance_figure(
             design.drawn, design.verdict.least_deg, spec.limits.transmission_deg
         ),
-        drawings.starts_figure(levels),
+        drawings.starts_figure([one.feasible_deg for one in design.search.rounds]),
     ]
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +54,29 @@ class Round:
 
     problem: Problem
     optima: Optima
+
+    @functools.cached_property
+    def least_deg(self) -> list[float]:
+        """Least transmission angle of every design over its postures, in the optima's order."""
+        return least_angles_deg(self.problem, self.optima.found)
+
+    @property
+    def feasible_deg(self) -> list[float]:
+        """The same of those that meet all requirements."""
+        found = zip(self.optima.found, self.least_deg, strict=True)
+        return [least for one, least in found if one.feasible]
+
+
+def least_angles_deg(problem: Problem, optima: Sequence[Optimum]) -> list[float]:
+    """Least transmission angles of designs over a problem's postures.
+
+    The level of the epigraph form is below that where a solve ends early, even below 0.
+    """
+    designs = jax.tree.map(
+        lambda *leaves: jnp.stack(leaves), *(one.parameters.design for one in optima)
+    )
+    least = jax.jit(jax.vmap(lambda design: -problem.terms(design, *problem.data).value))
+    return np.rad2deg(least(designs)).tolist()
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from designopt.results import Metric, Target
 from studies.finger_linkage.analysis import LinkageDesign
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import NEAR_DEG, Comparison
-from studies.finger_linkage.problem import ANGLE
 from studies.finger_linkage.spec import FingerLinkageSpec, LimitsSpec
 
 ASKED = {(25.0, None): 49.0, (22.0, None): 46.5, (20.0, None): 42.5, (25.0, 0.412): 43.5}
@@ -31,13 +30,13 @@ def findings(
     held = [one.words for one in design.search.held_by()[:6]]
     if held:
         lines.append(f"The optimum is held by {_listed(held)}.")
-    levels = _levels(design)
-    if levels:
-        best = max(levels)
-        same = sum(level >= best - SAME_DEG for level in levels)
+    reached = design.search.rounds[0].feasible_deg
+    if reached:
+        best = max(reached)
+        same = sum(level >= best - SAME_DEG for level in reached)
         lines.append(
-            f"Of {spec.search.starts} starts {len(levels)} reached a design that meets all "
-            f"requirements on the coarse postures, between {min(levels):.1f}° and {best:.1f}°; "
+            f"Of {spec.search.starts} starts {len(reached)} reached a design that meets all "
+            f"requirements on the coarse postures, between {min(reached):.1f}° and {best:.1f}°; "
             f"{same} of them the best one."
         )
     lines.append(
@@ -85,11 +84,6 @@ def _result(spec: FingerLinkageSpec, design: LinkageDesign) -> str:
     )
 
 
-def _levels(design: LinkageDesign) -> list[float]:
-    found = design.search.rounds[0].optima.feasible
-    return [-float(np.rad2deg(one.objective * ANGLE)) for one in found]
-
-
 def _listed(parts: list[str]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
@@ -103,7 +97,7 @@ def metrics(
         force_ratio=limits.force_ratio
     )
     asked = ASKED.get((body.thickness, limits.force_ratio)) if usual else None
-    levels = _levels(design)
+    reached = design.search.rounds[0].feasible_deg
     found = [
         Metric(
             "min_transmission_angle_deg",
@@ -133,10 +127,12 @@ def metrics(
             Metric(f"least_{name}_deg", float(np.min(values)), "°", f"least {name}")
             for name, values in verdict.angles_deg.items()
         ),
-        Metric("starts_feasible", len(levels), "", f"starts that met all, of {spec.search.starts}"),
+        Metric(
+            "starts_feasible", len(reached), "", f"starts that met all, of {spec.search.starts}"
+        ),
         Metric(
             "starts_spread_deg",
-            max(levels) - min(levels) if levels else float("nan"),
+            max(reached) - min(reached) if reached else float("nan"),
             "°",
             "spread of the least angle over these starts, on the coarse postures",
         ),

@@ -8,8 +8,8 @@ from designopt.results import Table
 from studies.finger_linkage.analysis import LinkageDesign
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import Comparison
-from studies.finger_linkage.pins import Pins
-from studies.finger_linkage.problem import ANGLE, HOSTS, LINKS, PAIRS, told
+from studies.finger_linkage.pins import Pins, told
+from studies.finger_linkage.problem import ANGLE, HOSTS, LINKS, PAIRS
 from studies.finger_linkage.spec import LimitsSpec
 
 
@@ -97,12 +97,12 @@ def starts(design: LinkageDesign) -> Table:
     """Where every start of every round led to."""
     rows = []
     for number, one in enumerate(design.search.rounds):
-        for start, optimum in enumerate(one.optima.found):
+        for start, (optimum, least) in enumerate(zip(one.optima.found, one.least_deg, strict=True)):
             rows.append(
                 (
                     number,
                     start,
-                    -float(np.rad2deg(optimum.objective * ANGLE)),
+                    least,
                     optimum.violation,
                     float(optimum.solution.residual),
                     int(optimum.history.steps[-1]),

@@ -1,7 +1,7 @@
 """The three-phalanx finger of paper B: what its linkage transmits, by the names of its pins.
 
 Pins are those of ``linkage_gallery/finger.toml``: A (PIP) and B (DIP) carry the phalanges, plate
-C-D-H, rod D-E, crank F-E, bar G-H. H is the paper's G'.
+C-D-G', rod D-E, crank F-E, bar G-G'.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ def finger_transmission(pose: Pose) -> dict[str, Angle]:
     its instant centre; that and not the angle between the links decides.
 
     Returns:
-        ``D1``: rod to AD, crank to PIP. ``D2``: rod to ID with I the meeting point of BC and GH,
-        crank to DIP. ``C`` and ``H``: of the four-bar B-C-H-G. ``E``: crank to rod, the motor's
-        side. ``P``: of the force on pin C, along CP with P the meeting point of rod and bar, to
-        the distal phalanx BC.
+        ``D1``: rod to AD, crank to PIP. ``D2``: rod to ID with I the meeting point of BC and GG',
+        crank to DIP. ``C`` and ``H``: of the four-bar B-C-G'-G, at C and at G'. ``E``: crank to
+        rod, the motor's side. ``P``: of the force on pin C, along CP with P the meeting point of
+        rod and bar, to the distal phalanx BC.
     """
     at = pose.joints
-    rod, bar, phalanx = at["E"] - at["D"], (at["G"], at["H"]), (at["B"], at["C"])
+    h, rod, phalanx = at["G'"], at["E"] - at["D"], (at["B"], at["C"])
+    bar = (at["G"], h)
     return {
         "D1": folded_angle(rod, at["D"] - at["A"]),
         "D2": folded_angle(rod, direction_to_meeting(at["D"], phalanx, bar)),
-        "C": folded_angle(at["C"] - at["B"], at["H"] - at["C"]),
-        "H": folded_angle(at["H"] - at["C"], at["G"] - at["H"]),
+        "C": folded_angle(at["C"] - at["B"], h - at["C"]),
+        "H": folded_angle(h - at["C"], at["G"] - h),
         "E": folded_angle(rod, at["E"] - at["F"]),
         "P": folded_angle(
             direction_to_meeting(at["C"], (at["D"], at["E"]), bar), at["C"] - at["B"]

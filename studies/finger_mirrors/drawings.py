@@ -13,7 +13,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Patch
 
-from designopt.figures import PALETTE, new_figure
+from designopt.figures import PALETTE, angle_ticks, legend_below, new_figure
 from designopt.results import Figure
 from optics.scene import Scene
 from optics.scene_drawing import DASHES
@@ -56,9 +56,9 @@ def coverage_figure(squares: Mapping[str, Square], degrees: np.ndarray) -> Figur
         axes.grid(visible=False)
         low, high = (f"{value:.4g}" for value in (least.min(), least.max()))
         span = low if low == high else f"{low} to {high}"
-        axes.set(title=f"{name}: {span} %", xlabel="PIP (deg)")
-        axes.set(ylabel="" if index else "DIP (deg)", aspect="equal")
-        axes.set(xticks=_ticks(degrees), yticks=_ticks(degrees))
+        axes.set(title=f"{name}: {span} %", xlabel="PIP (°)")
+        axes.set(ylabel="" if index else "DIP (°)", aspect="equal")
+        axes.set(xticks=angle_ticks(degrees[-1], 6), yticks=angle_ticks(degrees[-1], 6))
     drawing.colorbar(colours, ax=list(grid[0]), label="coverage of the least seen pad (%)")
     return Figure(
         "coverage",
@@ -94,11 +94,11 @@ def resolution_figure(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
         )
         mesh.set_rasterized(True)
         there = shown[np.isfinite(shown)]
-        note = f"{there.min():.3g} to {there.max():.3g}" if there.size else "nothing seen"
-        axes.set_title(f"{list(scenes)[row]}, {name} pad: {note}")
-        axes.set(ylabel="" if column else "along the pad (mm)", xticks=_ticks(degrees))
+        note = f"{there.min():.3g} to {there.max():.3g} px/mm" if there.size else "nothing seen"
+        axes.set_title(f"{list(scenes)[row]}, {name}: {note}")
+        axes.set(ylabel="" if column else "along the pad (mm)", xticks=angle_ticks(degrees[-1], 6))
         if row == len(scenes) - 1:
-            axes.set_xlabel(f"{pads[name]} (deg)")
+            axes.set_xlabel(f"{pads[name]} (°)")
     bar = drawing.colorbar(colours, ax=grid.ravel().tolist(), label="resolution (px/mm)")
     ticks = [tick for tick in (0.5, 1, 2, 5, 10, 20, 50) if seen.min() <= tick <= seen.max()]
     bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
@@ -137,7 +137,7 @@ def sensitivity_figure(found: Sensitivity) -> Figure:
     yields = [found.base, *found.doubled.values()]
     _bars(right, names, yields)
     right.set_title("Yield, a tolerance doubled")
-    drawing.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "sensitivity",
         "Sensitivity to each tolerance",
@@ -172,12 +172,12 @@ def yield_figure(yields: Mapping[str, Yield], degrees: np.ndarray, pads: list[st
                 linestyle=DASHES[level],
                 label=f"{name}: yield {100 * one.value:.1f} %",
             )
-        axes.set(title=f"{pad} pad", xlabel=f"{joint} (deg)", xticks=_ticks(degrees))
+        axes.set(title=f"{pad} pad", xlabel=f"{joint} (°)", xticks=angle_ticks(degrees[-1], 6))
     grid[0, 0].set_ylabel("draws with the pad wholly seen (%)")
     lowest = min(float(np.min(one.by_pose)) for one in yields.values())
     for axes in grid[0]:
         axes.set_ylim(100 * lowest - 1, 100.5)
-    drawing.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    legend_below(drawing, most=2)
     return Figure(
         "yield",
         "Where errors hide something",
@@ -185,8 +185,3 @@ def yield_figure(yields: Mapping[str, Yield], degrees: np.ndarray, pads: list[st
         "angle; the yield asks for all pads in all postures of one draw.",
         drawing,
     )
-
-
-def _ticks(degrees: np.ndarray) -> np.ndarray:
-    step = 15 if degrees[-1] > 45 else 5
-    return np.arange(0, degrees[-1] + 1, step)

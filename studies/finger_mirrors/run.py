@@ -102,7 +102,7 @@ def find(spec: FingerMirrorsSpec, context: Context) -> Found:
         settings["floor"] = min(spec.floor, spec.thin_floor)
         settings["search"]["starts"] = min(THIN_STARTS, spec.search.starts)
         slim = design_mirrors(body, MirrorSpec.model_validate(settings), context)
-        thin = case(f"{OPTIMUM}, T = {spec.thin:g}", body, slim.arrangement, slim.task.finger)
+        thin = case(f"{OPTIMUM}, T = {spec.thin:g} mm", body, slim.arrangement, slim.task.finger)
         others.append(thin)
         thin_square = whole_square(thin.scene, body.range_deg)
     with context.step("All pairs of angles"):

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from designopt.results import Table
+from designopt.typesetting import heading
 from studies.finger_mirrors.arrangement import Arrangement
 from studies.finger_mirrors.errors import NAMES, deviations
 from studies.finger_mirrors.findings import Found
@@ -36,7 +37,7 @@ def arrangements(found: Found) -> Table:
         "arrangements",
         "Camera (in the intermediate phalanx; tilt from straight down, counter-clockwise) and "
         "mirror ends (in their own phalanges)",
-        {"number": names}
+        {"number": list(map(heading, names))}
         | {
             case.name: values for case, values in zip(found.cases, map(_numbers, kept), strict=True)
         },

@@ -48,7 +48,7 @@ ADAPTIVE = "Newton, adaptive steps"
 FSOLVE = "SciPy fsolve"
 MECHANISM = "mechanism"
 PYLINKAGE = "pylinkage"
-PYLINKAGE_FAST = "pylinkage step_fast (numba)"
+PYLINKAGE_FAST = "pylinkage, fast steps (numba)"
 
 STEPS = (3, 6)
 TOLERANCES = (1e-4, 1e-12)

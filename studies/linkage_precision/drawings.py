@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 
 from designopt import precision as run_time
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.results import Figure, PrecisionStudy
 from studies.linkage_precision.contenders import FLOOR
 from studies.linkage_precision.measuring import Measured
@@ -54,8 +54,7 @@ def throughput(rows: Sequence[Measured]) -> Figure:
     for axis in axes.flat:
         axis.set_ylim(min(low for low, _ in bounds), max(high for _, high in bounds))
     axes[0, 0].set_ylabel("poses per second")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    drawing.legend(handles, labels, loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "throughput",
         "Poses per second over the length of the sweep",

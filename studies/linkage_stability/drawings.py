@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from studies.linkage_stability.statements import random_families
 
@@ -53,14 +54,14 @@ def approach_figure(found: Sequence[Family]) -> Figure:
             )
         errors.axhline(rounding, color=PALETTE[index], linestyle=":")
     line = np.array([1e-16, 1e-1])
-    sizes.plot(line, line**-0.5, color="0.35", linewidth=0.9, label="margin^(−1/2)")
+    sizes.plot(line, line**-0.5, color="0.35", linewidth=0.9, label="margin$^{-1/2}$")
     for axis in (errors, sizes):
         axis.set(xscale="log", yscale="log", xlabel="exact margin, of the linkage's size")
         axis.invert_xaxis()
     errors.set(ylabel="condition-scaled error")
     sizes.set(ylabel="largest gradient entry, of the size")
     sizes.legend(loc="upper left")
-    drawing.legend(*errors.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    legend_below(drawing, *errors.get_legend_handles_labels(), most=4)
     return Figure(
         "approach",
         "Errors and gradients on the way to lock-up",
@@ -73,6 +74,12 @@ def approach_figure(found: Sequence[Family]) -> Figure:
     )
 
 
+def _sixths(exponents: Float[np.ndarray, " _"]) -> Float[np.ndarray, " edges"]:
+    """Edges of bins, six a decade, that hold all."""
+    low, high = np.floor(np.min(exponents, initial=0.0)), np.ceil(np.max(exponents, initial=0.0))
+    return np.arange(6 * low, 6 * high + 1) / 6
+
+
 def random_figure(found: Sequence[Family]) -> Figure:
     """Margins of the random linkages, and the errors of those that can be assembled."""
     drawing, axes = new_figure(1, 2, height=3.4)
@@ -82,12 +89,11 @@ def random_figure(found: Sequence[Family]) -> Figure:
         kind = family.case.split(",")[0]
         colour = PALETTE[index % len(PALETTE)]
         if judged.dtype == "float64":
-            bins = np.linspace(-7, 0.5, 46)
             for sign, style, word in ((1, "-", "can be assembled"), (-1, ":", "cannot")):
-                depth = np.log10(np.maximum(sign * judged.margin[sign * judged.margin > 0], 1e-300))
+                depth = np.log10(sign * judged.margin[sign * judged.margin > 0])
                 margins.hist(
                     depth,
-                    bins,
+                    _sixths(depth),
                     histtype="step",
                     linestyle=style,
                     color=colour,
@@ -97,7 +103,7 @@ def random_figure(found: Sequence[Family]) -> Figure:
         units = np.log10(np.maximum(units[np.isfinite(units)], 1e-4))
         errors.hist(
             units,
-            np.linspace(-4, 2, 49),
+            _sixths(units),
             histtype="step",
             color=colour,
             label=f"{kind}, {judged.dtype}",

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from optics.soft_finger import bent
 from studies.object_size.found import Found, Shown
@@ -40,15 +40,14 @@ def grasps_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
     for axes in grid.flat[len(found.shown) :]:
         axes.set_axis_off()
     for axes, shown in zip(grid.flat, found.shown, strict=False):
-        _grasp(axes, spec, found, shown)
+        _grasp(axes, spec, found, shown, reach)
         axes.set(title=f"{shown.diameter:g} mm: bend {np.rad2deg(shown.bend):.0f}°")
         axes.set(xlim=(-spec.finger_radius - 4, reach), ylim=(min(spec.gap, 0) - 12, top + 4))
         axes.set(aspect="equal", xlabel="x (mm)")
         axes.grid(visible=False)
     for axes in grid[:, 0]:
         axes.set_ylabel("z (mm)")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    drawing.legend(handles, labels, loc="outside lower center", ncols=5)
+    legend_below(drawing, most=5)
     return Figure(
         "grasps",
         "The finger around each bottle, to scale",
@@ -58,7 +57,7 @@ def grasps_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
     )
 
 
-def _grasp(axes: Axes, spec: ObjectSizeSpec, found: Found, shown: Shown) -> None:
+def _grasp(axes: Axes, spec: ObjectSizeSpec, found: Found, shown: Shown, reach: float) -> None:
     arcs = jnp.linspace(0, found.hand.length, 101)
     line = bent(arcs, jnp.asarray(shown.bend), found.hand.length)
     across, along, turned = (np.asarray(part) for part in (line.across, line.along, line.turned))
@@ -78,7 +77,9 @@ def _grasp(axes: Axes, spec: ObjectSizeSpec, found: Found, shown: Shown) -> None
         Circle(centre, shown.diameter / 2, facecolor=GLASS, edgecolor=BLUE, label="bottle")
     )
     axes.plot(across, along, "--", color="black", linewidth=0.9, label="centre line")
-    axes.plot([spec.finger_radius, 1000], [spec.gap] * 2, color="0.35", linewidth=2.5, label="palm")
+    axes.plot(
+        [spec.finger_radius, reach], [spec.gap] * 2, color="0.35", linewidth=2.5, label="palm"
+    )
     place = bent(jnp.asarray(shown.arc), jnp.asarray(shown.bend), found.hand.length)
     away = np.array([centre[0] - float(place.across), centre[1] - float(place.along)])
     way = away / np.hypot(*away) * float(found.hand.radius)
@@ -114,7 +115,8 @@ def estimates_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
     left, right = grid[0]
     random, known = found.random, found.random.estimates.known
     truth = random.grasps.diameters[known]
-    ends = np.array([spec.least - 3, spec.largest + 3])
+    shown = np.concatenate([truth, random.diameters[known], [spec.least, spec.largest]])
+    ends = np.array([shown.min() - 3, shown.max() + 3])
     left.fill_between(
         ends, ends - ERROR_MM, ends + ERROR_MM, color="0.9", label=f"± {ERROR_MM:g} mm"
     )
@@ -189,20 +191,21 @@ def curve_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
     drawing, grid = new_figure(1, 2, height=3.4)
     left, right = grid[0]
     one = found.curve
+    bottles = [size for size in spec.bottles if one.diameters[0] <= size <= one.diameters[-1]]
     bends, tip = np.rad2deg(one.bends), one.arcs >= float(found.hand.length)
     for axes, values in ((left, one.diameters), (right, np.abs(one.slopes))):
         axes.plot(bends[~tip], values[~tip], color=BLUE, label="touches before the tip")
         axes.plot(bends[tip], values[tip], "--", color=VERMILION, label="touches the tip")
-        at = [np.interp(size, one.diameters, values) for size in spec.bottles]
-        where = [np.interp(size, one.diameters, bends) for size in spec.bottles]
+        at = np.interp(bottles, one.diameters, values)
+        where = np.interp(bottles, one.diameters, bends)
         axes.plot(where, at, "o", color="black", label="the bottles")
         axes.set_xlabel("bend (°)")
-    for place, size in zip(where, spec.bottles, strict=True):
+    for place, size in zip(where, bottles, strict=True):
         left.annotate(f"{size:g} mm", (place, size), (6, 3), textcoords="offset points")
     room = 0.15 * (bends.max() - bends.min())
     left.set(xlim=(bends.min() - room / 3, bends.max() + room))
     left.set(ylabel="diameter (mm)", title="Diameter over bend")
-    right.set(ylabel="mm per degree", title="What a degree of bend is worth")
+    right.set(ylabel="diameter per bend (mm/°)", title="What a degree of bend is worth")
     right.set_ylim(0, 1.1 * float(np.abs(one.slopes).max()))
     right.legend(loc="lower right")
     return Figure(

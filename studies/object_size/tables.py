@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from designopt.results import Cell, Table
+from studies.chamber_images.odd import sight_words
 from studies.object_size.found import Found
 from studies.object_size.spec import ObjectSizeSpec
 from studies.object_size.trials import Measured
@@ -193,12 +194,12 @@ def odd(found: Found) -> Table:
     rows: list[list[Cell]] = []
     for kind in dict.fromkeys(one.kind for one in found.odd):
         own = [one for one in found.odd if one.kind is kind]
-        sights = {one.said.sight.name if one.said.sight else "exception" for one in own}
+        sights = {sight_words(one.said.sight) for one in own}
         rows.append(
             [
                 kind.name,
                 len(own),
-                kind.sight.name,
+                sight_words(kind.sight),
                 "a diameter, or a bend of none" if kind.usable else "undefined",
                 ", ".join(sorted(sights)),
                 sum(one.said.diameter is not None for one in own),

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.axes import Axes
 from scipy import stats
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, angle_ticks, label_plainly, legend_below, new_figure
 from designopt.results import Figure
 from studies.proprioception.found import Found
 from studies.proprioception.ladder import (
@@ -23,6 +23,7 @@ from studies.proprioception.tables import PAPER
 
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)))
 BIN_DEG = 10.0
+TICK_DEG = 15.0
 
 
 def figures(found: Found) -> list[Figure]:
@@ -48,9 +49,11 @@ def ladder_figure(found: Found) -> Figure:
     for joint, (mean, _) in PAPER.items():
         axes.axvline(mean, color="0.4", linewidth=1, linestyle=":" if joint == "pip" else "-.",
                      label=f"paper B, mean, {joint.upper()}")  # fmt: skip
-    axes.set(xscale="log", xlim=(5e-3, 20), ylim=(0, 101), xlabel="absolute error (deg)",
+    axes.set(xscale="log", ylim=(0, 101), xlabel="absolute error (°)",
              ylabel="part of the defined answers (%)")  # fmt: skip
-    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    axes.set_xlim(left=5e-3)
+    label_plainly(axes.xaxis)
+    legend_below(drawing)
     return Figure(
         "ladder",
         "Errors of all methods",
@@ -66,24 +69,19 @@ def range_figure(found: Found) -> Figure:
     drawing, (row,) = new_figure(1, len(names), height=3.2)
     for axes, name, table in zip(row, names, found.tables, strict=True):
         low, high = math.degrees(table.angles[0]), math.degrees(table.angles[-1])
-        axes.axvspan(-2, low, color="0.9", zorder=0)
-        axes.axvspan(high, 92, color="0.9", zorder=0, label="no gap (finger as designed)")
+        left, right = _angle_axis(axes, found)
+        axes.axvspan(left, low, color="0.9", zorder=0)
+        axes.axvspan(high, right, color="0.9", zorder=0, label="no gap (finger as designed)")
         for index, method in enumerate(RUNGS):
             own = of_method(found.answers, method, name)
             angles = np.rad2deg([answer.truth for answer in own])
             errors = np.abs(np.rad2deg([answer.error for answer in own]))
             axes.plot(*_binned(angles, errors, np.mean), color=PALETTE[index],
                       marker=MARKERS[index], linestyle=DASHES[index], label=method)  # fmt: skip
-        axes.set(yscale="log", title=name.upper(), xlabel="joint angle (deg)", xlim=(-2, 92),
-                 xticks=np.arange(0, 91, 15))  # fmt: skip
-        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter(NullFormatter())
-    limits = np.array([axes.get_ylim() for axes in row])
-    for axes in row:
-        axes.set_ylim(limits[:, 0].min(), limits[:, 1].max())
-    row[0].set_ylabel("mean absolute error (deg)")
-    drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        axes.set(yscale="log", title=name.upper(), xlabel="joint angle (°)")
+    _share_log_ordinate(row)
+    row[0].set_ylabel("mean absolute error (°)")
+    legend_below(drawing)
     return Figure(
         "range",
         "Errors over the joints' ranges",
@@ -110,10 +108,10 @@ def gap_figure(found: Found) -> Figure:
             axes.plot(np.rad2deg(frames.angles[:, joint]), gaps, marker, color=PALETTE[2],
                       markerfacecolor="none" if marker == "o" else None, label=name)  # fmt: skip
         name = found.finger.model.names[joint].upper()
-        axes.set(title=f"{table.pad} pad", xlabel=f"{name} (deg)",
-                 xlim=(-2, 92), xticks=np.arange(0, 91, 15))  # fmt: skip
-    row[0].set_ylabel("gap, section angle (deg)")
-    drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        axes.set(title=f"{table.pad} pad", xlabel=f"{name} (°)")
+        _angle_axis(axes, found)
+    row[0].set_ylabel("gap, section angle (°)")
+    legend_below(drawing, most=4)
     return Figure(
         "gap",
         "The gap and its calibration",
@@ -143,10 +141,11 @@ def bound_figure(found: Found) -> Figure:
         ):
             axes.plot(*_binned(angles, values, _root_mean_square), color=colour, marker=marker,
                       label=label)  # fmt: skip
-        axes.set(yscale="log", title=name.upper(), xlabel="joint angle (deg)", xlim=(-2, 92),
-                 ylim=(3e-3, 3), xticks=np.arange(0, 91, 15))  # fmt: skip
-    row[0].set_ylabel("error, labelled calibration (deg)")
-    drawing.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        axes.set(yscale="log", title=name.upper(), xlabel="joint angle (°)")
+        _angle_axis(axes, found)
+    _share_log_ordinate(row)
+    row[0].set_ylabel("error, labelled calibration (°)")
+    legend_below(drawing)
     return Figure(
         "bound",
         "What was reached, and what the images allow",
@@ -154,6 +153,22 @@ def bound_figure(found: Found) -> Figure:
         "deviation and the errors of fabrication that these frames leave.",
         drawing,
     )
+
+
+def _angle_axis(axes: Axes, found: Found) -> tuple[float, float]:
+    """Limits and ticks for all joint angles of the frames and of the gap's tables, degrees."""
+    angles = [table.angles for table in found.tables]
+    angles += [seen.frames.angles.ravel() for seen in found.watched]
+    last = TICK_DEG * math.ceil(math.degrees(max(map(np.max, angles))) / TICK_DEG - 1e-9)
+    axes.set(xlim=(-2, last + 2), xticks=angle_ticks(last, 6))
+    return axes.get_xlim()
+
+
+def _share_log_ordinate(row: np.ndarray) -> None:
+    limits = np.array([axes.get_ylim() for axes in row])
+    for axes in row:
+        axes.set_ylim(limits[:, 0].min(), limits[:, 1].max())
+        label_plainly(axes.yaxis)
 
 
 def _root_mean_square(values: Float[np.ndarray, " _"]) -> np.floating:
@@ -167,7 +182,7 @@ def _binned(
 ) -> tuple[list[float], list[float]]:
     """Middles of the bins that hold three numbers or more, and a statistic of these."""
     middles, found = [], []
-    for start in np.arange(0, 90, BIN_DEG):
+    for start in np.arange(0, np.max(angles, initial=0.0) + BIN_DEG, BIN_DEG):
         inside = (angles >= start) & (angles < start + BIN_DEG) & np.isfinite(values)
         if inside.sum() >= 3:
             middles.append(float(start + BIN_DEG / 2))
@@ -186,9 +201,8 @@ def covariance_figure(found: Found) -> Figure:
         normal = stats.norm.ppf((np.arange(len(scaled)) + 0.5) / len(scaled))
         axes.plot(normal, scaled, color=PALETTE[index], linestyle=DASHES[index], label=method)
     axes.plot([-3, 3], [-3, 3], color="0.4", linewidth=1, linestyle=":", label="as predicted")
-    axes.set(xlim=(-3.2, 3.2), ylim=(-5, 5), xlabel="quantile of the standard normal",
-             ylabel="error over predicted deviation")  # fmt: skip
-    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    axes.set(xlabel="quantile of the standard normal", ylabel="error over predicted deviation")
+    legend_below(drawing)
     return Figure(
         "covariance",
         "Are the predicted deviations right?",

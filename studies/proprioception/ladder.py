@@ -12,16 +12,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from designopt.solution import Solution
 from perception.proprioception import (
     Bound,
     Calibration,
     CornerModel,
     Estimate,
+    FingerErrors,
     GapMeter,
     GapTable,
     Observation,
     calibrate,
     calibrate_gap,
+    estimates_of,
     find_pose,
     first_defined,
     fit_edges,
@@ -93,8 +96,8 @@ class Climbed:
     """
 
     answers: list[Answer]
-    labelled: Calibration
-    unlabelled: Calibration
+    labelled: Solution[Calibration]
+    unlabelled: Solution[Calibration]
     bound: Bound
     seconds: list[float]
     meters: list[GapMeter | None]
@@ -174,7 +177,7 @@ class Ladder:
         answers: list[Answer] = []
         seconds: list[float] = []
         bounds: list[Bound] = []
-
+        exact = np.zeros((model.errors, model.errors))
         for index, (truth, sighting, observation) in enumerate(
             zip(frames.angles, frames.sightings, seen_frames, strict=True)
         ):
@@ -194,14 +197,14 @@ class Ladder:
                 GAP: gaps,
                 GAP_THEN_EDGE: [first_defined(*pair) for pair in zip(gaps, edges, strict=True)],
                 EDGE: edges,
-                DESIGNED: find_pose(
-                    model, observation, guess, spread=np.eye(model.errors)
-                ).estimates,
+                DESIGNED: estimates_of(find_pose(model, observation, guess)),
                 LABELLED: by_labels,
                 UNLABELLED: _by_all_corners(model, unlabelled, observation, guess),
                 SAME_UNLABELLED: _by_all_corners(model, same, observation, guess),
                 LENS_AS_DESIGNED: _by_all_corners(self.plain, plain, observation, guess),
-                EXACT: find_pose(model, observation, guess, seen.errors).estimates,
+                EXACT: estimates_of(
+                    find_pose(model, observation, guess, FingerErrors.of(model, seen.errors, exact))
+                ),
             }
             answers += [
                 Answer(method, number, index, name, float(truth[joint]), estimates[joint])
@@ -222,12 +225,15 @@ class Ladder:
 
 
 def _by_all_corners(
-    model: CornerModel, known: Calibration, seen: Observation, guess: Float[np.ndarray, " joints"]
+    model: CornerModel,
+    known: Solution[Calibration],
+    seen: Observation,
+    guess: Float[np.ndarray, " joints"],
 ) -> list[Estimate]:
     """The joint angles of a frame of a calibrated finger."""
     if not known.ok:
-        return [undefined("the finger could not be calibrated")] * len(guess)
-    return find_pose(model, seen, guess, known.errors, known.covariance).estimates
+        return [undefined(known.messages()[0])] * len(guess)
+    return estimates_of(find_pose(model, seen, guess, known.value.errors))
 
 
 def solved(ladder: Ladder, number: int, seen: Watched, seed: int) -> list[Answer]:

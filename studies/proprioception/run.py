@@ -47,7 +47,7 @@ def run(spec: ProprioceptionSpec, context: Context) -> Results:
         figures=drawings.figures(found),
         precision=PrecisionStudy(
             found.rows,
-            error="mean absolute error (degrees)",
+            error="mean absolute error (°)",
             reference="the joint angles that were rendered",
             claims=[statements.claim(found.rows)],
         )

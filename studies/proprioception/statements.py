@@ -71,7 +71,7 @@ def metrics(spec: ProprioceptionSpec, found: Found) -> list[Metric]:
     add(
         "gap_mean_deg",
         mean_deg(found.gap_alone),
-        "deg",
+        "°",
         f"mean error of the gap with {spec.labelled} labelled frames, corners with "
         f"{spec.pixel_noise:g} px of noise",
         Target("=", middle, GAP_HIGH - middle),
@@ -88,13 +88,13 @@ def metrics(spec: ProprioceptionSpec, found: Found) -> list[Metric]:
         "views tell")  # fmt: skip
     sizes_deg = np.abs(errors_deg(labelled))
     p95 = float(np.quantile(sizes_deg, 0.95)) if len(sizes_deg) else math.nan
-    add("labelled_mean_deg", mean_deg(labelled), "deg", f"mean error of all corners with "
+    add("labelled_mean_deg", mean_deg(labelled), "°", f"mean error of all corners with "
         f"{spec.labelled} labelled frames, from images", Target("<=", MEAN_DEG), paper)  # fmt: skip
-    add("labelled_p95_deg", p95, "deg", "95th percentile of the same", Target("<=", P95_DEG))
+    add("labelled_p95_deg", p95, "°", "95th percentile of the same", Target("<=", P95_DEG))
     unlabelled = of_method(answers, UNLABELLED)
-    add("unlabelled_mean_deg", mean_deg(unlabelled), "deg", f"mean error with all {spec.frames} "
+    add("unlabelled_mean_deg", mean_deg(unlabelled), "°", f"mean error with all {spec.frames} "
         "frames and no label")  # fmt: skip
-    add("same_unlabelled_mean_deg", mean_deg(of_method(answers, SAME_UNLABELLED)), "deg",
+    add("same_unlabelled_mean_deg", mean_deg(of_method(answers, SAME_UNLABELLED)), "°",
         f"mean error with the same {spec.labelled} frames and no label")  # fmt: skip
     add(
         "unlabelled_over_labelled",
@@ -118,23 +118,23 @@ def metrics(spec: ProprioceptionSpec, found: Found) -> list[Metric]:
         ("known_finger", EXACT),
     ):
         own = of_method(answers, method)
-        add(f"{name}_mean_deg", mean_deg(own), "deg", f"mean error from images: {method}")
+        add(f"{name}_mean_deg", mean_deg(own), "°", f"mean error from images: {method}")
     add("gap_defined", defined_share(of_method(answers, GAP)), "", "part of the joint angles for "
         "which the gap gives an answer")  # fmt: skip
-    add("bound_rms_deg", _bound_deg(found), "deg", "Cramér-Rao bound of the labelled calibration, "
+    add("bound_rms_deg", _bound_deg(found), "°", "Cramér-Rao bound of the labelled calibration, "
         "root mean square over the same frames")  # fmt: skip
-    add("bound_known_rms_deg", _bound_deg(found, known=True), "deg", "the bound if the finger's "
+    add("bound_known_rms_deg", _bound_deg(found, known=True), "°", "the bound if the finger's "
         "errors were known")  # fmt: skip
-    add("labelled_rms_deg", _rms_deg(labelled), "deg", "what it reached")
+    add("labelled_rms_deg", _rms_deg(labelled), "°", "what it reached")
     plain = of_method(answers, LENS_AS_DESIGNED)
-    add("lens_cost_deg", mean_deg(plain) - mean_deg(labelled), "deg", "what it costs if the model "
+    add("lens_cost_deg", mean_deg(plain) - mean_deg(labelled), "°", "what it costs if the model "
         "takes the lens as designed")  # fmt: skip
     if found.smooth:
         cost, error = _edge_cost_deg(found)
-        add("edge_cost_deg", cost, "deg", "what rough edges and round corners cost, which no model "
+        add("edge_cost_deg", cost, "°", "what rough edges and round corners cost, which no model "
             "has")  # fmt: skip
         if math.isfinite(error):
-            add("edge_cost_error_deg", error, "deg", "standard error of that")
+            add("edge_cost_error_deg", error, "°", "standard error of that")
     add(
         "detection_ms",
         1e3 * statistics.median(s for one in found.watched for s in one.frames.seconds),

@@ -152,9 +152,9 @@ def tolerances(found: Found) -> Table:
     true = np.stack([one.errors for one in found.watched])
     columns: dict[str, list[float]] = {"stated": sizes.tolist()}
     for name in ("labelled", "unlabelled"):
-        calibrations = [getattr(one, name) for one in found.climbed]
-        left = np.stack([one.errors for one in calibrations]) - true
-        predicted = np.stack([np.diagonal(one.covariance) for one in calibrations])
+        calibrated = [getattr(one, name).value.errors for one in found.climbed]
+        left = np.stack([one.mean for one in calibrated]) - true
+        predicted = np.stack([np.diagonal(one.covariance)[: true.shape[1]] for one in calibrated])
         columns[f"left_{name}"] = (sizes * np.sqrt(np.mean(left**2, axis=0))).tolist()
         columns[f"predicted_{name}"] = (sizes * np.sqrt(predicted.mean(axis=0))).tolist()
     return Table.of_columns(

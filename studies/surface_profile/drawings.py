@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from perception.chamber.heights import TRACKED
 from perception.chamber.points import NAMES
@@ -23,7 +23,7 @@ from studies.surface_profile.spec import SurfaceProfileSpec
 from studies.surface_profile.surfaces import KINDS
 from studies.surface_profile.trials import POINTS, WAYS, WHOLE, YELLOW, Trial
 
-COLOURS = {POINTS: PALETTE[0], YELLOW: PALETTE[6], WHOLE: PALETTE[1]}
+COLOURS = {POINTS: PALETTE[0], YELLOW: PALETTE[6], WHOLE: PALETTE[4]}
 STYLES = {POINTS: "-", YELLOW: "--", WHOLE: ":"}
 
 LEAST_RANGE = 1.0
@@ -59,12 +59,7 @@ def profiles_figure(spec: SurfaceProfileSpec, found: Found) -> Figure:
         grid[1, column].set_xlabel("along the slide (mm)")
     grid[0, 0].set_ylabel("movement of e (px)")
     grid[1, 0].set_ylabel("height (mm)")
-    handles, labels = [], []
-    for row in grid[:, 0]:
-        for handle, label in zip(*row.get_legend_handles_labels(), strict=True):
-            handles.append(handle)
-            labels.append(label)
-    drawing.legend(handles, labels, loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "profiles",
         "Profiles of four surfaces, in pixels and in millimetres",
@@ -120,7 +115,7 @@ def pictures_figure(pictures: list[Picture]) -> Figure:
             if picture.points.seen[number]:
                 axes.plot(*picture.points.xy[number], marker, markersize=5, color="white",
                           markeredgecolor="black", linestyle="none", label=name)  # fmt: skip
-    drawing.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "pictures",
         "What the endoscope sees of it",
@@ -154,7 +149,7 @@ def kinds_figure(found: Found) -> Figure:
         axes.plot(side * np.array([CURVED, CURVED, ends[1]]), [0, corner, ends[1] / 4], **line)
     reach = max(max(map(abs, axes.get_xlim())), 2 * CURVED)
     axes.set(xlabel="sagitta (mm)", ylabel="roughness (mm)", xlim=(-reach, reach), ylim=(0, high))
-    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    legend_below(drawing, most=5)
     return Figure(
         "kinds",
         "Four kinds told apart by sagitta and roughness",
@@ -195,9 +190,7 @@ def errors_figure(spec: SurfaceProfileSpec, found: Found) -> Figure:
     axes[2].set(xlabel="severity", ylabel="90 % are below (mm)")
     axes[2].set_ylim(bottom=0)
     axes[2].set_title("over severity")
-    handles, labels = axes[0].get_legend_handles_labels()
-    more, words = axes[1].get_legend_handles_labels()
-    drawing.legend(handles + more, labels + words, loc="outside lower center", ncols=5, fontsize=8)
+    legend_below(drawing, most=5, fontsize=8)
     return Figure(
         "errors",
         "How far off profiles are",
@@ -228,8 +221,7 @@ def limits_figure(found: Found) -> list[Figure]:
         axes.axvline(LIMIT[name], color="black", linewidth=1, linestyle="-.", label="limit")
         axes.set(xlabel=f"true {name} (mm)", ylabel=f"called {WORD[name]} (%)", ylim=(-3, 103))
         axes.set_xlim(left=0)
-    handles, labels = row[0].get_legend_handles_labels()
-    drawing.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
+    legend_below(drawing, most=4, fontsize=8)
     return [
         Figure(
             "limits",

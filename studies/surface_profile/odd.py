@@ -43,7 +43,8 @@ class Odd:
     Attributes:
         kind: what is odd.
         sight: what was answered of the chamber; None after an exception.
-        failed: whether the answer is not the defined one: sight, and a height only if usable.
+        failed: whether the answer is not the defined one: sight, and a height only where blue's
+            points are in view.
     """
 
     kind: Kind
@@ -116,7 +117,7 @@ def odd_frames(spec: SurfaceProfileSpec, design: ChamberMap, seed: int) -> list[
         except Exception:
             found.append(Odd(kind, None, failed=True))
         else:
-            off = wrong(chamber, heights, truth[i : i + 1]) if kind.usable else heights.known
+            off = wrong(chamber, heights, truth[i : i + 1]) if kind.in_view else heights.known
             failed = regions.sight is not kind.sight or bool(off[0])
             found.append(Odd(kind, regions.sight, failed))
     return found

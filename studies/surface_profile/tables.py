@@ -6,6 +6,7 @@ import numpy as np
 
 from designopt.results import Cell, Table
 from perception.chamber import SurfaceKind
+from studies.chamber_images.odd import sight_words
 from studies.surface_profile.found import (
     Found,
     calibrated_errors,
@@ -217,13 +218,13 @@ def odd_frames(found: Found) -> Table:
     rows: list[list[Cell]] = []
     for kind in dict.fromkeys(one.kind for one in found.odd):
         own = [one for one in found.odd if one.kind == kind]
-        sights = sorted({one.sight.name if one.sight else "exception" for one in own})
+        sights = sorted({sight_words(one.sight) for one in own})
         rows.append(
             [
                 kind.name,
                 len(own),
-                kind.sight.name,
-                f"within {WITHIN:g} mm" if kind.usable else "not known",
+                sight_words(kind.sight),
+                f"within {WITHIN:g} mm" if kind.in_view else "not known",
                 ", ".join(sights),
                 sum(one.failed for one in own),
             ]

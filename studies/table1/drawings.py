@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from designopt.figures import PALETTE, new_figure
+from designopt.figures import PALETTE, legend_below, new_figure
 from designopt.results import Figure
+from designopt.typesetting import as_mathtext
 from optics.chamber import Chamber
 from optics.chamber_drawing import REGIONS
 from studies.table1 import paper
@@ -28,13 +29,13 @@ def line_figure(imaging: Imaging, clearance: float) -> Figure:
     offset_a, chosen = float(imaging.chosen.offset_a), float(imaging.choice.value)
     drawing, axes = new_figure(1, 2, height=3.9)
     axis, residual = axes[0]
-    ratios = np.array([0.38, 1.06])
     table = np.array(paper.ETA), 10 * np.array(paper.DELTA_L_D_CM)
-    axis.axhspan(-offset_a + clearance, offset_a - clearance, color="0.92", zorder=0)
-    axis.axhline(offset_a, color="0.4", linewidth=0.9)
-    axis.text(0.39, offset_a + 0.12, r"$\Delta l_A$, wall at the lens", color="0.3")
-    room = rf"$|\Delta l_D| \leq \Delta l_A$ − {clearance:g} mm"
-    axis.text(1.04, 0.15, room, ha="right", color="0.3")
+    shown = [*paper.ETA, *([chosen] if bool(imaging.choice.ok) else [])]
+    ratios = np.array([min(shown) - 0.12, max(shown) + 0.06])
+    room = as_mathtext(f"left, grey: |Δl_D| ≤ Δl_A − {clearance:g} mm")
+    axis.axhspan(-offset_a + clearance, offset_a - clearance, color="0.92", zorder=0, label=room)
+    wall = as_mathtext("Δl_A, wall at the lens")
+    axis.axhline(offset_a, color="0.4", linewidth=0.9, label=wall)
     for (slope, intercept), color, style, label in (
         (identified, BLUE, "-", "identified constants"),
         (printed, VERMILION, "--", "printed constants"),
@@ -45,24 +46,22 @@ def line_figure(imaging: Imaging, clearance: float) -> Figure:
     axis.plot(*table, "o", color="black", markerfacecolor="white", label="Table I")
     if bool(imaging.choice.ok):
         axis.plot(chosen, offset_a - clearance, "D", color=GREEN, label=f"largest η: {chosen:.3f}")
-    axis.set(xlabel="η, yellow ring over blue ring", ylabel=r"$\Delta l_D$ (mm)")
+    axis.set(xlabel="η, yellow ring over blue ring", ylabel=as_mathtext("Δl_D (mm)"))
     axis.set(title="Table I is a line")
     axis.set(xlim=ratios)
 
     half_unit = 5.0  # half a unit in the last printed digit of Δl_D, in µm
-    residual.axhspan(-half_unit, half_unit, color="0.92", zorder=0)
+    rounding = "right, grey: rounding of the printed digits"
+    residual.axhspan(-half_unit, half_unit, color="0.92", zorder=0, label=rounding)
     residual.axhline(0, color="0.4", linewidth=0.9)
     slope, intercept = identified
     left = 1e3 * (slope * table[0] + intercept - table[1])
     residual.plot(table[0], left, "o", color=BLUE)
     reach = max(1.6 * half_unit, 1.1 * float(np.max(np.abs(left))))
-    residual.text(
-        0.75, -1.08 * half_unit, "grey: rounding of the printed digits", ha="center", va="top"
-    )
     residual.set(xlabel="η, yellow ring over blue ring")
-    residual.set(ylabel=r"$\Delta l_D$, identified − Table I (µm)")
+    residual.set(ylabel=as_mathtext("Δl_D, identified − Table I (µm)"))
     residual.set(title="What the identified constants leave", ylim=(-reach, reach))
-    drawing.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    legend_below(drawing, most=2)
     return Figure(
         "line",
         "Δl_D against η",
@@ -93,35 +92,35 @@ def section_figure(chamber: Chamber) -> Figure:
     corners = [*points.values(), (s_d, -height)]
     for start, end, (name, color) in zip(corners, corners[1:], REGIONS.items(), strict=False):
         section.plot(*zip(start, end, strict=True), color=color, linewidth=3.5, label=name)
-    section.axhline(0, color="0.55", linewidth=0.8, linestyle="-.")
-    section.text(2, 0.25, "centre line", color="0.35", fontsize=8)
-    section.axhline(-height, color="0.55", linewidth=0.8, linestyle=":")
-    section.text(s_d - 4, -height + 0.25, "reference ray", color="0.35", fontsize=8, ha="right")
+    section.axhline(0, color="0.55", linewidth=0.8, linestyle="-.", label="centre line")
+    section.axhline(-height, color="0.55", linewidth=0.8, linestyle=":", label="reference ray")
     for name in "BCD":
         section.plot(
             *zip((-offset, -height), points[name], strict=True), color="0.3", linewidth=0.9
         )
     for name, (s, y) in points.items():
-        section.annotate(name, (s, y), (0, 7), textcoords="offset points", ha="center")
-    section.annotate("E", (s_d, -height), (0, -13), textcoords="offset points", ha="center")
+        beside = (7, -2) if name == "D" else (0, 7)  # above it E may be
+        section.annotate(name, (s, y), beside, textcoords="offset points", ha="center")
+    section.annotate("E", (s_d, -height), (-7, -2), textcoords="offset points", ha="center")
     section.plot(-offset, -height, "o", color="black")
     section.annotate(
         "pinhole", (-offset, -height), (6, -11), textcoords="offset points", fontsize=8
     )
     section.set(xlabel="distance s along the centre line (mm)", ylabel="height (mm)")
+    lowest = [-height, *(y for _, y in points.values())]
     section.set(
-        title=f"Section at η = {ratio:.3f}", ylim=(-height - 2.2, float(chamber.offset_a) + 2)
+        title=f"Section at η = {ratio:.3f}", ylim=(min(lowest) - 2.2, float(chamber.offset_a) + 2)
     )
 
     lower = (*images[1:], 0.0)
     for low, high, color, name in zip(lower, images, [*REGIONS.values()][1:], "bcd", strict=True):
         sensor.bar(0, high - low, bottom=low, color=color, width=0.8)
-        text = rf"$\Delta d_{name}$ = {high - low:.4f} mm"
+        text = as_mathtext(f"Δd_{name} = {high - low:.4f} mm")
         sensor.text(0.5, (low + high) / 2, text, va="center", fontsize=8)
     sensor.set(title="Image", ylabel="image height T (mm)")
     sensor.set(xlim=(-0.5, 2.9), xticks=[])
     sensor.grid(visible=False)
-    drawing.legend(*section.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    legend_below(drawing)
     caption = (
         f"The wall of the identified chamber at the chosen η = {ratio:.3f}, with a ray from B, C "
         "and D through the pinhole; heights are enlarged. Right, the rings on the sensor: yellow "

@@ -11,7 +11,7 @@ from studies.table1.analysis import Analysis
 
 _CELLS = (
     *(
-        f"{quantity}_{source}"
+        f"{source}_{quantity}"
         for quantity in ("delta_l_d_cm", "theta_cd_deg", "eta_from_theta")
         for source in ("paper", "printed", "identified")
     ),
@@ -41,12 +41,12 @@ def table1(analysis: Analysis) -> Table:
         "column is η from the paper's θ_CD with the identified constants",
         {
             "eta": paper.ETA,
-            "delta_l_d_cm_paper": paper.DELTA_L_D_CM,
-            "delta_l_d_cm_printed": printed.delta_l_d_cm.tolist(),
-            "delta_l_d_cm_identified": identified.delta_l_d_cm.tolist(),
-            "theta_cd_deg_paper": paper.THETA_CD_DEG,
-            "theta_cd_deg_printed": printed.theta_cd_deg.tolist(),
-            "theta_cd_deg_identified": identified.theta_cd_deg.tolist(),
+            "paper_delta_l_d_cm": paper.DELTA_L_D_CM,
+            "printed_delta_l_d_cm": printed.delta_l_d_cm.tolist(),
+            "identified_delta_l_d_cm": identified.delta_l_d_cm.tolist(),
+            "paper_theta_cd_deg": paper.THETA_CD_DEG,
+            "printed_theta_cd_deg": printed.theta_cd_deg.tolist(),
+            "identified_theta_cd_deg": identified.theta_cd_deg.tolist(),
             "eta_from_theta": identified.eta.tolist(),
         },
         {"eta": 1, **dict.fromkeys(_CELLS, 4)},
@@ -65,12 +65,12 @@ def deviations(analysis: Analysis) -> Table:
         "within 0.0005",
         {
             "eta": paper.ETA,
-            "delta_l_d_cm_printed": printed.delta_l_d_cm.tolist(),
-            "delta_l_d_cm_identified": identified.delta_l_d_cm.tolist(),
-            "theta_cd_deg_printed": printed.theta_cd_deg.tolist(),
-            "theta_cd_deg_identified": identified.theta_cd_deg.tolist(),
-            "eta_from_theta_printed": printed.eta.tolist(),
-            "eta_from_theta_identified": identified.eta.tolist(),
+            "printed_delta_l_d_cm": printed.delta_l_d_cm.tolist(),
+            "identified_delta_l_d_cm": identified.delta_l_d_cm.tolist(),
+            "printed_theta_cd_deg": printed.theta_cd_deg.tolist(),
+            "identified_theta_cd_deg": identified.theta_cd_deg.tolist(),
+            "printed_eta_from_theta": printed.eta.tolist(),
+            "identified_eta_from_theta": identified.eta.tolist(),
         },
         {"eta": 1, **dict.fromkeys(_CELLS, 5)},
     )

@@ -10,9 +10,17 @@ from typing import Any
 import cv2
 import numpy as np
 
+from designopt.errors import UserError
 from perception.detection import find_views
 from perception.paper_route import PaperRoute
-from perception.proprioception import EdgeRuler, GapMeter, find_pose, fit_edges, observe
+from perception.proprioception import (
+    EdgeRuler,
+    GapMeter,
+    estimates_of,
+    find_pose,
+    fit_edges,
+    observe,
+)
 from perception.unwarping import unwarp
 from studies.finger_images.making import Finger
 from studies.finger_images.sensor import gap_table
@@ -100,10 +108,14 @@ NO_FINGER: dict[str, Corruption] = {
     "white": lambda image, _: np.full_like(image, 255),
     "noise": _noise,
     "bright blobs": _blobs,
+}
+"""Nothing of a finger is left in these: no view may be called complete, no angle be given."""
+
+NO_IMAGE: dict[str, Corruption] = {
     "wrong size": _wrong_size,
     "wrong type": _wrong_type,
 }
-"""Nothing of a finger is left in these: no view may be called complete, no angle be given."""
+"""These are refused, in one line."""
 
 DAMAGED: dict[str, Corruption] = {
     "one channel": lambda image, _: np.ascontiguousarray(image[..., 0]),
@@ -127,15 +139,23 @@ class Trial:
 
     Attributes:
         kind: how it was corrupted.
-        crash: what was raised; empty if nothing.
+        refused: whether it was refused as no image.
+        crash: what else was raised; empty if nothing.
         complete: views called complete.
         angles: joint angles that were given, by all corners, by the gap or by one edge.
     """
 
     kind: str
-    crash: str
-    complete: int
-    angles: int
+    refused: bool = False
+    crash: str = ""
+    complete: int = 0
+    angles: int = 0
+
+    @property
+    def failed(self) -> bool:
+        """Whether the answer is not the defined one."""
+        false = self.kind in NO_FINGER and bool(self.complete or self.angles)
+        return bool(self.crash) or false or self.refused is not (self.kind in NO_IMAGE)
 
 
 @dataclass(frozen=True)
@@ -178,24 +198,28 @@ class Analysis:
         return cls(finger, meters, rulers, PaperRoute())
 
     def of_frame(self, kind: str, frame: Image) -> Trial:
-        """All of it for one frame."""
+        """All of it for one frame.
+
+        Raises:
+            UserError: it is no image.
+        """
         finger = self.finger
         sighting = find_views(frame, finger.lens, finger.catalogue)
         seen = observe(sighting, finger.model.views)
-        estimates = find_pose(finger.model, seen, sighting.angles).estimates
+        estimates = estimates_of(find_pose(finger.model, seen, sighting.angles))
         estimates += [ruler.estimate(sighting) for ruler in self.rulers]
         estimates += [meter.estimate(meter.table.measured(sighting)) for meter in self.meters]
         for view in sighting.complete():
             unwarp(frame, view, finger.lens, finger.catalogue.lengths[view.pad], finger.width)
-        if isinstance(frame, np.ndarray):
+        if frame.ndim == 3:
             self.paper.corners(frame)
         given = sum(one.defined for one in estimates)
-        return Trial(kind, "", len(sighting.complete()), given)
+        return Trial(kind, complete=len(sighting.complete()), angles=given)
 
 
 def tried(analysis: Analysis, images: Sequence[np.ndarray], count: int, seed: int) -> list[Trial]:
     """Corrupted versions of good images, every kind as often as every other one."""
-    kinds = NO_FINGER | DAMAGED
+    kinds = NO_FINGER | NO_IMAGE | DAMAGED
     trials = []
     for number in range(count):
         kind = list(kinds)[number % len(kinds)]
@@ -203,6 +227,8 @@ def tried(analysis: Analysis, images: Sequence[np.ndarray], count: int, seed: in
         frame = kinds[kind](images[number // len(kinds) % len(images)], generator)
         try:
             trials.append(analysis.of_frame(kind, frame))
-        except Exception as error:  # any exception at all is what is counted here
-            trials.append(Trial(kind, repr(error), 0, 0))
+        except UserError:
+            trials.append(Trial(kind, refused=True))
+        except Exception as error:  # any other exception is what is counted here
+            trials.append(Trial(kind, crash=repr(error)))
     return trials

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Polygon
 
-from designopt.figures import PALETTE, new_figure
+from designopt.figures import PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from perception.lens import Lens, TangentPlane
 from perception.masks import adaptive_mask, brightness, combined_mask, global_mask
@@ -23,7 +23,17 @@ from studies.tactile_images.tables import all_views, of, paper_found, share
 GREY = 0.5
 """No difference, in a picture of differences."""
 
+MARGIN = 0.02
+"""Of an image's width, beside the pads that are seen in it."""
+
+WIDE = 0.7
+"""Width over length of pads that have room for their names above them."""
+
+NARROWEST = 0.8
+"""Width of what is shown of an image, as a part of its height: titles have room above it."""
+
 OF_QUALITY = {Quality.COMPLETE: PALETTE[5], Quality.CLIPPED: PALETTE[6], Quality.MERGED: PALETTE[3],
+              Quality.AMBIGUOUS: PALETTE[2], Quality.BLURRED: PALETTE[1],
               Quality.LOW_CONTRAST: "0.6"}  # fmt: skip
 
 
@@ -60,11 +70,20 @@ def _outline(axes: Axes, lens: Lens, rays: np.ndarray, colour: str, style: str) 
     axes.add_patch(Polygon(places, fill=False, color=colour, linestyle=style, linewidth=1.2))
 
 
+def _seen_columns(shown: Shown) -> tuple[float, float]:
+    """From where to where pads are seen in any of the frames, with a margin, px."""
+    seen = np.any([image.labels > 0 for image, _ in shown.frames], axis=(0, 1))
+    first, *_, last = np.flatnonzero(seen)
+    rows = len(shown.frames[0][0].labels)
+    half = max((last - first) / 2 + MARGIN * len(seen), NARROWEST * rows / 2)
+    middle = (first + last) / 2
+    return max(middle - half, 0), min(middle + half, len(seen))
+
+
 def views_figure(finger: Finger, shown: Shown) -> Figure:
     """Frames with what was found in them."""
     drawing, grid = new_figure(1, len(shown.frames), height=3.3)
     for axes, (image, sighting) in zip(grid[0], shown.frames, strict=True):
-        rows, columns = image.labels.shape
         degrees = np.rad2deg(image.angles)
         _picture(axes, _brighter(image.pixels), " / ".join(f"{angle:.0f}°" for angle in degrees))
         for view in sighting.views:
@@ -73,16 +92,16 @@ def views_figure(finger: Finger, shown: Shown) -> Figure:
                 _outline(axes, finger.lens, view.rays, OF_QUALITY[view.quality], style)
         for ghost in sighting.ghosts:
             _outline(axes, finger.lens, ghost.rays, "white", ":")
-        axes.set(xlim=(0.2 * columns, 0.8 * columns), ylim=(rows, 0))
+        axes.set(xlim=_seen_columns(shown), ylim=(len(image.labels), 0))
     handles = [
-        Patch(edgecolor=OF_QUALITY[Quality.COMPLETE], fill=False, label="complete"),
-        Patch(edgecolor=OF_QUALITY[Quality.CLIPPED], fill=False, label="clipped"),
-        Patch(edgecolor=OF_QUALITY[Quality.MERGED], fill=False, label="merged"),
-        Patch(edgecolor=OF_QUALITY[Quality.LOW_CONTRAST], fill=False, label="low contrast"),
+        *(
+            Patch(edgecolor=colour, fill=False, label=quality.name.lower().replace("_", " "))
+            for quality, colour in OF_QUALITY.items()
+        ),
         Patch(edgecolor="grey", fill=False, linestyle="--", label="by a mirror"),
         Patch(edgecolor="grey", fill=False, linestyle=":", label="no view that is asked for"),
     ]
-    drawing.legend(handles=handles, loc="outside lower center", ncols=3)
+    legend_below(drawing, handles, [str(handle.get_label()) for handle in handles])
     return Figure(
         "views",
         "What the camera sees, and what was found",
@@ -106,10 +125,9 @@ def masks_figure(shown: Shown) -> Figure:
         "combined": combined_mask(grey, route.threshold, route.block, route.share),
     }
     drawing, grid = new_figure(1, len(masks) + 1, height=2.5)
-    columns = grey.shape[1]
     for axes, (name, mask) in zip(grid[0], masks.items(), strict=False):
         _picture(axes, mask, name)
-        axes.set(xlim=(0.2 * columns, 0.8 * columns))
+        axes.set_xlim(_seen_columns(shown))
     axes = grid[0, -1]
     _picture(axes, _brighter(image.pixels), "one corner")
     whole = [view for view in image.views if view.complete] or list(image.views)
@@ -160,8 +178,10 @@ def imprints_figure(finger: Finger, shown: Shown) -> Figure:
                     axes.imshow(seen, extent=extent, interpolation="nearest")
                 axes.set(xlim=(0, finger.width), ylim=(max(lengths), 0), aspect="equal")
             if row == 0:
-                plain.set_title(f"{pad}", fontsize=8)
-                changed.set_title(f"{pad}, change", fontsize=8)
+                # Names stand upright over pads that are narrower than they are.
+                turn = 0 if finger.width > WIDE * max(lengths) else 90
+                plain.set_title(pad, fontsize=8, rotation=turn)
+                changed.set_title(f"{pad},\nchange", fontsize=8, rotation=turn)
         grid[row, 0].set_ylabel(touch.kind, fontsize=8)
     return Figure(
         "imprints",
@@ -227,7 +247,7 @@ def success_figure(frames: list[Frame]) -> Figure:
         ylim=(0, 102),
     )
     axes.grid(visible=False, axis="x")
-    drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    legend_below(drawing)
     return Figure(
         "success",
         "Views found, by exposure and severity",

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from designopt.results import Claim, Metric, PrecisionRow, Target
-from studies.tactile_images.corrupted import NO_FINGER
 from studies.tactile_images.found import OURS, PAPER, Found
 from studies.tactile_images.frames import Frame
 from studies.tactile_images.spec import TactileImagesSpec
@@ -82,16 +81,12 @@ def metrics(spec: TactileImagesSpec, found: Found) -> list[Metric]:
         Target("<=", DETECTION_MS),
     )
     if found.trials:
-        wrong = sum(
-            bool(t.crash) or (t.kind in NO_FINGER and bool(t.angles or t.complete))
-            for t in found.trials
-        )
         add(
             "corrupted_failures",
-            wrong,
+            sum(trial.failed for trial in found.trials),
             "",
-            f"of {len(found.trials):,} corrupted frames, those with an exception, or with a view "
-            "or an angle where there is no finger",
+            f"of {len(found.trials):,} corrupted frames, those with an exception, with a view or "
+            "an angle where there is no finger, or refused though they are images, or the reverse",
             Target("<=", 0),
         )
     add("render_ms", 1e3 * found.times[-1].seconds, "ms", "rendering a frame with all effects")
@@ -134,11 +129,13 @@ def findings(spec: TactileImagesSpec, found: Found) -> list[str]:
     wrong = sum(frame.wrong for frame in at_severity)
     complete = sum(view.found for view in seen)
     lines.append(f"{wrong} views were called complete that are not, beside {complete} that are.")
-    crashes = sum(bool(trial.crash) for trial in found.trials)
     if found.trials:
+        crashes = sum(bool(trial.crash) for trial in found.trials)
+        failed = sum(trial.failed for trial in found.trials)
         lines.append(
             f"{len(found.trials):,} corrupted frames, of {len({t.kind for t in found.trials})} "
-            f"kinds, ended in {crashes} exceptions."
+            f"kinds, ended in {crashes} exceptions; {sum(t.refused for t in found.trials)} were "
+            f"refused as no images. {failed} have another answer than the one defined for them."
         )
     return lines
 

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from designopt.results import Table
-from studies.tactile_images.corrupted import NO_FINGER, Trial
+from designopt.typesetting import words
+from studies.tactile_images.corrupted import NO_FINGER, NO_IMAGE, Trial
 from studies.tactile_images.found import Found
 from studies.tactile_images.frames import FoundView, Frame
 from studies.tactile_images.rendering import EffectTime
@@ -139,7 +140,7 @@ def unwarping(frames: list[Frame]) -> Table:
 def rendering(times: list[EffectTime]) -> Table:
     """What every effect costs by itself."""
     base = times[0].seconds
-    rows = [(one.effect, 1e3 * one.seconds, 1e3 * (one.seconds - base)) for one in times]
+    rows = [(words(one.effect), 1e3 * one.seconds, 1e3 * (one.seconds - base)) for one in times]
     return Table(
         "rendering",
         "Rendering one frame without effects, with each alone, and with all of them",
@@ -159,15 +160,24 @@ def corrupted(trials: list[Trial]) -> Table:
                 kind,
                 len(own),
                 sum(bool(trial.crash) for trial in own),
+                sum(trial.refused for trial in own),
                 sum(trial.complete > 0 for trial in own),
                 sum(trial.angles > 0 for trial in own),
-                "undefined" if kind in NO_FINGER else "any",
+                "refused" if kind in NO_IMAGE else "undefined" if kind in NO_FINGER else "any",
             )
         )
     return Table(
         "corrupted",
-        "Frames that are no proper images: exceptions, frames with a view called complete, frames "
-        "with a joint angle, and what was to come out",
-        ["kind", "frames", "exceptions", "with_complete_views", "with_angles", "expected"],
+        "Frames that are no proper images: exceptions, frames refused as no images, frames with a "
+        "view called complete, frames with a joint angle, and what was to come out",
+        [
+            "kind",
+            "frames",
+            "exceptions",
+            "refused",
+            "with_complete_views",
+            "with_angles",
+            "expected",
+        ],
         rows,
     )

@@ -44,7 +44,7 @@ def operations() -> list[LeftOutRow]:
         ),
         LeftOutRow(
             "coverage of the finger, and nothing else",
-            "pixels, resolution, distances, margins and reasons: all that find_views answers",
+            "pixels, resolution, distances, margins and reasons: all that `find_views` answers",
             once,
             _count(find_views, finger),
         ),

@@ -104,7 +104,7 @@ def metrics(spec: VisibilityPrecisionSpec, found: Measurements) -> list[Metric]:
             f"tracer_over_numpy_{_key(_legs(legs))}",
             1 / over_numpy.value,
             "",
-            f"run time of trace_rays over that of a tracer in NumPy by hand, {_legs(legs)}",
+            f"run time of `trace_rays` over that of a tracer in NumPy by hand, {_legs(legs)}",
             Target("<=", NUMPY_TARGET),
         )
     if found.traced:
@@ -112,8 +112,8 @@ def metrics(spec: VisibilityPrecisionSpec, found: Measurements) -> list[Metric]:
             "throughput_over_optiland",
             throughput_over(OPTILAND, found.over_tracers),
             "",
-            "intersections of rays with surfaces per second by trace_rays over those by optiland, "
-            f"{MIRRORS} mirrors",
+            "intersections of rays with surfaces per second by `trace_rays` over those by "
+            f"optiland, {MIRRORS} mirrors",
             Target(">=", OPTILAND_TARGET),
         )
     return made
@@ -260,7 +260,7 @@ def _tracer_claim(found: Measurements) -> Claim:
     optiland = throughput_over(OPTILAND, found.over_tracers)
     faster = f"intersects at least {OPTILAND_TARGET:g} times as many rays and surfaces as optiland"
     return Claim(
-        "In float64 trace_rays takes at most "
+        "In float64 `trace_rays` takes at most "
         f"{NUMPY_TARGET:g} times as long as a tracer written by hand in NumPy for the same scene"
         + (f", and {faster}." if optiland is not None else "."),
         "All surfaces are met in one fused loop over the rays; what is not asked for is not "
@@ -309,12 +309,12 @@ def _beside(row: PrecisionRow, others: Sequence[PrecisionRow]) -> str:
 def _tracing(found: Measurements) -> list[str]:
     said = []
     for (legs, method), ratio in found.over_tracers.items():
-        times = f"{method}, {_legs(legs)}: {ratio.value:.3g} times the run time of trace_rays"
+        times = f"{method}, {_legs(legs)}: {ratio.value:.3g} times the run time of `trace_rays`"
         told = method in (OPTILAND, RAYOPTICS)
         rate = throughput_over(method, found.over_tracers)
         said.append(
             f"{times}, which intersects {rate:.3g} times as many rays and surfaces per second; "
-            f"{method} is told which mirror comes next, trace_rays finds it among {MIRRORS}."
+            f"{method} is told which mirror comes next, `trace_rays` finds it among {MIRRORS}."
             if told
             else f"{times} ({ratio.low:.3g} to {ratio.high:.3g})."
         )

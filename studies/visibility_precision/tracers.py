@@ -16,7 +16,7 @@ from optics.scene import Scene
 from optics.tracing import trace_rays
 from studies.visibility_precision.peers import Ends, installed, optiland_tracer, rayoptics_tracer
 
-OURS = "trace_rays"
+OURS = "designopt"
 NUMPY = "NumPy by hand"
 OPTILAND = "optiland"
 RAYOPTICS = "rayoptics"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from designopt.figures import MARKERS, PALETTE, new_figure
+from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from studies.visibility_stability.spec import StabilitySpec
 
@@ -54,7 +54,8 @@ def _histogram(
     series: Sequence[tuple[np.ndarray, str, str, str]],
     limits: tuple[float, float],
 ) -> None:
-    bins = np.linspace(np.log10(limits[0]), np.log10(limits[1]), 61)
+    largest = max([limits[1], *(np.max(values, initial=0.0) for values, *_ in series)])
+    bins = np.linspace(np.log10(limits[0]), np.log10(largest), 61)
     for values, label, colour, style in series:
         values = np.log10(np.maximum(values[values > 0], limits[0]))
         axis.hist(values, bins, histtype="step", color=colour, linestyle=style, label=label)
@@ -86,7 +87,7 @@ def approach_figure(judged: Sequence[Judged]) -> Figure:
         axis.set(xscale="log", yscale="log", title=title, xlabel="distance from a change of views")
         axis.invert_xaxis()
     axes[0, 0].set(ylabel="scaled error")
-    drawing.legend(loc="outside lower center", ncols=2)
+    legend_below(drawing, most=2)
     return Figure(
         "approach",
         "Errors on the way to degenerate scenes",

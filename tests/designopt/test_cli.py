@@ -43,6 +43,36 @@ def test_help_loads_nothing_heavy():
         assert command in done.stdout
 
 
+def test_what_does_not_exist_is_told_before_jax_is_loaded(tmp_path):
+    (tmp_path / "there").mkdir()
+    lines = (
+        "solve no.toml",
+        "trace no.toml",
+        "explore no.toml",
+        "explore there --web",
+        "export no.toml --to svg",
+        "export linkage-precision --to svg",
+        "sweep nosuch --vary x=1:2:3",
+        "run finger --out there",
+        "run finger --out file/new",
+        "run finger --set nosuch=1",
+    )
+    (tmp_path / "file").touch()
+    probe = (
+        "import sys; from designopt import cli; "
+        "[print(cli.run(line.split()), 'jax' in sys.modules) for line in sys.argv[1:]]"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", probe, *lines],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.splitlines() == ["2 False"] * len(lines)
+    assert done.stderr.count("error: ") == done.stderr.count("\n") == len(lines)
+
+
 def test_no_arguments_is_help(capsys):
     assert cli.run([]) == 0
     assert "Usage: designopt" in capsys.readouterr().out
@@ -107,7 +137,7 @@ def test_a_missed_target_is_exit_code_1_with_its_results_kept(square, capsys):
         (["run", "square", "--set", "side=1", "--out", "there"], ["--out there", "--force"]),
         (
             ["run", "square", "--set", "side=1", "--out", "file/x"],
-            ["--out file/x", "name a folder"],
+            ["--out file/x", "file is no folder", "name a folder"],
         ),
         (["run", "square", "--set", "side=1", "--out", "there", "--force"], ["an earlier result"]),
     ],
@@ -158,6 +188,21 @@ def test_the_installed_command_runs():
     )
     assert done.returncode == 0
     assert "table1" in done.stdout
+
+
+@pytest.mark.parametrize("arguments", [["list"], ["run", "table1"], ["explore", "x.toml"]])
+def test_an_unknown_backend_of_matplotlib_is_one_line(tmp_path, arguments):
+    done = subprocess.run(
+        [sys.executable, "-m", "designopt", *arguments],
+        env={**os.environ, "MPLBACKEND": "nosuch"},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: MPLBACKEND=nosuch: Matplotlib has no such backend; unset it\n"
+    assert not list(tmp_path.iterdir())
 
 
 def shell(line: str, **environment: str) -> subprocess.CompletedProcess[str]:

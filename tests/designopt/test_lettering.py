@@ -9,6 +9,8 @@ from matplotlib.figure import Figure
 
 from designopt.lettering import Lettering
 
+FINE = 16
+"""Samples across a pixel, and down it, of the reference that letters are compared with."""
 PIXELS = 8.0
 """The room that Matplotlib leaves on both sides of a text."""
 
@@ -58,3 +60,24 @@ def test_other_words_and_places(axes):
     moved = made.get_path().transformed(made.get_transform()).get_extents()
     there = axes.transData.transform((2.0, 14.0))
     assert (moved.x0 + moved.x1) / 2 == pytest.approx(there[0], abs=1e-6)
+
+
+@pytest.mark.parametrize("ratio", [1, 2])
+@pytest.mark.parametrize("size", [6.0, 7.5, 8.5, 10.0])
+@pytest.mark.parametrize("rim", [0.0, 1.6])
+def test_every_bar_of_a_small_letter_is_drawn_wherever_it_stands(size, ratio, rim):
+    figure = Figure(figsize=(0.3, 0.3), dpi=100 * ratio)
+    canvas = FigureCanvasAgg(figure)
+    made = Lettering("", size, figure.transFigure, figure.dpi_scale_trans, rim=rim, color="black")
+    figure.add_artist(made)
+    across, down = 30 * ratio, 30 * ratio
+    grid = (np.arange(across * FINE) + 0.5) / FINE
+    samples = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    for number, letter in enumerate("EFHLTIV"):
+        made.say(letter)
+        made.move((0.5 + 0.13 * number / across, 0.5 + 0.29 * number / down))
+        canvas.draw()
+        ink = 1 - np.array(canvas.buffer_rgba())[::-1, :, 0] / 255
+        path = made.get_path().transformed(made.get_transform())
+        inside = path.contains_points(samples).reshape(down, FINE, across, FINE)
+        np.testing.assert_allclose(ink, inside.mean(axis=(1, 3)), atol=2 / FINE)

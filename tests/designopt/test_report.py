@@ -17,22 +17,31 @@ from designopt import (
     Table,
     Target,
 )
-from designopt.figures import new_figure
+from designopt.figures import TEXT_WIDTH, new_figure
 from designopt.runner import run
 from tests.designopt.plugin import SquareSpec
 
 
 def everything(spec, context):
     drawing, axes = new_figure()
+    drawing.set_figwidth(TEXT_WIDTH / 2)
     axes[0, 0].plot([1, 2], [3, 4])
     rows = [PrecisionRow("m", f"tolerance {i}", "p", 1e-3, 1.0, 0.9, 1.1, 0.2) for i in range(50)]
     return Results(
-        findings=["First.", "Second."],
+        findings=["First.", "Second.", "Δl_D < 4 mm by `chamber.offset_a`."],
         metrics=[
             Metric("good", 1.0, "mm", "a good one", 1.1, Target("<=", 2)),
             Metric("bad", 3.0, "mm", "a bad one", None, Target("<=", 2)),
         ],
-        tables=[Table("t", "A table", ["x_mm", "word"], [(1 / 3, "w"), (None, "v")], {"x_mm": 2})],
+        tables=[
+            Table("t", "A table", ["x_mm", "word"], [(1 / 3, "w"), (None, "v")], {"x_mm": 2}),
+            Table(
+                "symbols",
+                "Of μ_C",
+                ["paper_delta_l_d_cm", "k_s", "met"],
+                [(1.0, "see `a_b`", True), (float("nan"), "", False)],
+            ),
+        ],
         figures=[Figure("drawing", "A drawing", "Its caption.", drawing)],
         precision=PrecisionStudy(
             rows, "error of y", "the truth", [Claim("It is fast.", "It is short.", ["1 s"], False)]
@@ -50,7 +59,7 @@ def page(tmp_path_factory):
     for name in ("drawing", "precision", "stability"):
         assert (out / "figures" / f"{name}.png").is_file()
         assert (out / "figures" / f"{name}.svg").is_file()
-    for name in ("t", "precision", "stability", "left_out"):
+    for name in ("t", "symbols", "precision", "stability", "left_out"):
         assert (out / "tables" / f"{name}.csv").is_file()
     return (out / "report.html").read_text(encoding="utf-8")
 
@@ -75,7 +84,7 @@ def test_it_says_what_was_found_and_what_was_missed(page):
         "a good one 1 mm 1.1 ≤ 2 ✓ met",
         "a bad one 3 mm ≤ 2 ✗ missed",
         "A drawing. Its caption.",
-        "x mm word 0.33 w v",
+        "x (mm) word 0.33 w v",
         "It is fast. ✗ does not hold in this run Why: It is short. Measured: 1 s",
         "Error of y, against the truth.",
         "stiff float64 9 1 0 1e-16 2e-16 3e-09 0",
@@ -84,6 +93,25 @@ def test_it_says_what_was_found_and_what_was_missed(page):
         "optimistix",
     ):
         assert words in text
+
+
+def test_names_and_symbols_are_typeset(page):
+    """Plain text outside of ``code`` has no backtick and no underscore."""
+    assert "<li>Δl<sub>D</sub> &lt; 4 mm by <code>chamber.offset_a</code>.</li>" in page
+    assert '<th class="number">paper Δl<sub>D</sub> (cm)</th>' in page
+    assert "<td>see <code>a_b</code></td>" in page
+    assert all(f">{word}</td>" in page for word in ("yes", "no"))
+    assert ">nan<" not in page
+    findings = page.partition('<section id="findings">')[2]
+    read = re.sub(r"<code>.*?</code>|<[^>]*>", "", findings)
+    assert "`" not in read
+    assert "_" not in read
+
+
+def test_figures_have_the_scale_of_the_text(page):
+    """A figure that was trimmed to half the width is shown in half of it."""
+    assert page.count('style="width: 100.0%"') == 2
+    assert 'style="width: 50.0%"' in page
 
 
 def test_a_long_table_is_folded(page):

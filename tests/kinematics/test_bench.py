@@ -160,7 +160,7 @@ def test_every_knob_shows_what_the_library_computes(name):
     check(bench, start(bench))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", NAMES)
 def test_the_whole_gallery(name):
     bench = bench_of(name)
@@ -253,7 +253,7 @@ def test_the_least_transmission_angle_of_a_watt():
 
 @pytest.mark.parametrize(
     "name",
-    ["four-bar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("watt", "five-bar"))],
+    ["four-bar", *(pytest.param(name, marks=pytest.mark.nightly) for name in ("watt", "five-bar"))],
 )
 def test_the_least_transmission_angle_reads_back(name):
     bench = bench_of(name)
@@ -284,7 +284,7 @@ def test_a_range_goes_on_where_a_whole_turn_ends():
 
 @pytest.mark.parametrize(
     "name",
-    ["four-bar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("watt", "five-bar"))],
+    ["four-bar", *(pytest.param(name, marks=pytest.mark.nightly) for name in ("watt", "five-bar"))],
 )
 def test_no_move_compiles_anything(name):
     """The first one that locks, or that no triangle allows, is no exception."""
@@ -338,7 +338,7 @@ def test_a_crank_that_turns_has_a_full_turn():
     assert (crank.low, crank.high, crank.unit, crank.kind) == (0.0, 360.0, "°", "joint")
 
 
-@pytest.mark.parametrize("name", ["watt", pytest.param("peaucellier", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["watt", pytest.param("peaucellier", marks=pytest.mark.nightly)])
 def test_beyond_a_limit_it_says_where_that_is(name):
     bench = bench_of(name)
     limits = ends(find_limits(gallery(name), "crank"))

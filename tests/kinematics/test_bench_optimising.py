@@ -79,9 +79,9 @@ def reading(bench, values):
     "name",
     [
         "four-bar",
-        pytest.param("watt", marks=pytest.mark.slow),
+        pytest.param("watt", marks=pytest.mark.nightly),
         pytest.param("five-bar", marks=pytest.mark.slow),
-        pytest.param("finger", marks=pytest.mark.slow),
+        pytest.param("finger", marks=pytest.mark.nightly),
     ],
 )
 def test_what_is_told_is_what_is_read(name):
@@ -117,9 +117,12 @@ def told(bench, step):
     return f"{reading(bench, step.values):.1f}"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "low", "high"), [("watt", -59.9, 157.0), ("slider-crank", 0, 360)]
+    ("name", "low", "high"),
+    [
+        pytest.param("watt", -59.9, 157.0, marks=pytest.mark.nightly),
+        pytest.param("slider-crank", 0, 360, marks=pytest.mark.slow),
+    ],
 )
 def test_a_dense_sweep_confirms_it(name, low, high):
     """The whole range in which the first design works, but for its outermost fiftieths.
@@ -135,7 +138,7 @@ def test_a_dense_sweep_confirms_it(name, low, high):
     assert before + 5 < said < after + 0.3
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_inputs_at_once():
     bench = bench_of("finger")
     steps = solved(bench, start(bench))

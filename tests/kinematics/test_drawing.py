@@ -235,7 +235,7 @@ def test_margins_are_masked_and_shaded_where_poses_fail():
     assert np.all(np.isnan(folded[~ok]))
     drawn_angle = next(line for line in lower.lines if line.get_label() == "C")
     np.testing.assert_allclose(np.asarray(drawn_angle.get_ydata())[ok], np.degrees(angle[ok]))
-    assert lower.get_xlabel() == "crank (deg)"
+    assert lower.get_xlabel() == "crank (°)"
     assert any(np.all(np.asarray(line.get_ydata()) == 40) for line in lower.lines)
     assert len(upper.patches) == len(lower.patches) == 1
 
@@ -243,7 +243,7 @@ def test_margins_are_masked_and_shaded_where_poses_fail():
 def test_the_abscissa_is_the_first_input_that_varies():
     linkage, inputs, poses = sketched("five-bar")
     figure = margin_figure(linkage, inputs[:, ::-1], poses, {})
-    assert figure.axes[1].get_xlabel() == "right (deg)"
+    assert figure.axes[1].get_xlabel() == "right (°)"
 
 
 def test_stretches_reach_half_way_to_the_neighbours():

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from kinematics import assemblies, find_limits
-from tests.kinematics.gallery import ends, gallery, poses_of
+from kinematics import assemblies
+from tests.kinematics.gallery import gallery, poses_of
 
 
 def tracked(name, angles):
@@ -45,7 +45,7 @@ def tracked(name, angles):
     ("name", "turn"),
     [
         ("stephenson", 2 * np.pi),
-        pytest.param("double-butterfly", 0.5, marks=pytest.mark.slow),
+        pytest.param("double-butterfly", 0.5, marks=pytest.mark.nightly),
     ],
 )
 def test_sweeps_agree_with_small_steps_of_scipy(name, turn):
@@ -68,16 +68,6 @@ def test_whole_turns_change_nothing():
         assert bool(jnp.all(again.ok))
         gap = np.abs(again.value.position("P") - once.value.position("P"))
         assert gap.max() < 1e-9
-
-
-@pytest.mark.slow
-def test_beyond_the_lock_nothing_is_found_and_the_reason_is_told():
-    linkage = gallery("double-butterfly")
-    upper = ends(find_limits(linkage, "crank"))[1].value
-    poses = poses_of(linkage, jnp.array([[upper - 1e-6], [upper + 1e-6], [upper + 0.5]]))
-    assert poses.ok.tolist() == [True, False, False]
-    assert poses.margin[0] > 0 > poses.margin[1] > poses.margin[2]
-    assert "locks before it comes here" in poses.messages()[1]
 
 
 def test_followed_poses_are_among_the_assemblies_and_stay_the_same_one():

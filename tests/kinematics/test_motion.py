@@ -25,8 +25,8 @@ from tests.kinematics.gallery import FOLDER, gallery, poses_of, rates_of, transm
     [
         "quick-return",
         "scotch-yoke",
-        pytest.param("stephenson", marks=pytest.mark.slow),
-        pytest.param("finger-crank", marks=pytest.mark.slow),
+        pytest.param("stephenson", marks=pytest.mark.nightly),
+        pytest.param("finger-crank", marks=pytest.mark.as_users),
     ],
 )
 def test_rates_are_the_derivatives_of_poses(name):

@@ -62,11 +62,11 @@ def test_as_many_loops_as_the_graph_has(name):
 
 
 def test_a_loop_between_moving_bodies_is_solved_in_the_frame_of_one():
-    """Paper B's finger driven by its crank: B-C-H-G closes wherever the phalanx is."""
+    """Paper B's finger driven by its crank: B-C-G'-G closes wherever the phalanx is."""
     first, second = make_plan(gallery("finger-crank").structure).groups
     assert first.base == "intermediate"
     assert second.base is None
-    assert first.pin == "H"
+    assert first.pin == "G'"
 
 
 def test_only_what_is_upstream_is_solved():

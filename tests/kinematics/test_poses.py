@@ -32,7 +32,7 @@ def near_home(name, count, spread=0.3):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.slow if name == "double-butterfly" else ())
+        pytest.param(name, marks=() if name in ("jansen", "stephenson") else pytest.mark.nightly)
         for name in NAMES
     ],
 )
@@ -74,7 +74,7 @@ def sum_of_outputs(rebuilt):
         "quick-return",
         "scotch-yoke",
         "finger-crank",
-        pytest.param("stephenson", marks=pytest.mark.slow),
+        pytest.param("stephenson", marks=pytest.mark.as_users),
     ],
 )
 def test_compiled_batched_gradients(name):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 import tomllib
-import xml.etree.ElementTree as ElementTree
 from functools import cache
 from typing import Any
 
@@ -17,7 +16,6 @@ from ezdxf.document import Drawing
 
 from designopt.designs import Sheet
 from designopt.exporting.dxf import dxf_text
-from designopt.exporting.svg import svg_text
 from kinematics.design import DesignedLinkage
 from kinematics.sketch import parse_sketch
 from tests.designopt.exporting.reading import dimensions, opened
@@ -238,14 +236,6 @@ def test_a_body_held_by_its_slots_alone_is_found_from_them():
         read_back = [found[f"joints.{joint}.{axis}"] for axis in "xy"]
         np.testing.assert_allclose(read_back, place, atol=1e-9)
     assert {circle.name for circle in plate.sheet().circles} == {"O", "M"}
-
-
-def test_a_name_that_cannot_be_printed_spoils_no_file():
-    odd = linkage(linkage={"name": "first\nsecond\a%"}).sheet()
-    assert odd.title == "first second %"
-    texts = [text.dxf.text for text in opened(odd).paperspace("Sheet").query("TEXT")]
-    assert texts[0] == odd.title
-    assert ElementTree.fromstring(svg_text(odd))[0].text == odd.title
 
 
 def test_springs_are_noted_but_many_are_only_counted():

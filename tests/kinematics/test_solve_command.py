@@ -168,7 +168,7 @@ def test_memory_does_not_grow_with_a_sweep(tmp_path):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[pytest.mark.slow] if name[:-5] in SLOW_TO_COMPILE else [])
+        pytest.param(name, marks=[pytest.mark.nightly] if name[:-5] in SLOW_TO_COMPILE else [])
         for name in FILES
     ],
 )

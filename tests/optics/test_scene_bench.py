@@ -129,9 +129,9 @@ def test_the_saved_file_has_the_knobs_numbers_and_the_camera_takes_its_body_alon
 @pytest.mark.parametrize(
     "turned",
     [
-        pytest.param({}, marks=pytest.mark.slow),
+        pytest.param({}, marks=pytest.mark.nightly),
         MOVED,
-        pytest.param({"pip": 60.0, "camera tilt": 26.3}, marks=pytest.mark.slow),
+        pytest.param({"pip": 60.0, "camera tilt": 26.3}, marks=pytest.mark.nightly),
     ],
 )
 def test_readings_are_those_of_the_saved_scene(turned):
@@ -383,7 +383,7 @@ def test_a_curved_mirror_has_a_radius_that_its_ends_allow():
 
 @pytest.mark.parametrize(
     "name",
-    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in NAMES],
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.nightly) for name in NAMES],
 )
 def test_every_scene_of_the_gallery_bears_its_knobs(name):
     bench, values, canvas = opened(name)
@@ -415,8 +415,8 @@ def covered_over_range(bench, values):
 @pytest.mark.parametrize(
     ("name", "turned"),
     [
-        ("folded-pad", {"field of view": 50.0}),
-        pytest.param("finger", {"camera tilt": 15.0}, marks=pytest.mark.slow),
+        pytest.param("folded-pad", {"field of view": 50.0}, marks=pytest.mark.slow),
+        pytest.param("finger", {"camera tilt": 15.0}, marks=pytest.mark.nightly),
     ],
 )
 def test_optimising_sees_more(name, turned):

@@ -85,7 +85,7 @@ def test_curves_are_the_views_numbers():
     views = views_at(poses)
     figure = sweep_figure(finger(), poses, views)
     assert len(figure.axes) == 3
-    assert figure.axes[-1].get_xlabel() == "PIP (deg)"
+    assert figure.axes[-1].get_xlabel() == "PIP (°)"
     order = np.argsort(pip)
     measures = {
         "coverage": 100 * np.asarray(views.value.coverage()),
@@ -105,7 +105,7 @@ def test_curves_are_the_views_numbers():
 def test_angles_that_vary_together_are_named():
     poses = POSES[:3]
     figure = sweep_figure(finger(), *first(3))
-    assert figure.axes[-1].get_xlabel() == "PIP (deg); DIP varying with it"
+    assert figure.axes[-1].get_xlabel() == "PIP (°); DIP varying with it"
     np.testing.assert_allclose(curve(figure, "views:distal")[:, 0], np.degrees(poses[:, 0]))
 
 
@@ -131,7 +131,7 @@ def test_maps_are_the_views_numbers(shuffled):
             np.testing.assert_allclose(shown, values[..., pad].T)
     panels = [axes for axes in figure.axes if axes.get_title()]
     assert len(panels) == 6
-    assert (panels[3].get_xlabel(), panels[0].get_ylabel()) == ("PIP (deg)", "DIP (deg)")
+    assert (panels[3].get_xlabel(), panels[0].get_ylabel()) == ("PIP (°)", "DIP (°)")
     bars = [axes.get_ylabel() for axes in figure.axes if axes not in panels]
     assert bars == ["coverage (%)", "least resolution (px/mm)"]
     assert coverage.min() < 1

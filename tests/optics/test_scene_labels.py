@@ -36,7 +36,7 @@ def check(label, clutter, taken):
 @pytest.mark.parametrize("count", [3, 30, 300])
 def test_the_best_place_is_found_in_any_crowd(count, back):
     draw = np.random.default_rng([count, back + 1])
-    for _ in range(10):
+    for _ in range(3):
         clutter = draw.uniform(-60, 60, (count, 2))
         label = Label("a name", draw.uniform(-30, 30, (2, 2)), back, 4.0)
         check(label, clutter, int(draw.integers(0, count)))

@@ -401,7 +401,7 @@ def test_too_many_paths_are_refused(tmp_path, capsys):
     assert f"{1 + 12 * (11**6 - 1) // 10:,} paths" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", FILES)
 def test_every_gallery_scene_is_traced_and_drawn(name, tmp_path, trace):
     document, said = trace(name, "--figure", "t.png")

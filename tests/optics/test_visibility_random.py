@@ -97,10 +97,15 @@ def test_what_is_seen_lies_between_the_bounds_of_shot_rays(bounces):
     assert_shot(sample(), bounces)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 5))
-def test_what_is_seen_in_many_scenes_lies_between_the_bounds_of_shot_rays(seed):
-    assert_shot(sample(seed, 2048), 2)
+@pytest.mark.parametrize(
+    ("seed", "count"),
+    [
+        *(pytest.param(seed, 2048, marks=pytest.mark.nightly) for seed in range(1, 5)),
+        pytest.param(5, 128, marks=pytest.mark.as_users),
+    ],
+)
+def test_what_is_seen_in_other_scenes_lies_between_the_bounds_of_shot_rays(seed, count):
+    assert_shot(sample(seed, count), 2)
 
 
 @jax.jit

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from perception.lens import Lens
@@ -164,6 +165,13 @@ def stored(light: np.ndarray, noise: float = 0.0, seed: int = 0) -> np.ndarray:
     return np.clip(np.rint(light + noise * generator.standard_normal(light.shape)), 0, 255).astype(
         np.uint8
     )
+
+
+def defocused(light: np.ndarray, radius: float) -> np.ndarray:
+    """Light spread over a disc, its rim to a fraction of a pixel."""
+    reach = np.arange(-np.ceil(radius), np.ceil(radius) + 1)
+    disc = np.clip(radius + 0.5 - np.hypot(reach[:, None], reach), 0, 1)
+    return cv2.filter2D(light, -1, disc / disc.sum(), borderType=cv2.BORDER_REPLICATE)
 
 
 def coloured(grey: np.ndarray) -> np.ndarray:

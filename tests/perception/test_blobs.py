@@ -65,6 +65,16 @@ def test_stray_light_between_two_pads_does_not_join_them(bridge):
     np.testing.assert_allclose(extent(blobs[1]), [200, 240, 500, 290], atol=2)
 
 
+@pytest.mark.parametrize("level", [1, 2, 3, 4])
+def test_a_faint_halo_in_the_dark_is_no_part_of_a_pad(level):
+    """As JPEG leaves one: even, and as wide as its blocks."""
+    light = np.zeros((ROWS, COLUMNS))
+    light[box(84, 216, 184, 516)] = level
+    light[box(100, 200)] = BRIGHT
+    (blob,) = stable_blobs(seen(light))
+    np.testing.assert_allclose(extent(blob), [200, 100, 500, 200], atol=2)
+
+
 @pytest.mark.parametrize("along", [True, False], ids=["along", "across"])
 @pytest.mark.parametrize("low", [0.25, 0.5])
 def test_a_gradient_does_not_part_a_pad(along, low):

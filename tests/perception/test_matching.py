@@ -241,3 +241,22 @@ def test_where_no_value_nearby_shows_all_of_a_pad_it_is_clipped():
     )
     assert names(sighting, [Quality.CLIPPED]) == {"low direct", "low mirror:low"}
     assert names(sighting) == {"still direct", "high direct", "high mirror:high"}
+
+
+def test_a_pad_seen_at_two_joint_angles_is_ambiguous_and_the_others_stay():
+    """A double exposure: the second joint's pad is there once more, as it is at another angle."""
+    other = corners_in(BOTH + np.array([0.0, 0.45]))
+    index = max(
+        (i for i, family in enumerate(KNOWN.families) if family.wanted and family.joint == 1),
+        key=lambda i: area(other[i]) ** 2,
+    )
+    quads = [*quads_of(corners_in(BOTH)), quad_of(other[index])]
+    sighting = match(quads, KNOWN, LENS)
+    assert sighting.angles[0] == pytest.approx(BOTH[0], abs=2 * STEP)
+    assert np.isnan(sighting.angles[1])
+    for view, family in zip(sighting.views, KNOWN.families, strict=True):
+        if family.joint == 1:
+            assert view.quality in (Quality.AMBIGUOUS, Quality.MISSING)
+            assert view.ends == (False, False)
+        else:
+            assert view.quality is Quality.COMPLETE

@@ -13,7 +13,7 @@ from perception.lens import Lens
 from perception.paper_route import PaperRoute
 from perception.quads import LEAST_CONTRAST, Quad, first_corners, fit_quad, ordered
 from perception.quality import Quality
-from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, drawn, rays_of, stored
+from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, defocused, drawn, rays_of, stored
 
 NEAR = 0.3
 """A corner is found to so many pixels, in the light of a good finger."""
@@ -26,6 +26,9 @@ PADS = {
     "near": Pad((15, -10), (19, 16), beside=3),
     "far": Pad((40, -8), (40, 12)),
 }
+FLAT = Pad((10, -22), (33, -62))
+"""Its far end is seen at 1.9° from its plane."""
+
 MIRRORED, UPSIDE_DOWN = [3, 2, 1, 0], [1, 0, 3, 2]
 """What a corner is called in an image that is turned over."""
 
@@ -149,6 +152,24 @@ def test_a_side_that_is_hardly_found_is_not_complete():
     assert quad.quality is not Quality.COMPLETE
 
 
+@pytest.mark.parametrize("name", ["before", "below", "near", "flat"])
+@pytest.mark.parametrize("radius", [1, 2, 4, 6, 8, 10, 12])
+def test_no_view_is_complete_that_is_too_blurred_for_its_corners(name, radius):
+    pad = PADS.get(name, FLAT)
+    quads = find_quads(stored(defocused(drawn(WIDE, [pad]), radius), noise=1.0), wide())
+    complete = [quad for quad in quads if quad.quality is Quality.COMPLETE]
+    for quad in complete:
+        off = quad.corners - WIDE.places(pad.corners())
+        covariance = quad.covariance + 0.25**2 * np.eye(2)
+        assert np.hypot(*off.T).max() < 5
+        assert np.einsum("ci,cij,cj->c", off, np.linalg.inv(covariance), off).max() < 3**2
+    if pad is not FLAT:
+        # A blur that a line's reach can see across costs no view.
+        assert bool(complete) == (radius < 7)
+    if not complete:
+        assert {Quality.BLURRED, Quality.LOW_CONTRAST} >= {quad.quality for quad in quads}
+
+
 @pytest.mark.parametrize(
     "pad",
     [Pad((6, -40), (18, -20)), Pad((30, 20), (6, 40)), Pad((12, -10), (12, 10), beside=15)],
@@ -181,7 +202,7 @@ def test_an_image_turned_over_has_its_corners_turned_over(name):
     np.testing.assert_allclose(upside_down, turned, atol=0.05)
 
 
-@pytest.mark.parametrize("name", ["below", pytest.param("before", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["below", pytest.param("before", marks=pytest.mark.nightly)])
 def test_the_covariance_is_the_scatter_of_repeats(name):
     errors, predicted = [], []
     for number in range(34):

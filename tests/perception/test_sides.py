@@ -8,7 +8,7 @@ import pytest
 
 from perception.lens import Lens, TangentPlane
 from perception.sides import DEEP, POINTS, SEAM, TRIMMED, Edges, Line, Side, find_edges, fit_lines
-from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, drawn, rays_of, stored
+from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, defocused, drawn, rays_of, stored
 
 EYE = Eye()
 PAD = Pad((20, -14), (22, 12))
@@ -38,6 +38,8 @@ def line_of(offsets: np.ndarray, found: np.ndarray | None = None, doubt: float =
         np.full((2, POINTS), SCALE),
         np.stack([there, np.ones(POINTS, bool)]),
         np.full(2, 100.0),
+        np.ones(2),
+        np.ones(2),
         np.array([doubt, 0.0]),
     )
     line, beside = fit_lines(edges)
@@ -102,6 +104,32 @@ def test_an_edge_that_does_not_fall_to_the_dark_is_doubted(beside):
     assert edges.doubt[1] == pytest.approx(SEAM * (DEEP - (1 - beside)), abs=0.1)
     assert edges.contrast[1] == pytest.approx((1 - beside) * (BRIGHT - DARK), abs=1)
     assert edges.doubt[[0, 2, 3]].tolist() == [0, 0, 0]
+
+
+@pytest.mark.parametrize("size", [0.0, 1.5, 3.0])
+@pytest.mark.parametrize(
+    ("spread", "quarters"),
+    [(lambda light, size: cv2.GaussianBlur(light, (0, 0), size), 1.349), (defocused, 0.808)],
+    ids=["normal", "disc"],
+)
+def test_an_edge_is_as_wide_as_the_spread_of_its_light(spread, quarters, size):
+    plane, sides = sides_of(PAD)
+    light = drawn(EYE, [PAD])
+    grey = stored(spread(light, size) if size else light).astype(np.float32)
+    edges = find_edges(grey, lens(), plane, sides)
+    # Pixels, values between them and the mean of three samples spread it by about one pixel.
+    np.testing.assert_allclose(edges.width, np.hypot(quarters * size, 1.0), rtol=0.1)
+
+
+def test_edges_of_other_sides_are_near_at_a_thin_view_s_ends():
+    thin = Pad((12, -20), (40, -62))
+    plane, sides = sides_of(thin)
+    sharp, blurred = (
+        find_edges(defocused(drawn(EYE, [thin]), r).astype(np.float32), lens(), plane, sides)
+        for r in (1.0, 3.0)
+    )
+    assert (blurred.clear < sharp.clear).any()
+    assert not (blurred.found & ~sharp.found).any()
 
 
 def test_where_there_is_no_step_there_is_no_edge():

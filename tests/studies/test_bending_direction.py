@@ -116,9 +116,9 @@ def test_the_best_chamber_beats_every_one_of_a_grid(finger):
     assert -found.rates.mean() <= np.asarray(objectives)[allowed].min() + 1e-9
     assert float(clearance(found.finger.chamber)) >= float(clearance(finger.chamber)) - 1e-6
     assert held_by == [
-        "offset_b at its upper bound",
-        "eta at its lower bound",
-        "wall_angle_bc at its lower bound",
+        "Δl_B at its upper bound",
+        "η at its lower bound",
+        "θ_BC at its lower bound",
     ]
 
 

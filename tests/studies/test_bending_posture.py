@@ -84,7 +84,7 @@ def network(data):
     return trained(OURS, settings, data, size_of(32), watch=True).estimator
 
 
-@pytest.mark.slow
+@pytest.mark.as_users
 def test_a_quick_run_reads_postures(done):
     code, document, out = done
     assert code == 0
@@ -109,7 +109,7 @@ def test_a_quick_run_reads_postures(done):
         assert (out / "figures" / f"{name}.png").stat().st_size > 5000
 
 
-@pytest.mark.slow
+@pytest.mark.as_users
 def test_the_network_of_a_run_is_loaded_and_reads_a_new_frame(done, finger):
     _, document, out = done
     assert document["specs"] == ["specs/posture.network"]

@@ -10,23 +10,28 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.optimising import Evolution
+from designopt.figures import trim
+from designopt.optimising import Evolution, Levelled, Optimum, OptimumResult
+from designopt.optimising.augmented import Trace
 from designopt.results import Table
+from designopt.solution import Solution
 from kinematics import linkage_from, solve_poses
 from studies.finger_linkage import tables
 from studies.finger_linkage.analysis import sensor_room
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import Comparison, Run, precision_study
+from studies.finger_linkage.drawings import sequence_figure
 from studies.finger_linkage.judging import judged
 from studies.finger_linkage.pins import Pins, linkage_of, reference_pins
 from studies.finger_linkage.postures import find_postures
 from studies.finger_linkage.problem import SYMBOLS, grid, inequalities, linkage_problem
 from studies.finger_linkage.run import spec_file
-from studies.finger_linkage.searching import over, rounded, search
+from studies.finger_linkage.searching import least_angles_deg, over, rounded, search
 from studies.finger_linkage.spec import FingerLinkageSpec, LimitsSpec, SearchSpec, SensorSpec
 from studies.finger_linkage.statements import _yardstick
 from studies.finger_linkage.tolerance import least_angles
 from studies.finger_linkage.transmission import finger_transmission
+from tests.readable import assert_readable
 
 BODY, LIMITS = BodySpec(), LimitsSpec()
 COARSE = grid(BODY, 15.0)
@@ -315,6 +320,42 @@ def test_the_linkage_file_is_the_design():
     np.testing.assert_allclose(mine.position("E"), other.position("E"), atol=1e-12)
 
 
+@pytest.mark.parametrize("distal", [32.0, 80.0])
+def test_the_sequences_show_all_of_a_finger_of_any_length(distal):
+    drawing = sequence_figure(reference_pins(), BodySpec(distal=distal)).drawing
+    trim(drawing)
+    assert_readable(drawing)
+    assert float(
+        np.asarray(drawing.axes[0].patches[2].get_path().vertices)[:, 0].max()
+    ) == pytest.approx(23 + distal)
+    for axes in drawing.axes:
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        for phalanx in axes.patches:
+            x, y = np.asarray(phalanx.get_path().vertices).T
+            assert left < x.min() < x.max() < right
+            assert low < y.min() < y.max() < high
+
+
+def test_bounds_are_told_by_the_papers_pins():
+    """A pin of the plate a millimetre too high: its distance from the bound, in mm."""
+    problem = over(FingerLinkageSpec(), *2 * (np.deg2rad([0.0, 12.0]),))
+    told = problem.parameters["H"]
+    assert told.words((1,)) == "y of pin G'"
+    assert (told.unit, told.scale) == ("mm", 1.0)
+
+
+def test_a_start_is_told_by_its_angle_and_not_by_the_level_it_was_left_at():
+    """The level of the epigraph form may end below every angle, even below 0."""
+    flexion = np.deg2rad([0.0, 45.0, 90.0])
+    problem = over(FingerLinkageSpec(), flexion, flexion)
+    level, zero = jnp.asarray(-0.04), jnp.asarray(0.0)
+    solution = Solution(Levelled(reference_pins(), level), zero, zero, OptimumResult.successful)
+    trace = Trace(jnp.zeros(1), jnp.zeros(1), jnp.zeros(1, int))
+    (least,) = least_angles_deg(problem, [Optimum(solution, 0.4, {}, {}, trace, {})])
+    angles = walk(reference_pins(), flexion)[0]
+    assert least == pytest.approx(min(values.min() for values in angles.values()), abs=1e-6)
+
+
 def test_tables_of_dimensions():
     pins, lengths = tables.dimensions(reference_pins(), BODY)
     assert isinstance(pins, Table)
@@ -342,7 +383,7 @@ def test_a_quick_search_beats_design_b():
 ASKED = [(25.0, None, 49.0), (22.0, None, 46.5), (20.0, None, 42.5), (25.0, 0.412, 43.5)]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("thickness", "ratio", "asked"), ASKED)
 def test_the_search_reaches_what_is_asked(thickness, ratio, asked):
     body, limits = BodySpec(thickness=thickness), LimitsSpec(force_ratio=ratio)

@@ -315,8 +315,13 @@ def test_resolution_dips_beside_a_hand_over():
     np.testing.assert_allclose(seeing.least_resolution(views, lengths), [500 / 244])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("arrangement", [robust_layout(), poor_start(BODY)])
+@pytest.mark.parametrize(
+    "arrangement",
+    [
+        pytest.param(robust_layout(), marks=pytest.mark.as_users),
+        pytest.param(poor_start(BODY), marks=pytest.mark.nightly),
+    ],
+)
 def test_gradients_of_the_whole_problem_are_central_differences(arrangement):
     task = problem.Task.of(BODY, SMALL, 0)
     weights = jax.random.uniform(jax.random.key(1), (task.plain * SMALL.search.poses, 3))
@@ -410,7 +415,7 @@ def test_the_study_end_to_end(tmp_path, monkeypatch, capsys):
         assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_search_leads_from_the_poor_start_to_everything(tmp_path, capsys):
     out = tmp_path / "out"
     settings = ["search.starts=1", "draws=300", "solvers=few", "evolution_seconds=2"]

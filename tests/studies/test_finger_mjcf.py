@@ -36,7 +36,7 @@ from studies.finger_grasp.objects import Circle
 from studies.finger_grasp.pinch import loading, predict
 from studies.finger_grasp.spec import GraspSpec
 from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.pins import Pins, linkage_of, reference_pins
+from studies.finger_linkage.pins import Pins, linkage_of, reference_pins, told
 from tests.kinematics.simulated import Simulated
 
 ANGLE, GAP = math.radians(0.5), 0.05
@@ -112,7 +112,7 @@ def designed() -> DesignedFinger:
 def designed_finger() -> Finger:
     places, spring = designed().linkage.sketch.joints, designed().spec.spring
     return Finger(
-        Pins(**{name: np.array(places[name]) for name in "FEDCGH"}),
+        Pins(**{name: np.array(places[told(name)]) for name in "FEDCGH"}),
         math.log(spring.stiffness),
         math.log(spring.servo),
         spring.preload,
@@ -158,7 +158,7 @@ def test_closing_goes_as_finger_grasp_says(name, way):
     agree(path, simulate(path, text_of(path.problem.finger, object_of(path))))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_closing_of_the_study_goes_as_it_says():
     found = analyse(reference_pins(), BODY, SPEC, polygon=False)
     paths = found.paths()

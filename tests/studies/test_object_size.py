@@ -259,7 +259,7 @@ def test_tables_of_the_quick_run_agree(done):
     frames = rows("odd_frames")
     assert len(frames) == len(KINDS)
     for row, kind in zip(frames, KINDS, strict=True):
-        assert row["sights"] == kind.sight.name
+        assert row["sights"] == kind.sight.name.lower().replace("_", " ")
         assert int(row["with_diameter"]) == 0 or kind.usable
     # The finger is hardly bent, and one bend is wherever the network puts it.
     at_bends = rows("bends")

@@ -74,7 +74,7 @@ def assert_shown(scene: Scene, images: dict[str, np.ndarray]) -> None:
 def test_the_readme_names_every_scene_and_how_to_see_it():
     assert README.startswith("# optics_gallery")
     for name in NAMES:
-        assert f"**`{name}`**: `designopt trace {name}.toml" in README
+        assert f"**`{name}`**: `designopt trace studies/optics_gallery/{name}.toml" in README
     assert sorted(set(re.findall(r"([\w-]+)\.toml", README))) == NAMES
 
 

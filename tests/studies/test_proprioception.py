@@ -35,7 +35,7 @@ def done(tmp_path_factory):
     return code, json.loads((out / "results.json").read_text(encoding="utf-8")), out
 
 
-@pytest.mark.slow
+@pytest.mark.as_users
 def test_a_quick_run_climbs_the_ladder(done):
     code, document, out = done
     measured = {name: metric["value"] for name, metric in document["metrics"].items()}
@@ -50,7 +50,7 @@ def test_a_quick_run_climbs_the_ladder(done):
         assert (out / "figures" / f"{name}.png").stat().st_size > 5000
 
 
-@pytest.mark.slow
+@pytest.mark.as_users
 def test_the_table_stands_beside_the_papers(done):
     _, _, out = done
     lines = (out / "tables" / "ladder.csv").read_text(encoding="utf-8").splitlines()

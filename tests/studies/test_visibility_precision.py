@@ -342,7 +342,7 @@ def test_every_scene_carries_only_its_own_stages():
         assert 0 < row.scene_operations < row.general_operations, row.asked
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", [*measuring.gallery_of(VisibilityPrecisionSpec())])
 def test_the_gallery_agrees_with_the_reference(name):
     assert measuring.deviation(name, 1_000_000).coverage < 4e-5

@@ -8,10 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import matplotlib
 import pytest
 
 from designopt import cli
+from designopt.exploring import desktop
 from designopt.exploring.server import listen
 from tests.designopt.exploring.hands import environment
 
@@ -24,7 +24,10 @@ COMMAND = [sys.executable, "-m", "designopt", "explore", FOUR_BAR]
     [
         ([FOUR_BAR, "--port", "0"], ["--port 0", "add --web"]),
         ([FOUR_BAR, "--web", "--port", "70000"], ["--port", "65535"]),
-        ([FOUR_BAR, "--out", "nowhere"], ["--out nowhere", "no such folder", "make it"]),
+        (
+            [FOUR_BAR, "--out", "file/new"],
+            ["--out file/new", "file is no folder", "name a folder that can"],
+        ),
         ([FOUR_BAR, "--web", "--port", "0", "--set", "a=1"], ["--set a=1", "only a study"]),
         (["no.toml", "--web", "--port", "0"], ["no.toml", "cannot be read"]),
         (["sqare", "--web", "--port", "0"], ["STUDY", "'sqare'"]),
@@ -33,7 +36,9 @@ COMMAND = [sys.executable, "-m", "designopt", "explore", FOUR_BAR]
 )
 def test_faults_are_one_line(capsys, monkeypatch, tmp_path, arguments, words):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
     assert cli.run(["explore", *arguments]) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
     shown = capsys.readouterr()
     assert shown.out == ""
     assert shown.err.startswith("error: ")
@@ -49,22 +54,52 @@ def test_a_port_in_use_is_said(capsys):
     assert f"--port {port}: " in capsys.readouterr().err
 
 
-NO_WINDOWS = r"error: there is no window system .* use --web .*\n"
+NO_WINDOW = r"error: no window can be opened here; use --web and a browser \(.*%s.*\)\n"
+TOOLKITS = {
+    "aborts": "import os; os.write(2, b'Could not load it.'); os.abort()",
+    "dies": "import os; os._exit(3)",
+    "exits": "raise SystemExit('Unable to access the X Display')",
+    "fails": "raise AttributeError('no display')",
+    "without_canvas": "",
+}
 
 
-def test_without_a_window_system_the_page_is_named(capsys):
-    with matplotlib.rc_context({"backend": "agg"}):
-        assert cli.run(["explore", FOUR_BAR]) == 2
-    assert re.fullmatch(NO_WINDOWS, capsys.readouterr().err)
+@pytest.mark.parametrize(
+    ("backend", "reason"),
+    [
+        ("agg", "no window system"),
+        ("webagg", "no window system"),
+        ("module://nosuch", "No module named 'nosuch'"),
+        ("module://aborts", "Could not load it"),
+        ("module://dies", "with code 3"),
+        ("module://exits", "X Display"),
+        ("module://fails", "no display"),
+        ("module://without_canvas", "FigureCanvas"),
+    ],
+)
+def test_where_no_window_opens_the_page_is_named(capsys, monkeypatch, tmp_path, backend, reason):
+    for name, content in TOOLKITS.items():
+        (tmp_path / f"{name}.py").write_text(content)
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.setenv("MPLBACKEND", backend)
+    assert cli.run(["explore", FOUR_BAR]) == 2
+    assert re.fullmatch(NO_WINDOW % reason, capsys.readouterr().err)
 
 
-def test_a_backend_that_finds_no_display_is_the_same():
+def test_a_window_system_that_does_not_answer_is_the_same(capsys, monkeypatch):
+    monkeypatch.setattr(desktop, "PATIENCE", 0.01)
+    assert cli.run(["explore", FOUR_BAR]) == 2
+    assert re.fullmatch(NO_WINDOW % "does not answer within 0.01 s", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("display", [None, ":99999"])
+def test_a_toolkit_that_finds_no_display_is_the_same(display):
     displays = ("DISPLAY", "WAYLAND_DISPLAY")
     bare = {name: value for name, value in os.environ.items() if name not in displays}
-    bare["MPLBACKEND"] = "tkagg"
+    bare |= {"MPLBACKEND": "tkagg"} | ({} if display is None else {"DISPLAY": display})
     done = subprocess.run(COMMAND, env=bare, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
-    assert re.fullmatch(NO_WINDOWS, done.stderr)
+    assert re.fullmatch(NO_WINDOW % "", done.stderr)
 
 
 def test_an_interrupt_ends_the_page_quietly(tmp_path):

@@ -199,8 +199,13 @@ def test_a_linkage_on_the_page(browser, tmp_path):
     tour(browser, str(STUDIES / "linkage_gallery/four-bar.toml"), tmp_path, check_four_bar)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("ratio", [1.5, 2.0])
+@pytest.mark.parametrize(
+    "ratio",
+    [
+        pytest.param(1.5, marks=pytest.mark.slow),
+        pytest.param(2.0, marks=pytest.mark.nightly),
+    ],
+)
 def test_a_sharper_screen_shows_every_pixel(browser, tmp_path, ratio):
     """At some ratios Matplotlib's script makes the canvas a pixel or two too small."""
     named = str(STUDIES / "linkage_gallery/four-bar.toml")
@@ -226,7 +231,7 @@ def test_a_sharper_screen_shows_every_pixel(browser, tmp_path, ratio):
     page.close()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("named", [str(STUDIES / "optics_gallery/finger.toml"), "table1", "finger"])
 def test_other_designs_on_the_page(browser, tmp_path, named):
     tour(browser, named, tmp_path)

@@ -1,8 +1,13 @@
 """The page's server: on loopback, for its own pages only, a picture for every tab."""
 
 import asyncio
+import gc
 import io
 import json
+import logging
+import random
+import socket
+import struct
 
 import numpy as np
 import pytest
@@ -13,6 +18,7 @@ from tornado.websocket import websocket_connect
 
 from designopt.errors import UserError
 from designopt.exploring.face import HEIGHT, WIDTH
+from designopt.exploring.messages import LONGEST
 from designopt.exploring.server import Page, listen
 from designopt.exploring.window import PICTURE
 from designopt.figures import style
@@ -34,7 +40,7 @@ def visit(tmp_path):
                 await asyncio.wait_for(guest(page, listener.getsockname()[1]), 60)
             finally:
                 while BROWSERS:
-                    await BROWSERS.pop().closed()
+                    await BROWSERS[-1].closed()
                 server.stop()
                 await server.close_all_connections()
 
@@ -116,7 +122,8 @@ class Browser:
         return tab
 
     async def closed(self):
-        self.connection.close()
+        BROWSERS.remove(self)
+        self.connection.close(1001)  # as browsers do
         while await self.connection.read_message() is not None:
             pass
 
@@ -244,28 +251,188 @@ NONSENSE = (
     "{}",
     '{"type": 1}',
     '{"type": "motion_notify"}',
-    '{"type": "button_press", "x": "a", "y": null}',
+    '{"type": "button_press", "x": "a", "y": null, "button": 0, "buttons": 1}',
+    '{"type": "button_press", "x": 1e400, "y": 0, "button": 0, "buttons": 1}',
+    '{"type": "button_press", "x": 1, "y": 1, "button": "0", "buttons": 1}',
+    '{"type": "set_device_pixel_ratio", "device_pixel_ratio": "4"}',
+    '{"type": "set_device_pixel_ratio", "device_pixel_ratio": true}',
     '{"type": "set_device_pixel_ratio", "device_pixel_ratio": 0}',
     '{"type": "set_device_pixel_ratio", "device_pixel_ratio": NaN}',
     '{"type": "set_device_pixel_ratio", "device_pixel_ratio": 1e9}',
+    '{"type": "\\u001b[31m\\n"}',
+    "[" * 30_000,
     b"\xff\x00",
 )
 
 
-def test_nonsense_is_passed_over(visit):
+def test_nonsense_is_ignored_with_one_line_in_the_log(visit, caplog):
+    async def guest(page, port):
+        other = await Browser.opened(port)
+        for message in NONSENSE:
+            tab = await Browser.opened(port)
+            await tab.look(lambda tab: tab.pictures)
+            for _ in range(3):
+                await tab.connection.write_message(message, binary=isinstance(message, bytes))
+            await tab.send("refresh")
+            await tab.look(lambda tab: tab.pictures == 2)
+            await tab.closed()
+        await other.send("draw")
+        await other.look(lambda tab: tab.pictures == 2)
+        np.testing.assert_array_equal(other.picture, drawn(page))
+
+    visit(guest)
+    assert len(caplog.messages) == len(NONSENSE)
+    for line in caplog.messages:
+        assert line.isascii()
+        assert line.isprintable()
+        assert len(line) < 200
+
+
+def test_a_far_larger_picture_than_can_be_drawn_is_enlarged_by_the_browser(visit):
     async def guest(page, port):
         tab = await Browser.opened(port)
         await tab.look(lambda tab: tab.pictures)
-        for message in NONSENSE:
-            before = tab.pictures
-            await tab.connection.write_message(message, binary=isinstance(message, bytes))
-            await tab.send("draw")
-            await tab.look(lambda tab, before=before: tab.pictures == before + 1)
-            np.testing.assert_array_equal(tab.picture, drawn(page))
-        other = await Browser.opened(port)
-        await other.look(lambda tab: tab.pictures)
+        await tab.send("set_device_pixel_ratio", device_pixel_ratio=10)
+        await tab.send("draw")
+        await tab.look(lambda tab: tab.picture.shape == (4 * HEIGHT, 4 * WIDTH, 4))
+        x, y = (place / 4 * 10 for place in on_track(page.window.rows[0], 0.25))
+        await tab.send("button_press", x=x, y=10 * HEIGHT - y, button=0, buttons=1)
+        before = tab.place
+        await tab.look(lambda tab: tab.place != before)
+        assert page.window.values["crank"] == pytest.approx(90, abs=5)
 
     visit(guest)
+
+
+def test_a_mouse_button_pressed_in_a_second_tab_takes_the_first_ones_place(visit):
+    async def guest(page, port):
+        first, second = await Browser.opened(port), await Browser.opened(port)
+        crank, radius = page.window.rows[:2]
+        await first.mouse("button_press", on_track(crank, 0.5))
+        await first.mouse("motion_notify", on_track(crank, 0.25))
+        await first.look(lambda _: page.window.values["crank"] < 0.3 * 360)
+        await second.mouse("button_press", on_track(radius, 0.9))
+        await second.look(lambda _: page.window.values["radius"] > 70)
+        await first.mouse("motion_notify", on_track(crank, 0.75))
+        await second.closed()  # without letting go
+        await first.mouse("motion_notify", on_track(radius, 0.1))
+        await first.mouse("button_press", on_track(crank, 0.4))
+        await first.look(lambda _: page.window.values["crank"] > 0.35 * 360)
+        assert page.window.values["crank"] == pytest.approx(0.4 * 360, abs=5)
+        assert page.window.values["radius"] > 70
+
+    visit(guest)
+
+
+POINTERS = ("button_press", "button_release", "motion_notify", "figure_enter", "figure_leave")
+ODD = (None, True, "4", "", "\x00", [], {}, [[]], -1, 0, 3, 31, 2**31, -(2**63), 1e308, -1e-308)
+ODD_TEXTS = (
+    "NaN",
+    "-Infinity",
+    "1e999",
+    "9" * 400,
+    "[" * 300 + "]" * 300,
+    '{"a":' * 300,
+    '"\\ud800"',
+)
+
+
+def good_message(rng):
+    kind = rng.choice(
+        [*POINTERS * 3, "ack", "refresh", "resize", "set_device_pixel_ratio", "scroll"]
+    )
+    if kind == "set_device_pixel_ratio":
+        return {"type": kind, "device_pixel_ratio": rng.choice([0.5, 1, 1.25])}
+    place = {"x": rng.uniform(-50, 1.1 * WIDTH), "y": rng.uniform(-50, 1.1 * HEIGHT)}
+    return {"type": kind, **place, "button": rng.randrange(5), "buttons": rng.randrange(32)}
+
+
+def mutated(rng):
+    """A message that may be anything, most often one of the page's with something wrong in it."""
+    content = good_message(rng)
+    key = rng.choice(list(content))
+    match rng.randrange(7):
+        case 0:
+            del content[key]
+        case 1:
+            content[key] = rng.choice(ODD)
+        case 2:
+            content[key] = "@"
+            return json.dumps(content).replace('"@"', rng.choice(ODD_TEXTS))
+        case 3:
+            text = bytearray(json.dumps(content).encode())
+            for _ in range(rng.randint(1, 4)):
+                text[rng.randrange(len(text))] = rng.randrange(128)
+            return text[: rng.randint(0, len(text))].decode()
+        case 4:
+            return rng.randbytes(rng.randint(0, 200))
+        case 5:
+            content["type"] = rng.choice(["draw_idle", "toolbar_button", "__class__", "press", ""])
+    return json.dumps(content)
+
+
+FRAMES = (
+    b"\x81\xff" + struct.pack("!Q", 2**62) + b"mask",  # longer than any memory
+    b"\x81\xfe\xff\xff" + b"mask" + b"x" * 10,  # ends too early
+    b"\xf1\x80mask",  # a reserved bit
+    b"\x83\x80mask",  # an unknown kind
+    b"\x80\x80mask",  # goes on with nothing
+    b"\x89\xfe\x01\x00mask" + b"x" * 256,  # too long a ping
+    b"\x81\x82mask" + bytes(a ^ b for a, b in zip(b"\xc3\x28", b"ma", strict=True)),  # no UTF-8
+    b"\x88\x80mask",
+    b"\x88\x81mask0",
+    b"",
+)
+RESET = struct.pack("ii", 1, 0)
+"""Lingering switched on, for no time: closing resets the connection."""
+
+
+async def send_frame(port, frame):
+    """Open a tab, send bytes that need not be a frame, and break the connection off."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    writer.write(
+        f"GET /ws HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
+        "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n".encode()
+        + frame
+    )
+    await reader.read(100)
+    writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
+    writer.close()
+
+
+def test_no_message_harms_another_tab(visit, caplog):
+    rng = random.Random(0)
+    failed = []
+
+    async def guest(page, port):
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: failed.append(context))
+        other = await Browser.opened(port)
+        for _ in range(5):
+            hostile = await Browser.opened(port)
+            for _ in range(600):
+                message = mutated(rng)
+                await hostile.connection.write_message(message, isinstance(message, bytes))
+            await hostile.connection.write_message("9" * (LONGEST + 1))  # it is closed for this
+            await hostile.closed()
+        for frame in FRAMES:
+            await send_frame(port, frame)
+        await other.send("set_device_pixel_ratio", device_pixel_ratio=1)
+        await other.send("draw")
+        row = page.window.rows[0]
+        for fraction in (0.3, 0.7):
+            await other.mouse("button_press", on_track(row, fraction))
+            await other.mouse("button_release", on_track(row, fraction), 0)
+            await other.look(lambda tab, wanted=fraction: abs(row.value / 360 - wanted) < 0.02)
+        await other.look(lambda tab: tab.picture.shape == drawn(page).shape)
+        await other.look(lambda tab: (tab.picture == drawn(page)).all())
+        assert page.tabs == {next(iter(page.tabs))}
+        gc.collect()  # a task that failed is told of when it goes
+
+    visit(guest)
+    assert not failed
+    assert {record.name for record in caplog.records} == {"designopt.explore"}
+    assert max(record.levelno for record in caplog.records) == logging.WARNING
 
 
 def test_a_button_is_pressed_and_the_message_comes(visit, tmp_path):

@@ -71,6 +71,16 @@ def test_a_slider_paints_and_draws_nothing_anew(hands):
     assert (hands.canvas.draws, hands.canvas.blits) == (draws, blits + 1)
 
 
+def test_the_folder_is_made_when_something_is_saved(tmp_path):
+    folder = tmp_path / "new" / "pictures"
+    hands = Hands(SliderCrank(), folder)
+    assert not list(tmp_path.iterdir())
+    hands.press(PICTURE)
+    hands.press(SPEC)
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == ["crank-1.toml", "raw-1.bin", "toy-1.png", "toy-1.svg"]
+
+
 def test_limits_may_change(hands):
     """In a picture that is painted, with ticks that are."""
     bench: Any = hands.bench
@@ -266,14 +276,15 @@ def test_specs_share_a_number_and_read_back(hands, tmp_path):
     assert (tmp_path / "raw-1.bin").read_bytes() == b"mine"
 
 
-def test_what_cannot_be_saved_is_said(hands, tmp_path):
+def test_what_cannot_be_saved_is_said(tmp_path):
+    hands = Hands(SliderCrank(), tmp_path / "new")
     hands.drag("radius", 1.0)
     hands.drag("crank", 0.25)
     hands.press(SPEC)
     assert hands.window.message.startswith("slider-crank: a locked one is not saved")
-    tmp_path.rmdir()
+    (tmp_path / "new").touch()
     hands.press(PICTURE)
-    assert "toy-1.png: cannot be written" in hands.window.message
+    assert "new: cannot be made (File exists); name another" in hands.window.message
     np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
 
 

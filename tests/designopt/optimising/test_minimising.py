@@ -1,6 +1,7 @@
 """Local solves, every method, against published optima; failures that stay in their place."""
 
 import functools
+import itertools
 from typing import get_args
 
 import jax
@@ -97,9 +98,16 @@ def test_published_optima(name, method):
     assert optima.compile_seconds > 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("method", get_args(Method))
-@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        pytest.param(
+            *each,
+            marks=pytest.mark.as_users if each == ("hs71", "bfgs") else pytest.mark.nightly,
+        )
+        for each in itertools.product(SMOOTH, get_args(Method))
+    ],
+)
 def test_every_method_on_every_published_problem(name, method):
     published, optima = solved(name, method)
     if (name, method) in WEAK:
@@ -231,7 +239,7 @@ def test_a_start_without_numbers_does_not_spoil_the_others(method):
     assert len(optima.feasible) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("method", get_args(Method))
 def test_a_start_without_numbers_does_not_spoil_the_others_by_any_method(method):
     optima = minimise(

@@ -1,5 +1,7 @@
 """What is said of a point, without a solver: published optima, and points that are none."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 from designopt.optimising import (
     BOUND,
     FEASIBLE,
+    Levelled,
     Optimum,
     OptimumResult,
     Problem,
@@ -15,6 +18,7 @@ from designopt.optimising import (
     Terms,
     active_set,
     conflict,
+    epigraph,
 )
 from designopt.optimising.augmented import Trace
 from designopt.optimising.flat import Flat
@@ -86,6 +90,26 @@ def test_prices_are_in_the_units_of_people():
     assert (wall.words, wall.unit, wall.index) == ("a right of the wall", "mm", ())
     np.testing.assert_allclose(wall.price, 1.0, rtol=1e-12)
     np.testing.assert_allclose(wall.share + bound.share, 1.0, rtol=1e-12)
+
+
+def test_a_parameter_is_told_in_its_own_words_and_unit():
+    """Half a radian beyond a bound, in the problem and in its epigraph form."""
+
+    def terms(arm):
+        return Terms(least={"lift": arm["turn"]})
+
+    problem = Problem(
+        terms,
+        {"turn": jnp.zeros(2)},
+        {"turn": jnp.ones(2)},
+        parameters={"turn": Requirement(lambda index: f"turn of arm {index[0]}", "°", 100.0)},
+    )
+    exact = epigraph(problem)
+    at = Levelled({"turn": jnp.asarray([0.5, 1.5])}, jnp.asarray(0.0))
+    line = "turn of arm 1 at its upper bound by 50 °"
+    assert conflict(exact, judged(exact, at)) == [line]
+    unnamed = replace(exact, parameters={})
+    assert conflict(unnamed, judged(unnamed, at)) == ["turn[1] at its upper bound by 0.5"]
 
 
 def test_a_conflict_is_told_in_the_units_of_people():

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from designopt import UserError
+from designopt.compilation_cache import VARIABLE
 from designopt.sweeping.evaluating import Task
 from designopt.sweeping.local import MOST_LOSSES, run_locally
 
@@ -33,6 +34,13 @@ def test_a_lost_worker_costs_its_own_point_only(installed, tmp_path):
         assert outcome.metrics[0].value == 2 * math.sin(index + 1) / (index + 1)
     assert (tmp_path / "once").is_file()
     assert workers() == before
+
+
+def test_workers_keep_what_they_compile_for_each_other(installed, monkeypatch, tmp_path):
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "programs"))
+    list(run_locally(tasks(("x=1",)), 1))
+    assert list((tmp_path / "programs").iterdir())
 
 
 def test_an_interrupt_while_a_worker_starts_leaves_none_behind(installed, monkeypatch):

@@ -10,7 +10,7 @@ from pydantic import Field
 from scipy.stats import qmc
 
 from designopt import UserError
-from designopt.study import Spec
+from designopt.study import Spec, load_study
 from designopt.sweeping.points import grid_points, sobol_points
 from tests.designopt.sweeping.plugin import SweptSpec
 
@@ -94,3 +94,9 @@ def test_faulty_grids_are_told(texts, words):
 def test_faulty_bounds_are_told(count, texts, words):
     with pytest.raises(UserError, match=words):
         sobol_points(SweptSpec, count, texts, seed=0)
+
+
+def test_an_angle_has_the_sign_of_degrees():
+    spec = load_study("table1").spec
+    points = grid_points(spec, ["chamber.wall_angle_bc_deg=1:2:2"])
+    assert points.labels == ("chamber.wall_angle_bc_deg (°)",)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
+import inspect
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from designopt.errors import UserError
 from optics.fabrication import Fabrication, as_made
 from optics.labels import FIRST_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, SECOND_PAD_END
 from optics.outlines import CORNERS
@@ -341,6 +343,35 @@ def test_mirrors_turn_imprints_along_the_pad_and_not_across_it():
     for across in (-5.0, 5.0):
         assert rows[direct, 22.0, across] < rows[direct, 14.0, across] - 2
         assert rows[mirrored, 22.0, across] > rows[mirrored, 14.0, across] + 2
+
+
+@pytest.mark.parametrize(
+    ("angles", "words"),
+    [
+        (np.array([0.5]), r"joint angles have the shape \(2\), not \(1,\); .* \(pip, dip\)"),
+        (np.zeros(3), r"not \(3,\)"),
+        (np.zeros((1, 2)), r"not \(1, 2\)"),
+        (0.5, r"not \(\)"),
+        (np.array([30.0, 0.2]), r"in radians, .* 30 is more; did you mean numpy\.deg2rad\(30\)\?"),
+        ([10, -45], r"-45 is more; did you mean numpy\.deg2rad\(-45\)\?"),
+        (np.array([np.nan, 0.2]), "not finite"),
+        (np.array([0.2, np.inf]), "not finite"),
+        ("pip", "joint angles are numbers, not str"),
+        (None, "joint angles are numbers, not NoneType"),
+        ({"pip": 0.2, "dip": 0.1}, "joint angles are numbers, not dict"),
+    ],
+)
+def test_angles_that_are_none_of_the_joints_are_refused(angles, words):
+    # As users have it, without the run-time checks of types.
+    with pytest.raises(UserError, match=words):
+        inspect.unwrap(Renderer.render)(renderer(PLAIN), angles)
+
+
+def test_a_turn_more_is_the_same_pose():
+    around = renderer(PLAIN).render(POSES[0] - 2 * np.pi * (POSES[0] > 0))
+    for found, usual in zip(around.views, image(0).views, strict=True):
+        assert (found.pad, found.path) == (usual.pad, usual.path)
+        np.testing.assert_allclose(found.corners, usual.corners, atol=1e-6)
 
 
 def test_unknown_imprints_are_refused():

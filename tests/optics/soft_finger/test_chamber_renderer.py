@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
@@ -12,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from designopt.errors import UserError
 from optics.soft_finger import (
     ChamberEffects,
     ChamberImage,
@@ -202,7 +204,7 @@ def test_shapes_of_what_is_rendered():
     assert image.pixels.dtype == np.uint8
 
 
-MANY = postures(*[(i % 7 * 9.0, 37.0 * i, i % 5 - 2.0) for i in range(37)])
+MANY = postures(*[(i % 7 * 9.0, 37.0 * i % 360, i % 5 - 2.0) for i in range(37)])
 """More than are worked out at once."""
 
 
@@ -263,6 +265,45 @@ def test_severity_grades_all_effects():
     for severity in (-0.01, 2.01, np.nan):
         with pytest.raises(ValueError, match="severity"):
             ChamberEffects.graded(severity)
+
+
+UPRIGHT = {
+    "bend": np.zeros(2), "direction": np.zeros(2), "pressed": np.zeros((2, 3 * PER_REGION))
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"bend": [30.0, 0.0]}, r"bends are in radians, .* 30 is more; .* numpy\.deg2rad\(30\)\?"),
+        ({"direction": [0.0, -90.0]}, r"directions are in radians, .* -90 is more; did you mean"),
+        ({"bend": [np.nan, 0.0]}, "bends have values that are not finite"),
+        ({"direction": [0.0, np.inf]}, "directions have values that are not finite"),
+        ({"pressed": np.full((2, 3 * PER_REGION), np.nan)}, "pressed have values that are not"),
+        ({"bend": 0.0}, r"bends have the shape \(postures\), not \(\); give arrays with one axis"),
+        ({"direction": np.zeros(3)}, r"directions have the shape \(2\), not \(3,\)"),
+        ({"pressed": np.zeros((2, 5))}, r"shape \(2, 60\), not \(2, 5\); give one in mm"),
+        ({"bend": "much"}, "bends are numbers, not str"),
+        ({"bend": [None, 0.0]}, "bends are numbers, not list"),
+        ({"bend": [True, False]}, "bends are numbers, not list"),
+        ({"bend": [[0.0], [0.0, 1.0]]}, "bends are numbers, not list"),
+    ],
+)
+def test_postures_that_are_none_are_refused(change, words):
+    # As users make them, without the run-time checks of types.
+    posture = object.__new__(Posture)
+    for name, value in (UPRIGHT | change).items():
+        object.__setattr__(posture, name, value)
+    with pytest.raises(UserError, match=words):
+        inspect.unwrap(ChamberRenderer.render)(renderer(), posture)
+
+
+def test_postures_within_a_turn_are_imaged():
+    turn = 2 * np.pi
+    bends, none = jnp.asarray([turn, -turn]), jnp.zeros((2, 3 * PER_REGION))
+    around = renderer().render(Posture(0 * bends, jnp.asarray([turn, -turn]), none))
+    np.testing.assert_array_equal(around[0].pixels, around[1].pixels)
+    assert len(renderer().render(Posture(bends, 0 * bends, none))) == 2
 
 
 @pytest.mark.parametrize("degrees", [0.0, -20.0, 100.5, 170.0, 200.0])

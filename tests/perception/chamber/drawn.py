@@ -36,7 +36,11 @@ class Ellipse:
 
 @dataclass(frozen=True)
 class Scene:
-    """A look into the chamber; ``opening`` is what a nearer wall leaves free of all but red."""
+    """A look into the chamber.
+
+    ``opening`` is what a nearer wall leaves free of all but red, ``inner`` the light on yellow and
+    the top over that on red and blue.
+    """
 
     rows: int = 480
     columns: int = 640
@@ -44,6 +48,7 @@ class Scene:
     yellow: Ellipse | None = Ellipse(319.5, 239.5, 94, 94)
     top: Ellipse | None = Ellipse(319.5, 239.5, 42, 42)
     opening: Ellipse | None = None
+    inner: float = 1.0
 
     def moved(self, x: float, y: float) -> Scene:
         """Bent: blue moves by (x, y), yellow and the top twice as far; each stays in the outer."""
@@ -71,7 +76,7 @@ class Scene:
             inside = inside & ellipse.holds(x, y)
             fine[inside] = number
         out = np.zeros((self.rows, self.columns, 3))
-        for number, albedo in enumerate((RED, BLUE, YELLOW, TOP)):
+        for number, albedo in enumerate((RED, BLUE, self.inner * YELLOW, self.inner * TOP)):
             part = (fine == number).astype(np.float32)
             part = cv2.resize(part, (self.columns, self.rows), interpolation=cv2.INTER_AREA)
             out += part[..., None] * albedo
@@ -102,7 +107,7 @@ class Scene:
             return Ellipse(*place, part.wide / 2, part.high / 2)
 
         parts = (smaller(part) for part in (self.blue, self.yellow, self.top, self.opening))
-        return Scene(self.rows // 2, self.columns // 2, *parts)
+        return Scene(self.rows // 2, self.columns // 2, *parts, inner=self.inner)
 
     @property
     def points(self) -> np.ndarray:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from perception.chamber import (
+    IN_VIEW,
     Direction,
     Region,
     Sight,
@@ -12,7 +13,9 @@ from perception.chamber import (
     find_points,
     find_regions,
 )
+from tests.perception.chamber import nowhere
 from tests.perception.chamber.drawn import Ellipse, Scene
+from tests.perception.rendered import Frame
 
 STRAIGHT = Scene().half
 NO_YELLOW = replace(STRAIGHT, yellow=None)
@@ -79,7 +82,9 @@ SIGHTS = {
     "wall alone": (WALL.image(noise=4), Sight.NO_CHAMBER),
     "blue alone": (np.full((240, 320, 3), (25, 50, 180), np.uint8), Sight.NO_CHAMBER),
     "grey": (np.full((240, 320, 3), 128, np.uint8), Sight.NO_CHAMBER),
-    "dark": (STRAIGHT.image(gain=0.05, noise=3), Sight.TOO_DARK),
+    "dark inside": (replace(STRAIGHT, inner=0.02).image(noise=4), Sight.DARK_INSIDE),
+    "yellow beside blue": (nowhere.side_by_side(np.random.default_rng(0)), Sight.NO_RINGS),
+    "dark": (STRAIGHT.image(gain=0.03, noise=3), Sight.TOO_DARK),
     "black": (np.zeros((240, 320, 3), np.uint8), Sight.TOO_DARK),
     "overexposed": (STRAIGHT.image(gain=15), Sight.TOO_BRIGHT),
     "white": (np.full((240, 320, 3), 255, np.uint8), Sight.TOO_BRIGHT),
@@ -96,12 +101,59 @@ def test_every_sight(name: str):
     image, sight = SIGHTS[name]
     regions = find_regions(image)
     assert regions.sight is sight
-    assert (len(regions.blue) > 0) == (sight in (Sight.CHAMBER, Sight.NO_YELLOW))
+    assert (len(regions.blue) > 0) == (sight in IN_VIEW)
     assert (len(regions.yellow) > 0) == (sight is Sight.CHAMBER)
 
 
 def test_every_sight_is_tested():
     assert {sight for _, sight in SIGHTS.values()} == set(Sight)
+
+
+@pytest.mark.parametrize("kind", nowhere.KINDS)
+def test_no_chamber_is_found_where_there_is_none(kind: str):
+    number = list(nowhere.KINDS).index(kind)
+    for picture in range(25):
+        image = nowhere.KINDS[kind](np.random.default_rng([7, number, picture]))
+        assert find_regions(image).sight not in {*IN_VIEW, Sight.SWAPPED}, picture
+
+
+def test_no_chamber_is_found_in_the_other_sensor(designed_frames: list[Frame]):
+    for frame in designed_frames:
+        assert find_regions(frame.image.pixels).sight not in {*IN_VIEW, Sight.SWAPPED}
+
+
+def test_a_yellow_ring_is_found_however_dark_or_called_so():
+    true = replace(BENT, top=None)
+    for inner in (1.0, 0.5, 0.25, 0.125, 1 / 12, 1 / 16, 1 / 24, 1 / 32, 1 / 50):
+        for noise in (0.0, 1.0, 2.0):
+            image = replace(true, inner=inner).image(noise=noise)
+            regions = find_regions(image)
+            points = find_points(image, regions)
+            assert regions.sight in (Sight.CHAMBER, Sight.DARK_INSIDE), (inner, noise)
+            if inner >= 1 / 12:
+                assert regions.sight is Sight.CHAMBER, (inner, noise)
+            across = points.xy[[3, 4, 5], [0, 1, 0]] - true.points[[3, 4, 5], [0, 1, 0]]
+            # A yellow that is hardly brighter than its noise has no finer edge than this.
+            assert np.abs(across[points.seen[3:6]]).max(initial=0.0) < 2, (inner, noise)
+
+
+def test_a_lens_with_black_corners_shows_the_chamber():
+    image = STRAIGHT.moved(40, 0).image(noise=2)
+    y, x = np.mgrid[:240, :320]
+    image[np.hypot(x - 159.5, y - 119.5) > 125] = (4, 3, 3)
+    regions = find_regions(image)
+    assert regions.sight is Sight.CHAMBER
+    # Its outline ends between where the black begins and where blue would.
+    assert 159.5 + 125 - 1 < regions.blue[:, 0].max() < 159.5 + 40 + 90
+
+
+def test_an_image_for_screens_shows_the_chamber():
+    """Its levels go with the light to the power of 1/2.2: colours differ by less."""
+    image = (255 * (BENT.image(noise=2) / 255.0) ** (1 / 2.2)).astype(np.uint8)
+    regions = find_regions(image)
+    assert regions.sight is Sight.CHAMBER
+    assert BENT.blue is not None
+    assert overlap(regions.blue, BENT.blue, regions.labels.shape) > 0.98
 
 
 def test_dark_corners_specks_and_highlights_do_not_matter():
@@ -157,7 +209,7 @@ def test_every_frame_has_an_answer(first: int):
         inside = points.xy[points.seen]
         assert (inside >= -0.5).all()
         assert (inside <= np.array(image.shape[1::-1]) - 0.5).all()
-        seen = regions.sight in (Sight.CHAMBER, Sight.NO_YELLOW)
+        seen = regions.sight in IN_VIEW
         direction = bending_direction(points, initial, use="all")
         assert (direction is Direction.UNDEFINED) == (not seen)
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from designopt.errors import UserError
 from perception.posture import boundary_image, shrunk
 
 
@@ -50,5 +51,5 @@ def test_thin_lines_survive():
 
 @pytest.mark.parametrize("size", [(0, 3), (21, 3), (5, 13)])
 def test_a_size_that_is_not_smaller_is_refused(size):
-    with pytest.raises(ValueError, match=f"20x12 cannot be shrunk to {size[0]}x{size[1]}"):
+    with pytest.raises(UserError, match=f"20x12 px cannot be shrunk to {size[0]}x{size[1]}"):
         shrunk(np.zeros((12, 20), np.uint8), size)

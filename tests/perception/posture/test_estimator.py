@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,7 @@ def test_no_images_give_no_markers(estimator):
 
 
 def test_images_of_another_size_are_refused(estimator):
-    with pytest.raises(ValueError, match=r"shape \(number, 12, 16\) .* not \(2, 16, 12\)"):
+    with pytest.raises(UserError, match=r"shape \(number, 12, 16\), not \(2, 16, 12\); make"):
         estimator.predict(np.zeros((2, 16, 12), np.float32))
 
 
@@ -99,14 +100,128 @@ def unknown_setting(header: dict) -> None:
     header["record"]["settings"]["momentum"] = 0.9
 
 
-@pytest.mark.parametrize("change", [other_format, without_scale, other_network, unknown_setting])
-def test_a_file_of_another_version_is_refused(file, change):
-    line, weights = file.read_bytes()[:-32].split(b"\n", 1)
-    header = json.loads(line)
-    change(header)
+def many_channels(header: dict) -> None:
+    header["record"]["settings"]["channels"] = [10**6] * 4
+
+
+def many_layers(header: dict) -> None:
+    header["record"]["settings"]["channels"] = [1] * 10**4
+
+
+def broken_channels(header: dict) -> None:
+    header["record"]["settings"]["channels"] = [2.0, 3, 4, 3]
+
+
+def enormous_images(header: dict) -> None:
+    header["record"]["image_size"] = [10**9, 10**9]
+
+
+def no_image_size(header: dict) -> None:
+    header["record"]["image_size"] = [16]
+
+
+def enormous_scale(header: dict) -> None:
+    header["label_scale"] = 10**400
+
+
+def word_for_a_scale(header: dict) -> None:
+    header["image_mean"] = "grey"
+
+
+def written(file: Path, header: dict, weights: bytes) -> None:
     content = json.dumps(header).encode() + b"\n" + weights
     file.write_bytes(content + hashlib.sha256(content).digest())
-    with pytest.raises(UserError, match=r"finger\.posture: written by another version"):
+
+
+def parts_of(file: Path) -> tuple[dict, bytes]:
+    line, weights = file.read_bytes()[:-32].split(b"\n", 1)
+    return json.loads(line), weights
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        other_format,
+        without_scale,
+        other_network,
+        unknown_setting,
+        many_channels,
+        many_layers,
+        broken_channels,
+        enormous_images,
+        no_image_size,
+        enormous_scale,
+        word_for_a_scale,
+    ],
+)
+def test_a_file_of_another_version_is_refused(file, change):
+    header, weights = parts_of(file)
+    change(header)
+    written(file, header, weights)
+    tracemalloc.start()
+    try:
+        with pytest.raises(UserError, match=r"finger\.posture: written by another version"):
+            PostureEstimator.load(file)
+        # Nothing is made for what only the header claims.
+        assert tracemalloc.get_traced_memory()[1] < 10 * file.stat().st_size + 1e7
+    finally:
+        tracemalloc.stop()
+
+
+def test_weights_that_claim_another_shape_or_type_are_refused(file):
+    header, weights = parts_of(file)
+    for claim, other in ((b"(3, 3, 1, 2)", b"(9**9, 9**9)"), (b"(3, 3, 1, 2)", b"(3, 3, 2, 1)"),
+                         (b"(3, 3, 1, 2)", b"(10**12,)   "[:12]), (b"'<f4'", b"'|O8'"),
+                         (b"'<f4'", b"'<f2'"), (b"\x93NUMPY\x01", b"\x93NUMPY\x02")):  # fmt: skip
+        assert weights.count(claim) >= 1
+        written(file, header, weights.replace(claim, other, 1))
+        with pytest.raises(UserError, match="written by another version"):
+            PostureEstimator.load(file)
+    for other in (weights[:-4], weights + bytes(4)):
+        written(file, header, other)
+        with pytest.raises(UserError, match="written by another version"):
+            PostureEstimator.load(file)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, -1e4])
+@pytest.mark.parametrize("place", [128, -156, -4])  # first and last weight, last bias
+def test_weights_that_no_training_gives_are_refused(file, place, value):
+    header, weights = parts_of(file)
+    changed = bytearray(weights)
+    start = place % len(changed)
+    changed[start : start + 4] = np.float32(value).tobytes()
+    written(file, header, bytes(changed))
+    with pytest.raises(UserError, match=r"weights or scales are not finite, or far beyond any"):
+        PostureEstimator.load(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("image_mean", float("nan")),
+        ("image_mean", -1.0),
+        ("image_mean", 1e6),
+        ("image_deviation", 0.0),
+        ("image_deviation", float("inf")),
+        ("label_scale", 0.0),
+        ("label_scale", -2.0),
+        ("label_scale", 1e9),
+        ("label_mean", [[0, 0], [0, float("nan")], [0, 0]]),
+        ("label_mean", [[0, 0], [0, 1e9], [0, 0]]),
+    ],
+)
+def test_scales_that_no_training_gives_are_refused(file, name, value):
+    header, weights = parts_of(file)
+    header[name] = value
+    written(file, header, weights)
+    with pytest.raises(UserError, match=r"weights or scales are not finite, or far beyond any"):
+        PostureEstimator.load(file)
+
+
+def test_a_deeply_nested_header_is_refused(file):
+    content = b"[" * 200_000 + b"\n"
+    file.write_bytes(content + hashlib.sha256(content).digest())
+    with pytest.raises(UserError, match="written by another version"):
         PostureEstimator.load(file)
 
 

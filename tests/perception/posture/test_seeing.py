@@ -1,11 +1,14 @@
 """The posture in one frame: what is said is what its parts say, and nothing where none is seen."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from designopt.errors import UserError
 from perception.chamber import Sight, find_regions
 from perception.posture import Training, boundary_image, find_posture, shrunk, train
-from tests.perception.chamber.drawn import Ellipse, Scene
+from tests.perception.chamber.drawn import Scene
 
 SIZE = (32, 24)
 STRAIGHT = Scene().half
@@ -48,7 +51,6 @@ def test_without_a_chamber_there_is_no_posture(estimator, image, sight):
 
 
 def test_a_frame_smaller_than_the_networks_images_is_refused(estimator):
-    small = Scene(rows=20, columns=28, blue=Ellipse(14, 10, 8, 8), yellow=Ellipse(14, 10, 4, 4),
-                  top=None)  # fmt: skip
-    with pytest.raises(ValueError, match="28x20"):
-        find_posture(small.image(), estimator)
+    large = replace(estimator, record=replace(estimator.record, image_size=(640, 480)))
+    with pytest.raises(UserError, match="320x240 px cannot be shrunk to 640x480 px; give"):
+        find_posture(STRAIGHT.image(), large)

@@ -6,6 +6,7 @@ import jax
 import numpy as np
 import pytest
 
+from designopt.errors import UserError
 from perception.posture import (
     EQUAL_WEIGHTS,
     PostureEstimator,
@@ -100,7 +101,7 @@ def test_fewer_samples_than_a_batch():
 @pytest.mark.parametrize(
     ("images", "markers", "message"),
     [
-        (IMAGES[:0], MARKERS[:0], "0 images with 0 markers"),
+        (IMAGES[:0], MARKERS[:0], "no pixels"),
         (IMAGES[:9] * np.float32(np.nan), MARKERS[:9], "finite"),
         (IMAGES[:9], MARKERS[:9] * np.inf, "finite"),
         (IMAGES[:9] * np.float32(0), MARKERS[:9], "all the same"),
@@ -110,7 +111,7 @@ def test_fewer_samples_than_a_batch():
     ],
 )
 def test_samples_that_teach_nothing_are_refused(images, markers, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(UserError, match=message):
         train(images, markers, QUICK)
 
 

@@ -6,14 +6,24 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import chi2, kstest
 
-from perception.proprioception import Estimate, Observation, find_pose
+from designopt.solution import Solution
+from perception.proprioception import (
+    FingerErrors,
+    JointAngleResult,
+    JointAngles,
+    Observation,
+    estimates_of,
+    find_pose,
+)
 from perception.proprioception.corners import ROBUST, deviations, softened
 from tests.perception.proprioception.toy import (
     ERRORS,
     FOCAL,
     LIMITS,
     MODEL,
+    NOISE,
     corners_of,
     differences,
     frame,
@@ -31,16 +41,33 @@ EXACT = 1e-6
 poses = st.tuples(st.floats(-0.19, 1.19), st.floats(-0.19, 1.19))
 
 
-def solved(*given) -> list[Estimate]:
-    return find_pose(MODEL, *given).estimates
+def solved(
+    seen: Observation,
+    guess: np.ndarray,
+    errors: np.ndarray = NONE,
+    spread: np.ndarray | None = None,
+    *,
+    constant: float = 0.0,
+) -> Solution[JointAngles]:
+    """The joint angles of a finger whose errors are known but for a spread."""
+    covariance = np.zeros((ERRORS, ERRORS)) if spread is None else spread
+    known = FingerErrors.of(MODEL, errors, covariance, constant=constant)
+    return find_pose(MODEL, seen, guess, known)
 
 
-def angles_of(estimates: list[Estimate]) -> np.ndarray:
-    return np.array([estimate.angle for estimate in estimates])
+def angles_of(found: Solution[JointAngles]) -> np.ndarray:
+    return np.asarray(found.value.angles)
 
 
-def deviations_of(estimates: list[Estimate]) -> np.ndarray:
-    return np.array([estimate.deviation for estimate in estimates])
+def deviations_of(found: Solution[JointAngles]) -> np.ndarray:
+    return np.asarray(found.value.deviations)
+
+
+def codes_of(found: Solution[JointAngles]) -> list[str]:
+    """Names of the results of both joints."""
+    names = ("successful", "not_seen", "unsolved", "contradicted", "out_of_range")
+    by_message = {JointAngleResult[getattr(JointAngleResult, name)]: name for name in names}
+    return [by_message[message] for message in found.messages()]
 
 
 def correlated(seed: int, **options) -> Observation:
@@ -71,9 +98,9 @@ def minimum(seen: Observation, guess: np.ndarray, *, robust: bool) -> np.ndarray
 
 @given(poses)
 def test_exact_corners_give_back_their_angles(pose):
-    estimates = solved(frame(NONE, np.array(pose)), np.array([0.5, 0.5]))
-    np.testing.assert_allclose(angles_of(estimates), pose, atol=EXACT)
-    assert [estimate.reason for estimate in estimates] == ["all corners"] * 2
+    found = solved(frame(NONE, np.array(pose)), np.array([0.5, 0.5]))
+    np.testing.assert_allclose(angles_of(found), pose, atol=EXACT)
+    assert found.ok.all()
 
 
 def test_the_errors_of_the_finger_are_taken_into_account():
@@ -89,7 +116,7 @@ def test_another_finger_of_the_same_kind_is_another_model():
     middle = np.array([320.0, 240.0])
     seen = frame(NONE, POSE)
     larger = Observation(middle + 1.4 * (seen.corners - middle), seen.whitening)
-    other = find_pose(model_of(hinged(1.4 * FOCAL)), larger, np.zeros(2)).estimates
+    other = find_pose(model_of(hinged(1.4 * FOCAL)), larger, np.zeros(2))
     np.testing.assert_allclose(angles_of(other), POSE, atol=EXACT)
     assert np.abs(angles_of(solved(larger, np.zeros(2))) - POSE).max() > 0.1
 
@@ -176,8 +203,7 @@ def test_the_deviation_is_that_of_least_squares():
     seen = frame(MADE, POSE)
     slopes = differences(lambda pose: whitened(corners_of(MADE, pose), seen), POSE)
     expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
-    estimates = solved(seen, POSE, MADE)
-    np.testing.assert_allclose(deviations_of(estimates), expected, rtol=1e-5)
+    np.testing.assert_allclose(deviations_of(solved(seen, POSE, MADE)), expected, rtol=1e-5)
 
 
 def test_deviations_of_errors_are_added_as_they_move_the_answer():
@@ -202,8 +228,8 @@ def repeated(errors: np.ndarray, spread: np.ndarray | None) -> np.ndarray:
     for one in errors:
         pose = generator.uniform(0, 1, 2)
         seen = frame(one, pose, generator=generator)
-        estimates = solved(seen, pose + generator.normal(0, 0.1, 2), NONE, spread)
-        off.append((angles_of(estimates) - pose) / deviations_of(estimates))
+        found = solved(seen, pose + generator.normal(0, 0.1, 2), NONE, spread)
+        off.append((angles_of(found) - pose) / deviations_of(found))
     return np.sqrt(np.mean(np.square(off), axis=0))
 
 
@@ -218,81 +244,203 @@ def test_the_deviation_is_the_scatter_over_unknown_fingers():
     np.testing.assert_allclose(repeated(errors, root @ root.T), 0.97, atol=0.12)
 
 
-@pytest.mark.parametrize(("without", "lost"), [((0, 1), "bend"), ((2,), "curl"), ((2, 3), "curl")])
-def test_a_joint_that_no_view_tells_is_undefined_and_the_other_stays(without, lost):
-    estimates = solved(frame(NONE, POSE, without=without), np.array([0.5, 0.5]))
-    for estimate, name, angle in zip(estimates, MODEL.names, POSE, strict=True):
-        if name == lost:
-            assert not estimate.defined
-            assert np.isinf(estimate.deviation)
-            assert estimate.reason == f"no complete view tells {name}"
-        else:
-            assert estimate.angle == pytest.approx(angle, abs=EXACT)
+@pytest.mark.parametrize(("without", "lost"), [((0, 1), 0), ((2,), 1), ((2, 3), 1)])
+def test_a_joint_that_no_view_shows_is_undefined_and_the_other_stays(without, lost):
+    found = solved(frame(NONE, POSE, without=without), np.array([0.5, 0.5]))
+    assert codes_of(found)[lost] == "not_seen"
+    assert found.margin[lost] == -1
+    assert found.ok[1 - lost]
+    assert angles_of(found)[1 - lost] == pytest.approx(POSE[1 - lost], abs=EXACT)
 
 
 def test_one_view_of_a_joint_is_enough_and_tells_less():
-    few = solved(frame(NONE, POSE, without=(1,)), POSE)[0]
-    assert few.angle == pytest.approx(POSE[0], abs=EXACT)
-    assert few.deviation > solved(frame(NONE, POSE), POSE)[0].deviation
+    few = solved(frame(NONE, POSE, without=(1,)), POSE)
+    assert angles_of(few)[0] == pytest.approx(POSE[0], abs=EXACT)
+    assert deviations_of(few)[0] > deviations_of(solved(frame(NONE, POSE), POSE))[0]
 
 
 def test_without_any_view_there_is_no_angle():
-    estimates = solved(frame(NONE, POSE, without=(0, 1, 2, 3)), POSE)
-    assert [e.reason for e in estimates] == [f"no complete view tells {n}" for n in MODEL.names]
+    assert codes_of(solved(frame(NONE, POSE, without=(0, 1, 2, 3)), POSE)) == ["not_seen"] * 2
 
 
 @pytest.mark.parametrize("beyond", [LIMITS[0] - 0.01, LIMITS[1] + 0.01])
 def test_an_angle_beyond_the_range_is_undefined_and_the_other_stays(beyond):
-    estimates = solved(frame(NONE, np.array([beyond, 0.4])), np.array([0.5, 0.5]))
-    assert not estimates[0].defined
-    assert estimates[0].reason == "the corners would have bend beyond its range"
-    assert estimates[1].angle == pytest.approx(0.4, abs=EXACT)
+    found = solved(frame(NONE, np.array([beyond, 0.4])), np.array([0.5, 0.5]))
+    assert codes_of(found) == ["out_of_range", "successful"]
+    width = LIMITS[1] - LIMITS[0]
+    # The margin is the way to the nearer end of the range, as a part of it.
+    np.testing.assert_allclose(found.margin, [-0.01 / width, 0.6 / width], atol=1e-5)
+    assert angles_of(found)[1] == pytest.approx(0.4, abs=EXACT)
 
 
-def test_corners_that_no_pose_explains_give_no_angle():
+def test_corners_that_are_no_numbers_give_no_angle():
     seen = frame(NONE, POSE, without=(2,))
     corners = np.array(seen.corners)
     corners[0, 0, 0] = np.nan
-    estimates = solved(Observation(corners, seen.whitening), POSE)
-    assert estimates[0].reason == "no pose fits the corners that tell bend"
-    assert estimates[1].reason == "no complete view tells curl"
-    assert not any(estimate.defined for estimate in estimates)
+    found = solved(Observation(corners, seen.whitening), POSE)
+    assert codes_of(found) == ["unsolved", "not_seen"]
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found))
 
 
 @pytest.mark.parametrize("off", [10.0, 30.0])
 def test_corners_far_off_slow_the_search_down_and_do_not_end_it(off):
     """With one corner that counts less, convergence is linear."""
     generator = np.random.default_rng(12)
-    answers = []
     for _ in range(60):
         seen = frame(NONE, POSE, generator=generator)
         corners = np.asarray(seen.corners).copy()
         corners[0, 1, 1] += off
-        answers += solved(Observation(corners, seen.whitening), POSE + 0.1)
-    assert all(answer.defined for answer in answers)
+        found = solved(Observation(corners, seen.whitening), POSE + 0.1)
+        # It ends at a minimum, whose misfit is that of an outlier of 30 deviations or more.
+        assert codes_of(found) == ["contradicted"] * 2
+        assert found.value.misfit.chi_squared > (off / NOISE) ** 2 / 2
 
 
 def test_the_covariance_is_the_inverse_of_the_information():
     seen, spread = correlated(13), 0.2 * np.eye(ERRORS) + 0.1
-    found = find_pose(MODEL, seen, POSE, MADE, spread)
-    angles = angles_of(found.estimates)
+    constant = 0.2
+    found = solved(seen, POSE, MADE, spread, constant=constant)
+    angles = angles_of(found)
 
     def left(values: np.ndarray) -> np.ndarray:
-        all_of_it = whitened(corners_of(values[:ERRORS], values[ERRORS:]), seen)
+        errors, pose, offsets = np.split(values, [ERRORS, ERRORS + 2])
+        corners = corners_of(errors, pose) + offsets.reshape(seen.corners.shape)
+        all_of_it = whitened(corners, seen)
         return all_of_it * np.sqrt(2 / (1 + np.hypot(1, all_of_it / ROBUST)))
 
-    slopes = differences(left, np.concatenate([MADE, angles]))
-    by_error, by_angle = slopes[:, :ERRORS], slopes[:, ERRORS:]
+    offsets = np.zeros(seen.corners.size)
+    slopes = differences(left, np.concatenate([MADE, angles, offsets]))
+    by_error, by_angle, by_offset = np.split(slopes, [ERRORS, ERRORS + 2], axis=1)
     own = np.linalg.inv(by_angle.T @ by_angle)
-    moved = own @ by_angle.T @ by_error
+    moved, shifted = own @ by_angle.T @ by_error, own @ by_angle.T @ by_offset
     # That the angles may be anywhere within 10 rad tells next to nothing.
-    np.testing.assert_allclose(found.covariance, own + moved @ spread @ moved.T, rtol=1e-4)
-    deviations_squared = np.square(deviations_of(found.estimates))
-    np.testing.assert_allclose(np.diag(found.covariance), deviations_squared)
+    expected = own + moved @ spread @ moved.T + constant**2 * shifted @ shifted.T
+    own = np.maximum(found.value.own_misfit.rms, float(found.value.misfit.rms))
+    times = np.maximum(own, 1)
+    np.testing.assert_allclose(found.value.covariance, np.outer(times, times) * expected, rtol=1e-4)
 
 
-def test_an_undefined_angle_has_no_covariance():
-    found = find_pose(MODEL, frame(NONE, POSE, without=(2,)), POSE)
-    assert [estimate.defined for estimate in found.estimates] == [True, False]
-    own = found.estimates[0].deviation ** 2
-    np.testing.assert_allclose(found.covariance, [[own, 0], [0, np.inf]])
+@pytest.mark.parametrize("constant", [0.0, 0.2])
+def test_the_misfit_is_that_of_generalised_least_squares(constant):
+    """χ² with the inverse of the whole covariance, less what a step of the angles takes away."""
+    seen, spread = correlated(14, without=(3,)), 0.2 * np.eye(ERRORS) + 0.1
+    found = solved(seen, POSE, NONE, spread, constant=constant)
+    angles = angles_of(found)
+    left = whitened(corners_of(NONE, angles), seen)
+    kept = np.repeat(np.any(np.asarray(seen.whitening) != 0, axis=(-1, -2)), 2)
+    by_error = differences(lambda e: whitened(corners_of(e, angles), seen), NONE)
+    by_angle = differences(lambda a: whitened(corners_of(NONE, a), seen), angles)
+
+    def offset(values: np.ndarray) -> np.ndarray:
+        return whitened(corners_of(NONE, angles) + values.reshape(seen.corners.shape), seen)
+
+    alike = differences(offset, np.zeros(seen.corners.size))
+    covariance = np.eye(left.size) + by_error @ spread @ by_error.T + constant**2 * alike @ alike.T
+    left, by_angle, weight = (
+        left[kept],
+        by_angle[kept],
+        np.linalg.inv(covariance[np.ix_(kept, kept)]),
+    )
+    step = np.linalg.solve(by_angle.T @ weight @ by_angle, by_angle.T @ weight @ left)
+    left = left - by_angle @ step
+    misfit = found.value.misfit
+    assert float(misfit.chi_squared) == pytest.approx(left @ weight @ left, rel=1e-5)
+    # Three views of four corners, two of whose joints are free.
+    assert float(misfit.degrees_of_freedom) == 22
+    assert float(misfit.tail) == pytest.approx(chi2.sf(left @ weight @ left, 22), rel=1e-4)
+    assert float(misfit.rms) == pytest.approx(np.sqrt(left @ weight @ left / 22), rel=1e-5)
+
+
+def test_an_error_of_one_joint_alone_is_found_in_its_own_views():
+    """χ² of one view by itself has fewer degrees of freedom for the same misfit."""
+    seen = frame(NONE, POSE, generator=np.random.default_rng(19))
+    corners = np.array(seen.corners)
+    corners[2, [0, 2]] += 3.6 * NOISE
+    found = solved(Observation(corners, seen.whitening), POSE)
+    assert codes_of(found) == ["successful", "contradicted"]
+    own, both = found.value.own_misfit, found.value.misfit
+    np.testing.assert_array_equal(own.degrees_of_freedom, [15, 7])
+    left = whitened(corners_of(NONE, angles_of(found)), Observation(corners, seen.whitening))
+    slopes = differences(lambda a: whitened(corners_of(NONE, a), seen), angles_of(found))
+    left, slopes = left.reshape(4, 8)[2], slopes.reshape(4, 8, 2)[2, :, 1]
+    left = left - slopes * (slopes @ left) / (slopes @ slopes)
+    assert float(own.chi_squared[1]) == pytest.approx(left @ left, rel=1e-6)
+    assert own.tail[1] < 1e-6 < both.tail
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.3])
+def test_frames_of_the_right_finger_are_refused_as_often_as_the_level_is(spread):
+    generator, refused = np.random.default_rng(15), 0
+    known = FingerErrors.of(MODEL, NONE, spread**2 * np.eye(ERRORS), constant=0.0)
+    tails = []
+    for _ in range(400):
+        errors = spread * generator.standard_normal(ERRORS)
+        seen = frame(errors, POSE, generator=generator)
+        found = find_pose(MODEL, seen, POSE, known, significance=0.05)
+        refused += codes_of(found) == ["contradicted"] * 2
+        tails.append(float(found.value.misfit.tail))
+    # 20 of 400 with a deviation of 4.4; tails of a true model are uniform (Kolmogorov's 1 %).
+    assert 20 - 13 <= refused <= 20 + 13
+    assert kstest(tails, "uniform").statistic < 1.63 / np.sqrt(400)
+
+
+def test_a_calibration_that_scattered_makes_larger_deviations_and_smaller_misfits():
+    seen = frame(NONE, POSE, generator=np.random.default_rng(16))
+    known = FingerErrors.of(MODEL, NONE, 0.1 * np.eye(ERRORS))
+    scattered = FingerErrors(known.mean, known.offsets, 4 * known.covariance, jnp.asarray(2.0))
+    once, twice = (find_pose(MODEL, seen, POSE, one) for one in (known, scattered))
+    np.testing.assert_allclose(deviations_of(twice), 2 * deviations_of(once), rtol=1e-9)
+    assert float(twice.value.misfit.rms) == pytest.approx(float(once.value.misfit.rms) / 2)
+
+
+def test_offsets_of_a_calibrated_finger_are_taken_from_its_corners():
+    offsets = np.random.default_rng(18).normal(0, 2, (len(MODEL.views), 4, 2))
+    seen = frame(NONE, POSE)
+    off = Observation(seen.corners + offsets, seen.whitening)
+    plain = FingerErrors.of(MODEL, NONE)
+    known = FingerErrors(plain.mean, jnp.asarray(offsets), plain.covariance, plain.scale)
+    np.testing.assert_allclose(angles_of(find_pose(MODEL, off, POSE, known)), POSE, atol=EXACT)
+    assert np.abs(angles_of(find_pose(MODEL, off, POSE, plain)) - POSE).max() > 1e-3
+
+
+def test_without_a_calibration_the_tolerances_of_fabrication_hold():
+    seen = frame(MADE, POSE)
+    plain = find_pose(MODEL, seen, POSE)
+    stated = find_pose(MODEL, seen, POSE, FingerErrors.of(MODEL, NONE, np.eye(ERRORS)))
+    assert plain.ok.all()
+    np.testing.assert_array_equal(deviations_of(plain), deviations_of(stated))
+    # A finger that is held to be as designed is not this one.
+    assert codes_of(solved(seen, POSE)) == ["contradicted"] * 2
+
+
+@pytest.mark.parametrize("wrong", ["mirrored", "scaled", "shifted", "turned"])
+def test_corners_of_another_picture_contradict_the_model(wrong):
+    middle = np.array([320.0, 240.0])
+    turn = np.array([[np.cos(0.14), np.sin(0.14)], [-np.sin(0.14), np.cos(0.14)]])
+    change = {
+        "mirrored": lambda off: off * np.array([1, -1]),
+        "scaled": lambda off: 1.2 * off,
+        "shifted": lambda off: off + np.array([40.0, 0]),
+        "turned": lambda off: off @ turn,
+    }[wrong]
+    seen = frame(NONE, POSE, generator=np.random.default_rng(17))
+    found = find_pose(MODEL, Observation(middle + change(seen.corners - middle), seen.whitening),
+                      POSE)  # fmt: skip
+    assert not found.ok.any()
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, -0.1, np.nan])
+def test_a_level_of_significance_lies_between_0_and_1(level):
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        find_pose(MODEL, frame(NONE, POSE), POSE, significance=level)
+
+
+def test_answers_become_estimates():
+    found = solved(frame(NONE, POSE, without=(2,)), POSE)
+    first, second = estimates_of(found)
+    assert (first.angle, first.deviation) == (
+        pytest.approx(float(found.value.angles[0])),
+        pytest.approx(float(found.value.deviations[0])),
+    )
+    assert not second.defined
+    assert second.reason == found.messages()[1] != ""

@@ -1,0 +1,189 @@
+"""Programs that XLA has compiled, kept between commands in a folder of the user's.
+
+JAX keeps programs between processes, too. But of files that were swapped it runs the wrong program,
+one that was cut short it can neither use nor replace, and its bound on the size needs a lock, at
+which processes wait for each other. So a store takes the place of its files. JAX still makes the
+keys, of the program, jaxlib's version, XLA's flags and the processor's instructions.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+import time
+import warnings
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+VARIABLE = "DESIGNOPT_CACHE"
+"""Of the environment: a folder to keep programs in, or `OFF`."""
+OFF = "off"
+LIMIT = 256 * 2**20
+"""Bytes of a folder, beyond which the programs that were not used for longest go."""
+PARTIAL = ".partial"
+ABANDONED = 3600.0
+"""Seconds after which a file that is still being written belongs to no process any more."""
+
+
+def _switch_off(wanted: bool) -> bool:
+    if wanted:
+        os.environ[VARIABLE] = OFF  # for the processes of a sweep, too
+    return wanted
+
+
+NoCache = Annotated[
+    bool,
+    typer.Option("--no-cache", help="Keep and use no compiled programs.", callback=_switch_off),
+]
+"""An option of commands that compile; they call `keep_programs` before anything is compiled."""
+
+
+def keep_programs() -> None:
+    """Load JAX, and let it keep what is compiled from now on, unless the user has it otherwise.
+
+    A folder that cannot be used is passed over, with a warning where the user named it.
+    """
+    named = os.environ.get(VARIABLE)
+    folder = _user_folder() if not named else Path(named).absolute()
+    if named == OFF or folder is None:
+        return
+    import jax
+    from jax._src import compilation_cache
+
+    # Without this function, whose place ours takes, JAX would keep files as it sees fit.
+    if getattr(jax.config, "jax_compilation_cache_dir", None) is not None or not hasattr(
+        compilation_cache, "get_file_cache"
+    ):
+        return
+    reason = _fault(folder)
+    if reason:
+        if named:
+            print(f"warning: {VARIABLE}={named}: not used: {reason}", file=sys.stderr)
+        return
+    compilation_cache.get_file_cache = lambda path: (Store(Path(path)), path)
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    # Hundreds of programs take less than JAX's second each, and together most of the time.
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache entry")
+
+
+def _user_folder() -> Path | None:
+    """Where this system's programs keep what they can make again; ``None`` without a home."""
+    try:
+        home = Path.home()
+    except RuntimeError:
+        return None
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = home / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or "")
+        base = base if base.is_absolute() else home / ".cache"
+    return base / "designopt" / "programs"
+
+
+def _fault(folder: Path) -> str:
+    """What is wrong with a folder, which is made where there is none; empty if nothing is."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.stat()
+    except OSError as error:
+        return error.strerror or str(error)
+    # Whoever writes into it has their code run by whoever reads.
+    if hasattr(os, "geteuid") and (found.st_uid != os.geteuid() or found.st_mode & 0o022):
+        return "others can write into it"
+    return ""
+
+
+class Store:
+    """Values by their keys, as files of a folder.
+
+    Every file begins with the SHA-256 of its name and its value: what was cut short, altered or
+    swapped is no value, and is removed. Files appear whole, so that no process waits for another.
+    Nothing raises: what cannot be read is not there, and after something could not be written
+    nothing more is.
+    """
+
+    def __init__(self, folder: Path, limit: int = LIMIT) -> None:
+        """A store in a folder that is there.
+
+        Args:
+            folder: it.
+            limit: bytes of all files, which one process may exceed by a sixteenth.
+        """
+        self._path = folder  # so JAX names it
+        self._limit = limit
+        self._to_write = 0
+        """Bytes until the folder is measured again."""
+
+    def get(self, key: str) -> bytes | None:
+        """The value of a key."""
+        path = self._file(key)
+        with suppress(OSError):
+            content = path.read_bytes()
+            value = content[hashlib.sha256().digest_size :]
+            if content == _sealed(path.name, value):
+                os.utime(path)  # used just now
+                return value
+            path.unlink()
+        return None
+
+    def put(self, key: str, value: bytes) -> None:
+        """Keep the value of a key."""
+        path = self._file(key)
+        if self._limit <= len(value):
+            return
+        try:
+            if self._to_write < len(value):
+                self._remove_oldest()
+            self._to_write -= len(value)
+            handle, partial = tempfile.mkstemp(PARTIAL, dir=self._path)
+            try:
+                with open(handle, "wb") as file:
+                    file.write(_sealed(path.name, value))
+                os.replace(partial, path)
+            except BaseException:
+                os.unlink(partial)
+                raise
+        except OSError:
+            self._limit = 0
+
+    def _file(self, key: str) -> Path:
+        # XLA divides loops among the threads it finds when it compiles, and rounds accordingly.
+        return self._path / hashlib.sha256(f"{_threads()} {key}".encode()).hexdigest()
+
+    def _remove_oldest(self) -> None:
+        """Make room for a sixteenth of the limit."""
+        self._to_write = self._limit // 16
+        now, files = time.time(), []
+        for entry in os.scandir(self._path):
+            with suppress(OSError):  # another process has removed it
+                found = entry.stat()
+                age = now - found.st_mtime
+                if not entry.name.endswith(PARTIAL):
+                    files.append((age, found.st_size, entry.path))
+                elif age > ABANDONED:
+                    os.unlink(entry.path)
+        room = self._limit - self._to_write - sum(size for _, size, _ in files)
+        for _, size, path in sorted(files, reverse=True):
+            if room >= 0:
+                break
+            room += size
+            with suppress(OSError):
+                os.unlink(path)
+
+
+def _sealed(name: str, value: bytes) -> bytes:
+    return hashlib.sha256(name.encode() + value).digest() + value
+
+
+def _threads() -> str:
+    """What XLA takes the number of its threads from."""
+    cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else ()
+    return f"{os.environ.get('NPROC')} {len(cores)} {os.cpu_count()}"

@@ -1,0 +1,139 @@
+"""Which pixels of a look into the chamber are red, blue and yellow (paper A §III.A.a).
+
+Colours are told apart by ratios of channels, which the light's strength and its falling off with
+depth leave alone. Noise has ratios too: where it is dim, means of ever more pixels decide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from perception.masks import Grey, Image, Mask, cleaned, global_mask
+
+SPECKLE = 3
+"""Side of the squares whose median replaces a pixel, px: speckles go, edges stay."""
+
+CLEARLY = 1.4
+"""A channel is clearly above others from this ratio on. Blue silicone holds some green: where
+blue is overexposed 2.5 times, the ratio is still 1.8."""
+
+RED_CLEARLY = 1.6
+"""The same for red, between red's own ratio to green, about 6, in images for screens (gamma 2.2)
+about 2.3, and yellow's, about 1.2."""
+
+EVEN, LEAST = 3, 5.0
+"""... and by so many grey levels more, in means of squares of `EVEN` pixels a side: five standard
+deviations of the noise of a poor finger. That of a mean falls with the root of the number."""
+
+ROUNDING = 1.5
+"""... but by no less, for in the dark all pixels of a colour are rounded alike."""
+
+DIM = 20
+"""Grey level; in what is darker, the chamber's colours may differ by less than `LEAST`."""
+
+WIDER = (9, 27)
+"""Sides of the squares, px, over which dim pixels without a colour are averaged."""
+
+GAP = 14.0
+"""Where blue and yellow are no farther apart, px, with dim pixels between, they meet halfway."""
+
+LEAST_DIM = 2e-4
+"""Of the image; fewer dim pixels do not matter."""
+
+OPENING = 3
+"""Side of the square of paper A's "dilatation corrosion", px; read as open, then close."""
+
+
+@dataclass(frozen=True)
+class Colours:
+    """Pixels by their colour, and the brightest channel of every pixel's surroundings."""
+
+    red: Mask
+    blue: Mask
+    yellow: Mask
+    value: Grey
+
+
+def despeckled(image: Image) -> Image:
+    """An image without speckles, such as hot pixels and sparks of light."""
+    return cv2.medianBlur(image, SPECKLE)
+
+
+def colours_of(image: Image) -> Colours:
+    """The colours of an image, cleaned of specks and small holes."""
+    clear = despeckled(image)
+    channels = _channels(cv2.blur(clear, (EVEN, EVEN)))
+    value = cv2.max(cv2.max(*channels[:2]), channels[2])
+    found = _told_apart(channels, np.full_like(value, LEAST))
+    dim = cv2.subtract(not_above(value, DIM), cv2.max(cv2.max(*found[:2]), found[2]))
+    # Between two bright colours, a line of dim pixels is a mixture of both.
+    broad = cv2.morphologyEx(dim, cv2.MORPH_OPEN, np.ones((OPENING, OPENING), np.uint8))
+    if cv2.countNonZero(broad) <= LEAST_DIM * broad.size:
+        red, blue, yellow = (cleaned(mask, OPENING) for mask in found)
+        return Colours(red, blue, yellow, value)
+    left, upper, wide, high = cv2.boundingRect(broad)
+    box = np.s_[upper : upper + high, left : left + wide]
+    _add_dim(clear[box], dim[box], [mask[box] for mask in found])
+    red, blue, yellow = (cleaned(mask, OPENING) for mask in found)
+    _close_gap(dim[box], blue[box], yellow[box])
+    return Colours(red, blue, yellow, value)
+
+
+def not_above(value: Grey, level: float) -> Mask:
+    """Pixels that are no brighter than a level."""
+    return cv2.bitwise_not(global_mask(value, level))
+
+
+def _channels(image: np.ndarray) -> list[np.ndarray]:
+    """Red, green and blue; OpenCV's `split` takes three times as long."""
+    return [cv2.extractChannel(image, number) for number in range(3)]
+
+
+def _told_apart(channels: list[np.ndarray], least: np.ndarray) -> list[Mask]:
+    """Red, blue and yellow pixels, by the least difference of channels beside their ratio."""
+    red, green, blue = channels
+
+    def above(channel: np.ndarray, others: np.ndarray, ratio: float) -> Mask:
+        return cv2.compare(channel, cv2.addWeighted(others, ratio, least, 1.0, 0.0), cv2.CMP_GT)
+
+    reds = above(red, cv2.max(green, blue), RED_CLEARLY)
+    blues = above(blue, cv2.max(red, green), CLEARLY)
+    # Red is a little above blue in green too: what is red is not yellow.
+    return [reds, blues, cv2.subtract(above(cv2.min(red, green), blue, CLEARLY), reds)]
+
+
+def _add_dim(image: Image, dim: Mask, masks: list[Mask]) -> None:
+    """Give dim pixels to the masks of colours that means over other dim pixels show.
+
+    Args:
+        image: without speckles.
+        dim: pixels without a colour; those that get one are taken out.
+        masks: of red, blue and yellow, which are added to.
+    """
+    exact = image.astype(np.float32)
+    for side in WIDER:
+        counted = dim.astype(np.float32) / 255
+        number, total = (
+            cv2.boxFilter(one, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
+            for one in (counted, exact * counted[..., None])
+        )
+        number = np.maximum(number, EVEN**2)
+        least = np.maximum(LEAST * EVEN / np.sqrt(number), ROUNDING)
+        means = _channels(total / number[..., None])
+        for mask, found in zip(masks, _told_apart(means, least), strict=True):
+            mask |= found & dim
+            dim &= ~found
+
+
+def _close_gap(dim: Mask, blue: Mask, yellow: Mask) -> None:
+    """Share out dim pixels between blue and yellow, where means hold both: to the nearer one."""
+    if cv2.countNonZero(blue) and cv2.countNonZero(yellow):
+        from_blue, from_yellow = (
+            cv2.distanceTransform(cv2.bitwise_not(mask), cv2.DIST_L2, 3) for mask in (blue, yellow)
+        )
+        between = (dim > 0) & (from_blue + from_yellow <= GAP)
+        blue[between & (from_blue < from_yellow)] = 255
+        yellow[between & (from_blue >= from_yellow)] = 255

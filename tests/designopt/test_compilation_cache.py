@@ -1,0 +1,286 @@
+"""What is compiled once is not compiled again, and no file of the cache can do harm."""
+
+import errno
+import json
+import os
+import subprocess
+import sys
+import time
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import jax
+import pytest
+from jax._src import compilation_cache
+
+from designopt import cli
+from designopt.compilation_cache import ABANDONED, OFF, VARIABLE, Store, keep_programs
+
+
+def files(folder):
+    return sorted(path for path in folder.iterdir() if path.is_file())
+
+
+def test_a_store_keeps_values_for_others(tmp_path):
+    Store(tmp_path).put("a", b"one")
+    Store(tmp_path).put("b" * 1000, b"")
+    Store(tmp_path).put("a", b"two")
+    store = Store(tmp_path)
+    assert (store.get("a"), store.get("b" * 1000), store.get("c")) == (b"two", b"", None)
+    assert len(files(tmp_path)) == 2
+
+
+def swapped(first, second):
+    content = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    second.write_bytes(content)
+
+
+HARM = {
+    "cut short": lambda first, second: first.write_bytes(first.read_bytes()[:-1]),
+    "empty": lambda first, second: first.write_bytes(b""),
+    "longer": lambda first, second: first.write_bytes(first.read_bytes() + b"\0"),
+    "altered": lambda first, second: first.write_bytes(first.read_bytes()[:-1] + b"!"),
+    "another program's": lambda first, second: first.write_bytes(b"\x89PNG" * 100),
+    "swapped": swapped,
+}
+
+
+@pytest.mark.parametrize("harm", HARM)
+def test_a_harmed_file_is_no_value_and_is_replaced(tmp_path, harm):
+    store = Store(tmp_path)
+    store.put("a", b"one")
+    store.put("b", b"two")
+    HARM[harm](*files(tmp_path))
+    assert {store.get("a"), store.get("b")} < {None, b"one", b"two"}
+    assert store.get("a") in (None, b"one")
+    assert store.get("b") in (None, b"two")
+    store.put("a", b"one")
+    store.put("b", b"two")
+    assert (store.get("a"), store.get("b")) == (b"one", b"two")
+
+
+def test_a_folder_has_a_bound_and_what_was_used_last_stays(tmp_path):
+    limit, size = 64_000, 1000
+    store = Store(tmp_path, limit)
+    for i in range(200):
+        store.put(f"{i}", bytes(size))
+        ages = {path: path.stat().st_mtime - 10 for path in files(tmp_path)}
+        for path, seconds in ages.items():
+            os.utime(path, (seconds, seconds))
+        assert store.get("0") == bytes(size)
+        assert sum(path.stat().st_size for path in files(tmp_path)) <= limit * 17 / 16
+    assert len(files(tmp_path)) > 50
+    assert store.get("199") == bytes(size)
+    assert store.get("1") is None
+    store.put("large", bytes(limit + 1))
+    assert store.get("large") is None
+
+
+def test_what_a_killed_process_left_is_removed_later(tmp_path):
+    for name, age in (("old.partial", 2 * ABANDONED), ("new.partial", 0.0)):
+        path = tmp_path / name
+        path.touch()
+        seconds = time.time() - age
+        os.utime(path, (seconds, seconds))
+    Store(tmp_path).put("a", b"one")
+    assert (tmp_path / "new.partial").exists()
+    assert not (tmp_path / "old.partial").exists()
+
+
+@pytest.mark.parametrize("failing", ["tempfile.mkstemp", "os.replace", "os.scandir"])
+def test_a_full_disk_or_a_folder_that_is_gone_stops_nothing(tmp_path, monkeypatch, failing):
+    store = Store(tmp_path)
+    Store(tmp_path).put("a", b"one")
+
+    def fail(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(failing, fail)
+        store.put("b", b"two")
+    store.put("c", b"three")  # a full disk is not tried again and again
+    assert (store.get("a"), store.get("b"), store.get("c")) == (b"one", None, None)
+    assert len(files(tmp_path)) == 1
+
+
+def test_many_use_a_folder_at_once(tmp_path):
+    values = {f"{i}": bytes([i]) * 5000 for i in range(20)}
+
+    def work(number):
+        store = Store(tmp_path, 64_000)
+        for _ in range(5):
+            for key, value in values.items():
+                assert store.get(key) in (None, value), number
+                store.put(key, value)
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(work, range(8)))
+    assert not [path for path in files(tmp_path) if path.suffix]
+
+
+def test_programs_for_other_numbers_of_threads_are_others(tmp_path, monkeypatch):
+    store = Store(tmp_path)
+    monkeypatch.setenv("NPROC", "2")
+    store.put("a", b"two threads")
+    monkeypatch.setenv("NPROC", "1")
+    assert store.get("a") is None
+
+
+PROGRAM = """
+import json
+from designopt.compilation_cache import keep_programs
+
+keep_programs()
+import jax
+import jax.numpy as jnp
+
+events = []
+jax.monitoring.register_event_listener(lambda event, **_: events.append(event))
+
+def double(x):
+    return 2 * x
+
+def triple(x):
+    return 3 * x
+
+x = jnp.arange(3.0)
+answers = [jax.jit(double)(x).tolist(), jax.jit(triple)(x).tolist()]
+print(json.dumps([answers, sum(event.endswith("/cache_hits") for event in events)]))
+"""
+ANSWERS = [[0.0, 2.0, 4.0], [0.0, 3.0, 6.0]]
+
+
+def hits(home, **variables):
+    """How many programs were not compiled."""
+    ours = (VARIABLE, "XDG_CACHE_HOME", "JAX_COMPILATION_CACHE_DIR")
+    bare = {name: value for name, value in os.environ.items() if name not in ours}
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        env=bare | {"HOME": str(home)} | variables,
+        cwd=home,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    answers, count = json.loads(done.stdout)
+    assert answers == ANSWERS
+    return count
+
+
+def test_programs_are_kept_between_processes(tmp_path):
+    folder = tmp_path / "a" / "b"
+    assert hits(tmp_path, **{VARIABLE: "a/b"}) == 0
+    assert folder.stat().st_mode & 0o777 == 0o700
+    kept = files(folder)
+    assert hits(tmp_path, **{VARIABLE: str(folder)}) == len(kept) >= 2
+    assert files(folder) == kept
+    for path in kept:
+        path.rename(path.with_suffix(".x"))
+    for path, other in zip(kept, kept[1:] + kept[:1], strict=True):  # each in another's place
+        path.with_suffix(".x").rename(other)
+    assert hits(tmp_path, **{VARIABLE: str(folder)}) == 0
+
+
+@pytest.fixture
+def unset(monkeypatch, tmp_path):
+    """JAX as it is in a process of its own, but for being loaded."""
+    before = getattr(jax.config, "jax_compilation_cache_dir", None)
+    jax.config.update("jax_compilation_cache_dir", None)
+    for name in (VARIABLE, "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setattr(compilation_cache, "get_file_cache", None)
+    monkeypatch.setattr(warnings, "filterwarnings", lambda *_: None)
+    seconds = jax.config.values["jax_persistent_cache_min_compile_time_secs"]
+    yield
+    jax.config.update("jax_compilation_cache_dir", before)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", seconds)
+
+
+def used():
+    keep_programs()
+    return getattr(jax.config, "jax_compilation_cache_dir", None)
+
+
+@pytest.mark.usefixtures("unset")
+@pytest.mark.parametrize(
+    ("platform", "variables", "place"),
+    [
+        ("linux", {}, ".cache/designopt/programs"),
+        ("linux", {"XDG_CACHE_HOME": "relative"}, ".cache/designopt/programs"),
+        ("linux", {"XDG_CACHE_HOME": "{home}/mine"}, "mine/designopt/programs"),
+        ("darwin", {}, "Library/Caches/designopt/programs"),
+        ("win32", {}, "AppData/Local/designopt/programs"),
+        ("win32", {"LOCALAPPDATA": "{home}/mine"}, "mine/designopt/programs"),
+        ("linux", {VARIABLE: "{home}/named"}, "named"),
+    ],
+)
+def test_the_folder_is_the_systems_or_the_users(monkeypatch, tmp_path, platform, variables, place):
+    monkeypatch.setattr(sys, "platform", platform)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value.format(home=tmp_path))
+    assert used() == str(tmp_path / place)
+    assert (tmp_path / place).is_dir()
+
+
+@pytest.mark.usefixtures("unset")
+@pytest.mark.parametrize(
+    "variables", [{VARIABLE: OFF}, {"HOME": "/dev/null"}, {"HOME": "/proc/nowhere"}]
+)
+def test_without_a_folder_nothing_is_kept_and_nothing_is_printed(monkeypatch, capsys, variables):
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    assert used() is None
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_folder_that_the_user_gave_jax_remains(monkeypatch, tmp_path):
+    before = getattr(jax.config, "jax_compilation_cache_dir", None)
+    assert before is not None
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    assert used() == before
+
+
+def open_to_others(place):
+    place.mkdir()
+    place.chmod(0o777)
+
+
+@pytest.mark.usefixtures("unset")
+@pytest.mark.parametrize(
+    ("harm", "words"),
+    [
+        (Path.touch, "File exists"),
+        (lambda place: place.symlink_to(place), "File exists"),
+        (open_to_others, "others can write into it"),
+    ],
+)
+def test_a_folder_that_cannot_be_used_is_one_line_where_it_was_named(
+    monkeypatch, tmp_path, capsys, harm, words
+):
+    place = tmp_path / ".cache" / "designopt" / "programs"
+    place.parent.mkdir(parents=True)
+    harm(place)
+    assert used() is None
+    assert capsys.readouterr() == ("", "")
+    monkeypatch.setenv(VARIABLE, str(place))
+    assert used() is None
+    assert capsys.readouterr() == ("", f"warning: {VARIABLE}={place}: not used: {words}\n")
+
+
+@pytest.mark.usefixtures("unset")
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="files have other owners here")
+def test_a_folder_of_somebody_else_is_not_used(monkeypatch):
+    monkeypatch.setattr(os, "geteuid", lambda: 12345)
+    assert used() is None
+
+
+@pytest.mark.parametrize("line", ["--no-cache solve no.toml", "solve no.toml --no-cache"])
+def test_an_option_switches_it_off(monkeypatch, capsys, line):
+    monkeypatch.setenv(VARIABLE, "somewhere")
+    assert cli.run(line.split()) == 2
+    assert os.environ[VARIABLE] == OFF  # for the processes of a sweep, too
+    assert "no.toml" in capsys.readouterr().err

@@ -1,0 +1,99 @@
+"""Rendered fingers: found in every grade of their effects, in the dark, and under speckles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics.soft_finger import ChamberEffects, ChamberImage, ChamberRenderer, pressed_by
+from perception.chamber import (
+    Direction,
+    Points,
+    Sight,
+    bending_direction,
+    find_points,
+    find_regions,
+)
+from studies.bending_direction.frames import TOWARDS
+from studies.chamber_images.making import SoftFinger
+from studies.chamber_images.spec import ChamberImagesSpec
+
+BENDS_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 120.0)
+
+STEEP = 4.0
+"""A power of the light's falling off at which yellow is a twentieth as bright as red."""
+
+
+@pytest.fixture(scope="module")
+def finger() -> SoftFinger:
+    return SoftFinger.of(ChamberImagesSpec())
+
+
+def bent(
+    finger: SoftFinger, effects: ChamberEffects, towards: float, pressed: float = 0.0
+) -> list[ChamberImage]:
+    """Frames at all bends in one direction, pressed by so many mm."""
+    renderer = ChamberRenderer(finger.chamber, finger.endoscope, effects, seed=5)
+    place, radius = jnp.asarray(60.0), jnp.asarray(30.0)
+    press = np.asarray(pressed_by(jnp.asarray(finger.arc), place, radius, jnp.asarray(pressed)))
+    count = len(BENDS_DEG)
+    postures = finger.postures(
+        np.deg2rad(BENDS_DEG), np.full(count, towards), np.tile(press, (count, 1))
+    )
+    return renderer.render(postures)
+
+
+def points_of(pixels: np.ndarray) -> Points:
+    return find_points(pixels, find_regions(pixels))
+
+
+@pytest.mark.parametrize("severity", [0.0, 1.0, 2.0])
+@pytest.mark.parametrize("gain", [0.4, 1.0, 2.0])
+def test_every_frame_shows_the_chamber(finger, severity, gain):
+    effects = ChamberEffects.graded(severity, gain)
+    for towards, pressed in ((0.0, 0.0), (2.0, 3.0), (4.0, -3.0)):
+        for image in bent(finger, effects, towards, pressed):
+            assert find_regions(image.pixels).sight in (Sight.CHAMBER, Sight.NO_YELLOW)
+
+
+def test_yellow_is_found_far_in_the_dark(finger):
+    effects = replace(ChamberEffects.graded(1.0), falloff=STEEP)
+    for image in bent(finger, effects, 2.0)[:4]:
+        regions = find_regions(image.pixels)
+        assert regions.sight is Sight.CHAMBER
+        points, (x, y) = find_points(image.pixels, regions), image.outlines[1].T
+        across = points.xy[[3, 4, 5], [0, 1, 0]] - [x.min(), y.max(), x.max()]
+        assert points.seen[3:6].sum() >= 2  # the image's border may cut one
+        assert np.abs(across[points.seen[3:6]]).max() < 1
+
+
+def speckled(pixels: np.ndarray, share: float, random: np.random.Generator) -> np.ndarray:
+    """So many pixels are white, black or of any colour."""
+    changed = pixels.copy()
+    where = random.random(pixels.shape[:2]) < share
+    count = int(where.sum())
+    colours = np.stack([np.zeros((count, 3)), np.full((count, 3), 255),
+                        random.integers(0, 256, (count, 3))])  # fmt: skip
+    changed[where] = colours[random.integers(0, 3, count), np.arange(count)]
+    return changed
+
+
+@pytest.mark.parametrize("share", [0.01, 0.05, 0.1])
+def test_speckles_turn_no_direction_and_move_no_point(finger, share):
+    effects = replace(ChamberEffects.graded(1.0), falloff=STEEP)
+    random = np.random.default_rng(1)
+    for truth, towards in TOWARDS.items():
+        images = [image.pixels for image in bent(finger, effects, towards)[:-1]]
+        clean = [points_of(pixels) for pixels in images]
+        found = [points_of(speckled(pixels, share, random)) for pixels in images]
+        for points, usual in zip(found[1:], clean[1:], strict=True):
+            assert bending_direction(points, found[0], use="all") is truth
+            across = (points.xy - usual.xy)[np.arange(7), [0, 1, 0, 0, 1, 0, 0]]
+            assert np.abs(across[points.seen & usual.seen]).max() < 2
+        assert all(
+            bending_direction(points, found[0], use="blue") is not Direction.UNDEFINED
+            for points in found
+        )

@@ -1,0 +1,204 @@
+"""Every public function that takes an image refuses what is none, in one line with the cure."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import numpy as np
+import pytest
+
+import perception
+from designopt.errors import UserError
+from perception import PaperRoute, References, difference, find_quads, find_views, fit_quad, unwarp
+from perception.chamber import find_points, find_regions
+from perception.images import checked_floats, checked_image
+from perception.lens import Lens
+from perception.matching import Catalogue, View
+from perception.posture import (
+    PostureEstimator,
+    PostureNetwork,
+    Training,
+    TrainingRecord,
+    boundary_image,
+    find_posture,
+    shrunk,
+    train,
+)
+from perception.quality import Quality
+
+ROWS, COLUMNS = 24, 32
+COLOURED = np.random.default_rng(0).integers(0, 256, (ROWS, COLUMNS, 3), np.uint8)
+GREY = COLOURED[..., 0].copy()
+
+_DOWN, _RIGHT = np.mgrid[:ROWS, :COLUMNS].astype(float)
+LENS = Lens(
+    np.stack([(ROWS / 2 - _DOWN) / 40, (_RIGHT - COLUMNS / 2) / 40], axis=-1),
+    lambda rays: np.stack([40 * rays[:, 1] + COLUMNS / 2, ROWS / 2 - 40 * rays[:, 0]], axis=-1),
+)
+CORNERS = np.array([[8.0, 18.0], [8.0, 6.0], [24.0, 6.0], [24.0, 18.0]])
+VIEW = View(
+    "pad", "direct", 0, Quality.COMPLETE, (True, True), CORNERS, LENS.rays(CORNERS),
+    np.tile(np.eye(2), (4, 1, 1)), 200.0,
+)  # fmt: skip
+CONTOUR = np.round(CORNERS).astype(int)
+REGIONS = find_regions(COLOURED)
+SETTINGS = Training(channels=(2, 2))
+RECORD = TrainingRecord((1.0,), (), (1.0,), 4, (COLUMNS, ROWS), SETTINGS, {})
+ESTIMATOR = PostureEstimator(
+    PostureNetwork((COLUMNS, ROWS), SETTINGS.channels, np.random.default_rng(0)),
+    0.0, 1.0, np.zeros((3, 2)), 1.0, RECORD,
+)  # fmt: skip
+MARKERS = np.random.default_rng(1).normal(size=(4, 3, 2))
+REFERENCES = References({("pad", "direct"): COLOURED})
+
+
+def bare(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function as users have it, without the run-time checks of types."""
+    return inspect.unwrap(function)
+
+
+OF_COLOURED = {
+    "find_regions": bare(find_regions),
+    "find_points": lambda image: bare(find_points)(image, REGIONS),
+    "find_posture": lambda image: bare(find_posture)(image, ESTIMATOR),
+    "difference": lambda image: bare(difference)(image, COLOURED),
+    "References": lambda image: bare(References.difference)(REFERENCES, VIEW, image),
+    "PaperRoute": lambda image: bare(PaperRoute.corners)(PaperRoute(), image),
+}
+OF_ANY_CHANNELS = {
+    "find_quads": lambda image: bare(find_quads)(image, LENS),
+    "find_views": lambda image: bare(find_views)(image, LENS, Catalogue((), {}, 5.0, 0)),
+    "unwarp": lambda image: bare(unwarp)(image, VIEW, LENS, 12.0, 8.0),
+}
+OF_GREY = {
+    "boundary_image": bare(boundary_image),
+    "shrunk": lambda image: bare(shrunk)(image, (8, 6)),
+}
+OF_FLOATS = {
+    "fit_quad": lambda image: bare(fit_quad)(image, LENS, CONTOUR),
+    "PostureEstimator": lambda image: bare(PostureEstimator.predict)(ESTIMATOR, image[None]),
+    "train": lambda image: bare(train)(np.stack([image] * 4), MARKERS, SETTINGS),
+}
+SIZED = {"find_points", "find_quads", "find_views", "unwarp", "difference", "References"}
+"""Those for which an image must be as large as something else."""
+
+TAKING = {**OF_COLOURED, **OF_ANY_CHANNELS, **OF_GREY}
+
+
+def refusal(take: Callable[[Any], Any], image: Any) -> str:
+    with pytest.raises(UserError) as caught:
+        take(image)
+    line = str(caught.value)
+    assert "\n" not in line
+    assert re.search(r"[;:] \w", line), line  # what it is; what to do
+    return line
+
+
+def public_functions() -> dict[str, Any]:
+    """All functions and classes that the packages of perception list."""
+    found = {}
+    for stub in Path(perception.__file__).parent.rglob("__init__.pyi"):
+        package = ".".join(["perception", *stub.parent.parts[stub.parts.index("perception") + 1 :]])
+        names = ast.literal_eval(
+            next(n.value for n in ast.parse(stub.read_text()).body if isinstance(n, ast.Assign))
+        )
+        module = importlib.import_module(package.split("perception.perception")[-1] or package)
+        found |= {name: getattr(module, name) for name in names}
+    return found
+
+
+def test_every_public_function_with_an_image_is_here():
+    """By the names of their parameters, those of their methods too."""
+    taking = set()
+    for name, public in public_functions().items():
+        own = [public]
+        if inspect.isclass(public):
+            own = [getattr(public, method) for method in vars(public) if method[0] != "_"]
+        for function in filter(inspect.isroutine, own):
+            parameters = set(inspect.signature(function).parameters)
+            if parameters & {"image", "images", "picture", "grey", "labels", "boundary"}:
+                taking.add(name)
+    # The rulers' and the meters' labels are joint angles.
+    assert taking - {"fit_edges"} == set(TAKING) | set(OF_FLOATS)
+
+
+@pytest.mark.parametrize("name", TAKING)
+def test_what_is_no_image_is_refused(name):
+    usual = GREY if name in OF_GREY else COLOURED
+    assert "None" in refusal(TAKING[name], None)
+    for other in ("image", 3, usual.tolist(), object()):
+        assert type(other).__name__ in refusal(TAKING[name], other)
+    for kind in (float, np.float32, np.uint16, np.int64, bool, complex, object):
+        assert f"not {np.dtype(kind)}" in refusal(TAKING[name], usual.astype(kind))
+    line = refusal(TAKING[name], np.full(usual.shape, np.nan))
+    assert line.endswith("convert it with (255 * image).astype(numpy.uint8) if 1 is white")
+    for empty in (usual[:0], usual[:, :0]):
+        assert "no pixels" in refusal(TAKING[name], empty)
+    for shape in ((), (5,), (1, ROWS, COLUMNS, 3), (ROWS, COLUMNS, 2), (ROWS, COLUMNS, 4),
+                  (3, ROWS, COLUMNS), (ROWS, COLUMNS, 1), (ROWS, COLUMNS, 0)):  # fmt: skip
+        assert str(shape) in refusal(TAKING[name], np.zeros(shape, np.uint8))
+
+
+@pytest.mark.parametrize("name", TAKING)
+def test_another_number_of_channels_is_refused(name):
+    if name in OF_COLOURED:
+        assert "give the image with its colours" in refusal(TAKING[name], GREY)
+    if name in OF_GREY:
+        assert "give one channel" in refusal(TAKING[name], COLOURED)
+
+
+@pytest.mark.parametrize("name", sorted(SIZED))
+def test_another_size_is_refused(name):
+    assert f"{COLUMNS}x{ROWS - 1} px" in refusal(TAKING[name], COLOURED[1:])
+    assert "numpy.rot90" in refusal(TAKING[name], COLOURED.swapaxes(0, 1))
+
+
+@pytest.mark.parametrize("name", TAKING)
+def test_any_layout_in_memory_and_a_read_only_image_do(name):
+    for usual in (*((GREY,) if name not in OF_COLOURED else ()),
+                  *((COLOURED,) if name not in OF_GREY else ())):  # fmt: skip
+        fixed = usual.copy()
+        fixed.flags.writeable = False
+        larger = np.zeros((ROWS, 2 * COLUMNS, *usual.shape[2:]), np.uint8)
+        larger[:, ::2] = usual
+        backwards = usual[::-1, ::-1].copy()
+        expected = repr(TAKING[name](usual))
+        for same in (fixed, larger[:, ::2], backwards[::-1, ::-1], np.asfortranarray(usual)):
+            assert repr(TAKING[name](same)) == expected
+
+
+@pytest.mark.parametrize("name", OF_FLOATS)
+def test_floats_that_are_no_image_are_refused(name):
+    image = GREY.astype(np.float32)
+    take = OF_FLOATS[name]
+    for other in (GREY, image.astype(complex), image > 9, image.astype(object)):
+        assert f"not {other.dtype}" in refusal(take, other)
+    for value in (np.nan, np.inf):
+        broken = image.copy()
+        broken[10, 10] = value
+        assert "not finite" in refusal(take, broken)
+    for other in (image[None], image[:, 0], *((image[1:], image.T) if name != "train" else ())):
+        assert "shape" in refusal(take, other)
+
+
+def test_samples_without_pixels_and_other_sizes_of_validation_are_refused():
+    images = np.random.default_rng(0).random((4, 6, 8), np.float32)
+    assert "no pixels" in refusal(lambda it: bare(train)(it, MARKERS, SETTINGS), images[:, :0])
+    line = refusal(lambda it: bare(train)(images, it, SETTINGS), MARKERS[1:])
+    assert "(4, 3, 2), not (3, 3, 2); give the places" in line
+    validation = images[:, 1:], MARKERS
+    line = refusal(lambda it: bare(train)(images, MARKERS, SETTINGS, it), validation)
+    assert "(samples, 6, 8), not (4, 5, 8)" in line
+
+
+def test_what_is_asked_for_is_given_back():
+    assert checked_image(COLOURED) is COLOURED
+    assert checked_image(GREY, channels=(1, 3)) is GREY
+    assert checked_floats(MARKERS, ("any", 3, 2), what="these", cure="none") is MARKERS
+    assert get_type_hints(checked_image)

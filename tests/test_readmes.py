@@ -1,0 +1,102 @@
+"""The commands in the READMEs can be pasted as they are, one after the other."""
+
+import itertools
+import json
+import re
+import shlex
+import shutil
+from collections.abc import Iterator
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+import typer
+
+from designopt import app, cli
+from designopt.settings import fields, spec_with
+from designopt.study import load_study
+
+ROOT = Path(__file__).parents[1]
+READMES = [ROOT / "README.md", *sorted(ROOT.glob("studies/*/README.md"))]
+COMMANDS = {point.name: point for point in entry_points(group=app.COMMAND_GROUP)}
+MAIN_JOB = "out/finger"
+"""What the first set-up command of the README leaves behind."""
+OTHERS = ("python3", ".", "pip")
+CHEAP = ("list", "solve", "trace", "export")
+
+
+def pasted(readme: Path) -> Iterator[list[str]]:
+    """The commands in a README's blocks, as words."""
+    text = readme.read_text(encoding="utf-8")
+    for kind, block in re.findall(r"^```(\w*)\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        assert kind in ("sh", "toml", "pycon")  # whatever else stands in a block is no command
+        lines = block.replace("\\\n", "").splitlines() if kind == "sh" else []
+        yield from (shlex.split(line) for line in lines if not line.startswith("#"))
+
+
+def mentioned(readme: Path) -> Iterator[list[str]]:
+    """The commands with arguments in its sentences."""
+    text = readme.read_text(encoding="utf-8")
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+    for span in re.findall(r"`(designopt [^`]+)`", prose):
+        words = span.split()
+        if len(words) > 2:
+            yield words
+
+
+def parsed(words: list[str]) -> dict:
+    """The parameters of a designopt command, as the command line reads them."""
+    app = typer.Typer()
+    app.command()(COMMANDS[words[1]].load())
+    return typer.main.get_command(app).make_context(words[1], words[2:]).params
+
+
+@pytest.mark.parametrize("readme", READMES, ids=lambda path: path.parent.name)
+def test_commands_are_read_and_name_what_there_is(readme):
+    for words in (*pasted(readme), *mentioned(readme)):
+        if words[0] != "designopt":
+            assert words[0] in OTHERS, words
+            continue
+        given = parsed(words)
+        study = given.get("study")
+        if study is not None:
+            spec = load_study(study).spec
+            spec_with(spec, given.get("settings") or [], study=study)
+            keys = {key for key, _, _ in fields(spec)}
+            assert {one.partition("=")[0] for one in given.get("vary") or []} <= keys
+        named = [word.rpartition("=")[2] for word in words[2:]]
+        for name in named:
+            if name.endswith(".toml"):
+                assert (ROOT / name).is_file() or name.startswith(f"{MAIN_JOB}/specs/"), words
+
+
+def test_no_command_finds_the_folder_of_another():
+    """A result is never overwritten, so each has a folder of its own, in all READMEs together."""
+    made = [MAIN_JOB]
+    for words in itertools.chain.from_iterable(map(pasted, READMES)):
+        if words[:2] in (["designopt", "run"], ["designopt", "export"]):
+            given = parsed(words)
+            made.append(str(given["out"] or Path("out") / given["study"]))
+    assert len(made) == len(set(made))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The root folder after the main job, as far as commands that read need it."""
+    (tmp_path / "studies").symlink_to(ROOT / "studies")
+    specs = tmp_path / MAIN_JOB / "specs"
+    specs.mkdir(parents=True)
+    for name in ("linkage.toml", "scene.toml"):
+        shutil.copy(ROOT / "studies/finger" / name, specs)
+    spec = load_study("finger").spec().model_dump(mode="json")
+    (tmp_path / MAIN_JOB / "results.json").write_text(json.dumps({"study": "finger", "spec": spec}))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("readme", READMES, ids=lambda path: path.parent.name)
+def test_cheap_commands_run(readme, folder):
+    for words in pasted(readme):
+        if words[0] == "designopt" and words[1] in CHEAP:
+            assert cli.run(words[1:]) == 0, words
