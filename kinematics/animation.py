@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from designopt.errors import UserError
 from designopt.figures import new_figure, style
 from designopt.solution import Solution
+from designopt.typesetting import drawn_name
 from kinematics.drawing import Scene, draw_pose, offsets_of, widen
 from kinematics.labels import turned
 from kinematics.linkage import Linkage
@@ -133,7 +134,8 @@ class _Film:
         angles = Scene.of(self.linkage, pose).angles
         labels = {name: _turned(self.labels[name], angle) for name, angle in angles.items()}
         draw_pose(self.axes, self.linkage, pose, labels=labels, travel=self.travel)
-        self.axes.set_title(f"{self.linkage.structure.name}: {self._values(index)}")
+        words = f"{self.linkage.structure.name}: {self._values(index)}"
+        self.axes.set_title(drawn_name(words))
 
     def _values(self, index: int) -> str:
         parts = zip(self.linkage.structure.inputs, self.inputs[index], strict=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
-from designopt.csv_text import inert, rows_of_numbers
+from designopt.csv_text import csv_text, numbers_text
 from designopt.files import replaced_when_complete
 from kinematics.linkage import Linkage
 
@@ -59,7 +58,7 @@ def _where(ok: np.ndarray, values: object) -> np.ndarray:
 
 
 class TableWriter:
-    """Writes a table chunk by chunk."""
+    """Writes a table, some rows at a time."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -68,9 +67,9 @@ class TableWriter:
     def write(self, columns: dict[str, np.ndarray]) -> None:
         """Write rows, by their columns; before the first ones the names of the columns."""
         if not self._begun:
+            self._stream.write(csv_text([columns]))
             self._begun = True
-            csv.writer(self._stream, lineterminator="\n").writerow(map(inert, columns))
-        self._stream.write(rows_of_numbers(list(columns.values())))
+        self._stream.write(numbers_text(list(columns.values())))
 
 
 @contextmanager

@@ -6,25 +6,24 @@ import io
 import numpy as np
 import pytest
 
-from designopt.csv_text import inert, rows_of_numbers, write_csv
+from designopt.csv_text import csv_text, numbers_text
 
 
 @pytest.mark.parametrize(
     "cell", ["=1+1", "+cmd", "-a", "@SUM(A1)", "\tx", "\rx", "-", "=", "-1-1", "+inf", "-nan"]
 )
 def test_what_a_spreadsheet_would_run_is_text(cell):
-    assert inert(cell) == f"'{cell}"
+    assert csv_text([[cell]]) == f"'{cell}\n"
 
 
-@pytest.mark.parametrize("cell", ["a=b", "", "-1.5", "+2e-3", "'=1", "η", -1.5, -3, None, True])
+@pytest.mark.parametrize("cell", ["a=b", "-1.5", "+2e-3", "'=1", "η", -1.5, -3, True])
 def test_what_is_a_number_or_a_plain_text_stays(cell):
-    assert inert(cell) is cell
+    assert csv_text([[cell]]) == f"{cell}\n"
 
 
 def test_a_table_with_names_that_are_formulas():
-    stream = io.StringIO()
-    write_csv(stream, ["=A1", "x,y"], [("@b", -1.5), (None, '"q"\n')])
-    assert stream.getvalue() == '\'=A1,"x,y"\n\'@b,-1.5\n,"""q""\n"\n'
+    text = csv_text([["=A1", "x,y", "z"], ["@b", -1.5, ""], [None, '"q"\n', -0.0]])
+    assert text == '\'=A1,"x,y",z\n\'@b,-1.5,\n,"""q""\n",-0.0\n'
 
 
 def test_numbers_are_read_back_to_the_last_digit():
@@ -33,7 +32,7 @@ def test_numbers_are_read_back_to_the_last_digit():
     wide[::7] = np.nan
     special = np.resize([0.0, -0.0, 1e22, 5e-324, 1.7976931348623157e308, 0.1, 123456789.0], 999)
     whole = np.arange(999) - 500
-    text = rows_of_numbers([wide, special, whole])
+    text = numbers_text([wide, special, whole])
     rows = list(csv.reader(io.StringIO(text)))
     for column, cells in zip((wide, special, whole), zip(*rows, strict=True), strict=True):
         read = np.array([float(cell or "nan") for cell in cells])
@@ -43,4 +42,4 @@ def test_numbers_are_read_back_to_the_last_digit():
 
 
 def test_no_rows_are_no_text():
-    assert rows_of_numbers([np.zeros(0), np.zeros(0, int)]) == ""
+    assert numbers_text([np.zeros(0), np.zeros(0, int)]) == ""
