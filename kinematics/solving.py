@@ -26,14 +26,14 @@ from kinematics.rates import Rates, solve_rates
 from kinematics.reading import read_linkage
 from kinematics.solver import Pose
 from kinematics.steps import PlanError
-from kinematics.table import columns_of, table_at
+from kinematics.table import columns_of, table_at, table_text
 from kinematics.transmission import Transmission, solve_transmission
 
 CHUNK = 16_384
 """Poses that are solved and written at a time, so that memory does not grow with a sweep."""
 
 MOST_DRAWN = 10_000
-"""Poses in a drawing; more would lie on each other."""
+"""Poses in a drawing; of more, so many are shown, evenly spread."""
 
 
 @dataclass(frozen=True)
@@ -127,13 +127,13 @@ def solve_file(request: Request) -> tuple[list[str], bool]:
         shown = _shown_poses(request, len(asked))
         tally = Tally()
         # The table last: what fails in drawing leaves none behind.
-        with table_at(request.csv) as table:
+        with table_at(request.csv) as write:
             for solved in _solve(linkage, request, asked):
-                table.write(columns_of(linkage, solved))
+                write(table_text(columns_of(linkage, solved), head=tally.count == 0))
                 tally.add(solved, shown)
-            if tally.first is not None:
-                _draw(linkage, request, tally)
-        return _remarks(linkage, request, asked, tally), tally.first is not None
+            drawn = _draw(linkage, request, tally) if tally.poses else []
+        remarks = [*_remarks(linkage, request, asked, tally), *drawn]
+        return remarks, tally.first is not None
 
 
 class Tally:
@@ -164,22 +164,17 @@ class Tally:
         here = here[: np.searchsorted(here, len(solved.inputs))]
         if here.size:
             self.inputs.append(solved.inputs[here])
-            self.poses.append(jax.tree.map(lambda leaf: leaf[here], solved.poses))
+            self.poses.append(jax.tree.map(lambda leaf: np.asarray(leaf)[here], solved.poses))
         self.count += len(solved.inputs)
 
 
 def _shown_poses(request: Request, count: int) -> np.ndarray:
-    """Numbers of the poses that are drawn: all of them, or as many as a drawing can show."""
+    """Numbers of the poses that are drawn: none, all of them, or `MOST_DRAWN`."""
     if request.animation is not None:
         # Imported here, as drawing is: Matplotlib takes a second.
         from kinematics.animation import check_animation
 
         check_animation(request.animation)
-        if count > MOST_DRAWN:
-            raise UserError(
-                f"--animation {request.animation}: {count:,} frames are too many (at most "
-                f"{MOST_DRAWN:,}); sweep fewer values"
-            )
     if request.figure is None and request.animation is None:
         return np.zeros(0, int)
     return np.linspace(0, count - 1, min(count, MOST_DRAWN)).astype(int)
@@ -237,9 +232,8 @@ def _values(linkage: Linkage, texts: Sequence[str], option: str) -> Float[Array,
     return jnp.array([values.get(name, 0.0) for name in linkage.input_names])
 
 
-def _draw(linkage: Linkage, request: Request, tally: Tally) -> None:
-    if not tally.poses:
-        return
+def _draw(linkage: Linkage, request: Request, tally: Tally) -> list[str]:
+    """Draw what was asked for; what a person should know of it."""
     # Imported here: Matplotlib takes a second.
     from designopt.figures import style
     from kinematics.animation import save_animation
@@ -247,6 +241,8 @@ def _draw(linkage: Linkage, request: Request, tally: Tally) -> None:
 
     inputs = np.concatenate(tally.inputs)
     poses = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *tally.poses)
+    if not np.any(np.asarray(poses.ok)):
+        return ["nothing is drawn: no pose to show can be assembled"]
     if request.figure is not None:
         with style():
             figure = motion_figure(linkage, inputs, poses)
@@ -254,6 +250,9 @@ def _draw(linkage: Linkage, request: Request, tally: Tally) -> None:
                 figure.savefig(partial)
     if request.animation is not None:
         save_animation(request.animation, linkage, inputs, poses)
+    if len(inputs) == tally.count:
+        return []
+    return [f"drawn: {len(inputs):,} of {tally.count:,} poses, evenly spread"]
 
 
 def _remarks(linkage: Linkage, request: Request, asked: np.ndarray, tally: Tally) -> list[str]:
@@ -261,10 +260,8 @@ def _remarks(linkage: Linkage, request: Request, asked: np.ndarray, tally: Tally
     failed = tally.failures.total()
     if not failed:
         return []
-    first = f"{failed} of {tally.count} poses cannot be assembled"
-    if failed == tally.count:
-        drawn = "" if request.figure is request.animation is None else ", and nothing is drawn"
-        first = f"no pose can be assembled (of {tally.count}){drawn}"
+    some = f"{failed} of {tally.count} poses cannot be assembled"
+    first = "no pose can be assembled" if tally.first is None else some
     lines = [f"{first}; their rows have ok = 0 and empty cells"]
     lines += [f"  {count} poses: {message}" for message, count in tally.failures.most_common()]
     # From a pose that exists, so that the other inputs are as they were asked for.

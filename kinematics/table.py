@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -57,33 +57,23 @@ def _where(ok: np.ndarray, values: object) -> np.ndarray:
     return np.where(ok, np.broadcast_to(np.asarray(values), ok.shape), np.nan)
 
 
-class TableWriter:
-    """Writes a table, some rows at a time."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        self._begun = False
-
-    def write(self, columns: dict[str, np.ndarray]) -> None:
-        """Write rows, by their columns; before the first ones the names of the columns."""
-        if not self._begun:
-            self._stream.write(csv_text([columns]))
-            self._begun = True
-        self._stream.write(numbers_text(list(columns.values())))
+def table_text(columns: dict[str, np.ndarray], *, head: bool) -> str:
+    """Rows as CSV, by their columns, below the columns' names if there is to be a head."""
+    return (csv_text([columns]) if head else "") + numbers_text(list(columns.values()))
 
 
 @contextmanager
-def table_at(target: str) -> Iterator[TableWriter]:
-    """A table to write as CSV, on standard output for ``-``; a file appears when it is complete.
+def table_at(target: str) -> Iterator[Callable[[str], object]]:
+    """What writes a table's text, to standard output for ``-``; a file appears when it is complete.
 
     Raises:
         UserError: the file cannot be written.
     """
     if target == "-":
-        yield TableWriter(sys.stdout)
+        yield sys.stdout.write
         return
     with (
         replaced_when_complete(Path(target)) as partial,
         partial.open("w", encoding="utf-8", newline="") as stream,
     ):
-        yield TableWriter(stream)
+        yield stream.write

@@ -33,6 +33,7 @@ def test_a_batch_says_which_failed_and_why():
     found = jax.jit(jax.vmap(solve))(jnp.asarray([1.0, -1.0, 4.0]))
     assert found.ok.tolist() == [True, False, True]
     assert found.messages() == ["", Outcome[Outcome.negative], ""]
+    assert found.failures() == {Outcome[Outcome.negative]: 1}
 
 
 def test_the_first_failure_counts_and_the_least_margin():
