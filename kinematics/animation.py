@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from matplotlib.axes import Axes
 
 from designopt.errors import UserError
 from designopt.figures import new_figure, style
+from designopt.files import replaced_when_complete
 from designopt.solution import Solution
 from designopt.typesetting import drawn_name
 from kinematics.drawing import Scene, draw_pose, offsets_of, widen
@@ -65,19 +65,12 @@ def save_animation(
         good = good_poses(linkage, poses)
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
-    try:
-        with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
-            part = Path(folder) / path.name
-            with style():
-                film = _Film(linkage, np.asarray(inputs), poses, good)
-                with writer.saving(film.figure, str(part), DPI):
-                    for index in good:
-                        film.show(int(index))
-                        writer.grab_frame()
-            part.replace(path)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise UserError(f"{path}: cannot be written ({reason}); name a place that can") from error
+    with replaced_when_complete(path) as partial, style():
+        film = _Film(linkage, np.asarray(inputs), poses, good)
+        with writer.saving(film.figure, str(partial), DPI):
+            for index in good:
+                film.show(int(index))
+                writer.grab_frame()
 
 
 def check_animation(path: Path) -> None:

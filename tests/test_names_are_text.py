@@ -6,6 +6,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 from typing import Any
 
+import jax.numpy as jnp
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -13,7 +14,9 @@ from matplotlib.mathtext import MathTextParser
 
 from designopt.cli import run
 from designopt.figures import style
+from kinematics import read_linkage, solve_poses, solve_transmission
 from kinematics.design import DesignedLinkage
+from kinematics.margin_figures import margin_figure
 from optics.scene_design import DesignedScene
 
 LINKAGE = r"""
@@ -67,11 +70,16 @@ side = 'left'
 body = 'd$i$'
 [[blockers]]
 name = '&%$\frac{$'
+body = 'lid'
 from = [11.8, 17.9]
 to = [19.7, 17.0]
 [frames.'d$i$']
 hinge = [23, 0]
 angle = '$a_{$'
+positive = 'clockwise'
+[frames.lid]
+hinge = [0, 0]
+angle = '%^b$'
 positive = 'clockwise'
 """
 
@@ -107,11 +115,29 @@ def test_solve(tmp_path):
     ]
 
 
+def test_a_map_of_two_angles(tmp_path):
+    sweeps = ["--sweep", "$a_{$=0:40:3", "--sweep", "%^b$=0:40:3"]
+    assert run(["trace", "scene.toml", *sweeps, "--json", "t.json", "--chart", "c.svg"]) == 0
+    texts = drawn(tmp_path / "c.svg")
+    assert {"$a_{$ (°)", "%^b$ (°)"} <= texts
+    assert any(text.startswith(r"a_b^c$\frac{$: ") for text in texts)
+
+
 def test_trace(tmp_path):
     command = ["trace", "scene.toml", "--sweep", "$a_{$=0:40:3", "--json", "t.json"]
     assert run([*command, "--figure", "t.svg", "--chart", "c.svg"]) == 0
-    assert {r"mirror:$\frac{$", "$a_{$ 20°"} <= drawn(tmp_path / "t.svg")
+    assert {r"mirror:$\frac{$", "$a_{$ 20°, %^b$ 0°"} <= drawn(tmp_path / "t.svg")
     assert {"_$x$<b>", r"a_b^c$\frac{$", "$a_{$ (°)"} <= drawn(tmp_path / "c.svg")
+
+
+def test_margins(tmp_path):
+    linkage = read_linkage(tmp_path / "bar.toml")
+    inputs = jnp.linspace(0.7, 0.9, 3)[:, None]
+    angles = solve_transmission(linkage, inputs).angles
+    figure = margin_figure(linkage, inputs, solve_poses(linkage, inputs), angles)
+    figure.savefig(tmp_path / "m.svg")
+    title = r"$\frac{$ a_b^c <b>&%: distance to each limit"
+    assert {title, "$x$: folded", "-$t$ (°)"} <= drawn(tmp_path / "m.svg")
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import shutil
 import subprocess
 import sys
@@ -277,6 +278,12 @@ def test_only_what_is_asked_for_is_solved(capsys):
         ("four-bar.toml --sweep crank=1 --csv .", ["that is a folder", "name a file"]),
         ("four-bar.toml --swep crank=1", ["--swep", "--sweep", "designopt --help"]),
         ("--sweep crank=1", ["LINKAGE.toml"]),
+        (
+            "four-bar.toml --sweep crank=1 --csv /dev/full --force",
+            ["--csv", "no ordinary file"],
+        ),
+        ("four-bar.toml --sweep crank=1 --figure /dev/full --force", ["--figure", "no ordinary"]),
+        ("four-bar.toml --sweep crank=1 --animation a.avi", ["a.avi", "ends with .gif or .mp4"]),
         ("four-bar.toml --sweep crank=0-360", ["not a finite number", "INPUT=START:STOP:COUNT"]),
     ],
 )
@@ -284,11 +291,27 @@ def test_nonsense_is_one_line_and_exit_code_2(arguments, words, tmp_path, capsys
     before = sorted(path.name for path in tmp_path.iterdir())
     assert run(["solve", *arguments.split()]) == 2
     shown = capsys.readouterr()
+    assert shown.out == ""
     assert shown.err.startswith("error: ")
     assert shown.err.count("\n") == 1
     for word in words:
         assert word in shown.err
     assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+def test_a_table_without_room_is_one_line_and_leaves_nothing(tmp_path):
+    """A limit of a file's size stands for a disk that becomes full."""
+    command = f"'{sys.executable}' -m designopt solve four-bar.toml --sweep crank=0:360:999"
+    done = subprocess.run(
+        ["bash", "-c", f"ulimit -f 16; {command} --csv t.csv"],
+        env=os.environ | {"JAX_ENABLE_COMPILATION_CACHE": "false"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: t.csv: cannot be written: File too large; choose another\n"
+    assert not [path for path in tmp_path.iterdir() if path.suffix != ".toml"]
 
 
 @pytest.mark.parametrize(
