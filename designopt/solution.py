@@ -54,7 +54,8 @@ class Solution(eqx.Module, Generic[Value]):
         """The different messages, which of them each element has, and how many have each."""
         enumeration = self.result._enumeration
         # As JAX arrays: of a NumPy code, an item would be no array, and have no message.
-        flat = jax.tree.map(lambda code: jnp.asarray(code).reshape(-1), self.result)
+        shape = self.margin.shape
+        flat = jax.tree.map(lambda code: jnp.broadcast_to(code, shape).reshape(-1), self.result)
         codes = np.asarray(jax.tree.leaves(flat)[0])
         _, first, which, counts = np.unique(
             codes, return_index=True, return_inverse=True, return_counts=True

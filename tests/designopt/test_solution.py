@@ -27,6 +27,8 @@ def test_a_code_that_was_never_computed_has_its_message_too():
     one = jnp.asarray(1.0)
     assert Solution(one, one, one, Outcome.negative).messages() == [Outcome[Outcome.negative]]
     assert Solution(one, one, one, Outcome.successful).messages() == [""]
+    two = jnp.ones(2)
+    assert Solution(two, two, two, Outcome.negative).messages() == 2 * [Outcome[Outcome.negative]]
 
 
 def test_a_batch_says_which_failed_and_why():
