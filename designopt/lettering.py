@@ -15,6 +15,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
 
+from designopt.typesetting import drawn_name
+
 
 class Lettering(PathPatch):
     """A line of text about a place."""
@@ -72,7 +74,7 @@ def outline(words: str, size: float, anchor: tuple[float, float]) -> Path:
     """The outline of a line of text, in points, with its anchor at the origin; see `Lettering`."""
     if not words.strip():
         return Path(np.zeros((1, 2)))
-    path = TextPath((0, 0), words.replace("$", r"\$"), size=size)
+    path = TextPath((0, 0), drawn_name(words), size=size)
     box = path.get_extents()
     capital = TextPath((0, 0), "H", size=size).get_extents().y1
     origin = np.array([box.x0 + anchor[0] * box.width, anchor[1] * capital])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import os
 import platform
@@ -16,6 +15,7 @@ from typing import Any
 import jax
 
 from designopt import figures
+from designopt.csv_text import csv_text
 from designopt.interrupts import interruptible
 from designopt.progress import step_display
 from designopt.report import RunRecord, measurements, render_report
@@ -116,10 +116,7 @@ def write_results(record: RunRecord, results: Results, folder: Path) -> None:
 
 
 def _write_table(table: Table, path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(table.columns)
-        writer.writerows(table.rows)
+    path.write_text(csv_text([table.columns, *table.rows]), encoding="utf-8", newline="")
 
 
 def _metric(metric: Metric) -> dict[str, Any]:

@@ -114,6 +114,8 @@ def _fault(model: type[Spec], details: Any) -> str:
         return f"--set {key}: unknown key; {_known_keys(model, path)}"
     if details["type"] == "missing":
         return f"--set {key}=…: this key is missing and has no default; give it a value"
+    if details["type"] == "model_type":
+        return f"--set {key}=…: it has keys of its own; {_known_keys(model, [*path, ''])}"
     wanted = details["msg"].removeprefix("Value error, ")
     wanted = wanted[0].lower() + wanted[1:]
     return f"--set {key}={shortened(str(details['input']))}: {wanted}" if key else wanted

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 Value = TypeVar("Value")
@@ -40,13 +42,26 @@ class Solution(eqx.Module, Generic[Value]):
 
         Not for use under ``jax.jit``: a message is for people.
         """
+        texts, which, _ = self._texts()
+        return [texts[number] for number in which.tolist()]
+
+    def failures(self) -> Counter[str]:
+        """How many elements failed, by their messages; not for use under ``jax.jit`` either."""
+        texts, _, counts = self._texts()
+        return Counter({text: n for text, n in zip(texts, counts.tolist(), strict=True) if text})
+
+    def _texts(self) -> tuple[list[str], np.ndarray, np.ndarray]:
+        """The different messages, which of them each element has, and how many have each."""
         enumeration = self.result._enumeration
         # As JAX arrays: of a NumPy code, an item would be no array, and have no message.
-        flat = jax.tree.map(lambda code: jnp.asarray(code).reshape(-1), self.result)
-        return [
-            enumeration[jax.tree.map(lambda code, i=i: code[i], flat)]
-            for i in range(self.margin.size)
-        ]
+        shape = self.margin.shape
+        flat = jax.tree.map(lambda code: jnp.broadcast_to(code, shape).reshape(-1), self.result)
+        codes = np.asarray(jax.tree.leaves(flat)[0])
+        _, first, which, counts = np.unique(
+            codes, return_index=True, return_inverse=True, return_counts=True
+        )
+        texts = [enumeration[jax.tree.map(lambda code, i=i: code[i], flat)] for i in first.tolist()]
+        return texts, which, counts
 
 
 def first_failure(

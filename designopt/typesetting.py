@@ -51,7 +51,17 @@ def as_html(text: str) -> str:
 
 def as_mathtext(text: str) -> str:
     """Plain text as Matplotlib draws it, with subscripts; a ``$`` in it stays one."""
-    return SYMBOL.sub(r"\1$_{\\mathrm{\2}}$", text.replace("$", r"\$"))
+    return SYMBOL.sub(r"\1$_{\\mathrm{\2}}$", drawn_name(text))
+
+
+def drawn_name(name: str) -> str:
+    """A name from a file for Matplotlib to draw as it is written.
+
+    Between two ``$`` Matplotlib would set formulas, and it leaves a label out of a legend that
+    begins with an underscore.
+    """
+    hidden = "\N{ZERO WIDTH SPACE}" if name.startswith("_") else ""
+    return hidden + name.replace("$", r"\$")
 
 
 def heading(column: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,9 @@ from matplotlib.axes import Axes
 
 from designopt.errors import UserError
 from designopt.figures import new_figure, style
+from designopt.files import replaced_when_complete
 from designopt.solution import Solution
+from designopt.typesetting import drawn_name
 from kinematics.drawing import Scene, draw_pose, offsets_of, widen
 from kinematics.labels import turned
 from kinematics.linkage import Linkage
@@ -64,19 +65,21 @@ def save_animation(
         good = good_poses(linkage, poses)
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
-    try:
-        with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
-            part = Path(folder) / path.name
-            with style():
-                film = _Film(linkage, np.asarray(inputs), poses, good)
-                with writer.saving(film.figure, str(part), DPI):
-                    for index in good:
-                        film.show(int(index))
-                        writer.grab_frame()
-            part.replace(path)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise UserError(f"{path}: cannot be written ({reason}); name a place that can") from error
+    with replaced_when_complete(path) as partial, style():
+        film = _Film(linkage, np.asarray(inputs), poses, good)
+        with writer.saving(film.figure, str(partial), DPI):
+            for index in good:
+                film.show(int(index))
+                writer.grab_frame()
+
+
+def check_animation(path: Path) -> None:
+    """Refuse an animation of a kind that cannot be written here.
+
+    Raises:
+        UserError: another ending than .gif and .mp4, or no ffmpeg for an MP4.
+    """
+    _writer(path, FPS)
 
 
 def _writer(path: Path, fps: int) -> AbstractMovieWriter:
@@ -124,7 +127,8 @@ class _Film:
         angles = Scene.of(self.linkage, pose).angles
         labels = {name: _turned(self.labels[name], angle) for name, angle in angles.items()}
         draw_pose(self.axes, self.linkage, pose, labels=labels, travel=self.travel)
-        self.axes.set_title(f"{self.linkage.structure.name}: {self._values(index)}")
+        words = f"{self.linkage.structure.name}: {self._values(index)}"
+        self.axes.set_title(drawn_name(words))
 
     def _values(self, index: int) -> str:
         parts = zip(self.linkage.structure.inputs, self.inputs[index], strict=True)

@@ -18,6 +18,7 @@ from designopt.figures import PALETTE
 from designopt.lettering import Lettering
 from designopt.quick_text import QuickText
 from designopt.ruling import Ruling, hold
+from designopt.typesetting import drawn_name
 from kinematics.bench_survey import EDGES, Survey
 from kinematics.drawing import (
     LABELS,
@@ -126,7 +127,7 @@ class Picture:
         self._zero = self._margin.axhline(0.0, color="0.3", linewidth=0.9)
         self._curve = self._margin.plot([], [], color=INK, linewidth=1.4)[0]
         self._angles = {
-            pin: self._angle.plot([], [], label=pin, color=PALETTE[n % len(PALETTE)])[0]
+            pin: self._angle.plot([], [], label=drawn_name(pin), color=PALETTE[n % len(PALETTE)])[0]
             for n, pin in enumerate(pins)
         }
         both = (self._margin, self._angle)
@@ -183,7 +184,7 @@ class Picture:
 
     def _set_up(self) -> None:
         self._pose.set(xlabel="x (mm)", ylabel="y (mm)")
-        self._pose.set_title(self._structure.name, **LEFT)
+        self._pose.set_title(drawn_name(self._structure.name), **LEFT)
         self._margin.set_title("Margin (mm)", **LEFT)
         self._angle.set(ylim=(0, 92), yticks=range(0, 91, 15 if self._layout is WIDE else 30))
         self._angle.set_title(self._layout.angles, **LEFT)

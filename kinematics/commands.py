@@ -53,6 +53,9 @@ def solve(
 ) -> int:
     """Solve a linkage over a sweep of its inputs.
 
+    Exit code 0: the table is written. 1: it is written, and no pose in it can be assembled. 2:
+    something in the file or in the command was wrong.
+
     Example:
       designopt solve four-bar.toml --sweep crank=0:360:37 --csv four-bar.csv
     """
@@ -77,6 +80,7 @@ def solve(
         animation=animation,
         force=force,
     )
-    for line in solve_file(request):
+    remarks, assembled = solve_file(request)
+    for line in remarks:
         print(line, file=sys.stderr)
-    return 0
+    return 0 if assembled else 1

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
 from designopt.figures import PALETTE
+from designopt.typesetting import drawn_name
 from kinematics import symbols
 from kinematics.labels import FONT, label_offsets, sampled
 from kinematics.linkage import Linkage
@@ -335,7 +336,10 @@ def _draw_labels(axes: Axes, scene: Scene, offsets: Mapping[str, tuple[float, fl
     for name, offset in offsets.items():
         place = scene.joints[name]
         text = axes.annotate(
-            name, (float(place[0]), float(place[1])), offset, textcoords="offset points"
+            drawn_name(name),
+            (float(place[0]), float(place[1])),
+            offset,
+            textcoords="offset points",
         )
         text.set(ha="center", va="center_baseline", fontsize=FONT, color=INK, zorder=LABELS)
         text.set_path_effects([withStroke(linewidth=2.0, foreground=symbols.PAPER)])

@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from designopt.figures import PALETTE, new_figure
 from designopt.solution import Solution
+from designopt.typesetting import drawn_name
 from kinematics.linkage import Linkage
 from kinematics.plan import make_plan
 from kinematics.solver import Pose
@@ -63,19 +64,23 @@ def margin_figure(
         for limit, margin, dashes in zip(LIMITS[group.kind], margins, DASHES, strict=False):
             style = {**_style(level, len(groups)), "linestyle": dashes}
             curve = np.where(ok, np.asarray(margin), np.nan)
-            upper.plot(abscissa, curve, label=f"{_title(group)}: {limit}", **style)
+            upper.plot(abscissa, curve, label=drawn_name(f"{_title(group)}: {limit}"), **style)
     upper.axhline(0, color="0.3", linewidth=0.9)
-    upper.set(ylabel="margin (mm)", title=f"{linkage.structure.name}: distance to each limit")
+    upper.set(
+        ylabel="margin (mm)", title=f"{drawn_name(linkage.structure.name)}: distance to each limit"
+    )
     levels = {group.pin: level for level, group in enumerate(groups)}
     for pin, angle in angles.items():
         curve = np.degrees(np.where(ok, np.asarray(angle), np.nan))
         # A pin has the colour of its group.
-        lower.plot(abscissa, curve, label=pin, **_style(levels.get(pin, 0), len(groups)))
+        lower.plot(
+            abscissa, curve, label=drawn_name(pin), **_style(levels.get(pin, 0), len(groups))
+        )
     if not angles:
         note = "no pin of this linkage has a transmission angle"
         lower.text(0.5, 0.65, note, transform=lower.transAxes, ha="center", color="0.3")
     _mark_limit(lower)
-    lower.set(xlabel=label, ylabel="transmission angle (°)", ylim=(0, 92))
+    lower.set(xlabel=drawn_name(label), ylabel="transmission angle (°)", ylim=(0, 92))
     lower.set(yticks=np.arange(0, 91, 15), title="Transmission angle at each pin")
     for axes in (upper, lower):
         _finish(axes, abscissa, failed_stretches(abscissa, ok))

@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 from designopt.errors import UserError
 from designopt.figures import new_figure, trim
 from designopt.solution import Solution
+from designopt.typesetting import drawn_name
 from kinematics.drawing import CURVES, ROOM, Travel, body_colours, draw_pose, widen
 from kinematics.linkage import Linkage
 from kinematics.solver import Pose
@@ -91,7 +92,7 @@ def motion_figure(
     wide, height = shape_of(reach)
     figure, grid = new_figure(height=height)
     axes = grid[0, 0]
-    axes.set_title(structure.name)
+    axes.set_title(drawn_name(structure.name))
     widen(axes, reach)
     for index in _spread(good[good != strong], ghosts):
         draw_pose(axes, linkage, pose_at(poses, index), faint=True)
@@ -135,7 +136,7 @@ def _add_legend(
         names.append(f"path of {', '.join(traced)}")
     figure.legend(
         handles,
-        names,
+        [drawn_name(name) for name in names],
         handler_map={tuple: HandlerTuple(ndivide=None, pad=0.0)},
         loc="outside lower center" if below else "outside right upper",
         ncols=min(len(names), 5) if below else 1,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -26,8 +26,14 @@ from kinematics.rates import Rates, solve_rates
 from kinematics.reading import read_linkage
 from kinematics.solver import Pose
 from kinematics.steps import PlanError
-from kinematics.table import columns_of, write_table
+from kinematics.table import columns_of, table_at, table_text
 from kinematics.transmission import Transmission, solve_transmission
+
+CHUNK = 16_384
+"""Poses that are solved and written at a time, so that memory does not grow with a sweep."""
+
+MOST_DRAWN = 10_000
+"""Poses in a drawing; of more, so many are shown, evenly spread."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +65,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Solved:
-    """Everything that was computed.
+    """Some of the poses, with everything that was computed of them.
 
     Attributes:
         asked: inputs as asked for, in degrees or mm, shape (poses, inputs).
@@ -96,11 +102,15 @@ def print_plan(file: Path, of: Sequence[str] | None) -> None:
     print("\n".join(lines))
 
 
-def solve_file(request: Request) -> list[str]:
-    """Solve, write what was asked for, and return what a person should know.
+def solve_file(request: Request) -> tuple[list[str], bool]:
+    """Solve and write what was asked for.
+
+    Returns:
+        What a person should know, and whether any pose can be assembled.
 
     Raises:
-        UserError: something in the file or in the request is wrong; nothing is written.
+        UserError: something in the file or in the request is wrong; nothing is written, but for
+            rows on standard output.
     """
     named = {
         "--csv": None if request.csv == "-" else request.csv,
@@ -112,33 +122,85 @@ def solve_file(request: Request) -> list[str]:
         check_figure_ending("--figure", request.figure)
     with jax.enable_x64(True):
         linkage = read_linkage(request.file)
-        solved = _solve(linkage, request)
+        angles = {name: _is_angle(linkage, name) for name in linkage.input_names}
+        asked = grid_of(request.sweeps, "--sweep", angles, "input")
+        shown = _shown_poses(request, len(asked))
+        tally = Tally()
         # The table last: what fails in drawing leaves none behind.
-        drawable = bool(np.any(np.asarray(solved.poses.ok)))
-        if request.figure is not None and drawable:
-            _draw(linkage, solved, request.figure)
-        if request.animation is not None and drawable:
-            # Imported here, as drawing is: Matplotlib takes a second.
-            from kinematics.animation import save_animation
-
-            save_animation(request.animation, linkage, solved.inputs, solved.poses)
-        write_table(columns_of(linkage, solved), request.csv)
-        return _remarks(linkage, solved, request.of)
+        with table_at(request.csv) as write:
+            for solved in _solve(linkage, request, asked):
+                write(table_text(columns_of(linkage, solved), head=tally.count == 0))
+                tally.add(solved, shown)
+            drawn = _draw(linkage, request, tally) if tally.poses else []
+        remarks = [*_remarks(linkage, request, asked, tally), *drawn]
+        return remarks, tally.first is not None
 
 
-def _solve(linkage: Linkage, request: Request) -> Solved:
-    angles = {name: _is_angle(linkage, name) for name in linkage.input_names}
-    asked = grid_of(request.sweeps, "--sweep", angles, "input")
-    inputs = np.where(list(angles.values()), np.deg2rad(asked), asked)
+class Tally:
+    """What of all the poses outlives the rows of the table.
+
+    Attributes:
+        count: poses so far.
+        failures: how many of them failed, by the reason.
+        first: inputs of the first one that is ok, rad or mm.
+        inputs: of the poses to draw, rad or mm.
+        poses: these poses.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.failures: Counter[str] = Counter()
+        self.first: np.ndarray | None = None
+        self.inputs: list[np.ndarray] = []
+        self.poses: list[Solution[Pose]] = []
+
+    def add(self, solved: Solved, shown: np.ndarray) -> None:
+        """Take in the next poses; ``shown`` are the numbers of those to draw, of all."""
+        ok = np.flatnonzero(np.asarray(solved.poses.ok))
+        if self.first is None and ok.size:
+            self.first = solved.inputs[ok[0]]
+        self.failures += solved.poses.failures()
+        here = shown[np.searchsorted(shown, self.count) :] - self.count
+        here = here[: np.searchsorted(here, len(solved.inputs))]
+        if here.size:
+            self.inputs.append(solved.inputs[here])
+            self.poses.append(jax.tree.map(lambda leaf: np.asarray(leaf)[here], solved.poses))
+        self.count += len(solved.inputs)
+
+
+def _shown_poses(request: Request, count: int) -> np.ndarray:
+    """Numbers of the poses that are drawn: none, all of them, or `MOST_DRAWN`."""
+    if request.animation is not None:
+        # Imported here, as drawing is: Matplotlib takes a second.
+        from kinematics.animation import check_animation
+
+        check_animation(request.animation)
+    if request.figure is None and request.animation is None:
+        return np.zeros(0, int)
+    return np.linspace(0, count - 1, min(count, MOST_DRAWN)).astype(int)
+
+
+def _solve(linkage: Linkage, request: Request, asked: np.ndarray) -> Iterator[Solved]:
+    """Solve a grid, `CHUNK` poses at a time."""
+    angles = [_is_angle(linkage, name) for name in linkage.input_names]
     rates = _values(linkage, request.rates, "--rate")
     accelerations = _values(linkage, request.accelerations, "--accel")
     if rates is None and accelerations is not None:
         rates = jnp.zeros_like(accelerations)
-    try:
-        found = _compute(linkage, jnp.asarray(inputs), rates, accelerations, of=request.of)
-    except PlanError as error:
-        raise UserError(f"--of: {error}") from error
-    return Solved(asked, inputs, *found)
+    for start in range(0, len(asked), CHUNK):
+        part = asked[start : start + CHUNK]
+        inputs = np.where(angles, np.deg2rad(part), part)
+        # All chunks have one size, and with it one program.
+        size = len(part)
+        missing = min(len(asked), CHUNK) - size
+        filled = np.concatenate([inputs, np.repeat(inputs[-1:], missing, axis=0)])
+        try:
+            found = _compute(linkage, jnp.asarray(filled), rates, accelerations, of=request.of)
+        except PlanError as error:
+            raise UserError(f"--of: {error}") from error
+        if missing:
+            found = jax.tree.map(lambda leaf, size=size: leaf[:size], found)
+        yield Solved(part, inputs, *found)
 
 
 @partial(jax.jit, static_argnames="of")
@@ -170,39 +232,49 @@ def _values(linkage: Linkage, texts: Sequence[str], option: str) -> Float[Array,
     return jnp.array([values.get(name, 0.0) for name in linkage.input_names])
 
 
-def _draw(linkage: Linkage, solved: Solved, path: Path) -> None:
+def _draw(linkage: Linkage, request: Request, tally: Tally) -> list[str]:
+    """Draw what was asked for; what a person should know of it."""
+    # Imported here: Matplotlib takes a second.
     from designopt.figures import style
+    from kinematics.animation import save_animation
     from kinematics.motion_figures import motion_figure
 
-    with style():
-        figure = motion_figure(linkage, solved.inputs, solved.poses)
-        with replaced_when_complete(path) as partial:
-            figure.savefig(partial)
-
-
-def _remarks(linkage: Linkage, solved: Solved, of: tuple[str, ...] | None) -> list[str]:
-    """How many poses failed and why, and the limits of the inputs that ran into them."""
-    failed = np.asarray(~solved.poses.ok)
-    if not failed.any():
+    inputs = np.concatenate(tally.inputs)
+    poses = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *tally.poses)
+    if not np.any(np.asarray(poses.ok)):
+        return ["nothing is drawn: no pose to show can be assembled"]
+    if request.figure is not None:
+        with style():
+            figure = motion_figure(linkage, inputs, poses)
+            with replaced_when_complete(request.figure) as partial:
+                figure.savefig(partial)
+    if request.animation is not None:
+        save_animation(request.animation, linkage, inputs, poses)
+    if len(inputs) == tally.count:
         return []
-    reasons = Counter(message for message in solved.poses.messages() if message)
-    lines = [
-        f"{int(failed.sum())} of {failed.size} poses cannot be assembled; their rows have ok = 0 "
-        "and empty cells"
-    ]
-    lines += [f"  {count} poses: {message}" for message, count in reasons.most_common()]
+    return [f"drawn: {len(inputs):,} of {tally.count:,} poses, evenly spread"]
+
+
+def _remarks(linkage: Linkage, request: Request, asked: np.ndarray, tally: Tally) -> list[str]:
+    """How many poses failed and why, and the limits of the inputs that ran into them."""
+    failed = tally.failures.total()
+    if not failed:
+        return []
+    some = f"{failed} of {tally.count} poses cannot be assembled"
+    first = "no pose can be assembled" if tally.first is None else some
+    lines = [f"{first}; their rows have ok = 0 and empty cells"]
+    lines += [f"  {count} poses: {message}" for message, count in tally.failures.most_common()]
+    # From a pose that exists, so that the other inputs are as they were asked for.
+    start = np.array(linkage.home.inputs) if tally.first is None else tally.first
     for index, name in enumerate(linkage.input_names):
-        if np.ptp(solved.inputs[:, index]) > 0 or len(solved.inputs) == 1:
-            lines += _limit_remarks(linkage, name, solved, of)
+        if np.ptp(asked[:, index]) > 0 or len(asked) == 1:
+            lines += _limit_remarks(linkage, name, start, request.of)
     return lines
 
 
 def _limit_remarks(
-    linkage: Linkage, name: str, solved: Solved, of: tuple[str, ...] | None
+    linkage: Linkage, name: str, start: np.ndarray, of: tuple[str, ...] | None
 ) -> list[str]:
-    # From a pose that exists, so that the other inputs are as they were asked for.
-    good = np.flatnonzero(np.asarray(solved.poses.ok))
-    start = solved.inputs[good[0]] if len(good) else np.array(linkage.home.inputs)
     try:
         limits = find_limits(linkage, name, jnp.asarray(start), of=of)
     except ValueError:  # no pose to start from

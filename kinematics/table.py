@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from designopt.csv_text import csv_text, numbers_text
 from designopt.files import replaced_when_complete
 from kinematics.linkage import Linkage
 
@@ -55,30 +57,23 @@ def _where(ok: np.ndarray, values: object) -> np.ndarray:
     return np.where(ok, np.broadcast_to(np.asarray(values), ok.shape), np.nan)
 
 
-def write_table(columns: dict[str, np.ndarray], target: str) -> None:
-    """Write a table as CSV, to standard output for ``-``; a file appears when it is complete.
+def table_text(columns: dict[str, np.ndarray], *, head: bool) -> str:
+    """Rows as CSV, by their columns, below the columns' names if there is to be a head."""
+    return (csv_text([columns]) if head else "") + numbers_text(list(columns.values()))
+
+
+@contextmanager
+def table_at(target: str) -> Iterator[Callable[[str], object]]:
+    """What writes a table's text, to standard output for ``-``; a file appears when it is complete.
 
     Raises:
         UserError: the file cannot be written.
     """
     if target == "-":
-        sys.stdout.writelines(_lines(columns))
+        yield sys.stdout.write
         return
     with (
         replaced_when_complete(Path(target)) as partial,
         partial.open("w", encoding="utf-8", newline="") as stream,
     ):
-        stream.writelines(_lines(columns))
-
-
-def _lines(columns: dict[str, np.ndarray]) -> Iterator[str]:
-    yield ",".join(columns) + "\n"
-    # Shortest decimals that give back the same number.
-    texts = [
-        [str(value) for value in column.tolist()]
-        if column.dtype.kind == "i"
-        else ["" if value != value else repr(value) for value in column.tolist()]
-        for column in columns.values()
-    ]
-    for row in zip(*texts, strict=True):
-        yield ",".join(row) + "\n"
+        yield stream.write

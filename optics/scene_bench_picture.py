@@ -18,6 +18,7 @@ from designopt.designs.bench import Knob
 from designopt.drawn_once import DrawnOnce
 from designopt.lettering import Lettering
 from designopt.ruling import Ruling, hold
+from designopt.typesetting import drawn_name
 from optics.scene import Scene
 from optics.scene_bench_seeing import Seen
 from optics.scene_drawing import BAR as PAD
@@ -171,7 +172,7 @@ class ScenePicture:
 
     def _prepare_section(self) -> None:
         axes = self.section
-        axes.set(xlabel="x (mm)", ylabel="y (mm)", title=self._layout.name)
+        axes.set(xlabel="x (mm)", ylabel="y (mm)", title=drawn_name(self._layout.name))
         self._rulings = [Ruling(axes, "x", 10, SMALL, grid=False)]
         self._rulings.append(Ruling(axes, "y", 8, SMALL, grid=False))
         self.fit()
@@ -183,7 +184,7 @@ class ScenePicture:
             axes.set(ylim=(-0.6, len(pads) - 0.4), yticks=rows, yticklabels=[])
             axes.tick_params(axis="y", length=0)
             axes.grid(visible=False, axis="y")
-        self.covered.set_yticklabels([part.name for part in pads])
+        self.covered.set_yticklabels([drawn_name(part.name) for part in pads])
         self.covered.set(xlim=(0, 100), xlabel="coverage (%)")
         if floor is not None:
             line = self.sharp.axvline(floor, color=INK, linestyle=":", linewidth=1, gid="floor")
@@ -222,7 +223,7 @@ class ScenePicture:
             colour, dashes = CURVES[index % len(CURVES)]
             width = 1.2 + 0.8 * (count - 1 - index)  # earlier ones show below later ones
             line = Line2D([], [], color=colour, linestyle=dashes, linewidth=min(width, 4.0))
-            line.set(label=part.name, gid=f"curve:{part.name}", animated=True)
+            line.set(label=drawn_name(part.name), gid=f"curve:{part.name}", animated=True)
             axes.add_artist(line)
             self._curve_lines.append(line)
         axes.legend(

@@ -19,6 +19,7 @@ from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
 from designopt.figures import PALETTE
 from designopt.quick_line import QuickLine
 from designopt.solution import Solution
+from designopt.typesetting import drawn_name
 from optics.scene import Scene
 from optics.scene_labels import Label, draw_labels
 from optics.section import Angles, Point, Points, Section, rays_to
@@ -76,7 +77,7 @@ def draw_scene(
     title, far = pose_name(scene, angles), section.far_camera()
     if far and not axes.viewLim.contains(*section.camera):
         title += f" (camera {far:,.0f} mm away)"
-    axes.set(xlabel="x (mm)", ylabel="y (mm)", title=title)
+    axes.set(xlabel="x (mm)", ylabel="y (mm)", title=drawn_name(title))
     found = scene_signs(axes, scene, angles, views, section, rays=rays)
     for artist in found.artists:
         axes.add_artist(artist)
@@ -215,7 +216,7 @@ def legend_of(
         entries.append(("hinge", tuple(_hinge(none[0]))))
     for path in paths:
         line = Line2D([], [], linewidth=1.3, **path_style(path))
-        entries.append((path_name(layout, words[path]), line))
+        entries.append((drawn_name(path_name(layout, words[path])), line))
     return [handle for _, handle in entries], [text for text, _ in entries]
 
 

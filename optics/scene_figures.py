@@ -17,6 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from designopt.errors import UserError
 from designopt.figures import PALETTE, legend_below, new_figure, trim
 from designopt.solution import Solution
+from designopt.typesetting import drawn_name
 from optics.scene import Scene
 from optics.scene_drawing import DASHES, draw_scene, joint_name, scene_legend, widen
 from optics.section import Section
@@ -200,7 +201,11 @@ def _curves(scene: Scene, poses: np.ndarray, varying: np.ndarray, measures: list
             "linewidth": min(1.3 + 0.8 * (len(pads) - 1 - level), 3.0),
         }
         upper.plot(
-            abscissa, coverage[:, level], label=part.name, gid=f"coverage:{part.name}", **look
+            abscissa,
+            coverage[:, level],
+            label=drawn_name(part.name),
+            gid=f"coverage:{part.name}",
+            **look,
         )
         middle.plot(abscissa, redundancy[:, level], gid=f"views:{part.name}", **look)
         band = abscissa, least[:, level], greatest[:, level]
@@ -224,7 +229,7 @@ def _curves(scene: Scene, poses: np.ndarray, varying: np.ndarray, measures: list
     lower.set_ylim(0, 1.08 * _span(greatest)[1])
     names = [joint_name(scene.angle_names[column]) for column in varying]
     note = f"; {', '.join(names[1:])} varying with it" if names[1:] else ""
-    lower.set_xlabel(f"{names[0]} (°){note}")
+    lower.set_xlabel(drawn_name(f"{names[0]} (°){note}"))
     legend_below(figure, most=5, handlelength=3.5)
     return figure
 
@@ -254,8 +259,9 @@ def _maps(
             mesh.set(rasterized=True, gid=f"{unit}:{part.name}")
             there = value[np.isfinite(value)]
             note = f"{there.min():.3g} to {there.max():.3g}" if there.size else "nothing seen"
-            axes.set_title(f"{part.name}: {note}")
-            axes.set(xlabel=f"{joint_name(names[0])} (°)", ylabel=f"{joint_name(names[1])} (°)")
+            axes.set_title(drawn_name(f"{part.name}: {note}"))
+            along, up = (drawn_name(f"{joint_name(name)} (°)") for name in names)
+            axes.set(xlabel=along, ylabel=up)
             if down == 1:
                 axes.label_outer()
         figure.colorbar(mappable, ax=list(panels), aspect=30, pad=0.02, label=unit)

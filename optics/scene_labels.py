@@ -18,6 +18,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 from designopt.quick_line import QuickLine
+from designopt.typesetting import drawn_name
 
 Point = Float[np.ndarray, "2"]
 Points = Float[np.ndarray, "_ 2"]
@@ -77,7 +78,7 @@ class PlacedLabel:
             line.set_gid(f"leader:{self.text}")
             found.append(line)
         x, y = map(float, self.middle)
-        text = Text(x, y, self.text, clip_on=False)
+        text = Text(x, y, drawn_name(self.text), clip_on=False)
         text.set(rotation=math.degrees(self.angle), rotation_mode="anchor")
         text.set(ha="center", va="center_baseline", fontsize=FONT * size, color=INK)
         text.set(zorder=8, gid=f"label:{self.text}")

@@ -12,6 +12,7 @@ from scipy import stats
 
 from designopt.figures import MARKERS, PALETTE, angle_ticks, label_plainly, legend_below, new_figure
 from designopt.results import Figure
+from designopt.typesetting import drawn_name
 from studies.proprioception.found import Found
 from studies.proprioception.ladder import (
     LABELLED,
@@ -78,7 +79,7 @@ def range_figure(found: Found) -> Figure:
             errors = np.abs(np.rad2deg([answer.error for answer in own]))
             axes.plot(*_binned(angles, errors, np.mean), color=PALETTE[index],
                       marker=MARKERS[index], linestyle=DASHES[index], label=method)  # fmt: skip
-        axes.set(yscale="log", title=name.upper(), xlabel="joint angle (°)")
+        axes.set(yscale="log", title=drawn_name(name.upper()), xlabel="joint angle (°)")
     _share_log_ordinate(row)
     row[0].set_ylabel("mean absolute error (°)")
     legend_below(drawing)
@@ -108,7 +109,7 @@ def gap_figure(found: Found) -> Figure:
             axes.plot(np.rad2deg(frames.angles[:, joint]), gaps, marker, color=PALETTE[2],
                       markerfacecolor="none" if marker == "o" else None, label=name)  # fmt: skip
         name = found.finger.model.names[joint].upper()
-        axes.set(title=f"{table.pad} pad", xlabel=f"{name} (°)")
+        axes.set(title=drawn_name(f"{table.pad} pad"), xlabel=drawn_name(f"{name} (°)"))
         _angle_axis(axes, found)
     row[0].set_ylabel("gap, section angle (°)")
     legend_below(drawing, most=4)
@@ -141,7 +142,7 @@ def bound_figure(found: Found) -> Figure:
         ):
             axes.plot(*_binned(angles, values, _root_mean_square), color=colour, marker=marker,
                       label=label)  # fmt: skip
-        axes.set(yscale="log", title=name.upper(), xlabel="joint angle (°)")
+        axes.set(yscale="log", title=drawn_name(name.upper()), xlabel="joint angle (°)")
         _angle_axis(axes, found)
     _share_log_ordinate(row)
     row[0].set_ylabel("error, labelled calibration (°)")

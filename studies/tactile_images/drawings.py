@@ -8,6 +8,7 @@ from matplotlib.patches import Patch, Polygon
 
 from designopt.figures import PALETTE, legend_below, new_figure
 from designopt.results import Figure
+from designopt.typesetting import drawn_name
 from perception.lens import Lens, TangentPlane
 from perception.masks import adaptive_mask, brightness, combined_mask, global_mask
 from perception.paper_route import PaperRoute
@@ -180,8 +181,8 @@ def imprints_figure(finger: Finger, shown: Shown) -> Figure:
             if row == 0:
                 # Names stand upright over pads that are narrower than they are.
                 turn = 0 if finger.width > WIDE * max(lengths) else 90
-                plain.set_title(pad, fontsize=8, rotation=turn)
-                changed.set_title(f"{pad},\nchange", fontsize=8, rotation=turn)
+                plain.set_title(drawn_name(pad), fontsize=8, rotation=turn)
+                changed.set_title(drawn_name(f"{pad},\nchange"), fontsize=8, rotation=turn)
         grid[row, 0].set_ylabel(touch.kind, fontsize=8)
     return Figure(
         "imprints",

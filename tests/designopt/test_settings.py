@@ -43,7 +43,7 @@ def test_the_last_of_two_assignments_counts():
         (["side=wide"], "--set side=wide: input should be a valid number"),
         (["side=inf"], "--set side=inf: input should be a finite number"),
         (["side=1", "inner.length=-2"], "--set inner.length=-2: input should be greater than 0"),
-        (["side=1", "inner=2"], "--set inner=2: input should be a valid dictionary"),
+        (["side=1", "inner=2"], "--set inner=…: it has keys of its own; the keys of inner are"),
         (["side=1", "inner=2", "inner.length=2"], "'inner' was already given a value"),
     ],
 )

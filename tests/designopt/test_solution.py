@@ -27,12 +27,15 @@ def test_a_code_that_was_never_computed_has_its_message_too():
     one = jnp.asarray(1.0)
     assert Solution(one, one, one, Outcome.negative).messages() == [Outcome[Outcome.negative]]
     assert Solution(one, one, one, Outcome.successful).messages() == [""]
+    two = jnp.ones(2)
+    assert Solution(two, two, two, Outcome.negative).messages() == 2 * [Outcome[Outcome.negative]]
 
 
 def test_a_batch_says_which_failed_and_why():
     found = jax.jit(jax.vmap(solve))(jnp.asarray([1.0, -1.0, 4.0]))
     assert found.ok.tolist() == [True, False, True]
     assert found.messages() == ["", Outcome[Outcome.negative], ""]
+    assert found.failures() == {Outcome[Outcome.negative]: 1}
 
 
 def test_the_first_failure_counts_and_the_least_margin():

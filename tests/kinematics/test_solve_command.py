@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from designopt.cli import run
 from kinematics import read_linkage
@@ -85,6 +89,79 @@ def test_rows_beyond_lock_up_are_empty_and_say_why(capsys):
     limit = np.degrees(np.arccos((90**2 + 100**2 - 40**2) / (2 * 90 * 100)))
     for words in ("2 of 4 poses", "ok = 0", "crank locks at", f"{limit:.6f}", "coupler and rocker"):
         assert words in shown.err
+
+
+def test_no_pose_at_all_is_exit_code_1(tmp_path, capsys):
+    command = ["solve", "rocker.toml", "--sweep", "crank=0:10:3", "--csv", "t.csv"]
+    assert run([*command, "--figure", "t.png"]) == 1
+    told = capsys.readouterr().err.splitlines()
+    assert told[0] == "no pose can be assembled; their rows have ok = 0 and empty cells"
+    assert told[1].startswith("  3 poses: Two pins are nearer to each other than")
+    assert table_of((tmp_path / "t.csv").read_text())["ok"] == ["0", "0", "0"]
+    assert told[-1] == "nothing is drawn: no pose to show can be assembled"
+    assert not (tmp_path / "t.png").exists()
+
+
+def test_a_table_is_the_same_however_it_is_cut(monkeypatch, tmp_path, capsys):
+    sweeps = ["--sweep", "crank=0:60:10", "--rate", "crank=2", "--accel", "crank=1"]
+    tables, drawn, said = [], [], []
+
+    def draw(linkage, inputs, poses):
+        drawn.append((inputs, poses))
+        return Figure()
+
+    monkeypatch.setattr("kinematics.motion_figures.motion_figure", draw)
+    for chunk in (100, 4):
+        monkeypatch.setattr("kinematics.solving.CHUNK", chunk)
+        assert run(["solve", "rocker.toml", *sweeps, "--figure", f"{chunk}.png"]) == 0
+        shown = capsys.readouterr()
+        tables.append(table_of(shown.out))
+        said.append(shown.err)
+    assert tables[0].keys() == tables[1].keys()
+    for name, column in tables[0].items():
+        assert [cell == "" for cell in column] == [cell == "" for cell in tables[1][name]]
+        filled = [(a, b) for a, b in zip(column, tables[1][name], strict=True) if a]
+        # They are two programs, which round differently.
+        np.testing.assert_allclose(*np.array(filled, float).T, rtol=1e-11, atol=1e-11)
+    assert said[0] == said[1]
+    (inputs, poses), (cut_inputs, cut_poses) = drawn
+    np.testing.assert_array_equal(inputs, cut_inputs)
+    np.testing.assert_array_equal(poses.ok, cut_poses.ok)
+    places, cut_places = poses.value.position("B"), cut_poses.value.position("B")
+    np.testing.assert_allclose(places[poses.ok], cut_places[poses.ok], rtol=1e-12)
+
+
+def test_a_long_sweep_is_drawn_in_some_of_its_poses(monkeypatch, capsys):
+    monkeypatch.setattr("kinematics.solving.MOST_DRAWN", 5)
+    drawn = []
+
+    def draw(linkage, inputs, poses):
+        drawn.append(np.degrees(inputs[:, 0]))
+        return Figure()
+
+    monkeypatch.setattr("kinematics.motion_figures.motion_figure", draw)
+    command = ["solve", "four-bar.toml", "--sweep", "crank=0:20:21"]
+    assert run([*command, "--figure", "t.png"]) == 0
+    shown = capsys.readouterr()
+    assert len(table_of(shown.out)["ok"]) == 21
+    assert shown.err == "drawn: 5 of 21 poses, evenly spread\n"
+    np.testing.assert_allclose(drawn[0], [0, 5, 10, 15, 20], atol=1e-12)
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_a_sweep(tmp_path):
+    command = ["solve", "four-bar.toml", "--sweep", "crank=0:360:1000001", "--csv", "t.csv"]
+    probe = (
+        "import resource, sys; from designopt.cli import run; "
+        f"assert run({command!r}) == 0; "
+        "sys.exit(str(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", probe], capture_output=True, text=True, check=False
+    )
+    assert int(done.stderr) * 1024 <= 700 * 2**20
+    with (tmp_path / "t.csv").open(encoding="utf-8") as file:
+        assert sum(1 for _ in file) == 1_000_002
 
 
 @pytest.mark.parametrize(
@@ -201,6 +278,12 @@ def test_only_what_is_asked_for_is_solved(capsys):
         ("four-bar.toml --sweep crank=1 --csv .", ["that is a folder", "name a file"]),
         ("four-bar.toml --swep crank=1", ["--swep", "--sweep", "designopt --help"]),
         ("--sweep crank=1", ["LINKAGE.toml"]),
+        (
+            "four-bar.toml --sweep crank=1 --csv /dev/full --force",
+            ["--csv", "no ordinary file"],
+        ),
+        ("four-bar.toml --sweep crank=1 --figure /dev/full --force", ["--figure", "no ordinary"]),
+        ("four-bar.toml --sweep crank=1 --animation a.avi", ["a.avi", "ends with .gif or .mp4"]),
         ("four-bar.toml --sweep crank=0-360", ["not a finite number", "INPUT=START:STOP:COUNT"]),
     ],
 )
@@ -208,11 +291,27 @@ def test_nonsense_is_one_line_and_exit_code_2(arguments, words, tmp_path, capsys
     before = sorted(path.name for path in tmp_path.iterdir())
     assert run(["solve", *arguments.split()]) == 2
     shown = capsys.readouterr()
+    assert shown.out == ""
     assert shown.err.startswith("error: ")
     assert shown.err.count("\n") == 1
     for word in words:
         assert word in shown.err
     assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+def test_a_table_without_room_is_one_line_and_leaves_nothing(tmp_path):
+    """A limit of a file's size stands for a disk that becomes full."""
+    command = f"'{sys.executable}' -m designopt solve four-bar.toml --sweep crank=0:360:999"
+    done = subprocess.run(
+        ["bash", "-c", f"ulimit -f 16; {command} --csv t.csv"],
+        env=os.environ | {"JAX_ENABLE_COMPILATION_CACHE": "false"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: t.csv: cannot be written: File too large; choose another\n"
+    assert not [path for path in tmp_path.iterdir() if path.suffix != ".toml"]
 
 
 @pytest.mark.parametrize(

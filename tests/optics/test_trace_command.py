@@ -367,6 +367,8 @@ def test_rays_are_drawn_without_pads(tmp_path, trace):
         (None, ["--bounces", "many"], ["--bounces", "integer"]),
         (None, ["--json", "nowhere/t.json"], ["--json", "no folder"]),
         (None, ["--json", "flap.toml"], ["--json flap.toml", "exists already", "--force"]),
+        (None, ["--json", "/dev/full", "--force"], ["--json /dev/full", "no ordinary file"]),
+        (None, ["--figure", "/dev/full", "--force"], ["--figure /dev/full", "no ordinary file"]),
         (None, ["--figure", "t.jpg"], ["--figure t.jpg", ".png"]),
         (None, ["--chart", "t.jpg"], ["--chart t.jpg", ".png"]),
         (None, ["--chart", "t.png"], ["--chart t.png", "--sweep"]),

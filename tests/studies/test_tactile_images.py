@@ -13,7 +13,9 @@ from studies.finger_images.one_thread import one_thread
 from studies.finger_images.spec import FingerImagesSpec
 from studies.tactile_images import tables
 from studies.tactile_images.corrupted import DAMAGED, NO_FINGER, NO_IMAGE, Trial
+from studies.tactile_images.drawings import imprints_figure
 from studies.tactile_images.frames import FoundView, Frame, nearest_errors, poses
+from studies.tactile_images.pictures import Shown
 
 QUICK = [
     "fingers=1",
@@ -90,6 +92,16 @@ def test_a_scene_without_an_outer_mirror_still_has_views(tmp_path):
     finger = Finger.of(FingerImagesSpec(scene=str(path)), 360)
     assert ("distal", "mirror:distal") not in finger.model.views
     assert ("proximal", "mirror:proximal") in finger.model.views
+
+
+def test_names_of_pads_are_drawn_as_text(tmp_path):
+    text = (files("studies") / "finger" / "scene.toml").read_text(encoding="utf-8")
+    path = tmp_path / "odd.toml"
+    path.write_text(text.replace('name = "distal"', r"name = '$\frac{$'"), encoding="utf-8")
+    finger = Finger.of(FingerImagesSpec(scene=str(path)), 360)
+    drawing = imprints_figure(finger, Shown([], [], {})).drawing
+    drawing.savefig(tmp_path / "imprints.svg")
+    assert r"<!-- $\frac{$ -->" in (tmp_path / "imprints.svg").read_text(encoding="utf-8")
 
 
 def test_made_fingers_are_drawn_once_for_all():
