@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import sys
 import tempfile
 import time
@@ -20,12 +21,16 @@ from typing import Annotated
 
 import typer
 
+from designopt.user_folders import user_folder
+
 VARIABLE = "DESIGNOPT_CACHE"
 """Of the environment: a folder to keep programs in, or `OFF`."""
 OFF = "off"
 LIMIT = 256 * 2**20
 """Bytes of a folder, beyond which the programs that were not used for longest go."""
-PARTIAL = ".partial"
+PROGRAM, PARTIAL = ".xla-program", ".xla-partial"
+NAMED = re.compile(rf"[0-9a-f]{{64}}{PROGRAM}|tmp\w{{8}}{PARTIAL}")
+"""Names of a store's files; any other in its folder is somebody else's."""
 ABANDONED = 3600.0
 """Seconds after which a file that is still being written belongs to no process any more."""
 
@@ -73,19 +78,11 @@ def keep_programs() -> None:
 
 
 def _user_folder() -> Path | None:
-    """Where this system's programs keep what they can make again; ``None`` without a home."""
-    try:
-        home = Path.home()
-    except RuntimeError:
-        return None
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = home / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or "")
-        base = base if base.is_absolute() else home / ".cache"
-    return base / "designopt" / "programs"
+    """Where programs keep what they can make again; ``None`` without a home."""
+    usual = "Library/Caches" if sys.platform == "darwin" else ".cache"
+    with suppress(RuntimeError):
+        return user_folder("XDG_CACHE_HOME", usual) / "programs"
+    return None
 
 
 def _fault(folder: Path) -> str:
@@ -96,7 +93,7 @@ def _fault(folder: Path) -> str:
     except OSError as error:
         return error.strerror or str(error)
     # Whoever writes into it has their code run by whoever reads.
-    if hasattr(os, "geteuid") and (found.st_uid != os.geteuid() or found.st_mode & 0o022):
+    if found.st_uid != os.geteuid() or found.st_mode & 0o022:
         return "others can write into it"
     return ""
 
@@ -125,14 +122,18 @@ class Store:
     def get(self, key: str) -> bytes | None:
         """The value of a key."""
         path = self._file(key)
-        with suppress(OSError):
+        try:
             content = path.read_bytes()
-            value = content[hashlib.sha256().digest_size :]
-            if content == _sealed(path.name, value):
+        except OSError:
+            return None
+        value = content[hashlib.sha256().digest_size :]
+        whole = content == _sealed(path.name, value)
+        with suppress(OSError):  # as where the folder can only be read
+            if whole:
                 os.utime(path)  # used just now
-                return value
-            path.unlink()
-        return None
+            else:
+                path.unlink()
+        return value if whole else None
 
     def put(self, key: str, value: bytes) -> None:
         """Keep the value of a key."""
@@ -149,24 +150,28 @@ class Store:
                     file.write(_sealed(path.name, value))
                 os.replace(partial, path)
             except BaseException:
-                os.unlink(partial)
+                with suppress(OSError):  # it has its name already
+                    os.unlink(partial)
                 raise
         except OSError:
             self._limit = 0
 
     def _file(self, key: str) -> Path:
         # XLA divides loops among the threads it finds when it compiles, and rounds accordingly.
-        return self._path / hashlib.sha256(f"{_threads()} {key}".encode()).hexdigest()
+        name = hashlib.sha256(f"{_threads()} {key}".encode()).hexdigest()
+        return self._path / f"{name}{PROGRAM}"
 
     def _remove_oldest(self) -> None:
         """Make room for a sixteenth of the limit."""
         self._to_write = self._limit // 16
         now, files = time.time(), []
         for entry in os.scandir(self._path):
+            if not NAMED.fullmatch(entry.name):
+                continue
             with suppress(OSError):  # another process has removed it
                 found = entry.stat()
                 age = now - found.st_mtime
-                if not entry.name.endswith(PARTIAL):
+                if entry.name.endswith(PROGRAM):
                     files.append((age, found.st_size, entry.path))
                 elif age > ABANDONED:
                     os.unlink(entry.path)

@@ -12,16 +12,18 @@ import traceback
 from importlib.metadata import version
 from pathlib import Path
 
+from designopt.user_folders import user_folder
+
 DEEPEST = 40
-"""Calls of a traceback that are told in one line; those in the middle are left out."""
+"""Calls of a traceback in one line, at most; those in the middle are left out."""
 
 
 def kept_traceback(error: BaseException) -> Path | None:
     """Write a new file with an exception's traceback.
 
     Returns:
-        The file, in the user's folder for such (``$XDG_STATE_HOME``, ``~/.local/state``) or, if
-        that cannot be written, in the one for temporary files; ``None`` where neither can be.
+        The file, in the user's folder for such or, if that cannot be written, in the one for
+        temporary files; ``None`` where neither can be.
     """
     text = "".join(
         [
@@ -31,7 +33,10 @@ def kept_traceback(error: BaseException) -> Path | None:
             *traceback.format_exception(error),
         ]
     )
-    for folder in (_state_folder, lambda: Path(tempfile.gettempdir())):
+    for folder in (
+        lambda: user_folder("XDG_STATE_HOME", ".local/state"),
+        lambda: Path(tempfile.gettempdir()),
+    ):
         try:
             place = folder()
             place.mkdir(parents=True, exist_ok=True)
@@ -53,8 +58,3 @@ def short_traceback(error: BaseException) -> str:
     if len(calls) > DEEPEST:
         calls[DEEPEST // 2 : -DEEPEST // 2] = ["…"]
     return " < ".join(calls)
-
-
-def _state_folder() -> Path:
-    named = os.environ.get("XDG_STATE_HOME", "")
-    return (Path(named) if named else Path.home() / ".local" / "state") / "designopt"

@@ -263,7 +263,7 @@ def recover_result(out: Path) -> None:
 
 
 def _discard(folder: Path, place: Path) -> None:
-    """Remove a result that was replaced; set it aside if a file came into it in the meantime."""
+    """Remove a result that was replaced; set it aside where it cannot be removed whole."""
     with suppress(ForeignFileError, OSError):
         if any(folder.iterdir()):
             remove_result(folder)
@@ -274,6 +274,7 @@ def _discard(folder: Path, place: Path) -> None:
         aside = next(name for name in names if not os.path.lexists(name))
         folder.rename(aside)
         print(
-            f"{place}: a file was put there while its result was replaced; it is in {aside}",
+            f"{place}: the earlier result could not be removed (a file was put there meanwhile, or "
+            f"its permissions do not allow it); what is left of it is in {aside}",
             file=sys.stderr,
         )

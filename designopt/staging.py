@@ -6,9 +6,9 @@ lets go of the lock however that process ends, so what a killed one left behind 
 removed by the next. Its name holds a checksum of itself, as no other program's folder does.
 
 Where the system can exchange two folders in one step (Linux, on most file systems), there is the
-old folder or the new one under its name at every moment. Elsewhere the old one is moved away and
-the new one moved in; killed in between, there is none until the next `staging_folder` beside it,
-which reads in ``lock`` what was to be done, and does it.
+old folder or the new one under its name at every moment. Elsewhere the old one is moved into
+``old`` and the new one into its place; where that is cut short in between, `recover` moves the old
+one back.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import hashlib
 import os
 import secrets
 import shutil
+import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -33,7 +34,7 @@ BEGUN = b"/replaced"
 ATTEMPTS = 16
 """A folder just made may be taken for one left behind before it is locked; then another is made."""
 
-_WITHOUT_EXCHANGE = {errno.ENOSYS, errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP}
+_UNSUPPORTED = {errno.ENOSYS, errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP}
 
 Discard = Callable[[Path, Path], None]
 """Takes away a folder that another one has replaced; the second path is its former place."""
@@ -61,7 +62,7 @@ class Staging:
         """Put the folder in its place, or in the place of the one that is there.
 
         Raises:
-            OSError: it cannot be done; what was there is still there.
+            OSError: it cannot be done; what was there is there again once this is closed.
         """
         place = self._place
         sync_tree(self.folder)
@@ -72,22 +73,12 @@ class Staging:
             sync(self._path)
             try:
                 _exchange(self.folder, place)
-            except OSError as error:
-                if error.errno not in _WITHOUT_EXCHANGE:
-                    raise
-                self._rename_twice()
+            except OSError:  # they cannot be exchanged here, or not be moved at all
+                place.rename(self._path / OLD)
+                self.folder.rename(place)
         else:
             self.folder.rename(place)
         sync(place.parent)
-
-    def _rename_twice(self) -> None:
-        old = self._path / OLD
-        self._place.rename(old)
-        try:
-            self.folder.rename(self._place)
-        except BaseException:
-            old.rename(self._place)
-            raise
 
     def close(self, discard: Discard) -> None:
         """Remove it, with what was replaced; what cannot be removed is left to the next one."""
@@ -117,14 +108,18 @@ def staging_folder(place: Path, discard: Discard) -> Iterator[Staging]:
 
 
 def recover(place: Path, discard: Discard) -> None:
-    """Finish what killed processes began in staging folders beside a place, and remove these.
+    """Put back what killed processes moved away beside a place, and remove their staging folders.
+
+    Those of other users are left to them: what is written there is not to be relied on.
 
     Raises:
         BusyError: another process is about to publish a folder in this place.
     """
     for path in sorted(place.parent.glob(f"{PREFIX}*")):
-        if path.name == _name(path.name) and path.is_dir() and not path.is_symlink():
-            with suppress(OSError):  # it cannot be removed; the next one may
+        with suppress(OSError):  # it cannot be removed, or another process has just done so
+            found = path.lstat()
+            own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid()
+            if own and path.name == _name(path.name):
                 _recover(path, place, discard)
 
 
@@ -135,16 +130,12 @@ def _recover(path: Path, place: Path, discard: Discard) -> None:
         path.rmdir()  # killed before it was locked
         return
     try:
-        target, begun = _journal(path, lock)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            if target == place:
+            if _journal(path, lock)[0] == place:
                 raise BusyError from None
             return
-        if begun and not os.path.lexists(target) and (path / OLD).exists():
-            (path / NEW).rename(target)
-            sync(path.parent)
         _clear(path, lock, discard)
     finally:
         os.close(lock)
@@ -181,8 +172,11 @@ def _name(text: str) -> str:
 
 
 def _clear(path: Path, lock: int, discard: Discard) -> None:
-    """Remove a staging folder and all that is in it."""
+    """Remove a staging folder and all that is in it, but what is missing in its place."""
     place, begun = _journal(path, lock)
+    if (path / OLD).exists() and not os.path.lexists(place):
+        (path / OLD).rename(place)
+        sync(place.parent)
     for part in (path / OLD, path / NEW):
         if not begun:
             shutil.rmtree(part, ignore_errors=True)
@@ -196,7 +190,7 @@ def _exchange(one: Path, other: Path) -> None:
     """Let two folders have each other's name, in one step.
 
     Raises:
-        OSError: they cannot; ``ENOSYS`` or ``EINVAL`` where systems or file systems lack it.
+        OSError: they cannot, or the system or the file system lacks it.
     """
     try:
         renameat2 = ctypes.CDLL(None, use_errno=True).renameat2
@@ -212,11 +206,14 @@ def sync(path: Path) -> None:
     """Have the system write a file or a folder's entries to the disk.
 
     Raises:
-        OSError: it cannot.
+        OSError: it cannot; where a file system lacks that, as some do for folders, nothing is done.
     """
     place = os.open(path, os.O_RDONLY)
     try:
         os.fsync(place)
+    except OSError as error:
+        if error.errno not in _UNSUPPORTED:
+            raise
     finally:
         os.close(place)
 

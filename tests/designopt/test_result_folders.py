@@ -129,7 +129,7 @@ def test_a_file_put_there_at_the_last_moment_is_set_aside(tmp_path, out, monkeyp
     write(out, 2)
     assert number_of(out) == 2
     assert (tmp_path / "out-replaced-1" / "specs" / "mine.toml").read_text() == "mine"
-    assert "it is in" in capsys.readouterr().err
+    assert f"what is left of it is in {tmp_path / 'out-replaced-1'}" in capsys.readouterr().err
 
 
 def test_a_failure_while_it_is_written_keeps_what_was(tmp_path, out):

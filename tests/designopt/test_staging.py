@@ -1,7 +1,10 @@
 """Results that are replaced by processes killed on the way: the old one or the new one is there."""
 
+import errno
+import fcntl
 import os
 import random
+import stat
 import subprocess
 import sys
 import time
@@ -10,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from designopt import UserError, staging
-from designopt.result_folders import result_folder
+from designopt.files import replaced_when_complete
+from designopt.result_folders import result_folder, write_document
 from designopt.staging import recover, staging_folder
 from tests.designopt import killed
 
@@ -112,59 +116,91 @@ def test_what_only_looks_like_a_staging_folder_is_never_touched(tmp_path):
         assert (tmp_path / each / "new" / "mine.txt").exists()
 
 
-def test_after_a_kill_between_two_renames_the_result_is_there_and_not_overwritten(
-    tmp_path, monkeypatch
-):
-    out = tmp_path / "out"
+def test_after_a_kill_between_two_renames_the_earlier_result_is_put_back(tmp_path, monkeypatch):
+    """What a process was about to do is read after it is gone, and not before."""
+    out, flock = tmp_path / "out", fcntl.flock
     killed.write(out, 0)
-    monkeypatch.setattr(staging, "_exchange", killed.refuse_exchange)
-    monkeypatch.setattr(staging.Staging, "close", lambda *_: None)  # as when it is killed
-    with monkeypatch.context() as patch:
-        patch.setattr(staging.Staging, "_rename_twice", lambda self: out.rename(self._path / "old"))
-        killed.write(out, 1)
-    assert not out.exists()
-    (held,) = (entry for entry in tmp_path.iterdir())
-    locks = [int(one) for one in os.listdir("/proc/self/fd") if _points_to(one, held / "lock")]
-    for lock in locks:
-        os.close(lock)
+    dying = staging.Staging(out)
+    write_document(dying.folder, {"study": "killed", "spec": {}, "metrics": {}})
+
+    def die_first(lock: int, how: int) -> None:
+        os.write(dying._lock, staging.BEGUN)
+        out.rename(dying._path / "old")
+        os.close(dying._lock)
+        flock(lock, how)
+
+    monkeypatch.setattr(fcntl, "flock", die_first)
     with pytest.raises(UserError, match="exists already"), result_folder(out, force=False):
         pass
-    assert killed.number_of(out) == 1
+    assert killed.number_of(out) == 0
     assert leftovers(tmp_path) == []
 
 
-def _points_to(number: str, path: Path) -> bool:
-    try:
-        return os.readlink(f"/proc/self/fd/{number}") == str(path)
-    except OSError:
-        return False
+def test_what_another_user_has_left_is_never_touched(tmp_path, monkeypatch):
+    left = staging.Staging(tmp_path / "out")
+    os.close(left._lock)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+        recover(tmp_path / "out", keep)
+    assert left.folder.exists()
+    recover(tmp_path / "out", keep)
+    assert list(tmp_path.iterdir()) == []
 
 
-def test_an_exchange_that_fails_leaves_what_was(tmp_path, monkeypatch):
-    def fail(*_: Path) -> None:
-        raise PermissionError(1, "not permitted")
+def fail(*_: Path) -> None:
+    raise PermissionError(1, "not permitted")
 
+
+def test_where_an_exchange_fails_folders_are_renamed(tmp_path, monkeypatch):
     killed.write(tmp_path / "out", 0)
     monkeypatch.setattr(staging, "_exchange", fail)
-    with pytest.raises(Exception, match="not permitted"):
+    killed.write(tmp_path / "out", 1)
+    assert killed.number_of(tmp_path / "out") == 1
+    assert leftovers(tmp_path) == []
+
+
+def test_a_result_that_cannot_be_moved_stays(tmp_path, monkeypatch):
+    killed.write(tmp_path / "out", 0)
+    monkeypatch.setattr(staging, "_exchange", fail)
+    monkeypatch.setattr(Path, "rename", fail)
+    with pytest.raises(UserError, match="not permitted"):
         killed.write(tmp_path / "out", 1)
     assert killed.number_of(tmp_path / "out") == 0
     assert leftovers(tmp_path) == []
 
 
-def test_an_interrupt_between_two_renames_puts_the_old_one_back(tmp_path, monkeypatch):
+@pytest.mark.parametrize(("calls", "number"), [(1, 0), (2, 1)])
+def test_an_interrupt_while_a_folder_is_renamed_loses_none(tmp_path, monkeypatch, calls, number):
+    """A signal that comes during a system call is raised as an interrupt just after it."""
     killed.write(tmp_path / "out", 0)
     monkeypatch.setattr(staging, "_exchange", killed.refuse_exchange)
-    rename, calls = Path.rename, []
+    rename, left = Path.rename, calls
 
-    def interrupted_rename(self, target):
-        calls.append(target)
-        if len(calls) == 2:  # the earlier result is out of the way, the new one not yet in place
+    def interrupted_rename(self: Path, target: Path) -> None:
+        nonlocal left
+        rename(self, target)
+        left -= 1
+        if left == 0:
             raise KeyboardInterrupt
-        return rename(self, target)
 
     monkeypatch.setattr(Path, "rename", interrupted_rename)
     with pytest.raises(KeyboardInterrupt):
         killed.write(tmp_path / "out", 1)
-    assert killed.number_of(tmp_path / "out") == 0
+    assert killed.number_of(tmp_path / "out") == number
     assert leftovers(tmp_path) == []
+
+
+def test_a_file_system_that_cannot_sync_folders_is_no_fault(tmp_path, monkeypatch):
+    fsync = os.fsync
+
+    def refuse_folders(number: int) -> None:
+        if stat.S_ISDIR(os.fstat(number).st_mode):
+            raise OSError(errno.EINVAL, "not here")
+        fsync(number)
+
+    monkeypatch.setattr(os, "fsync", refuse_folders)
+    killed.write(tmp_path / "out", 0)
+    assert killed.number_of(tmp_path / "out") == 0
+    with replaced_when_complete(tmp_path / "file") as partial:
+        partial.write_text("whole")
+    assert (tmp_path / "file").read_text() == "whole"
