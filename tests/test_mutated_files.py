@@ -1,0 +1,261 @@
+"""Files and settings with random changes: a finite answer, or one line with the cure."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+import math
+import tomllib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic_core import PydanticUndefined, to_json
+
+from designopt import UserError
+from designopt.cli import run
+from designopt.settings import fields, spec_with
+from designopt.spec_files import validated
+from designopt.study import installed_studies, load_study
+from optics.chamber_file import chamber_text
+from tests.mutations import UNKNOWN, mutate, mutated, toml
+from tests.optics.test_chamber_bench import PAPER
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended: its exit code, and what it printed."""
+
+    code: int
+    out: str
+    err: str
+
+
+def ended(*arguments: str) -> Ended:
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = run([*arguments])
+    return Ended(code, out.getvalue(), err.getvalue())
+
+
+def fault_of(how: Ended, unknown: bool, check: Callable[[str], str]) -> str:
+    """What is wrong with how a command took a file; empty if nothing is.
+
+    Args:
+        how: it ended.
+        unknown: whether the file has a key that must be refused.
+        check: what is wrong with an output, likewise.
+    """
+    if how.code not in (0, 1, 2) or "Traceback" in how.err:
+        return f"exit code {how.code}: {how.err}"
+    if how.code == 2:
+        one_line = how.err.startswith("error: ") and how.err[:-1].isprintable() and not how.out
+        return "" if one_line and how.err.endswith("\n") else f"not one line: {how!r}"
+    return "an unknown key was accepted" if unknown else check(how.out)
+
+
+def fault_of_table(out: str) -> str:
+    """Poses that are ok have finite numbers alone."""
+    rows = list(csv.DictReader(io.StringIO(out)))
+    bad = [row for row in rows if row["ok"] != "0" and not _all_finite(row.values())]
+    return f"ok, and not finite: {bad[0]}" if bad else "" if rows else "an empty table"
+
+
+def _all_finite(texts: Any) -> bool:
+    return all(math.isfinite(float(text)) for text in texts)
+
+
+def fault_of_document(out: str) -> str:
+    """JSON has no numbers that are not finite, whatever Python reads and writes."""
+    odd: list[str] = []
+    json.loads(out, parse_constant=odd.append)
+    return f"not finite: {odd}" if odd else ""
+
+
+def gallery(folder: str, names: Sequence[str]) -> list[str]:
+    place = files("studies") / folder
+    return [(place / f"{name}.toml").read_text(encoding="utf-8") for name in names]
+
+
+def solve(path: Path, document: dict[str, Any]) -> Ended:
+    sweeps = [f"--sweep={one['name']}=20:60:3" for one in document["inputs"]]
+    return ended("solve", str(path), *sweeps)
+
+
+def trace(path: Path, document: dict[str, Any]) -> Ended:
+    angles = [frame["angle"] for frame in document.get("frames", {}).values()]
+    return ended("trace", str(path), *[f"--sweep={one}=20:60:2" for one in angles])
+
+
+def export(path: Path, _: dict[str, Any]) -> Ended:
+    how = ended("export", str(path), "--to=json", "--to=svg", f"--out={path.parent}", "--force")
+    if how.code != 0:
+        return how
+    return Ended(how.code, path.with_suffix(".json").read_text(encoding="utf-8"), how.err)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Files of one kind.
+
+    Attributes:
+        take: has a command take a file; the document is that of the file before its changes.
+        check: what is wrong with the command's output.
+        texts: files that compile quickly.
+        more: others.
+    """
+
+    take: Callable[[Path, dict[str, Any]], Ended]
+    check: Callable[[str], str]
+    texts: list[str]
+    more: list[str] = field(default_factory=list)
+
+
+LINKAGES = ("four-bar", "slider-crank", "quick-return", "scotch-yoke", "five-bar")
+MORE_LINKAGES = ("finger", "finger-crank", "peaucellier", "stephenson", "watt", "jansen")
+SCENES = ("finger", "kaleidoscope-90", "half-height-mirror")
+MORE_SCENES = ("circle", "corner-reflector", "ellipse", "folded-pad", "kaleidoscope-60", "parabola",
+               "periscope")  # fmt: skip
+KINDS = {
+    "linkage": Kind(solve, fault_of_table, gallery("linkage_gallery", LINKAGES),
+                    gallery("linkage_gallery", MORE_LINKAGES)),
+    "scene": Kind(trace, fault_of_document, gallery("optics_gallery", SCENES),
+                  gallery("optics_gallery", MORE_SCENES)),
+    "chamber": Kind(export, fault_of_document, [chamber_text("soft", PAPER)]),
+}  # fmt: skip
+
+
+def faults(kind: str, numbers: range, folder: Path, texts: Sequence[str]) -> list[str]:
+    """What is wrong with how changed files of a kind are taken."""
+    known, found = KINDS[kind], []
+    for number in numbers:
+        text = texts[number % len(texts)]
+        changed = mutated(text, np.random.default_rng([22, number]))
+        path = folder / f"{kind}-{number}.toml"
+        path.write_bytes(changed.content)
+        how = known.take(path, tomllib.loads(text))
+        if fault := fault_of(how, changed.unknown, known.check):
+            found.append(f"{kind} {number} ({'; '.join(changed.changes)}): {fault}")
+    return found
+
+
+@pytest.mark.parametrize(("kind", "count"), [("linkage", 120), ("scene", 45), ("chamber", 70)])
+def test_changed_files_end_in_finite_numbers_or_in_one_line(kind, count, tmp_path):
+    assert not faults(kind, range(count), tmp_path, KINDS[kind].texts)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("kind", "count"), [("linkage", 1000), ("scene", 500), ("chamber", 500)])
+def test_many_changed_files_end_in_finite_numbers_or_in_one_line(kind, count, tmp_path):
+    known = KINDS[kind]
+    assert not faults(kind, range(1000, 1000 + count), tmp_path, known.texts + known.more)
+
+
+def fault_of_settings(study: str, number: int, folder: Path) -> str:
+    """What is wrong with how changed settings of a study are taken."""
+    spec, generator = load_study(study).spec, np.random.default_rng([23, number])
+    defaults = {
+        key: default for key, default, _ in fields(spec) if default is not PydanticUndefined
+    }
+    document = json.loads(to_json(defaults))
+    changes = mutate(document, generator, only_numbers=generator.uniform() < 0.4)
+    texts = [f"{key}={value if isinstance(value, str) else toml(value)}"
+             for key, value in document.items() if value != defaults.get(key)]  # fmt: skip
+    unknown = any(UNKNOWN in change for change in changes)
+    try:
+        made = spec_with(spec, texts, study=study)
+    except UserError:
+        how = ended("run", study, *[f"--set={text}" for text in texts], f"--out={folder / study}")
+        return "" if how.code == 2 and not fault_of(how, unknown, str) else f"{texts}: {how}"
+    except Exception as error:
+        return f"{texts}: {error!r}"
+    if unknown:
+        return f"{texts}: an unknown key was accepted"
+    return fault_of_document(json.dumps(made.model_dump(mode="json")))
+
+
+STUDIES = [name for name, _ in installed_studies()]
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_changed_settings_are_finite_or_end_in_one_line(study, tmp_path):
+    assert not [one for number in range(8) if (one := fault_of_settings(study, number, tmp_path))]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("study", STUDIES)
+def test_many_changed_settings_are_finite_or_end_in_one_line(study, tmp_path):
+    numbers = range(100, 200)
+    assert not [one for number in numbers if (one := fault_of_settings(study, number, tmp_path))]
+
+
+@pytest.mark.parametrize(
+    ("how", "unknown", "words"),
+    [
+        (Ended(0, "crank,ok,A.x\n0,1,2.0\n1,0,\n", ""), False, ""),
+        (Ended(2, "", "error: four-bar.toml: no such key; remove it\n"), True, ""),
+        (Ended(0, "crank,ok,A.x\n0,1,nan\n", ""), False, "not finite"),
+        (Ended(0, "crank,ok,A.x\n", ""), False, "empty"),
+        (Ended(0, "crank,ok,A.x\n0,1,2.0\n", ""), True, "unknown key"),
+        (Ended(70, "", "error: a fault of designopt's own\n"), False, "exit code 70"),
+        (Ended(2, "", "error: one\ntwo\n"), False, "not one line"),
+        (Ended(2, "", "error: \x1b[31m\n"), False, "not one line"),
+        (Ended(2, "crank,ok\n", "error: late\n"), False, "not one line"),
+    ],
+)
+def test_faults_are_seen(how, unknown, words):
+    found = fault_of(how, unknown, fault_of_table)
+    assert words in found
+    assert bool(words) == bool(found)
+
+
+def test_numbers_of_a_document_that_are_not_finite_are_seen():
+    assert fault_of_document('{"a": [1, null]}') == ""
+    assert "NaN" in fault_of_document('{"a": [1, NaN]}')
+
+
+def without_unknown(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: without_unknown(part) for key, part in data.items() if key != UNKNOWN}
+    return data
+
+
+def careless(model: Any, data: Any, source: str) -> Any:
+    """A reader that lets unknown keys pass."""
+    return validated(model, without_unknown(data), source)
+
+
+def clumsy(model: Any, data: Any, source: str) -> Any:
+    """A reader that takes for granted what people may leave out."""
+    assert {"length_ab", "offset_a"} <= set(data["chamber"])
+    return validated(model, data, source)
+
+
+@pytest.mark.parametrize(("plant", "words"), [(careless, "was accepted"), (clumsy, "code 70")])
+def test_planted_faults_are_found(plant, words, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setattr("optics.chamber_file.validated", plant)
+    found = faults("chamber", range(70), tmp_path, KINDS["chamber"].texts)
+    assert found
+    assert all(words in fault for fault in found)
+
+
+def test_changes_are_the_same_every_time_and_leave_a_document_readable():
+    text = KINDS["linkage"].texts[0]
+    one, other = (
+        [mutated(text, np.random.default_rng([1, number])) for number in range(200)]
+        for _ in range(2)
+    )
+    assert one == other
+    assert len({changed.content for changed in one}) > 150
+    assert any(changed.unknown for changed in one)
+    document = tomllib.loads(text)
+    assert tomllib.loads("".join(f"{key} = {toml(part)}\n" for key, part in document.items())) == (
+        document
+    )
