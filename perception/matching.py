@@ -20,8 +20,13 @@ from perception.quality import Quality
 CAP = 75.0
 """Corners further off than so many pixels (of 1080 rows) do not speak for a view."""
 
-AROUND = 2
-"""Neighbouring values of a joint at which a view that is judged complete may be so, too."""
+AROUND = 1
+"""Neighbours of a joint's best value at which, too, all of a complete view must be seen: the true
+value lies between them."""
+
+AGREEING = 3.0
+"""An end of a clipped view may be so many times as far from where it is expected as those of
+fingers with errors of fabrication are (root mean square): further off it is something else."""
 
 LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 """A pad's length may come out wrong by that share and by so many standard deviations."""
@@ -51,8 +56,10 @@ class Family:
         angles: values of that joint, rad; one, and without meaning, where there is none.
         corners: where they are imaged.
         visible: whether any of the pad is seen.
-        complete: whether all of it is seen.
-        ends: whether its first and its second end are seen.
+        complete: whether all of it is seen, whatever the errors of fabrication.
+        ends: whether its first and its second end are, likewise.
+        spread: root mean square distance of its first and of its second end's corners from
+            ``corners``, by errors of fabrication, px.
         wanted: whether it is asked for; other views only explain what is found.
     """
 
@@ -65,6 +72,7 @@ class Family:
     visible: Bool[np.ndarray, " values"]
     complete: Bool[np.ndarray, " values"]
     ends: Bool[np.ndarray, "values 2"]
+    spread: Float[np.ndarray, "values 2"]
     wanted: bool
 
 
@@ -180,7 +188,7 @@ def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
         if not family.wanted:
             continue
         if i in assigned:
-            found = _found(families, i, best[i], quads[assigned[i]], catalogue, lens)
+            found = _found(catalogue, i, best[i], quads[assigned[i]], lens, shift)
             if family.joint in twice:
                 found = replace(found, quality=Quality.AMBIGUOUS, ends=(False, False))
             views.append(found)
@@ -259,28 +267,27 @@ def _seen_twice(
 
 
 def _found(
-    families: Sequence[Family], index: int, value: int, quad: Quad, catalogue: Catalogue, lens: Lens
+    catalogue: Catalogue,
+    index: int,
+    value: int,
+    quad: Quad,
+    lens: Lens,
+    shift: Float[np.ndarray, "2"],
 ) -> View:
-    family = families[index]
+    family = catalogue.families[index]
     order = [0, 1, 2, 3] if _first_is_lower(family.corners[value]) else [1, 0, 3, 2]
+    near = slice(max(value - AROUND, 0), value + AROUND + 1)
     if quad.quality is Quality.COMPLETE:
-        wanted = catalogue.lengths[family.pad]
-        length, deviation = measured_length(quad, catalogue.width, lens)
-        allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
-        if length < wanted - allowed:
-            quad = replace(quad, quality=Quality.CLIPPED)
-        elif length > wanted + allowed:
-            beside = _beside(families, index, value, quad, NEIGHBOUR * lens.shape[0] / 1080)
-            if beside is None or length > (1 + LONGER) * wanted + allowed:
-                quad = replace(quad, quality=Quality.MERGED)
-            else:
-                quad = shortened(quad, catalogue.width, wanted, lens, 1 - beside)
-        elif not family.complete[max(value - AROUND, 0) : value + AROUND + 1].any():
-            quad = replace(quad, quality=Quality.CLIPPED)
+        quad = _with_known_length(catalogue, index, value, quad, lens)
+    if quad.quality is Quality.COMPLETE and not family.complete[near].all():
+        quad = replace(quad, quality=Quality.CLIPPED)
     ends = np.full(2, quad.quality is Quality.COMPLETE)
     if quad.quality is Quality.CLIPPED:
-        near = family.ends[max(value - AROUND, 0) : value + AROUND + 1].any(axis=0)
-        ends = near & _off_border(quad.corners[order], lens)
+        off = quad.corners[order] - shift - family.corners[value]
+        ends = family.ends[near].all(axis=0) & _off_border(quad.corners[order], lens)
+        ends &= rms_of_ends(off) < AGREEING * family.spread[value]
+        # Where both ends are expected, what has cut the view is unknown.
+        ends &= not ends.all()
     return View(
         family.pad,
         family.path,
@@ -292,6 +299,30 @@ def _found(
         quad.covariance[order],
         quad.area,
     )
+
+
+def _with_known_length(
+    catalogue: Catalogue, index: int, value: int, quad: Quad, lens: Lens
+) -> Quad:
+    """A view with four good sides, clipped, merged or shortened if it is not as long as its pad."""
+    wanted = catalogue.lengths[catalogue.families[index].pad]
+    length, deviation = measured_length(quad, catalogue.width, lens)
+    allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
+    if length < wanted - allowed:
+        return replace(quad, quality=Quality.CLIPPED)
+    if length <= wanted + allowed:
+        return quad
+    beside = _beside(catalogue.families, index, value, quad, NEIGHBOUR * lens.shape[0] / 1080)
+    if beside is None or length > (1 + LONGER) * wanted + allowed:
+        return replace(quad, quality=Quality.MERGED)
+    return shortened(quad, catalogue.width, wanted, lens, 1 - beside)
+
+
+def rms_of_ends(offsets: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 2"]:
+    """Root mean square length of the offsets of the first and of the second end's corners."""
+    squares = np.sum(offsets**2, axis=-1)
+    ends = [squares[..., [0, 3]], squares[..., [1, 2]]]
+    return np.sqrt(np.stack([end.mean(axis=-1) for end in ends], axis=-1))
 
 
 def _off_border(corners: Float[np.ndarray, "4 2"], lens: Lens) -> Bool[np.ndarray, "2"]:

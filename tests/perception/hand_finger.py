@@ -40,6 +40,9 @@ the high pad (mm), tilt of both mirrors (rad), and their offset (mm)."""
 FLAT = 8.0
 """A view is seen from so many rows on."""
 
+SPREAD = 3.0
+"""Root mean square distance of corners from where they are expected, by errors, px."""
+
 ANGLES = np.linspace(-0.1, 1.5, 161)
 """Values of each joint in the catalogue, rad."""
 
@@ -131,6 +134,7 @@ def catalogue() -> Catalogue:
                 there,
                 there,
                 np.stack([there, there], axis=-1),
+                np.full((len(angles), 2), SPREAD),
                 True,
             )
         )
