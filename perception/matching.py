@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from perception.lengths import ENDS, measured_length, shortened
+from perception.lengths import ENDS, measured_grazing, measured_length, shortened
 from perception.lens import Lens
 from perception.quads import Quad
 from perception.quality import Quality
@@ -21,8 +21,7 @@ CAP = 75.0
 """Corners further off than so many pixels (of 1080 rows) do not speak for a view."""
 
 AROUND = 1
-"""Neighbours of a joint's best value at which, too, all of a complete view must be seen: the true
-value lies between them."""
+"""Neighbours of a joint's best value, between which the true one lies."""
 
 AGREEING = 3.0
 """An end of a clipped view may be so many times as far from where it is expected as those of
@@ -30,6 +29,9 @@ fingers with errors of fabrication are (root mean square): further off it is som
 
 LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 """A pad's length may come out wrong by that share and by so many standard deviations."""
+
+DOUBTED_DEVIATIONS = 1.0
+"""Where a part of the pad may be hidden, it may come out too short by so many only."""
 
 BORDER = 8.0
 """An end nearer to the image's border than so many pixels may be cut off by it."""
@@ -56,8 +58,8 @@ class Family:
         angles: values of that joint, rad; one, and without meaning, where there is none.
         corners: where they are imaged.
         visible: whether any of the pad is seen.
-        complete: whether all of it is seen, whatever the errors of fabrication.
-        ends: whether its first and its second end are, likewise.
+        complete: in what share of fingers, with errors of fabrication, all of it is seen.
+        ends: whether its first and its second end are seen in all of them.
         spread: root mean square distance of its first and of its second end's corners from
             ``corners``, by errors of fabrication, px.
         wanted: whether it is asked for; other views only explain what is found.
@@ -70,7 +72,7 @@ class Family:
     angles: Float[np.ndarray, " values"]
     corners: Float[np.ndarray, "values 4 2"]
     visible: Bool[np.ndarray, " values"]
-    complete: Bool[np.ndarray, " values"]
+    complete: Float[np.ndarray, " values"]
     ends: Bool[np.ndarray, "values 2"]
     spread: Float[np.ndarray, "values 2"]
     wanted: bool
@@ -83,12 +85,14 @@ class Catalogue:
     Attributes:
         families: the views.
         lengths: of the pads by name, mm.
+        grazing: of the pads by name, the angle at which they must be seen at least, rad.
         width: of the pads across the section, mm.
         joints: number of joints.
     """
 
     families: Sequence[Family]
     lengths: dict[str, float]
+    grazing: dict[str, float]
     width: float
     joints: int
 
@@ -192,7 +196,7 @@ def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
             if family.joint in twice:
                 found = replace(found, quality=Quality.AMBIGUOUS, ends=(False, False))
             views.append(found)
-        elif family.complete[best[i]] and (family.joint in known or family.joint is None):
+        elif family.complete[best[i]] == 1 and (family.joint in known or family.joint is None):
             views.append(_missing(family))
     wanted = {number for i, number in assigned.items() if families[i].wanted}
     ghosts = tuple(
@@ -257,8 +261,7 @@ def _seen_twice(
         explained, other, moved = np.inf, cap, None
         for i, family in enumerate(families):
             own = np.where(family.visible, distances[i][number], np.inf)
-            near = own[max(best[i] - AROUND, 0) : best[i] + AROUND + 1]
-            explained = min(explained, near.min())
+            explained = min(explained, own[_around(best[i])].min())
             if family.wanted and family.joint is not None and own.min() < other:
                 other, moved = own.min(), family.joint
         if moved is not None and other < explained:
@@ -276,15 +279,12 @@ def _found(
 ) -> View:
     family = catalogue.families[index]
     order = [0, 1, 2, 3] if _first_is_lower(family.corners[value]) else [1, 0, 3, 2]
-    near = slice(max(value - AROUND, 0), value + AROUND + 1)
     if quad.quality is Quality.COMPLETE:
-        quad = _with_known_length(catalogue, index, value, quad, lens)
-    if quad.quality is Quality.COMPLETE and not family.complete[near].all():
-        quad = replace(quad, quality=Quality.CLIPPED)
+        quad = _judged(catalogue, index, value, quad, lens)
     ends = np.full(2, quad.quality is Quality.COMPLETE)
     if quad.quality is Quality.CLIPPED:
         off = quad.corners[order] - shift - family.corners[value]
-        ends = family.ends[near].all(axis=0) & _off_border(quad.corners[order], lens)
+        ends = family.ends[_around(value)].all(axis=0) & _off_border(quad.corners[order], lens)
         ends &= rms_of_ends(off) < AGREEING * family.spread[value]
         # Where both ends are expected, what has cut the view is unknown.
         ends &= not ends.all()
@@ -301,14 +301,17 @@ def _found(
     )
 
 
-def _with_known_length(
-    catalogue: Catalogue, index: int, value: int, quad: Quad, lens: Lens
-) -> Quad:
-    """A view with four good sides, clipped, merged or shortened if it is not as long as its pad."""
-    wanted = catalogue.lengths[catalogue.families[index].pad]
+def _judged(catalogue: Catalogue, index: int, value: int, quad: Quad, lens: Lens) -> Quad:
+    """A quadrilateral with four good sides, and whether these are those of all of the pad."""
+    family = catalogue.families[index]
+    if measured_grazing(quad, catalogue.width) < catalogue.grazing[family.pad]:
+        return replace(quad, quality=Quality.FLAT)
+    whole = family.complete[_around(value)]
+    wanted = catalogue.lengths[family.pad]
     length, deviation = measured_length(quad, catalogue.width, lens)
     allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
-    if length < wanted - allowed:
+    short = allowed if whole.min() == 1 else DOUBTED_DEVIATIONS * deviation
+    if whole.max() == 0 or length < wanted - short:
         return replace(quad, quality=Quality.CLIPPED)
     if length <= wanted + allowed:
         return quad
@@ -316,6 +319,11 @@ def _with_known_length(
     if beside is None or length > (1 + LONGER) * wanted + allowed:
         return replace(quad, quality=Quality.MERGED)
     return shortened(quad, catalogue.width, wanted, lens, 1 - beside)
+
+
+def _around(value: int) -> slice:
+    """The indices of a joint's best value and of its neighbours."""
+    return slice(max(value - AROUND, 0), value + AROUND + 1)
 
 
 def rms_of_ends(offsets: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 2"]:

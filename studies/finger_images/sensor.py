@@ -29,7 +29,7 @@ WHOLE = 1e-6
 """What is seen but for this part of a pad is all of it: rounding."""
 
 MADE = 8
-"""Fingers with errors of fabrication: what all of these show, every finger is taken to show."""
+"""Fingers with errors of fabrication, beside the designed one, that show what others may show."""
 
 
 def lens_of(imaging: Imaging) -> Lens:
@@ -78,7 +78,7 @@ def catalogue_of(
         np.array,
         zip(*(look(*made) for made in _made(scene, imaging, deviations, carried)), strict=True),
     )
-    whole = np.minimum(seen, all_seen.min(axis=0)) >= 1 - WHOLE
+    whole = np.asarray(np.mean(np.concatenate([seen[None], all_seen]) >= 1 - WHOLE, axis=0))
     always = ends_seen & all_ends.all(axis=0)
     spread = np.sqrt(np.mean(rms_of_ends(all_corners - corners) ** 2, axis=0))
     families = []
@@ -105,7 +105,7 @@ def catalogue_of(
             if not moved:
                 # Whatever the joints are: what is hidden in some poses is still seen in others.
                 visible = np.any(seen[..., path, pad] > 0)[None]
-                complete = np.any(whole[..., path, pad])[None]
+                complete = np.max(whole[..., path, pad])[None]
                 ends = np.any(always[:, :, path, pad], axis=(0, 1))[None]
             families.append(
                 Family(
@@ -124,8 +124,14 @@ def catalogue_of(
             )
     pads = np.asarray(scene.pads)
     lengths = np.hypot(*(pads[:, 1] - pads[:, 0]).T)
-    by_name = {pad.name: float(n) for pad, n in zip(layout.pads, lengths, strict=True)}
-    return Catalogue(families, by_name, width, joints)
+    by_name = [pad.name for pad in layout.pads]
+    return Catalogue(
+        families,
+        dict(zip(by_name, lengths.tolist(), strict=True)),
+        dict(zip(by_name, np.asarray(scene.grazing).tolist(), strict=True)),
+        width,
+        joints,
+    )
 
 
 def _made(

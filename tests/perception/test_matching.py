@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.matching import Catalogue, match
+from perception.matching import match
 from perception.quality import Quality
 from tests.perception.hand_finger import (
     ANGLES,
@@ -222,9 +222,7 @@ def test_a_view_that_has_run_into_its_neighbour_ends_where_the_pad_does(share, e
         corners=(corners[1] + [0, row - corners[1, 0 if end else 1, 1]])[None],
         wanted=False,
     )
-    known = Catalogue(
-        [*KNOWN.families, beside], KNOWN.lengths | {"beside": 16.0}, KNOWN.width, KNOWN.joints
-    )
+    known = dataclasses.replace(KNOWN, families=[*KNOWN.families, beside])
     view = match([quad_of(corners[1])], known, LENS).view("still", "direct")
     assert view is not None
     assert view.quality is Quality.COMPLETE
