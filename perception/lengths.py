@@ -1,7 +1,8 @@
-"""A pad's length as its view shows it: what tells a cut view, and two views run into one, apart.
+"""A pad's length, and how flat it is seen, by its view alone: without a model of where the pad is.
 
 The lateral slopes of an end's two corners and the pad's width give the end's distance; distances
-and section angles of both ends give the length, without a model of where the pad is.
+and section angles of both ends give the rest. The length separates a complete view from a cut one
+and from two that run into one.
 """
 
 from __future__ import annotations
@@ -43,6 +44,19 @@ def measured_length(quad: Quad, width: float, lens: Lens) -> tuple[float, float]
         slope = (_length(changed, width) - base) / STEP
         variance += slope**2 * (quad.covariance[i, axis, axis] + LEAST_DEVIATION**2)
     return base, float(np.sqrt(variance))
+
+
+def measured_grazing(quad: Quad, width: float) -> float:
+    """The flattest angle at which a view shows its pad, at one of its ends, rad.
+
+    Args:
+        quad: the view.
+        width: of the pad across the section, mm.
+    """
+    ends = _ends(quad.rays, width)
+    along = (ends[1] - ends[0]) / max(float(np.hypot(*(ends[1] - ends[0]))), 1e-9)
+    rays = ends / np.hypot(*ends.T)[:, None]
+    return float(np.arcsin(np.abs(rays[:, 0] * along[1] - rays[:, 1] * along[0])).min())
 
 
 def shortened(quad: Quad, width: float, length: float, lens: Lens, kept: int) -> Quad:

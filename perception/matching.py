@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from perception.lengths import ENDS, measured_length, shortened
+from perception.lengths import ENDS, measured_grazing, measured_length, shortened
 from perception.lens import Lens
 from perception.quads import Quad
 from perception.quality import Quality
@@ -20,11 +20,18 @@ from perception.quality import Quality
 CAP = 75.0
 """Corners further off than so many pixels (of 1080 rows) do not speak for a view."""
 
-AROUND = 2
-"""Neighbouring values of a joint at which a view that is judged complete may be so, too."""
+AROUND = 1
+"""Neighbours of a joint's best value, between which the true one lies."""
+
+AGREEING = 3.0
+"""An end of a clipped view may be so many times as far from where it is expected as those of
+fingers with errors of fabrication are (root mean square): further off it is something else."""
 
 LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 """A pad's length may come out wrong by that share and by so many standard deviations."""
+
+DOUBTED_DEVIATIONS = 1.0
+"""Where a part of the pad may be hidden, it may come out too short by so many only."""
 
 BORDER = 8.0
 """An end nearer to the image's border than so many pixels may be cut off by it."""
@@ -51,8 +58,10 @@ class Family:
         angles: values of that joint, rad; one, and without meaning, where there is none.
         corners: where they are imaged.
         visible: whether any of the pad is seen.
-        complete: whether all of it is seen.
-        ends: whether its first and its second end are seen.
+        complete: in what share of fingers, with errors of fabrication, all of it is seen.
+        ends: whether its first and its second end are seen in all of them.
+        spread: root mean square distance of its first and of its second end's corners from
+            ``corners``, by errors of fabrication, px.
         wanted: whether it is asked for; other views only explain what is found.
     """
 
@@ -63,8 +72,9 @@ class Family:
     angles: Float[np.ndarray, " values"]
     corners: Float[np.ndarray, "values 4 2"]
     visible: Bool[np.ndarray, " values"]
-    complete: Bool[np.ndarray, " values"]
+    complete: Float[np.ndarray, " values"]
     ends: Bool[np.ndarray, "values 2"]
+    spread: Float[np.ndarray, "values 2"]
     wanted: bool
 
 
@@ -75,12 +85,14 @@ class Catalogue:
     Attributes:
         families: the views.
         lengths: of the pads by name, mm.
+        grazing: of the pads by name, the angle at which they must be seen at least, rad.
         width: of the pads across the section, mm.
         joints: number of joints.
     """
 
     families: Sequence[Family]
     lengths: dict[str, float]
+    grazing: dict[str, float]
     width: float
     joints: int
 
@@ -180,11 +192,11 @@ def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
         if not family.wanted:
             continue
         if i in assigned:
-            found = _found(families, i, best[i], quads[assigned[i]], catalogue, lens)
+            found = _found(catalogue, i, best[i], quads[assigned[i]], lens, shift)
             if family.joint in twice:
                 found = replace(found, quality=Quality.AMBIGUOUS, ends=(False, False))
             views.append(found)
-        elif family.complete[best[i]] and (family.joint in known or family.joint is None):
+        elif family.complete[best[i]] == 1 and (family.joint in known or family.joint is None):
             views.append(_missing(family))
     wanted = {number for i, number in assigned.items() if families[i].wanted}
     ghosts = tuple(
@@ -249,8 +261,7 @@ def _seen_twice(
         explained, other, moved = np.inf, cap, None
         for i, family in enumerate(families):
             own = np.where(family.visible, distances[i][number], np.inf)
-            near = own[max(best[i] - AROUND, 0) : best[i] + AROUND + 1]
-            explained = min(explained, near.min())
+            explained = min(explained, own[_around(best[i])].min())
             if family.wanted and family.joint is not None and own.min() < other:
                 other, moved = own.min(), family.joint
         if moved is not None and other < explained:
@@ -259,28 +270,24 @@ def _seen_twice(
 
 
 def _found(
-    families: Sequence[Family], index: int, value: int, quad: Quad, catalogue: Catalogue, lens: Lens
+    catalogue: Catalogue,
+    index: int,
+    value: int,
+    quad: Quad,
+    lens: Lens,
+    shift: Float[np.ndarray, "2"],
 ) -> View:
-    family = families[index]
+    family = catalogue.families[index]
     order = [0, 1, 2, 3] if _first_is_lower(family.corners[value]) else [1, 0, 3, 2]
     if quad.quality is Quality.COMPLETE:
-        wanted = catalogue.lengths[family.pad]
-        length, deviation = measured_length(quad, catalogue.width, lens)
-        allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
-        if length < wanted - allowed:
-            quad = replace(quad, quality=Quality.CLIPPED)
-        elif length > wanted + allowed:
-            beside = _beside(families, index, value, quad, NEIGHBOUR * lens.shape[0] / 1080)
-            if beside is None or length > (1 + LONGER) * wanted + allowed:
-                quad = replace(quad, quality=Quality.MERGED)
-            else:
-                quad = shortened(quad, catalogue.width, wanted, lens, 1 - beside)
-        elif not family.complete[max(value - AROUND, 0) : value + AROUND + 1].any():
-            quad = replace(quad, quality=Quality.CLIPPED)
+        quad = _judged(catalogue, index, value, quad, lens)
     ends = np.full(2, quad.quality is Quality.COMPLETE)
     if quad.quality is Quality.CLIPPED:
-        near = family.ends[max(value - AROUND, 0) : value + AROUND + 1].any(axis=0)
-        ends = near & _off_border(quad.corners[order], lens)
+        off = quad.corners[order] - shift - family.corners[value]
+        ends = family.ends[_around(value)].all(axis=0) & _off_border(quad.corners[order], lens)
+        ends &= rms_of_ends(off) < AGREEING * family.spread[value]
+        # Where both ends are expected, what has cut the view is unknown.
+        ends &= not ends.all()
     return View(
         family.pad,
         family.path,
@@ -292,6 +299,38 @@ def _found(
         quad.covariance[order],
         quad.area,
     )
+
+
+def _judged(catalogue: Catalogue, index: int, value: int, quad: Quad, lens: Lens) -> Quad:
+    """A quadrilateral with four good sides, and whether these are those of all of the pad."""
+    family = catalogue.families[index]
+    if measured_grazing(quad, catalogue.width) < catalogue.grazing[family.pad]:
+        return replace(quad, quality=Quality.FLAT)
+    whole = family.complete[_around(value)]
+    wanted = catalogue.lengths[family.pad]
+    length, deviation = measured_length(quad, catalogue.width, lens)
+    allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
+    short = allowed if whole.min() == 1 else DOUBTED_DEVIATIONS * deviation
+    if whole.max() == 0 or length < wanted - short:
+        return replace(quad, quality=Quality.CLIPPED)
+    if length <= wanted + allowed:
+        return quad
+    beside = _beside(catalogue.families, index, value, quad, NEIGHBOUR * lens.shape[0] / 1080)
+    if beside is None or length > (1 + LONGER) * wanted + allowed:
+        return replace(quad, quality=Quality.MERGED)
+    return shortened(quad, catalogue.width, wanted, lens, 1 - beside)
+
+
+def _around(value: int) -> slice:
+    """The indices of a joint's best value and of its neighbours."""
+    return slice(max(value - AROUND, 0), value + AROUND + 1)
+
+
+def rms_of_ends(offsets: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 2"]:
+    """Root mean square length of the offsets of the first and of the second end's corners."""
+    squares = np.sum(offsets**2, axis=-1)
+    ends = [squares[..., [0, 3]], squares[..., [1, 2]]]
+    return np.sqrt(np.stack([end.mean(axis=-1) for end in ends], axis=-1))
 
 
 def _off_border(corners: Float[np.ndarray, "4 2"], lens: Lens) -> Bool[np.ndarray, "2"]:

@@ -10,6 +10,7 @@ class Quality(enum.Enum):
 
     COMPLETE = "All four sides of the pad are seen."
     CLIPPED = "The view is cut off by the image's border or by something in the way."
+    FLAT = "The pad is seen too flat: at less than its least grazing angle."
     GHOST = "Something bright that is no view of a pad that was asked for."
     MERGED = "The view runs into another one; its outline is not that of the pad."
     AMBIGUOUS = "The image shows a pad that this joint moves at two joint angles at once."

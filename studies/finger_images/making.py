@@ -71,12 +71,12 @@ class Finger:
         imaging = Imaging.of(scene.camera)
         if fault := _fault(scene, imaging):
             raise UserError(f"scene: {fault}; give the scene of a finger with --set scene=FILE")
+        deviations = deviations_of(spec.tolerances, scene.layout)
         try:
-            catalogue = catalogue_of(scene, imaging, spec.width)
+            catalogue = catalogue_of(scene, imaging, spec.width, deviations, carried)
         except ValueError as error:
             cure = "give the scene of a finger with --set scene=FILE"
             raise UserError(f"scene: {error}; {cure}") from error
-        deviations = deviations_of(spec.tolerances, scene.layout)
         model = corner_model(scene, imaging, catalogue, deviations, carried)
         return cls(
             scene, imaging, lens_of(imaging), catalogue, model, deviations, carried, spec.width

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import equinox as eqx
@@ -19,7 +19,7 @@ from optics.unfolding import paths_of
 from optics.views import Pieces, path_names
 from optics.visibility import find_views
 from perception.lens import Lens, Places, Rays
-from perception.matching import Catalogue, Family
+from perception.matching import Catalogue, Family, rms_of_ends
 from perception.proprioception import CornerModel, GapTable
 
 ANGLES = np.deg2rad(np.linspace(-2.0, 92.0, 95))
@@ -27,6 +27,9 @@ ANGLES = np.deg2rad(np.linspace(-2.0, 92.0, 95))
 
 WHOLE = 1e-6
 """What is seen but for this part of a pad is all of it: rounding."""
+
+MADE = 8
+"""Fingers with errors of fabrication, beside the designed one, that show what others may show."""
 
 
 def lens_of(imaging: Imaging) -> Lens:
@@ -43,17 +46,41 @@ def _placed(imaging: Imaging, rays: Float[Array | np.ndarray, "_ 2"]) -> Float[A
     return imaging.place(jnp.asarray(rays[:, 0]), jnp.asarray(rays[:, 1]))
 
 
-def catalogue_of(scene: Scene, imaging: Imaging, width: float) -> Catalogue:
+def catalogue_of(
+    scene: Scene,
+    imaging: Imaging,
+    width: float,
+    deviations: Fabrication,
+    carried: Sequence[int],
+) -> Catalogue:
     """Every view that the finger can show, for all values of the joint that moves it.
 
     Wanted are those of every pad that moves against the camera, directly and in the mirror of its
     own phalanx, and those of other pads directly.
+
+    Args:
+        scene: as designed.
+        imaging: its camera's image.
+        width: of the pads, mm.
+        deviations: standard deviation of every error of fabrication.
+        carried: indices of the blockers that move with the camera.
+
+    Raises:
+        ValueError: several joints move a view of a pad in its own mirror.
     """
     layout, joints = scene.layout, len(scene.angle_names)
     poses = np.zeros((joints, len(ANGLES), joints))
     for joint in range(joints):
         poses[joint, :, joint] = ANGLES
-    corners, seen, ends_seen = _looked_at(scene, imaging, jnp.asarray(poses), width)
+    look = partial(_looked_at, poses=jnp.asarray(poses), width=width)
+    corners, seen, ends_seen = look(scene, imaging)
+    all_corners, all_seen, all_ends = map(
+        np.array,
+        zip(*(look(*made) for made in _made(scene, imaging, deviations, carried)), strict=True),
+    )
+    whole = np.asarray(np.mean(np.concatenate([seen[None], all_seen]) >= 1 - WHOLE, axis=0))
+    always = ends_seen & all_ends.all(axis=0)
+    spread = np.sqrt(np.mean(rms_of_ends(all_corners - corners) ** 2, axis=0))
     families = []
     names, words = path_names(layout), paths_of(layout, layout.bounces)
     for path, word in enumerate(words):
@@ -73,11 +100,13 @@ def catalogue_of(scene: Scene, imaging: Imaging, width: float) -> Catalogue:
                 continue
             joint = moved[0] if moved else 0
             values = slice(None) if moved else slice(0, 1)
-            share, ends = seen[joint, values, path, pad], ends_seen[joint, values, path, pad]
+            at = (joint, values, path, pad)
+            visible, complete, ends = seen[at] > 0, whole[at], always[at]
             if not moved:
                 # Whatever the joints are: what is hidden in some poses is still seen in others.
-                share = np.max(seen[..., path, pad])[None]
-                ends = np.any(ends_seen[:, :, path, pad], axis=(0, 1))[None]
+                visible = np.any(seen[..., path, pad] > 0)[None]
+                complete = np.max(whole[..., path, pad])[None]
+                ends = np.any(always[:, :, path, pad], axis=(0, 1))[None]
             families.append(
                 Family(
                     surface.name,
@@ -85,17 +114,35 @@ def catalogue_of(scene: Scene, imaging: Imaging, width: float) -> Catalogue:
                     len(word),
                     joint if moved else None,
                     ANGLES[values],
-                    corners[joint, values, path, pad],
-                    share > 0,
-                    share >= 1 - WHOLE,
+                    corners[at],
+                    visible,
+                    complete,
                     ends,
+                    spread[at],
                     own,
                 )
             )
     pads = np.asarray(scene.pads)
     lengths = np.hypot(*(pads[:, 1] - pads[:, 0]).T)
-    by_name = {pad.name: float(n) for pad, n in zip(layout.pads, lengths, strict=True)}
-    return Catalogue(families, by_name, width, joints)
+    by_name = [pad.name for pad in layout.pads]
+    return Catalogue(
+        families,
+        dict(zip(by_name, lengths.tolist(), strict=True)),
+        dict(zip(by_name, np.asarray(scene.grazing).tolist(), strict=True)),
+        width,
+        joints,
+    )
+
+
+def _made(
+    scene: Scene, imaging: Imaging, deviations: Fabrication, carried: Sequence[int]
+) -> Iterator[tuple[Scene, Imaging]]:
+    """Fingers with errors of fabrication, and their cameras' images."""
+    generator = np.random.default_rng(0)
+    for _ in range(MADE):
+        errors = generator.standard_normal(sum(leaf.size for leaf in jax.tree.leaves(deviations)))
+        made = as_made(scene, errors_of(deviations, jnp.asarray(errors)), carried=carried)
+        yield made, eqx.tree_at(lambda imaging: imaging.camera, imaging, made.camera)
 
 
 def _looked_at(

@@ -20,7 +20,8 @@ class Found:
     """Everything that was measured.
 
     Attributes:
-        frames: all frames analysed.
+        frames: all frames of one severity and gain each, analysed.
+        independent: frames whose effects have severities independent of each other, likewise.
         trials: corrupted frames.
         rows: error against run time.
         times: of rendering, effect by effect.
@@ -29,6 +30,7 @@ class Found:
     """
 
     frames: list[Frame]
+    independent: list[Frame]
     trials: list[Trial]
     rows: list[PrecisionRow]
     times: list[EffectTime]

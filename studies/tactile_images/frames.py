@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -75,7 +75,7 @@ class Frame:
 
     Attributes:
         gain: exposure.
-        severity: of all other effects.
+        severity: of all other effects; NaN where each has its own.
         degrees: joint angles.
         views: those that can be found.
         wrong: views said to be complete that are not.
@@ -98,6 +98,20 @@ def poses(grid: int, range_deg: float, joints: int) -> Float[np.ndarray, "poses 
     """A grid over the joints' ranges, rad."""
     steps = np.deg2rad(np.linspace(0, range_deg, grid))
     return np.stack(np.meshgrid(*[steps] * joints, indexing="ij"), axis=-1).reshape(-1, joints)
+
+
+def independent_effects(generator: np.random.Generator) -> Effects:
+    """Effects whose severities are independent of each other, each of them off in one case of five.
+
+    So the dark inside of a finger meets blur, noise and compression of every size.
+    """
+    severities = {
+        field.name: float(np.clip(generator.uniform(-0.5, 2.0), 0.0, None))
+        for field in fields(Effects)
+        if field.name != "gain"
+    }
+    parts = {name: getattr(Effects.graded(s), name) for name, s in severities.items()}
+    return Effects(gain=float(generator.uniform(0.6, 1.5)), **parts)
 
 
 def rendered(

@@ -21,6 +21,7 @@ from studies.tactile_images.frames import (
     FAR,
     Frame,
     can_be_found,
+    independent_effects,
     nearest_errors,
     poses,
     rendered,
@@ -77,6 +78,19 @@ def find(spec: TactileImagesSpec, context: Context) -> Found:
                 number=number,
                 seed=context.seed,
             )
+    independent: list[Frame] = []
+    if spec.independent:
+        with context.step("Effects of independent severities"):
+            generator = np.random.default_rng([context.seed, 7])
+            for number in range(spec.independent):
+                independent += rendered(
+                    finger,
+                    effects=independent_effects(generator),
+                    severity=np.nan,
+                    angles=np.deg2rad(generator.uniform(0, spec.range_deg, angles[:1].shape)),
+                    number=number,
+                    seed=context.seed,
+                )
     trials: list[Trial] = []
     if spec.corrupted:
         with context.step("Corrupted frames"):
@@ -97,7 +111,7 @@ def find(spec: TactileImagesSpec, context: Context) -> Found:
         times = effect_times(finger, spec.severity, context.seed)
     with context.step("Pictures"):
         figures = shown(finger, spec, context.seed)
-    return Found(frames, trials, rows, times, finger, figures)
+    return Found(frames, independent, trials, rows, times, finger, figures)
 
 
 def _over_sizes(spec: TactileImagesSpec, size: int, seed: int) -> list[PrecisionRow]:

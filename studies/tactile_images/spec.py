@@ -37,6 +37,9 @@ class TactileImagesSpec(FingerImagesSpec):
     severities: Annotated[list[Severity], AfterValidator(_distinct)] = Field(
         default=[0.0, 0.5, 1.5, 2.0], description="other severities, at gain 1 with one finger"
     )
+    independent: Annotated[int, Field(ge=0, le=10_000)] = Field(
+        default=100, description="frames, each with effects of severities independent of each other"
+    )
     corrupted: Annotated[int, Field(ge=0, le=100_000)] = Field(
         default=1000, description="frames that are no proper images"
     )

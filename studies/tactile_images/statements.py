@@ -20,8 +20,8 @@ FOUND, MEDIAN_PX, P90_PX, UNWARP_MM, DETECTION_MS = 0.95, 2.0, 5.0, 0.3, 100.0
 def metrics(spec: TactileImagesSpec, found: Found) -> list[Metric]:
     """The study's numbers; targets belong to the stated finger, images and numbers of them."""
     default = TactileImagesSpec()
-    sizes = {"fingers", "grid", "severities", "corrupted", "corrupted_rows", "sizes", "size_frames",
-             "gains"}  # fmt: skip
+    sizes = {"fingers", "grid", "severities", "independent", "corrupted", "corrupted_rows",
+             "sizes", "size_frames", "gains"}  # fmt: skip
     stated = spec.model_dump(exclude=sizes) == default.model_dump(exclude=sizes)
     made: list[Metric] = []
 
@@ -38,6 +38,16 @@ def metrics(spec: TactileImagesSpec, found: Found) -> list[Metric]:
             share([view.found for view in seen]),
             "",
             f"part of {len(seen)} complete views off the border that were found, gain {gain:g}",
+            Target(">=", FOUND),
+        )
+    if found.independent:
+        seen = all_views(found.independent)
+        add(
+            "found_independent",
+            share([view.found for view in seen]),
+            "",
+            f"part of {len(seen)} such views that were found in {len(found.independent)} frames "
+            "whose effects have severities independent of each other",
             Target(">=", FOUND),
         )
     seen = all_views(at_severity)
@@ -126,6 +136,14 @@ def findings(spec: TactileImagesSpec, found: Found) -> list[str]:
             f"average, by an affine map by {affine:.1f} mm."
         )
     lines += _severities(spec, found.frames)
+    if found.independent:
+        each = [view.found for view in all_views(found.independent)]
+        lines.append(
+            f"In {len(found.independent)} frames of as many fingers, whose effects have severities "
+            "independent of each other (0 to 2, each off in one case of five), "
+            f"{100 * share(each):.1f} % of {len(each)} views were found, and "
+            f"{sum(frame.wrong for frame in found.independent)} were called complete that are not."
+        )
     wrong = sum(frame.wrong for frame in at_severity)
     complete = sum(view.found for view in seen)
     lines.append(f"{wrong} views were called complete that are not, beside {complete} that are.")

@@ -40,6 +40,12 @@ the high pad (mm), tilt of both mirrors (rad), and their offset (mm)."""
 FLAT = 8.0
 """A view is seen from so many rows on."""
 
+SPREAD = 3.0
+"""Root mean square distance of corners from where they are expected, by errors, px."""
+
+GRAZING = 0.01
+"""Flatter views do not count, rad."""
+
 ANGLES = np.linspace(-0.1, 1.5, 161)
 """Values of each joint in the catalogue, rad."""
 
@@ -129,12 +135,13 @@ def catalogue() -> Catalogue:
                 angles,
                 corners[:, index],
                 there,
-                there,
+                there.astype(float),
                 np.stack([there, there], axis=-1),
+                np.full((len(angles), 2), SPREAD),
                 True,
             )
         )
-    return Catalogue(families, LENGTHS, WIDTH, len(JOINTS))
+    return Catalogue(families, LENGTHS, dict.fromkeys(LENGTHS, GRAZING), WIDTH, len(JOINTS))
 
 
 def quad_of(

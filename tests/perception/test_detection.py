@@ -140,6 +140,18 @@ def test_compression_hides_no_view_in_a_dark_finger(finger, noise):
             assert off(sighting, view) < NEAR, (number, view.pad, view.path)
 
 
+@pytest.mark.parametrize("pip_deg", [44, 45, 46])
+def test_a_view_of_which_a_fiftieth_is_hidden_is_not_complete(finger, pip_deg):
+    """The intermediate pad hides the end of the proximal one in its mirror."""
+    renderer = finger.renderer(Effects.graded(1.0), None, seed=1)
+    image, sighting = analysed(finger, renderer.render(np.deg2rad([pip_deg, 20]), frame=0))
+    view = sighting.view("proximal", "mirror:proximal")
+    assert view is not None
+    assert view.quality is Quality.CLIPPED
+    for true in image.views:
+        assert not true.complete or (true.pad, true.path) != (view.pad, view.path)
+
+
 def test_one_channel_is_seen_as_three_equal_ones(finger, designed_frames):
     grey = designed_frames[2].image.pixels.max(axis=-1)
     quads = find_quads(grey, finger.lens)

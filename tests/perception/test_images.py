@@ -73,7 +73,7 @@ OF_COLOURED = {
 }
 OF_ANY_CHANNELS = {
     "find_quads": lambda image: bare(find_quads)(image, LENS),
-    "find_views": lambda image: bare(find_views)(image, LENS, Catalogue((), {}, 5.0, 0)),
+    "find_views": lambda image: bare(find_views)(image, LENS, Catalogue((), {}, {}, 5.0, 0)),
     "unwarp": lambda image: bare(unwarp)(image, VIEW, LENS, 12.0, 8.0),
 }
 OF_GREY = {

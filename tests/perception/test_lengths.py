@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.detection import find_quads
-from perception.lengths import LEAST_DEVIATION, measured_length, shortened
+from perception.lengths import LEAST_DEVIATION, measured_grazing, measured_length, shortened
 from tests.perception.drawn import Eye, Pad, drawn, exact_quad, rays_of, stored
 
 EYE = Eye()
@@ -26,6 +26,15 @@ def test_exact_corners_give_the_length(forward, up, further, higher, beside):
     length, deviation = measured_length(exact_quad(EYE, pad), pad.width, LENS)
     assert length == pytest.approx(pad.length, rel=1e-9)
     assert deviation > 0
+
+
+@given(st.floats(8, 40), st.floats(-25, -5), st.floats(8, 40), st.floats(-4, 25), st.floats(-6, 6))
+def test_exact_corners_give_the_flattest_angle(forward, up, further, higher, beside):
+    pad = Pad((forward, up), (further, higher), beside=beside)
+    lie = np.arctan2(higher - up, further - forward)
+    between = [lie - np.arctan2(up, forward), lie - np.arctan2(higher, further)]
+    flattest = min(min(angle % np.pi, -angle % np.pi) for angle in between)
+    assert measured_grazing(exact_quad(EYE, pad), pad.width) == pytest.approx(flattest, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", PADS)

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.matching import Catalogue, match
+from perception.lengths import measured_grazing
+from perception.matching import match
+from perception.quads import Quad
 from perception.quality import Quality
 from tests.perception.hand_finger import (
     ANGLES,
@@ -16,6 +18,7 @@ from tests.perception.hand_finger import (
     REFLECTIONS,
     SIZES,
     VIEWS,
+    WIDTH,
     catalogue,
     corners_of,
     names,
@@ -34,6 +37,12 @@ poses = st.tuples(st.floats(0.0, 1.5), st.floats(0.0, 1.5))
 
 def corners_in(pose: np.ndarray) -> np.ndarray:
     return corners_of(np.zeros(len(SIZES)), np.asarray(pose)[None])[0]
+
+
+def view_of(quad: Quad) -> tuple[str, str]:
+    """The view that has a quadrilateral's place in `BOTH`."""
+    off = np.abs(corners_in(BOTH).mean(axis=1) - quad.corners.mean(axis=0)).max(axis=-1)
+    return VIEWS[int(off.argmin())]
 
 
 def area(corners: np.ndarray) -> float:
@@ -101,6 +110,43 @@ def test_rays_and_covariances_are_in_the_order_of_the_corners():
     for view in sighting.views:
         np.testing.assert_allclose(view.covariance[:, 0, 0], 1 + view.corners[:, 0])
         np.testing.assert_allclose(LENS.project(view.rays), view.corners, atol=1e-6)
+
+
+@pytest.mark.parametrize(("pad", "path"), VIEWS)
+def test_a_view_flatter_than_its_pads_limit_is_flat(pad, path):
+    quads = quads_of(corners_in(BOTH))
+    own = next(i for i, quad in enumerate(quads) if view_of(quad) == (pad, path))
+    angle = measured_grazing(quads[own], WIDTH)
+    for limit, quality in ((0.99 * angle, Quality.COMPLETE), (1.01 * angle, Quality.FLAT)):
+        known = dataclasses.replace(KNOWN, grazing=KNOWN.grazing | {pad: limit})
+        view = match(quads, known, LENS).view(pad, path)
+        assert view is not None
+        assert view.quality is quality
+        assert view.ends == (quality is Quality.COMPLETE,) * 2
+
+
+@pytest.mark.parametrize(
+    ("share", "short", "quality"),
+    [
+        (1.0, 0.98, Quality.COMPLETE),
+        (0.5, 0.98, Quality.CLIPPED),
+        (0.5, 1.0, Quality.COMPLETE),
+        (0.0, 1.0, Quality.CLIPPED),
+    ],
+)
+def test_where_a_part_may_be_hidden_a_view_must_be_as_long_as_its_pad(share, short, quality):
+    """2 % of the length: within the errors where all is seen, too much where it may not be."""
+    index = VIEWS.index(("low", "direct"))
+    corners = corners_in(BOTH)[index]
+    cut = corners.copy()
+    cut[[1, 2]] += (1 - short) * (corners[[0, 3]] - corners[[1, 2]])
+    families = list(KNOWN.families)
+    doubted = np.full(len(ANGLES), share)
+    families[index] = dataclasses.replace(families[index], complete=doubted)
+    known = dataclasses.replace(KNOWN, families=families)
+    view = match([quad_of(cut, deviation=0.1)], known, LENS).view("low", "direct")
+    assert view is not None
+    assert view.quality is quality
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -222,9 +268,7 @@ def test_a_view_that_has_run_into_its_neighbour_ends_where_the_pad_does(share, e
         corners=(corners[1] + [0, row - corners[1, 0 if end else 1, 1]])[None],
         wanted=False,
     )
-    known = Catalogue(
-        [*KNOWN.families, beside], KNOWN.lengths | {"beside": 16.0}, KNOWN.width, KNOWN.joints
-    )
+    known = dataclasses.replace(KNOWN, families=[*KNOWN.families, beside])
     view = match([quad_of(corners[1])], known, LENS).view("still", "direct")
     assert view is not None
     assert view.quality is Quality.COMPLETE

@@ -22,6 +22,7 @@ QUICK = [
     "grid=2",
     "gains=[1.0]",
     "severities=[]",
+    "independent=3",
     "corrupted=13",
     "corrupted_rows=360",
     "sizes=[360]",
