@@ -31,7 +31,7 @@ LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 """A pad's length may come out wrong by that share and by so many standard deviations."""
 
 DOUBTED_DEVIATIONS = 1.0
-"""Where a part of the pad may be hidden, it may come out too short by so many only."""
+"""By so many only too short, where a part may be hidden, and too long, beside another view."""
 
 BORDER = 8.0
 """An end nearer to the image's border than so many pixels may be cut off by it."""
@@ -58,6 +58,7 @@ class Family:
         angles: values of that joint, rad; one, and without meaning, where there is none.
         corners: where they are imaged.
         visible: whether any of the pad is seen.
+        possible: whether any of it is in some finger, with errors of fabrication.
         complete: in what share of fingers, with errors of fabrication, all of it is seen.
         ends: whether its first and its second end are seen in all of them.
         spread: root mean square distance of its first and of its second end's corners from
@@ -72,6 +73,7 @@ class Family:
     angles: Float[np.ndarray, " values"]
     corners: Float[np.ndarray, "values 4 2"]
     visible: Bool[np.ndarray, " values"]
+    possible: Bool[np.ndarray, " values"]
     complete: Float[np.ndarray, " values"]
     ends: Bool[np.ndarray, "values 2"]
     spread: Float[np.ndarray, "values 2"]
@@ -106,8 +108,9 @@ class View:
         path: name of the path.
         reflections: on its way.
         quality: how it was found.
-        ends: whether the pad's first and its second end are those of the view: of a clipped view
-            the one that is cut off is not.
+        ends: whether the pad's first and its second end are those of the view, whatever the errors
+            of fabrication: of a clipped view the one that is cut off is not, and of a complete one
+            not the one that something hides in some fingers.
         corners: column and row, in the pad's own order; NaN where it is missing.
         rays: of the corners.
         covariance: of the corners, px².
@@ -281,13 +284,15 @@ def _found(
     order = [0, 1, 2, 3] if _first_is_lower(family.corners[value]) else [1, 0, 3, 2]
     if quad.quality is Quality.COMPLETE:
         quad = _judged(catalogue, index, value, quad, lens)
-    ends = np.full(2, quad.quality is Quality.COMPLETE)
+    ends = family.ends[_around(value)].all(axis=0)
     if quad.quality is Quality.CLIPPED:
         off = quad.corners[order] - shift - family.corners[value]
-        ends = family.ends[_around(value)].all(axis=0) & _off_border(quad.corners[order], lens)
+        ends &= _off_border(quad.corners[order], lens)
         ends &= rms_of_ends(off) < AGREEING * family.spread[value]
         # Where both ends are expected, what has cut the view is unknown.
         ends &= not ends.all()
+    elif quad.quality is not Quality.COMPLETE:
+        ends = np.zeros(2, bool)
     return View(
         family.pad,
         family.path,
@@ -313,9 +318,9 @@ def _judged(catalogue: Catalogue, index: int, value: int, quad: Quad, lens: Lens
     short = allowed if whole.min() == 1 else DOUBTED_DEVIATIONS * deviation
     if whole.max() == 0 or length < wanted - short:
         return replace(quad, quality=Quality.CLIPPED)
-    if length <= wanted + allowed:
-        return quad
     beside = _beside(catalogue.families, index, value, quad, NEIGHBOUR * lens.shape[0] / 1080)
+    if length <= wanted + (allowed if beside is None else DOUBTED_DEVIATIONS * deviation):
+        return quad
     if beside is None or length > (1 + LONGER) * wanted + allowed:
         return replace(quad, quality=Quality.MERGED)
     return shortened(quad, catalogue.width, wanted, lens, 1 - beside)
@@ -349,7 +354,7 @@ def _beside(
         at = 0 if family.joint is None else value
         if other == index or family.joint not in (None, families[index].joint):
             continue
-        if not family.visible[at]:
+        if not family.possible[at]:
             continue
         rows = [_canonical(family.corners[at])[list(end), 1].mean() for end in ENDS]
         for end, corners in enumerate(ENDS):

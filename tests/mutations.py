@@ -93,6 +93,8 @@ def _with_another_number(document: dict[str, Any], generator: np.random.Generato
 def _with_another_content(document: dict[str, Any], generator: np.random.Generator) -> str:
     # Tables and lists are as likely as the many numbers in them.
     places = list(_places(document))
+    if not places:
+        return "nothing"
     nested = [place for place in places if isinstance(place[0][place[1]], (dict, list))]
     table, key = _one_of(nested if nested and generator.uniform() < 0.5 else places, generator)
     value, where = table[key], f"{key!r} = {str(table[key])[:60]}"

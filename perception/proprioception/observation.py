@@ -23,12 +23,13 @@ NOWHERE = 0.0
 
 
 class Observation(NamedTuple):
-    """Corners of complete views.
+    """Corners of complete views, at ends that are surely those of their pads.
 
     Attributes:
         corners: column and row.
         whitening: what makes their deviations independent and of size one: the inverse square root
-            of their covariance, 1/px; 0 for corners that were not found.
+            of their covariance, 1/px; 0 for corners that were not found, or of ends that may be
+            others.
     """
 
     corners: Float[Array | np.ndarray, "*frames views 4 2"]
@@ -48,7 +49,7 @@ class Observation(NamedTuple):
 def observe(
     sighting: Sighting, views: Sequence[tuple[str, str]], floor: float = FLOOR
 ) -> Observation:
-    """The corners of a sighting.
+    """The corners of a sighting's complete views, at the ends that each view's `View.ends` grants.
 
     Args:
         sighting: of one frame.
@@ -63,7 +64,9 @@ def observe(
             continue
         covariance = view.covariance + floor**2 * np.eye(2)
         if np.isfinite(covariance).all() and np.linalg.cond(covariance).max() < WORST:
-            corners[index], whitening[index] = view.corners, inverse_root(covariance)
+            of_ends = np.array(view.ends)[[0, 1, 1, 0]]
+            corners[index] = view.corners
+            whitening[index] = np.where(of_ends[:, None, None], inverse_root(covariance), 0.0)
     return Observation(corners, whitening)
 
 

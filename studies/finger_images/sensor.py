@@ -78,7 +78,9 @@ def catalogue_of(
         np.array,
         zip(*(look(*made) for made in _made(scene, imaging, deviations, carried)), strict=True),
     )
-    whole = np.asarray(np.mean(np.concatenate([seen[None], all_seen]) >= 1 - WHOLE, axis=0))
+    all_seen = np.concatenate([seen[None], all_seen])
+    whole = np.asarray(np.mean(all_seen >= 1 - WHOLE, axis=0))
+    possible = np.any(all_seen > 0, axis=0)
     always = ends_seen & all_ends.all(axis=0)
     spread = np.sqrt(np.mean(rms_of_ends(all_corners - corners) ** 2, axis=0))
     families = []
@@ -102,9 +104,11 @@ def catalogue_of(
             values = slice(None) if moved else slice(0, 1)
             at = (joint, values, path, pad)
             visible, complete, ends = seen[at] > 0, whole[at], always[at]
+            anywhere = possible[at]
             if not moved:
                 # Whatever the joints are: what is hidden in some poses is still seen in others.
                 visible = np.any(seen[..., path, pad] > 0)[None]
+                anywhere = np.any(possible[..., path, pad])[None]
                 complete = np.max(whole[..., path, pad])[None]
                 ends = np.any(always[:, :, path, pad], axis=(0, 1))[None]
             families.append(
@@ -116,6 +120,7 @@ def catalogue_of(
                     ANGLES[values],
                     corners[at],
                     visible,
+                    anywhere,
                     complete,
                     ends,
                     spread[at],

@@ -135,6 +135,7 @@ def catalogue() -> Catalogue:
                 angles,
                 corners[:, index],
                 there,
+                there,
                 there.astype(float),
                 np.stack([there, there], axis=-1),
                 np.full((len(angles), 2), SPREAD),

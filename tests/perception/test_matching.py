@@ -255,7 +255,7 @@ def test_a_view_that_is_not_as_long_as_its_pad_is_not_all_of_it(share, quality):
     assert view.quality is quality
 
 
-@pytest.mark.parametrize("share", [1.06, 1.1])
+@pytest.mark.parametrize("share", [1.02, 1.06, 1.1])
 @pytest.mark.parametrize("end", [0, 1])
 def test_a_view_that_has_run_into_its_neighbour_ends_where_the_pad_does(share, end):
     corners = with_length(share, kept=1 - end)
@@ -273,6 +273,21 @@ def test_a_view_that_has_run_into_its_neighbour_ends_where_the_pad_does(share, e
     assert view is not None
     assert view.quality is Quality.COMPLETE
     np.testing.assert_allclose(view.corners, true, atol=1e-6)
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_an_end_that_some_fingers_hide_is_not_granted(end):
+    index = VIEWS.index(("low", "direct"))
+    families = list(KNOWN.families)
+    seen = families[index].ends.copy()
+    near = np.argmin(np.abs(ANGLES - BOTH[0])) + 1
+    seen[near:, end] = False
+    families[index] = dataclasses.replace(families[index], ends=seen)
+    known = dataclasses.replace(KNOWN, families=families)
+    view = match(quads_of(corners_in(BOTH)), known, LENS).view("low", "direct")
+    assert view is not None
+    assert view.quality is Quality.COMPLETE
+    assert view.ends == (end == 1, end == 0)
 
 
 def test_where_no_value_nearby_shows_all_of_a_pad_it_is_clipped():

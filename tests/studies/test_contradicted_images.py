@@ -239,6 +239,11 @@ def refused_share(finger: Finger, fingers: list[Calibrated], frames: int) -> flo
     return refused / seen_at_all
 
 
+@pytest.mark.slow
+def test_frames_of_the_calibrated_finger_are_not_refused(finger, fingers):
+    assert refused_share(finger, fingers, 20) == 0
+
+
 @pytest.mark.nightly
 def test_few_of_many_frames_of_the_calibrated_finger_are_refused(finger, fingers):
     assert refused_share(finger, fingers, 100) <= 0.005

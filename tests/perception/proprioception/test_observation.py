@@ -67,6 +67,21 @@ def test_whitened_draws_are_independent_and_of_size_one():
     np.testing.assert_allclose(np.cov(whitening[0, 0] @ draws.T), np.eye(2), atol=0.08)
 
 
+@pytest.mark.parametrize(
+    ("ends", "used"),
+    [
+        ((True, True), [True] * 4),
+        ((True, False), [True, False, False, True]),
+        ((False, True), [False, True, True, False]),
+        ((False, False), [False] * 4),
+    ],
+)
+def test_corners_of_ends_that_are_not_granted_have_no_weight(ends, used):
+    view = dataclasses.replace(view_of("low", "direct", (-0.5, -0.1)), ends=ends)
+    seen = observe(sighting_of(view), VIEWS)
+    assert seen.used[0].tolist() == [[one, one] for one in used]
+
+
 def test_corners_stand_in_the_order_of_the_model():
     angles = {view: (0.1 * i, 0.1 * i + 0.05) for i, view in enumerate(VIEWS)}
     views = [view_of(*view, angles[view]) for view in reversed(VIEWS)]
