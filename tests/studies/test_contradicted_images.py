@@ -49,7 +49,7 @@ class Calibrated(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """An image, and the joint angles that it shows, rad; none if it shows no finger."""
+    """An image, and the joint angles that it shows, rad: of a double exposure, two of each."""
 
     pixels: np.ndarray
     angles: np.ndarray | None
@@ -142,11 +142,13 @@ def shifted(finger, one, pose, generator) -> Picture:
 
 
 def blended(finger, one, pose, generator) -> Picture:
-    """A double exposure; the truth is the brighter one."""
-    other = one.camera.render(generator.uniform(0, math.pi / 2, 2), frame=1).pixels
+    """A double exposure; of views that lie over each other, either one may be found."""
+    other = generator.uniform(0, math.pi / 2, 2)
     weight = generator.uniform(0.55, 0.8)
-    first = one.camera.render(pose).pixels
-    return Picture(cv2.addWeighted(first, weight, other, 1 - weight, 0), pose)
+    first, second = (
+        one.camera.render(shown, frame=i).pixels for i, shown in enumerate([pose, other])
+    )
+    return Picture(cv2.addWeighted(first, weight, second, 1 - weight, 0), np.stack([pose, other]))
 
 
 def photograph(finger, one, pose, generator) -> Picture:
@@ -190,7 +192,8 @@ def stated_and_wrong(finger: Finger, fingers: list[Calibrated], kind: str, count
         for name, errors in (("calibrated", one.errors), ("as designed", None)):
             answer = find_pose(finger.model, seen, guess, errors)
             truth = np.full(2, np.inf) if picture.angles is None else picture.angles
-            off = np.abs(answer.value.angles - truth) / answer.value.deviations
+            off = np.abs(answer.value.angles - truth).reshape(-1, 2).min(axis=0)
+            off /= answer.value.deviations
             wrong += [
                 f"{kind} {number}, {name}, joint {joint}: {off[joint]:.1f} s.d."
                 for joint in np.flatnonzero(np.asarray(answer.ok) & (np.asarray(off) > CONFIDENT))
