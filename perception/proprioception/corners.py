@@ -33,6 +33,9 @@ SOLVED, STEPS = 1e-9, 128
 """Relative tolerance of a pose, far below the corners' noise, and a cap on iterations: with many
 corners that count less it converges linearly only."""
 
+USUAL = 0.05
+"""Part of the right frames whose χ² is beyond what is usual: it makes their deviations larger."""
+
 CONSTANT = 0.3
 """Standard deviation of what a corner is off by in every frame alike, px of any image,
 beside its own covariance: a pad's edge is always rough in the same places."""
@@ -172,7 +175,8 @@ def find_pose(
     is a χ² test of their raw residuals, of all views and of each joint's own, with the covariance
     C = s² N + J Σ Jᵀ of all that may move them: N of the corners, s their ``scale``, Σ of the
     finger's errors and constant offsets, J the derivative by these (linear model error;
-    A. Tarantola, *Inverse Problem Theory*, 2005, §3.2).
+    A. Tarantola, *Inverse Problem Theory*, 2005, §3.2). Of what is not refused, a χ² beyond that of
+    19 right frames of 20 makes the stated deviations larger, by its excess per degree of freedom.
 
     Args:
         model: what predicts the corners.
@@ -189,13 +193,14 @@ def find_pose(
     Raises:
         ValueError: the significance does not lie between 0 and 1.
     """
-    limits = chi_squared_limits(8 * len(model.views), significance)
+    limits, usual = (chi_squared_limits(8 * len(model.views), p) for p in (significance, USUAL))
     return _solve(
         model,
         Observation(*map(jnp.asarray, seen)),
         jnp.asarray(np.where(np.isfinite(guess), guess, np.mean(model.limits))),
         FingerErrors.of(model) if errors is None else errors,
         jnp.asarray(limits),
+        jnp.asarray(usual),
     )
 
 
@@ -206,6 +211,7 @@ def _solve(
     guess: Float[Array, " joints"],
     errors: FingerErrors,
     limits: Float[Array, " counts"],
+    usual: Float[Array, " counts"],
 ) -> Solution[JointAngles]:
     def left_at(causes: Float[Array, " causes"], pose: Float[Array, " joints"]) -> Array:
         own, offsets = causes[: model.errors], causes[model.errors :].reshape(seen.corners.shape)
@@ -247,8 +253,8 @@ def _solve(
     softening = jax.vmap(jax.grad(softened))(left)[:, None]
     gain = fit.covariance @ (softening * by_angle).T @ (softening * by_cause)
     covariance = noise * fit.covariance + gain @ errors.covariance @ gain.T
-    # Corners that scatter more than stated give larger deviations than stated.
-    excess = jnp.maximum(jnp.maximum(misfit.rms, own_misfit.rms), 1.0)
+    # Corners that scatter more than chance has it give larger deviations than stated.
+    excess = jnp.sqrt(jnp.maximum(_excess(misfit, usual), _excess(own_misfit, usual)))
     covariance = covariance * jnp.outer(excess, excess)
 
     shown = jnp.any(moves & seen.seen[None, :], axis=1)
@@ -273,6 +279,12 @@ def _solve(
         residual,
         jax.vmap(ended)(shown, agreement, room),
     )
+
+
+def _excess(misfit: Misfit, usual: Float[Array, " counts"]) -> Float[Array, "*joints"]:
+    """1, and what χ² per degree of freedom has beyond what is usual."""
+    free = misfit.degrees_of_freedom
+    return 1 + jnp.maximum(misfit.chi_squared - usual[free.astype(int)], 0.0) / jnp.maximum(free, 1)
 
 
 def _agreement(misfit: Misfit, limits: Float[Array, " counts"]) -> Float[Array, "*joints"]:

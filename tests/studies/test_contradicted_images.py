@@ -192,7 +192,7 @@ def stated_and_wrong(finger: Finger, fingers: list[Calibrated], kind: str, count
         for name, errors in (("calibrated", one.errors), ("as designed", None)):
             answer = find_pose(finger.model, seen, guess, errors)
             truth = np.full(2, np.inf) if picture.angles is None else picture.angles
-            off = np.abs(answer.value.angles - truth).reshape(-1, 2).min(axis=0)
+            off = np.abs(np.asarray(answer.value.angles) - truth).reshape(-1, 2).min(axis=0)
             off /= answer.value.deviations
             wrong += [
                 f"{kind} {number}, {name}, joint {joint}: {off[joint]:.1f} s.d."

@@ -238,6 +238,26 @@ def test_the_deviation_is_the_scatter_of_noisy_frames():
     np.testing.assert_allclose(repeated(np.zeros((300, ERRORS)), None), 0.97, atol=0.12)
 
 
+def test_chance_leaves_the_stated_deviations_and_more_than_chance_makes_them_larger():
+    plain = deviations_of(solved(frame(NONE, POSE), POSE))
+    generator = np.random.default_rng(23)
+    usual = [
+        deviations_of(solved(frame(NONE, POSE, generator=generator), POSE)) for _ in range(200)
+    ]
+    # The softened loss, and one right frame of twenty, add some hundredths.
+    np.testing.assert_allclose(np.sqrt(np.mean(np.square(usual), axis=0)) / plain, 1.04, atol=0.04)
+    seen = frame(NONE, POSE)
+    corners = np.array(seen.corners)
+    corners[2, [0, 2]] += 3.0 * NOISE
+    off = solved(Observation(corners, seen.whitening), POSE)
+    assert codes_of(off) == ["successful"] * 2
+    free, own = 7, float(off.value.own_misfit.chi_squared[1])
+    expected = np.sqrt(1 + (own - chi2.isf(0.05, free)) / free)
+    assert expected > 1.3
+    # Softened residuals tell less, too.
+    assert 1 < deviations_of(off)[1] / plain[1] / expected < 1.2
+
+
 def test_the_deviation_is_the_scatter_over_unknown_fingers():
     root = 0.12 * (np.eye(ERRORS) + 0.5 * np.ones((ERRORS, ERRORS)))
     errors = np.random.default_rng(5).standard_normal((300, ERRORS)) @ root.T
@@ -315,8 +335,12 @@ def test_the_covariance_is_the_inverse_of_the_information():
     moved, shifted = own @ by_angle.T @ by_error, own @ by_angle.T @ by_offset
     # That the angles may be anywhere within 10 rad tells next to nothing.
     expected = own + moved @ spread @ moved.T + constant**2 * shifted @ shifted.T
-    own = np.maximum(found.value.own_misfit.rms, float(found.value.misfit.rms))
-    times = np.maximum(own, 1)
+    own, both = (
+        1 + np.maximum(misfit.chi_squared - chi2.isf(0.05, misfit.degrees_of_freedom), 0)
+        / misfit.degrees_of_freedom
+        for misfit in (found.value.own_misfit, found.value.misfit)
+    )  # fmt: skip
+    times = np.sqrt(np.maximum(own, both))
     np.testing.assert_allclose(found.value.covariance, np.outer(times, times) * expected, rtol=1e-4)
 
 
