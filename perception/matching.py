@@ -284,7 +284,7 @@ def _found(
     order = [0, 1, 2, 3] if _first_is_lower(family.corners[value]) else [1, 0, 3, 2]
     if quad.quality is Quality.COMPLETE:
         quad = _judged(catalogue, index, value, quad, lens)
-    ends = family.ends[_around(value)].all(axis=0)
+    ends = np.asarray(family.ends[_around(value)].all(axis=0))
     if quad.quality is Quality.CLIPPED:
         off = quad.corners[order] - shift - family.corners[value]
         ends &= _off_border(quad.corners[order], lens)

@@ -80,7 +80,7 @@ def catalogue_of(
     )
     all_seen = np.concatenate([seen[None], all_seen])
     whole = np.asarray(np.mean(all_seen >= 1 - WHOLE, axis=0))
-    possible = np.any(all_seen > 0, axis=0)
+    possible = np.asarray(np.any(all_seen > 0, axis=0))
     always = ends_seen & all_ends.all(axis=0)
     spread = np.sqrt(np.mean(rms_of_ends(all_corners - corners) ** 2, axis=0))
     families = []
@@ -107,8 +107,8 @@ def catalogue_of(
             anywhere = possible[at]
             if not moved:
                 # Whatever the joints are: what is hidden in some poses is still seen in others.
-                visible = np.any(seen[..., path, pad] > 0)[None]
-                anywhere = np.any(possible[..., path, pad])[None]
+                visible = np.asarray(np.any(seen[..., path, pad] > 0))[None]
+                anywhere = np.asarray(np.any(possible[..., path, pad]))[None]
                 complete = np.max(whole[..., path, pad])[None]
                 ends = np.any(always[:, :, path, pad], axis=(0, 1))[None]
             families.append(
