@@ -106,7 +106,7 @@ def solve_file(request: Request) -> tuple[list[str], bool]:
     """Solve and write what was asked for.
 
     Returns:
-        What a person should know, and whether any pose can be assembled.
+        Remarks for the person who asked, and whether any pose can be assembled.
 
     Raises:
         UserError: something in the file or in the request is wrong; nothing is written, but for
@@ -233,7 +233,7 @@ def _values(linkage: Linkage, texts: Sequence[str], option: str) -> Float[Array,
 
 
 def _draw(linkage: Linkage, request: Request, tally: Tally) -> list[str]:
-    """Draw what was asked for; what a person should know of it."""
+    """Draw what was asked for; returns remarks on it."""
     # Imported here: Matplotlib takes a second.
     from designopt.figures import style
     from kinematics.animation import save_animation

@@ -34,7 +34,7 @@ NARROWEST = 0.8
 """Width of what is shown of an image, as a part of its height: titles have room above it."""
 
 OF_QUALITY = {Quality.COMPLETE: PALETTE[5], Quality.CLIPPED: PALETTE[6], Quality.MERGED: PALETTE[3],
-              Quality.FLAT: PALETTE[4], Quality.AMBIGUOUS: PALETTE[2], Quality.BLURRED: PALETTE[1],
+              Quality.FLAT: PALETTE[0], Quality.AMBIGUOUS: PALETTE[2], Quality.BLURRED: PALETTE[1],
               Quality.LOW_CONTRAST: "0.6"}  # fmt: skip
 
 

@@ -254,7 +254,7 @@ def test_chance_leaves_the_stated_deviations_and_more_than_chance_makes_them_lar
     free, own = 7, float(off.value.own_misfit.chi_squared[1])
     expected = np.sqrt(1 + (own - chi2.isf(0.05, free)) / free)
     assert expected > 1.3
-    # Softened residuals tell less, too.
+    # Softened residuals hold less information, too.
     assert 1 < deviations_of(off)[1] / plain[1] / expected < 1.2
 
 
