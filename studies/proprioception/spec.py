@@ -13,7 +13,7 @@ class ProprioceptionSpec(FingerImagesSpec):
     """All settings of ``designopt run proprioception``."""
 
     fingers: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=20, description="fingers with errors of fabrication"
+        default=40, description="fingers with errors of fabrication"
     )
     frames: Annotated[int, Field(ge=2, le=1000)] = Field(
         default=30, description="random frames of each, whose joint angles are estimated"
