@@ -1,0 +1,351 @@
+"""Golden values: what the toolkit gives today, so that moving its rooms changes nothing.
+
+They are no proof that a value is right (other tests compare with oracles); they show that it is the
+same. ``python -m tests.golden record PART ...`` writes them to ``tests/data/golden`` and
+``python -m tests.golden check PART ...`` compares, with the parts
+
+``interface``
+    help of every command, settings of every study, formats of the files people write, and every
+    public name with its signature;
+``solutions``
+    what ``designopt solve`` and ``designopt trace`` write for the galleries;
+``reduced``
+    metrics and tables of every study with few cases, in less than five minutes;
+``defaults``
+    the same with default settings, which takes about an hour.
+
+With ``--runs DIR`` the results in ``DIR/STUDY`` are read, and only what is missing there is run. Of
+run times only the presence and the unit are compared, and random draws of Python's and JAX's
+generators belong to the versions of ``constraints.txt``. A public name that is left behind or
+renamed on purpose is recorded anew, in the commit that explains it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import csv
+import importlib
+import inspect
+import io
+import json
+import math
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from designopt import cli
+
+ROOT = Path(__file__).parent.parent
+FOLDER = ROOT / "tests" / "data" / "golden"
+
+REDUCED: dict[str, tuple[str, ...]] = {
+    "bending-direction": ("images=12", "small_images=12", "stability_images=1"),
+    "bending-posture": (
+        *("samples=300", "unseen=60", "epochs=30", "seeds=1", "width=32", "widths=[32]"),
+        *("counts=[300]", "etas=[]", "sweep=false"),
+    ),
+    "finger": (
+        *("linkage.search.starts=4", "linkage.search.among=4096", "linkage.search.exchanges=1"),
+        *("linkage.draws=100", "mirrors.search.starts=1", "mirrors.search.copies=4"),
+        *("mirrors.search.poses=4", "yield_draws=100", "spring.diameters=[40]"),
+    ),
+    "finger-grasp": ("diameters=[40]", "precision=false", "stability=false"),
+    "finger-linkage": (
+        *("search.starts=4", "search.among=4096", "search.exchanges=1", "search.step_deg=30"),
+        *("draws=100", "precision=false"),
+    ),
+    "finger-mirrors": (
+        *("search.starts=1", "search.copies=2", "search.poses=2", "thin=0", "draws=12"),
+        *("rays=5000", "ray_poses=2", "solvers=none", "left_out=false"),
+    ),
+    "linkage-precision": (
+        *("poses=20", "repeats=3", "peers=false", "first_call=false", "float32=false"),
+        *("linkage=slider-crank", "optimistix=false"),
+    ),
+    "linkage-stability": ("random_cases=2000", "family_cases=16", "triad=false"),
+    "object-size": (
+        *("samples=300", "epochs=25", "grasps=8", "random_grasps=24", "columns=48", "rows=36"),
+        *("other_lamp_grasps=8", "stability_images=1", "largest_residual=5"),
+    ),
+    "proprioception": ("fingers=2", "frames=5", "gap_fingers=8", "cost_fingers=1", "sizes=[]"),
+    "surface-profile": (
+        *("trials=1", "fingers=2", "frames=21", "calibration=5", "calibrations=[0]"),
+        *("severities=[0.0]", "severity_trials=1", "rest_frames=6", "sagittas=[4.0]"),
+        *("roughnesses=[0.05]", "size_slides=2"),
+    ),
+    "table1": ("precision=false",),
+    "tactile-images": (
+        *("fingers=1", "grid=2", "gains=[1.0]", "severities=[]", "independent=3", "corrupted=13"),
+        *("corrupted_rows=360", "sizes=[360]", "size_frames=2"),
+    ),
+    "visibility-precision": (
+        *("samples=64", "reference_rays=20000", "repeats=3", "flexion=false", "gallery=false"),
+        *("edge_refined=false", "grid=false", "peers=false", "left_out=false"),
+    ),
+    "visibility-stability": (
+        *("scenes=200", "bounces=1", "float32=false", "family_cases=8", "gradient_scenes=5"),
+        *("reference_scenes=5", "fine_rays=400000"),
+    ),
+}
+
+WHOLE_TABLES = {
+    "table1": ("table1", "deviations", "identification"),
+    "finger-mirrors": ("arrangements", "degrees", "verdicts"),
+    "finger": ("dimensions", "pins", "requirements"),
+}
+"""Tables kept in full: Table I, the intervals behind the plots of mirrors, the finger's numbers."""
+
+PUBLIC = sorted(
+    ".".join(path.relative_to(ROOT).parent.parts)
+    for package in ("designopt", "kinematics", "optics", "perception", "studies")
+    for path in (ROOT / package).rglob("__init__.pyi")
+)
+
+TIMES = re.compile(
+    r"seconds|speedup|throughput|_per_second|compile|_m?s$|_ns$|_us$"
+    r"|over_(evolution|mechanism|pylinkage|numpy|optiland|rayoptics|exact|value|brentq|closed)"
+)
+"""Names of metrics and columns that hold a run time, or a ratio of two."""
+TIME_UNITS = ("s", "ms", "µs", "μs", "ns", "1/s", "frames/s")
+
+RTOL, ATOL = 1e-6, 1e-9
+SMALL = 1e-5
+"""A recorded number below it is rounding or a residual: it may grow tenfold, no more."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("action", choices=("record", "check"))
+    parser.add_argument("parts", nargs="+", choices=PARTS)
+    parser.add_argument("--runs", type=Path, help="folder of results, one per study")
+    options = parser.parse_args(arguments)
+    os.environ |= {"COLUMNS": "100", "LINES": "50"}
+    differences = 0
+    for part in options.parts:
+        with contextlib.ExitStack() as stack:
+            runs = options.runs or Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            found = json.loads(json.dumps(PARTS[part](runs)))
+        path = FOLDER / f"{part}.json"
+        if options.action == "record":
+            text = json.dumps(found, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
+            path.write_text(text, encoding="utf-8")
+            continue
+        for line in compare(json.loads(path.read_text(encoding="utf-8")), found):
+            differences += 1
+            print(f"{part}: {line}")
+    print(f"{differences} differences" if options.action == "check" else "recorded")
+    return int(differences > 0)
+
+
+# What is recorded -------------------------------------------------------------------------------
+
+
+def interface(_: Path) -> dict[str, Any]:
+    commands = sorted(point.name for point in entry_points(group="designopt.commands"))
+    return {
+        "help": {name: command(name, "--help") for name in commands},
+        "settings": {
+            point.name: fields_of(point.load().spec)
+            for point in entry_points(group="designopt.studies")
+        },
+        "files": {name: fields_of(load(where)) for name, where in FILES.items()},
+        "names": {name: signatures_of(name) for name in PUBLIC},
+    }
+
+
+FILES = {
+    "linkage": "kinematics.sketch:Sketch",
+    "scene": "optics.scene_file:SceneFile",
+    "chamber": "optics.chamber_file:ChamberFile",
+}
+"""The model that a file of each kind is read with."""
+
+
+def load(where: str) -> Any:
+    module, name = where.split(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def fields_of(model: Any) -> dict[str, str]:
+    """Every key of a file or a spec with its type, default and bounds."""
+    schema = model.model_json_schema(by_alias=True)
+    parts = {"": schema, **schema.get("$defs", {})}
+    found = {}
+    for title, part in parts.items():
+        for key, field in part.get("properties", {}).items():
+            kept = {k: v for k, v in field.items() if k not in ("title", "description")}
+            found[f"{title}.{key}"] = json.dumps(kept, sort_keys=True)
+    return found
+
+
+def signatures_of(package: str) -> dict[str, str]:
+    module = importlib.import_module(package)
+    found = {}
+    for name in sorted(module.__all__):
+        public = getattr(module, name)
+        try:
+            found[name] = str(inspect.signature(public))
+        except (TypeError, ValueError):  # a constant, or an alias of a type
+            members = sorted(map(str, public)) if isinstance(public, frozenset) else public
+            found[name] = str(members)
+    return found
+
+
+def solutions(_: Path) -> dict[str, Any]:
+    found = {}
+    for name, path, words in (*solves(), *traces()):
+        text = command(name, str(path), *words)
+        key = " ".join((name, path.name, *words))
+        found[key] = table_of(text) if name == "solve" else rounded(json.loads(text))
+    return found
+
+
+def solves() -> Iterator[tuple[str, Path, tuple[str, ...]]]:
+    sweeps = {
+        "double-butterfly": ("crank=115:150:3",),
+        "finger": ("pip=-90:0:3", "dip=-80:0:3"),
+        "finger-crank": ("theta=150:170:3", "gamma=-20:0:2"),
+        "five-bar": ("left=90:120:3", "right=60:80:2"),
+        "stephenson": ("crank=40:200:3",),
+    }
+    for path in gallery("linkage"):
+        asked = sweeps.get(path.stem, ("crank=20:100:3",))
+        first = asked[0].split("=")[0]
+        further = tuple(word for sweep in asked[1:] for word in ("--sweep", sweep))
+        yield "solve", path, ("--sweep", asked[0], *further)
+        yield "solve", path, ("--sweep", f"{first}=-170:170:5", *further, "--rate", f"{first}=2")
+
+
+def traces() -> Iterator[tuple[str, Path, tuple[str, ...]]]:
+    for path in gallery("optics"):
+        yield "trace", path, ("--ray", "10,5,-60", "--ray", "0,1,200")
+        if path.stem == "finger":
+            yield "trace", path, ("--sweep", "pip=0:90:4", "--pose", "dip=30")
+            yield "trace", path, ("--sweep", "dip=0:90:4", "--pose", "pip=20")
+            yield "trace", path, ("--sweep", "pip=0:90:4", "--sweep", "dip=0:90:4")
+        else:
+            yield "trace", path, ("--bounces", "1")
+
+
+def gallery(kind: str) -> list[Path]:
+    return sorted((ROOT / "studies").rglob(f"*{kind}*/*.toml"))
+
+
+def table_of(text: str) -> dict[str, list[float | str]]:
+    head, *rows = csv.reader(io.StringIO(text))
+    return {name: [number(row[i]) for row in rows] for i, name in enumerate(head)}
+
+
+def number(cell: str) -> float | str:
+    try:
+        return float(f"{float(cell):.12g}")
+    except ValueError:
+        return cell
+
+
+def rounded(part: Any) -> Any:
+    if isinstance(part, dict):
+        return {key: rounded(value) for key, value in part.items()}
+    if isinstance(part, list):
+        return [rounded(value) for value in part]
+    return float(f"{part:.12g}") if isinstance(part, float) else part
+
+
+def reduced(runs: Path) -> dict[str, Any]:
+    return {study: outcome(study, settings, runs) for study, settings in REDUCED.items()}
+
+
+def defaults(runs: Path) -> dict[str, Any]:
+    return {study: outcome(study, (), runs) for study in REDUCED}
+
+
+def outcome(study: str, settings: tuple[str, ...], runs: Path) -> dict[str, Any]:
+    """Metrics, heads of the tables, and some tables in full, of a study's result."""
+    folder = runs / study
+    if not folder.exists():
+        sets = [word for setting in settings for word in ("--set", setting)]
+        command("run", study, *sets, "--out", str(folder))
+    document = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    metrics = {
+        name: {
+            "unit": metric["unit"],
+            "target": str(metric["target"]),
+            "value": "a run time" if is_time(name, metric["unit"]) else metric["value"],
+        }
+        for name, metric in document["metrics"].items()
+    }
+    tables = {
+        Path(name).stem: table_of((folder / name).read_text(encoding="utf-8"))
+        for name in document["tables"]
+    }
+    whole = WHOLE_TABLES.get(study, ())
+    return {
+        "metrics": metrics,
+        "keys": sorted(document),
+        "specs": document["specs"],
+        "figures": sorted(document["figures"]),
+        "heads": {name: list(table) for name, table in tables.items()},
+        "tables": {name: table for name, table in tables.items() if name in whole},
+    }
+
+
+def is_time(name: str, unit: str) -> bool:
+    return unit in TIME_UNITS or TIMES.search(name) is not None
+
+
+def command(*words: str) -> str:
+    """Standard output of a command; a missed target is no failure here."""
+    shown = io.StringIO()
+    with contextlib.redirect_stdout(shown):
+        code = cli.run(list(words))
+    if code not in (0, 1):
+        raise SystemExit(f"designopt {' '.join(words)}: exit code {code}")
+    return shown.getvalue()
+
+
+# How it is compared -----------------------------------------------------------------------------
+
+
+def compare(wanted: Any, found: Any, where: str = "") -> Iterator[str]:
+    """A line for every difference."""
+    if isinstance(wanted, dict) and isinstance(found, dict):
+        for key in sorted(wanted.keys() | found.keys()):
+            place = f"{where} / {key}" if where else key
+            if key not in found:
+                yield f"{place}: gone"
+            elif key not in wanted:
+                yield f"{place}: new"
+            else:
+                yield from compare(wanted[key], found[key], place)
+    elif isinstance(wanted, list) and isinstance(found, list) and len(wanted) == len(found):
+        for i, (before, now) in enumerate(zip(wanted, found, strict=True)):
+            yield from compare(before, now, f"{where}[{i}]")
+    elif not same(wanted, found):
+        yield f"{where}: {wanted!r} -> {found!r}"
+
+
+def same(wanted: Any, found: Any) -> bool:
+    if not (isinstance(wanted, float | int) and isinstance(found, float | int)):
+        return wanted == found
+    if isinstance(wanted, bool) or isinstance(found, bool):
+        return wanted is found
+    if abs(wanted) < SMALL and isinstance(wanted, float):
+        return abs(found) <= max(10 * abs(wanted), ATOL)
+    return math.isclose(wanted, found, rel_tol=RTOL, abs_tol=ATOL)
+
+
+PARTS: dict[str, Callable[[Path], dict[str, Any]]] = {
+    "interface": interface,
+    "solutions": solutions,
+    "reduced": reduced,
+    "defaults": defaults,
+}
+
+if __name__ == "__main__":
+    sys.exit(main())
