@@ -1,17 +1,17 @@
-from .assemblies import Assemblies, assemblies
-from .grashof import Grashof, grashof
-from .limits import Limit, Limits, find_limits, turning_point
-from .linkage import Line, Link, Linkage, Spring, Vector
-from .loops import Loop, vector_loops
-from .plan import describe
-from .poses import PoseResult, solve_poses
-from .rates import Motion, Rates, solve_rates
-from .reading import linkage_from, read_linkage
-from .solver import Pose
-from .statics import input_efforts, input_slopes, mechanical_advantage, spring_energy
-from .steps import PlanError
-from .tolerance import Spread, no_deviations, output_spread
-from .transmission import Transmission, solve_transmission
+from .io.reading import linkage_from, read_linkage
+from .model.grashof import Grashof, grashof
+from .model.linkage import Line, Link, Linkage, Spring, Vector
+from .model.loops import Loop, vector_loops
+from .solve.assemblies import Assemblies, assemblies
+from .solve.limits import Limit, Limits, find_limits, turning_point
+from .solve.plan import describe
+from .solve.poses import PoseResult, solve_poses
+from .solve.rates import Motion, Rates, solve_rates
+from .solve.solver import Pose
+from .solve.statics import input_efforts, input_slopes, mechanical_advantage, spring_energy
+from .solve.steps import PlanError
+from .solve.tolerance import Spread, no_deviations, output_spread
+from .solve.transmission import Transmission, solve_transmission
 
 __all__ = [
     "Assemblies",

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from designopt.designs.design import Design, DesignFile, Quantity
 from designopt.designs.sheet import Sheet
-from kinematics.linkage import Linkage
-from kinematics.reading import build_linkage
-from kinematics.sketch import Sketch, load_sketch
+from kinematics.io.reading import build_linkage
+from kinematics.io.sketch import Sketch, load_sketch
+from kinematics.model.linkage import Linkage
 
 if TYPE_CHECKING:
     from designopt.designs.bench import Bench
@@ -43,25 +43,25 @@ class DesignedLinkage(Design):
 
     def bench(self) -> Bench:
         """Inputs and lengths as knobs; pose, traced curves, margins, transmission angles."""
-        from kinematics.bench import LinkageBench
+        from kinematics.explore.bench import LinkageBench
 
         return LinkageBench(self)
 
     def sheet(self) -> Sheet:
         """Every body on a layer of its own, pins as circles, in the sketched pose."""
-        from kinematics.sheet import linkage_sheet
+        from kinematics.export.sheet import linkage_sheet
 
         return linkage_sheet(self)
 
     def quantities(self) -> Sequence[Quantity]:
         """Lengths, places, lines and springs."""
-        from kinematics.sheet import linkage_quantities
+        from kinematics.export.sheet import linkage_quantities
 
         return linkage_quantities(self)
 
     def mjcf(self) -> str:
         """Bodies, hinges, slides, loop closures, springs and motors."""
-        from kinematics.mjcf import linkage_mjcf
+        from kinematics.export.mjcf import linkage_mjcf
 
         return linkage_mjcf(self.linkage)
 

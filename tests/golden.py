@@ -160,7 +160,7 @@ def interface(_: Path) -> dict[str, Any]:
 
 
 FILES = {
-    "linkage": "kinematics.sketch:Sketch",
+    "linkage": "kinematics.io.sketch:Sketch",
     "scene": "optics.scene_file:SceneFile",
     "chamber": "optics.chamber_file:ChamberFile",
 }

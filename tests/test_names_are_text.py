@@ -16,7 +16,7 @@ from designopt.cli import run
 from designopt.figures import style
 from kinematics import read_linkage, solve_poses, solve_transmission
 from kinematics.design import DesignedLinkage
-from kinematics.margin_figures import margin_figure
+from kinematics.plot.margin_figures import margin_figure
 from optics.scene_design import DesignedScene
 
 LINKAGE = r"""

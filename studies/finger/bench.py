@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from designopt.designs.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.errors import UserError
 from designopt.results import SpecFile
-from kinematics.bench import LinkageBench
+from kinematics.explore.bench import LinkageBench
 from optics.scene_bench import SceneBench
 from studies.finger.design import DesignedFinger
 

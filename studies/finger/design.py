@@ -14,7 +14,7 @@ from designopt.designs.sheet import Sheet
 from designopt.progress import step_display
 from designopt.study import Context
 from kinematics.design import DesignedLinkage
-from kinematics.sketch import parse_sketch
+from kinematics.io.sketch import parse_sketch
 from optics.scene_design import DesignedScene
 from optics.scene_file import SceneFile
 from studies.finger.spec import FingerSpec

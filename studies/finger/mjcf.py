@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kinematics.reading import build_linkage
-from kinematics.sketch import InputTable, SpringTable
+from kinematics.io.reading import build_linkage
+from kinematics.io.sketch import InputTable, SpringTable
 from studies.finger_grasp.mjcf import MOTOR, grasp_mjcf
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from designopt.designs.design import Quantity
 from designopt.designs.sheet import Layer, Sheet, Stroke
-from kinematics.sheet import linkage_sheet
+from kinematics.export.sheet import linkage_sheet
 from optics.scene_sheet import HINGES, scene_sheet
 from studies.finger_linkage.body import BodySpec
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from designopt.results import Metric, Target
-from kinematics.assembling import Equations
-from kinematics.drawn import measure
-from kinematics.sketch import parse_sketch
+from kinematics.io.assembling import Equations
+from kinematics.io.sketch import parse_sketch
+from kinematics.io.sketch_geometry import measure
 from studies.finger.spec import FingerSpec
 from studies.finger_linkage.body import RIM, BodySpec
 from studies.finger_linkage.pins import Pins, linkage_table

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from kinematics.design import DesignedLinkage
-from kinematics.sketch import parse_sketch
+from kinematics.io.sketch import parse_sketch
 from studies.finger_grasp.spec import GraspSpec
 from studies.finger_linkage.pins import linkage_table
 

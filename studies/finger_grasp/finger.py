@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_divide
 from designopt.vectors import Vector, rotation
-from kinematics.dyads import two_angles
+from kinematics.solve.dyads import two_angles
 from studies.finger_linkage.body import RIM, BodySpec
 from studies.finger_linkage.pins import Pins
 

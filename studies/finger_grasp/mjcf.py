@@ -1,7 +1,7 @@
 """The finger as a MuJoCo model: its linkage with spring, servo, joint stops and pads.
 
 Driven slowly it goes as `closing.close` says. Over the default closings of design B, with the
-softness of `kinematics.mjcf` (loops ``solref`` −1e8, −2e4; stops and contacts 0.001, 2; all
+softness of `kinematics.export.mjcf` (loops ``solref`` −1e8, −2e4; stops and contacts 0.001, 2; all
 ``solimp`` 0.9999), PIP differs by at most 0.01° and DIP by 0.02°, moments and contact forces by
 0.1 % of the largest, and the pins of a loop are at most 0.001 mm apart.
 """
@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
-from kinematics.linkage import Linkage
-from kinematics.mjcf import Stop, linkage_mjcf
-from kinematics.mjcf_bodies import Disc, Pad
+from kinematics.export.mjcf import Stop, linkage_mjcf
+from kinematics.export.mjcf_bodies import Disc, Pad
+from kinematics.model.linkage import Linkage
 from studies.finger_grasp.objects import Circle
 from studies.finger_linkage.body import RIM, BodySpec
 

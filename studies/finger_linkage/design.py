@@ -6,7 +6,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from kinematics.design import DesignedLinkage
-from kinematics.sketch import parse_sketch
+from kinematics.io.sketch import parse_sketch
 from studies.finger_linkage.pins import linkage_table
 from studies.finger_linkage.searching import search
 from studies.finger_linkage.spec import FingerLinkageSpec

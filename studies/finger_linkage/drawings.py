@@ -15,7 +15,7 @@ from designopt.figures import MARKERS, PALETTE, angle_ticks, legend_below, new_f
 from designopt.optimising import FEASIBLE
 from designopt.results import Figure
 from designopt.typesetting import as_mathtext
-from kinematics.poses import solve_poses
+from kinematics.solve.poses import solve_poses
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import EVOLUTION, Comparison
 from studies.finger_linkage.judging import Verdict

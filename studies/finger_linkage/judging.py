@@ -11,9 +11,9 @@ from jaxtyping import Array, Float
 
 from designopt.solution import Solution
 from designopt.vectors import Vector
-from kinematics.linkage import Linkage
-from kinematics.poses import solve_poses
-from kinematics.solver import Pose
+from kinematics.model.linkage import Linkage
+from kinematics.solve.poses import solve_poses
+from kinematics.solve.solver import Pose
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.pins import Pins, linkage_of, told
 from studies.finger_linkage.problem import HOSTS, PAIRS, SYMBOLS, grid

@@ -10,8 +10,8 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
 from designopt.vectors import Vector, vector
-from kinematics.linkage import Linkage
-from kinematics.reading import linkage_from
+from kinematics.io.reading import linkage_from
+from kinematics.model.linkage import Linkage
 from studies.finger_linkage.body import BodySpec
 
 Drive = Literal["joints", "crank"]

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector, direction_to_meeting, folded_angle, rotation
-from kinematics.dyads import two_angles
+from kinematics.solve.dyads import two_angles
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.pins import Pins
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from jaxtyping import Array, Float
 
 from designopt.vectors import direction_to_meeting, folded_angle
-from kinematics.solver import Pose
+from kinematics.solve.solver import Pose
 
 Angle = Float[Array, "*batch"]
 

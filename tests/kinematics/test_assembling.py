@@ -14,10 +14,10 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from kinematics import Linkage, linkage_from, solve_poses
-from kinematics.assembling import Equations
-from kinematics.drawn import measure
-from kinematics.mobility import Mobility, rank
-from kinematics.sketch import parse_sketch
+from kinematics.io.assembling import Equations
+from kinematics.io.mobility import Mobility, rank
+from kinematics.io.sketch import parse_sketch
+from kinematics.io.sketch_geometry import measure
 
 OFF = st.floats(-0.25, 0.25)
 LENGTH = st.floats(10.0, 100.0)

@@ -20,9 +20,9 @@ from kinematics import (
     solve_poses,
     spring_energy,
 )
-from kinematics.bench import LinkageBench
 from kinematics.design import DesignedLinkage
-from kinematics.sketch import parse_sketch
+from kinematics.explore.bench import LinkageBench
+from kinematics.io.sketch import parse_sketch
 from tests.kinematics.gallery import FOLDER, NAMES, ends, gallery, poses_of, transmission_of
 
 QUICK = ["finger", "quick-return"]

@@ -9,8 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from designopt import UserError
-from kinematics.bench_optimising import GAIN, PATIENCE, UPDATES
 from kinematics.design import DesignedLinkage
+from kinematics.explore.optimising import GAIN, PATIENCE, UPDATES
 from tests.kinematics.gallery import FOLDER, poses_of, transmission_of
 
 

@@ -15,14 +15,15 @@ from PIL.GifImagePlugin import GifImageFile
 from designopt import UserError
 from designopt.figures import PALETTE, style
 from designopt.solution import Solution
-from kinematics import Pose, PoseResult, Vector, animation, read_linkage, solve_poses
-from kinematics.animation import save_animation
-from kinematics.drawing import body_colours, draw_pose
-from kinematics.labels import label_offsets
-from kinematics.margin_figures import failed_stretches, margin_figure
-from kinematics.motion_figures import motion_figure, pose_at, traced_joints
-from kinematics.sketch import load_sketch
-from kinematics.symbols import GREY, hull
+from kinematics import Pose, PoseResult, Vector, read_linkage, solve_poses
+from kinematics.io.sketch import load_sketch
+from kinematics.plot import animation
+from kinematics.plot.animation import save_animation
+from kinematics.plot.drawing import body_colours, draw_pose
+from kinematics.plot.label_layout import label_offsets
+from kinematics.plot.margin_figures import failed_stretches, margin_figure
+from kinematics.plot.motion_figures import motion_figure, pose_at, traced_joints
+from kinematics.plot.symbols import GREY, hull
 
 GALLERY = Path(__file__).parents[2] / "studies" / "linkage_gallery"
 NAMES = sorted(path.stem for path in GALLERY.glob("*.toml"))

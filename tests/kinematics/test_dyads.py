@@ -8,7 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from designopt.vectors import Vector, vector
-from kinematics.dyads import angle_and_own_slide, angle_and_slide, apart, two_angles, two_slides
+from kinematics.solve.dyads import (
+    angle_and_own_slide,
+    angle_and_slide,
+    apart,
+    two_angles,
+    two_slides,
+)
 
 number = st.floats(-10, 10).map(lambda x: x or 1.0)
 plane = st.tuples(number, number).filter(lambda p: np.hypot(*p) > 1e-3)

@@ -14,8 +14,8 @@ import pytest
 
 from designopt.errors import UserError
 from kinematics import Linkage, input_efforts, linkage_from
-from kinematics.mjcf import Stop, linkage_mjcf
-from kinematics.mjcf_bodies import Disc, Pad
+from kinematics.export.mjcf import Stop, linkage_mjcf
+from kinematics.export.mjcf_bodies import Disc, Pad
 from tests.kinematics.gallery import FOLDER, NAMES, gallery, poses_of
 from tests.kinematics.simulated import Simulated
 

@@ -16,7 +16,7 @@ from kinematics import (
     solve_poses,
     spring_energy,
 )
-from kinematics.sketch import load_sketch
+from kinematics.io.sketch import load_sketch
 from tests.kinematics.gallery import FOLDER, gallery, poses_of, rates_of, transmission_of
 
 

@@ -5,10 +5,10 @@ import random
 import pytest
 
 from kinematics import PlanError, describe, linkage_from, vector_loops
-from kinematics.plan import make_plan
-from kinematics.sketch import load_sketch
-from kinematics.steps import Group
-from kinematics.structure import Structure
+from kinematics.io.sketch import load_sketch
+from kinematics.model.topology import Structure
+from kinematics.solve.plan import make_plan
+from kinematics.solve.steps import Group
 from tests.kinematics.gallery import FOLDER, NAMES, gallery
 
 KINDS = {

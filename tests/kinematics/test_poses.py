@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from kinematics import linkage_from, solve_poses
-from kinematics.evaluation import evaluate
-from kinematics.following import close, split
-from kinematics.plan import make_plan
-from kinematics.sketch import load_sketch
-from kinematics.solver import Solver
-from kinematics.steps import Plan
+from kinematics.io.sketch import load_sketch
+from kinematics.solve.continuation import close, split
+from kinematics.solve.evaluation import evaluate
+from kinematics.solve.plan import make_plan
+from kinematics.solve.solver import Solver
+from kinematics.solve.steps import Plan
 from tests.helpers import central_differences
 from tests.kinematics.gallery import FOLDER, NAMES, gallery, poses_of
 

@@ -14,10 +14,10 @@ import pytest
 
 from designopt.errors import UserError
 from kinematics import linkage_from, read_linkage, solve_poses
-from kinematics.assembling import Equations
-from kinematics.drawn import measure
-from kinematics.mobility import Mobility
-from kinematics.sketch import load_sketch, parse_sketch
+from kinematics.io.assembling import Equations
+from kinematics.io.mobility import Mobility
+from kinematics.io.sketch import load_sketch, parse_sketch
+from kinematics.io.sketch_geometry import measure
 
 GALLERY = Path(__file__).parents[2] / "studies/linkage_gallery"
 

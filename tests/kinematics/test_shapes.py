@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinematics.shapes import ImpossibleShapeError, body_shape, body_steps
+from kinematics.io.shapes import ImpossibleShapeError, body_shape, body_steps
 
 SKETCH = {
     "A": (0.0, 0.0),

@@ -17,7 +17,7 @@ from ezdxf.document import Drawing
 from designopt.designs import Sheet
 from designopt.exporting.dxf import dxf_text
 from kinematics.design import DesignedLinkage
-from kinematics.sketch import parse_sketch
+from kinematics.io.sketch import parse_sketch
 from tests.designopt.exporting.reading import dimensions, opened
 from tests.kinematics.gallery import FOLDER, NAMES, poses_of
 

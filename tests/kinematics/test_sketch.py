@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from designopt.errors import UserError
-from kinematics.sketch import load_sketch, parse_sketch
+from kinematics.io.sketch import load_sketch, parse_sketch
 
 FOUR_BAR = Path(__file__).parents[2] / "studies/linkage_gallery/four-bar.toml"
 

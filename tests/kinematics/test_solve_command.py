@@ -110,9 +110,9 @@ def test_a_table_is_the_same_however_it_is_cut(monkeypatch, tmp_path, capsys):
         drawn.append((inputs, poses))
         return Figure()
 
-    monkeypatch.setattr("kinematics.motion_figures.motion_figure", draw)
+    monkeypatch.setattr("kinematics.plot.motion_figures.motion_figure", draw)
     for chunk in (100, 4):
-        monkeypatch.setattr("kinematics.solving.CHUNK", chunk)
+        monkeypatch.setattr("kinematics.cli.solving.CHUNK", chunk)
         assert run(["solve", "rocker.toml", *sweeps, "--figure", f"{chunk}.png"]) == 0
         shown = capsys.readouterr()
         tables.append(table_of(shown.out))
@@ -132,14 +132,14 @@ def test_a_table_is_the_same_however_it_is_cut(monkeypatch, tmp_path, capsys):
 
 
 def test_a_long_sweep_is_drawn_in_some_of_its_poses(monkeypatch, capsys):
-    monkeypatch.setattr("kinematics.solving.MOST_DRAWN", 5)
+    monkeypatch.setattr("kinematics.cli.solving.MOST_DRAWN", 5)
     drawn = []
 
     def draw(linkage, inputs, poses):
         drawn.append(np.degrees(inputs[:, 0]))
         return Figure()
 
-    monkeypatch.setattr("kinematics.motion_figures.motion_figure", draw)
+    monkeypatch.setattr("kinematics.plot.motion_figures.motion_figure", draw)
     command = ["solve", "four-bar.toml", "--sweep", "crank=0:20:21"]
     assert run([*command, "--figure", "t.png"]) == 0
     shown = capsys.readouterr()

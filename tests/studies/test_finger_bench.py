@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from designopt.errors import UserError
 from designopt.figures import style
-from kinematics.poses import solve_poses
-from kinematics.reading import linkage_from
-from kinematics.transmission import solve_transmission
+from kinematics.io.reading import linkage_from
+from kinematics.solve.poses import solve_poses
+from kinematics.solve.transmission import solve_transmission
 from optics.scene_reading import scene_from
 from optics.visibility import find_coverage
 from studies.finger.bench import FingerBench

@@ -23,7 +23,7 @@ import pytest
 
 from designopt import cli
 from designopt.errors import UserError
-from kinematics.sketch import parse_sketch
+from kinematics.io.sketch import parse_sketch
 from studies.finger.design import DesignedFinger, finger_design
 from studies.finger.mjcf import finger_mjcf
 from studies.finger.spec import FingerSpec

@@ -1,0 +1,1 @@
+"""A linkage with sliders: what ``designopt explore`` shows of it."""

@@ -1,0 +1,1 @@
+"""A linkage for other programs: a drawing to scale, a MuJoCo model."""

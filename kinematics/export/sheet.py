@@ -1,0 +1,236 @@
+"""A linkage as a drawing to build from, and its numbers, in the sketched pose."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from designopt.designs.design import Quantity
+from designopt.designs.sheet import (
+    Circle,
+    Label,
+    Layer,
+    Measure,
+    Place,
+    Sheet,
+    Stroke,
+    printable,
+    round_down,
+)
+from kinematics.model.assembled import assembled_joints, own_places, zeroed
+from kinematics.model.linkage import Linkage
+from kinematics.model.topology import WORLD, BodyPart, InputPart, Structure
+from kinematics.plot.drawing import Scene
+
+if TYPE_CHECKING:
+    from kinematics.design import DesignedLinkage
+
+PIN = 0.03
+"""A pin's radius is at most this part of the linkage's size, …"""
+
+APART = 0.3
+"""… and this part of the least distance between two joints of a body."""
+
+COINCIDENT = 1e-9
+"""Joints so near to each other, as a part of the linkage's size, have no distance to measure."""
+
+MOST_NOTED = 5
+"""More springs than these leave no room for the drawing; they are but counted."""
+
+
+def linkage_sheet(design: DesignedLinkage, *, pose: bool = True) -> Sheet:
+    """The drawing of a linkage in its sketched pose.
+
+    Every body has a layer of its own with its bars or its outline, its slots, and a circle at each
+    of its pins: those of two bodies lie on each other. Joints that join nothing are crosses.
+
+    Args:
+        design: the linkage.
+        pose: whether a note says in which pose it is.
+    """
+    linkage = design.linkage
+    structure = linkage.structure
+    joints = assembled_joints(linkage)
+    scene = Scene.at(
+        structure,
+        float(linkage.size()),
+        {name: np.array(_place(place)) for name, place in joints.items()},
+        {part.name: float(linkage.home_angle(part.name)) for part in structure.moving},
+        [
+            (float(line.angle), slide)
+            for line, slide in zip(linkage.lines, _slides(linkage), strict=True)
+        ],
+    )
+    radius = _pin_radius(linkage, scene.size)
+    strokes, circles = [], []
+    labels: dict[str, Label] = {}
+    measures: dict[frozenset[str], Measure] = {}
+    for part in structure.bodies:
+        for line in _lines(scene, part):
+            strokes.append(_stroke(part.name, line))
+        for joint in part.joints:
+            place = _place(joints[joint])
+            if _partners(structure, joint) > 1:
+                circles.append(Circle(part.name, joint, place, radius))
+            else:
+                strokes += _cross(part.name, place, radius)
+            labels.setdefault(joint, Label(part.name, place, joint))
+        for pair in itertools.combinations(part.joints, 2):
+            first, second = (joints[joint] for joint in pair)
+            if abs(second - first) > COINCIDENT * scene.size:
+                measures.setdefault(frozenset(pair), Measure(_place(first), _place(second)))
+    notes = [
+        *(["in the sketched pose"] if pose else []),
+        f"pins are drawn {2 * radius:g} mm wide, whatever their diameter will be",
+    ]
+    if structure.sliders:
+        notes.append("lines that joints slide along are drawn a little way to both sides")
+    springs = [
+        f"spring {first} – {second}: {float(spring.stiffness):g} N mm/rad, "
+        f"preload {float(spring.preload):g} rad"
+        for (first, second), spring in zip(structure.springs, linkage.springs, strict=True)
+    ]
+    notes += springs if len(springs) <= MOST_NOTED else [f"{len(springs)} springs"]
+    return Sheet(
+        title=printable(design.name),
+        layers=[Layer(part.name, "body") for part in structure.bodies],
+        strokes=strokes,
+        circles=circles,
+        labels=list(labels.values()),
+        measures=list(measures.values()),
+        notes=notes,
+    )
+
+
+def linkage_quantities(design: DesignedLinkage) -> list[Quantity]:
+    """Every number of a linkage.
+
+    Of every joint its place in the sketched pose and in its body's own frame (first joint at the
+    origin, second along +x; a fixed body's is the world's), and of every body the distances
+    between its joints and its angle in the sketched pose; then sliders, called as their joints,
+    inputs, and springs, called as their bodies. Where names repeat a number follows.
+    """
+    linkage = design.linkage
+    structure = linkage.structure
+    joints = assembled_joints(linkage)
+    found = [
+        Quantity(f"joints.{joint}.{axis}", value, "mm")
+        for joint in structure.joints
+        for axis, value in zip("xy", _place(joints[joint]), strict=True)
+    ]
+    for part in structure.bodies:
+        found += _body_quantities(linkage, part)
+    names = _told_apart([f"sliders.{part.joint}" for part in structure.sliders])
+    for name, line, slide in zip(names, linkage.lines, _slides(linkage), strict=True):
+        x, y = np.asarray(line.point, float).tolist()
+        found += [
+            Quantity(f"{name}.point.x", x, "mm"),
+            Quantity(f"{name}.point.y", y, "mm"),
+            Quantity(f"{name}.angle", _degrees(float(line.angle)), "°"),
+            Quantity(f"{name}.slide", slide, "mm"),
+        ]
+        if line.turn is not None:
+            found.append(Quantity(f"{name}.turn", _degrees(float(line.turn)), "°"))
+    homes = np.asarray(linkage.home.inputs, float).tolist()
+    for part, value in zip(structure.inputs, homes, strict=True):
+        number = (zeroed(value), "mm") if part.body is None else (_degrees(value), "°")
+        found.append(Quantity(f"inputs.{part.name}", *number, note=_meaning(structure, part)))
+    names = _told_apart([f"springs.{'-'.join(pair)}" for pair in structure.springs])
+    for name, spring in zip(names, linkage.springs, strict=True):
+        found += [
+            Quantity(f"{name}.stiffness", float(spring.stiffness), "N mm/rad"),
+            Quantity(f"{name}.preload", float(spring.preload), "rad"),
+        ]
+    return found
+
+
+def _told_apart(names: Sequence[str]) -> list[str]:
+    """Names, with a number after each that there is more than once."""
+    found = []
+    for index, name in enumerate(names):
+        number = names[: index + 1].count(name)
+        found.append(f"{name}.{number}" if names.count(name) > 1 else name)
+    return found
+
+
+def _meaning(structure: Structure, part: InputPart) -> str:
+    """What an input's value is."""
+    if part.body is None:
+        assert part.slider is not None  # it is the one or the other
+        slider = structure.sliders[part.slider]
+        return f"place of {slider.joint} along its line on {slider.on}"
+    return f"angle of {_way(structure, part.body)} from {_way(structure, part.relative_to)}"
+
+
+def _way(structure: Structure, body: str) -> str:
+    """The direction that a body's angle is that of."""
+    joints = () if body == WORLD else structure.body(body).joints[:2]
+    return f"{body} ({'-'.join(joints)})" if len(joints) == 2 else "+x"
+
+
+def _body_quantities(linkage: Linkage, part: BodyPart) -> Iterator[Quantity]:
+    name, own = f"bodies.{part.name}", own_places(linkage, part)
+    for first, second in itertools.combinations(part.joints, 2):
+        yield Quantity(f"{name}.{first}-{second}", abs(own[second] - own[first]), "mm")
+    if part.fixed:  # its joints' own places are those in the world
+        return
+    for joint in part.joints:
+        for axis, value in zip("xy", _place(own[joint]), strict=True):
+            yield Quantity(f"{name}.{joint}.{axis}", value, "mm")
+    yield Quantity(f"{name}.angle", _degrees(float(linkage.home_angle(part.name))), "°")
+
+
+def _slides(linkage: Linkage) -> list[float]:
+    return [zeroed(slide) for slide in np.asarray(linkage.home.slides, float).tolist()]
+
+
+def _degrees(angle: float) -> float:
+    return zeroed(math.degrees(angle))
+
+
+def _lines(scene: Scene, part: BodyPart) -> list[np.ndarray]:
+    """What is drawn of a body: bars or an outline, its slots and, of a moving one, bars to them."""
+    outlines = scene.outlines(part.name)
+    if part.fixed:
+        outlines = outlines[: len(part.joints) > 1]
+    return [*outlines, *scene.strips(part.name)]
+
+
+def _pin_radius(linkage: Linkage, size: float) -> float:
+    """Of all pins, mm: files say where pins are, not how thick."""
+    apart = [
+        abs(second - first)
+        for part in linkage.structure.bodies
+        for first, second in itertools.combinations(own_places(linkage, part).values(), 2)
+    ]
+    clear = [APART * distance for distance in apart if distance > COINCIDENT * size]
+    return round_down(min([PIN * size, *clear]))
+
+
+def _partners(structure: Structure, joint: str) -> int:
+    """How many bodies meet at a joint: that hold it, or on which it slides."""
+    moving = sum(joint in part.joints for part in structure.moving)
+    sliding = sum(part.joint == joint for part in structure.sliders)
+    return moving + sliding + (joint in structure.fixed_joints)
+
+
+def _cross(layer: str, place: Place, radius: float) -> list[Stroke]:
+    x, y = place
+    return [
+        Stroke(layer, [(x - radius, y), (x + radius, y)]),
+        Stroke(layer, [(x, y - radius), (x, y + radius)]),
+    ]
+
+
+def _stroke(layer: str, line: np.ndarray) -> Stroke:
+    places = [(float(x), float(y)) for x, y in line]
+    closed = len(places) > 2 and places[0] == places[-1]
+    return Stroke(layer, places[:-1] if closed else places, closed)
+
+
+def _place(place: complex) -> Place:
+    return place.real, place.imag

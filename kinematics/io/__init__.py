@@ -1,0 +1,1 @@
+"""From a sketch in a file to an assembled linkage."""

@@ -1,0 +1,1 @@
+"""A linkage: its dimensions, and who is joined to whom."""

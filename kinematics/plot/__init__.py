@@ -1,0 +1,1 @@
+"""Linkages and their motion drawn with Matplotlib."""

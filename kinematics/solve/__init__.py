@@ -1,0 +1,1 @@
+"""Poses and what follows from them: rates, limits, transmission, statics, tolerances."""

@@ -1,0 +1,135 @@
+"""Poses of a linkage, batched: every joint and body, with margin, closure error and result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from designopt.batching import in_blocks
+from designopt.numerics import as_float
+from designopt.solution import Solution
+from kinematics.model.linkage import Linkage
+from kinematics.solve.continuation import ROUNDING_UNITS
+from kinematics.solve.evaluation import Drive, State, closure
+from kinematics.solve.solver import Pose, Solver
+
+BLOCK = 8192
+"""Poses computed at a time, so that what lies between inputs and results stays in the cache."""
+
+
+FEW = 256
+"""Fewer poses are computed at once. More go through a loop, even if twice only: outside of one XLA
+computes the sines anew for every output."""
+
+
+class PoseResult(eqx.Enumeration):
+    """Why a pose is none."""
+
+    successful = ""
+    too_far = (
+        "Two pins are farther apart than the links between them reach: lengthen these links, "
+        "bring the pins together, or keep the input within its limits."
+    )
+    too_near = (
+        "Two pins are nearer to each other than the links between them can fold: make these "
+        "links more equal, move the pins apart, or keep the input within its limits."
+    )
+    off_the_line = (
+        "A link does not reach the line that its end slides along: lengthen it, bring its pin "
+        "nearer to the line, or keep the input within its limits."
+    )
+    inside_the_slot = (
+        "A slot's pin is nearer to the pivot than the slot's line: reduce the slot's offset, or "
+        "keep the input within its limits."
+    )
+    parallel = "Two lines along which a joint slides are parallel: turn one of them."
+    locked = (
+        "The linkage locks before it comes here from the sketch: keep the input within its "
+        "limits, or sketch the assembly beyond them."
+    )
+    not_followed = (
+        "The way from the sketch to this pose could not be followed: sketch the linkage nearer "
+        "to it."
+    )
+    no_number = "An input is not a finite number."
+
+
+_CODES = {
+    "RRR": (PoseResult.too_far, PoseResult.too_near),
+    "RRP": (PoseResult.off_the_line,),
+    "RPR": (PoseResult.inside_the_slot,),
+    "PRP": (PoseResult.parallel,),
+    "RPP": (PoseResult.parallel,),
+    "iterated": (PoseResult.locked, PoseResult.not_followed),
+}
+
+
+def solve_poses(
+    linkage: Linkage,
+    inputs: Float[Array, "*batch inputs"],
+    *,
+    of: Iterable[str] | None = None,
+    signs: Float[Array, " groups"] | None = None,
+) -> Solution[Pose]:
+    """Poses at given inputs, in the linkage's assembly.
+
+    Args:
+        linkage: the linkage; ``jax.vmap`` over it for a batch of designs.
+        inputs: values of the inputs in the order of ``linkage.input_names``, rad or mm.
+        of: joints and bodies asked for; only what they depend on is solved. All by default.
+        signs: an assembly other than the linkage's own, one sign per group of the plan.
+
+    Returns:
+        The poses. ``margin`` is the least over the groups, in mm: for RRR how far the outer pins
+        are from the distance at which the links stretch or fold; for RRP how far the link reaches
+        beyond the line; for RPR how far the slot's pin is outside the circle that the slot
+        touches; for crossing lines the sine of their angle times the linkage's size; for an
+        iterated group the smallest singular value of its scaled Jacobian (`solve_transmission`)
+        times that size where the pose was reached, and minus the part of the way that was not
+        where the linkage locked. ``residual`` is the closure error in units of the linkage's
+        size: the largest gap between the places that two bodies give to their common joint, or
+        the stretch of a body.
+
+    Raises:
+        PlanError: ``of`` names something the linkage does not have.
+    """
+    inputs = as_float(inputs)
+    solver = Solver.of(linkage, inputs.dtype, of, signs)
+    batch = inputs.shape[:-1]
+    finite = jnp.all(jnp.isfinite(inputs), axis=-1)
+    # Angles become unit vectors here: XLA would compute their sines anew for every output.
+    drive = solver.drive(jnp.where(finite[..., None], inputs, 0.0))
+    flat = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[len(batch) :]), (drive, finite))
+    count = flat[1].shape[0]
+    solve = jax.vmap(lambda pose: _solve_one(solver, *pose))
+    if count < FEW:
+        solved = solve(flat)
+    else:
+        solved = in_blocks(jax.checkpoint(solve), flat, min(BLOCK, -(-count // 2)))
+    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), solved)
+
+
+def _solve_one(solver: Solver, drive: Drive, finite: Bool[Array, ""]) -> Solution[Pose]:
+    state = solver.state(drive)
+    margin, result = _verdict(state, finite)
+    return Solution(solver.pose(state), margin * solver.size, closure(state), result)
+
+
+def _verdict(state: State, finite: Bool[Array, ""]) -> tuple[Float[Array, ""], Any]:
+    one = state.no_turn.x
+    touching = -ROUNDING_UNITS * jnp.finfo(one.dtype).eps
+    result, margin = PoseResult.successful, None
+    for group in reversed(state.plan.groups):
+        for value, code in reversed(
+            list(zip(state.margins[group.index], _CODES[group.kind], strict=True))
+        ):
+            result = PoseResult.where(value >= touching, result, code)
+            margin = value if margin is None else jnp.minimum(margin, value)
+    if margin is None:  # nothing to solve, so nothing to fail
+        margin = one
+    return margin, PoseResult.where(finite, result, PoseResult.no_number)

@@ -1,0 +1,112 @@
+"""Forces by virtual work: what the inputs must hold, and what they gain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from designopt.numerics import as_float, safe_divide
+from designopt.vectors import rotation
+from kinematics.model.linkage import Linkage
+from kinematics.model.topology import WORLD
+from kinematics.solve.solver import Pose, Solver
+
+Output = Callable[[Pose], Float[Array, ""]]
+
+
+def input_efforts(
+    linkage: Linkage,
+    inputs: Float[Array, "*batch inputs"],
+    *,
+    forces: Mapping[str, Float[Array, "2"]] | None = None,
+    moments: Mapping[str, Float[Array, ""]] | None = None,
+) -> Float[Array, "*batch inputs"]:
+    """The effort with which each input holds the linkage still, without friction or weight.
+
+    By the principle of virtual work it is the derivative of the potential energy of springs and
+    constant loads with respect to that input.
+
+    Args:
+        linkage: the linkage, springs included.
+        inputs: values of the inputs, rad or mm.
+        forces: forces on joints, N, (x, y) in the world.
+        moments: moments on bodies, N mm, counter-clockwise.
+
+    Returns:
+        Moments (N mm) for inputs that are angles, forces (N) for slides, positive in the
+        direction in which the input grows. Without meaning where `solve_poses` is not ok.
+    """
+
+    def energy(pose: Pose) -> Float[Array, ""]:
+        total = spring_energy(linkage, pose)
+        for joint, force in (forces or {}).items():
+            load = as_float(force)
+            total = total - (load[0] * pose.joints[joint].x + load[1] * pose.joints[joint].y)
+        for body, moment in (moments or {}).items():
+            total = total - as_float(moment) * pose.angle(body)
+        return total
+
+    return input_slopes(linkage, inputs, energy)
+
+
+def spring_energy(linkage: Linkage, pose: Pose) -> Float[Array, ""]:
+    """Energy of the torsion springs in a pose, N mm: Σ ½ k (Δ + preload)²."""
+    total = jnp.zeros_like(linkage.anchors[0, 0])
+    for spring, (first, second) in zip(linkage.springs, linkage.structure.springs, strict=True):
+        rest = _rest(linkage, second) - _rest(linkage, first)
+        turned = pose.bodies[second].turned(pose.bodies[first].conjugate())
+        # Relative to the sketch before the angle is taken, so that it does not jump by 2π.
+        change = turned.turned(rotation(-rest)).angle()
+        total = total + spring.stiffness / 2 * (change + spring.preload) ** 2
+    return total
+
+
+def _rest(linkage: Linkage, body: str) -> Float[Array, ""]:
+    """Angle of a body in the assembled sketch."""
+    if linkage.structure.node(body) == WORLD:
+        return linkage.fixed_direction(body).angle()
+    return linkage.home_angle(body)
+
+
+def input_slopes(
+    linkage: Linkage, inputs: Float[Array, "*batch inputs"], output: Output
+) -> Float[Array, "*batch inputs"]:
+    """Derivative of an output with respect to every input: the velocity ratios.
+
+    Args:
+        linkage: the linkage.
+        inputs: values of the inputs, rad or mm.
+        output: from one pose to a number, such as ``lambda pose: pose.angle("rocker")``.
+    """
+    inputs = as_float(inputs)
+    solver = Solver.of(linkage, inputs.dtype)
+
+    def one(values: Float[Array, " inputs"]) -> Float[Array, " inputs"]:
+        followed = solver.followed(solver.drive(values))
+
+        def value(values: Float[Array, " inputs"]) -> Float[Array, ""]:
+            return output(solver.pose(solver.state_near(solver.drive(values), followed)))
+
+        return jax.grad(value)(values)
+
+    slopes = jax.vmap(one)(inputs.reshape(-1, inputs.shape[-1]))
+    return slopes.reshape(inputs.shape)
+
+
+def mechanical_advantage(
+    linkage: Linkage, inputs: Float[Array, "*batch inputs"], output: Output
+) -> Float[Array, "*batch inputs"]:
+    """Effort at an output per unit of effort at each input, the other inputs held.
+
+    Without friction it is the reciprocal of the velocity ratio (`input_slopes`). Where that
+    vanishes, at a toggle of the output, the advantage is unbounded; the largest finite number
+    stands for it.
+
+    Args: as `input_slopes`.
+    """
+    slopes = input_slopes(linkage, inputs, output)
+    advantage, finite = safe_divide(jnp.ones_like(slopes), slopes)
+    return jnp.where(finite, advantage, jnp.finfo(slopes.dtype).max)

@@ -1,0 +1,74 @@
+"""How the spread of dimensions spreads an output, to first order, by derivatives."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from designopt.numerics import as_float, safe_sqrt
+from kinematics.model.linkage import Linkage
+from kinematics.solve.solver import Solver
+from kinematics.solve.statics import Output
+
+
+class Spread(eqx.Module):
+    """Spread of an output.
+
+    Attributes:
+        value: the output as designed.
+        deviation: its standard deviation.
+        variances: what each dimension adds to its variance, in the shape of the linkage.
+    """
+
+    value: Float[Array, "*batch"]
+    deviation: Float[Array, "*batch"]
+    variances: Linkage
+
+
+def no_deviations(linkage: Linkage) -> Linkage:
+    """A linkage of zeros, to be filled with the standard deviations of dimensions."""
+    return jax.tree.map(jnp.zeros_like, linkage)
+
+
+def output_spread(
+    linkage: Linkage,
+    inputs: Float[Array, "*batch inputs"],
+    output: Output,
+    deviations: Linkage,
+) -> Spread:
+    """Standard deviation of an output when dimensions deviate independently.
+
+    σ² = Σ (∂output/∂dimension · σ_dimension)² (first-order propagation of uncertainty, JCGM
+    100:2008, 5.1.2), in the linkage's own assembly.
+
+    Args:
+        linkage: the design.
+        inputs: values of the inputs, rad or mm; exact.
+        output: from one pose to a number, such as ``lambda pose: pose.joints["B"].x``.
+        deviations: standard deviation of every dimension, mm or rad, in the shape of the linkage
+            (`no_deviations`, then `equinox.tree_at`).
+
+    Returns:
+        The spread at each pose. Without meaning where `solve_poses` is not ok.
+    """
+    inputs = as_float(inputs)
+
+    def one(values: Float[Array, " inputs"]) -> Spread:
+        def value(design: Linkage) -> Float[Array, ""]:
+            solver = Solver.of(design, inputs.dtype)
+            drive = solver.drive(values)
+            return output(solver.pose(solver.state_near(drive, solver.followed(drive))))
+
+        nominal, slopes = jax.value_and_grad(value)(linkage)
+        variances = jax.tree.map(lambda slope, sigma: (slope * sigma) ** 2, slopes, deviations)
+        parts = [jnp.sum(part) for part in jax.tree.leaves(variances)]
+        total = jnp.zeros_like(nominal)
+        for part in parts:
+            total = total + part
+        return Spread(nominal, safe_sqrt(total), variances)
+
+    found = jax.vmap(one)(inputs.reshape(-1, inputs.shape[-1]))
+    batch = inputs.shape[:-1]
+    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), found)

@@ -1,0 +1,73 @@
+"""How well a pose transmits motion: the angle at every pin that does, and an index per group."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from designopt.numerics import as_float
+from designopt.vectors import folded_angle
+from kinematics.model.linkage import Linkage
+from kinematics.solve.continuation import smallest_singular_value
+from kinematics.solve.evaluation import group_columns
+from kinematics.solve.solver import Solver
+
+
+class Transmission(eqx.Module):
+    """Transmission of a pose.
+
+    Attributes:
+        angles: by pin, rad, 0 to π/2. At a pin between two links the angle between them; at a
+            joint that slides that between the link and the normal of its line.
+        indices: by number of the group in the plan: smallest singular value of the derivatives
+            of its loops with respect to its unknowns, each scaled to length 1; 0 (locked) to 1.
+    """
+
+    angles: dict[str, Float[Array, "*batch"]]
+    indices: dict[int, Float[Array, "*batch"]]
+
+
+def solve_transmission(
+    linkage: Linkage, inputs: Float[Array, "*batch inputs"], *, of: Iterable[str] | None = None
+) -> Transmission:
+    """Transmission angles and indices of poses, differentiable in every dimension and input.
+
+    The transmission angle is that between the two directions in which the two unknowns of a group
+    move the joint they share: for a four-bar the angle between coupler and rocker (H. Alt, 1932);
+    for a slider-crank that between the rod and the normal of the slide's line. A group that has
+    no closed form has no such angle, but it has the index.
+
+    Args:
+        linkage: the linkage.
+        inputs: values of the inputs, rad or mm.
+        of: joints and bodies asked for; all by default.
+
+    Returns:
+        Angles and indices; without meaning where `solve_poses` is not ok.
+    """
+    inputs = as_float(inputs)
+    solver = Solver.of(linkage, inputs.dtype, of)
+    batch = inputs.shape[:-1]
+
+    def one(values: Float[Array, " inputs"]) -> Transmission:
+        state = solver.state(solver.drive(values))
+        angles, indices = {}, {}
+        for group in solver.plan.groups:
+            rows = group_columns(state, group)
+            matrix = [[getattr(c, axis) for c in row] for row in rows for axis in ("x", "y")]
+            indices[group.index] = smallest_singular_value(
+                jnp.stack([jnp.stack(line) for line in matrix])
+            )
+            if group.pin is not None:
+                first, second = rows[0]
+                angle = folded_angle(first, second)
+                # A pin of three bodies may serve two groups: the worse one counts.
+                angles[group.pin] = jnp.minimum(angles.get(group.pin, angle), angle)
+        return Transmission(angles, indices)
+
+    found = jax.vmap(one)(inputs.reshape(-1, inputs.shape[-1]))
+    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), found)
