@@ -1,17 +1,17 @@
-from .camera import Camera, Equidistant, KannalaBrandt, Pinhole, Projection
-from .chamber import Chamber, ChamberResult
-from .chamber_solve import dimension_for_ratio
-from .edge_refined import trace_views
-from .fabrication import Fabrication, as_made, errors_of, fabrication_names
-from .focus import Focus, find_focus
-from .imaging import Imaging
-from .outlines import Outlines, find_corners, find_outlines
-from .scene import Layout, Scene
-from .scene_reading import read_scene, scene_from
-from .thin_lens import LensImage, LensResult, ThinLens
-from .tracing import Hits, trace_rays
-from .views import Pieces, ViewResult, describe_end, path_names
-from .visibility import find_coverage, find_views
+from .chamber.chamber import Chamber, ChamberResult
+from .chamber.ratio import dimension_for_ratio
+from .scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole, Projection
+from .scene.fabrication import Fabrication, as_made, errors_of, fabrication_names
+from .scene.imaging import Imaging
+from .scene.reading import read_scene, scene_from
+from .scene.scene import Layout, Scene
+from .scene.thin_lens import LensImage, LensResult, ThinLens
+from .visibility.coverage import find_coverage, find_views
+from .visibility.edge_refined import trace_views
+from .visibility.focus import Focus, find_focus
+from .visibility.outlines import Outlines, find_corners, find_outlines
+from .visibility.tracing import Hits, trace_rays
+from .visibility.views import Pieces, ViewResult, describe_end, path_names
 
 __all__ = [
     "Camera",

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from designopt.designs.design import Design, DesignFile, Quantity
 from designopt.designs.sheet import Sheet
-from optics.chamber import Chamber
-from optics.chamber_file import read_chamber
+from optics.chamber.chamber import Chamber
+from optics.chamber.file import read_chamber
 
 if TYPE_CHECKING:
     from designopt.designs.bench import Bench
@@ -35,19 +35,19 @@ class DesignedChamber(Design):
 
     def bench(self) -> Bench:
         """η, wall angles and lengths as knobs; the section and the image rings."""
-        from optics.chamber_bench import ChamberBench
+        from optics.explore.chamber_bench import ChamberBench
 
         return ChamberBench(self)
 
     def sheet(self) -> Sheet:
         """The wall's section, region by region, on layers of their own."""
-        from optics.chamber_sheet import chamber_sheet
+        from optics.export.chamber_sheet import chamber_sheet
 
         return chamber_sheet(self)
 
     def quantities(self) -> Sequence[Quantity]:
         """Every dimension, and the ratio that it is designed for."""
-        from optics.chamber_sheet import chamber_quantities
+        from optics.export.chamber_sheet import chamber_quantities
 
         return chamber_quantities(self)
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from designopt.designs.design import Design, DesignFile, Quantity, read_tables
 from designopt.designs.sheet import Sheet
 from designopt.spec_files import validated
-from optics.scene import Scene
-from optics.scene_file import SceneFile
-from optics.scene_reading import build_scene
+from optics.scene.file import SceneFile
+from optics.scene.reading import build_scene
+from optics.scene.scene import Scene
 
 if TYPE_CHECKING:
     from designopt.designs.bench import Bench
@@ -47,19 +47,19 @@ class DesignedScene(Design):
 
     def bench(self) -> Bench:
         """Joint angles, camera and mirrors as knobs; rays by path, coverage, px/mm."""
-        from optics.scene_bench import SceneBench
+        from optics.explore.scene_bench import SceneBench
 
         return SceneBench(self)
 
     def sheet(self) -> Sheet:
         """Mirrors, pads, blockers and the camera on layers of their own."""
-        from optics.scene_sheet import scene_sheet
+        from optics.export.scene_sheet import scene_sheet
 
         return scene_sheet(self)
 
     def quantities(self) -> Sequence[Quantity]:
         """Every number of the file."""
-        from optics.scene_sheet import scene_quantities
+        from optics.export.scene_sheet import scene_quantities
 
         return scene_quantities(self)
 

@@ -161,8 +161,8 @@ def interface(_: Path) -> dict[str, Any]:
 
 FILES = {
     "linkage": "kinematics.io.sketch:Sketch",
-    "scene": "optics.scene_file:SceneFile",
-    "chamber": "optics.chamber_file:ChamberFile",
+    "scene": "optics.scene.file:SceneFile",
+    "chamber": "optics.chamber.file:ChamberFile",
 }
 """The model that a file of each kind is read with."""
 

@@ -23,7 +23,7 @@ from designopt.cli import run
 from designopt.settings import fields, spec_with
 from designopt.spec_files import validated
 from designopt.study import installed_studies, load_study
-from optics.chamber_file import chamber_text
+from optics.chamber.file import chamber_text
 from tests.mutations import UNKNOWN, mutate, mutated, toml
 from tests.optics.test_chamber_bench import PAPER
 
@@ -240,7 +240,7 @@ def clumsy(model: Any, data: Any, source: str) -> Any:
 @pytest.mark.parametrize(("plant", "words"), [(careless, "was accepted"), (clumsy, "code 70")])
 def test_planted_faults_are_found(plant, words, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    monkeypatch.setattr("optics.chamber_file.validated", plant)
+    monkeypatch.setattr("optics.chamber.file.validated", plant)
     found = faults("chamber", range(70), tmp_path, KINDS["chamber"].texts)
     assert found
     assert all(words in fault for fault in found)

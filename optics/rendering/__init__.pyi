@@ -1,9 +1,15 @@
+from .chamber_effects import ChamberEffects
+from .chamber_renderer import COLOURS, ChamberImage, ChamberRenderer
 from .effects import Effects
 from .imprints import Imprint, height_map, imprint_names
 from .pads import PadLook, look_of_pad
 from .renderer import Renderer, TactileImage, TrueView
 
 __all__ = [
+    "COLOURS",
+    "ChamberEffects",
+    "ChamberImage",
+    "ChamberRenderer",
     "Effects",
     "Imprint",
     "PadLook",

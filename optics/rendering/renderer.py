@@ -13,20 +13,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
-from optics.camera import Pinhole
-from optics.fabrication import Fabrication, as_made
-from optics.imaging import Imaging
-from optics.labels import FIRST_PAD_END, SECOND_PAD_END
-from optics.outlines import Outlines, find_corners, find_outlines
 from optics.rendering.angles import checked_angles
 from optics.rendering.effects import Effects
 from optics.rendering.exposure import exposed
 from optics.rendering.imprints import Imprint
 from optics.rendering.pads import PadLook, look_of_pad
-from optics.scene import Scene
-from optics.unfolding import paths_of
-from optics.views import Pieces, path_name
-from optics.visibility import find_views
+from optics.scene.camera import Pinhole
+from optics.scene.fabrication import Fabrication, as_made
+from optics.scene.imaging import Imaging
+from optics.scene.scene import Scene
+from optics.visibility.boundary_codes import FIRST_PAD_END, SECOND_PAD_END
+from optics.visibility.coverage import find_views
+from optics.visibility.outlines import Outlines, find_corners, find_outlines
+from optics.visibility.unfolding import paths_of
+from optics.visibility.views import Pieces, path_name
 
 BORDER = 8
 """Pixels around a view that are looked at as well, as blur and rough edges need."""

@@ -22,8 +22,8 @@ from designopt.optimising import (
     minimise,
     sobol_starts,
 )
-from optics.chamber import Chamber
-from optics.soft_finger import Endoscope, extreme_points, image_rates
+from optics.chamber import Endoscope, extreme_points, image_rates
+from optics.chamber.chamber import Chamber
 from studies.chamber_images.making import DOWN, SoftFinger
 from studies.table1 import imaging, paper
 from studies.table1.spec import ChamberSpec

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from designopt.results import PrecisionRow
-from optics.soft_finger import ChamberImage
+from optics.rendering import ChamberImage
 from perception.chamber import Points
 from perception.chamber.directions import Use
 from studies.bending_direction.design import Design

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from optics.soft_finger import ChamberImage, ChamberRenderer
+from optics.rendering import ChamberImage, ChamberRenderer
 from perception.chamber import (
     Direction,
     Points,

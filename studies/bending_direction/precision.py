@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from designopt.precision import Contender, compile_timed, measure
 from designopt.results import Claim, PrecisionRow
-from optics.soft_finger import Apertures, Posture, Rings, apertures, pressed_by
+from optics.chamber import Apertures, Posture, Rings, apertures, pressed_by
 from studies.chamber_images.making import DOWN, SoftFinger
 
 PER_REGION = (5, 10, 20, 40, 80)

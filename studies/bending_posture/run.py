@@ -14,7 +14,7 @@ import numpy as np
 from designopt.errors import UserError
 from designopt.results import PrecisionRow, PrecisionStudy, Results, SpecFile
 from designopt.study import Context
-from optics.soft_finger import image_rates
+from optics.chamber import image_rates
 from perception.chamber import find_regions
 from perception.posture import PostureEstimator, boundary_image, find_posture, shrunk
 from studies.bending_posture import drawings, statements, tables

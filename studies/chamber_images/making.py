@@ -17,17 +17,10 @@ import numpy as np
 from jaxtyping import Float
 
 from designopt.errors import UserError
-from optics.chamber import Chamber
-from optics.soft_finger import (
-    ChamberEffects,
-    ChamberImage,
-    ChamberRenderer,
-    Endoscope,
-    Posture,
-    Rings,
-    wall_radii,
-)
-from optics.soft_finger.renderer import CHUNK, COLOURS
+from optics.chamber import Endoscope, Posture, Rings, wall_radii
+from optics.chamber.chamber import Chamber
+from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
+from optics.rendering.chamber_renderer import CHUNK, COLOURS
 from studies.chamber_images.spec import WIDEST_DEG, ChamberImagesSpec, MadeSpec
 from studies.table1 import imaging
 from studies.table1.spec import ChamberSpec

@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from designopt.typesetting import words
-from optics.soft_finger import COLOURS, Posture
+from optics.chamber import Posture
+from optics.rendering import COLOURS
 from perception.chamber import IN_VIEW, Sight
 from perception.posture import USABLE
 from studies.chamber_images.making import SoftFinger, looked_at

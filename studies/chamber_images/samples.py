@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from optics.soft_finger import ChamberImage, Posture, bent, pressed_by
+from optics.chamber import Posture, bent, pressed_by
+from optics.rendering import ChamberImage
 from perception.chamber import find_regions
 from perception.posture import USABLE, boundary_image, shrunk
 from studies.chamber_images.making import DOWN, SoftFinger, looked_at

@@ -10,7 +10,7 @@ from designopt.designs.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.errors import UserError
 from designopt.results import SpecFile
 from kinematics.explore.bench import LinkageBench
-from optics.scene_bench import SceneBench
+from optics.explore.scene_bench import SceneBench
 from studies.finger.design import DesignedFinger
 
 if TYPE_CHECKING:

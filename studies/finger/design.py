@@ -15,8 +15,8 @@ from designopt.progress import step_display
 from designopt.study import Context
 from kinematics.design import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
+from optics.scene.file import SceneFile
 from optics.scene_design import DesignedScene
-from optics.scene_file import SceneFile
 from studies.finger.spec import FingerSpec
 from studies.finger_linkage.analysis import design_linkage
 from studies.finger_linkage.pins import linkage_table

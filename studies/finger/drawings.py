@@ -6,7 +6,7 @@ import numpy as np
 
 from designopt.figures import PALETTE, legend_below, new_figure
 from designopt.results import Figure
-from optics.scene import Scene
+from optics.scene.scene import Scene
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.drawings import draw_finger
 from studies.finger_linkage.pins import Pins

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from designopt.designs.design import Quantity
 from designopt.designs.sheet import Layer, Sheet, Stroke
 from kinematics.export.sheet import linkage_sheet
-from optics.scene_sheet import HINGES, scene_sheet
+from optics.export.scene_sheet import HINGES, scene_sheet
 from studies.finger_linkage.body import BodySpec
 
 if TYPE_CHECKING:
@@ -39,7 +39,10 @@ def finger_sheet(design: DesignedFinger) -> Sheet:
             *links.circles,
             *(circle for circle in optics.circles if circle.layer != HINGES),
         ],
-        labels=[*links.labels, *(label for label in optics.labels if label.layer != HINGES)],
+        labels=[
+            *links.labels,
+            *(label for label in optics.labels if label.layer != HINGES),
+        ],
         measures=[*links.measures, *optics.measures],
         notes=[
             "straight finger; the links lie at both its sides, the optics between them",

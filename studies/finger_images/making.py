@@ -13,12 +13,12 @@ import numpy as np
 from jaxtyping import Float
 
 from designopt.errors import UserError
-from optics.camera import Pinhole
-from optics.fabrication import Fabrication, errors_of
-from optics.imaging import Imaging
 from optics.rendering import Effects, Renderer
-from optics.scene import Layout, Scene
-from optics.scene_reading import read_scene
+from optics.scene.camera import Pinhole
+from optics.scene.fabrication import Fabrication, errors_of
+from optics.scene.imaging import Imaging
+from optics.scene.reading import read_scene
+from optics.scene.scene import Layout, Scene
 from perception.lens import Lens
 from perception.matching import Catalogue
 from perception.proprioception import CornerModel

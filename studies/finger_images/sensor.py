@@ -11,13 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from optics.fabrication import Fabrication, as_made, errors_of
-from optics.imaging import Imaging
-from optics.outlines import find_corners, find_outlines
-from optics.scene import Scene
-from optics.unfolding import paths_of
-from optics.views import Pieces, path_names
-from optics.visibility import find_views
+from optics.scene.fabrication import Fabrication, as_made, errors_of
+from optics.scene.imaging import Imaging
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_views
+from optics.visibility.outlines import find_corners, find_outlines
+from optics.visibility.unfolding import paths_of
+from optics.visibility.views import Pieces, path_names
 from perception.lens import Lens, Places, Rays
 from perception.matching import Catalogue, Family, rms_of_ends
 from perception.proprioception import CornerModel, GapTable

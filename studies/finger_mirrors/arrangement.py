@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
-from optics.scene import Scene
-from optics.scene_reading import scene_from
+from optics.scene.reading import scene_from
+from optics.scene.scene import Scene
 from studies.finger_linkage.body import RIM, BodySpec
 from studies.finger_mirrors.spec import MirrorSpec
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 
 from designopt.optimising import sobol_starts
 from designopt.study import Context
-from optics.scene import Scene
+from optics.scene.scene import Scene
 from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors.arrangement import Arrangement, bounds, poor_start, scene_of
 from studies.finger_mirrors.judging import Verdict, judged

@@ -9,8 +9,8 @@ from designopt.progress import step_display
 from designopt.results import SpecFile
 from designopt.study import Context
 from designopt.toml_writing import toml_text
+from optics.scene.file import SceneFile
 from optics.scene_design import DesignedScene
-from optics.scene_file import SceneFile
 from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors.arrangement import Arrangement, scene_table
 from studies.finger_mirrors.design import design_mirrors

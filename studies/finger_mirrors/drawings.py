@@ -15,9 +15,9 @@ from matplotlib.patches import Patch
 
 from designopt.figures import PALETTE, angle_ticks, legend_below, new_figure
 from designopt.results import Figure
-from optics.scene import Scene
-from optics.scene_drawing import DASHES
-from optics.scene_figures import COLOURS, UNSEEN, poses_figure
+from optics.plot.scene_drawing import DASHES
+from optics.plot.scene_figures import COLOURS, UNSEEN, poses_figure
+from optics.scene.scene import Scene
 from studies.finger_mirrors.errors import NAMES
 from studies.finger_mirrors.judging import Square, Verdict
 from studies.finger_mirrors.seeing import best_resolution, pad_lengths, together

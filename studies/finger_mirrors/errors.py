@@ -8,7 +8,7 @@ import scipy.stats
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
-from optics.fabrication import displaced
+from optics.scene.fabrication import displaced
 from studies.finger_mirrors.arrangement import Arrangement
 from studies.finger_mirrors.spec import ToleranceSpec
 

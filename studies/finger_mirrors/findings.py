@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from optics.scene import Scene
+from optics.scene.scene import Scene
 from studies.finger_mirrors.arrangement import Arrangement
 from studies.finger_mirrors.design import MirrorDesign
 from studies.finger_mirrors.judging import Square, Verdict

@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.solution import Solution
-from optics.scene import Scene
-from optics.sharpness import find_sharpness
-from optics.views import Pieces
-from optics.visibility import find_coverage, find_views
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_coverage, find_views
+from optics.visibility.sharpness import find_sharpness
+from optics.visibility.views import Pieces
 from studies.finger_mirrors.seeing import together
 from studies.visibility_precision.numpy_rays import seen_by_fan
 from studies.visibility_precision.plain import rounded

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 
 from designopt.left_out import count_operations
 from designopt.results import LeftOutRow
-from optics.scene import Scene
-from optics.visibility import find_coverage
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_coverage
 
 
 def operations(scene: Scene) -> list[LeftOutRow]:

@@ -13,8 +13,8 @@ from jaxtyping import Array, Float, Int
 
 from designopt.numerics import as_float
 from designopt.optimising import Problem, Requirement, Terms
-from optics.scene import Scene
-from optics.visibility import find_views
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_views
 from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors.arrangement import (
     Arrangement,

@@ -6,7 +6,7 @@ import numpy as np
 
 from designopt.results import Figure, PrecisionStudy, Results
 from designopt.study import Context
-from optics.scene import Scene
+from optics.scene.scene import Scene
 from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors import drawings, left_out, solvers, statements, tables
 from studies.finger_mirrors.arrangement import Arrangement, poor_start, robust_layout, scene_of

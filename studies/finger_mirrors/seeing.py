@@ -6,8 +6,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from designopt.solution import Solution
-from optics.scene import Scene
-from optics.views import Pieces
+from optics.scene.scene import Scene
+from optics.visibility.views import Pieces
 
 PLACES = 17
 """Places along a pad at which the search asks for resolution, besides the ends of pieces."""

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from optics.scene import Scene
-from optics.visibility import find_coverage
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_coverage
 from studies.finger_mirrors.arrangement import Arrangement, scene_of
 from studies.finger_mirrors.errors import NAMES, Errors, deviations, drawn, with_errors
 from studies.finger_mirrors.judging import ROUNDING, degrees_of

@@ -9,7 +9,7 @@ from matplotlib.patches import Circle, Polygon
 
 from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.results import Figure
-from optics.soft_finger import bent
+from optics.chamber import bent
 from studies.object_size.found import Found, Shown
 from studies.object_size.spec import ObjectSizeSpec
 from studies.object_size.statements import ERROR_MM

@@ -31,7 +31,7 @@ from jaxtyping import Array, Float
 from designopt.numerics import safe_arctan2
 from designopt.roots import find_root
 from designopt.solution import Solution, first_failure
-from optics.soft_finger import bent
+from optics.chamber import bent
 
 CLOSED = math.radians(120)
 """The farthest that the finger closes, in radians."""

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from designopt.errors import UserError
-from optics.soft_finger import Posture, pressed_by
+from optics.chamber import Posture, pressed_by
 from perception.posture import find_posture
 from studies.chamber_images.making import DOWN, SoftFinger, looked_at
 from studies.chamber_images.samples import marker_places

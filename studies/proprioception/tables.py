@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from designopt.results import Cell, Table
-from optics.fabrication import fabrication_names
+from optics.scene.fabrication import fabrication_names
 from studies.proprioception.found import Found
 from studies.proprioception.gap_alone import METHOD as GAP_ALONE
 from studies.proprioception.ladder import (

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from optics.soft_finger import bent
+from optics.chamber import bent
 from perception.chamber import (
     ChamberMap,
     Heights,

@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.roots import find_root
-from optics.chamber import Chamber
-from optics.soft_finger import Endoscope, Posture, bent, extreme_points, pressed_by
+from optics.chamber import Endoscope, Posture, bent, extreme_points, pressed_by
+from optics.chamber.chamber import Chamber
 from perception.chamber import ChamberMap
 from studies.chamber_images.making import DOWN, SoftFinger
 from studies.surface_profile.spec import SurfaceProfileSpec

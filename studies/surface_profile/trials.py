@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from optics.soft_finger import Posture
+from optics.chamber import Posture
 from perception.chamber import (
     ChamberMap,
     Heights,

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.errors import UserError
-from optics.chamber import Chamber
-from optics.thin_lens import LensImage, ThinLens
+from optics.chamber.chamber import Chamber
+from optics.scene.thin_lens import LensImage, ThinLens
 from studies.table1 import imaging
 from studies.table1.imaging import Imaging
 from studies.table1.spec import ChamberSpec, Table1Spec

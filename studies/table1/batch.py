@@ -13,7 +13,7 @@ from designopt.errors import UserError
 from designopt.results import Results
 from designopt.stability import assess
 from designopt.study import Context
-from optics.chamber import Chamber
+from optics.chamber.chamber import Chamber
 from studies.table1 import imaging, stability, statements
 from studies.table1.analysis import Analysis, RealLens, real_lens
 from studies.table1.imaging import Imaging

@@ -7,8 +7,8 @@ import numpy as np
 from designopt.figures import PALETTE, legend_below, new_figure
 from designopt.results import Figure
 from designopt.typesetting import as_mathtext
-from optics.chamber import Chamber
-from optics.chamber_drawing import REGIONS
+from optics.chamber.chamber import Chamber
+from optics.plot.chamber_drawing import REGIONS
 from studies.table1 import paper
 from studies.table1.imaging import Imaging
 

@@ -1,7 +1,8 @@
 """Eqs. 1-3 of paper A in mpmath, written as printed: the reference for errors.
 
-Nothing here shares a line with `optics.chamber`: image heights are divided and subtracted as the
-paper has them, which only many digits make usable. Arguments are named as `Chamber`'s fields.
+Nothing here shares a line with `optics.chamber.chamber`: image heights are divided and subtracted
+as the paper has them, which only many digits make usable. Arguments are named as `Chamber`'s
+fields.
 """
 
 from __future__ import annotations

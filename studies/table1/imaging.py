@@ -13,8 +13,8 @@ from jaxtyping import Array, Float
 
 from designopt.fitting import Fit, least_squares
 from designopt.solution import Solution
-from optics.chamber import Chamber
-from optics.chamber_solve import dimension_for_ratio
+from optics.chamber.chamber import Chamber
+from optics.chamber.ratio import dimension_for_ratio
 from studies.table1 import paper
 from studies.table1.spec import ChamberSpec
 

@@ -18,7 +18,7 @@ from designopt.precision import Contender, compile_timed, dominating
 from designopt.results import Claim, PrecisionRow
 from designopt.roots import RootMethod, find_root
 from designopt.stability import DIGITS
-from optics.chamber import Chamber
+from optics.chamber.chamber import Chamber
 from studies.table1 import exact
 
 FIELDS = (

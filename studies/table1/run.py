@@ -10,9 +10,9 @@ from designopt.left_out import count_operations
 from designopt.results import LeftOutRow, PrecisionStudy, Results
 from designopt.stability import DIGITS, assess
 from designopt.study import Context
-from optics.chamber import Chamber
-from optics.chamber_solve import SolveMethod, dimension_for_ratio
-from optics.thin_lens import ThinLens
+from optics.chamber.chamber import Chamber
+from optics.chamber.ratio import SolveMethod, dimension_for_ratio
+from optics.scene.thin_lens import ThinLens
 from studies.table1 import drawings, paper, precision, stability, statements, tables
 from studies.table1.analysis import analyse
 from studies.table1.spec import Table1Spec

@@ -10,9 +10,9 @@ from jaxtyping import Array, ArrayLike
 
 from designopt.solution import Solution
 from designopt.stability import Family
-from optics.chamber import Chamber
-from optics.chamber_solve import Dimension, dimension_for_ratio
-from optics.thin_lens import ThinLens
+from optics.chamber.chamber import Chamber
+from optics.chamber.ratio import Dimension, dimension_for_ratio
+from optics.scene.thin_lens import ThinLens
 from studies.table1 import exact
 
 NOMINAL = {

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from optics.scene import Scene, place
-from optics.tracing import trace_rays
+from optics.scene.scene import Scene, place
+from optics.visibility.tracing import trace_rays
 
 
 def coverage(scene: Scene, angles: Float[Array, " joints"], rays: int) -> Float[Array, " pads"]:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from optics import read_scene, scene_from
-from optics.scene import Scene
+from optics.scene.scene import Scene
 
 GALLERY = Path(__file__).parent.parent / "optics_gallery"
 

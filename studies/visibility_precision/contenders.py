@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.precision import Contender, compile_timed
-from optics.edge_refined import trace_views
-from optics.scene import Scene
-from optics.visibility import find_coverage
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_coverage
+from optics.visibility.edge_refined import trace_views
 from studies.visibility_precision import camera_rays, exact, numpy_rays, sampling
 from studies.visibility_precision.cases import REACH_MM, Parts, parts_of, with_parts
 from studies.visibility_precision.plain import rounded

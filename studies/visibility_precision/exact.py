@@ -21,8 +21,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.stability import DIGITS
-from optics.scene import Scene
-from optics.unfolding import paths_of
+from optics.scene.scene import Scene
+from optics.visibility.unfolding import paths_of
 from studies.visibility_precision.numpy_rays import followed, number_of
 from studies.visibility_precision.plain import Number, Plain, entries, plain
 

@@ -19,9 +19,9 @@ from jaxtyping import Array, Float
 
 from designopt.precision import Contender, compile_timed, measure
 from designopt.results import PrecisionRow
-from optics.scene import WORLD, Layout, Scene
-from optics.unfolding import paths_of
-from optics.visibility import find_views
+from optics.scene.scene import WORLD, Layout, Scene
+from optics.visibility.coverage import find_views
+from optics.visibility.unfolding import paths_of
 from studies.linkage_precision.pinning import one_core
 from studies.visibility_precision.cases import gallery, spoilt_finger
 from studies.visibility_precision.contenders import exact_coverage

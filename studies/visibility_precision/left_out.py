@@ -8,9 +8,9 @@ from typing import Any
 
 from designopt.left_out import count_operations
 from designopt.results import LeftOutRow
-from optics.edge_refined import trace_views
-from optics.scene import Scene
-from optics.visibility import find_coverage, find_views
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_coverage, find_views
+from optics.visibility.edge_refined import trace_views
 from studies.visibility_precision.cases import changed_finger, gallery
 
 RADIUS_MM = 200.0

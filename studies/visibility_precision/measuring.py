@@ -12,9 +12,9 @@ from jaxtyping import Array
 from designopt.precision import Contender, measure
 from designopt.results import PrecisionRow
 from designopt.study import Context
-from optics.edge_refined import trace_views
-from optics.scene import Scene
-from optics.visibility import find_views
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_views
+from optics.visibility.edge_refined import trace_views
 from studies.linkage_precision.measuring import Ratio, in_turn
 from studies.linkage_precision.pinning import one_core
 from studies.visibility_precision import exact, finger_grid, numpy_rays, tracers

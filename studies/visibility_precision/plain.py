@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.stability import DIGITS
-from optics.scene import WORLD, Layout, Scene
+from optics.scene.scene import WORLD, Layout, Scene
 from studies.visibility_precision.cases import parts_of
 
 Number = Any

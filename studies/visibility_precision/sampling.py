@@ -23,8 +23,8 @@ from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector
-from optics.scene import Placed, Scene, place
-from optics.unfolding import paths_of, unit
+from optics.scene.scene import Placed, Scene, place
+from optics.visibility.unfolding import paths_of, unit
 from studies.visibility_precision.cases import Parts, with_parts
 
 NEVER = -8.0

@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 
 from designopt.precision import Contender, compile_timed
 from optics import scene_from
-from optics.scene import Scene
-from optics.tracing import trace_rays
+from optics.scene.scene import Scene
+from optics.visibility.tracing import trace_rays
 from studies.visibility_precision.peers import Ends, installed, optiland_tracer, rayoptics_tracer
 
 OURS = "designopt"

@@ -13,11 +13,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.solution import Solution
-from optics.views import Pieces
+from optics.visibility.views import Pieces
 from studies.visibility_stability.scenes import PADS, STRUCTURE, scene_of
 
 Engine = Callable[..., Solution[Pieces]]
-"""`optics.visibility.find_views`, or another that answers the same questions."""
+"""`optics.visibility.coverage.find_views`, or another that answers the same questions."""
 
 BLOCK = 500
 """Scenes that are solved in one call: batches of any size are filled up to whole blocks."""

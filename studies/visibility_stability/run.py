@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from designopt.results import Results
 from designopt.study import Context
-from optics.visibility import find_views
+from optics.visibility.coverage import find_views
 from studies.visibility_stability import drawings, statements
 from studies.visibility_stability.answers import Asked
 from studies.visibility_stability.comparing import compare

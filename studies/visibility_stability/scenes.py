@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from optics.camera import Camera, Equidistant
-from optics.scene import WORLD, Layout, Scene, Surface
+from optics.scene.camera import Camera, Equidistant
+from optics.scene.scene import WORLD, Layout, Scene, Surface
 from studies.visibility_stability.rays import Fans, Structure
 
 STRUCTURE = Structure(mirrors=3, pads=2, sides=(1, 0, -1, 1, 0, 0, 1, -1, 0))

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from designopt.solution import Solution
-from optics.camera import Camera, Equidistant
-from optics.scene import Frame, Layout, Scene, Surface
-from optics.views import Pieces, ViewResult
-from optics.visibility import find_views
+from optics.scene.camera import Camera, Equidistant
+from optics.scene.scene import Frame, Layout, Scene, Surface
+from optics.visibility.coverage import find_views
+from optics.visibility.views import Pieces, ViewResult
 
 POSES = np.radians([[0.0, 0.0], [30.0, 20.0], [60.0, 45.0], [90.0, 90.0]])
 

@@ -11,10 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from optics.scene import Scene
-from optics.scene_reading import read_scene
-from optics.views import Pieces
-from optics.visibility import find_views
+from optics.scene.reading import read_scene
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_views
+from optics.visibility.views import Pieces
 from tests.optics.scenes import Posed, mirrored
 
 Lens = Callable[[Any], Any]

@@ -16,11 +16,11 @@ import numpy as np
 from jax import Array
 
 from designopt.solution import Solution
-from optics.camera import Camera, Equidistant, KannalaBrandt
-from optics.scene import WORLD, Frame, Layout, Scene, Surface
-from optics.unfolding import paths_of
-from optics.views import Pieces
-from optics.visibility import find_views
+from optics.scene.camera import Camera, Equidistant, KannalaBrandt
+from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
+from optics.visibility.coverage import find_views
+from optics.visibility.unfolding import paths_of
+from optics.visibility.views import Pieces
 from tests.optics.brute_force import Surfaces
 
 LAYOUT = Layout(

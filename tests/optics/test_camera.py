@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics.camera import Camera, Equidistant, KannalaBrandt, Pinhole, Projection
+from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole, Projection
 from tests.helpers import central_differences
 
 ROUNDING = 1e-13

@@ -14,11 +14,11 @@ from matplotlib.lines import Line2D
 from designopt import UserError
 from designopt.ruling import Ruling
 from optics import Chamber, ChamberResult
-from optics.chamber_bench import FIELDS, ChamberBench
+from optics.chamber.file import read_chamber
 from optics.chamber_design import DesignedChamber
-from optics.chamber_drawing import FAINT
-from optics.chamber_file import read_chamber
-from optics.chamber_improving import narrowest
+from optics.explore.chamber_bench import FIELDS, ChamberBench
+from optics.explore.chamber_improving import narrowest
+from optics.plot.chamber_drawing import FAINT
 
 ROUNDING = 1e-12
 
@@ -308,6 +308,6 @@ def test_showing_compiles_once(paper, monkeypatch):
     def traced_again(*arguments):
         raise AssertionError("it was traced again")
 
-    monkeypatch.setattr("optics.chamber_bench.dimension_for_ratio", traced_again)
+    monkeypatch.setattr("optics.explore.chamber_bench.dimension_for_ratio", traced_again)
     for moves in MOVES:
         bench.show(values | moves)

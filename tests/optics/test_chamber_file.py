@@ -8,8 +8,8 @@ import pytest
 
 from designopt import UserError
 from designopt.designs import load_design
+from optics.chamber.file import chamber_text, read_chamber
 from optics.chamber_design import DesignedChamber
-from optics.chamber_file import chamber_text, read_chamber
 from tests.optics.test_chamber_bench import PAPER
 
 TEXT = chamber_text("soft", PAPER)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from designopt.roots import RootMethod
 from optics import ChamberResult, dimension_for_ratio
-from optics.chamber_solve import _QUADRATIC, Dimension
+from optics.chamber.ratio import _QUADRATIC, Dimension
 from tests.helpers import central_differences
 from tests.optics.test_chamber import make
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from designopt.vectors import Vector, rotation
-from optics.curves import Arc, arc_between
+from optics.visibility.curves import Arc, arc_between
 
 ROUNDING = 1e-12
 

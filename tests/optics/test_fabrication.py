@@ -12,9 +12,16 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
-from optics.camera import Equidistant, KannalaBrandt, Pinhole
-from optics.fabrication import Fabrication, as_made, displaced, errors_of, fabrication_names, turned
-from optics.scene import Scene
+from optics.scene.camera import Equidistant, KannalaBrandt, Pinhole
+from optics.scene.fabrication import (
+    Fabrication,
+    as_made,
+    displaced,
+    errors_of,
+    fabrication_names,
+    turned,
+)
+from optics.scene.scene import Scene
 from tests.helpers import central_differences
 from tests.optics.extruded import finger
 

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics.camera import Camera, Equidistant, KannalaBrandt, Pinhole, Projection
-from optics.imaging import Imaging
+from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole, Projection
+from optics.scene.imaging import Imaging
 from tests.helpers import central_differences
 from tests.optics.extruded import direction_of, imaged
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from optics.intervals import Interval, common_part, gaps, where_positive
+from optics.visibility.intervals import Interval, common_part, gaps, where_positive
 
 ROUNDING = 1e-15
 """Of a quotient between 0 and 1."""

@@ -5,8 +5,8 @@ import itertools
 import jax.numpy as jnp
 import numpy as np
 
-from optics import labels
-from optics.labels import CROSSING, HORIZON, label_of, parts_of, with_kind
+from optics.visibility import boundary_codes as labels
+from optics.visibility.boundary_codes import CROSSING, HORIZON, label_of, parts_of, with_kind
 
 LEGS, SURFACES, KINDS = range(4), (0, 1, 10, 65535), range(6)
 

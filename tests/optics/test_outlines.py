@@ -11,11 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics.imaging import Imaging
-from optics.labels import FIRST_PAD_END, SECOND_PAD_END
-from optics.outlines import CORNERS, Outlines, find_corners, find_outlines
-from optics.unfolding import paths_of
-from optics.views import path_names
+from optics.scene.imaging import Imaging
+from optics.visibility.boundary_codes import FIRST_PAD_END, SECOND_PAD_END
+from optics.visibility.outlines import CORNERS, Outlines, find_corners, find_outlines
+from optics.visibility.unfolding import paths_of
+from optics.visibility.views import path_names
 from tests.helpers import central_differences
 from tests.optics.extruded import POSES, finger, followed, looked, unfolded, views_at_poses
 from tests.optics.scenes import posed

@@ -20,10 +20,10 @@ import pytest
 
 from designopt.cli import run
 from optics import Scene, ThinLens, find_views, path_names, scene_from, trace_rays
-from optics.boundaries import Pad
-from optics.looks import look
-from optics.scene import place
-from optics.unfolding import padded, paths_of, unfold, unfold_all
+from optics.scene.scene import place
+from optics.visibility.boundaries import Pad
+from optics.visibility.image_scale import look
+from optics.visibility.unfolding import padded, paths_of, unfold, unfold_all
 from tests.helpers import load_json
 
 CASES = {case["id"]: case for case in load_json("optics.json")["cases"]}

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 import pytest
 
-from optics.scene import WORLD, Frame, place
+from optics.scene.scene import WORLD, Frame, place
 from tests.optics.scenes import (
     LAYOUT,
     MIRRORS,

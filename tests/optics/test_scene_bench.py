@@ -16,16 +16,16 @@ from designopt.drawn_once import DrawnOnce
 from designopt.errors import UserError
 from designopt.figures import style
 from designopt.lettering import Lettering
-from optics import scene_bench_picture
-from optics.scene_bench import SceneBench
-from optics.scene_bench_seeing import _coverage, _quickly, _views
+from optics.explore import scene_picture as scene_bench_picture
+from optics.explore.scene_bench import SceneBench
+from optics.explore.scene_seeing import _coverage, _quickly, _views
+from optics.plot.label_layout import Label, PlacedLabel, moved
+from optics.scene.file import SceneFile
+from optics.scene.reading import scene_from
 from optics.scene_design import DesignedScene
-from optics.scene_file import SceneFile
-from optics.scene_labels import Label, PlacedLabel, moved
-from optics.scene_reading import scene_from
-from optics.sharpness import find_sharpness
-from optics.views import describe_end
-from optics.visibility import find_coverage, find_views
+from optics.visibility.coverage import find_coverage, find_views
+from optics.visibility.sharpness import find_sharpness
+from optics.visibility.views import describe_end
 from tests.optics.brute_force import coverage, shoot
 from tests.optics.scenes import posed
 

@@ -12,17 +12,11 @@ from matplotlib.lines import Line2D
 
 from designopt.figures import style
 from designopt.solution import Solution
-from optics.camera import Camera, Pinhole
-from optics.scene import Layout, Scene, Surface
-from optics.scene_drawing import (
-    draw_scene,
-    path_style,
-    pose_name,
-    scene_legend,
-    seen_pieces,
-)
-from optics.section import INSIDE
-from optics.views import Pieces, ViewResult
+from optics.plot.scene_drawing import draw_scene, path_style, pose_name, scene_legend, seen_pieces
+from optics.plot.section import INSIDE
+from optics.scene.camera import Camera, Pinhole
+from optics.scene.scene import Layout, Scene, Surface
+from optics.visibility.views import Pieces, ViewResult
 from tests.optics.drawn_finger import (
     LAYOUT,
     POSES,

@@ -10,8 +10,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from designopt import UserError
 from designopt.figures import style
-from optics import scene_figures
-from optics.scene_figures import poses_figure, resolution, sweep_figure
+from optics.plot import scene_figures
+from optics.plot.scene_figures import poses_figure, resolution, sweep_figure
 from tests.optics.drawn_finger import (
     LAYOUT,
     POSES,

@@ -10,7 +10,7 @@ import pytest
 
 from designopt import UserError
 from designopt.spec_files import validated
-from optics.scene_file import MirrorTable, SceneFile
+from optics.scene.file import MirrorTable, SceneFile
 
 
 def tables() -> dict[str, Any]:

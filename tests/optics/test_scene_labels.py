@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from optics.scene_labels import GAPS, PARTS, Label, _best, _box, _merit, _sampled
+from optics.plot.label_layout import GAPS, PARTS, Label, _best, _box, _merit, _sampled
 
 SCALE = 2.0
 WINDOW = np.array([(-150.0, -150.0), (150.0, 150.0)])

@@ -14,8 +14,8 @@ import pytest
 
 from designopt import UserError
 from optics import read_scene, scene_from
-from optics.camera import Camera, Equidistant, KannalaBrandt, Pinhole
-from optics.scene import WORLD, Frame, Scene, Surface, place
+from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole
+from optics.scene.scene import WORLD, Frame, Scene, Surface, place
 
 GALLERY = Path(__file__).parents[2] / "studies/optics_gallery"
 CAMERA = {"position": [3, 4], "direction_deg": -90, "fov_deg": 120, "pixels": 640}

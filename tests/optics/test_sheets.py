@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from designopt.designs import Sheet
-from optics.chamber import Chamber
+from optics.chamber.chamber import Chamber
 from optics.chamber_design import DesignedChamber
+from optics.scene.file import SceneFile
 from optics.scene_design import DesignedScene
-from optics.scene_file import SceneFile
 from tests.designopt.exporting.reading import dimensions, numbers_in, opened
 
 GALLERY = Path(__file__).parents[2] / "studies/optics_gallery"

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from designopt.cli import run
-from optics import find_views, read_scene, sight
+from optics import find_views, read_scene
+from optics.visibility import scene_trace as sight
 
 GALLERY = Path(__file__).parents[2] / "studies/optics_gallery"
 FILES = sorted(path.name for path in GALLERY.glob("*.toml"))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from optics import Hits, Scene, scene_from, trace_rays
-from optics.tracing import NOTHING
+from optics.visibility.tracing import NOTHING
 
 CAMERA = {"position": [0, 0], "direction_deg": 0, "fov_deg": 90, "pixels": 100}
 

@@ -15,16 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from designopt.vectors import Vector, rotation, vector
-from optics.labels import (
-    CUT_AFTER,
-    CUT_BEFORE,
-    FIRST_END,
-    SECOND_END,
-    label_of,
-)
-from optics.labels import parts_of as split_label
-from optics.scene import WORLD, Layout, Surface, place
-from optics.unfolding import (
+from optics.scene.scene import WORLD, Layout, Surface, place
+from optics.visibility.boundary_codes import CUT_AFTER, CUT_BEFORE, FIRST_END, SECOND_END, label_of
+from optics.visibility.boundary_codes import parts_of as split_label
+from optics.visibility.unfolding import (
     Edges,
     Fold,
     Unfolded,

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics.labels import (
+from optics.visibility.boundary_codes import (
     CROSSING,
     CUT_AFTER,
     CUT_BEFORE,
@@ -27,12 +27,7 @@ from optics.labels import (
     SECOND_PAD_END,
     label_of,
 )
-from optics.views import (
-    Pieces,
-    describe_end,
-    path_name,
-    path_names,
-)
+from optics.visibility.views import Pieces, describe_end, path_name, path_names
 from tests.optics.scenes import (
     BOTH,
     LAYOUT,

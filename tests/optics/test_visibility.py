@@ -11,8 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics.camera import Camera, Equidistant
-from optics.labels import (
+from optics.scene.camera import Camera, Equidistant
+from optics.scene.scene import Layout, Scene, Surface
+from optics.visibility.boundary_codes import (
     FIRST_END,
     FIRST_PAD_END,
     HIGH_GRAZING,
@@ -23,9 +24,8 @@ from optics.labels import (
     SECOND_PAD_END,
     label_of,
 )
-from optics.scene import Layout, Scene, Surface
-from optics.views import ViewResult
-from optics.visibility import find_coverage, find_views
+from optics.visibility.coverage import find_coverage, find_views
+from optics.visibility.views import ViewResult
 from tests.optics.scenes import (
     BOTH,
     DIRECT,

@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics.views import Pieces
-from optics.visibility import find_coverage, find_views
+from optics.visibility.coverage import find_coverage, find_views
+from optics.visibility.views import Pieces
 from tests.optics import brute_force
 from tests.optics.scenes import (
     LAYOUT,

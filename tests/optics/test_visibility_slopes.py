@@ -8,7 +8,7 @@ import jax
 import numpy as np
 import pytest
 
-from optics.labels import (
+from optics.visibility.boundary_codes import (
     CROSSING,
     CUT_AFTER,
     CUT_BEFORE,

@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 from matplotlib import cbook
 
-from optics.fabrication import Fabrication
 from optics.rendering import Effects, Renderer
-from optics.scene import Scene
+from optics.scene.fabrication import Fabrication
+from optics.scene.scene import Scene
 from perception import find_views
 from perception.proprioception import (
     FingerErrors,

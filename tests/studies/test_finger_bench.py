@@ -15,8 +15,8 @@ from designopt.figures import style
 from kinematics.io.reading import linkage_from
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.transmission import solve_transmission
-from optics.scene_reading import scene_from
-from optics.visibility import find_coverage
+from optics.scene.reading import scene_from
+from optics.visibility.coverage import find_coverage
 from studies.finger.bench import FingerBench
 from studies.finger.design import finger_design
 from studies.finger.spec import FingerSpec

@@ -15,7 +15,7 @@ import pytest
 
 from designopt.cli import run as command
 from optics import find_views
-from optics.sharpness import find_sharpness
+from optics.visibility.sharpness import find_sharpness
 from studies.finger.design import finger_design
 from studies.finger.spec import FingerSpec
 from studies.finger_linkage.judging import everywhere

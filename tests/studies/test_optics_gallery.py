@@ -14,9 +14,9 @@ import pytest
 from jax import Array
 
 from optics import read_scene
-from optics.scene import Scene
-from optics.views import Pieces, path_names
-from optics.visibility import find_views
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_views
+from optics.visibility.views import Pieces, path_names
 
 FOLDER = Path(__file__).parents[2] / "studies/optics_gallery"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ import pytest
 from designopt import runner
 from designopt.errors import UserError
 from designopt.study import Context
-from optics.soft_finger import bent
+from optics.chamber import bent
 from perception.chamber import (
     ChamberMap,
     Heights,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from designopt import cli
-from optics.visibility import find_views
+from optics.visibility.coverage import find_views
 from studies.visibility_stability import STUDY, comparing, degenerate, judging, rays
 from studies.visibility_stability.answers import Asked, ask
 from studies.visibility_stability.cases import families as all_families

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from designopt.errors import UserError
-from optics.fabrication import Fabrication, as_made
-from optics.labels import FIRST_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, SECOND_PAD_END
-from optics.outlines import CORNERS
 from optics.rendering import Effects, Imprint, Renderer, TactileImage
 from optics.rendering.pads import BRIGHT, GREEN
-from optics.scene import Scene
-from optics.tracing import trace_rays
-from optics.unfolding import paths_of
-from optics.views import path_names
+from optics.scene.fabrication import Fabrication, as_made
+from optics.scene.scene import Scene
+from optics.visibility.boundary_codes import FIRST_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, SECOND_PAD_END
+from optics.visibility.outlines import CORNERS
+from optics.visibility.tracing import trace_rays
+from optics.visibility.unfolding import paths_of
+from optics.visibility.views import path_names
 from tests.optics.extruded import POSES, finger, imaged, looked, unfolded, views_at_poses
 from tests.optics.scenes import posed
 

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics.soft_finger import Apertures, Posture, Rings, apertures, pressed_by
-from optics.soft_finger.rings import FIELD_STOP
+from optics.chamber import Apertures, Posture, Rings, apertures, pressed_by
+from optics.chamber.rings import FIELD_STOP
 from tests.optics.soft_finger.marched import Press, Tube, finger, regions_met
 
 ANGLES = 256

@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from optics.soft_finger import bent
+from optics.chamber import bent
 from tests.helpers import central_differences
 
 LENGTH = 100.0

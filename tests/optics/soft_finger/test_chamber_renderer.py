@@ -14,15 +14,9 @@ import numpy as np
 import pytest
 
 from designopt.errors import UserError
-from optics.soft_finger import (
-    ChamberEffects,
-    ChamberImage,
-    ChamberRenderer,
-    Endoscope,
-    Posture,
-    pressed_by,
-)
-from optics.soft_finger.renderer import BRIGHTEST
+from optics.chamber import Endoscope, Posture, pressed_by
+from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
+from optics.rendering.chamber_renderer import BRIGHTEST
 from tests.optics.soft_finger.marched import Tube, finger
 
 COLUMNS, ROWS = 320, 240

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from optics.soft_finger import Endoscope
+from optics.chamber import Endoscope
 from tests.helpers import central_differences
 
 PIXELS = 1e-9

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optics import Chamber, dimension_for_ratio
-from optics.soft_finger import Rings, pressed_by, wall_radii
+from optics.chamber import Rings, pressed_by, wall_radii
 from tests.helpers import central_differences
 from tests.optics.soft_finger.marched import Tube, finger
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from optics import ChamberResult, dimension_for_ratio
-from optics.soft_finger import Endoscope, extreme_points, image_rates, wall_radii
+from optics.chamber import Endoscope, extreme_points, image_rates, wall_radii
 from tests.helpers import central_differences
 from tests.optics.soft_finger.marched import finger
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from optics import dimension_for_ratio
-from optics.soft_finger import Posture, Rings, Spans, apertures, pressed_by, spans
-from optics.soft_finger.rings import FIELD_STOP
+from optics.chamber import Posture, Rings, Spans, apertures, pressed_by, spans
+from optics.chamber.rings import FIELD_STOP
 from tests.helpers import central_differences
 from tests.optics.soft_finger.marched import Press, finger
 

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics.soft_finger import ChamberEffects, ChamberImage, ChamberRenderer, pressed_by
+from optics.chamber import pressed_by
+from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
 from perception.chamber import (
     Direction,
     Points,

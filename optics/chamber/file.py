@@ -1,0 +1,83 @@
+"""The file a person writes of a soft finger's chamber: its wall and its camera."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import pydantic
+
+from designopt.designs.design import read_tables
+from designopt.designs.sheet import printable
+from designopt.errors import UserError
+from designopt.spec_files import Length, Number, Title, validated
+from designopt.study import Spec
+from designopt.toml_writing import toml_text
+from optics.chamber.chamber import Chamber
+
+ANGLE = "wall_angle_bc"
+"""The one field of `Chamber` that a file has in degrees."""
+
+
+def _less_than_a_right_angle(angle: float) -> float:
+    if abs(angle) >= 90:
+        raise ValueError(
+            f"θ_BC must be less than a right angle either way (it is {angle:g}°); correct it"
+        )
+    return angle
+
+
+class ChamberTable(Spec):
+    """``[chamber]``: the fields of `optics.Chamber` by its names, lengths in mm."""
+
+    name: Title | None = None
+    length_ab: Length
+    length_bc: Length
+    length_cd: Length
+    offset_a: Length
+    offset_b: Number
+    wall_angle_bc_deg: Annotated[Number, pydantic.AfterValidator(_less_than_a_right_angle)]
+    offset_d: Number
+    focal_length: Length
+    image_distance: Length
+    reference_height: Number
+    pinhole_offset: Number
+
+
+class ChamberFile(Spec):
+    """The whole file."""
+
+    chamber: ChamberTable
+
+
+def read_chamber(path: Path) -> tuple[str, Chamber]:
+    """The chamber that a file describes, and its name: by default the file's.
+
+    Raises:
+        UserError: the file cannot be read, or describes no chamber with an image; one line says
+            where and what to change.
+    """
+    table = validated(ChamberFile, read_tables(path, "chamber", "chamber"), str(path)).chamber
+    fields = table.model_dump(exclude={"name"})
+    fields[ANGLE] = math.radians(fields.pop(f"{ANGLE}_deg"))
+    chamber = Chamber(**fields)
+    image = chamber.imaging_ratio()
+    if not bool(image.ok):
+        raise UserError(f"{path}: chamber: {image.messages()[0]}")
+    return table.name or printable(path.stem), chamber
+
+
+def chamber_text(name: str, chamber: Chamber) -> str:
+    """The text of a chamber's file; `read_chamber` reads the same back."""
+    table: dict[str, float | str] = {"name": name}
+    for key in ChamberTable.model_fields:
+        if key == f"{ANGLE}_deg":
+            table[key] = math.degrees(float(chamber.wall_angle_bc))
+        elif key != "name":
+            table[key] = float(getattr(chamber, key))
+    comment = (
+        "A soft finger's chamber and its camera: lengths in mm; Δl_D is counted to the other side "
+        "of\nthe centre line from Δl_A and Δl_B. designopt explore and export take this file."
+    )
+    return toml_text({"chamber": table}, comment)

@@ -1,0 +1,236 @@
+"""The JSON of `designopt trace`: what is seen, by which path, how sharply, and where rays go."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from designopt.numerics import safe_divide
+from optics.scene.scene import Layout, Scene
+from optics.visibility.scene_trace import Sight
+from optics.visibility.tracing import NOTHING, Hits
+from optics.visibility.views import describe_end
+
+WIDTH = 100
+"""What fits in so many characters is written on one line."""
+
+Entry = dict[str, Any]
+
+
+def document_of(sight: Sight) -> dict[str, Any]:
+    """The document, in mm and degrees; poses and rays one after the other, on demand."""
+    layout = sight.scene.layout
+    return {
+        "scene": layout.name,
+        "engine": "traced" if layout.curved else "exact",
+        "bounces": sight.bounces,
+        "lens": _lens(sight.scene),
+        "poses": (_pose(sight, index) for index in range(len(sight.angles_deg))),
+        "rays": _rays(sight),
+    }
+
+
+def lines_of(document: Mapping[str, Any]) -> Iterator[str]:
+    """A document as JSON, entry by entry, so that it is never in memory as a whole."""
+    mark = "{\n"
+    for key, value in document.items():
+        yield f'{mark} "{key}": '
+        mark = ",\n"
+        if isinstance(value, Iterator):
+            separator = "[\n  "
+            for part in value:
+                yield separator + _text(part, 2)
+                separator = ",\n  "
+            yield "[]" if separator == "[\n  " else "\n ]"
+        else:
+            yield _text(value, 1)
+    yield "\n}\n"
+
+
+def _text(value: Any, indent: int) -> str:
+    text = json.dumps(value, allow_nan=False)
+    if indent + len(text) <= WIDTH or not isinstance(value, dict | list):
+        return text
+    if isinstance(value, dict):
+        parts = [f"{json.dumps(key)}: {_text(part, indent + 1)}" for key, part in value.items()]
+    else:
+        parts = [_text(part, indent + 1) for part in value]
+    space = "\n" + " " * indent
+    return text[0] + space + " " + f",{space} ".join(parts) + space + text[-1]
+
+
+def _lens(scene: Scene) -> Entry | None:
+    lens = scene.camera.lens
+    if lens is None:
+        return None
+    focus = 1 / lens.focus_vergence().value
+    pixel, _ = safe_divide(lens.sensor_distance, scene.camera.focal_pixels)
+    limits = lens.depth_of_field(pixel).value.tolist()
+    return {
+        "focal_length_mm": float(lens.focal_length),
+        "aperture_mm": float(lens.aperture),
+        "sensor_distance_mm": float(lens.sensor_distance),
+        "pixel_mm": float(pixel),
+        "focus_mm": float(focus),
+        "magnification": float(lens.image(focus).value.magnification),
+        # Where a point is blurred by no more than a pixel; to infinity: null.
+        "sharp_mm": [1 / vergence if vergence > 0 else None for vergence in limits],
+    }
+
+
+def _pose(sight: Sight, index: int) -> Entry:
+    angles = sight.angles_deg[index].tolist()
+    entry: Entry = {"angles_deg": dict(zip(sight.scene.angle_names, angles, strict=True))}
+    entry["pads"] = {}
+    if sight.views is not None:
+        view = jax.tree.map(lambda leaf: leaf[index].tolist(), sight.views)
+        entry["pads"] = {
+            part.name: _pad(sight, view, pad) for pad, part in enumerate(sight.scene.layout.pads)
+        }
+        entry["mirrors"] = _mirrors(sight, view)
+    if sight.images is not None:
+        positions, faces = sight.images.position[index].tolist(), sight.images.faces[index]
+        entry["virtual_cameras"] = {
+            name: position
+            for name, word, position, there in zip(
+                sight.paths, sight.words, positions, faces, strict=True
+            )
+            if word and there
+        }
+    return entry
+
+
+def _pad(sight: Sight, view: Any, pad: int) -> Entry:
+    """One pad in one pose, from `Views` of this pose as nested lists."""
+    pieces: dict[int, list[int]] = {path: [] for path in range(len(sight.paths))}
+    found = view.found.value
+    for piece, there in enumerate(found.present[pad]):
+        if there:
+            pieces[found.path[pad][piece]].append(piece)
+    return {
+        "coverage": min(view.coverage[pad], 1.0),
+        "redundancy": view.redundancy[pad],
+        "px_per_mm": _spread(view.sharpness.px_per_mm[pad]),
+        "views": {
+            name: _view(sight, view, pad, path, pieces[path])
+            for path, name in enumerate(sight.paths)
+        },
+    }
+
+
+def _view(sight: Sight, view: Any, pad: int, path: int, pieces: Sequence[int]) -> Entry:
+    """One pad by one path."""
+    found, layout = view.found.value, sight.scene.layout
+    margin = math.degrees(view.found.margin[path][pad])
+    message = sight.reasons[view.codes[path][pad]]
+    if not pieces:
+        return {"intervals": [], "margin_deg": margin, "why_not": message}
+
+    def of_pieces(values: Any) -> list[Any]:
+        return [values[pad][piece] for piece in pieces]
+
+    starts, ends = of_pieces(found.start), of_pieces(found.end)
+    labels = zip(of_pieces(found.start_label), of_pieces(found.end_label), strict=True)
+    nearest, farthest = zip(*of_pieces(view.sharpness.distance), strict=True)
+    entry = {
+        "intervals": [list(pair) for pair in zip(starts, ends, strict=True)],
+        "ends": [[describe_end(layout, label) for label in pair] for pair in labels],
+        "pixels": of_pieces(found.pixels),
+        "px_per_mm": _spread(view.sharpness.by_path[pad][pieces[0]]),
+        "distance_mm": [min(nearest), max(farthest)],
+    }
+    if view.focus is not None:
+        entry["blur_px"] = of_pieces(view.focus.blur)
+        entry["sharp"] = of_pieces(view.focus.sharp)
+    entry["margin_deg"] = margin
+    if message:  # there are more pieces than there was room for
+        entry["incomplete"] = message
+    return entry
+
+
+def _spread(values: Sequence[float]) -> Entry | None:
+    """Nothing where nothing is seen, or single points only."""
+    return dict(zip(("min", "median", "max"), values, strict=True)) if values[-1] else None
+
+
+def _mirrors(sight: Sight, view: Any) -> Entry:
+    """Of every mirror the parts in which anything is seen."""
+    used: list[list[tuple[float, float]]] = [[] for _ in sight.scene.layout.mirrors]
+    found = view.found.value
+    for pad, row in enumerate(found.present):
+        for piece, there in enumerate(row):
+            word = sight.words[found.path[pad][piece]] if there else ()
+            for mirror, span in zip(word, found.spans[pad][piece], strict=False):
+                used[mirror].append((min(span), max(span)))
+    names = (part.name for part in sight.scene.layout.mirrors)
+    return {name: {"used": union(parts)} for name, parts in zip(names, used, strict=True)}
+
+
+def union(parts: Iterable[tuple[float, float]]) -> list[list[float]]:
+    """The union of intervals as intervals that do not meet, in order."""
+    joined: list[list[float]] = []
+    for start, end in sorted(parts):
+        if joined and start <= joined[-1][1]:
+            joined[-1][1] = max(joined[-1][1], end)
+        else:
+            joined.append([start, end])
+    return joined
+
+
+def _rays(sight: Sight) -> Iterator[Entry]:
+    """Rays pose by pose."""
+    if sight.hits is None:
+        return
+    for pose, ray in np.ndindex(sight.hits.length.shape[:2]):
+        x, y, direction = sight.rays[ray].tolist()
+        hits = jax.tree.map(lambda leaf, at=(pose, ray): leaf[at].tolist(), sight.hits)
+        yield {
+            "pose": pose,
+            "start": [x, y],
+            "direction_deg": direction,
+            "hits": _hits(sight.scene.layout, hits),
+            "end": _end(sight.scene.layout, hits),
+        }
+
+
+def _hits(layout: Layout, ray: Hits) -> list[Entry]:
+    return [
+        {
+            "element": f"{layout.kind(surface)}:{layout.surfaces[surface].name}",
+            "x": place[0],
+            "y": place[1],
+            "coordinate": coordinate,
+            "direction_deg": math.degrees(math.atan2(direction[1], direction[0])),
+            "path_length_mm": length,
+            "grazing_deg": math.degrees(math.asin(min(sine, 1.0))),
+            "reflected": reflected,
+        }
+        for surface, place, coordinate, direction, length, sine, reflected in zip(
+            ray.surface,
+            ray.place,
+            ray.coordinate,
+            ray.direction,
+            ray.length,
+            ray.sine,
+            ray.reflected,
+            strict=True,
+        )
+        if surface != NOTHING
+    ]
+
+
+def _end(layout: Layout, ray: Hits) -> str:
+    """Why a ray is followed no further."""
+    met = [surface for surface in ray.surface if surface != NOTHING]
+    last = len(met) - 1
+    if not met or (ray.reflected[last] and len(met) < len(ray.surface)):
+        return "it leaves the scene"
+    if ray.reflected[last]:
+        return f"{len(met)} reflections are one more than --bounces asks for"
+    kind, name = layout.kind(met[-1]), layout.surfaces[met[-1]].name
+    return f"it ends at {'' if ray.active[last] else 'the back of '}{kind} '{name}'"

@@ -1,0 +1,1 @@
+"""A scene or a chamber drawn to scale."""

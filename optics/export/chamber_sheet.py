@@ -1,0 +1,117 @@
+"""A soft finger's chamber as a drawing to build from, and its numbers."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import TYPE_CHECKING
+
+from designopt.designs.design import Quantity
+from designopt.designs.sheet import Circle, Label, Layer, Measure, Place, Sheet, Stroke, round_down
+from optics.chamber.chamber import Chamber
+
+if TYPE_CHECKING:
+    from optics.chamber_design import DesignedChamber
+
+REGIONS = {"red": "AB", "blue": "BC", "yellow": "CD", "top": "DE"}
+"""The wall's regions, each a layer, by the points between which they run."""
+
+COLOURS = ("#C0392B", "#0072B2", "#E0A800", "#8A8A8A")
+"""Of the regions' lines."""
+
+LINES, CAMERA = "construction", "camera"
+"""Layers of the centre line and the reference ray, and of the pinhole."""
+
+SIGN = 0.01
+"""Radius of the pinhole's circle, as a part of the chamber's length."""
+
+
+def chamber_sheet(design: DesignedChamber) -> Sheet:
+    """The section of a chamber's wall: x along the centre line from A, y from the centre line.
+
+    The wall's regions have layers of their own; the top reaches from D to the reference ray, where
+    its image ends. The pinhole is a circle. Dimensions are lengths along the centre line, offsets
+    of the wall, and where the pinhole is.
+    """
+    chamber = design.chamber
+    corners = _corners(chamber)
+    pinhole = -float(chamber.pinhole_offset), -float(chamber.reference_height)
+    end = corners["E"][0]
+    low, high = min(pinhole[0], 0.0), max(end, pinhole[0])
+    ratio = chamber.imaging_ratio()
+    notes = ["half of the wall's section over the centre line; D is counted to its other side"]
+    if bool(ratio.ok):
+        notes.append(f"imaging ratio {float(ratio.value):.6g}")
+    feet = {name: (x, 0.0) for name, (x, _) in corners.items() if name != "E"}
+    chain = [(0.0, 0.0), *(feet[name] for name in "BCD")]
+    measures = [*itertools.pairwise(chain), *((feet[n], corners[n]) for n in feet)]
+    measures += [(pinhole, (0.0, pinhole[1])), ((0.0, pinhole[1]), (0.0, 0.0))]
+    return Sheet(
+        title=design.name,
+        layers=[
+            *(
+                Layer(name, "body", colour=colour)
+                for name, colour in zip(REGIONS, COLOURS, strict=True)
+            ),
+            Layer(CAMERA, "camera"),
+            Layer(LINES, "construction"),
+        ],
+        strokes=[
+            *(Stroke(name, [corners[end] for end in ends]) for name, ends in REGIONS.items()),
+            Stroke(LINES, [(low, 0.0), (high, 0.0)]),
+            Stroke(LINES, [(low, pinhole[1]), (high, pinhole[1])]),
+        ],
+        circles=[Circle(CAMERA, "pinhole", pinhole, round_down(SIGN * (high - low)))],
+        labels=[
+            *(
+                Label(next(region for region, ends in REGIONS.items() if name in ends), place, name)
+                for name, place in corners.items()
+            ),
+            Label(CAMERA, pinhole, "pinhole"),
+        ],
+        measures=[Measure(start, stop) for start, stop in measures if start != stop],
+        notes=notes,
+    )
+
+
+def chamber_quantities(design: DesignedChamber) -> list[Quantity]:
+    """Every dimension of a chamber, what follows from them of the wall, and its image.
+
+    Where there is no image, its numbers are left out.
+    """
+    chamber = design.chamber
+    lengths = {
+        "length_ab": chamber.length_ab,
+        "length_bc": chamber.length_bc,
+        "length_cd": chamber.length_cd,
+        "offset_a": chamber.offset_a,
+        "offset_b": chamber.offset_b,
+        "offset_c": chamber.offset_c,
+        "offset_d": chamber.offset_d,
+        "focal_length": chamber.focal_length,
+        "image_distance": chamber.image_distance,
+        "reference_height": chamber.reference_height,
+        "pinhole_offset": chamber.pinhole_offset,
+    }
+    angles = {"wall_angle_bc": chamber.wall_angle_bc, "wall_angle_cd": chamber.wall_angle_cd}
+    found = [Quantity(name, float(value), "mm") for name, value in lengths.items()]
+    found += [Quantity(name, math.degrees(float(value)), "°") for name, value in angles.items()]
+    ratio, rings = chamber.imaging_ratio(), chamber.ring_widths()
+    if bool(ratio.ok):
+        found.append(Quantity("imaging_ratio", float(ratio.value), ""))
+    if bool(rings.ok):
+        names = ("ring_blue", "ring_yellow", "ring_top")
+        values = rings.value.tolist()
+        found += [Quantity(name, value, "mm") for name, value in zip(names, values, strict=True)]
+    return found
+
+
+def _corners(chamber: Chamber) -> dict[str, Place]:
+    a, b, c = (float(x) for x in (chamber.length_ab, chamber.length_bc, chamber.length_cd))
+    return {
+        "A": (0.0, float(chamber.offset_a)),
+        "B": (a, float(chamber.offset_b)),
+        "C": (a + b, float(chamber.offset_c)),
+        "D": (a + b + c, -float(chamber.offset_d)),
+        "E": (a + b + c, -float(chamber.reference_height)),
+    }

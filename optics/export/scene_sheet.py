@@ -1,0 +1,224 @@
+"""An optical scene as a drawing to build from, and its numbers, in the reference pose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from designopt.designs.design import Quantity
+from designopt.designs.sheet import (
+    Circle,
+    Kind,
+    Label,
+    Layer,
+    Measure,
+    Place,
+    Sheet,
+    Stroke,
+    printable,
+    round_down,
+)
+from designopt.vectors import vector
+from optics.plot.section import Section
+from optics.scene.file import FIXED, CameraTable, MirrorTable, SurfaceTable
+from optics.visibility.curves import arc_between
+
+if TYPE_CHECKING:
+    from optics.scene_design import DesignedScene
+
+HINGES = "hinges"
+"""Layer of the hinges."""
+
+CHORD = 1e-3
+"""A curved mirror's line of chords is nowhere so far from it, mm; nor by a tenth of this part of
+its length."""
+
+FINEST = 2**16
+"""Most chords of a mirror: of one km long they keep the distance."""
+
+SIGHT, SIGN = 0.35, 0.01
+"""Length of the lines of sight, and radius of circles, as parts of the drawing's diagonal."""
+
+
+def scene_sheet(design: DesignedScene, *, pose: bool = True) -> Sheet:
+    """The drawing of a scene in its reference pose.
+
+    Mirrors, pads, blockers, hinges, the camera with its optical axis and the edges of its field of
+    view have layers of their own. Dimensions are the lengths of mirrors and pads and how far a
+    mirror's ends are from the hinge of its frame, or, if it does not move, from the camera; to one
+    far away they are left out.
+
+    Args:
+        design: the scene.
+        pose: whether a note says in which pose it is.
+    """
+    file = design.file
+    kinds: dict[str, tuple[Kind, Sequence[SurfaceTable]]] = {
+        "mirrors": ("mirror", file.mirrors),
+        "pads": ("pad", file.pads),
+        "blockers": ("blocker", file.blockers),
+    }
+    strokes, labels, measures, layers = [], [], [], []
+    for layer, (kind, parts) in kinds.items():
+        if parts:
+            layers.append(Layer(layer, kind))
+        for part in parts:
+            places = _places(part)
+            strokes.append(Stroke(layer, places))
+            text = part.name if kind == "blocker" else f"{part.name} {kind}"
+            labels.append(Label(layer, _middle(places), text))
+    for part in (*file.mirrors, *file.pads):
+        measures.append(Measure(part.start, part.end))
+    diagonal, far = _extent(design)
+    for part in file.mirrors:
+        base = _base(design, part.body)
+        if not (far and part.body == FIXED):
+            measures += [Measure(base, end) for end in (part.start, part.end) if end != base]
+    radius = round_down(SIGN * diagonal)
+    circles = []
+    if file.frames:
+        layers.append(Layer(HINGES, "construction"))
+    for name, frame in file.frames.items():
+        circles.append(Circle(HINGES, name, frame.hinge, radius))
+        labels.append(Label(HINGES, frame.hinge, f"hinge {name}"))
+    layers += [Layer("camera", "camera", framed=not far)]
+    layers += [Layer("field of view", "construction", framed=False)]
+    circles.append(Circle("camera", "camera", file.camera.position, radius))
+    labels.append(Label("camera", file.camera.position, "camera"))
+    strokes += _lines_of_sight(file.camera, SIGHT * diagonal)
+    return Sheet(
+        title=printable(design.name),
+        layers=layers,
+        strokes=strokes,
+        circles=circles,
+        labels=labels,
+        # Two mirrors may begin in one corner.
+        measures=list(dict.fromkeys(measures)),
+        notes=_notes(design, far, pose=pose),
+    )
+
+
+def scene_quantities(design: DesignedScene) -> list[Quantity]:
+    """Every number of a scene file, in its order; angles in degrees."""
+    file = design.file
+    found = [*_camera_quantities(file.camera)]
+    if file.scene.bounces is not None:
+        found.insert(0, Quantity("scene.bounces", file.scene.bounces, ""))
+    for part in file.mirrors:
+        name = f"mirrors.{part.name}"
+        found += _surface_quantities(name, part)
+        if part.radius is not None:
+            found.append(Quantity(f"{name}.radius", part.radius, "mm"))
+        if part.conic is not None:
+            found.append(Quantity(f"{name}.conic", part.conic, ""))
+    for part in file.pads:
+        name = f"pads.{part.name}"
+        found += _surface_quantities(name, part)
+        found.append(Quantity(f"{name}.min_grazing", part.min_grazing_deg, "°"))
+    for part in file.blockers:
+        found += _surface_quantities(f"blockers.{part.name}", part)
+    for name, frame in file.frames.items():
+        found += _place_quantities(f"frames.{name}.hinge", frame.hinge)
+    return found
+
+
+def _camera_quantities(camera: CameraTable) -> Iterator[Quantity]:
+    yield from _place_quantities("camera.position", camera.position)
+    yield Quantity("camera.direction", camera.direction_deg, "°")
+    yield Quantity("camera.field_of_view", camera.fov_deg, "°")
+    yield Quantity("camera.pixels", camera.pixels, "px")
+    if isinstance(camera.projection, tuple):
+        for index, coefficient in enumerate(camera.projection, start=1):
+            yield Quantity(f"camera.projection.k{index}", coefficient, "")
+    if camera.lens is not None:
+        yield Quantity("camera.lens.focal_length", camera.lens.focal_length, "mm")
+        yield Quantity("camera.lens.f_number", camera.lens.f_number, "")
+        yield Quantity("camera.lens.focus", camera.lens.focus, "mm")
+
+
+def _surface_quantities(name: str, part: SurfaceTable) -> Iterator[Quantity]:
+    yield from _place_quantities(f"{name}.from", part.start)
+    yield from _place_quantities(f"{name}.to", part.end)
+    yield Quantity(f"{name}.length", math.dist(part.start, part.end), "mm")
+
+
+def _place_quantities(name: str, place: Place) -> Iterator[Quantity]:
+    for axis, value in zip("xy", place, strict=True):
+        yield Quantity(f"{name}.{axis}", value, "mm")
+
+
+def _places(part: SurfaceTable) -> list[Place]:
+    """A surface's ends, or places along its curve."""
+    if not isinstance(part, MirrorTable) or part.radius is None:
+        return [part.start, part.end]
+    start, end = (vector(jnp.asarray(place, float)) for place in (part.start, part.end))
+    arc = arc_between(
+        start, end, jnp.asarray(part.radius, float), jnp.asarray(part.conic or 0.0, float)
+    )
+    allowed, count = min(CHORD, 0.1 * CHORD * math.dist(part.start, part.end)), 16
+    while True:
+        # Where a curve is steep against its chord, at its ends, places lie closer.
+        parts = (1 - np.cos(np.pi * np.linspace(0, 1, 2 * count + 1))) / 2
+        places = np.asarray(arc.place(jnp.asarray(parts)).stacked(), float)
+        if count >= FINEST or _off_chords(places) < allowed:
+            inner = [(x, y) for x, y in places[2:-1:2].tolist()]
+            return [part.start, *inner, part.end]
+        count *= 2
+
+
+def _off_chords(places: Float[np.ndarray, "places 2"]) -> float:
+    """The largest distance of every second place from the chord of its neighbours, mm."""
+    chords, arrows = places[2::2] - places[:-2:2], places[1::2] - places[:-2:2]
+    across = chords[:, 0] * arrows[:, 1] - chords[:, 1] * arrows[:, 0]
+    return float(np.max(np.abs(across) / np.hypot(*chords.T)))
+
+
+def _middle(places: Sequence[Place]) -> Place:
+    """A place on a line, its middle."""
+    first, second = places[(len(places) - 1) // 2], places[len(places) // 2]
+    return (first[0] + second[0]) / 2, (first[1] + second[1]) / 2
+
+
+def _base(design: DesignedScene, frame: str) -> Place:
+    """From where a mirror that moves with a frame is measured."""
+    file = design.file
+    return file.camera.position if frame == FIXED else file.frames[frame].hinge
+
+
+def _extent(design: DesignedScene) -> tuple[float, bool]:
+    """The diagonal of all that is near together, mm, and whether the camera is far from it."""
+    file = design.file
+    lines = [np.array(_places(part)) for part in (*file.mirrors, *file.pads, *file.blockers)]
+    hinges = np.array([frame.hinge for frame in file.frames.values()], float).reshape(-1, 2)
+    section = Section(np.array(file.camera.position, float), 0.0, tuple(lines), hinges)
+    far = section.far_camera() is not None
+    places = np.vstack([*lines, hinges, *([] if far else [section.camera[None]])])
+    return math.hypot(*np.ptp(places, axis=0)), far
+
+
+def _lines_of_sight(camera: CameraTable, length: float) -> list[Stroke]:
+    half = camera.fov_deg / 2
+    edges = dict.fromkeys([-half, half] if half < 180 else [half], "field of view")
+    strokes = []
+    for turn, layer in ({0.0: "camera"} | edges).items():
+        angle = math.radians(camera.direction_deg + turn)
+        x, y = camera.position
+        end = (x + length * math.cos(angle), y + length * math.sin(angle))
+        strokes.append(Stroke(layer, [(x, y), end]))
+    return strokes
+
+
+def _notes(design: DesignedScene, far: bool, *, pose: bool) -> list[str]:
+    camera, angles = design.file.camera, design.scene.angle_names
+    x, y = camera.position
+    notes = ["section; joint angles 0" if angles else "section"] if pose else []
+    notes.append(
+        f"camera at ({x:.6g}, {y:.6g}) mm{', outside the picture' if far else ''}; "
+        f"axis {camera.direction_deg:.6g}°, field of view {camera.fov_deg:.6g}°"
+    )
+    return notes

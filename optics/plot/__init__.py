@@ -1,0 +1,1 @@
+"""Scenes, chambers and views drawn with Matplotlib."""

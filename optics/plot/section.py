@@ -1,0 +1,141 @@
+"""A scene in one pose as plain numbers in mm, and its rays as lines, for drawings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.vectors import Vector
+from optics.scene.scene import Scene, place
+from optics.visibility.tracing import NOTHING, Tracer, trace_rays
+from optics.visibility.views import Pieces
+
+Point = Float[np.ndarray, "2"]
+Points = Float[np.ndarray, "_ 2"]
+Angles = Float[Array | np.ndarray, " joints"]
+
+ARC = 61
+"""Points that stand for a curved mirror."""
+
+FAR = 8.0
+"""A camera is far away from so many times the larger side of all else on."""
+
+INSIDE = 1e-6
+"""How far inside of a piece its outermost rays pass, as a part of it: a ray that just touches what
+bounds the piece may go either way by rounding."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A scene in one pose.
+
+    Attributes:
+        camera: position of the camera, mm.
+        axis: direction of its optical axis, rad.
+        lines: of every surface, in the order of ``Layout.surfaces``, its two ends, or points along
+            its arc, mm.
+        hinges: where the frames' hinges are, mm.
+    """
+
+    camera: Point
+    axis: float
+    lines: tuple[Points, ...]
+    hinges: Points
+
+    @classmethod
+    def of(cls, scene: Scene, angles: Angles) -> Section:
+        """The section of a scene at joint angles in rad."""
+        camera, axis, ends, arcs, hinges = jax.tree.map(
+            lambda leaf: np.asarray(leaf, float), _placed(scene, jnp.asarray(angles))
+        )
+        lines = list(ends)
+        for surface, arc in zip(scene.layout.curved, arcs, strict=True):
+            lines[surface] = arc
+        return cls(camera, float(axis), tuple(lines), hinges)
+
+    def places(self) -> Points:
+        """All that has to be in a picture, mm; a camera that is far away has not."""
+        rest = np.vstack([*self.lines, self.hinges])
+        return rest if self.far_camera() else np.vstack([rest, self.camera[None]])
+
+    def far_camera(self) -> float | None:
+        """How far the camera is from all else, mm, if next to that all else would vanish."""
+        rest = np.vstack([*self.lines, self.hinges])
+        if not len(rest):
+            return None
+        low, high = rest.min(axis=0), rest.max(axis=0)
+        gap = math.hypot(*np.maximum(np.maximum(low - self.camera, self.camera - high), 0))
+        return gap if gap > FAR * max(high - low) > 0 else None
+
+
+@jax.jit
+def _placed(scene: Scene, angles: Float[Array, " joints"]) -> tuple[Array, ...]:
+    """Camera, its axis (rad), ends of the surfaces, points of the arcs and hinges, mm."""
+    placed, parts = place(scene, angles), jnp.linspace(0, 1, ARC, dtype=scene.mirrors.dtype)
+
+    def absolute(part: Vector) -> Array:
+        return placed.absolute(part).stacked()
+
+    ends = jnp.stack([absolute(placed.starts), absolute(placed.ends)], axis=1)
+    arcs = Tracer.of(scene, placed).arcs
+    bent = jnp.zeros((0, ARC, 2), parts.dtype)
+    if arcs is not None:
+        bent = absolute(jax.vmap(lambda arc: jax.vmap(arc.place)(parts))(arcs))
+    camera = absolute(placed.camera)
+    return camera, placed.axis.angle(), ends, bent, absolute(placed.hinges)
+
+
+def rays_to(
+    scene: Scene, angles: Angles, view: Pieces, count: int
+) -> list[tuple[int, int, list[Points]]]:
+    """Rays to every piece of every pad, traced from the camera.
+
+    Args:
+        scene: the scene.
+        angles: joint angles, rad.
+        view: what is seen in this pose, unbatched.
+        count: how many rays to each piece, evenly spread in the image, the outermost at its ends.
+
+    Returns:
+        For every piece the index of its path, that of its pad, and the rays' corners, mm: the
+        camera, where mirrors reflect them, and where they end.
+    """
+    spread = np.clip(np.linspace(0, 1, count), INSIDE, 1 - INSIDE)
+    bounces = view.spans.shape[-2]
+    surfaces, places = map(
+        np.asarray, _traced(scene, jnp.asarray(angles), view.pixels, jnp.asarray(spread), bounces)
+    )
+    paths, rays = np.asarray(view.path), []
+    for pad, piece in np.argwhere(np.asarray(view.present)):
+        met = surfaces[pad, piece] != NOTHING
+        corners = [
+            line[np.append(True, there)]
+            for line, there in zip(places[pad, piece], met, strict=True)
+        ]
+        rays.append((int(paths[pad, piece]), int(pad), corners))
+    return rays
+
+
+@eqx.filter_jit
+def _traced(
+    scene: Scene,
+    angles: Float[Array, " joints"],
+    pixels: Float[Array, "pads pieces 2"],
+    spread: Float[Array, " rays"],
+    bounces: int,
+) -> tuple[Array, Array]:
+    """What rays between two pixels meet, and the camera and where, mm, for every piece."""
+    placed = place(scene, angles)
+    first, last = pixels[..., :1], pixels[..., 1:]
+    spread = spread.astype(pixels.dtype)[None, None]
+    directions = placed.axis.angle() + scene.camera.angle(first + spread * (last - first))
+    camera = placed.absolute(placed.camera).stacked()
+    positions = jnp.broadcast_to(camera, (*directions.shape, 2))
+    hits = trace_rays(scene, angles, positions, directions, bounces=bounces)
+    return hits.surface, jnp.concatenate([positions[..., None, :], hits.place], axis=-2)

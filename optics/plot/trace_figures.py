@@ -1,0 +1,112 @@
+"""The pictures of `designopt trace`: the section with its rays, and curves over a sweep."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from designopt.figures import PALETTE, style
+from designopt.files import replaced_when_complete
+from designopt.solution import Solution
+from optics.plot.scene_figures import MOST_POSES, poses_figure, sweep_figure
+from optics.visibility.scene_trace import Sight
+from optics.visibility.tracing import NOTHING
+from optics.visibility.views import Pieces
+
+RAY = PALETTE[4]
+"""No path's colour."""
+
+
+def save_section(sight: Sight, path: Path) -> None:
+    """Draw the section into a file: views and rays in the pose, or in poses spread over a sweep.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
+    count = len(sight.angles_deg)
+    chosen = np.unique(np.linspace(0, count - 1, MOST_POSES).round().astype(int))
+    found = _nothing_seen(sight) if sight.views is None else sight.views.found
+    with style():
+        views = jax.tree.map(lambda leaf: leaf[chosen], found)
+        figure = poses_figure(sight.scene, np.deg2rad(sight.angles_deg[chosen]), views)
+        for axes, pose in zip(figure.axes, chosen, strict=True):
+            _add_rays(axes, sight, int(pose))
+        _save(figure, path)
+
+
+def save_chart(sight: Sight, path: Path) -> None:
+    """Draw coverage, redundancy and resolution over the swept angles into a file.
+
+    Raises:
+        UserError: the file cannot be written, or other than one or two angles are swept.
+    """
+    assert sight.views is not None
+    with style():
+        poses = np.deg2rad(sight.angles_deg)
+        _save(sweep_figure(sight.scene, poses, sight.views.found), path)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    with replaced_when_complete(path) as partial:
+        figure.savefig(partial)
+
+
+def _nothing_seen(sight: Sight) -> Solution[Pieces]:
+    """The views of a scene without pads."""
+
+    def empty(*shape: int, kind: type = float) -> Array:
+        return jnp.zeros((len(sight.angles_deg), 0, 1, *shape), kind)
+
+    pieces = Pieces(
+        present=empty(kind=bool),
+        path=empty(kind=int),
+        start=empty(),
+        end=empty(),
+        start_label=empty(kind=int),
+        end_label=empty(kind=int),
+        pixels=empty(2),
+        px_per_mm=empty(2),
+        distance=empty(2),
+        spans=empty(sight.bounces, 2),
+    )
+    return Solution(pieces, empty(), empty(), None)
+
+
+def _add_rays(axes: Axes, sight: Sight, pose: int) -> None:
+    """Draw the rays that were asked for, as far as the axes reach."""
+    if sight.hits is None:
+        return
+    far = math.hypot(*np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1))
+    for ray, (x, y, direction) in enumerate(sight.rays.tolist()):
+        surface, places, directions, reflected = (
+            leaf[pose, ray]
+            for leaf in (
+                sight.hits.surface,
+                sight.hits.place,
+                sight.hits.direction,
+                sight.hits.reflected,
+            )
+        )
+        met = surface != NOTHING
+        corners = np.vstack([[x, y], places[met]])
+        heading = np.vstack(
+            [
+                [math.cos(math.radians(direction)), math.sin(math.radians(direction))],
+                directions[met],
+            ]
+        )[-1]
+        if not met.all() and reflected[met][-1:].all():  # it goes on, and meets nothing
+            corners = np.vstack([corners, corners[-1] + far * heading])
+        line = Line2D(*corners.T, color=RAY, linewidth=0.9, zorder=3.5, gid=f"ray:{ray}")
+        start = Line2D([x], [y], color=RAY, marker="o", markersize=3, linestyle="none")
+        start.set_zorder(6)
+        for artist in (line, start):
+            axes.add_artist(artist)

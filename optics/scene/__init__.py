@@ -1,0 +1,1 @@
+"""Camera, mirrors, pads and blockers in section, their errors of fabrication, and their file."""

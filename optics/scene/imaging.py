@@ -1,0 +1,127 @@
+"""The whole image of a camera: pixels to rays and back, across the section as well as along it.
+
+Everything in a finger is extruded across its width, so mirrors change a ray only within the
+section. A ray is therefore told by two numbers: its section angle (from the optical axis to the
+ray's projection on the section, counter-clockwise, rad) and its lateral slope (way across the
+section per way within it). A ray of slope s that has gone a path of unfolded length L in the
+section is s·L beside it, over any number of mirrors.
+
+Image places are (column, row), with whole numbers at pixel centres as OpenCV has them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.numerics import as_float, safe_arctan2, safe_divide, safe_sqrt
+from optics.scene.camera import Camera
+
+RADII = 4096
+"""Entries of the table that inverts the lens for a whole image; interpolation errs by 1e-8 rad
+for an equidistant lens, and by 4e-7 rad for a pinhole of 160°."""
+
+CENTRE = 0.5
+"""From a pixel's first edge to its middle, px."""
+
+
+class Imaging(eqx.Module):
+    """A camera with an image around its image line; the optical axis meets its middle.
+
+    Attributes:
+        camera: in the section; the image line runs down the image and fills its height.
+        rows: height of the image, px.
+        columns: width of the image, px.
+    """
+
+    camera: Camera
+    rows: Float[Array, ""] = eqx.field(converter=as_float)
+    columns: Float[Array, ""] = eqx.field(converter=as_float)
+
+    @classmethod
+    def of(cls, camera: Camera, aspect: float = 4 / 3) -> Imaging:
+        """An image of a given width over its height around the camera's image line."""
+        rows = round(float(camera.pixels))
+        return cls(camera, rows, round(aspect * rows))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns, as an image has them."""
+        return round(float(self.rows)), round(float(self.columns))
+
+    def place(
+        self, angle: Float[Array, "*batch"], slope: Float[Array, "*batch"]
+    ) -> Float[Array, "*batch 2"]:
+        """Where rays are imaged: column and row.
+
+        The lens is the camera's, turned about its axis: a ray at θ from the axis is imaged at
+        the radius r(θ), in the direction in which it leaves the axis.
+
+        Args:
+            angle: section angle of the rays, rad.
+            slope: their lateral slope.
+        """
+        up, forward = jnp.sin(angle), jnp.cos(angle)
+        off = safe_sqrt(up * up + slope * slope)
+        radius = self.camera.focal_pixels * self.camera.projection.height(
+            safe_arctan2(off, forward)
+        )
+        # On the axis itself the quotient is the focal length.
+        scale, there = safe_divide(radius, off)
+        scale = jnp.where(there, scale, self.camera.focal_pixels)
+        return jnp.stack(
+            [
+                self.columns / 2 - CENTRE + scale * slope,
+                self.rows / 2 - CENTRE - scale * up,
+            ],
+            axis=-1,
+        )
+
+    def ray(self, place: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
+        """Section angle (rad) and lateral slope of what is imaged at places; inverts `place`."""
+        across = place[..., 0] - (self.columns / 2 - CENTRE)
+        up = self.rows / 2 - CENTRE - place[..., 1]
+        radius = safe_sqrt(up * up + across * across)
+        height, _ = safe_divide(radius, self.camera.focal_pixels)
+        focal = self.camera.focal_pixels
+        return _ray(self.camera.projection.angle(height), across, up, radius, focal)
+
+    def ray_map(self) -> Float[np.ndarray, "rows columns 2"]:
+        """`ray` of every pixel's middle, as float32.
+
+        The lens is inverted at radii from the middle to the corner and interpolated between them.
+        """
+        return np.asarray(_ray_map(self, *self.shape), np.float32)
+
+
+@eqx.filter_jit
+def _ray_map(imaging: Imaging, rows: int, columns: int) -> Float[Array, "rows columns 2"]:
+    focal = imaging.camera.focal_pixels
+    radii = jnp.linspace(0.0, math.hypot(rows, columns) / 2, RADII, dtype=focal.dtype)
+    angles = imaging.camera.projection.angle(radii / focal)
+    across = (jnp.arange(columns, dtype=focal.dtype) - (columns / 2 - CENTRE))[None, :]
+    up = (rows / 2 - CENTRE - jnp.arange(rows, dtype=focal.dtype))[:, None]
+    across, up = jnp.broadcast_arrays(across, up)
+    radius = jnp.hypot(up, across)
+    return _ray(jnp.interp(radius, radii, angles), across, up, radius, focal)
+
+
+def _ray(
+    angle: Float[Array, "*batch"],
+    across: Float[Array, "*batch"],
+    up: Float[Array, "*batch"],
+    radius: Float[Array, "*batch"],
+    focal: Float[Array, ""],
+) -> Float[Array, "*batch 2"]:
+    """Section angle and lateral slope of a ray at an angle from the axis, seen in a direction."""
+    sine, forward = jnp.sin(angle), jnp.cos(angle)
+    there = radius > 0
+    # On the axis itself the quotient is one over the focal length.
+    scale = jnp.where(there, sine / jnp.where(there, radius, 1.0), 1 / focal)
+    above = scale * up
+    slope, _ = safe_divide(scale * across, safe_sqrt(forward * forward + above * above))
+    return jnp.stack([safe_arctan2(above, forward), slope], axis=-1)

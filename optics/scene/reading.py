@@ -1,0 +1,187 @@
+"""From a scene file to a scene: names and frames, with every fault explained."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.designs.design import read_tables
+from designopt.designs.sheet import printable
+from designopt.errors import UserError
+from designopt.spec_files import validated
+from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole
+from optics.scene.file import FIXED, CameraTable, FrameTable, LensTable, SceneFile, SurfaceTable
+from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
+from optics.scene.thin_lens import ThinLens
+
+SIDES = {"left": 1, "right": -1, "both": 0}
+SENSES = {"counterclockwise": 1, "clockwise": -1}
+
+
+def read_scene(path: str | Path) -> Scene:
+    """The scene that a file describes.
+
+    Args:
+        path: a TOML file of a camera, mirrors, pads, blockers and frames (see the README).
+
+    Returns:
+        The scene. Arrays have JAX's default float type.
+
+    Raises:
+        UserError: the file cannot be read or describes no scene; one line says where and what to
+            change.
+    """
+    return scene_from(read_tables(path, "scene", "camera"), str(path))
+
+
+def scene_from(data: Mapping[str, Any], source: str = "scene") -> Scene:
+    """The scene that the tables of a scene file describe; otherwise as `read_scene`.
+
+    Args:
+        data: the tables, as `tomllib` gives them.
+        source: where they come from, for messages.
+    """
+    return build_scene(validated(SceneFile, data, source), source)
+
+
+def build_scene(file: SceneFile, source: str) -> Scene:
+    """The scene of a file's content; otherwise as `scene_from`."""
+    faults = [*_surface_faults(file), *_body_faults(file), *_frame_faults(file.frames)]
+    if faults:
+        raise UserError(f"{source}: " + "; ".join(faults))
+    curved = tuple(i for i, mirror in enumerate(file.mirrors) if mirror.radius is not None)
+    # Parents have fewer ancestors than their children.
+    names = sorted(file.frames, key=lambda name: len(_ancestors(file.frames, name)))
+    index = {FIXED: WORLD} | {name: i for i, name in enumerate(names)}
+    angles = tuple(dict.fromkeys(frame.angle for frame in file.frames.values()))
+
+    def surfaces(tables: Sequence[SurfaceTable]) -> tuple[Surface, ...]:
+        return tuple(Surface(part.name, SIDES[part.side], index[part.body]) for part in tables)
+
+    layout = Layout(
+        name=file.scene.name or printable(Path(source).stem),
+        mirrors=surfaces(file.mirrors),
+        curved=curved,
+        pads=surfaces(file.pads),
+        blockers=surfaces(file.blockers),
+        frames=tuple(
+            Frame(name, index[frame.parent], angles.index(frame.angle), SENSES[frame.positive])
+            for name, frame in ((name, file.frames[name]) for name in names)
+        ),
+        angles=angles,
+        camera_frame=index[file.camera.body],
+        bounces=_bounces(file),
+    )
+    return Scene(
+        camera=_camera(file.camera),
+        mirrors=_ends(file.mirrors),
+        radii=jnp.asarray([file.mirrors[i].radius for i in curved], float),
+        conics=jnp.asarray([file.mirrors[i].conic or 0.0 for i in curved], float),
+        pads=_ends(file.pads),
+        grazing=jnp.asarray([math.radians(pad.min_grazing_deg) for pad in file.pads], float),
+        blockers=_ends(file.blockers),
+        hinges=jnp.asarray(np.reshape([file.frames[name].hinge for name in names], (-1, 2)), float),
+        layout=layout,
+    )
+
+
+def _bounces(file: SceneFile) -> int:
+    """Most reflections of a view: as asked for, or two, or one for a single flat mirror."""
+    if file.scene.bounces is not None:
+        return file.scene.bounces
+    # Light may meet a curved mirror twice in a row, a straight one not.
+    curved = any(mirror.radius is not None for mirror in file.mirrors)
+    return 2 if curved else min(len(file.mirrors), 2)
+
+
+def _ends(tables: Sequence[SurfaceTable]) -> Float[Array, "surfaces 2 2"]:
+    return jnp.asarray(np.reshape([(part.start, part.end) for part in tables], (-1, 2, 2)), float)
+
+
+def _camera(table: CameraTable) -> Camera:
+    if isinstance(table.projection, tuple):
+        projection = KannalaBrandt(jnp.asarray(table.projection, float))
+    else:
+        projection = Pinhole() if table.projection == "pinhole" else Equidistant()
+    return Camera(
+        position=jnp.asarray(table.position, float),
+        direction=math.radians(table.direction_deg),
+        field_of_view=math.radians(table.fov_deg),
+        pixels=table.pixels,
+        projection=projection,
+        lens=None if table.lens is None else _lens(table.lens),
+    )
+
+
+def _lens(table: LensTable) -> ThinLens:
+    return ThinLens(
+        focal_length=table.focal_length,
+        aperture=table.focal_length / table.f_number,
+        # The lens equation for an object at `focus`.
+        sensor_distance=table.focal_length / (1 - table.focal_length / table.focus),
+    )
+
+
+def _kinds(file: SceneFile) -> dict[str, Sequence[SurfaceTable]]:
+    return {"mirrors": file.mirrors, "pads": file.pads, "blockers": file.blockers}
+
+
+def _surface_faults(file: SceneFile) -> Iterator[str]:
+    kinds = _kinds(file)
+    if not any(kinds.values()):
+        yield "pads: there is nothing to see; add a pad, a mirror or a blocker"
+    for kind, tables in kinds.items():
+        for name, times in Counter(part.name for part in tables).items():
+            if times > 1:
+                yield f"{kind}: {times} are named '{name}'; give each its own name"
+
+
+def _body_faults(file: SceneFile) -> Iterator[str]:
+    known = [*file.frames, FIXED]
+    bodies = {"camera.body": file.camera.body}
+    for kind, tables in _kinds(file).items():
+        bodies |= {f"{kind}.{i}.body": part.body for i, part in enumerate(tables)}
+    bodies |= {f"frames.{name}.parent": frame.parent for name, frame in file.frames.items()}
+    for where, name in bodies.items():
+        if name not in known:
+            yield f"{where}: {_unknown(name, known)}"
+
+
+def _unknown(name: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    others = f"there are: {', '.join(known)}; take one of these, or add [frames.{name}]"
+    hint = f"did you mean '{close[0]}'?" if close else others
+    return f"no frame is named '{name}'; {hint}"
+
+
+def _frame_faults(frames: Mapping[str, FrameTable]) -> Iterator[str]:
+    if FIXED in frames:
+        yield f"frames.{FIXED}: '{FIXED}' is what does not move; choose another name"
+        return
+    for name in frames:
+        line = _ancestors(frames, name)
+        # Each ring is told once, by the first of its frames.
+        if name in line and name == min(line, key=list(frames).index):
+            ring = " in ".join(f"'{part}'" for part in [name, *line])
+            yield (
+                f"frames.{name}.parent: {ring}: frames cannot hold each other; hinge one of them "
+                f"in '{FIXED}'"
+            )
+
+
+def _ancestors(frames: Mapping[str, FrameTable], name: str) -> list[str]:
+    """Frames that a frame is hinged in, its parent first; ends where one comes again."""
+    line: list[str] = []
+    parent = frames[name].parent
+    while parent in frames and parent not in line:
+        line.append(parent)
+        parent = frames[parent].parent
+    return line

@@ -1,0 +1,251 @@
+"""An optical scene in the section as a pytree, and its surfaces placed in a pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Int
+
+from designopt.vectors import Vector, rotation, together, vector
+from optics.scene.camera import Camera
+
+WORLD = -1
+"""Index of the frame that does not move."""
+
+Kind = Literal["mirror", "pad", "blocker"]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What is static of a mirror, pad or blocker.
+
+    Attributes:
+        name: its name, unique among those of its kind.
+        side: +1 if its left side (seen from its first end to its second) reflects, senses or
+            blocks, −1 if its right does, 0 if both do.
+        frame: index of the frame it moves with, or `WORLD`.
+    """
+
+    name: str
+    side: int
+    frame: int = WORLD
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What is static of a moving frame.
+
+    Attributes:
+        name: its name.
+        parent: index of the frame it is hinged in, or `WORLD`; parents come before children.
+        angle: index of its joint angle.
+        sign: +1 if that angle is counted counter-clockwise, −1 if clockwise.
+    """
+
+    name: str
+    parent: int
+    angle: int
+    sign: int
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Everything structural of a scene.
+
+    Attributes:
+        name: the scene's name.
+        mirrors: straight and curved ones, in order.
+        curved: which of the mirrors are curved.
+        pads: in order.
+        blockers: in order.
+        frames: the moving frames, parents before children.
+        angles: names of the joint angles, in the order of their values.
+        camera_frame: index of the frame that the camera moves with, or `WORLD`.
+        bounces: how many reflections a view may have, unless a call says otherwise.
+    """
+
+    name: str
+    mirrors: tuple[Surface, ...]
+    curved: tuple[int, ...]
+    pads: tuple[Surface, ...]
+    blockers: tuple[Surface, ...]
+    frames: tuple[Frame, ...]
+    angles: tuple[str, ...]
+    camera_frame: int
+    bounces: int
+
+    @property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """All surfaces: mirrors, then pads, then blockers."""
+        return self.mirrors + self.pads + self.blockers
+
+    @property
+    def sides(self) -> np.ndarray:
+        """The side of every surface, in the order of `surfaces`."""
+        return np.array([part.side for part in self.surfaces], int)
+
+    @property
+    def one_way(self) -> np.ndarray:
+        """Which surfaces let rays pass from one side: one-sided blockers, not mirrors and pads."""
+        behind = len(self.mirrors) + len(self.pads)
+        return (np.arange(len(self.sides)) >= behind) & (self.sides != 0)
+
+    def kind(self, surface: int) -> Kind:
+        """What a surface is, by its index in `surfaces`."""
+        if surface < len(self.mirrors):
+            return "mirror"
+        return "pad" if surface < len(self.mirrors) + len(self.pads) else "blocker"
+
+
+class Scene(eqx.Module):
+    """Camera, mirrors, pads and blockers. Read one from a file with `read_scene`.
+
+    Dimensions are array leaves, so `jax.grad` and `jax.vmap` apply to the scene itself. All
+    coordinates are those of the reference pose, in which every joint angle is 0.
+
+    Attributes:
+        camera: the camera.
+        mirrors: first and second end of every mirror, mm.
+        radii: of the curved mirrors, mm; positive if the centre lies to the left. With the conic
+            constant k, (1 + k) (chord / 2)² < radius², or there is no such arc.
+        conics: of the curved mirrors: 0 for a circle, −1 for a parabola.
+        pads: ends of the pads, mm.
+        grazing: least angle between a pad and a ray that shows it, rad, one per pad.
+        blockers: ends of the blockers, mm.
+        hinges: of the frames, mm.
+        layout: names, sides, frames: everything structural.
+    """
+
+    camera: Camera
+    mirrors: Float[Array, "mirrors 2 2"]
+    radii: Float[Array, " curved"]
+    conics: Float[Array, " curved"]
+    pads: Float[Array, "pads 2 2"]
+    grazing: Float[Array, " pads"]
+    blockers: Float[Array, "blockers 2 2"]
+    hinges: Float[Array, "frames 2"]
+    layout: Layout = eqx.field(static=True)
+
+    @property
+    def angle_names(self) -> tuple[str, ...]:
+        """Names of the joint angles, in the order in which their values are given."""
+        return self.layout.angles
+
+    def pose(self, angles: Mapping[str, float] | None = None) -> Float[Array, " joints"]:
+        """Joint angles as an array, from their names, rad; those not named are 0.
+
+        Raises:
+            KeyError: the scene has no joint angle of a name.
+        """
+        given = dict(angles or {})
+        values = [given.pop(name, 0.0) for name in self.angle_names]
+        if given:
+            known = ", ".join(self.angle_names) or "none"
+            raise KeyError(f"no joint angle is named {', '.join(given)}; there are: {known}")
+        return jnp.asarray(values, self.mirrors.dtype)
+
+
+class Placed(eqx.Module):
+    """A scene in one pose, relative to `origin` and in units of `size`.
+
+    So no result depends on where the scene lies or on its unit of length.
+
+    Attributes:
+        camera: position of the camera.
+        axis: unit vector of the optical axis.
+        corners: first and second ends of all surfaces, in the order of `Layout.surfaces`.
+        radii: of the curved mirrors.
+        hinges: of the frames.
+        origin: what has been subtracted, mm: the camera's position in the reference pose.
+        size: what has been divided by, mm; it has no derivative.
+    """
+
+    camera: Vector
+    axis: Vector
+    corners: Vector
+    radii: Float[Array, " curved"]
+    hinges: Vector
+    origin: Vector
+    size: Float[Array, ""]
+
+    @property
+    def starts(self) -> Vector:
+        """First ends of all surfaces."""
+        return self.corners[..., 0]
+
+    @property
+    def ends(self) -> Vector:
+        """Second ends of all surfaces."""
+        return self.corners[..., 1]
+
+    def segment(self, surface: Int[ArrayLike, "*surfaces"]) -> tuple[Vector, Vector]:
+        """Both ends of a surface, or of several, by index."""
+        corners = self.corners[surface]
+        return corners[..., 0], corners[..., 1]
+
+    def absolute(self, place: Vector) -> Vector:
+        """Coordinates in mm of a place that is relative to the placed scene."""
+        return Vector(place.x * self.size + self.origin.x, place.y * self.size + self.origin.y)
+
+
+def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
+    """All surfaces and the camera of a scene in a pose.
+
+    Args:
+        scene: the scene.
+        angles: joint angles in the order of ``scene.angle_names``, rad.
+    """
+    layout, origin = scene.layout, vector(scene.camera.position)
+    corners = vector(jnp.concatenate([scene.mirrors, scene.pads, scene.blockers])) - origin
+    hinges = vector(scene.hinges) - origin
+    size = _size(corners, hinges)
+    corners, hinges = jax.tree.map(lambda leaf: leaf / size, (corners, hinges))
+    zero = jnp.zeros_like(size)
+    # Of each frame, parents first: its hinge in the reference pose and now, and how it is turned.
+    # The fixed frame comes last, so that its index is `WORLD`.
+    still = (Vector(zero, zero), Vector(zero, zero), Vector(jnp.ones_like(size), zero))
+    moved: list[tuple[Vector, Vector, Vector]] = []
+    signs = jnp.array([frame.sign for frame in layout.frames], size.dtype)
+    turns = rotation(signs * angles[np.array([frame.angle for frame in layout.frames], int)])
+    for index, frame in enumerate(layout.frames):
+        hinge, turn = hinges[index], turns[index]
+        if frame.parent == WORLD:
+            moved.append((hinge, hinge, turn))
+        else:
+            parent = moved[frame.parent]
+            moved.append((hinge, _moved(parent, hinge), turn.turned(parent[2])))
+    moved.append(still)
+    # The surfaces frame by frame, and then back in their order.
+    frame_of = np.array([part.frame for part in layout.surfaces], int) % len(moved)
+    order = np.argsort(frame_of, kind="stable")
+    parts = [
+        _moved(frame, corners[order[frame_of[order] == index]]) for index, frame in enumerate(moved)
+    ]
+    joined = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
+    camera = moved[layout.camera_frame]
+    return Placed(
+        _moved(camera, still[0]),
+        rotation(scene.camera.direction).turned(camera[2]),
+        joined[np.argsort(order)],
+        scene.radii / size,
+        together(*(now for _, now, _ in moved))[:-1],
+        origin,
+        size,
+    )
+
+
+def _moved(frame: tuple[Vector, Vector, Vector], place: Vector) -> Vector:
+    """Where a place of a frame goes: about the hinge, so that it is as exact as its distance."""
+    hinge, now, turn = frame
+    return now + (place - hinge).turned(turn)
+
+
+def _size(*places: Vector) -> Float[Array, ""]:
+    largest = jnp.max(jnp.abs(jnp.concatenate([jnp.append(p.x, p.y) for p in places])), initial=0.0)
+    return jax.lax.stop_gradient(jnp.where(largest > 0, largest, 1.0))

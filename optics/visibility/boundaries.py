@@ -1,0 +1,145 @@
+"""What bounds a view: lines that a ray to the pad must not cross, each linear along the pad.
+
+From a (virtual) camera S, the part of a pad that is hidden by a segment AB, or seen through it, is
+one interval: that where
+
+    (A − S) × (P − S),   (P − S) × (B − S)   and   −(B − A) × (P − A),
+
+all taken with the sign of (A − S) × (B − S), are positive. Each is linear along the pad, so its
+values at the pad's two ends give the place where it vanishes as a quotient: there the line of sight
+along an end of the segment, or the segment itself, meets the pad. Limits of the field of view and
+of the grazing angle are linear conditions too.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from designopt.numerics import safe_divide
+from designopt.vectors import Vector, chosen, rotation, together
+from optics.scene.camera import Camera
+from optics.scene.scene import Placed, Scene
+from optics.visibility.boundary_codes import (
+    CROSSING,
+    FIRST_PAD_END,
+    HIGH_GRAZING,
+    LEFT_LIMIT,
+    LOW_GRAZING,
+    RIGHT_LIMIT,
+    SECOND_PAD_END,
+    parts_of,
+    with_kind,
+)
+from optics.visibility.unfolding import Unfolded, unit
+
+
+class Pad(eqx.Module):
+    """A pad in a pose.
+
+    Attributes:
+        index: its index among all surfaces.
+        start: its first end.
+        end: its second end.
+        side: +1 if its left side senses, −1 if its right does, 0 if both do.
+        grazing: least angle between it and a ray, rad.
+    """
+
+    index: Int[Array, "*pads"]
+    start: Vector
+    end: Vector
+    side: Float[Array, "*pads"]
+    grazing: Float[Array, "*pads"]
+
+    @classmethod
+    def all_of(cls, scene: Scene, placed: Placed) -> Pad:
+        """All pads of a placed scene, along one axis."""
+        index = len(scene.layout.mirrors) + np.arange(len(scene.layout.pads))
+        start, end = placed.segment(index)
+        sides = jnp.asarray(scene.layout.sides[index], start.x.dtype)
+        return cls(jnp.asarray(index), start, end, sides, scene.grazing)
+
+    def ends(self) -> Vector:
+        """Both ends of one pad, along one axis."""
+        return together(self.start, self.end)
+
+
+PER_SEGMENT = 3
+"""How many of the `conditions` are those of one segment."""
+
+LIMITS = (LEFT_LIMIT, RIGHT_LIMIT, LOW_GRAZING, HIGH_GRAZING)
+"""Labels of the last `conditions`, which are not of a segment."""
+
+PAD_ENDS = (FIRST_PAD_END, SECOND_PAD_END)
+"""Labels of the last `meetings`."""
+
+
+def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 bounds"]:
+    """Values at the pad's two ends of all that may bound a view.
+
+    First the three numbers of the segments, but for their common sign: the first ones of all
+    segments on all legs, the second ones, the third ones. Then `LIMITS`, which are positive within
+    a field of view below 180°, and where a ray is no flatter than the least grazing angle.
+    """
+    half, dtype = camera.field_of_view / 2, camera.field_of_view.dtype
+    limits = path.axis[None].turned(rotation(jnp.stack([half, -half])))
+    inward, towards = jnp.array([-1.0, 1.0], dtype), jnp.array([1.0, -1.0], dtype)
+    # notation: where a ray meets the pad at s from the foot of the height h, tan(grazing) = h/|s|;
+    # h and s in units of the pad's length.
+    step, least = pad.end - pad.start, rotation(pad.grazing)
+    h = jnp.abs(step.cross(path.source - pad.start))
+
+    @jax.vmap
+    def values(place: Vector) -> Float[Array, " bounds"]:
+        ends, ray = path.blockers.ends - path.source, place - path.source
+        beside = ends.cross(ray)
+        behind = (ends[..., 1] - ends[..., 0]).cross(place - path.blockers.ends[..., 0])
+        segments = [beside[..., 0], -beside[..., 1], -behind]
+        inside = inward * limits.cross(ray[None])
+        steep = h * least.x + towards * (step.dot(ray) * least.y)
+        return jnp.concatenate([*(part.reshape(-1) for part in segments), inside, steep])
+
+    return values(pad.ends())
+
+
+def meetings(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, " bounds"]:
+    """Pad coordinates of all that may bound a view: of `conditions`, and the pad's own ends."""
+    first, last = conditions(camera, path, pad)
+    at, _ = safe_divide(first, first - last)
+    return jnp.concatenate([at, jnp.array([0.0, 1.0], at.dtype)])
+
+
+def labels_of(path: Unfolded) -> Int[Array, " bounds"]:
+    """Labels of all `meetings`."""
+    first, last = path.blockers.labels[..., 0], path.blockers.labels[..., 1]
+    segments = jnp.stack([first, last, with_kind(first, CROSSING)]).reshape(-1)
+    return jnp.concatenate([segments, jnp.array([*LIMITS, *PAD_ENDS])])
+
+
+def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> Vector:
+    """From the source along the line of sight that a label stands for, of any length."""
+    source, axis, step = path.source, path.axis, pad.end - pad.start
+    leg, surface, kind = parts_of(jnp.maximum(label, 0))
+    edges = jax.tree.map(lambda leaf: leaf[leg, surface], path.blockers)
+    first, last = edges.ends[0], edges.ends[1]
+    along = last - first
+    met, _ = safe_divide(along.cross(pad.start - first), -along.cross(step))
+    edge = chosen(edges.labels[0] == label, first, last)
+    edge = chosen(kind == CROSSING, pad.start + step.scaled(met), edge)
+
+    # The labels below 0 come in pairs, of which one has the sign 1.
+    second = (label == SECOND_PAD_END) | (label == LEFT_LIMIT) | (label == HIGH_GRAZING)
+    sign = jnp.where(second, 1.0, -1.0).astype(source.x.dtype)
+    half = rotation(camera.field_of_view / 2)
+    limit = axis.scaled(half.x) + axis.perpendicular().scaled(sign * half.y)
+    along_pad = unit(step)
+    above = along_pad.cross(source - pad.start)
+    drop = along_pad.perpendicular().scaled(-above * jnp.sin(pad.grazing))
+    flattest = drop + along_pad.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
+    end = chosen(label >= 0, edge, chosen(second, pad.end, pad.start))
+    is_limit = (label == LEFT_LIMIT) | (label == RIGHT_LIMIT)
+    is_grazing = (label == LOW_GRAZING) | (label == HIGH_GRAZING)
+    return chosen(is_limit, limit, chosen(is_grazing, flattest, end - source))

@@ -1,0 +1,209 @@
+"""Exact visibility: which parts of each pad a camera sees, directly and in straight mirrors.
+
+What bounds which piece is searched without derivatives (`optics.visibility.searching`). The ends
+are then picked, by the index that the search has found, from a table of all places where a bound
+may meet the pad (`boundaries.meetings`), and this carries the derivatives.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from designopt.batching import in_blocks
+from designopt.numerics import as_float
+from designopt.solution import Solution
+from optics.scene.camera import Camera
+from optics.scene.scene import Placed, Scene, place
+from optics.visibility.boundaries import Pad, labels_of, meetings
+from optics.visibility.image_scale import look, reflections
+from optics.visibility.intervals import Interval, measure_of_union
+from optics.visibility.searching import Found, find
+from optics.visibility.unfolding import Unfolded, paths_of, unfold_all
+from optics.visibility.views import Pieces, ViewResult
+from optics.visibility.visibility_margin import angular_gap, margin
+
+TABLE = 2**19
+"""Comparisons of shadows with shadows that are made at a time, so that they stay in the cache."""
+
+
+@partial(jax.jit, static_argnames=("bounces", "room"))
+def find_views(
+    scene: Scene,
+    angles: Float[Array, "*batch joints"],
+    *,
+    bounces: int | None = None,
+    room: int | None = None,
+) -> Solution[Pieces]:
+    """What the camera sees of every pad, directly and by up to ``bounces`` reflections.
+
+    Args:
+        scene: the scene, its mirrors straight; ``jax.vmap`` over it for a batch of designs.
+        angles: joint angles in the order of ``scene.angle_names``, rad. Many poses are fastest
+            in one array; a gradient keeps numbers of all of them, 80 kB for each pose of a finger.
+        bounces: most reflections of a path; the scene's own number by default.
+        room: most pieces in which a pad is seen; by default 8 and two for every path.
+
+    Returns:
+        The pieces of each pad. ``margin`` and ``result`` are of the shape (paths, pads), paths in
+        the order of `path_names`. ``margin`` (rad) is the angle at the (virtual) camera of the
+        widest piece that is seen; of a pad that is not seen, minus the angle by which it is
+        missed: by which the shadows, mirrors and limits that hide it must give way at least until
+        a line of sight is free. Its derivative shows the way out. ``residual`` is 0: nothing is
+        iterated. A surface through the camera hides nothing, and where surfaces lie on one
+        another what is seen there means nothing.
+
+    Raises:
+        ValueError: a mirror is curved (`trace_views` sees in these), there is no pad, or a number
+            of bounces or pieces makes no sense.
+    """
+    words = _words(scene, bounces, room, "find_views")
+    camera = scene.camera
+
+    def search(camera: Camera, paths: Unfolded, pads: Pad) -> tuple[Found, Interval]:
+        found = find(camera, paths, pads, room)
+        return found, _by_path_and_pad(partial(angular_gap, camera), paths, pads)
+
+    def views(
+        placed: Placed, paths: Unfolded, pads: Pad, searched: tuple[Found, Interval]
+    ) -> Solution[Pieces]:
+        found, widest = searched
+        ends = _ends(camera, paths, pads, found)
+        labels = jax.vmap(labels_of)(paths)[found.path[..., None], found.bounds]
+        labels = jnp.where(found.present[..., None], labels, 0)
+
+        def piece(pad: Pad, *of_piece: Array) -> Pieces:
+            return _piece(camera, placed.size, paths, pad, *of_piece)
+
+        by_piece = jax.vmap(jax.vmap(piece, (None, 0, 0, 0, 0)))
+        pieces = by_piece(pads, found.present, found.path, labels, ends)
+        margins = _by_path_and_pad(partial(margin, camera), paths, pads, widest)
+        result = jax.tree.map(jnp.transpose, found.result)
+        return Solution(pieces, margins, jnp.zeros_like(margins), result)
+
+    return _in_poses(scene, as_float(angles), words, search, views)
+
+
+@partial(jax.jit, static_argnames=("bounces", "room"))
+def find_coverage(
+    scene: Scene,
+    angles: Float[Array, "*batch joints"],
+    *,
+    bounces: int | None = None,
+    room: int | None = None,
+) -> Solution[Float[Array, "*batch pads"]]:
+    """Part of every pad that the camera sees, directly and by up to ``bounces`` reflections.
+
+    The coverage of what `find_views` finds, and nothing else: it compiles faster.
+
+    Args:
+        scene: as in `find_views`.
+        angles: as in `find_views`.
+        bounces: as in `find_views`.
+        room: as in `find_views`.
+
+    Returns:
+        The coverage, 0 to 1. ``margin`` and ``result`` are of its shape; ``margin`` is the room,
+        and one, minus the number of pieces: if it is not positive, pieces were left out and the
+        coverage is too small. ``residual`` is 0.
+
+    Raises:
+        ValueError: as in `find_views`.
+    """
+    words = _words(scene, bounces, room, "find_coverage")
+
+    def search(camera: Camera, paths: Unfolded, pads: Pad) -> Found:
+        return find(camera, paths, pads, room)
+
+    def coverage(
+        placed: Placed, paths: Unfolded, pads: Pad, found: Found
+    ) -> Solution[Float[Array, " pads"]]:
+        ends = _ends(scene.camera, paths, pads, found)
+        seen = measure_of_union(ends[..., 0], ends[..., 1])
+        return Solution(seen, found.free, jnp.zeros_like(seen), jax.vmap(_room_left)(found.free))
+
+    return _in_poses(scene, as_float(angles), words, search, coverage)
+
+
+def _words(
+    scene: Scene, bounces: int | None, room: int | None, asked: str
+) -> list[tuple[int, ...]]:
+    """The paths, if everything that was given is as exact visibility needs it."""
+    layout = scene.layout
+    bounces = layout.bounces if bounces is None else bounces
+    if bounces < 0 or (room is not None and room < 1):
+        raise ValueError(f"{asked}: bounces must be 0 or more, and room 1 or more")
+    if not layout.pads:
+        raise ValueError(f"{asked}: the scene has no pad; trace_rays follows rays without one")
+    if layout.curved:
+        names = ", ".join(layout.mirrors[i].name for i in layout.curved)
+        raise ValueError(f"{asked}: mirrors {names} are curved; use trace_views")
+    return paths_of(layout, bounces)
+
+
+def _in_poses(
+    scene: Scene,
+    angles: Float[Array, "*batch joints"],
+    words: list[tuple[int, ...]],
+    search: Callable[[Camera, Unfolded, Pad], Any],
+    answer: Callable[[Placed, Unfolded, Pad, Any], Any],
+) -> Any:
+    """In every pose the answer from what a search without derivatives has found."""
+    batch, layout = angles.shape[:-1], scene.layout
+    poses = angles.reshape(math.prod(batch), angles.shape[-1])
+
+    @jax.vmap
+    def unfolded(angles: Float[Array, " joints"]) -> tuple[Placed, Unfolded, Pad]:
+        placed = place(scene, angles)
+        return placed, unfold_all(layout, placed, words), Pad.all_of(scene, placed)
+
+    placed, paths, pads = unfolded(poses)
+    camera, still = jax.lax.stop_gradient((scene.camera, (paths, pads)))
+    shadows = (len(words[-1]) + 1) * len(layout.surfaces) + 1
+    most = max(TABLE // (len(layout.pads) * len(words) * shadows**2), 1)
+    found = in_blocks(jax.vmap(lambda view: search(camera, *view)), still, most)
+    answers = jax.vmap(answer)(placed, paths, pads, found)
+    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), answers)
+
+
+def _by_path_and_pad(function: Callable[..., Any], paths: Unfolded, pads: Pad, *more: Any) -> Any:
+    """A function of a path, a pad, and what belongs to both."""
+    of_path = jax.vmap(function, (None, 0, *[0] * len(more)))
+    return jax.vmap(of_path, (0, None, *[0] * len(more)))(paths, pads, *more)
+
+
+def _ends(
+    camera: Camera, paths: Unfolded, pads: Pad, found: Found
+) -> Float[Array, "pads pieces 2"]:
+    """Pad coordinates of the ends of all pieces, with derivatives."""
+    at = _by_path_and_pad(partial(meetings, camera), paths, pads)
+    of_pad = jax.vmap(lambda at, path, bounds: at[path[:, None], bounds], (1, 0, 0))
+    ends = of_pad(at, found.path, found.bounds)
+    return jnp.where(found.present[..., None], ends, 0.0)
+
+
+def _piece(
+    camera: Camera,
+    size: Float[Array, ""],
+    paths: Unfolded,
+    pad: Pad,
+    present: Bool[Array, ""],
+    path: Int[Array, ""],
+    labels: Int[Array, "2"],
+    ends: Float[Array, "2"],
+) -> Pieces:
+    """One piece of a pad; all of it is 0 where there is none."""
+    by = paths.at(path)
+    seen = *look(camera, size, by, pad, ends), reflections(by, pad, ends)
+    seen = [jnp.where(present, number, 0.0) for number in seen]
+    return Pieces(present, path, ends[0], ends[1], labels[0], labels[1], *seen)
+
+
+def _room_left(free: Float[Array, ""]) -> ViewResult:
+    return ViewResult.where(free > 0, ViewResult.successful, ViewResult.too_many)

@@ -1,0 +1,56 @@
+"""How points of a pad appear by a path: where they are imaged, how large, and by which mirrors."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from designopt.numerics import safe_arctan2, safe_divide
+from designopt.vectors import Vector
+from optics.scene.camera import Camera
+from optics.visibility.boundaries import Pad
+from optics.visibility.unfolding import Unfolded, unit
+
+
+def look(
+    camera: Camera,
+    size: Float[Array, ""],
+    path: Unfolded,
+    pad: Pad,
+    coordinates: Float[Array, " points"],
+) -> tuple[Float[Array, " points"], Float[Array, " points"], Float[Array, " points"]]:
+    """How points of a pad appear by a path: pixel, pixels per mm along the pad, distance in mm.
+
+    ``size`` is the placed scene's unit of length, mm. The angle dθ under which a length ds appears
+    is sin(grazing angle) ds / distance, that is the height of the source above the pad's line over
+    the squared distance.
+    """
+    source, axis = path.source, path.axis
+    step, toward = pad.end - pad.start, pad.start - source
+    arrow = Vector(toward.x + coordinates * step.x, toward.y + coordinates * step.y)
+    across = axis.x * arrow.y - axis.y * arrow.x
+    angle = safe_arctan2(across, axis.x * arrow.x + axis.y * arrow.y)
+    # Beyond the seam of a camera that looks all around, pixels are counted on.
+    middle = jax.lax.stop_gradient(toward + step.scaled((coordinates[0] + coordinates[-1]) / 2))
+    centre = safe_arctan2(axis.cross(middle), axis.dot(middle))
+    turns = jax.lax.stop_gradient(jnp.round((angle - centre) / (2 * jnp.pi)))
+    angle = path.handedness() * (angle - 2 * jnp.pi * turns)
+    above = jnp.abs(unit(step).cross(toward))
+    per_size, _ = safe_divide(jnp.full_like(across, above), arrow.squared())
+    per_mm = camera.pixels_per_radian(angle) * per_size / size
+    return camera.pixel(angle), per_mm, arrow.length() * size
+
+
+def reflections(
+    path: Unfolded, pad: Pad, coordinates: Float[Array, " points"]
+) -> Float[Array, "reflections points"]:
+    """Where on each mirror of a path the rays to points of a pad are reflected."""
+    arrow = (pad.end - pad.start).scaled(coordinates) + (pad.start - path.source)
+
+    def on(mirror: Vector, reflects: Bool[Array, ""]) -> Float[Array, " points"]:
+        first, along = mirror[0] - path.source, mirror[1] - mirror[0]
+        at, _ = safe_divide(first.cross(arrow), arrow.cross(along))
+        return jnp.where(reflects, at, 0.0)
+
+    return jax.vmap(on)(path.whole, path.reflects)

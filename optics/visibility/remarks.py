@@ -1,0 +1,82 @@
+"""What a person should know of a sight: which pads are not all seen, where, and why."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+
+from optics.scene.scene import Layout
+from optics.visibility.scene_trace import Sight, Views
+from optics.visibility.views import ViewResult, describe_end
+
+ROUNDING = 1e-9
+"""A smaller part of a pad that is not seen is rounding."""
+
+
+def remarks_on(sight: Sight) -> list[str]:
+    """Two lines for every pad that is not all seen in every pose, one for what is left out."""
+    layout, views = sight.scene.layout, sight.views
+    if views is None:
+        hint = "" if len(sight.rays) else "; --ray X,Y,DEG follows a ray"
+        return [f"{layout.name}: there are no pads to be seen{hint}"]
+    room = ViewResult[ViewResult.too_many]
+    crowded = np.isin(views.codes, [code for code, why in sight.reasons.items() if why == room])
+    lines = []
+    for pad, part in enumerate(layout.pads):
+        hidden = 1 - views.coverage[:, pad]
+        worst, short = int(np.argmax(hidden)), int(np.sum(hidden > ROUNDING))
+        if short:
+            of_it = _part(views.coverage[worst, pad])
+            if len(hidden) > 1:
+                of_it = (
+                    f"not all of it is seen at {short:,} of {len(hidden):,} poses; worst at "
+                    f"{_pose(sight, worst)}: {of_it}"
+                )
+            view = jax.tree.map(lambda leaf, worst=worst: leaf[worst], views)
+            lines += [f"pad '{part.name}': {of_it}", f"  {_why(sight, view, pad)}"]
+        if crowded[..., pad].any():
+            count = int(np.sum(crowded[..., pad].any(axis=1)))
+            lines.append(
+                f"pad '{part.name}': at {count:,} poses it is seen in more pieces than there is "
+                "room for; the last of them are left out"
+            )
+    return lines
+
+
+def _part(coverage: float) -> str:
+    if coverage == 0:
+        return "none of it is seen"
+    if coverage < 0.5:
+        return f"only {100 * coverage:.3g} % of it is seen"
+    return f"{100 * (1 - coverage):.3g} % of it is not seen"
+
+
+def _pose(sight: Sight, index: int) -> str:
+    named = zip(sight.scene.angle_names, sight.angles_deg[index].tolist(), strict=True)
+    return ", ".join(f"{name} = {value:.6g}°" for name, value in named)
+
+
+def _why(sight: Sight, view: Views, pad: int) -> str:
+    """Why some of a pad is not seen in a pose."""
+    if view.coverage[pad] > 0:
+        bounds = dict.fromkeys(_bounds(sight.scene.layout, view, pad))
+        return f"what is seen ends at: {'; '.join(bounds)}"
+    if np.any(view.found.value.present[pad]):
+        return "all rays to it meet it in single points"
+    nearest = int(np.argmax(view.found.margin[:, pad]))
+    why = sight.reasons[int(view.codes[nearest, pad])]
+    return f"nearest to showing any of it is {sight.paths[nearest]}: {why}"
+
+
+def _bounds(layout: Layout, view: Views, pad: int) -> list[str]:
+    """What bounds the parts of a pad that are not seen, along the pad."""
+    found, labels = view.found.value, []
+    reached, last = 0.0, None
+    for piece in np.flatnonzero(found.present[pad]):
+        if found.start[pad, piece] > reached + ROUNDING:
+            labels += [last, found.start_label[pad, piece]]
+        if found.end[pad, piece] > reached:
+            reached, last = found.end[pad, piece], found.end_label[pad, piece]
+    if reached < 1 - ROUNDING:
+        labels.append(last)
+    return [describe_end(layout, int(label)) for label in labels if label is not None]

@@ -1,0 +1,268 @@
+"""All that `designopt trace` computes, pose by pose in blocks, so that memory stays bounded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from designopt.errors import UserError
+from designopt.solution import Solution
+from optics.scene.scene import Layout, Scene, place
+from optics.visibility.coverage import find_views
+from optics.visibility.edge_refined import RAYS, trace_views
+from optics.visibility.focus import Focus, find_focus
+from optics.visibility.sharpness import PARTS, ROUNDING, Sharpness, find_sharpness
+from optics.visibility.tracing import Hits, trace_rays
+from optics.visibility.unfolding import padded, paths_of, unfold
+from optics.visibility.views import Pieces, path_names
+
+MEMORY = 2**28
+"""Bytes that one block of poses may take, about."""
+
+MOST_MEMORY = 2**32
+"""Bytes that a single pose, or what is kept of all of them, may take."""
+
+PER_PAD, PER_PATH = 500, 24
+"""Bytes that are kept of every pose for a pad and for a path to it, about."""
+
+Poses = Float[np.ndarray, "poses joints"]
+
+
+class Views(eqx.Module):
+    """What is seen of the pads, in NumPy arrays; the first axis is that of the poses.
+
+    Attributes:
+        found: pieces, margins (rad) and results, with no more room than the poses need.
+        codes: number of the result, shape (poses, paths, pads); its message is in `Sight.reasons`.
+        coverage: part of each pad that is seen, shape (poses, pads).
+        redundancy: mean number of paths that show a point of it, shape (poses, pads).
+        sharpness: resolution of what is seen.
+        focus: its blur and how much of it is sharp; none if the camera has no lens.
+    """
+
+    found: Solution[Pieces]
+    codes: Int[np.ndarray, "poses paths pads"]
+    coverage: Float[np.ndarray, "poses pads"]
+    redundancy: Float[np.ndarray, "poses pads"]
+    sharpness: Sharpness
+    focus: Focus | None
+
+
+@dataclass(frozen=True)
+class Images:
+    """The virtual cameras of a scene of straight mirrors.
+
+    Attributes:
+        position: mm, shape (poses, paths, 2); the path without mirrors shows the camera itself.
+        faces: whether camera and images are in front of all mirrors of the path.
+    """
+
+    position: Float[np.ndarray, "poses paths 2"]
+    faces: Bool[np.ndarray, "poses paths"]
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Everything that was computed.
+
+    Attributes:
+        scene: the scene.
+        bounces: most reflections of a path or ray.
+        paths: names of the paths.
+        words: the mirrors along them.
+        angles_deg: joint angles as they were asked for, degrees, shape (poses, joints).
+        views: what is seen; none if the scene has no pads.
+        reasons: why a pad is not seen, by code.
+        images: the virtual cameras; none if a mirror is curved.
+        rays: starts (mm) and directions (degrees) of the rays.
+        hits: where the rays go, shape (poses, rays, legs); none if there are no rays.
+    """
+
+    scene: Scene
+    bounces: int
+    paths: list[str]
+    words: list[tuple[int, ...]]
+    angles_deg: Poses
+    views: Views | None
+    reasons: dict[int, str]
+    images: Images | None
+    rays: Float[np.ndarray, "rays 3"]
+    hits: Hits | None
+
+
+def find_sight(
+    scene: Scene, angles_deg: Poses, bounces: int, rays: Float[np.ndarray, "rays 3"]
+) -> Sight:
+    """What the camera sees and where rays go.
+
+    Args:
+        scene: the scene.
+        angles_deg: joint angles in the order of ``scene.angle_names``, degrees.
+        bounces: most reflections of a path or ray.
+        rays: starts (mm) and directions (degrees) of rays that are followed in every pose.
+
+    Raises:
+        UserError: there are so many paths or poses that they do not fit into memory.
+    """
+    layout = scene.layout
+    size, paths = _bytes_of_pose(layout, bounces), sum(_path_counts(layout, bounces))
+    kept = len(angles_deg) * len(layout.pads) * (PER_PAD + PER_PATH * paths)
+    if max(size, kept) > MOST_MEMORY:
+        raise UserError(
+            f"--bounces {bounces}: {paths:,} paths in {len(angles_deg):,} poses do not fit into "
+            "memory; ask for fewer reflections, or sweep fewer poses"
+        )
+    block, poses = max(MEMORY // size, 1), np.deg2rad(angles_deg)
+    views = images = hits = None
+    reasons: dict[int, str] = {}
+    if layout.pads:
+        views = _views(scene, poses, bounces, block)
+        reasons = _reasons(views)
+    if not layout.curved:
+        shown = partial(_images, scene, bounces=bounces)
+        images = Images(*_joined(_in_blocks(shown, block, poses)))
+    if len(rays):
+        follow = partial(
+            _follow, scene, jnp.asarray(rays[:, :2]), jnp.deg2rad(rays[:, 2]), bounces=bounces
+        )
+        hits = _joined(_in_blocks(follow, block, poses))
+    names = path_names(layout, bounces)
+    words = paths_of(layout, bounces)
+    return Sight(scene, bounces, names, words, angles_deg, views, reasons, images, rays, hits)
+
+
+def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:
+    engine = trace_views if scene.layout.curved else find_views
+    seen = _in_blocks(lambda part: engine(scene, part, bounces=bounces), block, poses)
+    parts = [_with_room(part, max(_most_pieces(part), 1)) for part in seen]
+    room = max(part.value.present.shape[-1] for part in parts)
+    found = _joined(_with_room(part, room) for part in parts)
+
+    def measure(part: Array, pieces: Pieces) -> Sharpness:
+        return find_sharpness(scene, np.asarray(part), pieces, bounces=bounces)
+
+    # What is compared of a pad: all pieces at places between all of their ends.
+    compared = 48 * len(scene.layout.pads) * 2 * room**2 * PARTS
+    block = max(MEMORY // compared, 1)
+    coverage, redundancy = _totals(found.value)
+    focus = None
+    if scene.camera.lens is not None:
+        blurred = jax.jit(jax.vmap(lambda pieces: find_focus(scene, pieces)))
+        focus = jax.tree.map(np.asarray, blurred(found.value))
+    return Views(
+        found,
+        jax.tree.leaves(found.result)[0],
+        np.asarray(coverage),
+        np.asarray(redundancy),
+        _joined(_in_blocks(measure, block, poses, found.value)),
+        focus,
+    )
+
+
+@jax.jit
+def _totals(pieces: Pieces) -> tuple[Float[Array, "poses pads"], Float[Array, "poses pads"]]:
+    coverage = pieces.coverage()
+    return jnp.where(coverage > ROUNDING, coverage, 0.0), pieces.redundancy()
+
+
+def _reasons(views: Views) -> dict[int, str]:
+    """The messages of all results that occur, each looked up once."""
+    codes, first = np.unique(views.codes, return_index=True)
+    margin, residual, result = jax.tree.map(
+        lambda leaf: jnp.asarray(leaf.reshape(-1)[first]),
+        (views.found.margin, views.found.residual, views.found.result),
+    )
+    messages = Solution((), margin, residual, result).messages()
+    return dict(zip(codes.tolist(), messages, strict=True))
+
+
+def _most_pieces(found: Solution[Pieces]) -> int:
+    return int(np.max(np.sum(found.value.present, axis=-1)))
+
+
+def _with_room(found: Solution[Pieces], room: int) -> Solution[Pieces]:
+    """Views with room for so many pieces, at least as many as there are: those come first."""
+
+    def resized(leaf: np.ndarray) -> np.ndarray:
+        kept = leaf[:, :, :room]
+        added = [(0, 0), (0, 0), (0, room - kept.shape[2]), *[(0, 0)] * (kept.ndim - 3)]
+        return np.pad(kept, added)
+
+    return eqx.tree_at(lambda found: found.value, found, jax.tree.map(resized, found.value))
+
+
+@partial(jax.jit, static_argnames="bounces")
+def _images(
+    scene: Scene, poses: Float[Array, "poses joints"], *, bounces: int
+) -> tuple[Float[Array, "poses paths 2"], Bool[Array, "poses paths"]]:
+    """Virtual cameras, mm, and whether all mirrors of their paths face them."""
+
+    def in_pose(angles: Float[Array, " joints"]) -> tuple[Array, Array]:
+        placed = place(scene, angles)
+
+        def along(word: Int[Array, " reflections"]) -> tuple[Array, Array]:
+            path = unfold(scene.layout, placed, word)
+            return placed.absolute(path.source).stacked(), ~jnp.any(path.turned_away)
+
+        return jax.vmap(along)(jnp.asarray(padded(paths_of(scene.layout, bounces))))
+
+    return jax.vmap(in_pose)(poses)
+
+
+@partial(jax.jit, static_argnames="bounces")
+def _follow(
+    scene: Scene,
+    starts: Float[Array, "rays 2"],
+    directions: Float[Array, " rays"],
+    poses: Float[Array, "poses joints"],
+    *,
+    bounces: int,
+) -> Hits:
+    return jax.vmap(lambda angles: trace_rays(scene, angles, starts, directions, bounces=bounces))(
+        poses
+    )
+
+
+def _in_blocks(function: Callable[..., Any], size: int, *trees: Any) -> Iterator[Any]:
+    """A function of poses, applied to so many at a time; results in NumPy arrays."""
+    count = len(jax.tree.leaves(trees)[0])
+    size = min(size, count)
+    for begin in range(0, count, size):
+        # The last block is filled up, so that one compiled program serves all.
+        rows = np.minimum(np.arange(begin, begin + size), count - 1)
+        found = function(*jax.tree.map(lambda leaf, rows=rows: jnp.asarray(leaf[rows]), trees))
+        yield jax.tree.map(lambda leaf, left=count - begin: np.asarray(leaf)[:left], found)
+
+
+def _joined(parts: Iterable[Any]) -> Any:
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+
+
+def _bytes_of_pose(layout: Layout, bounces: int) -> int:
+    """What a pose takes in memory while it is computed, about."""
+    surfaces, pads = len(layout.surfaces), max(len(layout.pads), 1)
+    counts = _path_counts(layout, bounces)
+    if layout.curved:
+        return RAYS * (sum(counts) * (bounces + 1) + 100 * surfaces)
+    # Of every path and pad a table of shadows by shadows, on as many legs as the longest path has.
+    shadows = sum(count > 0 for count in counts) * surfaces + 2
+    return 96 * pads * sum(counts) * shadows**2
+
+
+def _path_counts(layout: Layout, bounces: int) -> list[int]:
+    """How many paths there are of every length, as `paths_of` lists them."""
+    bent, straight = len(layout.curved), len(layout.mirrors) - len(layout.curved)
+    ends_bent, ends_straight, counts = bent, straight, [1]
+    for _ in range(bounces):
+        counts.append(ends_bent + ends_straight)
+        # A straight mirror never follows itself.
+        ends_bent, ends_straight = bent * counts[-1], straight * counts[-1] - ends_straight
+    return counts

@@ -1,0 +1,173 @@
+"""Which parts of a pad each path shows, and what bounds them: found without derivatives.
+
+Whatever lies between the virtual camera and the pad takes one interval of it
+(`optics.visibility.boundaries`): mirrors are windows that a ray must pass through, as are field of
+view and grazing angle, and everything else casts shadows. So nothing is sampled and nothing
+iterated.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from optics.scene.camera import Camera
+from optics.visibility.boundaries import LIMITS, PER_SEGMENT, Pad, conditions
+from optics.visibility.intervals import Interval, common_part, gaps, where_positive
+from optics.visibility.unfolding import ROUNDING_UNITS, Unfolded, left_of
+from optics.visibility.views import ViewResult
+
+SHORTEST_PIECE = 64
+"""A piece no longer than so many units of rounding of the pad is rounding and not seen."""
+
+
+class Found(eqx.Module):
+    """Which pieces of a pad are seen in a pose, and what bounds them.
+
+    The pieces are in the order in which they begin; there is room for more than there are.
+
+    Attributes:
+        present: whether there is such a piece; elsewhere all else is 0.
+        path: index of the path that shows it.
+        bounds: what bounds it where it begins on the pad and where it ends, by index in
+            `meetings`.
+        free: room, and one, minus the pieces; not positive if some were left out.
+        result: why a path does not show the pad.
+    """
+
+    present: Bool[Array, "*pads pieces"]
+    path: Int[Array, "*pads pieces"]
+    bounds: Int[Array, "*pads pieces 2"]
+    free: Float[Array, "*pads"]
+    result: ViewResult
+
+
+def find(camera: Camera, paths: Unfolded, pads: Pad, room: int | None) -> Found:
+    """The pieces of all pads by all paths, both along a first axis."""
+    return jax.vmap(lambda pad: _find_one(camera, paths, pad, room))(pads)
+
+
+def _find_one(camera: Camera, paths: Unfolded, pad: Pad, room: int | None) -> Found:
+    candidates, present, result = jax.vmap(lambda path: search(camera, path, pad))(paths)
+    count, gap_count = present.shape
+    room = min(8 + 2 * count if room is None else room, present.size)
+    order = jnp.argsort(jnp.where(present, candidates.start, 2.0).reshape(-1))[:room]
+    there = present.reshape(-1)[order]
+    bounds = jnp.stack([candidates.start_label, candidates.end_label], axis=-1).reshape(-1, 2)
+    free = room + 1 - jnp.sum(present)
+    return Found(
+        there,
+        jnp.where(there, order // gap_count, 0),
+        jnp.where(there[:, None], bounds[order], 0),
+        free.astype(candidates.start.dtype),
+        jax.vmap(lambda result: ViewResult.where(free > 0, result, ViewResult.too_many))(result),
+    )
+
+
+def search(
+    camera: Camera, path: Unfolded, pad: Pad
+) -> tuple[Interval, Bool[Array, " gaps"], ViewResult]:
+    """One pad by one path.
+
+    Returns:
+        Candidates for pieces, which of them are there, and why there are none.
+    """
+    segments, others, edge_on = _parts(camera, path, pad)
+    window = _window(camera, path, segments, others, edge_on)
+    shadows, active = _shadows(camera, path, pad, segments, others, edge_on)
+    pieces = _limit_met(path, pad, gaps(window, shadows, active))
+
+    above = left_of(path.source, pad.start, pad.end - pad.start)
+    front = (above != 0) & (pad.side * above >= 0)
+    turned_away = jnp.any(path.turned_away)
+    # Nothing is left of a mirror that lies in the line of the mirror beside it.
+    open_ = jnp.all(path.mirrors.active | ~path.reflects)
+    shortest = SHORTEST_PIECE * jnp.finfo(above.dtype).eps
+    present = front & ~turned_away & open_ & (pieces.end - pieces.start > shortest)
+    # The last shadow is what a field of view beyond 180° leaves out.
+    outside = active[-1] & (shadows.start[-1] <= window.start) & (shadows.end[-1] >= window.end)
+    looks = open_ & (window.end > window.start) & ~outside
+    result = ViewResult.where(looks, ViewResult.blocked, ViewResult.missed)
+    result = ViewResult.where(front, result, ViewResult.behind_pad)
+    result = ViewResult.where(turned_away, ViewResult.behind_mirror, result)
+    result = ViewResult.where(jnp.any(present), ViewResult.successful, result)
+    return pieces, present, result
+
+
+def _parts(
+    camera: Camera, path: Unfolded, pad: Pad
+) -> tuple[Interval, Interval, Bool[Array, " segments"]]:
+    """The parts of a pad behind each segment, and those within each of the other limits.
+
+    And which segments are seen edge-on, so that nothing lies behind them.
+    """
+    arrows = path.blockers.ends - path.source
+    cross = arrows[..., 0].cross(arrows[..., 1]).reshape(-1)
+    rounding = ROUNDING_UNITS * jnp.finfo(cross.dtype).eps
+    extent = jnp.prod(jnp.abs(arrows.x) + jnp.abs(arrows.y), axis=-1).reshape(-1)
+    sign, count = jnp.sign(cross), PER_SEGMENT * cross.size
+    signs = jnp.concatenate([*[sign] * PER_SEGMENT, jnp.ones(len(LIMITS), sign.dtype)])
+    start, end = where_positive(*(signs[None] * conditions(camera, path, pad)))
+    bounds = jnp.arange(start.size)
+    parts = Interval(start, end, bounds, bounds)
+    segments = jax.tree.map(lambda leaf: leaf[:count].reshape(PER_SEGMENT, -1), parts)
+    others = jax.tree.map(lambda leaf: leaf[count:], parts)
+    return common_part(segments), others, jnp.abs(cross) <= rounding * extent
+
+
+def _window(
+    camera: Camera,
+    path: Unfolded,
+    segments: Interval,
+    others: Interval,
+    edge_on: Bool[Array, " segments"],
+) -> Interval:
+    """The part of a pad that field of view, grazing angle and mirrors let through."""
+    dtype, last = segments.start.dtype, PER_SEGMENT * segments.start.size + len(LIMITS)
+    # Segments, left and right limit, both grazing limits, and the pad itself.
+    pad = Interval(
+        jnp.zeros(1, dtype), jnp.ones(1, dtype), jnp.array([last]), jnp.array([last + 1])
+    )
+    all_of = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), segments, others, pad)
+    through, wide = path.through.reshape(-1), camera.field_of_view > jnp.pi
+    ignored = jnp.concatenate([~through, jnp.stack([wide, wide]), jnp.zeros(3, bool)])
+    shut = jnp.concatenate([through & edge_on, jnp.zeros(5, bool)])
+    start = jnp.where(ignored, 0.0, jnp.where(shut, 1.0, all_of.start))
+    end = jnp.where(ignored, 1.0, all_of.end)
+    return common_part(Interval(start, end, all_of.start_label, all_of.end_label))
+
+
+def _shadows(
+    camera: Camera,
+    path: Unfolded,
+    pad: Pad,
+    segments: Interval,
+    others: Interval,
+    edge_on: Bool[Array, " segments"],
+) -> tuple[Interval, Bool[Array, " shadows"]]:
+    """The parts of a pad that surfaces hide, and what a field of view beyond 180° leaves out."""
+    active = path.in_the_way(pad.index).reshape(-1) & ~edge_on & (segments.start < segments.end)
+    start, end, label = others.start[:2], others.end[:2], others.start_label[:2]
+    # What is left out by each limit is the rest of the pad.
+    rest = Interval(jnp.where(start > 0, 0.0, end), jnp.where(start > 0, start, 1.0), label, label)
+    outside = common_part(rest)
+    beyond = (camera.field_of_view > jnp.pi) & (outside.start < outside.end)
+    shadows = jax.tree.map(lambda many, one: jnp.append(many, one), segments, outside)
+    return shadows, jnp.append(active, beyond)
+
+
+def _limit_met(path: Unfolded, pad: Pad, pieces: Interval) -> Interval:
+    """Pieces that end, of the field of view's two limits, at that on whose side the place lies.
+
+    At half a turn both are one line, and which condition ends first is rounding.
+    """
+    limits = PER_SEGMENT * path.blockers.active.size
+    step, toward = pad.end - pad.start, pad.start - path.source
+    places = jnp.stack([pieces.start, pieces.end])
+    labels = jnp.stack([pieces.start_label, pieces.end_label])
+    right = path.axis.cross(toward) + places * path.axis.cross(step) <= 0
+    is_limit = (labels == limits) | (labels == limits + 1)
+    met = jnp.where(is_limit, limits + right.astype(labels.dtype), labels)
+    return Interval(pieces.start, pieces.end, met[0], met[1])

@@ -1,0 +1,201 @@
+"""How sharply pads are imaged: pixels per mm along them, also between the ends of what is seen.
+
+The ends of all pieces of a pad cut it into stretches, on each of which the same pieces show it. All
+are compared at the same places of a stretch, its ends included, so the best view of each place is
+known; a place counts with the length that it stands for. In straight mirrors the values are exact,
+in curved ones they are interpolated between rays.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from designopt.numerics import safe_divide
+from optics.scene.scene import Scene, place
+from optics.visibility.boundaries import Pad
+from optics.visibility.fan import Fan
+from optics.visibility.image_scale import look
+from optics.visibility.tracing import Leg
+from optics.visibility.unfolding import paths_of, unfold_all
+from optics.visibility.views import Pieces
+
+PARTS = 64
+"""Parts into which a stretch is cut and, by rays, a piece."""
+
+ROUNDING = 1e-12
+"""A smaller part of a pad is no more than a point: rays that meet there have no resolution."""
+
+
+class Sharpness(eqx.Module):
+    """Resolution along pads, and distances; 0 where nothing is seen.
+
+    Attributes:
+        px_per_mm: least, median (by length) and greatest resolution over all that is seen of each
+            pad, at each place by the path that shows it best; shape (poses, pads, 3).
+        by_path: the same of every piece, taken together with all others of its path; shape
+            (poses, pads, pieces, 3).
+        distance: least and greatest distance of every piece from the (virtual) camera, mm; shape
+            (poses, pads, pieces, 2).
+    """
+
+    px_per_mm: Float[np.ndarray, "poses pads 3"]
+    by_path: Float[np.ndarray, "poses pads pieces 3"]
+    distance: Float[np.ndarray, "poses pads pieces 2"]
+
+
+def find_sharpness(
+    scene: Scene, angles: Float[np.ndarray, "poses joints"], pieces: Pieces, *, bounces: int
+) -> Sharpness:
+    """Resolution and distance of all that is seen.
+
+    Args:
+        scene: the scene.
+        angles: joint angles in the order of ``scene.angle_names``, rad.
+        pieces: what is seen: from `find_views`, or from `trace_views` if a mirror is curved.
+        bounces: most reflections of a path, as they were given to these.
+    """
+    # Shapes are poses, pads, pieces, stretches, places on a stretch.
+    view = jax.tree.map(np.asarray, pieces)
+    ends = np.sort(np.concatenate([view.start, view.end], axis=-1), axis=-1)
+    low, high = ends[..., :-1], ends[..., 1:]
+    parts = np.linspace(0, 1, PARTS + 1)
+    places = low[..., None] * (1 - parts) + high[..., None] * parts
+    widths = np.where(high - low > ROUNDING, high - low, 0)
+    weights = widths[..., None] * np.where((parts == 0) | (parts == 1), 0.5, 1) / PARTS
+    shown = view.present[..., None] & (high > low)[..., None, :]
+    shown &= (view.start[..., None] <= low[..., None, :]) & (
+        high[..., None, :] <= view.end[..., None]
+    )
+    shown = np.repeat(shown, PARTS + 1, axis=-1)
+    places, weights = (part.reshape(*part.shape[:2], -1) for part in (places, weights))
+
+    look_up = _by_ray if scene.layout.curved else _unfolded
+    per_mm, distance = map(
+        np.asarray,
+        look_up(scene, jnp.asarray(angles), pieces, jnp.asarray(places), bounces=bounces),
+    )
+    best = np.max(per_mm, axis=2, where=shown, initial=0)
+    over_all = _spread(best, np.where(np.any(shown, axis=2), weights, 0))
+    by_path = np.zeros((*view.path.shape, 3))
+    # There is room for many more pieces than most scenes ever have.
+    for piece in np.flatnonzero(view.present.any(axis=(0, 1))):
+        mine = shown & (view.path == view.path[..., piece, None])[..., None]
+        best = np.max(per_mm, axis=2, where=mine, initial=0)
+        by_path[..., piece, :] = _spread(best, np.where(np.any(mine, axis=2), weights, 0))
+    nearest = np.min(distance, axis=-1, where=shown, initial=np.inf)
+    farthest = np.max(distance, axis=-1, where=shown, initial=0)
+    there = view.present[..., None]
+    return Sharpness(
+        over_all,
+        np.where(there, by_path, 0),
+        np.where(there, np.stack([nearest, farthest], axis=-1), 0),
+    )
+
+
+def _spread(
+    values: Float[np.ndarray, "*batch places"], weights: Float[np.ndarray, "*batch places"]
+) -> Float[np.ndarray, "*batch 3"]:
+    """Least, weighted median and greatest of the values that have a weight; 0 if none has."""
+    seen = weights > 0
+    least = np.min(values, axis=-1, where=seen, initial=np.inf)
+    greatest = np.max(values, axis=-1, where=seen, initial=0)
+    values = np.where(seen, values, np.inf)
+    order = np.argsort(values, axis=-1)
+    values, weights = (np.take_along_axis(part, order, axis=-1) for part in (values, weights))
+    # The place in the middle of the length lies between the middles of what two samples stand for.
+    reached = np.cumsum(weights, axis=-1)
+    half = reached[..., -1:] / 2
+    reached = reached - weights / 2
+    after = np.maximum(np.argmax(reached >= half, axis=-1), 1)[..., None]
+    first, last = (np.take_along_axis(values, after - back, axis=-1) for back in (1, 0))
+    low, high = (np.take_along_axis(reached, after - back, axis=-1) for back in (1, 0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        median = (first + (half - low) / (high - low) * (last - first))[..., 0]
+    spread = np.stack([least, median, greatest], axis=-1)
+    return np.where(np.any(seen, axis=-1)[..., None], spread, 0)
+
+
+@partial(jax.jit, static_argnames="bounces")
+def _unfolded(
+    scene: Scene,
+    angles: Float[Array, "poses joints"],
+    pieces: Pieces,
+    places: Float[Array, "poses pads places"],
+    *,
+    bounces: int,
+) -> tuple[Float[Array, "poses pads pieces places"], Float[Array, "poses pads pieces places"]]:
+    """Pixels per mm and distance (mm) at places on pads by the paths of all pieces."""
+    words = paths_of(scene.layout, bounces)
+
+    def in_pose(
+        angles: Float[Array, " joints"],
+        path_of: Int[Array, "pads pieces"],
+        places: Float[Array, "pads places"],
+    ) -> tuple[Array, Array]:
+        placed = place(scene, angles)
+        paths, pads = unfold_all(scene.layout, placed, words), Pad.all_of(scene, placed)
+
+        def by(pad: Pad, path: Int[Array, ""], places: Float[Array, " places"]) -> Any:
+            return look(scene.camera, placed.size, paths.at(path), pad, places)[1:]
+
+        return jax.vmap(jax.vmap(by, (None, 0, None)))(pads, path_of, places)
+
+    return jax.vmap(in_pose)(angles, pieces.path, places)
+
+
+@partial(jax.jit, static_argnames="bounces")
+def _by_ray(
+    scene: Scene,
+    angles: Float[Array, "poses joints"],
+    pieces: Pieces,
+    places: Float[Array, "poses pads places"],
+    *,
+    bounces: int,
+) -> tuple[Float[Array, "poses pads pieces places"], Float[Array, "poses pads pieces places"]]:
+    """The same as `_unfolded`, between rays to all pieces."""
+    layout, camera, words = scene.layout, scene.camera, paths_of(scene.layout, bounces)
+    lengths = jnp.asarray([len(word) for word in words])
+    parts = jnp.linspace(0, 1, PARTS + 1, dtype=places.dtype)
+
+    def in_pose(angles: Float[Array, " joints"], *on_pads: Any) -> Any:
+        placed = place(scene, angles)
+        fan = Fan.of(scene, placed, words)
+
+        def of_piece(surface: Array, places: Array, piece: Pieces) -> tuple[Array, Array]:
+            start, end = placed.segment(surface)
+            length, leg = (end - start).length() * placed.size, lengths[piece.path]
+
+            def meets(angle: Float[Array, ""]) -> tuple[Float[Array, ""], Leg]:
+                legs = fan.follow(angle)
+                return legs.coordinate[leg], legs
+
+            def of_ray(angle: Float[Array, ""]) -> tuple[Array, ...]:
+                at, slope, legs = jax.jvp(meets, (angle,), (jnp.ones_like(angle),), has_aux=True)
+                density = camera.pixels_per_radian(angle)
+                per_mm, _ = safe_divide(density, jnp.abs(slope) * length)
+                met = legs.surface[leg] == surface
+                return met, at, per_mm, legs.length[leg] * placed.size
+
+            first, last = camera.angle(piece.pixels)
+            met, *curves = jax.vmap(of_ray)(first + parts * (last - first))
+            # The piece knows its ends, and a ray along them may miss the pad by rounding.
+            inner = met & (parts > 0) & (parts < 1)
+            ends = (jnp.stack([piece.start, piece.end]), piece.px_per_mm, piece.distance)
+            at, per_mm, distance = (
+                jnp.where(inner, curve, end[0] + parts * (end[1] - end[0]))
+                for curve, end in zip(curves, ends, strict=True)
+            )
+            return jnp.interp(places, at, per_mm), jnp.interp(places, at, distance)
+
+        of_pad = jax.vmap(of_piece, (None, None, 0))
+        surfaces = len(layout.mirrors) + jnp.arange(len(layout.pads))
+        return jax.vmap(of_pad)(surfaces, *on_pads)
+
+    return jax.vmap(in_pose)(angles, places, pieces)

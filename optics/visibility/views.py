@@ -1,0 +1,140 @@
+"""What a camera sees of each pad, by which path, and what follows: coverage and redundancy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from optics.scene.scene import Layout
+from optics.visibility.boundary_codes import (
+    CROSSING,
+    CUT_AFTER,
+    CUT_BEFORE,
+    FIRST_END,
+    FIRST_PAD_END,
+    FOLD,
+    HIGH_GRAZING,
+    HORIZON,
+    LEFT_LIMIT,
+    LOW_GRAZING,
+    RIGHT_LIMIT,
+    SECOND_END,
+    SECOND_PAD_END,
+    parts_of,
+)
+from optics.visibility.intervals import measure_of_union
+from optics.visibility.unfolding import paths_of
+
+
+class ViewResult(eqx.Enumeration):
+    """Why a pad is not seen by a path."""
+
+    successful = ""
+    behind_mirror = (
+        "The camera, or its image, is not in front of a mirror of this path: turn or move that "
+        "mirror, or let its other side reflect."
+    )
+    behind_pad = (
+        "The camera, or its image, is not on the sensing side of the pad: move the camera or the "
+        "mirror, or change the pad's side."
+    )
+    missed = (
+        "The pad lies outside of what the field of view, the mirrors and the least grazing angle "
+        "let through: widen one of them, or turn the camera or a mirror."
+    )
+    blocked = "Other surfaces hide all of the pad: move or shorten what stands in the way."
+    unseen = (
+        "No ray reaches the pad by this path: move the camera, the mirrors or what stands in the "
+        "way; a narrow view may be found with more rays."
+    )
+    too_many = "The pad is seen in more pieces than there is room for: ask for more room."
+
+
+class Pieces(eqx.Module):
+    """The pieces of each pad that are seen, in the order in which they begin.
+
+    A piece is seen by one path, so pieces of several paths may overlap. Arrays have the shape
+    (pads, pieces) after any batch axes; there is room for more pieces than there are.
+
+    Attributes:
+        present: whether there is such a piece; elsewhere all else is 0.
+        path: index of the path that shows it.
+        start: pad coordinate (0 at the pad's first end, 1 at its second) where it begins.
+        end: where it ends.
+        start_label: what bounds it there; `describe_end` says it in words.
+        end_label: the same for its other end.
+        pixels: where its two ends are imaged, in pixels; shape (..., 2).
+        px_per_mm: resolution along the pad at its two ends; shape (..., 2).
+        distance: length of the path to its two ends, mm; shape (..., 2).
+        spans: coordinates on each mirror of the path at which its two ends are reflected; shape
+            (..., reflections, 2), 0 where the path has fewer reflections.
+    """
+
+    present: Bool[Array, "*pieces"]
+    path: Int[Array, "*pieces"]
+    start: Float[Array, "*pieces"]
+    end: Float[Array, "*pieces"]
+    start_label: Int[Array, "*pieces"]
+    end_label: Int[Array, "*pieces"]
+    pixels: Float[Array, "*pieces 2"]
+    px_per_mm: Float[Array, "*pieces 2"]
+    distance: Float[Array, "*pieces 2"]
+    spans: Float[Array, "*pieces reflections 2"]
+
+    def coverage(self) -> Float[Array, "*pads"]:
+        """Part of each pad that is seen by any path: the measure of the union of its pieces."""
+        return measure_of_union(self.start, self.end)
+
+    def seen(self, path: int) -> Float[Array, "*pads"]:
+        """Part of each pad that is seen by one path."""
+        return jnp.sum(jnp.where(self.path == path, self.end - self.start, 0.0), axis=-1)
+
+    def redundancy(self) -> Float[Array, "*pads"]:
+        """Number of paths by which a point of each pad is seen, on average over the pad."""
+        return jnp.sum(self.end - self.start, axis=-1)
+
+    def paths_seeing(self, coordinates: Float[Array, " points"]) -> Int[Array, "*pads points"]:
+        """By how many paths points of each pad are seen, from their pad coordinates."""
+        start, end = self.start[..., None], self.end[..., None]
+        places = coordinates.reshape((1,) * (start.ndim - 1) + (-1,))
+        seen = (start <= places) & (places <= end) & self.present[..., None]
+        return jnp.sum(seen, axis=-2, dtype=int)
+
+
+def path_name(layout: Layout, word: Sequence[int]) -> str:
+    """Name of a path: ``direct``, or ``mirror:`` and its mirrors."""
+    names = "+".join(layout.mirrors[i].name for i in word)
+    return f"mirror:{names}" if names else "direct"
+
+
+def path_names(layout: Layout, bounces: int | None = None) -> list[str]:
+    """Names of all paths in their order, up to the scene's own number of bounces by default."""
+    words = paths_of(layout, layout.bounces if bounces is None else bounces)
+    return [path_name(layout, word) for word in words]
+
+
+def describe_end(layout: Layout, label: int) -> str:
+    """What bounds a piece, in words, from its label."""
+    if label < 0:
+        return {
+            FIRST_PAD_END: "end of the pad",
+            SECOND_PAD_END: "end of the pad",
+            LEFT_LIMIT: "limit of the field of view",
+            RIGHT_LIMIT: "limit of the field of view",
+            LOW_GRAZING: "least grazing angle",
+            HIGH_GRAZING: "least grazing angle",
+            FOLD: "fold of the image",
+        }[label]
+    _, surface, kind = map(int, parts_of(label))
+    what = {
+        FIRST_END: "its end 'from'",
+        SECOND_END: "its end 'to'",
+        CROSSING: "where another surface meets it",
+        CUT_BEFORE: "where it meets the line of a mirror",
+        CUT_AFTER: "where it meets the line of a mirror",
+        HORIZON: "where it turns away from the ray",
+    }[kind]
+    return f"{layout.kind(surface)} '{layout.surfaces[surface].name}': {what}"

@@ -1,0 +1,198 @@
+"""By how much a pad is seen, or missed: its view in angles about the (virtual) camera.
+
+Here every condition of a view is an interval of angles: field of view, mirrors and the pad itself
+have to be met, shadows avoided. The best line of sight is the one farthest from all that must not
+be met; twice its distance, the width of the gap, is negative where no line of sight is free, and
+passes through 0 where a view opens. Nothing of it is shared with the pad coordinates in which
+`optics.visibility.searching` finds the pieces, so that the two check each other.
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from designopt.numerics import safe_arctan2
+from designopt.vectors import Vector, together
+from optics.scene.camera import Camera
+from optics.visibility.boundaries import PAD_ENDS, Pad, toward
+from optics.visibility.boundary_codes import (
+    CROSSING,
+    CUT_BEFORE,
+    HIGH_GRAZING,
+    LEFT_LIMIT,
+    LOW_GRAZING,
+    RIGHT_LIMIT,
+    label_of,
+    with_kind,
+)
+from optics.visibility.intervals import FAR, Interval, gaps
+from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, unit
+
+
+def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
+    """The widest gap between what must not be met, in angles (rad) about the source.
+
+    Angles are counted from the middle of the pad, in the sense in which its sensing side shows its
+    first end first. Seen from behind, the pad has a negative width, and so has a mirror. If there
+    is no gap, its end comes before its start.
+
+    Args:
+        camera: the camera.
+        path: the path, unfolded.
+        pad: the pad.
+    """
+    source = path.source
+    step = pad.end - pad.start
+    above = left_of(source, pad.start, step)
+    middle = (pad.start - source) + (pad.end - source)
+    sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
+
+    def angle(arrow: Vector) -> Array:
+        across = middle.x * arrow.y - middle.y * arrow.x
+        return sense * safe_arctan2(across, middle.x * arrow.x + middle.y * arrow.y)
+
+    shown = _shown(path, pad)
+    foot = step.perpendicular().scaled(-above)
+    ends = shown.ends - source
+    seen = together(ends[0], ends[1], path.axis, -path.axis, foot)
+    first, last, axis, back, foot = angle(seen)
+    centre = (first + last) / 2
+
+    def turned(angle: Array) -> Array:
+        """The same direction, at most half a turn from the pad's centre."""
+        return angle - 2 * jnp.pi * jnp.round((angle - centre) / (2 * jnp.pi))
+
+    def spans(edges: Edges) -> Interval:
+        """The angles under which segments appear."""
+        angles = angle(edges.ends - source)
+        from_angle, width = angles[..., 0], angles[..., 1] - angles[..., 0]
+        width = width - 2 * jnp.pi * jnp.round(width / (2 * jnp.pi))
+        middle = turned(from_angle + width / 2)
+        rises = width > 0
+        return Interval(
+            middle - jnp.abs(width) / 2,
+            middle + jnp.abs(width) / 2,
+            jnp.where(rises, edges.labels[..., 0], edges.labels[..., 1]),
+            jnp.where(rises, edges.labels[..., 1], edges.labels[..., 0]),
+        )
+
+    half = camera.field_of_view / 2
+    wide = half > jnp.pi / 2
+    axis, back, foot = turned(axis), turned(back), turned(foot)
+    room = jnp.pi / 2 - pad.grazing
+    low, high = (
+        jnp.where(sense > 0, one, other)
+        for one, other in ((RIGHT_LIMIT, LEFT_LIMIT), (LEFT_LIMIT, RIGHT_LIMIT))
+    )
+    # From behind, the pad's second end comes first.
+    toward_first, toward_second = (
+        jnp.where(sense * above > 0, one, other)
+        for one, other in ((LOW_GRAZING, HIGH_GRAZING), (HIGH_GRAZING, LOW_GRAZING))
+    )
+    side = jnp.where(above < 0, -1.0, 1.0)
+    crossing = with_kind(path.blockers.labels[..., 0], CROSSING)
+    blockers = cut(path.blockers, pad.ends(), side, crossing)
+    # Mirrors first, then what may hide the pad.
+    both = jax.tree.map(
+        lambda many, others: jnp.concatenate([many, others.reshape(-1, *others.shape[2:])]),
+        path.mirrors,
+        blockers,
+    )
+    found, away, there = spans(both), path.turned_away, path.reflects
+    mirrors = jax.tree.map(lambda leaf: leaf[: len(there)], found)
+    hidden = jax.tree.map(lambda leaf: leaf[len(there) :], found)
+    lower = [
+        (first, shown.labels[0]),
+        (foot - room, toward_first),
+        (jnp.where(wide, -FAR, axis - half), low),
+    ]
+    upper = [
+        (last, shown.labels[1]),
+        (foot + room, toward_second),
+        (jnp.where(wide, FAR, axis + half), high),
+    ]
+    from_mirrors = jnp.where(away, mirrors.end, mirrors.start)
+    to_mirrors = jnp.where(away, mirrors.start, mirrors.end)
+    start = jnp.append(_values(lower), jnp.where(there, from_mirrors, -FAR))
+    start_labels = jnp.append(
+        _labels(lower), jnp.where(away, mirrors.end_label, mirrors.start_label)
+    )
+    end = jnp.append(_values(upper), jnp.where(there, to_mirrors, FAR))
+    end_labels = jnp.append(_labels(upper), jnp.where(away, mirrors.start_label, mirrors.end_label))
+    at, to = jnp.argmax(start), jnp.argmin(end)
+    # Nothing is left of a pad or mirror that lies in the line of the mirror beside it.
+    left = shown.active & jnp.all(path.mirrors.active | ~there)
+    last_end = jnp.where(left, end[to], jnp.minimum(start[at], end[to]))
+    window = Interval(start[at], last_end, start_labels[at], end_labels[to])
+
+    active = (blockers.active & path.in_the_way(pad.index)).reshape(-1)
+    active &= hidden.end > hidden.start
+    outside = Interval(back - (jnp.pi - half), back + (jnp.pi - half), high, low)
+    shadows = jax.tree.map(lambda many, one: jnp.append(many, one), hidden, outside)
+    found = gaps(window, shadows, jnp.append(active, wide))
+    best = jnp.argmax(found.end - found.start)
+    widest = jax.tree.map(lambda leaf: leaf[best], found)
+    # A pad seen edge-on shows nothing.
+    end = jnp.where(above == 0, jnp.minimum(widest.start, widest.end), widest.end)
+    return Interval(widest.start, end, widest.start_label, widest.end_label)
+
+
+def _values(bounds: list[tuple[Array, Array]]) -> Float[Array, " bounds"]:
+    return jnp.stack([value for value, _ in bounds])
+
+
+def _labels(bounds: list[tuple[Array, Array]]) -> Int[Array, " bounds"]:
+    return jnp.stack([label for _, label in bounds])
+
+
+def _shown(path: Unfolded, pad: Pad) -> Edges:
+    """The part of a pad that lies in front of the last mirror."""
+    whole = Edges(pad.ends(), jnp.array(PAD_ENDS), jnp.asarray(True))
+    start, along = path.last[0], path.last[1] - path.last[0]
+    leg = jnp.sum(path.reflects)
+    behind = jnp.where(left_of(path.source, start, along) < 0, 1.0, -1.0)
+    side = jnp.where(leg > 0, behind, 0.0)
+    return cut(whole, path.last, side, label_of(leg, pad.index, CUT_BEFORE))
+
+
+def elevation(path: Unfolded, pad: Pad) -> Float[Array, ""]:
+    """Least angle (rad) by which what a path needs rises above the mirrors that it must clear.
+
+    Seen from the virtual camera, each mirror must have a part beyond the one before it, and the
+    pad beyond the last, and each mirror a part before the one that follows. Angles are those at
+    the mirror's first end, positive if the higher end of the other clears its line.
+    """
+    least = jnp.full_like(path.source.x, jnp.pi / 2)
+
+    def rise(over: Vector, other: Vector, beyond: bool) -> Array:
+        start, along = over[0], unit(over[1] - over[0])
+        far = jnp.where(along.cross(path.source - start) < 0, 1.0, -1.0)
+        side, arrows = far if beyond else -far, other - start
+        angles = safe_arctan2(side * along.cross(arrows), jnp.abs(along.dot(arrows)))
+        return jnp.maximum(angles[0], angles[1])
+
+    count = path.reflects.shape[0]
+    for i in range(count):
+        mirror = path.whole[i]
+        goes_on = path.reflects[i + 1] if i + 1 < count else jnp.asarray(False)
+        to_pad = jnp.minimum(least, rise(mirror, pad.ends(), True))
+        least = jnp.where(path.reflects[i] & ~goes_on, to_pad, least)
+        if i + 1 < count:
+            following = path.whole[i + 1]
+            both = jnp.minimum(rise(mirror, following, True), rise(following, mirror, False))
+            least = jnp.where(goes_on, jnp.minimum(least, both), least)
+    return least
+
+
+def margin(camera: Camera, path: Unfolded, pad: Pad, widest: Interval) -> Float[Array, ""]:
+    """The width (rad) of the gap that was found, with the derivative of the lines that bound it."""
+    labels = jnp.stack([widest.start_label, widest.end_label])
+    first, last = jax.vmap(lambda label: toward(camera, path, pad, label))(labels).angle()
+    above = (pad.end - pad.start).cross(path.source - pad.start)
+    sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
+    moving = sense * (last - first)
+    gap = widest.end - widest.start + (moving - jax.lax.stop_gradient(moving))
+    rises = elevation(path, pad)
+    return jnp.where(rises < 0, jnp.minimum(rises, gap), gap)
