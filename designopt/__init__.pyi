@@ -18,8 +18,9 @@ from .results import (
 )
 from .roots import find_root
 from .solution import Solution, first_failure
+from .spec import Spec
 from .stability import Family, assess
-from .study import Context, Spec, Study
+from .study import Context, Study
 from .toml_writing import toml_text
 from .vectors import Vector, direction_to_meeting, folded_angle
 

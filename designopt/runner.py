@@ -21,7 +21,8 @@ from designopt.progress import step_display
 from designopt.report import RunRecord, measurements, render_report
 from designopt.result_folders import cannot_write, result_folder, write_document
 from designopt.results import Metric, Results, Table
-from designopt.study import Context, Spec, Study
+from designopt.spec import Spec
+from designopt.study import Context, Study
 
 RECORDED_PACKAGES = (
     "designopt",

@@ -11,7 +11,7 @@ import pydantic
 
 from designopt.errors import UserError, shortened
 from designopt.files import DEEPEST, is_too_deep
-from designopt.study import Spec
+from designopt.spec import Spec
 
 
 def spec_with(model: type[Spec], assignments: Iterable[str], *, study: str) -> Spec:

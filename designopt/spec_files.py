@@ -10,7 +10,7 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 import pydantic
 
 from designopt.errors import UserError, shortened
-from designopt.study import Spec
+from designopt.spec import Spec
 
 LARGEST, SMALLEST = 1e30, 1e-30
 """Sizes beyond these are slips of the pen, and their squares leave the range of numbers."""

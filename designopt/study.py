@@ -10,23 +10,14 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pydantic
-
 from designopt.errors import UserError
 from designopt.results import Results
+from designopt.spec import Spec
 
 if TYPE_CHECKING:
     from designopt.designs.design import Design
 
 STUDY_GROUP = "designopt.studies"
-
-
-class Spec(pydantic.BaseModel):
-    """Base of every spec read from a person: unknown keys are faults, numbers are finite."""
-
-    model_config = pydantic.ConfigDict(
-        extra="forbid", allow_inf_nan=False, frozen=True, validate_default=True
-    )
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,8 @@ from typing import Any
 from designopt.errors import UserError
 from designopt.results import Results
 from designopt.settings import spec_with
-from designopt.study import Context, Spec, Study, load_study
+from designopt.spec import Spec
+from designopt.study import Context, Study, load_study
 from designopt.sweeping.outcomes import Outcome, failed, found
 
 ONE_THREAD = {

@@ -16,7 +16,7 @@ from scipy.stats import qmc
 from designopt.errors import UserError
 from designopt.ranges import ends_of, split_name, values_of
 from designopt.settings import fields
-from designopt.study import Spec
+from designopt.spec import Spec
 
 MOST_POINTS = 100_000
 """More are more likely a slip of the pen than a wish: every point is kept in a file of its own."""

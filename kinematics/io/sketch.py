@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import pydantic
 
 from designopt.designs.design import read_tables
+from designopt.spec import Spec
 from designopt.spec_files import Length, Line, Name, Number, Point, Title, validated
-from designopt.study import Spec
 
 
 class LinkageTable(Spec):

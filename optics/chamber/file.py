@@ -11,8 +11,8 @@ import pydantic
 from designopt.designs.design import read_tables
 from designopt.designs.sheet import printable
 from designopt.errors import UserError
+from designopt.spec import Spec
 from designopt.spec_files import Length, Number, Title, validated
-from designopt.study import Spec
 from designopt.toml_writing import toml_text
 from optics.chamber.chamber import Chamber
 

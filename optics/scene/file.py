@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 import numpy as np
 import pydantic
 
+from designopt.spec import Spec
 from designopt.spec_files import Length, Name, Number, Point, Title
-from designopt.study import Spec
 
 FIXED = "world"
 """Name of the frame that does not move."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from designopt.study import Spec
+from designopt.spec import Spec
 
 
 def stated(spec: Spec, *, free: frozenset[str], least: Mapping[str, int]) -> bool:

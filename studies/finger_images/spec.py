@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from designopt.study import Spec
+from designopt.spec import Spec
 from studies.finger_mirrors.spec import Error, Length, ToleranceSpec
 
 

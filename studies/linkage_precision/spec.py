@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from designopt.study import Spec
+from designopt.spec import Spec
 
 STATED_POSES = 1_000_000
 """The sweep of which the study's targets speak."""

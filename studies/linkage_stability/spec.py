@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from designopt.study import Spec
+from designopt.spec import Spec
 
 
 class StabilitySpec(Spec):

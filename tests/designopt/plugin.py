@@ -7,7 +7,8 @@ from importlib.metadata import EntryPoint
 import pydantic
 
 from designopt.results import Metric, Results, Table, Target
-from designopt.study import STUDY_GROUP, Context, Spec, Study
+from designopt.spec import Spec
+from designopt.study import STUDY_GROUP, Context, Study
 
 
 class Inner(Spec):

@@ -13,7 +13,8 @@ import pydantic
 
 from designopt.errors import UserError
 from designopt.results import Metric, Results, Target
-from designopt.study import Context, Spec, Study
+from designopt.spec import Spec
+from designopt.study import Context, Study
 
 ASKED = Target(">=", 0.5)
 

@@ -10,7 +10,8 @@ from pydantic import Field
 from scipy.stats import qmc
 
 from designopt import UserError
-from designopt.study import Spec, load_study
+from designopt.spec import Spec
+from designopt.study import load_study
 from designopt.sweeping.points import grid_points, sobol_points
 from tests.designopt.sweeping.plugin import SweptSpec
 
