@@ -1,9 +1,13 @@
 from .errors import UserError
 from .fitting import Fit, least_squares
-from .left_out import count_operations
+from .io.spec import Spec
+from .io.toml_writing import toml_text
 from .numerics import as_float, safe_arctan2, safe_divide, safe_quadratic_roots, safe_sqrt
-from .precision import Contender, compile_timed, dominating, measure
-from .results import (
+from .roots import find_root
+from .solution import Solution, first_failure
+from .study.left_out import count_operations
+from .study.precision import Contender, compile_timed, dominating, measure
+from .study.results import (
     Claim,
     Figure,
     LeftOutRow,
@@ -16,12 +20,8 @@ from .results import (
     Table,
     Target,
 )
-from .roots import find_root
-from .solution import Solution, first_failure
-from .spec import Spec
-from .stability import Family, assess
-from .study import Context, Study
-from .toml_writing import toml_text
+from .study.stability import Family, assess
+from .study.study import Context, Study
 from .vectors import Vector, direction_to_meeting, folded_angle
 
 __all__ = [

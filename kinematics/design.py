@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from designopt.designs.design import Design, DesignFile, Quantity
-from designopt.designs.sheet import Sheet
+from designopt.designs import Design, DesignFile, Quantity
+from designopt.export.sheet import Sheet
 from kinematics.io.reading import build_linkage
 from kinematics.io.sketch import Sketch, load_sketch
 from kinematics.model.linkage import Linkage
 
 if TYPE_CHECKING:
-    from designopt.designs.bench import Bench
+    from designopt.explore.bench import Bench
 
 
 @dataclass(frozen=True)

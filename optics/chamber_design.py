@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from designopt.designs.design import Design, DesignFile, Quantity
-from designopt.designs.sheet import Sheet
+from designopt.designs import Design, DesignFile, Quantity
+from designopt.export.sheet import Sheet
 from optics.chamber.chamber import Chamber
 from optics.chamber.file import read_chamber
 
 if TYPE_CHECKING:
-    from designopt.designs.bench import Bench
+    from designopt.explore.bench import Bench
 
 
 @dataclass(frozen=True)

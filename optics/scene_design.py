@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from designopt.designs.design import Design, DesignFile, Quantity, read_tables
-from designopt.designs.sheet import Sheet
-from designopt.spec_files import validated
+from designopt.designs import Design, DesignFile, Quantity, read_tables
+from designopt.export.sheet import Sheet
+from designopt.io.spec_files import validated
 from optics.scene.file import SceneFile
 from optics.scene.reading import build_scene
 from optics.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from designopt.designs.bench import Bench
+    from designopt.explore.bench import Bench
 
 
 @dataclass(frozen=True)

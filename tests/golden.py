@@ -120,7 +120,7 @@ SMALL = 1e-5
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("action", choices=("record", "check"))
     parser.add_argument("parts", nargs="+", choices=PARTS)
     parser.add_argument("--runs", type=Path, help="folder of results, one per study")

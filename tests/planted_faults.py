@@ -24,7 +24,7 @@ FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::\S.*?)(?: - .*)?$", re.MULTILINE)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("action", choices=("record", "check"))
     parser.add_argument("names", nargs="*", help="beginnings of faults' names; all by default")
     options = parser.parse_args(arguments)

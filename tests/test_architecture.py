@@ -22,8 +22,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("designopt", "kinematics", "optics", "perception", "studies")
 PUBLIC = (
     "designopt",
-    "designopt.designs",
-    "designopt.optimising",
+    "designopt.optimize",
     "kinematics",
     "optics",
     "optics.chamber",

@@ -20,9 +20,9 @@ from pydantic_core import PydanticUndefined, to_json
 
 from designopt import UserError
 from designopt.cli import run
-from designopt.settings import fields, spec_with
-from designopt.spec_files import validated
-from designopt.study import installed_studies, load_study
+from designopt.io.spec_files import validated
+from designopt.study.settings import fields, spec_with
+from designopt.study.study import installed_studies, load_study
 from optics.chamber.file import chamber_text
 from tests.mutations import UNKNOWN, mutate, mutated, toml
 from tests.optics.test_chamber_bench import PAPER

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 
 from designopt.cli import run
-from designopt.figures import style
+from designopt.plot.figures import style
 from kinematics import read_linkage, solve_poses, solve_transmission
 from kinematics.design import DesignedLinkage
 from kinematics.plot.margin_figures import margin_figure

@@ -13,8 +13,8 @@ import pytest
 import typer
 
 from designopt import app, cli
-from designopt.settings import fields, spec_with
-from designopt.study import load_study
+from designopt.study.settings import fields, spec_with
+from designopt.study.study import load_study
 
 ROOT = Path(__file__).parents[1]
 READMES = [ROOT / "README.md", *sorted(ROOT.glob("studies/*/README.md"))]

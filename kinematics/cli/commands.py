@@ -10,7 +10,7 @@ import typer
 
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
-from designopt.files import check_toml
+from designopt.io.files import check_toml
 
 
 def solve(

@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.errors import UserError
-from designopt.files import check_figure_ending, check_targets, replaced_when_complete
-from designopt.ranges import grid_of, single_values
+from designopt.io.files import check_figure_ending, check_targets, replaced_when_complete
+from designopt.io.ranges import grid_of, single_values
 from designopt.solution import Solution
 from kinematics.cli.table import columns_of, table_at, table_text
 from kinematics.io.reading import read_linkage
@@ -235,7 +235,7 @@ def _values(linkage: Linkage, texts: Sequence[str], option: str) -> Float[Array,
 def _draw(linkage: Linkage, request: Request, tally: Tally) -> list[str]:
     """Draw what was asked for; returns remarks on it."""
     # Imported here: Matplotlib takes a second.
-    from designopt.figures import style
+    from designopt.plot.figures import style
     from kinematics.plot.animation import save_animation
     from kinematics.plot.motion_figures import motion_figure
 

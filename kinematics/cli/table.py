@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from designopt.csv_text import csv_text, numbers_text
-from designopt.files import replaced_when_complete
+from designopt.io.csv_text import csv_text, numbers_text
+from designopt.io.files import replaced_when_complete
 from kinematics.model.linkage import Linkage
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from designopt.designs.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.errors import UserError
-from designopt.results import SpecFile
+from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
+from designopt.study.results import SpecFile
 from kinematics.design import DesignedLinkage
 from kinematics.explore.dimensions import Dimensions
 from kinematics.explore.survey import Survey, Surveyor

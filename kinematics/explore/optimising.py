@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from designopt.optimising import Iteration, Problem, Terms, epigraph
-from designopt.optimising.problem import Levelled
+from designopt.optimize import Iteration, Problem, Terms, epigraph
+from designopt.optimize.problem import Levelled
 from kinematics.explore.survey import Surveyor
 from kinematics.explore.working_range import WorkingRange
 from kinematics.solve.poses import solve_poses

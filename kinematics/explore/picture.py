@@ -14,11 +14,11 @@ from matplotlib.figure import SubFigure
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import ScaledTranslation
 
-from designopt.figures import PALETTE
-from designopt.lettering import Lettering
-from designopt.quick_text import QuickText
-from designopt.ruling import Ruling, hold
-from designopt.typesetting import drawn_name
+from designopt.plot.figures import PALETTE
+from designopt.plot.lettering import Lettering
+from designopt.plot.quick_text import QuickText
+from designopt.plot.ruling import Ruling, hold
+from designopt.plot.typesetting import drawn_name
 from kinematics.explore.survey import EDGES, Survey
 from kinematics.model.topology import Structure
 from kinematics.plot.drawing import (

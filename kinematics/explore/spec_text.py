@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from designopt.toml_writing import toml_text
+from designopt.io.toml_writing import toml_text
 from designopt.vectors import Vector, rotation
 from kinematics.explore.dimensions import Dimensions
 from kinematics.io.sketch import Sketch, SliderTable

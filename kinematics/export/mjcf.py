@@ -16,8 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Comment, Element, indent, tostring
 
-from designopt.designs.sheet import printable
 from designopt.errors import UserError
+from designopt.export.sheet import printable
 from kinematics.export.mjcf_bodies import (
     DENSITY,
     RADIUS,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from designopt.designs.design import Quantity
-from designopt.designs.sheet import (
+from designopt.designs import Quantity
+from designopt.export.sheet import (
     Circle,
     Label,
     Layer,

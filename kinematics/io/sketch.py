@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import pydantic
 
-from designopt.designs.design import read_tables
-from designopt.spec import Spec
-from designopt.spec_files import Length, Line, Name, Number, Point, Title, validated
+from designopt.designs import read_tables
+from designopt.io.spec import Spec
+from designopt.io.spec_files import Length, Line, Name, Number, Point, Title, validated
 
 
 class LinkageTable(Spec):

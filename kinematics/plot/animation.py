@@ -10,10 +10,10 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
 
 from designopt.errors import UserError
-from designopt.figures import new_figure, style
-from designopt.files import replaced_when_complete
+from designopt.io.files import replaced_when_complete
+from designopt.plot.figures import new_figure, style
+from designopt.plot.typesetting import drawn_name
 from designopt.solution import Solution
-from designopt.typesetting import drawn_name
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import InputPart
 from kinematics.plot.drawing import Scene, draw_pose, offsets_of, widen

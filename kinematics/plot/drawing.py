@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from designopt.figures import PALETTE
-from designopt.typesetting import drawn_name
+from designopt.plot.figures import PALETTE
+from designopt.plot.typesetting import drawn_name
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, Structure
 from kinematics.plot import symbols

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from designopt.figures import PALETTE, new_figure
+from designopt.plot.figures import PALETTE, new_figure
+from designopt.plot.typesetting import drawn_name
 from designopt.solution import Solution
-from designopt.typesetting import drawn_name
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import Structure
 from kinematics.solve.plan import make_plan

@@ -15,9 +15,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from designopt.errors import UserError
-from designopt.figures import new_figure, trim
+from designopt.plot.figures import new_figure, trim
+from designopt.plot.typesetting import drawn_name
 from designopt.solution import Solution
-from designopt.typesetting import drawn_name
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, Structure
 from kinematics.plot.drawing import CURVES, ROOM, Travel, body_colours, draw_pose, widen

@@ -20,7 +20,7 @@ from matplotlib.path import Path
 from matplotlib.patheffects import withTickedStroke
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
 
-from designopt.quick_line import QuickLine
+from designopt.plot.quick_line import QuickLine
 
 Points = Float[np.ndarray, "_ 2"]
 Place = Float[np.ndarray, "2"]

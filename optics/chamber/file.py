@@ -8,12 +8,12 @@ from typing import Annotated
 
 import pydantic
 
-from designopt.designs.design import read_tables
-from designopt.designs.sheet import printable
+from designopt.designs import read_tables
 from designopt.errors import UserError
-from designopt.spec import Spec
-from designopt.spec_files import Length, Number, Title, validated
-from designopt.toml_writing import toml_text
+from designopt.export.sheet import printable
+from designopt.io.spec import Spec
+from designopt.io.spec_files import Length, Number, Title, validated
+from designopt.io.toml_writing import toml_text
 from optics.chamber.chamber import Chamber
 
 ANGLE = "wall_angle_bc"

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from designopt.compilation_cache import NoCache, keep_programs
-from designopt.files import check_toml
+from designopt.io.files import check_toml
 
 
 def trace(

@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from designopt.errors import UserError
-from designopt.files import check_figure_ending, check_targets, replaced_when_complete
-from designopt.ranges import LARGEST_INPUT, grid_of, single_values
+from designopt.io.files import check_figure_ending, check_targets, replaced_when_complete
+from designopt.io.ranges import LARGEST_INPUT, grid_of, single_values
 from optics.cli.report import document_of, lines_of
 from optics.scene.file import MOST_BOUNCES
 from optics.scene.reading import read_scene

@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.designs.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.errors import UserError
-from designopt.results import SpecFile
+from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.solution import Solution
+from designopt.study.results import SpecFile
 from optics.chamber.chamber import Chamber, ChamberResult
 from optics.chamber.file import chamber_text
 from optics.chamber.ratio import dimension_for_ratio

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from designopt.optimising import FEASIBLE, Iteration, Levelled, Problem, Terms, epigraph
+from designopt.optimize import FEASIBLE, Iteration, Levelled, Problem, Terms, epigraph
 from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import dimension_for_ratio
 

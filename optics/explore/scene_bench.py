@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from designopt.designs.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.errors import UserError
-from designopt.results import SpecFile
+from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
+from designopt.study.results import SpecFile
 from optics.explore.scene_knobs import JOINT, MOST, Handles
 from optics.explore.scene_optimising import Improver
 from optics.explore.scene_picture import ScenePicture

@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.designs.bench import Knob, Values
-from designopt.spec_files import validated
-from designopt.toml_writing import toml_text
+from designopt.explore.bench import Knob, Values
+from designopt.io.spec_files import validated
+from designopt.io.toml_writing import toml_text
 from optics.scene.camera import Pinhole
 from optics.scene.file import SceneFile
 from optics.scene.scene import Scene

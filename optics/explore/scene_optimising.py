@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import qmc
 
-from designopt.designs.bench import Step, Values
 from designopt.errors import UserError
-from designopt.optimising import Iteration, Problem, Terms
+from designopt.explore.bench import Step, Values
+from designopt.optimize import Iteration, Problem, Terms
 from optics.explore.scene_knobs import Dimensions, Handles, arranged
 from optics.explore.scene_seeing import sharpness_of
 from optics.scene.scene import Scene

@@ -14,11 +14,11 @@ from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 
-from designopt.designs.bench import Knob
-from designopt.drawn_once import DrawnOnce
-from designopt.lettering import Lettering
-from designopt.ruling import Ruling, hold
-from designopt.typesetting import drawn_name
+from designopt.explore.bench import Knob
+from designopt.plot.drawn_once import DrawnOnce
+from designopt.plot.lettering import Lettering
+from designopt.plot.ruling import Ruling, hold
+from designopt.plot.typesetting import drawn_name
 from optics.explore.scene_seeing import Seen
 from optics.plot.label_layout import FONT, Label, PlacedLabel, moved, place_labels
 from optics.plot.scene_drawing import BAR as PAD

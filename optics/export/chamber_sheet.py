@@ -6,8 +6,8 @@ import itertools
 import math
 from typing import TYPE_CHECKING
 
-from designopt.designs.design import Quantity
-from designopt.designs.sheet import Circle, Label, Layer, Measure, Place, Sheet, Stroke, round_down
+from designopt.designs import Quantity
+from designopt.export.sheet import Circle, Label, Layer, Measure, Place, Sheet, Stroke, round_down
 from optics.chamber.chamber import Chamber
 
 if TYPE_CHECKING:

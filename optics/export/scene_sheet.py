@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from designopt.designs.design import Quantity
-from designopt.designs.sheet import (
+from designopt.designs import Quantity
+from designopt.export.sheet import (
     Circle,
     Kind,
     Label,

@@ -11,8 +11,8 @@ from matplotlib.artist import Artist
 from matplotlib.figure import SubFigure
 from matplotlib.patches import Circle
 
-from designopt.figures import PALETTE
-from designopt.ruling import Ruling
+from designopt.plot.figures import PALETTE
+from designopt.plot.ruling import Ruling
 
 REGIONS = {"red AB": "#C0392B", "blue BC": PALETTE[0], "yellow CD": "#E0A800", "top DE": "#555555"}
 """Regions of the wall from the lens to the end, and their colours."""

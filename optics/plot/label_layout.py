@@ -17,8 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
-from designopt.quick_line import QuickLine
-from designopt.typesetting import drawn_name
+from designopt.plot.quick_line import QuickLine
+from designopt.plot.typesetting import drawn_name
 
 Point = Float[np.ndarray, "2"]
 Points = Float[np.ndarray, "_ 2"]

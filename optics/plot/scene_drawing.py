@@ -16,10 +16,10 @@ from matplotlib.path import Path
 from matplotlib.patheffects import Stroke, withTickedStroke
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
 
-from designopt.figures import PALETTE
-from designopt.quick_line import QuickLine
+from designopt.plot.figures import PALETTE
+from designopt.plot.quick_line import QuickLine
+from designopt.plot.typesetting import drawn_name
 from designopt.solution import Solution
-from designopt.typesetting import drawn_name
 from optics.plot.label_layout import Label, draw_labels
 from optics.plot.section import Angles, Point, Points, Section, rays_to
 from optics.scene.scene import Scene

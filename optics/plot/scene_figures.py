@@ -15,9 +15,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from designopt.errors import UserError
-from designopt.figures import PALETTE, legend_below, new_figure, trim
+from designopt.plot.figures import PALETTE, legend_below, new_figure, trim
+from designopt.plot.typesetting import drawn_name
 from designopt.solution import Solution
-from designopt.typesetting import drawn_name
 from optics.plot.scene_drawing import DASHES, draw_scene, joint_name, scene_legend, widen
 from optics.plot.section import Section
 from optics.scene.scene import Scene

@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from designopt.figures import PALETTE, style
-from designopt.files import replaced_when_complete
+from designopt.io.files import replaced_when_complete
+from designopt.plot.figures import PALETTE, style
 from designopt.solution import Solution
 from optics.plot.scene_figures import MOST_POSES, poses_figure, sweep_figure
 from optics.visibility.scene_trace import Sight

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 import numpy as np
 import pydantic
 
-from designopt.spec import Spec
-from designopt.spec_files import Length, Name, Number, Point, Title
+from designopt.io.spec import Spec
+from designopt.io.spec_files import Length, Name, Number, Point, Title
 
 FIXED = "world"
 """Name of the frame that does not move."""

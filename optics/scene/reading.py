@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.designs.design import read_tables
-from designopt.designs.sheet import printable
+from designopt.designs import read_tables
 from designopt.errors import UserError
-from designopt.spec_files import validated
+from designopt.export.sheet import printable
+from designopt.io.spec_files import validated
 from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole
 from optics.scene.file import FIXED, CameraTable, FrameTable, LensTable, SceneFile, SurfaceTable
 from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float, Float32
 
 from designopt.errors import UserError
-from designopt.files import replaced_when_complete
+from designopt.io.files import replaced_when_complete
 from perception.images import checked_floats
 from perception.posture.network import MARKERS, PostureNetwork, weight_shapes
 from perception.posture.settings import Training, TrainingRecord

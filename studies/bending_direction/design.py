@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.errors import UserError
-from designopt.optimising import (
+from designopt.optimize import (
     Problem,
     Requirement,
     Terms,

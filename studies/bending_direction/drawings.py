@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.patches import Polygon
 
-from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
-from designopt.results import Figure
+from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
+from designopt.study.results import Figure
 from perception.chamber import Direction, displacements
 from perception.chamber.points import NAMES
 from studies.bending_direction.design import OUTLINES

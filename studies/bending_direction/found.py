@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from designopt.results import PrecisionRow
+from designopt.study.results import PrecisionRow
 from optics.rendering import ChamberImage
 from perception.chamber import Points
 from perception.chamber.directions import Use

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from designopt.precision import Contender, compile_timed, measure
-from designopt.results import Claim, PrecisionRow
+from designopt.study.precision import Contender, compile_timed, measure
+from designopt.study.results import Claim, PrecisionRow
 from optics.chamber import Apertures, Posture, Rings, apertures, pressed_by
 from studies.chamber_images.making import DOWN, SoftFinger
 

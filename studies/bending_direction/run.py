@@ -6,8 +6,8 @@ import statistics
 
 import numpy as np
 
-from designopt.results import PrecisionStudy, Results
-from designopt.study import Context
+from designopt.study.results import PrecisionStudy, Results
+from designopt.study.study import Context
 from perception.chamber import Direction, find_points, find_regions
 from studies.bending_direction import drawings, precision, statements, tables
 from studies.bending_direction.design import best

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from designopt.results import Metric, Target
+from designopt.study.results import Metric, Target
 from studies.bending_direction.design import INSIDE, OUTLINES, Design
 from studies.bending_direction.found import USES, Found
 from studies.bending_direction.spec import BendingDirectionSpec

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import binomtest
 
-from designopt.results import Cell, Table
+from designopt.study.results import Cell, Table
 from perception.chamber import Direction
 from perception.chamber.directions import Use
 from studies.bending_direction import paper

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.ticker import MaxNLocator
 
-from designopt.figures import (
+from designopt.plot.figures import (
     MARKERS,
     PALETTE,
     label_plainly,
@@ -16,8 +16,8 @@ from designopt.figures import (
     new_figure,
     share_limits,
 )
-from designopt.results import Figure
-from designopt.typesetting import as_mathtext
+from designopt.plot.typesetting import as_mathtext
+from designopt.study.results import Figure
 from studies.bending_posture.found import Found
 from studies.bending_posture.spec import BendingPostureSpec
 from studies.bending_posture.trainings import EQUAL, OURS

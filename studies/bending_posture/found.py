@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from designopt.results import PrecisionRow
+from designopt.study.results import PrecisionRow
 from studies.bending_posture.elsewhere import Elsewhere
 from studies.bending_posture.odd import AtBend, Odd
 from studies.bending_posture.trainings import OURS, Data, Trained

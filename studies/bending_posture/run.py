@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from designopt.errors import UserError
-from designopt.results import PrecisionRow, PrecisionStudy, Results, SpecFile
-from designopt.study import Context
+from designopt.study.results import PrecisionRow, PrecisionStudy, Results, SpecFile
+from designopt.study.study import Context
 from optics.chamber import image_rates
 from perception.chamber import find_regions
 from perception.posture import PostureEstimator, boundary_image, find_posture, shrunk

@@ -6,7 +6,7 @@ import statistics
 
 import numpy as np
 
-from designopt.results import Claim, Metric, Target
+from designopt.study.results import Claim, Metric, Target
 from studies.bending_posture.elsewhere import BOTH, LAMP, MADE
 from studies.bending_posture.found import Found
 from studies.bending_posture.spec import BendingPostureSpec

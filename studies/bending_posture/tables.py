@@ -7,7 +7,7 @@ import statistics
 import numpy as np
 from jaxtyping import Float
 
-from designopt.results import Cell, Table
+from designopt.study.results import Cell, Table
 from studies.bending_posture.found import Found
 from studies.bending_posture.trainings import EQUAL, MEAN, OURS, READINGS
 from studies.bending_posture.verdicts import judged

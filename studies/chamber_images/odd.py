@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from designopt.typesetting import words
+from designopt.plot.typesetting import words
 from optics.chamber import Posture
 from optics.rendering import COLOURS
 from perception.chamber import IN_VIEW, Sight

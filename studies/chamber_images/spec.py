@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from designopt.spec import Spec
+from designopt.io.spec import Spec
 from studies.table1.spec import ChamberSpec
 
 Severity = Annotated[float, Field(ge=0, le=2)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from designopt.spec import Spec
+from designopt.io.spec import Spec
 
 
 def stated(spec: Spec, *, free: frozenset[str], least: Mapping[str, int]) -> bool:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from designopt.results import Results
-from designopt.study import Context, Study
+from designopt.study.results import Results
+from designopt.study.study import Context, Study
 from studies.finger.spec import FingerSpec
 
 if TYPE_CHECKING:

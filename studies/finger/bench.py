@@ -6,9 +6,9 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from designopt.designs.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.errors import UserError
-from designopt.results import SpecFile
+from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
+from designopt.study.results import SpecFile
 from kinematics.explore.bench import LinkageBench
 from optics.explore.scene_bench import SceneBench
 from studies.finger.design import DesignedFinger

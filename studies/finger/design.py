@@ -9,10 +9,10 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from designopt.designs.design import Design, Quantity
-from designopt.designs.sheet import Sheet
+from designopt.designs import Design, Quantity
+from designopt.export.sheet import Sheet
 from designopt.progress import step_display
-from designopt.study import Context
+from designopt.study.study import Context
 from kinematics.design import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
 from optics.scene.file import SceneFile
@@ -24,7 +24,7 @@ from studies.finger_mirrors.arrangement import scene_table
 from studies.finger_mirrors.design import design_mirrors
 
 if TYPE_CHECKING:
-    from designopt.designs.bench import Bench
+    from designopt.explore.bench import Bench
 
 NAME = "finger"
 

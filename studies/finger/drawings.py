@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from designopt.figures import PALETTE, legend_below, new_figure
-from designopt.results import Figure
+from designopt.plot.figures import PALETTE, legend_below, new_figure
+from designopt.study.results import Figure
 from optics.scene.scene import Scene
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.drawings import draw_finger

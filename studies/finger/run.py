@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from designopt.results import Results
-from designopt.study import Context
+from designopt.study.results import Results
+from designopt.study.study import Context
 from studies.finger import drawings, statements, tables
 from studies.finger.spec import FingerSpec
 from studies.finger.spec_files import spec_files

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from designopt.designs.design import Quantity
-from designopt.designs.sheet import Layer, Sheet, Stroke
+from designopt.designs import Quantity
+from designopt.export.sheet import Layer, Sheet, Stroke
 from kinematics.export.sheet import linkage_sheet
 from optics.export.scene_sheet import HINGES, scene_sheet
 from studies.finger_linkage.body import BodySpec

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from designopt.spec import Spec
+from designopt.io.spec import Spec
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.spec import FingerLinkageSpec, LinkageSpec
 from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from designopt.results import SpecFile
-from designopt.toml_writing import toml_text
+from designopt.io.toml_writing import toml_text
+from designopt.study.results import SpecFile
 from studies.finger.spec import FingerSpec
 from studies.finger_linkage.pins import Pins, linkage_table
 from studies.finger_linkage.run import spec_file

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from designopt.results import Metric, Target
+from designopt.study.results import Metric, Target
 from kinematics.io.assembling import Equations
 from kinematics.io.sketch import parse_sketch
 from kinematics.io.sketch_geometry import measure

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from designopt.results import Table
+from designopt.study.results import Table
 from studies.finger.spec import FingerSpec
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 
-from designopt.figures import (
+from designopt.plot.figures import (
     MARKERS,
     PALETTE,
     angle_ticks,
@@ -16,7 +16,7 @@ from designopt.figures import (
     new_figure,
     share_limits,
 )
-from designopt.results import Figure
+from designopt.study.results import Figure
 from studies.finger_grasp.analysis import CLOSED, Analysis, radius_of
 from studies.finger_grasp.closing import Path
 from studies.finger_grasp.free_body import pin_places

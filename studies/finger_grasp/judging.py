@@ -23,7 +23,8 @@ class Verdict:
     Attributes:
         joints: error of the flexion angles, rad.
         forces: error of motor moment and contact forces, over what the motor's angle, changed by
-            its own size, would do to them (the condition-scaled error of `designopt.stability`).
+            its own size, would do to them (the condition-scaled error of
+            `designopt.study.stability`).
         right: whether the choice of what holds was right and the reference was found.
         open: more holds than degrees of freedom: no statics gives the forces, nothing is compared.
     """

@@ -5,8 +5,8 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
-from designopt.left_out import count_operations
-from designopt.results import LeftOutRow
+from designopt.study.left_out import count_operations
+from designopt.study.results import LeftOutRow
 from studies.finger_grasp import cases
 from studies.finger_grasp.conditions import Problem, equations, straight
 from studies.finger_grasp.finger import Finger, Joints, transfer

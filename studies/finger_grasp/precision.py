@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from designopt.precision import Contender, compile_timed, dominating
-from designopt.results import Claim, PrecisionRow
+from designopt.study.precision import Contender, compile_timed, dominating
+from designopt.study.results import Claim, PrecisionRow
 from studies.finger_grasp.closing import Path
 from studies.finger_grasp.conditions import Problem, Unknowns
 from studies.finger_grasp.equilibrium import solve

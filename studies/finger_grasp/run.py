@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from designopt import precision as run_time
-from designopt.results import PrecisionStudy, Results
-from designopt.study import Context
+from designopt.study import precision as run_time
+from designopt.study.results import PrecisionStudy, Results
+from designopt.study.study import Context
 from studies.finger_grasp import drawings, precision, stability, statements, tables
 from studies.finger_grasp.analysis import Analysis, analyse
 from studies.finger_grasp.check import summary

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, PositiveFloat, model_validator
 
-from designopt.spec import Spec
+from designopt.io.spec import Spec
 from studies.finger_linkage.body import RIM, BodySpec
 
 if TYPE_CHECKING:

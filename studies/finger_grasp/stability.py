@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from designopt.results import StabilityRow
+from designopt.study.results import StabilityRow
 from studies.finger_grasp import cases
 from studies.finger_grasp.closing import LANES, STEPS, close_all, there_and_back
 from studies.finger_grasp.conditions import Problem

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from designopt.results import Metric, StabilityRow, Target
+from designopt.study.results import Metric, StabilityRow, Target
 from studies.finger_grasp import cases
 from studies.finger_grasp.analysis import CLOSED, Analysis, radius_of
 from studies.finger_grasp.check import GraspCheck

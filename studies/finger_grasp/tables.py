@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from designopt.results import Table
+from designopt.study.results import Table
 from studies.finger_grasp.analysis import CLOSED, Analysis, radius_of
 from studies.finger_grasp.closing import Path
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from designopt.spec import Spec
+from designopt.io.spec import Spec
 
 Length = Annotated[float, Field(gt=0, le=1e3)]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import jax
 import numpy as np
 
-from designopt.optimising import (
+from designopt.optimize import (
     FEASIBLE,
     Evolution,
     Method,
@@ -19,7 +19,7 @@ from designopt.optimising import (
     epigraph,
     level_starts,
 )
-from designopt.results import Claim, PrecisionRow, PrecisionStudy
+from designopt.study.results import Claim, PrecisionRow, PrecisionStudy
 from studies.finger_linkage.problem import ANGLE, grid
 from studies.finger_linkage.searching import FLOOR, STEPS, UPDATES, Search, least_angles_deg, over
 from studies.finger_linkage.spec import FingerLinkageSpec

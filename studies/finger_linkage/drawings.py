@@ -11,10 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 
-from designopt.figures import MARKERS, PALETTE, angle_ticks, legend_below, new_figure, share_limits
-from designopt.optimising import FEASIBLE
-from designopt.results import Figure
-from designopt.typesetting import as_mathtext
+from designopt.optimize import FEASIBLE
+from designopt.plot.figures import (
+    MARKERS,
+    PALETTE,
+    angle_ticks,
+    legend_below,
+    new_figure,
+    share_limits,
+)
+from designopt.plot.typesetting import as_mathtext
+from designopt.study.results import Figure
 from kinematics.solve.poses import solve_poses
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import EVOLUTION, Comparison

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.optimising import Problem, Requirement, Terms
+from designopt.optimize import Problem, Requirement, Terms
 from designopt.vectors import Vector, rotation
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.pins import Pins, told

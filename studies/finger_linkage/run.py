@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
-from designopt.left_out import count_operations
-from designopt.results import LeftOutRow, Results, SpecFile
-from designopt.study import Context
-from designopt.toml_writing import toml_text
+from designopt.io.toml_writing import toml_text
+from designopt.study.left_out import count_operations
+from designopt.study.results import LeftOutRow, Results, SpecFile
+from designopt.study.study import Context
 from studies.finger_linkage import drawings, statements, tables
 from studies.finger_linkage.analysis import LinkageDesign, design_linkage
 from studies.finger_linkage.body import BodySpec

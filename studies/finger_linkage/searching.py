@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from designopt.optimising import (
+from designopt.optimize import (
     Active,
     Levelled,
     Method,

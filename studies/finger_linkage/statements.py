@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from designopt.results import Metric, Target
+from designopt.study.results import Metric, Target
 from studies.finger_linkage.analysis import LinkageDesign
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import NEAR_DEG, Comparison

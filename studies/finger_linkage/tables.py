@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from designopt.results import Table
+from designopt.study.results import Table
 from studies.finger_linkage.analysis import LinkageDesign
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import Comparison

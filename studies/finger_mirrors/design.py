@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 
-from designopt.optimising import sobol_starts
-from designopt.study import Context
+from designopt.optimize import sobol_starts
+from designopt.study.study import Context
 from optics.scene.scene import Scene
 from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors.arrangement import Arrangement, bounds, poor_start, scene_of

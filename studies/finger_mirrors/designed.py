@@ -5,10 +5,10 @@ from __future__ import annotations
 from importlib.resources import as_file, files
 from pathlib import Path
 
+from designopt.io.toml_writing import toml_text
 from designopt.progress import step_display
-from designopt.results import SpecFile
-from designopt.study import Context
-from designopt.toml_writing import toml_text
+from designopt.study.results import SpecFile
+from designopt.study.study import Context
 from optics.scene.file import SceneFile
 from optics.scene_design import DesignedScene
 from studies.finger_linkage.body import BodySpec

@@ -13,8 +13,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Patch
 
-from designopt.figures import PALETTE, angle_ticks, legend_below, new_figure
-from designopt.results import Figure
+from designopt.plot.figures import PALETTE, angle_ticks, legend_below, new_figure
+from designopt.study.results import Figure
 from optics.plot.scene_drawing import DASHES
 from optics.plot.scene_figures import COLOURS, UNSEEN, poses_figure
 from optics.scene.scene import Scene

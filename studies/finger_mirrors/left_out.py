@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
-from designopt.left_out import count_operations
-from designopt.results import LeftOutRow
+from designopt.study.left_out import count_operations
+from designopt.study.results import LeftOutRow
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_coverage
 

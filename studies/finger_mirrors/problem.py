@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from designopt.numerics import as_float
-from designopt.optimising import Problem, Requirement, Terms
+from designopt.optimize import Problem, Requirement, Terms
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
 from studies.finger_linkage.body import BodySpec

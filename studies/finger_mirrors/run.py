@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from designopt.results import Figure, PrecisionStudy, Results
-from designopt.study import Context
+from designopt.study.results import Figure, PrecisionStudy, Results
+from designopt.study.study import Context
 from optics.scene.scene import Scene
 from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors import drawings, left_out, solvers, statements, tables

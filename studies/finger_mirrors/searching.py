@@ -5,8 +5,9 @@ objective has a slope where the exact problem has none; shrunk step by step they
 (the idea of graduated optimisation: A. Blake, A. Zisserman, *Visual Reconstruction*, 1987). Between
 the stages only numbers change, so all stages, starts and bodies share one compiled program. Every
 stage is one search by Optimistix' BFGS of the augmented Lagrangian, as between two updates of the
-multipliers in `designopt.optimising.augmented`. It is written out here because that program needs
-the slope of all looks at once: kept apart, look by look, they compile and run several times faster.
+multipliers in `designopt.optimize.augmented_lagrangian`. It is written out here because that
+program needs the slope of all looks at once: kept apart, look by look, they compile and run several
+times faster.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
-from designopt.optimising import Terms
+from designopt.optimize import Terms
 from studies.finger_mirrors.arrangement import Arrangement, scale
 from studies.finger_mirrors.problem import Look, Task, look, upkeep
 

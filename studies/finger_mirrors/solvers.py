@@ -20,11 +20,11 @@ import numpy as np
 import scipy.optimize
 from jax.flatten_util import ravel_pytree
 
-from designopt.optimising import differential_evolution
-from designopt.optimising.augmented import Inner, augmented_lagrangian
-from designopt.optimising.flat import Flat
-from designopt.optimising.references import compile_reference
-from designopt.results import PrecisionRow
+from designopt.optimize import differential_evolution
+from designopt.optimize.augmented_lagrangian import Inner, augmented_lagrangian
+from designopt.optimize.flat import Flat
+from designopt.optimize.reference_solvers import compile_reference
+from designopt.study.results import PrecisionRow
 from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors.arrangement import Arrangement, bounds, scale
 from studies.finger_mirrors.design import MirrorDesign

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from designopt.spec import Spec
+from designopt.io.spec import Spec
 from studies.finger_linkage.body import BodySpec
 
 Length = Annotated[float, Field(gt=0, le=1e3)]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from designopt.results import Claim, Metric, Target
+from designopt.study.results import Claim, Metric, Target
 from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors.findings import GIVEN, Case, Found
 from studies.finger_mirrors.solvers import EVOLUTION, HELD, OURS, Run, best_objective

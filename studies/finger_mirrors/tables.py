@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from designopt.results import Table
-from designopt.typesetting import heading
+from designopt.plot.typesetting import heading
+from designopt.study.results import Table
 from studies.finger_mirrors.arrangement import Arrangement
 from studies.finger_mirrors.errors import NAMES, deviations
 from studies.finger_mirrors.findings import Found

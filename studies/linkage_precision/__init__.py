@@ -1,7 +1,7 @@
 """Error against run time of linkage poses: closed form, iterations and other people's tools."""
 
-from designopt.results import Results
-from designopt.study import Context, Study
+from designopt.study.results import Results
+from designopt.study.study import Context, Study
 from studies.linkage_precision.spec import LinkagePrecisionSpec
 
 

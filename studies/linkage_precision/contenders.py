@@ -12,8 +12,8 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.precision import Contender, compile_timed
-from designopt.stability import DIGITS
+from designopt.study.precision import Contender, compile_timed
+from designopt.study.stability import DIGITS
 from kinematics import Linkage, solve_poses
 from studies.linkage_precision import exact
 from studies.linkage_precision.cases import (

@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 
-from designopt import precision as run_time
-from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
-from designopt.results import Figure, PrecisionStudy
+from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
+from designopt.study import precision as run_time
+from designopt.study.results import Figure, PrecisionStudy
 from studies.linkage_precision.contenders import FLOOR
 from studies.linkage_precision.measuring import Measured
 from studies.linkage_precision.statements import fastest

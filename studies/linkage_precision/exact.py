@@ -14,7 +14,7 @@ import mpmath
 import numpy as np
 from mpmath.calculus.quadrature import GaussLegendre
 
-from designopt.stability import DIGITS
+from designopt.study.stability import DIGITS
 from studies.linkage_precision.cases import (
     Case,
     Dyad,

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import jax
 import jax.numpy as jnp
 
-from designopt.left_out import count_operations
-from designopt.results import LeftOutRow
+from designopt.study.left_out import count_operations
+from designopt.study.results import LeftOutRow
 from kinematics import Linkage, read_linkage, solve_poses
 from studies.linkage_precision.cases import CASES, GALLERY, linkage_of
 

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import jax
 
-from designopt.precision import MIN_SAMPLE_SECONDS, Contender, measure
-from designopt.results import PrecisionRow
-from designopt.study import Context
+from designopt.study.precision import MIN_SAMPLE_SECONDS, Contender, measure
+from designopt.study.results import PrecisionRow
+from designopt.study.study import Context
 from studies.linkage_precision.cases import CASES, GALLERY
 from studies.linkage_precision.contenders import (
     FLOOR,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from designopt.results import PrecisionStudy, Results
-from designopt.stability import DIGITS
-from designopt.study import Context
+from designopt.study.results import PrecisionStudy, Results
+from designopt.study.stability import DIGITS
+from designopt.study.study import Context
 from studies.linkage_precision import drawings, left_out, statements, tables
 from studies.linkage_precision.measuring import Measured, measure_all
 from studies.linkage_precision.spec import LinkagePrecisionSpec

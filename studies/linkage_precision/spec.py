@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from designopt.spec import Spec
+from designopt.io.spec import Spec
 
 STATED_POSES = 1_000_000
 """The sweep of which the study's targets speak."""

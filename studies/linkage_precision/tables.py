@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from designopt.results import Table
+from designopt.study.results import Table
 from studies.linkage_precision.measuring import Measurements
 
 

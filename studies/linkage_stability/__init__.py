@@ -1,7 +1,7 @@
 """Stiff, extreme and impossible linkages, judged against arithmetic in 50 digits."""
 
-from designopt.results import Results
-from designopt.study import Context, Study
+from designopt.study.results import Results
+from designopt.study.study import Context, Study
 from studies.linkage_stability.spec import StabilitySpec
 
 

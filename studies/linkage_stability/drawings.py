@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
-from designopt.results import Figure
+from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
+from designopt.study.results import Figure
 from studies.linkage_stability.statements import random_families
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """Judge the library's answers by the formulas of `exact`, case by case.
 
-Values are judged as in `designopt.stability`, a position as one plane vector (its larger
+Values are judged as in `designopt.study.stability`, a position as one plane vector (its larger
 coordinate), so that the direction of the axes plays no part. Coordinates count from the first
 fixed joint: where the world's origin is conditions nothing. A column of the gradient passes if its
 error is small on either of two scales: what it would do to the position, as there, or what
@@ -17,8 +17,8 @@ from dataclasses import dataclass, fields
 import mpmath
 import numpy as np
 
-from designopt.results import StabilityRow
-from designopt.stability import DIGITS, GRADIENT_TOLERANCE, VALUE_TOLERANCE
+from designopt.study.results import StabilityRow
+from designopt.study.stability import DIGITS, GRADIENT_TOLERANCE, VALUE_TOLERANCE
 from studies.linkage_stability import exact
 from studies.linkage_stability.mechanisms import Mechanism, Solved
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from designopt.results import Results
-from designopt.study import Context
+from designopt.study.results import Results
+from designopt.study.study import Context
 from studies.linkage_stability import cases, drawings, mechanisms, statements, triad
 from studies.linkage_stability.cases import Cases
 from studies.linkage_stability.judging import Judged, judge

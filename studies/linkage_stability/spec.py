@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from designopt.spec import Spec
+from designopt.io.spec import Spec
 
 
 class StabilitySpec(Spec):

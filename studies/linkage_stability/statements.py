@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from designopt.results import Metric, Table, Target
-from designopt.stability import GRADIENT_TOLERANCE, VALUE_TOLERANCE
+from designopt.study.results import Metric, Table, Target
+from designopt.study.stability import GRADIENT_TOLERANCE, VALUE_TOLERANCE
 from studies.linkage_stability.judging import CLOSURE, UNDECIDED, largest
 
 if TYPE_CHECKING:

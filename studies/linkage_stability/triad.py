@@ -32,7 +32,7 @@ STEP = 0.02
 """Of the crank, rad, between poses that are followed in float64."""
 
 PLACES = 100
-"""Digits of a solution; twice `designopt.stability.DIGITS`, as it is differenced twice."""
+"""Digits of a solution; twice `designopt.study.stability.DIGITS`, as it is differenced twice."""
 
 CASES = 10
 """Cases in each family; exact poses and their second derivatives take a tenth of a second each."""

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
-from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
-from designopt.results import Figure
+from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
+from designopt.study.results import Figure
 from optics.chamber import bent
 from studies.object_size.found import Found, Shown
 from studies.object_size.spec import ObjectSizeSpec

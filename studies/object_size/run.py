@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from designopt.errors import UserError
-from designopt.results import Results
-from designopt.study import Context
+from designopt.study.results import Results
+from designopt.study.study import Context
 from perception.posture import PostureEstimator, Training, train
 from studies.chamber_images.making import DOWN, SoftFinger
 from studies.chamber_images.samples import boundaries, random_postures, samples

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from designopt.results import Metric, Target
+from designopt.study.results import Metric, Target
 from perception.posture import marker_errors
 from studies.chamber_images.targets import stated
 from studies.object_size.found import Found

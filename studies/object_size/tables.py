@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
-from designopt.results import Cell, Table
+from designopt.study.results import Cell, Table
 from studies.chamber_images.odd import sight_words
 from studies.object_size.found import Found
 from studies.object_size.spec import ObjectSizeSpec

@@ -10,9 +10,16 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from scipy import stats
 
-from designopt.figures import MARKERS, PALETTE, angle_ticks, label_plainly, legend_below, new_figure
-from designopt.results import Figure
-from designopt.typesetting import drawn_name
+from designopt.plot.figures import (
+    MARKERS,
+    PALETTE,
+    angle_ticks,
+    label_plainly,
+    legend_below,
+    new_figure,
+)
+from designopt.plot.typesetting import drawn_name
+from designopt.study.results import Figure
 from studies.proprioception.found import Found
 from studies.proprioception.ladder import (
     LABELLED,

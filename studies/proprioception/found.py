@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from designopt.results import PrecisionRow
+from designopt.study.results import PrecisionRow
 from perception.proprioception import GapTable
 from studies.finger_images.making import Finger
 from studies.proprioception.ladder import Answer, Climbed

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from designopt.errors import UserError
-from designopt.results import PrecisionRow, PrecisionStudy, Results
-from designopt.study import Context
+from designopt.study.results import PrecisionRow, PrecisionStudy, Results
+from designopt.study.study import Context
 from optics.rendering import Effects
 from perception.proprioception import GapTable
 from studies.finger_images.making import Finger

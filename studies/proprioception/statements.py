@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from designopt.results import Claim, Metric, PrecisionRow, Target
+from designopt.study.results import Claim, Metric, PrecisionRow, Target
 from studies.proprioception.found import Found
 from studies.proprioception.ladder import (
     DESIGNED,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 
-from designopt.results import Cell, Table
+from designopt.study.results import Cell, Table
 from optics.scene.fabrication import fabrication_names
 from studies.proprioception.found import Found
 from studies.proprioception.gap_alone import METHOD as GAP_ALONE

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
-from designopt.results import Figure
+from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
+from designopt.study.results import Figure
 from perception.chamber.heights import TRACKED
 from perception.chamber.points import NAMES
 from perception.chamber.surfaces import CURVED, CURVED_OVER_ROUGH, ROUGH

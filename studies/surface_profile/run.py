@@ -7,8 +7,8 @@ import time
 
 import numpy as np
 
-from designopt.results import Results
-from designopt.study import Context
+from designopt.study.results import Results
+from designopt.study.study import Context
 from perception.chamber import SurfaceKind, find_points, find_regions
 from studies.finger_images.one_thread import one_thread
 from studies.surface_profile import drawings, statements, tables

@@ -6,7 +6,7 @@ import statistics
 
 import numpy as np
 
-from designopt.results import Metric, Target
+from designopt.study.results import Metric, Target
 from perception.chamber import ChamberMap
 from perception.chamber.surfaces import CURVED, ROUGH
 from studies.chamber_images.targets import stated

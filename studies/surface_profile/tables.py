@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from designopt.results import Cell, Table
+from designopt.study.results import Cell, Table
 from perception.chamber import SurfaceKind
 from studies.chamber_images.odd import sight_words
 from studies.surface_profile.found import (

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from designopt.errors import UserError
-from designopt.results import Results
-from designopt.study import Context, Study
+from designopt.study.results import Results
+from designopt.study.study import Context, Study
 from studies.table1.spec import Table1Spec
 
 if TYPE_CHECKING:

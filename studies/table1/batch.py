@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.errors import UserError
-from designopt.results import Results
-from designopt.stability import assess
-from designopt.study import Context
+from designopt.study.results import Results
+from designopt.study.stability import assess
+from designopt.study.study import Context
 from optics.chamber.chamber import Chamber
 from studies.table1 import imaging, stability, statements
 from studies.table1.analysis import Analysis, RealLens, real_lens

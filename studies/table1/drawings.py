@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from designopt.figures import PALETTE, legend_below, new_figure
-from designopt.results import Figure
-from designopt.typesetting import as_mathtext
+from designopt.plot.figures import PALETTE, legend_below, new_figure
+from designopt.plot.typesetting import as_mathtext
+from designopt.study.results import Figure
 from optics.chamber.chamber import Chamber
 from optics.plot.chamber_drawing import REGIONS
 from studies.table1 import paper

@@ -14,10 +14,10 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Array, Float
 
-from designopt.precision import Contender, compile_timed, dominating
-from designopt.results import Claim, PrecisionRow
 from designopt.roots import RootMethod, find_root
-from designopt.stability import DIGITS
+from designopt.study.precision import Contender, compile_timed, dominating
+from designopt.study.results import Claim, PrecisionRow
+from designopt.study.stability import DIGITS
 from optics.chamber.chamber import Chamber
 from studies.table1 import exact
 

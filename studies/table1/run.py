@@ -5,11 +5,11 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
-from designopt import precision as run_time
-from designopt.left_out import count_operations
-from designopt.results import LeftOutRow, PrecisionStudy, Results
-from designopt.stability import DIGITS, assess
-from designopt.study import Context
+from designopt.study import precision as run_time
+from designopt.study.left_out import count_operations
+from designopt.study.results import LeftOutRow, PrecisionStudy, Results
+from designopt.study.stability import DIGITS, assess
+from designopt.study.study import Context
 from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import SolveMethod, dimension_for_ratio
 from optics.scene.thin_lens import ThinLens

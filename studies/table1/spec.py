@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, PositiveFloat, model_validator
 
-from designopt.spec import Spec
+from designopt.io.spec import Spec
 
 # Beyond these no finger is built, and the study's sentences and figures lose their meaning.
 Length = Annotated[float, Field(ge=1e-3, le=1e4)]

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from designopt.solution import Solution
-from designopt.stability import Family
+from designopt.study.stability import Family
 from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import Dimension, dimension_for_ratio
 from optics.scene.thin_lens import ThinLens

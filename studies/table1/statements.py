@@ -9,8 +9,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from designopt.results import Metric, StabilityRow, Target
 from designopt.solution import Solution
+from designopt.study.results import Metric, StabilityRow, Target
 from studies.table1 import paper
 from studies.table1.analysis import Analysis, RealLens
 from studies.table1.imaging import Constants, Imaging

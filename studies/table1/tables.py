@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
-from designopt.results import Table
+from designopt.study.results import Table
 from studies.table1 import paper
 from studies.table1.analysis import Analysis
 

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Polygon
 
-from designopt.figures import PALETTE, legend_below, new_figure
-from designopt.results import Figure
-from designopt.typesetting import drawn_name
+from designopt.plot.figures import PALETTE, legend_below, new_figure
+from designopt.plot.typesetting import drawn_name
+from designopt.study.results import Figure
 from perception.lens import Lens, TangentPlane
 from perception.masks import adaptive_mask, brightness, combined_mask, global_mask
 from perception.paper_route import PaperRoute

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from designopt.precision import Contender, measure
-from designopt.results import PrecisionRow, PrecisionStudy, Results
-from designopt.study import Context
+from designopt.study.precision import Contender, measure
+from designopt.study.results import PrecisionRow, PrecisionStudy, Results
+from designopt.study.study import Context
 from optics.rendering import Effects
 from perception.detection import find_quads
 from perception.paper_route import PaperRoute

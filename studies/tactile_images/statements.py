@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from designopt.results import Claim, Metric, PrecisionRow, Target
+from designopt.study.results import Claim, Metric, PrecisionRow, Target
 from studies.tactile_images.found import OURS, PAPER, Found
 from studies.tactile_images.frames import Frame
 from studies.tactile_images.spec import TactileImagesSpec

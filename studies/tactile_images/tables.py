@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from designopt.results import Table
-from designopt.typesetting import words
+from designopt.plot.typesetting import words
+from designopt.study.results import Table
 from studies.tactile_images.corrupted import NO_FINGER, NO_IMAGE, Trial
 from studies.tactile_images.found import Found
 from studies.tactile_images.frames import FoundView, Frame

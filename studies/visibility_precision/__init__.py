@@ -1,7 +1,7 @@
 """Error against run time of visibility: exact intervals, sampling, rays and other tracers."""
 
-from designopt.results import Results
-from designopt.study import Context, Study
+from designopt.study.results import Results
+from designopt.study.study import Context, Study
 from studies.visibility_precision.spec import VisibilityPrecisionSpec
 
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.precision import Contender, compile_timed
+from designopt.study.precision import Contender, compile_timed
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_coverage
 from optics.visibility.edge_refined import trace_views

@@ -20,7 +20,7 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.stability import DIGITS
+from designopt.study.stability import DIGITS
 from optics.scene.scene import Scene
 from optics.visibility.unfolding import paths_of
 from studies.visibility_precision.numpy_rays import followed, number_of

@@ -17,8 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.precision import Contender, compile_timed, measure
-from designopt.results import PrecisionRow
+from designopt.study.precision import Contender, compile_timed, measure
+from designopt.study.results import PrecisionRow
 from optics.scene.scene import WORLD, Layout, Scene
 from optics.visibility.coverage import find_views
 from optics.visibility.unfolding import paths_of

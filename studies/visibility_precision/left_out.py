@@ -6,8 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from designopt.left_out import count_operations
-from designopt.results import LeftOutRow
+from designopt.study.left_out import count_operations
+from designopt.study.results import LeftOutRow
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_coverage, find_views
 from optics.visibility.edge_refined import trace_views

@@ -9,9 +9,9 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from designopt.precision import Contender, measure
-from designopt.results import PrecisionRow
-from designopt.study import Context
+from designopt.study.precision import Contender, measure
+from designopt.study.results import PrecisionRow
+from designopt.study.study import Context
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
 from optics.visibility.edge_refined import trace_views

@@ -12,7 +12,7 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.stability import DIGITS
+from designopt.study.stability import DIGITS
 from optics.scene.scene import WORLD, Layout, Scene
 from studies.visibility_precision.cases import parts_of
 

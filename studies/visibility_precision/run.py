@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import jax
 
-from designopt.results import PrecisionStudy, Results
-from designopt.stability import DIGITS
-from designopt.study import Context
+from designopt.study.results import PrecisionStudy, Results
+from designopt.study.stability import DIGITS
+from designopt.study.study import Context
 from studies.visibility_precision import left_out, statements, tables
 from studies.visibility_precision.measuring import measure_all
 from studies.visibility_precision.spec import VisibilityPrecisionSpec

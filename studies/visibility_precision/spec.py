@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from designopt.spec import Spec
+from designopt.io.spec import Spec
 
 STATED_SAMPLES = 65536
 STATED_RAYS = 4_000_000

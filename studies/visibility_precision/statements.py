@@ -6,8 +6,8 @@ import math
 import statistics
 from collections.abc import Sequence
 
-from designopt.precision import dominating
-from designopt.results import Claim, Metric, PrecisionRow, Target
+from designopt.study.precision import dominating
+from designopt.study.results import Claim, Metric, PrecisionRow, Target
 from studies.linkage_precision.measuring import Ratio
 from studies.visibility_precision.contenders import BEST, EDGES, OURS
 from studies.visibility_precision.finger_grid import GRADIENT, STEPS, VALUE

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from designopt.results import Table
+from designopt.study.results import Table
 from studies.visibility_precision.measuring import Measurements
 from studies.visibility_precision.tracers import MIRRORS, RAYS, intersections_per_ray
 

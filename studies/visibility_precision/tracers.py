@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.precision import Contender, compile_timed
+from designopt.study.precision import Contender, compile_timed
 from optics import scene_from
 from optics.scene.scene import Scene
 from optics.visibility.tracing import trace_rays

@@ -1,7 +1,7 @@
 """Exact visibility beside brute force, and in scenes that are extreme or degenerate."""
 
-from designopt.results import Results
-from designopt.study import Context, Study
+from designopt.study.results import Results
+from designopt.study.study import Context, Study
 from studies.visibility_stability.spec import StabilitySpec
 
 

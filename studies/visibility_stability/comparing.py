@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from designopt.study import Context
+from designopt.study.study import Context
 from studies.visibility_stability.answers import Answers, Asked, Engine, Weights, ask
 from studies.visibility_stability.rays import Bounds, bounds, follow
 from studies.visibility_stability.scenes import (

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from designopt.figures import MARKERS, PALETTE, legend_below, new_figure
-from designopt.results import Figure
+from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
+from designopt.study.results import Figure
 from studies.visibility_stability.spec import StabilitySpec
 
 if TYPE_CHECKING:

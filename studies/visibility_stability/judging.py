@@ -3,8 +3,8 @@
 Inputs count from the camera and in units of the scene's size, so that an origin far away excuses
 nothing, and y is what is exact for the inputs as they were rounded. Parts of a pad and angles are
 judged relative to 1 + Σ|x_j ∂y/∂x_j|, what rounding the inputs and one end of a piece would do
-(`designopt.stability`); entries of a gradient relative to its largest entry, or by what they would
-do to y. Where surfaces or views just touch there is no derivative.
+(`designopt.study.stability`); entries of a gradient relative to its largest entry, or by what they
+would do to y. Where surfaces or views just touch there is no derivative.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import mpmath
 import numpy as np
 
-from designopt.results import StabilityRow
-from designopt.stability import DIGITS, GRADIENT_TOLERANCE, VALUE_TOLERANCE
+from designopt.study.results import StabilityRow
+from designopt.study.stability import DIGITS, GRADIENT_TOLERANCE, VALUE_TOLERANCE
 from studies.visibility_stability.answers import Answers, Asked, ask, uneven
 from studies.visibility_stability.cases import families
 from studies.visibility_stability.exact import ExactScene, judged_numbers, slopes

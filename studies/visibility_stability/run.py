@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from designopt.results import Results
-from designopt.study import Context
+from designopt.study.results import Results
+from designopt.study.study import Context
 from optics.visibility.coverage import find_views
 from studies.visibility_stability import drawings, statements
 from studies.visibility_stability.answers import Asked

@@ -15,8 +15,8 @@ import signal
 import sys
 from pathlib import Path
 
-from designopt import staging
-from designopt.result_folders import recover_result, result_folder, write_document
+from designopt.io import staging
+from designopt.study.result_folders import recover_result, result_folder, write_document
 
 STEPS = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.listdir", "os.scandir")
 

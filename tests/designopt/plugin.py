@@ -6,9 +6,9 @@ from importlib.metadata import EntryPoint
 
 import pydantic
 
-from designopt.results import Metric, Results, Table, Target
-from designopt.spec import Spec
-from designopt.study import STUDY_GROUP, Context, Study
+from designopt.io.spec import Spec
+from designopt.study.results import Metric, Results, Table, Target
+from designopt.study.study import STUDY_GROUP, Context, Study
 
 
 class Inner(Spec):

@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from designopt.checksums import checksum_holds, file_checksum, with_checksum
+from designopt.io.checksums import checksum_holds, file_checksum, with_checksum
 
 DOCUMENT = {"b": [1, 2.5, None, "ü"], "a": {"z": True, "y": "x"}}
 

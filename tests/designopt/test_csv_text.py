@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 
-from designopt.csv_text import csv_text, numbers_text
+from designopt.io.csv_text import csv_text, numbers_text
 
 
 @pytest.mark.parametrize(

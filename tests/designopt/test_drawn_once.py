@@ -7,7 +7,7 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox
 
-from designopt.drawn_once import DrawnOnce
+from designopt.plot.drawn_once import DrawnOnce
 
 
 class Counted(Legend):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from designopt.figures import (
+from designopt.plot.figures import (
     PALETTE,
     STYLE,
     TEXT_WIDTH,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from designopt import UserError
-from designopt.files import check_figure_ending, check_targets, read_toml, replaced_when_complete
+from designopt.io.files import check_figure_ending, check_targets, read_toml, replaced_when_complete
 
 
 def test_tables_are_read_whatever_the_editor(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from designopt.lettering import Lettering
+from designopt.plot.lettering import Lettering
 
 FINE = 16
 """Samples across a pixel, and down it, of the reference that letters are compared with."""

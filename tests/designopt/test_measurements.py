@@ -20,11 +20,9 @@ from designopt import (
     compile_timed,
     count_operations,
     dominating,
-    left_out,
     measure,
-    precision,
-    stability,
 )
+from designopt.study import left_out, precision, stability
 
 
 class Outcome(eqx.Enumeration):

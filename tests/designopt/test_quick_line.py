@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.transforms import Bbox, TransformedPath
 
-from designopt.quick_line import QuickLine
+from designopt.plot.quick_line import QuickLine
 
 BEYOND = np.array([(-1.0, 0.3), (0.4, 0.7), (2.0, -1.0)])
 

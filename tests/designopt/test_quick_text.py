@@ -7,7 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from designopt.quick_text import QuickText
+from designopt.plot.quick_text import QuickText
 
 
 def drawn(kind, **style):

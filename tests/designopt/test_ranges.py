@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from designopt import UserError
-from designopt.ranges import ends_of, grid_of, single_values, split_name, values_of
+from designopt.io.ranges import ends_of, grid_of, single_values, split_name, values_of
 
 ANGLES = {"pip": True, "dip": True, "slide": False}
 

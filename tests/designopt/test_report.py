@@ -17,8 +17,8 @@ from designopt import (
     Table,
     Target,
 )
-from designopt.figures import TEXT_WIDTH, new_figure
-from designopt.runner import run
+from designopt.plot.figures import TEXT_WIDTH, new_figure
+from designopt.study.runner import run
 from tests.designopt.plugin import SquareSpec
 
 

@@ -5,8 +5,14 @@ import json
 
 import pytest
 
-from designopt import UserError, staging
-from designopt.result_folders import check_replaceable, own_files, result_folder, write_document
+from designopt import UserError
+from designopt.io import staging
+from designopt.study.result_folders import (
+    check_replaceable,
+    own_files,
+    result_folder,
+    write_document,
+)
 from tests.designopt.killed import number_of, write
 
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
-from designopt.figures import style
-from designopt.ruling import Ruling, hold, numbers, ticks
+from designopt.plot.figures import style
+from designopt.plot.ruling import Ruling, hold, numbers, ticks
 
 MOST = 6
 SIZE = 9

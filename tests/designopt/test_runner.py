@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import pytest
 
 from designopt import Results, Study, UserError
-from designopt.runner import result_folder, run
+from designopt.study.runner import result_folder, run
 from tests.designopt.plugin import SQUARE, SquareSpec
 
 
@@ -149,7 +149,7 @@ def test_a_full_disk_is_a_users_fault_too(tmp_path, monkeypatch):
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("designopt.runner.write_results", full)
+    monkeypatch.setattr("designopt.study.runner.write_results", full)
     with pytest.raises(UserError, match="No space left on device"):
         run_square(tmp_path / "out")
     assert list(tmp_path.iterdir()) == []

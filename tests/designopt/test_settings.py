@@ -4,7 +4,7 @@ import pydantic_core
 import pytest
 
 from designopt import UserError
-from designopt.settings import fields, spec_of, spec_with
+from designopt.study.settings import fields, spec_of, spec_with
 from tests.designopt.plugin import SquareSpec
 
 

@@ -6,7 +6,7 @@ import pydantic
 import pytest
 
 from designopt import Spec, UserError
-from designopt.spec_files import Length, Line, Name, Number, Point, Title, validated
+from designopt.io.spec_files import Length, Line, Name, Number, Point, Title, validated
 
 
 class Square(Spec):

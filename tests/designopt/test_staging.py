@@ -12,10 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from designopt import UserError, staging
-from designopt.files import replaced_when_complete
-from designopt.result_folders import result_folder, write_document
-from designopt.staging import recover, staging_folder
+from designopt import UserError
+from designopt.io import staging
+from designopt.io.files import replaced_when_complete
+from designopt.io.staging import recover, staging_folder
+from designopt.study.result_folders import result_folder, write_document
 from tests.designopt import killed
 
 ROOT = Path(__file__).parents[2]

@@ -3,7 +3,7 @@
 import pytest
 
 from designopt import Study, UserError
-from designopt import study as study_module
+from designopt.study import study as study_module
 from tests.designopt.plugin import SQUARE, points
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from designopt.figures import new_figure
-from designopt.typesetting import as_html, as_mathtext, heading
+from designopt.plot.figures import new_figure
+from designopt.plot.typesetting import as_html, as_mathtext, heading
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from kinematics import linkage_from
-from kinematics.solve import assemblies
+from kinematics import assemblies, linkage_from
 from kinematics.solve.triads import solve_two_loops
 from tests.kinematics.gallery import gallery
 

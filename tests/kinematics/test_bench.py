@@ -12,8 +12,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from designopt import UserError
-from designopt.figures import style
-from designopt.lettering import Lettering
+from designopt.plot.figures import style
+from designopt.plot.lettering import Lettering
 from kinematics import (
     find_limits,
     linkage_from,

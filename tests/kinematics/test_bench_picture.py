@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from designopt.figures import style
+from designopt.plot.figures import style
 from kinematics.design import DesignedLinkage
 from tests.kinematics.gallery import FOLDER
 

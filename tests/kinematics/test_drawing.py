@@ -13,7 +13,7 @@ from PIL import Image
 from PIL.GifImagePlugin import GifImageFile
 
 from designopt import UserError
-from designopt.figures import PALETTE, style
+from designopt.plot.figures import PALETTE, style
 from designopt.solution import Solution
 from kinematics import Pose, PoseResult, Vector, read_linkage, solve_poses
 from kinematics.io.sketch import load_sketch

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from kinematics.solve import assemblies
+from kinematics import assemblies
 from tests.kinematics.gallery import gallery, poses_of
 
 

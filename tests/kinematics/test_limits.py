@@ -8,9 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kinematics import find_limits, linkage_from, turning_point
+from kinematics import find_limits, grashof, linkage_from, turning_point
 from kinematics.io.sketch import load_sketch
-from kinematics.model import grashof
 from tests.helpers import central_differences
 from tests.kinematics.gallery import FOLDER, ends, gallery, poses_of
 from tests.kinematics.test_published_cases import four_bar, slider_crank

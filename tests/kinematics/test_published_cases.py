@@ -18,8 +18,14 @@ import numpy as np
 import pytest
 
 from designopt.cli import run
-from kinematics import find_limits, linkage_from, solve_poses, solve_rates, solve_transmission
-from kinematics.model import grashof
+from kinematics import (
+    find_limits,
+    grashof,
+    linkage_from,
+    solve_poses,
+    solve_rates,
+    solve_transmission,
+)
 from tests.helpers import load_json
 from tests.kinematics.gallery import ends
 

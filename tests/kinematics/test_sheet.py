@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from ezdxf.document import Drawing
 
-from designopt.designs import Sheet
-from designopt.exporting.dxf import dxf_text
+from designopt.export.dxf import dxf_text
+from designopt.export.sheet import Sheet
 from kinematics.design import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
 from tests.designopt.exporting.reading import dimensions, opened

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 
 from designopt import UserError
-from designopt.ruling import Ruling
+from designopt.plot.ruling import Ruling
 from optics import Chamber, ChamberResult
 from optics.chamber.file import read_chamber
 from optics.chamber_design import DesignedChamber

@@ -12,10 +12,10 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from designopt.drawn_once import DrawnOnce
 from designopt.errors import UserError
-from designopt.figures import style
-from designopt.lettering import Lettering
+from designopt.plot.drawn_once import DrawnOnce
+from designopt.plot.figures import style
+from designopt.plot.lettering import Lettering
 from optics.explore import scene_picture as scene_bench_picture
 from optics.explore.scene_bench import SceneBench
 from optics.explore.scene_seeing import _coverage, _quickly, _views

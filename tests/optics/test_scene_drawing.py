@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from designopt.figures import style
+from designopt.plot.figures import style
 from designopt.solution import Solution
 from optics.plot.scene_drawing import draw_scene, path_style, pose_name, scene_legend, seen_pieces
 from optics.plot.section import INSIDE

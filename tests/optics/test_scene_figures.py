@@ -9,7 +9,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from designopt import UserError
-from designopt.figures import style
+from designopt.plot.figures import style
 from optics.plot import scene_figures
 from optics.plot.scene_figures import poses_figure, resolution, sweep_figure
 from tests.optics.drawn_finger import (

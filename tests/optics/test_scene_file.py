@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from designopt import UserError
-from designopt.spec_files import validated
+from designopt.io.spec_files import validated
 from optics.scene.file import MirrorTable, SceneFile
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from designopt.designs import Sheet
+from designopt.export.sheet import Sheet
 from optics.chamber.chamber import Chamber
 from optics.chamber_design import DesignedChamber
 from optics.scene.file import SceneFile

@@ -2,7 +2,7 @@
 
 import pytest
 
-from designopt import figures
+from designopt.plot import figures
 from tests.readable import assert_readable
 
 

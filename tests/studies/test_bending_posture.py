@@ -10,7 +10,7 @@ import pytest
 
 from designopt.cli import run as command
 from designopt.errors import UserError
-from designopt.results import PrecisionRow
+from designopt.study.results import PrecisionRow
 from perception.chamber import Sight
 from perception.posture import PostureEstimator, find_posture
 from studies.bending_posture import elsewhere, trainings

@@ -13,8 +13,8 @@ import pytest
 
 from designopt import Study, UserError
 from designopt.designs import load_design
-from designopt.settings import spec_of
-from designopt.study import installed_studies, load_study
+from designopt.study.settings import spec_of
+from designopt.study.study import installed_studies, load_study
 from kinematics.design import DesignedLinkage
 from optics import Chamber, find_coverage
 from optics.chamber_design import DesignedChamber

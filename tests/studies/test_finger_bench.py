@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from designopt.errors import UserError
-from designopt.figures import style
+from designopt.plot.figures import style
 from kinematics.io.reading import linkage_from
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.transmission import solve_transmission
@@ -130,7 +130,7 @@ class Steps:
 
 
 def test_the_linkage_is_improved_before_camera_and_mirrors(finger, monkeypatch):
-    from designopt.designs.bench import Step
+    from designopt.explore.bench import Step
 
     bench, values, _ = finger
 

@@ -10,11 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.figures import trim
-from designopt.optimising import Evolution, Levelled, Optimum, OptimumResult
-from designopt.optimising.augmented import Trace
-from designopt.results import Table
+from designopt.optimize import Evolution, Levelled, Optimum, OptimumResult
+from designopt.optimize.augmented_lagrangian import Trace
+from designopt.plot.figures import trim
 from designopt.solution import Solution
+from designopt.study.results import Table
 from kinematics import linkage_from, solve_poses
 from studies.finger_linkage import tables
 from studies.finger_linkage.analysis import sensor_room

@@ -15,7 +15,7 @@ import scipy.stats
 from jax.flatten_util import ravel_pytree
 
 from designopt import cli
-from designopt.optimising import sobol_starts
+from designopt.optimize import sobol_starts
 from optics import Pieces, find_coverage, find_views, read_scene, scene_from
 from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors import design as designing

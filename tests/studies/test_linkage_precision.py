@@ -16,8 +16,8 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 from designopt import cli
-from designopt.precision import Contender
-from designopt.results import PrecisionRow
+from designopt.study.precision import Contender
+from designopt.study.results import PrecisionRow
 from studies.linkage_precision import (
     STUDY,
     contenders,

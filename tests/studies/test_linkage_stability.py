@@ -11,7 +11,7 @@ import pytest
 import scipy.optimize
 
 from designopt import cli
-from designopt.results import StabilityRow
+from designopt.study.results import StabilityRow
 from studies.linkage_stability import STUDY, cases, exact, judging, mechanisms, triad
 from studies.linkage_stability.run import Family, assess
 from studies.linkage_stability.statements import findings, metrics

@@ -9,9 +9,9 @@ import numpy as np
 import pydantic
 import pytest
 
-from designopt import runner
 from designopt.errors import UserError
-from designopt.study import Context
+from designopt.study import runner
+from designopt.study.study import Context
 from optics.chamber import bent
 from perception.chamber import (
     ChamberMap,

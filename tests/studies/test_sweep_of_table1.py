@@ -5,7 +5,7 @@ from contextlib import nullcontext
 import pytest
 
 from designopt import UserError
-from designopt.study import Context, load_study
+from designopt.study.study import Context, load_study
 from studies.table1.batch import run_batch
 from studies.table1.run import run
 from studies.table1.spec import ChamberSpec, Table1Spec

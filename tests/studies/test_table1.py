@@ -12,8 +12,8 @@ import pytest
 import scipy.optimize
 
 from designopt import cli, find_root
-from designopt.results import PrecisionRow
-from designopt.stability import assess
+from designopt.study.results import PrecisionRow
+from designopt.study.stability import assess
 from studies.table1 import STUDY, exact, imaging, paper, precision, stability
 from studies.table1.analysis import OTHER_READING, analyse, real_lens
 from studies.table1.run import operations

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from designopt import cli
-from designopt.precision import Contender, measure
-from designopt.results import PrecisionRow
+from designopt.study.precision import Contender, measure
+from designopt.study.results import PrecisionRow
 from optics import scene_from
 from studies.visibility_precision import (
     STUDY,

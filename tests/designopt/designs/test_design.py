@@ -8,20 +8,14 @@ import pytest
 from pydantic import Field
 
 from designopt import Spec, Study, UserError
-from designopt import study as study_module
-from designopt.designs import (
-    Bench,
-    Design,
-    DesignFile,
-    Quantity,
-    Sheet,
-    design,
-    load_design,
-    read_tables,
-)
-from designopt.files import read_toml
-from designopt.results import Results, SpecFile
-from designopt.runner import run
+from designopt import designs as design
+from designopt.designs import Design, DesignFile, Quantity, load_design, read_tables
+from designopt.explore.bench import Bench
+from designopt.export.sheet import Sheet
+from designopt.io.files import read_toml
+from designopt.study import study as study_module
+from designopt.study.results import Results, SpecFile
+from designopt.study.runner import run
 
 
 class BoxSpec(Spec):

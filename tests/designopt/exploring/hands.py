@@ -12,10 +12,10 @@ from matplotlib.backend_bases import MouseEvent, TimerBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from designopt.designs.bench import Bench
-from designopt.exploring.face import DPI, HEIGHT, WIDTH, KnobRow
-from designopt.exploring.window import Window
-from designopt.figures import style
+from designopt.explore.bench import Bench
+from designopt.explore.face import DPI, HEIGHT, WIDTH, KnobRow
+from designopt.explore.window import Window
+from designopt.plot.figures import style
 
 
 def environment() -> dict[str, str]:

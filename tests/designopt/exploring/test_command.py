@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from designopt import cli
-from designopt.exploring import desktop
-from designopt.exploring.server import listen
+from designopt.explore import desktop
+from designopt.explore.server import listen
 from tests.designopt.exploring.hands import environment
 
 FOUR_BAR = str(Path(__file__).parents[3] / "studies" / "linkage_gallery" / "four-bar.toml")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from designopt.exploring.frames import SIDE, change, pixels_of, png
+from designopt.explore.frames import SIDE, change, pixels_of, png
 
 TALL, WIDE = 2 * SIDE + 7, 3 * SIDE + 5  # no multiples of the squares
 

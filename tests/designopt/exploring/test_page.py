@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from designopt.designs.design import load_design
-from designopt.exploring.face import HEIGHT
-from designopt.exploring.window import OPTIMISE, PICTURE, RESET, SPEC
-from designopt.exploring.words import number_text
+from designopt.designs import load_design
+from designopt.explore.face import HEIGHT
+from designopt.explore.window import OPTIMISE, PICTURE, RESET, SPEC
+from designopt.explore.words import number_text
 from kinematics import read_linkage, solve_poses
 from tests.designopt.exploring.hands import Hands, environment, on_button, on_track
 

@@ -17,11 +17,11 @@ from tornado.httpserver import HTTPServer
 from tornado.websocket import websocket_connect
 
 from designopt.errors import UserError
-from designopt.exploring.face import HEIGHT, WIDTH
-from designopt.exploring.messages import LONGEST
-from designopt.exploring.server import Page, listen
-from designopt.exploring.window import PICTURE
-from designopt.figures import style
+from designopt.explore.face import HEIGHT, WIDTH
+from designopt.explore.messages import LONGEST
+from designopt.explore.server import Page, listen
+from designopt.explore.window import PICTURE
+from designopt.plot.figures import style
 from tests.designopt.exploring.hands import on_button, on_track
 from tests.designopt.exploring.toy import SliderCrank, place
 

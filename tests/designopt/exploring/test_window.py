@@ -11,10 +11,10 @@ import pytest
 from matplotlib.backend_bases import ResizeEvent
 from PIL import Image
 
-from designopt.exploring.face import COLUMN, DPI, FOOT, HEIGHT, TRACK, WIDTH, round_step, stops
-from designopt.exploring.window import OPTIMISE, PICTURE, RESET, SPEC, STOP
-from designopt.exploring.words import number_text
-from designopt.ruling import Ruling
+from designopt.explore.face import COLUMN, DPI, FOOT, HEIGHT, TRACK, WIDTH, round_step, stops
+from designopt.explore.window import OPTIMISE, PICTURE, RESET, SPEC, STOP
+from designopt.explore.words import number_text
+from designopt.plot.ruling import Ruling
 from tests.designopt.exploring import toy
 from tests.designopt.exploring.hands import Hands, on_button
 from tests.designopt.exploring.toy import ASKED, KNOBS, LOCKED, SliderCrank, place
@@ -384,7 +384,7 @@ def test_a_picture_shows_where_the_sliders_are(hands, tmp_path, monkeypatch):
         saved.append(readings(hands)["slider's place"])
         return [tmp_path / "toy.png"]
 
-    monkeypatch.setattr("designopt.exploring.window.save_picture", saving)
+    monkeypatch.setattr("designopt.explore.window.save_picture", saving)
     hands.row("crank").slider.set_val(200.0)
     before = readings(hands)["slider's place"]  # nothing has been drawn yet
     hands.press(PICTURE)

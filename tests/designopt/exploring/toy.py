@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from matplotlib.figure import SubFigure
 
-from designopt.designs.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.errors import UserError
-from designopt.results import SpecFile
-from designopt.ruling import Ruling, hold
+from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
+from designopt.plot.ruling import Ruling, hold
+from designopt.study.results import SpecFile
 
 KNOBS = (
     Knob("crank", 40.0, 0.0, 360.0, "°", "joint"),

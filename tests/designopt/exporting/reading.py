@@ -12,8 +12,8 @@ from ezdxf.entities.lwpolyline import LWPolyline
 from ezdxf.entities.mtext import MText
 from ezdxf.filemanagement import read
 
-from designopt.designs import Sheet
-from designopt.exporting.dxf import dxf_text
+from designopt.export.dxf import dxf_text
+from designopt.export.sheet import Sheet
 
 
 def opened(sheet: Sheet) -> Drawing:

@@ -10,9 +10,9 @@ import pytest
 from ezdxf._options import options
 from ezdxf.tools.text import plain_text
 
-from designopt.designs import Circle, Label, Layer, Measure, Sheet, Stroke
-from designopt.exporting.dxf import dxf_text
-from designopt.exporting.paper import SIZES, Paper
+from designopt.export.dxf import dxf_text
+from designopt.export.layout import SIZES, Paper
+from designopt.export.sheet import Circle, Label, Layer, Measure, Sheet, Stroke
 from tests.designopt.exporting.reading import dimensions, opened, polylines, words_of
 
 PLATE = Sheet(

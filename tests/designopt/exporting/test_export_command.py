@@ -15,8 +15,8 @@ from ezdxf.filemanagement import readfile
 
 from designopt.cli import run
 from designopt.errors import UserError
-from designopt.exporting import writing
-from designopt.files import replaced_when_complete
+from designopt.export import writing
+from designopt.io.files import replaced_when_complete
 
 STUDIES = Path(__file__).parents[3] / "studies"
 
@@ -187,7 +187,7 @@ def test_faults_are_one_line_and_nothing_is_written(arguments, words, capsys):
 
 
 def test_a_missing_package_is_named_with_its_cure(monkeypatch, capsys):
-    monkeypatch.delitem(sys.modules, "designopt.exporting.dxf", raising=False)
+    monkeypatch.delitem(sys.modules, "designopt.export.dxf", raising=False)
     monkeypatch.setitem(sys.modules, "ezdxf", None)
     assert run(["export", "four-bar.toml", "--to", "dxf"]) == 2
     assert "ezdxf is missing; install designopt[export]" in capsys.readouterr().err

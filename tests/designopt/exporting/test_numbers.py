@@ -5,7 +5,7 @@ import pytest
 
 from designopt.designs import Quantity
 from designopt.errors import UserError
-from designopt.exporting.numbers import json_text
+from designopt.export.json import json_text
 
 
 def test_every_number_comes_back_with_its_unit():

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from designopt.designs import Label, Layer, Measure, Sheet, Stroke
-from designopt.exporting.placing import Clutter, readable
+from designopt.export.placing import Clutter, readable
+from designopt.export.sheet import Label, Layer, Measure, Sheet, Stroke
 from tests.designopt.exporting.reading import dimensions, opened, words_of
 
 ROOM = ((-200.0, -200.0), (200.0, 200.0))

@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from designopt.designs import Circle, Layer, Sheet, Stroke
-from designopt.designs.sheet import round_down
+from designopt.export.sheet import Circle, Layer, Sheet, Stroke, round_down
 
 
 @pytest.mark.parametrize("value", [3e-7, 0.1, 0.2, 0.3, 0.999, 1.0, 4.999, 5.0, 9.0, 10.0, 7.3e9])

@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from designopt.designs import Circle, Label, Layer, Sheet, Stroke
-from designopt.exporting.svg import svg_text
+from designopt.export.sheet import Circle, Label, Layer, Sheet, Stroke
+from designopt.export.svg import svg_text
 
 SVG = "{http://www.w3.org/2000/svg}"
 INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"

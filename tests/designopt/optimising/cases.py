@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from designopt.optimising import Problem, Terms
+from designopt.optimize import Problem, Terms
 from tests.helpers import load_toml
 
 PUBLISHED = load_toml("optimisation_cases.toml")

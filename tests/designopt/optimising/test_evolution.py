@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.optimising import Problem, Terms, differential_evolution, references
-from designopt.optimising.references import EQUALITY
+from designopt.optimize import Problem, Terms, differential_evolution
+from designopt.optimize import reference_solvers as references
+from designopt.optimize.reference_solvers import EQUALITY
 from tests.designopt.optimising.cases import case
 
 

@@ -7,15 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.optimising import (
-    FEASIBLE,
-    Iteration,
-    Problem,
-    Terms,
-    epigraph,
-    level_starts,
-    minimise,
-)
+from designopt.optimize import FEASIBLE, Iteration, Problem, Terms, epigraph, level_starts, minimise
 from tests.designopt.optimising.cases import apart, case, rosenbrock
 
 POINT = 1e-3

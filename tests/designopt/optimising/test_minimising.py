@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.optimising import (
+from designopt.optimize import (
     BOUND,
     FEASIBLE,
     Method,

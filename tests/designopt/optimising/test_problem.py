@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.optimising import (
+from designopt.optimize import (
     BOUND,
     Levelled,
     Problem,

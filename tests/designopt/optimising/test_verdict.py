@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.optimising import (
+from designopt.optimize import (
     BOUND,
     FEASIBLE,
     Levelled,
@@ -20,9 +20,9 @@ from designopt.optimising import (
     conflict,
     epigraph,
 )
-from designopt.optimising.augmented import Trace
-from designopt.optimising.flat import Flat
-from designopt.optimising.verdict import judge
+from designopt.optimize.augmented_lagrangian import Trace
+from designopt.optimize.flat import Flat
+from designopt.optimize.optimality import judge
 from tests.designopt.optimising.cases import apart, case, rosenbrock
 
 PUBLISHED_DIGITS = 2e-7

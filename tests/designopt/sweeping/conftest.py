@@ -8,8 +8,8 @@ ROOT = Path(__file__).parents[3]
 
 ENTRY_POINTS = """
 [designopt.studies]
-swept = tests.designopt.sweeping.plugin:SWEPT
-batched = tests.designopt.sweeping.plugin:BATCHED
+swept = tests.designopt.sweep.plugin:SWEPT
+batched = tests.designopt.sweep.plugin:BATCHED
 """
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import pydantic
 
 from designopt.errors import UserError
-from designopt.results import Metric, Results, Target
-from designopt.spec import Spec
-from designopt.study import Context, Study
+from designopt.io.spec import Spec
+from designopt.study.results import Metric, Results, Target
+from designopt.study.study import Context, Study
 
 ASKED = Target(">=", 0.5)
 

@@ -9,7 +9,7 @@ from importlib.metadata import version
 import pytest
 
 from designopt import cli
-from designopt.sweeping.running import versions_of
+from designopt.sweep.running import versions_of
 
 TABLE = "result/tables/points.csv"
 
@@ -69,7 +69,7 @@ def test_faults_are_one_line_and_exit_code_2(installed, capsys, arguments, words
 
 
 def test_a_scheduler_that_is_not_there_costs_no_point(installed, capsys, monkeypatch):
-    monkeypatch.setattr("designopt.sweeping.cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("designopt.sweep.cluster.PATIENCE", 0.5)
     address = "tcp://127.0.0.1:9"
     sweep = ["sweep", "swept", "--vary", "x=1:2:3"]
     assert cli.run([*sweep, "--scheduler", address]) == 2
@@ -96,7 +96,7 @@ def test_an_address_that_is_none_leaves_nothing_behind(tmp_path):
 
 
 def test_a_point_that_ends_every_worker_costs_no_other_of_its_batch(installed, capsys, monkeypatch):
-    monkeypatch.setattr("designopt.sweeping.local.MOST_LOSSES", 1)
+    monkeypatch.setattr("designopt.sweep.workers.MOST_LOSSES", 1)
     sweep = ["sweep", "batched", "--vary", "x=1:17:17", "--set", "fatal=2", "--workers", "1"]
     assert cli.run([*sweep, "--out", "o"]) == 1  # two points in a batch
     told = capsys.readouterr().err.splitlines()

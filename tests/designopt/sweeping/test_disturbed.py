@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from designopt import UserError, cli
-from designopt.sweeping import cluster as cluster_module
-from designopt.sweeping.cluster import run_on_cluster
-from designopt.sweeping.evaluating import Task
+from designopt.sweep import cluster as cluster_module
+from designopt.sweep.cluster import run_on_cluster
+from designopt.sweep.evaluating import Task
 from tests.designopt.sweeping.clusters import kill_a_worker, two_workers
 
 SWEEP = ["sweep", "swept", "--vary", "x=1:2:6", "--set", "wait=0.25"]

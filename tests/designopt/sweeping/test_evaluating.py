@@ -8,10 +8,10 @@ import jax
 import pytest
 
 from designopt import UserError
-from designopt.results import Metric, Target
-from designopt.sweeping import evaluating
-from designopt.sweeping.evaluating import Task, evaluate, version_of
-from designopt.sweeping.outcomes import failed, found, from_tables, to_tables
+from designopt.study.results import Metric, Target
+from designopt.sweep import evaluating
+from designopt.sweep.evaluating import Task, evaluate, version_of
+from designopt.sweep.outcomes import failed, found, from_tables, to_tables
 from tests.designopt.sweeping.plugin import BATCHED
 
 

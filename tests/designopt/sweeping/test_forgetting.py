@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 
-from designopt.sweeping import forgetting
+from designopt.sweep import forgetting
 
 
 def test_programs_that_points_share_are_kept_and_others_forgotten(monkeypatch):

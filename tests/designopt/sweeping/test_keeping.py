@@ -4,10 +4,11 @@ import json
 
 import pytest
 
-from designopt import UserError, staging
-from designopt.results import Metric
-from designopt.sweeping.keeping import Folder, only_one
-from designopt.sweeping.outcomes import failed, found
+from designopt import UserError
+from designopt.io import staging
+from designopt.study.results import Metric
+from designopt.sweep.outcomes import failed, found
+from designopt.sweep.store import Folder, only_one
 from tests.designopt.killed import number_of, write
 
 ASKED = [{"x": float(index)} for index in range(20)]

@@ -9,8 +9,8 @@ import pytest
 
 from designopt import UserError
 from designopt.compilation_cache import VARIABLE
-from designopt.sweeping.evaluating import Task
-from designopt.sweeping.local import MOST_LOSSES, run_locally
+from designopt.sweep.evaluating import Task
+from designopt.sweep.workers import MOST_LOSSES, run_locally
 
 
 def tasks(*settings):

@@ -10,9 +10,9 @@ from pydantic import Field
 from scipy.stats import qmc
 
 from designopt import UserError
-from designopt.spec import Spec
-from designopt.study import load_study
-from designopt.sweeping.points import grid_points, sobol_points
+from designopt.io.spec import Spec
+from designopt.study.study import load_study
+from designopt.sweep.points import grid_points, sobol_points
 from tests.designopt.sweeping.plugin import SweptSpec
 
 

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from designopt.results import Metric, Target
-from designopt.sweeping.outcomes import failed, found
-from designopt.sweeping.points import grid_points, sobol_points
-from designopt.sweeping.results import Swept, metric_figure, results
+from designopt.study.results import Metric, Target
+from designopt.sweep.outcomes import failed, found
+from designopt.sweep.points import grid_points, sobol_points
+from designopt.sweep.results import Swept, metric_figure, results
 from tests.designopt.sweeping.plugin import SWEPT, SweptSpec
 
 

@@ -1,0 +1,219 @@
+"""A design on the command line: a file of some kind, a study's design, or a study's result."""
+
+from __future__ import annotations
+
+import abc
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from designopt.errors import UserError
+from designopt.io.files import check_toml, read_toml
+from designopt.study.settings import spec_of, spec_with
+from designopt.study.study import STUDY_GROUP, Study, installed_studies, load_study
+
+if TYPE_CHECKING:
+    from designopt.explore.bench import Bench
+    from designopt.export.sheet import Sheet
+
+DESIGN_GROUP = "designopt.designs"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One number of a design.
+
+    Attributes:
+        name: parts joined by dots, such as ``crank.length``.
+        value: the number.
+        unit: ``"mm"``, ``"°"``, ``"N mm/rad"``, …; empty for a pure number.
+        note: what it is measured between, where its name does not say it.
+    """
+
+    name: str
+    value: float
+    unit: str
+    note: str = ""
+
+
+class Design(abc.ABC):
+    """What was designed. Everything is called with JAX in float64.
+
+    Attributes:
+        name: in titles and file names.
+    """
+
+    name: str
+
+    @abc.abstractmethod
+    def bench(self) -> Bench:
+        """It with its knobs, for ``designopt explore``."""
+
+    @abc.abstractmethod
+    def sheet(self) -> Sheet:
+        """It drawn to scale in its reference pose."""
+
+    @abc.abstractmethod
+    def quantities(self) -> Sequence[Quantity]:
+        """Every number of it."""
+
+    def mjcf(self) -> str:
+        """The text of a MuJoCo model of it.
+
+        Raises:
+            UserError: nothing of it moves, or it moves as no such model can.
+        """
+        raise UserError(
+            f"--to mjcf: {self.name} has no linkage that moves it; export a linkage file, or a "
+            "study that designs a linkage, such as 'finger-linkage'"
+        )
+
+
+@dataclass(frozen=True)
+class DesignFile:
+    """A kind of file, offered through the entry-point group ``designopt.designs``.
+
+    Attributes:
+        what: what such a file describes, such as ``"linkage"``.
+        table: the table that only files of this kind have.
+        read: from a file to the design.
+        command: what computes something of such a file, for messages.
+    """
+
+    what: str
+    table: str
+    read: Callable[[Path], Design]
+    command: str = "designopt explore"
+
+
+def read_tables(path: str | Path, what: str, table: str) -> dict[str, Any]:
+    """The tables of a design's file of one kind; otherwise as `read_toml`.
+
+    Args:
+        path: the file.
+        what: what such a file describes, as in `DesignFile`.
+        table: the table that every such file has.
+
+    Raises:
+        UserError: also where the file is of another kind.
+    """
+    tables = read_toml(path, what)
+    for kind in _kinds() if table not in tables else ():
+        if kind.table in tables:
+            raise UserError(
+                f"{path}: it describes a {kind.what} and no {what}; {kind.command} takes it"
+            )
+    return tables
+
+
+def load_design(named: str, settings: Sequence[str] = ()) -> Design:
+    """The design that a person names.
+
+    Args:
+        named: a study, a file, or a folder that ``designopt run`` wrote; a study's name is the
+            study even where a file or a folder has it too, which ``./NAME`` names.
+        settings: ``key=value`` texts, for a study.
+
+    Raises:
+        UserError: there is no such thing, or it has no design to show.
+    """
+    kind, path = kind_of(named), Path(named)
+    if kind == "study":
+        study = load_study(named)
+        return _designed(study)(spec_with(study.spec, settings, study=named), None)
+    if settings:
+        raise UserError(f"--set {settings[0]}: only a study has settings; change {named} itself")
+    return _of_result(path) if kind == "folder" else _of_file(path)
+
+
+def check_design(named: str) -> None:
+    """Refuse what `load_design` would, as far as that can be seen before JAX is loaded.
+
+    Raises:
+        UserError: there is no such thing, or it has no design to show.
+    """
+    match kind_of(named):
+        case "study":
+            _designed(load_study(named))
+        case "folder":
+            _result_in(Path(named))
+        case "file":
+            check_toml(Path(named), "design")
+
+
+def kind_of(named: str) -> Literal["study", "folder", "file"]:
+    """What a person names; a study's name is the study even where a file or a folder has it too.
+
+    Raises:
+        UserError: the name is empty.
+    """
+    if not named:
+        raise UserError("STUDY|FILE: it is empty; name a study, a file or a folder of a result")
+    if named in {point.name for point in entry_points(group=STUDY_GROUP)}:
+        return "study"
+    # Not by a path's own methods, which raise where it cannot be looked at.
+    if os.path.isdir(named):
+        return "folder"
+    return "file" if Path(named).suffix or os.path.exists(named) else "study"
+
+
+def _of_file(path: Path) -> Design:
+    tables = read_toml(path, "design")
+    kinds = _kinds()
+    for kind in kinds:
+        if kind.table in tables:
+            return kind.read(path)
+    known = ", ".join(sorted(f"a {kind.what} has [{kind.table}]" for kind in kinds))
+    raise UserError(f"{path}: it describes no design that is known here: {known}; correct it")
+
+
+def _kinds() -> list[DesignFile]:
+    kinds = []
+    for point in entry_points(group=DESIGN_GROUP):
+        try:
+            kinds.append(point.load())
+        except Exception as error:  # as for a study: a plug-in is anyone's code
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise UserError(
+                f"the kind of file '{point.name}' ({point.value}) cannot be loaded: {reason}; "
+                "repair or uninstall the package that offers it"
+            ) from error
+    return kinds
+
+
+def _of_result(folder: Path) -> Design:
+    name, tables = _result_in(folder)
+    try:
+        study = load_study(name)
+    except UserError as error:
+        raise UserError(f"{folder}: {error}") from error
+    return _designed(study)(spec_of(study.spec, tables, source=str(folder)), folder / "specs")
+
+
+def _result_in(folder: Path) -> tuple[str, Any]:
+    """The name of a result's study, and its settings."""
+    try:
+        document = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+        return str(document["study"]), document["spec"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise UserError(
+            f"{folder}: a folder without a result of designopt run; name a file or a study"
+        ) from error
+
+
+def _designed(study: Study) -> Callable[..., Design]:
+    if study.design is None:
+        offered = [
+            name
+            for name, entry in installed_studies()
+            if isinstance(entry, Study) and entry.design is not None
+        ]
+        raise UserError(
+            f"study '{study.name}' measures and designs nothing that could be shown; "
+            f"these design: {', '.join(offered)}"
+        )
+    return study.design

@@ -1,0 +1,161 @@
+"""A drawing as DXF: the design in model space, 1:1 in mm, and a drawing sheet in paper space."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+from ezdxf import colors, units
+from ezdxf._options import options
+from ezdxf.document import Drawing
+from ezdxf.enums import TextEntityAlignment
+from ezdxf.filemanagement import new
+from ezdxf.layouts.layout import Modelspace
+
+from designopt.export.layout import Paper, coded, draw_paper
+from designopt.export.line_styles import THIN, looks_of
+from designopt.export.placing import Clutter, readable
+from designopt.export.sheet import Measure, Sheet
+
+PROGRAM = "DESIGNOPT"
+"""Under this name every circle carries that of what it stands for (extended data)."""
+
+TEXT, ARROW = 2.5, 2.5
+"""Height of texts and length of arrows on paper, mm."""
+
+STYLE = "SHEET"
+"""Name of the styles of texts and dimensions."""
+
+DIMENSIONS, NAMES, FRAME, VIEW = "dimensions", "names", "sheet", "view"
+"""Layers beside the design's own."""
+
+FORBIDDEN = '<>/\\":;?*|=`,'
+"""Characters that a layer's name must not hold."""
+
+
+def dxf_text(sheet: Sheet) -> str:
+    """The text of a DXF file (R2010); the same sheet gives the same text.
+
+    Model space holds the design on its layers, and on layers of their own names and dimensions,
+    sized for the drawing sheet in paper space. A layer is called as in the design but for
+    characters that DXF does not allow there.
+    """
+    paper = Paper.of(sheet)
+    with _same_every_time():
+        document = new("R2010", setup=["linetypes"])
+        document.units = units.MM
+        layers = _add_layers(document, sheet)
+        _add_styles(document, paper)
+        _draw_design(document.modelspace(), sheet, layers)
+        _annotate(document.modelspace(), sheet, paper)
+        draw_paper(document, sheet, paper, (FRAME, VIEW, STYLE))
+        stream = io.StringIO()
+        document.write(stream)
+    return stream.getvalue()
+
+
+@contextmanager
+def _same_every_time() -> Iterator[None]:
+    """Neither times nor random identifiers in what is written."""
+    before = options.write_fixed_meta_data_for_testing
+    options.write_fixed_meta_data_for_testing = True
+    try:
+        yield
+    finally:
+        options.write_fixed_meta_data_for_testing = before
+
+
+def _add_layers(document: Drawing, sheet: Sheet) -> Mapping[str, str]:
+    """Make all layers; the names in the file of the design's."""
+    for name in (DIMENSIONS, NAMES, FRAME, VIEW):
+        document.layers.add(name, lineweight=round(100 * THIN))
+    document.layers.get(VIEW).dxf.plot = 0
+    taken = {"0", "defpoints", DIMENSIONS, NAMES, FRAME, VIEW}
+    names = {}
+    for name, look in looks_of(sheet.layers).items():
+        stem = "".join("_" if char in FORBIDDEN else char for char in name)
+        numbered = (f"{stem}_{number}" for number in itertools.count(2))
+        choices = itertools.chain([stem], numbered)
+        names[name] = next(choice for choice in choices if choice.lower() not in taken)
+        taken.add(names[name].lower())
+        document.layers.add(
+            names[name],
+            true_color=colors.rgb2int(colors.RGB.from_hex(look.colour)),
+            lineweight=round(100 * look.width),
+            linetype="DASHED2" if look.dashed else "CONTINUOUS",
+        )
+    return names
+
+
+def _add_styles(document: Drawing, paper: Paper) -> None:
+    document.styles.add(STYLE, font="arial.ttf")
+    document.dimstyles.add(
+        STYLE,
+        dxfattribs={
+            "dimscale": 1 / paper.scale,
+            "dimtxt": TEXT,
+            "dimtxsty": STYLE,
+            "dimasz": ARROW,
+            "dimexo": 1.0,  # from what is measured to the extension line
+            "dimexe": 1.25,  # how far that reaches beyond the dimension line
+            "dimgap": 0.8,
+            "dimtad": 1,  # texts above the line …
+            "dimtih": 0,  # … and along it
+            "dimtoh": 0,
+            "dimtix": 1,  # between the extension lines even if they hardly fit
+            "dimdec": paper.decimals,
+            "dimzin": 8,  # without zeros at the end
+            "dimdsep": ord("."),
+            "dimlunit": 2,
+        },
+    )
+
+
+def _draw_design(space: Modelspace, sheet: Sheet, layers: Mapping[str, str]) -> None:
+    space.doc.appids.add(PROGRAM)
+    for stroke in sheet.strokes:
+        attributes = {"layer": layers[stroke.layer]}
+        if len(stroke.places) == 2:
+            space.add_line(stroke.places[0], stroke.places[1], attributes)
+        else:
+            space.add_lwpolyline(stroke.places, close=stroke.closed, dxfattribs=attributes)
+    for circle in sheet.circles:
+        attributes = {"layer": layers[circle.layer]}
+        entity = space.add_circle(circle.centre, circle.radius, attributes)
+        entity.set_xdata(PROGRAM, [(1000, circle.name)])
+
+
+def _annotate(space: Modelspace, sheet: Sheet, paper: Paper) -> None:
+    """Dimensions, then names, each where it covers least."""
+    looks, scale = looks_of(sheet.layers), paper.scale
+    low, high = paper.shown()
+    clutter = Clutter.of(
+        sheet, scale, ((low[0] * scale, low[1] * scale), (high[0] * scale, high[1] * scale))
+    )
+    for measure in sorted(map(readable, sheet.measures), key=_length):  # short ones inside
+        distance = _length(measure)
+        words = f"{distance:.{paper.decimals}f}".rstrip("0").rstrip(".")
+        offset = clutter.place_dimension(measure, words, TEXT) / scale
+        space.add_aligned_dim(
+            measure.start,
+            measure.end,
+            offset,
+            dimstyle=STYLE,
+            dxfattribs={"layer": DIMENSIONS},
+        ).render()
+    for label in sheet.labels:
+        x, y = (clutter.place_label(label, TEXT) / scale).tolist()
+        colour = colors.rgb2int(colors.RGB.from_hex(looks[label.layer].colour))
+        text = space.add_text(
+            coded(label.text),
+            height=TEXT / scale,
+            dxfattribs={"layer": NAMES, "style": STYLE, "true_color": colour},
+        )
+        text.set_placement((x, y), align=TextEntityAlignment.MIDDLE_CENTER)
+
+
+def _length(measure: Measure) -> float:
+    return math.dist(measure.start, measure.end)

@@ -1,0 +1,107 @@
+"""What ``designopt export`` does: check, load, draw, and write all files or none."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import jax
+
+from designopt.designs import Design, kind_of, load_design
+from designopt.errors import UserError
+from designopt.export.json import json_text
+from designopt.export.svg import svg_text
+from designopt.io.files import check_targets, replaced_when_complete
+
+ENDINGS = {"dxf": ".dxf", "svg": ".svg", "mjcf": ".xml", "json": ".json"}
+"""Endings of the files by their format."""
+
+
+def export_design(
+    named: str,
+    formats: Sequence[str],
+    out: Path,
+    *,
+    settings: Sequence[str] = (),
+    force: bool = False,
+) -> list[Path]:
+    """Write a design as files, all of them or none.
+
+    Args:
+        named: a study, a folder that ``designopt run`` wrote, or a file.
+        formats: keys of `ENDINGS`.
+        out: folder to write into; made if there is none.
+        settings: ``key=value`` texts, for a study.
+        force: whether existing files are replaced.
+
+    Returns:
+        The files; they are called as what was named is.
+
+    Raises:
+        UserError: something of it is wrong; nothing is written.
+    """
+    writers = {form: _writer(form) for form in formats}
+    names = {form: f"{_stem(named)}{ENDINGS[form]}" for form in formats}
+    # Folders that are missing on the way do not hide where it leads: missing/.. is here.
+    _check(Path(os.path.realpath(out)) if not os.path.isdir(out) else out, names, force=force)
+    with jax.enable_x64(True):
+        design = load_design(named, settings)
+        texts = {form: write(design) for form, write in writers.items()}
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out {out}: cannot be made: {error.strerror}; choose another") from error
+    _check(out, names, force=force)
+    paths = [out / name for name in names.values()]
+    with ExitStack() as stack:
+        # All are complete before the first takes its place.
+        for path, text in zip(paths, texts.values(), strict=True):
+            partial = stack.enter_context(replaced_when_complete(path))
+            partial.write_text(text, encoding="utf-8", newline="")
+    return paths
+
+
+def _stem(named: str) -> str:
+    """What a file of a design is called: as what was named, a file without its ending."""
+    kind = kind_of(named)
+    if kind == "study":
+        return named
+    # Not the name of what a link leads to.
+    return os.path.basename(os.path.abspath(named)) if kind == "folder" else Path(named).stem
+
+
+def _check(out: Path, names: Mapping[str, str], *, force: bool) -> None:
+    """Refuse files, by their formats, that could not be written or must not be replaced."""
+    if _is_folder(out):
+        targets = {f"--to {form}": out / name for form, name in names.items()}
+        check_targets(targets, force=force)
+
+
+def _is_folder(out: Path) -> bool:
+    """Whether the folder is there; if not, that it can be made."""
+    try:
+        nearest = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    except OSError as error:
+        raise UserError(f"--out {out}: {error.strerror}; choose another") from error
+    if not nearest.is_dir():
+        raise UserError(f"--out {out}: {nearest} is no folder; choose another")
+    return nearest == out
+
+
+def _writer(form: str) -> Callable[[Design], str]:
+    """From a design to a file's text."""
+    if form == "svg":
+        return lambda design: svg_text(design.sheet())
+    if form == "json":
+        return lambda design: json_text(design.name, design.quantities())
+    if form == "mjcf":
+        return lambda design: design.mjcf()
+    try:
+        from designopt.export.dxf import dxf_text
+    except ModuleNotFoundError as error:
+        raise UserError(
+            "--to dxf: the package ezdxf is missing; install designopt[export]"
+        ) from error
+    return lambda design: dxf_text(design.sheet())

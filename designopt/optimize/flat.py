@@ -1,0 +1,109 @@
+"""A problem over one vector in scaled units: the form that solvers work on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from designopt.optimize.problem import Levelled, Parameters, Problem, Terms, told_by_index
+
+Point = Float[Array, " parameters"]
+
+
+@dataclass(frozen=True)
+class Flat:
+    """A problem whose parameters are one vector, each in units of its scale.
+
+    Attributes:
+        problem: the problem.
+        units: mm or rad, or whatever a parameter has, per scaled unit; in the bounds' float type.
+        lower: least values, scaled.
+        upper: greatest values, scaled.
+    """
+
+    problem: Problem
+    units: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    @classmethod
+    def of(cls, problem: Problem) -> Flat:
+        """The flat form of a problem."""
+        lower, upper, units = (
+            np.asarray(ravel_pytree(part)[0])
+            for part in (problem.lower, problem.upper, problem.units)
+        )
+        units = units.astype(lower.dtype)
+        return cls(problem, units, lower / units, upper / units)
+
+    @property
+    def limited(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which parameters have a lower bound, and which an upper one."""
+        return np.flatnonzero(np.isfinite(self.lower)), np.flatnonzero(np.isfinite(self.upper))
+
+    def point(self, parameters: Parameters) -> Point:
+        """The vector of parameters."""
+        vector, _ = ravel_pytree(parameters)
+        return vector / jnp.asarray(self.units, vector.dtype)
+
+    def parameters(self, point: Point) -> Parameters:
+        """The parameters of a vector."""
+        _, unravel = ravel_pytree(self.problem.lower)
+        return unravel(point * jnp.asarray(self.units, point.dtype))
+
+    def given(self, data: tuple[Any, ...]) -> Flat:
+        """The same for other data of the problem."""
+        return replace(self, problem=replace(self.problem, data=data))
+
+    def terms(self, point: Point) -> Terms:
+        """What the problem says of a vector."""
+        return self.problem.terms(self.parameters(point), *self.problem.data)
+
+    def evaluated(
+        self, point: Point
+    ) -> tuple[Terms, Float[Array, " equalities"], Float[Array, " inequalities"]]:
+        """The terms; and their constraints, without the bounds, as vectors in the names' order."""
+        terms = self.terms(point)
+        equalities = _joined(terms.equalities, point.dtype)
+        return terms, equalities, _joined(terms.inequalities, point.dtype)
+
+    def bounds(self, point: Point) -> Float[Array, " bounds"]:
+        """How far the vector is inside its finite bounds: the lower ones, then the upper ones."""
+        low, high = self.limited
+        above = point[low] - jnp.asarray(self.lower[low], point.dtype)
+        below = jnp.asarray(self.upper[high], point.dtype) - point[high]
+        return jnp.concatenate([above, below])
+
+    def clipped(self, point: Point) -> Point:
+        """The nearest vector inside the bounds."""
+        return jnp.clip(
+            point, jnp.asarray(self.lower, point.dtype), jnp.asarray(self.upper, point.dtype)
+        )
+
+    def bound(self, place: int) -> tuple[str, str, float]:
+        """Of an element of `bounds`: words, unit, and the unit's amount for 1 in scaled units."""
+        low, high = self.limited
+        which = left = int([*low, *high][place])
+        for path, leaf in jax.tree_util.tree_leaves_with_path(self.problem.lower):
+            if left < leaf.size:
+                # The epigraph form's parameters are told as the problem's own.
+                path = path[isinstance(self.problem.lower, Levelled) :]
+                name = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
+                told = self.problem.parameters.get(name, told_by_index(name))
+                index = tuple(int(i) for i in np.unravel_index(left, leaf.shape))
+                side = "lower" if place < len(low) else "upper"
+                amount = float(self.units[which]) * told.scale
+                return f"{told.words(index)} at its {side} bound", told.unit, amount
+            left -= leaf.size
+        raise IndexError(place)
+
+
+def _joined(arrays: dict[str, Float[Array, "..."]], dtype: jnp.dtype) -> Float[Array, " all"]:
+    """Arrays by name as one vector, in the order of their names; empty if there is none."""
+    return ravel_pytree(arrays)[0] if arrays else jnp.zeros(0, dtype)

@@ -1,0 +1,170 @@
+"""Every solver behind one call and one answer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, cast, get_args
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from designopt.optimize.augmented_lagrangian import Inner, Trace, augmented_lagrangian
+from designopt.optimize.flat import Flat
+from designopt.optimize.optimality import Optimum, judge
+from designopt.optimize.problem import Parameters, Problem
+from designopt.optimize.reference_solvers import Reference, compile_reference
+
+Method = Literal[
+    "bfgs",
+    "levenberg-marquardt",
+    "jaxopt-lbfgsb",
+    "jaxopt-projected-gradient",
+    "slsqp",
+    "trust-constr",
+]
+
+
+@dataclass(frozen=True)
+class Optima:
+    """What all starts led to.
+
+    Attributes:
+        found: one optimum per start, in the order of the starts.
+        seconds: run time of the solves, without compiling and judging.
+        compile_seconds: time to compile them.
+    """
+
+    found: tuple[Optimum, ...]
+    seconds: float
+    compile_seconds: float
+
+    @property
+    def best(self) -> Optimum:
+        """The feasible one of least objective; if none is feasible, the one of least violation."""
+        return min(self.found, key=_rank)
+
+    @property
+    def feasible(self) -> list[Optimum]:
+        """Those that meet all requirements, the best one first."""
+        return sorted((one for one in self.found if one.feasible), key=_rank)
+
+
+def _rank(one: Optimum) -> tuple[bool, float]:
+    if one.feasible:
+        return False, one.objective
+    return True, one.violation if np.isfinite(one.objective) else float("inf")
+
+
+class Minimiser:
+    """A problem and a solver, compiled once for a number of starts."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        count: int,
+        method: Method = "bfgs",
+        *,
+        floor: float | None = None,
+        tolerance: float = 1e-8,
+        updates: int = 12,
+        steps: int = 150,
+    ) -> None:
+        """Compile.
+
+        Args:
+            problem: its terms must not have ``least``: see `epigraph` and `softened`.
+            count: number of starts that will be solved in one call.
+            method: the solver. The first four run all starts in one vectorised program, constraints
+                (and bounds, for Optimistix, which knows none) by an augmented Lagrangian around
+                them; SciPy's run one after the other.
+            floor: as in `augmented_lagrangian`; for ``"levenberg-marquardt"`` only.
+            tolerance: in scaled units; see `augmented_lagrangian`.
+            updates: cap on updates of the multipliers.
+            steps: cap on steps between two of them; SciPy's solvers have updates × steps.
+
+        Raises:
+            ValueError: the terms have ``least``, there is no such method, or it needs what is not
+                given.
+        """
+        if method not in get_args(Method):
+            raise ValueError(f"no method {method!r}: choose from {', '.join(get_args(Method))}")
+        self.flat = flat = Flat.of(problem)
+        self._judge = judge(flat)
+        points = jnp.zeros((count, flat.units.size), flat.units.dtype)
+        if jax.eval_shape(flat.terms, points[0]).least is not None:
+            raise ValueError("minimise: bring `least` into a form with epigraph() or softened()")
+        begin = time.perf_counter()
+        self._solve = self._compiled(method, points, floor, tolerance, updates, steps)
+        self.compile_seconds = time.perf_counter() - begin
+
+    def _compiled(
+        self, method: Method, points: Any, floor: float | None, tolerance: float, *caps: int
+    ) -> Callable[[Any, tuple[Any, ...]], tuple[Any, list[Trace]]]:
+        updates, steps = caps
+        if method in get_args(Reference):
+            one = compile_reference(self.flat, cast(Reference, method), tolerance, updates * steps)
+
+            def in_turn(starts: Any, data: tuple[Any, ...]) -> tuple[Any, list[Trace]]:
+                solved = [one(np.asarray(start), data) for start in starts]
+                return [jnp.asarray(point, starts.dtype) for point, _ in solved], [
+                    trace for _, trace in solved
+                ]
+
+            return in_turn
+
+        def local(start: Any, data: tuple[Any, ...]) -> tuple[Any, Trace]:
+            return augmented_lagrangian(
+                self.flat.given(data),
+                cast(Inner, method),
+                start,
+                floor=floor,
+                tolerance=tolerance,
+                updates=updates,
+                steps=steps,
+            )
+
+        program = jax.jit(jax.vmap(local, (0, None))).lower(points, self.flat.problem.data)
+        program = program.compile()
+
+        def together(starts: Any, data: tuple[Any, ...]) -> tuple[Any, list[Trace]]:
+            found, traces = jax.block_until_ready(program(starts, data))
+            return found, [
+                jax.tree.map(lambda leaf, i=i: leaf[i], traces) for i in range(len(found))
+            ]
+
+        return together
+
+    def solve(self, starts: Parameters, data: tuple[Any, ...] | None = None) -> Optima:
+        """Solve from every start.
+
+        Args:
+            starts: parameters with the starts along every array's first axis.
+            data: the problem's data, or others of the same shapes; its own by default.
+        """
+        data = self.flat.problem.data if data is None else data
+        points = jax.vmap(self.flat.point)(starts)
+        begin = time.perf_counter()
+        found, traces = self._solve(points, data)
+        seconds = time.perf_counter() - begin
+        optima = [
+            self._judge(point, data, trace) for point, trace in zip(found, traces, strict=True)
+        ]
+        return Optima(tuple(optima), seconds, self.compile_seconds)
+
+
+def minimise(
+    problem: Problem, starts: Parameters, method: Method = "bfgs", **settings: Any
+) -> Optima:
+    """Solve a problem from every start; a `Minimiser` that is used once.
+
+    Args:
+        problem: as in `Minimiser`.
+        starts: parameters with the starts along every array's first axis.
+        method: as in `Minimiser`.
+        settings: the other settings of `Minimiser`.
+    """
+    count = jax.tree.leaves(starts)[0].shape[0]
+    return Minimiser(problem, count, method, **settings).solve(starts)

@@ -1,0 +1,234 @@
+"""What a point is worth, found without the solver that proposed it.
+
+Violations are computed anew, and multipliers from the stationarity conditions (Karush, Kuhn and
+Tucker) by non-negative least squares over the constraints that are active there; what these leave
+of the objective's gradient says how far the point is from an optimum (J. Nocedal, S. J. Wright,
+*Numerical Optimization*, 2nd ed., §12.3). Of an infeasible point the same is asked about half the
+sum of the squared violations, between the bounds: only at a minimum of it do requirements conflict
+(E. G. Birgin, J. M. Martínez, *Practical Augmented Lagrangian Methods*, 2014, ch. 6).
+
+A multiplier is that of f + μ·h − λ·g for equalities h = 0 and inequalities g ≥ 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import nnls
+
+from designopt.optimize.augmented_lagrangian import Trace
+from designopt.optimize.flat import Flat, Point
+from designopt.optimize.problem import BOUND, Parameters
+from designopt.solution import Solution
+
+FEASIBLE = 1e-6
+"""Largest scaled violation of a point that counts as feasible."""
+
+ACTIVE = 1e-4
+"""A constraint that is no farther from its limit, scaled, is a candidate for a multiplier."""
+
+STATIONARY = 1e-2
+"""Largest part of the objective's gradient that multipliers may leave at an optimum."""
+
+
+class OptimumResult(eqx.Enumeration):
+    """What kind of point it is."""
+
+    successful = ""
+    not_stationary = (
+        "All requirements are met, but this is no optimum: more steps, another start or another "
+        "solver would go further."
+    )
+    infeasible = (
+        "The requirements could not all be met from this start: those listed with their amounts "
+        "conflict; relax one of them, or try more starts."
+    )
+    not_met = (
+        "Requirements are not met, though nothing says that they conflict: more steps, another "
+        "start or another solver would go further."
+    )
+    no_number = "The search left the domain in which the problem has numbers: start elsewhere."
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """What one start led to.
+
+    Attributes:
+        solution: the parameters. ``margin`` is the smallest scaled inequality or distance to a
+            bound (negative: the largest violation); ``residual`` what is left of the objective's
+            gradient, or at an infeasible point of the squared violations' gradient, relative to
+            it.
+        objective: what was minimised; infinite where the problem has no numbers.
+        violations: largest scaled violation by the constraint's name; 0 where it holds.
+        multipliers: by the constraint's name, in its shape, per unit of its array; of bounds, in
+            their order (the lower ones, then the upper ones, finite ones only), per scaled unit.
+            Without meaning unless ``solution.ok``.
+        history: one row per update of the multipliers; or one of the start and one per step.
+        worst: index of the element that is violated most, by the name of each constraint that
+            does not hold.
+    """
+
+    solution: Solution[Parameters]
+    objective: float
+    violations: dict[str, float]
+    multipliers: dict[str, np.ndarray]
+    history: Trace
+    worst: dict[str, tuple[int, ...]]
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters found."""
+        return self.solution.value
+
+    @property
+    def violation(self) -> float:
+        """Largest scaled violation."""
+        return max(self.violations.values(), default=0.0)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether all requirements are met, to `FEASIBLE`."""
+        return math.isfinite(self.objective) and self.violation <= FEASIBLE
+
+
+def judge(flat: Flat) -> Callable[[Point, tuple[Any, ...], Trace], Optimum]:
+    """A function that judges points of a problem, given its data; it compiles once.
+
+    Args:
+        flat: the problem.
+    """
+
+    @jax.jit
+    def values_and_slopes(point: Point, data: tuple[Any, ...]) -> tuple[Any, Any]:
+        def parts(point: Point) -> Any:
+            terms, h, g = flat.given(data).evaluated(point)
+            value = (terms.value, h, jnp.concatenate([g, flat.bounds(point)]))
+            return value, value
+
+        slopes, values = jax.jacfwd(parts, has_aux=True)(point)
+        return values, slopes
+
+    shapes = jax.eval_shape(flat.terms, jnp.asarray(flat.units))
+    equalities = {name: part.shape for name, part in sorted(shapes.equalities.items())}
+    inequalities = {name: part.shape for name, part in sorted(shapes.inequalities.items())}
+    inequalities[BOUND] = (sum(len(part) for part in flat.limited),)
+
+    def verdict(point: Point, data: tuple[Any, ...], history: Trace) -> Optimum:
+        (value, h, g), slopes = jax.tree.map(np.asarray, values_and_slopes(point, data))
+        numbers = (value, h, g, *slopes)
+        if not all(np.all(np.isfinite(part)) for part in numbers):
+            return _without_numbers(flat, point, history)
+        mu, lam, residual = _multipliers(value, h, g, slopes)
+        unmet = dict(_named(equalities, np.abs(h))) | dict(
+            _named(inequalities, np.maximum(-g, 0.0))
+        )
+        violations = {name: float(np.max(part)) for name, part in unmet.items()}
+        result = (
+            OptimumResult.successful if residual <= STATIONARY else OptimumResult.not_stationary
+        )
+        if max(violations.values(), default=0.0) > FEASIBLE:
+            residual = _conflict(h, g, slopes, *inequalities[BOUND])
+            result = OptimumResult.infeasible if residual <= STATIONARY else OptimumResult.not_met
+        margin = min(float(np.min(g, initial=np.inf)), -float(np.max(np.abs(h), initial=-np.inf)))
+        solution = Solution(
+            flat.parameters(point),
+            jnp.asarray(margin, point.dtype),
+            jnp.asarray(residual, point.dtype),
+            result,
+        )
+        return Optimum(
+            solution,
+            float(value),
+            violations,
+            dict(_named(equalities, mu)) | dict(_named(inequalities, lam)),
+            history,
+            {
+                name: tuple(int(i) for i in np.unravel_index(np.argmax(part), part.shape))
+                for name, part in unmet.items()
+                if violations[name] > FEASIBLE
+            },
+        )
+
+    return verdict
+
+
+Slopes = tuple[
+    Float[np.ndarray, " parameters"],
+    Float[np.ndarray, "equalities parameters"],
+    Float[np.ndarray, "inequalities parameters"],
+]
+
+
+def _multipliers(
+    value: Float[np.ndarray, ""],
+    h: Float[np.ndarray, " equalities"],
+    g: Float[np.ndarray, " inequalities"],
+    slopes: Slopes,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """μ, λ, and what they leave of the objective's gradient, relative to it."""
+    gradient, of_h, of_g = slopes
+    candidates = np.flatnonzero(g <= ACTIVE)
+    found, left = _balanced(gradient, np.concatenate([-of_h, of_h, of_g[candidates]]))
+    lam = np.zeros_like(g)
+    lam[candidates] = found[2 * h.size :]
+    # An optimum without constraints has no gradient to compare with. Its place is known to the
+    # square root of rounding, √ε; what a curvature up to ε^(−1/4) leaves there counts as none.
+    least = float(np.finfo(gradient.dtype).eps) ** (1 / 4) * (1 + abs(float(value))) / STATIONARY
+    size = max(float(np.linalg.norm(gradient)), least)
+    return found[: h.size] - found[h.size : 2 * h.size], lam, left / size
+
+
+def _conflict(
+    h: Float[np.ndarray, " equalities"],
+    g: Float[np.ndarray, " inequalities"],
+    slopes: Slopes,
+    bounds: int,
+) -> float:
+    """How far half the sum of squared violations is from a minimum: 0 at one, at most 1."""
+    _, of_h, of_g = slopes
+    kept = g.size - bounds
+    parts = np.concatenate([h[:, None] * of_h, np.minimum(g, 0.0)[:kept, None] * of_g[:kept]])
+    at_bound = kept + np.flatnonzero(g[kept:] <= ACTIVE)
+    _, left = _balanced(np.sum(parts, axis=0), of_g[at_bound])
+    # Relative to what would be left if nothing balanced; 0 of 0 where no slope shows a way out.
+    return left / max(float(np.sum(np.linalg.norm(parts, axis=1))), np.finfo(float).tiny)
+
+
+def _balanced(
+    gradient: Float[np.ndarray, " parameters"], rows: Float[np.ndarray, "rows parameters"]
+) -> tuple[np.ndarray, float]:
+    """The gradient as a sum of rows, none of them negatively: how often each, and what is left."""
+    if not rows.size:
+        return np.zeros(len(rows)), float(np.linalg.norm(gradient))
+    found, left = nnls(rows.T, gradient)
+    return found, float(left)
+
+
+def _named(shapes: dict[str, tuple[int, ...]], flat: np.ndarray) -> list[tuple[str, np.ndarray]]:
+    """The arrays that were joined, by name; those that are empty left out."""
+    sizes = [int(np.prod(shape)) for shape in shapes.values()]
+    parts = np.split(flat, np.cumsum(sizes)[:-1]) if sizes else []
+    return [
+        (name, part.reshape(shape))
+        for (name, shape), part in zip(shapes.items(), parts, strict=True)
+        if part.size
+    ]
+
+
+def _without_numbers(flat: Flat, point: Point, history: Trace) -> Optimum:
+    solution = Solution(
+        flat.parameters(jnp.where(jnp.isfinite(point), point, 0.0)),
+        jnp.asarray(-1.0, point.dtype),
+        jnp.asarray(1.0, point.dtype),
+        OptimumResult.no_number,
+    )
+    return Optimum(solution, math.inf, {}, {}, history, {})

@@ -1,0 +1,99 @@
+"""Where to start: points of a Sobol sequence between the bounds."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+from scipy.stats import qmc
+
+from designopt.batching import in_blocks
+from designopt.optimize.augmented_lagrangian import FIRST_PENALTY
+from designopt.optimize.problem import Parameters, Problem
+
+BLOCK = 256
+"""Points looked at in one go, so that what lies between stays in the cache."""
+
+
+def sobol_starts(problem: Problem, count: int, seed: int) -> Parameters:
+    """Scrambled Sobol points in the box of the bounds.
+
+    Args:
+        problem: its bounds must all be finite.
+        count: how many; best a power of two.
+        seed: of the scrambling.
+
+    Returns:
+        Parameters with the starts along a new first axis of every array.
+
+    Raises:
+        ValueError: a bound is not finite.
+    """
+    lower, unravel = ravel_pytree(problem.lower)
+    upper, _ = ravel_pytree(problem.upper)
+    if not bool(jnp.all(jnp.isfinite(lower) & jnp.isfinite(upper))):
+        raise ValueError("sobol_starts: every parameter needs a finite lower and upper bound")
+    sampler = qmc.Sobol(lower.size, rng=np.random.default_rng(seed))
+    power = max(count - 1, 0).bit_length()
+    points = jnp.asarray(sampler.random_base2(power)[:count], lower.dtype)
+    return jax.vmap(lambda point: unravel(lower + point * (upper - lower)))(points)
+
+
+@dataclass(frozen=True)
+class Starts:
+    """The most promising of many points.
+
+    Attributes:
+        parameters: the starts along the first axis of every array, the most promising one first.
+        seconds: run time of the look at all points, without compiling.
+        compile_seconds: time to compile it.
+    """
+
+    parameters: Parameters
+    seconds: float
+    compile_seconds: float
+
+
+def best_starts(
+    problem: Problem, count: int, seed: int, *, among: int = 4096, scale: float = 1.0
+) -> Starts:
+    """The most promising of many Sobol points: those of least objective plus squared violations.
+
+    Most points of a box are far from any feasible design; local solves from there are wasted.
+
+    Args:
+        problem: its bounds must all be finite.
+        count: how many to return.
+        seed: of the scrambling.
+        among: how many points to look at, if that is more than are returned.
+        scale: change of the objective that matters about as much as 1 in a constraint.
+
+    Raises:
+        ValueError: a bound is not finite.
+    """
+    points = sobol_starts(problem, max(among, count), seed)
+
+    def merit(parameters: Parameters) -> Float[Array, ""]:
+        terms = problem.terms(parameters, *problem.data)
+        unmet = 0.0
+        for part in terms.inequalities.values():
+            unmet = unmet + jnp.sum(jnp.minimum(part, 0.0) ** 2)
+        for part in terms.equalities.values():
+            unmet = unmet + jnp.sum(part**2)
+        value = terms.value / scale + FIRST_PENALTY / 2 * unmet
+        return jnp.where(jnp.isfinite(value), value, jnp.inf)
+
+    def best(points: Parameters) -> Parameters:
+        chosen = jnp.argsort(in_blocks(jax.vmap(merit), points, BLOCK))[:count]
+        return jax.tree.map(lambda leaf: leaf[chosen], points)
+
+    begin = time.perf_counter()
+    program = jax.jit(best).lower(points).compile()
+    compiled = time.perf_counter()
+    starts = jax.block_until_ready(program(points))
+    return Starts(starts, time.perf_counter() - compiled, compiled - begin)

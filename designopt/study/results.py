@@ -1,0 +1,263 @@
+"""What a study hands back: metrics, tables, figures and measurements, all plain data.
+
+Nothing here imports JAX or Matplotlib, so a study can be listed and its spec checked cheaply.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+Cell = float | int | str | bool | None
+
+
+@dataclass(frozen=True)
+class Target:
+    """The figure a metric is asked to reach.
+
+    Attributes:
+        relation: ``"="`` (within ``tolerance``), ``"<="`` or ``">="``.
+        value: the asked figure, in the metric's unit.
+        tolerance: half-width of the accepted band around ``value``; only with ``"="``.
+    """
+
+    relation: Literal["=", "<=", ">="]
+    value: float
+    tolerance: float = 0.0
+
+    def met_by(self, value: float) -> bool:
+        """Whether ``value`` reaches the target; a value that is not finite never does."""
+        if not math.isfinite(value):
+            return False
+        if self.relation == "<=":
+            return value <= self.value
+        if self.relation == ">=":
+            return value >= self.value
+        return abs(value - self.value) <= self.tolerance
+
+    def __str__(self) -> str:
+        if self.relation == "=":
+            return f"{self.value:g} ± {self.tolerance:g}" if self.tolerance else f"{self.value:g}"
+        return f"{'≤' if self.relation == '<=' else '≥'} {self.value:g}"
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number that a study stands for.
+
+    Attributes:
+        name: key in ``results.json``; ends in the unit where it has one (``_mm``, ``_deg``).
+        value: the number found; NaN where there is none (``null`` in ``results.json``).
+        unit: unit of ``value``, ``reference`` and ``target``; empty for a pure number.
+        description: what it is, in words, for the report.
+        reference: a published figure to compare with, where there is one.
+        target: the figure asked for, where there is one.
+    """
+
+    name: str
+    value: float
+    unit: str
+    description: str
+    reference: float | None = None
+    target: Target | None = None
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the target is met; ``None`` where none is set."""
+        return None if self.target is None else self.target.met_by(self.value)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table, written to ``tables/<name>.csv`` in full precision and shown in the report.
+
+    Attributes:
+        name: file name without its ending.
+        title: caption in the report.
+        columns: column names; each ends in its unit.
+        rows: one sequence of cells per row, as long as ``columns``; ``None`` is an empty cell.
+        places: decimals shown in the report, per column; a column left out shows four digits.
+    """
+
+    name: str
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    places: Mapping[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of_columns(
+        cls,
+        name: str,
+        title: str,
+        columns: Mapping[str, Sequence[Cell]],
+        places: Mapping[str, int] | None = None,
+    ) -> Table:
+        """A table from its columns, all of one length."""
+        rows = list(zip(*columns.values(), strict=True))
+        return cls(name, title, list(columns), rows, places or {})
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing, written to ``figures/<name>.png`` and ``.svg`` and shown in the report."""
+
+    name: str
+    title: str
+    caption: str
+    drawing: MatplotlibFigure
+
+
+@dataclass(frozen=True)
+class SpecFile:
+    """A file that other commands read, written to ``specs/<name>``.
+
+    Attributes:
+        name: file name with its ending.
+        title: what it is and what reads it, in one line, for the report.
+        content: what stands in it: text, or bytes where a program reads it.
+    """
+
+    name: str
+    title: str
+    content: str | bytes
+
+
+@dataclass(frozen=True)
+class PrecisionRow:
+    """One method at one setting: its error beside its run time.
+
+    Attributes:
+        method: name of the method.
+        setting: what was varied for it (tolerance, number of problems, dtype).
+        panel: the workload, whose rows are compared with each other and drawn together.
+        error: worst error against the stated reference.
+        seconds: median run time of one call, with its result waited for.
+        seconds_low: fastest repeat.
+        seconds_high: slowest repeat.
+        compile_seconds: time to compile, 0 where nothing is compiled.
+    """
+
+    method: str
+    setting: str
+    panel: str
+    error: float
+    seconds: float
+    seconds_low: float
+    seconds_high: float
+    compile_seconds: float
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What a precision study says, so that one run can prove it wrong.
+
+    Attributes:
+        statement: what is claimed.
+        mechanism: why it should be so.
+        evidence: what this run measured, one sentence per workload.
+        holds: whether this run bears the claim out.
+    """
+
+    statement: str
+    mechanism: str
+    evidence: Sequence[str]
+    holds: bool
+
+
+@dataclass(frozen=True)
+class PrecisionStudy:
+    """Error against run time, with what it is measured against and what it says.
+
+    Attributes:
+        rows: one per method and setting.
+        error: what the error is of, for axes and table heads.
+        reference: what it is measured against, in words.
+        claims: what the rows say in words.
+    """
+
+    rows: Sequence[PrecisionRow]
+    error: str
+    reference: str
+    claims: Sequence[Claim]
+
+
+@dataclass(frozen=True)
+class StabilityRow:
+    """One family of stiff or extreme cases, judged against high-precision arithmetic.
+
+    Attributes:
+        case: what is extreme in it.
+        dtype: float type of the inputs and of the arithmetic.
+        cases: how many were tried.
+        infeasible: how many of them have no answer, and were to be reported so.
+        failures: cases answered wrongly: feasibility misjudged, or an error above tolerance.
+        worst_error: largest error of a value over the feasible cases, relative to the value and
+            to what an input changed by its own size would do to it (``designopt.study.stability``).
+        worst_gradient_error: the same of a gradient's entries.
+        worst_gradient_relative_error: largest deviation of an entry relative to that entry alone,
+            which the cancellation within a small entry may make large.
+        non_finite: numbers among values, margins, residuals and gradients that are not finite.
+    """
+
+    case: str
+    dtype: str
+    cases: int
+    infeasible: int
+    failures: int
+    worst_error: float
+    worst_gradient_error: float
+    worst_gradient_relative_error: float
+    non_finite: int
+
+
+@dataclass(frozen=True)
+class LeftOutRow:
+    """What a scene did not need, as operation counts of two compiled programs.
+
+    Attributes:
+        asked: what was computed.
+        left_out: what the general program has and this one does not.
+        scene_operations: operations in the program compiled for this scene.
+        general_operations: operations in the general program, asked for the same.
+    """
+
+    asked: str
+    left_out: str
+    scene_operations: int
+    general_operations: int
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything a study found.
+
+    Attributes:
+        findings: plain sentences, most important first.
+        metrics: the numbers it stands for.
+        tables: its tables.
+        figures: its figures.
+        specs: files of what was designed, for other commands.
+        precision: error against run time, where it was measured.
+        stability: stiff and extreme cases.
+        left_out: what this scene did not need.
+    """
+
+    findings: Sequence[str]
+    metrics: Sequence[Metric]
+    tables: Sequence[Table] = ()
+    figures: Sequence[Figure] = ()
+    specs: Sequence[SpecFile] = ()
+    precision: PrecisionStudy | None = None
+    stability: Sequence[StabilityRow] = ()
+    left_out: Sequence[LeftOutRow] = ()
+
+    @property
+    def unmet(self) -> list[Metric]:
+        """The metrics whose target was missed."""
+        return [metric for metric in self.metrics if metric.met is False]

@@ -1,0 +1,136 @@
+"""``--set key=value`` on the command line, turned into a checked spec."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import pydantic
+
+from designopt.errors import UserError, shortened
+from designopt.io.files import DEEPEST, is_too_deep
+from designopt.io.spec import Spec
+
+
+def spec_with(model: type[Spec], assignments: Iterable[str], *, study: str) -> Spec:
+    """The spec of ``model`` with ``assignments`` in place of its defaults.
+
+    Args:
+        model: the study's spec.
+        assignments: ``a.b=value`` texts; a value is read as TOML, and as plain text where it is
+            not TOML, so ``lens.name=wide`` needs no quotes.
+        study: the study's name, for the messages.
+
+    Raises:
+        UserError: every fault at once, in one line.
+    """
+    overrides: dict[str, Any] = {}
+    for text in assignments:
+        _assign(overrides, text, study)
+    try:
+        return model.model_validate(overrides)
+    except pydantic.ValidationError as error:
+        faults = "; ".join(_fault(model, details) for details in error.errors())
+        raise UserError(
+            f"{faults} ('designopt list {study}' shows every key with its default)"
+        ) from error
+
+
+def spec_of(model: type[Spec], tables: Any, *, source: str) -> Spec:
+    """The spec that an earlier result was made with.
+
+    Args:
+        model: the study's spec.
+        tables: as they stand in ``results.json``.
+        source: where they come from, for messages.
+
+    Raises:
+        UserError: this version of the study has other settings.
+    """
+    try:
+        return model.model_validate(tables)
+    except pydantic.ValidationError as error:
+        raise UserError(
+            f"{source}: made by another version of the study, whose settings differ; run it again"
+        ) from error
+
+
+def fields(model: type[Spec], prefix: str = "") -> Iterator[tuple[str, Any, str]]:
+    """Every key of a spec as ``(key, default, description)``, nested keys joined by dots.
+
+    The default of a key that has none is ``pydantic_core.PydanticUndefined``.
+    """
+    for name, info in model.model_fields.items():
+        kind = info.annotation
+        if isinstance(kind, type) and issubclass(kind, Spec):
+            yield from fields(kind, f"{prefix}{name}.")
+        else:
+            yield prefix + name, info.get_default(call_default_factory=True), info.description or ""
+
+
+def _assign(overrides: dict[str, Any], text: str, study: str) -> None:
+    key, equals, value = text.partition("=")
+    path = key.strip().split(".")
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise UserError(f"--set {text!a}: not UTF-8; write it in UTF-8") from error
+    if not all(path):
+        raise UserError(
+            f"--set {text}: a key is missing; write --set key=value "
+            f"('designopt list {study}' shows the keys)"
+        )
+    if not equals:
+        raise UserError(
+            f"--set {text}: a value is missing; write --set {text}=VALUE "
+            f"('designopt list {study}' shows the defaults)"
+        )
+    try:
+        document = tomllib.loads(f"value = {value}")
+    except (tomllib.TOMLDecodeError, RecursionError):
+        document = {}
+    parsed = document["value"] if set(document) == {"value"} else value
+    if len(path) > DEEPEST or is_too_deep(parsed):
+        raise UserError(
+            f"--set {shortened(text)}: nested too deeply for a setting "
+            f"('designopt list {study}' shows the keys)"
+        )
+    place = overrides
+    for part in path[:-1]:
+        place = place.setdefault(part, {})
+        if not isinstance(place, dict):
+            raise UserError(
+                f"--set {text}: '{part}' was already given a value; set its parts or the whole"
+            )
+    place[path[-1]] = parsed
+
+
+def _fault(model: type[Spec], details: Any) -> str:
+    path = [str(part) for part in details["loc"]]
+    key = ".".join(path)
+    if details["type"] == "extra_forbidden":
+        return f"--set {key}: unknown key; {_known_keys(model, path)}"
+    if details["type"] == "missing":
+        return f"--set {key}=…: this key is missing and has no default; give it a value"
+    if details["type"] == "model_type":
+        return f"--set {key}=…: it has keys of its own; {_known_keys(model, [*path, ''])}"
+    wanted = details["msg"].removeprefix("Value error, ")
+    wanted = wanted[0].lower() + wanted[1:]
+    return f"--set {key}={shortened(str(details['input']))}: {wanted}" if key else wanted
+
+
+def _known_keys(model: type[Spec], path: Sequence[str]) -> str:
+    """What an unknown key may have been meant for, or else what there is in its table."""
+    known = [name for name, _, _ in fields(model)]
+    table = "".join(f"{part}." for part in path[:-1])
+    inside = [key.removeprefix(table) for key in known if key.startswith(table)]
+    names = list(dict.fromkeys(key.split(".")[0] for key in inside))
+    close = [table + name for name in difflib.get_close_matches(path[-1], names, n=1)]
+    # Perhaps the name is right and its table was forgotten, or mistaken.
+    close = close or [key for key in known if key.split(".")[-1] == path[-1]]
+    if close:
+        return f"did you mean {' or '.join(repr(key) for key in close)}?"
+    there = (name if name in inside else f"{name}.*" for name in names)
+    return f"the keys{f' of {table[:-1]}' if table else ''} are {', '.join(there)}"

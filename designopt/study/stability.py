@@ -1,0 +1,253 @@
+"""Stiff and extreme cases, judged against arithmetic in 50 digits.
+
+Errors are measured on the scale of what can be expected: with y(x) the exact answer for the
+floating-point inputs as they are, the error of a value is
+
+    |ŷ − y| / S,   S = |y| + Σ_j |x_j ∂y/∂x_j|,
+
+the condition-scaled forward error (N. J. Higham, *Accuracy and Stability of Numerical
+Algorithms*, 2nd ed., §1.6): a method that does no worse than rounding its inputs stays at a few
+units of rounding, however ill-conditioned the case. An entry of the gradient is judged by what
+its error would do to y, |x_i| |ĝ_i − ∂y/∂x_i| / S, and by |ĝ_i / (∂y/∂x_i) − 1| where x_i = 0.
+Exact gradients are central differences in the same 50 digits: they know nothing of automatic
+differentiation.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple, dataclass
+from typing import Any, NamedTuple
+
+import jax
+import mpmath
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.plot.figures import MARKERS, PALETTE, label_plainly, legend_below, new_figure
+from designopt.plot.typesetting import as_mathtext
+from designopt.solution import Solution
+from designopt.study.results import Figure, StabilityRow, Table
+
+DIGITS = 50
+VALUE_TOLERANCE = 64.0
+"""Units of rounding that a value's condition-scaled error may reach before the case has failed."""
+GRADIENT_TOLERANCE = 1024.0
+"""The same for a gradient's entries, which pass through more operations."""
+
+Inputs = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Family:
+    """Cases that are extreme in one respect.
+
+    Attributes:
+        case: what is extreme in them.
+        inputs: one array of shape (cases,) per input, by name.
+        solve: from one case's inputs, as keywords, to a solution with a scalar value.
+        exact: the same value from the same keywords as mpmath numbers.
+        exact_margin: positive where the case has an answer, from the same keywords.
+    """
+
+    case: str
+    inputs: Inputs
+    solve: Callable[..., Solution[Any]]
+    exact: Callable[..., Any]
+    exact_margin: Callable[..., Any]
+
+
+def assess(family: Family, dtypes: Sequence[str]) -> list[StabilityRow]:
+    """Solve a family in each dtype, with gradients with respect to every input, and judge it.
+
+    An error is no failure up to `VALUE_TOLERANCE` units of rounding, for a gradient's entries
+    `GRADIENT_TOLERANCE`.
+    """
+    cases = np.stack([np.asarray(column) for column in family.inputs.values()], axis=1)
+    solve = _gradient_and_solution(family.solve, tuple(family.inputs))
+    rows = []
+    for dtype in dtypes:
+        inputs = cases.astype(dtype)
+        with jax.enable_x64(dtype == "float64"):
+            gradients, solved = solve(inputs)
+            parts = (solved.value, solved.ok, gradients, solved.margin, solved.residual)
+            answers = _Answers(*map(np.asarray, parts))
+        rows.append(_judge(family, dtype, inputs, answers))
+    return rows
+
+
+@functools.cache  # families of the same function and size share one program
+def _gradient_and_solution(
+    solve: Callable[..., Solution[Any]], names: tuple[str, ...]
+) -> Callable[[Any], tuple[Any, Solution[Any]]]:
+    def value_and_solution(case: Float[Array, " inputs"]) -> tuple[Float[Array, ""], Solution[Any]]:
+        solution = solve(**dict(zip(names, case, strict=True)))
+        return solution.value, solution
+
+    return jax.jit(jax.vmap(jax.grad(value_and_solution, has_aux=True)))
+
+
+class _Answers(NamedTuple):
+    values: np.ndarray
+    ok: np.ndarray
+    gradients: np.ndarray
+    margins: np.ndarray
+    residuals: np.ndarray
+
+
+def _judge(
+    family: Family,
+    dtype: str,
+    inputs: np.ndarray,
+    answers: _Answers,
+) -> StabilityRow:
+    rounding = float(np.finfo(dtype).eps)
+    failures = infeasible = 0
+    worst = worst_gradient = worst_relative = 0.0
+    for case, value, ok, gradient in zip(
+        inputs, answers.values.tolist(), answers.ok, answers.gradients, strict=True
+    ):
+        with mpmath.workdps(DIGITS):
+            exact = {
+                name: mpmath.mpf(float(x)) for name, x in zip(family.inputs, case, strict=True)
+            }
+            feasible = bool(family.exact_margin(**exact) > 0)
+            infeasible += not feasible
+            if not (feasible and ok):
+                failures += feasible != bool(ok)
+                continue
+            error, gradient_error, relative_error = _errors(family, exact, value, gradient)
+        worst, worst_gradient = max(worst, error), max(worst_gradient, gradient_error)
+        worst_relative = max(worst_relative, relative_error)
+        failures += (
+            error > VALUE_TOLERANCE * rounding or gradient_error > GRADIENT_TOLERANCE * rounding
+        )
+    numbers = (answers.values, answers.gradients, answers.margins, answers.residuals)
+    non_finite = sum(int(np.sum(~np.isfinite(part))) for part in numbers)
+    return StabilityRow(
+        case=family.case,
+        dtype=dtype,
+        cases=len(inputs),
+        infeasible=infeasible,
+        failures=failures,
+        worst_error=worst,
+        worst_gradient_error=worst_gradient,
+        worst_gradient_relative_error=worst_relative,
+        non_finite=non_finite,
+    )
+
+
+def _errors(
+    family: Family,
+    case: Mapping[str, Any],
+    value: float,
+    gradient: np.ndarray,
+) -> tuple[float, float, float]:
+    point = list(case.values())
+
+    def exact(*point: Any) -> Any:
+        return family.exact(**dict(zip(case, point, strict=True)))
+
+    y = exact(*point)
+    slopes = [
+        mpmath.diff(exact, point, n=tuple(int(i == j) for j in range(len(point))))
+        for i in range(len(point))
+    ]
+    size = abs(y) + sum(abs(x * slope) for x, slope in zip(point, slopes, strict=True))
+    found = [_number(entry) for entry in gradient.tolist()]
+    gradient_error = max(
+        _ratio(abs(entry - slope), size / abs(x) if x else abs(slope))
+        for entry, slope, x in zip(found, slopes, point, strict=True)
+    )
+    relative_error = max(
+        _ratio(abs(entry - slope), abs(slope)) for entry, slope in zip(found, slopes, strict=True)
+    )
+    return _ratio(abs(_number(value) - y), size), gradient_error, relative_error
+
+
+def _number(value: float) -> Any:
+    # NaN is as wrong as infinity, and unlike it can be compared.
+    return mpmath.mpf(value) if np.isfinite(value) else mpmath.inf
+
+
+def _ratio(error: Any, size: Any) -> float:
+    # What stays zero whatever the inputs do must come out as zero.
+    if error == 0:
+        return 0.0
+    return float(error / size) if size else float("inf")
+
+
+def table(rows: Sequence[StabilityRow]) -> Table:
+    """All rows of a stability study."""
+    return Table(
+        "stability",
+        f"Stiff and extreme cases against {DIGITS}-digit arithmetic",
+        [
+            "case",
+            "dtype",
+            "cases",
+            "infeasible",
+            "failures",
+            "worst_error",
+            "worst_gradient_error",
+            "worst_gradient_relative_error",
+            "non_finite",
+        ],
+        [astuple(row) for row in rows],
+    )
+
+
+def figure(rows: Sequence[StabilityRow]) -> Figure:
+    """Worst error of every family, values and gradients, beside the rounding of each dtype."""
+    cases = list(dict.fromkeys(row.case for row in rows))
+    dtypes = list(dict.fromkeys(row.dtype for row in rows))
+    drawing, axes = new_figure(height=1.6 + 0.36 * len(cases))
+    axis = axes[0, 0]
+    for index, dtype in enumerate(dtypes):
+        mine = [row for row in rows if row.dtype == dtype and row.infeasible < row.cases]
+        rounding = float(np.finfo(dtype).eps)
+        heights = np.array([cases.index(row.case) for row in mine])
+        series = (
+            (-0.12, PALETTE[index], "values", [row.worst_error for row in mine]),
+            (0.12, "none", "gradients", [row.worst_gradient_error for row in mine]),
+        )
+        for shift, face, label, errors in series:
+            if not np.isfinite(errors).any():
+                continue
+            axis.plot(
+                np.maximum(errors, rounding / 8),
+                heights + shift,
+                MARKERS[index],
+                color=PALETTE[index],
+                markerfacecolor=face,
+                label=f"{dtype}, {label}",
+            )
+        axis.axvline(rounding, color=PALETTE[index], linestyle=":", label=f"{dtype} rounding")
+    for height, case in enumerate(cases):
+        if all(row.infeasible == row.cases for row in rows if row.case == case):
+            axis.text(
+                0.5,
+                height,
+                "no case has an answer",
+                transform=axis.get_yaxis_transform(),
+                ha="center",
+                va="center",
+                color="0.35",
+            )
+    axis.set(xscale="log", xlabel="worst condition-scaled error")
+    axis.set(
+        yticks=range(len(cases)), yticklabels=map(as_mathtext, cases), ylim=(len(cases) - 0.5, -0.5)
+    )
+    low, high = axis.get_xlim()
+    if high < 10 * low:
+        label_plainly(axis.xaxis)
+    legend_below(drawing, most=2)
+    return Figure(
+        "stability",
+        "Worst error in stiff and extreme cases",
+        "Errors are scaled by the conditioning of each case. The dotted lines mark the rounding of "
+        "each float type, below which nothing can be asked; an error far below it is drawn at an "
+        "eighth of it. Inputs are rounded to the float type first, so the cases of the two differ.",
+        drawing,
+    )

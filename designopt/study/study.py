@@ -1,0 +1,110 @@
+"""A design study as a plug-in: what it is, what it is given, and how it is found."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from designopt.errors import UserError
+from designopt.io.spec import Spec
+from designopt.study.results import Results
+
+if TYPE_CHECKING:
+    from designopt.designs import Design
+
+STUDY_GROUP = "designopt.studies"
+
+
+@dataclass(frozen=True)
+class Context:
+    """What the runner gives a study beside its spec.
+
+    Attributes:
+        seed: seed of every random draw.
+        dtype: ``"float64"`` or ``"float32"``; JAX's default float type while the study runs.
+        step: ``with step("Fitting"):`` shows what is being done while it lasts.
+    """
+
+    seed: int
+    dtype: str
+    step: Callable[[str], AbstractContextManager[None]]
+
+    def require_float64(self, why: str) -> None:
+        """End a study that asks more of its numbers than float32 has.
+
+        Args:
+            why: what it does that needs them.
+
+        Raises:
+            UserError: another float type than float64.
+        """
+        if self.dtype != "float64":
+            raise UserError(f"--dtype {self.dtype}: {why}, which needs float64; leave --dtype out")
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study, offered through the entry-point group ``designopt.studies``.
+
+    Attributes:
+        name: its name on the command line, the same as its entry point's.
+        purpose: one line.
+        spec: pydantic model of its settings, with defaults.
+        run: from spec and context to results; imports JAX and the rest only when called.
+        needs: what must be installed beyond the package itself (extras); empty if nothing.
+        design: from its spec, and from the ``specs`` folder of an earlier result with that spec
+            if there is one, to the design that ``explore`` and ``export`` take; ``None`` if the
+            study designs nothing.
+        batch: from many specs at once to what ``run`` finds for each, in the same order, but for
+            rounding: its metrics, or the error that says why there are none. For studies whose
+            points JAX can batch; used by sweeps only.
+    """
+
+    name: str
+    purpose: str
+    spec: type[Spec]
+    run: Callable[[Any, Context], Results]
+    needs: tuple[str, ...] = ()
+    design: Callable[[Any, Path | None], Design] | None = None
+    batch: Callable[[Sequence[Any], Context], Sequence[Results | UserError]] | None = None
+
+
+def installed_studies() -> Iterator[tuple[str, Study | UserError]]:
+    """Every installed study by name; one that cannot be loaded comes as the error that says why."""
+    for point in sorted(entry_points(group=STUDY_GROUP), key=lambda point: point.name):
+        try:
+            yield point.name, load_study(point.name)
+        except UserError as error:
+            yield point.name, error
+
+
+def load_study(name: str) -> Study:
+    """The installed study of that name.
+
+    Raises:
+        UserError: there is none of that name, or its package cannot be imported.
+    """
+    points = {point.name: point for point in entry_points(group=STUDY_GROUP)}
+    if name not in points:
+        close = difflib.get_close_matches(name, points, n=1)
+        hint = f"did you mean '{close[0]}'?" if close else f"there are: {', '.join(sorted(points))}"
+        raise UserError(f"STUDY: no study is named '{name}'; {hint}")
+    try:
+        study = points[name].load()
+    except Exception as error:  # a plug-in is anyone's code: whatever it raises, say whose it is
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise UserError(
+            f"study '{name}' ({points[name].value}) cannot be loaded: {reason}; "
+            "repair or uninstall the package that offers it"
+        ) from error
+    if not isinstance(study, Study):
+        raise UserError(
+            f"study '{name}' ({points[name].value}) is a {type(study).__name__}, not a "
+            "designopt.Study; repair or uninstall the package that offers it"
+        )
+    return study

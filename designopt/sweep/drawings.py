@@ -1,0 +1,165 @@
+"""One figure per metric: a curve, a map, or a panel for every setting that is varied."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from designopt.plot.figures import PALETTE, new_figure
+from designopt.plot.typesetting import as_mathtext, words
+from designopt.study.results import Target
+from designopt.sweep.points import Points
+
+MOST_WRITTEN = 12
+"""A map with more values along a side than this has no numbers in its cells."""
+
+COLOURS = "cividis"  # the same order for all eyes, and in grey
+
+WRITTEN = {"°": "deg", "mm²": "mm2", "%": "percent"}
+"""Units as names of metrics end in them, where that is not the unit itself."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """A metric over the points of a sweep.
+
+    Attributes:
+        name: of the metric.
+        unit: of its values; empty for a pure number.
+        values: one per point; ``None`` where there is none.
+        target: the figure asked for, if all points have the same.
+    """
+
+    name: str
+    unit: str
+    values: Sequence[float | None]
+    target: Target | None
+
+    @property
+    def label(self) -> str:
+        """For an axis."""
+        ending = "_" + WRITTEN.get(self.unit, self.unit.lower())
+        name = as_mathtext(words(self.name.removesuffix(ending)))
+        return f"{name} ({self.unit})" if self.unit else name
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """The values, NaN where there is none."""
+        return np.array([np.nan if value is None else value for value in self.values], float)
+
+
+def draw(points: Points, series: Series) -> Figure:
+    """A metric over what is varied."""
+    if points.grid is not None and len(points.grid) == 2:
+        return _map(points, series)
+    return _panels(points, series)
+
+
+def _panels(points: Points, series: Series) -> Figure:
+    """A panel per setting; joined by a line where nothing else is varied."""
+    columns = min(3, len(points.keys))
+    rows = -(-len(points.keys) // columns)
+    figure, all_axes = new_figure(rows, columns, height=3.6 if rows == 1 else None)
+    numbers = series.numbers
+    settings = np.array(points.rows, float)
+    for axes in all_axes.flat[len(points.keys) :]:
+        axes.set_axis_off()
+    for axes, label, column in zip(all_axes.flat, points.labels, settings.T, strict=False):
+        order = np.argsort(column, kind="stable")
+        curve = points.grid is not None and len(points.keys) == 1
+        axes.plot(
+            column[order], numbers[order], "o-" if curve else "o", color=PALETTE[0], clip_on=False
+        )
+        missing = np.isnan(numbers)
+        if missing.any():
+            axes.plot(
+                column[missing],
+                np.full(missing.sum(), 0.03),
+                "x",
+                color=PALETTE[1],
+                transform=axes.get_xaxis_transform(),
+                clip_on=False,
+                label="no value",
+            )
+        _draw_target(axes, series.target)
+        axes.ticklabel_format(useOffset=False)
+        axes.set_xlabel(label)
+        axes.set_ylabel(series.label if axes in all_axes[:, 0] else "")
+    handles, names = all_axes[0, 0].get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, names, loc="outside upper right", ncols=2)
+    return figure
+
+
+def _draw_target(axes: Axes, target: Target | None) -> None:
+    if target is None:
+        return
+    axes.axhline(target.value, color=PALETTE[2], linestyle="--", label=f"target {target}")
+    if target.tolerance:
+        low, high = target.value - target.tolerance, target.value + target.tolerance
+        axes.axhspan(low, high, color=PALETTE[2], alpha=0.15)
+
+
+def _map(points: Points, series: Series) -> Figure:
+    """Two settings: a cell per point, the first setting upwards and the second to the right."""
+    assert points.grid is not None
+    upwards, across = points.grid
+    shape = len(upwards), len(across)
+    cells = np.ma.masked_invalid(series.numbers.reshape(shape))
+    figure, ((axes,),) = new_figure(height=min(7.0, 1.6 + 0.45 * shape[0]) if shape[0] > 4 else 3.4)
+    axes.grid(visible=False)
+    axes.set_facecolor("0.85")
+    low, high = float(cells.min()), float(cells.max())
+    scale = Normalize(low, high)
+    written = max(shape) <= MOST_WRITTEN
+    edges = {"edgecolors": "white", "linewidth": 0.5} if written else {}
+    image = axes.pcolormesh(cells, cmap=COLOURS, norm=scale, **edges)
+    bar = figure.colorbar(image, ax=axes, label=series.label)
+    bar.ax.ticklabel_format(useOffset=False)
+    if series.target is not None and low < series.target.value < high:
+        bar.ax.axhline(series.target.value, color="white", linewidth=2)
+    _label(axes, points, written, cells, scale, series.target)
+    return figure
+
+
+def _label(
+    axes: Axes,
+    points: Points,
+    written: bool,
+    cells: np.ma.MaskedArray,
+    scale: Normalize,
+    target: Target | None,
+) -> None:
+    assert points.grid is not None
+    for axis, label, values in zip(
+        (axes.yaxis, axes.xaxis), points.labels, points.grid, strict=True
+    ):
+        step = -(-len(values) // MOST_WRITTEN)
+        axis.set_ticks(np.arange(0, len(values), step) + 0.5, [f"{v:.4g}" for v in values[::step]])
+        axis.set_label_text(label)
+    axes.tick_params(length=0)
+    short_of = 0
+    for (row, column), value in np.ndenumerate(cells.filled(np.nan)):
+        nothing = np.isnan(value)
+        text = "–" if nothing else f"{value:.4g}"
+        if target is not None and not nothing and not target.met_by(float(value)):
+            text, short_of = f"{text}*", short_of + 1
+        if written:
+            dark = not nothing and scale(value) < 0.5
+            axes.text(
+                column + 0.5,
+                row + 0.5,
+                text,
+                ha="center",
+                va="center",
+                color="white" if dark else "black",
+            )
+    notes = ["grey: no value"] if np.ma.is_masked(cells) else []
+    if target is not None:
+        notes.insert(0, f"target {target}" + (" (* missed)" if short_of and written else ""))
+    axes.set_title("; ".join(notes))
