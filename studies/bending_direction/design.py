@@ -26,7 +26,7 @@ from optics.chamber import Endoscope, extreme_points, image_rates
 from optics.chamber.chamber import Chamber
 from studies.chamber_images.making import DOWN, SoftFinger
 from studies.table1 import imaging, paper
-from studies.table1.spec import ChamberSpec
+from studies.table1.chamber_spec import ChamberSpec
 
 RATIOS = (min(paper.ETA), max(paper.ETA))
 """Table I's range of η."""

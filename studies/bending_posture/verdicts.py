@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from scipy.stats import studentized_range
 
 from studies.bending_posture.found import AtEta
-from studies.table1.spec import Table1Spec
+from studies.table1.chamber_spec import CLEARANCE
 
 MARGIN = 1.2
 """A tip error that is larger by this at every seed is called worse."""
 
 SURE = 0.95
 
-ROOM_MM = Table1Spec().clearance
+ROOM_MM = CLEARANCE
 """What |Δl_D| is to leave inside Δl_A: the paper's "room to spare", as `table1` states it, mm."""
 
 

@@ -23,7 +23,7 @@ from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
 from optics.rendering.chamber_renderer import CHUNK, COLOURS
 from studies.chamber_images.spec import WIDEST_DEG, ChamberImagesSpec, MadeSpec
 from studies.table1 import imaging
-from studies.table1.spec import ChamberSpec
+from studies.table1.chamber_spec import ChamberSpec
 
 Looked = TypeVar("Looked")
 

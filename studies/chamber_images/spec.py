@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from designopt.io.spec import Spec
-from studies.table1.spec import ChamberSpec
+from studies.table1.chamber_spec import ChamberSpec
 
 Severity = Annotated[float, Field(ge=0, le=2)]
 

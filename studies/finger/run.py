@@ -21,7 +21,8 @@ from studies.finger_grasp.check import GraspCheck, summary
 from studies.finger_grasp.spec import GraspSpec
 from studies.finger_linkage.analysis import LinkageDesign, design_linkage
 from studies.finger_linkage.body import RIM
-from studies.finger_linkage.run import design_figures, design_tables
+from studies.finger_linkage.drawings import design_figures
+from studies.finger_linkage.tables import design_tables
 from studies.finger_mirrors import drawings as mirror_drawings
 from studies.finger_mirrors.design import MirrorDesign, design_mirrors
 from studies.finger_mirrors.yields import Yield, monte_carlo

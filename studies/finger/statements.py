@@ -12,7 +12,7 @@ from kinematics.io.sketch_geometry import measure
 from studies.finger.spec import FingerSpec
 from studies.finger_linkage.body import RIM, BodySpec
 from studies.finger_linkage.pins import Pins, linkage_table
-from studies.finger_mirrors.statements import percent_at_least
+from studies.finger_mirrors.percent import percent_at_least
 
 if TYPE_CHECKING:
     from studies.finger.run import Finger

@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
 
-from designopt.optimize import FEASIBLE
 from designopt.plot.figures import (
     MARKERS,
     PALETTE,
@@ -23,10 +22,11 @@ from designopt.plot.figures import (
 from designopt.plot.typesetting import as_mathtext
 from designopt.study.results import Figure
 from kinematics.solve.poses import solve_poses
+from studies.finger_linkage.analysis import LinkageDesign
 from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.comparing import EVOLUTION, Comparison
 from studies.finger_linkage.judging import Verdict
 from studies.finger_linkage.pins import Pins, linkage_of, told
+from studies.finger_linkage.spec import FingerLinkageSpec
 
 LINK_COLOURS = {"crank": "#D55E00", "rod": "#E69F00", "plate": "#009E73", "bar": "#CC79A7"}
 PHALANX = "#0072B2"
@@ -193,35 +193,6 @@ def tolerance_figure(least: Float[np.ndarray, " draws"], nominal: float, require
     )
 
 
-def comparison_figure(found: Comparison) -> Figure:
-    """Least angle over run time: the yardstick's way, and where every solver ended."""
-    drawing, axes = new_figure(1, 1, height=3.8)
-    axis = axes[0, 0]
-    evolution = found.evolution
-    angles = np.where(evolution.violation <= FEASIBLE, -np.rad2deg(evolution.objective), np.nan)
-    axis.plot(evolution.seconds, angles, color="0.4", label=EVOLUTION)
-    others = [run for run in found.runs if run.method != EVOLUTION and run.feasible]
-    for number, run in enumerate(others):
-        axis.plot(
-            run.seconds,
-            run.least_deg,
-            MARKERS[number % len(MARKERS)],
-            color=PALETTE[number % len(PALETTE)],
-            markersize=7,
-            label=f"{run.method}, {run.setting}",
-        )
-    axis.set(xscale="log", xlabel="run time without compiling (s)")
-    axis.set(ylabel="least transmission angle (°)")
-    legend_below(drawing, most=2, fontsize=7)
-    return Figure(
-        "run_time",
-        "Least transmission angle over run time",
-        "On the search's coarse postures. A solver that met not all requirements is not drawn; the "
-        "table of run times has it.",
-        drawing,
-    )
-
-
 def starts_figure(levels: Sequence[Sequence[float]]) -> Figure:
     """Where every start of every round led to."""
     drawing, axes = new_figure(1, 1, height=3.0)
@@ -244,3 +215,15 @@ def starts_figure(levels: Sequence[Sequence[float]]) -> Figure:
         "a design was worse than it had promised, so that the best value falls to the true one.",
         drawing,
     )
+
+
+def design_figures(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
+    """Figures of a design."""
+    return [
+        finger_figure(design.pins, spec.body),
+        sequence_figure(design.pins, spec.body),
+        maps_figure(design.verdict),
+        ratio_figure(design.verdict),
+        tolerance_figure(design.drawn, design.verdict.least_deg, spec.limits.transmission_deg),
+        starts_figure([one.feasible_deg for one in design.search.rounds]),
+    ]

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
-from designopt.io.toml_writing import toml_text
 from designopt.study.left_out import count_operations
-from designopt.study.results import LeftOutRow, Results, SpecFile
+from designopt.study.results import LeftOutRow, Results
 from designopt.study.study import Context
-from studies.finger_linkage import drawings, statements, tables
+from studies.finger_linkage import comparisons, drawings, statements, tables
 from studies.finger_linkage.analysis import LinkageDesign, design_linkage
-from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import Comparison, compare, precision_study
 from studies.finger_linkage.judging import everywhere
-from studies.finger_linkage.pins import Pins, linkage_of, linkage_table
+from studies.finger_linkage.linkage_files import spec_file
+from studies.finger_linkage.pins import linkage_of
 from studies.finger_linkage.postures import find_postures
 from studies.finger_linkage.problem import grid
 from studies.finger_linkage.spec import FingerLinkageSpec
@@ -38,53 +37,18 @@ def run(spec: FingerLinkageSpec, context: Context) -> Results:
         findings=statements.findings(spec, design, compared),
         metrics=statements.metrics(spec, design, compared),
         tables=[
-            *design_tables(spec, design),
-            *([tables.comparison(compared)] if compared else []),
+            *tables.design_tables(spec, design),
+            *([comparisons.table(compared)] if compared else []),
         ],
-        figures=[*design_figures(spec, design), *_run_time(compared)],
+        figures=[*drawings.design_figures(spec, design), *_run_time(compared)],
         specs=[spec_file(design.pins, spec.body)],
         precision=precision_study(compared) if compared else None,
         left_out=left_out,
     )
 
 
-def design_tables(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
-    """Tables of a design."""
-    return [
-        *tables.dimensions(design.pins, spec.body),
-        tables.requirements(design, spec.limits),
-        tables.holding(design),
-        tables.trajectories(design),
-        tables.starts(design),
-    ]
-
-
-def design_figures(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
-    """Figures of a design."""
-    return [
-        drawings.finger_figure(design.pins, spec.body),
-        drawings.sequence_figure(design.pins, spec.body),
-        drawings.maps_figure(design.verdict),
-        drawings.ratio_figure(design.verdict),
-        drawings.tolerance_figure(
-            design.drawn, design.verdict.least_deg, spec.limits.transmission_deg
-        ),
-        drawings.starts_figure([one.feasible_deg for one in design.search.rounds]),
-    ]
-
-
 def _run_time(compared: Comparison | None) -> list:
-    return [drawings.comparison_figure(compared)] if compared else []
-
-
-def spec_file(pins: Pins, body: BodySpec) -> SpecFile:
-    """The linkage file of a design."""
-    text = toml_text(
-        linkage_table(pins, body, "joints"),
-        "The finger's linkage, driven at its joints; flexion is negative.\n"
-        "designopt solve linkage.toml --sweep pip=0:-90:91 --sweep dip=0",
-    )
-    return SpecFile("linkage.toml", "the linkage, for `designopt solve`", text)
+    return [comparisons.figure(compared)] if compared else []
 
 
 def operations(spec: FingerLinkageSpec, design: LinkageDesign) -> list[LeftOutRow]:

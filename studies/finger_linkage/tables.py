@@ -7,10 +7,9 @@ import numpy as np
 from designopt.study.results import Table
 from studies.finger_linkage.analysis import LinkageDesign
 from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.comparing import Comparison
 from studies.finger_linkage.pins import Pins, told
 from studies.finger_linkage.problem import ANGLE, HOSTS, LINKS, PAIRS
-from studies.finger_linkage.spec import LimitsSpec
+from studies.finger_linkage.spec import FingerLinkageSpec, LimitsSpec
 
 
 def dimensions(pins: Pins, body: BodySpec) -> list[Table]:
@@ -140,27 +139,12 @@ def trajectories(design: LinkageDesign) -> Table:
     return Table("trajectories", "Pinch and adaptive closing", columns, rows)
 
 
-def comparison(found: Comparison) -> Table:
-    """Every solver's gap and violation beside its run time."""
-    rows = [
-        (
-            run.method,
-            run.setting,
-            run.least_deg,
-            found.best_deg - run.least_deg,
-            run.violation,
-            run.seconds,
-            run.compile_seconds,
-        )
-        for run in found.runs
+def design_tables(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
+    """Tables of a design."""
+    return [
+        *dimensions(design.pins, spec.body),
+        requirements(design, spec.limits),
+        holding(design),
+        trajectories(design),
+        starts(design),
     ]
-    columns = [
-        "method",
-        "setting",
-        "least_deg",
-        "gap_deg",
-        "violation",
-        "seconds",
-        "compile_seconds",
-    ]
-    return Table("solvers", "Gap and violation against run time", columns, rows)

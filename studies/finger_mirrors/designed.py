@@ -5,14 +5,11 @@ from __future__ import annotations
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from designopt.io.toml_writing import toml_text
 from designopt.progress import step_display
-from designopt.study.results import SpecFile
 from designopt.study.study import Context
 from optics.scene.file import SceneFile
 from optics.scene_design import DesignedScene
-from studies.finger_linkage.body import BodySpec
-from studies.finger_mirrors.arrangement import Arrangement, scene_table
+from studies.finger_mirrors.arrangement import scene_table
 from studies.finger_mirrors.design import design_mirrors
 from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec
 
@@ -44,13 +41,3 @@ def finger_mirrors_design(spec: FingerMirrorsSpec, folder: Path | None) -> Desig
         arrangement = design_mirrors(spec.body, spec, Context(SEED, "float64", step)).arrangement
     table = scene_table(arrangement, spec.body, spec)
     return DesignedScene.of(SceneFile.model_validate(table), NAME)
-
-
-def scene_file(arrangement: Arrangement, body: BodySpec, spec: MirrorSpec) -> SpecFile:
-    """The scene file of a design."""
-    text = toml_text(
-        scene_table(arrangement, body, spec),
-        "Camera, mirrors and pads; the intermediate phalanx is the world.\n"
-        "designopt trace scene.toml --sweep pip=0:90:91 --pose dip=30",
-    )
-    return SpecFile("scene.toml", "camera, mirrors and pads, for `designopt trace`", text)

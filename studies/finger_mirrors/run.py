@@ -11,9 +11,9 @@ from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors import drawings, left_out, solvers, statements, tables
 from studies.finger_mirrors.arrangement import Arrangement, poor_start, robust_layout, scene_of
 from studies.finger_mirrors.design import design_mirrors
-from studies.finger_mirrors.designed import scene_file
 from studies.finger_mirrors.findings import GIVEN, OPTIMUM, START, Case, Found, RayCheck
 from studies.finger_mirrors.judging import degrees_of, judged, seen_by_rays, whole_square
+from studies.finger_mirrors.scene_files import scene_file
 from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec
 from studies.finger_mirrors.yields import monte_carlo, sensitivity
 

@@ -10,6 +10,7 @@ import numpy as np
 from designopt.study.results import Claim, Metric, Target
 from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors.findings import GIVEN, Case, Found
+from studies.finger_mirrors.percent import percent_at_least
 from studies.finger_mirrors.solvers import EVOLUTION, HELD, OURS, Run, best_objective
 from studies.finger_mirrors.spec import (
     FLOOR,
@@ -197,11 +198,6 @@ def findings(spec: FingerMirrorsSpec, found: Found) -> list[str]:
     said = [_main(found), _given(found), _starts(spec, found), _tolerances(spec, found)]
     said += [_thin(spec, found), _row(found), _definitions(spec)]
     return [sentence for sentence in said if sentence]
-
-
-def percent_at_least(part: float) -> str:
-    """A part in percent, rounded down: what is not all is not 100 %."""
-    return f"{math.floor(1e4 * part) / 100:g} %"
 
 
 def _percent(case: Case) -> str:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import os
-import statistics
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 
-from designopt.study.precision import MIN_SAMPLE_SECONDS, Contender, measure
+from designopt.study.precision import Contender, measure
 from designopt.study.results import PrecisionRow
 from designopt.study.study import Context
 from studies.linkage_precision.cases import CASES, GALLERY
@@ -27,6 +24,7 @@ from studies.linkage_precision.contenders import (
     Workload,
     contenders,
 )
+from studies.linkage_precision.interleaved import Ratio, in_turn
 from studies.linkage_precision.pinning import one_core
 from studies.linkage_precision.spec import LinkagePrecisionSpec
 
@@ -40,20 +38,6 @@ FRESH_PROCESSES = 3
 FIRST_CALL_POSES = 361
 FIRST_CALLS = {"four-bar": "0, 360", "finger": "0, -90"}
 """Files of the gallery whose first call is timed, and the range of each of their inputs."""
-
-
-class Ratio(NamedTuple):
-    """A run time over another one, each measured in turn with the other.
-
-    Attributes:
-        value: median over the rounds.
-        low: least.
-        high: largest.
-    """
-
-    value: float
-    low: float
-    high: float
 
 
 class Measured(NamedTuple):
@@ -118,23 +102,6 @@ def workloads(spec: LinkagePrecisionSpec) -> list[Workload]:
     return works
 
 
-def in_turn(first: Contender, second: Contender, rounds: int) -> Ratio:
-    """Run time of ``second`` over that of ``first``, one sample of each in every round.
-
-    What slows the machine down for a while slows both, so the ratio is steadier than that of two
-    medians.
-    """
-    calls = [_calls(contender) for contender in (first, second)]
-    ratios = []
-    for _ in range(rounds):
-        seconds = [
-            _seconds(contender, count)
-            for contender, count in zip((first, second), calls, strict=True)
-        ]
-        ratios.append(second.scale * seconds[1] / (first.scale * seconds[0]))
-    return Ratio(statistics.median(ratios), min(ratios), max(ratios))
-
-
 def first_call(name: str) -> float:
     """Seconds of the first compiled call of a gallery file's poses in a fresh process.
 
@@ -175,14 +142,3 @@ def _in_turn(
         if method in RIVALS:
             ratio = in_turn(by_method[OURS], rival, repeats)
             found.rivals[work.case.name, method] = ratio
-
-
-def _calls(contender: Contender) -> int:
-    return max(1, math.ceil(MIN_SAMPLE_SECONDS / max(_seconds(contender, 1), 1e-9)))
-
-
-def _seconds(contender: Contender, calls: int) -> float:
-    start = time.perf_counter()
-    for _ in range(calls):
-        jax.block_until_ready(contender.call())
-    return (time.perf_counter() - start) / calls

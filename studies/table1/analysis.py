@@ -14,8 +14,9 @@ from designopt.errors import UserError
 from optics.chamber.chamber import Chamber
 from optics.scene.thin_lens import LensImage, ThinLens
 from studies.table1 import imaging
+from studies.table1.chamber_spec import ChamberSpec
 from studies.table1.imaging import Imaging
-from studies.table1.spec import ChamberSpec, Table1Spec
+from studies.table1.spec import Table1Spec
 
 OTHER_READING = ChamberSpec(length_ab=30, length_bc=40, length_cd=30, wall_angle_bc_deg=1.5)
 """Reads the text's lengths in another order, with a θ_BC that is as much in its range of 1-2°."""

@@ -16,7 +16,7 @@ from designopt.solution import Solution
 from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import dimension_for_ratio
 from studies.table1 import paper
-from studies.table1.spec import ChamberSpec
+from studies.table1.chamber_spec import ChamberSpec
 
 
 class Columns(NamedTuple):

@@ -7,25 +7,7 @@ from typing import Annotated
 from pydantic import Field, PositiveFloat, model_validator
 
 from designopt.io.spec import Spec
-
-# Beyond these no finger is built, and the study's sentences and figures lose their meaning.
-Length = Annotated[float, Field(ge=1e-3, le=1e4)]
-Offset = Annotated[float, Field(ge=-1e4, le=1e4)]
-
-
-class ChamberSpec(Spec):
-    """The chamber and the camera as printed. Lengths in mm."""
-
-    length_ab: Length = Field(default=40.0, description="a, length of the red region (mm)")
-    length_bc: Length = Field(default=30.0, description="b, length of the blue region (mm)")
-    length_cd: Length = Field(default=30.0, description="c, length of the yellow region (mm)")
-    offset_a: Length = Field(default=4.1, description="Δl_A, offset of the wall at the lens (mm)")
-    offset_b: Offset = Field(default=2.0, description="Δl_B, wall offset where red meets blue (mm)")
-    wall_angle_bc_deg: Annotated[float, Field(ge=0, le=89)] = Field(
-        default=2.0, description="θ_BC, angle of the blue wall to the centre line (degrees)"
-    )
-    focal_length: Length = Field(default=4.0, description="f of the camera (mm)")
-    image_distance: Length = Field(default=3.5, description="v of the camera (mm)")
+from studies.table1.chamber_spec import CLEARANCE, ChamberSpec
 
 
 class Table1Spec(Spec):
@@ -33,7 +15,7 @@ class Table1Spec(Spec):
 
     chamber: ChamberSpec = ChamberSpec()
     clearance: PositiveFloat = Field(
-        default=1.5, description="how far |Δl_D| must stay inside Δl_A when η is chosen (mm)"
+        default=CLEARANCE, description="how far |Δl_D| must stay inside Δl_A when η is chosen (mm)"
     )
     f_number: Annotated[float, Field(ge=0.1, le=1000)] = Field(
         default=2.8, description="f-number of the real lens set beside Eq. 1; the paper gives none"

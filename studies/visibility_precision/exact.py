@@ -20,11 +20,10 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.study.stability import DIGITS
 from optics.scene.scene import Scene
 from optics.visibility.unfolding import paths_of
 from studies.visibility_precision.numpy_rays import followed, number_of
-from studies.visibility_precision.plain import Number, Plain, entries, plain
+from studies.visibility_precision.plain import DIGITS, Number, Plain, entries, plain
 
 STEP = 1e-20
 """Of the central differences, mm or rad; their error is of the order of its square."""

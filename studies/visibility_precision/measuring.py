@@ -15,7 +15,7 @@ from designopt.study.study import Context
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
 from optics.visibility.edge_refined import trace_views
-from studies.linkage_precision.measuring import Ratio, in_turn
+from studies.linkage_precision.interleaved import Ratio, in_turn
 from studies.linkage_precision.pinning import one_core
 from studies.visibility_precision import exact, finger_grid, numpy_rays, tracers
 from studies.visibility_precision.cases import (

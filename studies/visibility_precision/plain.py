@@ -12,9 +12,8 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.study.stability import DIGITS
-from optics.scene.scene import WORLD, Layout, Scene
-from studies.visibility_precision.cases import parts_of
+DIGITS = 50
+"""In which scenes are placed."""
 
 Number = Any
 """A real or complex number of mpmath."""
@@ -39,7 +38,7 @@ class Plain(NamedTuple):
     ends: list[tuple[Number, Number]]
     arcs: dict[int, tuple[float, float]]
     grazing: list[Number]
-    layout: Layout
+    layout: Any
 
     @property
     def pads(self) -> range:
@@ -63,19 +62,20 @@ class Plain(NamedTuple):
         )
 
 
-def entries(scene: Scene) -> list[Number]:
-    """All numbers of `parts_of` one after the other, exactly as they are in double precision."""
-    parts = [np.ravel(part).astype(float) for part in parts_of(scene)]
-    return [mpmath.mpf(x) for x in np.concatenate(parts).tolist()]
+def entries(scene: Any) -> list[Number]:
+    """Mirrors, camera position and direction as one row, exactly as in double precision."""
+    parts = (scene.mirrors, scene.camera.position, scene.camera.direction)
+    row = np.concatenate([np.ravel(part).astype(float) for part in parts])
+    return [mpmath.mpf(x) for x in row.tolist()]
 
 
-def plain(scene: Scene, angles: Float[Array, " joints"], values: Sequence[Number]) -> Plain:
+def plain(scene: Any, angles: Float[Array, " joints"], values: Sequence[Number]) -> Plain:
     """The scene in a pose with given `entries`, in the precision that mpmath works in."""
     layout, count = scene.layout, 4 * len(scene.layout.mirrors)
     turns = np.asarray(angles, float).tolist()
 
     def moved(frame: int, place: Number) -> Number:
-        while frame != WORLD:
+        while frame >= 0:  # negative: the world
             part = layout.frames[frame]
             hinge = mpmath.mpc(*np.asarray(scene.hinges, float)[frame].tolist())
             place = hinge + mpmath.expj(part.sign * turns[part.angle]) * (place - hinge)
@@ -105,7 +105,7 @@ def plain(scene: Scene, angles: Float[Array, " joints"], values: Sequence[Number
     )
 
 
-def rounded(scene: Scene, angles: Float[Array, " joints"]) -> Plain:
+def rounded(scene: Any, angles: Float[Array, " joints"]) -> Plain:
     """The scene in a pose in double precision, rounded once."""
     with mpmath.workdps(DIGITS):
         return plain(scene, angles, entries(scene)).rounded()

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from designopt.study.precision import dominating
 from designopt.study.results import Claim, Metric, PrecisionRow, Target
-from studies.linkage_precision.measuring import Ratio
+from studies.linkage_precision.interleaved import Ratio
 from studies.visibility_precision.contenders import BEST, EDGES, OURS
 from studies.visibility_precision.finger_grid import GRADIENT, STEPS, VALUE
 from studies.visibility_precision.measuring import ACCURACY, Measurements, Rival

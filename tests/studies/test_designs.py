@@ -27,7 +27,7 @@ from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.judging import everywhere
 from studies.finger_linkage.pins import reference_pins
 from studies.finger_mirrors.arrangement import robust_layout, scene_table
-from studies.finger_mirrors.designed import scene_file
+from studies.finger_mirrors.scene_files import scene_file
 from studies.finger_mirrors.spec import FingerMirrorsSpec
 from studies.table1 import paper
 from studies.table1.spec import Table1Spec

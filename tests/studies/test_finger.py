@@ -17,7 +17,7 @@ from studies.finger.statements import degrees_of_freedom
 from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.pins import reference_pins
 from studies.finger_mirrors.arrangement import robust_layout
-from studies.finger_mirrors.statements import percent_at_least
+from studies.finger_mirrors.percent import percent_at_least
 
 
 @pytest.fixture(scope="module")

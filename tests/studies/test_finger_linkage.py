@@ -22,10 +22,10 @@ from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import Comparison, Run, precision_study
 from studies.finger_linkage.drawings import sequence_figure
 from studies.finger_linkage.judging import judged
+from studies.finger_linkage.linkage_files import spec_file
 from studies.finger_linkage.pins import Pins, linkage_of, reference_pins
 from studies.finger_linkage.postures import find_postures
 from studies.finger_linkage.problem import SYMBOLS, grid, inequalities, linkage_problem
-from studies.finger_linkage.run import spec_file
 from studies.finger_linkage.searching import least_angles_deg, over, rounded, search
 from studies.finger_linkage.spec import FingerLinkageSpec, LimitsSpec, SearchSpec, SensorSpec
 from studies.finger_linkage.statements import _yardstick

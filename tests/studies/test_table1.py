@@ -16,8 +16,9 @@ from designopt.study.results import PrecisionRow
 from designopt.study.stability import assess
 from studies.table1 import STUDY, exact, imaging, paper, precision, stability
 from studies.table1.analysis import OTHER_READING, analyse, real_lens
+from studies.table1.chamber_spec import ChamberSpec
 from studies.table1.run import operations
-from studies.table1.spec import ChamberSpec, Table1Spec
+from studies.table1.spec import Table1Spec
 from tests.helpers import load_toml
 
 TABLE = load_toml("table1.toml")
