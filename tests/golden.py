@@ -214,7 +214,7 @@ def solves() -> Iterator[tuple[str, Path, tuple[str, ...]]]:
         "five-bar": ("left=90:120:3", "right=60:80:2"),
         "stephenson": ("crank=40:200:3",),
     }
-    for path in gallery("linkage"):
+    for path in gallery("linkages"):
         asked = sweeps.get(path.stem, ("crank=20:100:3",))
         first = asked[0].split("=")[0]
         further = tuple(word for sweep in asked[1:] for word in ("--sweep", sweep))
@@ -223,7 +223,7 @@ def solves() -> Iterator[tuple[str, Path, tuple[str, ...]]]:
 
 
 def traces() -> Iterator[tuple[str, Path, tuple[str, ...]]]:
-    for path in gallery("optics"):
+    for path in gallery("scenes"):
         yield "trace", path, ("--ray", "10,5,-60", "--ray", "0,1,200")
         if path.stem == "finger":
             yield "trace", path, ("--sweep", "pip=0:90:4", "--pose", "dip=30")
@@ -234,7 +234,7 @@ def traces() -> Iterator[tuple[str, Path, tuple[str, ...]]]:
 
 
 def gallery(kind: str) -> list[Path]:
-    return sorted((ROOT / "studies").rglob(f"*{kind}*/*.toml"))
+    return sorted((ROOT / "studies").glob(f"gallery/{kind}/*.toml"))
 
 
 def table_of(text: str) -> dict[str, list[float | str]]:

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Literal, get_origin
 
@@ -104,9 +105,10 @@ def test_every_annotation_can_be_evaluated():
 
 
 def test_every_study_has_a_readme():
-    for study in (ROOT / "studies").iterdir():
-        if (study / "__init__.py").is_file():
-            assert (study / "README.md").read_text(encoding="utf-8").startswith(f"# {study.name}")
+    for point in entry_points(group="designopt.studies"):
+        readme = ROOT / point.module.replace(".", "/") / "README.md"
+        title = f"# {point.name.replace('-', '_')}"
+        assert readme.read_text(encoding="utf-8").startswith(title), point.name
 
 
 def test_modules_stay_readable():

@@ -41,7 +41,7 @@ def examples_of(command: str, capsys: pytest.CaptureFixture[str]) -> list[list[s
 @pytest.fixture
 def gallery(tmp_path, monkeypatch):
     """A folder with the files that the examples are about, to run them in."""
-    for folder, name in (("linkage_gallery", "four-bar.toml"), ("optics_gallery", "finger.toml")):
+    for folder, name in (("gallery/linkages", "four-bar.toml"), ("gallery/scenes", "finger.toml")):
         shutil.copy(str(files("studies") / folder / name), tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -123,10 +123,10 @@ SCENES = ("finger", "kaleidoscope-90", "half-height-mirror")
 MORE_SCENES = ("circle", "corner-reflector", "ellipse", "folded-pad", "kaleidoscope-60", "parabola",
                "periscope")  # fmt: skip
 KINDS = {
-    "linkage": Kind(solve, fault_of_table, gallery("linkage_gallery", LINKAGES),
-                    gallery("linkage_gallery", MORE_LINKAGES)),
-    "scene": Kind(trace, fault_of_document, gallery("optics_gallery", SCENES),
-                  gallery("optics_gallery", MORE_SCENES)),
+    "linkage": Kind(solve, fault_of_table, gallery("gallery/linkages", LINKAGES),
+                    gallery("gallery/linkages", MORE_LINKAGES)),
+    "scene": Kind(trace, fault_of_document, gallery("gallery/scenes", SCENES),
+                  gallery("gallery/scenes", MORE_SCENES)),
     "chamber": Kind(export, fault_of_document, [chamber_text("soft", PAPER)]),
 }  # fmt: skip
 

@@ -21,7 +21,7 @@ def _run(spec: BendingDirectionSpec, context: Context) -> Results:
 
 
 def _design(spec: BendingDirectionSpec, folder: Path | None) -> Design:
-    from studies.chamber_images.design import soft_finger_design
+    from studies.models.soft_finger.design import soft_finger_design
 
     return soft_finger_design("bending-direction", spec, folder)
 

@@ -24,9 +24,9 @@ from designopt.optimize import (
 )
 from optics.chamber import Endoscope, extreme_points, image_rates
 from optics.chamber.chamber import Chamber
-from studies.chamber_images.making import DOWN, SoftFinger
-from studies.table1 import imaging, paper
-from studies.table1.chamber_spec import ChamberSpec
+from studies.models.soft_finger import imaging, paper
+from studies.models.soft_finger.chamber_spec import ChamberSpec
+from studies.models.soft_finger.finger import DOWN, SoftFinger
 
 RATIOS = (min(paper.ETA), max(paper.ETA))
 """Table I's range of η."""

@@ -21,7 +21,7 @@ from perception.chamber import (
 )
 from perception.chamber.directions import Use
 from studies.bending_direction.rules import Tally
-from studies.chamber_images.making import SoftFinger, looked_at
+from studies.models.soft_finger.finger import SoftFinger, looked_at
 
 TOWARDS = {
     Direction.UP: -math.pi / 2,

@@ -17,8 +17,8 @@ from perception.chamber import (
     find_regions,
 )
 from studies.bending_direction.frames import TOWARDS, Series, before_bending, series
-from studies.chamber_images.making import SoftFinger
-from studies.chamber_images.odd import Kind, Picture, odd_pictures
+from studies.models.soft_finger.finger import SoftFinger
+from studies.models.soft_finger.odd import Kind, Picture, odd_pictures
 
 BENDS_DEG = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 60.0, 90.0, 120.0)
 

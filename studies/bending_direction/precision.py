@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from designopt.study.precision import Contender, compile_timed, measure
 from designopt.study.results import Claim, PrecisionRow
 from optics.chamber import Apertures, Posture, Rings, apertures, pressed_by
-from studies.chamber_images.making import DOWN, SoftFinger
+from studies.models.soft_finger.finger import DOWN, SoftFinger
 
 PER_REGION = (5, 10, 20, 40, 80)
 """Rings in every region; pictures are painted with 20."""

@@ -15,8 +15,8 @@ from studies.bending_direction.found import Found, Shown
 from studies.bending_direction.frames import TOWARDS, Series, look_at, series
 from studies.bending_direction.odd import odd_frames, over_bends
 from studies.bending_direction.spec import BendingDirectionSpec
-from studies.chamber_images.making import SoftFinger
-from studies.finger_images.one_thread import one_thread
+from studies.models.one_thread import one_thread
+from studies.models.soft_finger.finger import SoftFinger
 
 CURVE_DEG = np.arange(0.0, 121.0)
 """Bends of the displacement curves."""

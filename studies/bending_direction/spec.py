@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from studies.chamber_images.spec import ChamberImagesSpec
+from studies.models.soft_finger.spec import ChamberImagesSpec
 
 Bend = Annotated[float, Field(gt=0, le=120)]
 

@@ -11,7 +11,7 @@ from studies.bending_direction.design import INSIDE, OUTLINES, Design
 from studies.bending_direction.found import USES, Found
 from studies.bending_direction.spec import BendingDirectionSpec
 from studies.bending_direction.tables import THRESHOLDS, flipped, paper_tally, undecided
-from studies.chamber_images.targets import stated
+from studies.models.soft_finger.targets import stated
 
 RIGHT, DECIDED, ABSTAINED, FRAME_MS = 96.0, 99.0, 6.0, 5.0
 

@@ -18,7 +18,7 @@ from studies.bending_direction.frames import Series
 from studies.bending_direction.odd import AtBend, Odd
 from studies.bending_direction.rules import Tally
 from studies.bending_direction.spec import BendingDirectionSpec
-from studies.chamber_images.odd import sight_words
+from studies.models.soft_finger.odd import sight_words
 
 OPEN = (Direction.INITIAL, Direction.UNDEFINED)
 """Answers that name no direction."""

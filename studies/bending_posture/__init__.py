@@ -21,7 +21,7 @@ def _run(spec: BendingPostureSpec, context: Context) -> Results:
 
 
 def _design(spec: BendingPostureSpec, folder: Path | None) -> Design:
-    from studies.chamber_images.design import soft_finger_design
+    from studies.models.soft_finger.design import soft_finger_design
 
     return soft_finger_design("bending-posture", spec, folder)
 

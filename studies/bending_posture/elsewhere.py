@@ -11,9 +11,9 @@ from jaxtyping import Float
 from perception.posture import PostureEstimator, marker_errors
 from studies.bending_posture.spec import BendingPostureSpec
 from studies.bending_posture.trainings import size_of
-from studies.chamber_images.making import SoftFinger
-from studies.chamber_images.samples import random_postures, samples
-from studies.chamber_images.spec import MadeSpec
+from studies.models.soft_finger.finger import SoftFinger
+from studies.models.soft_finger.samples import random_postures, samples
+from studies.models.soft_finger.spec import MadeSpec
 
 LAMP, MADE, BOTH = "another lamp", "finger as made", "both"
 """What is other than in training."""

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from perception.chamber import Sight
 from perception.posture import PostureEstimator, find_posture, marker_errors
-from studies.chamber_images.making import DOWN, SoftFinger, looked_at
-from studies.chamber_images.odd import Kind, odd_pictures
-from studies.chamber_images.samples import marker_places
+from studies.models.soft_finger.finger import DOWN, SoftFinger, looked_at
+from studies.models.soft_finger.odd import Kind, odd_pictures
+from studies.models.soft_finger.samples import marker_places
 
 BENDS_DEG = (0.01, 0.1, 1.0, 10.0, 30.0, 60.0, 90.0, 110.0, 120.0)
 

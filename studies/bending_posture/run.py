@@ -36,8 +36,8 @@ from studies.bending_posture.trainings import (
     trained,
     ways,
 )
-from studies.chamber_images.making import DOWN, SoftFinger
-from studies.finger_images.one_thread import one_thread
+from studies.models.one_thread import one_thread
+from studies.models.soft_finger.finger import DOWN, SoftFinger
 
 SHOWN_DEG = (0.0, 30.0, 60.0, 100.0)
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from studies.chamber_images.spec import ChamberImagesSpec, distinct
+from studies.models.soft_finger.spec import ChamberImagesSpec, distinct
 
 Count = Annotated[int, Field(ge=50, le=100_000)]
 Eta = Annotated[float, Field(ge=0.3, le=1.2)]

@@ -23,7 +23,7 @@ from studies.bending_posture.trainings import (
     counted,
 )
 from studies.bending_posture.verdicts import MARGIN, ROOM_MM, compared, judged, roomy
-from studies.chamber_images.targets import stated
+from studies.models.soft_finger.targets import stated
 
 TIP_MM, TIMES, SECONDS = 1.5, 20.0, 60.0
 

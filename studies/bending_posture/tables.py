@@ -11,7 +11,7 @@ from designopt.study.results import Cell, Table
 from studies.bending_posture.found import Found
 from studies.bending_posture.trainings import EQUAL, MEAN, OURS, READINGS
 from studies.bending_posture.verdicts import judged
-from studies.chamber_images.odd import sight_words
+from studies.models.soft_finger.odd import sight_words
 
 MARKERS = ("marker 1", "marker 2", "tip")
 

@@ -17,8 +17,8 @@ from perception.posture import (
     train,
 )
 from studies.bending_posture.spec import BendingPostureSpec
-from studies.chamber_images.making import SoftFinger
-from studies.chamber_images.samples import Samples, Size, random_postures, samples
+from studies.models.soft_finger.finger import SoftFinger
+from studies.models.soft_finger.samples import Samples, Size, random_postures, samples
 
 MEAN = "mean of the labels"
 """What every network is compared with."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from scipy.stats import studentized_range
 
 from studies.bending_posture.found import AtEta
-from studies.table1.chamber_spec import CLEARANCE
+from studies.models.soft_finger.chamber_spec import CLEARANCE
 
 MARGIN = 1.2
 """A tip error that is larger by this at every seed is called worse."""

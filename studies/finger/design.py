@@ -18,10 +18,10 @@ from kinematics.io.sketch import parse_sketch
 from optics.scene.file import SceneFile
 from optics.scene_design import DesignedScene
 from studies.finger.spec import FingerSpec
-from studies.finger_linkage.analysis import design_linkage
-from studies.finger_linkage.pins import linkage_table
-from studies.finger_mirrors.arrangement import scene_table
-from studies.finger_mirrors.design import design_mirrors
+from studies.models.linkage_design.analysis import design_linkage
+from studies.models.mirror_design.arrangement import scene_table
+from studies.models.mirror_design.design import design_mirrors
+from studies.models.pins import linkage_table
 
 if TYPE_CHECKING:
     from designopt.explore.bench import Bench

@@ -7,9 +7,9 @@ import numpy as np
 from designopt.plot.figures import PALETTE, legend_below, new_figure
 from designopt.study.results import Figure
 from optics.scene.scene import Scene
-from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.drawings import draw_finger
-from studies.finger_linkage.pins import Pins
+from studies.models.body import BodySpec
+from studies.models.linkage_design.figures import draw_finger
+from studies.models.pins import Pins
 
 MIRROR, PAD, CAMERA = PALETTE[4], PALETTE[5], PALETTE[1]
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from kinematics.io.reading import build_linkage
 from kinematics.io.sketch import InputTable, SpringTable
-from studies.finger_grasp.mjcf import MOTOR, grasp_mjcf
+from studies.models.grasp.mjcf import MOTOR, grasp_mjcf
 
 if TYPE_CHECKING:
     from studies.finger.design import DesignedFinger

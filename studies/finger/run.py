@@ -15,17 +15,17 @@ from designopt.study.study import Context
 from studies.finger import drawings, statements, tables
 from studies.finger.spec import FingerSpec
 from studies.finger.spec_files import spec_files
-from studies.finger_grasp import drawings as grasp_drawings
-from studies.finger_grasp.analysis import Analysis, analyse
-from studies.finger_grasp.check import GraspCheck, summary
-from studies.finger_grasp.spec import GraspSpec
-from studies.finger_linkage.analysis import LinkageDesign, design_linkage
-from studies.finger_linkage.body import RIM
-from studies.finger_linkage.drawings import design_figures
-from studies.finger_linkage.tables import design_tables
-from studies.finger_mirrors import drawings as mirror_drawings
-from studies.finger_mirrors.design import MirrorDesign, design_mirrors
-from studies.finger_mirrors.yields import Yield, monte_carlo
+from studies.models.body import RIM
+from studies.models.grasp import figures as grasp_drawings
+from studies.models.grasp.analysis import Analysis, analyse
+from studies.models.grasp.check import GraspCheck, summary
+from studies.models.grasp.spec import GraspSpec
+from studies.models.linkage_design.analysis import LinkageDesign, design_linkage
+from studies.models.linkage_design.figures import design_figures
+from studies.models.linkage_design.tables import design_tables
+from studies.models.mirror_design import figures as mirror_drawings
+from studies.models.mirror_design.design import MirrorDesign, design_mirrors
+from studies.models.mirror_design.yields import Yield, monte_carlo
 
 
 @dataclass(frozen=True)

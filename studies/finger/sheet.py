@@ -10,7 +10,7 @@ from designopt.designs import Quantity
 from designopt.export.sheet import Layer, Sheet, Stroke
 from kinematics.export.sheet import linkage_sheet
 from optics.export.scene_sheet import HINGES, scene_sheet
-from studies.finger_linkage.body import BodySpec
+from studies.models.body import BodySpec
 
 if TYPE_CHECKING:
     from studies.finger.design import DesignedFinger

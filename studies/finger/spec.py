@@ -7,9 +7,9 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from designopt.io.spec import Spec
-from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.spec import FingerLinkageSpec, LinkageSpec
-from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec
+from studies.models.body import BodySpec
+from studies.models.linkage_design.spec import FingerLinkageSpec, LinkageSpec
+from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
 
 Stiffness = Annotated[float, Field(ge=1e-6, le=1e6)]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from designopt.io.toml_writing import toml_text
 from designopt.study.results import SpecFile
 from studies.finger.spec import FingerSpec
-from studies.finger_linkage.linkage_files import spec_file
-from studies.finger_linkage.pins import Pins, linkage_table
-from studies.finger_mirrors.arrangement import Arrangement
-from studies.finger_mirrors.scene_files import scene_file
+from studies.models.linkage_files import spec_file
+from studies.models.mirror_design.arrangement import Arrangement
+from studies.models.mirror_design.scene_files import scene_file
+from studies.models.pins import Pins, linkage_table
 
 
 def spec_files(spec: FingerSpec, pins: Pins, arrangement: Arrangement) -> list[SpecFile]:

@@ -10,9 +10,9 @@ from kinematics.io.assembling import Equations
 from kinematics.io.sketch import parse_sketch
 from kinematics.io.sketch_geometry import measure
 from studies.finger.spec import FingerSpec
-from studies.finger_linkage.body import RIM, BodySpec
-from studies.finger_linkage.pins import Pins, linkage_table
-from studies.finger_mirrors.percent import percent_at_least
+from studies.models.body import RIM, BodySpec
+from studies.models.mirror_design.percent import percent_at_least
+from studies.models.pins import Pins, linkage_table
 
 if TYPE_CHECKING:
     from studies.finger.run import Finger

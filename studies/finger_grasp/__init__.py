@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from designopt.study.results import Results
 from designopt.study.study import Context, Study
-from studies.finger_grasp.spec import GraspSpec
+from studies.models.grasp.spec import GraspSpec
 
 if TYPE_CHECKING:
     from designopt.designs import Design

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from kinematics.design import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
-from studies.finger_grasp.spec import GraspSpec
-from studies.finger_linkage.pins import linkage_table
+from studies.models.grasp.spec import GraspSpec
+from studies.models.pins import linkage_table
 
 NAME = "finger-grasp"
 
@@ -25,7 +25,7 @@ class DesignedGrasp(DesignedLinkage):
 
     def mjcf(self) -> str:
         """The linkage with its spring and servo, joint stops and pads."""
-        from studies.finger_grasp.mjcf import grasp_mjcf
+        from studies.models.grasp.mjcf import grasp_mjcf
 
         return grasp_mjcf(self.linkage, self.spec.body, self.spec.servo_stiffness)
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import mpmath
 import numpy as np
 
-from studies.finger_grasp import exact
-from studies.finger_grasp.closing import Path
-from studies.finger_grasp.comparing import SHUT
-from studies.finger_grasp.conditions import Problem
-from studies.finger_grasp.objects import Circle
-from studies.finger_linkage.body import RIM
+from studies.models.body import RIM
+from studies.models.grasp.closing import Path
+from studies.models.grasp.comparing import SHUT
+from studies.models.grasp.conditions import Problem
+from studies.models.grasp.objects import Circle
+from studies.oracles import grasp as exact
 
 
 @dataclass(frozen=True)

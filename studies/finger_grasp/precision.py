@@ -13,13 +13,13 @@ import numpy as np
 
 from designopt.study.precision import Contender, compile_timed, dominating
 from designopt.study.results import Claim, PrecisionRow
-from studies.finger_grasp.closing import Path
-from studies.finger_grasp.conditions import Problem, Unknowns
-from studies.finger_grasp.equilibrium import solve
-from studies.finger_grasp.finger import Joints
 from studies.finger_grasp.judging import reference
 from studies.finger_grasp.second_opinion import minimum
 from studies.finger_grasp.second_opinion import reference as slsqp
+from studies.models.grasp.closing import Path
+from studies.models.grasp.conditions import Problem, Unknowns
+from studies.models.grasp.equilibrium import solve
+from studies.models.grasp.finger import Joints
 
 TOLERANCES = (1e-2, 1e-5, 1e-8, 1e-15)
 PROGRAMS = (3, 6, 12, 24)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from designopt.study import precision as run_time
 from designopt.study.results import PrecisionStudy, Results
 from designopt.study.study import Context
-from studies.finger_grasp import drawings, precision, stability, statements, tables
-from studies.finger_grasp.analysis import Analysis, analyse
-from studies.finger_grasp.check import summary
-from studies.finger_grasp.exact import DIGITS
+from studies.finger_grasp import precision, stability, statements, tables
 from studies.finger_grasp.left_out import operations
-from studies.finger_grasp.spec import GraspSpec
+from studies.models.grasp import figures as drawings
+from studies.models.grasp.analysis import Analysis, analyse
+from studies.models.grasp.check import summary
+from studies.models.grasp.spec import GraspSpec
+from studies.oracles.grasp import DIGITS
 
 
 def run(spec: GraspSpec, context: Context) -> Results:

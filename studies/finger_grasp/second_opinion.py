@@ -16,8 +16,8 @@ import scipy.optimize
 from jaxtyping import Array, ArrayLike, Float
 
 from designopt import jaxopt_adapter
-from studies.finger_grasp.conditions import Problem, energy, gaps_of
-from studies.finger_grasp.finger import Joints, transfer
+from studies.models.grasp.conditions import Problem, energy, gaps_of
+from studies.models.grasp.finger import Joints, transfer
 
 Opinion = Literal["jaxopt QP", "jaxopt box"]
 

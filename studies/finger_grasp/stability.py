@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from designopt.study.results import StabilityRow
-from studies.finger_grasp import cases
-from studies.finger_grasp.closing import LANES, STEPS, close_all, there_and_back
-from studies.finger_grasp.conditions import Problem
-from studies.finger_grasp.finger import Finger
 from studies.finger_grasp.judging import judge
-from studies.finger_grasp.objects import Circle
+from studies.models.grasp import cases
+from studies.models.grasp.closing import LANES, STEPS, close_all, there_and_back
+from studies.models.grasp.conditions import Problem
+from studies.models.grasp.finger import Finger
+from studies.models.grasp.objects import Circle
 
 TOLERANCE = 1e-9
 """Largest error of a state that is no failure, rad for joints and relative for forces."""

@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 
 from designopt.study.results import Metric, StabilityRow, Target
-from studies.finger_grasp import cases
-from studies.finger_grasp.analysis import CLOSED, Analysis, radius_of
-from studies.finger_grasp.check import GraspCheck
-from studies.finger_grasp.equilibrium import RESIDUAL_TOLERANCE
-from studies.finger_grasp.spec import GraspSpec, PinsSpec
-from studies.finger_linkage.body import BodySpec
+from studies.models.body import BodySpec
+from studies.models.grasp import cases
+from studies.models.grasp.analysis import CLOSED, Analysis, radius_of
+from studies.models.grasp.check import GraspCheck
+from studies.models.grasp.equilibrium import RESIDUAL_TOLERANCE
+from studies.models.grasp.spec import GraspSpec, PinsSpec
 
 PADS = {"intermediate": 0, "distal": 1}
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from designopt.study.results import Table
-from studies.finger_grasp.analysis import CLOSED, Analysis, radius_of
-from studies.finger_grasp.closing import Path
+from studies.models.grasp.analysis import CLOSED, Analysis, radius_of
+from studies.models.grasp.closing import Path
 
 EVERY = 4
 """Every so many states are tabulated."""

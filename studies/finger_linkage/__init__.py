@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from designopt.study.results import Results
 from designopt.study.study import Context, Study
-from studies.finger_linkage.spec import FingerLinkageSpec
+from studies.models.linkage_design.spec import FingerLinkageSpec
 
 if TYPE_CHECKING:
     from designopt.designs import Design

@@ -20,9 +20,16 @@ from designopt.optimize import (
     level_starts,
 )
 from designopt.study.results import Claim, PrecisionRow, PrecisionStudy
-from studies.finger_linkage.problem import ANGLE, grid
-from studies.finger_linkage.searching import FLOOR, STEPS, UPDATES, Search, least_angles_deg, over
-from studies.finger_linkage.spec import FingerLinkageSpec
+from studies.models.linkage_design.problem import ANGLE, grid
+from studies.models.linkage_design.searching import (
+    FLOOR,
+    STEPS,
+    UPDATES,
+    Search,
+    least_angles_deg,
+    over,
+)
+from studies.models.linkage_design.spec import FingerLinkageSpec
 
 CONTENDERS: tuple[tuple[Method, tuple[int, ...]], ...] = (
     ("bfgs", (1,)),

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from kinematics.design import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
-from studies.finger_linkage.pins import linkage_table
-from studies.finger_linkage.searching import search
-from studies.finger_linkage.spec import FingerLinkageSpec
+from studies.models.linkage_design.searching import search
+from studies.models.linkage_design.spec import FingerLinkageSpec
+from studies.models.pins import linkage_table
 
 NAME = "finger-linkage"
 

@@ -7,15 +7,17 @@ import jax.numpy as jnp
 from designopt.study.left_out import count_operations
 from designopt.study.results import LeftOutRow, Results
 from designopt.study.study import Context
-from studies.finger_linkage import comparisons, drawings, statements, tables
-from studies.finger_linkage.analysis import LinkageDesign, design_linkage
+from studies.finger_linkage import comparisons, statements
 from studies.finger_linkage.comparing import Comparison, compare, precision_study
-from studies.finger_linkage.judging import everywhere
-from studies.finger_linkage.linkage_files import spec_file
-from studies.finger_linkage.pins import linkage_of
-from studies.finger_linkage.postures import find_postures
-from studies.finger_linkage.problem import grid
-from studies.finger_linkage.spec import FingerLinkageSpec
+from studies.models.linkage_design import figures as drawings
+from studies.models.linkage_design import tables
+from studies.models.linkage_design.analysis import LinkageDesign, design_linkage
+from studies.models.linkage_design.judging import everywhere
+from studies.models.linkage_design.postures import find_postures
+from studies.models.linkage_design.problem import grid
+from studies.models.linkage_design.spec import FingerLinkageSpec
+from studies.models.linkage_files import spec_file
+from studies.models.pins import linkage_of
 
 
 def run(spec: FingerLinkageSpec, context: Context) -> Results:

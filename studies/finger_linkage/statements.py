@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from designopt.study.results import Metric, Target
-from studies.finger_linkage.analysis import LinkageDesign
-from studies.finger_linkage.body import BodySpec
 from studies.finger_linkage.comparing import NEAR_DEG, Comparison
-from studies.finger_linkage.spec import FingerLinkageSpec, LimitsSpec
+from studies.models.body import BodySpec
+from studies.models.linkage_design.analysis import LinkageDesign
+from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec
 
 ASKED = {(25.0, None): 49.0, (22.0, None): 46.5, (20.0, None): 42.5, (25.0, 0.412): 43.5}
 """Least transmission angle asked for by thickness and bound on φ₂/φ₁, degrees: targets of this

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from designopt.study.results import Results
 from designopt.study.study import Context, Study
-from studies.finger_mirrors.spec import FingerMirrorsSpec
+from studies.models.mirror_design.spec import FingerMirrorsSpec
 
 if TYPE_CHECKING:
     from designopt.designs import Design

@@ -9,9 +9,9 @@ from designopt.progress import step_display
 from designopt.study.study import Context
 from optics.scene.file import SceneFile
 from optics.scene_design import DesignedScene
-from studies.finger_mirrors.arrangement import scene_table
-from studies.finger_mirrors.design import design_mirrors
-from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec
+from studies.models.mirror_design.arrangement import scene_table
+from studies.models.mirror_design.design import design_mirrors
+from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
 
 NAME = "finger-mirrors"
 

@@ -10,11 +10,11 @@ import numpy as np
 from jaxtyping import Float
 
 from optics.scene.scene import Scene
-from studies.finger_mirrors.arrangement import Arrangement
-from studies.finger_mirrors.design import MirrorDesign
-from studies.finger_mirrors.judging import Square, Verdict
 from studies.finger_mirrors.solvers import Run
-from studies.finger_mirrors.yields import Sensitivity, Yield
+from studies.models.mirror_design.arrangement import Arrangement
+from studies.models.mirror_design.design import MirrorDesign
+from studies.models.mirror_design.judging import Square, Verdict
+from studies.models.mirror_design.yields import Sensitivity, Yield
 
 START, OPTIMUM, GIVEN = "start", "optimum", "reference layout"
 

@@ -7,15 +7,21 @@ import numpy as np
 from designopt.study.results import Figure, PrecisionStudy, Results
 from designopt.study.study import Context
 from optics.scene.scene import Scene
-from studies.finger_linkage.body import BodySpec
-from studies.finger_mirrors import drawings, left_out, solvers, statements, tables
-from studies.finger_mirrors.arrangement import Arrangement, poor_start, robust_layout, scene_of
-from studies.finger_mirrors.design import design_mirrors
+from studies.finger_mirrors import left_out, solvers, statements, tables
 from studies.finger_mirrors.findings import GIVEN, OPTIMUM, START, Case, Found, RayCheck
-from studies.finger_mirrors.judging import degrees_of, judged, seen_by_rays, whole_square
-from studies.finger_mirrors.scene_files import scene_file
-from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec
-from studies.finger_mirrors.yields import monte_carlo, sensitivity
+from studies.models.body import BodySpec
+from studies.models.mirror_design import figures as drawings
+from studies.models.mirror_design.arrangement import (
+    Arrangement,
+    poor_start,
+    robust_layout,
+    scene_of,
+)
+from studies.models.mirror_design.design import design_mirrors
+from studies.models.mirror_design.judging import degrees_of, judged, seen_by_rays, whole_square
+from studies.models.mirror_design.scene_files import scene_file
+from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
+from studies.models.mirror_design.yields import monte_carlo, sensitivity
 
 THIN_STARTS = 2
 """Random starts for the second body."""

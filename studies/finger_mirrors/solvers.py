@@ -25,18 +25,18 @@ from designopt.optimize.augmented_lagrangian import Inner, augmented_lagrangian
 from designopt.optimize.flat import Flat
 from designopt.optimize.reference_solvers import compile_reference
 from designopt.study.results import PrecisionRow
-from studies.finger_linkage.body import BodySpec
-from studies.finger_mirrors.arrangement import Arrangement, bounds, scale
-from studies.finger_mirrors.design import MirrorDesign
-from studies.finger_mirrors.problem import Task, problem_of, terms_of
-from studies.finger_mirrors.searching import (
+from studies.models.body import BodySpec
+from studies.models.mirror_design.arrangement import Arrangement, bounds, scale
+from studies.models.mirror_design.design import MirrorDesign
+from studies.models.mirror_design.problem import Task, problem_of, terms_of
+from studies.models.mirror_design.searching import (
     STAGES,
     lagrangian,
     measured,
     no_multipliers,
     search,
 )
-from studies.finger_mirrors.spec import MirrorSpec
+from studies.models.mirror_design.spec import MirrorSpec
 
 OURS = "graduated BFGS"
 UNGRADED = "BFGS, not graduated"

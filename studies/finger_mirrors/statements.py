@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from designopt.study.results import Claim, Metric, Target
-from studies.finger_linkage.body import BodySpec
 from studies.finger_mirrors.findings import GIVEN, Case, Found
-from studies.finger_mirrors.percent import percent_at_least
 from studies.finger_mirrors.solvers import EVOLUTION, HELD, OURS, Run, best_objective
-from studies.finger_mirrors.spec import (
+from studies.models.body import BodySpec
+from studies.models.mirror_design.percent import percent_at_least
+from studies.models.mirror_design.spec import (
     FLOOR,
     CameraSpec,
     FingerMirrorsSpec,

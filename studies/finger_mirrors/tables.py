@@ -9,11 +9,11 @@ import numpy as np
 
 from designopt.plot.typesetting import heading
 from designopt.study.results import Table
-from studies.finger_mirrors.arrangement import Arrangement
-from studies.finger_mirrors.errors import NAMES, deviations
 from studies.finger_mirrors.findings import Found
 from studies.finger_mirrors.solvers import Run, best_objective
-from studies.finger_mirrors.spec import FingerMirrorsSpec
+from studies.models.mirror_design.arrangement import Arrangement
+from studies.models.mirror_design.errors import NAMES, deviations
+from studies.models.mirror_design.spec import FingerMirrorsSpec
 
 
 def tables(spec: FingerMirrorsSpec, found: Found) -> list[Table]:

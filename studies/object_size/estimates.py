@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from perception.posture import PostureEstimator, SeenPosture, bend_of_markers
-from studies.chamber_images.samples import MARKERS
+from studies.models.soft_finger.samples import MARKERS
 from studies.object_size.grasp import Hand, diameter_of
 
 diameters_of = jax.jit(jax.vmap(diameter_of))

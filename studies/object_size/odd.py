@@ -11,8 +11,8 @@ import numpy as np
 
 from perception.chamber import Sight
 from perception.posture import USABLE, find_posture
-from studies.chamber_images.making import DOWN, SoftFinger, looked_at
-from studies.chamber_images.odd import Kind, Picture, odd_pictures
+from studies.models.soft_finger.finger import DOWN, SoftFinger, looked_at
+from studies.models.soft_finger.odd import Kind, Picture, odd_pictures
 from studies.object_size.estimates import Reader, estimated
 from studies.object_size.grasp import diameter_of
 

@@ -13,9 +13,9 @@ from designopt.errors import UserError
 from designopt.study.results import Results
 from designopt.study.study import Context
 from perception.posture import PostureEstimator, Training, train
-from studies.chamber_images.making import DOWN, SoftFinger
-from studies.chamber_images.samples import boundaries, random_postures, samples
-from studies.finger_images.one_thread import one_thread
+from studies.models.one_thread import one_thread
+from studies.models.soft_finger.finger import DOWN, SoftFinger
+from studies.models.soft_finger.samples import boundaries, random_postures, samples
 from studies.object_size import drawings, statements, tables
 from studies.object_size.estimates import Reader
 from studies.object_size.found import Curve, Found, Shown

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
-from studies.chamber_images.spec import ChamberImagesSpec
+from studies.models.soft_finger.spec import ChamberImagesSpec
 
 Diameter = Annotated[float, Field(ge=20, le=150)]
 

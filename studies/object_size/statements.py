@@ -8,7 +8,7 @@ import numpy as np
 
 from designopt.study.results import Metric, Target
 from perception.posture import marker_errors
-from studies.chamber_images.targets import stated
+from studies.models.soft_finger.targets import stated
 from studies.object_size.found import Found
 from studies.object_size.spec import ObjectSizeSpec
 from studies.object_size.tables import counts, summary, told_apart

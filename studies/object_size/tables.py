@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from designopt.study.results import Cell, Table
-from studies.chamber_images.odd import sight_words
+from studies.models.soft_finger.odd import sight_words
 from studies.object_size.found import Found
 from studies.object_size.spec import ObjectSizeSpec
 from studies.object_size.trials import Measured

@@ -12,8 +12,8 @@ from jaxtyping import Float, Int
 from designopt.errors import UserError
 from optics.chamber import Posture, pressed_by
 from perception.posture import find_posture
-from studies.chamber_images.making import DOWN, SoftFinger, looked_at
-from studies.chamber_images.samples import marker_places
+from studies.models.soft_finger.finger import DOWN, SoftFinger, looked_at
+from studies.models.soft_finger.samples import marker_places
 from studies.object_size.estimates import Estimates, Reader, diameters_of, estimated
 from studies.object_size.grasp import Hand, bend_around, touched
 from studies.object_size.spec import ObjectSizeSpec

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from designopt.study.results import PrecisionRow
 from perception.proprioception import GapTable
-from studies.finger_images.making import Finger
+from studies.models.sensor.finger import Finger
 from studies.proprioception.ladder import Answer, Climbed
 from studies.proprioception.watching import Watched
 

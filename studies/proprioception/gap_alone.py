@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from perception.proprioception import GapTable, calibrate_gap, undefined
-from studies.finger_images.making import Finger
+from studies.models.sensor.finger import Finger
 from studies.proprioception.ladder import Answer
 from studies.proprioception.watching import spread_over
 

@@ -34,8 +34,8 @@ from perception.proprioception import (
     undefined,
 )
 from perception.proprioception.observation import FLOOR
-from studies.finger_images.making import Finger
-from studies.finger_images.sensor import corner_model
+from studies.models.sensor.estimators import corner_model
+from studies.models.sensor.finger import Finger
 from studies.proprioception.watching import Watched
 
 GAP = "1 gap, as in the paper"

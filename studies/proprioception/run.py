@@ -13,8 +13,8 @@ from designopt.study.results import PrecisionRow, PrecisionStudy, Results
 from designopt.study.study import Context
 from optics.rendering import Effects
 from perception.proprioception import GapTable
-from studies.finger_images.making import Finger
-from studies.finger_images.sensor import gap_table
+from studies.models.sensor.estimators import gap_table
+from studies.models.sensor.finger import Finger
 from studies.proprioception import drawings, gap_alone, statements, tables
 from studies.proprioception.found import Found
 from studies.proprioception.ladder import (

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from studies.finger_images.spec import FingerImagesSpec
+from studies.models.sensor.spec import FingerImagesSpec
 
 
 class ProprioceptionSpec(FingerImagesSpec):

@@ -12,8 +12,8 @@ from optics.rendering import Effects
 from perception.detection import find_views
 from perception.matching import Sighting
 from perception.proprioception import GapTable
-from studies.finger_images.making import Finger
-from studies.finger_images.one_thread import one_thread
+from studies.models.one_thread import one_thread
+from studies.models.sensor.finger import Finger
 
 INSET = 0.1
 """Labelled frames keep away from the ends of a range by this part of it."""

@@ -21,7 +21,7 @@ def _run(spec: SurfaceProfileSpec, context: Context) -> Results:
 
 
 def _design(spec: SurfaceProfileSpec, folder: Path | None) -> Design:
-    from studies.chamber_images.design import soft_finger_design
+    from studies.models.soft_finger.design import soft_finger_design
 
     return soft_finger_design("surface-profile", spec, folder)
 

@@ -20,8 +20,8 @@ from perception.chamber import (
     movements,
     scatter,
 )
-from studies.chamber_images.making import SoftFinger, looked_at
-from studies.chamber_images.odd import Kind, odd_pictures
+from studies.models.soft_finger.finger import SoftFinger, looked_at
+from studies.models.soft_finger.odd import Kind, odd_pictures
 from studies.surface_profile.sensor import UP, highest, postures_on
 from studies.surface_profile.spec import SurfaceProfileSpec
 

@@ -10,7 +10,7 @@ import numpy as np
 from designopt.study.results import Results
 from designopt.study.study import Context
 from perception.chamber import SurfaceKind, find_points, find_regions
-from studies.finger_images.one_thread import one_thread
+from studies.models.one_thread import one_thread
 from studies.surface_profile import drawings, statements, tables
 from studies.surface_profile.found import Found, Picture
 from studies.surface_profile.limits import over_sizes

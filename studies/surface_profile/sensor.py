@@ -15,7 +15,7 @@ from designopt.roots import find_root
 from optics.chamber import Endoscope, Posture, bent, extreme_points, pressed_by
 from optics.chamber.chamber import Chamber
 from perception.chamber import ChamberMap
-from studies.chamber_images.making import DOWN, SoftFinger
+from studies.models.soft_finger.finger import DOWN, SoftFinger
 from studies.surface_profile.spec import SurfaceProfileSpec
 from studies.surface_profile.surfaces import FLAT_RMS, SAGITTA, TILT_DEG
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from studies.chamber_images.spec import ChamberImagesSpec, MadeSpec, Severity, distinct
+from studies.models.soft_finger.spec import ChamberImagesSpec, MadeSpec, Severity, distinct
 
 Frames = Annotated[int, Field(ge=0, le=200)]
 Sagitta = Annotated[float, Field(gt=0, le=6)]

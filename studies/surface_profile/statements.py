@@ -9,7 +9,7 @@ import numpy as np
 from designopt.study.results import Metric, Target
 from perception.chamber import ChamberMap
 from perception.chamber.surfaces import CURVED, ROUGH
-from studies.chamber_images.targets import stated
+from studies.models.soft_finger.targets import stated
 from studies.surface_profile.found import (
     Found,
     calibrated_errors,

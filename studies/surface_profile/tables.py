@@ -6,7 +6,7 @@ import numpy as np
 
 from designopt.study.results import Cell, Table
 from perception.chamber import SurfaceKind
-from studies.chamber_images.odd import sight_words
+from studies.models.soft_finger.odd import sight_words
 from studies.surface_profile.found import (
     Found,
     calibrated_errors,

@@ -25,7 +25,7 @@ from perception.chamber import (
     scatter,
     shape_of,
 )
-from studies.chamber_images.making import SoftFinger, looked_at
+from studies.models.soft_finger.finger import SoftFinger, looked_at
 from studies.surface_profile.sensor import UP, designed_map, highest, postures_on
 from studies.surface_profile.spec import SurfaceProfileSpec
 from studies.surface_profile.surfaces import KINDS, Surface, drawn

@@ -13,9 +13,9 @@ from jaxtyping import Array, Float
 from designopt.errors import UserError
 from optics.chamber.chamber import Chamber
 from optics.scene.thin_lens import LensImage, ThinLens
-from studies.table1 import imaging
-from studies.table1.chamber_spec import ChamberSpec
-from studies.table1.imaging import Imaging
+from studies.models.soft_finger import imaging
+from studies.models.soft_finger.chamber_spec import ChamberSpec
+from studies.models.soft_finger.imaging import Imaging
 from studies.table1.spec import Table1Spec
 
 OTHER_READING = ChamberSpec(length_ab=30, length_bc=40, length_cd=30, wall_angle_bc_deg=1.5)

@@ -14,9 +14,10 @@ from designopt.study.results import Results
 from designopt.study.stability import assess
 from designopt.study.study import Context
 from optics.chamber.chamber import Chamber
-from studies.table1 import imaging, stability, statements
+from studies.models.soft_finger import imaging
+from studies.models.soft_finger.imaging import Imaging
+from studies.table1 import stability, statements
 from studies.table1.analysis import Analysis, RealLens, real_lens
-from studies.table1.imaging import Imaging
 from studies.table1.run import run
 from studies.table1.spec import Table1Spec
 

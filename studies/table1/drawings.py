@@ -9,8 +9,8 @@ from designopt.plot.typesetting import as_mathtext
 from designopt.study.results import Figure
 from optics.chamber.chamber import Chamber
 from optics.plot.chamber_drawing import REGIONS
-from studies.table1 import paper
-from studies.table1.imaging import Imaging
+from studies.models.soft_finger import paper
+from studies.models.soft_finger.imaging import Imaging
 
 BLUE, VERMILION, GREEN = PALETTE[:3]
 

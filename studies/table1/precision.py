@@ -19,7 +19,7 @@ from designopt.study.precision import Contender, compile_timed, dominating
 from designopt.study.results import Claim, PrecisionRow
 from designopt.study.stability import DIGITS
 from optics.chamber.chamber import Chamber
-from studies.table1 import exact
+from studies.oracles import chamber as exact
 
 FIELDS = (
     "length_ab",

@@ -13,7 +13,8 @@ from designopt.study.study import Context
 from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import SolveMethod, dimension_for_ratio
 from optics.scene.thin_lens import ThinLens
-from studies.table1 import drawings, paper, precision, stability, statements, tables
+from studies.models.soft_finger import paper
+from studies.table1 import drawings, precision, stability, statements, tables
 from studies.table1.analysis import analyse
 from studies.table1.spec import Table1Spec
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, PositiveFloat, model_validator
 
 from designopt.io.spec import Spec
-from studies.table1.chamber_spec import CLEARANCE, ChamberSpec
+from studies.models.soft_finger.chamber_spec import CLEARANCE, ChamberSpec
 
 
 class Table1Spec(Spec):

@@ -13,7 +13,7 @@ from designopt.study.stability import Family
 from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import Dimension, dimension_for_ratio
 from optics.scene.thin_lens import ThinLens
-from studies.table1 import exact
+from studies.oracles import chamber as exact
 
 NOMINAL = {
     "length_ab": 40.0,

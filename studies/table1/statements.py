@@ -11,10 +11,10 @@ import numpy as np
 
 from designopt.solution import Solution
 from designopt.study.results import Metric, StabilityRow, Target
-from studies.table1 import paper
+from studies.models.soft_finger import paper
+from studies.models.soft_finger.chamber_spec import ChamberSpec
+from studies.models.soft_finger.imaging import Constants, Imaging
 from studies.table1.analysis import Analysis, RealLens
-from studies.table1.chamber_spec import ChamberSpec
-from studies.table1.imaging import Constants, Imaging
 from studies.table1.spec import Table1Spec
 
 CELLS = 3 * len(paper.ETA)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from designopt.study.results import Table
-from studies.table1 import paper
+from studies.models.soft_finger import paper
 from studies.table1.analysis import Analysis
 
 _CELLS = (

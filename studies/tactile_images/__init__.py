@@ -21,7 +21,7 @@ def _run(spec: TactileImagesSpec, context: Context) -> Results:
 
 
 def _design(spec: TactileImagesSpec, folder: Path | None) -> Design:
-    from studies.finger_images.design import imaged_finger_design
+    from studies.models.sensor.design import imaged_finger_design
 
     return imaged_finger_design(spec, folder)
 

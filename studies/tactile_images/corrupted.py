@@ -22,8 +22,8 @@ from perception.proprioception import (
     observe,
 )
 from perception.unwarping import unwarp
-from studies.finger_images.making import Finger
-from studies.finger_images.sensor import gap_table
+from studies.models.sensor.estimators import gap_table
+from studies.models.sensor.finger import Finger
 
 Image = Any
 Corruption = Callable[[Image, np.random.Generator], Image]

@@ -14,7 +14,7 @@ from perception.masks import adaptive_mask, brightness, combined_mask, global_ma
 from perception.paper_route import PaperRoute
 from perception.quality import Quality
 from perception.unwarping import PER_MM
-from studies.finger_images.making import Finger
+from studies.models.sensor.finger import Finger
 from studies.tactile_images.found import OURS, PAPER, Found
 from studies.tactile_images.frames import Frame
 from studies.tactile_images.pictures import Shown, Touch

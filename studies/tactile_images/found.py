@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from designopt.study.results import PrecisionRow
-from studies.finger_images.making import Finger
+from studies.models.sensor.finger import Finger
 from studies.tactile_images.corrupted import Trial
 from studies.tactile_images.frames import Frame
 from studies.tactile_images.pictures import Shown

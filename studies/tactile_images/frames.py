@@ -16,9 +16,9 @@ from perception.matching import Sighting, View
 from perception.paper_route import PaperRoute
 from perception.quality import Quality
 from perception.unwarping import affine_pad_of, best_view, image_of, least_scale, pad_of
-from studies.finger_images.making import Finger
-from studies.finger_images.one_thread import one_thread
-from studies.finger_images.sensor import lens_of
+from studies.models.one_thread import one_thread
+from studies.models.sensor.estimators import lens_of
+from studies.models.sensor.finger import Finger
 
 FAR = 20.0
 """A view whose corner is off by more pixels (of 1080 rows) has not been found."""

@@ -11,7 +11,7 @@ from perception.detection import find_views
 from perception.differences import References
 from perception.matching import Sighting, View
 from perception.unwarping import best_view, unwarp
-from studies.finger_images.making import Finger
+from studies.models.sensor.finger import Finger
 from studies.tactile_images.frames import IMPRINTS, touched
 from studies.tactile_images.spec import TactileImagesSpec
 

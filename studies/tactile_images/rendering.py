@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from optics.rendering import Effects
-from studies.finger_images.making import Finger
+from studies.models.sensor.finger import Finger
 
 REPEATS = 5
 

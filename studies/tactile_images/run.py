@@ -12,8 +12,8 @@ from designopt.study.study import Context
 from optics.rendering import Effects
 from perception.detection import find_quads
 from perception.paper_route import PaperRoute
-from studies.finger_images.making import Finger
-from studies.finger_images.one_thread import one_thread
+from studies.models.one_thread import one_thread
+from studies.models.sensor.finger import Finger
 from studies.tactile_images import drawings, statements, tables
 from studies.tactile_images.corrupted import Analysis, Trial, tried
 from studies.tactile_images.found import OURS, PAPER, Found

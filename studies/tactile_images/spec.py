@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from studies.finger_images.spec import FingerImagesSpec
+from studies.models.sensor.spec import FingerImagesSpec
 
 Gain = Annotated[float, Field(gt=0, le=10)]
 Severity = Annotated[float, Field(ge=0, le=2)]

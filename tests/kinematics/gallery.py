@@ -17,7 +17,7 @@ from kinematics import (
     solve_transmission,
 )
 
-FOLDER = Path(__file__).parents[2] / "studies" / "linkage_gallery"
+FOLDER = Path(__file__).parents[2] / "studies" / "gallery" / "linkages"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 poses_of = partial(jax.jit, static_argnames=("of",))(solve_poses)

@@ -25,7 +25,7 @@ from kinematics.plot.margin_figures import failed_stretches, margin_figure
 from kinematics.plot.motion_figures import motion_figure, pose_at, traced_joints
 from kinematics.plot.symbols import GREY, hull
 
-GALLERY = Path(__file__).parents[2] / "studies" / "linkage_gallery"
+GALLERY = Path(__file__).parents[2] / "studies" / "gallery" / "linkages"
 NAMES = sorted(path.stem for path in GALLERY.glob("*.toml"))
 
 

@@ -19,7 +19,7 @@ from kinematics.io.mobility import Mobility
 from kinematics.io.sketch import load_sketch, parse_sketch
 from kinematics.io.sketch_geometry import measure
 
-GALLERY = Path(__file__).parents[2] / "studies/linkage_gallery"
+GALLERY = Path(__file__).parents[2] / "studies/gallery/linkages"
 
 
 @functools.cache

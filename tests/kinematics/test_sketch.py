@@ -11,7 +11,7 @@ import pytest
 from designopt.errors import UserError
 from kinematics.io.sketch import load_sketch, parse_sketch
 
-FOUR_BAR = Path(__file__).parents[2] / "studies/linkage_gallery/four-bar.toml"
+FOUR_BAR = Path(__file__).parents[2] / "studies/gallery/linkages/four-bar.toml"
 
 
 def tables() -> dict[str, Any]:

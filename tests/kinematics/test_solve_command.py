@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from designopt.cli import run
 from kinematics import read_linkage
 
-GALLERY = Path(__file__).parents[2] / "studies/linkage_gallery"
+GALLERY = Path(__file__).parents[2] / "studies/gallery/linkages"
 FILES = sorted(path.name for path in GALLERY.glob("*.toml"))
 SLOW_TO_COMPILE = ("double-butterfly", "finger-crank", "jansen", "peaucellier", "stephenson")
 

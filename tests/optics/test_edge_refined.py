@@ -12,7 +12,7 @@ import pytest
 
 from optics import Scene, find_views, read_scene, scene_from, trace_rays, trace_views
 
-GALLERY = Path(__file__).parents[2] / "studies" / "optics_gallery"
+GALLERY = Path(__file__).parents[2] / "studies" / "gallery" / "scenes"
 
 SAME = 1e-12
 """Both engines come within a few units of rounding of the truth."""

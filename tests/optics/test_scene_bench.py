@@ -29,7 +29,7 @@ from optics.visibility.views import describe_end
 from tests.optics.brute_force import coverage, shoot
 from tests.optics.scenes import posed
 
-GALLERY = Path(__file__).parents[2] / "studies/optics_gallery"
+GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
 NAMES = sorted(path.stem for path in GALLERY.glob("*.toml"))
 QUICK = {"finger"}
 

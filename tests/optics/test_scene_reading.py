@@ -17,7 +17,7 @@ from optics import read_scene, scene_from
 from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole
 from optics.scene.scene import WORLD, Frame, Scene, Surface, place
 
-GALLERY = Path(__file__).parents[2] / "studies/optics_gallery"
+GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
 CAMERA = {"position": [3, 4], "direction_deg": -90, "fov_deg": 120, "pixels": 640}
 
 

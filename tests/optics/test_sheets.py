@@ -18,7 +18,7 @@ from optics.scene.file import SceneFile
 from optics.scene_design import DesignedScene
 from tests.designopt.exporting.reading import dimensions, numbers_in, opened
 
-GALLERY = Path(__file__).parents[2] / "studies/optics_gallery"
+GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
 NAMES = sorted(path.stem for path in GALLERY.glob("*.toml"))
 DRAWN = 1e-3
 """How far a curved mirror's drawing may be from its curve, mm."""

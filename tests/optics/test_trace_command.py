@@ -17,7 +17,7 @@ from designopt.cli import run
 from optics import find_views, read_scene
 from optics.visibility import scene_trace as sight
 
-GALLERY = Path(__file__).parents[2] / "studies/optics_gallery"
+GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
 FILES = sorted(path.name for path in GALLERY.glob("*.toml"))
 
 # The camera sees 10 mm tan 30° of the floor to either side, but for the shadow of the flap.

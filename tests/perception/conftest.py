@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from optics.rendering import Effects, Renderer
-from studies.finger_images.making import Finger
-from studies.finger_images.spec import FingerImagesSpec
+from studies.models.sensor.finger import Finger
+from studies.models.sensor.spec import FingerImagesSpec
 from tests.perception.rendered import POSES, Frame, analysed
 
 ROWS = 540

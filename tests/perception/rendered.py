@@ -10,7 +10,7 @@ import numpy as np
 from optics.rendering import TactileImage, TrueView
 from perception.detection import find_views
 from perception.matching import Sighting
-from studies.finger_images.making import Finger
+from studies.models.sensor.finger import Finger
 
 POSES = np.deg2rad([[5, 5], [15, 70], [30, 30], [50, 45], [60, 60], [75, 20], [70, 85]])
 """Joint angles in which all views are seen well at one time or another, rad."""

@@ -10,7 +10,7 @@ from perception.detection import find_quads, find_views
 from perception.matching import Sighting
 from perception.quads import Quad
 from perception.quality import Quality
-from studies.finger_images.making import Finger
+from studies.models.sensor.finger import Finger
 from tests.perception.rendered import POSES, analysed, covered, findable, signed_area
 
 NEAR = 2.0

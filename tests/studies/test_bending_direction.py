@@ -22,8 +22,8 @@ from studies.bending_direction.rules import Tally
 from studies.bending_direction.spec import BendingDirectionSpec
 from studies.bending_direction.statements import gone_at, metrics
 from studies.bending_direction.tables import flipped, paper_tally
-from studies.chamber_images.making import SoftFinger
-from studies.chamber_images.spec import ChamberImagesSpec, MadeSpec
+from studies.models.soft_finger.finger import SoftFinger
+from studies.models.soft_finger.spec import ChamberImagesSpec, MadeSpec
 
 PRINTED = tomllib.loads(
     (Path(__file__).parent.parent / "data" / "table2.toml").read_text(encoding="utf-8")

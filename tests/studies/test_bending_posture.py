@@ -39,9 +39,9 @@ from studies.bending_posture.trainings import (
     ways,
 )
 from studies.bending_posture.verdicts import compared, judged, roomy
-from studies.chamber_images.making import DOWN, SoftFinger
-from studies.chamber_images.odd import KINDS, odd_pictures
-from studies.chamber_images.samples import MARKERS, Samples, marker_places
+from studies.models.soft_finger.finger import DOWN, SoftFinger
+from studies.models.soft_finger.odd import KINDS, odd_pictures
+from studies.models.soft_finger.samples import MARKERS, Samples, marker_places
 
 QUICK = [
     "samples=300",

@@ -29,8 +29,8 @@ from perception.proprioception import (
     observe,
     stack_observations,
 )
-from studies.finger_images.making import Finger
-from studies.finger_images.spec import FingerImagesSpec
+from studies.models.sensor.finger import Finger
+from studies.models.sensor.spec import FingerImagesSpec
 from studies.proprioception.watching import spread_over
 
 FINGERS, LABELLED = 4, 5

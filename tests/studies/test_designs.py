@@ -19,17 +19,17 @@ from kinematics.design import DesignedLinkage
 from optics import Chamber, find_coverage
 from optics.chamber_design import DesignedChamber
 from optics.scene_design import DesignedScene
-from studies.chamber_images.making import SoftFinger
-from studies.chamber_images.spec import ChamberImagesSpec
 from studies.finger.design import DesignedFinger, finger_design
 from studies.finger.spec import FingerSpec
-from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.judging import everywhere
-from studies.finger_linkage.pins import reference_pins
-from studies.finger_mirrors.arrangement import robust_layout, scene_table
-from studies.finger_mirrors.scene_files import scene_file
-from studies.finger_mirrors.spec import FingerMirrorsSpec
-from studies.table1 import paper
+from studies.models.body import BodySpec
+from studies.models.linkage_design.judging import everywhere
+from studies.models.mirror_design.arrangement import robust_layout, scene_table
+from studies.models.mirror_design.scene_files import scene_file
+from studies.models.mirror_design.spec import FingerMirrorsSpec
+from studies.models.pins import reference_pins
+from studies.models.soft_finger import paper
+from studies.models.soft_finger.finger import SoftFinger
+from studies.models.soft_finger.spec import ChamberImagesSpec
 from studies.table1.spec import Table1Spec
 
 KINDS = {
@@ -59,7 +59,7 @@ def unsearched(monkeypatch):
 
     for place in (
         "studies.finger_linkage.design.search",
-        "studies.finger_linkage.analysis.search",
+        "studies.models.linkage_design.analysis.search",
         "studies.finger_mirrors.designed.design_mirrors",
         "studies.finger.design.design_mirrors",
     ):
@@ -172,7 +172,7 @@ def test_another_body_is_searched_for(monkeypatch):
 
 def test_the_linkage_of_an_earlier_result_is_its_file(unsearched, tmp_path):
     from studies.finger_linkage.design import finger_linkage_design
-    from studies.finger_linkage.spec import FingerLinkageSpec
+    from studies.models.linkage_design.spec import FingerLinkageSpec
 
     text = (PACKAGED / "linkage.toml").read_text(encoding="utf-8")
     spec = FingerLinkageSpec(body=BodySpec(thickness=22.0))

@@ -14,10 +14,10 @@ from optics import find_coverage, scene_from
 from studies.finger.spec import FingerSpec
 from studies.finger.spec_files import spec_files
 from studies.finger.statements import degrees_of_freedom
-from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.pins import reference_pins
-from studies.finger_mirrors.arrangement import robust_layout
-from studies.finger_mirrors.percent import percent_at_least
+from studies.models.body import BodySpec
+from studies.models.mirror_design.arrangement import robust_layout
+from studies.models.mirror_design.percent import percent_at_least
+from studies.models.pins import reference_pins
 
 
 @pytest.fixture(scope="module")

@@ -15,22 +15,23 @@ import pytest
 import scipy.optimize
 
 from designopt import cli
-from studies.finger_grasp import cases, exact
-from studies.finger_grasp.analysis import CLOSED, formula_error, retrace_error, touching_dip
-from studies.finger_grasp.closing import LARGEST_MOVE, STEPS, close_all, there_and_back
-from studies.finger_grasp.comparing import compare
-from studies.finger_grasp.conditions import Unknowns, conditions, energy, gaps_of, touches
-from studies.finger_grasp.equilibrium import GRASP, solve
-from studies.finger_grasp.finger import pads, transfer, transfers
-from studies.finger_grasp.free_body import pin_places
 from studies.finger_grasp.judging import judge, setting_of
-from studies.finger_grasp.objects import Circle, Polygon
-from studies.finger_grasp.pinch import bracket, least_place, loading, predict, ratio_map
 from studies.finger_grasp.second_opinion import reference as slsqp
-from studies.finger_grasp.spec import GraspSpec, PinsSpec
 from studies.finger_grasp.stability import families
-from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.pins import reference_pins
+from studies.models.body import BodySpec
+from studies.models.grasp import cases
+from studies.models.grasp.analysis import CLOSED, formula_error, retrace_error, touching_dip
+from studies.models.grasp.closing import LARGEST_MOVE, STEPS, close_all, there_and_back
+from studies.models.grasp.comparing import compare
+from studies.models.grasp.conditions import Unknowns, conditions, energy, gaps_of, touches
+from studies.models.grasp.equilibrium import GRASP, solve
+from studies.models.grasp.finger import pads, transfer, transfers
+from studies.models.grasp.free_body import pin_places
+from studies.models.grasp.objects import Circle, Polygon
+from studies.models.grasp.pinch import bracket, least_place, loading, predict, ratio_map
+from studies.models.grasp.spec import GraspSpec, PinsSpec
+from studies.models.pins import reference_pins
+from studies.oracles import grasp as exact
 
 BODY, SPEC = BodySpec(), GraspSpec()
 FINGER = cases.finger_of(reference_pins(), BODY, SPEC)

@@ -16,21 +16,22 @@ from designopt.plot.figures import trim
 from designopt.solution import Solution
 from designopt.study.results import Table
 from kinematics import linkage_from, solve_poses
-from studies.finger_linkage import tables
-from studies.finger_linkage.analysis import sensor_room
-from studies.finger_linkage.body import BodySpec
+from studies.finger_linkage import comparisons
 from studies.finger_linkage.comparing import Comparison, Run, precision_study
-from studies.finger_linkage.drawings import sequence_figure
-from studies.finger_linkage.judging import judged
-from studies.finger_linkage.linkage_files import spec_file
-from studies.finger_linkage.pins import Pins, linkage_of, reference_pins
-from studies.finger_linkage.postures import find_postures
-from studies.finger_linkage.problem import SYMBOLS, grid, inequalities, linkage_problem
-from studies.finger_linkage.searching import least_angles_deg, over, rounded, search
-from studies.finger_linkage.spec import FingerLinkageSpec, LimitsSpec, SearchSpec, SensorSpec
 from studies.finger_linkage.statements import _yardstick
-from studies.finger_linkage.tolerance import least_angles
-from studies.finger_linkage.transmission import finger_transmission
+from studies.models.body import BodySpec
+from studies.models.linkage_design import tables
+from studies.models.linkage_design.analysis import sensor_room
+from studies.models.linkage_design.figures import sequence_figure
+from studies.models.linkage_design.judging import judged
+from studies.models.linkage_design.postures import find_postures
+from studies.models.linkage_design.problem import SYMBOLS, grid, inequalities, linkage_problem
+from studies.models.linkage_design.searching import least_angles_deg, over, rounded, search
+from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec, SearchSpec, SensorSpec
+from studies.models.linkage_design.tolerance import least_angles
+from studies.models.linkage_design.transmission import finger_transmission
+from studies.models.linkage_files import spec_file
+from studies.models.pins import Pins, linkage_of, reference_pins
 from tests.readable import assert_readable
 
 BODY, LIMITS = BodySpec(), LimitsSpec()
@@ -306,7 +307,7 @@ def test_a_comparison_without_a_feasible_run_has_no_best():
     evolution = Evolution(rows + 1.0, rows - 0.5, rows, None)
     found = Comparison((run, lost), evolution)
     assert math.isnan(found.best_deg)
-    assert len(tables.comparison(found).rows) == 2
+    assert len(comparisons.table(found).rows) == 2
     assert not precision_study(found).claims[0].holds
     assert all(math.isnan(metric.value) for metric in _yardstick(found))
 

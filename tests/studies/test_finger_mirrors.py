@@ -17,10 +17,12 @@ from jax.flatten_util import ravel_pytree
 from designopt import cli
 from designopt.optimize import sobol_starts
 from optics import Pieces, find_coverage, find_views, read_scene, scene_from
-from studies.finger_linkage.body import BodySpec
-from studies.finger_mirrors import design as designing
-from studies.finger_mirrors import problem, seeing, solvers, statements, yields
-from studies.finger_mirrors.arrangement import (
+from studies.finger_mirrors import solvers, statements
+from studies.finger_mirrors.solvers import Run
+from studies.models.body import BodySpec
+from studies.models.mirror_design import design as designing
+from studies.models.mirror_design import problem, seeing, yields
+from studies.models.mirror_design.arrangement import (
     Arrangement,
     bounds,
     camera_body,
@@ -31,7 +33,7 @@ from studies.finger_mirrors.arrangement import (
     scene_of,
     scene_table,
 )
-from studies.finger_mirrors.errors import (
+from studies.models.mirror_design.errors import (
     NAMES,
     Errors,
     deviations,
@@ -39,14 +41,13 @@ from studies.finger_mirrors.errors import (
     spread_evenly,
     with_errors,
 )
-from studies.finger_mirrors.judging import judged, seen_by_rays, whole_square
-from studies.finger_mirrors.searching import Stage, lagrangian
-from studies.finger_mirrors.solvers import Run
-from studies.finger_mirrors.spec import FingerMirrorsSpec, MirrorSpec
+from studies.models.mirror_design.judging import judged, seen_by_rays, whole_square
+from studies.models.mirror_design.searching import Stage, lagrangian
+from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
 
 BODY, SPEC = BodySpec(), MirrorSpec()
 SMALL = MirrorSpec.model_validate({"search": {"copies": 2, "poses": 2, "starts": 1}})
-GALLERY = Path(__file__).parents[2] / "studies" / "optics_gallery" / "finger.toml"
+GALLERY = Path(__file__).parents[2] / "studies" / "gallery" / "scenes" / "finger.toml"
 
 
 @pytest.fixture(scope="module")

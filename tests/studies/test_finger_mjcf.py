@@ -27,16 +27,16 @@ from kinematics.io.sketch import parse_sketch
 from studies.finger.design import DesignedFinger, finger_design
 from studies.finger.mjcf import finger_mjcf
 from studies.finger.spec import FingerSpec
-from studies.finger_grasp import cases
-from studies.finger_grasp.analysis import analyse
-from studies.finger_grasp.closing import Path, close_all, there_and_back
-from studies.finger_grasp.finger import Finger, pads
-from studies.finger_grasp.mjcf import MOTOR, grasp_mjcf
-from studies.finger_grasp.objects import Circle
-from studies.finger_grasp.pinch import loading, predict
-from studies.finger_grasp.spec import GraspSpec
-from studies.finger_linkage.body import BodySpec
-from studies.finger_linkage.pins import Pins, linkage_of, reference_pins, told
+from studies.models.body import BodySpec
+from studies.models.grasp import cases
+from studies.models.grasp.analysis import analyse
+from studies.models.grasp.closing import Path, close_all, there_and_back
+from studies.models.grasp.finger import Finger, pads
+from studies.models.grasp.mjcf import MOTOR, grasp_mjcf
+from studies.models.grasp.objects import Circle
+from studies.models.grasp.pinch import loading, predict
+from studies.models.grasp.spec import GraspSpec
+from studies.models.pins import Pins, linkage_of, reference_pins, told
 from tests.kinematics.simulated import Simulated
 
 ANGLE, GAP = math.radians(0.5), 0.05
@@ -46,7 +46,7 @@ HELD = 0.001
 """Part of the largest force, or of the largest moment, by which both may differ."""
 
 FOUND, PINS = np.radians([0.01, 0.02]), 0.001
-"""Differences of PIP and DIP and gaps that `studies.finger_grasp.mjcf` states."""
+"""Differences of PIP and DIP and gaps that `studies.models.grasp.mjcf` states."""
 
 JOINTS = ("intermediate on world", "distal on intermediate")
 """PIP and DIP; flexion is negative."""

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from studies.finger_linkage.transmission import finger_transmission
+from studies.models.linkage_design.transmission import finger_transmission
 from tests.kinematics.gallery import gallery, poses_of
 
 SQUARE = -np.deg2rad(np.linspace(0, 90, 91))

@@ -18,7 +18,7 @@ from jax.flatten_util import ravel_pytree
 from designopt import cli
 from designopt.study.precision import Contender
 from designopt.study.results import PrecisionRow
-from studies.linkage_precision import (
+from studies.benchmarks.linkage import (
     STUDY,
     contenders,
     exact,
@@ -28,7 +28,7 @@ from studies.linkage_precision import (
     sequential,
     statements,
 )
-from studies.linkage_precision.cases import (
+from studies.benchmarks.linkage.cases import (
     CASES,
     dimensions,
     drawn,
@@ -37,8 +37,8 @@ from studies.linkage_precision.cases import (
     sizes_of,
     with_dimensions,
 )
-from studies.linkage_precision.pinning import one_core
-from studies.linkage_precision.spec import LinkagePrecisionSpec
+from studies.benchmarks.linkage.spec import LinkagePrecisionSpec
+from studies.benchmarks.pinning import one_core
 
 POSES = 90
 NAMES = [case.name for case in CASES]

@@ -12,9 +12,10 @@ import scipy.optimize
 
 from designopt import cli
 from designopt.study.results import StabilityRow
-from studies.linkage_stability import STUDY, cases, exact, judging, mechanisms, triad
-from studies.linkage_stability.run import Family, assess
-from studies.linkage_stability.statements import findings, metrics
+from studies.oracles import linkages as exact
+from studies.stability.linkage import STUDY, cases, judging, mechanisms, triad
+from studies.stability.linkage.run import Family, assess
+from studies.stability.linkage.statements import findings, metrics
 
 MECHANISMS = {
     "four-bar": (mechanisms.four_bar, cases.four_bars, cases.random_four_bars),

@@ -18,7 +18,7 @@ from optics import find_views
 from optics.visibility.sharpness import find_sharpness
 from studies.finger.design import finger_design
 from studies.finger.spec import FingerSpec
-from studies.finger_linkage.judging import everywhere
+from studies.models.linkage_design.judging import everywhere
 from tests.studies.test_tactile_images import run as make_images
 
 pytestmark = pytest.mark.as_users

@@ -20,9 +20,9 @@ from perception.posture import (
     TrainingRecord,
     bend_of_markers,
 )
-from studies.chamber_images.making import SoftFinger
-from studies.chamber_images.odd import KINDS
-from studies.chamber_images.samples import MARKERS, marker_places
+from studies.models.soft_finger.finger import SoftFinger
+from studies.models.soft_finger.odd import KINDS
+from studies.models.soft_finger.samples import MARKERS, marker_places
 from studies.object_size import odd, tables
 from studies.object_size.estimates import Estimates, Reader, estimated
 from studies.object_size.found import Curve, Found

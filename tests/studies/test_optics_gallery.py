@@ -18,7 +18,7 @@ from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
 from optics.visibility.views import Pieces, path_names
 
-FOLDER = Path(__file__).parents[2] / "studies/optics_gallery"
+FOLDER = Path(__file__).parents[2] / "studies/gallery/scenes"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 CURVED = ["circle", "ellipse", "parabola"]
@@ -72,9 +72,9 @@ def assert_shown(scene: Scene, images: dict[str, np.ndarray]) -> None:
 
 
 def test_the_readme_names_every_scene_and_how_to_see_it():
-    assert README.startswith("# optics_gallery")
+    assert README.startswith("# gallery/scenes")
     for name in NAMES:
-        assert f"**`{name}`**: `designopt trace studies/optics_gallery/{name}.toml" in README
+        assert f"**`{name}`**: `designopt trace studies/gallery/scenes/{name}.toml" in README
     assert sorted(set(re.findall(r"([\w-]+)\.toml", README))) == NAMES
 
 

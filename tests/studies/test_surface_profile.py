@@ -23,8 +23,8 @@ from perception.chamber import (
     find_regions,
     movements,
 )
-from studies.chamber_images.making import SoftFinger
-from studies.chamber_images.odd import KINDS as ODD_KINDS
+from studies.models.soft_finger.finger import SoftFinger
+from studies.models.soft_finger.odd import KINDS as ODD_KINDS
 from studies.surface_profile import STUDY
 from studies.surface_profile.drawings import limits_figure
 from studies.surface_profile.found import Found

@@ -14,9 +14,11 @@ import scipy.optimize
 from designopt import cli, find_root
 from designopt.study.results import PrecisionRow
 from designopt.study.stability import assess
-from studies.table1 import STUDY, exact, imaging, paper, precision, stability
+from studies.models.soft_finger import imaging, paper
+from studies.models.soft_finger.chamber_spec import ChamberSpec
+from studies.oracles import chamber as exact
+from studies.table1 import STUDY, precision, stability
 from studies.table1.analysis import OTHER_READING, analyse, real_lens
-from studies.table1.chamber_spec import ChamberSpec
 from studies.table1.run import operations
 from studies.table1.spec import Table1Spec
 from tests.helpers import load_toml

@@ -10,9 +10,9 @@ import pytest
 from designopt.cli import run as command
 from optics import read_scene
 from optics.rendering import Effects
-from studies.finger_images.making import Finger, designed
-from studies.finger_images.one_thread import one_thread
-from studies.finger_images.spec import FingerImagesSpec
+from studies.models.one_thread import one_thread
+from studies.models.sensor.finger import Finger, designed
+from studies.models.sensor.spec import FingerImagesSpec
 from studies.tactile_images import tables
 from studies.tactile_images.corrupted import DAMAGED, NO_FINGER, NO_IMAGE, Trial
 from studies.tactile_images.drawings import imprints_figure
@@ -141,7 +141,7 @@ def test_nonsense_is_refused_in_one_line(tmp_path, capsys, setting, words):
 
 
 def test_a_scene_that_is_no_finger_is_refused(tmp_path, capsys):
-    gallery = files("studies") / "optics_gallery"
+    gallery = files("studies") / "gallery" / "scenes"
     curved = next(
         str(path)
         for path in gallery.iterdir()

@@ -18,7 +18,7 @@ from designopt import cli
 from designopt.study.precision import Contender, measure
 from designopt.study.results import PrecisionRow
 from optics import scene_from
-from studies.visibility_precision import (
+from studies.benchmarks.visibility import (
     STUDY,
     camera_rays,
     contenders,
@@ -26,13 +26,12 @@ from studies.visibility_precision import (
     finger_grid,
     left_out,
     measuring,
-    numpy_rays,
     peers,
     sampling,
     statements,
     tracers,
 )
-from studies.visibility_precision.cases import (
+from studies.benchmarks.visibility.cases import (
     bent,
     flexion,
     gallery,
@@ -40,8 +39,9 @@ from studies.visibility_precision.cases import (
     spoilt_finger,
     with_parts,
 )
-from studies.visibility_precision.plain import rounded
-from studies.visibility_precision.spec import VisibilityPrecisionSpec
+from studies.benchmarks.visibility.spec import VisibilityPrecisionSpec
+from studies.oracles import tracer as numpy_rays
+from studies.oracles.scenes import rounded
 
 RAYS = 200_000
 

@@ -9,13 +9,14 @@ import pytest
 
 from designopt import cli
 from optics.visibility.coverage import find_views
-from studies.visibility_stability import STUDY, comparing, degenerate, judging, rays
-from studies.visibility_stability.answers import Asked, ask
-from studies.visibility_stability.cases import families as all_families
-from studies.visibility_stability.comparing import Gaps, gaps, gradients, landings, wrong_verdicts
-from studies.visibility_stability.exact import ExactScene, judged_numbers, slopes
-from studies.visibility_stability.rays import Fans, Structure
-from studies.visibility_stability.scenes import (
+from studies.oracles import rays
+from studies.oracles.rays import Fans, Structure
+from studies.stability.visibility import STUDY, comparing, degenerate, judging
+from studies.stability.visibility.answers import Asked, ask
+from studies.stability.visibility.cases import families as all_families
+from studies.stability.visibility.comparing import Gaps, gaps, gradients, landings, wrong_verdicts
+from studies.stability.visibility.exact import ExactScene, judged_numbers, slopes
+from studies.stability.visibility.scenes import (
     CAMERA,
     MIRRORS,
     PADS,
@@ -23,8 +24,8 @@ from studies.visibility_stability.scenes import (
     fans_of,
     random_rows,
 )
-from studies.visibility_stability.spec import StabilitySpec
-from studies.visibility_stability.statements import findings, metrics
+from studies.stability.visibility.spec import StabilitySpec
+from studies.stability.visibility.statements import findings, metrics
 
 ASKED = Asked(find_views, 1)
 """All tests share one compiled program."""

@@ -17,7 +17,7 @@ from designopt.explore import desktop
 from designopt.explore.server import listen
 from tests.designopt.exploring.hands import environment
 
-FOUR_BAR = str(Path(__file__).parents[3] / "studies" / "linkage_gallery" / "four-bar.toml")
+FOUR_BAR = str(Path(__file__).parents[3] / "studies" / "gallery" / "linkages" / "four-bar.toml")
 COMMAND = [sys.executable, "-m", "designopt", "explore", FOUR_BAR]
 
 

@@ -196,7 +196,7 @@ def check_four_bar(saved, numbers, joint):
 
 @pytest.mark.slow
 def test_a_linkage_on_the_page(browser, tmp_path):
-    tour(browser, str(STUDIES / "linkage_gallery/four-bar.toml"), tmp_path, check_four_bar)
+    tour(browser, str(STUDIES / "gallery/linkages/four-bar.toml"), tmp_path, check_four_bar)
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ def test_a_linkage_on_the_page(browser, tmp_path):
 )
 def test_a_sharper_screen_shows_every_pixel(browser, tmp_path, ratio):
     """At some ratios Matplotlib's script makes the canvas a pixel or two too small."""
-    named = str(STUDIES / "linkage_gallery/four-bar.toml")
+    named = str(STUDIES / "gallery/linkages/four-bar.toml")
     window = Hands(load_design(named).bench(), tmp_path)
     row = window.window.rows[0]
     places = [on_track(row, fraction) for fraction in (0.4, 0.7)]
@@ -232,6 +232,6 @@ def test_a_sharper_screen_shows_every_pixel(browser, tmp_path, ratio):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("named", [str(STUDIES / "optics_gallery/finger.toml"), "table1", "finger"])
+@pytest.mark.parametrize("named", [str(STUDIES / "gallery/scenes/finger.toml"), "table1", "finger"])
 def test_other_designs_on_the_page(browser, tmp_path, named):
     tour(browser, named, tmp_path)

@@ -23,8 +23,8 @@ STUDIES = Path(__file__).parents[3] / "studies"
 
 @pytest.fixture(autouse=True)
 def _in_a_folder_of_files(tmp_path, monkeypatch):
-    shutil.copy(STUDIES / "linkage_gallery/four-bar.toml", tmp_path)
-    shutil.copy(STUDIES / "optics_gallery/periscope.toml", tmp_path)
+    shutil.copy(STUDIES / "gallery/linkages/four-bar.toml", tmp_path)
+    shutil.copy(STUDIES / "gallery/scenes/periscope.toml", tmp_path)
     monkeypatch.chdir(tmp_path)
 
 

@@ -19,8 +19,8 @@ from perception.chamber import (
     find_regions,
 )
 from studies.bending_direction.frames import TOWARDS
-from studies.chamber_images.making import SoftFinger
-from studies.chamber_images.spec import ChamberImagesSpec
+from studies.models.soft_finger.finger import SoftFinger
+from studies.models.soft_finger.spec import ChamberImagesSpec
 
 BENDS_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 120.0)
 

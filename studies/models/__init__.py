@@ -1,0 +1,1 @@
+"""Whole designs and their methods, which several studies share."""

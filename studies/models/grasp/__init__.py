@@ -1,0 +1,1 @@
+"""The finger closing on objects: contacts, equilibrium, pinch."""

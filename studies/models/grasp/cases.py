@@ -1,0 +1,104 @@
+"""The problems of the study: objects in the places that its questions ask for."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from studies.models.body import BodySpec
+from studies.models.grasp.conditions import Problem
+from studies.models.grasp.finger import Finger
+from studies.models.grasp.objects import Circle, Object, Polygon
+from studies.models.grasp.spec import GraspSpec
+from studies.models.pins import Pins
+
+CHECK_RADIUS = 12.0
+"""Least radius of the circle that is closed on, mm: that of the reference value."""
+
+WRAP = 0.8
+"""Largest part of the DIP range at which that circle is wrapped."""
+
+PINCH_RADIUS = 8.0
+"""Of the circles that are pinched, mm."""
+
+REACH = 0.94
+"""Largest part of the PIP range at which a circle on the proximal pad is first touched."""
+
+
+def finger_of(pins: Pins, body: BodySpec, spec: GraspSpec) -> Finger:
+    """A design with the spring and the servo of the settings."""
+    return Finger(
+        pins,
+        math.log(spec.spring_stiffness),
+        math.log(spec.servo_stiffness),
+        spec.preload,
+        body,
+    )
+
+
+def problem_of(finger: Finger, thing: Object | None, load: tuple[float, float] = (0, 0)) -> Problem:
+    """A problem at motor angle 0 with moments (N mm) that pull PIP and DIP open."""
+    return Problem(finger, 0.0, -np.asarray(load, float), thing)
+
+
+def touching(body: BodySpec, pip: float, place: float, radius: float) -> Circle:
+    """The circle that touches the intermediate phalanx ``place`` mm from A when PIP is ``pip``.
+
+    Beyond the DIP axis it touches the distal phalanx, straight as it then is.
+    """
+    c, s = math.cos(pip), math.sin(pip)
+    x, y = place, body.palmar - radius
+    return Circle(np.array([c * x + s * y, c * y - s * x]), radius)
+
+
+class Touch(NamedTuple):
+    """A circle on the intermediate pad.
+
+    Attributes:
+        pip: PIP flexion at which it touches, rad.
+        place: k₁, its contact's distance from A, mm.
+        radius: mm.
+    """
+
+    pip: float
+    place: float
+    radius: float
+
+
+def check_touch(body: BodySpec) -> Touch:
+    """The circle of the reference value (PIP 30°, k₁ = 11.5 mm, 12 mm), for any body.
+
+    It touches halfway between the joints at a third of the range, and is so large that the distal
+    pad touches it within the range.
+    """
+    stop, place = math.radians(body.range_deg), body.intermediate / 2
+    radius = place / math.tan(WRAP * stop / 2) - body.axis_height
+    return Touch(stop / 3, place, max(CHECK_RADIUS, radius))
+
+
+def lying(body: BodySpec, diameter: float, place: float) -> Circle:
+    """The circle that lies on the proximal pad, ``place`` mm from A or nearer.
+
+    It then touches the intermediate pad at the same distance from A, at
+    PIP = 2 atan(place / (r + h)): A is equally far from both tangents.
+    Small circles move nearer, so that this is within reach.
+    """
+    radius = diameter / 2
+    farthest = (radius + body.axis_height) * math.tan(REACH * math.radians(body.range_deg) / 2)
+    return Circle(np.array([-min(place, farthest), body.palmar - radius]), radius)
+
+
+def wrapped_dip(body: BodySpec, place: float, radius: float) -> float:
+    """DIP at which a circle that touches the intermediate pad touches the distal one as well.
+
+    In closed form, for B is equally far from both tangents: 2 atan((l − k₁) / (r + h)), rad.
+    """
+    return 2 * math.atan((body.intermediate - place) / (radius + body.axis_height))
+
+
+def box(body: BodySpec) -> Polygon:
+    """A square of 24 mm that lies flat on the proximal pad, its near side 6 mm from A."""
+    top = body.palmar
+    return Polygon(np.array([[-30.0, top - 24], [-6.0, top - 24], [-6.0, top], [-30.0, top]]))

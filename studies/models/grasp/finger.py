@@ -1,0 +1,161 @@
+"""The finger as a mechanism with springs: what its motor and its spring feel in one posture."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from designopt.numerics import as_float, safe_divide
+from designopt.vectors import Vector, rotation
+from kinematics.solve.dyads import two_angles
+from studies.models.body import RIM, BodySpec
+from studies.models.pins import Pins
+
+Joints = Float[Array, "2"]
+"""Flexion (PIP, DIP), rad, not negative."""
+
+
+class Finger(eqx.Module):
+    """A design with its spring and its servo.
+
+    Stiffnesses are held by their logarithms, so that a gradient step keeps them positive.
+
+    Attributes:
+        pins: where the pins are in the straight finger.
+        log_spring: ln of the spring's stiffness k between distal phalanx and plate, N mm/rad.
+        log_servo: ln of the servo's stiffness k_s at the crank, N mm/rad.
+        preload: γ_p, how far the spring is wound in the straight finger, rad.
+        body: the section.
+    """
+
+    pins: Pins
+    log_spring: Float[Array, ""] = eqx.field(converter=as_float)
+    log_servo: Float[Array, ""] = eqx.field(converter=as_float)
+    preload: Float[Array, ""] = eqx.field(converter=as_float)
+    body: BodySpec = eqx.field(static=True)
+
+    @property
+    def contrast(self) -> Float[Array, ""]:
+        """κ = √(k / k_s)."""
+        return jnp.exp((self.log_spring - self.log_servo) / 2)
+
+    @property
+    def moment_unit(self) -> Float[Array, ""]:
+        """√(k k_s), N mm: moments are computed in this unit, forces in it over `length_unit`."""
+        return jnp.exp((self.log_spring + self.log_servo) / 2)
+
+    @property
+    def length_unit(self) -> float:
+        """Length between the two joints, mm; gaps are computed in this unit."""
+        return self.body.intermediate
+
+
+class Transfer(eqx.Module):
+    """What a posture means to motor and spring.
+
+    Attributes:
+        crank: φ, turn of the crank from the straight finger, rad, positive in closing.
+        ratios: (φ₁, φ₂), derivatives of φ by PIP and DIP.
+        winding: Δγ, turn of the plate relative to the distal phalanx from straight, rad.
+        slope: γ', derivative of Δγ by DIP.
+        reach: how far the nearer of both dyads is from stretching or folding, mm.
+    """
+
+    crank: Float[Array, ""]
+    ratios: Float[Array, "2"]
+    winding: Float[Array, ""]
+    slope: Float[Array, ""]
+    reach: Float[Array, ""]
+
+
+def transfer(finger: Finger, joints: Joints) -> Transfer:
+    """The finger's transfer functions in one posture, in closed form: two dyads.
+
+    It is `finger_linkage.find_postures` for one posture and without the transmission angles:
+    G-H-C decides the plate from DIP alone, then D-E-F decides the crank. Ratios by virtual
+    velocities: along the rod D and E move equally fast, along the bar G and H do.
+
+    Args:
+        finger: one design.
+        joints: flexion of PIP and DIP, rad.
+    """
+    at = finger.pins.places()
+    axis_b = Vector(jnp.full_like(joints[0], finger.body.intermediate), jnp.zeros_like(joints[0]))
+    phalanx = (at["C"] - axis_b).turned(rotation(-joints[1]))
+    c = axis_b + phalanx
+    bar_turn, plate_turn, reach = _dyad(
+        c - at["G"], at["C"] - at["G"], at["H"] - at["G"], at["C"] - at["H"]
+    )
+    bar = (at["H"] - at["G"]).turned(bar_turn)
+    plate = (at["D"] - at["C"]).turned(plate_turn)
+    plate_ratio, _ = safe_divide(-phalanx.cross(bar), (at["G"] + bar - c).cross(bar))
+
+    knuckle = rotation(-joints[0])
+    d = (c + plate).turned(knuckle)
+    swing, rod_turn, outer_reach = _dyad(
+        d - at["F"], at["D"] - at["F"], at["E"] - at["F"], at["D"] - at["E"]
+    )
+    pull = (at["D"] - at["E"]).turned(rod_turn)
+    lever = (at["E"] - at["F"]).turned(swing).cross(pull)
+    pip_ratio, _ = safe_divide(d.cross(pull), lever)
+    along = phalanx.turned(knuckle).cross(pull) + plate_ratio * plate.turned(knuckle).cross(pull)
+    dip_ratio, _ = safe_divide(along, lever)
+    return Transfer(
+        crank=-swing.angle(),
+        ratios=jnp.stack([pip_ratio, dip_ratio]),
+        # The distal phalanx has turned by −DIP; relative to it the plate has turned by that more.
+        winding=plate_turn.angle() + joints[1],
+        slope=1 - plate_ratio,
+        reach=jnp.minimum(reach, outer_reach),
+    )
+
+
+@jax.jit
+def transfers(finger: Finger, joints: Float[Array, "postures 2"]) -> Transfer:
+    """`transfer` of many postures, compiled."""
+    return jax.vmap(transfer, (None, 0))(finger, joints)
+
+
+def _dyad(
+    e: Vector, straight: Vector, a: Vector, b: Vector
+) -> tuple[Vector, Vector, Float[Array, ""]]:
+    """Turns of both links of a dyad from the straight finger, on the side it has there."""
+    side = jnp.where(straight.cross(a) > 0, 1.0, -1.0).astype(a.x.dtype)
+    turn, other, margins = two_angles(e, a, b, side, straight)
+    return turn, other, jnp.minimum(*margins)
+
+
+class Pad(eqx.Module):
+    """A pad in one posture: a segment in the proximal phalanx's frame.
+
+    Attributes:
+        start: its end near the joint, mm.
+        along: unit vector from there to its other end; the finger lies to its left.
+        length: mm.
+        offset: distance of ``start`` from the phalanx's joint along the pad, mm.
+    """
+
+    start: Vector
+    along: Vector
+    length: float = eqx.field(static=True)
+    offset: float = eqx.field(static=True)
+
+
+def pads(body: BodySpec, joints: Joints) -> tuple[Pad, Pad]:
+    """The pads of the intermediate and of the distal phalanx.
+
+    They begin as far from the joint axes as these lie above the palmar face, and the distal pad
+    ends 1.5 mm before the tip (an argument of this project; paper B gives no number).
+    """
+    inner, outer = rotation(-joints[0]), rotation(-joints[0] - joints[1])
+    axis_b = inner.scaled(jnp.full_like(joints[0], body.intermediate))
+    corner = Vector(
+        jnp.full_like(joints[0], body.axis_height), jnp.full_like(joints[0], body.palmar)
+    )
+    h = body.axis_height
+    return (
+        Pad(corner.turned(inner), inner, body.intermediate - 2 * h, h),
+        Pad(axis_b + corner.turned(outer), outer, body.distal - RIM - h, h),
+    )

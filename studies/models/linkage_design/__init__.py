@@ -1,0 +1,1 @@
+"""The finger's linkage: requirements, search, and what is found of it."""

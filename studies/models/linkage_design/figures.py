@@ -1,0 +1,229 @@
+"""The study's figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm
+
+from designopt.plot.figures import (
+    MARKERS,
+    PALETTE,
+    angle_ticks,
+    legend_below,
+    new_figure,
+    share_limits,
+)
+from designopt.plot.typesetting import as_mathtext
+from designopt.study.results import Figure
+from kinematics.solve.poses import solve_poses
+from studies.models.body import BodySpec
+from studies.models.linkage_design.analysis import LinkageDesign
+from studies.models.linkage_design.judging import Verdict
+from studies.models.linkage_design.spec import FingerLinkageSpec
+from studies.models.pins import Pins, linkage_of, told
+
+LINK_COLOURS = {"crank": "#D55E00", "rod": "#E69F00", "plate": "#009E73", "bar": "#CC79A7"}
+PHALANX = "#0072B2"
+
+
+def finger_figure(pins: Pins, body: BodySpec) -> Figure:
+    """The straight finger with every pin's place: what one builds from."""
+    drawing, axes = new_figure(1, 1, height=3.0)
+    axis = axes[0, 0]
+    draw_finger(axis, pins, body, (0.0, 0.0), named=True)
+    axis.set(xlabel="x from the PIP axis, to the tip (mm)", ylabel="y, to the back (mm)")
+    legend_below(drawing, most=5)
+    return Figure(
+        "finger",
+        "The linkage in the straight finger",
+        "To scale. Phalanges in outline with their joints A (PIP) and B (DIP); pins by the paper's "
+        "names. The table of dimensions has their coordinates and the links' lengths.",
+        drawing,
+    )
+
+
+def sequence_figure(pins: Pins, body: BodySpec) -> Figure:
+    """Pinch and adaptive closing, as paper B's Fig. 3.4."""
+    shares = (0.0, 1 / 3, 2 / 3, 1.0)
+    drawing, axes = new_figure(2, len(shares), height=4.2)
+    end = body.range_deg
+    for row, (name, dip) in enumerate((("Pinch", 0.0), ("Adaptive", 1.0))):
+        for column, share in enumerate(shares):
+            axis = axes[row, column]
+            pose = (share * end, dip * share * end)
+            draw_finger(axis, pins, body, pose)
+            axis.set_title(f"{name}:\nPIP {pose[0]:.0f}°, DIP {pose[1]:.0f}°", fontsize=8)
+            axis.tick_params(labelsize=7)
+        axes[row, 0].set_ylabel("y (mm)")
+    for axis in axes[1]:
+        axis.set_xlabel("x (mm)")
+    share_limits(axes.ravel())
+    legend_below(drawing, most=5)
+    return Figure(
+        "sequences",
+        "Pinch and adaptive closing",
+        "Pinch: the spring holds the plate against the distal phalanx, and only PIP moves. "
+        "Adaptive: both joints move (paper B, Fig. 3.4).",
+        drawing,
+    )
+
+
+def draw_finger(
+    axis: Axes, pins: Pins, body: BodySpec, pose_deg: tuple[float, float], *, named: bool = False
+) -> None:
+    """The finger in section in a pose.
+
+    Args:
+        axis: where to draw.
+        pins: the design.
+        body: its section.
+        pose_deg: flexion of PIP and DIP, degrees.
+        named: write the pins' names, for which the drawing has to be large.
+    """
+    linkage = linkage_of(pins, body, "joints")
+    pose = solve_poses(linkage, -jnp.deg2rad(jnp.asarray(pose_deg))).value
+    at = {name: np.asarray(pose.position(told(name))) for name in "ABCDEFGH"}
+    turns = np.deg2rad(np.cumsum([0.0, *pose_deg]))
+    spans = ((-body.proximal, 0.0), (0.0, body.intermediate), (0.0, body.distal))
+    for number, (origin, turn, (rear, front)) in enumerate(zip("AAB", turns, spans, strict=True)):
+        corners = np.array(
+            [[rear, body.palmar], [front, body.palmar], [front, body.dorsal], [rear, body.dorsal]]
+        )
+        outline = at[origin] + corners @ _turned(turn).T
+        label = None if number else "phalanges"
+        axis.fill(*outline.T, facecolor="0.95", edgecolor=PHALANX, linewidth=1.0, label=label)
+    links = {"crank": "FE", "rod": "ED", "plate": "CDHC", "bar": "GH"}
+    for name, path in links.items():
+        places = np.array([at[pin] for pin in path])
+        axis.plot(*places.T, color=LINK_COLOURS[name], linewidth=2.0, label=name)
+    for host, ends in (("A", "F"), ("A", "G"), ("B", "C")):
+        axis.plot(*np.array([at[host], at[ends]]).T, color=PHALANX, linewidth=1.0, linestyle=":")
+    for pin in "ABCDEFGH":
+        axis.plot(
+            *at[pin], "o", color="black", markerfacecolor="white", markersize=4 if named else 2.5
+        )
+        if named:
+            axis.annotate(
+                told(pin), tuple(at[pin]), xytext=(5, 4), textcoords="offset points", fontsize=9
+            )
+    axis.set_aspect("equal")
+    axis.grid(visible=False)
+
+
+def _turned(turn: float) -> Float[np.ndarray, "2 2"]:
+    """The matrix of a clockwise turn, rad."""
+    return np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+
+
+def maps_figure(verdict: Verdict) -> Figure:
+    """The six transmission angles over all postures."""
+    drawing, axes = new_figure(2, 3, height=5.0)
+    low = 5 * np.floor(verdict.least_deg / 5)
+    levels = np.arange(low, 91, 5)
+    for axis, (name, values) in zip(axes.flat, verdict.angles_deg.items(), strict=True):
+        full = np.broadcast_to(values, verdict.crank_deg.shape)
+        axis.contourf(
+            verdict.flexion_deg, verdict.flexion_deg, full.T, levels=levels, cmap="cividis"
+        )
+        worst = np.unravel_index(np.argmin(full), full.shape)
+        place = [verdict.flexion_deg[i] for i in worst]
+        axis.plot(*place, "X", color=PALETTE[1], markersize=9, clip_on=False, zorder=5)
+        axis.set_title(as_mathtext(f"{name}: least {full.min():.1f}°"), fontsize=9)
+        ticks = angle_ticks(verdict.flexion_deg[-1])
+        axis.set(aspect="equal", xticks=ticks, yticks=ticks)
+        axis.grid(visible=False)
+    for axis in axes[1]:
+        axis.set_xlabel("PIP (°)")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("DIP (°)")
+    colours = ScalarMappable(BoundaryNorm(levels, 256), "cividis")
+    drawing.colorbar(colours, ax=axes, label="transmission angle (°)", shrink=0.8)
+    return Figure(
+        "transmission",
+        "Transmission angles over all postures",
+        "Each folded to 0…90°; the cross marks its least value. Angles between links, and for D2 "
+        "and P with the line to an instant centre.",
+        drawing,
+    )
+
+
+def ratio_figure(verdict: Verdict) -> Figure:
+    """The crank's turn and the force ratio over all postures."""
+    drawing, axes = new_figure(1, 2, height=3.4)
+    for axis, values, label in (
+        (axes[0, 0], verdict.crank_deg, "turn of the crank (°)"),
+        (axes[0, 1], verdict.ratio, "φ₂/φ₁"),
+    ):
+        shown = axis.contourf(
+            verdict.flexion_deg, verdict.flexion_deg, values.T, levels=12, cmap="cividis"
+        )
+        axis.set(xlabel="PIP (°)", ylabel="DIP (°)", aspect="equal")
+        ticks = angle_ticks(verdict.flexion_deg[-1])
+        axis.set(xticks=ticks, yticks=ticks)
+        axis.grid(visible=False)
+        drawing.colorbar(shown, ax=axis, label=label, shrink=0.9)
+    return Figure(
+        "ratios",
+        "Turn of the crank, and the ratio that decides whether a pinch holds",
+        "φ₁ and φ₂ are the turns of the crank per turn of PIP and of DIP.",
+        drawing,
+    )
+
+
+def tolerance_figure(least: Float[np.ndarray, " draws"], nominal: float, required: float) -> Figure:
+    """What errors of the pins do to the least angle."""
+    drawing, axes = new_figure(1, 1, height=3.0)
+    axis = axes[0, 0]
+    axis.hist(least, bins=50, color=PALETTE[5], edgecolor="white", linewidth=0.3)
+    axis.axvline(nominal, color=PALETTE[0], label=f"without errors {nominal:.1f}°")
+    axis.axvline(required, color=PALETTE[1], linestyle="--", label=f"required {required:g}°")
+    axis.set(xlabel="least transmission angle (°)", ylabel="fingers")
+    legend_below(drawing, most=2)
+    return Figure(
+        "tolerance",
+        "The least transmission angle of fingers with errors",
+        "Every coordinate of every pin has an independent normal error.",
+        drawing,
+    )
+
+
+def starts_figure(levels: Sequence[Sequence[float]]) -> Figure:
+    """Where every start of every round led to."""
+    drawing, axes = new_figure(1, 1, height=3.0)
+    axis = axes[0, 0]
+    for number, values in enumerate(levels):
+        axis.plot(
+            [number] * len(values),
+            values,
+            MARKERS[number % len(MARKERS)],
+            color=PALETTE[number % len(PALETTE)],
+            markerfacecolor="none",
+        )
+    names = ["starts", *(f"exchange {n}" for n in range(1, len(levels)))]
+    axis.set(xticks=range(len(levels)), xticklabels=names)
+    axis.set(ylabel="least transmission angle (°)", xlim=(-0.5, len(levels) - 0.5))
+    return Figure(
+        "starts",
+        "Where every start led to",
+        "Feasible designs only, in the postures of their round: each exchange adds those in which "
+        "a design was worse than it had promised, so that the best value falls to the true one.",
+        drawing,
+    )
+
+
+def design_figures(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
+    """Figures of a design."""
+    return [
+        finger_figure(design.pins, spec.body),
+        sequence_figure(design.pins, spec.body),
+        maps_figure(design.verdict),
+        ratio_figure(design.verdict),
+        tolerance_figure(design.drawn, design.verdict.least_deg, spec.limits.transmission_deg),
+        starts_figure([one.feasible_deg for one in design.search.rounds]),
+    ]

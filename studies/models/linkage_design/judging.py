@@ -1,0 +1,227 @@
+"""A design judged posture by posture by the general linkage solver, not by the search's code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.solution import Solution
+from designopt.vectors import Vector
+from kinematics.model.linkage import Linkage
+from kinematics.solve.poses import solve_poses
+from kinematics.solve.solver import Pose
+from studies.models.body import BodySpec
+from studies.models.linkage_design.problem import HOSTS, PAIRS, SYMBOLS, grid
+from studies.models.linkage_design.spec import LimitsSpec
+from studies.models.linkage_design.transmission import finger_transmission
+from studies.models.pins import Pins, linkage_of, told
+
+STEP_DEG = 1.0
+"""Step of the square of postures on which a design is judged, degrees."""
+
+
+ROUNDING = 1e-9
+"""What a requirement may miss by rounding, in its unit."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One requirement, as required and as achieved.
+
+    Attributes:
+        name: what is required.
+        required: the limit.
+        achieved: the worst value over all postures.
+        unit: of both.
+        at_least: whether the limit is a least value (else a greatest one).
+    """
+
+    name: str
+    required: float
+    achieved: float
+    unit: str
+    at_least: bool
+
+    @property
+    def slack(self) -> float:
+        """How far inside the limit, in its unit; negative where it is not met."""
+        inside = self.achieved - self.required
+        return inside if self.at_least else -inside
+
+    @property
+    def met(self) -> bool:
+        """Whether it is met, but for rounding."""
+        return self.slack >= -ROUNDING
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A design over the square of postures; squares have PIP along their first axis.
+
+    Attributes:
+        flexion_deg: angles of either joint, degrees.
+        angles_deg: transmission angles by name, degrees, squares.
+        crank_deg: turn of the crank from straight in the closing direction, degrees, a square.
+        ratio: φ₂/φ₁ by differences of that, a square.
+        checks: every requirement but that on the transmission angle.
+    """
+
+    flexion_deg: Float[np.ndarray, " angles"]
+    angles_deg: dict[str, Float[np.ndarray, "pip dip"]]
+    crank_deg: Float[np.ndarray, "pip dip"]
+    ratio: Float[np.ndarray, "pip dip"]
+    checks: tuple[Check, ...]
+
+    @property
+    def least_deg(self) -> float:
+        """The least transmission angle over all postures, degrees."""
+        return min(float(np.min(values)) for values in self.angles_deg.values())
+
+    @property
+    def assembles(self) -> bool:
+        """Whether the linkage assembles in every posture."""
+        return self.checks[0].met
+
+    @property
+    def crank_range_deg(self) -> float:
+        """How far the crank turns over all postures, degrees."""
+        return float(np.ptp(self.crank_deg))
+
+    @property
+    def unmet(self) -> list[Check]:
+        """The requirements that are not met."""
+        return [check for check in self.checks if not check.met]
+
+
+def judged(pins: Pins, body: BodySpec, limits: LimitsSpec) -> Verdict:
+    """A design over the whole square of postures, every requirement with what it comes to.
+
+    Args:
+        pins: one design.
+        body: the finger's section.
+        limits: what every posture must leave.
+    """
+    flexion = grid(body, STEP_DEG)
+    linkage = linkage_of(pins, body, "joints")
+    square = np.stack(np.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
+
+    poses, angles = everywhere(linkage, -jnp.asarray(square))
+    pose = poses.value
+    crank = np.unwrap(np.unwrap(np.asarray(_angle(pose.bodies["crank"])), axis=1), axis=0)
+    crank = crank[0, 0] - crank
+    plate = np.unwrap(_angle(pose.bodies["plate"])[0] - _angle(pose.bodies["distal"])[0])
+    by_pip, by_dip = np.diff(crank, axis=0), np.diff(crank, axis=1)
+    step = flexion[1] - flexion[0]
+    rates = np.asarray(crank_rates(linkage, -jnp.asarray(square)))
+    ratio = rates[..., 1] / rates[..., 0]
+    checks = [
+        Check("postures that assemble", square[..., 0].size, int(jnp.sum(poses.ok)), "", True),
+        Check("dyads from lock-up", limits.assembly, float(jnp.min(poses.margin)), "mm", True),
+        Check("turn of the crank per PIP", limits.turn, float(np.min(by_pip) / step), "", True),
+        Check("turn of the crank per DIP", limits.turn, float(np.min(by_dip) / step), "", True),
+        Check(
+            "turn of the plate per DIP", limits.turn, float(np.min(np.diff(plate)) / step), "", True
+        ),
+        Check(
+            "range of the crank",
+            limits.crank_range_deg,
+            float(np.rad2deg(np.ptp(crank))),
+            "°",
+            False,
+        ),
+        *_lengths(pins, body, limits),
+        *_inside(pose, body, limits),
+    ]
+    if limits.force_ratio is not None:
+        checks.append(Check("φ₂/φ₁", limits.force_ratio, float(np.max(ratio)), "", False))
+    return Verdict(
+        np.rad2deg(flexion),
+        {SYMBOLS[name]: np.rad2deg(np.asarray(values)) for name, values in angles.items()},
+        np.rad2deg(crank),
+        ratio,
+        tuple(checks),
+    )
+
+
+@jax.jit
+def everywhere(
+    linkage: Linkage, inputs: Float[Array, "pip dip 2"]
+) -> tuple[Solution[Pose], dict[str, Float[Array, "pip dip"]]]:
+    """Poses and transmission angles by the general solver.
+
+    Args:
+        linkage: the joint-driven finger.
+        inputs: angles of both joints, rad, flexion negative.
+    """
+    poses = solve_poses(linkage, inputs)
+    return poses, finger_transmission(poses.value)
+
+
+@jax.jit
+def crank_rates(linkage: Linkage, inputs: Float[Array, "pip dip 2"]) -> Float[Array, "pip dip 2"]:
+    """Turn of the crank per turn of each joint, by the general solver's derivatives.
+
+    Args:
+        linkage: the joint-driven finger.
+        inputs: as in `everywhere`.
+    """
+
+    def turn(one: Float[Array, "2"]) -> Float[Array, ""]:
+        return solve_poses(linkage, one).value.bodies["crank"].angle()
+
+    return jax.vmap(jax.vmap(jax.jacfwd(turn)))(inputs)
+
+
+def _angle(direction: Vector) -> np.ndarray:
+    return np.arctan2(np.asarray(direction.y), np.asarray(direction.x))
+
+
+def _lengths(pins: Pins, body: BodySpec, limits: LimitsSpec) -> list[Check]:
+    at = {"A": np.zeros(2), "B": np.array([body.intermediate, 0.0])}
+    at |= {name: np.asarray(getattr(pins, name)) for name in HOSTS}
+
+    def distance(first: str, second: str) -> float:
+        return float(np.hypot(*(at[first] - at[second])))
+
+    apart = [
+        Check(
+            f"pins {told(first)} and {told(second)} apart",
+            limits.spacing,
+            distance(first, second),
+            "mm",
+            True,
+        )
+        for first, second in PAIRS
+    ]
+    return [
+        *apart,
+        Check("|AF|", limits.crank_offset, distance("A", "F"), "mm", True),
+        Check("|EF|", limits.crank_length, distance("E", "F"), "mm", False),
+    ]
+
+
+def _inside(pose: Pose, body: BodySpec, limits: LimitsSpec) -> list[Check]:
+    origins = {"proximal": "A", "intermediate": "A", "distal": "B"}
+    checks = []
+    for name, host in HOSTS.items():
+        turn = pose.bodies[host].conjugate()
+        if host == "proximal":  # its body points from O to A, and is fixed
+            place = pose.joints[told(name)]
+        else:
+            place = (pose.joints[told(name)] - pose.joints[origins[host]]).turned(turn)
+        sides = [place.y - body.palmar, body.dorsal - place.y]
+        if host == "proximal":
+            sides.append(place.x + body.proximal)
+        if host == "distal":
+            sides.append(body.distal - place.x)
+        inside = min(float(jnp.min(side)) for side in sides)
+        checks.append(
+            Check(
+                f"pin {told(name)} inside the {host} phalanx", limits.clearance, inside, "mm", True
+            )
+        )
+    return checks

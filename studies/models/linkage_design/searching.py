@@ -1,0 +1,250 @@
+"""The search: many starts on few postures, the best of them again with the worst in between."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from designopt.optimize import (
+    Active,
+    Levelled,
+    Method,
+    Minimiser,
+    Optima,
+    Optimum,
+    OptimumResult,
+    Problem,
+    Starts,
+    active_set,
+    best_starts,
+    conflict,
+    epigraph,
+    level_starts,
+)
+from studies.models.linkage_design.judging import STEP_DEG
+from studies.models.linkage_design.problem import ANGLE, grid, linkage_problem
+from studies.models.linkage_design.spec import FingerLinkageSpec
+from studies.models.pins import Pins
+
+FLOOR = -math.pi / 2 / ANGLE
+"""No transmission angle exceeds a right angle, so no scaled objective falls below this."""
+
+UPDATES, STEPS = 12, 150
+
+
+WORSE = math.radians(1e-3)
+"""A posture in between counts if an angle is smaller there by more than this, rad."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """One solve from several designs.
+
+    Attributes:
+        problem: over its postures, with ``least``.
+        optima: where every design led to, in the problem's epigraph form.
+    """
+
+    problem: Problem
+    optima: Optima
+
+    @functools.cached_property
+    def least_deg(self) -> list[float]:
+        """Least transmission angle of every design over its postures, in the optima's order."""
+        return least_angles_deg(self.problem, self.optima.found)
+
+    @property
+    def feasible_deg(self) -> list[float]:
+        """The same of those that meet all requirements."""
+        found = zip(self.optima.found, self.least_deg, strict=True)
+        return [least for one, least in found if one.feasible]
+
+
+def least_angles_deg(problem: Problem, optima: Sequence[Optimum]) -> list[float]:
+    """Least transmission angles of designs over a problem's postures.
+
+    The level of the epigraph form is below that where a solve ends early, even below 0.
+    """
+    designs = jax.tree.map(
+        lambda *leaves: jnp.stack(leaves), *(one.parameters.design for one in optima)
+    )
+    least = jax.jit(jax.vmap(lambda design: -problem.terms(design, *problem.data).value))
+    return np.rad2deg(least(designs)).tolist()
+
+
+@dataclass(frozen=True)
+class Search:
+    """What was found, and how.
+
+    Attributes:
+        pins: the design, rounded to what can be built.
+        starts: where the first round began.
+        rounds: the solves; the first from Sobol points, the others from the best before.
+    """
+
+    pins: Pins
+    starts: Starts
+    rounds: tuple[Round, ...]
+
+    @property
+    def best(self) -> Optimum:
+        """The optimum that became the design."""
+        return self.rounds[-1].optima.best
+
+    @property
+    def seconds(self) -> float:
+        """Run time of the search, without compiling."""
+        return self.starts.seconds + sum(one.optima.seconds for one in self.rounds)
+
+    @property
+    def compile_seconds(self) -> float:
+        """Time to compile it; the rounds after the second use the second's program."""
+        solves = [one.optima.compile_seconds for one in self.rounds[:2]]
+        return self.starts.compile_seconds + sum(solves)
+
+    def held_by(self) -> list[Active]:
+        """The requirements that hold the optimum; empty if it is none."""
+        if not bool(self.best.solution.ok):
+            return []
+        return active_set(epigraph(self.rounds[-1].problem, scale=ANGLE), self.best)
+
+    def conflict(self) -> list[str]:
+        """The requirements that conflict, with amounts; empty where that is not known."""
+        if self.best.solution.result != OptimumResult.infeasible:
+            return []
+        return conflict(epigraph(self.rounds[-1].problem, scale=ANGLE), self.best)
+
+
+def search(spec: FingerLinkageSpec, seed: int) -> Search:
+    """The best linkage for a spec.
+
+    Few postures decide. The starts are solved on a coarse square; then the postures in between in
+    which a finalist is worse than it promised are added, and it is solved again from where it was,
+    until there are none (exchange method of semi-infinite programming: R. Hettich, K. O. Kortanek,
+    SIAM Review 35, 1993).
+
+    Args:
+        spec: the study's settings.
+        seed: of the Sobol points.
+    """
+    how, flexion = spec.search, grid(spec.body, spec.search.step_deg)
+    coarse = over(spec, flexion, flexion)
+    starts = best_starts(coarse, how.starts, seed, among=how.among, scale=ANGLE)
+    begin = level_starts(coarse, starts.parameters)
+    rounds = [Round(coarse, minimiser(coarse, how.starts, "bfgs").solve(begin))]
+    worst = _worst_postures(spec)
+    pip = dip = flexion
+    again = known = None
+    for _ in range(how.exchanges):
+        if rounds[-1].optima.best.violation > NEARLY:
+            break  # more postures would only ask for more
+        finalists = _finalists(rounds[-1].optima, how.finalists)
+        more = [worst(one.design, float(one.level)) for one in finalists]
+        pip = _joined(pip, [part for part, _ in more])
+        dip = _joined(dip, [part for _, part in more])
+        # All rounds have places for as many postures, so that one program solves them.
+        postures = _filled(pip, flexion), _filled(dip, flexion)
+        if known is not None and all(map(np.array_equal, postures, known)):
+            break
+        known = postures
+        problem = over(spec, *postures)
+        again = again or minimiser(problem, len(finalists), "slsqp")
+        designs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *finalists).design
+        solved = Round(problem, again.solve(level_starts(problem, designs), problem.data))
+        if solved.optima.best.violation > NEARLY:
+            break  # from what cannot be met this solver runs astray
+        rounds.append(solved)
+    found = rounds[-1].optima.best.parameters.design
+    return Search(rounded(found, how.rounding), starts, tuple(rounds))
+
+
+PLACES = 10
+"""Places for angles that the exchange adds to those of PIP and of DIP."""
+
+
+def over(spec: FingerLinkageSpec, pip: np.ndarray, dip: np.ndarray) -> Problem:
+    """The problem over the postures that combine these angles, rad."""
+    # Both ends of a link may be rounded, by half a step along x and y.
+    allowance = max(spec.search.allowance, 2 * spec.search.rounding)
+    return linkage_problem(spec.body, spec.limits, pip, dip, allowance)
+
+
+APART = 0.5
+"""Optima are different designs if a coordinate differs by more than this, mm."""
+
+NEARLY = 1e-3
+"""Largest scaled violation of a design that is worth solving on."""
+
+
+def _finalists(optima: Optima, count: int) -> list[Levelled]:
+    """The best different designs, as many as asked for; the best ones again if there are fewer."""
+    ranked = sorted(optima.found, key=lambda one: (one.violation > NEARLY, one.objective))
+    chosen: list[Levelled] = []
+    for one in ranked:
+        steps = [
+            jax.tree.map(lambda a, b: jnp.max(jnp.abs(a - b)), one.parameters.design, other.design)
+            for other in chosen
+        ]
+        if all(max(map(float, jax.tree.leaves(step))) > APART for step in steps):
+            chosen.append(one.parameters)
+    return (chosen + [one.parameters for one in ranked])[:count]
+
+
+def _joined(angles: np.ndarray, more: list[list[float]]) -> np.ndarray:
+    """The angles, and those of the others that are new, in the order of the designs."""
+    new = [angle for part in more for angle in part if not np.any(np.isclose(angle, angles))]
+    return np.concatenate([angles, list(dict.fromkeys(new))])
+
+
+def _filled(angles: np.ndarray, flexion: np.ndarray) -> np.ndarray:
+    """The angles in all places; in those that are left, the straight posture once more."""
+    count = len(flexion) + PLACES
+    return np.concatenate([angles, np.zeros(max(0, count - len(angles)))])[:count]
+
+
+def _worst_postures(spec: FingerLinkageSpec) -> Callable[[Pins, float], tuple[Any, Any]]:
+    """From a design and the level it promised to the angles of postures in which it is worse."""
+    flexion = grid(spec.body, STEP_DEG)
+    check = linkage_problem(spec.body, spec.limits, flexion, flexion)
+    terms = jax.jit(check.terms)
+
+    def worst(pins: Pins, level: float) -> tuple[Any, Any]:
+        found = terms(pins, *check.data)
+        assert found.least is not None
+        short = [level - np.asarray(values) - WORSE for values in found.least.values()]
+        short += [-np.asarray(values) for values in found.inequalities.values()]
+        pip, dip = set(), set()
+        for values in short:
+            if values.ndim and np.max(values) > 0 and values.shape[-1] == len(flexion):
+                place = np.unravel_index(np.argmax(values), values.shape)
+                dip.add(float(flexion[place[-1]]))
+                if values.ndim > 1 and values.shape[-2] == len(flexion):
+                    pip.add(float(flexion[place[-2]]))
+        return sorted(pip), sorted(dip)
+
+    return worst
+
+
+def minimiser(problem: Problem, count: int, method: Method) -> Minimiser:
+    """A solver of the exact form.
+
+    From afar BFGS inside an augmented Lagrangian, all starts in one vectorised program; near the
+    optimum sequential quadratic programming needs a few steps, for it sees which postures hold it.
+    """
+    exact = epigraph(problem, scale=ANGLE)
+    return Minimiser(exact, count, method, floor=FLOOR, updates=UPDATES, steps=STEPS)
+
+
+def rounded(pins: Pins, step: float) -> Pins:
+    """The design with every coordinate a multiple of a step, mm."""
+    # The second rounding, to 10 decimals, takes away what binary fractions leave.
+    return jax.tree.map(
+        lambda leaf: jnp.asarray(np.round(np.round(np.asarray(leaf) / step) * step, 10)), pins
+    )

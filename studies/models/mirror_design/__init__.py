@@ -1,0 +1,1 @@
+"""The finger's camera and mirrors: layout, search, tolerances, yield."""

@@ -1,0 +1,187 @@
+"""The study's figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.patches import Patch
+
+from designopt.plot.figures import PALETTE, angle_ticks, legend_below, new_figure
+from designopt.study.results import Figure
+from optics.plot.scene_drawing import DASHES
+from optics.plot.scene_figures import COLOURS, UNSEEN, poses_figure
+from optics.scene.scene import Scene
+from studies.models.mirror_design.errors import NAMES
+from studies.models.mirror_design.judging import Square, Verdict
+from studies.models.mirror_design.seeing import best_resolution, pad_lengths, together
+from studies.models.mirror_design.yields import STEPS, Sensitivity, Yield
+
+PARTS = (0.0, 1 / 3, 2 / 3, 1.0)
+"""Of the range of both joints, at which the finger is drawn: open, about the hand-overs, closed."""
+
+PLACES = 161
+
+
+def views_figure(name: str, title: str, scene: Scene, verdict: Verdict) -> Figure:
+    """The mirror visibility plot in four poses."""
+    kept = [round(part * (len(verdict.degrees) - 1)) for part in PARTS]
+    degrees = verdict.degrees[kept]
+    views = jax.tree.map(lambda leaf: leaf[np.array(kept)], verdict.views)
+    return Figure(
+        name,
+        title,
+        f"The section at {', '.join(f'{angle:g}' for angle in degrees)}° of both joints, with rays "
+        "along the ends of what each path shows.",
+        poses_figure(scene, together(jnp.deg2rad(jnp.asarray(degrees))), views),
+    )
+
+
+def coverage_figure(squares: Mapping[str, Square], degrees: np.ndarray) -> Figure:
+    """The pad that is seen least, for all pairs of joint angles, before and after."""
+    drawing, grid = new_figure(1, len(squares), height=3.4)
+    colours = ScalarMappable(Normalize(0, 100), COLOURS)
+    for index, (axes, (name, square)) in enumerate(zip(grid[0], squares.items(), strict=True)):
+        least = 100 * np.min(square.coverage, axis=-1)
+        mesh = axes.pcolormesh(
+            degrees, degrees, least.T, norm=colours.norm, cmap=COLOURS, shading="nearest"
+        )
+        mesh.set_rasterized(True)
+        axes.grid(visible=False)
+        low, high = (f"{value:.4g}" for value in (least.min(), least.max()))
+        span = low if low == high else f"{low} to {high}"
+        axes.set(title=f"{name}: {span} %", xlabel="PIP (°)")
+        axes.set(ylabel="" if index else "DIP (°)", aspect="equal")
+        axes.set(xticks=angle_ticks(degrees[-1], 6), yticks=angle_ticks(degrees[-1], 6))
+    drawing.colorbar(colours, ax=list(grid[0]), label="coverage of the least seen pad (%)")
+    return Figure(
+        "coverage",
+        "Coverage on a 1° grid",
+        f"Part that is seen of the pad that is seen least, for all "
+        f"{len(degrees) ** 2:,} pairs of joint angles.",
+        drawing,
+    )
+
+
+def resolution_figure(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
+    """Resolution along the outer pads over their joints' angles, before and after."""
+    pads = {"proximal": "PIP", "distal": "DIP"}
+    drawing, grid = new_figure(len(scenes), len(pads), height=2.6 * len(scenes) + 0.5)
+    places = jnp.linspace(0, 1, PLACES)
+    maps: dict[tuple[int, int], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+    for row, (scene, verdict) in enumerate(scenes.values()):
+        views = jax.tree.map(jnp.asarray, verdict.views.value)
+        best = np.asarray(best_resolution(views, pad_lengths(scene), places))
+        for column, pad in enumerate(pads):
+            index = [part.name for part in scene.layout.pads].index(pad)
+            along = float(pad_lengths(scene)[index]) * np.asarray(places)
+            maps[row, column] = verdict.degrees, along, best[:, index]
+    seen = np.concatenate([values[values > 0] for *_, values in maps.values()])
+    colours = ScalarMappable(LogNorm(max(seen.min(), 0.5), seen.max()), COLOURS)
+    for (row, column), (degrees, along, values) in maps.items():
+        axes, name = grid[row, column], list(pads)[column]
+        axes.patch.set(**UNSEEN)
+        axes.grid(visible=False)
+        shown = np.where(values > 0, values, np.nan)
+        mesh = axes.pcolormesh(
+            degrees, along, shown.T, norm=colours.norm, cmap=COLOURS, shading="nearest"
+        )
+        mesh.set_rasterized(True)
+        there = shown[np.isfinite(shown)]
+        note = f"{there.min():.3g} to {there.max():.3g} px/mm" if there.size else "nothing seen"
+        axes.set_title(f"{list(scenes)[row]}, {name}: {note}")
+        axes.set(ylabel="" if column else "along the pad (mm)", xticks=angle_ticks(degrees[-1], 6))
+        if row == len(scenes) - 1:
+            axes.set_xlabel(f"{pads[name]} (°)")
+    bar = drawing.colorbar(colours, ax=grid.ravel().tolist(), label="resolution (px/mm)")
+    ticks = [tick for tick in (0.5, 1, 2, 5, 10, 20, 50) if seen.min() <= tick <= seen.max()]
+    bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+    bar.minorticks_off()
+    unseen = Patch(label="not seen", **UNSEEN)
+    drawing.legend(handles=[unseen], loc="outside lower center")
+    return Figure(
+        "resolution",
+        "Resolution along the outer pads",
+        "Each place in the view that shows it best; 0 mm is the pad's first end: the root of the "
+        "proximal pad, the joint's end of the distal one. The jump is the hand-over from the "
+        "direct view to the mirror.",
+        drawing,
+    )
+
+
+def sensitivity_figure(found: Sensitivity) -> Figure:
+    """What each error hides by itself, and what its tolerance does to the yield."""
+    drawing, grid = new_figure(1, 2, height=3.6, width_ratios=[1.6, 1])
+    left, right = grid[0]
+    for index, (name, curve) in enumerate(zip(NAMES, found.worst, strict=True)):
+        left.plot(
+            STEPS,
+            100 * curve,
+            color=PALETTE[index % len(PALETTE)],
+            linestyle=DASHES[index % len(DASHES)],
+            label=name,
+        )
+    left.set(
+        title="One error at a time",
+        xlabel="error (standard deviations)",
+        ylabel="worst coverage (%)",
+        xlim=(STEPS[0], STEPS[-1]),
+    )
+    names = ["as stated", *(f"2 × {name}" for name in found.doubled)]
+    yields = [found.base, *found.doubled.values()]
+    _bars(right, names, yields)
+    right.set_title("Yield, a tolerance doubled")
+    legend_below(drawing)
+    return Figure(
+        "sensitivity",
+        "Sensitivity to each tolerance",
+        "Left: least coverage of any pad in any posture with a single error. Right: yield with one "
+        "tolerance doubled, each over the same draws, with 95 % confidence intervals.",
+        drawing,
+    )
+
+
+def _bars(axes: Axes, names: list[str], yields: list[Yield]) -> None:
+    at = np.arange(len(names))
+    values = 100 * np.array([one.value for one in yields])
+    spread = [[100 * (one.value - one.low) for one in yields],
+              [100 * (one.high - one.value) for one in yields]]  # fmt: skip
+    style: dict[str, Any] = {"color": PALETTE[0], "ecolor": "black", "capsize": 3, "height": 0.6}
+    axes.barh(at, values, xerr=spread, **style)
+    axes.set(yticks=at, yticklabels=names, xlabel="yield (%)", xlim=(0, 105))
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+
+
+def yield_figure(yields: Mapping[str, Yield], degrees: np.ndarray, pads: list[str]) -> Figure:
+    """In which postures draws fail, pad by pad."""
+    drawing, grid = new_figure(1, 2, height=3.4)
+    joints = {"proximal": "PIP", "distal": "DIP"}
+    for axes, (pad, joint) in zip(grid[0], joints.items(), strict=True):
+        for level, (name, one) in enumerate(yields.items()):
+            axes.plot(
+                degrees,
+                100 * one.by_pose[:, pads.index(pad)],
+                color=PALETTE[level],
+                linestyle=DASHES[level],
+                label=f"{name}: yield {100 * one.value:.1f} %",
+            )
+        axes.set(title=f"{pad} pad", xlabel=f"{joint} (°)", xticks=angle_ticks(degrees[-1], 6))
+    grid[0, 0].set_ylabel("draws with the pad wholly seen (%)")
+    lowest = min(float(np.min(one.by_pose)) for one in yields.values())
+    for axes in grid[0]:
+        axes.set_ylim(100 * lowest - 1, 100.5)
+    legend_below(drawing, most=2)
+    return Figure(
+        "yield",
+        "Where errors hide something",
+        "Part of the Monte-Carlo draws in which each outer pad is wholly seen, over its joint's "
+        "angle; the yield asks for all pads in all postures of one draw.",
+        drawing,
+    )

@@ -1,0 +1,144 @@
+"""The verdict on an arrangement, found apart from the search: degree by degree, and by rays."""
+
+from __future__ import annotations
+
+import time
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.solution import Solution
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_coverage, find_views
+from optics.visibility.sharpness import find_sharpness
+from optics.visibility.views import Pieces
+from studies.models.mirror_design.seeing import together
+from studies.oracles.scenes import rounded
+from studies.oracles.tracer import seen_by_fan
+
+ROUNDING = 1e-9
+"""A smaller part of a pad that is not seen is rounding."""
+
+
+class Verdict(eqx.Module):
+    """What is seen degree by degree; both joints bent alike (`seeing.together`).
+
+    Attributes:
+        degrees: of both joints.
+        coverage: part of each pad that is seen.
+        single: the largest part that one path shows: 1 where one view shows all of the pad.
+        px_per_mm: least resolution of each pad, each place in its best view; 0 if nothing is seen.
+        views: the views themselves.
+    """
+
+    degrees: Float[np.ndarray, " poses"]
+    coverage: Float[np.ndarray, "poses pads"]
+    single: Float[np.ndarray, "poses pads"]
+    px_per_mm: Float[np.ndarray, "poses pads"]
+    views: Solution[Pieces]
+
+    @property
+    def worst_coverage(self) -> float:
+        """Least coverage of any pad in any posture; 1 but for rounding is 1."""
+        worst = float(np.min(self.coverage))
+        return 1.0 if worst >= 1 - ROUNDING else worst
+
+    @property
+    def mean_coverage(self) -> float:
+        """Part of all pads that is seen, on average over postures and pads."""
+        return float(np.mean(self.coverage))
+
+    @property
+    def worst_px_per_mm(self) -> float:
+        """Least resolution of any pad in any posture."""
+        return float(np.min(self.px_per_mm))
+
+
+def degrees_of(range_deg: float) -> Float[np.ndarray, " poses"]:
+    """Every whole degree from straight to the end of the range, the end included."""
+    whole = np.arange(np.floor(range_deg) + 1.0)
+    return whole if whole[-1] == range_deg else np.append(whole, range_deg)
+
+
+def judged(scene: Scene, range_deg: float) -> Verdict:
+    """What a scene shows degree by degree."""
+    degrees = degrees_of(range_deg)
+    poses = together(jnp.deg2rad(jnp.asarray(degrees)))
+    views = find_views(scene, poses)
+    sharp = find_sharpness(scene, np.asarray(poses), views.value, bounces=scene.layout.bounces)
+    paths = range(len(scene.layout.mirrors) + 1)
+    single = np.max([views.value.seen(path) for path in paths], axis=0)
+    return Verdict(
+        degrees,
+        np.asarray(views.value.coverage()),
+        np.asarray(single),
+        sharp.px_per_mm[..., 0],
+        views,
+    )
+
+
+class Square(NamedTuple):
+    """All pairs of joint angles beside one row of them.
+
+    Attributes:
+        coverage: of every pad, shape (PIP, DIP, pads).
+        disagreement: largest deviation from the row.
+        square_poses: number of all pairs.
+        square_seconds: run time of all pairs.
+        row_poses: number of poses of the row.
+        row_seconds: run time of the row.
+    """
+
+    coverage: Float[np.ndarray, "pip dip pads"]
+    disagreement: float
+    square_poses: int
+    square_seconds: float
+    row_poses: int
+    row_seconds: float
+
+
+def whole_square(scene: Scene, range_deg: float) -> Square:
+    """Coverage for all pairs of angles, and whether the row says the same."""
+    angles = jnp.deg2rad(jnp.asarray(degrees_of(range_deg)))
+    mesh = jnp.stack(jnp.meshgrid(angles, angles, indexing="ij"), axis=-1)
+    row, row_seconds = _timed(scene, together(angles))
+    square, square_seconds = _timed(scene, mesh)
+    distal, proximal = (
+        [pad.name for pad in scene.layout.pads].index(name) for name in ("distal", "proximal")
+    )
+    expected = np.repeat(row[:, None], len(row), axis=1)
+    expected[..., distal] = row[None, :, distal]
+    expected[..., proximal] = row[:, None, proximal]
+    return Square(
+        square,
+        float(np.max(np.abs(square - expected))),
+        len(row) ** 2,
+        square_seconds,
+        len(row),
+        row_seconds,
+    )
+
+
+def _timed(scene: Scene, poses: Float[Array, "*poses joints"]) -> tuple[np.ndarray, float]:
+    find_coverage(scene, poses).value.block_until_ready()
+    begin = time.perf_counter()
+    found = find_coverage(scene, poses).value.block_until_ready()
+    return np.asarray(found), time.perf_counter() - begin
+
+
+def seen_by_rays(
+    scene: Scene, degrees: Float[np.ndarray, "poses 2"], rays: int
+) -> Float[np.ndarray, "poses pads"]:
+    """Coverage by a fan of rays in plain NumPy, which shares nothing with the exact method.
+
+    Args:
+        scene: the scene.
+        degrees: PIP and DIP of every pose.
+        rays: over the field of view.
+    """
+    poses = [scene.pose(dict(zip(("pip", "dip"), np.deg2rad(pair).tolist(), strict=True)))
+             for pair in degrees]  # fmt: skip
+    return np.stack([seen_by_fan(rounded(scene, pose), rays).coverage for pose in poses])

@@ -1,0 +1,172 @@
+"""How many assembled fingers see everything: Monte Carlo, and each error by itself."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_coverage
+from studies.models.mirror_design.arrangement import Arrangement, scene_of
+from studies.models.mirror_design.errors import NAMES, Errors, deviations, drawn, with_errors
+from studies.models.mirror_design.judging import ROUNDING, degrees_of
+from studies.models.mirror_design.seeing import together
+from studies.models.mirror_design.spec import ToleranceSpec
+
+CONFIDENCE = 1.959963984540054
+"""Quantile of the normal distribution for 95 % between both limits."""
+
+GROUPS = {
+    "camera position": (0, 1),
+    "camera tilt": (2,),
+    "mirror tilt": (3, 4),
+    "mirror offset": (5, 6),
+}
+"""Entries of the errors that share a tolerance."""
+
+BLOCK = 100
+"""Draws of one call: one compiled program serves any number of draws."""
+
+STEPS = np.linspace(-5.0, 5.0, 101)
+"""Sizes of a single error, in its standard deviations."""
+
+
+class Yield(NamedTuple):
+    """Part of all draws in which every pad is seen in every posture.
+
+    Attributes:
+        value: the part.
+        low: lower limit of its 95 % confidence interval.
+        high: upper limit.
+        draws: how many.
+        by_pose: part of the draws in which each pad is wholly seen, shape (poses, pads).
+    """
+
+    value: float
+    low: float
+    high: float
+    draws: int
+    by_pose: Float[np.ndarray, "poses pads"]
+
+
+def wilson(successes: int, trials: int) -> tuple[float, float]:
+    """95 % confidence interval of a share (E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209)."""
+    share, z = successes / trials, CONFIDENCE
+    middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
+    half = z / (1 + z * z / trials)
+    half *= math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
+    # Rounding may leave a share of 0 or 1 outside.
+    return max(0.0, min(middle - half, share)), min(1.0, max(middle + half, share))
+
+
+def coverages(
+    arrangement: Arrangement,
+    finger: Scene,
+    errors: Float[np.ndarray, "draws 7"],
+    range_deg: float,
+) -> Float[np.ndarray, "draws poses pads"]:
+    """Coverage degree by degree of fingers assembled with errors (in the order of `NAMES`)."""
+    poses = together(jnp.deg2rad(jnp.asarray(degrees_of(range_deg))))
+    padded = np.pad(errors, ((0, -len(errors) % BLOCK), (0, 0)))
+    found = [
+        np.asarray(_coverages(arrangement, finger, jnp.asarray(block), poses))
+        for block in np.split(padded, len(padded) // BLOCK)
+    ]
+    return np.concatenate(found)[: len(errors)]
+
+
+@jax.jit
+def _coverages(
+    arrangement: Arrangement,
+    finger: Scene,
+    errors: Float[Array, "draws 7"],
+    poses: Float[Array, "poses joints"],
+) -> Float[Array, "draws poses pads"]:
+    def of_draw(entries: Float[Array, "7"]) -> Float[Array, "poses pads"]:
+        assembled = with_errors(arrangement, Errors.of(entries))
+        return find_coverage(scene_of(assembled, finger), poses).value
+
+    return jax.lax.map(of_draw, errors)
+
+
+def monte_carlo(
+    arrangement: Arrangement,
+    finger: Scene,
+    tolerances: ToleranceSpec,
+    range_deg: float,
+    *,
+    draws: int,
+    seed: int,
+) -> Yield:
+    """The yield by independent normal errors; a pad is seen if 1 − `ROUNDING` of it is."""
+    errors = drawn(tolerances, draws, seed)
+    whole = coverages(arrangement, finger, errors, range_deg) >= 1 - ROUNDING
+    good = int(np.sum(np.all(whole, axis=(1, 2))))
+    return Yield(good / draws, *wilson(good, draws), draws, np.mean(whole, axis=0))
+
+
+class Sensitivity(NamedTuple):
+    """What each error does by itself, and what a doubled tolerance does to the yield.
+
+    Attributes:
+        worst: least coverage of any pad in any posture, shape (errors, `STEPS`).
+        limits: largest error to either side that still shows everything, in standard deviations,
+            shape (errors, 2); the end of `STEPS` if none of these hides anything.
+        base: the yield of as many draws.
+        doubled: the yield with one tolerance doubled, by name.
+    """
+
+    worst: Float[np.ndarray, "errors steps"]
+    limits: Float[np.ndarray, "errors 2"]
+    base: Yield
+    doubled: dict[str, Yield]
+
+
+def sensitivity(
+    arrangement: Arrangement,
+    finger: Scene,
+    tolerances: ToleranceSpec,
+    range_deg: float,
+    *,
+    draws: int,
+    seed: int,
+) -> Sensitivity:
+    """What each error does by itself, over `STEPS`; yields with the same draws each."""
+    sizes, each = deviations(tolerances), np.eye(len(NAMES))
+    single = (each[:, None] * STEPS[:, None]) * sizes
+    alone = single.reshape(-1, len(NAMES))
+    errors = drawn(tolerances, draws, seed)
+    variants = [errors]
+    for entries in GROUPS.values():
+        factor = np.ones(len(NAMES))
+        factor[list(entries)] = 2.0
+        variants.append(errors * factor)
+    found = coverages(arrangement, finger, np.concatenate([alone, *variants]), range_deg)
+    worst = np.min(found[: len(alone)], axis=(1, 2)).reshape(len(NAMES), len(STEPS))
+    whole = found[len(alone) :].reshape(len(variants), draws, *found.shape[1:]) >= 1 - ROUNDING
+    yields = []
+    for of_variant in whole:
+        good = int(np.sum(np.all(of_variant, axis=(1, 2))))
+        shares = np.mean(of_variant, axis=0)
+        yields.append(Yield(good / draws, *wilson(good, draws), draws, shares))
+    return Sensitivity(
+        worst,
+        np.array([_limits(curve >= 1 - ROUNDING) for curve in worst]),
+        yields[0],
+        dict(zip(GROUPS, yields[1:], strict=True)),
+    )
+
+
+def _limits(whole: np.ndarray) -> tuple[float, float]:
+    """How far to either side of 0 nothing is hidden."""
+    middle = len(STEPS) // 2
+    below, above = ~whole[middle::-1], ~whole[middle:]
+    last = [(int(np.argmax(side)) if side.any() else len(side)) - 1 for side in (below, above)]
+    if last[0] < 0:
+        return 0.0, 0.0
+    return float(STEPS[middle - last[0]]), float(STEPS[middle + last[1]])

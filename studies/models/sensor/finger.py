@@ -1,0 +1,137 @@
+"""The designed finger, what its image analysis is told of it, and fingers as they are made."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+from pathlib import Path
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from designopt.errors import UserError
+from optics.rendering import Effects, Renderer
+from optics.scene.camera import Pinhole
+from optics.scene.fabrication import Fabrication, errors_of
+from optics.scene.imaging import Imaging
+from optics.scene.reading import read_scene
+from optics.scene.scene import Layout, Scene
+from perception.lens import Lens
+from perception.matching import Catalogue
+from perception.proprioception import CornerModel
+from studies.models.sensor.estimators import catalogue_of, corner_model, lens_of
+from studies.models.sensor.spec import FingerImagesSpec, MadeSpec
+
+LEAST_ROWS, MOST_ROWS = 200, 4000
+"""Heights of images that can be analysed, px."""
+
+BODY = "camera body"
+"""Name of the blocker that moves with the camera."""
+
+
+@dataclass(frozen=True)
+class Finger:
+    """A finger as designed, and what the analysis of its images is told.
+
+    Attributes:
+        scene: as designed.
+        imaging: its camera's image.
+        lens: the camera's rays.
+        catalogue: the views it can show.
+        model: what predicts corners from errors and joint angles.
+        deviations: standard deviation of every error of fabrication.
+        carried: blockers that move with the camera.
+        width: of the pads, mm.
+    """
+
+    scene: Scene
+    imaging: Imaging
+    lens: Lens
+    catalogue: Catalogue
+    model: CornerModel
+    deviations: Fabrication
+    carried: tuple[int, ...]
+    width: float
+
+    @classmethod
+    def of(cls, spec: FingerImagesSpec, rows: int | None = None) -> Finger:
+        """The finger of a study, its image ``rows`` high.
+
+        Raises:
+            UserError: the scene is none that its images can be analysed of.
+        """
+        scene = designed(spec.scene)
+        if rows is not None:
+            pixels = jnp.full_like(scene.camera.pixels, rows)
+            scene = eqx.tree_at(lambda s: s.camera.pixels, scene, pixels)
+        carried = tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
+        imaging = Imaging.of(scene.camera)
+        if fault := _fault(scene, imaging):
+            raise UserError(f"scene: {fault}; give the scene of a finger with --set scene=FILE")
+        deviations = deviations_of(spec.tolerances, scene.layout)
+        try:
+            catalogue = catalogue_of(scene, imaging, spec.width, deviations, carried)
+        except ValueError as error:
+            cure = "give the scene of a finger with --set scene=FILE"
+            raise UserError(f"scene: {error}; {cure}") from error
+        model = corner_model(scene, imaging, catalogue, deviations, carried)
+        return cls(
+            scene, imaging, lens_of(imaging), catalogue, model, deviations, carried, spec.width
+        )
+
+    def renderer(self, effects: Effects, errors: Fabrication | None, seed: int) -> Renderer:
+        """A camera in front of a finger that was made with errors."""
+        return Renderer(
+            self.scene,
+            self.width,
+            effects,
+            errors=errors,
+            carried=self.carried,
+            rows=self.imaging.shape[0],
+            seed=seed,
+        )
+
+    def made(self, seed: int, number: int) -> tuple[Fabrication, Float[np.ndarray, " errors"]]:
+        """Normal errors of one of many fingers, and the same in units of their deviations."""
+        generator = np.random.default_rng([seed, 4, number])
+        errors = generator.standard_normal(self.model.errors)
+        return errors_of(self.deviations, jnp.asarray(errors)), errors
+
+
+def _fault(scene: Scene, imaging: Imaging) -> str:
+    """What makes a scene none of a finger whose images can be analysed; empty if nothing."""
+    if not scene.angle_names:
+        return "it has no joint whose angle an image could tell"
+    if isinstance(scene.camera.projection, Pinhole):
+        return 'its lens is a pinhole; errors of the lens need projection = "equidistant"'
+    rows = imaging.shape[0]
+    if not LEAST_ROWS <= rows <= MOST_ROWS:
+        return f"its image is {rows} px high; between {LEAST_ROWS} and {MOST_ROWS} can be analysed"
+    return ""
+
+
+def designed(path: str) -> Scene:
+    """The scene in a file, or that of the packaged finger if none is named."""
+    if path:
+        return read_scene(Path(path))
+    with as_file(files("studies") / "finger" / "scene.toml") as packaged:
+        return read_scene(packaged)
+
+
+def deviations_of(tolerances: MadeSpec, layout: Layout) -> Fabrication:
+    """Standard deviation of every error of fabrication."""
+    mirrors, pads = len(layout.mirrors), len(layout.pads)
+    return Fabrication(
+        camera=jnp.full(2, tolerances.camera_position),
+        lateral=jnp.asarray(tolerances.camera_position),
+        tilt=jnp.asarray(math.radians(tolerances.camera_tilt_deg)),
+        mirror_tilt=jnp.full(mirrors, math.radians(tolerances.mirror_tilt_deg)),
+        mirror_offset=jnp.full(mirrors, tolerances.mirror_offset),
+        pad_tilt=jnp.full(pads, math.radians(tolerances.pad_tilt_deg)),
+        pad_offset=jnp.full(pads, tolerances.pad_position),
+        pad_shift=jnp.full(pads, tolerances.pad_position),
+        distortion=jnp.asarray(tolerances.lens_k1),
+    )

@@ -1,0 +1,157 @@
+"""The soft finger as designed and as made, and its images by the thousand."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from designopt.errors import UserError
+from optics.chamber import Endoscope, Posture, Rings, wall_radii
+from optics.chamber.chamber import Chamber
+from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
+from optics.rendering.chamber_renderer import CHUNK, COLOURS
+from studies.models.soft_finger import imaging
+from studies.models.soft_finger.chamber_spec import ChamberSpec
+from studies.models.soft_finger.spec import WIDEST_DEG, ChamberImagesSpec, MadeSpec
+
+Looked = TypeVar("Looked")
+
+DOWN = math.pi / 2
+"""Direction in the image of a finger that bends down."""
+
+
+@functools.cache
+def _identified() -> tuple[float, float]:
+    """The camera constants h and δ that Table I follows with the paper's chamber, mm."""
+    paper = imaging.printed_chamber(ChamberSpec())
+    height, offset = jax.jit(imaging.identify)(paper).solution.value.tolist()
+    return height, offset
+
+
+@dataclass(frozen=True)
+class SoftFinger:
+    """A chamber and its camera.
+
+    Attributes:
+        chamber: of the straight finger.
+        endoscope: its camera.
+        severity: of everything that makes its pictures worse.
+    """
+
+    chamber: Chamber
+    endoscope: Endoscope
+    severity: float
+
+    @classmethod
+    def of(cls, spec: ChamberImagesSpec) -> SoftFinger:
+        """The finger of a study: Table I's chamber with its identified camera constants.
+
+        Raises:
+            UserError: no chamber follows from the settings.
+        """
+        printed = imaging.printed_chamber(spec.chamber)
+        constants = imaging.with_constants(printed, jnp.asarray(_identified()))
+        chamber = imaging.with_ratio(constants, jnp.asarray(spec.eta))
+        if not (bool(chamber.imaging_ratio().ok) and bool(jnp.all(wall_radii(chamber) > 0))):
+            raise UserError(
+                f"--set eta={spec.eta:g}: no chamber with these dimensions gives this ratio; "
+                "choose another eta, or dimensions nearer to the paper's"
+            )
+        endoscope = Endoscope(
+            math.radians(spec.endoscope.field_of_view_deg), spec.endoscope.distortion
+        )
+        return cls(chamber, endoscope, spec.severity)
+
+    @property
+    def length(self) -> float:
+        """Of the chamber along its centre line, mm."""
+        return float(self.chamber.length_ab + self.chamber.length_bc + self.chamber.length_cd)
+
+    def renderer(
+        self,
+        seed: int | Sequence[int],
+        *,
+        gain: float = 1.0,
+        severity: float | None = None,
+        colours: Float[np.ndarray, "4 3"] = COLOURS,
+    ) -> ChamberRenderer:
+        """A camera in this finger, its pictures as bad as the study's unless told otherwise."""
+        severity = self.severity if severity is None else severity
+        effects = ChamberEffects.graded(severity, gain)
+        return ChamberRenderer(self.chamber, self.endoscope, effects, seed=seed, colours=colours)
+
+    def postures(
+        self,
+        bends: Float[np.ndarray, " frames"],
+        directions: Float[np.ndarray, " frames"],
+        pressed: Float[np.ndarray, "frames rings"] | None = None,
+    ) -> Posture:
+        """Postures of this finger, not pressed unless told otherwise; angles in radians."""
+        if pressed is None:
+            pressed = np.zeros((len(bends), len(self.arc)))
+        return Posture(jnp.asarray(bends), jnp.asarray(directions), jnp.asarray(pressed))
+
+    @property
+    def arc(self) -> Float[np.ndarray, " rings"]:
+        """Places of the rings along the centre line, mm."""
+        return np.asarray(Rings.of(self.chamber).arc)
+
+    def made(self, errors: MadeSpec, generator: np.random.Generator) -> SoftFinger:
+        """This finger as one of many is made; no camera sees wider than settings allow."""
+
+        def off(deviation: float) -> float:
+            return deviation * float(generator.standard_normal())
+
+        chamber = self.chamber
+        changed = {
+            name: getattr(chamber, name) + off(errors.length)
+            for name in ("length_ab", "length_bc", "length_cd")
+        } | {
+            name: getattr(chamber, name) + off(errors.offset)
+            for name in ("offset_a", "offset_b", "offset_d")
+        }
+        view = self.endoscope.field_of_view + math.radians(off(errors.field_of_view_deg))
+        view = jnp.minimum(view, math.radians(WIDEST_DEG))
+        return dataclasses.replace(
+            self,
+            chamber=dataclasses.replace(chamber, **changed),
+            endoscope=dataclasses.replace(self.endoscope, field_of_view=view),
+        )
+
+
+def looked_at(
+    renderer: ChamberRenderer,
+    postures: Posture,
+    look: Callable[[int, ChamberImage], Looked],
+    first: int = 0,
+) -> list[Looked]:
+    """What is found on a picture of every posture; pictures are not kept.
+
+    Args:
+        renderer: makes the pictures.
+        postures: one batch axis.
+        look: from the number of a posture and its picture to what is found; called in threads.
+        first: number of the first frame (`ChamberRenderer.render`).
+    """
+    leaves = jax.tree.map(np.asarray, postures)
+    count = len(leaves.bend)
+
+    def chunk(start: int) -> list[Looked]:
+        some = jax.tree.map(lambda leaf: leaf[start : start + CHUNK], leaves)
+        images = renderer.render(some, first + start)
+        return [look(start + i, image) for i, image in enumerate(images)]
+
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, 8)) as pool:
+        found = pool.map(chunk, range(0, count, CHUNK))
+        return [one for some in found for one in some]

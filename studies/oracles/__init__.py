@@ -1,0 +1,1 @@
+"""Independent references in NumPy, SciPy and mpmath; nothing here imports the library."""

@@ -1,0 +1,1 @@
+"""Extreme cases against references in 50 digits and brute force."""
