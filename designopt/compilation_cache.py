@@ -21,7 +21,7 @@ from typing import Annotated
 
 import typer
 
-from designopt.io.user_folders import user_folder
+from designopt.user_folders import user_folder
 
 VARIABLE = "DESIGNOPT_CACHE"
 """Of the environment: a folder to keep programs in, or `OFF`."""

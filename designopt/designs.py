@@ -2,92 +2,20 @@
 
 from __future__ import annotations
 
-import abc
 import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+from designopt.design_kind import Design, DesignKind
 from designopt.errors import UserError
 from designopt.io.files import check_toml, read_toml
 from designopt.study.settings import spec_of, spec_with
 from designopt.study.study import STUDY_GROUP, Study, installed_studies, load_study
 
-if TYPE_CHECKING:
-    from designopt.explore.bench import Bench
-    from designopt.export.sheet import Sheet
-
 DESIGN_GROUP = "designopt.designs"
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """One number of a design.
-
-    Attributes:
-        name: parts joined by dots, such as ``crank.length``.
-        value: the number.
-        unit: ``"mm"``, ``"°"``, ``"N mm/rad"``, …; empty for a pure number.
-        note: what it is measured between, where its name does not say it.
-    """
-
-    name: str
-    value: float
-    unit: str
-    note: str = ""
-
-
-class Design(abc.ABC):
-    """What was designed. Everything is called with JAX in float64.
-
-    Attributes:
-        name: in titles and file names.
-    """
-
-    name: str
-
-    @abc.abstractmethod
-    def bench(self) -> Bench:
-        """It with its knobs, for ``designopt explore``."""
-
-    @abc.abstractmethod
-    def sheet(self) -> Sheet:
-        """It drawn to scale in its reference pose."""
-
-    @abc.abstractmethod
-    def quantities(self) -> Sequence[Quantity]:
-        """Every number of it."""
-
-    def mjcf(self) -> str:
-        """The text of a MuJoCo model of it.
-
-        Raises:
-            UserError: nothing of it moves, or it moves as no such model can.
-        """
-        raise UserError(
-            f"--to mjcf: {self.name} has no linkage that moves it; export a linkage file, or a "
-            "study that designs a linkage, such as 'finger-linkage'"
-        )
-
-
-@dataclass(frozen=True)
-class DesignFile:
-    """A kind of file, offered through the entry-point group ``designopt.designs``.
-
-    Attributes:
-        what: what such a file describes, such as ``"linkage"``.
-        table: the table that only files of this kind have.
-        read: from a file to the design.
-        command: what computes something of such a file, for messages.
-    """
-
-    what: str
-    table: str
-    read: Callable[[Path], Design]
-    command: str = "designopt explore"
 
 
 def read_tables(path: str | Path, what: str, table: str) -> dict[str, Any]:
@@ -95,7 +23,7 @@ def read_tables(path: str | Path, what: str, table: str) -> dict[str, Any]:
 
     Args:
         path: the file.
-        what: what such a file describes, as in `DesignFile`.
+        what: what such a file describes, as in `DesignKind`.
         table: the table that every such file has.
 
     Raises:
@@ -105,7 +33,7 @@ def read_tables(path: str | Path, what: str, table: str) -> dict[str, Any]:
     for kind in _kinds() if table not in tables else ():
         if kind.table in tables:
             raise UserError(
-                f"{path}: it describes a {kind.what} and no {what}; {kind.command} takes it"
+                f"{path}: it describes a {kind.name} and no {what}; {kind.command} takes it"
             )
     return tables
 
@@ -166,12 +94,12 @@ def _of_file(path: Path) -> Design:
     kinds = _kinds()
     for kind in kinds:
         if kind.table in tables:
-            return kind.read(path)
-    known = ", ".join(sorted(f"a {kind.what} has [{kind.table}]" for kind in kinds))
+            return Design(kind, kind.read(path))
+    known = ", ".join(sorted(f"a {kind.name} has [{kind.table}]" for kind in kinds))
     raise UserError(f"{path}: it describes no design that is known here: {known}; correct it")
 
 
-def _kinds() -> list[DesignFile]:
+def _kinds() -> list[DesignKind]:
     kinds = []
     for point in entry_points(group=DESIGN_GROUP):
         try:

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from designopt import app, cli
+from designopt import cli
+from designopt.cli import app
 
 COMMANDS = {point.name: point for point in entry_points(group=app.COMMAND_GROUP)}
 WRITES = {

@@ -14,10 +14,10 @@ from matplotlib.mathtext import MathTextParser
 
 from designopt.cli import run
 from designopt.plot.figures import style
+from kinematics import design as linkages
 from kinematics import read_linkage, solve_poses, solve_transmission
-from kinematics.design import DesignedLinkage
 from kinematics.plot.margin_figures import margin_figure
-from optics.scene_design import DesignedScene
+from optics import design as scenes
 
 LINKAGE = r"""
 [linkage]
@@ -156,10 +156,10 @@ def test_export(file, kinds, name, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("kind", "file"), [(DesignedLinkage, "bar.toml"), (DesignedScene, "scene.toml")]
+    ("kind", "file"), [(linkages.LINKAGE, "bar.toml"), (scenes.SCENE, "scene.toml")]
 )
 def test_explore(kind, file, tmp_path):
-    bench = kind.read(tmp_path / file).bench()
+    bench = kind.explorer(kind.read(tmp_path / file))
     figure = Figure(figsize=(12, 6))
     canvas = FigureCanvasAgg(figure)
     area: Any = figure.subfigures(1, 1)

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 import typer
 
-from designopt import app, cli
+from designopt import cli
+from designopt.cli import app
 from designopt.study.settings import fields, spec_with
 from designopt.study.study import load_study
 

@@ -4,13 +4,30 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from designopt.designs import Quantity
 from designopt.errors import UserError
 from designopt.export.sheet import printable
 
 DIGITS = 14
 """Of every number: what was computed from 13.73 should not come out as 13.730000000000002."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One number of a design.
+
+    Attributes:
+        name: parts joined by dots, such as ``crank.length``.
+        value: the number.
+        unit: ``"mm"``, ``"°"``, ``"N mm/rad"``, …; empty for a pure number.
+        note: what it is measured between, where its name does not say it.
+    """
+
+    name: str
+    value: float
+    unit: str
+    note: str = ""
 
 
 def json_text(name: str, quantities: Sequence[Quantity]) -> str:

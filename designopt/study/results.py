@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from designopt.io.spec_file import SpecFile
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
@@ -111,21 +113,6 @@ class Figure:
     title: str
     caption: str
     drawing: MatplotlibFigure
-
-
-@dataclass(frozen=True)
-class SpecFile:
-    """A file that other commands read, written to ``specs/<name>``.
-
-    Attributes:
-        name: file name with its ending.
-        title: what it is and what reads it, in one line, for the report.
-        content: what stands in it: text, or bytes where a program reads it.
-    """
-
-    name: str
-    title: str
-    content: str | bytes
 
 
 @dataclass(frozen=True)

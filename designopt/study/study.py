@@ -15,7 +15,7 @@ from designopt.io.spec import Spec
 from designopt.study.results import Results
 
 if TYPE_CHECKING:
-    from designopt.designs import Design
+    from designopt.design_kind import Design
 
 STUDY_GROUP = "designopt.studies"
 

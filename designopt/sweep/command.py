@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
+from designopt.cli.studies import Dtype
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
-from designopt.study.commands import Dtype
 
 MOST_SHOWN = 20
 """Failed points that are listed on the terminal; all of them are in the table."""

@@ -12,11 +12,11 @@ import numpy as np
 
 from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
-from designopt.study.results import SpecFile
-from kinematics.design import DesignedLinkage
+from designopt.io.spec_file import SpecFile
 from kinematics.explore.dimensions import Dimensions
 from kinematics.explore.survey import Survey, Surveyor
 from kinematics.explore.working_range import INSIDE, WorkingRange
+from kinematics.io.designed import DesignedLinkage
 from kinematics.io.reading import linkage_from
 from kinematics.model.assembled import zeroed
 from kinematics.model.linkage import Linkage

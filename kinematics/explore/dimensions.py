@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import safe_sqrt
 from designopt.vectors import Vector, rotation
-from kinematics.design import DesignedLinkage
+from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import SliderTable
 from kinematics.io.sketch_geometry import measure
 from kinematics.model.linkage import Link, Linkage

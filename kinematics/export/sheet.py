@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from designopt.designs import Quantity
+from designopt.export.json import Quantity
 from designopt.export.sheet import (
     Circle,
     Label,
@@ -27,7 +27,7 @@ from kinematics.model.topology import WORLD, BodyPart, InputPart, Structure
 from kinematics.plot.drawing import Scene
 
 if TYPE_CHECKING:
-    from kinematics.design import DesignedLinkage
+    from kinematics.io.designed import DesignedLinkage
 
 PIN = 0.03
 """A pin's radius is at most this part of the linkage's size, …"""

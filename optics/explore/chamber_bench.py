@@ -15,8 +15,8 @@ from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
+from designopt.io.spec_file import SpecFile
 from designopt.solution import Solution
-from designopt.study.results import SpecFile
 from optics.chamber.chamber import Chamber, ChamberResult
 from optics.chamber.file import chamber_text
 from optics.chamber.ratio import dimension_for_ratio
@@ -26,7 +26,7 @@ from optics.plot.chamber_drawing import ChamberLook, ChamberPicture
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
-    from optics.chamber_design import DesignedChamber
+    from optics.chamber.designed import DesignedChamber
 
 ETA, THETA_BC = "η, imaging ratio", "θ_BC, blue wall"
 OFFSET_A, OFFSET_B = "Δl_A, offset of A", "Δl_B, offset of B"

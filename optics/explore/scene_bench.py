@@ -12,13 +12,13 @@ from jaxtyping import Float
 
 from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
-from designopt.study.results import SpecFile
+from designopt.io.spec_file import SpecFile
 from optics.explore.scene_knobs import JOINT, MOST, Handles
 from optics.explore.scene_optimising import Improver
 from optics.explore.scene_picture import ScenePicture
 from optics.explore.scene_seeing import Seen, coverage_over, look_at
 from optics.plot.section import Section
-from optics.scene_design import DesignedScene
+from optics.scene.designed import DesignedScene
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure

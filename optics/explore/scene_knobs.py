@@ -17,9 +17,9 @@ from designopt.explore.bench import Knob, Values
 from designopt.io.spec_files import validated
 from designopt.io.toml_writing import toml_text
 from optics.scene.camera import Pinhole
+from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
 from optics.scene.scene import Scene
-from optics.scene_design import DesignedScene
 
 CAMERA_BODY = "camera body"
 """A blocker of this name in the camera's frame is the camera's own: it moves and turns with it."""

@@ -6,12 +6,12 @@ import itertools
 import math
 from typing import TYPE_CHECKING
 
-from designopt.designs import Quantity
+from designopt.export.json import Quantity
 from designopt.export.sheet import Circle, Label, Layer, Measure, Place, Sheet, Stroke, round_down
 from optics.chamber.chamber import Chamber
 
 if TYPE_CHECKING:
-    from optics.chamber_design import DesignedChamber
+    from optics.chamber.designed import DesignedChamber
 
 REGIONS = {"red": "AB", "blue": "BC", "yellow": "CD", "top": "DE"}
 """The wall's regions, each a layer, by the points between which they run."""

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from designopt.designs import Quantity
+from designopt.export.json import Quantity
 from designopt.export.sheet import (
     Circle,
     Kind,
@@ -29,7 +29,7 @@ from optics.scene.file import FIXED, CameraTable, MirrorTable, SurfaceTable
 from optics.visibility.curves import arc_between
 
 if TYPE_CHECKING:
-    from optics.scene_design import DesignedScene
+    from optics.scene.designed import DesignedScene
 
 HINGES = "hinges"
 """Layer of the hinges."""

@@ -10,7 +10,7 @@ from designopt.study.study import Context, Study
 from studies.bending_direction.spec import BendingDirectionSpec
 
 if TYPE_CHECKING:
-    from designopt.designs import Design
+    from designopt.design_kind import Design
 
 
 def _run(spec: BendingDirectionSpec, context: Context) -> Results:
@@ -21,9 +21,11 @@ def _run(spec: BendingDirectionSpec, context: Context) -> Results:
 
 
 def _design(spec: BendingDirectionSpec, folder: Path | None) -> Design:
+    from designopt.design_kind import Design
+    from optics.design import CHAMBER
     from studies.models.soft_finger.design import soft_finger_design
 
-    return soft_finger_design("bending-direction", spec, folder)
+    return Design(CHAMBER, soft_finger_design("bending-direction", spec, folder))
 
 
 STUDY = Study(

@@ -10,7 +10,7 @@ from designopt.study.study import Context, Study
 from studies.bending_posture.spec import BendingPostureSpec
 
 if TYPE_CHECKING:
-    from designopt.designs import Design
+    from designopt.design_kind import Design
 
 
 def _run(spec: BendingPostureSpec, context: Context) -> Results:
@@ -21,9 +21,11 @@ def _run(spec: BendingPostureSpec, context: Context) -> Results:
 
 
 def _design(spec: BendingPostureSpec, folder: Path | None) -> Design:
+    from designopt.design_kind import Design
+    from optics.design import CHAMBER
     from studies.models.soft_finger.design import soft_finger_design
 
-    return soft_finger_design("bending-posture", spec, folder)
+    return Design(CHAMBER, soft_finger_design("bending-posture", spec, folder))
 
 
 STUDY = Study(

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from designopt.errors import UserError
-from designopt.study.results import PrecisionRow, PrecisionStudy, Results, SpecFile
+from designopt.io.spec_file import SpecFile
+from designopt.study.results import PrecisionRow, PrecisionStudy, Results
 from designopt.study.study import Context
 from optics.chamber import image_rates
 from perception.chamber import find_regions

@@ -10,7 +10,7 @@ from designopt.study.study import Context, Study
 from studies.finger.spec import FingerSpec
 
 if TYPE_CHECKING:
-    from designopt.designs import Design
+    from designopt.design_kind import Design
 
 
 def _run(spec: FingerSpec, context: Context) -> Results:
@@ -21,9 +21,10 @@ def _run(spec: FingerSpec, context: Context) -> Results:
 
 
 def _design(spec: FingerSpec, folder: Path | None) -> Design:
-    from studies.finger.design import finger_design
+    from designopt.design_kind import Design
+    from studies.finger.design import FINGER, finger_design
 
-    return finger_design(spec, folder)
+    return Design(FINGER, finger_design(spec, folder))
 
 
 STUDY = Study(

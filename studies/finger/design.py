@@ -9,14 +9,15 @@ from importlib.resources import as_file, files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from designopt.designs import Design, Quantity
+from designopt.design_kind import DesignKind
+from designopt.export.json import Quantity
 from designopt.export.sheet import Sheet
 from designopt.progress import step_display
 from designopt.study.study import Context
-from kinematics.design import DesignedLinkage
+from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
+from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
-from optics.scene_design import DesignedScene
 from studies.finger.spec import FingerSpec
 from studies.models.linkage_design.analysis import design_linkage
 from studies.models.mirror_design.arrangement import scene_table
@@ -25,6 +26,7 @@ from studies.models.pins import linkage_table
 
 if TYPE_CHECKING:
     from designopt.explore.bench import Bench
+    from designopt.export.sheet import Sheet
 
 NAME = "finger"
 
@@ -33,7 +35,7 @@ DECIDING = {"body", "linkage", "mirrors"}
 
 
 @dataclass(frozen=True)
-class DesignedFinger(Design):
+class DesignedFinger:
     """Linkage, camera, mirrors and pads of one finger.
 
     Attributes:
@@ -47,30 +49,6 @@ class DesignedFinger(Design):
     spec: FingerSpec
     linkage: DesignedLinkage
     scene: DesignedScene
-
-    def bench(self) -> Bench:
-        """Linkage and scene side by side, moving together."""
-        from studies.finger.bench import FingerBench
-
-        return FingerBench(self)
-
-    def sheet(self) -> Sheet:
-        """The straight finger in section."""
-        from studies.finger.sheet import finger_sheet
-
-        return finger_sheet(self)
-
-    def quantities(self) -> Sequence[Quantity]:
-        """Every number of linkage and scene, and of the spring."""
-        from studies.finger.sheet import finger_quantities
-
-        return finger_quantities(self)
-
-    def mjcf(self) -> str:
-        """The linkage driven by its crank, with its spring, joint stops and pads."""
-        from studies.finger.mjcf import finger_mjcf
-
-        return finger_mjcf(self)
 
 
 def finger_design(spec: FingerSpec, folder: Path | None) -> DesignedFinger:
@@ -106,3 +84,34 @@ def finger_design(spec: FingerSpec, folder: Path | None) -> DesignedFinger:
 
 def _deciding(spec: FingerSpec) -> dict[str, Any]:
     return spec.model_dump(include=DECIDING)
+
+
+def _read(folder: Path) -> DesignedFinger:
+    return finger_design(FingerSpec(), folder)
+
+
+def _explorer(model: DesignedFinger) -> Bench:
+    from studies.finger.bench import FingerBench
+
+    return FingerBench(model)
+
+
+def _drawing(model: DesignedFinger) -> Sheet:
+    from studies.finger.sheet import finger_sheet
+
+    return finger_sheet(model)
+
+
+def _quantities(model: DesignedFinger) -> Sequence[Quantity]:
+    from studies.finger.sheet import finger_quantities
+
+    return finger_quantities(model)
+
+
+def _mjcf(model: DesignedFinger) -> str:
+    from studies.finger.mjcf import finger_mjcf
+
+    return finger_mjcf(model)
+
+
+FINGER = DesignKind("finger", "finger", _read, _explorer, _drawing, _quantities, _mjcf)

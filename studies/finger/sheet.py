@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from designopt.designs import Quantity
+from designopt.export.json import Quantity
 from designopt.export.sheet import Layer, Sheet, Stroke
-from kinematics.export.sheet import linkage_sheet
-from optics.export.scene_sheet import HINGES, scene_sheet
+from kinematics.export.sheet import linkage_quantities, linkage_sheet
+from optics.export.scene_sheet import HINGES, scene_quantities, scene_sheet
 from studies.models.body import BodySpec
 
 if TYPE_CHECKING:
@@ -57,8 +57,8 @@ def finger_quantities(design: DesignedFinger) -> list[Quantity]:
     body, spring = design.spec.body, design.spec.spring
     lengths = ("proximal", "intermediate", "distal", "thickness", "axis_height")
     return [
-        *_within("linkage", design.linkage.quantities()),
-        *_within("scene", design.scene.quantities()),
+        *_within("linkage", linkage_quantities(design.linkage)),
+        *_within("scene", scene_quantities(design.scene)),
         *(Quantity(f"body.{name}", getattr(body, name), "mm") for name in lengths),
         Quantity("body.range", body.range_deg, "°"),
         Quantity("spring.stiffness", spring.stiffness, "N mm/rad"),

@@ -10,7 +10,7 @@ from designopt.study.study import Context, Study
 from studies.models.grasp.spec import GraspSpec
 
 if TYPE_CHECKING:
-    from designopt.designs import Design
+    from designopt.design_kind import Design
 
 
 def _run(spec: GraspSpec, context: Context) -> Results:
@@ -21,9 +21,10 @@ def _run(spec: GraspSpec, context: Context) -> Results:
 
 
 def _design(spec: GraspSpec, folder: Path | None) -> Design:
-    from studies.finger_grasp.design import finger_grasp_design
+    from designopt.design_kind import Design
+    from studies.finger_grasp.design import GRASP, finger_grasp_design
 
-    return finger_grasp_design(spec, folder)
+    return Design(GRASP, finger_grasp_design(spec, folder))
 
 
 STUDY = Study(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from kinematics.design import DesignedLinkage
+from kinematics.design import LINKAGE
+from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
 from studies.models.grasp.spec import GraspSpec
 from studies.models.pins import linkage_table
@@ -23,12 +24,6 @@ class DesignedGrasp(DesignedLinkage):
 
     spec: GraspSpec
 
-    def mjcf(self) -> str:
-        """The linkage with its spring and servo, joint stops and pads."""
-        from studies.models.grasp.mjcf import grasp_mjcf
-
-        return grasp_mjcf(self.linkage, self.spec.body, self.spec.servo_stiffness)
-
 
 def finger_grasp_design(spec: GraspSpec, folder: Path | None) -> DesignedGrasp:
     """The linkage of the study's pins, driven by its crank, with its spring.
@@ -45,3 +40,13 @@ def finger_grasp_design(spec: GraspSpec, folder: Path | None) -> DesignedGrasp:
     table = linkage_table(spec.pins.design(), spec.body, "crank", spring)
     made = DesignedLinkage.of(parse_sketch(table, NAME), NAME)
     return DesignedGrasp(made.name, made.sketch, made.linkage, spec)
+
+
+def _mjcf(model: DesignedGrasp) -> str:
+    from studies.models.grasp.mjcf import grasp_mjcf
+
+    return grasp_mjcf(model.linkage, model.spec.body, model.spec.servo_stiffness)
+
+
+GRASP = replace(LINKAGE, mjcf=_mjcf)
+"""The linkage with its spring and servo, joint stops and pads as a MuJoCo model."""

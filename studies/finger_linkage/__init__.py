@@ -10,7 +10,7 @@ from designopt.study.study import Context, Study
 from studies.models.linkage_design.spec import FingerLinkageSpec
 
 if TYPE_CHECKING:
-    from designopt.designs import Design
+    from designopt.design_kind import Design
 
 
 def _run(spec: FingerLinkageSpec, context: Context) -> Results:
@@ -21,9 +21,11 @@ def _run(spec: FingerLinkageSpec, context: Context) -> Results:
 
 
 def _design(spec: FingerLinkageSpec, folder: Path | None) -> Design:
+    from designopt.design_kind import Design
+    from kinematics.design import LINKAGE
     from studies.finger_linkage.design import finger_linkage_design
 
-    return finger_linkage_design(spec, folder)
+    return Design(LINKAGE, finger_linkage_design(spec, folder))
 
 
 STUDY = Study(

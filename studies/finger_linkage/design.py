@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from kinematics.design import DesignedLinkage
+from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
 from studies.models.linkage_design.searching import search
 from studies.models.linkage_design.spec import FingerLinkageSpec

@@ -10,7 +10,7 @@ from designopt.study.study import Context, Study
 from studies.models.mirror_design.spec import FingerMirrorsSpec
 
 if TYPE_CHECKING:
-    from designopt.designs import Design
+    from designopt.design_kind import Design
 
 
 def _run(spec: FingerMirrorsSpec, context: Context) -> Results:
@@ -21,9 +21,11 @@ def _run(spec: FingerMirrorsSpec, context: Context) -> Results:
 
 
 def _design(spec: FingerMirrorsSpec, folder: Path | None) -> Design:
+    from designopt.design_kind import Design
+    from optics.design import SCENE
     from studies.finger_mirrors.designed import finger_mirrors_design
 
-    return finger_mirrors_design(spec, folder)
+    return Design(SCENE, finger_mirrors_design(spec, folder))
 
 
 STUDY = Study(

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from designopt.progress import step_display
 from designopt.study.study import Context
+from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
-from optics.scene_design import DesignedScene
 from studies.models.mirror_design.arrangement import scene_table
 from studies.models.mirror_design.design import design_mirrors
 from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec

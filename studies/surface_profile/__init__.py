@@ -10,7 +10,7 @@ from designopt.study.study import Context, Study
 from studies.surface_profile.spec import SurfaceProfileSpec
 
 if TYPE_CHECKING:
-    from designopt.designs import Design
+    from designopt.design_kind import Design
 
 
 def _run(spec: SurfaceProfileSpec, context: Context) -> Results:
@@ -21,9 +21,11 @@ def _run(spec: SurfaceProfileSpec, context: Context) -> Results:
 
 
 def _design(spec: SurfaceProfileSpec, folder: Path | None) -> Design:
+    from designopt.design_kind import Design
+    from optics.design import CHAMBER
     from studies.models.soft_finger.design import soft_finger_design
 
-    return soft_finger_design("surface-profile", spec, folder)
+    return Design(CHAMBER, soft_finger_design("surface-profile", spec, folder))
 
 
 STUDY = Study(

@@ -12,7 +12,7 @@ from designopt.study.study import Context, Study
 from studies.table1.spec import Table1Spec
 
 if TYPE_CHECKING:
-    from designopt.designs import Design
+    from designopt.design_kind import Design
 
 
 def _run(spec: Table1Spec, context: Context) -> Results:
@@ -23,9 +23,11 @@ def _run(spec: Table1Spec, context: Context) -> Results:
 
 
 def _design(spec: Table1Spec, folder: Path | None) -> Design:
+    from designopt.design_kind import Design
+    from optics.design import CHAMBER
     from studies.table1.design import table1_design
 
-    return table1_design(spec, folder)
+    return Design(CHAMBER, table1_design(spec, folder))
 
 
 def _batch(specs: Sequence[Table1Spec], context: Context) -> Sequence[Results | UserError]:

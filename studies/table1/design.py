@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from designopt.errors import UserError
-from optics.chamber_design import DesignedChamber
+from optics.chamber.designed import DesignedChamber
 from studies.table1.analysis import analyse
 from studies.table1.spec import Table1Spec
 

@@ -10,7 +10,7 @@ from designopt.study.study import Context, Study
 from studies.tactile_images.spec import TactileImagesSpec
 
 if TYPE_CHECKING:
-    from designopt.designs import Design
+    from designopt.design_kind import Design
 
 
 def _run(spec: TactileImagesSpec, context: Context) -> Results:
@@ -21,9 +21,11 @@ def _run(spec: TactileImagesSpec, context: Context) -> Results:
 
 
 def _design(spec: TactileImagesSpec, folder: Path | None) -> Design:
+    from designopt.design_kind import Design
+    from optics.design import SCENE
     from studies.models.sensor.design import imaged_finger_design
 
-    return imaged_finger_design(spec, folder)
+    return Design(SCENE, imaged_finger_design(spec, folder))
 
 
 STUDY = Study(

@@ -14,7 +14,8 @@ from typing import NoReturn
 
 import pytest
 
-from designopt import app, cli
+from designopt import cli
+from designopt.cli import app
 from designopt.errors import Interrupted
 from designopt.study import study as study_module
 from tests.designopt.plugin import points
@@ -173,7 +174,7 @@ def test_an_interrupted_command_that_keeps_something_says_what(monkeypatch, caps
 
 
 def test_a_broken_command_does_not_hurt_the_others(monkeypatch, capsys):
-    good = EntryPoint("list", "designopt.study.commands:list_studies", app.COMMAND_GROUP)
+    good = EntryPoint("list", "designopt.cli.studies:list_studies", app.COMMAND_GROUP)
     bad = EntryPoint("bad", "no_such_package:command", app.COMMAND_GROUP)
     monkeypatch.setattr(app, "entry_points", lambda group: [good, bad])
     assert cli.run(["--help"]) == 0
@@ -340,7 +341,7 @@ def test_an_interrupt_that_loading_turns_into_another_fault_is_one(broken, capsy
     assert capsys.readouterr().err == "interrupted; no file is half-written\n"
 
 
-@pytest.mark.parametrize("module", ["typer", "pydantic", "rich.table", "designopt.study.commands"])
+@pytest.mark.parametrize("module", ["typer", "pydantic", "rich.table", "designopt.cli.studies"])
 def test_an_interrupt_while_modules_are_loaded_is_one_line(module):
     probe = (
         "import signal, sys\n"

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from designopt.io.user_folders import user_folder
+from designopt.user_folders import user_folder
 
 
 @pytest.mark.parametrize(

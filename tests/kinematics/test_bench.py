@@ -20,8 +20,8 @@ from kinematics import (
     solve_poses,
     spring_energy,
 )
-from kinematics.design import DesignedLinkage
 from kinematics.explore.bench import LinkageBench
+from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
 from tests.kinematics.gallery import FOLDER, NAMES, ends, gallery, poses_of, transmission_of
 
@@ -57,7 +57,7 @@ def bench_of(name):
 
 
 def drawn(design):
-    bench = design.bench()
+    bench = LinkageBench(design)
     assert isinstance(bench, LinkageBench)
     area: Any = Figure(figsize=(12, 6)).subfigures(1, 1)
     with style():
@@ -184,7 +184,7 @@ def test_what_is_saved_is_the_linkage_as_it_stands(name):
         for knob in bench.knobs
     }
     check_saved(bench, turned)
-    again = reread(bench, turned).bench()
+    again = LinkageBench(reread(bench, turned))
     knobs = {knob.name: knob.value for knob in again.knobs}
     assert knobs.keys() == turned.keys()
     for knob in bench.knobs:

@@ -9,13 +9,14 @@ import pytest
 from matplotlib.figure import Figure
 
 from designopt import UserError
-from kinematics.design import DesignedLinkage
+from kinematics.explore.bench import LinkageBench
 from kinematics.explore.optimising import GAIN, PATIENCE, UPDATES
+from kinematics.io.designed import DesignedLinkage
 from tests.kinematics.gallery import FOLDER, poses_of, transmission_of
 
 
 def bench_of(name):
-    return DesignedLinkage.read(FOLDER / f"{name}.toml").bench()
+    return LinkageBench(DesignedLinkage.read(FOLDER / f"{name}.toml"))
 
 
 def start(bench, **changed):

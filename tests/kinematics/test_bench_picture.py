@@ -7,14 +7,15 @@ import pytest
 from matplotlib.figure import Figure
 
 from designopt.plot.figures import style
-from kinematics.design import DesignedLinkage
+from kinematics.explore.bench import LinkageBench
+from kinematics.io.designed import DesignedLinkage
 from tests.kinematics.gallery import FOLDER
 
 
 @pytest.fixture
 def drawn():
     """A bench, the values it begins with, its axes, and their figure."""
-    bench = DesignedLinkage.read(FOLDER / "four-bar.toml").bench()
+    bench = LinkageBench(DesignedLinkage.read(FOLDER / "four-bar.toml"))
     figure = Figure(figsize=(12, 6))
     area: Any = figure.subfigures(1, 1)
     with style():

@@ -16,7 +16,8 @@ from ezdxf.document import Drawing
 
 from designopt.export.dxf import dxf_text
 from designopt.export.sheet import Sheet
-from kinematics.design import DesignedLinkage
+from kinematics.export.sheet import linkage_quantities, linkage_sheet
+from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
 from tests.designopt.exporting.reading import dimensions, opened
 from tests.kinematics.gallery import FOLDER, NAMES, poses_of
@@ -32,7 +33,7 @@ def design(name: str) -> DesignedLinkage:
 
 @cache
 def sheet(name: str) -> Sheet:
-    return design(name).sheet()
+    return linkage_sheet(design(name))
 
 
 @cache
@@ -58,7 +59,7 @@ def stated(name: str) -> dict[tuple[str, str, str], float]:
 
 
 def numbers(name: str) -> dict[str, tuple[float, str]]:
-    quantities = design(name).quantities()
+    quantities = linkage_quantities(design(name))
     found = {part.name: (part.value, part.unit) for part in quantities}
     assert len(found) == len(quantities)
     return found
@@ -231,20 +232,20 @@ def test_a_body_held_by_its_slots_alone_is_found_from_them():
         ],
         inputs=[{"name": "turn", "body": "plate"}],
     )
-    found = {part.name: part.value for part in plate.quantities()}
+    found = {part.name: part.value for part in linkage_quantities(plate)}
     for joint, place in plate.sketch.joints.items():
         read_back = [found[f"joints.{joint}.{axis}"] for axis in "xy"]
         np.testing.assert_allclose(read_back, place, atol=1e-9)
-    assert {circle.name for circle in plate.sheet().circles} == {"O", "M"}
+    assert {circle.name for circle in linkage_sheet(plate).circles} == {"O", "M"}
 
 
 def test_springs_are_noted_but_many_are_only_counted():
     spring = {"between": ["left", "right"], "stiffness": 30, "preload": 0.25}
     assert (
         "spring left – right: 30 N mm/rad, preload 0.25 rad"
-        in linkage(springs=[spring]).sheet().notes
+        in linkage_sheet(linkage(springs=[spring])).notes
     )
-    many = linkage(springs=[spring] * 40).sheet()
+    many = linkage_sheet(linkage(springs=[spring] * 40))
     assert "40 springs" in many.notes
     dxf_text(many)  # and the drawing still has room
 
@@ -259,15 +260,15 @@ def test_coincident_joints_have_no_dimension():
             "top": {"joints": ["D", "C"]},
         },
     )
-    lengths = [math.dist(part.start, part.end) for part in twin.sheet().measures]
+    lengths = [math.dist(part.start, part.end) for part in linkage_sheet(twin).measures]
     assert sorted(lengths) == pytest.approx([8, 8, 8, 10, 10])
-    assert not opened(twin.sheet()).audit().has_issues
+    assert not opened(linkage_sheet(twin)).audit().has_issues
 
 
 def test_a_linkage_read_in_float32_is_drawn_too():
     with jax.enable_x64(False):
-        small = linkage().sheet()
-    wanted = linkage().sheet()
+        small = linkage_sheet(linkage())
+    wanted = linkage_sheet(linkage())
     np.testing.assert_allclose(
         [part.centre for part in small.circles], [part.centre for part in wanted.circles], atol=1e-5
     )

@@ -14,8 +14,8 @@ from matplotlib.lines import Line2D
 from designopt import UserError
 from designopt.plot.ruling import Ruling
 from optics import Chamber, ChamberResult
+from optics.chamber.designed import DesignedChamber
 from optics.chamber.file import read_chamber
-from optics.chamber_design import DesignedChamber
 from optics.explore.chamber_bench import FIELDS, ChamberBench
 from optics.explore.chamber_improving import narrowest
 from optics.plot.chamber_drawing import FAINT

@@ -8,8 +8,8 @@ import pytest
 
 from designopt import UserError
 from designopt.designs import load_design
+from optics.chamber.designed import DesignedChamber
 from optics.chamber.file import chamber_text, read_chamber
-from optics.chamber_design import DesignedChamber
 from tests.optics.test_chamber_bench import PAPER
 
 TEXT = chamber_text("soft", PAPER)
@@ -31,8 +31,8 @@ def test_a_file_reads_back_as_the_chamber(tmp_path):
 
 def test_the_commands_take_the_file(tmp_path):
     design = load_design(str(written(tmp_path)))
-    assert isinstance(design, DesignedChamber)
-    assert float(design.chamber.offset_d) == 2.55
+    assert isinstance(design.model, DesignedChamber)
+    assert float(design.model.chamber.offset_d) == 2.55
 
 
 def test_a_file_has_the_papers_numbers():

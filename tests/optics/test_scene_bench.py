@@ -20,9 +20,9 @@ from optics.explore import scene_picture as scene_bench_picture
 from optics.explore.scene_bench import SceneBench
 from optics.explore.scene_seeing import _coverage, _quickly, _views
 from optics.plot.label_layout import Label, PlacedLabel, moved
+from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
 from optics.scene.reading import scene_from
-from optics.scene_design import DesignedScene
 from optics.visibility.coverage import find_coverage, find_views
 from optics.visibility.sharpness import find_sharpness
 from optics.visibility.views import describe_end
@@ -443,7 +443,7 @@ def test_what_cannot_be_improved_or_shown_says_so():
     tables = design("folded-pad").file.model_dump(by_alias=True, exclude_unset=True)
     bare = DesignedScene.of(SceneFile.model_validate({**tables, "pads": []}), "bare")
     with pytest.raises(UserError, match=r"add one under \[\[pads\]\]"):
-        bare.bench()
+        SceneBench(bare)
 
 
 def test_a_name_moves_with_what_it_names():

@@ -13,9 +13,11 @@ import pytest
 
 from designopt.export.sheet import Sheet
 from optics.chamber.chamber import Chamber
-from optics.chamber_design import DesignedChamber
+from optics.chamber.designed import DesignedChamber
+from optics.export.chamber_sheet import chamber_quantities, chamber_sheet
+from optics.export.scene_sheet import scene_quantities, scene_sheet
+from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
-from optics.scene_design import DesignedScene
 from tests.designopt.exporting.reading import dimensions, numbers_in, opened
 
 GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
@@ -40,12 +42,12 @@ def curved(radius: float, conic: float, half: float = 40.0) -> Sheet:
     mirror = {"name": "m", "from": [0, half], "to": [0, -half], "radius": radius, "conic": conic}
     camera = {"position": [200, 0], "direction_deg": 180, "fov_deg": 60, "pixels": 100}
     file = SceneFile.model_validate({"camera": camera, "mirrors": [mirror]})
-    return DesignedScene.of(file, "curved").sheet()
+    return scene_sheet(DesignedScene.of(file, "curved"))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_number_of_a_scene_file_is_among_the_numbers(name):
-    quantities = scene(name).quantities()
+    quantities = scene_quantities(scene(name))
     assert len({part.name for part in quantities}) == len(quantities)
     missing = Counter(numbers_in(tables(name))) - Counter(float(part.value) for part in quantities)
     assert not missing
@@ -63,7 +65,7 @@ def test_a_lens_and_coefficients_are_among_the_numbers():
     camera = {"position": [1, 2], "direction_deg": 0, "fov_deg": 90, "pixels": 480}
     camera |= {"projection": coefficients, "lens": lens}
     file = SceneFile.model_validate({"camera": camera, "pads": [pad]})
-    found = {part.name: part for part in DesignedScene.of(file, "scene").quantities()}
+    found = {part.name: part for part in scene_quantities(DesignedScene.of(file, "scene"))}
     assert [found[f"camera.projection.k{i}"].value for i in range(1, 5)] == coefficients
     assert {key: found[f"camera.lens.{key}"].value for key in lens} == lens
     assert found["camera.lens.focus"].unit == "mm"
@@ -71,7 +73,7 @@ def test_a_lens_and_coefficients_are_among_the_numbers():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_straight_surfaces_and_hinges_are_where_the_file_has_them(name):
-    data, document = tables(name), opened(scene(name).sheet())
+    data, document = tables(name), opened(scene_sheet(scene(name)))
     assert not document.audit().has_issues
     space = document.modelspace()
     for layer in ("mirrors", "pads", "blockers"):
@@ -91,7 +93,7 @@ def test_straight_surfaces_and_hinges_are_where_the_file_has_them(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_lines_of_sight_are_the_axis_and_the_edges_of_the_field(name):
-    camera, sheet = tables(name)["camera"], scene(name).sheet()
+    camera, sheet = tables(name)["camera"], scene_sheet(scene(name))
     turns = []
     for (start, end), layer in [
         *((line, "camera") for line in strokes(sheet, "camera")),
@@ -109,7 +111,7 @@ def test_a_camera_that_sees_all_around_has_one_edge():
     camera = {"position": [0, 0], "direction_deg": 90, "fov_deg": 360, "pixels": 100}
     pad = {"name": "pad", "from": [9, 0], "to": [9, 5]}
     file = SceneFile.model_validate({"camera": camera, "pads": [pad]})
-    sheet = DesignedScene.of(file, "all").sheet()
+    sheet = scene_sheet(DesignedScene.of(file, "all"))
     ((_, end),) = strokes(sheet, "field of view")
     assert end[1] < 0
     assert abs(end[0]) < 1e-12
@@ -143,7 +145,7 @@ def test_a_parabolic_mirror_is_nowhere_far_from_its_parabola(half):
 
 
 def test_an_elliptic_mirror_lies_on_its_ellipse():
-    (line,) = strokes(scene("ellipse").sheet(), "mirrors")
+    (line,) = strokes(scene_sheet(scene("ellipse")), "mirrors")
     places = np.array(line)
     np.testing.assert_allclose(
         ((places[:, 0] - 100) / 100) ** 2 + (places[:, 1] / 80) ** 2, 1.0, rtol=1e-12
@@ -151,18 +153,18 @@ def test_an_elliptic_mirror_lies_on_its_ellipse():
 
 
 def test_a_far_camera_is_drawn_but_does_not_shrink_the_picture():
-    sheet = scene("circle").sheet()
+    sheet = scene_sheet(scene("circle"))
     (left, _), (right, _) = sheet.box()
     assert right - left < 100
     assert any(circle.centre == (10000, 0) for circle in sheet.circles)
     assert any("outside the picture" in note for note in sheet.notes)
     assert max(math.dist(part.start, part.end) for part in sheet.measures) < 100
-    assert not any("outside" in note for note in scene("ellipse").sheet().notes)
+    assert not any("outside" in note for note in scene_sheet(scene("ellipse")).notes)
 
 
 def test_dimensions_of_a_scene_say_how_to_build_it():
     data = tables("finger")
-    found = [part.get_measurement() for part in dimensions(opened(scene("finger").sheet()))]
+    found = [part.get_measurement() for part in dimensions(opened(scene_sheet(scene("finger"))))]
     wanted = [math.dist(part["from"], part["to"]) for part in data["mirrors"] + data["pads"]]
     for part in data["mirrors"]:
         hinge = data["frames"][part["body"]]["hinge"]
@@ -171,7 +173,7 @@ def test_dimensions_of_a_scene_say_how_to_build_it():
 
 
 def test_a_distance_that_two_mirrors_share_is_stated_once():
-    measures = scene("kaleidoscope-60").sheet().measures
+    measures = scene_sheet(scene("kaleidoscope-60")).measures
     assert len(set(measures)) == len(measures)
     corner, camera = (0.0, 0.0), tuple(map(float, tables("kaleidoscope-60")["camera"]["position"]))
     assert sum({part.start, part.end} == {corner, camera} for part in measures) == 1
@@ -194,7 +196,7 @@ CHAMBER = Chamber(
 
 
 def test_the_chamber_is_drawn_region_by_region():
-    sheet = DesignedChamber("chamber", CHAMBER).sheet()
+    sheet = chamber_sheet(DesignedChamber("chamber", CHAMBER))
     document = opened(sheet)
     assert not document.audit().has_issues
     offset_c = 6.5 - 24.7 * math.tan(0.04)
@@ -216,7 +218,8 @@ def test_the_chamber_is_drawn_region_by_region():
 
 def test_the_numbers_of_a_chamber_follow_eqs_1_to_3():
     found = {
-        part.name: (part.value, part.unit) for part in DesignedChamber("c", CHAMBER).quantities()
+        part.name: (part.value, part.unit)
+        for part in chamber_quantities(DesignedChamber("c", CHAMBER))
     }
     assert found["length_cd"] == (37.0, "mm")
     assert found["wall_angle_bc"] == (pytest.approx(math.degrees(0.04)), "°")
@@ -234,15 +237,15 @@ def test_the_numbers_of_a_chamber_follow_eqs_1_to_3():
     assert found["ring_top"] == (pytest.approx(heights[2]), "mm")
     assert found["imaging_ratio"] == (pytest.approx(yellow / blue), "")
     assert len(found) == 17
-    notes = DesignedChamber("c", CHAMBER).sheet().notes
+    notes = chamber_sheet(DesignedChamber("c", CHAMBER)).notes
     assert notes[-1] == f"imaging ratio {yellow / blue:.6g}"
 
 
 def test_a_chamber_without_an_image_has_no_numbers_of_it():
     behind = Chamber(**{**vars(CHAMBER), "pinhole_offset": -50.0})
     design = DesignedChamber("behind", behind)
-    names = {part.name for part in design.quantities()}
+    names = {part.name for part in chamber_quantities(design)}
     assert {"imaging_ratio", "ring_blue"}.isdisjoint(names)
     assert "length_ab" in names
-    assert not any("ratio" in note for note in design.sheet().notes)
-    assert not opened(design.sheet()).audit().has_issues
+    assert not any("ratio" in note for note in chamber_sheet(design).notes)
+    assert not opened(chamber_sheet(design)).audit().has_issues

@@ -15,10 +15,10 @@ from designopt import Study, UserError
 from designopt.designs import load_design
 from designopt.study.settings import spec_of
 from designopt.study.study import installed_studies, load_study
-from kinematics.design import DesignedLinkage
+from kinematics.io.designed import DesignedLinkage
 from optics import Chamber, find_coverage
-from optics.chamber_design import DesignedChamber
-from optics.scene_design import DesignedScene
+from optics.chamber.designed import DesignedChamber
+from optics.scene.designed import DesignedScene
 from studies.finger.design import DesignedFinger, finger_design
 from studies.finger.spec import FingerSpec
 from studies.models.body import BodySpec
@@ -78,7 +78,7 @@ def test_these_studies_design_something():
 @pytest.mark.parametrize("name", KINDS)
 def test_every_design_is_there_without_a_search(unsearched, name):
     design = load_design(name)
-    assert isinstance(design, KINDS[name])
+    assert isinstance(design.model, KINDS[name])
     chamber = KINDS[name] is DesignedChamber
     assert design.name.startswith(name if chamber else "finger")
 
@@ -92,26 +92,26 @@ def test_settings_come_back_from_a_result(name):
 
 def linkage_design(name: str, *settings: str) -> DesignedLinkage:
     design = load_design(name, settings)
-    assert isinstance(design, DesignedLinkage)
-    return design
+    assert isinstance(design.model, DesignedLinkage)
+    return design.model
 
 
 def scene_design(name: str, *settings: str) -> DesignedScene:
     design = load_design(name, settings)
-    assert isinstance(design, DesignedScene)
-    return design
+    assert isinstance(design.model, DesignedScene)
+    return design.model
 
 
 def chamber_of(name: str, *settings: str) -> Chamber:
     design = load_design(name, settings)
-    assert isinstance(design, DesignedChamber)
-    return design.chamber
+    assert isinstance(design.model, DesignedChamber)
+    return design.model.chamber
 
 
 def finger() -> DesignedFinger:
     design = load_design("finger")
-    assert isinstance(design, DesignedFinger)
-    return design
+    assert isinstance(design.model, DesignedFinger)
+    return design.model
 
 
 def table(name: str) -> dict:

@@ -29,7 +29,7 @@ def finger():
 
 @pytest.fixture(scope="module")
 def space(finger):
-    document = opened(finger.sheet())
+    document = opened(finger.drawing())
     assert not document.audit().has_issues
     return document.modelspace()
 
@@ -66,7 +66,7 @@ def test_the_outline_is_the_body_and_holds_the_pads(finger, space):
 
 
 def test_layers_are_those_of_both_parts_once(finger):
-    names = [layer.name for layer in finger.sheet().layers]
+    names = [layer.name for layer in finger.drawing().layers]
     assert len(set(names)) == len(names)
     bodies = list(LINKAGE["bodies"])
     assert names == [*bodies, "mirrors", "pads", "blockers", "camera", "field of view", "outline"]
@@ -89,8 +89,8 @@ def test_every_number_of_both_files_is_among_the_numbers(finger):
 
 
 def test_notes_say_what_pose_it_is(finger):
-    assert isinstance(finger, DesignedFinger)
-    notes = finger.sheet().notes
+    assert isinstance(finger.model, DesignedFinger)
+    notes = finger.drawing().notes
     assert notes[0].startswith("straight finger")
     assert not any("pose" in note for note in notes)
     assert any("160°" in note for note in notes)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from designopt.io.spec_file import SpecFile
 from designopt.io.toml_writing import toml_text
-from designopt.study.results import SpecFile
 from studies.models.body import BodySpec
 from studies.models.mirror_design.arrangement import Arrangement, scene_table
 from studies.models.mirror_design.spec import MirrorSpec

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from optics.scene_design import DesignedScene
+from optics.scene.designed import DesignedScene
 from studies.models.sensor.spec import FingerImagesSpec
 
 

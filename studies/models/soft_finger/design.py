@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from optics.chamber_design import DesignedChamber
+from optics.chamber.designed import DesignedChamber
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.spec import ChamberImagesSpec
 

@@ -9,12 +9,12 @@ from pydantic import Field
 
 from designopt import Spec, Study, UserError
 from designopt import designs as design
-from designopt.designs import Design, DesignFile, Quantity, load_design, read_tables
-from designopt.explore.bench import Bench
-from designopt.export.sheet import Sheet
+from designopt.design_kind import Design, DesignKind
+from designopt.designs import load_design, read_tables
 from designopt.io.files import read_toml
+from designopt.io.spec_file import SpecFile
 from designopt.study import study as study_module
-from designopt.study.results import Results, SpecFile
+from designopt.study.results import Results
 from designopt.study.runner import run
 
 
@@ -23,31 +23,36 @@ class BoxSpec(Spec):
 
 
 @dataclass(frozen=True)
-class Box(Design):
-    """A design that remembers where it comes from."""
+class Box:
+    """A model that remembers where it comes from."""
 
     name: str
     spec: BoxSpec | None = None
     folder: Path | None = None
 
-    def bench(self) -> Bench:
-        raise NotImplementedError
 
-    def sheet(self) -> Sheet:
-        raise NotImplementedError
+def unasked(model):
+    raise NotImplementedError
 
-    def quantities(self) -> list[Quantity]:
-        return []
+
+def kind(name: str, read) -> DesignKind:
+    return DesignKind(name, name, read, unasked, unasked, lambda model: [])
 
 
 def results(spec, context):
     return Results(["A box."], [], specs=[SpecFile("box.toml", "the box", "[box]\n")])
 
 
-BOX = Study("box", "A box", BoxSpec, results, design=lambda spec, folder: Box("box", spec, folder))
+FILE = kind("box", lambda path: Box(read_toml(path, "box")["box"]["name"]))
+OTHER = kind("ball", lambda path: Box("ball"))
+
+
+def designed(spec, folder) -> Design:
+    return Design(FILE, Box("box", spec, folder))
+
+
+BOX = Study("box", "A box", BoxSpec, results, design=designed)
 RULER = Study("ruler", "Measures", BoxSpec, results)
-FILE = DesignFile("box", "box", lambda path: Box(read_toml(path, "box")["box"]["name"]))
-OTHER = DesignFile("ball", "ball", lambda path: Box("ball"))
 
 POINTS = {
     study_module.STUDY_GROUP: {"box": "BOX", "ruler": "RULER"},
@@ -80,14 +85,14 @@ def refused(named: str, settings=()) -> str:
 
 
 def test_a_study_with_its_settings():
-    assert load_design("box") == Box("box", BoxSpec(), None)
-    assert load_design("box", ["side=3"]) == Box("box", BoxSpec(side=3.0), None)
+    assert load_design("box") == designed(BoxSpec(), None)
+    assert load_design("box", ["side=3"]) == designed(BoxSpec(side=3.0), None)
     assert "--set sise: unknown key; did you mean 'side'?" in refused("box", ["sise=3"])
 
 
 def test_a_result_has_the_spec_that_it_was_made_with(tmp_path):
     folder = result_of(BOX, BoxSpec(side=5.0), tmp_path / "earlier")
-    assert load_design(str(folder)) == Box("box", BoxSpec(side=5.0), folder / "specs")
+    assert load_design(str(folder)) == designed(BoxSpec(side=5.0), folder / "specs")
     assert (folder / "specs" / "box.toml").is_file()
     message = refused(str(folder), ["side=3"])
     assert message.startswith("--set side=3: only a study has settings; change ")
@@ -95,7 +100,7 @@ def test_a_result_has_the_spec_that_it_was_made_with(tmp_path):
 
 def test_a_study_is_meant_where_a_folder_has_its_name():
     Path("box").mkdir()
-    assert load_design("box", ["side=3"]) == Box("box", BoxSpec(side=3.0), None)
+    assert load_design("box", ["side=3"]) == designed(BoxSpec(side=3.0), None)
     assert refused("./box") == (
         "box: a folder without a result of designopt run; name a file or a study"
     )
@@ -149,9 +154,9 @@ def test_an_unknown_study_is_refused():
 
 def test_a_file_is_read_by_its_kind(tmp_path):
     Path("crate.toml").write_text('[box]\nname = "crate"\n')
-    assert load_design("crate.toml") == Box("crate")
+    assert load_design("crate.toml") == Design(FILE, Box("crate"))
     Path("plain").write_text("[ball]\n")
-    assert load_design("plain") == Box("ball")
+    assert load_design("plain") == Design(OTHER, Box("ball"))
     assert refused("crate.toml", ["side=3"]).startswith("--set side=3: only a study has settings")
 
 
@@ -178,7 +183,7 @@ def test_a_name_that_is_too_long_is_refused_like_any_other():
 
 def test_what_does_not_move_has_no_simulation():
     with pytest.raises(UserError, match="--to mjcf: crate has no linkage that moves it; export a"):
-        Box("crate").mjcf()
+        Design(FILE, Box("crate")).mjcf()
 
 
 def test_a_file_of_another_kind_is_named_with_what_takes_it(tmp_path):

@@ -140,7 +140,7 @@ class Visitor:
 
 def tour(browser, named, folder, check=lambda saved, numbers, joint: None):
     """Move every slider and press every button of a design's page."""
-    window = Hands(load_design(named).bench(), folder)
+    window = Hands(load_design(named).explorer(), folder)
     page = browser.new_page(viewport={"width": 1340, "height": 1000})
     faults = []
     page.on("pageerror", lambda error: faults.append(str(error)))
@@ -209,7 +209,7 @@ def test_a_linkage_on_the_page(browser, tmp_path):
 def test_a_sharper_screen_shows_every_pixel(browser, tmp_path, ratio):
     """At some ratios Matplotlib's script makes the canvas a pixel or two too small."""
     named = str(STUDIES / "gallery/linkages/four-bar.toml")
-    window = Hands(load_design(named).bench(), tmp_path)
+    window = Hands(load_design(named).explorer(), tmp_path)
     row = window.window.rows[0]
     places = [on_track(row, fraction) for fraction in (0.4, 0.7)]
     canvas: Any = window.canvas

@@ -10,8 +10,8 @@ from matplotlib.figure import SubFigure
 
 from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
+from designopt.io.spec_file import SpecFile
 from designopt.plot.ruling import Ruling, hold
-from designopt.study.results import SpecFile
 
 KNOBS = (
     Knob("crank", 40.0, 0.0, 360.0, "°", "joint"),

@@ -13,9 +13,9 @@ import jax
 import pytest
 from ezdxf.filemanagement import readfile
 
+from designopt.cli import export_files as writing
 from designopt.cli import run
 from designopt.errors import UserError
-from designopt.export import writing
 from designopt.io.files import replaced_when_complete
 
 STUDIES = Path(__file__).parents[3] / "studies"

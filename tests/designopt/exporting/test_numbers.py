@@ -3,9 +3,8 @@ import math
 
 import pytest
 
-from designopt.designs import Quantity
 from designopt.errors import UserError
-from designopt.export.json import json_text
+from designopt.export.json import Quantity, json_text
 
 
 def test_every_number_comes_back_with_its_unit():

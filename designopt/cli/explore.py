@@ -102,4 +102,4 @@ def _designed(named: str, settings: list[str]) -> Iterator[tuple[Bench, str]]:
 
     with jax.enable_x64(True):
         design = load_design(named, settings)
-        yield design.bench(), design.name
+        yield design.explorer(), design.name

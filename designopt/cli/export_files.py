@@ -9,7 +9,8 @@ from pathlib import Path
 
 import jax
 
-from designopt.designs import Design, kind_of, load_design
+from designopt.design_kind import Design
+from designopt.designs import kind_of, load_design
 from designopt.errors import UserError
 from designopt.export.json import json_text
 from designopt.export.svg import svg_text
@@ -93,7 +94,7 @@ def _is_folder(out: Path) -> bool:
 def _writer(form: str) -> Callable[[Design], str]:
     """From a design to a file's text."""
     if form == "svg":
-        return lambda design: svg_text(design.sheet())
+        return lambda design: svg_text(design.drawing())
     if form == "json":
         return lambda design: json_text(design.name, design.quantities())
     if form == "mjcf":
@@ -104,4 +105,4 @@ def _writer(form: str) -> Callable[[Design], str]:
         raise UserError(
             "--to dxf: the package ezdxf is missing; install designopt[export]"
         ) from error
-    return lambda design: dxf_text(design.sheet())
+    return lambda design: dxf_text(design.drawing())

@@ -63,7 +63,7 @@ def run(arguments: list[str]) -> int:
     try:
         with interruptible() as check:
             try:
-                from designopt.app import invoke
+                from designopt.cli.app import invoke
 
                 return invoke(arguments, check)
             except Interrupted:
@@ -119,7 +119,7 @@ def _reported(error: BaseException) -> int:
     if isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in str(error):
         _say(f"error: {os.strerror(errno.ENOMEM)}; {CURES[errno.ENOMEM]}")
         return WRONG
-    from designopt.io.fault_files import kept_traceback, short_traceback
+    from designopt.fault_files import kept_traceback, short_traceback
 
     name = f"{type(error).__name__}: {shortened(str(error), 200)}"
     what = f"error: a fault of designopt's own ({name})"

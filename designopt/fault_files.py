@@ -12,7 +12,7 @@ import traceback
 from importlib.metadata import version
 from pathlib import Path
 
-from designopt.io.user_folders import user_folder
+from designopt.user_folders import user_folder
 
 DEEPEST = 40
 """Calls of a traceback in one line, at most; those in the middle are left out."""

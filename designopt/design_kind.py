@@ -1,0 +1,80 @@
+"""Kinds of designs, and what the commands around a design take of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from designopt.errors import UserError
+from designopt.explore.bench import Bench
+from designopt.export.json import Quantity
+from designopt.export.sheet import Sheet
+
+
+@dataclass(frozen=True)
+class DesignKind:
+    """A kind of design; those in files are offered through the group ``designopt.designs``.
+
+    The functions import what they need when they are called, so that a model does not depend on
+    what explores, draws or exports it. All but ``read`` take what ``read`` returns, and are called
+    with JAX in float64.
+
+    Attributes:
+        name: what such a file describes, such as ``"linkage"``.
+        table: the table that only files of this kind have.
+        read: from a file to the model; its ``name`` is used in titles and file names.
+        explorer: the model with its knobs, for ``designopt explore``.
+        drawing: it drawn to scale in its reference pose.
+        quantities: every number of it.
+        mjcf: the text of a MuJoCo model of it; ``None`` where nothing of it moves.
+        command: what computes something of such a file, for messages.
+    """
+
+    name: str
+    table: str
+    read: Callable[[Path], Any]
+    explorer: Callable[[Any], Bench]
+    drawing: Callable[[Any], Sheet]
+    quantities: Callable[[Any], Sequence[Quantity]]
+    mjcf: Callable[[Any], str] | None = None
+    command: str = "designopt explore"
+
+
+@dataclass(frozen=True)
+class Design:
+    """A model with its kind."""
+
+    kind: DesignKind
+    model: Any
+
+    @property
+    def name(self) -> str:
+        """In titles and file names."""
+        return self.model.name
+
+    def explorer(self) -> Bench:
+        """It with its knobs, for ``designopt explore``."""
+        return self.kind.explorer(self.model)
+
+    def drawing(self) -> Sheet:
+        """It drawn to scale in its reference pose."""
+        return self.kind.drawing(self.model)
+
+    def quantities(self) -> Sequence[Quantity]:
+        """Every number of it."""
+        return self.kind.quantities(self.model)
+
+    def mjcf(self) -> str:
+        """The text of a MuJoCo model of it.
+
+        Raises:
+            UserError: nothing of it moves, or it moves as no such model can.
+        """
+        if self.kind.mjcf is None:
+            raise UserError(
+                f"--to mjcf: {self.name} has no linkage that moves it; export a linkage file, or a "
+                "study that designs a linkage, such as 'finger-linkage'"
+            )
+        return self.kind.mjcf(self.model)

@@ -1,0 +1,79 @@
+"""Scene and chamber files as designs for ``designopt explore`` and ``designopt export``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from designopt.design_kind import DesignKind
+from designopt.export.json import Quantity
+
+if TYPE_CHECKING:
+    from designopt.explore.bench import Bench
+    from designopt.export.sheet import Sheet
+    from optics.chamber.designed import DesignedChamber
+    from optics.scene.designed import DesignedScene
+
+
+def _read_scene(path: Path) -> DesignedScene:
+    from optics.scene.designed import DesignedScene
+
+    return DesignedScene.read(path)
+
+
+def _scene_explorer(model: DesignedScene) -> Bench:
+    from optics.explore.scene_bench import SceneBench
+
+    return SceneBench(model)
+
+
+def _scene_drawing(model: DesignedScene) -> Sheet:
+    from optics.export.scene_sheet import scene_sheet
+
+    return scene_sheet(model)
+
+
+def _scene_quantities(model: DesignedScene) -> Sequence[Quantity]:
+    from optics.export.scene_sheet import scene_quantities
+
+    return scene_quantities(model)
+
+
+def _read_chamber(path: Path) -> DesignedChamber:
+    from optics.chamber.designed import DesignedChamber
+
+    return DesignedChamber.read(path)
+
+
+def _chamber_explorer(model: DesignedChamber) -> Bench:
+    from optics.explore.chamber_bench import ChamberBench
+
+    return ChamberBench(model)
+
+
+def _chamber_drawing(model: DesignedChamber) -> Sheet:
+    from optics.export.chamber_sheet import chamber_sheet
+
+    return chamber_sheet(model)
+
+
+def _chamber_quantities(model: DesignedChamber) -> Sequence[Quantity]:
+    from optics.export.chamber_sheet import chamber_quantities
+
+    return chamber_quantities(model)
+
+
+SCENE = DesignKind(
+    "scene",
+    "camera",
+    _read_scene,
+    _scene_explorer,
+    _scene_drawing,
+    _scene_quantities,
+    command="designopt trace",
+)
+
+CHAMBER = DesignKind(
+    "chamber", "chamber", _read_chamber, _chamber_explorer, _chamber_drawing, _chamber_quantities
+)
