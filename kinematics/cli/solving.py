@@ -18,7 +18,7 @@ from designopt.errors import UserError
 from designopt.io.files import check_figure_ending, check_targets, replaced_when_complete
 from designopt.io.ranges import grid_of, single_values
 from designopt.solution import Solution
-from kinematics.cli.table import columns_of, table_at, table_text
+from kinematics.cli.table import Solved, columns_of, table_at, table_text
 from kinematics.io.reading import read_linkage
 from kinematics.model.linkage import Linkage
 from kinematics.solve.limits import find_limits
@@ -61,27 +61,6 @@ class Request:
     figure: Path | None = None
     animation: Path | None = None
     force: bool = False
-
-
-@dataclass(frozen=True)
-class Solved:
-    """Some of the poses, with everything that was computed of them.
-
-    Attributes:
-        asked: inputs as asked for, in degrees or mm, shape (poses, inputs).
-        inputs: the same in radians or mm.
-        poses: the poses.
-        velocity: first derivatives; none if neither rates nor accelerations were asked for.
-        acceleration: second derivatives; none if accelerations were not asked for.
-        transmission: their transmission.
-    """
-
-    asked: np.ndarray
-    inputs: np.ndarray
-    poses: Solution[Pose]
-    velocity: Rates | None
-    acceleration: Rates | None
-    transmission: Transmission
 
 
 def print_plan(file: Path, of: Sequence[str] | None) -> None:

@@ -5,17 +5,39 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from designopt.io.csv_text import csv_text, numbers_text
 from designopt.io.files import replaced_when_complete
+from designopt.solution import Solution
 from kinematics.model.linkage import Linkage
+from kinematics.solve.rates import Rates
+from kinematics.solve.solver import Pose
+from kinematics.solve.transmission import Transmission
 
-if TYPE_CHECKING:
-    from kinematics.cli.solving import Solved
+
+@dataclass(frozen=True)
+class Solved:
+    """Some of the poses, with everything that was computed of them.
+
+    Attributes:
+        asked: inputs as asked for, in degrees or mm, shape (poses, inputs).
+        inputs: the same in radians or mm.
+        poses: the poses.
+        velocity: first derivatives; none if neither rates nor accelerations were asked for.
+        acceleration: second derivatives; none if accelerations were not asked for.
+        transmission: their transmission.
+    """
+
+    asked: np.ndarray
+    inputs: np.ndarray
+    poses: Solution[Pose]
+    velocity: Rates | None
+    acceleration: Rates | None
+    transmission: Transmission
 
 
 def columns_of(linkage: Linkage, solved: Solved) -> dict[str, np.ndarray]:

@@ -22,7 +22,8 @@ def _run(spec: FingerSpec, context: Context) -> Results:
 
 def _design(spec: FingerSpec, folder: Path | None) -> Design:
     from designopt.design_kind import Design
-    from studies.finger.design import FINGER, finger_design
+    from studies.finger.design import finger_design
+    from studies.finger.kind import FINGER
 
     return Design(FINGER, finger_design(spec, folder))
 

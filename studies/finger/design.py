@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from designopt.design_kind import DesignKind
-from designopt.export.json import Quantity
-from designopt.export.sheet import Sheet
 from designopt.progress import step_display
 from designopt.study.study import Context
 from kinematics.io.designed import DesignedLinkage
@@ -23,10 +19,6 @@ from studies.models.linkage_design.analysis import design_linkage
 from studies.models.mirror_design.arrangement import scene_table
 from studies.models.mirror_design.design import design_mirrors
 from studies.models.pins import linkage_table
-
-if TYPE_CHECKING:
-    from designopt.explore.bench import Bench
-    from designopt.export.sheet import Sheet
 
 NAME = "finger"
 
@@ -84,34 +76,3 @@ def finger_design(spec: FingerSpec, folder: Path | None) -> DesignedFinger:
 
 def _deciding(spec: FingerSpec) -> dict[str, Any]:
     return spec.model_dump(include=DECIDING)
-
-
-def _read(folder: Path) -> DesignedFinger:
-    return finger_design(FingerSpec(), folder)
-
-
-def _explorer(model: DesignedFinger) -> Bench:
-    from studies.finger.bench import FingerBench
-
-    return FingerBench(model)
-
-
-def _drawing(model: DesignedFinger) -> Sheet:
-    from studies.finger.sheet import finger_sheet
-
-    return finger_sheet(model)
-
-
-def _quantities(model: DesignedFinger) -> Sequence[Quantity]:
-    from studies.finger.sheet import finger_quantities
-
-    return finger_quantities(model)
-
-
-def _mjcf(model: DesignedFinger) -> str:
-    from studies.finger.mjcf import finger_mjcf
-
-    return finger_mjcf(model)
-
-
-FINGER = DesignKind("finger", "finger", _read, _explorer, _drawing, _quantities, _mjcf)

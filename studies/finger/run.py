@@ -6,46 +6,25 @@ mirrors have the whole section between the faces.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from designopt.study.results import Results
 from designopt.study.study import Context
 from studies.finger import drawings, statements, tables
+from studies.finger.found import Finger
 from studies.finger.spec import FingerSpec
 from studies.finger.spec_files import spec_files
 from studies.models.body import RIM
 from studies.models.grasp import figures as grasp_drawings
-from studies.models.grasp.analysis import Analysis, analyse
-from studies.models.grasp.check import GraspCheck, summary
+from studies.models.grasp.analysis import analyse
+from studies.models.grasp.check import summary
 from studies.models.grasp.spec import GraspSpec
-from studies.models.linkage_design.analysis import LinkageDesign, design_linkage
+from studies.models.linkage_design.analysis import design_linkage
 from studies.models.linkage_design.figures import design_figures
 from studies.models.linkage_design.tables import design_tables
 from studies.models.mirror_design import figures as mirror_drawings
-from studies.models.mirror_design.design import MirrorDesign, design_mirrors
-from studies.models.mirror_design.yields import Yield, monte_carlo
-
-
-@dataclass(frozen=True)
-class Finger:
-    """A finger that was designed.
-
-    Attributes:
-        linkage: its linkage.
-        mirrors: its camera and mirrors.
-        share: part of the fingers with errors of assembly that show everything.
-        grasp: what it does when it closes; ``None`` where its linkage does not assemble in every
-            posture, so that nothing can be said.
-        closings: the states behind that.
-    """
-
-    linkage: LinkageDesign
-    mirrors: MirrorDesign
-    share: Yield
-    grasp: GraspCheck | None
-    closings: Analysis | None
+from studies.models.mirror_design.design import design_mirrors
+from studies.models.mirror_design.yields import monte_carlo
 
 
 def run(spec: FingerSpec, context: Context) -> Results:

@@ -15,7 +15,7 @@ from studies.models.mirror_design.percent import percent_at_least
 from studies.models.pins import Pins, linkage_table
 
 if TYPE_CHECKING:
-    from studies.finger.run import Finger
+    from studies.finger.found import Finger
 
 
 @dataclass(frozen=True)

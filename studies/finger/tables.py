@@ -13,7 +13,7 @@ from studies.finger.spec import FingerSpec
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from studies.finger.run import Finger
+    from studies.finger.found import Finger
     from studies.finger.statements import Line
 
 

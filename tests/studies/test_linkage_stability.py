@@ -14,7 +14,8 @@ from designopt import cli
 from designopt.study.results import StabilityRow
 from studies.oracles import linkages as exact
 from studies.stability.linkage import STUDY, cases, judging, mechanisms, triad
-from studies.stability.linkage.run import Family, assess
+from studies.stability.linkage.judging import Family
+from studies.stability.linkage.run import assess
 from studies.stability.linkage.statements import findings, metrics
 
 MECHANISMS = {

@@ -13,7 +13,7 @@ from designopt.study.results import Figure
 from studies.stability.linkage.statements import random_families
 
 if TYPE_CHECKING:
-    from studies.stability.linkage.run import Family
+    from studies.stability.linkage.judging import Family
 
 APPROACHES = ("stretching: margin 1e-1", "folding: margin 1e-1", "slider-crank, margin 1e-1")
 """How the families that approach lock-up from inside are told by their names."""

@@ -199,3 +199,11 @@ def _ratio(error: np.ndarray, scale: np.ndarray) -> np.ndarray:
 
 def _relative_margin(found: exact.Exact) -> np.ndarray:
     return (found.margin / (found.size + (found.size == 0))).astype(float)
+
+
+@dataclass(frozen=True)
+class Family:
+    """A family and what came of it in one float type."""
+
+    case: str
+    judged: Judged

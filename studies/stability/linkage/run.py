@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,19 +10,11 @@ from designopt.study.results import Results
 from designopt.study.study import Context
 from studies.stability.linkage import cases, drawings, mechanisms, statements, triad
 from studies.stability.linkage.cases import Cases
-from studies.stability.linkage.judging import Judged, judge
+from studies.stability.linkage.judging import Family, judge
 from studies.stability.linkage.mechanisms import Mechanism
 from studies.stability.linkage.spec import StabilitySpec
 
 DTYPES = ("float64", "float32")
-
-
-@dataclass(frozen=True)
-class Family:
-    """A family and what came of it in one float type."""
-
-    case: str
-    judged: Judged
 
 
 def run(spec: StabilitySpec, context: Context) -> Results:

@@ -12,7 +12,7 @@ from designopt.study.stability import GRADIENT_TOLERANCE, VALUE_TOLERANCE
 from studies.stability.linkage.judging import CLOSURE, UNDECIDED, largest
 
 if TYPE_CHECKING:
-    from studies.stability.linkage.run import Family
+    from studies.stability.linkage.judging import Family
 
 
 def findings(found: Sequence[Family]) -> list[str]:
