@@ -109,9 +109,3 @@ def test_every_study_has_a_readme():
         readme = ROOT / point.module.replace(".", "/") / "README.md"
         title = f"# {point.name.replace('-', '_')}"
         assert readme.read_text(encoding="utf-8").startswith(title), point.name
-
-
-def test_modules_stay_readable():
-    for package in PACKAGES:
-        for module in (ROOT / package).rglob("*.py"):
-            assert len(module.read_text(encoding="utf-8").splitlines()) <= 400, module

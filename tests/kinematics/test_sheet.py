@@ -19,7 +19,7 @@ from designopt.export.sheet import Sheet
 from kinematics.export.sheet import linkage_quantities, linkage_sheet
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
-from tests.designopt.exporting.reading import dimensions, opened
+from tests.designopt.export.reading import dimensions, opened
 from tests.kinematics.gallery import FOLDER, NAMES, poses_of
 
 MAKER = 1e-6

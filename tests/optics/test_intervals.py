@@ -9,7 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from optics.visibility.intervals import Interval, common_part, gaps, where_positive
+from optics.visibility.intervals import (
+    Interval,
+    common_part,
+    gaps,
+    measure_of_union,
+    where_positive,
+)
 
 ROUNDING = 1e-15
 """Of a quotient between 0 and 1."""
@@ -134,6 +140,19 @@ def test_the_longest_candidate_is_twice_the_distance_of_the_best_point(
     inside = np.minimum(samples - window[0] * STEP, window[1] * STEP - samples)
     distance = np.concatenate([outside, inside], axis=1).min(axis=1)
     assert (found.end - found.start).max() == 2 * distance.max()
+
+
+@given(places, lengths)
+def test_a_union_is_as_long_as_its_samples(places, lengths):
+    order = np.argsort(places, kind="stable")
+    starts = np.clip(places[order] / 64, 0, 1)
+    ends = np.clip((places + np.abs(lengths))[order] / 64, 0, 1)
+    # Intervals of no length follow those of some.
+    last = np.argsort(ends <= starts, kind="stable")
+    starts, ends = starts[last], ends[last]
+    samples = (np.arange(64) + 0.5)[:, None] / 64
+    covered = ((starts < samples) & (samples < ends)).any(axis=1)
+    assert float(measure_of_union(starts, ends)) == covered.mean()
 
 
 def test_gaps_have_finite_derivatives_where_shadows_coincide():

@@ -18,7 +18,7 @@ from optics.export.chamber_sheet import chamber_quantities, chamber_sheet
 from optics.export.scene_sheet import scene_quantities, scene_sheet
 from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
-from tests.designopt.exporting.reading import dimensions, numbers_in, opened
+from tests.designopt.export.reading import dimensions, numbers_in, opened
 
 GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
 NAMES = sorted(path.stem for path in GALLERY.glob("*.toml"))

@@ -13,7 +13,7 @@ import pytest
 
 from designopt.designs import load_design
 from studies.finger.design import DesignedFinger
-from tests.designopt.exporting.reading import numbers_in, opened
+from tests.designopt.export.reading import numbers_in, opened
 
 FOLDER = Path(__file__).parents[2] / "studies/finger"
 LINKAGE, SCENE = (

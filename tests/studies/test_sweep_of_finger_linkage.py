@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from tests.designopt.sweeping.clusters import kill_a_worker, two_workers
+from tests.designopt.sweep.clusters import kill_a_worker, two_workers
 
 SEARCH = ("starts=4", "among=512", "step_deg=45", "exchanges=0", "finalists=1")
 """A search of a few seconds: what is looked at is the sweep, not the design."""

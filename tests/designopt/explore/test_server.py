@@ -22,8 +22,8 @@ from designopt.explore.messages import LONGEST
 from designopt.explore.server import Page, listen
 from designopt.explore.window import PICTURE
 from designopt.plot.figures import style
-from tests.designopt.exploring.hands import on_button, on_track
-from tests.designopt.exploring.toy import SliderCrank, place
+from tests.designopt.explore.hands import on_button, on_track
+from tests.designopt.explore.toy import SliderCrank, place
 
 
 @pytest.fixture

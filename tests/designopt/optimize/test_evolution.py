@@ -11,7 +11,7 @@ import pytest
 from designopt.optimize import Problem, Terms, differential_evolution
 from designopt.optimize import reference_solvers as references
 from designopt.optimize.reference_solvers import EQUALITY
-from tests.designopt.optimising.cases import case
+from tests.designopt.optimize.cases import case
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,7 @@ import pytest
 
 from designopt.export.placing import Clutter, readable
 from designopt.export.sheet import Label, Layer, Measure, Sheet, Stroke
-from tests.designopt.exporting.reading import dimensions, opened, words_of
+from tests.designopt.export.reading import dimensions, opened, words_of
 
 ROOM = ((-200.0, -200.0), (200.0, 200.0))
 

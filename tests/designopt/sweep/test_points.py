@@ -13,7 +13,7 @@ from designopt import UserError
 from designopt.io.spec import Spec
 from designopt.study.study import load_study
 from designopt.sweep.points import grid_points, sobol_points
-from tests.designopt.sweeping.plugin import SweptSpec
+from tests.designopt.sweep.plugin import SweptSpec
 
 
 def test_a_grid_has_all_combinations_the_last_key_changing_fastest():

@@ -13,7 +13,7 @@ from ezdxf.tools.text import plain_text
 from designopt.export.dxf import dxf_text
 from designopt.export.layout import SIZES, Paper
 from designopt.export.sheet import Circle, Label, Layer, Measure, Sheet, Stroke
-from tests.designopt.exporting.reading import dimensions, opened, polylines, words_of
+from tests.designopt.export.reading import dimensions, opened, polylines, words_of
 
 PLATE = Sheet(
     title="plate",

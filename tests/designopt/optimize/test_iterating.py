@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from designopt.optimize import FEASIBLE, Iteration, Problem, Terms, epigraph, level_starts, minimise
-from tests.designopt.optimising.cases import apart, case, rosenbrock
+from tests.designopt.optimize.cases import apart, case, rosenbrock
 
 POINT = 1e-3
 """A minimum is flat: its place is known to the square root of its value."""

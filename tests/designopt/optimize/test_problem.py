@@ -15,7 +15,7 @@ from designopt.optimize import (
     sobol_starts,
     softened,
 )
-from tests.designopt.optimising.cases import case
+from tests.designopt.optimize.cases import case
 
 ONE = jnp.asarray(1.0)
 

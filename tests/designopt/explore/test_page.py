@@ -22,7 +22,7 @@ from designopt.explore.face import HEIGHT
 from designopt.explore.window import OPTIMISE, PICTURE, RESET, SPEC
 from designopt.explore.words import number_text
 from kinematics import read_linkage, solve_poses
-from tests.designopt.exploring.hands import Hands, environment, on_button, on_track
+from tests.designopt.explore.hands import Hands, environment, on_button, on_track
 
 STUDIES = Path(__file__).parents[3] / "studies"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

@@ -10,7 +10,7 @@ from designopt.study.results import Metric, Target
 from designopt.sweep.outcomes import failed, found
 from designopt.sweep.points import grid_points, sobol_points
 from designopt.sweep.results import Swept, metric_figure, results
-from tests.designopt.sweeping.plugin import SWEPT, SweptSpec
+from tests.designopt.sweep.plugin import SWEPT, SweptSpec
 
 
 def metric(name, value, target=None):

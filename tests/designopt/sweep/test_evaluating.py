@@ -12,7 +12,7 @@ from designopt.study.results import Metric, Target
 from designopt.sweep import evaluating
 from designopt.sweep.evaluating import Task, evaluate, version_of
 from designopt.sweep.outcomes import failed, found, from_tables, to_tables
-from tests.designopt.sweeping.plugin import BATCHED
+from tests.designopt.sweep.plugin import BATCHED
 
 
 def task(study, *settings, width=1, **changes):

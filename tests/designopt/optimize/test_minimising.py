@@ -25,7 +25,7 @@ from designopt.optimize import (
     sobol_starts,
     softened,
 )
-from tests.designopt.optimising.cases import PUBLISHED, apart, case, rosenbrock
+from tests.designopt.optimize.cases import PUBLISHED, apart, case, rosenbrock
 
 VALUE = 1e-6
 """Relative to 1 + |value|: constraints are met to about 1e-7, and multipliers are of order one."""

@@ -15,7 +15,7 @@ import pytest
 from designopt import cli
 from designopt.explore import desktop
 from designopt.explore.server import listen
-from tests.designopt.exploring.hands import environment
+from tests.designopt.explore.hands import environment
 
 FOUR_BAR = str(Path(__file__).parents[3] / "studies" / "gallery" / "linkages" / "four-bar.toml")
 COMMAND = [sys.executable, "-m", "designopt", "explore", FOUR_BAR]

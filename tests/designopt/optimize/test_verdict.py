@@ -23,7 +23,7 @@ from designopt.optimize import (
 from designopt.optimize.augmented_lagrangian import Trace
 from designopt.optimize.flat import Flat
 from designopt.optimize.optimality import judge
-from tests.designopt.optimising.cases import apart, case, rosenbrock
+from tests.designopt.optimize.cases import apart, case, rosenbrock
 
 PUBLISHED_DIGITS = 2e-7
 """Multipliers are published to seven digits."""

@@ -15,9 +15,9 @@ from designopt.explore.face import COLUMN, DPI, FOOT, HEIGHT, TRACK, WIDTH, roun
 from designopt.explore.window import OPTIMISE, PICTURE, RESET, SPEC, STOP
 from designopt.explore.words import number_text
 from designopt.plot.ruling import Ruling
-from tests.designopt.exploring import toy
-from tests.designopt.exploring.hands import Hands, on_button
-from tests.designopt.exploring.toy import ASKED, KNOBS, LOCKED, SliderCrank, place
+from tests.designopt.explore import toy
+from tests.designopt.explore.hands import Hands, on_button
+from tests.designopt.explore.toy import ASKED, KNOBS, LOCKED, SliderCrank, place
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from designopt import UserError, cli
 from designopt.sweep import cluster as cluster_module
 from designopt.sweep.cluster import run_on_cluster
 from designopt.sweep.evaluating import Task
-from tests.designopt.sweeping.clusters import kill_a_worker, two_workers
+from tests.designopt.sweep.clusters import kill_a_worker, two_workers
 
 SWEEP = ["sweep", "swept", "--vary", "x=1:2:6", "--set", "wait=0.25"]
 
