@@ -175,13 +175,22 @@ def load(where: str) -> Any:
 def fields_of(model: Any) -> dict[str, str]:
     """Every key of a file or a spec with its type, default and bounds."""
     schema = model.model_json_schema(by_alias=True)
-    parts = {"": schema, **schema.get("$defs", {})}
-    found = {}
-    for title, part in parts.items():
-        for key, field in part.get("properties", {}).items():
-            kept = {k: v for k, v in field.items() if k not in ("title", "description")}
-            found[f"{title}.{key}"] = json.dumps(kept, sort_keys=True)
-    return found
+    return dict(_fields(schema, schema.get("$defs", {}), ""))
+
+
+def _fields(part: Any, parts: dict[str, Any], at: str) -> Iterator[tuple[str, str]]:
+    if isinstance(part, dict) and "$ref" in part:
+        part = {**parts[part["$ref"].rsplit("/", 1)[1]], **part}
+    if isinstance(part, dict) and "properties" in part:
+        for key, field in part["properties"].items():
+            yield from _fields(field, parts, f"{at}.{key}".lstrip("."))
+        return
+    inner = [part.get("items"), part.get("additionalProperties")] if isinstance(part, dict) else []
+    for within in filter(lambda one: isinstance(one, dict) and "$ref" in one, inner):
+        yield from _fields(within, parts, f"{at}[]")
+        return
+    kept = {key: value for key, value in part.items() if key not in ("title", "description")}
+    yield at, json.dumps(kept, sort_keys=True)
 
 
 def signatures_of(package: str) -> dict[str, str]:
