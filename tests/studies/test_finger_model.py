@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from designopt import UserError
-from kinematics import solve_poses
+from kinematics import solve_poses, solve_transmission
 from studies.models import Body, Finger, FingerCamera, FingerMirror, Spring
 from studies.models.body import RIM, BodySpec
 from studies.models.mirror_design.arrangement import finger_scene, robust_layout, scene_of
@@ -194,6 +194,46 @@ def test_slopes_of_a_batch_are_those_of_each():
         wanted = jax.jit(jax.grad(coverage))(one)
         for leaf, its in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
             np.testing.assert_allclose(leaf[number], its, rtol=1e-9, atol=1e-12)
+
+
+def test_slopes_in_single_precision():
+    """1e-3 of the largest slope of their kind."""
+    figures, finger = example()["figures"], example()["FINGER"]
+    _, exact = slopes_of_example()
+    single = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), finger)
+    with jax.enable_x64(False):
+        found = jax.jit(jax.jacrev(figures))(single)
+    for name, of_figure in exact.items():
+        scale = max(float(jnp.abs(leaf).max()) for leaf in jax.tree.leaves(of_figure))
+        for one, other in zip(
+            jax.tree.leaves(found[name]), jax.tree.leaves(of_figure), strict=True
+        ):
+            assert one.dtype == jnp.float32
+            np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-3 * scale)
+
+
+def test_each_side_of_a_switch_has_its_own_slope():
+    """Which pin has the least transmission angle changes with one coordinate of a pin."""
+    finger = packaged(BodySpec())
+    posture = -jnp.deg2rad(jnp.array([60.0, 30.0]))
+
+    def angles(x: jax.Array) -> jax.Array:
+        pins = eqx.tree_at(lambda one: one.E, finger.pins, finger.pins.E.at[0].set(x))
+        moved = eqx.tree_at(lambda one: one.pins, finger, pins)
+        return jnp.stack(list(solve_transmission(moved.linkage(), posture).angles.values()))
+
+    every = jax.jit(jax.vmap(angles))
+    slope = jax.jit(jax.grad(lambda x: jnp.min(angles(x))))
+    low, high = float(finger.pins.E[0]) - 6, float(finger.pins.E[0]) + 6
+    least = np.argmin(every(jnp.linspace(low, high, 200)), axis=1)
+    at = int(np.flatnonzero(least[1:] != least[:-1])[0])
+    places = np.linspace(low, high, 200)[[at, at + 1]]
+    for place in places:
+        ends = [float(jnp.min(angles(jnp.asarray(place + move)))) for move in (1e-5, -1e-5)]
+        assert float(slope(jnp.asarray(place))) == pytest.approx(
+            (ends[0] - ends[1]) / 2e-5, abs=1e-7
+        )
+    assert abs(float(slope(jnp.asarray(places[0])) - slope(jnp.asarray(places[1])))) > 1e-3
 
 
 def test_the_example_runs():
