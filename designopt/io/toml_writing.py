@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -21,6 +22,29 @@ def toml_text(table: Mapping[str, Any], comment: str = "") -> str:
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]
     lines += _table(table, "")
     return "\n".join(lines).strip("\n") + "\n"
+
+
+def degrees_of(angle: float) -> float:
+    """An angle of radians in degrees, such that `math.radians` gives the same angle if any does.
+
+    Args:
+        angle: rad.
+
+    Returns:
+        Of the numbers that do, the one with the fewest digits.
+
+    Example:
+        >>> import math
+        >>> degrees_of(math.radians(1.5)), math.degrees(math.radians(1.5))
+        (1.5, 1.5000000000000002)
+    """
+    for digits in range(1, 17):
+        short = float(f"{math.degrees(angle):.{digits}g}")
+        if math.radians(short) == angle:
+            return short
+    near = math.degrees(angle)
+    both = (math.nextafter(near, -math.inf), near, math.nextafter(near, math.inf))
+    return next((one for one in both if math.radians(one) == angle), near)
 
 
 def _table(table: Mapping[str, Any], path: str) -> list[str]:

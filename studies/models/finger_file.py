@@ -1,0 +1,329 @@
+"""The finger's file: ``[finger]``, ``[body]``, ``[pins]``, and what a finger has besides.
+
+No number in it follows from another. Lengths in mm, coordinates of the straight finger.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import jax
+import numpy as np
+from pydantic import Field, PositiveInt, model_validator
+
+from designopt.designs import read_tables
+from designopt.errors import UserError
+from designopt.export.sheet import printable
+from designopt.io.files import replaced_when_complete
+from designopt.io.spec import Spec
+from designopt.io.spec_files import Length, Number, Point, Title, validated
+from designopt.io.toml_writing import degrees_of, toml_text
+from kinematics.io.designed import DesignedLinkage
+from optics.scene.designed import DesignedScene
+from studies.models.finger import Body, Finger, FingerCamera, FingerMirror, Spring
+from studies.models.pins import Pins, told
+
+FORMAT = 1
+"""Version of the file's format."""
+
+SAME = 1e-6
+"""Two statements of one number contradict each other where they differ by more, mm and rad."""
+
+Angle = Annotated[Number, Field(ge=-180, le=180)]
+
+
+class FingerTable(Spec):
+    """``[finger]``."""
+
+    name: Title | None = None
+    format: Literal[1] = FORMAT
+
+
+class BodyTable(Spec):
+    """``[body]``; see `Body`."""
+
+    proximal: Length
+    intermediate: Length
+    distal: Length
+    thickness: Length
+    axis_height: Length
+    range_deg: Annotated[Number, Field(ge=2, le=100)]
+    rim: Annotated[Number, Field(ge=0)]
+
+    @model_validator(mode="after")
+    def _room_for_pads(self) -> BodyTable:
+        if self.axis_height >= self.thickness:
+            raise ValueError(
+                f"axis_height ({self.axis_height:g} mm) must be smaller than thickness "
+                f"({self.thickness:g} mm): the axes lie between the faces"
+            )
+        ends = {"proximal": self.rim, "intermediate": self.axis_height, "distal": self.rim}
+        for name, end in ends.items():
+            least = self.axis_height + end
+            if getattr(self, name) <= least:
+                raise ValueError(
+                    f"{name} ({getattr(self, name):g} mm) leaves no room for a pad, which begins "
+                    f"axis_height from the joint: make it longer than {least:g} mm"
+                )
+        return self
+
+
+class PinsTable(Spec):
+    """``[pins]``: places in the straight finger, PIP axis at the origin, by paper B's names."""
+
+    F: Point
+    E: Point
+    D: Point
+    C: Point
+    G: Point
+    H: Point = Field(alias="G'")
+
+
+class SpringTable(Spec):
+    """``[spring]``; see `Spring`."""
+
+    stiffness: Annotated[Number, Field(ge=0)]
+    preload: Number
+    servo: Annotated[Number, Field(gt=0)]
+
+
+class CameraTable(Spec):
+    """``[camera]``; see `FingerCamera`."""
+
+    along: Number
+    depth: Number
+    tilt_deg: Angle
+    fov_deg: Annotated[Number, Field(gt=0, lt=360)]
+    pixels: PositiveInt
+    width: Length
+    min_grazing_deg: Annotated[Number, Field(ge=0, lt=90)]
+
+
+class MirrorTable(Spec):
+    """``[[mirrors]]``; see `FingerMirror`."""
+
+    phalanx: Literal["proximal", "distal"]
+    start: Point = Field(alias="from")
+    end: Point = Field(alias="to")
+
+
+class FingerFile(Spec):
+    """The whole file."""
+
+    finger: FingerTable
+    body: BodyTable
+    pins: PinsTable
+    spring: SpringTable | None = None
+    camera: CameraTable | None = None
+    mirrors: tuple[MirrorTable, ...] = ()
+
+    @model_validator(mode="after")
+    def _mirrors_are_told_apart(self) -> FingerFile:
+        hosts = [mirror.phalanx for mirror in self.mirrors]
+        for host in hosts:
+            if hosts.count(host) > 1:
+                raise ValueError(f"mirrors: {hosts.count(host)} are {host}; a phalanx has one")
+        return self
+
+
+def read_finger(path: str | Path) -> Finger:
+    """The finger that a file describes, or the folder ``specs`` of a result of ``run finger``.
+
+    Args:
+        path: the file or the folder.
+
+    Raises:
+        UserError: it cannot be read, or contradicts itself; one line names where and the cure.
+    """
+    path = Path(path)
+    if os.path.isdir(path):
+        return _from_specs(path)
+    tables = read_tables(path, "finger", "finger")
+    return finger_from(tables, str(path), printable(path.stem))
+
+
+def finger_from(tables: dict[str, Any], source: str, name: str = "finger") -> Finger:
+    """The finger that the tables of a file describe.
+
+    Args:
+        tables: as `tomllib` gives them.
+        source: where they come from, for messages.
+        name: of the finger, unless the tables give one.
+
+    Raises:
+        UserError: there are unknown, missing or impossible entries; all of these at once.
+    """
+    file = validated(FingerFile, tables, source)
+    body, camera = file.body.model_dump(), file.camera
+    body["flexion"] = math.radians(body.pop("range_deg"))
+    pins = {pin: np.array(place) for pin, place in file.pins.model_dump().items()}
+    return Finger.of(
+        Body(**body),
+        Pins(**pins),
+        None if file.spring is None else Spring(**file.spring.model_dump()),
+        None
+        if camera is None
+        else FingerCamera(
+            along=camera.along,
+            depth=camera.depth,
+            tilt=math.radians(camera.tilt_deg),
+            field_of_view=math.radians(camera.fov_deg),
+            pixels=camera.pixels,
+            width=camera.width,
+            grazing=math.radians(camera.min_grazing_deg),
+        ),
+        [FingerMirror(np.array([part.start, part.end]), part.phalanx) for part in file.mirrors],
+        name=file.finger.name or name,
+    )
+
+
+def finger_tables(finger: Finger) -> dict[str, Any]:
+    """The tables of a finger's file; `finger_from` makes the same finger of them."""
+    body, camera = finger.body, finger.camera
+    lengths = ("proximal", "intermediate", "distal", "thickness", "axis_height")
+    tables: dict[str, Any] = {
+        "finger": {"name": finger.name, "format": FORMAT},
+        "body": {
+            **{name: float(getattr(body, name)) for name in lengths},
+            "range_deg": degrees_of(float(body.flexion)),
+            "rim": float(body.rim),
+        },
+        "pins": {told(pin): np.asarray(getattr(finger.pins, pin)).tolist() for pin in "FEDCGH"},
+    }
+    if finger.spring is not None:
+        spring = finger.spring
+        tables["spring"] = {
+            name: float(getattr(spring, name)) for name in ("stiffness", "preload", "servo")
+        }
+    if camera is not None:
+        tables["camera"] = {
+            "along": float(camera.along),
+            "depth": float(camera.depth),
+            "tilt_deg": degrees_of(float(camera.tilt)),
+            "fov_deg": degrees_of(float(camera.field_of_view)),
+            "pixels": round(float(camera.pixels)),
+            "width": float(camera.width),
+            "min_grazing_deg": degrees_of(float(camera.grazing)),
+        }
+    if finger.mirrors:
+        tables["mirrors"] = []
+        for mirror in finger.mirrors:
+            start, end = np.asarray(mirror.ends).tolist()
+            tables["mirrors"].append({"phalanx": mirror.phalanx, "from": start, "to": end})
+    return tables
+
+
+def finger_text(finger: Finger) -> str:
+    """The text of a finger's file; `read_finger` reads the same back."""
+    return toml_text(
+        finger_tables(finger),
+        "A finger: lengths in mm; pins in the straight finger, PIP axis at the origin, x to the\n"
+        "tip, y to the back. depth: below the dorsal face; mirrors: [along from its axis, depth].",
+    )
+
+
+def write_finger(finger: Finger, path: str | Path) -> None:
+    """Write a finger's file; an existing one is replaced when the new one is complete.
+
+    Args:
+        finger: a single one.
+        path: of the file.
+    """
+    with replaced_when_complete(Path(path)) as partial:
+        partial.write_text(finger_text(finger), encoding="utf-8")
+
+
+def _from_specs(folder: Path) -> Finger:
+    """The finger of an earlier result, from its linkage and its scene."""
+    linkage = DesignedLinkage.read(folder / "linkage.toml")
+    scene = DesignedScene.read(folder / "scene.toml")
+    joints, camera = linkage.sketch.joints, scene.file.camera
+    try:
+        pins = {pin: joints[told(pin)] for pin in "FEDCGH"}
+        (root, _), (middle, _), (tip, _) = (joints[name] for name in "OBT")
+        pads = {pad.name: pad for pad in scene.file.pads}
+        blockers = {part.name: part for part in scene.file.blockers}
+        palmar = pads["proximal"].start[1]
+        dorsal = blockers["intermediate shell"].start[1]
+        rear = pads["proximal"].start[0]
+        body_ends = np.array([blockers["camera body"].start, blockers["camera body"].end])
+    except KeyError as error:
+        raise UserError(
+            f"{folder}: it lacks {error.args[0]!r}, so that it is no finger; name the folder "
+            "'specs' of a result of 'designopt run finger'"
+        ) from error
+    settings = _settings_beside(folder)
+    axes = {"proximal": 0.0, "distal": middle}
+
+    def below(place: tuple[float, float], phalanx: str) -> list[float]:
+        return [place[0] - axes[phalanx], dorsal - place[1]]
+
+    tables: dict[str, Any] = {
+        "finger": {"name": scene.name},
+        "body": {
+            "proximal": -root,
+            "intermediate": middle,
+            "distal": tip - middle,
+            "thickness": dorsal - palmar,
+            "axis_height": -palmar,
+            "range_deg": settings.get("body", {}).get("range_deg", 90.0),
+            "rim": rear - root,
+        },
+        "pins": {told(pin): place for pin, place in pins.items()},
+        "camera": {
+            "along": camera.position[0],
+            "depth": dorsal - camera.position[1],
+            "tilt_deg": camera.direction_deg + 90.0,
+            "fov_deg": camera.fov_deg,
+            "pixels": camera.pixels,
+            "width": float(np.hypot(*(body_ends[1] - body_ends[0]))),
+            "min_grazing_deg": pads["proximal"].min_grazing_deg,
+        },
+        "mirrors": [
+            {
+                "phalanx": part.name,
+                "from": below(part.start, part.name),
+                "to": below(part.end, part.name),
+            }
+            for part in scene.file.mirrors
+        ],
+    }
+    if "spring" in settings:
+        names = SpringTable.model_fields
+        tables["spring"] = {k: v for k, v in settings["spring"].items() if k in names}
+    finger = finger_from(tables, str(folder))
+    _check_agreement(folder, finger, linkage, scene)
+    return finger
+
+
+def _settings_beside(folder: Path) -> dict[str, Any]:
+    """The settings of the result that a folder ``specs`` belongs to; empty without it."""
+    try:
+        document = json.loads((folder.parent / "results.json").read_text(encoding="utf-8"))
+        return dict(document["spec"])
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return {}
+
+
+def _check_agreement(
+    folder: Path, finger: Finger, linkage: DesignedLinkage, scene: DesignedScene
+) -> None:
+    """Refuse files of which some number contradicts the others."""
+    for name, made, read in (
+        ("scene.toml", finger.scene(), scene.scene),
+        ("linkage.toml", finger.linkage(), linkage.linkage),
+    ):
+        wanted = jax.tree.leaves_with_path(made)
+        for (place, one), other in zip(wanted, jax.tree.leaves(read), strict=True):
+            off = np.max(np.abs(np.asarray(one) - np.asarray(other)), initial=0.0)
+            if off > SAME:
+                part = jax.tree_util.keystr(place)[1:]
+                raise UserError(
+                    f"{folder / name}: {part} differs by {off:.3g} from what body, pins, camera "
+                    "and mirrors of the other entries give; make them agree, or write the finger "
+                    "anew"
+                )

@@ -1,0 +1,209 @@
+"""The finger's file: what is written is read back, and what contradicts itself is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import tomllib
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from designopt import UserError, toml_text
+from designopt.io.toml_writing import degrees_of
+from kinematics import read_linkage
+from optics import read_scene
+from studies.models import Finger, finger_from, finger_text, read_finger, write_finger
+
+PACKAGED = Path(__file__).parents[2] / "studies" / "finger"
+
+TEXT = """
+[finger]
+name = "mine"
+
+[body]
+proximal = 35
+intermediate = 23.0
+distal = 32.0
+thickness = 25.0
+axis_height = 4.0
+range_deg = 90.0
+rim = 1.5
+
+[pins]
+F = [-7.77, -1.98]
+E = [-15.48, 17.51]
+D = [-2.98, 13.26]
+C = [21.67, 6.05]
+G = [8.36, -1.98]
+"G'" = [3.04, 13.23]
+
+[spring]
+stiffness = 30.0
+preload = 0.3
+servo = 300.0
+
+[camera]
+along = 13.4
+depth = 4.1
+tilt_deg = -3.3
+fov_deg = 160.0
+pixels = 1080
+width = 8.0
+min_grazing_deg = 2.0
+
+[[mirrors]]
+phalanx = "distal"
+from = [-1.6, 3.2]
+to = [23.9, 10.5]
+
+[[mirrors]]
+phalanx = "proximal"
+from = [0.2, 1.6]
+to = [-29.8, 12.5]
+"""
+
+
+def table() -> dict:
+    return tomllib.loads(TEXT)
+
+
+def assert_identical(one: Finger, other: Finger):
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    for first, second in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def test_every_number_is_where_it_belongs():
+    finger = finger_from(table(), "mine.toml")
+    assert finger.name == "mine"
+    assert float(finger.body.proximal) == 35.0
+    assert float(finger.body.flexion) == math.pi / 2
+    assert finger.pins.H.tolist() == [3.04, 13.23]
+    assert finger.camera is not None
+    assert float(finger.camera.tilt) == math.radians(-3.3)
+    assert [mirror.phalanx for mirror in finger.mirrors] == ["distal", "proximal"]
+    assert finger.mirrors[1].ends.tolist() == [[0.2, 1.6], [-29.8, 12.5]]
+    np.testing.assert_allclose(finger.scene().mirrors[0], [[21.4, 17.8], [46.9, 10.5]], atol=1e-12)
+
+
+lengths = st.floats(12.0, 60.0)
+places = st.tuples(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0)).map(list)
+angles = st.one_of(st.floats(2.0, 100.0), st.integers(20, 1000).map(lambda tenths: tenths / 10))
+
+
+@st.composite
+def tables(draw) -> dict:
+    drawn = table()
+    drawn["body"] |= {name: draw(lengths) for name in ("proximal", "intermediate", "distal")}
+    drawn["body"]["range_deg"] = draw(angles)
+    drawn["pins"] = {pin: draw(places) for pin in drawn["pins"]}
+    drawn["camera"] |= {"tilt_deg": draw(st.floats(-90, 90)), "fov_deg": draw(angles)}
+    for mirror in drawn["mirrors"]:
+        mirror |= {"from": draw(places), "to": draw(places)}
+    for part in ("spring", "camera", "mirrors"):
+        if draw(st.booleans()):
+            del drawn[part]
+    return drawn
+
+
+@given(tables())
+def test_what_is_written_is_read_back(drawn):
+    finger = finger_from(drawn, "drawn")
+    text = finger_text(finger)
+    again = finger_from(tomllib.loads(text), "again")
+    assert_identical(finger, again)
+    assert finger_text(again) == text
+
+
+@given(st.floats(-360, 360))
+def test_degrees_give_their_angle_back(degrees):
+    angle = math.radians(degrees)
+    assert math.radians(degrees_of(angle)) == angle
+    assert len(repr(degrees_of(angle))) <= len(repr(degrees))
+
+
+def test_a_file_is_written_and_read(tmp_path):
+    path = tmp_path / "finger.toml"
+    path.write_text(TEXT)
+    finger = read_finger(path)
+    write_finger(finger, tmp_path / "again.toml")
+    assert_identical(finger, read_finger(tmp_path / "again.toml"))
+    path.write_text(TEXT.replace('name = "mine"\n', ""))
+    assert read_finger(path).name == "finger"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("thickness", "thikness", "body.thikness: no such key; did you mean 'thickness'?"),
+        ("rim = 1.5", "", "body.rim: missing; add it"),
+        ("range_deg = 90.0", "range_deg = 0.5", "body.range_deg"),
+        ("axis_height = 4.0", "axis_height = 26", "must be smaller than thickness (25 mm)"),
+        ("intermediate = 23.0", "intermediate = 7", "intermediate (7 mm) leaves no room for a pad"),
+        ('phalanx = "proximal"', 'phalanx = "distal"', "mirrors: 2 are distal; a phalanx has one"),
+        ("pixels = 1080", "pixels = 0", "camera.pixels"),
+        ('name = "mine"', 'name = "mine"\nformat = 2', "finger.format"),
+    ],
+)
+def test_faults_are_one_line(tmp_path, old, new, message):
+    path = tmp_path / "finger.toml"
+    path.write_text(TEXT.replace(old, new))
+    with pytest.raises(UserError) as caught:
+        read_finger(path)
+    assert message in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.fixture
+def specs(tmp_path) -> Path:
+    """The folder of an earlier result."""
+    folder = tmp_path / "specs"
+    folder.mkdir()
+    for name in ("linkage.toml", "scene.toml"):
+        shutil.copy(PACKAGED / name, folder)
+    return folder
+
+
+def test_an_earlier_result_is_a_finger(specs):
+    finger = read_finger(specs)
+    for made, read in (
+        (finger.scene(), read_scene(specs / "scene.toml")),
+        (finger.linkage(), read_linkage(specs / "linkage.toml")),
+    ):
+        assert jax.tree.structure(made) == jax.tree.structure(read)
+        for one, other in zip(jax.tree.leaves(made), jax.tree.leaves(read), strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-12)
+    assert finger.spring is None
+    assert degrees_of(float(finger.body.flexion)) == 90.0
+    spec = {"body": {"range_deg": 80.0}, "spring": {"stiffness": 1, "preload": 2, "servo": 3}}
+    spec["spring"]["diameters"] = [20.0]
+    (specs.parent / "results.json").write_text(json.dumps({"study": "finger", "spec": spec}))
+    finger = read_finger(specs)
+    assert finger.spring is not None
+    assert float(finger.spring.servo) == 3.0
+    assert degrees_of(float(finger.body.flexion)) == 80.0
+
+
+def test_what_contradicts_itself_is_named(specs):
+    path = specs / "scene.toml"
+    scene = tomllib.loads(path.read_text(encoding="utf-8"))
+    scene["pads"][1]["to"][0] += 1.0
+    path.write_text(toml_text(scene))
+    with pytest.raises(UserError, match=r"scene\.toml: pads differs by 1 from what body, pins, "):
+        read_finger(specs)
+    scene["pads"][1]["to"][0] -= 1.0
+    scene["frames"]["distal"]["hinge"][0] += 0.5
+    path.write_text(toml_text(scene))
+    with pytest.raises(UserError, match=r"scene\.toml: hinges differs by 0\.5 from what body, "):
+        read_finger(specs)
+    scene["pads"].pop(0)
+    path.write_text(toml_text(scene))
+    with pytest.raises(UserError, match=r"it lacks 'proximal', so that it is no finger; name the "):
+        read_finger(specs)
