@@ -1,4 +1,5 @@
 from .chamber.chamber import Chamber, ChamberResult
+from .chamber.file import chamber_text, read_chamber, write_chamber
 from .chamber.ratio import dimension_for_ratio
 from .scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole, Projection
 from .scene.fabrication import Fabrication, as_made, errors_of, fabrication_names
@@ -6,6 +7,7 @@ from .scene.imaging import Imaging
 from .scene.reading import read_scene, scene_from
 from .scene.scene import Layout, Scene
 from .scene.thin_lens import LensImage, LensResult, ThinLens
+from .scene.writer import scene_text, write_scene
 from .visibility.coverage import find_coverage, find_views
 from .visibility.edge_refined import trace_views
 from .visibility.focus import Focus, find_focus
@@ -34,6 +36,7 @@ __all__ = [
     "ThinLens",
     "ViewResult",
     "as_made",
+    "chamber_text",
     "describe_end",
     "dimension_for_ratio",
     "errors_of",
@@ -44,8 +47,12 @@ __all__ = [
     "find_outlines",
     "find_views",
     "path_names",
+    "read_chamber",
     "read_scene",
     "scene_from",
+    "scene_text",
     "trace_rays",
     "trace_views",
+    "write_chamber",
+    "write_scene",
 ]

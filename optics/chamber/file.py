@@ -11,9 +11,10 @@ import pydantic
 from designopt.designs import read_tables
 from designopt.errors import UserError
 from designopt.export.sheet import printable
+from designopt.io.files import replaced_when_complete
 from designopt.io.spec import Spec
 from designopt.io.spec_files import Length, Number, Title, validated
-from designopt.io.toml_writing import toml_text
+from designopt.io.toml_writing import degrees_of, toml_text
 from optics.chamber.chamber import Chamber
 
 ANGLE = "wall_angle_bc"
@@ -73,7 +74,7 @@ def chamber_text(name: str, chamber: Chamber) -> str:
     table: dict[str, float | str] = {"name": name}
     for key in ChamberTable.model_fields:
         if key == f"{ANGLE}_deg":
-            table[key] = math.degrees(float(chamber.wall_angle_bc))
+            table[key] = degrees_of(float(chamber.wall_angle_bc))
         elif key != "name":
             table[key] = float(getattr(chamber, key))
     comment = (
@@ -81,3 +82,15 @@ def chamber_text(name: str, chamber: Chamber) -> str:
         "of\nthe centre line from Δl_A and Δl_B. designopt explore and export take this file."
     )
     return toml_text({"chamber": table}, comment)
+
+
+def write_chamber(name: str, chamber: Chamber, path: str | Path) -> None:
+    """Write a chamber's file; an existing one is replaced when the new one is complete.
+
+    Args:
+        name: the chamber's.
+        chamber: a single one.
+        path: of the file.
+    """
+    with replaced_when_complete(Path(path)) as partial:
+        partial.write_text(chamber_text(name, chamber), encoding="utf-8")

@@ -4,12 +4,16 @@ import dataclasses
 import math
 import tomllib
 
+import jax
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from designopt import UserError
 from designopt.designs import load_design
+from optics import Chamber
 from optics.chamber.designed import DesignedChamber
-from optics.chamber.file import chamber_text, read_chamber
+from optics.chamber.file import chamber_text, read_chamber, write_chamber
 from tests.optics.test_chamber_bench import PAPER
 
 TEXT = chamber_text("soft", PAPER)
@@ -27,6 +31,26 @@ def test_a_file_reads_back_as_the_chamber(tmp_path):
     for field in dataclasses.fields(chamber):
         expected = float(getattr(PAPER, field.name))
         assert float(getattr(chamber, field.name)) == pytest.approx(expected, rel=1e-12)
+
+
+@given(st.lists(st.floats(0.5, 50.0), min_size=10, max_size=10), st.floats(0.0, 60.0))
+def test_what_is_written_is_read_back(lengths, angle_deg):
+    names = [field.name for field in dataclasses.fields(PAPER) if field.name != "wall_angle_bc"]
+    drawn = dict(zip(names, lengths, strict=True))
+    chamber = Chamber(**drawn, wall_angle_bc=math.radians(angle_deg))
+    table = tomllib.loads(chamber_text("drawn", chamber))["chamber"]
+    assert {name: table[name] for name in names} == drawn
+    assert math.radians(table["wall_angle_bc_deg"]) == float(chamber.wall_angle_bc)
+
+
+def test_a_written_file_is_the_chamber(tmp_path):
+    path = tmp_path / "again.toml"
+    write_chamber("soft", PAPER, path)
+    name, chamber = read_chamber(path)
+    write_chamber(name, chamber, tmp_path / "third.toml")
+    for one, other in zip(jax.tree.leaves(PAPER), jax.tree.leaves(chamber), strict=True):
+        assert float(one) == float(other)
+    assert path.read_bytes() == (tmp_path / "third.toml").read_bytes()
 
 
 def test_the_commands_take_the_file(tmp_path):

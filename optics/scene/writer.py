@@ -1,0 +1,124 @@
+"""A scene as the file that it could have been read from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from designopt.io.files import replaced_when_complete
+from designopt.io.toml_writing import degrees_of, toml_text
+from optics.scene.camera import Camera, KannalaBrandt, Pinhole
+from optics.scene.file import FIXED
+from optics.scene.reading import SENSES, SIDES
+from optics.scene.scene import WORLD, Layout, Scene, Surface
+
+
+def scene_tables(scene: Scene) -> dict[str, Any]:
+    """The tables of a scene's file; `optics.scene_from` makes the same scene of them.
+
+    Args:
+        scene: a single one. Numbers of a lens come back to rounding, all others as they are.
+    """
+    layout = scene.layout
+    names = {WORLD: FIXED} | {index: frame.name for index, frame in enumerate(layout.frames)}
+
+    def surfaces(parts: Sequence[Surface], ends: Any) -> list[dict[str, Any]]:
+        found = []
+        for part, (start, end) in zip(parts, np.asarray(ends, float).tolist(), strict=True):
+            table = {"name": part.name, "from": start, "to": end, "side": _key(SIDES, part.side)}
+            found.append(table | ({} if part.frame == WORLD else {"body": names[part.frame]}))
+        return found
+
+    mirrors = surfaces(layout.mirrors, scene.mirrors)
+    arcs = zip(layout.curved, np.asarray(scene.radii), np.asarray(scene.conics), strict=True)
+    for index, radius, conic in arcs:
+        mirrors[index] |= {"radius": float(radius), "conic": float(conic)}
+    pads = surfaces(layout.pads, scene.pads)
+    for pad, grazing in zip(pads, np.asarray(scene.grazing, float).tolist(), strict=True):
+        pad["min_grazing_deg"] = degrees_of(grazing)
+    camera = _camera(scene.camera)
+    if layout.camera_frame != WORLD:
+        camera["body"] = names[layout.camera_frame]
+    hinges = np.asarray(scene.hinges, float).tolist()
+    frames = {}
+    for index in _frames_as_in_a_file(layout):
+        frame = layout.frames[index]
+        frames[frame.name] = {
+            "hinge": hinges[index],
+            "angle": layout.angles[frame.angle],
+            "parent": names[frame.parent],
+            "positive": _key(SENSES, frame.sign),
+        }
+    tables = {
+        "scene": {"name": layout.name, "bounces": layout.bounces},
+        "camera": camera,
+        "mirrors": mirrors,
+        "pads": pads,
+        "blockers": surfaces(layout.blockers, scene.blockers),
+        "frames": frames,
+    }
+    return {name: table for name, table in tables.items() if table}
+
+
+def scene_text(scene: Scene) -> str:
+    """The text of a scene's file; `optics.read_scene` reads the same back."""
+    return toml_text(scene_tables(scene), "Camera, mirrors, pads and blockers: mm.")
+
+
+def write_scene(scene: Scene, path: str | Path) -> None:
+    """Write a scene's file; an existing one is replaced when the new one is complete.
+
+    Args:
+        scene: a single one.
+        path: of the file.
+    """
+    with replaced_when_complete(Path(path)) as partial:
+        partial.write_text(scene_text(scene), encoding="utf-8")
+
+
+def _camera(camera: Camera) -> dict[str, Any]:
+    projection: Any = "pinhole" if isinstance(camera.projection, Pinhole) else "equidistant"
+    if isinstance(camera.projection, KannalaBrandt):
+        projection = np.asarray(camera.projection.coefficients, float).tolist()
+    table: dict[str, Any] = {
+        "position": np.asarray(camera.position, float).tolist(),
+        "direction_deg": degrees_of(float(camera.direction)),
+        "fov_deg": degrees_of(float(camera.field_of_view)),
+        "pixels": round(float(camera.pixels)),
+        "projection": projection,
+    }
+    if camera.lens is not None:
+        focal, sensor = float(camera.lens.focal_length), float(camera.lens.sensor_distance)
+        table["lens"] = {
+            "focal_length": focal,
+            "f_number": focal / float(camera.lens.aperture),
+            "focus": focal / (1 - focal / sensor),
+        }
+    return table
+
+
+def _frames_as_in_a_file(layout: Layout) -> list[int]:
+    """An order of the frames from which a reader finds the same order of frames and of angles.
+
+    It sorts frames by how deep they are hinged in each other, and angles by who comes first.
+    """
+    depths: list[int] = []
+    for frame in layout.frames:
+        depths.append(0 if frame.parent == WORLD else depths[frame.parent] + 1)
+    waiting = [
+        [i for i, deep in enumerate(depths) if deep == depth] for depth in sorted(set(depths))
+    ]
+    order: list[int] = []
+    met = 0
+    while any(waiting):
+        line = next(one for one in waiting if one and layout.frames[one[0]].angle <= met)
+        met = max(met, layout.frames[line[0]].angle + 1)
+        order.append(line.pop(0))
+    return order
+
+
+def _key(names: dict[str, int], value: int) -> str:
+    return next(name for name, one in names.items() if one == value)

@@ -1,0 +1,104 @@
+"""Scenes written and read again."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from optics import read_scene, scene_from, scene_text, write_scene
+
+GALLERY = sorted((Path(__file__).parents[2] / "studies/gallery/scenes").glob("*.toml"))
+
+
+def assert_identical(one, other):
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    for first, second in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize("path", GALLERY, ids=lambda path: path.stem)
+def test_the_gallery_is_read_back(path, tmp_path):
+    scene = read_scene(path)
+    write_scene(scene, tmp_path / "again.toml")
+    assert_identical(scene, read_scene(tmp_path / "again.toml"))
+
+
+numbers = st.floats(-1e3, 1e3)
+places = st.tuples(numbers, numbers).map(list)
+sides = st.sampled_from(["left", "right", "both"])
+NAMES = ("palm", "finger", "tip", "thumb")
+
+
+@st.composite
+def tables(draw) -> dict:
+    """Scene files with frames in any order, hinged in each other in any way."""
+    names = draw(st.permutations(NAMES))[: draw(st.integers(0, 4))]
+    parents = {name: draw(st.sampled_from(["world", *names[:i]])) for i, name in enumerate(names)}
+    frames = {
+        name: {
+            "hinge": draw(places),
+            "parent": parents[name],
+            "angle": draw(st.sampled_from("abc")),
+            "positive": draw(st.sampled_from(["counterclockwise", "clockwise"])),
+        }
+        for name in draw(st.permutations(names))
+    }
+    bodies = st.sampled_from(["world", *names])
+
+    def surface(name: str, **more) -> dict:
+        start = draw(places)
+        end = [start[0] + draw(st.floats(1.0, 50.0)), draw(numbers)]
+        common = {"name": name, "from": start, "to": end, "side": draw(sides)}
+        return {**common, "body": draw(bodies), **more}
+
+    projection = draw(
+        st.one_of(st.sampled_from(["equidistant", "pinhole"]), st.just([0.01, -0.002, 0.0, 0.0]))
+    )
+    return {
+        "scene": {"name": "drawn", "bounces": draw(st.integers(0, 3))},
+        "camera": {
+            "position": draw(places),
+            "direction_deg": draw(st.floats(-360, 360)),
+            "fov_deg": draw(st.floats(1, 170)),
+            "pixels": draw(st.integers(1, 5000)),
+            "projection": projection,
+            "body": draw(bodies),
+        },
+        "mirrors": [
+            surface(str(i), **({"radius": 1e4, "conic": draw(st.floats(-2, 1))} if curved else {}))
+            for i, curved in enumerate(draw(st.lists(st.booleans(), max_size=2)))
+        ],
+        "pads": [surface("pad", min_grazing_deg=draw(st.floats(0, 89)))],
+        "blockers": [surface("wall")] if draw(st.booleans()) else [],
+        "frames": frames,
+    }
+
+
+@given(tables())
+def test_what_is_written_is_read_back(drawn):
+    scene = scene_from(drawn, "drawn")
+    text = scene_text(scene)
+    again = scene_from(tomllib.loads(text), "again")
+    assert_identical(scene, again)
+    assert scene_text(again) == text
+
+
+def test_a_lens_comes_back_to_rounding():
+    lens = {"focal_length": 1.7, "f_number": 2.8, "focus": 21.0}
+    camera = {"position": [0.0, 0.0], "direction_deg": 0.0, "fov_deg": 90.0, "pixels": 100}
+    pads = [{"name": "pad", "from": [10.0, -1.0], "to": [10.0, 1.0]}]
+    scene = scene_from({"camera": camera | {"lens": lens}, "pads": pads}, "lens")
+    again = scene_from(tomllib.loads(scene_text(scene)), "again")
+    assert again.camera.lens is not None
+    for one, other in zip(
+        jax.tree.leaves(scene.camera.lens), jax.tree.leaves(again.camera.lens), strict=True
+    ):
+        assert float(one) == pytest.approx(float(other), rel=1e-13)
+    assert jnp.all(scene.pads == again.pads)
