@@ -1,4 +1,5 @@
 from .io.reading import linkage_from, read_linkage
+from .io.writer import linkage_text, write_linkage
 from .model.grashof import Grashof, grashof
 from .model.linkage import Line, Link, Linkage, Spring, Vector
 from .model.loops import Loop, vector_loops
@@ -38,6 +39,7 @@ __all__ = [
     "input_efforts",
     "input_slopes",
     "linkage_from",
+    "linkage_text",
     "mechanical_advantage",
     "no_deviations",
     "output_spread",
@@ -48,4 +50,5 @@ __all__ = [
     "spring_energy",
     "turning_point",
     "vector_loops",
+    "write_linkage",
 ]

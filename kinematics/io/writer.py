@@ -1,0 +1,123 @@
+"""A linkage as a sketch in its assembled configuration, which it could have been read from."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from designopt.errors import UserError
+from designopt.io.files import replaced_when_complete
+from designopt.io.toml_writing import toml_text
+from kinematics.model.linkage import Linkage
+from kinematics.model.topology import WORLD, BodyPart
+from kinematics.solve.poses import solve_poses
+
+ENOUGH = 2
+"""Joints of a body to which a further one needs exact lengths; the sketch gives its side."""
+
+
+def linkage_tables(linkage: Linkage) -> dict[str, Any]:
+    """The tables of a linkage's file; `kinematics.linkage_from` makes the same linkage of them.
+
+    Args:
+        linkage: a single one. Its numbers come back to rounding, for a sketch states distances.
+
+    Raises:
+        UserError: the linkage cannot be assembled in its reference configuration.
+    """
+    structure = linkage.structure
+    with jax.enable_x64(True):
+        found = solve_poses(linkage, linkage.home.inputs)
+        if not bool(found.ok):
+            raise UserError(f"{structure.name}: it cannot be written: {found.messages()[0]}")
+        pose = found.value
+    joints = {name: [float(at.x), float(at.y)] for name, at in pose.joints.items()}
+    anchors = np.asarray(linkage.anchors, float).tolist()
+    joints |= dict(zip(structure.fixed_joints, anchors, strict=True))
+    tables: dict[str, Any] = {
+        "linkage": {"name": structure.name},
+        "joints": {name: joints[name] for name in structure.joints},
+        "bodies": {body.name: _body(linkage, body) for body in structure.bodies},
+        "sliders": [_slider(linkage, index, joints, pose.bodies) for index in _sliders(linkage)],
+        "inputs": [
+            {
+                "name": part.name,
+                **({"body": part.body} if part.slider is None else {}),
+                **(
+                    {"slider": structure.sliders[part.slider].joint}
+                    if part.slider is not None
+                    else {"relative_to": part.relative_to}
+                ),
+            }
+            for part in structure.inputs
+        ],
+        "springs": [
+            {
+                "between": list(between),
+                "stiffness": float(spring.stiffness),
+                "preload": float(spring.preload),
+            }
+            for between, spring in zip(structure.springs, linkage.springs, strict=True)
+        ],
+    }
+    return {name: table for name, table in tables.items() if table}
+
+
+def linkage_text(linkage: Linkage) -> str:
+    """The text of a linkage's file; `kinematics.read_linkage` reads the same back to rounding."""
+    return toml_text(linkage_tables(linkage), "A linkage in its assembled configuration: mm.")
+
+
+def write_linkage(linkage: Linkage, path: str | Path) -> None:
+    """Write a linkage's file; an existing one is replaced when the new one is complete.
+
+    Args:
+        linkage: a single one.
+        path: of the file.
+
+    Raises:
+        UserError: the linkage cannot be assembled in its reference configuration.
+    """
+    text = linkage_text(linkage)
+    with replaced_when_complete(Path(path)) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def _sliders(linkage: Linkage) -> range:
+    return range(len(linkage.structure.sliders))
+
+
+def _body(linkage: Linkage, body: BodyPart) -> dict[str, Any]:
+    table: dict[str, Any] = {"joints": list(body.joints)}
+    if body.fixed:
+        return table | {"fixed": True}
+    link = linkage.links[body.name]
+    places = np.zeros((len(body.joints), 2))
+    places[1, 0] = link.length
+    places[2:] = link.places
+    lengths = {
+        f"{body.joints[i]}-{body.joints[j]}": float(np.hypot(*(places[j] - places[i])))
+        for i, j in itertools.combinations(range(len(body.joints)), 2)
+        if i < ENOUGH
+    }
+    return table | {"lengths": lengths}
+
+
+def _slider(
+    linkage: Linkage, index: int, joints: Mapping[str, list[float]], bodies: Mapping[str, Any]
+) -> dict[str, Any]:
+    part, line = linkage.structure.sliders[index], linkage.lines[index]
+    point, angle = complex(*np.asarray(line.point, float)), float(line.angle)
+    ends = [point, point + complex(jnp.cos(angle), jnp.sin(angle))]
+    if linkage.structure.node(part.on) != WORLD:
+        body = linkage.structure.body(part.on)
+        turn = complex(float(bodies[part.on].x), float(bodies[part.on].y))
+        ends = [complex(*joints[body.joints[0]]) + turn * end for end in ends]
+    table = {"joint": part.joint, "on": part.on, "line": [[end.real, end.imag] for end in ends]}
+    return table | ({} if part.keeps is None else {"keeps": part.keeps})
