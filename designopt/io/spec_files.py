@@ -49,6 +49,22 @@ Title = Annotated[str, pydantic.AfterValidator(_title)]
 
 Name = Annotated[str, pydantic.AfterValidator(_name)]
 
+FORMAT = 1
+"""Version of the formats of files; it grows when old files mean another thing."""
+
+
+def _known_format(number: int) -> int:
+    if number != FORMAT:
+        raise ValueError(
+            f"this version reads format {FORMAT} and not {number}; update designopt, or write the "
+            "file anew"
+        )
+    return number
+
+
+Format = Annotated[int, pydantic.Field(strict=True), pydantic.AfterValidator(_known_format)]
+"""The version that a file states; the present one where it states none."""
+
 Place = tuple[int | str, ...]
 S = TypeVar("S", bound=Spec)
 

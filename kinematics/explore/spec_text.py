@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from designopt.io.spec_files import FORMAT
 from designopt.io.toml_writing import toml_text
 from designopt.vectors import Vector, rotation
 from kinematics.explore.dimensions import Dimensions
@@ -44,7 +45,7 @@ def spec_text(
     anchors = np.asarray(linkage.anchors, float).tolist()
     joints |= dict(zip(linkage.structure.fixed_joints, anchors, strict=True))
     tables: dict[str, Any] = {
-        "linkage": {"name": sketch.linkage.name},
+        "linkage": {"name": sketch.linkage.name, "format": FORMAT},
         "joints": {name: joints[name] for name in sketch.joints},
         "bodies": _bodies(sketch, dimensions, distances),
         "sliders": [_slider(sketch, slider, joints, pose) for slider in sketch.sliders],

@@ -9,13 +9,24 @@ import pydantic
 
 from designopt.designs import read_tables
 from designopt.io.spec import Spec
-from designopt.io.spec_files import Length, Line, Name, Number, Point, Title, validated
+from designopt.io.spec_files import (
+    FORMAT,
+    Format,
+    Length,
+    Line,
+    Name,
+    Number,
+    Point,
+    Title,
+    validated,
+)
 
 
 class LinkageTable(Spec):
     """``[linkage]``."""
 
     name: Title = "linkage"
+    format: Format = FORMAT
 
 
 def _some(joints: list[str]) -> list[str]:

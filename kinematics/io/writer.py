@@ -13,6 +13,7 @@ import numpy as np
 
 from designopt.errors import UserError
 from designopt.io.files import replaced_when_complete
+from designopt.io.spec_files import FORMAT
 from designopt.io.toml_writing import toml_text
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, BodyPart
@@ -41,7 +42,7 @@ def linkage_tables(linkage: Linkage) -> dict[str, Any]:
     anchors = np.asarray(linkage.anchors, float).tolist()
     joints |= dict(zip(structure.fixed_joints, anchors, strict=True))
     tables: dict[str, Any] = {
-        "linkage": {"name": structure.name},
+        "linkage": {"name": structure.name, "format": FORMAT},
         "joints": {name: joints[name] for name in structure.joints},
         "bodies": {body.name: _body(linkage, body) for body in structure.bodies},
         "sliders": [_slider(linkage, index, joints, pose.bodies) for index in _sliders(linkage)],

@@ -13,7 +13,7 @@ from designopt.errors import UserError
 from designopt.export.sheet import printable
 from designopt.io.files import replaced_when_complete
 from designopt.io.spec import Spec
-from designopt.io.spec_files import Length, Number, Title, validated
+from designopt.io.spec_files import FORMAT, Format, Length, Number, Title, validated
 from designopt.io.toml_writing import degrees_of, toml_text
 from optics.chamber.chamber import Chamber
 
@@ -33,6 +33,7 @@ class ChamberTable(Spec):
     """``[chamber]``: the fields of `optics.Chamber` by its names, lengths in mm."""
 
     name: Title | None = None
+    format: Format = FORMAT
     length_ab: Length
     length_bc: Length
     length_cd: Length
@@ -60,7 +61,7 @@ def read_chamber(path: Path) -> tuple[str, Chamber]:
             where and what to change.
     """
     table = validated(ChamberFile, read_tables(path, "chamber", "chamber"), str(path)).chamber
-    fields = table.model_dump(exclude={"name"})
+    fields = table.model_dump(exclude={"name", "format"})
     fields[ANGLE] = math.radians(fields.pop(f"{ANGLE}_deg"))
     chamber = Chamber(**fields)
     image = chamber.imaging_ratio()
@@ -71,11 +72,11 @@ def read_chamber(path: Path) -> tuple[str, Chamber]:
 
 def chamber_text(name: str, chamber: Chamber) -> str:
     """The text of a chamber's file; `read_chamber` reads the same back."""
-    table: dict[str, float | str] = {"name": name}
+    table: dict[str, float | str | int] = {"name": name, "format": FORMAT}
     for key in ChamberTable.model_fields:
         if key == f"{ANGLE}_deg":
             table[key] = degrees_of(float(chamber.wall_angle_bc))
-        elif key != "name":
+        elif key not in table:
             table[key] = float(getattr(chamber, key))
     comment = (
         "A soft finger's chamber and its camera: lengths in mm; Δl_D is counted to the other side "

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.explore.bench import Knob, Values
-from designopt.io.spec_files import validated
+from designopt.io.spec_files import FORMAT, validated
 from designopt.io.toml_writing import toml_text
 from optics.scene.camera import Pinhole
 from optics.scene.designed import DesignedScene
@@ -225,6 +225,7 @@ class Handles:
         tables = design.file.model_dump(by_alias=True, exclude_unset=True)
         tables = {"scene": {}, **tables}
         tables["scene"].setdefault("name", design.name)
+        tables["scene"]["format"] = FORMAT
         for handle in self.handles:
             _put(tables, handle.address, handle.told(values))
         blockers = np.asarray(self.scene(values).blockers)

@@ -10,7 +10,7 @@ import numpy as np
 import pydantic
 
 from designopt.io.spec import Spec
-from designopt.io.spec_files import Length, Name, Number, Point, Title
+from designopt.io.spec_files import FORMAT, Format, Length, Name, Number, Point, Title
 
 FIXED = "world"
 """Name of the frame that does not move."""
@@ -50,6 +50,7 @@ class SceneTable(Spec):
     """``[scene]``."""
 
     name: Title | None = None
+    format: Format = FORMAT
     bounces: Annotated[int, pydantic.Field(strict=True, ge=0, le=MOST_BOUNCES)] | None = None
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from designopt.io.files import replaced_when_complete
+from designopt.io.spec_files import FORMAT
 from designopt.io.toml_writing import degrees_of, toml_text
 from optics.scene.camera import Camera, KannalaBrandt, Pinhole
 from optics.scene.file import FIXED
@@ -53,7 +54,7 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
             "positive": _key(SENSES, frame.sign),
         }
     tables = {
-        "scene": {"name": layout.name, "bounces": layout.bounces},
+        "scene": {"name": layout.name, "format": FORMAT, "bounces": layout.bounces},
         "camera": camera,
         "mirrors": mirrors,
         "pads": pads,

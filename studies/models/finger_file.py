@@ -20,15 +20,12 @@ from designopt.errors import UserError
 from designopt.export.sheet import printable
 from designopt.io.files import replaced_when_complete
 from designopt.io.spec import Spec
-from designopt.io.spec_files import Length, Number, Point, Title, validated
+from designopt.io.spec_files import FORMAT, Format, Length, Number, Point, Title, validated
 from designopt.io.toml_writing import degrees_of, toml_text
 from kinematics.io.designed import DesignedLinkage
 from optics.scene.designed import DesignedScene
 from studies.models.finger import Body, Finger, FingerCamera, FingerMirror, Spring
 from studies.models.pins import Pins, told
-
-FORMAT = 1
-"""Version of the file's format."""
 
 SAME = 1e-6
 """Two statements of one number contradict each other where they differ by more, mm and rad."""
@@ -40,7 +37,7 @@ class FingerTable(Spec):
     """``[finger]``."""
 
     name: Title | None = None
-    format: Literal[1] = FORMAT
+    format: Format = FORMAT
 
 
 class BodyTable(Spec):

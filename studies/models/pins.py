@@ -8,6 +8,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.io.spec_files import FORMAT
 from designopt.numerics import as_float
 from designopt.vectors import Vector, vector
 from kinematics.io.reading import linkage_from
@@ -89,7 +90,10 @@ def linkage_table(
         ],
     }
     table: dict[str, Any] = {
-        "linkage": {"name": "finger" if drive == "joints" else "finger, driven by its crank"},
+        "linkage": {
+            "name": "finger" if drive == "joints" else "finger, driven by its crank",
+            "format": FORMAT,
+        },
         "joints": fixed | moving,
         "bodies": {
             "proximal": {"joints": ["O", "A", "F"], "fixed": True},

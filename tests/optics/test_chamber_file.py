@@ -62,6 +62,7 @@ def test_the_commands_take_the_file(tmp_path):
 def test_a_file_has_the_papers_numbers():
     table = tomllib.loads(TEXT)["chamber"]
     assert table.pop("name") == "soft"
+    assert table.pop("format") == 1
     assert table["wall_angle_bc_deg"] == pytest.approx(2.0, rel=1e-12)
     assert table["length_ab"] == 40.0
     assert set(table) == {field.name for field in dataclasses.fields(PAPER)} - {"wall_angle_bc"} | {

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.io.spec_files import FORMAT
 from designopt.numerics import as_float
 from optics.scene.reading import scene_from
 from optics.scene.scene import Scene
@@ -163,7 +164,7 @@ def scene_table(
 
     distal = np.asarray(arrangement.distal) + np.array([[middle, 0.0]])
     return {
-        "scene": {"name": "finger", "bounces": 1},
+        "scene": {"name": "finger", "format": FORMAT, "bounces": 1},
         "camera": {
             "position": _plain(arrangement.camera),
             "direction_deg": math.degrees(float(arrangement.tilt)) - 90,
