@@ -4,7 +4,7 @@ from .io.spec import Spec
 from .io.toml_writing import toml_text
 from .numerics import as_float, safe_arctan2, safe_divide, safe_quadratic_roots, safe_sqrt
 from .roots import find_root
-from .solution import Solution, first_failure
+from .solution import Solution, combine_checks
 from .study.left_out import count_operations
 from .study.precision import Contender, compile_timed, dominating, measure
 from .study.results import (
@@ -47,12 +47,12 @@ __all__ = [
     "Vector",
     "as_float",
     "assess",
+    "combine_checks",
     "compile_timed",
     "count_operations",
     "direction_to_meeting",
     "dominating",
     "find_root",
-    "first_failure",
     "folded_angle",
     "least_squares",
     "measure",

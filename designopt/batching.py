@@ -1,4 +1,4 @@
-"""Long batches in one compiled program, block by block, so that what is computed stays in cache."""
+"""Long batches in one compiled program, chunk by chunk, so that what is computed stays in cache."""
 
 from __future__ import annotations
 
@@ -10,29 +10,30 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 
-def in_blocks(function: Callable[[Any], Any], batch: Any, most: int) -> Any:
-    """A function of a batch, applied to at most ``most`` of its elements at a time.
+def map_in_chunks(function: Callable[[Any], Any], batch: Any, max_chunk_size: int) -> Any:
+    """A function of a batch, applied to at most ``max_chunk_size`` of its elements at a time.
 
     Args:
         function: takes a batch and returns one; it treats each element by itself.
         batch: arrays with the batch along their first axis.
-        most: elements of a block. A batch that is no longer is one block, without a loop.
+        max_chunk_size: elements. A batch that is no longer is one chunk, without a loop.
 
     Returns:
         What the function returns for the whole batch.
     """
     count = jax.tree.leaves(batch)[0].shape[0]
-    if count <= most:
+    if count <= max_chunk_size:
         return function(batch)
-    # Blocks of one size, near the wanted one; the last is filled up with the last element.
-    size = next((s for s in range(most, most // 2, -1) if count % s == 0), most)
-    blocks = -(-count // size)
+    # Chunks of one size, near the wanted one; the last is filled up with the last element.
+    sizes = range(max_chunk_size, max_chunk_size // 2, -1)
+    size = next((s for s in sizes if count % s == 0), max_chunk_size)
+    chunks = -(-count // size)
 
     def fold(leaf: Array) -> Array:
-        if blocks * size != count:
-            last = jnp.repeat(leaf[-1:], blocks * size - count, axis=0)
+        if chunks * size != count:
+            last = jnp.repeat(leaf[-1:], chunks * size - count, axis=0)
             leaf = jnp.concatenate([leaf, last])
-        return leaf.reshape(blocks, size, *leaf.shape[1:])
+        return leaf.reshape(chunks, size, *leaf.shape[1:])
 
     done = jax.lax.map(function, jax.tree.map(fold, batch))
-    return jax.tree.map(lambda leaf: leaf.reshape(blocks * size, *leaf.shape[2:])[:count], done)
+    return jax.tree.map(lambda leaf: leaf.reshape(chunks * size, *leaf.shape[2:])[:count], done)

@@ -64,7 +64,7 @@ class Solution(eqx.Module, Generic[Value]):
         return texts, which, counts
 
 
-def first_failure(
+def combine_checks(
     successful: Any, *checks: tuple[Float[Array, ""], Any]
 ) -> tuple[Float[Array, ""], Any]:
     """The least of several margins, and the code of the first that is not positive.

@@ -87,12 +87,12 @@ def vector(array: Float[Array, "*batch 2"]) -> Vector:
     return Vector(array[..., 0], array[..., 1])
 
 
-def together(*vectors: Vector) -> Vector:
+def stack(*vectors: Vector) -> Vector:
     """Several vectors of one shape as one, along a new first axis."""
     return Vector(jnp.stack([v.x for v in vectors]), jnp.stack([v.y for v in vectors]))
 
 
-def chosen(condition: Bool[Array, "*batch"], yes: Vector, no: Vector) -> Vector:
+def where(condition: Bool[Array, "*batch"], yes: Vector, no: Vector) -> Vector:
     """One vector where a condition holds, another elsewhere; shapes broadcast."""
     return Vector(jnp.where(condition, yes.x, no.x), jnp.where(condition, yes.y, no.y))
 

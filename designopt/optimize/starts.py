@@ -12,7 +12,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 from scipy.stats import qmc
 
-from designopt.batching import in_blocks
+from designopt.batching import map_in_chunks
 from designopt.optimize.augmented_lagrangian import FIRST_PENALTY
 from designopt.optimize.problem import Parameters, Problem
 
@@ -89,7 +89,7 @@ def best_starts(
         return jnp.where(jnp.isfinite(value), value, jnp.inf)
 
     def best(points: Parameters) -> Parameters:
-        chosen = jnp.argsort(in_blocks(jax.vmap(merit), points, BLOCK))[:count]
+        chosen = jnp.argsort(map_in_chunks(jax.vmap(merit), points, BLOCK))[:count]
         return jax.tree.map(lambda leaf: leaf[chosen], points)
 
     begin = time.perf_counter()

@@ -19,7 +19,7 @@ from designopt.vectors import Vector
 Scalar = Float[Array, "*#batch"]  # of one pose or of several
 
 
-def two_angles(
+def solve_rrr(
     e: Vector, a: Vector, b: Vector, side: Scalar, towards: Vector
 ) -> tuple[Vector, Vector, tuple[Scalar, Scalar]]:
     """RRR: the rotations α, β with e = α a + β b (intersection of two circles).
@@ -56,7 +56,7 @@ def two_angles(
     )
 
 
-def angle_and_slide(
+def solve_rrp(
     e: Vector, a: Vector, w: Vector, side: Scalar
 ) -> tuple[Vector, Scalar, tuple[Scalar]]:
     """RRP: the rotation α and the slide s with e = α a + s w (circle and line).
@@ -78,7 +78,7 @@ def angle_and_slide(
     return _quotient(e - w.scaled(slide), a, aa), slide, (length_a - jnp.abs(distance),)
 
 
-def angle_and_own_slide(
+def solve_rpr(
     e: Vector, a: Vector, u: Vector, side: Scalar, towards: Vector
 ) -> tuple[Vector, Scalar, tuple[Scalar]]:
     """RPR: the rotation α and the slide s with e = α (a + s u) (tangent from a point to a circle).
@@ -102,7 +102,7 @@ def angle_and_own_slide(
     return _quotient(e, arm, arm.squared()), reach - u.dot(a), (length_e - jnp.abs(distance),)
 
 
-def two_slides(
+def solve_two_slides(
     e: Vector, v: Vector, w: Vector, side: Scalar
 ) -> tuple[Scalar, Scalar, tuple[Scalar]]:
     """PRP and RPP: the slides s, t with e = s v + t w (two lines).

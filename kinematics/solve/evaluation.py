@@ -14,7 +14,7 @@ from designopt.vectors import Vector, rotation
 from kinematics.model.linkage import Linkage
 from kinematics.model.loops import Loop
 from kinematics.model.topology import WORLD, Incidence
-from kinematics.solve.dyads import angle_and_own_slide, angle_and_slide, two_angles, two_slides
+from kinematics.solve.dyads import solve_rpr, solve_rrp, solve_rrr, solve_two_slides
 from kinematics.solve.steps import Group, Placement, Plan, Turn
 
 Scalar = Float[Array, ""]
@@ -244,7 +244,7 @@ def _solve(state: State, group: Group, side: Scalar) -> None:
     match group.kind:
         case "RRR":
             first, second = group.angles
-            alpha, beta, margins = two_angles(
+            alpha, beta, margins = solve_rrr(
                 e, terms.vectors[first], terms.vectors[second], side, towards
             )
             _record(state, group, (alpha, beta))
@@ -252,17 +252,15 @@ def _solve(state: State, group: Group, side: Scalar) -> None:
             (root,), (slider,) = group.angles, group.sliders
             along, _ = terms.directions[slider]
             if group.kind == "RRP":
-                alpha, slide, margins = angle_and_slide(e, terms.vectors[root], along, side)
+                alpha, slide, margins = solve_rrp(e, terms.vectors[root], along, side)
             else:
-                alpha, slide, margins = angle_and_own_slide(
-                    e, terms.vectors[root], along, side, towards
-                )
+                alpha, slide, margins = solve_rpr(e, terms.vectors[root], along, side, towards)
             _record(state, group, (alpha,))
             state.slides[slider] = slide
         case _:
             first, second = group.sliders
             v, w = terms.directions[first][0], terms.directions[second][0]
-            s, t, margins = two_slides(e, v, w, side)
+            s, t, margins = solve_two_slides(e, v, w, side)
             state.slides |= {first: s, second: t}
     state.margins[group.index] = margins
 

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from designopt.batching import in_blocks
+from designopt.batching import map_in_chunks
 from designopt.numerics import as_float
 from designopt.solution import Solution
 from kinematics.model.linkage import Linkage
@@ -110,7 +110,7 @@ def solve_poses(
     if count < FEW:
         solved = solve(flat)
     else:
-        solved = in_blocks(jax.checkpoint(solve), flat, min(BLOCK, -(-count // 2)))
+        solved = map_in_chunks(jax.checkpoint(solve), flat, min(BLOCK, -(-count // 2)))
     return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), solved)
 
 

@@ -31,7 +31,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from designopt.numerics import as_float, safe_arctan2, safe_divide
-from designopt.solution import Solution, first_failure
+from designopt.solution import Solution, combine_checks
 
 
 class ChamberResult(eqx.Enumeration):
@@ -160,7 +160,7 @@ class Chamber(eqx.Module):
         per_length, length_fits = safe_divide(self._yellow, self.length_bc)
         slope, slope_fits = safe_divide(per_length, wall_distance)
         ratio = perspective * slope
-        margin, result = first_failure(
+        margin, result = combine_checks(
             ChamberResult.successful,
             (jnp.min(self.depths), ChamberResult.behind_pinhole),
             (jnp.min(self._lengths), ChamberResult.no_length),
@@ -195,7 +195,7 @@ class Chamber(eqx.Module):
     ) -> Solution[Float[Array, "3"]]:
         slopes, fits = safe_divide(heights, depths)
         images = (self.focal_length - self.image_distance) * slopes
-        margin, result = first_failure(
+        margin, result = combine_checks(
             ChamberResult.successful, (jnp.min(self.depths), ChamberResult.behind_pinhole)
         )
         result = ChamberResult.where(

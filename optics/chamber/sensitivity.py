@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from designopt.numerics import as_float
-from designopt.solution import Solution, first_failure
+from designopt.solution import Solution, combine_checks
 from optics.chamber.chamber import Chamber, ChamberResult
 from optics.chamber.endoscope import Endoscope
 from optics.chamber.rings import Rings, spans
@@ -37,7 +37,7 @@ def extreme_points(
     side = jnp.stack([jnp.cos(direction), jnp.sin(direction)])
     points = endoscope.image(seen.seen_high[ends][:, None] * side[None])
     # What does not lie in front of the camera, or has no radius, has no width either.
-    margin, result = first_failure(
+    margin, result = combine_checks(
         ChamberResult.successful, (jnp.min(seen.width[ends]), ChamberResult.hidden)
     )
     return Solution(points, margin, jnp.zeros_like(margin), result)

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from designopt.vectors import Vector, rotation, together, vector
+from designopt.vectors import Vector, rotation, stack, vector
 from optics.scene.camera import Camera
 
 WORLD = -1
@@ -234,7 +234,7 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
         rotation(scene.camera.direction).turned(camera[2]),
         joined[np.argsort(order)],
         scene.radii / size,
-        together(*(now for _, now, _ in moved))[:-1],
+        stack(*(now for _, now, _ in moved))[:-1],
         origin,
         size,
     )

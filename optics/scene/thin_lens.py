@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from designopt.numerics import as_float, safe_divide
-from designopt.solution import Solution, first_failure
+from designopt.solution import Solution, combine_checks
 
 
 class LensResult(eqx.Enumeration):
@@ -133,6 +133,6 @@ class ThinLens(eqx.Module):
 
 
 def _judged(value: Any, fits: Any, *checks: tuple[Float[Array, ""], LensResult]) -> Solution[Any]:
-    margin, result = first_failure(LensResult.successful, *checks)
+    margin, result = combine_checks(LensResult.successful, *checks)
     result = LensResult.where((margin > 0) & ~fits, LensResult.out_of_range, result)
     return Solution(value, margin, jnp.zeros_like(margin), result)

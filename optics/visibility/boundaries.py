@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector, chosen, rotation, together
+from designopt.vectors import Vector, rotation, stack, where
 from optics.scene.camera import Camera
 from optics.scene.scene import Placed, Scene
 from optics.visibility.boundary_codes import (
@@ -64,7 +64,7 @@ class Pad(eqx.Module):
 
     def ends(self) -> Vector:
         """Both ends of one pad, along one axis."""
-        return together(self.start, self.end)
+        return stack(self.start, self.end)
 
 
 PER_SEGMENT = 3
@@ -127,8 +127,8 @@ def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> V
     first, last = edges.ends[0], edges.ends[1]
     along = last - first
     met, _ = safe_divide(along.cross(pad.start - first), -along.cross(step))
-    edge = chosen(edges.labels[0] == label, first, last)
-    edge = chosen(kind == CROSSING, pad.start + step.scaled(met), edge)
+    edge = where(edges.labels[0] == label, first, last)
+    edge = where(kind == CROSSING, pad.start + step.scaled(met), edge)
 
     # The labels below 0 come in pairs, of which one has the sign 1.
     second = (label == SECOND_PAD_END) | (label == LEFT_LIMIT) | (label == HIGH_GRAZING)
@@ -139,7 +139,7 @@ def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> V
     above = along_pad.cross(source - pad.start)
     drop = along_pad.perpendicular().scaled(-above * jnp.sin(pad.grazing))
     flattest = drop + along_pad.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
-    end = chosen(label >= 0, edge, chosen(second, pad.end, pad.start))
+    end = where(label >= 0, edge, where(second, pad.end, pad.start))
     is_limit = (label == LEFT_LIMIT) | (label == RIGHT_LIMIT)
     is_grazing = (label == LOW_GRAZING) | (label == HIGH_GRAZING)
-    return chosen(is_limit, limit, chosen(is_grazing, flattest, end - source))
+    return where(is_limit, limit, where(is_grazing, flattest, end - source))

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from designopt.batching import in_blocks
+from designopt.batching import map_in_chunks
 from designopt.numerics import as_float
 from designopt.solution import Solution
 from optics.scene.camera import Camera
@@ -167,7 +167,7 @@ def _in_poses(
     camera, still = jax.lax.stop_gradient((scene.camera, (paths, pads)))
     shadows = (len(words[-1]) + 1) * len(layout.surfaces) + 1
     most = max(TABLE // (len(layout.pads) * len(words) * shadows**2), 1)
-    found = in_blocks(jax.vmap(lambda view: search(camera, *view)), still, most)
+    found = map_in_chunks(jax.vmap(lambda view: search(camera, *view)), still, most)
     answers = jax.vmap(answer)(placed, paths, pads, found)
     return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), answers)
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import as_float, safe_divide
-from designopt.vectors import Vector, chosen, rotation, vector
+from designopt.vectors import Vector, rotation, vector, where
 from optics.scene.scene import Layout, Placed, Scene, place
 from optics.visibility.curves import Arc, arc_between
 from optics.visibility.unfolding import unit
@@ -191,7 +191,7 @@ class Tracer(eqx.Module):
         active = met & (side * toward <= 0)
         reflected = active & (surface < len(layout.mirrors))
         bent = ray.direction - normal.scaled(2 * toward)
-        direction = chosen(reflected, bent, ray.direction)
+        direction = where(reflected, bent, ray.direction)
         return Leg(
             surface,
             jnp.where(met, hit.coordinate, 0.0),

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector, chosen
+from designopt.vectors import Vector, where
 from optics.scene.scene import Layout, Placed
 from optics.visibility.boundary_codes import CUT_AFTER, CUT_BEFORE, FIRST_END, SECOND_END, label_of
 
@@ -178,11 +178,11 @@ def cut(
     along = line[1] - line[0]
     left = left_of(edges.ends, line[0], along)
     inward = jnp.broadcast_to(side, edges.active.shape)[..., None] * left
-    where, _ = safe_divide(left[..., 0], left[..., 0] - left[..., 1])
+    part, _ = safe_divide(left[..., 0], left[..., 0] - left[..., 1])
     first, last = edges.ends[..., 0], edges.ends[..., 1]
-    meeting = first + (last - first).scaled(where)
+    meeting = first + (last - first).scaled(part)
     return Edges(
-        chosen(inward < 0, meeting[..., None], edges.ends),
+        where(inward < 0, meeting[..., None], edges.ends),
         jnp.where(inward < 0, labels[..., None], edges.labels),
         edges.active & (jnp.any(inward > 0, axis=-1) | (side == 0)),
     )
@@ -249,7 +249,7 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
     whole = [fold.place(mirror) for fold, mirror in zip(folds, mirrors, strict=True)]
     last = placed.corners[0]
     for there, mirror in zip(reflects, mirrors, strict=True):
-        last = chosen(there, mirror, last)
+        last = where(there, mirror, last)
     blocking = _stacked(blockers)
     nothing, none = jax.tree.map(lambda leaf: leaf[0, :0], blocking), jnp.zeros(0, bool)
     return Unfolded(
@@ -290,7 +290,7 @@ def _sides(
         facing.append(jnp.where(there, jnp.where(above < 0, -1.0, 1.0), 0.0).astype(above.dtype))
         turned_away.append(there & ((above == 0) | (sides[index] * above < 0)))
         arrow = (source - starts[index]).conjugate().turned(_twice(lines[index]))
-        source = chosen(there, starts[index] + arrow, source)
+        source = where(there, starts[index] + arrow, source)
     return [*lefts, left_of(source, starts, lines)], facing, turned_away
 
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_arctan2
-from designopt.vectors import Vector, together
+from designopt.vectors import Vector, stack
 from optics.scene.camera import Camera
 from optics.visibility.boundaries import PAD_ENDS, Pad, toward
 from optics.visibility.boundary_codes import (
@@ -56,7 +56,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     shown = _shown(path, pad)
     foot = step.perpendicular().scaled(-above)
     ends = shown.ends - source
-    seen = together(ends[0], ends[1], path.axis, -path.axis, foot)
+    seen = stack(ends[0], ends[1], path.axis, -path.axis, foot)
     first, last, axis, back, foot = angle(seen)
     centre = (first + last) / 2
 

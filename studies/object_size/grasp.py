@@ -30,7 +30,7 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import safe_arctan2
 from designopt.roots import find_root
-from designopt.solution import Solution, first_failure
+from designopt.solution import Solution, combine_checks
 from optics.chamber import bent
 
 CLOSED = math.radians(120)
@@ -118,7 +118,7 @@ def diameter_of(hand: Hand, bend: Float[Array, ""]) -> Solution[Float[Array, ""]
         less.
     """
     diameter = touched(hand, bend).diameter
-    margin, result = first_failure(
+    margin, result = combine_checks(
         BendResult.successful,
         (bend, BendResult.away),
         (CLOSED - bend, BendResult.beyond),
@@ -160,7 +160,7 @@ def bend_around(hand: Hand, diameter: Float[Array, ""]) -> Solution[Float[Array,
     bend = jnp.where(at_tip, tip.value, within)
     widest = touched(hand, jnp.zeros_like(bend)).diameter
     narrowest = touched(hand, closed).diameter
-    margin, result = first_failure(
+    margin, result = combine_checks(
         GraspResult.successful,
         (widest - diameter, GraspResult.too_wide),
         (diameter - narrowest, GraspResult.too_narrow),

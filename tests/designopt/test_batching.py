@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.batching import in_blocks
+from designopt.batching import map_in_chunks
 
 
 def rows(batch: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
@@ -20,14 +20,14 @@ def rows(batch: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
 def test_blocks_give_what_the_whole_batch_gives(count, most):
     rng = np.random.default_rng(count)
     batch = jnp.asarray(rng.normal(size=(count, 3))), jnp.asarray(rng.normal(size=count))
-    found = jax.jit(lambda batch: in_blocks(rows, batch, most))(batch)
+    found = jax.jit(lambda batch: map_in_chunks(rows, batch, most))(batch)
     for leaf, wanted in zip(found, rows(batch), strict=True):
         np.testing.assert_allclose(leaf, wanted, rtol=1e-15)
 
 
 def test_derivatives_pass_through_blocks():
     batch = jnp.arange(21.0).reshape(7, 3), jnp.arange(7.0)
-    slopes = jax.jit(jax.grad(lambda batch: jnp.sum(in_blocks(rows, batch, 2)[0])))(batch)
+    slopes = jax.jit(jax.grad(lambda batch: jnp.sum(map_in_chunks(rows, batch, 2)[0])))(batch)
     np.testing.assert_array_equal(slopes[0], np.repeat(np.arange(7.0)[:, None], 3, axis=1))
     np.testing.assert_array_equal(slopes[1], np.asarray(batch[0]).sum(axis=1))
 
@@ -42,5 +42,5 @@ def test_blocks_are_no_longer_than_asked_and_equal_if_they_can_be(count, most, s
         seen.append(batch.shape[0])
         return batch
 
-    in_blocks(watched, jnp.arange(float(count)), most)
+    map_in_chunks(watched, jnp.arange(float(count)), most)
     assert set(seen) == {size}

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from designopt import Solution, first_failure
+from designopt import Solution, combine_checks
 
 
 class Outcome(eqx.Enumeration):
@@ -45,7 +45,7 @@ def test_the_first_failure_counts_and_the_least_margin():
         second = "second"
 
     def judge(a, b):
-        margin, code = first_failure(Faults.successful, (a, Faults.first), (b, Faults.second))
+        margin, code = combine_checks(Faults.successful, (a, Faults.first), (b, Faults.second))
         return Solution(a, margin, jnp.zeros_like(a), code)
 
     found = jax.vmap(judge)(jnp.asarray([1.0, -1.0, 1.0, -1.0]), jnp.asarray([2.0, 1.0, 0.0, -2.0]))

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from designopt.vectors import (
     Vector,
-    chosen,
     direction_to_meeting,
     folded_angle,
     rotation,
-    together,
+    stack,
     vector,
+    where,
 )
 
 ROUNDINGS = 1e-13  # a few hundred, in numbers of size 100
@@ -103,10 +103,10 @@ def test_folded_angle(degrees, wanted):
 def test_chosen_takes_each_vector_by_its_condition():
     first, second = vector(jnp.arange(8.0).reshape(4, 2)), vector(-jnp.ones((4, 2)))
     condition = jnp.array([True, False, False, True])
-    found = np.asarray(chosen(condition, first, second).stacked())
+    found = np.asarray(where(condition, first, second).stacked())
     np.testing.assert_array_equal(found, [[0, 1], [-1, -1], [-1, -1], [6, 7]])
 
 
 def test_together_keeps_vectors_in_their_order():
     parts = [vector(jnp.asarray(pair)) for pair in ([1.0, 2.0], [3.0, 4.0], [5.0, 6.0])]
-    np.testing.assert_array_equal(together(*parts).stacked(), [[1, 2], [3, 4], [5, 6]])
+    np.testing.assert_array_equal(stack(*parts).stacked(), [[1, 2], [3, 4], [5, 6]])

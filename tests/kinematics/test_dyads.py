@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from designopt.vectors import Vector, vector
 from kinematics.solve.dyads import (
-    angle_and_own_slide,
-    angle_and_slide,
     apart,
-    two_angles,
-    two_slides,
+    solve_rpr,
+    solve_rrp,
+    solve_rrr,
+    solve_two_slides,
 )
 
 number = st.floats(-10, 10).map(lambda x: x or 1.0)
@@ -35,15 +35,14 @@ def unit(point) -> Vector:
 
 
 jitted = {
-    function: jax.jit(function)
-    for function in (two_angles, angle_and_slide, angle_and_own_slide, two_slides)
+    function: jax.jit(function) for function in (solve_rrr, solve_rrp, solve_rpr, solve_two_slides)
 }
 
 
 @given(plane, plane, plane, side)
 def test_two_angles(e, a, b, sign):
     vectors = [plane_vector(v) for v in (e, a, b)]
-    alpha, beta, margins = jitted[two_angles](*vectors, jnp.asarray(sign), unit((1, 0)))
+    alpha, beta, margins = jitted[solve_rrr](*vectors, jnp.asarray(sign), unit((1, 0)))
     ends = [number_of(v) for v in vectors]
     lengths = [abs(end) for end in ends]
     assert float(margins[0]) == pytest.approx(lengths[1] + lengths[2] - lengths[0], abs=1e-12)
@@ -57,7 +56,7 @@ def test_two_angles(e, a, b, sign):
 
 @given(plane, plane, plane, side)
 def test_angle_and_slide(e, a, w, sign):
-    alpha, slide, (margin,) = jitted[angle_and_slide](
+    alpha, slide, (margin,) = jitted[solve_rrp](
         plane_vector(e), plane_vector(a), unit(w), jnp.asarray(sign)
     )
     e, a, w = complex(*e), complex(*a), number_of(unit(w))
@@ -70,7 +69,7 @@ def test_angle_and_slide(e, a, w, sign):
 
 @given(plane, plane, plane, side)
 def test_angle_and_own_slide(e, a, u, sign):
-    alpha, slide, (margin,) = jitted[angle_and_own_slide](
+    alpha, slide, (margin,) = jitted[solve_rpr](
         plane_vector(e), plane_vector(a), unit(u), jnp.asarray(sign), unit((1, 0))
     )
     e, a, u = complex(*e), complex(*a), number_of(unit(u))
@@ -84,7 +83,7 @@ def test_angle_and_own_slide(e, a, u, sign):
 @given(plane, plane, plane, side)
 def test_two_slides(e, v, w, sign):
     vectors = plane_vector(e), unit(v), unit(w)
-    s, t, (margin,) = jitted[two_slides](*vectors, jnp.asarray(sign))
+    s, t, (margin,) = jitted[solve_two_slides](*vectors, jnp.asarray(sign))
     v, w = number_of(unit(v)), number_of(unit(w))
     assert float(margin) == pytest.approx(sign * (w.conjugate() * v).imag, abs=1e-12)
     if abs(float(margin)) > 1e-3:
@@ -94,7 +93,7 @@ def test_two_slides(e, v, w, sign):
 def test_coincident_pins_take_the_direction_they_are_given():
     zero, one = plane_vector((0, 0)), plane_vector((1, 0))
     for towards in ((0, 0.01), (3, 4), (-1, 0)):  # of any length
-        alpha, beta, _ = two_angles(zero, one, one, jnp.asarray(1.0), plane_vector(towards))
+        alpha, beta, _ = solve_rrr(zero, one, one, jnp.asarray(1.0), plane_vector(towards))
         expected = complex(*towards) / abs(complex(*towards)) * 1j
         assert abs(number_of(alpha) - expected) < 1e-15
         assert abs(number_of(beta) + expected) < 1e-15
@@ -114,7 +113,7 @@ def test_only_what_has_no_direction_is_replaced():
 
 def test_slopes_stay_finite_at_and_beyond_lockup():
     def total(e, a, b):
-        alpha, beta, margins = two_angles(
+        alpha, beta, margins = solve_rrr(
             plane_vector((e, 0.0)),
             plane_vector((a, 0.0)),
             plane_vector((b, 0.0)),

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_divide
 from designopt.vectors import Vector, rotation
-from kinematics.solve.dyads import two_angles
+from kinematics.solve.dyads import solve_rrr
 from studies.models.body import RIM, BodySpec
 from studies.models.pins import Pins
 
@@ -123,7 +123,7 @@ def _dyad(
 ) -> tuple[Vector, Vector, Float[Array, ""]]:
     """Turns of both links of a dyad from the straight finger, on the side it has there."""
     side = jnp.where(straight.cross(a) > 0, 1.0, -1.0).astype(a.x.dtype)
-    turn, other, margins = two_angles(e, a, b, side, straight)
+    turn, other, margins = solve_rrr(e, a, b, side, straight)
     return turn, other, jnp.minimum(*margins)
 
 

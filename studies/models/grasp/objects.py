@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_divide
-from designopt.vectors import Vector, chosen, vector
+from designopt.vectors import Vector, vector, where
 from studies.models.grasp.finger import Pad
 
 
@@ -145,7 +145,7 @@ class Polygon(Object):
         ]
         # The tip nearer to the side's first corner takes that corner's place.
         swapped = (tips[0].x > tips[1].x) != (jnp.arange(count) % 2 == 1)
-        one, two = (chosen(swapped, *pair) for pair in (tips[::-1], tips))
+        one, two = (where(swapped, *pair) for pair in (tips[::-1], tips))
         places, side_gaps = jax.vmap(lambda a, b, size: _cut(((a.x, -a.y), (b.x, -b.y)), size))(
             one, two, length
         )

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector, direction_to_meeting, folded_angle, rotation
-from kinematics.solve.dyads import two_angles
+from kinematics.solve.dyads import solve_rrr
 from studies.models.body import BodySpec
 from studies.models.pins import Pins
 
@@ -135,5 +135,5 @@ def _dyad(
 ) -> tuple[Vector, Vector, Float[Array, "..."]]:
     """Turns of both links of a dyad from where they are in the straight finger, and its reach."""
     side = jnp.where(straight.cross(a) > 0, 1.0, -1.0).astype(a.x.dtype)
-    turn, other, margins = two_angles(e, a, b, side, straight)
+    turn, other, margins = solve_rrr(e, a, b, side, straight)
     return turn, other, jnp.minimum(*margins)

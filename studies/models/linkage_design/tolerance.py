@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.batching import in_blocks
+from designopt.batching import map_in_chunks
 from studies.models.body import BodySpec
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.problem import grid
@@ -57,4 +57,4 @@ def least_angles(
             angle = jnp.minimum(angle, jnp.rad2deg(jnp.min(values)))
         return jnp.where(reach > 0, angle, 0.0)
 
-    return np.asarray(jax.jit(lambda batch: in_blocks(jax.vmap(least), batch, BLOCK))(drawn))
+    return np.asarray(jax.jit(lambda batch: map_in_chunks(jax.vmap(least), batch, BLOCK))(drawn))
