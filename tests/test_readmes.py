@@ -18,7 +18,7 @@ from designopt.study.settings import fields, spec_with
 from designopt.study.study import load_study
 
 ROOT = Path(__file__).parents[1]
-READMES = [ROOT / "README.md", *sorted(ROOT.glob("studies/*/README.md"))]
+READMES = [ROOT / "README.md", *sorted(ROOT.glob("studies/**/README.md"))]
 COMMANDS = {point.name: point for point in entry_points(group=app.COMMAND_GROUP)}
 MAIN_JOB = "out/finger"
 """What the first set-up command of the README leaves behind."""
