@@ -23,13 +23,14 @@ class DesignKind:
 
     Attributes:
         name: what such a file describes, such as ``"linkage"``.
-        table: the table that only files of this kind have.
+        table: the table that files of this kind have, and of others only those that share it.
         read: from a file to the model; its ``name`` is used in titles and file names.
         explorer: the model with its knobs, for ``designopt explore``.
         drawing: it drawn to scale in its reference pose.
         quantities: every number of it.
         mjcf: the text of a MuJoCo model of it; ``None`` where nothing of it moves.
         command: what computes something of such a file, for messages.
+        shared: tables of other kinds that files of this kind have as well.
     """
 
     name: str
@@ -40,6 +41,7 @@ class DesignKind:
     quantities: Callable[[Any], Sequence[Quantity]]
     mjcf: Callable[[Any], str] | None = None
     command: str = "designopt explore"
+    shared: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal
@@ -30,11 +30,11 @@ def read_tables(path: str | Path, what: str, table: str) -> dict[str, Any]:
         UserError: also where the file is of another kind.
     """
     tables = read_toml(path, what)
-    for kind in _kinds() if table not in tables else ():
-        if kind.table in tables:
-            raise UserError(
-                f"{path}: it describes a {kind.name} and no {what}; {kind.command} takes it"
-            )
+    kind = _kind_of(tables)
+    if kind is not None and (table not in tables or table in kind.shared):
+        raise UserError(
+            f"{path}: it describes a {kind.name} and no {what}; {kind.command} takes it"
+        )
     return tables
 
 
@@ -90,13 +90,18 @@ def kind_of(named: str) -> Literal["study", "folder", "file"]:
 
 
 def _of_file(path: Path) -> Design:
-    tables = read_toml(path, "design")
-    kinds = _kinds()
-    for kind in kinds:
-        if kind.table in tables:
-            return Design(kind, kind.read(path))
-    known = ", ".join(sorted(f"a {kind.name} has [{kind.table}]" for kind in kinds))
+    kind = _kind_of(read_toml(path, "design"))
+    if kind is not None:
+        return Design(kind, kind.read(path))
+    known = ", ".join(sorted(f"a {kind.name} has [{kind.table}]" for kind in _kinds()))
     raise UserError(f"{path}: it describes no design that is known here: {known}; correct it")
+
+
+def _kind_of(tables: Mapping[str, Any]) -> DesignKind | None:
+    """The kind of a file, by its tables; ``None`` if there is no such kind."""
+    kinds = [kind for kind in _kinds() if kind.table in tables]
+    shared = {table for kind in kinds for table in kind.shared}
+    return next((kind for kind in kinds if kind.table not in shared), None)
 
 
 def _kinds() -> list[DesignKind]:

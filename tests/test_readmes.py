@@ -4,7 +4,6 @@ import itertools
 import json
 import re
 import shlex
-import shutil
 from collections.abc import Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -16,6 +15,8 @@ from designopt import cli
 from designopt.cli import app
 from designopt.study.settings import fields, spec_with
 from designopt.study.study import load_study
+from studies.finger.spec_files import spec_files
+from studies.models import packaged_finger
 
 ROOT = Path(__file__).parents[1]
 READMES = [ROOT / "README.md", *sorted(ROOT.glob("studies/**/README.md"))]
@@ -87,8 +88,8 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "studies").symlink_to(ROOT / "studies")
     specs = tmp_path / MAIN_JOB / "specs"
     specs.mkdir(parents=True)
-    for name in ("linkage.toml", "scene.toml"):
-        shutil.copy(ROOT / "studies/finger" / name, specs)
+    for file in spec_files(packaged_finger()):
+        (specs / file.name).write_text(str(file.content), encoding="utf-8")
     spec = load_study("finger").spec().model_dump(mode="json")
     (tmp_path / MAIN_JOB / "results.json").write_text(json.dumps({"study": "finger", "spec": spec}))
     monkeypatch.chdir(tmp_path)

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.io.spec_files import FORMAT
 from designopt.vectors import Vector, vector
 from kinematics.io.assembling import Configuration, Dimensions
 from kinematics.io.assembly_mode import group_sines
+from kinematics.io.writer import input_tables, spring_tables
 from kinematics.model.linkage import Home, Line, Link, Linkage, Spring
 from kinematics.model.topology import WORLD, Structure
 from kinematics.solve.plan import make_plan
@@ -80,6 +83,29 @@ def pinned_linkage(
         structure=structure,
         assembly=assembly,
     )
+
+
+def pinned_tables(
+    structure: Structure, joints: Joints, springs: Sequence[Spring] = ()
+) -> dict[str, Any]:
+    """The tables of the file of such a linkage: `linkage_from` makes the same linkage of them.
+
+    Args:
+        structure: who is joined to whom; without sliders.
+        joints: place of every joint, mm; plain numbers, which come back as they are.
+        springs: one for every pair of bodies in the structure.
+    """
+    tables: dict[str, Any] = {
+        "linkage": {"name": structure.name, "format": FORMAT},
+        "joints": {name: np.asarray(joints[name], float).tolist() for name in structure.joints},
+        "bodies": {
+            body.name: {"joints": list(body.joints), **({"fixed": True} if body.fixed else {})}
+            for body in structure.bodies
+        },
+        "inputs": input_tables(structure),
+        "springs": spring_tables(structure, springs),
+    }
+    return {name: table for name, table in tables.items() if table}
 
 
 def assembly_signs(structure: Structure, joints: Mapping[str, np.ndarray]) -> tuple[int, ...]:

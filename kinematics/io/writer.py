@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,8 @@ from designopt.errors import UserError
 from designopt.io.files import replaced_when_complete
 from designopt.io.spec_files import FORMAT
 from designopt.io.toml_writing import toml_text
-from kinematics.model.linkage import Linkage
-from kinematics.model.topology import WORLD, BodyPart
+from kinematics.model.linkage import Linkage, Spring
+from kinematics.model.topology import WORLD, BodyPart, Structure
 from kinematics.solve.poses import solve_poses
 
 ENOUGH = 2
@@ -46,28 +46,36 @@ def linkage_tables(linkage: Linkage) -> dict[str, Any]:
         "joints": {name: joints[name] for name in structure.joints},
         "bodies": {body.name: _body(linkage, body) for body in structure.bodies},
         "sliders": [_slider(linkage, index, joints, pose.bodies) for index in _sliders(linkage)],
-        "inputs": [
-            {
-                "name": part.name,
-                **({"body": part.body} if part.slider is None else {}),
-                **(
-                    {"slider": structure.sliders[part.slider].joint}
-                    if part.slider is not None
-                    else {"relative_to": part.relative_to}
-                ),
-            }
-            for part in structure.inputs
-        ],
-        "springs": [
-            {
-                "between": list(between),
-                "stiffness": float(spring.stiffness),
-                "preload": float(spring.preload),
-            }
-            for between, spring in zip(structure.springs, linkage.springs, strict=True)
-        ],
+        "inputs": input_tables(structure),
+        "springs": spring_tables(structure, linkage.springs),
     }
     return {name: table for name, table in tables.items() if table}
+
+
+def input_tables(structure: Structure) -> list[dict[str, Any]]:
+    """``[[inputs]]`` of a linkage's file."""
+    tables = []
+    for part in structure.inputs:
+        table: dict[str, Any] = {"name": part.name}
+        if part.slider is not None:
+            table["slider"] = structure.sliders[part.slider].joint
+        else:
+            table["body"] = part.body
+            table |= {} if part.relative_to == WORLD else {"relative_to": part.relative_to}
+        tables.append(table)
+    return tables
+
+
+def spring_tables(structure: Structure, springs: Sequence[Spring]) -> list[dict[str, Any]]:
+    """``[[springs]]`` of a linkage's file, one for every pair of bodies in the structure."""
+    return [
+        {
+            "between": list(between),
+            "stiffness": float(spring.stiffness),
+            "preload": float(spring.preload),
+        }
+        for between, spring in zip(structure.springs, springs, strict=True)
+    ]
 
 
 def linkage_text(linkage: Linkage) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,10 +23,12 @@ def _run(spec: FingerSpec, context: Context) -> Results:
 
 def _design(spec: FingerSpec, folder: Path | None) -> Design:
     from designopt.design_kind import Design
+    from studies.finger.bench import FingerBench
     from studies.finger.design import finger_design
     from studies.finger.kind import FINGER
 
-    return Design(FINGER, finger_design(spec, folder))
+    kind = replace(FINGER, explorer=lambda finger: FingerBench(finger, spec.mirrors.floor))
+    return Design(kind, finger_design(spec, folder))
 
 
 STUDY = Study(

@@ -11,7 +11,9 @@ from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.io.spec_file import SpecFile
 from kinematics.explore.bench import LinkageBench
 from optics.explore.scene_bench import SceneBench
-from studies.finger.design import DesignedFinger
+from studies.finger.parts import finger_linkage, finger_scene
+from studies.models.finger import PHALANGES, Finger
+from studies.models.mirror_design.spec import FLOOR
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
@@ -25,8 +27,6 @@ STRAIGHT = -90.0
 SIDE = "linkage: "
 """What the linkage's readings begin with."""
 
-PHALANGES = ("proximal", "intermediate", "distal")
-
 
 class FingerBench(Bench):
     """Linkage and scene of one finger, turned by the same joint angles; flexion is positive.
@@ -34,19 +34,25 @@ class FingerBench(Bench):
     The lengths of the phalanges have no knobs: they are the body's, which both share.
     """
 
-    def __init__(self, design: DesignedFinger) -> None:
-        """Make both benches."""
+    def __init__(self, finger: Finger, floor: float = FLOOR) -> None:
+        """Make both benches.
+
+        Args:
+            finger: with pins and a camera.
+            floor: resolution that is asked for, px/mm.
+        """
+        linkage = finger_linkage(finger)
         self._scene = SceneBench(
-            design.scene,
-            joint=(0.0, design.spec.body.range_deg),
+            finger_scene(finger),
+            joint=(0.0, finger.body.range_deg),
             most=MOST,
-            floor=design.spec.mirrors.floor,
+            floor=floor,
             straight_deg=STRAIGHT,
         )
         joints = [knob for knob in self._scene.knobs if knob.kind == "joint"]
-        bodies = design.linkage.sketch.bodies
+        bodies = linkage.sketch.bodies
         self._linkage = LinkageBench(
-            design.linkage,
+            linkage,
             ranges={knob.name: (knob.low, knob.high) for knob in joints},
             held=[f"{name} {'-'.join(bodies[name].joints[:2])}" for name in PHALANGES],
             opposite=True,
@@ -54,7 +60,7 @@ class FingerBench(Bench):
         self._shown: dict[Bench, tuple[object, Shown]] = {}
         self._joints = tuple(knob.name for knob in joints)
         self._lengths = tuple(knob for knob in self._linkage.knobs if knob.kind == "dimension")
-        self.title = design.name
+        self.title = finger.name
         self.knobs: tuple[Knob, ...] = (
             *joints,
             *self._lengths,

@@ -6,19 +6,17 @@ import numpy as np
 
 from designopt.plot.figures import PALETTE, legend_below, new_figure
 from designopt.study.results import Figure
-from optics.scene.scene import Scene
-from studies.models.body import BodySpec
+from studies.models.finger import Finger
 from studies.models.linkage_design.figures import draw_finger
-from studies.models.pins import Pins
 
 MIRROR, PAD, CAMERA = PALETTE[4], PALETTE[5], PALETTE[1]
 
 
-def section_figure(pins: Pins, body: BodySpec, scene: Scene) -> Figure:
+def section_figure(finger: Finger) -> Figure:
     """The section of the straight finger, to scale, with everything that was designed."""
     drawing, axes = new_figure(1, 1, height=3.4)
-    axis = axes[0, 0]
-    draw_finger(axis, pins, body, (0.0, 0.0), named=True)
+    axis, scene = axes[0, 0], finger.scene()
+    draw_finger(axis, finger, (0.0, 0.0), named=True)
     for surfaces, colour, width, name in (
         (scene.pads, PAD, 4.0, "pads"),
         (scene.mirrors, MIRROR, 2.5, "mirrors"),

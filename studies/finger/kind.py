@@ -1,4 +1,4 @@
-"""The designed finger as ``designopt explore`` and ``designopt export`` take it."""
+"""Finger files as designs for ``designopt explore`` and ``designopt export``."""
 
 from __future__ import annotations
 
@@ -7,43 +7,44 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from designopt.design_kind import DesignKind
-from studies.finger.spec import FingerSpec
 
 if TYPE_CHECKING:
     from designopt.explore.bench import Bench
     from designopt.export.json import Quantity
     from designopt.export.sheet import Sheet
-    from studies.finger.design import DesignedFinger
+    from studies.models.finger import Finger
 
 
-def _read(folder: Path) -> DesignedFinger:
-    from studies.finger.design import finger_design
+def _read(path: Path) -> Finger:
+    from studies.models.finger_file import read_finger
 
-    return finger_design(FingerSpec(), folder)
+    return read_finger(path)
 
 
-def _explorer(model: DesignedFinger) -> Bench:
+def _explorer(model: Finger) -> Bench:
     from studies.finger.bench import FingerBench
 
     return FingerBench(model)
 
 
-def _drawing(model: DesignedFinger) -> Sheet:
+def _drawing(model: Finger) -> Sheet:
     from studies.finger.sheet import finger_sheet
 
     return finger_sheet(model)
 
 
-def _quantities(model: DesignedFinger) -> Sequence[Quantity]:
+def _quantities(model: Finger) -> Sequence[Quantity]:
     from studies.finger.sheet import finger_quantities
 
     return finger_quantities(model)
 
 
-def _mjcf(model: DesignedFinger) -> str:
-    from studies.finger.mjcf import finger_mjcf
+def _mjcf(model: Finger) -> str:
+    from studies.models.grasp.mjcf import grasp_mjcf
 
-    return finger_mjcf(model)
+    return grasp_mjcf(model)
 
 
-FINGER = DesignKind("finger", "finger", _read, _explorer, _drawing, _quantities, _mjcf)
+FINGER = DesignKind(
+    "finger", "finger", _read, _explorer, _drawing, _quantities, _mjcf, shared=("camera",)
+)

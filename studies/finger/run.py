@@ -6,15 +6,17 @@ mirrors have the whole section between the faces.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from designopt.study.results import Results
 from designopt.study.study import Context
 from studies.finger import drawings, statements, tables
-from studies.finger.found import Finger
+from studies.finger.design import spring_from
+from studies.finger.found import FingerDesign
 from studies.finger.spec import FingerSpec
 from studies.finger.spec_files import spec_files
-from studies.models.body import RIM
 from studies.models.grasp import figures as grasp_drawings
 from studies.models.grasp.analysis import analyse
 from studies.models.grasp.check import summary
@@ -47,7 +49,7 @@ def run(spec: FingerSpec, context: Context) -> Results:
             *design_tables(linkage_spec, found.linkage),
         ],
         figures=[
-            drawings.section_figure(found.linkage.pins, spec.body, found.mirrors.scene),
+            drawings.section_figure(found.finger),
             mirror_drawings.views_figure(
                 "views",
                 "What the camera sees in four poses",
@@ -57,7 +59,7 @@ def run(spec: FingerSpec, context: Context) -> Results:
             *closings,
             *design_figures(linkage_spec, found.linkage),
         ],
-        specs=spec_files(spec, found.linkage.pins, found.mirrors.arrangement),
+        specs=spec_files(found.finger),
     )
 
 
@@ -65,17 +67,16 @@ PINCHES = 6
 """Places on the distal pad at which it pinches."""
 
 
-def design(spec: FingerSpec, context: Context) -> Finger:
+def design(spec: FingerSpec, context: Context) -> FingerDesign:
     """Linkage, mirrors and grasp of a finger for its requirements."""
     with context.step("Linkage"):
         linkage = design_linkage(spec.linkage_spec(), context.seed)
-    mirrors = design_mirrors(spec.body, spec.mirrors, context)
+    mirrors = design_mirrors(linkage.finger, spec.mirrors, context)
+    finger = replace(mirrors.finger, spring=spring_from(spec.spring))
     with context.step("Yield of the mirrors"):
         share = monte_carlo(
-            mirrors.arrangement,
-            mirrors.task.finger,
+            finger,
             spec.mirrors.tolerances,
-            spec.body.range_deg,
             draws=spec.yield_draws,
             seed=context.seed,
         )
@@ -83,14 +84,11 @@ def design(spec: FingerSpec, context: Context) -> Finger:
     if linkage.verdict.assembles:
         settings = GraspSpec(
             body=spec.body,
-            spring_stiffness=spec.spring.stiffness,
-            preload=spec.spring.preload,
-            servo_stiffness=spec.spring.servo,
             diameters=spec.spring.diameters,
             pinch_pip_deg=[body.range_deg / 3, 2 * body.range_deg / 3],
-            pinch_at=np.linspace(body.axis_height, body.distal - RIM, PINCHES).tolist(),
+            pinch_at=np.linspace(body.axis_height, body.distal - body.rim, PINCHES).tolist(),
         )
         with context.step("Grasp"):
-            closings = analyse(linkage.pins, spec.body, settings, polygon=False)
+            closings = analyse(finger, settings, polygon=False)
     check = None if closings is None else summary(closings)
-    return Finger(linkage, mirrors, share, check, closings)
+    return FingerDesign(finger, linkage, mirrors, share, check, closings)

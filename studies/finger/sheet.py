@@ -4,37 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from designopt.export.json import Quantity
 from designopt.export.sheet import Layer, Sheet, Stroke
 from kinematics.export.sheet import linkage_quantities, linkage_sheet
 from optics.export.scene_sheet import HINGES, scene_quantities, scene_sheet
-from studies.models.body import BodySpec
-
-if TYPE_CHECKING:
-    from studies.finger.design import DesignedFinger
+from studies.finger.parts import finger_linkage, finger_scene
+from studies.models.finger import Body, Finger
 
 OUTLINE = "outline"
 """Layer of the straight finger's outline."""
 
 
-def finger_sheet(design: DesignedFinger) -> Sheet:
+def finger_sheet(finger: Finger) -> Sheet:
     """The section of the straight finger, PIP axis at the origin, x towards the tip.
 
     Linkage, camera, mirrors and pads lie on the layers of their own drawings; hinges are pins of
     the linkage. The faces and ends of the finger are construction lines.
     """
-    links, optics = linkage_sheet(design.linkage, pose=False), scene_sheet(design.scene, pose=False)
-    body = design.spec.body
+    links = linkage_sheet(finger_linkage(finger), pose=False)
+    optics = scene_sheet(finger_scene(finger), pose=False)
     return Sheet(
-        title=design.name,
+        title=finger.name,
         layers=[
             *links.layers,
             *(layer for layer in optics.layers if layer.name != HINGES),
             Layer(OUTLINE, "construction"),
         ],
-        strokes=[*links.strokes, *optics.strokes, _outline(body)],
+        strokes=[*links.strokes, *optics.strokes, _outline(finger.body)],
         circles=[
             *links.circles,
             *(circle for circle in optics.circles if circle.layer != HINGES),
@@ -52,31 +49,31 @@ def finger_sheet(design: DesignedFinger) -> Sheet:
     )
 
 
-def finger_quantities(design: DesignedFinger) -> list[Quantity]:
+def finger_quantities(finger: Finger) -> list[Quantity]:
     """Every number of linkage, scene, body and spring, by the part that it belongs to."""
-    body, spring = design.spec.body, design.spec.spring
-    lengths = ("proximal", "intermediate", "distal", "thickness", "axis_height")
-    return [
-        *_within("linkage", linkage_quantities(design.linkage)),
-        *_within("scene", scene_quantities(design.scene)),
-        *(Quantity(f"body.{name}", getattr(body, name), "mm") for name in lengths),
+    body, spring = finger.body, finger.spring
+    lengths = ("proximal", "intermediate", "distal", "thickness", "axis_height", "rim")
+    found = [
+        *_within("linkage", linkage_quantities(finger_linkage(finger))),
+        *_within("scene", scene_quantities(finger_scene(finger))),
+        *(Quantity(f"body.{name}", float(getattr(body, name)), "mm") for name in lengths),
         Quantity("body.range", body.range_deg, "°"),
-        Quantity("spring.stiffness", spring.stiffness, "N mm/rad"),
-        Quantity("spring.preload", spring.preload, "rad"),
-        Quantity("spring.servo", spring.servo, "N mm/rad"),
     ]
+    if spring is not None:
+        found += [
+            Quantity("spring.stiffness", float(spring.stiffness), "N mm/rad"),
+            Quantity("spring.preload", float(spring.preload), "rad"),
+            Quantity("spring.servo", float(spring.servo), "N mm/rad"),
+        ]
+    return found
 
 
 def _within(part: str, quantities: Sequence[Quantity]) -> list[Quantity]:
     return [replace(quantity, name=f"{part}.{quantity.name}") for quantity in quantities]
 
 
-def _outline(body: BodySpec) -> Stroke:
-    root, tip = -body.proximal, body.intermediate + body.distal
-    corners = [
-        (root, body.palmar),
-        (tip, body.palmar),
-        (tip, body.dorsal),
-        (root, body.dorsal),
-    ]
+def _outline(body: Body) -> Stroke:
+    root, tip = -float(body.proximal), float(body.intermediate + body.distal)
+    palmar, dorsal = float(body.palmar), float(body.dorsal)
+    corners = [(root, palmar), (tip, palmar), (tip, dorsal), (root, dorsal)]
     return Stroke(OUTLINE, corners, closed=True)

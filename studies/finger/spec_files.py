@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from designopt.io.spec_file import SpecFile
 from designopt.io.toml_writing import toml_text
-from studies.finger.spec import FingerSpec
-from studies.models.linkage_files import spec_file
-from studies.models.mirror_design.arrangement import Arrangement
+from studies.models.finger import Finger
+from studies.models.finger_file import finger_text
+from studies.models.linkage_files import linkage_file
 from studies.models.mirror_design.scene_files import scene_file
-from studies.models.pins import Pins, linkage_table
 
 
-def spec_files(spec: FingerSpec, pins: Pins, arrangement: Arrangement) -> list[SpecFile]:
-    """The linkage, driven at its joints and by its crank, and the scene."""
-    spring = (spec.spring.stiffness, spec.spring.preload)
+def spec_files(finger: Finger) -> list[SpecFile]:
+    """The finger, and what follows from it: its linkage, driven both ways, and its scene."""
     by_crank = toml_text(
-        linkage_table(pins, spec.body, "crank", spring),
+        finger.linkage_tables("crank"),
         "The finger's linkage as the motor sees it: driven by its crank, and by the angle between\n"
         "plate and distal phalanx, which a spring holds in the straight finger.",
     )
     return [
-        spec_file(pins, spec.body),
+        SpecFile("finger.toml", "every dimension, for `designopt explore`", finger_text(finger)),
+        linkage_file(finger),
         SpecFile("linkage-crank.toml", "the linkage, driven by its crank", by_crank),
-        scene_file(arrangement, spec.body, spec.mirrors),
+        scene_file(finger),
     ]

@@ -10,12 +10,12 @@ from kinematics.io.assembling import Equations
 from kinematics.io.sketch import parse_sketch
 from kinematics.io.sketch_geometry import measure
 from studies.finger.spec import FingerSpec
-from studies.models.body import RIM, BodySpec
+from studies.models.body import BodySpec
+from studies.models.finger import PHALANGES, Finger
 from studies.models.mirror_design.percent import percent_at_least
-from studies.models.pins import Pins, linkage_table
 
 if TYPE_CHECKING:
-    from studies.finger.found import Finger
+    from studies.finger.found import FingerDesign
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,11 @@ class Line:
     met: bool
 
 
-def lines(spec: FingerSpec, found: Finger) -> list[Line]:
+def lines(spec: FingerSpec, found: FingerDesign) -> list[Line]:
     """Table 3.1 line by line with this project's resolution, then the requirements of §3.1.2."""
     body, limits, verdict = spec.body, spec.linkage.limits, found.linkage.verdict
-    pins = found.linkage.pins
-    phalanges = len(
-        {"proximal", "intermediate", "distal"} & set(linkage_table(pins, body, "joints")["bodies"])
-    )
-    freedoms = degrees_of_freedom(pins, body)
+    phalanges = len(set(PHALANGES) & set(found.finger.linkage_tables()["bodies"]))
+    freedoms = degrees_of_freedom(found.finger)
     seen = found.mirrors.verdict.worst_coverage
     sharp = found.mirrors.verdict.worst_px_per_mm
     assembles = verdict.assembles
@@ -141,20 +138,20 @@ SHORT_DEG = 2.0
 """How far before the end of PIP's range free closing may begin to bend DIP, degrees."""
 
 
-def degrees_of_freedom(pins: Pins, body: BodySpec) -> int:
+def degrees_of_freedom(finger: Finger) -> int:
     """Kutzbach's count of the linkage: 3 (L − 1) − 2 J."""
-    sketch = parse_sketch(linkage_table(pins, body, "joints"), "finger")
+    sketch = parse_sketch(finger.linkage_tables(), "finger")
     return Equations(measure(sketch, "finger").dimensions).kutzbach
 
 
-def _kept(found: Finger) -> str:
+def _kept(found: FingerDesign) -> str:
     unmet = found.linkage.unmet
     if not unmet:
         return "every limit kept"
     return "; ".join(f"{one.name} {one.achieved:.3g} {one.unit}".strip() for one in unmet)
 
 
-def findings(spec: FingerSpec, found: Finger, made: list[Line]) -> list[str]:
+def findings(spec: FingerSpec, found: FingerDesign, made: list[Line]) -> list[str]:
     """What was found, most important first."""
     missed = [line for line in made if not line.met]
     body = spec.body
@@ -192,14 +189,17 @@ def findings(spec: FingerSpec, found: Finger, made: list[Line]) -> list[str]:
             f"Closing freely DIP stays straight until PIP {found.grasp.free_closing_pip_deg:.0f}°; "
             f"{_pinching(found, body)}"
         )
-    said.append("specs/linkage.toml and specs/scene.toml can be solved and traced as they are.")
+    said.append(
+        "specs/finger.toml has every dimension; specs/linkage.toml and specs/scene.toml can be "
+        "solved and traced as they are."
+    )
     return said
 
 
-def _pinching(found: Finger, body: BodySpec) -> str:
+def _pinching(found: FingerDesign, body: BodySpec) -> str:
     """Where on the straight distal pad a pinch holds at any torque, in words."""
     ratio = found.linkage.verdict.ratio[:, 0]
-    low, high, end = float(ratio.min()), float(ratio.max()), body.distal - RIM
+    low, high, end = float(ratio.min()), float(ratio.max()), body.distal - body.rim
     # From φ₂/φ₁ ≤ k₂ / (k₂ + l).
     least = body.intermediate * high / (1 - high) if high < 1 else float("inf")
     where = (
@@ -213,7 +213,7 @@ def _pinching(found: Finger, body: BodySpec) -> str:
     )
 
 
-def metrics(spec: FingerSpec, found: Finger, made: list[Line]) -> list[Metric]:
+def metrics(spec: FingerSpec, found: FingerDesign, made: list[Line]) -> list[Metric]:
     """The numbers."""
     verdict, mirrors, share = found.linkage.verdict, found.mirrors.verdict, found.share
     numbers = [

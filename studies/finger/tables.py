@@ -9,11 +9,12 @@ import numpy as np
 
 from designopt.study.results import Table
 from studies.finger.spec import FingerSpec
+from studies.models.finger import camera_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from studies.finger.found import Finger
+    from studies.finger.found import FingerDesign
     from studies.finger.statements import Line
 
 
@@ -30,30 +31,28 @@ def requirements(lines: Sequence[Line]) -> Table:
     )
 
 
-def dimensions(spec: FingerSpec, found: Finger) -> Table:
+def dimensions(spec: FingerSpec, found: FingerDesign) -> Table:
     """Phalanges, camera and mirrors; the pins have their own table."""
-    body, arrangement = spec.body, found.mirrors.arrangement
-    camera = np.asarray(arrangement.camera)
+    body, scene, camera = spec.body, found.finger.scene(), camera_of(found.finger)
+    position, middle = np.asarray(scene.camera.position), np.array([body.intermediate, 0.0])
     rows = [
         ("proximal phalanx", "length", body.proximal, "mm"),
         ("intermediate phalanx", "length", body.intermediate, "mm"),
         ("distal phalanx", "length", body.distal, "mm"),
         ("all phalanges", "thickness", body.thickness, "mm"),
         ("all phalanges", "palmar face to axes", body.axis_height, "mm"),
-        ("camera, from A in the intermediate phalanx", "x", float(camera[0]), "mm"),
-        ("camera, from A in the intermediate phalanx", "y", float(camera[1]), "mm"),
+        ("camera, from A in the intermediate phalanx", "x", float(position[0]), "mm"),
+        ("camera, from A in the intermediate phalanx", "y", float(position[1]), "mm"),
         (
             "camera, from A in the intermediate phalanx",
             "optical axis from straight down, counter-clockwise",
-            math.degrees(float(arrangement.tilt)),
+            math.degrees(float(camera.tilt)),
             "°",
         ),
     ]
-    for name, ends, origin in (
-        ("proximal", arrangement.proximal, "A"),
-        ("distal", arrangement.distal, "B"),
-    ):
-        for end, place in zip(("near", "far"), np.asarray(ends), strict=True):
+    distal, proximal = np.asarray(scene.mirrors)
+    for name, ends, origin in (("proximal", proximal, "A"), ("distal", distal - middle, "B")):
+        for end, place in zip(("near", "far"), ends, strict=True):
             for axis, value in zip("xy", place, strict=True):
                 part = f"{name} mirror, from {origin} in its phalanx"
                 rows.append((part, f"{end} end, {axis}", float(value), "mm"))

@@ -8,8 +8,9 @@ from pathlib import Path
 from kinematics.design import LINKAGE
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
+from studies.models.finger import Finger
+from studies.models.grasp.cases import finger_of
 from studies.models.grasp.spec import GraspSpec
-from studies.models.pins import linkage_table
 
 NAME = "finger-grasp"
 
@@ -19,10 +20,10 @@ class DesignedGrasp(DesignedLinkage):
     """The finger's linkage with what closes it.
 
     Attributes:
-        spec: the settings.
+        finger: body, pins and spring.
     """
 
-    spec: GraspSpec
+    finger: Finger
 
 
 def finger_grasp_design(spec: GraspSpec, folder: Path | None) -> DesignedGrasp:
@@ -36,16 +37,15 @@ def finger_grasp_design(spec: GraspSpec, folder: Path | None) -> DesignedGrasp:
         UserError: no linkage follows from them.
     """
     del folder
-    spring = (spec.spring_stiffness, spec.preload)
-    table = linkage_table(spec.pins.design(), spec.body, "crank", spring)
-    made = DesignedLinkage.of(parse_sketch(table, NAME), NAME)
-    return DesignedGrasp(made.name, made.sketch, made.linkage, spec)
+    finger = finger_of(spec)
+    made = DesignedLinkage.of(parse_sketch(finger.linkage_tables("crank"), NAME), NAME)
+    return DesignedGrasp(made.name, made.sketch, made.linkage, finger)
 
 
 def _mjcf(model: DesignedGrasp) -> str:
     from studies.models.grasp.mjcf import grasp_mjcf
 
-    return grasp_mjcf(model.linkage, model.spec.body, model.spec.servo_stiffness)
+    return grasp_mjcf(model.finger)
 
 
 GRASP = replace(LINKAGE, mjcf=_mjcf)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import jax
 import mpmath
 import numpy as np
 
-from studies.models.body import RIM
 from studies.models.grasp.closing import Path
 from studies.models.grasp.comparing import SHUT
 from studies.models.grasp.conditions import Problem
@@ -37,18 +37,19 @@ class Verdict:
 
 def setting_of(problem: Problem, command: float) -> exact.Setting:
     """A problem on a circle in plain numbers."""
-    finger, body, thing = problem.finger, problem.finger.body, problem.thing
+    finger, thing = problem.finger, problem.thing
+    body, spring = jax.tree.map(float, (finger.body, problem.spring))
     assert isinstance(thing, Circle)
     return exact.Setting(
         pins={name: tuple(getattr(finger.pins, name).tolist()) for name in "CDEFGH"},
         lengths=(body.intermediate, body.distal),
         axis_height=body.axis_height,
-        rim=RIM,
-        limit=math.radians(body.range_deg),
+        rim=body.rim,
+        limit=body.flexion,
         values={
-            "log_spring": float(finger.log_spring),
-            "log_servo": float(finger.log_servo),
-            "preload": float(finger.preload),
+            "log_spring": math.log(spring.stiffness),
+            "log_servo": math.log(spring.servo),
+            "preload": spring.preload,
             "command": command,
         },
         circle=(*thing.centre.tolist(), float(thing.radius)),
@@ -57,7 +58,7 @@ def setting_of(problem: Problem, command: float) -> exact.Setting:
 
 def holds(path: Path, state: int) -> tuple[tuple[float | None, float | None], tuple[bool, bool]]:
     """Which stop each joint rests on, and which pads touch."""
-    limit = math.radians(path.problem.finger.body.range_deg)
+    limit = float(path.problem.finger.body.flexion)
     held = [
         0.0 if angle < SHUT else limit if angle > limit - SHUT else None
         for angle in path.joints[state].tolist()
@@ -82,7 +83,7 @@ def judge(path: Path, state: int) -> Verdict:
     found = reference(path, state)
     if found is None or not found.right:
         return Verdict(math.inf, math.inf, False, False)
-    servo = math.exp(float(path.problem.finger.log_servo))
+    servo = float(path.problem.spring.servo)
     joints = max(abs(float(a - b)) for a, b in zip(found.joints, path.joints[state], strict=True))
     moment = abs(float(found.motor)) + servo * abs(path.commands[state])
     errors = [float(found.motor) - path.motor[state]]

@@ -7,9 +7,10 @@ import jax.numpy as jnp
 
 from designopt.study.left_out import count_operations
 from designopt.study.results import LeftOutRow
+from studies.models.finger import Finger
 from studies.models.grasp import cases
 from studies.models.grasp.conditions import Problem, equations, straight
-from studies.models.grasp.finger import Finger, Joints, transfer
+from studies.models.grasp.transfer import Joints, transfer
 
 
 def operations(finger: Finger) -> list[LeftOutRow]:

@@ -19,7 +19,7 @@ from studies.finger_grasp.second_opinion import reference as slsqp
 from studies.models.grasp.closing import Path
 from studies.models.grasp.conditions import Problem, Unknowns
 from studies.models.grasp.equilibrium import solve
-from studies.models.grasp.finger import Joints
+from studies.models.grasp.transfer import Joints
 
 TOLERANCES = (1e-2, 1e-5, 1e-8, 1e-15)
 PROGRAMS = (3, 6, 12, 24)
@@ -45,11 +45,11 @@ def contenders(path: Path) -> Iterator[Contender]:
     commands = jnp.asarray(path.commands[list(found)])
     before = [state - 1 for state in found]
     near = jnp.asarray(path.joints[before])
-    unit = path.problem.finger.moment_unit
+    unit = path.problem.moment_unit
     guesses = Unknowns(
         near,
         jnp.asarray(path.motor[before]) / unit,
-        jnp.asarray(path.forces[before]) * path.problem.finger.length_unit / unit,
+        jnp.asarray(path.forces[before]) * path.problem.length_unit / unit,
     )
     exact = np.array([[float(q) for q in one.joints] for one in found.values()])
     panel = f"{len(found)} states of the check's closing"

@@ -6,7 +6,6 @@ describe a minimum. Circles only.
 
 from __future__ import annotations
 
-import math
 from typing import Any, Literal
 
 import jax
@@ -17,7 +16,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from designopt import jaxopt_adapter
 from studies.models.grasp.conditions import Problem, energy, gaps_of
-from studies.models.grasp.finger import Joints, transfer
+from studies.models.grasp.transfer import Joints, transfer
 
 Opinion = Literal["jaxopt QP", "jaxopt box"]
 
@@ -44,7 +43,7 @@ def minimum(
         tolerance: of jaxopt's own iteration.
         steps: quadratic programs, for the former.
     """
-    upper = jnp.full_like(guess, math.radians(problem.finger.body.range_deg))
+    upper = jnp.broadcast_to(problem.finger.body.flexion, guess.shape)
     if opinion == "jaxopt QP":
         return _sequential(problem, guess, upper, tolerance, steps)
     return _penalised(problem, guess, upper, tolerance)
@@ -62,10 +61,10 @@ def _energy(joints: Joints, problem: Problem) -> Float[Array, ""]:
 @_energy.defjvp
 def _energy_slope(at: tuple[Joints, Problem], towards: tuple[Joints, Any]) -> tuple[Array, Array]:
     joints, problem = at
-    finger, found = problem.finger, transfer(problem.finger, joints)
-    spring = finger.contrast * (found.winding + finger.preload) * found.slope
-    motor = (problem.command - found.crank) / finger.contrast
-    slope = -motor * found.ratios - problem.load / finger.moment_unit
+    found = transfer(problem.finger, joints)
+    spring = problem.contrast * (found.winding + problem.spring.preload) * found.slope
+    motor = (problem.command - found.crank) / problem.contrast
+    slope = -motor * found.ratios - problem.load / problem.moment_unit
     slope = slope + jnp.stack([jnp.zeros_like(spring), spring])
     return energy(problem, joints), slope @ towards[0]
 
@@ -74,7 +73,7 @@ def _sequential(
     problem: Problem, guess: Joints, upper: Joints, tolerance: ArrayLike, steps: ArrayLike
 ) -> Joints:
     def gaps(joints: Joints) -> Float[Array, " gaps"]:
-        return gaps_of(problem, joints) / problem.finger.length_unit
+        return gaps_of(problem, joints) / problem.length_unit
 
     def force(joints: Joints) -> Joints:
         return jax.grad(_energy)(joints, problem)
@@ -107,8 +106,8 @@ def _sequential(
 
 
 def _penalised(problem: Problem, guess: Joints, upper: Joints, tolerance: ArrayLike) -> Joints:
-    unit = problem.finger.length_unit
-    scale = problem.finger.contrast + 1 / problem.finger.contrast
+    unit = problem.length_unit
+    scale = problem.contrast + 1 / problem.contrast
 
     def augmented(
         joints: Joints, args: tuple[Problem, Float[Array, " gaps"], Float[Array, ""]]
@@ -147,7 +146,7 @@ def _value(problem: Problem, joints: Joints) -> tuple[Float[Array, ""], Joints]:
 @jax.jit
 def _constraint(problem: Problem, joints: Joints) -> tuple[Float[Array, " gaps"], Array]:
     def gaps(q: Joints) -> Float[Array, " gaps"]:
-        return gaps_of(problem, q) / problem.finger.length_unit
+        return gaps_of(problem, q) / problem.length_unit
 
     return gaps(joints), jax.jacfwd(gaps)(joints)
 
@@ -160,7 +159,7 @@ def reference(problem: Problem, guess: np.ndarray, tolerance: float = 1e-15) -> 
         guess: joints to start from, rad.
         tolerance: SciPy's ``ftol``.
     """
-    upper = math.radians(problem.finger.body.range_deg)
+    upper = float(problem.finger.body.flexion)
     found = scipy.optimize.minimize(
         lambda q: [np.asarray(part, float) for part in _value(problem, jnp.asarray(q))],
         guess,

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from designopt.study.results import StabilityRow
 from studies.finger_grasp.judging import judge
+from studies.models.finger import Finger, Spring, spring_of
 from studies.models.grasp import cases
 from studies.models.grasp.closing import LANES, STEPS, close_all, there_and_back
 from studies.models.grasp.conditions import Problem
-from studies.models.grasp.finger import Finger
 from studies.models.grasp.objects import Circle
 
 TOLERANCE = 1e-9
@@ -42,18 +40,19 @@ def families(finger: Finger, end: float, seed: int) -> Iterator[Family]:
         end: motor angle to close to, rad.
         seed: of the random draws.
     """
-    body = finger.body
+    body, middle = finger.body, float(finger.body.intermediate)
+    height = float(body.axis_height)
     motion = np.tile(there_and_back(end), (LANES, 1))
     check = cases.touching(body, *cases.check_touch(body))
     decades = np.linspace(-6, 6, LANES)
     random = np.random.default_rng(seed)
     mixed = random.uniform(-6, 6, (LANES, 2))
     diameters = random.uniform(15, 90, LANES)
-    usual = [math.log10(math.exp(float(x))) for x in (finger.log_spring, finger.log_servo)]
+    own = spring_of(finger)
+    usual = [math.log10(float(stiffness)) for stiffness in (own.stiffness, own.servo)]
 
     def stiff(spring: float, servo: float) -> Finger:
-        logs = [jnp.asarray(math.log(10.0) * decade) for decade in (spring, servo)]
-        return eqx.tree_at(lambda f: (f.log_spring, f.log_servo), finger, tuple(logs))
+        return replace(finger, spring=Spring(10.0**spring, own.preload, 10.0**servo))
 
     def on(fingers: list[Finger], things: list[Circle]) -> list[Problem]:
         return [cases.problem_of(f, thing) for f, thing in zip(fingers, things, strict=True)]
@@ -74,7 +73,7 @@ def families(finger: Finger, end: float, seed: int) -> Iterator[Family]:
         motion,
     )
     # The last place on the intermediate pad, and half a millimetre on either side of it.
-    end_of_pad = body.intermediate - body.axis_height
+    end_of_pad = middle - height
     places = end_of_pad + np.concatenate(
         [-(10.0 ** np.linspace(-0.3, -9, 5)), [0.0], 10.0 ** np.linspace(-9, -0.3, 6)]
     )
@@ -84,15 +83,14 @@ def families(finger: Finger, end: float, seed: int) -> Iterator[Family]:
         motion,
     )
     # A circle before the DIP axis touches the ends of both pads of the straight finger at once.
-    depths = np.linspace(1.1, 4.0, LANES) * body.axis_height
-    both = [cases.touching(body, 0.7, body.intermediate, d) for d in depths]
+    depths = np.linspace(1.1, 4.0, LANES) * height
+    both = [cases.touching(body, 0.7, middle, d) for d in depths]
     both = [
-        Circle(c.centre + _inward(0.7, d, body.axis_height), d)
-        for c, d in zip(both, depths, strict=True)
+        Circle(c.centre + _inward(0.7, d, height), d) for c, d in zip(both, depths, strict=True)
     ]
     yield Family("both pads touched at once, at their ends", on([finger] * LANES, both), motion)
     pinched = [
-        cases.touching(body, 0.5, body.intermediate + k, cases.PINCH_RADIUS)
+        cases.touching(body, 0.5, middle + k, cases.PINCH_RADIUS)
         for k in np.linspace(4.5, 16, LANES)
     ]
     beyond = np.tile(np.linspace(0, 2 * end, STEPS), (LANES, 1))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from designopt.study.results import Metric, StabilityRow, Target
 from studies.models.body import BodySpec
+from studies.models.finger import Body
 from studies.models.grasp import cases
 from studies.models.grasp.analysis import CLOSED, Analysis, radius_of
 from studies.models.grasp.check import GraspCheck
@@ -28,7 +29,7 @@ def is_reference(spec: GraspSpec) -> bool:
 
 def metrics(spec: GraspSpec, check: GraspCheck, stability: Sequence[StabilityRow]) -> list[Metric]:
     """The study's numbers; targets from reference values hold for their own design only."""
-    reference, circle = is_reference(spec), cases.check_touch(spec.body)
+    reference, circle = is_reference(spec), cases.check_touch(Body.of(spec.body))
 
     def only(target: Target) -> Target | None:
         return target if reference else None
@@ -146,8 +147,9 @@ def metrics(spec: GraspSpec, check: GraspCheck, stability: Sequence[StabilityRow
 
 def findings(spec: GraspSpec, found: Analysis, check: GraspCheck) -> list[str]:
     """Plain sentences, most important first."""
-    circle = cases.check_touch(spec.body)
-    wrapped = math.degrees(cases.wrapped_dip(spec.body, circle.place, circle.radius))
+    body = Body.of(spec.body)
+    circle = cases.check_touch(body)
+    wrapped = math.degrees(cases.wrapped_dip(body, circle.place, circle.radius))
     holding = [one for one, _, _ in found.pinches if one.holds]
     yielding = [one for one, _, _ in found.pinches if not one.holds]
     touched = (

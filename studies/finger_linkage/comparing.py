@@ -122,8 +122,8 @@ class Comparison:
 
 def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> Comparison:
     """All solvers on the problem of the search's first round, from its starts."""
-    flexion = grid(spec.body, spec.search.step_deg)
-    problem = over(spec, flexion, flexion)
+    flexion = grid(found.finger.body, spec.search.step_deg)
+    problem = over(found.finger, spec, flexion, flexion)
     exact = epigraph(problem, scale=ANGLE)
     starts = found.starts
     every = level_starts(problem, starts.parameters)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from importlib.resources import as_file, files
 from pathlib import Path
 
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
+from studies.models.finger_file import packaged_finger
 from studies.models.linkage_design.searching import search
 from studies.models.linkage_design.spec import FingerLinkageSpec
-from studies.models.pins import linkage_table
 
 NAME = "finger-linkage"
 
@@ -34,7 +33,7 @@ def finger_linkage_design(spec: FingerLinkageSpec, folder: Path | None) -> Desig
         return DesignedLinkage.read(folder / "linkage.toml")
     default = FingerLinkageSpec()
     if spec.model_dump(include=DECIDING) == default.model_dump(include=DECIDING):
-        with as_file(files("studies") / "finger" / "linkage.toml") as packaged:
-            return DesignedLinkage.read(packaged)
-    pins = search(spec, SEED).pins
-    return DesignedLinkage.of(parse_sketch(linkage_table(pins, spec.body, "joints"), NAME), NAME)
+        finger = packaged_finger()
+    else:
+        finger = search(spec, SEED).finger
+    return DesignedLinkage.of(parse_sketch(finger.linkage_tables(), NAME), NAME)

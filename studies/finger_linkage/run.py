@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 
 from designopt.study.left_out import count_operations
@@ -16,8 +18,7 @@ from studies.models.linkage_design.judging import everywhere
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.problem import grid
 from studies.models.linkage_design.spec import FingerLinkageSpec
-from studies.models.linkage_files import spec_file
-from studies.models.pins import linkage_of
+from studies.models.linkage_files import linkage_file
 
 
 def run(spec: FingerLinkageSpec, context: Context) -> Results:
@@ -43,7 +44,7 @@ def run(spec: FingerLinkageSpec, context: Context) -> Results:
             *([comparisons.table(compared)] if compared else []),
         ],
         figures=[*drawings.design_figures(spec, design), *_run_time(compared)],
-        specs=[spec_file(design.pins, spec.body)],
+        specs=[linkage_file(design.finger)],
         precision=precision_study(compared) if compared else None,
         left_out=left_out,
     )
@@ -56,22 +57,23 @@ def _run_time(compared: Comparison | None) -> list:
 def operations(spec: FingerLinkageSpec, design: LinkageDesign) -> list[LeftOutRow]:
     """Operations of the search's problem beside the general solver's, and beside all it asks."""
     last = design.search.rounds[-1].problem
-    linkage = linkage_of(design.pins, spec.body, "joints")
-    flexion = jnp.asarray(grid(spec.body, spec.search.step_deg))
+    finger = design.finger
+    flexion = jnp.asarray(grid(finger.body, spec.search.step_deg))
     square = jnp.stack(jnp.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
     return [
         LeftOutRow(
             "six transmission angles over a square of postures",
             "what DIP alone decides is a row; no closure, no message, no body but those asked for",
             count_operations(
-                lambda pins: find_postures(pins, spec.body, flexion, flexion).angles, design.pins
+                lambda pins: find_postures(replace(finger, pins=pins), flexion, flexion).angles,
+                finger.pins,
             ),
-            count_operations(everywhere, linkage, -square),
+            count_operations(everywhere, finger.linkage(), -square),
         ),
         LeftOutRow(
             "least transmission angle alone",
             "the requirements: assembly, ratios and places",
-            count_operations(lambda pins: last.terms(pins, *last.data).value, design.pins),
-            count_operations(lambda pins: last.terms(pins, *last.data), design.pins),
+            count_operations(lambda pins: last.terms(pins, *last.data).value, finger.pins),
+            count_operations(lambda pins: last.terms(pins, *last.data), finger.pins),
         ),
     ]

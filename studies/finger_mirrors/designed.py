@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from importlib.resources import as_file, files
 from pathlib import Path
 
 from designopt.progress import step_display
 from designopt.study.study import Context
 from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
-from studies.models.mirror_design.arrangement import scene_table
+from optics.scene.writer import scene_tables
+from studies.models.finger import Body, Finger
+from studies.models.finger_file import packaged_finger
 from studies.models.mirror_design.design import design_mirrors
 from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
 
@@ -35,9 +36,10 @@ def finger_mirrors_design(spec: FingerMirrorsSpec, folder: Path | None) -> Desig
     if folder is not None:
         return DesignedScene.read(folder / "scene.toml")
     if spec.model_dump(include=DECIDING) == FingerMirrorsSpec().model_dump(include=DECIDING):
-        with as_file(files("studies") / "finger" / "scene.toml") as packaged:
-            return DesignedScene.read(packaged)
-    with step_display() as step:
-        arrangement = design_mirrors(spec.body, spec, Context(SEED, "float64", step)).arrangement
-    table = scene_table(arrangement, spec.body, spec)
+        finger = packaged_finger()
+    else:
+        with step_display() as step:
+            context = Context(SEED, "float64", step)
+            finger = design_mirrors(Finger.of(Body.of(spec.body)), spec, context).finger
+    table = scene_tables(finger.scene())
     return DesignedScene.of(SceneFile.model_validate(table), NAME)

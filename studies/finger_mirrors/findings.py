@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from optics.scene.scene import Scene
 from studies.finger_mirrors.solvers import Run
-from studies.models.mirror_design.arrangement import Arrangement
+from studies.models.finger import Finger
 from studies.models.mirror_design.design import MirrorDesign
 from studies.models.mirror_design.judging import Square, Verdict
 from studies.models.mirror_design.yields import Sensitivity, Yield
@@ -20,23 +20,31 @@ START, OPTIMUM, GIVEN = "start", "optimum", "reference layout"
 
 
 class Case(NamedTuple):
-    """An arrangement and what it is worth.
+    """A layout of camera and mirrors and what it is worth.
 
     Attributes:
         name: in tables and figures.
-        thickness: of its body, mm.
-        arrangement: camera and mirrors.
-        scene: the finger with them.
+        finger: with its camera and mirrors.
+        scene: of it.
         verdict: degree by degree.
         yields: by Monte Carlo.
     """
 
     name: str
-    thickness: float
-    arrangement: Arrangement
+    finger: Finger
     scene: Scene
     verdict: Verdict
     yields: Yield
+
+    @property
+    def thickness(self) -> float:
+        """Of its body, mm."""
+        return float(self.finger.body.thickness)
+
+    @property
+    def mirror_lengths(self) -> list[float]:
+        """In the order of the mirrors, mm."""
+        return [float(mirror.length) for mirror in self.finger.mirrors]
 
 
 class RayCheck(NamedTuple):
@@ -84,5 +92,5 @@ class Found:
 
     @property
     def cases(self) -> list[Case]:
-        """All arrangements."""
+        """All layouts."""
         return [self.before, self.after, *self.others]

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import equinox as eqx
 import numpy as np
 
 from designopt.study.results import Figure, PrecisionStudy, Results
 from designopt.study.study import Context
-from optics.scene.scene import Scene
 from studies.finger_mirrors import left_out, solvers, statements, tables
 from studies.finger_mirrors.findings import GIVEN, OPTIMUM, START, Case, Found, RayCheck
 from studies.models.body import BodySpec
+from studies.models.finger import Body, Finger
 from studies.models.mirror_design import figures as drawings
-from studies.models.mirror_design.arrangement import (
-    Arrangement,
-    poor_start,
-    robust_layout,
-    scene_of,
-)
 from studies.models.mirror_design.design import design_mirrors
-from studies.models.mirror_design.judging import degrees_of, judged, seen_by_rays, whole_square
+from studies.models.mirror_design.judging import (
+    coverage_grid,
+    judged,
+    seen_by_rays,
+    whole_degrees,
+)
+from studies.models.mirror_design.placement import poor_layout, reference_layout
 from studies.models.mirror_design.scene_files import scene_file
 from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
 from studies.models.mirror_design.yields import monte_carlo, sensitivity
@@ -48,7 +49,7 @@ def run(spec: FingerMirrorsSpec, context: Context) -> Results:
             f"inequalities held to {solvers.HELD:g}; both computed outside of the solvers",
             claims=[statements.claim(found.runs)],
         )
-    degrees = degrees_of(spec.body.range_deg)
+    degrees = whole_degrees(spec.body.range_deg)
     yields = {case.name: case.yields for case in found.cases if case.name != START}
     pads = [pad.name for pad in found.after.scene.layout.pads]
     return Results(
@@ -65,7 +66,7 @@ def run(spec: FingerMirrorsSpec, context: Context) -> Results:
             drawings.yield_figure(yields, degrees, pads),
             drawings.sensitivity_figure(found.sensitivity),
         ],
-        specs=[scene_file(found.design.arrangement, spec.body, spec)],
+        specs=[scene_file(found.design.finger)],
         precision=compared,
         left_out=operations,
     )
@@ -78,43 +79,37 @@ def _views(name: str, case: Case) -> Figure:
 
 def find(spec: FingerMirrorsSpec, context: Context) -> Found:
     """Everything that is measured."""
-    design = design_mirrors(spec.body, spec, context)
-    finger = design.task.finger
+    finger = Finger.of(Body.of(spec.body))
+    design = design_mirrors(finger, spec, context)
 
-    def case(name: str, body: BodySpec, arrangement: Arrangement, empty: Scene) -> Case:
-        scene = scene_of(arrangement, empty)
+    def case(name: str, finger: Finger) -> Case:
         # Draws that the search has not seen: its errors come from another generator.
         with context.step(f"Yield: {name}"):
             share = monte_carlo(
-                arrangement,
-                empty,
+                finger,
                 spec.tolerances,
-                body.range_deg,
                 # Of what does not even show everything without errors, a tenth is enough.
                 draws=spec.draws if name != START else max(spec.draws // 10, 10),
                 seed=context.seed,
             )
-        verdict = judged(scene, body.range_deg)
-        return Case(name, body.thickness, arrangement, scene, verdict, share)
+        return Case(name, finger, finger.scene(), judged(finger), share)
 
-    before = case(START, spec.body, poor_start(spec.body), finger)
-    after = case(OPTIMUM, spec.body, design.arrangement, finger)
+    before = case(START, poor_layout(finger, spec.camera))
+    after = case(OPTIMUM, design.finger)
     others, thin, thin_square = [], None, None
     if spec.body == BodySpec():
-        others.append(case(GIVEN, spec.body, robust_layout(), finger))
+        others.append(case(GIVEN, reference_layout(finger, spec.camera)))
     if spec.thin:
-        body = spec.body.model_copy(update={"thickness": spec.thin})
+        body = Body.of(spec.body.model_copy(update={"thickness": spec.thin}))
         settings = spec.model_dump(include=set(MirrorSpec.model_fields))
         settings["floor"] = min(spec.floor, spec.thin_floor)
         settings["search"]["starts"] = min(THIN_STARTS, spec.search.starts)
-        slim = design_mirrors(body, MirrorSpec.model_validate(settings), context)
-        thin = case(f"{OPTIMUM}, T = {spec.thin:g} mm", body, slim.arrangement, slim.task.finger)
+        slim = design_mirrors(Finger.of(body), MirrorSpec.model_validate(settings), context)
+        thin = case(f"{OPTIMUM}, T = {spec.thin:g} mm", slim.finger)
         others.append(thin)
-        thin_square = whole_square(thin.scene, body.range_deg)
+        thin_square = coverage_grid(thin.finger)
     with context.step("All pairs of angles"):
-        squares = {
-            one.name: whole_square(one.scene, spec.body.range_deg) for one in (before, after)
-        }
+        squares = {one.name: coverage_grid(one.finger) for one in (before, after)}
     with context.step("Rays at the worst postures"):
         checks = [
             (one, _by_rays(one, spec.ray_poses, spec.rays))
@@ -123,10 +118,8 @@ def find(spec: FingerMirrorsSpec, context: Context) -> Found:
         ]
     with context.step("Sensitivity to each tolerance"):
         tolerance = sensitivity(
-            design.arrangement,
-            finger,
+            design.finger,
             spec.tolerances,
-            spec.body.range_deg,
             draws=max(spec.draws // 5, 10),
             seed=context.seed + 1,
         )
@@ -134,11 +127,10 @@ def find(spec: FingerMirrorsSpec, context: Context) -> Found:
     if spec.solvers != "none":
         with context.step("Solvers"):
             runs = solvers.compared(
-                design, spec.body, spec, spec.solvers, spec.evolution_seconds, context.seed
+                design, spec, spec.solvers, spec.evolution_seconds, context.seed
             )
     starts = [
-        judged(scene_of(trial.start, finger), spec.body.range_deg).mean_coverage
-        for trial in design.trials
+        judged(eqx.combine(trial.start, design.finger)).mean_coverage for trial in design.trials
     ]
     return Found(
         design,

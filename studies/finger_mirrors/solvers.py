@@ -25,9 +25,8 @@ from designopt.optimize.augmented_lagrangian import Inner, augmented_lagrangian
 from designopt.optimize.flat import Flat
 from designopt.optimize.reference_solvers import compile_reference
 from designopt.study.results import PrecisionRow
-from studies.models.body import BodySpec
-from studies.models.mirror_design.arrangement import Arrangement, bounds, scale
 from studies.models.mirror_design.design import MirrorDesign
+from studies.models.mirror_design.placement import Placement, bounds, scale
 from studies.models.mirror_design.problem import Task, problem_of, terms_of
 from studies.models.mirror_design.searching import (
     STAGES,
@@ -93,26 +92,25 @@ class Run(NamedTuple):
 
 
 def compared(
-    design: MirrorDesign, body: BodySpec, spec: MirrorSpec, which: str, evolution: float, seed: int
+    design: MirrorDesign, spec: MirrorSpec, which: str, evolution: float, seed: int
 ) -> list[Run]:
     """All solvers on the last stage's problem.
 
     Args:
         design: what the graduated search found; its random starts are taken.
-        body: the finger's body.
         spec: as it was designed with.
         which: ``"few"`` or ``"all"`` solvers.
         evolution: seconds for differential evolution.
         seed: of its draws.
     """
     starts = [trial.start for trial in design.trials[1 : 1 + STARTS[which]]]
-    limits, copies = bounds(body, spec), min(COPIES, design.task.copies)
+    limits, copies = bounds(design.finger, spec), min(COPIES, design.task.copies)
     task = design.task.first(copies)
 
-    def graduated(tasks: Sequence[Task]) -> Callable[[Arrangement], Arrangement]:
-        return lambda start: search(start, limits, tasks, STAGES, copies).arrangement
+    def graduated(tasks: Sequence[Task]) -> Callable[[Placement], Placement]:
+        return lambda start: search(start, limits, tasks, STAGES, copies).placement
 
-    def value(found: Arrangement) -> tuple[float, float]:
+    def value(found: Placement) -> tuple[float, float]:
         # By the program for all copies, which is there already.
         return measured(found, design.task, copies)
 
@@ -123,18 +121,18 @@ def compared(
     for method in CHOICES[which]:
         begin = time.perf_counter()
         if method == "slsqp":
-            solve = _slsqp(body, spec, design.task, copies)
+            solve = _slsqp(spec, design.task, copies)
         else:
-            solve = _solver(method, body, spec, task)
+            solve = _solver(method, spec, task)
         runs += _in_turn(NAMES[method], solve, starts, value, time.perf_counter() - begin)
-    return runs + list(_evolution(body, spec, task, evolution, seed))
+    return runs + list(_evolution(spec, task, evolution, seed))
 
 
 def _in_turn(
     name: str,
-    solve: Callable[[Arrangement], Arrangement],
-    starts: Sequence[Arrangement],
-    value: Callable[[Arrangement], tuple[float, float]],
+    solve: Callable[[Placement], Placement],
+    starts: Sequence[Placement],
+    value: Callable[[Placement], tuple[float, float]],
     compile_seconds: float,
 ) -> Iterator[Run]:
     best, seconds = (True, np.inf, np.inf), 0.0
@@ -146,18 +144,16 @@ def _in_turn(
         yield Run(name, _starts(number), best[1], best[2], seconds, compile_seconds)
 
 
-def _solver(
-    method: str, body: BodySpec, spec: MirrorSpec, task: Task
-) -> Callable[[Arrangement], Arrangement]:
+def _solver(method: str, spec: MirrorSpec, task: Task) -> Callable[[Placement], Placement]:
     """A compiled solve from a start."""
-    flat = Flat.of(problem_of(body, spec, task))
+    flat = Flat.of(problem_of(spec, task))
 
-    def from_arrangements(solve: Callable[[np.ndarray], Any]) -> Any:
+    def from_placements(solve: Callable[[np.ndarray], Any]) -> Any:
         return lambda start: flat.parameters(jnp.asarray(solve(np.asarray(flat.point(start)))))
 
     if method == "trust-constr":
         one = compile_reference(flat, method, TOLERANCE, UPDATES * STEPS)
-        return from_arrangements(lambda point: one(point, (task,))[0])
+        return from_placements(lambda point: one(point, (task,))[0])
     inner: Inner = method  # type: ignore[assignment]
 
     def local(point: jax.Array) -> jax.Array:
@@ -166,16 +162,14 @@ def _solver(
         )[0]
 
     program = jax.jit(local).lower(jnp.zeros(flat.units.size)).compile()
-    return from_arrangements(lambda point: program(jnp.asarray(point)))
+    return from_placements(lambda point: program(jnp.asarray(point)))
 
 
-def _slsqp(
-    body: BodySpec, spec: MirrorSpec, task: Task, copies: int
-) -> Callable[[Arrangement], Arrangement]:
+def _slsqp(spec: MirrorSpec, task: Task, copies: int) -> Callable[[Placement], Placement]:
     """SciPy's solver; all but the inequalities' slopes by the search's program, which is there."""
-    flat = Flat.of(problem_of(body, spec, task))
+    flat = Flat.of(problem_of(spec, task))
     count, none = jnp.asarray(copies), no_multipliers(task)
-    units, build = ravel_pytree(scale())
+    units, build = ravel_pytree(scale(task.finger))
 
     def levels_of(point: jax.Array, task: Task) -> jax.Array:
         return ravel_pytree(terms_of(build(point * units), task).inequalities)[0]
@@ -191,7 +185,7 @@ def _slsqp(
             last[:] = x.tobytes(), (float(terms.value), np.asarray(slope), levels)
         return last[1]
 
-    def solve(start: Arrangement) -> Arrangement:
+    def solve(start: Placement) -> Placement:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # steps that it clips to the bounds
             found = scipy.optimize.minimize(
@@ -212,11 +206,9 @@ def _slsqp(
     return solve
 
 
-def _evolution(
-    body: BodySpec, spec: MirrorSpec, task: Task, seconds: float, seed: int
-) -> Iterator[Run]:
+def _evolution(spec: MirrorSpec, task: Task, seconds: float, seed: int) -> Iterator[Run]:
     begin = time.perf_counter()
-    problem = problem_of(body, spec, task)
+    problem = problem_of(spec, task)
     # One member after the other: all together would leave the cache, and take six times longer.
     problem = replace(problem, terms=jax.custom_batching.sequential_vmap(terms_of))
     found = differential_evolution(problem, seconds=seconds, seed=seed, population=POPULATION)

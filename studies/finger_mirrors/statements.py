@@ -104,7 +104,7 @@ def metrics(spec: FingerMirrorsSpec, found: Found) -> list[Metric]:
         Metric("yield_high", share.high, "", "upper limit of the same"),
         Metric(
             "mirror_mm",
-            float(np.sum(np.asarray(after.arrangement.lengths))),
+            sum(after.mirror_lengths),
             "mm",
             "both mirrors' lengths together",
         ),
@@ -148,7 +148,7 @@ def metrics(spec: FingerMirrorsSpec, found: Found) -> list[Metric]:
             ),
             Metric(
                 "mirror_given_layout_mm",
-                float(np.sum(np.asarray(case.arrangement.lengths))),
+                sum(case.mirror_lengths),
                 "mm",
                 "its mirrors' lengths together",
             ),
@@ -216,7 +216,7 @@ def _main(found: Found) -> str:
             else f"{percent_at_least(after.verdict.worst_coverage)} or more"
         )
         + f" in every posture, with at least {after.verdict.worst_px_per_mm:.2f} px/mm and "
-        f"{float(np.sum(np.asarray(after.arrangement.lengths))):.1f} mm of mirror; of "
+        f"{sum(after.mirror_lengths):.1f} mm of mirror; of "
         f"{after.yields.draws:,} fingers assembled with the stated errors {_percent(after)} still "
         f"show everything. The start showed {100 * before.verdict.mean_coverage:.0f} % of the pads."
     )
@@ -225,7 +225,7 @@ def _main(found: Found) -> str:
 def _given(found: Found) -> str:
     for case in found.cases:
         if case.name == GIVEN:
-            length = float(np.sum(np.asarray(case.arrangement.lengths)))
+            length = sum(case.mirror_lengths)
             return (
                 f"The reference layout has {length:.1f} mm of mirror, "
                 f"{case.verdict.worst_px_per_mm:.2f} px/mm and, over the same draws, a yield of "

@@ -9,9 +9,9 @@ import numpy as np
 
 from designopt.plot.typesetting import heading
 from designopt.study.results import Table
-from studies.finger_mirrors.findings import Found
+from studies.finger_mirrors.findings import Case, Found
 from studies.finger_mirrors.solvers import Run, best_objective
-from studies.models.mirror_design.arrangement import Arrangement
+from studies.models.finger import camera_of
 from studies.models.mirror_design.errors import NAMES, deviations
 from studies.models.mirror_design.spec import FingerMirrorsSpec
 
@@ -32,7 +32,7 @@ def arrangements(found: Found) -> Table:
         for end in ("near", "far")
         for axis in "xy"
     ]
-    kept = [*(case.arrangement for case in found.cases)]
+    kept = list(found.cases)
     return Table.of_columns(
         "arrangements",
         "Camera (in the intermediate phalanx; tilt from straight down, counter-clockwise) and "
@@ -45,17 +45,20 @@ def arrangements(found: Found) -> Table:
     )
 
 
-def _numbers(arrangement: Arrangement) -> list[float]:
-    camera = np.asarray(arrangement.camera).tolist()
-    ends = np.asarray(arrangement.mirrors).ravel().tolist()
-    return [*camera, math.degrees(float(arrangement.tilt)), *ends]
+def _numbers(case: Case) -> list[float]:
+    """Heights above the axes, for they are what a drawing shows."""
+    dorsal, camera = float(case.finger.body.dorsal), camera_of(case.finger)
+    ends = np.stack([np.asarray(mirror.ends) for mirror in case.finger.mirrors])
+    ends[..., 1] = dorsal - ends[..., 1]
+    place = [float(camera.along), dorsal - float(camera.depth), math.degrees(float(camera.tilt))]
+    return [*place, *ends.ravel().tolist()]
 
 
 def verdicts(spec: FingerMirrorsSpec, found: Found) -> Table:
     """What every arrangement is worth."""
     body = []
     for case in found.cases:
-        verdict, lengths = case.verdict, np.asarray(case.arrangement.lengths)
+        verdict, lengths = case.verdict, case.mirror_lengths
         body.append(
             (
                 case.name,
@@ -64,7 +67,7 @@ def verdicts(spec: FingerMirrorsSpec, found: Found) -> Table:
                 verdict.worst_coverage,
                 float(np.mean(np.all(verdict.single >= 1 - 1e-9, axis=1))),
                 verdict.worst_px_per_mm,
-                float(np.sum(lengths)),
+                sum(lengths),
                 case.yields.draws,
                 case.yields.value,
                 case.yields.low,

@@ -1,5 +1,5 @@
 from .finger import Body, Finger, FingerCamera, FingerMirror, Spring
-from .finger_file import finger_from, finger_text, read_finger, write_finger
+from .finger_file import finger_from, finger_text, packaged_finger, read_finger, write_finger
 from .pins import Pins
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "Spring",
     "finger_from",
     "finger_text",
+    "packaged_finger",
     "read_finger",
     "write_finger",
 ]

@@ -1,4 +1,4 @@
-"""The body of paper B's finger (§3): three phalanges, their thickness, and where the axes lie."""
+"""The body of paper B's finger (§3) as a person writes it: ``[body]`` of a file and of settings."""
 
 from __future__ import annotations
 
@@ -9,18 +9,46 @@ from pydantic import Field, model_validator
 from designopt.io.spec import Spec
 
 Length = Annotated[float, Field(gt=0, le=1e3)]
+StrictLength = Annotated[Length, Field(strict=True)]
 
 
-RIM = 1.5
-"""Pads end so far before the ends of the finger, mm (an argument of this project)."""
+class BodyTable(Spec):
+    """``[body]``; see `finger.Body`, which is what is computed with."""
+
+    proximal: StrictLength
+    intermediate: StrictLength
+    distal: StrictLength
+    thickness: StrictLength
+    axis_height: StrictLength
+    range_deg: Annotated[float, Field(strict=True, ge=2, le=100)]
+    rim: Annotated[float, Field(strict=True, ge=0, le=1e3)]
+
+    @model_validator(mode="after")
+    def _axes_inside(self) -> BodyTable:
+        if self.axis_height >= self.thickness:
+            raise ValueError(
+                f"axis_height ({self.axis_height:g} mm) must be smaller than thickness "
+                f"({self.thickness:g} mm): the axes lie between the faces"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _room_for_pads(self) -> BodyTable:
+        ends = {"proximal": self.rim, "intermediate": self.axis_height, "distal": self.rim}
+        for name, end in ends.items():
+            least = self.axis_height + end
+            if getattr(self, name) <= least:
+                raise ValueError(
+                    f"{name} ({getattr(self, name):g} mm) leaves no room for a pad, which begins "
+                    f"axis_height from the joint: make it longer than {least:g} mm"
+                )
+        return self
 
 
-class BodySpec(Spec):
-    """The section of the finger, straight. Lengths in mm.
+class BodySpec(BodyTable):
+    """The same as settings; defaults are paper B's finger. Lengths in mm.
 
-    PIP axis A at the origin, DIP axis B at (intermediate, 0), x towards the tip, y towards the
-    back of the hand. The palmar face is the line y = −axis_height, the dorsal face
-    y = thickness − axis_height.
+    That pads end 1.5 mm before the ends of the finger is an argument of this project.
     """
 
     proximal: Length = Field(default=35.0, description="length of the proximal phalanx (mm)")
@@ -31,34 +59,6 @@ class BodySpec(Spec):
     range_deg: Annotated[float, Field(ge=2, le=100)] = Field(
         default=90.0, description="flexion of each joint from straight (degrees)"
     )
-
-    @model_validator(mode="after")
-    def _axes_inside(self) -> BodySpec:
-        if self.axis_height >= self.thickness:
-            raise ValueError(
-                f"axis_height ({self.axis_height:g} mm) must be smaller than thickness "
-                f"({self.thickness:g} mm): the axes lie between the faces"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _room_for_pads(self) -> BodySpec:
-        ends = {"proximal": RIM, "intermediate": self.axis_height, "distal": RIM}
-        for name, end in ends.items():
-            least = self.axis_height + end
-            if getattr(self, name) <= least:
-                raise ValueError(
-                    f"{name} ({getattr(self, name):g} mm) leaves no room for a pad, which begins "
-                    f"axis_height from the joint: make it longer than {least:g} mm"
-                )
-        return self
-
-    @property
-    def palmar(self) -> float:
-        """Height of the palmar face over the axes, mm (negative)."""
-        return -self.axis_height
-
-    @property
-    def dorsal(self) -> float:
-        """Height of the dorsal face over the axes, mm."""
-        return self.thickness - self.axis_height
+    rim: Annotated[float, Field(ge=0, le=1e3)] = Field(
+        default=1.5, description="outer pads to the ends of the finger (mm)"
+    )

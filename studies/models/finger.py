@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,16 +17,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.errors import UserError
+from designopt.io.toml_writing import degrees_of
 from designopt.numerics import as_float
-from kinematics.io.pinned import assembly_signs, pinned_linkage
+from kinematics.io.pinned import assembly_signs, pinned_linkage, pinned_tables
 from kinematics.model.linkage import Linkage
 from kinematics.model.linkage import Spring as LinkageSpring
 from kinematics.model.topology import BodyPart, InputPart, Structure
 from optics.scene.camera import Camera, Equidistant
 from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
-from studies.models.pins import Drive, Pins, told
+from studies.models.body import BodyTable
+from studies.models.pins import Pins, pin_name
 
+Drive = Literal["joints", "crank"]
 Phalanx = Literal["proximal", "intermediate", "distal"]
+PHALANGES: tuple[Phalanx, ...] = ("proximal", "intermediate", "distal")
 
 DRIVES: tuple[Drive, Drive] = ("joints", "crank")
 
@@ -34,6 +38,7 @@ SETBACK = 0.5
 """The front of the camera's opaque body lies so far behind the pinhole, mm."""
 
 Number = Float[Array, "*batch"]
+Part = TypeVar("Part")
 
 
 class Body(eqx.Module):
@@ -58,6 +63,17 @@ class Body(eqx.Module):
     flexion: Number = eqx.field(converter=as_float)
     rim: Number = eqx.field(converter=as_float)
 
+    @classmethod
+    def of(cls, table: BodyTable) -> Body:
+        """That of a file or of settings."""
+        lengths = table.model_dump(exclude={"range_deg"})
+        return cls(**lengths, flexion=np.deg2rad(table.range_deg))
+
+    @property
+    def range_deg(self) -> float:
+        """Greatest flexion in degrees, a plain number: for grids of postures, and for people."""
+        return degrees_of(float(self.flexion))
+
     @property
     def palmar(self) -> Number:
         """Height of the palmar face over the axes, mm (negative)."""
@@ -81,6 +97,16 @@ class Spring(eqx.Module):
     stiffness: Number = eqx.field(converter=as_float)
     preload: Number = eqx.field(converter=as_float)
     servo: Number = eqx.field(converter=as_float)
+
+    @property
+    def contrast(self) -> Number:
+        """κ = √(k / k_s) of spring and motor."""
+        return jnp.sqrt(self.stiffness / self.servo)
+
+    @property
+    def moment_unit(self) -> Number:
+        """√(k k_s), N mm/rad: a moment of the size that both springs' moments have."""
+        return jnp.sqrt(self.stiffness * self.servo)
 
 
 class FingerCamera(eqx.Module):
@@ -118,6 +144,12 @@ class FingerMirror(eqx.Module):
     ends: Float[Array, "*batch 2 2"] = eqx.field(converter=as_float)
     phalanx: Phalanx = eqx.field(static=True)
 
+    @property
+    def length(self) -> Number:
+        """From end to end, mm."""
+        step = self.ends[..., 1, :] - self.ends[..., 0, :]
+        return jnp.sqrt(jnp.sum(step * step, axis=-1))
+
 
 class Finger(eqx.Module):
     """A finger: body, linkage, spring, camera and mirrors.
@@ -128,28 +160,28 @@ class Finger(eqx.Module):
 
     Attributes:
         body: the phalanges.
-        pins: of the linkage.
+        pins: of the linkage; ``None`` where the finger has none.
         spring: ``None`` where the finger has none.
         camera: ``None`` where the finger sees nothing.
         mirrors: in order.
         name: in titles and file names.
         assembly: one sign per closed-form group of the linkage, driven at its joints and by its
-            crank.
+            crank; ``None`` without pins.
     """
 
     body: Body
-    pins: Pins
+    pins: Pins | None
     spring: Spring | None
     camera: FingerCamera | None
     mirrors: tuple[FingerMirror, ...]
     name: str = eqx.field(static=True)
-    assembly: tuple[tuple[int, ...], tuple[int, ...]] = eqx.field(static=True)
+    assembly: tuple[tuple[int, ...], tuple[int, ...]] | None = eqx.field(static=True)
 
     @classmethod
     def of(
         cls,
         body: Body,
-        pins: Pins,
+        pins: Pins | None = None,
         spring: Spring | None = None,
         camera: FingerCamera | None = None,
         mirrors: Sequence[FingerMirror] = (),
@@ -157,11 +189,21 @@ class Finger(eqx.Module):
         name: str = "finger",
     ) -> Finger:
         """A finger from its parts; the pins, plain numbers, choose how it is assembled."""
-        places = {joint: np.asarray(at, float) for joint, at in _joints(body, pins).items()}
-        by_joints, by_crank = (
-            assembly_signs(_structure(drive, springs=False), places) for drive in DRIVES
-        )
-        return cls(body, pins, spring, camera, tuple(mirrors), name, (by_joints, by_crank))
+        assembly = None
+        if pins is not None:
+            places = {joint: np.asarray(at, float) for joint, at in _joints(body, pins).items()}
+            by_joints, by_crank = (
+                assembly_signs(_structure(drive, springs=False), places) for drive in DRIVES
+            )
+            assembly = by_joints, by_crank
+        return cls(body, pins, spring, camera, tuple(mirrors), name, assembly)
+
+    def with_pins(self, pins: Pins) -> Finger:
+        """The same finger with other pins, plain numbers, assembled as they stand.
+
+        In traced code, ``dataclasses.replace(finger, pins=pins)`` keeps how it is assembled.
+        """
+        return Finger.of(self.body, pins, self.spring, self.camera, self.mirrors, name=self.name)
 
     def linkage(self, drive: Drive = "joints") -> Linkage:
         """The linkage in the frame of the proximal phalanx; flexion is negative there.
@@ -169,16 +211,53 @@ class Finger(eqx.Module):
         Args:
             drive: inputs are the joints ``pip`` and ``dip``, or ``theta`` of the crank and
                 ``gamma`` of the plate relative to the distal phalanx.
+
+        Raises:
+            UserError: the finger has no pins.
         """
+        structure, joints, springs = self._linkage_parts(drive)
+        assert self.assembly is not None  # as it has pins
+        return pinned_linkage(structure, joints, self.assembly[DRIVES.index(drive)], springs)
+
+    def linkage_tables(self, drive: Drive = "joints") -> dict[str, Any]:
+        """The tables of the linkage's file, with joints where the finger's own file has them.
+
+        Args:
+            drive: as in `linkage`.
+
+        Raises:
+            UserError: the finger has no pins.
+        """
+        return pinned_tables(*self._linkage_parts(drive))
+
+    def _linkage_parts(
+        self, drive: Drive
+    ) -> tuple[Structure, dict[str, Float[Array, "2"]], tuple[LinkageSpring, ...]]:
+        pins = pins_of(self)
         springs: tuple[LinkageSpring, ...] = ()
         if drive == "crank" and self.spring is not None:
             springs = (LinkageSpring(self.spring.stiffness, self.spring.preload),)
-        return pinned_linkage(
-            _structure(drive, springs=bool(springs)),
-            _joints(self.body, self.pins),
-            self.assembly[DRIVES.index(drive)],
-            springs,
-        )
+        return _structure(drive, springs=bool(springs)), _joints(self.body, pins), springs
+
+    def pads(self) -> Float[Array, "3 2 2"]:
+        """Ends of the pads of the proximal, intermediate and distal phalanx, mm."""
+        body, gap = self.body, self.body.axis_height
+        root, middle, tip = -body.proximal, body.intermediate, body.intermediate + body.distal
+        ends = [(root + body.rim, -gap), (gap, middle - gap), (middle + gap, tip - body.rim)]
+        return jnp.stack([_line((one, body.palmar), (other, body.palmar)) for one, other in ends])
+
+    def camera_body(self) -> Float[Array, "2 2"]:
+        """Ends of the opaque line behind the camera, in the intermediate phalanx, mm.
+
+        Raises:
+            UserError: the finger has no camera.
+        """
+        camera = camera_of(self)
+        position = jnp.stack([camera.along, self.body.dorsal - camera.depth])
+        sine, cosine = jnp.sin(camera.tilt), jnp.cos(camera.tilt)
+        ahead, across = jnp.stack([sine, -cosine]), jnp.stack([cosine, sine])
+        middle, half = position - SETBACK * ahead, camera.width / 2 * across
+        return jnp.stack([middle - half, middle + half])
 
     def scene(self) -> Scene:
         """Camera, mirrors, pads and shells; the intermediate phalanx is the world.
@@ -189,38 +268,24 @@ class Finger(eqx.Module):
         Raises:
             UserError: the finger has no camera.
         """
-        if self.camera is None:
-            raise UserError(f"{self.name}: it has no camera; add [camera]")
-        body, camera = self.body, self.camera
-        middle, palmar, dorsal, gap = body.intermediate, body.palmar, body.dorsal, body.axis_height
+        body, camera = self.body, camera_of(self)
+        middle, palmar, dorsal = body.intermediate, body.palmar, body.dorsal
         tip, root = middle + body.distal, -body.proximal
         axis_of = {"proximal": jnp.zeros_like(middle), "distal": middle}
-
-        def line(start: Sequence[Number], end: Sequence[Number]) -> Float[Array, "2 2"]:
-            return jnp.stack([jnp.stack(list(start)), jnp.stack(list(end))])
 
         def mirror(part: FingerMirror) -> Float[Array, "2 2"]:
             along, depth = part.ends[..., 0], part.ends[..., 1]
             return jnp.stack([along + axis_of[part.phalanx], dorsal - depth], axis=-1)
 
         position = jnp.stack([camera.along, dorsal - camera.depth])
-        sine, cosine = jnp.sin(camera.tilt), jnp.cos(camera.tilt)
-        ahead, across = jnp.stack([sine, -cosine]), jnp.stack([cosine, sine])
-        behind = position - SETBACK * ahead
-        half = camera.width / 2 * across
         zero = jnp.zeros_like(middle)
         blockers = [
-            jnp.stack([behind - half, behind + half]),
-            line((root, dorsal), (zero, dorsal)),
-            line((zero, dorsal), (middle, dorsal)),
-            line((middle, dorsal), (tip, dorsal)),
-            line((root, palmar), (root, dorsal)),
-            line((tip, palmar), (tip, dorsal)),
-        ]
-        pads = [
-            line((root + body.rim, palmar), (-gap, palmar)),
-            line((gap, palmar), (middle - gap, palmar)),
-            line((middle + gap, palmar), (tip - body.rim, palmar)),
+            self.camera_body(),
+            _line((root, dorsal), (zero, dorsal)),
+            _line((zero, dorsal), (middle, dorsal)),
+            _line((middle, dorsal), (tip, dorsal)),
+            _line((root, palmar), (root, dorsal)),
+            _line((tip, palmar), (tip, dorsal)),
         ]
         none = jnp.zeros((0,), position.dtype)
         mirrors = [mirror(part) for part in self.mirrors]
@@ -235,12 +300,49 @@ class Finger(eqx.Module):
             mirrors=jnp.stack(mirrors) if mirrors else jnp.zeros((0, 2, 2), position.dtype),
             radii=none,
             conics=none,
-            pads=jnp.stack(pads),
+            pads=self.pads(),
             grazing=jnp.broadcast_to(camera.grazing, (3,)),
             blockers=jnp.stack(blockers),
             hinges=jnp.stack([jnp.stack([zero, zero]), jnp.stack([middle, zero])]),
             layout=_layout(self.name, tuple(part.phalanx for part in self.mirrors)),
         )
+
+
+def pins_of(finger: Finger) -> Pins:
+    """The finger's pins.
+
+    Raises:
+        UserError: it has none.
+    """
+    return _present(finger, finger.pins, "linkage", "pins")
+
+
+def spring_of(finger: Finger) -> Spring:
+    """The finger's spring.
+
+    Raises:
+        UserError: it has none.
+    """
+    return _present(finger, finger.spring, "spring", "spring")
+
+
+def camera_of(finger: Finger) -> FingerCamera:
+    """The finger's camera.
+
+    Raises:
+        UserError: it has none.
+    """
+    return _present(finger, finger.camera, "camera", "camera")
+
+
+def _present(finger: Finger, part: Part | None, what: str, table: str) -> Part:
+    if part is None:
+        raise UserError(f"{finger.name}: it has no {what}; add [{table}]")
+    return part
+
+
+def _line(start: Sequence[Number], end: Sequence[Number]) -> Float[Array, "2 2"]:
+    return jnp.stack([jnp.stack(list(start)), jnp.stack(list(end))])
 
 
 def _joints(body: Body, pins: Pins) -> dict[str, Float[Array, "2"]]:
@@ -253,7 +355,7 @@ def _joints(body: Body, pins: Pins) -> dict[str, Float[Array, "2"]]:
         "T": body.intermediate + body.distal,
     }
     axes = {name: jnp.stack([x, zero]) for name, x in along.items()}
-    return axes | {told(name): getattr(pins, name) for name in "FEDCGH"}
+    return axes | {pin_name(name): getattr(pins, name) for name in "FEDCGH"}
 
 
 @functools.cache
@@ -272,14 +374,14 @@ def _structure(drive: Drive, *, springs: bool) -> Structure:
         "proximal": ("O", "A", "F"),
         "intermediate": ("A", "B", "G"),
         "distal": ("B", "T", "C"),
-        "plate": ("C", "D", told("H")),
+        "plate": ("C", "D", pin_name("H")),
         "rod": ("D", "E"),
         "crank": ("F", "E"),
-        "bar": ("G", told("H")),
+        "bar": ("G", pin_name("H")),
     }
     return Structure(
         name="finger" if drive == "joints" else "finger, driven by its crank",
-        joints=("O", "A", "B", "T", *(told(name) for name in "FEDCGH")),
+        joints=("O", "A", "B", "T", *(pin_name(name) for name in "FEDCGH")),
         bodies=tuple(BodyPart(name, at, name == "proximal") for name, at in bodies.items()),
         sliders=(),
         inputs=inputs[drive],

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,8 +25,9 @@ from designopt.io.spec_files import FORMAT, Format, Length, Number, Point, Title
 from designopt.io.toml_writing import degrees_of, toml_text
 from kinematics.io.designed import DesignedLinkage
 from optics.scene.designed import DesignedScene
+from studies.models.body import BodyTable
 from studies.models.finger import Body, Finger, FingerCamera, FingerMirror, Spring
-from studies.models.pins import Pins, told
+from studies.models.pins import Pins, pin_name
 
 SAME = 1e-6
 """Two statements of one number contradict each other where they differ by more, mm and rad."""
@@ -38,35 +40,6 @@ class FingerTable(Spec):
 
     name: Title | None = None
     format: Format = FORMAT
-
-
-class BodyTable(Spec):
-    """``[body]``; see `Body`."""
-
-    proximal: Length
-    intermediate: Length
-    distal: Length
-    thickness: Length
-    axis_height: Length
-    range_deg: Annotated[Number, Field(ge=2, le=100)]
-    rim: Annotated[Number, Field(ge=0)]
-
-    @model_validator(mode="after")
-    def _room_for_pads(self) -> BodyTable:
-        if self.axis_height >= self.thickness:
-            raise ValueError(
-                f"axis_height ({self.axis_height:g} mm) must be smaller than thickness "
-                f"({self.thickness:g} mm): the axes lie between the faces"
-            )
-        ends = {"proximal": self.rim, "intermediate": self.axis_height, "distal": self.rim}
-        for name, end in ends.items():
-            least = self.axis_height + end
-            if getattr(self, name) <= least:
-                raise ValueError(
-                    f"{name} ({getattr(self, name):g} mm) leaves no room for a pad, which begins "
-                    f"axis_height from the joint: make it longer than {least:g} mm"
-                )
-        return self
 
 
 class PinsTable(Spec):
@@ -113,13 +86,13 @@ class FingerFile(Spec):
 
     finger: FingerTable
     body: BodyTable
-    pins: PinsTable
+    pins: PinsTable | None = None
     spring: SpringTable | None = None
     camera: CameraTable | None = None
     mirrors: tuple[MirrorTable, ...] = ()
 
     @model_validator(mode="after")
-    def _mirrors_are_told_apart(self) -> FingerFile:
+    def _one_mirror_each(self) -> FingerFile:
         hosts = [mirror.phalanx for mirror in self.mirrors]
         for host in hosts:
             if hosts.count(host) > 1:
@@ -138,9 +111,16 @@ def read_finger(path: str | Path) -> Finger:
     """
     path = Path(path)
     if os.path.isdir(path):
-        return _from_specs(path)
+        file = path / "finger.toml"
+        return read_finger(file) if file.exists() else _from_specs(path)
     tables = read_tables(path, "finger", "finger")
     return finger_from(tables, str(path), printable(path.stem))
+
+
+def packaged_finger() -> Finger:
+    """The finger that ``designopt run finger`` designs with its default settings."""
+    with as_file(files("studies.models") / "finger.toml") as path:
+        return read_finger(path)
 
 
 def finger_from(tables: dict[str, Any], source: str, name: str = "finger") -> Finger:
@@ -155,12 +135,12 @@ def finger_from(tables: dict[str, Any], source: str, name: str = "finger") -> Fi
         UserError: there are unknown, missing or impossible entries; all of these at once.
     """
     file = validated(FingerFile, tables, source)
-    body, camera = file.body.model_dump(), file.camera
-    body["flexion"] = math.radians(body.pop("range_deg"))
-    pins = {pin: np.array(place) for pin, place in file.pins.model_dump().items()}
+    pins, camera = file.pins, file.camera
     return Finger.of(
-        Body(**body),
-        Pins(**pins),
+        Body.of(file.body),
+        None
+        if pins is None
+        else Pins(**{pin: np.array(place) for pin, place in pins.model_dump().items()}),
         None if file.spring is None else Spring(**file.spring.model_dump()),
         None
         if camera is None
@@ -186,11 +166,13 @@ def finger_tables(finger: Finger) -> dict[str, Any]:
         "finger": {"name": finger.name, "format": FORMAT},
         "body": {
             **{name: float(getattr(body, name)) for name in lengths},
-            "range_deg": degrees_of(float(body.flexion)),
+            "range_deg": body.range_deg,
             "rim": float(body.rim),
         },
-        "pins": {told(pin): np.asarray(getattr(finger.pins, pin)).tolist() for pin in "FEDCGH"},
     }
+    if finger.pins is not None:
+        places = {pin: np.asarray(getattr(finger.pins, pin)) for pin in "FEDCGH"}
+        tables["pins"] = {pin_name(pin): place.tolist() for pin, place in places.items()}
     if finger.spring is not None:
         spring = finger.spring
         tables["spring"] = {
@@ -240,7 +222,7 @@ def _from_specs(folder: Path) -> Finger:
     scene = DesignedScene.read(folder / "scene.toml")
     joints, camera = linkage.sketch.joints, scene.file.camera
     try:
-        pins = {pin: joints[told(pin)] for pin in "FEDCGH"}
+        pins = {pin: joints[pin_name(pin)] for pin in "FEDCGH"}
         (root, _), (middle, _), (tip, _) = (joints[name] for name in "OBT")
         pads = {pad.name: pad for pad in scene.file.pads}
         blockers = {part.name: part for part in scene.file.blockers}
@@ -270,7 +252,7 @@ def _from_specs(folder: Path) -> Finger:
             "range_deg": settings.get("body", {}).get("range_deg", 90.0),
             "rim": rear - root,
         },
-        "pins": {told(pin): place for pin, place in pins.items()},
+        "pins": {pin_name(pin): place for pin, place in pins.items()},
         "camera": {
             "along": camera.position[0],
             "depth": dorsal - camera.position[1],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from designopt.study.results import PrecisionRow
 from perception.proprioception import GapTable
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 from studies.proprioception.ladder import Answer, Climbed
 from studies.proprioception.watching import Watched
 
@@ -25,7 +25,7 @@ class Found:
         rows: error against run time.
     """
 
-    finger: Finger
+    finger: FingerSensor
     tables: list[GapTable]
     watched: list[Watched]
     climbed: list[Climbed]

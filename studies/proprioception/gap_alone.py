@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from perception.proprioception import GapTable, calibrate_gap, undefined
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 from studies.proprioception.ladder import Answer
 from studies.proprioception.watching import spread_over
 
@@ -15,7 +15,7 @@ METHOD = "1 gap, corners with stated noise"
 
 
 def tried(
-    finger: Finger,
+    finger: FingerSensor,
     tables: list[GapTable],
     *,
     fingers: int,

@@ -35,7 +35,7 @@ from perception.proprioception import (
 )
 from perception.proprioception.observation import FLOOR
 from studies.models.sensor.estimators import corner_model
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 from studies.proprioception.watching import Watched
 
 GAP = "1 gap, as in the paper"
@@ -114,13 +114,13 @@ class Ladder:
         plain: the model that takes the lens as designed.
     """
 
-    finger: Finger
+    finger: FingerSensor
     tables: list[GapTable]
     label_deviation: float
     plain: CornerModel
 
     @classmethod
-    def of(cls, finger: Finger, tables: list[GapTable], label_deviation: float) -> Ladder:
+    def of(cls, finger: FingerSensor, tables: list[GapTable], label_deviation: float) -> Ladder:
         """The methods for a design."""
         # An error that cannot be: the same program as with it.
         deviations = eqx.tree_at(

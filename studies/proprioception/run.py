@@ -14,7 +14,7 @@ from designopt.study.study import Context
 from optics.rendering import Effects
 from perception.proprioception import GapTable
 from studies.models.sensor.estimators import gap_table
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 from studies.proprioception import drawings, gap_alone, statements, tables
 from studies.proprioception.found import Found
 from studies.proprioception.ladder import (
@@ -60,7 +60,7 @@ def find(spec: ProprioceptionSpec, context: Context) -> Found:
     """Everything that is measured."""
     label_deviation = math.radians(spec.label_deviation_deg)
     with context.step("The finger, its views and its gaps"):
-        finger = Finger.of(spec)
+        finger = FingerSensor.of(spec)
         gaps = _gap_tables(finger)
     ladder = Ladder.of(finger, gaps, label_deviation)
     seen, climbed = [], []
@@ -91,7 +91,7 @@ def find(spec: ProprioceptionSpec, context: Context) -> Found:
     return Found(finger, gaps, seen, climbed, alone, smooth, rows)
 
 
-def _gap_tables(finger: Finger) -> list[GapTable]:
+def _gap_tables(finger: FingerSensor) -> list[GapTable]:
     """The gap of every joint, in the joints' order."""
     by_joint: dict[int, GapTable] = {}
     for (pad, path), joint in zip(finger.model.views, finger.model.joints, strict=True):
@@ -115,7 +115,7 @@ def _gap_tables(finger: Finger) -> list[GapTable]:
 
 def _watch(
     spec: ProprioceptionSpec,
-    finger: Finger,
+    finger: FingerSensor,
     gaps: list[GapTable],
     number: int,
     seed: int,
@@ -140,7 +140,7 @@ def _watch(
 
 def _over_sizes(spec: ProprioceptionSpec, size: int, seed: int) -> list[PrecisionRow]:
     """Error and run time of the methods over images of one size."""
-    finger = Finger.of(spec, size)
+    finger = FingerSensor.of(spec, size)
     gaps = _gap_tables(finger)
     ladder = Ladder.of(finger, gaps, math.radians(spec.label_deviation_deg))
     answers: list[Answer] = []

@@ -13,7 +13,7 @@ from perception.detection import find_views
 from perception.matching import Sighting
 from perception.proprioception import GapTable
 from studies.models.one_thread import one_thread
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 
 INSET = 0.1
 """Labelled frames keep away from the ends of a range by this part of it."""
@@ -52,7 +52,7 @@ class Watched:
 
 
 def watched(
-    finger: Finger,
+    finger: FingerSensor,
     tables: list[GapTable],
     *,
     effects: Effects,

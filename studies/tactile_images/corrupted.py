@@ -23,7 +23,7 @@ from perception.proprioception import (
 )
 from perception.unwarping import unwarp
 from studies.models.sensor.estimators import gap_table
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 
 Image = Any
 Corruption = Callable[[Image, np.random.Generator], Image]
@@ -169,13 +169,13 @@ class Analysis:
         paper: the paper's route.
     """
 
-    finger: Finger
+    finger: FingerSensor
     meters: list[GapMeter]
     rulers: list[EdgeRuler]
     paper: PaperRoute
 
     @classmethod
-    def of(cls, finger: Finger, images: Sequence[np.ndarray], angles: np.ndarray) -> Analysis:
+    def of(cls, finger: FingerSensor, images: Sequence[np.ndarray], angles: np.ndarray) -> Analysis:
         """Calibrated by good images at known joint angles, rad."""
         model = finger.model
         sightings = [find_views(image, finger.lens, finger.catalogue) for image in images]

@@ -14,7 +14,7 @@ from perception.masks import adaptive_mask, brightness, combined_mask, global_ma
 from perception.paper_route import PaperRoute
 from perception.quality import Quality
 from perception.unwarping import PER_MM
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 from studies.tactile_images.found import OURS, PAPER, Found
 from studies.tactile_images.frames import Frame
 from studies.tactile_images.pictures import Shown, Touch
@@ -81,7 +81,7 @@ def _seen_columns(shown: Shown) -> tuple[float, float]:
     return max(middle - half, 0), min(middle + half, len(seen))
 
 
-def views_figure(finger: Finger, shown: Shown) -> Figure:
+def views_figure(finger: FingerSensor, shown: Shown) -> Figure:
     """Frames with what was found in them."""
     drawing, grid = new_figure(1, len(shown.frames), height=3.3)
     for axes, (image, sighting) in zip(grid[0], shown.frames, strict=True):
@@ -155,7 +155,7 @@ def masks_figure(shown: Shown) -> Figure:
     )
 
 
-def imprints_figure(finger: Finger, shown: Shown) -> Figure:
+def imprints_figure(finger: FingerSensor, shown: Shown) -> Figure:
     """Unwarped pads and their differences, as in the paper's Figs. 4.4 to 4.6."""
     pads = list(finger.catalogue.lengths)
     lengths = [finger.catalogue.lengths[pad] for pad in pads]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from designopt.study.results import PrecisionRow
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 from studies.tactile_images.corrupted import Trial
 from studies.tactile_images.frames import Frame
 from studies.tactile_images.pictures import Shown
@@ -34,5 +34,5 @@ class Found:
     trials: list[Trial]
     rows: list[PrecisionRow]
     times: list[EffectTime]
-    finger: Finger
+    finger: FingerSensor
     shown: Shown

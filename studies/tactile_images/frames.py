@@ -18,7 +18,7 @@ from perception.quality import Quality
 from perception.unwarping import affine_pad_of, best_view, image_of, least_scale, pad_of
 from studies.models.one_thread import one_thread
 from studies.models.sensor.estimators import lens_of
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 
 FAR = 20.0
 """A view whose corner is off by more pixels (of 1080 rows) has not been found."""
@@ -115,7 +115,7 @@ def independent_effects(generator: np.random.Generator) -> Effects:
 
 
 def rendered(
-    finger: Finger,
+    finger: FingerSensor,
     *,
     effects: Effects,
     severity: float,
@@ -152,7 +152,7 @@ def rendered(
     return frames
 
 
-def touched(finger: Finger, index: int) -> dict[str, list[Imprint]]:
+def touched(finger: FingerSensor, index: int) -> dict[str, list[Imprint]]:
     """Something pressed into the middle of every pad, another thing from frame to frame."""
     return {
         pad: [Imprint(IMPRINTS[(index + number) % len(IMPRINTS)], along=length / 2)]
@@ -160,7 +160,7 @@ def touched(finger: Finger, index: int) -> dict[str, list[Imprint]]:
     }
 
 
-def can_be_found(finger: Finger, image: TactileImage) -> list[TrueView]:
+def can_be_found(finger: FingerSensor, image: TactileImage) -> list[TrueView]:
     """The views that are asked for, complete and off the border."""
     wanted = {(family.pad, family.path) for family in finger.catalogue.families if family.wanted}
     return [
@@ -171,7 +171,7 @@ def can_be_found(finger: Finger, image: TactileImage) -> list[TrueView]:
 
 
 def judged(
-    finger: Finger, image: TactileImage, sighting: Sighting
+    finger: FingerSensor, image: TactileImage, sighting: Sighting
 ) -> tuple[tuple[FoundView, ...], int]:
     """What was found of every view, and how many were said to be complete wrongly."""
     far = FAR * image.pixels.shape[0] / 1080
@@ -219,7 +219,7 @@ def nearest_errors(
 
 
 def unwarped(
-    finger: Finger, lens: Lens, image: TactileImage, sighting: Sighting
+    finger: FingerSensor, lens: Lens, image: TactileImage, sighting: Sighting
 ) -> tuple[Unwarping, ...]:
     """Every pad unwarped in its best view, and where its places have gone.
 

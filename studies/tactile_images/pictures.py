@@ -11,7 +11,7 @@ from perception.detection import find_views
 from perception.differences import References
 from perception.matching import Sighting, View
 from perception.unwarping import best_view, unwarp
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 from studies.tactile_images.frames import IMPRINTS, touched
 from studies.tactile_images.spec import TactileImagesSpec
 
@@ -47,7 +47,7 @@ class Shown:
     untouched: dict[str, np.ndarray]
 
 
-def shown(finger: Finger, spec: TactileImagesSpec, seed: int) -> Shown:
+def shown(finger: FingerSensor, spec: TactileImagesSpec, seed: int) -> Shown:
     """Render what the figures show, on the first made finger."""
     errors, _ = finger.made(seed, 0)
     renderer = finger.renderer(Effects.graded(spec.severity), errors, seed)
@@ -81,12 +81,12 @@ def shown(finger: Finger, spec: TactileImagesSpec, seed: int) -> Shown:
     return Shown(frames, touches, untouched)
 
 
-def _pose(finger: Finger, scale: float, degrees: tuple[float, ...]) -> np.ndarray:
+def _pose(finger: FingerSensor, scale: float, degrees: tuple[float, ...]) -> np.ndarray:
     """A pose of as many joints as the finger has, rad."""
     return np.deg2rad(scale * np.resize(degrees, len(finger.model.names)))
 
 
-def _pictures(finger: Finger, image: TactileImage) -> dict[View, np.ndarray]:
+def _pictures(finger: FingerSensor, image: TactileImage) -> dict[View, np.ndarray]:
     """Every pad unwarped in its best view."""
     sighting = find_views(image.pixels, finger.lens, finger.catalogue)
     made = {}

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from optics.rendering import Effects
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 
 REPEATS = 5
 
@@ -27,7 +27,7 @@ class EffectTime:
     seconds: float
 
 
-def effect_times(finger: Finger, severity: float, seed: int) -> list[EffectTime]:
+def effect_times(finger: FingerSensor, severity: float, seed: int) -> list[EffectTime]:
     """Time for one frame without any effect, with each alone, and with all."""
     every = replace(Effects.graded(severity or 1.0), gain=1.2)
     cases = {"none": Effects()}

@@ -13,7 +13,7 @@ from optics.rendering import Effects
 from perception.detection import find_quads
 from perception.paper_route import PaperRoute
 from studies.models.one_thread import one_thread
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 from studies.tactile_images import drawings, statements, tables
 from studies.tactile_images.corrupted import Analysis, Trial, tried
 from studies.tactile_images.found import OURS, PAPER, Found
@@ -62,7 +62,7 @@ def run(spec: TactileImagesSpec, context: Context) -> Results:
 def find(spec: TactileImagesSpec, context: Context) -> Found:
     """Everything that is measured."""
     with context.step("The finger and its views"):
-        finger = Finger.of(spec)
+        finger = FingerSensor.of(spec)
     angles = poses(spec.grid, spec.range_deg, len(finger.model.names))
     frames: list[Frame] = []
     conditions = [(gain, spec.severity, number) for gain in spec.gains
@@ -94,7 +94,7 @@ def find(spec: TactileImagesSpec, context: Context) -> Found:
     trials: list[Trial] = []
     if spec.corrupted:
         with context.step("Corrupted frames"):
-            small = Finger.of(spec, spec.corrupted_rows)
+            small = FingerSensor.of(spec, spec.corrupted_rows)
             renderer = small.renderer(Effects.graded(spec.severity), None, context.seed)
             some = angles[np.linspace(0, len(angles) - 1, BASES).round().astype(int)]
             pictures = [
@@ -116,7 +116,7 @@ def find(spec: TactileImagesSpec, context: Context) -> Found:
 
 def _over_sizes(spec: TactileImagesSpec, size: int, seed: int) -> list[PrecisionRow]:
     """Our way and the paper's over images of one size."""
-    finger = Finger.of(spec, size)
+    finger = FingerSensor.of(spec, size)
     errors, _ = finger.made(seed, 0)
     renderer = finger.renderer(Effects.graded(spec.severity), errors, seed)
     generator = np.random.default_rng([seed, 6])

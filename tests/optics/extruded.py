@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import importlib.resources
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -11,10 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from optics.scene.reading import read_scene
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
 from optics.visibility.views import Pieces
+from studies.models import packaged_finger
 from tests.optics.scenes import Posed, mirrored
 
 Lens = Callable[[Any], Any]
@@ -24,9 +23,7 @@ Lens = Callable[[Any], Any]
 @functools.cache
 def finger() -> Scene:
     """The finger of the package."""
-    file = importlib.resources.files("studies.finger") / "scene.toml"
-    with importlib.resources.as_file(file) as path:
-        return read_scene(path)
+    return packaged_finger().scene()
 
 
 POSES = np.radians([[0, 0], [45, 30], [90, 90], [60, 45], [20, 70]])

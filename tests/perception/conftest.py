@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from optics.rendering import Effects, Renderer
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 from studies.models.sensor.spec import FingerImagesSpec
 from tests.perception.rendered import POSES, Frame, analysed
 
@@ -17,18 +17,18 @@ ROWS = 540
 
 
 @pytest.fixture(scope="session")
-def finger() -> Finger:
-    return Finger.of(FingerImagesSpec(), ROWS)
+def finger() -> FingerSensor:
+    return FingerSensor.of(FingerImagesSpec(), ROWS)
 
 
 @pytest.fixture(scope="session")
-def perfect(finger: Finger) -> Renderer:
+def perfect(finger: FingerSensor) -> Renderer:
     """The finger as designed, in perfect light."""
     return finger.renderer(Effects(), None, seed=0)
 
 
 @pytest.fixture(scope="session")
-def designed_frames(finger: Finger) -> list[Frame]:
+def designed_frames(finger: FingerSensor) -> list[Frame]:
     """Frames of the finger as designed, in the light of a good one."""
     renderer = finger.renderer(Effects.graded(1.0), None, seed=1)
     return [
@@ -37,7 +37,7 @@ def designed_frames(finger: Finger) -> list[Frame]:
 
 
 @pytest.fixture(scope="session")
-def made_frames(finger: Finger) -> list[Frame]:
+def made_frames(finger: FingerSensor) -> list[Frame]:
     """The same of a finger that was made with errors, its lens as designed."""
     errors, _ = finger.made(0, 1)
     errors = eqx.tree_at(lambda e: e.distortion, errors, None, is_leaf=lambda leaf: leaf is None)

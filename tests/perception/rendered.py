@@ -10,7 +10,7 @@ import numpy as np
 from optics.rendering import TactileImage, TrueView
 from perception.detection import find_views
 from perception.matching import Sighting
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 
 POSES = np.deg2rad([[5, 5], [15, 70], [30, 30], [50, 45], [60, 60], [75, 20], [70, 85]])
 """Joint angles in which all views are seen well at one time or another, rad."""
@@ -23,11 +23,11 @@ class Frame(NamedTuple):
     sighting: Sighting
 
 
-def analysed(finger: Finger, image: TactileImage) -> Frame:
+def analysed(finger: FingerSensor, image: TactileImage) -> Frame:
     return Frame(image, find_views(image.pixels, finger.lens, finger.catalogue))
 
 
-def findable(finger: Finger, image: TactileImage) -> list[TrueView]:
+def findable(finger: FingerSensor, image: TactileImage) -> list[TrueView]:
     """Views that are asked for, and whole and off the border."""
     wanted = {(family.pad, family.path) for family in finger.catalogue.families if family.wanted}
     return [

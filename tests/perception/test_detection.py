@@ -10,7 +10,7 @@ from perception.detection import find_quads, find_views
 from perception.matching import Sighting
 from perception.quads import Quad
 from perception.quality import Quality
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 from tests.perception.rendered import POSES, analysed, covered, findable, signed_area
 
 NEAR = 2.0
@@ -82,7 +82,7 @@ def test_a_mirror_reverses_handedness(finger, designed_frames):
     assert all(direct[pad] != mirrored[pad] for pad in direct)
 
 
-def clear_quads(finger: Finger, pixels: np.ndarray) -> list[Quad]:
+def clear_quads(finger: FingerSensor, pixels: np.ndarray) -> list[Quad]:
     """Blotches of the background, which are hardly brighter than it, come and go."""
     quads = find_quads(np.ascontiguousarray(pixels), finger.lens)
     return [quad for quad in quads if quad.quality is not Quality.LOW_CONTRAST]
@@ -189,7 +189,7 @@ def test_a_covered_pad_that_does_not_move_is_missing(finger, designed_frames):
     assert found.quality is Quality.MISSING
 
 
-def shape_of(finger: Finger) -> tuple[int, int, int]:
+def shape_of(finger: FingerSensor) -> tuple[int, int, int]:
     return (*finger.lens.shape, 3)
 
 

@@ -29,7 +29,7 @@ from perception.proprioception import (
     observe,
     stack_observations,
 )
-from studies.models.sensor.finger import Finger
+from studies.models.sensor.finger_sensor import FingerSensor
 from studies.models.sensor.spec import FingerImagesSpec
 from studies.proprioception.watching import spread_over
 
@@ -56,12 +56,12 @@ class Picture(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def finger() -> Finger:
-    return Finger.of(FingerImagesSpec())
+def finger() -> FingerSensor:
+    return FingerSensor.of(FingerImagesSpec())
 
 
 @pytest.fixture(scope="module")
-def fingers(finger: Finger) -> list[Calibrated]:
+def fingers(finger: FingerSensor) -> list[Calibrated]:
     found = []
     for number in range(FINGERS):
         fabrication, _ = finger.made(3, number)
@@ -76,12 +76,14 @@ def fingers(finger: Finger) -> list[Calibrated]:
     return found
 
 
-def observed(finger: Finger, pixels: np.ndarray):
+def observed(finger: FingerSensor, pixels: np.ndarray):
     sighting = find_views(pixels, finger.lens, finger.catalogue)
     return observe(sighting, finger.model.views), sighting.angles
 
 
-def of_another(finger: Finger, one: Calibrated, scene: Scene, fabrication: Fabrication) -> Renderer:
+def of_another(
+    finger: FingerSensor, one: Calibrated, scene: Scene, fabrication: Fabrication
+) -> Renderer:
     rows = finger.imaging.shape[0]
     return Renderer(
         scene, finger.width, EFFECTS, errors=fabrication, carried=finger.carried, rows=rows, seed=9
@@ -181,7 +183,9 @@ WRONG: dict[str, Callable[..., Picture]] = {
 }  # fmt: skip
 
 
-def stated_and_wrong(finger: Finger, fingers: list[Calibrated], kind: str, count: int) -> list[str]:
+def stated_and_wrong(
+    finger: FingerSensor, fingers: list[Calibrated], kind: str, count: int
+) -> list[str]:
     """Every joint angle that is stated and off by more than five of its standard deviations."""
     wrong = []
     for number in range(count):
@@ -227,7 +231,7 @@ def test_a_turned_camera_is_refused_after_calibration(finger, fingers):
     assert float(answer.value.misfit.tail) < 1e-6
 
 
-def refused_share(finger: Finger, fingers: list[Calibrated], frames: int) -> float:
+def refused_share(finger: FingerSensor, fingers: list[Calibrated], frames: int) -> float:
     """Part of the right frames' seen joint angles that are held to contradict the finger."""
     refused = seen_at_all = 0
     for number, one in enumerate(fingers):

@@ -2,8 +2,7 @@
 
 import json
 import math
-import tomllib
-from importlib.resources import files
+from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -19,23 +18,23 @@ from kinematics.io.designed import DesignedLinkage
 from optics import Chamber, find_coverage
 from optics.chamber.designed import DesignedChamber
 from optics.scene.designed import DesignedScene
-from studies.finger.design import DesignedFinger, finger_design
+from studies.finger.design import finger_design
 from studies.finger.spec import FingerSpec
+from studies.models import Finger, write_finger
 from studies.models.body import BodySpec
 from studies.models.linkage_design.judging import everywhere
-from studies.models.mirror_design.arrangement import robust_layout, scene_table
 from studies.models.mirror_design.scene_files import scene_file
 from studies.models.mirror_design.spec import FingerMirrorsSpec
-from studies.models.pins import reference_pins
 from studies.models.soft_finger import paper
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.spec import ChamberImagesSpec
 from studies.table1.spec import Table1Spec
+from tests.studies.fingers import finger_of, seeing_finger
 
 KINDS = {
     "bending-direction": DesignedChamber,
     "bending-posture": DesignedChamber,
-    "finger": DesignedFinger,
+    "finger": Finger,
     "finger-grasp": DesignedLinkage,
     "finger-linkage": DesignedLinkage,
     "finger-mirrors": DesignedScene,
@@ -47,7 +46,8 @@ KINDS = {
 }
 SOFT = ("bending-direction", "bending-posture", "object-size", "surface-profile")
 IMAGED = ("proprioception", "tactile-images")
-PACKAGED = files("studies") / "finger"
+OLD = Path(__file__).parents[1] / "data" / "old_specs"
+"""Of a result that was written before fingers had files."""
 
 
 @pytest.fixture
@@ -108,14 +108,10 @@ def chamber_of(name: str, *settings: str) -> Chamber:
     return design.model.chamber
 
 
-def finger() -> DesignedFinger:
+def finger() -> Finger:
     design = load_design("finger")
-    assert isinstance(design.model, DesignedFinger)
+    assert isinstance(design.model, Finger)
     return design.model
-
-
-def table(name: str) -> dict:
-    return tomllib.loads((PACKAGED / name).read_text(encoding="utf-8"))
 
 
 def assert_same(found, expected, tolerance=1e-6):
@@ -152,7 +148,7 @@ def test_settings_that_only_judge_the_linkage_leave_it(unsearched):
     default = linkage_design("finger-linkage")
     same = linkage_design("finger-linkage", "precision=false", "draws=10", "tolerance=0.2")
     assert same.sketch == default.sketch
-    assert finger().linkage.sketch == default.sketch
+    assert finger().linkage_tables()["joints"]["E"] == list(default.sketch.joints["E"])
 
 
 def test_another_body_is_searched_for(monkeypatch):
@@ -160,7 +156,7 @@ def test_another_body_is_searched_for(monkeypatch):
 
     def search(spec, seed):
         seen.append((spec.body.thickness, seed))
-        return SimpleNamespace(pins=reference_pins())
+        return SimpleNamespace(finger=finger_of(None, distal=spec.body.distal))
 
     monkeypatch.setattr("studies.finger_linkage.design.search", search)
     design = linkage_design("finger-linkage", "body.thickness=22", "body.distal=30")
@@ -174,7 +170,7 @@ def test_the_linkage_of_an_earlier_result_is_its_file(unsearched, tmp_path):
     from studies.finger_linkage.design import finger_linkage_design
     from studies.models.linkage_design.spec import FingerLinkageSpec
 
-    text = (PACKAGED / "linkage.toml").read_text(encoding="utf-8")
+    text = (OLD / "linkage.toml").read_text(encoding="utf-8")
     spec = FingerLinkageSpec(body=BodySpec(thickness=22.0))
     with pytest.raises(UserError, match=r"linkage\.toml: cannot be read"):
         finger_linkage_design(spec, tmp_path)
@@ -202,7 +198,7 @@ def test_the_packaged_scene_shows_every_pad(unsearched, name):
     design = scene_design(name)
     angles = jnp.deg2rad(jnp.array([[0.0, 0.0], [30.0, 60.0], [90.0, 90.0]]))
     np.testing.assert_allclose(find_coverage(design.scene, angles).value, 1.0, atol=1e-9)
-    np.testing.assert_array_equal(design.scene.mirrors, finger().scene.scene.mirrors)
+    np.testing.assert_array_equal(design.scene.mirrors, finger().scene().mirrors)
 
 
 def test_settings_that_only_judge_the_mirrors_leave_them(unsearched):
@@ -211,29 +207,28 @@ def test_settings_that_only_judge_the_mirrors_leave_them(unsearched):
 
 
 def test_other_mirrors_are_searched_for(monkeypatch):
-    def search(body, spec, context):
-        assert (body.thickness, spec.floor, context.seed) == (25.0, 3.0, 0)
-        return SimpleNamespace(arrangement=robust_layout())
+    def search(finger, spec, context):
+        assert (float(finger.body.thickness), spec.floor, context.seed) == (25.0, 3.0, 0)
+        return SimpleNamespace(finger=seeing_finger())
 
     monkeypatch.setattr("studies.finger_mirrors.designed.design_mirrors", search)
     design = scene_design("finger-mirrors", "floor=3.0")
-    expected = scene_table(robust_layout(), BodySpec(), FingerMirrorsSpec())
     assert [mirror.name for mirror in design.file.mirrors] == ["distal", "proximal"]
-    np.testing.assert_allclose(design.file.camera.position, expected["camera"]["position"])
+    np.testing.assert_allclose(design.file.camera.position, [15.75, 16.99])
 
 
 def test_another_finger_is_searched_for(monkeypatch):
-    linkage = Mock(return_value=SimpleNamespace(pins=reference_pins()))
-    mirrors = Mock(return_value=SimpleNamespace(arrangement=robust_layout()))
+    made = seeing_finger(distal=30.0)
+    linkage = Mock(return_value=SimpleNamespace(finger=made))
+    mirrors = Mock(return_value=SimpleNamespace(finger=made))
     monkeypatch.setattr("studies.finger.design.design_linkage", linkage)
     monkeypatch.setattr("studies.finger.design.design_mirrors", mirrors)
     spec = FingerSpec(body=BodySpec(distal=30.0))
     design = finger_design(spec, None)
     linkage.assert_called_once_with(spec.linkage_spec(), 0)
-    assert mirrors.call_args.args[:2] == (spec.body, spec.mirrors)
-    assert design.linkage.sketch.joints["T"] == (53.0, 0.0)
-    expected = scene_table(robust_layout(), spec.body, spec.mirrors)
-    np.testing.assert_allclose(design.scene.file.camera.position, expected["camera"]["position"])
+    assert mirrors.call_args.args[:2] == (made, spec.mirrors)
+    assert design.linkage_tables()["joints"]["T"] == [53.0, 0.0]
+    np.testing.assert_allclose(design.scene().camera.position, [15.75, 16.99])
 
 
 def test_the_mirrors_of_an_earlier_result_are_its_file(unsearched, tmp_path):
@@ -242,20 +237,21 @@ def test_the_mirrors_of_an_earlier_result_are_its_file(unsearched, tmp_path):
     spec = FingerMirrorsSpec(floor=3.0)
     with pytest.raises(UserError, match=r"scene\.toml: cannot be read"):
         finger_mirrors_design(spec, tmp_path)
-    file = scene_file(robust_layout(), spec.body, spec)
+    file = scene_file(seeing_finger())
     (tmp_path / file.name).write_text(str(file.content), encoding="utf-8")
-    read = tomllib.loads(str(file.content))
-    assert_same(read, scene_table(robust_layout(), spec.body, spec), 1e-12)
-    position = finger_mirrors_design(spec, tmp_path).file.camera.position
-    np.testing.assert_allclose(position, read["camera"]["position"])
+    found = finger_mirrors_design(spec, tmp_path)
+    np.testing.assert_allclose(found.file.camera.position, [15.75, 16.99])
+    np.testing.assert_allclose(found.scene.mirrors[1], [[4.16, 18.5], [-28.35, 9.3]])
 
 
 @pytest.mark.parametrize("name", IMAGED)
 def test_the_scene_that_is_imaged_may_be_a_file(tmp_path, name):
     path = tmp_path / "mine.toml"
-    text = (PACKAGED / "scene.toml").read_text(encoding="utf-8")
+    text = (OLD / "scene.toml").read_text(encoding="utf-8")
     path.write_text(text.replace("fov_deg = 160.0", "fov_deg = 150.0"), encoding="utf-8")
     assert scene_design(name, f"scene={path}").file.camera.fov_deg == 150.0
+    write_finger(seeing_finger(), path)
+    assert scene_design(name, f"scene={path}").file.camera.fov_deg == 160.0
     with pytest.raises(UserError, match=r"none\.toml: cannot be read"):
         load_design(name, [f"scene={tmp_path / 'none.toml'}"])
 

@@ -15,14 +15,13 @@ from studies.finger.spec import FingerSpec
 from studies.finger.spec_files import spec_files
 from studies.finger.statements import degrees_of_freedom
 from studies.models.body import BodySpec
-from studies.models.mirror_design.arrangement import robust_layout
 from studies.models.mirror_design.percent import percent_at_least
-from studies.models.pins import reference_pins
+from tests.studies.fingers import finger_of, seeing_finger
 
 
 @pytest.fixture(scope="module")
 def files():
-    made = spec_files(FingerSpec(), reference_pins(), robust_layout())
+    made = spec_files(seeing_finger())
     return {file.name: tomllib.loads(str(file.content)) for file in made}
 
 
@@ -48,7 +47,7 @@ def test_the_scene_file_shows_every_pad(files):
 
 def test_degrees_of_freedom_by_kutzbach():
     """Paper B: seven links and eight revolute joints leave two."""
-    assert degrees_of_freedom(reference_pins(), BodySpec()) == 2
+    assert degrees_of_freedom(finger_of()) == 2
 
 
 def test_a_finger_without_room_for_its_camera_is_refused():

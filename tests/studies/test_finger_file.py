@@ -18,9 +18,12 @@ from designopt import UserError, toml_text
 from designopt.io.toml_writing import degrees_of
 from kinematics import read_linkage
 from optics import read_scene
+from studies.finger.spec_files import spec_files
 from studies.models import Finger, finger_from, finger_text, read_finger, write_finger
+from studies.models.finger_file import packaged_finger
 
-PACKAGED = Path(__file__).parents[2] / "studies" / "finger"
+OLD = Path(__file__).parents[1] / "data" / "old_specs"
+"""Of a result that was written before fingers had files."""
 
 TEXT = """
 [finger]
@@ -84,6 +87,7 @@ def test_every_number_is_where_it_belongs():
     assert finger.name == "mine"
     assert float(finger.body.proximal) == 35.0
     assert float(finger.body.flexion) == math.pi / 2
+    assert finger.pins is not None
     assert finger.pins.H.tolist() == [3.04, 13.23]
     assert finger.camera is not None
     assert float(finger.camera.tilt) == math.radians(-3.3)
@@ -106,7 +110,7 @@ def tables(draw) -> dict:
     drawn["camera"] |= {"tilt_deg": draw(st.floats(-90, 90)), "fov_deg": draw(angles)}
     for mirror in drawn["mirrors"]:
         mirror |= {"from": draw(places), "to": draw(places)}
-    for part in ("spring", "camera", "mirrors"):
+    for part in ("pins", "spring", "camera", "mirrors"):
         if draw(st.booleans()):
             del drawn[part]
     return drawn
@@ -167,7 +171,7 @@ def specs(tmp_path) -> Path:
     folder = tmp_path / "specs"
     folder.mkdir()
     for name in ("linkage.toml", "scene.toml"):
-        shutil.copy(PACKAGED / name, folder)
+        shutil.copy(OLD / name, folder)
     return folder
 
 
@@ -207,3 +211,16 @@ def test_what_contradicts_itself_is_named(specs):
     path.write_text(toml_text(scene))
     with pytest.raises(UserError, match=r"it lacks 'proximal', so that it is no finger; name the "):
         read_finger(specs)
+
+
+def test_the_packaged_finger_is_that_of_the_old_result():
+    old, new = read_finger(OLD), packaged_finger()
+    for one, other in ((old.scene(), new.scene()), (old.linkage(), new.linkage())):
+        for first, second in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+            np.testing.assert_allclose(first, second, rtol=1e-13, atol=1e-12)
+
+
+def test_a_new_result_is_read_by_its_finger_file(tmp_path):
+    for file in spec_files(packaged_finger()):
+        (tmp_path / file.name).write_text(str(file.content), encoding="utf-8")
+    assert_identical(read_finger(tmp_path), packaged_finger())

@@ -18,23 +18,26 @@ from designopt import cli
 from studies.finger_grasp.judging import judge, setting_of
 from studies.finger_grasp.second_opinion import reference as slsqp
 from studies.finger_grasp.stability import families
-from studies.models.body import BodySpec
+from studies.models.finger import Spring, spring_of
 from studies.models.grasp import cases
 from studies.models.grasp.analysis import CLOSED, formula_error, retrace_error, touching_dip
 from studies.models.grasp.closing import LARGEST_MOVE, STEPS, close_all, there_and_back
 from studies.models.grasp.comparing import compare
 from studies.models.grasp.conditions import Unknowns, conditions, energy, gaps_of, touches
 from studies.models.grasp.equilibrium import GRASP, solve
-from studies.models.grasp.finger import pads, transfer, transfers
 from studies.models.grasp.free_body import pin_places
 from studies.models.grasp.objects import Circle, Polygon
 from studies.models.grasp.pinch import bracket, least_place, loading, predict, ratio_map
 from studies.models.grasp.spec import GraspSpec, PinsSpec
+from studies.models.grasp.transfer import pads, transfer, transfers
 from studies.models.pins import reference_pins
 from studies.oracles import grasp as exact
+from tests.studies.fingers import finger_of
 
-BODY, SPEC = BodySpec(), GraspSpec()
-FINGER = cases.finger_of(reference_pins(), BODY, SPEC)
+SPEC = GraspSpec()
+FINGER = cases.finger_of(SPEC)
+BODY = FINGER.body
+FREE = cases.problem_of(FINGER, None)
 CHECK = cases.touching(BODY, math.radians(30.0), 11.5, 12.0)
 END = math.radians(SPEC.motor_end_deg)
 
@@ -47,7 +50,7 @@ def closings():
     found = predict(FINGER, [(0.5, 4.0), (0.5, 14.0), (1.0, 8.0), (1.0, 25.0)])
     motions = [there_and_back(END)] * 5 + [loading(FINGER, pinch) for pinch in found]
     for pinch in found:
-        thing = cases.touching(BODY, pinch.pip, BODY.intermediate + pinch.place, 8.0)
+        thing = cases.touching(BODY, pinch.pip, 23.0 + pinch.place, 8.0)
         problems.append(cases.problem_of(FINGER, thing))
     # Last the one that snaps.
     slipping = list(families(FINGER, END, 0))[4]
@@ -69,7 +72,7 @@ def test_transfer_is_the_linkages():
     found = transfers(FINGER, joints)
     straight = {name: np.asarray(getattr(FINGER.pins, name)) for name in "FEDCGH"}
     for i, posture in enumerate(np.asarray(joints)):
-        at = pin_places(straight, BODY, posture)
+        at = pin_places(straight, 23.0, posture)
         turns = {}
         for one, two in ("FE", "CD"):
             now, was = at[two] - at[one], straight[two] - straight[one]
@@ -130,7 +133,7 @@ def test_gaps_are_distances():
         for pad in pads(BODY, jnp.asarray(joints)):
             start = np.array([float(pad.start.x), float(pad.start.y)])
             along = np.array([float(pad.along.x), float(pad.along.y)])
-            segments.append((start, start + pad.length * along))
+            segments.append((start, start + float(pad.length) * along))
         found, slopes = (np.asarray(part) for part in gaps[0](jnp.asarray(joints)))
         wanted = [_from_segment(centre, segment) - 7 for segment in segments]
         np.testing.assert_allclose(found, wanted, atol=1e-12)
@@ -195,7 +198,7 @@ def test_virtual_work_and_free_body_agree():
 
 def test_the_circle_of_the_check_is_the_reference_values_and_fits_any_body():
     assert cases.check_touch(BODY) == pytest.approx((math.radians(30.0), 11.5, 12.0))
-    for body in (BodySpec(range_deg=40), BodySpec(intermediate=40, range_deg=70)):
+    for body in (finger_of(range_deg=40).body, finger_of(intermediate=40, range_deg=70).body):
         found = cases.check_touch(body)
         wrapped = math.degrees(cases.wrapped_dip(body, found.place, found.radius))
         assert wrapped <= 0.8 * body.range_deg + 1e-9
@@ -227,7 +230,7 @@ def test_pinches_out_of_reach_are_refused(settings, words):
 
 def test_where_nothing_assembles_there_is_no_ratio():
     pins = eqx.tree_at(lambda pins: pins.E, reference_pins(), jnp.array([-8.0, 1.0]))
-    found = ratio_map(cases.finger_of(pins, BODY, SPEC), np.radians([0.0, 45.0, 90.0]))
+    found = ratio_map(finger_of(pins), np.radians([0.0, 45.0, 90.0]))
     assert np.isnan(found).any()
     whole = ratio_map(FINGER, np.radians([0.0, 45.0, 90.0]))
     assert np.isfinite(whole).all()
@@ -283,16 +286,26 @@ def test_exact_kinematics_are_the_fingers():
     np.testing.assert_allclose([float(g) for g in exact.gaps(setting, 0.7, 0.4)], gaps, atol=1e-12)
 
 
+def logarithms():
+    """Of the stiffnesses, so that a step of either is a part of it; and the preload."""
+    spring = spring_of(FINGER)
+    return jnp.stack([jnp.log(spring.stiffness), jnp.log(spring.servo), spring.preload])
+
+
+def with_logarithms(parameters):
+    return replace(
+        FINGER, spring=Spring(jnp.exp(parameters[0]), parameters[2], jnp.exp(parameters[1]))
+    )
+
+
 def test_implicit_gradients_of_free_closing_against_central_differences():
     """Compiled and batched: PIP moving, PIP at its stop and DIP moving, both at their stops."""
     joints = jnp.asarray([[0.4, 0.0], [1.57, 0.5], [1.57, 1.57]])
     commands, motors = jnp.asarray([0.5, 1.5, 2.6]), jnp.asarray([0.0, 0.5, 2.0])
-    start = jnp.stack([FINGER.log_spring, FINGER.log_servo, FINGER.preload])
+    start = logarithms()
 
     def value(parameters, command, joints, motor):
-        finger = eqx.tree_at(
-            lambda f: (f.log_spring, f.log_servo, f.preload), FINGER, tuple(parameters)
-        )
+        finger = with_logarithms(parameters)
         problem = eqx.tree_at(lambda p: p.command, cases.problem_of(finger, None), command)
         found = solve(problem, Unknowns(joints, motor, jnp.zeros(0)))
         return jnp.sum(found.value.joints) + 0.01 * found.value.motor, found.ok
@@ -313,18 +326,14 @@ def test_implicit_gradients_against_central_differences():
     path, states = paths[0], [10, 25, 60, 60]
     guesses = Unknowns(
         jnp.asarray(path.joints[states]),
-        jnp.asarray(path.motor[states]) / FINGER.moment_unit,
-        jnp.asarray(path.forces[states]) * FINGER.length_unit / FINGER.moment_unit,
+        jnp.asarray(path.motor[states]) / FREE.moment_unit,
+        jnp.asarray(path.forces[states]) * FREE.length_unit / FREE.moment_unit,
     )
     guesses = eqx.tree_at(lambda u: u.forces, guesses, guesses.forces.at[3].set(1e12))
     commands = jnp.asarray(path.commands[states])
 
     def value(parameters, command, guess):
-        finger = eqx.tree_at(
-            lambda f: (f.log_spring, f.log_servo, f.preload),
-            FINGER,
-            (parameters[0], parameters[1], parameters[2]),
-        )
+        finger = with_logarithms(parameters)
         problem = cases.problem_of(finger, Circle(CHECK.centre, parameters[3]))
         problem = eqx.tree_at(lambda p: p.command, problem, command)
         found = solve(problem, guess, max_steps=6)
@@ -332,7 +341,7 @@ def test_implicit_gradients_against_central_differences():
         total = jnp.sum(state.joints) + 0.01 * state.motor + jnp.sum(state.forces)
         return jnp.where(found.ok, total, 0.0), found
 
-    start = jnp.stack([FINGER.log_spring, FINGER.log_servo, FINGER.preload, CHECK.radius])
+    start = jnp.append(logarithms(), CHECK.radius)
     run = jax.jit(jax.vmap(jax.value_and_grad(value, has_aux=True), (None, 0, 0)))
     (_, found), slopes = run(start, commands, guesses)
     assert bool(jnp.isfinite(slopes).all())
@@ -352,7 +361,7 @@ def test_the_energys_slope_is_what_stops_and_contacts_bear():
     paths, _ = closings()
     path, state = paths[0], 60
     problem = eqx.tree_at(lambda p: p.command, path.problem, jnp.asarray(path.commands[state]))
-    unit = float(FINGER.moment_unit)
+    unit = float(FREE.moment_unit)
     slope = scipy.optimize.approx_fprime(
         path.joints[state], lambda q: unit * float(energy(problem, jnp.asarray(q))), 1e-7
     )
@@ -377,7 +386,7 @@ def test_complementarity_keeps_the_digits_of_small_moments(size):
             jnp.full(2, sign * size),
             jnp.zeros(0),
         ).joints
-        kappa = float(FINGER.contrast)
+        kappa = float(FREE.contrast)
         with mpmath.workdps(40):
 
             def either(a, b):

@@ -4,6 +4,7 @@ import cmath
 import functools
 import math
 import tomllib
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -30,11 +31,13 @@ from studies.models.linkage_design.searching import least_angles_deg, over, roun
 from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec, SearchSpec, SensorSpec
 from studies.models.linkage_design.tolerance import least_angles
 from studies.models.linkage_design.transmission import finger_transmission
-from studies.models.linkage_files import spec_file
-from studies.models.pins import Pins, linkage_of, reference_pins
+from studies.models.linkage_files import linkage_file
+from studies.models.pins import Pins, reference_pins
 from tests.readable import assert_readable
+from tests.studies.fingers import finger_of
 
-BODY, LIMITS = BodySpec(), LimitsSpec()
+REFERENCE, LIMITS = finger_of(), LimitsSpec()
+BODY = REFERENCE.body
 COARSE = grid(BODY, 15.0)
 
 OTHER = Pins(
@@ -50,7 +53,7 @@ OTHER = Pins(
 
 @jax.jit
 def postures(pins, pip, dip):
-    return find_postures(pins, BODY, pip, dip)
+    return find_postures(replace(REFERENCE, pins=pins), pip, dip)
 
 
 def meeting(p, u, q, v):
@@ -85,7 +88,7 @@ def walk(pins, flexion):
     """Angles (degrees), crank turn (rad), and places over all postures, walked from the straight
     finger posture by posture with circles that meet: no code of the library."""
     at = {n: complex(*np.asarray(getattr(pins, n))) for n in "FEDCGH"}
-    length = BODY.intermediate
+    length = float(BODY.intermediate)
     angles = {name: np.zeros((len(flexion),) * 2) for name in SYMBOLS}
     crank, places = np.zeros((len(flexion),) * 2), {}
 
@@ -147,7 +150,7 @@ def test_postures_are_those_of_the_general_solver():
     angles = jnp.asarray(COARSE)
     found = postures(reference_pins(), angles, angles)
     square = jnp.stack(jnp.meshgrid(angles, angles, indexing="ij"), axis=-1)
-    poses = jax.jit(solve_poses)(linkage_of(reference_pins(), BODY, "joints"), -square)
+    poses = jax.jit(solve_poses)(REFERENCE.linkage(), -square)
     assert bool(jnp.all(poses.ok))
     for name, values in finger_transmission(poses.value).items():
         np.testing.assert_allclose(
@@ -170,13 +173,13 @@ def test_ratios_are_the_slopes_of_the_cranks_turn():
 
 def test_ratio_of_design_b():
     """φ₂/φ₁ from 0.23 to 0.46, a figure of the independent search."""
-    verdict = judged(reference_pins(), BODY, LIMITS)
+    verdict = judged(REFERENCE, LIMITS)
     assert abs(verdict.ratio.min() - 0.23) < 0.005
     assert abs(verdict.ratio.max() - 0.46) < 0.005
 
 
 def test_gradients_of_the_problem_compiled_and_batched():
-    problem = linkage_problem(BODY, LIMITS, COARSE[::3], COARSE[::3])
+    problem = linkage_problem(REFERENCE, LIMITS, COARSE[::3], COARSE[::3])
 
     def numbers(pins):
         terms = problem.terms(pins, *problem.data)
@@ -205,7 +208,7 @@ def test_gradients_of_the_problem_compiled_and_batched():
 def test_gradients_stay_finite_where_nothing_assembles():
     far = jax.tree.map(lambda leaf: leaf, reference_pins())
     broken = Pins(far.F, far.E, far.D, far.C, far.G, far.G)  # the bar has no length
-    problem = linkage_problem(BODY, LIMITS, COARSE[::3], COARSE[::3])
+    problem = linkage_problem(REFERENCE, LIMITS, COARSE[::3], COARSE[::3])
 
     def total(pins):
         terms = problem.terms(pins, *problem.data)
@@ -222,7 +225,7 @@ def test_gradients_stay_finite_where_nothing_assembles():
 @pytest.mark.parametrize("kind", ["reference", "other"])
 def test_judgement_is_that_of_walked_postures(kind):
     pins = {"reference": reference_pins(), "other": OTHER}[kind]
-    verdict = judged(pins, BODY, LIMITS)
+    verdict = judged(finger_of(pins), LIMITS)
     angles, crank, places = walked(kind)
     every = np.rint(np.rad2deg(COARSE)).astype(int)
     for name, values in angles.items():
@@ -243,15 +246,15 @@ def test_judgement_is_that_of_walked_postures(kind):
 
 def test_judgement_finds_what_is_not_met():
     tight = LimitsSpec(clearance=2.5, crank_length=20.0, force_ratio=0.4, crank_range_deg=80.0)
-    unmet = {check.name for check in judged(reference_pins(), BODY, tight).unmet}
+    unmet = {check.name for check in judged(REFERENCE, tight).unmet}
     assert {"|EF|", "φ₂/φ₁", "range of the crank", "pin F inside the proximal phalanx"} <= unmet
 
 
 def test_inequalities_and_judgement_agree():
-    flexion = jnp.asarray(grid(BODY, 1.0))
-    found = inequalities(OTHER, postures(OTHER, flexion, flexion), BODY, LIMITS)
+    other, flexion = finger_of(OTHER), jnp.asarray(grid(BODY, 1.0))
+    found = inequalities(other, postures(OTHER, flexion, flexion), LIMITS)
     worst = {name: float(jnp.min(values)) for name, values in found.items()}
-    checks = {check.name: check for check in judged(OTHER, BODY, LIMITS).checks}
+    checks = {check.name: check for check in judged(other, LIMITS).checks}
     assert min(worst.values()) >= 0
     assert worst["|EF|"] * 5 == pytest.approx(checks["|EF|"].slack)
     sides = [
@@ -261,7 +264,7 @@ def test_inequalities_and_judgement_agree():
 
 
 def test_requirements_are_told_in_words():
-    problem = linkage_problem(BODY, LIMITS, COARSE, COARSE)
+    problem = linkage_problem(REFERENCE, LIMITS, COARSE, COARSE)
     told = problem.requirements
     assert told["μ_C"].words((6,)) == "μ_C at DIP 90°"
     assert told["μ_D1"].words((6, 0)) == "μ_D1 at PIP 90°, DIP 0°"
@@ -273,10 +276,10 @@ def test_requirements_are_told_in_words():
 
 def test_tolerance_of_design_b():
     """±0.1 mm on every coordinate leave 45.2 ± 0.7°, a figure of the independent search."""
-    least = least_angles(reference_pins(), BODY, 0.1, 600, 0)
+    least = least_angles(REFERENCE, 0.1, 600, 0)
     assert abs(least.mean() - 45.2) < 0.1
     assert abs(least.std() - 0.7) < 0.1
-    exact = least_angles(reference_pins(), BODY, 0.0, 10, 0)
+    exact = least_angles(REFERENCE, 0.0, 10, 0)
     np.testing.assert_allclose(exact, exact[0])
     assert abs(exact[0] - 46.3) < 0.1
 
@@ -313,17 +316,17 @@ def test_a_comparison_without_a_feasible_run_has_no_best():
 
 
 def test_the_linkage_file_is_the_design():
-    text = str(spec_file(reference_pins(), BODY).content)
+    text = str(linkage_file(REFERENCE).content)
     linkage = linkage_from(tomllib.loads(text))
     angles = -jnp.deg2rad(jnp.array([[0.0, 0.0], [40.0, 70.0]]))
     mine = solve_poses(linkage, angles).value
-    other = solve_poses(linkage_of(reference_pins(), BODY, "joints"), angles).value
+    other = solve_poses(REFERENCE.linkage(), angles).value
     np.testing.assert_allclose(mine.position("E"), other.position("E"), atol=1e-12)
 
 
 @pytest.mark.parametrize("distal", [32.0, 80.0])
 def test_the_sequences_show_all_of_a_finger_of_any_length(distal):
-    drawing = sequence_figure(reference_pins(), BodySpec(distal=distal)).drawing
+    drawing = sequence_figure(finger_of(distal=distal)).drawing
     trim(drawing)
     assert_readable(drawing)
     assert float(
@@ -339,7 +342,7 @@ def test_the_sequences_show_all_of_a_finger_of_any_length(distal):
 
 def test_bounds_are_told_by_the_papers_pins():
     """A pin of the plate a millimetre too high: its distance from the bound, in mm."""
-    problem = over(FingerLinkageSpec(), *2 * (np.deg2rad([0.0, 12.0]),))
+    problem = over(REFERENCE, FingerLinkageSpec(), *2 * (np.deg2rad([0.0, 12.0]),))
     told = problem.parameters["H"]
     assert told.words((1,)) == "y of pin G'"
     assert (told.unit, told.scale) == ("mm", 1.0)
@@ -348,7 +351,7 @@ def test_bounds_are_told_by_the_papers_pins():
 def test_a_start_is_told_by_its_angle_and_not_by_the_level_it_was_left_at():
     """The level of the epigraph form may end below every angle, even below 0."""
     flexion = np.deg2rad([0.0, 45.0, 90.0])
-    problem = over(FingerLinkageSpec(), flexion, flexion)
+    problem = over(REFERENCE, FingerLinkageSpec(), flexion, flexion)
     level, zero = jnp.asarray(-0.04), jnp.asarray(0.0)
     solution = Solution(Levelled(reference_pins(), level), zero, zero, OptimumResult.successful)
     trace = Trace(jnp.zeros(1), jnp.zeros(1), jnp.zeros(1, int))
@@ -358,7 +361,7 @@ def test_a_start_is_told_by_its_angle_and_not_by_the_level_it_was_left_at():
 
 
 def test_tables_of_dimensions():
-    pins, lengths = tables.dimensions(reference_pins(), BODY)
+    pins, lengths = tables.dimensions(REFERENCE)
     assert isinstance(pins, Table)
     assert dict(zip([row[0] for row in pins.rows], pins.rows, strict=True))["G'"][1:3] == (
         15.0,
@@ -374,8 +377,8 @@ def test_a_quick_search_beats_design_b():
     how = SearchSpec(starts=4, among=4096, exchanges=1, step_deg=30.0, finalists=1)
     spec = FingerLinkageSpec(search=how)
     found = search(spec, 0)
-    verdict = judged(found.pins, BODY, LIMITS)
-    assert verdict.least_deg > judged(reference_pins(), BODY, LIMITS).least_deg
+    verdict = judged(found.finger, LIMITS)
+    assert verdict.least_deg > judged(REFERENCE, LIMITS).least_deg
     assert found.held_by()
     assert found.seconds > 0
     assert sum(one.share for one in found.held_by()) <= 1 + 1e-9
@@ -389,10 +392,10 @@ ASKED = [(25.0, None, 49.0), (22.0, None, 46.5), (20.0, None, 42.5), (25.0, 0.41
 def test_the_search_reaches_what_is_asked(thickness, ratio, asked):
     body, limits = BodySpec(thickness=thickness), LimitsSpec(force_ratio=ratio)
     found = search(FingerLinkageSpec(body=body, limits=limits), 0)
-    verdict = judged(found.pins, body, limits)
+    verdict = judged(found.finger, limits)
     assert not verdict.unmet
     assert verdict.least_deg >= asked
-    assert_walked(found.pins, thickness, ratio, verdict.least_deg)
+    assert_walked(found.finger.pins, thickness, ratio, verdict.least_deg)
 
 
 def assert_walked(pins, thickness, ratio, least_deg):
@@ -444,5 +447,5 @@ def test_requirements_that_conflict_are_named():
 
 def test_the_problem_over_other_postures_has_their_words():
     flexion = np.deg2rad([0.0, 12.0])
-    problem = over(FingerLinkageSpec(), flexion, flexion)
+    problem = over(REFERENCE, FingerLinkageSpec(), flexion, flexion)
     assert problem.requirements["μ_E"].words((1, 0)) == "μ_E at PIP 12°, DIP 0°"

@@ -4,6 +4,7 @@ import cmath
 import csv
 import json
 import math
+import tomllib
 from pathlib import Path
 
 import equinox as eqx
@@ -19,56 +20,58 @@ from designopt.optimize import sobol_starts
 from optics import Pieces, find_coverage, find_views, read_scene, scene_from
 from studies.finger_mirrors import solvers, statements
 from studies.finger_mirrors.solvers import Run
-from studies.models.body import BodySpec
+from studies.models.finger import camera_of
 from studies.models.mirror_design import design as designing
 from studies.models.mirror_design import problem, seeing, yields
-from studies.models.mirror_design.arrangement import (
-    Arrangement,
-    bounds,
-    camera_body,
-    finger_scene,
-    poor_start,
-    robust_layout,
-    scale,
-    scene_of,
-    scene_table,
-)
 from studies.models.mirror_design.errors import (
     NAMES,
     Errors,
     deviations,
     drawn,
+    perturb,
     spread_evenly,
-    with_errors,
 )
-from studies.models.mirror_design.judging import judged, seen_by_rays, whole_square
+from studies.models.mirror_design.judging import coverage_grid, judged, seen_by_rays
+from studies.models.mirror_design.placement import (
+    PROXIMAL,
+    bounds,
+    free_part,
+    poor_layout,
+    scale,
+)
+from studies.models.mirror_design.scene_files import scene_file
 from studies.models.mirror_design.searching import Stage, lagrangian
 from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
+from tests.studies.fingers import LENS, finger_of, seeing_finger
 
-BODY, SPEC = BodySpec(), MirrorSpec()
+SPEC = MirrorSpec()
 SMALL = MirrorSpec.model_validate({"search": {"copies": 2, "poses": 2, "starts": 1}})
 GALLERY = Path(__file__).parents[2] / "studies" / "gallery" / "scenes" / "finger.toml"
+GIVEN, POOR = seeing_finger(), poor_layout(finger_of(), LENS)
 
 
 @pytest.fixture(scope="module")
-def finger():
-    return finger_scene(BODY, SPEC)
+def given():
+    return GIVEN.scene()
 
 
 @pytest.fixture(scope="module")
-def given(finger):
-    return scene_of(robust_layout(), finger)
+def verdict():
+    return judged(GIVEN)
 
 
-@pytest.fixture(scope="module")
-def verdict(given):
-    return judged(given, 90.0)
+def random_fingers(count):
+    task = problem.Task.of(POOR, SMALL, 0)
+    points = sobol_starts(problem.problem_of(SMALL, task), count, 3)
+    placements = [jax.tree.map(lambda leaf, i=i: leaf[i], points) for i in range(count)]
+    return [eqx.combine(placement, POOR) for placement in placements]
 
 
-def random_arrangements(count):
-    task = problem.Task.of(BODY, SMALL, 0)
-    points = sobol_starts(problem.problem_of(BODY, SMALL, task), count, 3)
-    return [jax.tree.map(lambda leaf, i=i: leaf[i], points) for i in range(count)], task
+def mirrors_of(finger):
+    """Ends as complex numbers, y upwards, each in its phalanx's frame."""
+    dorsal = float(finger.body.dorsal)
+    ends = np.stack([np.asarray(mirror.ends) for mirror in finger.mirrors])
+    return ends[..., 0] + 1j * (dorsal - ends[..., 1])
 
 
 def test_the_given_layout_is_the_gallerys_finger(given):
@@ -83,22 +86,19 @@ def test_the_given_layout_is_the_gallerys_finger(given):
 
 
 @pytest.mark.parametrize("thickness", [25.0, 20.0])
-def test_an_arrangement_written_to_a_file_is_the_scene(thickness):
-    body = BodySpec(thickness=thickness)
-    arrangement = poor_start(body)
-    read = scene_from(json.loads(json.dumps(scene_table(arrangement, body, SPEC))), "finger")
-    built = scene_of(arrangement, finger_scene(body, SPEC))
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-12), read, built)
+def test_a_finger_written_to_a_file_is_the_scene(thickness):
+    finger = poor_layout(finger_of(thickness=thickness), LENS)
+    read = scene_from(tomllib.loads(str(scene_file(finger).content)), "finger")
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-12), read, finger.scene())
 
 
 def test_the_given_layout_meets_the_bounds():
-    least, greatest = bounds(BODY, SPEC)
+    least, greatest = bounds(GIVEN, SPEC)
     for low, value, high in zip(
-        *map(jax.tree.leaves, (least, robust_layout(), greatest)), strict=True
+        *map(jax.tree.leaves, (least, free_part(GIVEN), greatest)), strict=True
     ):
         assert bool(jnp.all((low <= value) & (value <= high)))
-    task = problem.Task.of(BODY, SMALL, 0)
-    assert float(jnp.min(problem.clearances(robust_layout(), task))) >= SPEC.room.clearance
+    assert float(jnp.min(problem.clearances(GIVEN))) >= SPEC.room.clearance
 
 
 def distance(one, other):
@@ -123,12 +123,11 @@ def distance(one, other):
 
 def test_clearance_in_the_straight_finger_holds_in_every_posture():
     """Mirrors turned by complex numbers, with the camera's body and with each other."""
-    arrangements, task = random_arrangements(64)
-    clear = [a for a in arrangements if float(jnp.min(problem.clearances(a, task))) >= 1.0]
+    clear = [one for one in random_fingers(64) if float(jnp.min(problem.clearances(one))) >= 1.0]
     assert len(clear) > 10
-    for arrangement in clear:
-        behind = np.asarray(camera_body(arrangement, SPEC.camera.width)) @ [1, 1j]
-        distal, proximal = np.asarray(arrangement.mirrors) @ [1, 1j]
+    for finger in clear:
+        behind = np.asarray(finger.camera_body()) @ [1, 1j]
+        distal, proximal = mirrors_of(finger)
         for degrees in np.linspace(0, 90, 19):
             turn = cmath.exp(1j * math.radians(degrees))
             outer, inner = 23 + distal / turn, proximal * turn
@@ -139,17 +138,17 @@ def test_clearance_in_the_straight_finger_holds_in_every_posture():
 
 
 def test_errors_are_put_in_as_complex_numbers_say():
-    arrangement = robust_layout()
     entries = np.array([0.3, -0.2, 0.03, 0.02, -0.01, 0.25, -0.4])
-    found = with_errors(arrangement, Errors.of(jnp.asarray(entries)))
-    np.testing.assert_allclose(found.camera, np.asarray(arrangement.camera) + entries[:2])
-    np.testing.assert_allclose(found.tilt, arrangement.tilt + entries[2])
+    found = perturb(GIVEN, Errors.of(jnp.asarray(entries)))
+    before, after = GIVEN.scene().camera, found.scene().camera
+    np.testing.assert_allclose(after.position, np.asarray(before.position) + entries[:2])
+    np.testing.assert_allclose(after.direction, before.direction + entries[2])
     for mirror in (0, 1):
-        start, end = np.asarray(arrangement.mirrors)[mirror] @ [1, 1j]
+        start, end = mirrors_of(GIVEN)[mirror]
         arm = (end - start) / 2 * cmath.exp(1j * entries[3 + mirror])
         middle = (start + end) / 2 + entries[5 + mirror] * 1j * arm / abs(arm)
         expected = np.array([middle - arm, middle + arm])
-        np.testing.assert_allclose(np.asarray(found.mirrors)[mirror] @ [1, 1j], expected)
+        np.testing.assert_allclose(mirrors_of(found)[mirror], expected)
 
 
 def test_draws_have_the_stated_size_and_differ_from_the_copies():
@@ -182,7 +181,8 @@ def test_resolution_agrees_with_the_library(given, verdict):
     """`find_sharpness` looks every place up by its own ray."""
     views = jax.tree.map(jnp.asarray, verdict.views.value)
     lengths = seeing.pad_lengths(given)
-    best = seeing.best_resolution(views, lengths, jnp.linspace(0, 1, 401))
+    # Rounding may leave a pad's very end out of a view.
+    best = seeing.best_resolution(views, lengths, jnp.linspace(1e-12, 1 - 1e-12, 401))
     assert bool(jnp.all(best > 0))
     np.testing.assert_allclose(jnp.min(best, axis=-1), verdict.px_per_mm, rtol=0.02)
     # The search's own, without looking places up, misses nothing.
@@ -198,33 +198,33 @@ def test_the_verdict_on_the_given_layout(verdict):
 
 
 @pytest.mark.slow
-def test_the_row_stands_for_the_square(given, finger):
-    for scene in (given, scene_of(poor_start(BODY), finger)):
-        square = whole_square(scene, 30.0)
+def test_the_row_stands_for_the_square():
+    for finger in (seeing_finger(range_deg=30.0), poor_layout(finger_of(range_deg=30.0), LENS)):
+        square = coverage_grid(finger)
         assert square.coverage.shape == (31, 31, 3)
         assert square.disagreement < 1e-12
 
 
-def test_rays_see_the_same(finger):
+def test_rays_see_the_same():
     """In postures in which the poor start shows parts only."""
-    scene = scene_of(poor_start(BODY), finger)
+    scene = POOR.scene()
     degrees = np.array([[0.0, 21.0], [75.0, 80.0]])
     exact = find_coverage(scene, jnp.deg2rad(degrees)).value
     assert 0.1 < float(jnp.min(exact)) < float(jnp.max(exact[:, [0, 2]])) < 0.95
     np.testing.assert_allclose(seen_by_rays(scene, degrees, 40_000), exact, atol=2e-3)
 
 
-def test_what_is_hidden_shows_the_way_out(finger):
+def test_what_is_hidden_shows_the_way_out():
     """Against coverage and margins, and the slope where coverage has none."""
-    arrangement = poor_start(BODY)
     pose = seeing.together(jnp.deg2rad(jnp.asarray([10.0, 45.0])))
 
-    def hidden(tilt):
-        scene = scene_of(eqx.tree_at(lambda a: a.proximal, arrangement, tilt), finger)
+    def hidden(ends):
+        scene = eqx.tree_at(lambda one: one.mirrors[PROXIMAL].ends, POOR, ends).scene()
         views = find_views(scene, pose)
         return jnp.sum(seeing.missing(views)), views
 
-    (_, views), slope = jax.jit(jax.value_and_grad(hidden, has_aux=True))(arrangement.proximal)
+    run = jax.jit(jax.value_and_grad(hidden, has_aux=True))
+    (_, views), slope = run(POOR.mirrors[PROXIMAL].ends)
     found = np.asarray(seeing.missing(views))
     np.testing.assert_allclose(found[0], 0, atol=1e-12)
     nearest = -np.max(np.where(views.margin[1, :, 0] < 0, views.margin[1, :, 0], -np.inf))
@@ -233,13 +233,13 @@ def test_what_is_hidden_shows_the_way_out(finger):
     assert bool(jnp.all(jnp.isfinite(slope)))
 
 
-def slopes_agree(value, arrangement):
+def slopes_agree(value, placement):
     """Compiled and batched, against central differences from the same program."""
-    units, build = ravel_pytree(scale())
+    units, build = ravel_pytree(scale(POOR))
     run = jax.jit(jax.vmap(jax.value_and_grad(lambda point: value(build(point)))))
     step = 1e-6
     # Off the round numbers, at which kinks lie.
-    point = ravel_pytree(arrangement)[0] + 0.0211 * units
+    point = ravel_pytree(placement)[0] + 0.0211 * units
     steps = step * jnp.diag(units)
     points = jnp.concatenate([point[None], point[None] + steps, point[None] - steps])
     values, slopes = run(points)
@@ -253,11 +253,12 @@ def slopes_agree(value, arrangement):
 @pytest.mark.slow
 def test_the_searchs_function_is_the_problems():
     """Its value in NumPy from `terms_of`, its slope by central differences; fewer copies too."""
-    task = problem.Task.of(BODY, SMALL, 0)
-    units = np.asarray(ravel_pytree(scale())[0])
+    task = problem.Task.of(POOR, SMALL, 0)
+    units, build = ravel_pytree(scale(POOR))
+    units = np.asarray(units)
     # Off the round numbers, at which kinks lie.
-    point = np.asarray(ravel_pytree(poor_start(BODY))[0]) / units + 0.0211
-    arrangement = ravel_pytree(scale())[1](jnp.asarray(point * units))
+    point = np.asarray(ravel_pytree(free_part(POOR))[0]) / units + 0.0211
+    placement = build(jnp.asarray(point * units))
     places = SMALL.search.poses * task.plain
     given = np.random.default_rng(0).uniform(0, 2, (places + 1, 3))
     multipliers = {
@@ -272,7 +273,7 @@ def test_the_searchs_function_is_the_problems():
         return float(value), terms, np.asarray(slope)
 
     for copies in (1, 2):
-        terms = problem.terms_of(arrangement, task.first(copies))
+        terms = problem.terms_of(placement, task.first(copies))
         expected = float(terms.value)
         for name, levels in terms.inequalities.items():
             m, g = np.asarray(multipliers[name]), np.asarray(levels)
@@ -317,35 +318,35 @@ def test_resolution_dips_beside_a_hand_over():
 
 
 @pytest.mark.parametrize(
-    "arrangement",
+    "finger",
     [
-        pytest.param(robust_layout(), marks=pytest.mark.as_users),
-        pytest.param(poor_start(BODY), marks=pytest.mark.nightly),
+        pytest.param(GIVEN, marks=pytest.mark.as_users),
+        pytest.param(POOR, marks=pytest.mark.nightly),
     ],
 )
-def test_gradients_of_the_whole_problem_are_central_differences(arrangement):
-    task = problem.Task.of(BODY, SMALL, 0)
+def test_gradients_of_the_whole_problem_are_central_differences(finger):
+    task = problem.Task.of(POOR, SMALL, 0)
     weights = jax.random.uniform(jax.random.key(1), (task.plain * SMALL.search.poses, 3))
 
-    def value(arrangement):
-        terms = problem.terms_of(arrangement, task)
+    def value(placement):
+        terms = problem.terms_of(placement, task)
         # What is not seen has a resolution that stands for none.
         sharp = jnp.minimum(terms.inequalities["resolution"], 10.0)
         held = jnp.sum(weights * sharp) + jnp.sum(terms.inequalities["clearance"])
         return terms.value + held
 
-    slopes_agree(value, arrangement)
+    slopes_agree(value, free_part(finger))
 
 
-def test_the_yield_is_that_of_fingers_built_one_by_one(finger):
+def test_the_yield_is_that_of_fingers_built_one_by_one():
     errors = drawn(SPEC.tolerances, 6, 5)
-    found = yields.coverages(robust_layout(), finger, errors, 90.0)
+    found = yields.coverages(GIVEN, errors)
     poses = seeing.together(jnp.deg2rad(jnp.arange(91.0)))
     for entries, coverage in zip(errors, found, strict=True):
-        assembled = with_errors(robust_layout(), Errors.of(jnp.asarray(entries)))
-        scene = scene_from(scene_table(assembled, BODY, SPEC))
+        assembled = perturb(GIVEN, Errors.of(jnp.asarray(entries)))
+        scene = scene_from(tomllib.loads(str(scene_file(assembled).content)))
         np.testing.assert_allclose(coverage, find_coverage(scene, poses).value, atol=1e-12)
-    share = yields.monte_carlo(robust_layout(), finger, SPEC.tolerances, 90.0, draws=6, seed=5)
+    share = yields.monte_carlo(GIVEN, SPEC.tolerances, draws=6, seed=5)
     whole = np.all(found >= 1 - 1e-9, axis=(1, 2))
     assert share.value == np.mean(whole)
     assert share.low < share.value <= share.high
@@ -437,14 +438,29 @@ def test_the_search_leads_from_the_poor_start_to_everything(tmp_path, capsys):
     }
 
 
-def test_the_poor_start_is_poor(finger):
-    assert judged(scene_of(poor_start(BODY), finger), 90.0).mean_coverage < 0.6
+def test_the_poor_start_is_poor():
+    assert judged(POOR).mean_coverage < 0.6
 
 
-def test_an_arrangement_has_lengths():
+def test_mirrors_have_lengths():
     expected = [math.hypot(30.57, 18.70), math.hypot(32.51, 9.20)]
-    np.testing.assert_allclose(robust_layout().lengths, expected)
-    assert isinstance(robust_layout(), Arrangement)
+    np.testing.assert_allclose([mirror.length for mirror in GIVEN.mirrors], expected)
+
+
+def test_random_starts_are_drawn_by_their_heights():
+    """The seed's Sobol points over heights above the axes, whatever a finger stores."""
+    task = problem.Task.of(POOR, SMALL, 0)
+    least, greatest = bounds(POOR, SMALL)
+    (start,) = designing._random(SMALL, task, 0)
+    points = sobol_starts(problem.problem_of(SMALL, task), 1, 0)
+    first, low, high, point = map(camera_of, (start, least, greatest, points))
+    assert (first.along, first.tilt) == (point.along[0], point.tilt[0])
+    np.testing.assert_allclose(first.depth, low.depth + high.depth - point.depth[0])
+    for mirror, low, high, point in zip(
+        start.mirrors, least.mirrors, greatest.mirrors, points.mirrors, strict=True
+    ):
+        np.testing.assert_array_equal(mirror.ends[:, 0], point.ends[0, :, 0])
+        np.testing.assert_allclose(mirror.ends[:, 1], (low.ends + high.ends - point.ends[0])[:, 1])
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-import math
+import json
 import runpy
 import subprocess
 import sys
@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 
 from designopt import UserError
-from kinematics import solve_poses, solve_transmission
-from studies.models import Body, Finger, FingerCamera, FingerMirror, Spring
-from studies.models.body import RIM, BodySpec
-from studies.models.mirror_design.arrangement import finger_scene, robust_layout, scene_of
-from studies.models.mirror_design.spec import MirrorSpec
-from studies.models.pins import linkage_of, reference_pins
+from kinematics import linkage_from, solve_poses, solve_transmission
+from optics import scene_from
+from optics.scene.writer import scene_tables
+from studies.models import Finger
+from studies.models.finger import pins_of
+from tests.studies.fingers import seeing_finger
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "finger_gradient.py"
 
@@ -58,61 +58,45 @@ def slopes_of_example() -> tuple[dict, dict]:
     return jax.jit(figures)(finger), jax.jit(jax.jacrev(figures))(finger)
 
 
-def packaged(body: BodySpec, layout=None) -> Finger:
-    """The finger that the file readers make of the same numbers."""
-    layout, lens = layout or robust_layout(), MirrorSpec().camera
-
-    def below(ends) -> np.ndarray:
-        along, height = np.asarray(ends).T
-        return np.stack([along, body.dorsal - height], axis=-1)
-
-    return Finger.of(
-        Body(
-            *(body.proximal, body.intermediate, body.distal, body.thickness, body.axis_height),
-            *(math.radians(body.range_deg), RIM),
-        ),
-        reference_pins(),
-        Spring(30.0, 0.3, 300.0),
-        FingerCamera(
-            layout.camera[0],
-            body.dorsal - layout.camera[1],
-            layout.tilt,
-            math.radians(lens.fov_deg),
-            lens.pixels,
-            lens.width,
-            math.radians(lens.min_grazing_deg),
-        ),
-        [
-            FingerMirror(below(layout.distal), "distal"),
-            FingerMirror(below(layout.proximal), "proximal"),
-        ],
-    )
-
-
 def assert_same(found, wanted):
     assert jax.tree.structure(found) == jax.tree.structure(wanted)
     for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-14, atol=1e-12)
 
 
-BODIES = [BodySpec(), BodySpec(thickness=22.0, axis_height=5.0, distal=30.0, range_deg=80.0)]
+BODIES = [{}, {"thickness": 22.0, "axis_height": 5.0, "distal": 30.0, "range_deg": 80.0}]
 
 
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("drive", ["joints", "crank"])
 def test_its_linkage_is_that_of_its_file(body, drive):
-    spring = (30.0, 0.3) if drive == "crank" else None
-    assert_same(packaged(body).linkage(drive), linkage_of(reference_pins(), body, drive, spring))
+    """The reader of files assembles a sketch, and knows nothing of fingers."""
+    finger = seeing_finger(**body)
+    tables = json.loads(json.dumps(finger.linkage_tables(drive)))
+    assert tables["joints"]["T"] == [23.0 + body.get("distal", 32.0), 0.0]
+    assert_same(finger.linkage(drive), linkage_from(tables))
 
 
 @pytest.mark.parametrize("body", BODIES)
 def test_its_scene_is_that_of_its_file(body):
-    wanted = scene_of(robust_layout(), finger_scene(body, MirrorSpec()))
-    assert_same(packaged(body).scene(), wanted)
+    scene = seeing_finger(**body).scene()
+    tables = json.loads(json.dumps(scene_tables(scene)))
+    assert_same(scene, scene_from(tables))
+    height, gap = body.get("thickness", 25.0), body.get("axis_height", 4.0)
+    tip = 23.0 + body.get("distal", 32.0)
+    pads = {pad["name"]: [pad["from"], pad["to"]] for pad in tables["pads"]}
+    assert pads == {
+        "proximal": [[-33.5, -gap], [-gap, -gap]],
+        "intermediate": [[gap, -gap], [23.0 - gap, -gap]],
+        "distal": [[23.0 + gap, -gap], [tip - 1.5, -gap]],
+    }
+    blockers = {part["name"]: [part["from"], part["to"]] for part in tables["blockers"]}
+    assert blockers["tip"] == [[tip, -gap], [tip, height - gap]]
+    assert blockers["intermediate shell"] == [[0.0, height - gap], [23.0, height - gap]]
 
 
 def test_a_thicker_finger_takes_its_back_along():
-    finger = packaged(BodySpec())
+    finger = seeing_finger()
     thicker = eqx.tree_at(lambda one: one.body.thickness, finger, finger.body.thickness + 2)
     before, after = finger.scene(), thicker.scene()
     for part in ("mirrors", "blockers"):
@@ -124,7 +108,7 @@ def test_a_thicker_finger_takes_its_back_along():
 
 
 def test_a_finger_without_a_camera_has_no_scene():
-    finger = packaged(BodySpec())
+    finger = seeing_finger()
     blind = Finger.of(finger.body, finger.pins)
     with pytest.raises(UserError, match=r"^finger: it has no camera; add \[camera\]$"):
         blind.scene()
@@ -214,17 +198,17 @@ def test_slopes_in_single_precision():
 
 def test_each_side_of_a_switch_has_its_own_slope():
     """Which pin has the least transmission angle changes with one coordinate of a pin."""
-    finger = packaged(BodySpec())
-    posture = -jnp.deg2rad(jnp.array([60.0, 30.0]))
+    finger = seeing_finger()
+    before, posture = pins_of(finger), -jnp.deg2rad(jnp.array([60.0, 30.0]))
 
     def angles(x: jax.Array) -> jax.Array:
-        pins = eqx.tree_at(lambda one: one.E, finger.pins, finger.pins.E.at[0].set(x))
+        pins = eqx.tree_at(lambda one: one.E, before, before.E.at[0].set(x))
         moved = eqx.tree_at(lambda one: one.pins, finger, pins)
         return jnp.stack(list(solve_transmission(moved.linkage(), posture).angles.values()))
 
     every = jax.jit(jax.vmap(angles))
     slope = jax.jit(jax.grad(lambda x: jnp.min(angles(x))))
-    low, high = float(finger.pins.E[0]) - 6, float(finger.pins.E[0]) + 6
+    low, high = float(before.E[0]) - 6, float(before.E[0]) + 6
     least = np.argmin(every(jnp.linspace(low, high, 200)), axis=1)
     at = int(np.flatnonzero(least[1:] != least[:-1])[0])
     places = np.linspace(low, high, 200)[[at, at + 1]]

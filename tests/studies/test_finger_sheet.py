@@ -1,4 +1,4 @@
-"""The finger's drawing and numbers, against the two files that the study shows."""
+"""The finger's drawing and numbers, against the two files that the study writes."""
 
 from __future__ import annotations
 
@@ -6,20 +6,17 @@ import itertools
 import math
 import tomllib
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from designopt.designs import load_design
-from studies.finger.design import DesignedFinger
+from studies.finger.spec_files import spec_files
+from studies.models import Finger, packaged_finger
 from tests.designopt.export.reading import numbers_in, opened
 
-FOLDER = Path(__file__).parents[2] / "studies/finger"
-LINKAGE, SCENE = (
-    tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
-    for name in ("linkage", "scene")
-)
+FILES = {file.name: tomllib.loads(str(file.content)) for file in spec_files(packaged_finger())}
+LINKAGE, SCENE = FILES["linkage.toml"], FILES["scene.toml"]
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +74,8 @@ def test_every_number_of_both_files_is_among_the_numbers(finger):
     found = {part.name: (part.value, part.unit) for part in quantities}
     assert len(found) == len(quantities)
     scene = Counter(value for name, (value, _) in found.items() if name.startswith("scene."))
-    assert not Counter(numbers_in(SCENE)) - scene
+    dimensions = {name: table for name, table in SCENE.items() if name != "scene"}  # its format
+    assert not Counter(numbers_in(dimensions)) - scene
     for joint, place in LINKAGE["joints"].items():
         values = [found[f"linkage.joints.{joint}.{axis}"][0] for axis in "xy"]
         assert values == pytest.approx(place, abs=1e-9)
@@ -89,7 +87,7 @@ def test_every_number_of_both_files_is_among_the_numbers(finger):
 
 
 def test_notes_say_what_pose_it_is(finger):
-    assert isinstance(finger.model, DesignedFinger)
+    assert isinstance(finger.model, Finger)
     notes = finger.drawing().notes
     assert notes[0].startswith("straight finger")
     assert not any("pose" in note for note in notes)

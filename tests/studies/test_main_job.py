@@ -62,10 +62,10 @@ def seen(scene) -> tuple[float, float]:
 def test_the_packaged_finger_is_as_good(result):
     """The search for mirrors follows rounding, so that another machine finds another finger."""
     found, packaged = (finger_design(FingerSpec(), folder) for folder in (result / "specs", None))
-    one, other = (least_transmission_deg(each.linkage.linkage) for each in (found, packaged))
+    one, other = (least_transmission_deg(each.linkage()) for each in (found, packaged))
     assert one == pytest.approx(other, abs=0.05)
     (coverage, resolution), (packaged_coverage, packaged_resolution) = (
-        seen(each.scene.scene) for each in (found, packaged)
+        seen(each.scene()) for each in (found, packaged)
     )
     np.testing.assert_allclose([coverage, packaged_coverage], 1, atol=1e-6)
     assert min(resolution, packaged_resolution) >= FingerSpec().mirrors.floor

@@ -9,14 +9,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from studies.models.body import RIM, BodySpec
+from studies.models.finger import Finger
 from studies.models.grasp import cases
 from studies.models.grasp.closing import Path, close_all, there_and_back
 from studies.models.grasp.comparing import Comparison, compare
-from studies.models.grasp.finger import Finger, transfers
 from studies.models.grasp.pinch import Bracket, Pinch, bracket, loading, predict, ratio_map
 from studies.models.grasp.spec import GraspSpec
-from studies.models.pins import Pins
+from studies.models.grasp.transfer import transfers
 
 CLOSED = 80
 """Index of the state with the motor at its end."""
@@ -55,16 +54,15 @@ class Analysis:
         return _named(self.free, self.adaptive, self.loaded, self.circles, self.pinches, self.box)
 
 
-def analyse(pins: Pins, body: BodySpec, spec: GraspSpec, *, polygon: bool = True) -> Analysis:
-    """Close one design on everything.
+def analyse(finger: Finger, spec: GraspSpec, *, polygon: bool = True) -> Analysis:
+    """Close one finger on everything.
 
     Args:
-        pins: the design.
-        body: its section.
-        spec: spring, servo, objects; its own pins and body are not looked at.
+        finger: its body, pins and spring.
+        spec: motion and objects.
         polygon: whether to close on a square as well, a program of its own.
     """
-    finger = cases.finger_of(pins, body, spec)
+    body = finger.body
     motion = there_and_back(math.radians(spec.motor_end_deg))
     check = cases.touching(body, *cases.check_touch(body))
     problems = [cases.problem_of(finger, check), cases.problem_of(finger, check, spec.opening_load)]
@@ -77,7 +75,7 @@ def analyse(pins: Pins, body: BodySpec, spec: GraspSpec, *, polygon: bool = True
     )
     motions = [motion] * len(problems) + [loading(finger, pinch) for pinch in predicted]
     for pinch in predicted:
-        place = body.intermediate + pinch.place
+        place = float(body.intermediate) + pinch.place
         held = cases.touching(body, pinch.pip, place, cases.PINCH_RADIUS)
         problems.append(cases.problem_of(finger, held))
     paths = close_all(problems, np.array(motions))
@@ -90,7 +88,7 @@ def analyse(pins: Pins, body: BodySpec, spec: GraspSpec, *, polygon: bool = True
     box = None
     if polygon:
         box = close_all([cases.problem_of(finger, cases.box(body))], motion[None])[0]
-    angles = np.linspace(0, math.radians(body.range_deg), 46)
+    angles = np.linspace(0, float(body.flexion), 46)
     everything = _named(free, first[0], first[1], first[2:count], pinches, box)
     return Analysis(
         finger=finger,
@@ -158,19 +156,19 @@ def formula_error(path: Path) -> float:
     """
     if path.per_pad != 1 or np.any(path.problem.load):
         return math.nan
-    finger = path.problem.finger
-    body = finger.body
-    limit, edge = math.radians(body.range_deg), body.axis_height + 1e-6
+    finger, spring = path.problem.finger, path.problem.spring
+    body = jax.tree.map(np.asarray, finger.body)
+    limit, edge = body.flexion, body.axis_height + 1e-6
     inside = path.ok & np.all((path.joints > 1e-6) & (path.joints < limit - 1e-6), axis=1)
     inside &= np.all(path.gaps < 1e-7, axis=1) & np.all(path.along > edge, axis=1)
     inside &= path.along[:, 0] < body.intermediate - edge
-    inside &= path.along[:, 1] < body.distal - RIM - 1e-6
+    inside &= path.along[:, 1] < body.distal - body.rim - 1e-6
     if not inside.any():
         return math.nan
     found = jax.tree.map(np.asarray, transfers(finger, jnp.asarray(path.joints)))
-    spring = math.exp(float(finger.log_spring)) * (found.winding + float(finger.preload))
+    moment = float(spring.stiffness) * (found.winding + float(spring.preload))
     reach = path.along[:, 1] + body.intermediate * np.cos(path.joints[:, 1])
-    second = (path.motor * found.ratios[:, 1] - spring * found.slope) / path.along[:, 1]
+    second = (path.motor * found.ratios[:, 1] - moment * found.slope) / path.along[:, 1]
     first = (path.motor * found.ratios[:, 0] - second * reach) / path.along[:, 0]
     error = np.abs(np.stack([first, second], axis=1) - path.forces)[inside]
     return float(np.max(error) / np.max(path.forces[inside]))

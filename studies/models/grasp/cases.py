@@ -7,12 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from studies.models.body import BodySpec
+from studies.models.finger import Body, Finger, Spring
 from studies.models.grasp.conditions import Problem
-from studies.models.grasp.finger import Finger
 from studies.models.grasp.objects import Circle, Object, Polygon
 from studies.models.grasp.spec import GraspSpec
-from studies.models.pins import Pins
 
 CHECK_RADIUS = 12.0
 """Least radius of the circle that is closed on, mm: that of the reference value."""
@@ -27,15 +25,10 @@ REACH = 0.94
 """Largest part of the PIP range at which a circle on the proximal pad is first touched."""
 
 
-def finger_of(pins: Pins, body: BodySpec, spec: GraspSpec) -> Finger:
-    """A design with the spring and the servo of the settings."""
-    return Finger(
-        pins,
-        math.log(spec.spring_stiffness),
-        math.log(spec.servo_stiffness),
-        spec.preload,
-        body,
-    )
+def finger_of(spec: GraspSpec) -> Finger:
+    """The finger of the settings."""
+    spring = Spring(spec.spring_stiffness, spec.preload, spec.servo_stiffness)
+    return Finger.of(Body.of(spec.body), spec.pins.design(), spring)
 
 
 def problem_of(finger: Finger, thing: Object | None, load: tuple[float, float] = (0, 0)) -> Problem:
@@ -43,13 +36,13 @@ def problem_of(finger: Finger, thing: Object | None, load: tuple[float, float] =
     return Problem(finger, 0.0, -np.asarray(load, float), thing)
 
 
-def touching(body: BodySpec, pip: float, place: float, radius: float) -> Circle:
+def touching(body: Body, pip: float, place: float, radius: float) -> Circle:
     """The circle that touches the intermediate phalanx ``place`` mm from A when PIP is ``pip``.
 
     Beyond the DIP axis it touches the distal phalanx, straight as it then is.
     """
     c, s = math.cos(pip), math.sin(pip)
-    x, y = place, body.palmar - radius
+    x, y = place, float(body.palmar) - radius
     return Circle(np.array([c * x + s * y, c * y - s * x]), radius)
 
 
@@ -67,18 +60,18 @@ class Touch(NamedTuple):
     radius: float
 
 
-def check_touch(body: BodySpec) -> Touch:
+def check_touch(body: Body) -> Touch:
     """The circle of the reference value (PIP 30°, k₁ = 11.5 mm, 12 mm), for any body.
 
     It touches halfway between the joints at a third of the range, and is so large that the distal
     pad touches it within the range.
     """
-    stop, place = math.radians(body.range_deg), body.intermediate / 2
-    radius = place / math.tan(WRAP * stop / 2) - body.axis_height
+    stop, place = float(body.flexion), float(body.intermediate) / 2
+    radius = place / math.tan(WRAP * stop / 2) - float(body.axis_height)
     return Touch(stop / 3, place, max(CHECK_RADIUS, radius))
 
 
-def lying(body: BodySpec, diameter: float, place: float) -> Circle:
+def lying(body: Body, diameter: float, place: float) -> Circle:
     """The circle that lies on the proximal pad, ``place`` mm from A or nearer.
 
     It then touches the intermediate pad at the same distance from A, at
@@ -86,19 +79,20 @@ def lying(body: BodySpec, diameter: float, place: float) -> Circle:
     Small circles move nearer, so that this is within reach.
     """
     radius = diameter / 2
-    farthest = (radius + body.axis_height) * math.tan(REACH * math.radians(body.range_deg) / 2)
-    return Circle(np.array([-min(place, farthest), body.palmar - radius]), radius)
+    farthest = (radius + float(body.axis_height)) * math.tan(REACH * float(body.flexion) / 2)
+    return Circle(np.array([-min(place, farthest), float(body.palmar) - radius]), radius)
 
 
-def wrapped_dip(body: BodySpec, place: float, radius: float) -> float:
+def wrapped_dip(body: Body, place: float, radius: float) -> float:
     """DIP at which a circle that touches the intermediate pad touches the distal one as well.
 
     In closed form, for B is equally far from both tangents: 2 atan((l − k₁) / (r + h)), rad.
     """
-    return 2 * math.atan((body.intermediate - place) / (radius + body.axis_height))
+    over, across = float(body.intermediate) - place, radius + float(body.axis_height)
+    return 2 * math.atan(over / across)
 
 
-def box(body: BodySpec) -> Polygon:
+def box(body: Body) -> Polygon:
     """A square of 24 mm that lies flat on the proximal pad, its near side 6 mm from A."""
-    top = body.palmar
+    top = float(body.palmar)
     return Polygon(np.array([[-30.0, top - 24], [-6.0, top - 24], [-6.0, top], [-30.0, top]]))

@@ -7,17 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from studies.models.body import BodySpec
 from studies.models.grasp.analysis import (
     Analysis,
-    analyse,
     formula_error,
     retrace_error,
     straight_until,
     touching_dip,
 )
-from studies.models.grasp.spec import GraspSpec
-from studies.models.pins import Pins
 
 
 @dataclass(frozen=True)
@@ -55,17 +51,6 @@ class GraspCheck:
     worst_residual: float
     ratio_low: float
     ratio_high: float
-
-
-def check_grasp(pins: Pins, body: BodySpec, spec: GraspSpec) -> GraspCheck:
-    """Close a design on everything that the settings name, and judge it.
-
-    Args:
-        pins: the design.
-        body: its section.
-        spec: spring, servo and objects; its own pins and body are not looked at.
-    """
-    return summary(analyse(pins, body, spec, polygon=False))
 
 
 def summary(found: Analysis) -> GraspCheck:

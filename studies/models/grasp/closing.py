@@ -50,7 +50,7 @@ def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]
     # which makes every state stable, and the drag fades (implicit Euler steps of a damped motion).
     # A loop, so that all tries share one compiled solve, and no more of them are made than some
     # closing of a batch needs.
-    contrast = problem.finger.contrast
+    contrast = problem.contrast
     drags = 0.1 * (contrast + 1 / contrast) * jnp.asarray([1.0, 1e-4], commands.dtype)
 
     def move(

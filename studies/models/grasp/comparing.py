@@ -13,9 +13,9 @@ from jaxtyping import Array, Float
 
 from studies.models.grasp.closing import Path
 from studies.models.grasp.conditions import Problem
-from studies.models.grasp.finger import Joints, Pad, pads
 from studies.models.grasp.free_body import Push, balance, pin_places
 from studies.models.grasp.objects import Contacts
+from studies.models.grasp.transfer import Joints, Pad, pads
 
 SHUT = 1e-7
 """Contacts nearer than this (mm) and joints nearer to a stop (rad) can bear a force."""
@@ -41,9 +41,10 @@ class Comparison:
 
 def compare(path: Path) -> Comparison:
     """Compare all states of a path that are equilibria."""
-    finger, body = path.problem.finger, path.problem.finger.body
+    finger, spring = path.problem.finger, path.problem.spring
     straight = {name: np.asarray(getattr(finger.pins, name)) for name in "FEDCGH"}
-    stiffness, limit = float(np.exp(finger.log_spring)), np.deg2rad(body.range_deg)
+    middle, limit = float(finger.body.intermediate), float(finger.body.flexion)
+    stiffness, preload = float(spring.stiffness), float(spring.preload)
     load = np.asarray(path.problem.load)
     touching = None if path.problem.thing is None else _touching(path)
     worst, states, undetermined = 0.0, 0, 0
@@ -57,10 +58,10 @@ def compare(path: Path) -> Comparison:
         pushes = (
             [] if touching is None else [_push(touching, i, j, path.per_pad) for j in shut.tolist()]
         )
-        at = pin_places(straight, body, joints)
+        at = pin_places(straight, middle, joints)
         plate, was = at["D"] - at["C"], straight["D"] - straight["C"]
         turned = np.arctan2(*plate[::-1]) - np.arctan2(*was[::-1]) + joints.sum()
-        wound = np.angle(np.exp(1j * turned)) + float(finger.preload)
+        wound = np.angle(np.exp(1j * turned)) + preload
         found = balance(
             at,
             pushes,
@@ -104,7 +105,7 @@ def _push(
 ) -> Push:
     which, inner = divmod(index, per_pad)
     contact, pad = touching[0][which], touching[1][which]
-    reach = contact.along[state, inner] - pad.offset
+    reach = contact.along[state, inner] - pad.offset[state]
     start = np.array([pad.start.x[state], pad.start.y[state]])
     along = np.array([pad.along.x[state], pad.along.y[state]])
     normal = np.array([contact.normal.x[state, inner], contact.normal.y[state, inner]])

@@ -13,7 +13,6 @@ coefficient is larger than √(k / k_s) or its inverse; the raw equations spread
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import equinox as eqx
@@ -24,8 +23,9 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_sqrt
 from designopt.vectors import rotation
-from studies.models.grasp.finger import Finger, Joints, pads, transfer
+from studies.models.finger import Finger, Spring, spring_of
 from studies.models.grasp.objects import Object
+from studies.models.grasp.transfer import Joints, pads, transfer
 
 
 class Problem(eqx.Module):
@@ -48,9 +48,29 @@ class Problem(eqx.Module):
     drag: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     resting: Float[Array, "2"] = eqx.field(converter=as_float, default_factory=lambda: np.zeros(2))
 
+    @property
+    def spring(self) -> Spring:
+        """The finger's spring and servo."""
+        return spring_of(self.finger)
+
+    @property
+    def contrast(self) -> Float[Array, ""]:
+        """κ = √(k / k_s)."""
+        return self.spring.contrast
+
+    @property
+    def moment_unit(self) -> Float[Array, ""]:
+        """√(k k_s), N mm: moments are computed in this unit, forces in it over `length_unit`."""
+        return self.spring.moment_unit
+
+    @property
+    def length_unit(self) -> Float[Array, ""]:
+        """Length between the two joints, mm; gaps are computed in this unit."""
+        return self.finger.body.intermediate
+
 
 class Unknowns(eqx.Module):
-    """Joints (rad), motor moment in `Finger.moment_unit`, forces in that over `length_unit`."""
+    """Joints (rad), motor moment in `Problem.moment_unit`, forces in that over `length_unit`."""
 
     joints: Float[Array, "*batch 2"]
     motor: Float[Array, "*batch"]
@@ -112,8 +132,8 @@ def parts_at(problem: Problem, unknowns: Unknowns) -> Parts:
     """What all conditions are made of, in one posture."""
     finger, joints = problem.finger, unknowns.joints
     found = transfer(finger, joints)
-    spring = finger.contrast * (found.winding + finger.preload) * found.slope
-    slack = -unknowns.motor * found.ratios - problem.load / finger.moment_unit
+    spring = problem.contrast * (found.winding + problem.spring.preload) * found.slope
+    slack = -unknowns.motor * found.ratios - problem.load / problem.moment_unit
     slack = slack + jnp.stack([jnp.zeros_like(spring), spring])
     slack = slack + problem.drag * (joints - problem.resting)
     touch = touches(problem, joints)
@@ -131,8 +151,8 @@ def touches(problem: Problem, joints: Joints) -> Touch:
     if thing is None:
         nothing = jnp.zeros((0,), joints.dtype)
         return Touch(nothing, jnp.zeros((0, 2), joints.dtype), nothing)
-    unit = problem.finger.length_unit
-    axis_b = rotation(-joints[0]).scaled(jnp.full_like(joints[0], body.intermediate))
+    unit = problem.length_unit
+    axis_b = rotation(-joints[0]).scaled(body.intermediate)
     found, slopes = [], []
     for pad, moved_by_dip in zip(pads(body, joints), (False, True), strict=True):
         contact = thing.contacts(pad)
@@ -154,16 +174,15 @@ def touches(problem: Problem, joints: Joints) -> Touch:
 
 def gaps_of(problem: Problem, joints: Joints) -> Float[Array, " contacts"]:
     """Gaps of all contacts in mm, those of the intermediate pad first."""
-    return touches(problem, joints).gaps * problem.finger.length_unit
+    return touches(problem, joints).gaps * problem.length_unit
 
 
 def energy(problem: Problem, joints: Joints) -> Float[Array, ""]:
-    """U(q) over `Finger.moment_unit`."""
-    finger = problem.finger
-    found, contrast = transfer(finger, joints), finger.contrast
-    wound, lag = found.winding + finger.preload, problem.command - found.crank
+    """U(q) over `Problem.moment_unit`."""
+    found, contrast = transfer(problem.finger, joints), problem.contrast
+    wound, lag = found.winding + problem.spring.preload, problem.command - found.crank
     work = problem.load[0] * joints[0] + problem.load[1] * joints[1]
-    return (contrast * wound * wound + lag * lag / contrast) / 2 - work / finger.moment_unit
+    return (contrast * wound * wound + lag * lag / contrast) / 2 - work / problem.moment_unit
 
 
 def straight(problem: Problem) -> Unknowns:
@@ -191,7 +210,7 @@ def conditions(
     gaps: Float[Array, " contacts"],
 ) -> Unknowns:
     """`equations`, from what the mechanism does: α − φ, F, and gaps over the length unit."""
-    joints, contrast = unknowns.joints, problem.finger.contrast
+    joints, contrast = unknowns.joints, problem.contrast
     # Weights decide which of two conditions a step believes in. Moments are of order κ or 1/κ
     # where the servo is the stiffer part, and √κ is as far from both.
     soft, stiff = jnp.sqrt(jnp.minimum(contrast, 1.0)), jnp.maximum(contrast, 1.0)
@@ -204,7 +223,7 @@ def conditions(
 
 def limit(problem: Problem) -> Float[Array, ""]:
     """Upper stop of both joints, rad."""
-    return jnp.asarray(math.radians(problem.finger.body.range_deg), problem.command.dtype)
+    return problem.finger.body.flexion
 
 
 def _either(first: Float[Array, " n"], second: Float[Array, " n"]) -> Float[Array, " n"]:

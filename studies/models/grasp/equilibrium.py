@@ -23,7 +23,7 @@ from studies.models.grasp.conditions import (
     linear_at,
     parts_at,
 )
-from studies.models.grasp.finger import Joints
+from studies.models.grasp.transfer import Joints
 
 RESIDUAL_TOLERANCE = 1e-9
 """Largest `Solution.residual` of a state that is reported, in float64 (float32: 1e-4)."""
@@ -112,7 +112,7 @@ def _found(
     Optimistix' Newton compiles to, which evaluates it for its steps and leaves it to the caller to
     evaluate it for the judgement.
     """
-    upper, contrast = limit(problem), problem.finger.contrast
+    upper, contrast = limit(problem), problem.contrast
     least = jnp.minimum(contrast, 1 / contrast)
 
     def turn(state: _Iteration) -> _Iteration:
@@ -228,20 +228,18 @@ def _solved(
 
 def unknowns_of(problem: Problem, state: State) -> Unknowns:
     """A state as the guess for a problem of the same finger and object."""
-    finger = problem.finger
-    unit = finger.moment_unit
-    return Unknowns(state.joints, state.motor / unit, state.forces * finger.length_unit / unit)
+    unit = problem.moment_unit
+    return Unknowns(state.joints, state.motor / unit, state.forces * problem.length_unit / unit)
 
 
 def _judged(problem: Problem, found: Unknowns, linear: Linear) -> Solution[State]:
-    finger, joints = problem.finger, found.joints
-    parts = linear.parts
-    unit = finger.moment_unit
+    joints, parts = found.joints, linear.parts
+    unit = problem.moment_unit
     state = State(
         joints,
         found.motor * unit,
-        found.forces * unit / finger.length_unit,
-        parts.touch.gaps * finger.length_unit,
+        found.forces * unit / problem.length_unit,
+        parts.touch.gaps * problem.length_unit,
         parts.touch.along,
         parts.slack * unit,
     )
@@ -259,12 +257,12 @@ def _judged(problem: Problem, found: Unknowns, linear: Linear) -> Solution[State
 
 def _violation(problem: Problem, found: Unknowns, linear: Linear) -> Float[Array, ""]:
     """The largest violation by plain comparisons, not by the functions that were solved."""
-    contrast, joints, parts = problem.finger.contrast, found.joints, linear.parts
+    contrast, joints, parts = problem.contrast, found.joints, linear.parts
     upper = limit(problem)
     # Moments in play: what the motor gives now, and for the DIP joint what the spring gives.
     motor = jnp.abs(found.motor) * jnp.max(jnp.abs(parts.ratios))
-    load = jnp.max(jnp.abs(problem.load)) / problem.finger.moment_unit
-    spring = contrast * jnp.abs(problem.finger.preload) + jnp.zeros_like(motor)
+    load = jnp.max(jnp.abs(problem.load)) / problem.moment_unit
+    spring = contrast * jnp.abs(problem.spring.preload) + jnp.zeros_like(motor)
     floor = jnp.minimum(contrast, 1 / contrast)
     largest = jnp.stack([motor + load, motor + load + spring]) + floor
     moment = parts.slack / largest
@@ -281,7 +279,7 @@ def _violation(problem: Problem, found: Unknowns, linear: Linear) -> Float[Array
 
 def _stability(problem: Problem, found: Unknowns, linear: Linear) -> Float[Array, ""]:
     """Least curvature of energy − Σ f g along what is free, over the largest; 1 if nothing is."""
-    joints, contrast, parts = found.joints, problem.finger.contrast, linear.parts
+    joints, contrast, parts = found.joints, problem.contrast, linear.parts
     # F with the motor's moment held is the gradient but for what the servo's stiffness adds.
     curvature = linear.curvature + jnp.outer(parts.ratios, parts.ratios) / contrast
     upper = limit(problem)

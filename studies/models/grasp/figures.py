@@ -17,7 +17,6 @@ from designopt.plot.figures import (
     share_limits,
 )
 from designopt.study.results import Figure
-from studies.models.body import RIM, BodySpec
 from studies.models.grasp.analysis import CLOSED, Analysis, radius_of
 from studies.models.grasp.closing import Path
 from studies.models.grasp.free_body import pin_places
@@ -99,7 +98,7 @@ def _finger(axis: Axes, path: Path, state: int, strength: float) -> None:
     finger = path.problem.finger
     body, joints = finger.body, path.joints[state]
     straight = {name: np.asarray(getattr(finger.pins, name)) for name in "FEDCGH"}
-    at = pin_places(straight, body, joints)
+    at = pin_places(straight, float(body.intermediate), joints)
     tilts = (0.0, -joints[0], -joints[0] - joints[1])
     for start, length, tilt, origin in (
         (-body.proximal, body.proximal, tilts[0], at["A"]),
@@ -119,9 +118,9 @@ def _finger(axis: Axes, path: Path, state: int, strength: float) -> None:
                   label="phalanges")  # fmt: skip
     h = body.axis_height
     for low, high, tilt, origin in (
-        (-body.proximal + RIM, -h, tilts[0], at["A"]),
+        (-body.proximal + body.rim, -h, tilts[0], at["A"]),
         (h, body.intermediate - h, tilts[1], at["A"]),
-        (h, body.distal - RIM, tilts[2], at["B"]),
+        (h, body.distal - body.rim, tilts[2], at["B"]),
     ):
         pad = np.array([[low, body.palmar], [high, body.palmar]])
         axis.plot(*_placed(pad, tilt, origin).T, color=BLUE, linewidth=2.5, alpha=strength,
@@ -209,11 +208,11 @@ def paths(found: Analysis) -> Figure:
 
 def stability_map(found: Analysis) -> Figure:
     """φ₂/φ₁ over all postures, and where a contact must lie for the grasp to hold both pads."""
-    body: BodySpec = found.finger.body
+    body = found.finger.body
     drawing, axes = new_figure(1, 2, height=3.6)
     angles = np.degrees(found.angles)
     ratio = found.ratios[..., 1] / found.ratios[..., 0]
-    place = least_place(ratio, found.angles[None, :], body.intermediate)
+    place = least_place(ratio, found.angles[None, :], float(body.intermediate))
     for axis, values, title, unit in (
         (axes[0, 0], ratio, "φ₂/φ₁", ""),
         (axes[0, 1], place, "least k₂ with f₁ > 0", " (mm)"),
@@ -231,7 +230,7 @@ def stability_map(found: Analysis) -> Figure:
         "Left: the ratio of what the motor gives DIP to what it gives PIP. Right: the contact on "
         "the distal pad must lie beyond this distance from the DIP axis, or the intermediate "
         f"phalanx leaves the object, once the spring counts for nothing; the pad reaches from "
-        f"{body.axis_height:g} to {body.distal - RIM:g} mm.",
+        f"{body.axis_height:g} to {body.distal - body.rim:g} mm.",
         drawing,
     )
 

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from studies.models.body import BodySpec
-
 LINKS = {
     "intermediate": "ABG",
     "distal": "BC",
@@ -55,16 +53,16 @@ class Balance:
 
 
 def pin_places(
-    straight: dict[str, np.ndarray], body: BodySpec, joints: np.ndarray
+    straight: dict[str, np.ndarray], intermediate: float, joints: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Every pin in a posture, mm, in the proximal phalanx's frame.
 
     Args:
         straight: the pins C, D, E, F, G, H in the straight finger, mm.
-        body: the section.
+        intermediate: from the PIP to the DIP axis, mm.
         joints: flexion of PIP and DIP, rad.
     """
-    axis_b = np.array([body.intermediate, 0.0])
+    axis_b = np.array([intermediate, 0.0])
     pip, both = _turn(-joints[0]), _turn(-joints[0] - joints[1])
     at = {"A": np.zeros(2), "B": pip @ axis_b, "F": straight["F"], "G": pip @ straight["G"]}
     at["C"] = at["B"] + both @ (straight["C"] - axis_b)

@@ -8,21 +8,18 @@ softness of `kinematics.export.mjcf` (loops ``solref`` −1e8, −2e4; stops and
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from kinematics.export.mjcf import Stop, linkage_mjcf
 from kinematics.export.mjcf_bodies import Disc, Pad
-from kinematics.model.linkage import Linkage
-from studies.models.body import RIM, BodySpec
+from studies.models.finger import PHALANGES, Finger, spring_of
 from studies.models.grasp.objects import Circle
 
 MOTOR = "theta"
 """The input that the motor turns: the crank's angle. Closing makes it smaller."""
 
 
-def grasp_mjcf(
-    linkage: Linkage, body: BodySpec, servo_stiffness: float, thing: Circle | None = None
-) -> str:
+def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
     """The text of a MuJoCo model of the finger, straight.
 
     It has what `conditions.energy` has: the spring, the servo between the motor's angle (the
@@ -30,31 +27,27 @@ def grasp_mjcf(
     object without friction. The proximal pad is there for objects that a user adds.
 
     Args:
-        linkage: driven by its crank, with its spring; see `linkage_of`.
-        body: the section.
-        servo_stiffness: k_s, N mm/rad.
+        finger: its body, pins and spring.
         thing: what it closes on, if anything.
+
+    Raises:
+        UserError: the finger has no pins, or no spring.
     """
-    limit = math.radians(body.range_deg)
-    height, axis = body.axis_height, body.intermediate
-    ends = {
-        "proximal": (-body.proximal + RIM, -height),
-        "intermediate": (height, axis - height),
-        "distal": (axis + height, axis + body.distal - RIM),
-    }
+    spring, limit = spring_of(finger), float(finger.body.flexion)
+    ends = dict(zip(PHALANGES, np.asarray(finger.pads(), float).tolist(), strict=True))
     discs = []
     if thing is not None:
         x, y = thing.centre.tolist()
         discs.append(Disc("object", (x, y), float(thing.radius)))
     return linkage_mjcf(
-        linkage,
-        motors={MOTOR: servo_stiffness},
+        finger.linkage("crank"),
+        motors={MOTOR: float(spring.servo)},
         stops=[
             Stop(("proximal", "intermediate"), -limit, 0.0),
             Stop(("intermediate", "distal"), -limit, 0.0),
         ],
         pads=[
-            Pad(f"{name} pad", name, (start, body.palmar), (end, body.palmar))
+            Pad(f"{name} pad", name, (start[0], start[1]), (end[0], end[1]))
             for name, (start, end) in ends.items()
         ],
         discs=discs,

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_divide
 from designopt.vectors import Vector, vector, where
-from studies.models.grasp.finger import Pad
+from studies.models.grasp.transfer import Pad
 
 
 class Contacts(eqx.Module):

@@ -10,8 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from studies.models.finger import Finger, spring_of
 from studies.models.grasp.closing import STEPS, Path
-from studies.models.grasp.finger import Finger, transfers
+from studies.models.grasp.transfer import transfers
 
 APPROACH = 24
 """Steps in which a pinch is approached; the others load it."""
@@ -80,12 +81,13 @@ def predict(finger: Finger, contacts: Sequence[tuple[float, float]]) -> list[Pin
     """
     joints = np.array([[pip, 0.0] for pip, _ in contacts])
     found = jax.tree.map(np.asarray, transfers(finger, jnp.asarray(joints)))
-    wound = math.exp(float(finger.log_spring)) * float(finger.preload)
+    spring, middle = spring_of(finger), float(finger.body.intermediate)
+    wound = float(spring.stiffness) * float(spring.preload)
     pinches = []
     for (pip, place), crank, (first, second), slope in zip(
         contacts, found.crank.tolist(), found.ratios.tolist(), found.slope.tolist(), strict=True
     ):
-        threshold = place / (place + finger.body.intermediate)
+        threshold = place / (place + middle)
         surplus = second - first * threshold
         limit = wound * slope / surplus if surplus > 0 else math.inf
         pinches.append(Pinch(pip, place, second / first, threshold, limit, crank))
@@ -94,7 +96,7 @@ def predict(finger: Finger, contacts: Sequence[tuple[float, float]]) -> list[Pin
 
 def loading(finger: Finger, pinch: Pinch) -> np.ndarray:
     """Motor angles that approach a pinch and load it to 1.3 times its limit, rad."""
-    servo = math.exp(float(finger.log_servo))
+    servo = float(spring_of(finger).servo)
     lead = MOST_LOAD if pinch.holds else min(1.3 * pinch.limit / servo, 4 * math.pi)
     lead = max(lead, LEAST_LOAD)
     up = np.linspace(0, pinch.crank, APPROACH, endpoint=False)
@@ -103,7 +105,7 @@ def loading(finger: Finger, pinch: Pinch) -> np.ndarray:
 
 def bracket(finger: Finger, pinch: Pinch, path: Path) -> Bracket:
     """Between which motor moments the pinch gave way on its loading."""
-    servo = math.exp(float(finger.log_servo))
+    servo = float(spring_of(finger).servo)
     loads = np.arange(APPROACH, STEPS)
     stays = path.ok[loads] & (path.joints[loads, 1] < AT_STOP)
     gone = path.ok[loads] & ~stays

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, PositiveFloat, model_validator
 
 from designopt.io.spec import Spec
-from studies.models.body import RIM, BodySpec
+from studies.models.body import BodySpec
 
 if TYPE_CHECKING:
     from studies.models.pins import Pins
@@ -88,7 +88,7 @@ class GraspSpec(Spec):
                 f"pinch_pip_deg ({max(self.pinch_pip_deg):g}°) lies beyond body.range_deg "
                 f"({self.body.range_deg:g}°): pinch within the range"
             )
-        start, end = self.body.axis_height, self.body.distal - RIM
+        start, end = self.body.axis_height, self.body.distal - self.body.rim
         if not start <= min(self.pinch_at) <= max(self.pinch_at) <= end:
             raise ValueError(
                 f"pinch_at lies beside the distal pad, which reaches from {start:g} to {end:g} mm"

@@ -8,12 +8,12 @@ import networkx as nx
 import numpy as np
 from jaxtyping import Float
 
+from studies.models.finger import Finger
 from studies.models.linkage_design.judging import Check, Verdict, judged
 from studies.models.linkage_design.problem import LINKS
 from studies.models.linkage_design.searching import Search, search
 from studies.models.linkage_design.spec import FingerLinkageSpec, SensorSpec
 from studies.models.linkage_design.tolerance import least_angles
-from studies.models.pins import Pins
 
 
 @dataclass(frozen=True)
@@ -21,14 +21,14 @@ class LinkageDesign:
     """A linkage that was designed, and what it comes to.
 
     Attributes:
-        pins: the design, rounded.
+        finger: the design: body and pins, these rounded.
         search: how it was found.
         verdict: over all postures.
         room: the room that the links leave for the sensor.
         drawn: the least angle of fingers with errors, degrees.
     """
 
-    pins: Pins
+    finger: Finger
     search: Search
     verdict: Verdict
     room: Check
@@ -49,11 +49,11 @@ def design_linkage(spec: FingerLinkageSpec, seed: int) -> LinkageDesign:
     """
     found = search(spec, seed)
     return LinkageDesign(
-        found.pins,
+        found.finger,
         found,
-        judged(found.pins, spec.body, spec.limits),
+        judged(found.finger, spec.limits),
         sensor_room(spec.sensor),
-        least_angles(found.pins, spec.body, spec.tolerance, spec.draws, seed),
+        least_angles(found.finger, spec.tolerance, spec.draws, seed),
     )
 
 

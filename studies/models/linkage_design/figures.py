@@ -22,21 +22,21 @@ from designopt.plot.figures import (
 from designopt.plot.typesetting import as_mathtext
 from designopt.study.results import Figure
 from kinematics.solve.poses import solve_poses
-from studies.models.body import BodySpec
+from studies.models.finger import Finger
 from studies.models.linkage_design.analysis import LinkageDesign
 from studies.models.linkage_design.judging import Verdict
 from studies.models.linkage_design.spec import FingerLinkageSpec
-from studies.models.pins import Pins, linkage_of, told
+from studies.models.pins import pin_name
 
 LINK_COLOURS = {"crank": "#D55E00", "rod": "#E69F00", "plate": "#009E73", "bar": "#CC79A7"}
 PHALANX = "#0072B2"
 
 
-def finger_figure(pins: Pins, body: BodySpec) -> Figure:
+def finger_figure(finger: Finger) -> Figure:
     """The straight finger with every pin's place: what one builds from."""
     drawing, axes = new_figure(1, 1, height=3.0)
     axis = axes[0, 0]
-    draw_finger(axis, pins, body, (0.0, 0.0), named=True)
+    draw_finger(axis, finger, (0.0, 0.0), named=True)
     axis.set(xlabel="x from the PIP axis, to the tip (mm)", ylabel="y, to the back (mm)")
     legend_below(drawing, most=5)
     return Figure(
@@ -48,16 +48,16 @@ def finger_figure(pins: Pins, body: BodySpec) -> Figure:
     )
 
 
-def sequence_figure(pins: Pins, body: BodySpec) -> Figure:
+def sequence_figure(finger: Finger) -> Figure:
     """Pinch and adaptive closing, as paper B's Fig. 3.4."""
     shares = (0.0, 1 / 3, 2 / 3, 1.0)
     drawing, axes = new_figure(2, len(shares), height=4.2)
-    end = body.range_deg
+    end = finger.body.range_deg
     for row, (name, dip) in enumerate((("Pinch", 0.0), ("Adaptive", 1.0))):
         for column, share in enumerate(shares):
             axis = axes[row, column]
             pose = (share * end, dip * share * end)
-            draw_finger(axis, pins, body, pose)
+            draw_finger(axis, finger, pose)
             axis.set_title(f"{name}:\nPIP {pose[0]:.0f}°, DIP {pose[1]:.0f}°", fontsize=8)
             axis.tick_params(labelsize=7)
         axes[row, 0].set_ylabel("y (mm)")
@@ -75,20 +75,19 @@ def sequence_figure(pins: Pins, body: BodySpec) -> Figure:
 
 
 def draw_finger(
-    axis: Axes, pins: Pins, body: BodySpec, pose_deg: tuple[float, float], *, named: bool = False
+    axis: Axes, finger: Finger, pose_deg: tuple[float, float], *, named: bool = False
 ) -> None:
     """The finger in section in a pose.
 
     Args:
         axis: where to draw.
-        pins: the design.
-        body: its section.
+        finger: its body and pins.
         pose_deg: flexion of PIP and DIP, degrees.
         named: write the pins' names, for which the drawing has to be large.
     """
-    linkage = linkage_of(pins, body, "joints")
-    pose = solve_poses(linkage, -jnp.deg2rad(jnp.asarray(pose_deg))).value
-    at = {name: np.asarray(pose.position(told(name))) for name in "ABCDEFGH"}
+    body = finger.body
+    pose = solve_poses(finger.linkage(), -jnp.deg2rad(jnp.asarray(pose_deg))).value
+    at = {name: np.asarray(pose.position(pin_name(name))) for name in "ABCDEFGH"}
     turns = np.deg2rad(np.cumsum([0.0, *pose_deg]))
     spans = ((-body.proximal, 0.0), (0.0, body.intermediate), (0.0, body.distal))
     for number, (origin, turn, (rear, front)) in enumerate(zip("AAB", turns, spans, strict=True)):
@@ -110,7 +109,7 @@ def draw_finger(
         )
         if named:
             axis.annotate(
-                told(pin), tuple(at[pin]), xytext=(5, 4), textcoords="offset points", fontsize=9
+                pin_name(pin), tuple(at[pin]), xytext=(5, 4), textcoords="offset points", fontsize=9
             )
     axis.set_aspect("equal")
     axis.grid(visible=False)
@@ -220,8 +219,8 @@ def starts_figure(levels: Sequence[Sequence[float]]) -> Figure:
 def design_figures(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
     """Figures of a design."""
     return [
-        finger_figure(design.pins, spec.body),
-        sequence_figure(design.pins, spec.body),
+        finger_figure(design.finger),
+        sequence_figure(design.finger),
         maps_figure(design.verdict),
         ratio_figure(design.verdict),
         tolerance_figure(design.drawn, design.verdict.least_deg, spec.limits.transmission_deg),

@@ -14,11 +14,11 @@ from designopt.vectors import Vector
 from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.solver import Pose
-from studies.models.body import BodySpec
+from studies.models.finger import Body, Finger, pins_of
 from studies.models.linkage_design.problem import HOSTS, PAIRS, SYMBOLS, grid
 from studies.models.linkage_design.spec import LimitsSpec
 from studies.models.linkage_design.transmission import finger_transmission
-from studies.models.pins import Pins, linkage_of, told
+from studies.models.pins import Pins, pin_name
 
 STEP_DEG = 1.0
 """Step of the square of postures on which a design is judged, degrees."""
@@ -97,16 +97,15 @@ class Verdict:
         return [check for check in self.checks if not check.met]
 
 
-def judged(pins: Pins, body: BodySpec, limits: LimitsSpec) -> Verdict:
+def judged(finger: Finger, limits: LimitsSpec) -> Verdict:
     """A design over the whole square of postures, every requirement with what it comes to.
 
     Args:
-        pins: one design.
-        body: the finger's section.
+        finger: its body and pins.
         limits: what every posture must leave.
     """
-    flexion = grid(body, STEP_DEG)
-    linkage = linkage_of(pins, body, "joints")
+    body, flexion = finger.body, grid(finger.body, STEP_DEG)
+    linkage = finger.linkage()
     square = np.stack(np.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
 
     poses, angles = everywhere(linkage, -jnp.asarray(square))
@@ -133,7 +132,7 @@ def judged(pins: Pins, body: BodySpec, limits: LimitsSpec) -> Verdict:
             "°",
             False,
         ),
-        *_lengths(pins, body, limits),
+        *_lengths(pins_of(finger), body, limits),
         *_inside(pose, body, limits),
     ]
     if limits.force_ratio is not None:
@@ -180,7 +179,7 @@ def _angle(direction: Vector) -> np.ndarray:
     return np.arctan2(np.asarray(direction.y), np.asarray(direction.x))
 
 
-def _lengths(pins: Pins, body: BodySpec, limits: LimitsSpec) -> list[Check]:
+def _lengths(pins: Pins, body: Body, limits: LimitsSpec) -> list[Check]:
     at = {"A": np.zeros(2), "B": np.array([body.intermediate, 0.0])}
     at |= {name: np.asarray(getattr(pins, name)) for name in HOSTS}
 
@@ -189,7 +188,7 @@ def _lengths(pins: Pins, body: BodySpec, limits: LimitsSpec) -> list[Check]:
 
     apart = [
         Check(
-            f"pins {told(first)} and {told(second)} apart",
+            f"pins {pin_name(first)} and {pin_name(second)} apart",
             limits.spacing,
             distance(first, second),
             "mm",
@@ -204,15 +203,15 @@ def _lengths(pins: Pins, body: BodySpec, limits: LimitsSpec) -> list[Check]:
     ]
 
 
-def _inside(pose: Pose, body: BodySpec, limits: LimitsSpec) -> list[Check]:
+def _inside(pose: Pose, body: Body, limits: LimitsSpec) -> list[Check]:
     origins = {"proximal": "A", "intermediate": "A", "distal": "B"}
     checks = []
     for name, host in HOSTS.items():
         turn = pose.bodies[host].conjugate()
         if host == "proximal":  # its body points from O to A, and is fixed
-            place = pose.joints[told(name)]
+            place = pose.joints[pin_name(name)]
         else:
-            place = (pose.joints[told(name)] - pose.joints[origins[host]]).turned(turn)
+            place = (pose.joints[pin_name(name)] - pose.joints[origins[host]]).turned(turn)
         sides = [place.y - body.palmar, body.dorsal - place.y]
         if host == "proximal":
             sides.append(place.x + body.proximal)
@@ -221,7 +220,11 @@ def _inside(pose: Pose, body: BodySpec, limits: LimitsSpec) -> list[Check]:
         inside = min(float(jnp.min(side)) for side in sides)
         checks.append(
             Check(
-                f"pin {told(name)} inside the {host} phalanx", limits.clearance, inside, "mm", True
+                f"pin {pin_name(name)} inside the {host} phalanx",
+                limits.clearance,
+                inside,
+                "mm",
+                True,
             )
         )
     return checks

@@ -15,8 +15,7 @@ from jaxtyping import Array, Float
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector, direction_to_meeting, folded_angle, rotation
 from kinematics.solve.dyads import solve_rrr
-from studies.models.body import BodySpec
-from studies.models.pins import Pins
+from studies.models.finger import Finger, pins_of
 
 ANGLES = ("D1", "D2", "C", "H", "E", "P")
 """The transmission angles that count, as `transmission.finger_transmission` defines them."""
@@ -50,21 +49,18 @@ class Postures(eqx.Module):
     dip_ratio: Float[Array, "pip dip"]
 
 
-def find_postures(
-    pins: Pins, body: BodySpec, pip: Float[Array, " pip"], dip: Float[Array, " dip"]
-) -> Postures:
+def find_postures(finger: Finger, pip: Float[Array, " pip"], dip: Float[Array, " dip"]) -> Postures:
     """The linkage at all combinations of flexion angles; see `postures_at`.
 
     Args:
-        pins: one design.
-        body: the finger's section.
+        finger: its body and pins.
         pip: flexion of the PIP joint, rad.
         dip: flexion of the DIP joint, rad.
     """
-    return postures_at(pins, body, rotation(-pip), rotation(-dip))
+    return postures_at(finger, rotation(-pip), rotation(-dip))
 
 
-def postures_at(pins: Pins, body: BodySpec, knuckle: Vector, flexion: Vector) -> Postures:
+def postures_at(finger: Finger, knuckle: Vector, flexion: Vector) -> Postures:
     """The linkage at all combinations of turns, each dyad on its side when straight.
 
     The turns are given as unit vectors, for a compiled program that turns angles into them itself
@@ -73,13 +69,13 @@ def postures_at(pins: Pins, body: BodySpec, knuckle: Vector, flexion: Vector) ->
     Ratios by virtual velocities: along the rod D and E move equally fast, along the bar G and H do.
 
     Args:
-        pins: one design.
-        body: the finger's section.
+        finger: its body and pins.
         knuckle: turns of the intermediate phalanx, one per PIP angle.
         flexion: turns of the distal phalanx in the intermediate one, one per DIP angle.
     """
-    at = pins.places()
-    axis_b = Vector(jnp.full_like(pins.F[0], body.intermediate), jnp.zeros_like(pins.F[0]))
+    at = pins_of(finger).places()
+    length = finger.body.intermediate
+    axis_b = Vector(length, jnp.zeros_like(length))
     distal_c = at["C"] - axis_b
 
     # First dyad, in the intermediate phalanx's frame, one element per DIP angle.

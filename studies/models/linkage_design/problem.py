@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from itertools import combinations
 
 import jax
@@ -12,10 +13,10 @@ from jaxtyping import Array, Float
 
 from designopt.optimize import Problem, Requirement, Terms
 from designopt.vectors import Vector, rotation
-from studies.models.body import BodySpec
+from studies.models.finger import Body, Finger, pins_of
 from studies.models.linkage_design.postures import Postures, postures_at
 from studies.models.linkage_design.spec import LimitsSpec
-from studies.models.pins import Pins, told
+from studies.models.pins import Pins, pin_name
 
 LENGTH = 5.0
 """Lengths are scaled by it, mm."""
@@ -50,7 +51,7 @@ LINKS = {
 
 
 def _coordinate(pin: str, index: tuple[int, ...]) -> str:
-    return f"{'xy'[index[0]]} of pin {told(pin)}"
+    return f"{'xy'[index[0]]} of pin {pin_name(pin)}"
 
 
 COORDINATES = {pin: Requirement(functools.partial(_coordinate, pin), "mm") for pin in HOSTS}
@@ -65,14 +66,15 @@ PAIRS = [
 """Pins on one link whose distance the design decides."""
 
 
-def grid(body: BodySpec, step_deg: float) -> Float[np.ndarray, " angles"]:
+def grid(body: Body, step_deg: float) -> Float[np.ndarray, " angles"]:
     """Flexion angles from straight to the end of the range, both included, rad."""
-    count = int(np.ceil(body.range_deg / step_deg - 1e-9)) + 1
-    return np.deg2rad(np.linspace(0.0, body.range_deg, count))
+    range_deg = body.range_deg
+    count = int(np.ceil(range_deg / step_deg - 1e-9)) + 1
+    return np.deg2rad(np.linspace(0.0, range_deg, count))
 
 
 def linkage_problem(
-    body: BodySpec,
+    finger: Finger,
     limits: LimitsSpec,
     pip: Float[np.ndarray, " pip"],
     dip: Float[np.ndarray, " dip"],
@@ -81,7 +83,7 @@ def linkage_problem(
     """Maximise the least of six transmission angles over a square of postures.
 
     Args:
-        body: the finger's section.
+        finger: its body; the pins are what is looked for.
         limits: what every posture must leave.
         pip: angles of PIP, rad; their combinations with those of DIP are the postures.
         dip: angles of DIP, rad.
@@ -93,13 +95,14 @@ def linkage_problem(
     """
 
     def terms(pins: Pins, knuckle: Vector, flexion: Vector) -> Terms:
-        postures = postures_at(pins, body, knuckle, flexion)
+        moved = replace(finger, pins=pins)
+        postures = postures_at(moved, knuckle, flexion)
         return Terms(
             least={SYMBOLS[name]: values for name, values in postures.angles.items()},
-            inequalities=inequalities(pins, postures, body, limits, allowance),
+            inequalities=inequalities(moved, postures, limits, allowance),
         )
 
-    lower, upper = _box(body, limits, allowance)
+    lower, upper = _box(finger.body, limits, allowance)
     scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
     turns = (rotation(-jnp.asarray(angles)) for angles in (pip, dip))
     requirements = _requirements(np.rad2deg(pip), np.rad2deg(dip))
@@ -107,9 +110,10 @@ def linkage_problem(
 
 
 def inequalities(
-    pins: Pins, postures: Postures, body: BodySpec, limits: LimitsSpec, allowance: float = 0.0
+    finger: Finger, postures: Postures, limits: LimitsSpec, allowance: float = 0.0
 ) -> dict[str, Float[Array, "..."]]:
     """What the limits ask of a design in given postures; negative where it fails, scaled."""
+    body, pins = finger.body, pins_of(finger)
     keep = limits.clearance + allowance
     # The turn, in rad, by which that moves the shortest link.
     turned = allowance / limits.spacing
@@ -129,7 +133,7 @@ def inequalities(
     }
     for name, host in HOSTS.items():
         for side, distance in _sides(places[name], host, body).items():
-            found[f"pin {told(name)} inside the {side}"] = (distance - keep) / LENGTH
+            found[f"pin {pin_name(name)} inside the {side}"] = (distance - keep) / LENGTH
     if limits.force_ratio is not None:
         bound = limits.force_ratio * (1 - turned)
         found["φ₂/φ₁"] = bound * postures.pip_ratio - postures.dip_ratio
@@ -141,14 +145,14 @@ def vector_length(step: Float[Array, "*batch 2"]) -> Float[Array, "*batch"]:
     return Vector(step[..., 0], step[..., 1]).length()
 
 
-def _distances(pins: Pins, body: BodySpec) -> Float[Array, " pairs"]:
+def _distances(pins: Pins, body: Body) -> Float[Array, " pairs"]:
     zero = jnp.zeros_like(pins.F)
     axes = {"A": zero, "B": zero.at[0].set(body.intermediate)}
     at = axes | {name: getattr(pins, name) for name in HOSTS}
     return jnp.stack([vector_length(at[first] - at[second]) for first, second in PAIRS])
 
 
-def _sides(place: Vector, host: str, body: BodySpec) -> dict[str, Float[Array, "..."]]:
+def _sides(place: Vector, host: str, body: Body) -> dict[str, Float[Array, "..."]]:
     """Distances of a pin from the faces of its phalanx, and from the end that is the finger's.
 
     Apart, not in one array: compiled into one, each element would trace the pin anew, and the
@@ -162,7 +166,7 @@ def _sides(place: Vector, host: str, body: BodySpec) -> dict[str, Float[Array, "
     return sides
 
 
-def _box(body: BodySpec, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
+def _box(body: Body, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
     """Where the pins may be in the straight finger.
 
     Over the height of their phalanx, and along it so far that designs of many kinds fit.
@@ -202,7 +206,7 @@ def _requirements(
     }
     for name in HOSTS:
         for side in ("palmar face", "dorsal face", "rear end", "tip"):
-            amounts[f"pin {told(name)} inside the {side}"] = length
+            amounts[f"pin {pin_name(name)} inside the {side}"] = length
 
     def words(name: str, index: tuple[int, ...]) -> str:
         # What one angle decides is a row over DIP.
@@ -212,7 +216,7 @@ def _requirements(
 
     def pair(index: tuple[int, ...]) -> str:
         first, second = PAIRS[index[0]]
-        return f"distance of pins {told(first)} and {told(second)}"
+        return f"distance of pins {pin_name(first)} and {pin_name(second)}"
 
     found = {
         name: Requirement(functools.partial(words, name), *amount)

@@ -28,6 +28,7 @@ from designopt.optimize import (
     epigraph,
     level_starts,
 )
+from studies.models.finger import Body, Finger
 from studies.models.linkage_design.judging import STEP_DEG
 from studies.models.linkage_design.problem import ANGLE, grid, linkage_problem
 from studies.models.linkage_design.spec import FingerLinkageSpec
@@ -84,12 +85,12 @@ class Search:
     """What was found, and how.
 
     Attributes:
-        pins: the design, rounded to what can be built.
+        finger: the design: its pins are rounded to what can be built.
         starts: where the first round began.
         rounds: the solves; the first from Sobol points, the others from the best before.
     """
 
-    pins: Pins
+    finger: Finger
     starts: Starts
     rounds: tuple[Round, ...]
 
@@ -123,7 +124,7 @@ class Search:
 
 
 def search(spec: FingerLinkageSpec, seed: int) -> Search:
-    """The best linkage for a spec.
+    """The best linkage for a spec's body.
 
     Few postures decide. The starts are solved on a coarse square; then the postures in between in
     which a finalist is worse than it promised are added, and it is solved again from where it was,
@@ -134,12 +135,13 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
         spec: the study's settings.
         seed: of the Sobol points.
     """
-    how, flexion = spec.search, grid(spec.body, spec.search.step_deg)
-    coarse = over(spec, flexion, flexion)
+    how, finger = spec.search, Finger.of(Body.of(spec.body))
+    flexion = grid(finger.body, how.step_deg)
+    coarse = over(finger, spec, flexion, flexion)
     starts = best_starts(coarse, how.starts, seed, among=how.among, scale=ANGLE)
     begin = level_starts(coarse, starts.parameters)
     rounds = [Round(coarse, minimiser(coarse, how.starts, "bfgs").solve(begin))]
-    worst = _worst_postures(spec)
+    worst = _worst_postures(finger, spec)
     pip = dip = flexion
     again = known = None
     for _ in range(how.exchanges):
@@ -154,7 +156,7 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
         if known is not None and all(map(np.array_equal, postures, known)):
             break
         known = postures
-        problem = over(spec, *postures)
+        problem = over(finger, spec, *postures)
         again = again or minimiser(problem, len(finalists), "slsqp")
         designs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *finalists).design
         solved = Round(problem, again.solve(level_starts(problem, designs), problem.data))
@@ -162,18 +164,18 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
             break  # from what cannot be met this solver runs astray
         rounds.append(solved)
     found = rounds[-1].optima.best.parameters.design
-    return Search(rounded(found, how.rounding), starts, tuple(rounds))
+    return Search(finger.with_pins(rounded(found, how.rounding)), starts, tuple(rounds))
 
 
 PLACES = 10
 """Places for angles that the exchange adds to those of PIP and of DIP."""
 
 
-def over(spec: FingerLinkageSpec, pip: np.ndarray, dip: np.ndarray) -> Problem:
-    """The problem over the postures that combine these angles, rad."""
+def over(finger: Finger, spec: FingerLinkageSpec, pip: np.ndarray, dip: np.ndarray) -> Problem:
+    """A finger's problem over the postures that combine these angles, rad."""
     # Both ends of a link may be rounded, by half a step along x and y.
     allowance = max(spec.search.allowance, 2 * spec.search.rounding)
-    return linkage_problem(spec.body, spec.limits, pip, dip, allowance)
+    return linkage_problem(finger, spec.limits, pip, dip, allowance)
 
 
 APART = 0.5
@@ -209,10 +211,12 @@ def _filled(angles: np.ndarray, flexion: np.ndarray) -> np.ndarray:
     return np.concatenate([angles, np.zeros(max(0, count - len(angles)))])[:count]
 
 
-def _worst_postures(spec: FingerLinkageSpec) -> Callable[[Pins, float], tuple[Any, Any]]:
+def _worst_postures(
+    finger: Finger, spec: FingerLinkageSpec
+) -> Callable[[Pins, float], tuple[Any, Any]]:
     """From a design and the level it promised to the angles of postures in which it is worse."""
-    flexion = grid(spec.body, STEP_DEG)
-    check = linkage_problem(spec.body, spec.limits, flexion, flexion)
+    flexion = grid(finger.body, STEP_DEG)
+    check = linkage_problem(finger, spec.limits, flexion, flexion)
     terms = jax.jit(check.terms)
 
     def worst(pins: Pins, level: float) -> tuple[Any, Any]:

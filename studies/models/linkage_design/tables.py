@@ -5,22 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from designopt.study.results import Table
-from studies.models.body import BodySpec
+from studies.models.finger import Finger, pins_of
 from studies.models.linkage_design.analysis import LinkageDesign
 from studies.models.linkage_design.problem import ANGLE, HOSTS, LINKS, PAIRS
 from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec
-from studies.models.pins import Pins, told
+from studies.models.pins import pin_name
 
 
-def dimensions(pins: Pins, body: BodySpec) -> list[Table]:
+def dimensions(finger: Finger) -> list[Table]:
     """Where the pins are, and how long the links."""
-    at = {"A": np.zeros(2), "B": np.array([body.intermediate, 0.0])}
+    pins = pins_of(finger)
+    at = {"A": np.zeros(2), "B": np.array([finger.body.intermediate, 0.0])}
     at |= {name: np.asarray(getattr(pins, name)) for name in HOSTS}
     joined = {
         name: ", ".join(link for link, others in LINKS.items() if name in others) for name in at
     }
     sides = [
-        (link, f"{told(a)}-{told(b)}", float(np.hypot(*(at[a] - at[b]))))
+        (link, f"{pin_name(a)}-{pin_name(b)}", float(np.hypot(*(at[a] - at[b]))))
         for link, names in LINKS.items()
         for a, b in PAIRS
         if a in names and b in names
@@ -30,7 +31,7 @@ def dimensions(pins: Pins, body: BodySpec) -> list[Table]:
             "pins",
             "Pins in the straight finger (x from the PIP axis to the tip, y to the back)",
             {
-                "pin": [told(name) for name in at],
+                "pin": [pin_name(name) for name in at],
                 "x_mm": [float(place[0]) for place in at.values()],
                 "y_mm": [float(place[1]) for place in at.values()],
                 "links": list(joined.values()),
@@ -142,7 +143,7 @@ def trajectories(design: LinkageDesign) -> Table:
 def design_tables(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
     """Tables of a design."""
     return [
-        *dimensions(design.pins, spec.body),
+        *dimensions(design.finger),
         requirements(design, spec.limits),
         holding(design),
         trajectories(design),

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.batching import map_in_chunks
-from studies.models.body import BodySpec
+from studies.models.finger import Finger, pins_of
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.problem import grid
 from studies.models.pins import Pins
@@ -21,13 +23,12 @@ BLOCK = 64
 
 
 def least_angles(
-    pins: Pins, body: BodySpec, deviation: float, draws: int, seed: int
+    finger: Finger, deviation: float, draws: int, seed: int
 ) -> Float[np.ndarray, " draws"]:
     """The least transmission angle of finger after finger with errors in it, degrees.
 
     Args:
-        pins: the design.
-        body: the finger's section; exact.
+        finger: the design; its body is exact.
         deviation: standard deviation of every coordinate of every pin, mm; errors are normal and
             independent.
         draws: how many fingers.
@@ -37,7 +38,7 @@ def least_angles(
         The least angle over the postures of a square in steps of `STEP_DEG`; 0 where a finger
         cannot be assembled in one of them.
     """
-    angles = jnp.asarray(grid(body, STEP_DEG))
+    pins, angles = pins_of(finger), jnp.asarray(grid(finger.body, STEP_DEG))
     keys = jax.random.split(jax.random.key(seed), len(jax.tree.leaves(pins)))
     leaves, structure = jax.tree.flatten(pins)
     errors = [
@@ -50,7 +51,7 @@ def least_angles(
     )
 
     def least(one: Pins) -> Float[Array, ""]:
-        found = find_postures(one, body, angles, angles)
+        found = find_postures(replace(finger, pins=one), angles, angles)
         reach = jnp.minimum(jnp.min(found.reach[0]), jnp.min(found.reach[1]))
         angle = jnp.rad2deg(jnp.asarray(jnp.inf))
         for values in found.angles.values():

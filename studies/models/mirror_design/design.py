@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from designopt.optimize import sobol_starts
 from designopt.study.study import Context
 from optics.scene.scene import Scene
-from studies.models.body import BodySpec
-from studies.models.mirror_design.arrangement import Arrangement, bounds, poor_start, scene_of
+from studies.models.finger import Finger
 from studies.models.mirror_design.judging import Verdict, judged
+from studies.models.mirror_design.placement import Placement, bounds, free_part, poor_layout
 from studies.models.mirror_design.problem import Task, problem_of
 from studies.models.mirror_design.searching import STAGES, Trial, search
 from studies.models.mirror_design.spec import MirrorSpec
@@ -21,11 +23,11 @@ from studies.models.mirror_design.spec import MirrorSpec
 
 @dataclass(frozen=True)
 class MirrorDesign:
-    """The mirrors that were designed for a body.
+    """The mirrors that were designed for a finger.
 
     Attributes:
-        arrangement: camera and mirrors, each in its phalanx; `arrangement.scene_table` writes it.
-        scene: the finger with them.
+        finger: with its camera and mirrors.
+        scene: of it.
         verdict: what it shows, degree by degree.
         trials: what every start led to: the poor one first, then the random ones.
         verdicts: on every trial.
@@ -33,7 +35,7 @@ class MirrorDesign:
         chosen: index of the trial that was taken.
     """
 
-    arrangement: Arrangement
+    finger: Finger
     scene: Scene
     verdict: Verdict
     trials: Sequence[Trial]
@@ -56,11 +58,11 @@ def meets(verdict: Verdict, floor: float) -> bool:
     return verdict.worst_coverage == 1.0 and verdict.worst_px_per_mm >= floor
 
 
-def design_mirrors(body: BodySpec, spec: MirrorSpec, context: Context) -> MirrorDesign:
-    """Camera and mirrors that show all pads of a body in every posture and bear errors.
+def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> MirrorDesign:
+    """Camera and mirrors that show all pads of a finger in every posture and bear errors.
 
     Args:
-        body: the finger's body.
+        finger: its body; the design has its pins and spring as well.
         spec: camera, room, tolerances, resolution and how to search.
         context: its seed chooses the random starts and the errors that the search sees; the float
             type is that of the study that runs.
@@ -69,18 +71,19 @@ def design_mirrors(body: BodySpec, spec: MirrorSpec, context: Context) -> Mirror
         The trial of least objective among those that see everything with the resolution asked for
         on a 1° grid; if none does, that of least objective and violation. ``verdict`` says which.
     """
+    poor = poor_layout(finger, spec.camera)
     tasks = [
-        Task.of(body, spec, context.seed + number, stage.growth)
+        Task.of(poor, spec, context.seed + number, stage.growth)
         for number, stage in enumerate(STAGES)
     ]
-    task, limits = tasks[-1], bounds(body, spec)
-    starts = [poor_start(body), *_random(body, spec, task, context.seed)]
+    limits = bounds(poor, spec)
+    starts = [free_part(poor), *_random(spec, tasks[-1], context.seed)]
+    thickness = float(finger.body.thickness)
     trials, verdicts = [], []
     for number, start in enumerate(starts):
-        with context.step(f"T = {body.thickness:g} mm: start {number + 1} of {len(starts)}"):
+        with context.step(f"T = {thickness:g} mm: start {number + 1} of {len(starts)}"):
             trials.append(search(start, limits, tasks, STAGES))
-            found = scene_of(trials[-1].arrangement, task.finger)
-            verdicts.append(judged(found, body.range_deg))
+            verdicts.append(judged(eqx.combine(trials[-1].placement, poor)))
 
     def rank(number: int) -> tuple[bool, float]:
         fine = meets(verdicts[number], spec.floor)
@@ -88,12 +91,26 @@ def design_mirrors(body: BodySpec, spec: MirrorSpec, context: Context) -> Mirror
         return not fine, trial.objective + (0.0 if fine else 100 * trial.violation)
 
     chosen = min(range(len(trials)), key=rank)
-    arrangement = trials[chosen].arrangement
-    scene = scene_of(arrangement, task.finger)
-    return MirrorDesign(arrangement, scene, verdicts[chosen], trials, verdicts, tasks, chosen)
+    best = eqx.combine(trials[chosen].placement, poor)
+    return MirrorDesign(best, best.scene(), verdicts[chosen], trials, verdicts, tasks, chosen)
 
 
-def _random(body: BodySpec, spec: MirrorSpec, task: Task, seed: int) -> list[Arrangement]:
-    count = spec.search.starts
-    points = sobol_starts(problem_of(body, spec, task), count, seed)
-    return [jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf[i]), points) for i in range(count)]
+def _random(spec: MirrorSpec, task: Task, seed: int) -> list[Placement]:
+    count, (least, greatest) = spec.search.starts, bounds(task.finger, spec)
+    points = sobol_starts(problem_of(spec, task), count, seed)
+    starts = [jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf[i]), points) for i in range(count)]
+    # Depths are drawn as heights, so that a seed gives the starts that it gave when the places of
+    # camera and mirrors were heights.
+    for depths in (lambda one: one.camera.depth, lambda one: one.mirrors):
+        low, high = depths(least), depths(greatest)
+        starts = [
+            eqx.tree_at(depths, start, jax.tree.map(_turned_over, low, high, depths(start)))
+            for start in starts
+        ]
+    return starts
+
+
+def _turned_over(low: Array, high: Array, point: Array) -> Array:
+    """A depth, or the depths of two ends, as far from the other bound."""
+    turned = low + high - point
+    return turned if point.ndim == 0 else point.at[:, 1].set(turned[:, 1])

@@ -1,15 +1,18 @@
-"""Errors of assembly: drawn, and put into an arrangement."""
+"""Errors of assembly: drawn, and put into a finger."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import scipy.stats
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
 from optics.scene.fabrication import displaced
-from studies.models.mirror_design.arrangement import Arrangement
+from studies.models.finger import Finger, camera_of
 from studies.models.mirror_design.spec import ToleranceSpec
 
 NAMES = (
@@ -72,12 +75,22 @@ def spread_evenly(
     return deviations(tolerances) * scipy.stats.norm.ppf(even)
 
 
-def with_errors(arrangement: Arrangement, errors: Errors) -> Arrangement:
-    """The arrangement as it is assembled with given errors; a single one."""
-    moved = displaced(arrangement.mirrors, errors.mirror_tilt, errors.mirror_offset)
-    return Arrangement(
-        camera=arrangement.camera + errors.camera,
-        tilt=arrangement.tilt + errors.camera_tilt,
-        distal=moved[0],
-        proximal=moved[1],
+def perturb(finger: Finger, errors: Errors) -> Finger:
+    """The finger as it is assembled with given errors; a single one, its mirrors as in `NAMES`."""
+    camera = camera_of(finger)
+    # Errors are those of a plane whose y points up, and depths point down.
+    ends = jnp.stack([mirror.ends for mirror in finger.mirrors])
+    up = jnp.array([[[1.0, -1.0]]], ends.dtype)
+    moved = up * displaced(up * ends, errors.mirror_tilt, errors.mirror_offset)
+    return replace(
+        finger,
+        camera=replace(
+            camera,
+            along=camera.along + errors.camera[0],
+            depth=camera.depth - errors.camera[1],
+            tilt=camera.tilt + errors.camera_tilt,
+        ),
+        mirrors=tuple(
+            replace(mirror, ends=its) for mirror, its in zip(finger.mirrors, moved, strict=True)
+        ),
     )

@@ -1,4 +1,4 @@
-"""The verdict on an arrangement, found apart from the search: degree by degree, and by rays."""
+"""The verdict on a finger, found apart from the search: degree by degree, and by rays."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from optics.scene.scene import Scene
 from optics.visibility.coverage import find_coverage, find_views
 from optics.visibility.sharpness import find_sharpness
 from optics.visibility.views import Pieces
+from studies.models.finger import Finger
 from studies.models.mirror_design.seeing import together
 from studies.oracles.scenes import rounded
 from studies.oracles.tracer import seen_by_fan
@@ -57,15 +58,15 @@ class Verdict(eqx.Module):
         return float(np.min(self.px_per_mm))
 
 
-def degrees_of(range_deg: float) -> Float[np.ndarray, " poses"]:
+def whole_degrees(range_deg: float) -> Float[np.ndarray, " poses"]:
     """Every whole degree from straight to the end of the range, the end included."""
     whole = np.arange(np.floor(range_deg) + 1.0)
     return whole if whole[-1] == range_deg else np.append(whole, range_deg)
 
 
-def judged(scene: Scene, range_deg: float) -> Verdict:
-    """What a scene shows degree by degree."""
-    degrees = degrees_of(range_deg)
+def judged(finger: Finger) -> Verdict:
+    """What a finger's camera shows degree by degree."""
+    scene, degrees = finger.scene(), whole_degrees(finger.body.range_deg)
     poses = together(jnp.deg2rad(jnp.asarray(degrees)))
     views = find_views(scene, poses)
     sharp = find_sharpness(scene, np.asarray(poses), views.value, bounces=scene.layout.bounces)
@@ -100,9 +101,10 @@ class Square(NamedTuple):
     row_seconds: float
 
 
-def whole_square(scene: Scene, range_deg: float) -> Square:
-    """Coverage for all pairs of angles, and whether the row says the same."""
-    angles = jnp.deg2rad(jnp.asarray(degrees_of(range_deg)))
+def coverage_grid(finger: Finger) -> Square:
+    """Coverage for all pairs of angles, and how far the row deviates from it."""
+    scene = finger.scene()
+    angles = jnp.deg2rad(jnp.asarray(whole_degrees(finger.body.range_deg)))
     mesh = jnp.stack(jnp.meshgrid(angles, angles, indexing="ij"), axis=-1)
     row, row_seconds = _timed(scene, together(angles))
     square, square_seconds = _timed(scene, mesh)

@@ -13,18 +13,10 @@ from jaxtyping import Array, Float, Int
 
 from designopt.numerics import as_float
 from designopt.optimize import Problem, Requirement, Terms
-from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
-from studies.models.body import BodySpec
-from studies.models.mirror_design.arrangement import (
-    Arrangement,
-    bounds,
-    camera_body,
-    finger_scene,
-    scale,
-    scene_of,
-)
-from studies.models.mirror_design.errors import Errors, spread_evenly, with_errors
+from studies.models.finger import PHALANGES, Finger
+from studies.models.mirror_design.errors import Errors, perturb, spread_evenly
+from studies.models.mirror_design.placement import DISTAL, PROXIMAL, Placement, bounds, scale
 from studies.models.mirror_design.seeing import least_resolution, missing, pad_lengths, together
 from studies.models.mirror_design.spec import MirrorSpec
 
@@ -47,48 +39,45 @@ class Task(eqx.Module):
     It is made of looks: one look is at one finger, with errors or without, in a few postures.
 
     Attributes:
-        finger: the scene that arrangements are put into.
+        finger: whose camera and mirrors are placed.
         errors: of the finger of every look; none in the first ones.
         angles: joint angles of every look's postures, rad.
         floor: least resolution, px/mm.
         mirror_weight: price of 10 mm of mirror, in % of a pad that is not seen.
-        width: of the camera's body, mm.
-        clearance: of the mirrors from it, mm.
+        clearance: of the mirrors from the camera's body, mm.
         plain: number of looks without errors; those that follow are at one copy each.
     """
 
-    finger: Scene
+    finger: Finger
     errors: Errors
     angles: Float[Array, "looks poses"]
     floor: Float[Array, ""] = eqx.field(converter=as_float)
     mirror_weight: Float[Array, ""] = eqx.field(converter=as_float)
-    width: Float[Array, ""] = eqx.field(converter=as_float)
     clearance: Float[Array, ""] = eqx.field(converter=as_float)
     plain: int = eqx.field(static=True)
 
     @classmethod
-    def of(cls, body: BodySpec, spec: MirrorSpec, seed: int, growth: float = 1.0) -> Task:
-        """The task of a body.
+    def of(cls, finger: Finger, spec: MirrorSpec, seed: int, growth: float = 1.0) -> Task:
+        """The task of a finger.
 
         Args:
-            body: the finger's body.
+            finger: with some layout.
             spec: camera, room, tolerances and how to search.
             seed: of the copies' errors.
             growth: of the copies' errors, beyond `SearchSpec.spread`.
         """
-        search = spec.search
+        search, range_deg = spec.search, finger.body.range_deg
         plain = math.ceil(PLAIN / search.poses)
-        even = np.linspace(0.0, body.range_deg, plain * search.poses).reshape(plain, -1)
-        own = copies_angles_deg(body.range_deg, search.copies, search.poses)
+        even = np.linspace(0.0, range_deg, plain * search.poses).reshape(plain, -1)
+        own = copies_angles_deg(range_deg, search.copies, search.poses)
         errors = spread_evenly(spec.tolerances, search.copies, seed) * search.spread * growth
         none = np.zeros((plain, errors.shape[1]))
         return cls(
-            finger=finger_scene(body, spec),
+            finger=finger,
             errors=Errors.of(jnp.asarray(np.concatenate([none, errors]))),
             angles=jnp.asarray(np.deg2rad(np.concatenate([even, own]))),
             floor=spec.floor,
             mirror_weight=spec.search.mirror_weight,
-            width=spec.camera.width,
             clearance=spec.room.clearance,
             plain=plain,
         )
@@ -131,50 +120,52 @@ class Look(NamedTuple):
     resolution: Float[Array, "poses pads"]
 
 
-def look(arrangement: Arrangement, task: Task, number: Int[Array, ""]) -> Look:
-    """One look of a task at an arrangement."""
+def look(placement: Placement, task: Task, number: Int[Array, ""]) -> Look:
+    """One look of a task at a placement."""
     errors = jax.tree.map(lambda leaf: leaf[number], task.errors)
-    scene = scene_of(with_errors(arrangement, errors), task.finger)
+    scene = perturb(eqx.combine(placement, task.finger), errors).scene()
     views = find_views(scene, together(task.angles[number]))
     sharp = least_resolution(views.value, pad_lengths(scene))
     hidden = jnp.mean(jnp.sum(missing(views), axis=-1))
     return Look(hidden, sharp / (RESERVE * task.floor) - 1)
 
 
-def clearances(arrangement: Arrangement, task: Task) -> Float[Array, "2"]:
+def clearances(finger: Finger) -> Float[Array, "2"]:
     """Room between the camera's body and the near ends of the proximal and distal mirror, mm.
 
     Measured along x in the straight finger. Flexion only turns these ends away: a place (x, y)
     with y > 0 of the proximal phalanx goes towards −x, of the distal one towards +x.
     """
-    body = camera_body(arrangement, task.width)
-    near = arrangement.distal[0, 0] + task.finger.hinges[1, 0]
-    left = jnp.minimum(body[0, 0], body[1, 0]) - arrangement.proximal[0, 0]
+    body = finger.camera_body()
+    near = finger.mirrors[DISTAL].ends[0, 0] + finger.body.intermediate
+    left = jnp.minimum(body[0, 0], body[1, 0]) - finger.mirrors[PROXIMAL].ends[0, 0]
     return jnp.stack([left, near - jnp.maximum(body[0, 0], body[1, 0])])
 
 
-def upkeep(arrangement: Arrangement, task: Task) -> tuple[Float[Array, ""], Float[Array, "2"]]:
-    """What needs no look: the price of the mirrors, and the level (≥ 0) of the clearances."""
-    price = task.mirror_weight * jnp.sum(arrangement.lengths) / 10
-    return price, (clearances(arrangement, task) - task.clearance) / CLEARANCE_SCALE
+def cost_and_clearance(
+    placement: Placement, task: Task
+) -> tuple[Float[Array, ""], Float[Array, "2"]]:
+    """Mirror-length penalty and clearance constraints (≥ 0); neither needs ray tracing."""
+    lengths = jnp.stack([mirror.length for mirror in placement.mirrors])
+    cost = task.mirror_weight * jnp.sum(lengths) / 10
+    room = clearances(eqx.combine(placement, task.finger))
+    return cost, (room - task.clearance) / CLEARANCE_SCALE
 
 
-def terms_of(arrangement: Arrangement, task: Task) -> Terms:
-    """Objective and inequalities (≥ 0) of an arrangement, all of order one; differentiable.
+def terms_of(placement: Placement, task: Task) -> Terms:
+    """Objective and inequalities (≥ 0) of a placement, all of order one; differentiable.
 
     The objective is, in % of a pad: what the copies do not see, what is not seen without errors,
     and the price of the mirrors. ``resolution`` has the shape (poses, pads) over the looks without
     errors, ``clearance`` (2,).
     """
     # One look after the other: all postures together would leave the cache.
-    looks = jax.lax.map(
-        lambda number: look(arrangement, task, number), jnp.arange(len(task.angles))
-    )
-    price, clearance = upkeep(arrangement, task)
+    looks = jax.lax.map(lambda number: look(placement, task, number), jnp.arange(len(task.angles)))
+    cost, clearance = cost_and_clearance(placement, task)
     hidden = jnp.mean(looks.missing[: task.plain]) + jnp.mean(looks.missing[task.plain :])
     sharp = looks.resolution[: task.plain]
     return Terms(
-        objective=100 * hidden + price,
+        objective=100 * hidden + cost,
         inequalities={
             "resolution": sharp.reshape(-1, sharp.shape[-1]),
             "clearance": clearance,
@@ -182,17 +173,17 @@ def terms_of(arrangement: Arrangement, task: Task) -> Terms:
     )
 
 
-def problem_of(body: BodySpec, spec: MirrorSpec, task: Task) -> Problem:
+def problem_of(spec: MirrorSpec, task: Task) -> Problem:
     """The problem in the form that all solvers take."""
-    least, greatest = bounds(body, spec)
-    pads = [pad.name for pad in task.finger.layout.pads]
+    least, greatest = bounds(task.finger, spec)
+    pads = PHALANGES
     degrees = np.rad2deg(task.angles[: task.plain]).ravel()
     mirrors = ("proximal", "distal")
     return Problem(
         terms_of,
         least,
         greatest,
-        scale(),
+        scale(task.finger),
         {
             "resolution": Requirement(
                 lambda at: f"resolution of the {pads[at[1]]} pad at {degrees[at[0]]:g}°",

@@ -1,18 +1,17 @@
-"""A layout as the scene file that ``designopt trace`` reads."""
+"""What a finger's camera sees as the scene file that ``designopt trace`` reads."""
 
 from __future__ import annotations
 
 from designopt.io.spec_file import SpecFile
 from designopt.io.toml_writing import toml_text
-from studies.models.body import BodySpec
-from studies.models.mirror_design.arrangement import Arrangement, scene_table
-from studies.models.mirror_design.spec import MirrorSpec
+from optics.scene.writer import scene_tables
+from studies.models.finger import Finger
 
 
-def scene_file(arrangement: Arrangement, body: BodySpec, spec: MirrorSpec) -> SpecFile:
-    """The scene file of a design."""
+def scene_file(finger: Finger) -> SpecFile:
+    """The scene file of a finger."""
     text = toml_text(
-        scene_table(arrangement, body, spec),
+        scene_tables(finger.scene()),
         "Camera, mirrors and pads; the intermediate phalanx is the world.\n"
         "designopt trace scene.toml --sweep pip=0:90:91 --pose dip=30",
     )

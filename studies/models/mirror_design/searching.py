@@ -23,8 +23,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
 from designopt.optimize import Terms
-from studies.models.mirror_design.arrangement import Arrangement, scale
-from studies.models.mirror_design.problem import Look, Task, look, upkeep
+from studies.models.finger import PHALANGES
+from studies.models.mirror_design.placement import Placement, scale
+from studies.models.mirror_design.problem import Look, Task, cost_and_clearance, look
 
 Multipliers = dict[str, Float[Array, "..."]]
 """Of the inequalities, by name."""
@@ -65,15 +66,15 @@ class Trial(NamedTuple):
 
     Attributes:
         start: where it began.
-        arrangement: where it ended.
+        placement: where it ended.
         objective: there, of the last stage.
         violation: largest violation of an inequality there, scaled.
         steps: of the solver, in all.
         seconds: its run time; the first search of a process compiles, too.
     """
 
-    start: Arrangement
-    arrangement: Arrangement
+    start: Placement
+    placement: Placement
     objective: float
     violation: float
     steps: int
@@ -81,8 +82,8 @@ class Trial(NamedTuple):
 
 
 def search(
-    start: Arrangement,
-    bounds: tuple[Arrangement, Arrangement],
+    start: Placement,
+    bounds: tuple[Placement, Placement],
     tasks: Sequence[Task],
     stages: Sequence[Stage] = STAGES,
     copies: int | None = None,
@@ -97,7 +98,7 @@ def search(
         copies: the first so many of a task count; all of them by default.
     """
     begin = time.perf_counter()
-    units, build = ravel_pytree(scale())
+    units, build = ravel_pytree(scale(tasks[0].finger))
     low, high, point = (ravel_pytree(one)[0] / units for one in (*bounds, start))
     multipliers = no_multipliers(tasks[0])
     count = jnp.asarray(tasks[0].copies if copies is None else copies)
@@ -157,11 +158,9 @@ def _with_slope(at: Any, towards: Any) -> Any:
     return value, slope @ towards[0]
 
 
-def measured(
-    arrangement: Arrangement, task: Task, copies: int | None = None
-) -> tuple[float, float]:
-    """Objective and largest scaled violation of an arrangement, by the search's own program."""
-    point = ravel_pytree(jax.tree.map(jnp.divide, arrangement, scale()))[0]
+def measured(placement: Placement, task: Task, copies: int | None = None) -> tuple[float, float]:
+    """Objective and largest scaled violation of a placement, by the search's own program."""
+    point = ravel_pytree(jax.tree.map(jnp.divide, placement, scale(task.finger)))[0]
     count = jnp.asarray(task.copies if copies is None else copies)
     none = no_multipliers(task)
     (_, terms), _ = lagrangian(point, task, count, jnp.asarray(0.0), none)
@@ -174,9 +173,8 @@ def _violation(terms: Terms) -> float:
 
 def no_multipliers(task: Task) -> Multipliers:
     """Zeros: nothing is known of the inequalities yet."""
-    pads = len(task.finger.layout.pads)
     places = task.plain * task.angles.shape[1]
-    return {"resolution": jnp.zeros((places, pads)), "clearance": jnp.zeros(2)}
+    return {"resolution": jnp.zeros((places, len(PHALANGES))), "clearance": jnp.zeros(2)}
 
 
 @jax.jit
@@ -192,7 +190,7 @@ def lagrangian(
     It is a sum over looks, so each look's slope is found by itself: nothing of the other looks is
     kept for it, and how many copies count is a number, not a shape.
     """
-    units, build = ravel_pytree(scale())
+    units, build = ravel_pytree(scale(task.finger))
     plain, poses = task.plain, task.angles.shape[1]
     sharp = multipliers["resolution"].reshape(plain, poses, -1)
 
@@ -208,7 +206,7 @@ def lagrangian(
     def of_rest(
         point: Float[Array, " parameters"],
     ) -> tuple[Float[Array, ""], tuple[Float[Array, ""], Float[Array, "2"]]]:
-        price, clearance = upkeep(build(point * units), task)
+        price, clearance = cost_and_clearance(build(point * units), task)
         return price + _unmet(clearance, multipliers["clearance"], penalty), (price, clearance)
 
     def add(number: Int[Array, ""], so_far: Any) -> Any:

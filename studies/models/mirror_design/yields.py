@@ -10,11 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from optics.scene.scene import Scene
 from optics.visibility.coverage import find_coverage
-from studies.models.mirror_design.arrangement import Arrangement, scene_of
-from studies.models.mirror_design.errors import NAMES, Errors, deviations, drawn, with_errors
-from studies.models.mirror_design.judging import ROUNDING, degrees_of
+from studies.models.finger import Finger
+from studies.models.mirror_design.errors import NAMES, Errors, deviations, drawn, perturb
+from studies.models.mirror_design.judging import ROUNDING, whole_degrees
 from studies.models.mirror_design.seeing import together
 from studies.models.mirror_design.spec import ToleranceSpec
 
@@ -65,16 +64,13 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
 
 
 def coverages(
-    arrangement: Arrangement,
-    finger: Scene,
-    errors: Float[np.ndarray, "draws 7"],
-    range_deg: float,
+    finger: Finger, errors: Float[np.ndarray, "draws 7"]
 ) -> Float[np.ndarray, "draws poses pads"]:
     """Coverage degree by degree of fingers assembled with errors (in the order of `NAMES`)."""
-    poses = together(jnp.deg2rad(jnp.asarray(degrees_of(range_deg))))
+    poses = together(jnp.deg2rad(jnp.asarray(whole_degrees(finger.body.range_deg))))
     padded = np.pad(errors, ((0, -len(errors) % BLOCK), (0, 0)))
     found = [
-        np.asarray(_coverages(arrangement, finger, jnp.asarray(block), poses))
+        np.asarray(_coverages(finger, jnp.asarray(block), poses))
         for block in np.split(padded, len(padded) // BLOCK)
     ]
     return np.concatenate(found)[: len(errors)]
@@ -82,30 +78,26 @@ def coverages(
 
 @jax.jit
 def _coverages(
-    arrangement: Arrangement,
-    finger: Scene,
+    finger: Finger,
     errors: Float[Array, "draws 7"],
     poses: Float[Array, "poses joints"],
 ) -> Float[Array, "draws poses pads"]:
     def of_draw(entries: Float[Array, "7"]) -> Float[Array, "poses pads"]:
-        assembled = with_errors(arrangement, Errors.of(entries))
-        return find_coverage(scene_of(assembled, finger), poses).value
+        return find_coverage(perturb(finger, Errors.of(entries)).scene(), poses).value
 
     return jax.lax.map(of_draw, errors)
 
 
 def monte_carlo(
-    arrangement: Arrangement,
-    finger: Scene,
+    finger: Finger,
     tolerances: ToleranceSpec,
-    range_deg: float,
     *,
     draws: int,
     seed: int,
 ) -> Yield:
     """The yield by independent normal errors; a pad is seen if 1 − `ROUNDING` of it is."""
     errors = drawn(tolerances, draws, seed)
-    whole = coverages(arrangement, finger, errors, range_deg) >= 1 - ROUNDING
+    whole = coverages(finger, errors) >= 1 - ROUNDING
     good = int(np.sum(np.all(whole, axis=(1, 2))))
     return Yield(good / draws, *wilson(good, draws), draws, np.mean(whole, axis=0))
 
@@ -128,10 +120,8 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivity(
-    arrangement: Arrangement,
-    finger: Scene,
+    finger: Finger,
     tolerances: ToleranceSpec,
-    range_deg: float,
     *,
     draws: int,
     seed: int,
@@ -146,7 +136,7 @@ def sensitivity(
         factor = np.ones(len(NAMES))
         factor[list(entries)] = 2.0
         variants.append(errors * factor)
-    found = coverages(arrangement, finger, np.concatenate([alone, *variants]), range_deg)
+    found = coverages(finger, np.concatenate([alone, *variants]))
     worst = np.min(found[: len(alone)], axis=(1, 2)).reshape(len(NAMES), len(STEPS))
     whole = found[len(alone) :].reshape(len(variants), draws, *found.shape[1:]) >= 1 - ROUNDING
     yields = []

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from importlib.resources import as_file, files
 from pathlib import Path
 
 from optics.scene.designed import DesignedScene
+from optics.scene.file import SceneFile
+from optics.scene.writer import scene_tables
+from studies.models.sensor.finger_sensor import designed
 from studies.models.sensor.spec import FingerImagesSpec
 
 
@@ -20,7 +22,6 @@ def imaged_finger_design(spec: FingerImagesSpec, folder: Path | None) -> Designe
         UserError: that file describes no scene.
     """
     del folder
-    if spec.scene:
-        return DesignedScene.read(Path(spec.scene))
-    with as_file(files("studies") / "finger" / "scene.toml") as packaged:
-        return DesignedScene.read(packaged)
+    scene = designed(spec.scene)
+    file = SceneFile.model_validate(scene_tables(scene))
+    return DesignedScene.of(file, spec.scene or scene.layout.name)

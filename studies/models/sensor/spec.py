@@ -27,7 +27,7 @@ class FingerImagesSpec(Spec):
 
     scene: str = Field(
         default="",
-        description="scene file of the finger; by default that of the packaged finger",
+        description="file of the finger, or of its scene; the packaged finger by default",
     )
     width: Length = Field(default=24.0, description="of the pads, as in paper B (mm)")
     severity: Annotated[float, Field(ge=0, le=2)] = Field(

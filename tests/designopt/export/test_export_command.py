@@ -19,6 +19,7 @@ from designopt.errors import UserError
 from designopt.io.files import replaced_when_complete
 
 STUDIES = Path(__file__).parents[3] / "studies"
+OLD = Path(__file__).parents[2] / "data" / "old_specs"
 
 
 @pytest.fixture(autouse=True)
@@ -56,7 +57,7 @@ def test_a_result_is_exported_from_its_own_files():
     specs.mkdir(parents=True)
     Path("mine/results.json").write_text('{"study": "finger", "spec": {}}', encoding="utf-8")
     for name in ("linkage.toml", "scene.toml"):
-        text = (STUDIES / "finger" / name).read_text(encoding="utf-8")
+        text = (OLD / name).read_text(encoding="utf-8")
         (specs / name).write_text(text.replace("F = [-7.77, -1.98]", "F = [-7.5, -2.25]"))
     assert run(["export", "mine", "--to", "json", "--out", "."]) == 0
     found = json.loads(Path("mine.json").read_text(encoding="utf-8"))["quantities"]

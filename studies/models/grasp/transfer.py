@@ -1,4 +1,4 @@
-"""The finger as a mechanism with springs: what its motor and its spring feel in one posture."""
+"""Transfer functions of the finger in one posture, from its joints to its motor and its spring."""
 
 from __future__ import annotations
 
@@ -7,53 +7,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from designopt.numerics import as_float, safe_divide
+from designopt.numerics import safe_divide
 from designopt.vectors import Vector, rotation
 from kinematics.solve.dyads import solve_rrr
-from studies.models.body import RIM, BodySpec
-from studies.models.pins import Pins
+from studies.models.finger import Body, Finger, pins_of
 
 Joints = Float[Array, "2"]
 """Flexion (PIP, DIP), rad, not negative."""
 
 
-class Finger(eqx.Module):
-    """A design with its spring and its servo.
-
-    Stiffnesses are held by their logarithms, so that a gradient step keeps them positive.
-
-    Attributes:
-        pins: where the pins are in the straight finger.
-        log_spring: ln of the spring's stiffness k between distal phalanx and plate, N mm/rad.
-        log_servo: ln of the servo's stiffness k_s at the crank, N mm/rad.
-        preload: γ_p, how far the spring is wound in the straight finger, rad.
-        body: the section.
-    """
-
-    pins: Pins
-    log_spring: Float[Array, ""] = eqx.field(converter=as_float)
-    log_servo: Float[Array, ""] = eqx.field(converter=as_float)
-    preload: Float[Array, ""] = eqx.field(converter=as_float)
-    body: BodySpec = eqx.field(static=True)
-
-    @property
-    def contrast(self) -> Float[Array, ""]:
-        """κ = √(k / k_s)."""
-        return jnp.exp((self.log_spring - self.log_servo) / 2)
-
-    @property
-    def moment_unit(self) -> Float[Array, ""]:
-        """√(k k_s), N mm: moments are computed in this unit, forces in it over `length_unit`."""
-        return jnp.exp((self.log_spring + self.log_servo) / 2)
-
-    @property
-    def length_unit(self) -> float:
-        """Length between the two joints, mm; gaps are computed in this unit."""
-        return self.body.intermediate
-
-
 class Transfer(eqx.Module):
-    """What a posture means to motor and spring.
+    """Turns of crank and plate in one posture, and their derivatives.
 
     Attributes:
         crank: φ, turn of the crank from the straight finger, rad, positive in closing.
@@ -73,16 +37,16 @@ class Transfer(eqx.Module):
 def transfer(finger: Finger, joints: Joints) -> Transfer:
     """The finger's transfer functions in one posture, in closed form: two dyads.
 
-    It is `finger_linkage.find_postures` for one posture and without the transmission angles:
-    G-H-C decides the plate from DIP alone, then D-E-F decides the crank. Ratios by virtual
-    velocities: along the rod D and E move equally fast, along the bar G and H do.
+    It is `find_postures` for one posture and without the transmission angles: G-H-C decides the
+    plate from DIP alone, then D-E-F decides the crank. Ratios by virtual velocities: along the rod
+    D and E move equally fast, along the bar G and H do.
 
     Args:
-        finger: one design.
+        finger: its body and pins.
         joints: flexion of PIP and DIP, rad.
     """
-    at = finger.pins.places()
-    axis_b = Vector(jnp.full_like(joints[0], finger.body.intermediate), jnp.zeros_like(joints[0]))
+    at = pins_of(finger).places()
+    axis_b = Vector(finger.body.intermediate, jnp.zeros_like(joints[0]))
     phalanx = (at["C"] - axis_b).turned(rotation(-joints[1]))
     c = axis_b + phalanx
     bar_turn, plate_turn, reach = _dyad(
@@ -139,23 +103,17 @@ class Pad(eqx.Module):
 
     start: Vector
     along: Vector
-    length: float = eqx.field(static=True)
-    offset: float = eqx.field(static=True)
+    length: Float[Array, ""]
+    offset: Float[Array, ""]
 
 
-def pads(body: BodySpec, joints: Joints) -> tuple[Pad, Pad]:
-    """The pads of the intermediate and of the distal phalanx.
-
-    They begin as far from the joint axes as these lie above the palmar face, and the distal pad
-    ends 1.5 mm before the tip (an argument of this project; paper B gives no number).
-    """
+def pads(body: Body, joints: Joints) -> tuple[Pad, Pad]:
+    """The pads of the intermediate and of the distal phalanx; see `Body` for where they end."""
     inner, outer = rotation(-joints[0]), rotation(-joints[0] - joints[1])
-    axis_b = inner.scaled(jnp.full_like(joints[0], body.intermediate))
-    corner = Vector(
-        jnp.full_like(joints[0], body.axis_height), jnp.full_like(joints[0], body.palmar)
-    )
+    axis_b = inner.scaled(body.intermediate)
     h = body.axis_height
+    corner = Vector(h, body.palmar)
     return (
         Pad(corner.turned(inner), inner, body.intermediate - 2 * h, h),
-        Pad(axis_b + corner.turned(outer), outer, body.distal - RIM - h, h),
+        Pad(axis_b + corner.turned(outer), outer, body.distal - body.rim - h, h),
     )

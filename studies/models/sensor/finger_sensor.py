@@ -1,10 +1,9 @@
-"""The designed finger, what its image analysis is told of it, and fingers as they are made."""
+"""A finger as a sensor: its scene, the calibration-free models of its images, its errors."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from importlib.resources import as_file, files
 from pathlib import Path
 
 import equinox as eqx
@@ -13,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from designopt.errors import UserError
+from designopt.io.files import read_toml
 from optics.rendering import Effects, Renderer
 from optics.scene.camera import Pinhole
 from optics.scene.fabrication import Fabrication, errors_of
@@ -22,6 +22,7 @@ from optics.scene.scene import Layout, Scene
 from perception.lens import Lens
 from perception.matching import Catalogue
 from perception.proprioception import CornerModel
+from studies.models.finger_file import packaged_finger, read_finger
 from studies.models.sensor.estimators import catalogue_of, corner_model, lens_of
 from studies.models.sensor.spec import FingerImagesSpec, MadeSpec
 
@@ -33,8 +34,8 @@ BODY = "camera body"
 
 
 @dataclass(frozen=True)
-class Finger:
-    """A finger as designed, and what the analysis of its images is told.
+class FingerSensor:
+    """A finger as designed, and the models by which its images are analysed.
 
     Attributes:
         scene: as designed.
@@ -57,7 +58,7 @@ class Finger:
     width: float
 
     @classmethod
-    def of(cls, spec: FingerImagesSpec, rows: int | None = None) -> Finger:
+    def of(cls, spec: FingerImagesSpec, rows: int | None = None) -> FingerSensor:
         """The finger of a study, its image ``rows`` high.
 
         Raises:
@@ -114,11 +115,16 @@ def _fault(scene: Scene, imaging: Imaging) -> str:
 
 
 def designed(path: str) -> Scene:
-    """The scene in a file, or that of the packaged finger if none is named."""
-    if path:
-        return read_scene(Path(path))
-    with as_file(files("studies") / "finger" / "scene.toml") as packaged:
-        return read_scene(packaged)
+    """The scene in a file of a scene or of a finger; that of the packaged finger if none is named.
+
+    Raises:
+        UserError: the file describes neither.
+    """
+    if not path:
+        return packaged_finger().scene()
+    if "finger" in read_toml(path, "scene"):
+        return read_finger(path).scene()
+    return read_scene(Path(path))
 
 
 def deviations_of(tolerances: MadeSpec, layout: Layout) -> Fabrication:

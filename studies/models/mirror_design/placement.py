@@ -1,0 +1,153 @@
+"""What is free: where the camera and the mirrors of a finger are, and between which bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import ArrayLike
+
+from studies.models.finger import Body, Finger, FingerCamera, FingerMirror
+from studies.models.mirror_design.spec import CameraSpec, MirrorSpec
+
+Placement = Finger
+"""A finger of which only the places of camera and mirrors are left, also as a bound or a scale; all
+other leaves are ``None``."""
+
+DISTAL, PROXIMAL = 0, 1
+"""The order of the mirrors."""
+
+
+def with_layout(
+    finger: Finger,
+    lens: CameraSpec,
+    *,
+    camera: Sequence[ArrayLike],
+    tilt: ArrayLike,
+    distal: Sequence[Sequence[ArrayLike]],
+    proximal: Sequence[Sequence[ArrayLike]],
+) -> Finger:
+    """A finger with a camera and two mirrors.
+
+    Args:
+        finger: its own camera and mirrors are replaced.
+        lens: the camera's settings.
+        camera: of the pinhole, along from the PIP axis and depth, mm.
+        tilt: see `FingerCamera`.
+        distal: ends of the mirror; see `FingerMirror`.
+        proximal: ends of the other.
+    """
+    along, depth = camera
+    return replace(
+        finger,
+        camera=FingerCamera(
+            along=along,
+            depth=depth,
+            tilt=tilt,
+            field_of_view=np.deg2rad(lens.fov_deg),
+            pixels=lens.pixels,
+            width=lens.width,
+            grazing=np.deg2rad(lens.min_grazing_deg),
+        ),
+        mirrors=(
+            FingerMirror(jnp.asarray(distal), "distal"),
+            FingerMirror(jnp.asarray(proximal), "proximal"),
+        ),
+    )
+
+
+def reference_layout(finger: Finger, lens: CameraSpec) -> Finger:
+    """The layout that an earlier, independent search with errors found for T = 25, h = 4 mm."""
+    return with_layout(
+        finger,
+        lens,
+        camera=[15.75, 4.01],
+        tilt=np.deg2rad(-6.3),
+        distal=[[0.24, 1.96], [30.81, 20.66]],
+        proximal=[[4.16, 2.5], [-28.35, 11.7]],
+    )
+
+
+def poor_layout(finger: Finger, lens: CameraSpec) -> Finger:
+    """Where the search begins on purpose: mirrors along the back of the finger, which show little.
+
+    The camera sits 5 mm over the middle of the intermediate pad and looks straight at it.
+    """
+    body = finger.body
+    return with_layout(
+        finger,
+        lens,
+        camera=[body.intermediate / 2, body.thickness - 5],
+        tilt=0.0,
+        distal=[[2.0, 2.0], [body.distal - 4, 2.0]],
+        proximal=[[-2.0, 2.0], [4 - body.proximal, 2.0]],
+    )
+
+
+def free_part(finger: Finger) -> Placement:
+    """The places of camera and mirrors alone; ``equinox.combine(part, finger)`` puts others in."""
+    nothing = jax.tree.map(lambda _: False, finger)
+    return eqx.filter(finger, eqx.tree_at(_free, nothing, replace_fn=lambda _: True))
+
+
+def _free(finger: Finger) -> list[Any]:
+    camera = finger.camera
+    assert camera is not None  # a layout has one
+    return [camera.along, camera.depth, camera.tilt, *(mirror.ends for mirror in finger.mirrors)]
+
+
+def _placement(
+    finger: Finger,
+    camera: Sequence[ArrayLike],
+    tilt: float,
+    distal: Sequence[Sequence[ArrayLike]],
+    proximal: Sequence[Sequence[ArrayLike]],
+) -> Placement:
+    parts = [*camera, tilt, distal, proximal]
+    return eqx.tree_at(_free, free_part(finger), [jnp.asarray(part, float) for part in parts])
+
+
+def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
+    """Least and greatest values of everything that is free: inside its phalanx.
+
+    The camera's body lies over the intermediate phalanx and its depth below the dorsal face. A
+    mirror's ends keep the clearance from the palmar plane, the dorsal face and the end wall. One
+    end lies in the half next to the joint, and may reach beyond the joint's axis by the overhang
+    (the reference layout's proximal mirror does so by 4.16 mm: the cheeks that carry it enclose the
+    joint), the other in the far half. That the overhanging ends keep away from the camera's body is
+    an inequality (`problem.clearances`).
+
+    Returns:
+        The least and the greatest placement, mm and rad.
+    """
+    body: Body = finger.body
+    clear, over = spec.room.clearance, spec.room.overhang
+    low, high = clear, body.thickness - clear
+    half = spec.camera.width / 2
+    outer, inner = body.distal, body.proximal
+    least = _placement(
+        finger,
+        [half, spec.camera.depth],
+        -0.6,
+        [[-over, low], [outer / 2, low]],
+        [[-inner / 2, low], [clear - inner, low]],
+    )
+    greatest = _placement(
+        finger,
+        [body.intermediate - half, body.thickness - 2 * clear],
+        0.6,
+        [[outer / 2, high], [outer - clear, high]],
+        [[over, high], [-inner / 2, high]],
+    )
+    return least, greatest
+
+
+def scale(finger: Finger) -> Placement:
+    """A change of each number that matters about as much as that of the others: 1 mm, 0.1 rad."""
+    ones = [[1.0, 1.0], [1.0, 1.0]]
+    return _placement(finger, [1.0, 1.0], 0.1, ones, ones)

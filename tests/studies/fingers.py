@@ -1,0 +1,22 @@
+"""Fingers that several tests are about."""
+
+from __future__ import annotations
+
+from studies.models import Body, Finger, Pins, Spring
+from studies.models.body import BodySpec
+from studies.models.mirror_design.placement import reference_layout
+from studies.models.mirror_design.spec import MirrorSpec
+from studies.models.pins import reference_pins
+
+LENS = MirrorSpec().camera
+
+
+def finger_of(pins: Pins | None = None, **body: float) -> Finger:
+    """A finger with spring, by default design B with its default body."""
+    made = Body.of(BodySpec(**body))
+    return Finger.of(made, pins or reference_pins(), Spring(30.0, 0.3, 300.0))
+
+
+def seeing_finger(**body: float) -> Finger:
+    """The same with camera and mirrors of the reference layout."""
+    return reference_layout(finger_of(None, **body), LENS)
