@@ -1,12 +1,12 @@
 from .errors import UserError
 from .fitting import Fit, least_squares
 from .io.spec import Spec
-from .io.toml_writing import toml_text
+from .io.toml_writing import format_toml
 from .numerics import as_float, safe_arctan2, safe_divide, safe_quadratic_roots, safe_sqrt
 from .roots import find_root
 from .solution import Solution, combine_checks
 from .study.left_out import count_operations
-from .study.precision import Contender, compile_timed, dominating, measure
+from .study.precision import Contender, compile_timed, find_dominating, measure
 from .study.results import (
     Claim,
     Figure,
@@ -22,7 +22,7 @@ from .study.results import (
 )
 from .study.stability import Family, assess
 from .study.study import Context, Study
-from .vectors import Vector, direction_to_meeting, folded_angle
+from .vectors import Vector, direction_to_meeting, fold_angle
 
 __all__ = [
     "Claim",
@@ -51,14 +51,14 @@ __all__ = [
     "compile_timed",
     "count_operations",
     "direction_to_meeting",
-    "dominating",
+    "find_dominating",
     "find_root",
-    "folded_angle",
+    "fold_angle",
+    "format_toml",
     "least_squares",
     "measure",
     "safe_arctan2",
     "safe_divide",
     "safe_quadratic_roots",
     "safe_sqrt",
-    "toml_text",
 ]

@@ -9,8 +9,8 @@ from typing import Any
 
 from designopt.errors import UserError
 from designopt.explore.bench import Bench
+from designopt.export.drawing import Drawing
 from designopt.export.json import Quantity
-from designopt.export.sheet import Sheet
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class DesignKind:
     table: str
     read: Callable[[Path], Any]
     explorer: Callable[[Any], Bench]
-    drawing: Callable[[Any], Sheet]
+    drawing: Callable[[Any], Drawing]
     quantities: Callable[[Any], Sequence[Quantity]]
     mjcf: Callable[[Any], str] | None = None
     command: str = "designopt explore"
@@ -60,7 +60,7 @@ class Design:
         """It with its knobs, for ``designopt explore``."""
         return self.kind.explorer(self.model)
 
-    def drawing(self) -> Sheet:
+    def drawing(self) -> Drawing:
         """It drawn to scale in its reference pose."""
         return self.kind.drawing(self.model)
 

@@ -52,7 +52,7 @@ def gauss_newton(
     return solver.run(guess, args).params
 
 
-def minimise_in_box(
+def minimize_in_box(
     objective: Callable[[Float[Array, " n"], Any], Float[Array, ""]],
     guess: Float[Array, " n"],
     bounds: tuple[Float[Array, " n"], Float[Array, " n"]],

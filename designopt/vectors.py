@@ -97,7 +97,7 @@ def where(condition: Bool[Array, "*batch"], yes: Vector, no: Vector) -> Vector:
     return Vector(jnp.where(condition, yes.x, no.x), jnp.where(condition, yes.y, no.y))
 
 
-def folded_angle(first: Vector, second: Vector) -> Float[Array, "*batch"]:
+def fold_angle(first: Vector, second: Vector) -> Float[Array, "*batch"]:
     """The angle between the lines along two vectors, radians, 0 to π/2; finite for zero vectors."""
     return safe_arctan2(jnp.abs(first.cross(second)), jnp.abs(first.dot(second)))
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from kinematics import solve_transmission
 from optics import Imaging, find_corners, find_outlines, find_views
-from studies.models import Body, Finger, FingerCamera, FingerMirror, Pins, Spring
+from studies.models import Body, Finger, FingerCamera, FingerMirror, FingerSpring, Pins
 
 jax.config.update("jax_enable_x64", True)
 
@@ -18,7 +18,7 @@ FINGER = Finger.of(  # mm and rad; its pads are seen in part, or their slopes wo
     Pins(*jnp.array([  # F, E, D, C, G, G'
         [-7.75, -2.0], [-21.27, 14.06], [-2.49, 13.73], [69.68, 5.27], [11.13, 2.01], [15.0, 19.0],
     ])),
-    Spring(stiffness=30.0, preload=0.3, servo=300.0),
+    FingerSpring(stiffness=30.0, preload=0.3, servo=300.0),
     FingerCamera(17.65, 15.0, 0.156, field_of_view=3.0, pixels=1080.0, width=8.0, grazing=0.493),
     [
         FingerMirror(jnp.array([[6.47, 8.63], [18.38, 19.59]]), "distal"),

@@ -1,17 +1,22 @@
-from .io.reading import linkage_from, read_linkage
-from .io.writer import linkage_text, write_linkage
-from .model.grashof import Grashof, grashof
-from .model.linkage import Line, Link, Linkage, Spring, Vector
-from .model.loops import Loop, vector_loops
-from .solve.assemblies import Assemblies, assemblies
-from .solve.limits import Limit, Limits, find_limits, turning_point
-from .solve.plan import describe
+from .io.reading import parse_linkage, read_linkage
+from .io.writer import format_linkage, write_linkage
+from .model.grashof import Grashof, classify_grashof
+from .model.linkage import Line, Link, Linkage, Spring
+from .model.loops import Loop, find_vector_loops
+from .solve.assemblies import Assemblies, find_assemblies
+from .solve.limits import Limit, Limits, find_limits, solve_turning_point
+from .solve.plan import describe_plan
 from .solve.poses import PoseResult, solve_poses
 from .solve.rates import Motion, Rates, solve_rates
 from .solve.solver import Pose
-from .solve.statics import input_efforts, input_slopes, mechanical_advantage, spring_energy
+from .solve.statics import (
+    compute_spring_energy,
+    solve_input_efforts,
+    solve_input_slopes,
+    solve_mechanical_advantage,
+)
 from .solve.steps import PlanError
-from .solve.tolerance import Spread, no_deviations, output_spread
+from .solve.tolerance import Spread, make_zero_deviations, propagate_deviations
 from .solve.transmission import Transmission, solve_transmission
 
 __all__ = [
@@ -31,24 +36,23 @@ __all__ = [
     "Spread",
     "Spring",
     "Transmission",
-    "Vector",
-    "assemblies",
-    "describe",
+    "classify_grashof",
+    "compute_spring_energy",
+    "describe_plan",
+    "find_assemblies",
     "find_limits",
-    "grashof",
-    "input_efforts",
-    "input_slopes",
-    "linkage_from",
-    "linkage_text",
-    "mechanical_advantage",
-    "no_deviations",
-    "output_spread",
+    "find_vector_loops",
+    "format_linkage",
+    "make_zero_deviations",
+    "parse_linkage",
+    "propagate_deviations",
     "read_linkage",
+    "solve_input_efforts",
+    "solve_input_slopes",
+    "solve_mechanical_advantage",
     "solve_poses",
     "solve_rates",
     "solve_transmission",
-    "spring_energy",
-    "turning_point",
-    "vector_loops",
+    "solve_turning_point",
     "write_linkage",
 ]

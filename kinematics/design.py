@@ -11,7 +11,7 @@ from designopt.export.json import Quantity
 
 if TYPE_CHECKING:
     from designopt.explore.bench import Bench
-    from designopt.export.sheet import Sheet
+    from designopt.export.drawing import Drawing
     from kinematics.io.designed import DesignedLinkage
 
 
@@ -27,14 +27,14 @@ def _explorer(model: DesignedLinkage) -> Bench:
     return LinkageBench(model)
 
 
-def _drawing(model: DesignedLinkage) -> Sheet:
-    from kinematics.export.sheet import linkage_sheet
+def _drawing(model: DesignedLinkage) -> Drawing:
+    from kinematics.export.drawing import make_linkage_drawing
 
-    return linkage_sheet(model)
+    return make_linkage_drawing(model)
 
 
 def _quantities(model: DesignedLinkage) -> Sequence[Quantity]:
-    from kinematics.export.sheet import linkage_quantities
+    from kinematics.export.drawing import linkage_quantities
 
     return linkage_quantities(model)
 

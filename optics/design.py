@@ -11,7 +11,7 @@ from designopt.export.json import Quantity
 
 if TYPE_CHECKING:
     from designopt.explore.bench import Bench
-    from designopt.export.sheet import Sheet
+    from designopt.export.drawing import Drawing
     from optics.chamber.designed import DesignedChamber
     from optics.scene.designed import DesignedScene
 
@@ -28,14 +28,14 @@ def _scene_explorer(model: DesignedScene) -> Bench:
     return SceneBench(model)
 
 
-def _scene_drawing(model: DesignedScene) -> Sheet:
-    from optics.export.scene_sheet import scene_sheet
+def _scene_drawing(model: DesignedScene) -> Drawing:
+    from optics.export.scene_drawing import make_scene_drawing
 
-    return scene_sheet(model)
+    return make_scene_drawing(model)
 
 
 def _scene_quantities(model: DesignedScene) -> Sequence[Quantity]:
-    from optics.export.scene_sheet import scene_quantities
+    from optics.export.scene_drawing import scene_quantities
 
     return scene_quantities(model)
 
@@ -52,14 +52,14 @@ def _chamber_explorer(model: DesignedChamber) -> Bench:
     return ChamberBench(model)
 
 
-def _chamber_drawing(model: DesignedChamber) -> Sheet:
-    from optics.export.chamber_sheet import chamber_sheet
+def _chamber_drawing(model: DesignedChamber) -> Drawing:
+    from optics.export.chamber_drawing import make_chamber_drawing
 
-    return chamber_sheet(model)
+    return make_chamber_drawing(model)
 
 
 def _chamber_quantities(model: DesignedChamber) -> Sequence[Quantity]:
-    from optics.export.chamber_sheet import chamber_quantities
+    from optics.export.chamber_drawing import chamber_quantities
 
     return chamber_quantities(model)
 

@@ -1,15 +1,13 @@
-from .detection import find_quads, find_views
-from .differences import References, difference
+from .detection import detect_quads, detect_views
+from .differences import References, compare_with_reference
 from .lens import Lens, TangentPlane
-from .matching import Catalogue, Family, Sighting, View, match
+from .matching import Sighting, View, ViewCatalog, ViewFamily, match_views
 from .paper_route import PaperRoute
 from .quads import Quad, fit_quad
 from .quality import Quality
-from .unwarping import best_view, image_of, pad_of, unwarp
+from .unwarping import map_to_image, map_to_pad, select_view, unwarp
 
 __all__ = [
-    "Catalogue",
-    "Family",
     "Lens",
     "PaperRoute",
     "Quad",
@@ -18,13 +16,15 @@ __all__ = [
     "Sighting",
     "TangentPlane",
     "View",
-    "best_view",
-    "difference",
-    "find_quads",
-    "find_views",
+    "ViewCatalog",
+    "ViewFamily",
+    "compare_with_reference",
+    "detect_quads",
+    "detect_views",
     "fit_quad",
-    "image_of",
-    "match",
-    "pad_of",
+    "map_to_image",
+    "map_to_pad",
+    "match_views",
+    "select_view",
     "unwarp",
 ]

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import Int
 
-from perception.masks import Grey, Mask, global_mask, seam_mask
+from perception.masks import Gray, Mask, global_mask, seam_mask
 
 LEVELS = 24
 """Thresholds of the sweep, in equal ratios up to full scale."""
@@ -59,10 +59,10 @@ class _Node:
     children: list[_Node] = field(default_factory=list)
 
 
-def stable_blobs(grey: Grey) -> list[Blob]:
+def stable_blobs(gray: Gray) -> list[Blob]:
     """The blobs of an image, each at its most stable threshold; none overlaps another."""
-    smooth = cv2.blur(grey, (3, 3))
-    seams = seam_mask(smooth, max(3, round(SEAM * len(grey) / 1080) | 1), SHARE)
+    smooth = cv2.blur(gray, (3, 3))
+    seams = seam_mask(smooth, max(3, round(SEAM * len(gray) / 1080) | 1), SHARE)
     roots: list[_Node] = []
     previous: list[_Node] = []
     for level in _levels(smooth):
@@ -74,9 +74,9 @@ def stable_blobs(grey: Grey) -> list[Blob]:
     return [blob for root in roots for blob in _best(root)[0]]
 
 
-def _levels(grey: Grey) -> list[float]:
+def _levels(gray: Gray) -> list[float]:
     """Thresholds from just above the background to full scale."""
-    counts = cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel().astype(int)
+    counts = cv2.calcHist([gray], [0], None, [256], [0, 256]).ravel().astype(int)
     values = np.arange(256)
     middle = _median(values, counts)
     deviation = 1.4826 * _median(np.abs(values - middle), counts)
@@ -94,12 +94,12 @@ def _median(values: Int[np.ndarray, " bins"], counts: Int[np.ndarray, " bins"]) 
     return int(values[order[np.searchsorted(reached, reached[-1] / 2)]])
 
 
-def _blobs(grey: Grey, seams: Mask, level: float) -> list[Blob]:
+def _blobs(gray: Gray, seams: Mask, level: float) -> list[Blob]:
     square = cv2.getStructuringElement(cv2.MORPH_RECT, (3, 3))
-    mask = cv2.subtract(global_mask(grey, level), seams)
+    mask = cv2.subtract(global_mask(gray, level), seams)
     opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, square)
     contours = cv2.findContours(opened, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-    least = LEAST_AREA * grey.size
+    least = LEAST_AREA * gray.size
     # The circle has the shortest outline around an area: most specks need no closer look.
     outlines = [c.reshape(-1, 2) for c in contours if len(c) ** 2 >= 4 * least]
     areas = map(cv2.contourArea, outlines)

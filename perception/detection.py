@@ -8,11 +8,11 @@ from perception.blobs import stable_blobs
 from perception.images import checked_image
 from perception.lens import Lens
 from perception.masks import brightness
-from perception.matching import Catalogue, Sighting, match
+from perception.matching import Sighting, ViewCatalog, match_views
 from perception.quads import Quad, fit_quad
 
 
-def find_quads(image: object, lens: Lens) -> list[Quad]:
+def detect_quads(image: object, lens: Lens) -> list[Quad]:
     """All bright quadrilaterals of an image, from its top to its bottom.
 
     Args:
@@ -23,17 +23,17 @@ def find_quads(image: object, lens: Lens) -> list[Quad]:
         UserError: it is no image of the lens, but of another size or type.
     """
     picture = checked_image(image, channels=(1, 3), like=("what the lens images", lens.shape))
-    grey = brightness(picture) if picture.ndim == 3 else picture
-    exact = grey.astype(np.float32)
-    quads = [fit_quad(exact, lens, blob.contour) for blob in stable_blobs(grey)]
+    gray = brightness(picture) if picture.ndim == 3 else picture
+    exact = gray.astype(np.float32)
+    quads = [fit_quad(exact, lens, blob.contour) for blob in stable_blobs(gray)]
     found = [quad for quad in quads if quad is not None]
     return sorted(found, key=lambda quad: float(quad.corners[:, 1].mean()))
 
 
-def find_views(image: object, lens: Lens, catalogue: Catalogue) -> Sighting:
+def detect_views(image: object, lens: Lens, catalog: ViewCatalog) -> Sighting:
     """What an image shows of a finger.
 
     Raises:
         UserError: it is no image of the lens, but of another size or type.
     """
-    return match(find_quads(image, lens), catalogue, lens)
+    return match_views(detect_quads(image, lens), catalog, lens)

@@ -39,19 +39,19 @@ class References:
         """
         self.pictures[view.pad, view.path] = checked_image(picture, what="an unwarped pad")
 
-    def difference(
-        self, view: View, picture: Unwarped
-    ) -> Float[np.ndarray, "along across 3"] | None:
+    def compare(self, view: View, picture: Unwarped) -> Float[np.ndarray, "along across 3"] | None:
         """The relative difference from the same view's reference; ``None`` if there is none.
 
         Raises:
-            UserError: as `difference`.
+            UserError: as `compare_with_reference`.
         """
         reference = self.pictures.get((view.pad, view.path))
         return None if reference is None else _compared(picture, reference)
 
 
-def difference(picture: Unwarped, reference: Unwarped) -> Float[np.ndarray, "along across 3"]:
+def compare_with_reference(
+    picture: Unwarped, reference: Unwarped
+) -> Float[np.ndarray, "along across 3"]:
     """How much brighter each place is than in the reference, each over its own smooth part.
 
     Raises:

@@ -72,7 +72,7 @@ def checked_image(
 
 
 def checked_brightness(
-    grey: object, shape: tuple[int, int], contour: Int[np.ndarray, "_ 2"]
+    gray: object, shape: tuple[int, int], contour: Int[np.ndarray, "_ 2"]
 ) -> None:
     """That brightness can be sampled about a contour.
 
@@ -82,7 +82,7 @@ def checked_brightness(
     cure = "give image.max(axis=2).astype(numpy.float32) of an image of the lens"
     low, high = contour.min(axis=0) - AROUND, contour.max(axis=0) + AROUND + 1
     rows, columns = (slice(max(low[i], 0), high[i]) for i in (1, 0))
-    array = _checked_array(grey, BRIGHTNESS)
+    array = _checked_array(gray, BRIGHTNESS)
     if array.shape != shape or array.dtype != np.float32:
         raise UserError(
             f"{BRIGHTNESS} is float32 of the shape {shape}, not {array.dtype} of {array.shape}; "

@@ -7,12 +7,12 @@ import numpy as np
 from jaxtyping import UInt8
 
 Image = UInt8[np.ndarray, "rows columns 3"]
-Grey = UInt8[np.ndarray, "rows columns"]
+Gray = UInt8[np.ndarray, "rows columns"]
 Mask = UInt8[np.ndarray, "rows columns"]
 """255 where it holds, else 0."""
 
 
-def brightness(image: Image) -> Grey:
+def brightness(image: Image) -> Gray:
     """The brightest channel of every pixel.
 
     Not the usual grey, which weights blue with 0.11 and so loses the side that is lit blue.
@@ -21,38 +21,38 @@ def brightness(image: Image) -> Grey:
     return cv2.max(cv2.max(red, green), blue)
 
 
-def global_mask(grey: Grey, threshold: float) -> Mask:
+def global_mask(gray: Gray, threshold: float) -> Mask:
     """What is brighter than one threshold."""
-    return cv2.threshold(grey, threshold, 255, cv2.THRESH_BINARY)[1]
+    return cv2.threshold(gray, threshold, 255, cv2.THRESH_BINARY)[1]
 
 
-def otsu_mask(grey: Grey) -> Mask:
+def otsu_mask(gray: Gray) -> Mask:
     """What is brighter than the threshold that parts the histogram best.
 
     Source: N. Otsu, IEEE Trans. Syst. Man Cybern. 9 (1979) 62.
     """
-    return cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)[1]
+    return cv2.threshold(gray, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)[1]
 
 
-def adaptive_mask(grey: Grey, block: int, share: float) -> Mask:
+def adaptive_mask(gray: Gray, block: int, share: float) -> Mask:
     """What is brighter than a share of the mean of a box around it.
 
     Args:
-        grey: brightness.
+        gray: brightness.
         block: side of the box, px.
         share: of the mean; below 1, so that what is evenly bright stays.
     """
-    mean = cv2.boxFilter(grey, -1, (block, block), borderType=cv2.BORDER_REPLICATE)
-    return cv2.compare(grey, cv2.convertScaleAbs(mean, alpha=share), cv2.CMP_GT)
+    mean = cv2.boxFilter(gray, -1, (block, block), borderType=cv2.BORDER_REPLICATE)
+    return cv2.compare(gray, cv2.convertScaleAbs(mean, alpha=share), cv2.CMP_GT)
 
 
-def seam_mask(grey: Grey, size: int, share: float) -> Mask:
+def seam_mask(gray: Gray, size: int, share: float) -> Mask:
     """Narrow dark seams across the section, as between a view and another one beside it.
 
     They are drawn longer at both ends, where the corners of the two views come near each other.
 
     Args:
-        grey: brightness.
+        gray: brightness.
         size: seams are narrower than this, px; odd.
         share: a seam's brightness over that of what is on both its sides, at most.
     """
@@ -60,16 +60,16 @@ def seam_mask(grey: Grey, size: int, share: float) -> Mask:
     def box(wide: int, high: int) -> np.ndarray:
         return cv2.getStructuringElement(cv2.MORPH_RECT, (wide, high))
 
-    closed = cv2.morphologyEx(grey, cv2.MORPH_CLOSE, box(size, size))
-    dark = cv2.compare(grey, cv2.convertScaleAbs(closed, alpha=share), cv2.CMP_LT)
+    closed = cv2.morphologyEx(gray, cv2.MORPH_CLOSE, box(size, size))
+    dark = cv2.compare(gray, cv2.convertScaleAbs(closed, alpha=share), cv2.CMP_LT)
     # Shorter ones are noise, or the shade of something that touches the pad.
     long = cv2.morphologyEx(dark, cv2.MORPH_OPEN, box(2 * size, 1))
     return cv2.dilate(long, box(3 * size, 1))
 
 
-def combined_mask(grey: Grey, threshold: float, block: int, share: float) -> Mask:
+def combined_mask(gray: Gray, threshold: float, block: int, share: float) -> Mask:
     """Paper B's combination (§4.1.1): bright by one threshold and by that of its surroundings."""
-    return cv2.bitwise_and(global_mask(grey, threshold), adaptive_mask(grey, block, share))
+    return cv2.bitwise_and(global_mask(gray, threshold), adaptive_mask(gray, block, share))
 
 
 def cleaned(mask: Mask, size: int) -> Mask:

@@ -36,7 +36,7 @@ DOUBTED_DEVIATIONS = 1.0
 BORDER = 8.0
 """An end nearer to the image's border than so many pixels may be cut off by it."""
 
-NEIGHBOUR = 20.0
+NEIGHBOR = 20.0
 """A view beside another one ends within so many pixels (of 1080 rows) of its end."""
 
 LONGER = 0.15
@@ -44,7 +44,7 @@ LONGER = 0.15
 
 
 @dataclass(frozen=True)
-class Family:
+class ViewFamily:
     """One view of one pad, for all values of the joint that moves it.
 
     Corners are in the pad's own order: at its first end and lesser columns, at its second end and
@@ -81,7 +81,7 @@ class Family:
 
 
 @dataclass(frozen=True)
-class Catalogue:
+class ViewCatalog:
     """All views that a finger can show.
 
     Attributes:
@@ -92,7 +92,7 @@ class Catalogue:
         joints: number of joints.
     """
 
-    families: Sequence[Family]
+    families: Sequence[ViewFamily]
     lengths: dict[str, float]
     grazing: dict[str, float]
     width: float
@@ -151,16 +151,16 @@ class Sighting:
         return [view for view in self.views if view.quality is Quality.COMPLETE]
 
 
-def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
+def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sighting:
     """Say of every quadrilateral which view it is, and of every view how it was found."""
-    families = catalogue.families
-    angles = np.full(catalogue.joints, np.nan)
+    families = catalog.families
+    angles = np.full(catalog.joints, np.nan)
     cap = CAP * lens.shape[0] / 1080
     best = dict.fromkeys(range(len(families)), 0)
     distances: dict[int, Float[np.ndarray, "quads values"]] = {}
     pairs: list[tuple[float, int, int]] = []
     shift = np.zeros(2)
-    for joint in (None, *range(catalogue.joints)):
+    for joint in (None, *range(catalog.joints)):
         own = [i for i, family in enumerate(families) if family.joint == joint]
         if not own or not quads:
             continue
@@ -195,7 +195,7 @@ def match(quads: Sequence[Quad], catalogue: Catalogue, lens: Lens) -> Sighting:
         if not family.wanted:
             continue
         if i in assigned:
-            found = _found(catalogue, i, best[i], quads[assigned[i]], lens, shift)
+            found = _found(catalog, i, best[i], quads[assigned[i]], lens, shift)
             if family.joint in twice:
                 found = replace(found, quality=Quality.AMBIGUOUS, ends=(False, False))
             views.append(found)
@@ -223,7 +223,7 @@ def _first_is_lower(corners: Float[np.ndarray, "*values 4 2"]) -> Bool[np.ndarra
 
 
 def _distances(
-    family: Family, quads: Sequence[Quad], lens: Lens, shift: Float[np.ndarray, "2"]
+    family: ViewFamily, quads: Sequence[Quad], lens: Lens, shift: Float[np.ndarray, "2"]
 ) -> Float[np.ndarray, "quads values"]:
     """Root mean square distance of corners, of every quadrilateral from every value's."""
     rows, columns = lens.shape
@@ -233,7 +233,7 @@ def _distances(
 
 
 def _costs(
-    families: Sequence[Family],
+    families: Sequence[ViewFamily],
     distances: Sequence[Float[np.ndarray, "quads values"]],
     cap: float,
 ) -> Float[np.ndarray, " values"]:
@@ -248,7 +248,7 @@ def _costs(
 
 
 def _seen_twice(
-    families: Sequence[Family],
+    families: Sequence[ViewFamily],
     best: Mapping[int, int],
     distances: Mapping[int, Float[np.ndarray, "quads values"]],
     rest: Sequence[int],
@@ -273,17 +273,17 @@ def _seen_twice(
 
 
 def _found(
-    catalogue: Catalogue,
+    catalog: ViewCatalog,
     index: int,
     value: int,
     quad: Quad,
     lens: Lens,
     shift: Float[np.ndarray, "2"],
 ) -> View:
-    family = catalogue.families[index]
+    family = catalog.families[index]
     order = [0, 1, 2, 3] if _first_is_lower(family.corners[value]) else [1, 0, 3, 2]
     if quad.quality is Quality.COMPLETE:
-        quad = _judged(catalogue, index, value, quad, lens)
+        quad = _judged(catalog, index, value, quad, lens)
     ends = np.asarray(family.ends[_around(value)].all(axis=0))
     if quad.quality is Quality.CLIPPED:
         off = quad.corners[order] - shift - family.corners[value]
@@ -306,24 +306,24 @@ def _found(
     )
 
 
-def _judged(catalogue: Catalogue, index: int, value: int, quad: Quad, lens: Lens) -> Quad:
+def _judged(catalog: ViewCatalog, index: int, value: int, quad: Quad, lens: Lens) -> Quad:
     """A quadrilateral with four good sides, and whether these are those of all of the pad."""
-    family = catalogue.families[index]
-    if measured_grazing(quad, catalogue.width) < catalogue.grazing[family.pad]:
+    family = catalog.families[index]
+    if measured_grazing(quad, catalog.width) < catalog.grazing[family.pad]:
         return replace(quad, quality=Quality.FLAT)
     whole = family.complete[_around(value)]
-    wanted = catalogue.lengths[family.pad]
-    length, deviation = measured_length(quad, catalogue.width, lens)
+    wanted = catalog.lengths[family.pad]
+    length, deviation = measured_length(quad, catalog.width, lens)
     allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
     short = allowed if whole.min() == 1 else DOUBTED_DEVIATIONS * deviation
     if whole.max() == 0 or length < wanted - short:
         return replace(quad, quality=Quality.CLIPPED)
-    beside = _beside(catalogue.families, index, value, quad, NEIGHBOUR * lens.shape[0] / 1080)
+    beside = _beside(catalog.families, index, value, quad, NEIGHBOR * lens.shape[0] / 1080)
     if length <= wanted + (allowed if beside is None else DOUBTED_DEVIATIONS * deviation):
         return quad
     if beside is None or length > (1 + LONGER) * wanted + allowed:
         return replace(quad, quality=Quality.MERGED)
-    return shortened(quad, catalogue.width, wanted, lens, 1 - beside)
+    return shortened(quad, catalog.width, wanted, lens, 1 - beside)
 
 
 def _around(value: int) -> slice:
@@ -346,7 +346,7 @@ def _off_border(corners: Float[np.ndarray, "4 2"], lens: Lens) -> Bool[np.ndarra
 
 
 def _beside(
-    families: Sequence[Family], index: int, value: int, quad: Quad, near: float
+    families: Sequence[ViewFamily], index: int, value: int, quad: Quad, near: float
 ) -> int | None:
     """At which end of a view another one lies by the catalogue; ``None`` where none is near."""
     nearest, found = near, None
@@ -364,7 +364,7 @@ def _beside(
     return found
 
 
-def _missing(family: Family) -> View:
+def _missing(family: ViewFamily) -> View:
     nothing = np.full((4, 2), np.nan)
     return View(
         family.pad,

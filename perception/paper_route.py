@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from perception.images import checked_image
-from perception.masks import Grey, brightness, cleaned, combined_mask
+from perception.masks import Gray, brightness, cleaned, combined_mask
 from perception.quads import ordered
 
 
@@ -44,12 +44,12 @@ class PaperRoute:
         Raises:
             UserError: it is something else.
         """
-        grey: Grey = brightness(checked_image(image))
-        mask = cleaned(combined_mask(grey, self.threshold, self.block, self.share), self.size)
+        gray: Gray = brightness(checked_image(image))
+        mask = cleaned(combined_mask(gray, self.threshold, self.block, self.share), self.size)
         contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]
         found = []
         for contour in contours:
-            if cv2.contourArea(contour) < self.least_area * grey.size:
+            if cv2.contourArea(contour) < self.least_area * gray.size:
                 continue
             corners = _four(cv2.convexHull(contour))
             if corners is not None:

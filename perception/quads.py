@@ -77,12 +77,12 @@ class Quad:
 
 
 def fit_quad(
-    grey: Float[np.ndarray, "rows columns"], lens: Lens, contour: Int[np.ndarray, "_ 2"]
+    gray: Float[np.ndarray, "rows columns"], lens: Lens, contour: Int[np.ndarray, "_ 2"]
 ) -> Quad | None:
     """The view whose blob has a given contour.
 
     Args:
-        grey: brightness, float32.
+        gray: brightness, float32.
         lens: of the camera.
         contour: outermost pixels of a blob, column and row.
 
@@ -92,13 +92,13 @@ def fit_quad(
     Raises:
         UserError: the brightness is not float32, finite about the contour, and of the lens's size.
     """
-    checked_brightness(grey, lens.shape, contour)
+    checked_brightness(gray, lens.shape, contour)
     rays = lens.pixel_rays(contour)
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
     corners = first_corners(plane.flat(rays))
     if corners is None:
         return None
-    found, places = _refined(grey, lens, plane, corners), None
+    found, places = _refined(gray, lens, plane, corners), None
     for _ in range(STEPS - 1):
         # A blotch, hardly there on any side, is not looked at more closely.
         if found is None or found.edges.contrast.max() < LEAST_CONTRAST:
@@ -106,11 +106,11 @@ def fit_quad(
         before, places = places, lens.project(plane.rays(found.corners))
         if before is not None and np.abs(places - before).max() < SETTLED:
             break
-        found = _refined(grey, lens, plane, found.corners)
+        found = _refined(gray, lens, plane, found.corners)
     if found is None:
         return None
     rays = plane.rays(found.corners)
-    rows, columns = grey.shape
+    rows, columns = gray.shape
     border = (contour <= NEAR_BORDER) | (contour >= np.array([columns, rows]) - 1 - NEAR_BORDER)
     contrast = float(found.edges.contrast.min())
     quality = Quality.COMPLETE
@@ -201,14 +201,14 @@ class _Outline(NamedTuple):
 
 
 def _refined(
-    grey: Float[np.ndarray, "rows columns"],
+    gray: Float[np.ndarray, "rows columns"],
     lens: Lens,
     plane: TangentPlane,
     corners: Float[np.ndarray, "4 2"],
 ) -> _Outline | None:
     """One round of finding edges and fitting lines; ``None`` where these do not meet."""
     sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-    edges = find_edges(grey, lens, plane, sides)
+    edges = find_edges(gray, lens, plane, sides)
     lines = fit_lines(edges)
     moved = _meeting(sides, lines)
     return None if moved is None else _Outline(sides, edges, lines, moved)

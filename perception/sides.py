@@ -127,7 +127,7 @@ class Line:
 
 
 def find_edges(
-    grey: Float[np.ndarray, "rows columns"], lens: Lens, plane: TangentPlane, sides: list[Side]
+    gray: Float[np.ndarray, "rows columns"], lens: Lens, plane: TangentPlane, sides: list[Side]
 ) -> Edges:
     """The edges of all sides: where brightness first falls below half of its step outward."""
     shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
@@ -138,7 +138,7 @@ def find_edges(
     scale = np.maximum(np.hypot(*(beside - at).T) / SMALL, 1e-9)
     normal = (beside - at) / (SMALL * scale[:, None])
     reach = np.linspace(-REACH, REACH, SAMPLES)
-    profile = sampled(grey, at[:, None] + reach[:, None] * normal[:, None])
+    profile = sampled(gray, at[:, None] + reach[:, None] * normal[:, None])
     profile = cv2.blur(profile, (3, 1), borderType=cv2.BORDER_REPLICATE)
     # A narrow view may end again within reach: the brightest quarter is surely inside.
     inside = np.quantile(profile[:, : SAMPLES // 2 + 1], BRIGHTER, axis=1)

@@ -42,7 +42,7 @@ def pad_plane(
     return plane, cv2.getPerspectiveTransform(corners, flat.astype(np.float32))
 
 
-def image_of(
+def map_to_image(
     view: View, lens: Lens, places: Float[np.ndarray, "_ 2"], length: float, width: float
 ) -> Float[np.ndarray, "_ 2"]:
     """Where places of a pad are imaged in a view: column and row."""
@@ -51,20 +51,20 @@ def image_of(
     return lens.project(plane.rays(flat))
 
 
-def pad_of(
+def map_to_pad(
     view: View, lens: Lens, places: Float[np.ndarray, "_ 2"], length: float, width: float
 ) -> Float[np.ndarray, "_ 2"]:
-    """Which places of a pad are imaged at given columns and rows; inverts `image_of`."""
+    """Which places of a pad are imaged at given columns and rows; inverts `map_to_image`."""
     plane, homography = pad_plane(view, length, width)
     flat = plane.flat(lens.rays(places))
     back = cv2.invert(homography)[1]
     return cv2.perspectiveTransform(flat[None], back)[0]
 
 
-def affine_pad_of(
+def map_to_pad_affinely(
     view: View, places: Float[np.ndarray, "_ 2"], length: float, width: float
 ) -> Float[np.ndarray, "_ 2"]:
-    """As `pad_of`, by the affine map that fits the four corners best; to compare with (paper B)."""
+    """As `map_to_pad`, by the affine map nearest the four corners (paper B), to compare with."""
     half = width / 2
     corners = np.array([[0, -half], [length, -half], [length, half], [0, half]])
     design = np.column_stack([view.corners, np.ones(4)])
@@ -95,7 +95,7 @@ def unwarp(
     shape = round(length * PER_MM), round(width * PER_MM)
     along, across = (np.linspace(0, size, LATTICE) for size in (length, width))
     lattice = np.stack(np.meshgrid(along, across - width / 2, indexing="ij"), axis=-1)
-    places = image_of(view, lens, lattice.reshape(-1, 2), length, width)
+    places = map_to_image(view, lens, lattice.reshape(-1, 2), length, width)
     coarse = places.reshape(LATTICE, LATTICE, 2).astype(np.float32)
     # Samples are the middles of squares, the lattice has its outermost places on the edges.
     rows, columns = ((np.arange(count) + 0.5) / count * (LATTICE - 1) for count in shape)
@@ -110,12 +110,12 @@ def least_scale(view: View, lens: Lens, length: float, width: float) -> float:
     small = 0.1
     along_it, beside_it = small * np.eye(2)
     moved = np.concatenate([places, places + along_it, places + beside_it])
-    at, further, beside = np.split(image_of(view, lens, moved, length, width), 3)
+    at, further, beside = np.split(map_to_image(view, lens, moved, length, width), 3)
     jacobians = np.stack([further - at, beside - at], axis=-1) / small
     return float(np.linalg.svd(jacobians, compute_uv=False)[:, -1].min())
 
 
-def best_view(
+def select_view(
     views: Iterable[View],
     lens: Lens,
     length: float,

@@ -23,7 +23,7 @@ from designopt.cli import run
 from designopt.io.spec_files import validated
 from designopt.study.settings import fields, spec_with
 from designopt.study.study import installed_studies, load_study
-from optics.chamber.file import chamber_text
+from optics.chamber.file import format_chamber
 from tests.mutations import UNKNOWN, mutate, mutated, toml
 from tests.optics.test_chamber_bench import PAPER
 
@@ -127,7 +127,7 @@ KINDS = {
                     gallery("gallery/linkages", MORE_LINKAGES)),
     "scene": Kind(trace, fault_of_document, gallery("gallery/scenes", SCENES),
                   gallery("gallery/scenes", MORE_SCENES)),
-    "chamber": Kind(export, fault_of_document, [chamber_text("soft", PAPER)]),
+    "chamber": Kind(export, fault_of_document, [format_chamber("soft", PAPER)]),
 }  # fmt: skip
 
 

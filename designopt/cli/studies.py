@@ -85,7 +85,7 @@ def run_study(
     from designopt.study.runner import run
 
     results = run(chosen, spec, seed=seed, dtype=dtype.value, out=folder, force=force)
-    return _summarise(results, folder)
+    return _summarize(results, folder)
 
 
 def _print_settings(study: Study) -> None:
@@ -111,7 +111,7 @@ def _print_settings(study: Study) -> None:
     _print(table, least=longest + 46)
 
 
-def _summarise(results: Results, folder: Path) -> int:
+def _summarize(results: Results, folder: Path) -> int:
     from rich import box
     from rich.table import Table
 

@@ -84,7 +84,7 @@ class KnobRow:
         self.knob = knob
         thick = min(9.0, tall / 2)
         axes = _axes(figure, TRACK[0], y + (tall - thick) / 2, TRACK[1] - TRACK[0], thick)
-        colour = KIND[knob.kind][1]
+        color = KIND[knob.kind][1]
         step = round_step(knob.high - knob.low, TRACK[1] - TRACK[0])
         self.slider = Slider(
             axes,
@@ -95,8 +95,8 @@ class KnobRow:
             valfmt=lambda value: with_unit(f"{value:.5g}", knob.unit),  # pyright: ignore[reportArgumentType]
             initcolor=SOFT,
             track_color=LINE,
-            handle_style={"edgecolor": colour, "facecolor": "white", "size": min(9.0, thick)},
-            facecolor=colour,
+            handle_style={"edgecolor": color, "facecolor": "white", "size": min(9.0, thick)},
+            facecolor=color,
             alpha=0.55,
         )
         self.slider.valstep = stops(knob, step)
@@ -137,12 +137,12 @@ def knob_rows(knobs: Sequence[Knob], painter: Painter, figure: Figure) -> list[K
     rows = []
     for kind in kinds:
         y -= HEADING
-        title, colour = KIND[kind]
+        title, color = KIND[kind]
         headings.text(
             (COLUMN + MARGIN) / WIDTH,
             (y + 6) / HEIGHT,
             title,
-            color=colour,
+            color=color,
             weight="bold",
             size=9,
             transform=headings.transAxes,
@@ -188,7 +188,7 @@ class PushButton:
         self.patch = painter.patch(box, [axes])
         self._drawn = axes.get_facecolor()
 
-    def has_changed_colour(self) -> bool:
+    def has_changed_color(self) -> bool:
         """Whether the mouse has come over it or left it since the last time."""
         before, self._drawn = self._drawn, self.button.ax.get_facecolor()
         return before != self._drawn

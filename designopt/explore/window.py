@@ -178,7 +178,7 @@ class Window:
 
     def _hover(self, _: Event) -> None:
         for push in self.buttons.values():
-            if push.has_changed_colour():
+            if push.has_changed_color():
                 self._soon(push.patch)
 
     def _put(self, values: Values) -> None:

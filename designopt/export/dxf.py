@@ -10,15 +10,15 @@ from contextlib import contextmanager
 
 from ezdxf import colors, units
 from ezdxf._options import options
-from ezdxf.document import Drawing
+from ezdxf.document import Drawing as DxfDocument
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 from ezdxf.layouts.layout import Modelspace
 
+from designopt.export.drawing import Drawing, LinearDimension
 from designopt.export.layout import Paper, coded, draw_paper
-from designopt.export.line_styles import THIN, looks_of
+from designopt.export.line_styles import THIN, line_styles_of
 from designopt.export.placing import Clutter, readable
-from designopt.export.sheet import Measure, Sheet
 
 PROGRAM = "DESIGNOPT"
 """Under this name every circle carries that of what it stands for (extended data)."""
@@ -36,7 +36,7 @@ FORBIDDEN = '<>/\\":;?*|=`,'
 """Characters that a layer's name must not hold."""
 
 
-def dxf_text(sheet: Sheet) -> str:
+def dxf_text(sheet: Drawing) -> str:
     """The text of a DXF file (R2010); the same sheet gives the same text.
 
     Model space holds the design on its layers, and on layers of their own names and dimensions,
@@ -68,14 +68,14 @@ def _same_every_time() -> Iterator[None]:
         options.write_fixed_meta_data_for_testing = before
 
 
-def _add_layers(document: Drawing, sheet: Sheet) -> Mapping[str, str]:
+def _add_layers(document: DxfDocument, sheet: Drawing) -> Mapping[str, str]:
     """Make all layers; the names in the file of the design's."""
     for name in (DIMENSIONS, NAMES, FRAME, VIEW):
         document.layers.add(name, lineweight=round(100 * THIN))
     document.layers.get(VIEW).dxf.plot = 0
     taken = {"0", "defpoints", DIMENSIONS, NAMES, FRAME, VIEW}
     names = {}
-    for name, look in looks_of(sheet.layers).items():
+    for name, look in line_styles_of(sheet.layers).items():
         stem = "".join("_" if char in FORBIDDEN else char for char in name)
         numbered = (f"{stem}_{number}" for number in itertools.count(2))
         choices = itertools.chain([stem], numbered)
@@ -83,14 +83,14 @@ def _add_layers(document: Drawing, sheet: Sheet) -> Mapping[str, str]:
         taken.add(names[name].lower())
         document.layers.add(
             names[name],
-            true_color=colors.rgb2int(colors.RGB.from_hex(look.colour)),
+            true_color=colors.rgb2int(colors.RGB.from_hex(look.color)),
             lineweight=round(100 * look.width),
             linetype="DASHED2" if look.dashed else "CONTINUOUS",
         )
     return names
 
 
-def _add_styles(document: Drawing, paper: Paper) -> None:
+def _add_styles(document: DxfDocument, paper: Paper) -> None:
     document.styles.add(STYLE, font="arial.ttf")
     document.dimstyles.add(
         STYLE,
@@ -114,23 +114,23 @@ def _add_styles(document: Drawing, paper: Paper) -> None:
     )
 
 
-def _draw_design(space: Modelspace, sheet: Sheet, layers: Mapping[str, str]) -> None:
+def _draw_design(space: Modelspace, sheet: Drawing, layers: Mapping[str, str]) -> None:
     space.doc.appids.add(PROGRAM)
-    for stroke in sheet.strokes:
-        attributes = {"layer": layers[stroke.layer]}
-        if len(stroke.places) == 2:
-            space.add_line(stroke.places[0], stroke.places[1], attributes)
+    for polyline in sheet.polylines:
+        attributes = {"layer": layers[polyline.layer]}
+        if len(polyline.places) == 2:
+            space.add_line(polyline.places[0], polyline.places[1], attributes)
         else:
-            space.add_lwpolyline(stroke.places, close=stroke.closed, dxfattribs=attributes)
+            space.add_lwpolyline(polyline.places, close=polyline.closed, dxfattribs=attributes)
     for circle in sheet.circles:
         attributes = {"layer": layers[circle.layer]}
-        entity = space.add_circle(circle.centre, circle.radius, attributes)
+        entity = space.add_circle(circle.center, circle.radius, attributes)
         entity.set_xdata(PROGRAM, [(1000, circle.name)])
 
 
-def _annotate(space: Modelspace, sheet: Sheet, paper: Paper) -> None:
+def _annotate(space: Modelspace, sheet: Drawing, paper: Paper) -> None:
     """Dimensions, then names, each where it covers least."""
-    looks, scale = looks_of(sheet.layers), paper.scale
+    looks, scale = line_styles_of(sheet.layers), paper.scale
     low, high = paper.shown()
     clutter = Clutter.of(
         sheet, scale, ((low[0] * scale, low[1] * scale), (high[0] * scale, high[1] * scale))
@@ -148,14 +148,14 @@ def _annotate(space: Modelspace, sheet: Sheet, paper: Paper) -> None:
         ).render()
     for label in sheet.labels:
         x, y = (clutter.place_label(label, TEXT) / scale).tolist()
-        colour = colors.rgb2int(colors.RGB.from_hex(looks[label.layer].colour))
+        color = colors.rgb2int(colors.RGB.from_hex(looks[label.layer].color))
         text = space.add_text(
             coded(label.text),
             height=TEXT / scale,
-            dxfattribs={"layer": NAMES, "style": STYLE, "true_color": colour},
+            dxfattribs={"layer": NAMES, "style": STYLE, "true_color": color},
         )
         text.set_placement((x, y), align=TextEntityAlignment.MIDDLE_CENTER)
 
 
-def _length(measure: Measure) -> float:
+def _length(measure: LinearDimension) -> float:
     return math.dist(measure.start, measure.end)

@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ezdxf.document import Drawing
+from ezdxf.document import Drawing as DxfDocument
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.layouts.layout import Paperspace
 
-from designopt.export.sheet import Place, Sheet, round_down
+from designopt.export.drawing import Drawing, Place, round_down
 
 NAME = "Sheet"
 """Of the paper space."""
@@ -42,26 +42,26 @@ class Paper:
         size: its name.
         rows: lines of text in the title block beneath the title.
         scale: mm on paper per mm.
-        centre: of the drawing, mm in the model.
+        center: of the drawing, mm in the model.
     """
 
     size: str
     rows: tuple[str, ...]
     scale: float
-    centre: Place
+    center: Place
 
     @classmethod
-    def of(cls, sheet: Sheet) -> Paper:
+    def of(cls, sheet: Drawing) -> Paper:
         """The sheet on which a drawing has room at a scale of 1, 2 or 5 and zeros (ISO 5455)."""
         size = "A3" if len(sheet.measures) > CROWDED else "A4"
         (left, low), (right, high) = sheet.box()
-        centre = ((left + right) / 2, (low + high) / 2)
-        empty = cls(size, tuple(_rows(sheet, size, 1.0)), 1.0, centre)
+        center = ((left + right) / 2, (low + high) / 2)
+        empty = cls(size, tuple(_rows(sheet, size, 1.0)), 1.0, center)
         width, height = empty.view()
         wanted = ((width - 2 * ROOM, right - left), (height - 2 * ROOM, high - low))
         fits = [room / extent for room, extent in wanted if extent > 0]
         scale = round_down(min(fits, default=1.0))
-        return cls(size, tuple(_rows(sheet, size, scale)), scale, centre)
+        return cls(size, tuple(_rows(sheet, size, scale)), scale, center)
 
     @property
     def decimals(self) -> int:
@@ -79,12 +79,14 @@ class Paper:
 
     def shown(self) -> tuple[Place, Place]:
         """Lower left and upper right corner of what the view shows, mm in the model."""
-        (x, y), (width, height) = self.centre, self.view()
+        (x, y), (width, height) = self.center, self.view()
         across, up = width / 2 / self.scale, height / 2 / self.scale
         return (x - across, y - up), (x + across, y + up)
 
 
-def draw_paper(document: Drawing, sheet: Sheet, paper: Paper, styles: tuple[str, str, str]) -> None:
+def draw_paper(
+    document: DxfDocument, sheet: Drawing, paper: Paper, styles: tuple[str, str, str]
+) -> None:
     """Draw frame, title block and a view of model space into paper space.
 
     Args:
@@ -103,7 +105,7 @@ def draw_paper(document: Drawing, sheet: Sheet, paper: Paper, styles: tuple[str,
     space.add_viewport(
         (MARGIN + across / 2, foot + up / 2),
         (across, up),
-        paper.centre,
+        paper.center,
         up / paper.scale,
         dxfattribs={"layer": border},
     )
@@ -134,7 +136,7 @@ def _write(
     text.set_placement(place, align=TextEntityAlignment.MIDDLE_LEFT)
 
 
-def _rows(sheet: Sheet, size: str, scale: float) -> Iterator[str]:
+def _rows(sheet: Drawing, size: str, scale: float) -> Iterator[str]:
     ratio = f"{scale:.15g}:1" if scale >= 1 else f"1:{1 / scale:.15g}"
     yield f"scale {ratio}     units mm     sheet {size}"
     yield f"dimensions are rounded to {10.0 ** -_decimals(scale):g} mm, the geometry is exact"

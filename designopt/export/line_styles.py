@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from designopt.export.sheet import Layer
+from designopt.export.drawing import Layer
 
 BODIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8A8A8A")
 """Colours of bodies in turn; legible on white and on black."""
@@ -16,36 +16,36 @@ THIN, MIDDLE, THICK = 0.18, 0.35, 0.5
 
 
 @dataclass(frozen=True)
-class Look:
+class LineStyle:
     """How a layer is drawn.
 
     Attributes:
-        colour: ``#RRGGBB``.
+        color: ``#RRGGBB``.
         width: of its lines on paper, mm.
         dashed: whether its lines are broken.
     """
 
-    colour: str
+    color: str
     width: float
     dashed: bool = False
 
 
 KINDS = {
-    "body": Look(BODIES[0], MIDDLE),
-    "mirror": Look("#7B3FA0", THICK),
-    "pad": Look("#C0392B", THICK),
-    "blocker": Look("#808080", THICK),
-    "camera": Look("#B07D00", MIDDLE),
-    "construction": Look("#808080", THIN, dashed=True),
+    "body": LineStyle(BODIES[0], MIDDLE),
+    "mirror": LineStyle("#7B3FA0", THICK),
+    "pad": LineStyle("#C0392B", THICK),
+    "blocker": LineStyle("#808080", THICK),
+    "camera": LineStyle("#B07D00", MIDDLE),
+    "construction": LineStyle("#808080", THIN, dashed=True),
 }
 
 
-def looks_of(layers: Sequence[Layer]) -> Mapping[str, Look]:
+def line_styles_of(layers: Sequence[Layer]) -> Mapping[str, LineStyle]:
     """The look of every layer, by its name."""
-    colours = itertools.cycle(BODIES)
+    colors = itertools.cycle(BODIES)
     looks = {}
     for layer in layers:
         look = KINDS[layer.kind]
-        colour = layer.colour or (next(colours) if layer.kind == "body" else look.colour)
-        looks[layer.name] = replace(look, colour=colour)
+        color = layer.color or (next(colors) if layer.kind == "body" else look.color)
+        looks[layer.name] = replace(look, color=color)
     return looks

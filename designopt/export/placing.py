@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import KDTree
 
-from designopt.export.sheet import Label, Measure, Place, Sheet
+from designopt.export.drawing import Drawing, Label, LinearDimension, Place
 
 Points = Float[np.ndarray, "_ 2"]
 Point = Float[np.ndarray, "2"]
@@ -55,16 +55,18 @@ class Clutter:
     texts: KDTree
 
     @classmethod
-    def of(cls, sheet: Sheet, scale: float, room: tuple[Place, Place]) -> Clutter:
+    def of(cls, sheet: Drawing, scale: float, room: tuple[Place, Place]) -> Clutter:
         """The lines and circles of a sheet."""
         parts = [np.zeros((0, 2))]
-        for stroke in sheet.strokes:
-            places = np.array([*stroke.places, *stroke.places[: stroke.closed]], float) * scale
+        for polyline in sheet.polylines:
+            places = (
+                np.array([*polyline.places, *polyline.places[: polyline.closed]], float) * scale
+            )
             parts += [_sampled(start, end) for start, end in itertools.pairwise(places)]
         turns = np.arange(0, 2 * np.pi, 0.3)
         ring = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
         for circle in sheet.circles:
-            middle = np.array(circle.centre) * scale
+            middle = np.array(circle.center) * scale
             parts += [middle + part * circle.radius * scale * ring for part in (0.5, 1.0)]
         low, high = (np.array(corner, float) for corner in room)
         return cls(scale, (low, high), KDTree(np.vstack(parts)), KDTree(np.zeros((0, 2))))
@@ -84,7 +86,7 @@ class Clutter:
         self.texts = _with(self.texts, box(best))
         return best
 
-    def place_dimension(self, measure: Measure, text: str, height: float) -> float:
+    def place_dimension(self, measure: LinearDimension, text: str, height: float) -> float:
         """How far to the left of its distance a dimension line stands; it is kept clear.
 
         Args:
@@ -131,13 +133,13 @@ class Clutter:
 _BOX = np.array([(x, y) for x in np.linspace(-1, 1, 7) for y in (-1.0, 0.0, 1.0)])
 
 
-def readable(measure: Measure) -> Measure:
+def readable(measure: LinearDimension) -> LinearDimension:
     """The same distance in the direction in which its text is read: from below or the right."""
     (x, y), (x_end, y_end) = measure.start, measure.end
     # A vertical one, which rounding may have tilted, upwards.
     upright = abs(x_end - x) <= 1e-9 * abs(y_end - y)
     forward = y_end > y if upright else x_end > x
-    return measure if forward else Measure(measure.end, measure.start)
+    return measure if forward else LinearDimension(measure.end, measure.start)
 
 
 def _with(tree: KDTree, *points: Points) -> KDTree:

@@ -7,9 +7,9 @@ import re
 import xml.etree.ElementTree as ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from designopt.export.line_styles import Look, looks_of
+from designopt.export.drawing import Drawing
+from designopt.export.line_styles import LineStyle, line_styles_of
 from designopt.export.placing import Clutter
-from designopt.export.sheet import Sheet
 
 SVG = "http://www.w3.org/2000/svg"
 INKSCAPE = "http://www.inkscape.org/namespaces/inkscape"
@@ -24,7 +24,7 @@ TEXT = 2.8
 """Height of texts on such a drawing, mm."""
 
 
-def svg_text(sheet: Sheet) -> str:
+def svg_text(sheet: Drawing) -> str:
     """The text of an SVG file: a group for each layer, and one of the names."""
     (left, low), (right, high) = sheet.box()
     side = max(right - left, high - low)
@@ -38,16 +38,16 @@ def svg_text(sheet: Sheet) -> str:
     root.set("viewBox", f"{left - room!r} {-high - room!r} {size[0]!r} {size[1]!r}")
     _child(root, "title").text = sheet.title
     _child(root, "desc").text = "\n".join(["in mm, to scale", *sheet.notes])
-    looks, taken = looks_of(sheet.layers), set[str]()
+    looks, taken = line_styles_of(sheet.layers), set[str]()
     groups = {layer.name: _group(root, layer.name, taken) for layer in sheet.layers}
     for name, group in groups.items():
         _paint(group, looks[name], unit)
-    for line in sheet.strokes:
+    for line in sheet.polylines:
         kind = "polygon" if line.closed else "polyline"
         points = " ".join(f"{x!r},{_down(y)!r}" for x, y in line.places)
         _child(groups[line.layer], kind, points=points)
     for circle in sheet.circles:
-        x, y = circle.centre
+        x, y = circle.center
         places = {"cx": repr(x), "cy": repr(_down(y)), "r": repr(circle.radius)}
         _child(_child(groups[circle.layer], "circle", **places), "title").text = circle.name
     names = _group(root, "names", taken)
@@ -58,8 +58,8 @@ def svg_text(sheet: Sheet) -> str:
         x, y = clutter.place_label(label, TEXT) * unit
         baseline = _down(y - 0.35 * TEXT * unit)
         places = {"x": repr(float(x)), "y": repr(float(baseline))}
-        colour = looks[label.layer].colour
-        _child(names, "text", fill=colour, **places).text = label.text
+        color = looks[label.layer].color
+        _child(names, "text", fill=color, **places).text = label.text
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
@@ -82,9 +82,9 @@ def _group(root: Element, name: str, taken: set[str]) -> Element:
     return group
 
 
-def _paint(group: Element, look: Look, unit: float) -> None:
+def _paint(group: Element, look: LineStyle, unit: float) -> None:
     group.set("fill", "none")
-    group.set("stroke", look.colour)
+    group.set("stroke", look.color)
     group.set("stroke-width", f"{look.width * unit:.6g}")
     group.set("stroke-linejoin", "round")
     if look.dashed:

@@ -11,7 +11,7 @@ from typing import Any
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 
-def toml_text(table: Mapping[str, Any], comment: str = "") -> str:
+def format_toml(table: Mapping[str, Any], comment: str = "") -> str:
     """The text of a TOML file.
 
     Args:

@@ -1,31 +1,32 @@
-from .formatting import Active, active_set, conflict
+from .formatting import Active, explain_conflict, find_active_set
 from .iterating import Iterate, Iteration
-from .minimising import Method, Minimiser, Optima, minimise
+from .minimizer import Method, Minimizer, Optima, minimize
 from .optimality import FEASIBLE, Optimum, OptimumResult
 from .problem import (
     BOUND,
-    Levelled,
+    EpigraphVariables,
+    Evaluation,
     Parameters,
     Problem,
     Requirement,
-    Terms,
-    epigraph,
-    level_starts,
-    softened,
+    make_epigraph,
+    make_epigraph_starts,
+    make_soft_minimum,
 )
-from .reference_solvers import Evolution, differential_evolution
-from .starts import Starts, best_starts, sobol_starts
+from .reference_solvers import Evolution, run_differential_evolution
+from .starts import Starts, draw_sobol_starts, select_starts
 
 __all__ = [
     "BOUND",
     "FEASIBLE",
     "Active",
+    "EpigraphVariables",
+    "Evaluation",
     "Evolution",
     "Iterate",
     "Iteration",
-    "Levelled",
     "Method",
-    "Minimiser",
+    "Minimizer",
     "Optima",
     "Optimum",
     "OptimumResult",
@@ -33,14 +34,13 @@ __all__ = [
     "Problem",
     "Requirement",
     "Starts",
-    "Terms",
-    "active_set",
-    "best_starts",
-    "conflict",
-    "differential_evolution",
-    "epigraph",
-    "level_starts",
-    "minimise",
-    "sobol_starts",
-    "softened",
+    "draw_sobol_starts",
+    "explain_conflict",
+    "find_active_set",
+    "make_epigraph",
+    "make_epigraph_starts",
+    "make_soft_minimum",
+    "minimize",
+    "run_differential_evolution",
+    "select_starts",
 ]

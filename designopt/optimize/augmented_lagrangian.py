@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.fitting import with_jacobian
 from designopt.optimize.flat import Flat, Point
-from designopt.optimize.problem import Terms
+from designopt.optimize.problem import Evaluation
 from designopt.roots import ROUNDING_UNITS
 
 Inner = Literal["bfgs", "levenberg-marquardt", "jaxopt-lbfgsb", "jaxopt-projected-gradient"]
@@ -204,7 +204,7 @@ def updated(
 
 def _evaluated(
     flat: Flat, inner: Inner, point: Point
-) -> tuple[Terms, Float[Array, " equalities"], Float[Array, " inequalities"]]:
+) -> tuple[Evaluation, Float[Array, " equalities"], Float[Array, " inequalities"]]:
     """The terms, and the constraints that the solver does not keep itself."""
     terms, h, g = flat.evaluated(point)
     return terms, h, g if inner in BOXED else jnp.concatenate([g, flat.bounds(point)])
@@ -228,7 +228,7 @@ def lagrangian(flat: Flat, inner: Inner) -> Callable[[Point, Any], Float[Array, 
 
 def _shortfalls(
     flat: Flat, inner: Inner, point: Point, args: Any
-) -> tuple[Terms, Float[Array, " constraints"]]:
+) -> tuple[Evaluation, Float[Array, " constraints"]]:
     """The terms, and what is squared of the constraints."""
     mu, lam, penalty, data = args
     terms, h, g = _evaluated(flat.given(data), inner, point)
@@ -286,7 +286,7 @@ def _inner(
             from designopt import jaxopt_adapter  # half a second, and few solves ask for it
 
             def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
-                return jaxopt_adapter.minimise_in_box(
+                return jaxopt_adapter.minimize_in_box(
                     merit,
                     flat.clipped(point),
                     (jnp.asarray(flat.lower), jnp.asarray(flat.upper)),

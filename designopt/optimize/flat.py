@@ -11,7 +11,13 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from designopt.optimize.problem import Levelled, Parameters, Problem, Terms, told_by_index
+from designopt.optimize.problem import (
+    EpigraphVariables,
+    Evaluation,
+    Parameters,
+    Problem,
+    describe_by_index,
+)
 
 Point = Float[Array, " parameters"]
 
@@ -61,13 +67,13 @@ class Flat:
         """The same for other data of the problem."""
         return replace(self, problem=replace(self.problem, data=data))
 
-    def terms(self, point: Point) -> Terms:
+    def terms(self, point: Point) -> Evaluation:
         """What the problem says of a vector."""
         return self.problem.terms(self.parameters(point), *self.problem.data)
 
     def evaluated(
         self, point: Point
-    ) -> tuple[Terms, Float[Array, " equalities"], Float[Array, " inequalities"]]:
+    ) -> tuple[Evaluation, Float[Array, " equalities"], Float[Array, " inequalities"]]:
         """The terms; and their constraints, without the bounds, as vectors in the names' order."""
         terms = self.terms(point)
         equalities = _joined(terms.equalities, point.dtype)
@@ -93,9 +99,9 @@ class Flat:
         for path, leaf in jax.tree_util.tree_leaves_with_path(self.problem.lower):
             if left < leaf.size:
                 # The epigraph form's parameters are told as the problem's own.
-                path = path[isinstance(self.problem.lower, Levelled) :]
+                path = path[isinstance(self.problem.lower, EpigraphVariables) :]
                 name = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
-                told = self.problem.parameters.get(name, told_by_index(name))
+                told = self.problem.parameters.get(name, describe_by_index(name))
                 index = tuple(int(i) for i in np.unravel_index(left, leaf.shape))
                 side = "lower" if place < len(low) else "upper"
                 amount = float(self.units[which]) * told.scale

@@ -8,7 +8,7 @@ import numpy as np
 
 from designopt.optimize.flat import Flat
 from designopt.optimize.optimality import Optimum
-from designopt.optimize.problem import BOUND, Problem, told_by_index
+from designopt.optimize.problem import BOUND, Problem, describe_by_index
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Active:
     share: float
 
 
-def active_set(problem: Problem, optimum: Optimum, least_share: float = 0.01) -> list[Active]:
+def find_active_set(problem: Problem, optimum: Optimum, least_share: float = 0.01) -> list[Active]:
     """The requirements whose multipliers are not zero, the dearest first.
 
     Args:
@@ -53,7 +53,7 @@ def active_set(problem: Problem, optimum: Optimum, least_share: float = 0.01) ->
     return sorted(found, key=lambda one: -one.share)
 
 
-def conflict(problem: Problem, optimum: Optimum) -> list[str]:
+def explain_conflict(problem: Problem, optimum: Optimum) -> list[str]:
     """The requirements that an infeasible point fails, each with its amount, the worst first.
 
     Of an array with several such elements the worst one is told. Where the point's result is
@@ -75,5 +75,5 @@ def _told(problem: Problem, name: str, place: tuple[int, ...]) -> tuple[str, str
     """Of an element of a requirement: words, unit, and the unit's amount for 1 in the array."""
     if name == BOUND:
         return Flat.of(problem).bound(*place)
-    told = problem.requirements.get(name, told_by_index(name))
+    told = problem.requirements.get(name, describe_by_index(name))
     return told.words(place), told.unit, told.scale

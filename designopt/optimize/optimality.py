@@ -100,7 +100,7 @@ class Optimum:
         return math.isfinite(self.objective) and self.violation <= FEASIBLE
 
 
-def judge(flat: Flat) -> Callable[[Point, tuple[Any, ...], Trace], Optimum]:
+def make_optimality_check(flat: Flat) -> Callable[[Point, tuple[Any, ...], Trace], Optimum]:
     """A function that judges points of a problem, given its data; it compiles once.
 
     Args:

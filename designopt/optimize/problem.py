@@ -18,7 +18,7 @@ BOUND = "bounds"
 """Name of the bounds among violations and multipliers."""
 
 
-class Terms(eqx.Module):
+class Evaluation(eqx.Module):
     """What one set of parameters gives. Exactly one of the first three is set.
 
     Every name stands for one array, and none is ``"bounds"``, the name of the parameters' bounds.
@@ -72,7 +72,7 @@ class Requirement:
     scale: float = 1.0
 
 
-def told_by_index(name: str) -> Requirement:
+def describe_by_index(name: str) -> Requirement:
     """How an array is told that nothing else is stated of."""
     return Requirement(lambda index: f"{name}{list(index) or ''}")
 
@@ -96,7 +96,7 @@ class Problem:
             `Minimiser` solves for others of the same shapes without compiling again.
     """
 
-    terms: Callable[..., Terms]
+    terms: Callable[..., Evaluation]
     lower: Parameters
     upper: Parameters
     scale: Parameters | None = None
@@ -117,14 +117,14 @@ class Problem:
         return jax.tree.map(unit, self.lower, self.upper)
 
 
-class Levelled(eqx.Module):
+class EpigraphVariables(eqx.Module):
     """Parameters of an epigraph form: those of the design, and the level they all reach."""
 
     design: Parameters
     level: Float[Array, "*starts"]
 
 
-def epigraph(problem: Problem, *, scale: float = 1.0) -> Problem:
+def make_epigraph(problem: Problem, *, scale: float = 1.0) -> Problem:
     """The exact form of max–min: maximise a level t subject to every value being at least t.
 
     Args:
@@ -132,35 +132,35 @@ def epigraph(problem: Problem, *, scale: float = 1.0) -> Problem:
         scale: change of the level that matters about as much as 1 in a scaled parameter.
 
     Returns:
-        A problem in `Levelled` parameters, smooth where the values are; the values' names become
+        A problem in `EpigraphVariables`, smooth where the values are; the values' names become
         names of inequalities (S. Boyd, L. Vandenberghe, *Convex Optimization*, §4.1.3).
     """
 
-    def terms(parameters: Levelled, *data: Any) -> Terms:
+    def terms(parameters: EpigraphVariables, *data: Any) -> Evaluation:
         found = problem.terms(parameters.design, *data)
         above = {
             name: (values - parameters.level) / scale for name, values in _least(found).items()
         }
-        return Terms(
+        return Evaluation(
             objective=-parameters.level / scale,
             equalities=found.equalities,
             inequalities=found.inequalities | above,
         )
 
-    def levelled(design: Parameters, level: float) -> Levelled:
+    def variables(design: Parameters, level: float) -> EpigraphVariables:
         dtype = jax.tree.leaves(design)[0].dtype
-        return Levelled(design, jnp.asarray(level, dtype))
+        return EpigraphVariables(design, jnp.asarray(level, dtype))
 
     return replace(
         problem,
         terms=terms,
-        lower=levelled(problem.lower, -jnp.inf),
-        upper=levelled(problem.upper, jnp.inf),
-        scale=levelled(problem.units, scale),
+        lower=variables(problem.lower, -jnp.inf),
+        upper=variables(problem.upper, jnp.inf),
+        scale=variables(problem.units, scale),
     )
 
 
-def level_starts(problem: Problem, starts: Parameters) -> Levelled:
+def make_epigraph_starts(problem: Problem, starts: Parameters) -> EpigraphVariables:
     """Starts of the epigraph form from starts of the problem: each at the level it reaches.
 
     Args:
@@ -168,10 +168,10 @@ def level_starts(problem: Problem, starts: Parameters) -> Levelled:
         starts: parameters with the starts along every array's first axis.
     """
     level = jax.vmap(lambda design: -problem.terms(design, *problem.data).value)
-    return Levelled(starts, jax.jit(level)(starts))
+    return EpigraphVariables(starts, jax.jit(level)(starts))
 
 
-def softened(problem: Problem, temperature: float) -> Problem:
+def make_soft_minimum(problem: Problem, temperature: float) -> Problem:
     """The smooth form of max–min: the least value replaced by a soft minimum of all.
 
     −τ log Σ exp(−vᵢ/τ) is below the least of n values by at most τ log n.
@@ -181,16 +181,18 @@ def softened(problem: Problem, temperature: float) -> Problem:
         temperature: τ, in the values' unit.
     """
 
-    def terms(parameters: Parameters, *data: Any) -> Terms:
+    def terms(parameters: Parameters, *data: Any) -> Evaluation:
         found = problem.terms(parameters, *data)
         values, _ = ravel_pytree(_least(found))
         soft = temperature * jax.nn.logsumexp(-values / temperature)
-        return Terms(objective=soft, equalities=found.equalities, inequalities=found.inequalities)
+        return Evaluation(
+            objective=soft, equalities=found.equalities, inequalities=found.inequalities
+        )
 
     return replace(problem, terms=terms)
 
 
-def _least(terms: Terms) -> dict[str, Float[Array, "..."]]:
+def _least(terms: Evaluation) -> dict[str, Float[Array, "..."]]:
     if terms.least is None:
         raise ValueError("this form is for problems whose terms have `least`")
     return terms.least

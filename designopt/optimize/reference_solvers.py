@@ -141,7 +141,7 @@ class Evolution:
     parameters: Parameters
 
 
-def differential_evolution(
+def run_differential_evolution(
     problem: Problem, *, seconds: float, seed: int, population: int = 15
 ) -> Evolution:
     """SciPy's differential evolution for a given time, every generation in one compiled call.

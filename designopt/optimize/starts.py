@@ -20,7 +20,7 @@ BLOCK = 256
 """Points looked at in one go, so that what lies between stays in the cache."""
 
 
-def sobol_starts(problem: Problem, count: int, seed: int) -> Parameters:
+def draw_sobol_starts(problem: Problem, count: int, seed: int) -> Parameters:
     """Scrambled Sobol points in the box of the bounds.
 
     Args:
@@ -59,7 +59,7 @@ class Starts:
     compile_seconds: float
 
 
-def best_starts(
+def select_starts(
     problem: Problem, count: int, seed: int, *, among: int = 4096, scale: float = 1.0
 ) -> Starts:
     """The most promising of many Sobol points: those of least objective plus squared violations.
@@ -76,7 +76,7 @@ def best_starts(
     Raises:
         ValueError: a bound is not finite.
     """
-    points = sobol_starts(problem, max(among, count), seed)
+    points = draw_sobol_starts(problem, max(among, count), seed)
 
     def merit(parameters: Parameters) -> Float[Array, ""]:
         terms = problem.terms(parameters, *problem.data)

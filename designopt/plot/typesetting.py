@@ -77,10 +77,10 @@ def heading(column: str) -> str:
         return f"`{column}`"
     unit = next((unit for unit in UNITS if column.endswith(f"_{unit}")), None)
     name = column if unit is None else column.removesuffix(f"_{unit}")
-    return words(name) + (f" ({UNITS[unit]})" if unit else "")
+    return spell_out(name) + (f" ({UNITS[unit]})" if unit else "")
 
 
-def words(name: str) -> str:
+def spell_out(name: str) -> str:
     """A name in ``snake_case`` as words, its symbols as plain text writes them."""
     name = _LETTER.sub(lambda found: _symbol(found[1], found[2]), name)
     name = re.sub(r"(?<!Δl)(?<![α-ω])_|_(?![A-Z])", " ", name)

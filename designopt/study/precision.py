@@ -103,7 +103,7 @@ def measure(contender: Contender, *, repeats: int, budget_seconds: float = 0.25)
     )
 
 
-def dominating(row: PrecisionRow, rows: Iterable[PrecisionRow]) -> list[PrecisionRow]:
+def find_dominating(row: PrecisionRow, rows: Iterable[PrecisionRow]) -> list[PrecisionRow]:
     """Rows of the same panel that are both faster (even in their slowest repeat) and closer."""
     return [
         other

@@ -11,14 +11,14 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from designopt.plot.figures import PALETTE, new_figure
-from designopt.plot.typesetting import as_mathtext, words
+from designopt.plot.typesetting import as_mathtext, spell_out
 from designopt.study.results import Target
 from designopt.sweep.points import Points
 
 MOST_WRITTEN = 12
 """A map with more values along a side than this has no numbers in its cells."""
 
-COLOURS = "cividis"  # the same order for all eyes, and in grey
+COLORS = "cividis"  # the same order for all eyes, and in grey
 
 WRITTEN = {"°": "deg", "mm²": "mm2", "%": "percent"}
 """Units as names of metrics end in them, where that is not the unit itself."""
@@ -44,7 +44,7 @@ class Series:
     def label(self) -> str:
         """For an axis."""
         ending = "_" + WRITTEN.get(self.unit, self.unit.lower())
-        name = as_mathtext(words(self.name.removesuffix(ending)))
+        name = as_mathtext(spell_out(self.name.removesuffix(ending)))
         return f"{name} ({self.unit})" if self.unit else name
 
     @property
@@ -118,7 +118,7 @@ def _map(points: Points, series: Series) -> Figure:
     scale = Normalize(low, high)
     written = max(shape) <= MOST_WRITTEN
     edges = {"edgecolors": "white", "linewidth": 0.5} if written else {}
-    image = axes.pcolormesh(cells, cmap=COLOURS, norm=scale, **edges)
+    image = axes.pcolormesh(cells, cmap=COLORS, norm=scale, **edges)
     bar = figure.colorbar(image, ax=axes, label=series.label)
     bar.ax.ticklabel_format(useOffset=False)
     if series.target is not None and low < series.target.value < high:

@@ -72,7 +72,7 @@ def evaluate(task: Task) -> list[Outcome]:
             os.environ.update(ONE_THREAD)
         import jax
 
-        from designopt.sweep.forgetting import compiled
+        from designopt.sweep.compiled_programs import compiled
 
         programs = compiled()  # listens from now on
         study = _loaded(task.study, tuple(task.versions.items()))

@@ -49,7 +49,7 @@ def failed(reason: str, *, final: bool, seconds: float = 0.0, device: str = "") 
     return Outcome(failure=words, final=final, seconds=seconds, device=device)
 
 
-def to_tables(outcome: Outcome) -> dict[str, Any]:
+def to_json(outcome: Outcome) -> dict[str, Any]:
     """An outcome as plain data for a JSON file; numbers that are not finite become words."""
     if outcome.failure:
         found_or_not: dict[str, Any] = {"failure": outcome.failure, "final": outcome.final}
@@ -58,8 +58,8 @@ def to_tables(outcome: Outcome) -> dict[str, Any]:
     return found_or_not | {"seconds": outcome.seconds, "device": outcome.device}
 
 
-def from_tables(tables: Mapping[str, Any]) -> Outcome:
-    """The outcome that `to_tables` made these of.
+def from_json(tables: Mapping[str, Any]) -> Outcome:
+    """The outcome that `to_json` made these of.
 
     Raises:
         KeyError, TypeError, ValueError: they are none.

@@ -17,7 +17,7 @@ from designopt.errors import UserError
 from designopt.io.checksums import checksum_holds, with_checksum
 from designopt.io.files import remove_partials, replaced_when_complete
 from designopt.study.result_folders import check_replaceable, recover_result
-from designopt.sweep.outcomes import Outcome, from_tables, to_tables
+from designopt.sweep.outcomes import Outcome, from_json, to_json
 
 DEFINITION = "sweep.json"
 POINTS = "points"
@@ -160,7 +160,7 @@ class Folder:
                       and document["settings"] == wanted):  # fmt: skip
                 others.append(path.name)
             else:
-                found[index] = from_tables(document)
+                found[index] = from_json(document)
         if others:
             more = f" and {len(others) - 1} more" if len(others) > 1 else ""
             print(
@@ -181,7 +181,7 @@ class Folder:
             path.parent.mkdir(exist_ok=True)
         except OSError as error:
             raise UserError(f"{path.parent}: cannot be written: {error.strerror}") from error
-        document = {"point": index, "settings": dict(settings)} | to_tables(outcome)
+        document = {"point": index, "settings": dict(settings)} | to_json(outcome)
         _write(path, with_checksum(document))
 
 
@@ -200,7 +200,7 @@ def _own_point(path: Path) -> dict[str, Any] | None:
             return None
         if document["point"] < 0 or document["settings"] is None:
             return None
-        from_tables(document)
+        from_json(document)
     except (OSError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
         return None
     return document

@@ -22,7 +22,7 @@ from kinematics.cli.table import Solved, columns_of, table_at, table_text
 from kinematics.io.reading import read_linkage
 from kinematics.model.linkage import Linkage
 from kinematics.solve.limits import find_limits
-from kinematics.solve.plan import describe
+from kinematics.solve.plan import describe_plan
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.rates import Rates, solve_rates
 from kinematics.solve.solver import Pose
@@ -73,7 +73,7 @@ def print_plan(file: Path, of: Sequence[str] | None) -> None:
         linkage = read_linkage(file)
     structure = linkage.structure
     try:
-        lines = describe(structure, None if of is None else frozenset(of))
+        lines = describe_plan(structure, None if of is None else frozenset(of))
     except PlanError as error:
         raise UserError(f"--of: {error}") from error
     inputs = ", ".join(linkage.input_names)
@@ -244,7 +244,7 @@ def _remarks(linkage: Linkage, request: Request, asked: np.ndarray, tally: Tally
     lines = [f"{first}; their rows have ok = 0 and empty cells"]
     lines += [f"  {count} poses: {message}" for message, count in tally.failures.most_common()]
     # From a pose that exists, so that the other inputs are as they were asked for.
-    start = np.array(linkage.home.inputs) if tally.first is None else tally.first
+    start = np.array(linkage.reference.inputs) if tally.first is None else tally.first
     for index, name in enumerate(linkage.input_names):
         if np.ptp(asked[:, index]) > 0 or len(asked) == 1:
             lines += _limit_remarks(linkage, name, start, request.of)

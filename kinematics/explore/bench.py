@@ -14,10 +14,10 @@ from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.io.spec_file import SpecFile
 from kinematics.explore.dimensions import Dimensions
-from kinematics.explore.survey import Survey, Surveyor
+from kinematics.explore.survey import InputSweep, SweepEvaluator
 from kinematics.explore.working_range import INSIDE, WorkingRange
 from kinematics.io.designed import DesignedLinkage
-from kinematics.io.reading import linkage_from
+from kinematics.io.reading import parse_linkage
 from kinematics.model.assembled import zeroed
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import InputPart
@@ -25,7 +25,7 @@ from kinematics.model.topology import InputPart
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
-    from kinematics.explore.optimising import Improver
+    from kinematics.explore.optimising import LocalOptimizer
     from kinematics.explore.picture import Picture
 
 MOST_DIMENSIONS = 18
@@ -66,8 +66,8 @@ class LinkageBench(Bench):
         self._structure = design.linkage.structure
         self._sign = -1.0 if opposite else 1.0
         self._dimensions, self._distances = Dimensions.of(design)
-        self._surveyor = Surveyor(design.linkage, self._dimensions, self._sign)
-        self._home = np.asarray(design.linkage.home.inputs, float)
+        self._surveyor = SweepEvaluator(design.linkage, self._dimensions, self._sign)
+        self._home = np.asarray(design.linkage.reference.inputs, float)
         names = [distance.name for distance in self._dimensions.distances]
         free = [number for number in self._dimensions.free if names[number] not in held]
         self._free = free[:MOST_DIMENSIONS]
@@ -130,7 +130,7 @@ class LinkageBench(Bench):
                 continue
             text = spec_text(self._design.sketch, linkage, self._dimensions, distances, inputs)
             try:
-                linkage_from(tomllib.loads(text), self.title)
+                parse_linkage(tomllib.loads(text), self.title)
             except UserError as error:  # such as a pose in which an assembly is not decided
                 fault = str(error)
                 continue
@@ -154,14 +154,14 @@ class LinkageBench(Bench):
         )
 
     @functools.cached_property
-    def _improver(self) -> Improver:
-        from kinematics.explore.optimising import Improver
+    def _improver(self) -> LocalOptimizer:
+        from kinematics.explore.optimising import LocalOptimizer
 
         ranges = {
             number: (knob.low, knob.high)
             for number, knob in zip(self._free, self.knobs[len(self._home) :], strict=True)
         }
-        return Improver(self._surveyor, self._distances, self._working, ranges)
+        return LocalOptimizer(self._surveyor, self._distances, self._working, ranges)
 
     def distances(self, values: Values) -> np.ndarray:
         """All distances of the linkage's dimensions, mm, those without a knob among them."""
@@ -239,11 +239,11 @@ class LinkageBench(Bench):
             over = f"over the range of {names} in which it works, {INSIDE:.0%} short of its limits"
         return f"least μ, the least transmission angle {over}, as large as it gets"
 
-    def _least(self, distances: np.ndarray, inputs: np.ndarray, survey: Survey) -> float | None:
+    def _least(self, distances: np.ndarray, inputs: np.ndarray, survey: InputSweep) -> float | None:
         return self._working.least(distances, inputs, survey) if self._surveyor.pins else None
 
     def _readings(
-        self, inputs: np.ndarray, survey: Survey | None, least: float | None
+        self, inputs: np.ndarray, survey: InputSweep | None, least: float | None
     ) -> list[Reading]:
         readings = [
             Reading(part.name, self._outside(part, value), "°" if part.slider is None else "mm")
@@ -266,7 +266,7 @@ def _degrees(angle: float | None) -> float | None:
     return None if angle is None else math.degrees(angle)
 
 
-def _matter(survey: Survey) -> str:
+def _matter(survey: InputSweep) -> str:
     """Why there is no pose, and where there is one; empty if there is."""
     if survey.ok:
         return ""

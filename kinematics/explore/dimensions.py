@@ -14,7 +14,7 @@ from designopt.numerics import safe_sqrt
 from designopt.vectors import Vector, rotation
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import SliderTable
-from kinematics.io.sketch_geometry import measure
+from kinematics.io.sketch_geometry import measure_sketch
 from kinematics.model.linkage import Link, Linkage
 from kinematics.model.topology import WORLD, Structure
 
@@ -119,7 +119,7 @@ class Dimensions:
     def of(cls, design: DesignedLinkage) -> tuple[Dimensions, np.ndarray]:
         """The distances of a design, and their values, mm."""
         linkage, structure = design.linkage, design.linkage.structure
-        drawn = measure(design.sketch, design.name)
+        drawn = measure_sketch(design.sketch, design.name)
         distances: list[Distance] = []
         values: list[float] = []
         frames: list[Frame] = []

@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from designopt.optimize import Iteration, Problem, Terms, epigraph
-from designopt.optimize.problem import Levelled
-from kinematics.explore.survey import Surveyor
+from designopt.optimize import Evaluation, Iteration, Problem, make_epigraph
+from designopt.optimize.problem import EpigraphVariables
+from kinematics.explore.survey import SweepEvaluator
 from kinematics.explore.working_range import WorkingRange
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.transmission import solve_transmission
@@ -34,12 +34,12 @@ UPDATES = 60
 """Cap on iterations."""
 
 
-class Improver:
+class LocalOptimizer:
     """Improves a linkage from any start within its knobs' ranges, by programs compiled once."""
 
     def __init__(
         self,
-        surveyor: Surveyor,
+        surveyor: SweepEvaluator,
         distances: np.ndarray,
         working: WorkingRange,
         ranges: Mapping[int, tuple[float, float]],
@@ -63,9 +63,9 @@ class Improver:
             angles = solve_transmission(linkage, cases).angles
             return solve_poses(linkage, cases), angles, surveyor.dimensions.slack(values)
 
-        def terms(free: Any, cases: Any, fixed: Any) -> Terms:
+        def terms(free: Any, cases: Any, fixed: Any) -> Evaluation:
             poses, angles, slack = computed(free, cases, fixed)
-            return Terms(
+            return Evaluation(
                 least={f"angle at {pin}": angle for pin, angle in angles.items()},
                 inequalities={
                     "margin": (poses.margin / size - LEAST_MARGIN) / MARGIN,
@@ -80,10 +80,10 @@ class Improver:
 
         self._least = jax.jit(least)
         lower, upper = (jnp.asarray([ranges[n][side] for n in numbers]) for side in (0, 1))
-        inputs = surveyor.linkage.home.inputs
+        inputs = surveyor.linkage.reference.inputs
         cases = jnp.zeros((working.count, len(inputs)), inputs.dtype)
         problem = Problem(terms, lower, upper, data=(cases, jnp.asarray(distances, float)))
-        self._iteration = Iteration(epigraph(problem, scale=ANGLE))
+        self._iteration = Iteration(make_epigraph(problem, scale=ANGLE))
 
     def steps(self, distances: np.ndarray, inputs: np.ndarray) -> Iterator[tuple[np.ndarray, str]]:
         """Distances with ever larger least transmission angles, each with what it reached.
@@ -108,7 +108,9 @@ class Improver:
             start, before = jnp.asarray(best[self._numbers], float), reached
             level = self._least(start, *data)[0]
             reaches = [math.degrees(float(level))]
-            solve = self._iteration.run(Levelled(start, level), data, updates=UPDATES - number)
+            solve = self._iteration.run(
+                EpigraphVariables(start, level), data, updates=UPDATES - number
+            )
             for one in solve:
                 number += 1
                 free = one.parameters.design

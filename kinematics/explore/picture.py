@@ -19,7 +19,7 @@ from designopt.plot.lettering import Lettering
 from designopt.plot.quick_text import QuickText
 from designopt.plot.ruling import Ruling, hold
 from designopt.plot.typesetting import drawn_name
-from kinematics.explore.survey import EDGES, Survey
+from kinematics.explore.survey import EDGES, InputSweep
 from kinematics.model.topology import Structure
 from kinematics.plot.drawing import (
     LABELS,
@@ -101,7 +101,11 @@ class Picture:
     """Three axes, and everything in them that changes."""
 
     def __init__(
-        self, area: SubFigure, structure: Structure, pins: Sequence[str], surveys: Sequence[Survey]
+        self,
+        area: SubFigure,
+        structure: Structure,
+        pins: Sequence[str],
+        surveys: Sequence[InputSweep],
     ) -> None:
         """Make the axes.
 
@@ -212,7 +216,7 @@ class Picture:
             LEAST_TRANSMISSION_DEG, color="0.3", linewidth=0.9, linestyle=(0, (4, 3))
         )
 
-    def show(self, survey: Survey | None) -> list[Artist]:
+    def show(self, survey: InputSweep | None) -> list[Artist]:
         """Draw a survey, or where it has no pose the last one that was good, faintly.
 
         Args:
@@ -253,7 +257,7 @@ class Picture:
                 offset = _beside(scene, name, offset)
             text.move((x, y), (float(offset[0]), float(offset[1])))
 
-    def _draw_curves(self, survey: Survey) -> None:
+    def _draw_curves(self, survey: InputSweep) -> None:
         across = survey.across()
         for line in self._paths:
             path = survey.joints[str(line.get_gid()).removeprefix("path:")]
@@ -269,7 +273,7 @@ class Picture:
         self._dot.set_color(INK if survey.ok else LOCK)
         self._draw_edges(survey)
 
-    def _draw_edges(self, survey: Survey) -> None:
+    def _draw_edges(self, survey: InputSweep) -> None:
         low, high = self._margin.get_xlim()
         bad = [(survey.shown(start), survey.shown(end)) for start, end in survey.gaps()]
         for half in (0, 1):
@@ -292,7 +296,7 @@ class Picture:
                 text.set_text(f" {survey.told(survey.edges[number].value)} ")
                 text.set(x=value, ha="left" if left else "right")
 
-    def _fit(self, survey: Survey) -> None:
+    def _fit(self, survey: InputSweep) -> None:
         """Make the axes large enough."""
         self._fit_places(survey.places(), SPARE)
         self._fit_margin(survey.margin)

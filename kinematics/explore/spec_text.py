@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from designopt.io.spec_files import FORMAT
-from designopt.io.toml_writing import toml_text
+from designopt.io.toml_writing import format_toml
 from designopt.vectors import Vector, rotation
 from kinematics.explore.dimensions import Dimensions
 from kinematics.io.sketch import Sketch, SliderTable
@@ -52,7 +52,7 @@ def spec_text(
         "inputs": [part.model_dump(exclude_none=True) for part in sketch.inputs],
         "springs": _springs(sketch, linkage, pose),
     }
-    return toml_text({name: table for name, table in tables.items() if table})
+    return format_toml({name: table for name, table in tables.items() if table})
 
 
 def _place(vector: Vector) -> list[float]:

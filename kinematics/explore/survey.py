@@ -132,7 +132,7 @@ class Edge:
 
 
 @dataclass(frozen=True)
-class Survey:
+class InputSweep:
     """One pose of one design, and a sweep of one input through it.
 
     Attributes:
@@ -250,7 +250,7 @@ class Survey:
         return self._found.joints[self._found.ok].reshape(-1, 2)
 
 
-class Surveyor:
+class SweepEvaluator:
     """Surveys of a linkage, by programs that are compiled once."""
 
     def __init__(self, linkage: Linkage, dimensions: Dimensions, sign: float = 1.0) -> None:
@@ -293,7 +293,7 @@ class Surveyor:
         inputs: np.ndarray,
         column: int,
         span: tuple[float, float],
-    ) -> Survey:
+    ) -> InputSweep:
         """A pose, and a sweep of an input with the others held.
 
         Args:
@@ -310,7 +310,7 @@ class Surveyor:
         angles = np.where(good[:, None], found.angles[1:], np.nan)
         joints = np.where(good[:, None, None], found.joints[1:], np.nan)
         structure = self.linkage.structure
-        return Survey(
+        return InputSweep(
             structure,
             inputs,
             column,
@@ -349,7 +349,7 @@ class Surveyor:
             return None
         bad = np.where(good[changes], changes + 1, changes)
         inside = np.where(good[changes], changes, changes + 1)
-        home = float(self.linkage.home.inputs[0])
+        home = float(self.linkage.reference.inputs[0])
         way = batch[bad, 0] - home
         if self.linkage.structure.inputs[0].slider is None:
             way = np.remainder(way + np.pi, 2 * np.pi) - np.pi

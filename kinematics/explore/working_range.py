@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from designopt.errors import UserError
-from kinematics.explore.survey import Survey, Surveyor
+from kinematics.explore.survey import InputSweep, SweepEvaluator
 
 ALONG_EACH = 10
 """Samples of the range of each of several inputs; an even number has both 0° and 180° in it."""
@@ -33,7 +33,7 @@ class WorkingRange:
     inputs on a grid over all their knobs' ranges, wherever there are poses.
     """
 
-    def __init__(self, surveyor: Surveyor, spans: Sequence[tuple[float, float]]) -> None:
+    def __init__(self, surveyor: SweepEvaluator, spans: Sequence[tuple[float, float]]) -> None:
         """Nothing is compiled.
 
         Args:
@@ -46,7 +46,7 @@ class WorkingRange:
         self.count = surveyor.samples if len(self._spans) == 1 else ALONG_EACH ** len(self._spans)
 
     def cases(
-        self, distances: np.ndarray, inputs: np.ndarray, survey: Survey | None = None
+        self, distances: np.ndarray, inputs: np.ndarray, survey: InputSweep | None = None
     ) -> Float[np.ndarray, "cases inputs"]:
         """Inputs that stand for the range in which a design works, `count` of them.
 
@@ -71,7 +71,7 @@ class WorkingRange:
         return np.where(good[:, None], every, every[np.argmax(good)])
 
     def least(
-        self, distances: np.ndarray, inputs: np.ndarray, survey: Survey | None = None
+        self, distances: np.ndarray, inputs: np.ndarray, survey: InputSweep | None = None
     ) -> float | None:
         """The least transmission angle over `cases`, degrees; none where it works nowhere."""
         try:
@@ -82,7 +82,7 @@ class WorkingRange:
         table = angles[ok]
         return math.degrees(float(np.min(table))) if table.size else None
 
-    def _along(self, survey: Survey) -> Float[np.ndarray, " cases"]:
+    def _along(self, survey: InputSweep) -> Float[np.ndarray, " cases"]:
         low, high = self._spans[0]
         ranges = _ranges(survey, (low, high))
         if not ranges:
@@ -119,7 +119,7 @@ class WorkingRange:
         return np.linspace(low, high, ALONG_EACH, endpoint=not self._whole(column))
 
 
-def _ranges(survey: Survey, span: tuple[float, float]) -> list[tuple[float, float]]:
+def _ranges(survey: InputSweep, span: tuple[float, float]) -> list[tuple[float, float]]:
     """From where to where in its sweep there are poses."""
     edges = [span[0], *(edge.value for edge in survey.edges), span[1]]
     first = 0 if survey.sweep_ok[0] else 1

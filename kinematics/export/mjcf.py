@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Comment, Element, indent, tostring
 
 from designopt.errors import UserError
-from designopt.export.sheet import printable
+from designopt.export.drawing import printable
 from kinematics.export.mjcf_bodies import (
     DENSITY,
     RADIUS,

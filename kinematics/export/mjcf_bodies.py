@@ -12,11 +12,11 @@ import numpy as np
 
 from kinematics.export.mjcf_coordinates import Coordinates
 from kinematics.export.mjcf_tree import block_of
-from kinematics.export.mjcf_xml import MM, add, colour, numbers, place
+from kinematics.export.mjcf_xml import MM, add, color, numbers, place
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD
-from kinematics.plot.drawing import SLOT_END, Scene, body_colours
-from kinematics.plot.symbols import GREY
+from kinematics.plot.drawing import SLOT_END, Scene, body_colors
+from kinematics.plot.symbols import GRAY
 
 Point = tuple[float, float]
 Rod = tuple[np.ndarray, np.ndarray]
@@ -60,12 +60,12 @@ class Disc:
 
     Attributes:
         name: of its geom.
-        centre: mm.
+        center: mm.
         radius: mm.
     """
 
     name: str
-    centre: Point
+    center: Point
     radius: float
 
 
@@ -109,7 +109,7 @@ class Bodies:
         self.joints: dict[str, Element] = {}
         self._structure, self._coordinates, self._parts = linkage.structure, coordinates, parts
         self._size = float(linkage.size())
-        self._colours = body_colours(linkage.structure)
+        self._colors = body_colors(linkage.structure)
 
     def write(self, world: Element, pads: Sequence[Pad], discs: Sequence[Disc]) -> None:
         """Write everything.
@@ -164,7 +164,7 @@ class Bodies:
                 type="capsule",
                 size=RADIUS * self._size * MM,
                 fromto=f"{place(start - origin)} {place(end - origin)}",
-                rgba=colour(self._colours[body]),
+                rgba=color(self._colors[body]),
             )
 
     def _block(self, element: Element, along: np.ndarray) -> None:
@@ -175,7 +175,7 @@ class Bodies:
             type="box",
             size=numbers(2 * radius, radius, radius),
             euler=numbers(0, 0, math.atan2(along[1], along[0])),
-            rgba=colour(GREY),
+            rgba=color(GRAY),
             **{"class": SLIDE},
         )
 
@@ -183,8 +183,8 @@ class Bodies:
         # A capsule touches a box in places that MuJoCo has in closed form; a cylinder's chatter.
         half = WIDTH / 2 * self._size * MM
         size = numbers(disc.radius * MM, half)
-        geom = {"name": disc.name, "type": "capsule", "size": size, "pos": place(disc.centre)}
-        add(world, "geom", **geom, conaffinity=1, rgba=colour(GREY))
+        geom = {"name": disc.name, "type": "capsule", "size": size, "pos": place(disc.center)}
+        add(world, "geom", **geom, conaffinity=1, rgba=color(GRAY))
 
     def _pad(self, element: Element, pad: Pad, origin: np.ndarray) -> None:
         start, end = np.array(pad.start) - origin, np.array(pad.end) - origin
@@ -194,7 +194,7 @@ class Bodies:
         half = numbers(length / 2 * MM, thick * MM, WIDTH / 2 * self._size * MM)
         box = {"name": pad.name, "type": "box", "size": half, "pos": place(middle)}
         box["euler"] = numbers(0, 0, math.atan2(along[1], along[0]))
-        box["rgba"] = colour(self._colours[pad.body])
+        box["rgba"] = color(self._colors[pad.body])
         add(element, "site", **box)
         add(element, "geom", **box, contype=1)  # touches what has conaffinity=1
 

@@ -47,9 +47,9 @@ class Coordinates:
     @classmethod
     def of(cls, linkage: Linkage, tree: Tree) -> Coordinates:
         """The coordinates of a linkage that was cut open."""
-        values = [zeroed(float(value)) for value in linkage.home.inputs]
+        values = [zeroed(float(value)) for value in linkage.reference.inputs]
         inputs = dict(zip(linkage.input_names, values, strict=True))
-        slides = [zeroed(float(slide)) * MM for slide in linkage.home.slides]
+        slides = [zeroed(float(slide)) * MM for slide in linkage.reference.slides]
         home = {
             branch.body: 0.0 if branch.slider is None else slides[branch.slider]
             for branch in tree.branches

@@ -38,6 +38,6 @@ def place(point: Sequence[float] | np.ndarray) -> str:
     return numbers(x * MM, y * MM, 0)
 
 
-def colour(name: Any) -> str:
+def color(name: Any) -> str:
     """One of Matplotlib's colours."""
     return " ".join(f"{part:.3f}" for part in (*to_rgb(name), 1.0))

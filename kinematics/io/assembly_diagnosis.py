@@ -7,16 +7,16 @@ import math
 import numpy as np
 
 from kinematics.io.assembling import Assembled, Dimensions
-from kinematics.model.loops import Leg, Loop, vector_loops
+from kinematics.model.loops import Leg, Loop, find_vector_loops
 from kinematics.model.topology import WORLD
 
 ROUNDING = 1e-12
 """How much too short links may be, relative to the loop, and still count as stretched."""
 
 
-def open_loop(dimensions: Dimensions) -> str | None:
+def find_open_loop(dimensions: Dimensions) -> str | None:
     """The loop with a leg longer than the others together can reach; none if there is no such."""
-    for loop in vector_loops(dimensions.structure):
+    for loop in find_vector_loops(dimensions.structure):
         reaches = [_reach(dimensions, leg) for leg in loop.legs]
         for number, (least, _) in enumerate(reaches):
             others = sum(most for n, (_, most) in enumerate(reaches) if n != number)
@@ -56,7 +56,7 @@ def _said(loop: Loop, leg: Leg, apart: float, others: float) -> str:
     )
 
 
-def not_closed(assembled: Assembled) -> str:
+def explain_open_linkage(assembled: Assembled) -> str:
     """What to say of a linkage that no loop alone keeps from closing."""
     worst = [
         joint for joint, gap in assembled.gaps.items() if gap >= 0.5 * max(assembled.gaps.values())

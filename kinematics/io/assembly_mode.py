@@ -28,7 +28,7 @@ def group_sines(
     ]
 
 
-def same_sides(drawn: Sequence[float | None], found: Sequence[float | None]) -> bool:
+def same_assembly_mode(drawn: Sequence[float | None], found: Sequence[float | None]) -> bool:
     """Whether no group has left the side it is drawn on; on the border it has not."""
     return all(
         was is None
@@ -39,7 +39,7 @@ def same_sides(drawn: Sequence[float | None], found: Sequence[float | None]) -> 
     )
 
 
-def undecided(plan: Plan, drawn: Sequence[float | None]) -> str | None:
+def explain_undecided(plan: Plan, drawn: Sequence[float | None]) -> str | None:
     """What to say of a sketch that does not choose a side; none if it does."""
     for group, sine in zip(plan.groups, drawn, strict=True):
         if sine is not None and abs(sine) < UNDECIDED:

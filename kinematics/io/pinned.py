@@ -16,7 +16,7 @@ from designopt.vectors import Vector, vector
 from kinematics.io.assembling import Configuration, Dimensions
 from kinematics.io.assembly_mode import group_sines
 from kinematics.io.writer import input_tables, spring_tables
-from kinematics.model.linkage import Home, Line, Link, Linkage, Spring
+from kinematics.model.linkage import Line, Link, Linkage, ReferenceConfiguration, Spring
 from kinematics.model.topology import WORLD, Structure
 from kinematics.solve.plan import make_plan
 
@@ -68,7 +68,7 @@ def pinned_linkage(
         assert part.body is not None  # it would be a slider
         turn = angle_of(part.body) - angle_of(part.relative_to)
         inputs.append(turn - 2 * jnp.pi * jnp.round(turn / (2 * jnp.pi)))
-    home = Home(
+    reference = ReferenceConfiguration(
         jnp.stack(inputs),
         jnp.stack([angles[body.name] for body in structure.moving]),
         jnp.zeros(0),
@@ -79,7 +79,7 @@ def pinned_linkage(
         links={body.name: link(body.name, body.joints) for body in structure.moving},
         lines=no_lines,
         springs=tuple(springs),
-        home=jax.lax.stop_gradient(home),
+        reference=jax.lax.stop_gradient(reference),
         structure=structure,
         assembly=assembly,
     )

@@ -19,7 +19,7 @@ STRAIGHT = 1e-9
 """How far, relative to their size, lines and joints may be apart and still count as one line."""
 
 
-def merge_guides(
+def merge_prismatic(
     sketch: Sketch, shapes: Mapping[str, np.ndarray]
 ) -> tuple[Sketch, dict[int, float], list[str]]:
     """Turn pairs of sliders that keep a body from turning into one that says so.

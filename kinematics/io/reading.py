@@ -12,13 +12,13 @@ import numpy as np
 
 from designopt.errors import UserError
 from kinematics.io.assembling import Configuration, Dimensions, Equations
-from kinematics.io.assembly_diagnosis import not_closed, open_loop
-from kinematics.io.assembly_mode import group_sines, same_sides, undecided
+from kinematics.io.assembly_diagnosis import explain_open_linkage, find_open_loop
+from kinematics.io.assembly_mode import explain_undecided, group_sines, same_assembly_mode
 from kinematics.io.faults import name_faults
 from kinematics.io.mobility import Mobility
 from kinematics.io.sketch import Sketch, load_sketch, parse_sketch
-from kinematics.io.sketch_geometry import Drawn, measure
-from kinematics.model.linkage import Home, Line, Link, Linkage, Spring
+from kinematics.io.sketch_geometry import SketchGeometry, measure_sketch
+from kinematics.model.linkage import Line, Link, Linkage, ReferenceConfiguration, Spring
 from kinematics.model.topology import WORLD
 from kinematics.solve.plan import make_plan
 from kinematics.solve.steps import Plan, PlanError
@@ -41,7 +41,7 @@ def read_linkage(path: str | Path) -> Linkage:
     return build_linkage(load_sketch(path), str(path))
 
 
-def linkage_from(data: Mapping[str, Any], source: str = "sketch") -> Linkage:
+def parse_linkage(data: Mapping[str, Any], source: str = "sketch") -> Linkage:
     """The linkage that the tables of a linkage file describe; otherwise as `read_linkage`."""
     return build_linkage(parse_sketch(dict(data), source), source)
 
@@ -56,7 +56,7 @@ def build_linkage(sketch: Sketch, source: str) -> Linkage:
     faults = name_faults(sketch)
     if faults:
         raise UserError(f"{source}: " + "; ".join(faults))
-    drawn = measure(sketch, source)
+    drawn = measure_sketch(sketch, source)
     try:
         home, assembly = _assembled(drawn)
     except UserError as error:
@@ -87,7 +87,7 @@ def build_linkage(sketch: Sketch, source: str) -> Linkage:
             for spring in sketch.springs
         ),
         structure=structure,
-        home=Home(
+        reference=ReferenceConfiguration(
             jnp.asarray(_home_inputs(dimensions, home), float),
             jnp.asarray([home.angles[body.name] for body in structure.moving], float),
             jnp.asarray(home.slides, float),
@@ -96,22 +96,24 @@ def build_linkage(sketch: Sketch, source: str) -> Linkage:
     )
 
 
-def _assembled(drawn: Drawn) -> tuple[Configuration, tuple[int, ...]]:
+def _assembled(drawn: SketchGeometry) -> tuple[Configuration, tuple[int, ...]]:
     """The assembled sketch, and the side of each group of the plan."""
     equations = Equations(drawn.dimensions)
     plan = _plan(drawn, equations)
-    impossible = open_loop(drawn.dimensions)
+    impossible = find_open_loop(drawn.dimensions)
     if impossible is not None:
         raise UserError(impossible)
     sines = group_sines(plan, drawn.dimensions, drawn.configuration)
 
     def fits(found: Configuration) -> bool:
-        return same_sides(sines, group_sines(plan, drawn.dimensions, found))
+        return same_assembly_mode(sines, group_sines(plan, drawn.dimensions, found))
 
     assembled = equations.assemble(drawn.configuration, fits)
     if not assembled.closed:
-        raise UserError(not_closed(assembled))
-    fault = Mobility(equations, assembled.configuration).fault(None) or undecided(plan, sines)
+        raise UserError(explain_open_linkage(assembled))
+    fault = Mobility(equations, assembled.configuration).fault(None) or explain_undecided(
+        plan, sines
+    )
     if fault is not None:
         raise UserError(fault)
     if not assembled.fits:
@@ -123,7 +125,7 @@ def _assembled(drawn: Drawn) -> tuple[Configuration, tuple[int, ...]]:
     return assembled.configuration, tuple(signs)
 
 
-def _plan(drawn: Drawn, equations: Equations) -> Plan:
+def _plan(drawn: SketchGeometry, equations: Equations) -> Plan:
     error = None
     try:
         plan = make_plan(drawn.structure)

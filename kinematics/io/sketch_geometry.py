@@ -12,7 +12,7 @@ import numpy as np
 
 from designopt.errors import UserError
 from kinematics.io.assembling import Configuration, Dimensions
-from kinematics.io.prismatic import merge_guides
+from kinematics.io.prismatic import merge_prismatic
 from kinematics.io.shapes import ImpossibleShapeError, body_shape, body_steps
 from kinematics.io.sketch import BodyTable, Sketch
 from kinematics.model.topology import WORLD, BodyPart, InputPart, SliderPart, Structure
@@ -21,7 +21,7 @@ Places = dict[tuple[str, str], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Drawn:
+class SketchGeometry:
     """A sketch, measured.
 
     Attributes:
@@ -39,7 +39,7 @@ class Drawn:
     configuration: Configuration
 
 
-def measure(sketch: Sketch, source: str) -> Drawn:
+def measure_sketch(sketch: Sketch, source: str) -> SketchGeometry:
     """Measure a sketch in which all names are right.
 
     Raises:
@@ -61,7 +61,7 @@ def measure(sketch: Sketch, source: str) -> Drawn:
                 faults.append(f"bodies.{' and bodies.'.join(names)}: {error}")
     angles: dict[int, float] = {}
     if not faults:
-        sketch, angles, faults = merge_guides(sketch, shapes)
+        sketch, angles, faults = merge_prismatic(sketch, shapes)
     if faults:
         raise UserError(f"{source}: " + "; ".join(faults))
     structure = _structure(sketch)
@@ -72,7 +72,7 @@ def measure(sketch: Sketch, source: str) -> Drawn:
             for joint, place in zip(body.joints, shapes[body.name], strict=True)
         }
     dimensions = _dimensions(sketch, structure, places, angles)
-    return Drawn(sketch, structure, shapes, dimensions, _configuration(sketch, dimensions))
+    return SketchGeometry(sketch, structure, shapes, dimensions, _configuration(sketch, dimensions))
 
 
 def _lengths(body: BodyTable) -> dict[tuple[str, str], float]:

@@ -14,7 +14,7 @@ import numpy as np
 from designopt.errors import UserError
 from designopt.io.files import replaced_when_complete
 from designopt.io.spec_files import FORMAT
-from designopt.io.toml_writing import toml_text
+from designopt.io.toml_writing import format_toml
 from kinematics.model.linkage import Linkage, Spring
 from kinematics.model.topology import WORLD, BodyPart, Structure
 from kinematics.solve.poses import solve_poses
@@ -24,7 +24,7 @@ ENOUGH = 2
 
 
 def linkage_tables(linkage: Linkage) -> dict[str, Any]:
-    """The tables of a linkage's file; `kinematics.linkage_from` makes the same linkage of them.
+    """The tables of a linkage's file; `kinematics.parse_linkage` makes the same linkage of them.
 
     Args:
         linkage: a single one. Its numbers come back to rounding, for a sketch states distances.
@@ -34,7 +34,7 @@ def linkage_tables(linkage: Linkage) -> dict[str, Any]:
     """
     structure = linkage.structure
     with jax.enable_x64(True):
-        found = solve_poses(linkage, linkage.home.inputs)
+        found = solve_poses(linkage, linkage.reference.inputs)
         if not bool(found.ok):
             raise UserError(f"{structure.name}: it cannot be written: {found.messages()[0]}")
         pose = found.value
@@ -78,9 +78,9 @@ def spring_tables(structure: Structure, springs: Sequence[Spring]) -> list[dict[
     ]
 
 
-def linkage_text(linkage: Linkage) -> str:
+def format_linkage(linkage: Linkage) -> str:
     """The text of a linkage's file; `kinematics.read_linkage` reads the same back to rounding."""
-    return toml_text(linkage_tables(linkage), "A linkage in its assembled configuration: mm.")
+    return format_toml(linkage_tables(linkage), "A linkage in its assembled configuration: mm.")
 
 
 def write_linkage(linkage: Linkage, path: str | Path) -> None:
@@ -93,7 +93,7 @@ def write_linkage(linkage: Linkage, path: str | Path) -> None:
     Raises:
         UserError: the linkage cannot be assembled in its reference configuration.
     """
-    text = linkage_text(linkage)
+    text = format_linkage(linkage)
     with replaced_when_complete(Path(path)) as partial:
         partial.write_text(text, encoding="utf-8")
 

@@ -24,7 +24,7 @@ def assembled_joints(linkage: Linkage) -> dict[str, complex]:
     structure = linkage.structure
     joints: dict[str, complex] = own_places(linkage, WORLD)
     origins = {WORLD: 0j}
-    slides = np.asarray(linkage.home.slides, float).tolist()
+    slides = np.asarray(linkage.reference.slides, float).tolist()
     turns = {part.name: unit(float(linkage.home_angle(part.name))) for part in structure.moving}
     turns[WORLD] = 1 + 0j
     for _ in structure.incidences:  # each pass finds a joint or a body at least, if any is left

@@ -27,7 +27,7 @@ class Grashof:
     margin: float
 
 
-def grashof(crank: float, coupler: float, rocker: float, ground: float) -> Grashof:
+def classify_grashof(crank: float, coupler: float, rocker: float, ground: float) -> Grashof:
     """The class of a four-bar with these lengths, mm.
 
     Source: F. Grashof, *Theoretische Maschinenlehre*, 1883: a link turns fully if the shortest

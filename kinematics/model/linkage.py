@@ -63,7 +63,7 @@ class Spring(eqx.Module):
     preload: Float[Array, "*design"]
 
 
-class Home(eqx.Module):
+class ReferenceConfiguration(eqx.Module):
     """The assembled sketch: where poses that need an iteration start, and springs are measured.
 
     It is no dimension: nothing has a derivative with respect to it.
@@ -90,7 +90,7 @@ class Linkage(eqx.Module):
         links: the moving bodies by name.
         lines: the sliders' lines, in order.
         springs: the springs, in order.
-        home: the assembled sketch.
+        reference: the assembled sketch.
         structure: who is joined to whom.
         assembly: one sign per closed-form group of the plan: on which side it is assembled (0
             for a group that has no choice or is followed by continuation).
@@ -100,7 +100,7 @@ class Linkage(eqx.Module):
     links: dict[str, Link]
     lines: tuple[Line, ...]
     springs: tuple[Spring, ...]
-    home: Home
+    reference: ReferenceConfiguration
     structure: Structure = eqx.field(static=True)
     assembly: tuple[int, ...] = eqx.field(static=True)
 
@@ -122,7 +122,7 @@ class Linkage(eqx.Module):
     def home_angle(self, body: str) -> Float[Array, "*design"]:
         """Angle of a moving body in the assembled sketch, rad."""
         names = [part.name for part in self.structure.moving]
-        return jax.lax.stop_gradient(self.home.angles[..., names.index(body)])
+        return jax.lax.stop_gradient(self.reference.angles[..., names.index(body)])
 
     def fixed_direction(self, body: str) -> Vector:
         """Direction of a fixed body: from its first to its second joint, +x if it has but one."""

@@ -51,7 +51,7 @@ class Loop:
         return f"{walk} {self.legs[-1].end.joint}"
 
 
-def vector_loops(structure: Structure) -> tuple[Loop, ...]:
+def find_vector_loops(structure: Structure) -> tuple[Loop, ...]:
     """Independent vector loops of a whole linkage."""
     return tuple(find_loops(structure.incidences))
 

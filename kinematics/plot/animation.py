@@ -32,7 +32,7 @@ from kinematics.solve.solver import Pose
 
 FPS = 20
 DPI = 100
-LABELLED_POSES = 12
+LABELED_POSES = 12
 """Poses in which the labels, which stand still relative to their bodies, are to keep clear."""
 
 
@@ -114,7 +114,7 @@ class _Film:
         self.figure.draw_without_rendering()
         self.figure.draw_without_rendering()
         self.figure.set_layout_engine("none")
-        some = good[np.linspace(0, len(good) - 1, min(LABELLED_POSES, len(good))).astype(int)]
+        some = good[np.linspace(0, len(good) - 1, min(LABELED_POSES, len(good))).astype(int)]
         scenes = [Scene.of(linkage, pose_at(poses, int(index)), self.travel) for index in some]
         self.labels = offsets_of(self.axes, scenes, [p[good] for p in self.paths.values()])
 

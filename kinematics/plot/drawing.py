@@ -18,7 +18,7 @@ from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, Structure
 from kinematics.plot import symbols
 from kinematics.plot.label_layout import FONT, label_offsets, sampled
-from kinematics.plot.symbols import GREY, INK, Place, Points
+from kinematics.plot.symbols import GRAY, INK, Place, Points
 from kinematics.solve.solver import Pose
 
 Travel = Mapping[int, tuple[float, float]]
@@ -132,10 +132,10 @@ class Scene:
         return [*moving, *self.ends]
 
 
-def body_colours(structure: Structure) -> dict[str, str]:
+def body_colors(structure: Structure) -> dict[str, str]:
     """The colour of each body: of the moving ones in the order of the file; fixed ones grey."""
     moving = zip((part.name for part in structure.moving), itertools.cycle(PALETTE), strict=False)
-    return {part.name: GREY for part in structure.bodies if part.fixed} | dict(moving)
+    return {part.name: GRAY for part in structure.bodies if part.fixed} | dict(moving)
 
 
 def draw_pose(
@@ -295,22 +295,22 @@ def draw_fixed(axes: Axes, scene: Scene) -> None:
 
 
 def _draw_bodies(axes: Axes, scene: Scene) -> None:
-    colours = body_colours(scene.structure)
+    colors = body_colors(scene.structure)
     moving = scene.structure.moving
     for level, part in enumerate(moving):
         outlines, strips = scene.outlines(part.name), scene.strips(part.name)
         z = BODIES + level / len(moving)
-        symbols.body(axes, part.name, outlines, strips, colours[part.name], z)
+        symbols.body(axes, part.name, outlines, strips, colors[part.name], z)
 
 
 def _draw_joints(axes: Axes, scene: Scene) -> None:
-    colours = body_colours(scene.structure)
+    colors = body_colors(scene.structure)
     structure = scene.structure
     for part, along in zip(structure.sliders, scene.directions, strict=True):
         size = symbols.BLOCK if structure.node(part.on) == WORLD else symbols.SLOT_BLOCK
-        colour = GREY if part.keeps is None else colours[part.keeps]
+        color = GRAY if part.keeps is None else colors[part.keeps]
         place = scene.joints[part.joint]
-        symbols.block(axes, place, along, PINS - 1, size=size, colour=colour)
+        symbols.block(axes, place, along, PINS - 1, size=size, color=color)
     for place, legs in _springs(scene):
         symbols.spring(axes, place, legs, PINS - 0.5)
     for joint, place in scene.joints.items():
@@ -319,15 +319,15 @@ def _draw_joints(axes: Axes, scene: Scene) -> None:
         if partners + (joint in structure.fixed_joints) > 1:
             symbols.pin(axes, joint, place, PINS)
         else:
-            colour = next((colours[name] for name in scene.members(joint)), GREY)
-            symbols.point(axes, joint, place, PINS, colour)
+            color = next((colors[name] for name in scene.members(joint)), GRAY)
+            symbols.point(axes, joint, place, PINS, color)
 
 
 def draw_faint(axes: Axes, scene: Scene) -> None:
     """Draw only thin lines for the moving bodies."""
-    colours = body_colours(scene.structure)
+    colors = body_colors(scene.structure)
     for part in scene.structure.moving:
-        light = symbols.tint(colours[part.name], 0.7)
+        light = symbols.tint(colors[part.name], 0.7)
         for line in (*scene.outlines(part.name), *scene.strips(part.name)):
             symbols.stroke(axes, line, light, 1.0, GHOSTS, f"ghost:{part.name}")
 

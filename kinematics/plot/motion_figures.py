@@ -20,8 +20,8 @@ from designopt.plot.typesetting import drawn_name
 from designopt.solution import Solution
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, Structure
-from kinematics.plot.drawing import CURVES, ROOM, Travel, body_colours, draw_pose, widen
-from kinematics.plot.symbols import GREY, Points, tint
+from kinematics.plot.drawing import CURVES, ROOM, Travel, body_colors, draw_pose, widen
+from kinematics.plot.symbols import GRAY, Points, tint
 from kinematics.solve.solver import Pose
 
 Inputs = Float[Array | np.ndarray, "poses inputs"]
@@ -127,11 +127,11 @@ def _add_legend(
     figure: Figure, structure: Structure, traced: Sequence[str], *, below: bool
 ) -> None:
     """Say outside the axes what the colours mean: the moving bodies, and the curves."""
-    colours = body_colours(structure)
+    colors = body_colors(structure)
     names = [part.name for part in structure.moving]
-    handles: list[Any] = [Patch(fc=tint(colours[name]), ec=colours[name]) for name in names]
+    handles: list[Any] = [Patch(fc=tint(colors[name]), ec=colors[name]) for name in names]
     if traced:
-        shades = dict.fromkeys(_path_colour(structure, joint) for joint in traced)
+        shades = dict.fromkeys(_path_color(structure, joint) for joint in traced)
         handles.append(tuple(Line2D([], [], color=shade, linewidth=1.2) for shade in shades))
         names.append(f"path of {', '.join(traced)}")
     figure.legend(
@@ -145,7 +145,7 @@ def _add_legend(
 
 def _from_home(linkage: Linkage, inputs: Float[np.ndarray, "poses inputs"]) -> np.ndarray:
     """How far inputs are from the sketch's, angles without whole turns, slides in sizes."""
-    away = inputs - np.asarray(linkage.home.inputs)
+    away = inputs - np.asarray(linkage.reference.inputs)
     size = float(linkage.size())
     for column, part in enumerate(linkage.structure.inputs):
         turn = np.remainder(away[:, column] + np.pi, 2 * np.pi) - np.pi
@@ -162,11 +162,11 @@ def _spread(indices: np.ndarray, count: int) -> list[int]:
 def draw_paths(axes: Axes, structure: Structure, paths: Mapping[str, Points]) -> None:
     """Draw joints' curves, each in the colour of a body that the joint belongs to."""
     for joint, path in paths.items():
-        colour = _path_colour(structure, joint)
-        axes.plot(*path.T, color=colour, linewidth=1.2, zorder=CURVES, gid=f"path:{joint}")
+        color = _path_color(structure, joint)
+        axes.plot(*path.T, color=color, linewidth=1.2, zorder=CURVES, gid=f"path:{joint}")
 
 
-def _path_colour(structure: Structure, joint: str) -> str:
+def _path_color(structure: Structure, joint: str) -> str:
     """The colour of the last body that holds a joint: the one it carries, not its crank."""
     owners = [part.name for part in structure.moving if joint in part.joints]
-    return body_colours(structure)[owners[-1]] if owners else GREY
+    return body_colors(structure)[owners[-1]] if owners else GRAY

@@ -25,7 +25,7 @@ from designopt.plot.quick_line import QuickLine
 Points = Float[np.ndarray, "_ 2"]
 Place = Float[np.ndarray, "2"]
 
-INK, GREY, PAPER = "#222222", "#8A8A8A", "white"
+INK, GRAY, PAPER = "#222222", "#8A8A8A", "white"
 BAR, STRIP, HOLE, EDGE = 7.0, 15.0, 9.5, 0.9
 """Widths of bars, of bars with a slot, of the slot and of outlines, in points."""
 BLOCK, SLOT_BLOCK = (20.0, 12.0), (13.0, HOLE - 2 * EDGE)
@@ -35,9 +35,9 @@ COIL = 8.5
 """Radius of a torsion spring's coil, in points."""
 
 
-def tint(colour: str, white: float = 0.72) -> tuple[float, float, float]:
+def tint(color: str, white: float = 0.72) -> tuple[float, float, float]:
     """A colour mixed with so much white."""
-    red, green, blue = (white + (1 - white) * part for part in to_rgb(colour))
+    red, green, blue = (white + (1 - white) * part for part in to_rgb(color))
     return red, green, blue
 
 
@@ -78,7 +78,7 @@ def add(axes: Axes, artist: Artist) -> None:
 
 
 def body(
-    axes: Axes, name: str, outlines: list[Points], strips: list[Points], colour: str, z: float
+    axes: Axes, name: str, outlines: list[Points], strips: list[Points], color: str, z: float
 ) -> None:
     """A rigid body: bars and polygons of one outline, with slots in it.
 
@@ -87,11 +87,11 @@ def body(
         name: the body's, by which its artists are found (``gid``).
         outlines: lines through the body's joints; closed where they are polygons, mm.
         strips: the two ends of each of its slots, mm.
-        colour: of its outline; it is filled with a tint.
+        color: of its outline; it is filled with a tint.
         z: order of drawing; up to z + 0.5 is used.
     """
-    light = tint(colour)
-    for inset, shade, level in ((0.0, colour, 0.0), (2 * EDGE, light, 0.1)):
+    light = tint(color)
+    for inset, shade, level in ((0.0, color, 0.0), (2 * EDGE, light, 0.1)):
         for lines, width in ((outlines, BAR), (strips, STRIP)):
             for line in lines:
                 stroke(axes, line, shade, width - inset, z + level, f"body:{name}")
@@ -99,33 +99,33 @@ def body(
         if len(line) > 3:
             fill = Polygon(line, closed=True, facecolor=light, edgecolor="none", zorder=z + 0.1)
             add(axes, fill)
-    for inset, shade, level in ((0.0, colour, 0.2), (2 * EDGE, PAPER, 0.3)):
+    for inset, shade, level in ((0.0, color, 0.2), (2 * EDGE, PAPER, 0.3)):
         for line in strips:
             stroke(axes, line, shade, HOLE - inset, z + level, f"slot:{name}")
 
 
 def frame(axes: Axes, name: str, outline: Points, z: float) -> None:
     """The fixed body: a thin grey line through its joints."""
-    stroke(axes, outline, tint(GREY, 0.55), 1.6, z, f"body:{name}")
+    stroke(axes, outline, tint(GRAY, 0.55), 1.6, z, f"body:{name}")
 
 
 def stroke(
-    axes: Axes, line: Points, colour: Any, width: float, z: float, gid: str, **style: Any
+    axes: Axes, line: Points, color: Any, width: float, z: float, gid: str, **style: Any
 ) -> None:
     """A line with round ends and corners."""
-    artist = QuickLine(line[:, 0], line[:, 1], color=colour, linewidth=width, zorder=z, **style)
+    artist = QuickLine(line[:, 0], line[:, 1], color=color, linewidth=width, zorder=z, **style)
     artist.set(solid_capstyle="round", solid_joinstyle="round", gid=gid)
     add(axes, artist)
 
 
-def pin(axes: Axes, name: str, place: Place, z: float, *, colour: str = INK) -> None:
+def pin(axes: Axes, name: str, place: Place, z: float, *, color: str = INK) -> None:
     """A pin joint: a circle filled with white."""
-    _dot(axes, name, place, z, 6.2, colour, PAPER)
+    _dot(axes, name, place, z, 6.2, color, PAPER)
 
 
-def point(axes: Axes, name: str, place: Place, z: float, colour: str) -> None:
+def point(axes: Axes, name: str, place: Place, z: float, color: str) -> None:
     """A point of a body that joins nothing: a small filled circle."""
-    _dot(axes, name, place, z, 4.2, colour, colour)
+    _dot(axes, name, place, z, 4.2, color, color)
 
 
 def _dot(axes: Axes, name: str, place: Place, z: float, size: float, edge: str, face: str) -> None:
@@ -171,13 +171,13 @@ def _hatch(axes: Axes, line: QuickLine) -> None:
 
 
 def block(
-    axes: Axes, place: Place, direction: Place, z: float, *, size: tuple[float, float], colour: str
+    axes: Axes, place: Place, direction: Place, z: float, *, size: tuple[float, float], color: str
 ) -> None:
     """A block that slides along a direction, its middle at a place."""
     x, y = size[0] / 2, size[1] / 2
     corners = Path([(-x, -y), (x, -y), (x, y), (-x, y), (-x, -y)], closed=True)
     turn = Affine2D().rotate(math.atan2(direction[1], direction[0]))
-    patch = PathPatch(corners, fc=tint(colour), ec=colour, lw=1.0, zorder=z, gid="block")
+    patch = PathPatch(corners, fc=tint(color), ec=color, lw=1.0, zorder=z, gid="block")
     patch.set_transform(turn + anchored(axes, place))
     add(axes, patch)
 

@@ -44,7 +44,7 @@ class _Choice:
     unknowns: dict[int, np.ndarray]
 
 
-def assemblies(linkage: Linkage, inputs: Float[Array, " inputs"]) -> Assemblies:
+def find_assemblies(linkage: Linkage, inputs: Float[Array, " inputs"]) -> Assemblies:
     """Every assembly of a linkage at given inputs. Not for use under ``jax.jit``.
 
     A closed-form group can be on either side. A group of two loops (a triad, or four bodies in a

@@ -49,7 +49,7 @@ def home_unknowns(linkage: Linkage, plan: Plan, size: Scalar) -> Vectors:
         for value in (
             *(linkage.home_angle(body) for body in group.angles),
             *(
-                (linkage.home.slides[slider] + linkage.slide_shift(slider)) / size
+                (linkage.reference.slides[slider] + linkage.slide_shift(slider)) / size
                 for slider in group.sliders
             ),
         )
@@ -95,7 +95,7 @@ class Followed(NamedTuple):
     status: Int[Array, ""]
 
 
-def follow(
+def track(
     linkage: Linkage,
     plan: Plan,
     inputs: Float[Array, " inputs"],
@@ -142,7 +142,7 @@ def _upstream_exists(
     return jnp.all(jnp.asarray([margin >= least for margin in margins], bool))
 
 
-def close(
+def newton_correct(
     linkage: Linkage,
     plan: Plan,
     inputs: Float[Array, " inputs"],
@@ -181,14 +181,14 @@ def solve_iterated(
         plan: the plan.
         inputs: wanted inputs, rad or units of the linkage's size.
         signs: assembly of each group.
-        followed: where `follow` came.
+        followed: where `track` came.
 
     Returns:
         By group its unknowns and two margins: the smallest singular value of the scaled Jacobian
         (minus the part of the way that was not made, where the linkage locks), and the same for
         a way that could not be followed.
     """
-    solved = close(linkage, plan, inputs, signs, followed.unknowns)
+    solved = newton_correct(linkage, plan, inputs, signs, followed.unknowns)
 
     def gaps(unknowns: Vectors) -> Vectors:
         return loop_gaps(linkage, plan, unknowns, inputs, signs)

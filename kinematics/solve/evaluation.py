@@ -69,7 +69,7 @@ class State:
     gaps: dict[int, list[Vector]] = field(default_factory=dict)
     solved: dict[tuple[int, int], Vector] = field(default_factory=dict)
 
-    def know_angle(self, root: str, direction: Vector) -> None:
+    def set_angle(self, root: str, direction: Vector) -> None:
         """Record a root's rotation, and with it that of every body that turns with it."""
         for body, orientation in self.plan.orientations.items():
             if orientation.root == root:
@@ -77,7 +77,7 @@ class State:
 
     def relative(self, body: str, after: int = 0) -> Vector:
         """The rotation of a body relative to its root, or by its turns from ``after`` on."""
-        result = self.no_turn
+        result = self.identity
         for turn in self.plan.orientations[body].turns[after:]:
             result = result.turned(self._turn(turn))
         return result
@@ -95,13 +95,13 @@ class State:
         return None, self.relative(body)
 
     @property
-    def no_turn(self) -> Vector:
+    def identity(self) -> Vector:
         """The rotation by 0."""
         one = jnp.ones_like(self.linkage.anchors[0, 0])
         return Vector(one, jnp.zeros_like(one))
 
     @property
-    def at_rest(self) -> Vector:
+    def zero(self) -> Vector:
         """The zero vector."""
         zero = jnp.zeros_like(self.linkage.anchors[0, 0])
         return Vector(zero, zero)
@@ -158,7 +158,7 @@ class Terms:
 
 def loop_terms(state: State, group: Group, loop: Loop) -> Terms:
     """A loop's vectors, sorted by what is unknown in them."""
-    zero = known = state.at_rest
+    zero = known = state.zero
     if loop.start is not None and loop.end is not None:
         known = state.places[loop.start] - state.places[loop.end]
     vectors: dict[str, Vector] = {}
@@ -198,10 +198,10 @@ def evaluate(
     for index, part in enumerate(linkage.structure.inputs):
         if part.slider is not None:
             state.slides[part.slider] = drive.values[index]
-    state.know_angle(WORLD, state.no_turn)
+    state.set_angle(WORLD, state.identity)
     for joint in linkage.structure.fixed_joints:
         state.places[joint] = linkage.anchor(joint)
-        state.swings[joint] = state.at_rest
+        state.swings[joint] = state.zero
     for step in plan.steps:
         if not isinstance(step, Group):
             state.places[step.at.joint] = state.carried(step.at, step.reference)
@@ -216,7 +216,7 @@ def evaluate(
 def _swing(state: State, step: Placement) -> Vector:
     """How a joint moves with its body, when that is turned by inputs on their way back."""
     base = state.swings[step.reference.joint]
-    rate = state.at_rest.x
+    rate = state.zero.x
     for turn in state.plan.orientations[step.at.body].turns:
         if turn.input is not None:
             rate = rate + turn.sign * state.drive.back[turn.input]
@@ -228,7 +228,7 @@ def _take(
     state: State, group: Group, values: Float[Array, "..."], margins: tuple[Scalar, ...]
 ) -> None:
     for index, root in enumerate(group.angles):
-        state.know_angle(root, rotation(values[index]))
+        state.set_angle(root, rotation(values[index]))
     for index, slider in enumerate(group.sliders, start=len(group.angles)):
         state.slides[slider] = values[index]
     state.margins[group.index] = margins
@@ -238,7 +238,7 @@ def _take(
 def _solve(state: State, group: Group, side: Scalar) -> None:
     loop = group.loops[0]
     terms = loop_terms(state, group, loop)
-    e, towards = -terms.known, state.at_rest
+    e, towards = -terms.known, state.zero
     if loop.start is not None and loop.end is not None:
         towards = state.swings[loop.end] - state.swings[loop.start]
     match group.kind:
@@ -268,7 +268,7 @@ def _solve(state: State, group: Group, side: Scalar) -> None:
 def _record(state: State, group: Group, found: tuple[Vector, ...]) -> None:
     for number, (root, turn) in enumerate(zip(group.angles, found, strict=True)):
         if group.base is None:
-            state.know_angle(root, turn)
+            state.set_angle(root, turn)
         else:
             state.solved[group.index, number] = turn
 
@@ -281,7 +281,7 @@ def group_columns(state: State, group: Group) -> list[list[Vector]]:
     """
     rows = []
     for loop in group.loops:
-        zero = Vector(*(jnp.zeros_like(state.no_turn.x),) * 2)
+        zero = Vector(*(jnp.zeros_like(state.identity.x),) * 2)
         row = dict.fromkeys((*group.angles, *group.sliders), zero)
         for leg in loop.legs:
             turn = state.rotations[leg.body]
@@ -302,7 +302,7 @@ def closure(state: State) -> Scalar:
 
     In units of the linkage's size, recomputed from what was found: it knows nothing of how.
     """
-    worst = jnp.zeros_like(state.no_turn.x)
+    worst = jnp.zeros_like(state.identity.x)
     bases: dict[str, Incidence] = {}
     for incidence in state.linkage.structure.incidences:
         body = incidence.body

@@ -19,7 +19,14 @@ from designopt.numerics import as_float
 from designopt.roots import find_root
 from designopt.solution import Solution
 from kinematics.model.linkage import Linkage
-from kinematics.solve.continuation import REACHED, TURNED, Followed, close, group_indices, loop_gaps
+from kinematics.solve.continuation import (
+    REACHED,
+    TURNED,
+    Followed,
+    group_indices,
+    loop_gaps,
+    newton_correct,
+)
 from kinematics.solve.solver import Solver
 
 SAMPLES = 720
@@ -95,7 +102,7 @@ def find_limits(
     if name not in linkage.input_names:
         raise ValueError(f"no input is named {name!r}; there are {', '.join(linkage.input_names)}")
     index = linkage.input_names.index(name)
-    start = linkage.home.inputs if inputs is None else as_float(inputs)
+    start = linkage.reference.inputs if inputs is None else as_float(inputs)
     search = _Search(linkage, index, start, None if of is None else tuple(of))
     if any(value < -TOUCHING for value in search.margins(np.array([float(start[index])]))[0]):
         raise ValueError("the start is no pose of the linkage: its margins are negative")
@@ -106,7 +113,7 @@ def find_limits(
     return Limits(lower, upper, tuple(sorted({*above, *below})))
 
 
-def turning_point(
+def solve_turning_point(
     linkage: Linkage,
     name: str,
     limit: Limit,
@@ -128,7 +135,7 @@ def turning_point(
         rad or per size of the linkage.
     """
     index = linkage.input_names.index(name)
-    start = linkage.home.inputs if inputs is None else as_float(inputs)
+    start = linkage.reference.inputs if inputs is None else as_float(inputs)
     guess = jnp.asarray(limit.value, start.dtype)
     targets = None if of is None else tuple(of)
     solver = Solver.of(linkage, start.dtype, targets)
@@ -224,7 +231,7 @@ def _way(
     first = solver.drive(start)
     near = solver.followed(first)
     assert near is not None
-    begin = close(solver.unit, solver.plan, first.values, solver.signs, near.unknowns)
+    begin = newton_correct(solver.unit, solver.plan, first.values, solver.signs, near.unknowns)
     last = solver.drive(start.at[index].set(end))
     return solver.followed_from((first.values, begin), last.values)
 
@@ -284,7 +291,7 @@ class _Search:
         nearest = min(found, key=lambda limit: abs(limit.value - first), default=None)
         if nearest is not None:
             name = self.linkage.input_names[self.index]
-            solved = turning_point(self.linkage, name, nearest, self.start, of=self.of)
+            solved = solve_turning_point(self.linkage, name, nearest, self.start, of=self.of)
             refined = bool(solved.ok) and abs(float(solved.value) - nearest.value) < 1e-3
             if nearest.locks and refined:
                 nearest = replace(nearest, value=float(solved.value))

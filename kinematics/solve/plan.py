@@ -218,7 +218,7 @@ def _upstream(structure: Structure, plan: Plan, targets: frozenset[str]) -> Plan
     return Plan(plan.orientations, tuple(reversed(kept)))
 
 
-def describe(structure: Structure, targets: frozenset[str] | None = None) -> list[str]:
+def describe_plan(structure: Structure, targets: frozenset[str] | None = None) -> list[str]:
     """The plan in words, one line per step."""
     plan = make_plan(structure, targets)
     lines = []

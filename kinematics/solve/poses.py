@@ -116,12 +116,12 @@ def solve_poses(
 
 def _solve_one(solver: Solver, drive: Drive, finite: Bool[Array, ""]) -> Solution[Pose]:
     state = solver.state(drive)
-    margin, result = _verdict(state, finite)
+    margin, result = _result_of(state, finite)
     return Solution(solver.pose(state), margin * solver.size, closure(state), result)
 
 
-def _verdict(state: State, finite: Bool[Array, ""]) -> tuple[Float[Array, ""], Any]:
-    one = state.no_turn.x
+def _result_of(state: State, finite: Bool[Array, ""]) -> tuple[Float[Array, ""], Any]:
+    one = state.identity.x
     touching = -ROUNDING_UNITS * jnp.finfo(one.dtype).eps
     result, margin = PoseResult.successful, None
     for group in reversed(state.plan.groups):

@@ -16,11 +16,11 @@ from kinematics.model.topology import WORLD
 from kinematics.solve.continuation import (
     REACHED,
     Followed,
-    close,
-    follow,
     home_unknowns,
+    newton_correct,
     solve_iterated,
     split,
+    track,
 )
 from kinematics.solve.evaluation import Drive, State, evaluate
 from kinematics.solve.plan import make_plan
@@ -83,7 +83,7 @@ class Solver(eqx.Module):
         plan = make_plan(linkage.structure, None if targets is None else frozenset(targets))
         if signs is None:
             signs = jnp.asarray(linkage.assembly, dtype)
-        home = jax.lax.stop_gradient(_in_units(linkage, linkage.home.inputs, size))
+        home = jax.lax.stop_gradient(_in_units(linkage, linkage.reference.inputs, size))
         return cls(linkage, unit, size, plan, signs, home)
 
     def drive(self, inputs: Float[Array, "*batch inputs"]) -> Drive:
@@ -118,13 +118,15 @@ class Solver(eqx.Module):
         end: Float[Array, " inputs"],
     ) -> Followed:
         """Where the iterated groups come from known inputs and unknowns, straight to others."""
-        return follow(self.unit, self.plan, end, self.signs, begin)
+        return track(self.unit, self.plan, end, self.signs, begin)
 
     def state_near(self, drive: Drive, followed: Followed | None) -> State:
         """As `state`, but from iterated groups that were followed already; without margins."""
         unknowns = {}
         if followed is not None:
-            solved = close(self.unit, self.plan, drive.values, self.signs, followed.unknowns)
+            solved = newton_correct(
+                self.unit, self.plan, drive.values, self.signs, followed.unknowns
+            )
             unknowns = {group: (part, ()) for group, part in split(self.plan, solved).items()}
         return evaluate(self.unit, self.plan, drive, self.signs, unknowns)
 

@@ -17,7 +17,7 @@ from kinematics.solve.solver import Pose, Solver
 Output = Callable[[Pose], Float[Array, ""]]
 
 
-def input_efforts(
+def solve_input_efforts(
     linkage: Linkage,
     inputs: Float[Array, "*batch inputs"],
     *,
@@ -41,7 +41,7 @@ def input_efforts(
     """
 
     def energy(pose: Pose) -> Float[Array, ""]:
-        total = spring_energy(linkage, pose)
+        total = compute_spring_energy(linkage, pose)
         for joint, force in (forces or {}).items():
             load = as_float(force)
             total = total - (load[0] * pose.joints[joint].x + load[1] * pose.joints[joint].y)
@@ -49,10 +49,10 @@ def input_efforts(
             total = total - as_float(moment) * pose.angle(body)
         return total
 
-    return input_slopes(linkage, inputs, energy)
+    return solve_input_slopes(linkage, inputs, energy)
 
 
-def spring_energy(linkage: Linkage, pose: Pose) -> Float[Array, ""]:
+def compute_spring_energy(linkage: Linkage, pose: Pose) -> Float[Array, ""]:
     """Energy of the torsion springs in a pose, N mm: Σ ½ k (Δ + preload)²."""
     total = jnp.zeros_like(linkage.anchors[0, 0])
     for spring, (first, second) in zip(linkage.springs, linkage.structure.springs, strict=True):
@@ -71,7 +71,7 @@ def _rest(linkage: Linkage, body: str) -> Float[Array, ""]:
     return linkage.home_angle(body)
 
 
-def input_slopes(
+def solve_input_slopes(
     linkage: Linkage, inputs: Float[Array, "*batch inputs"], output: Output
 ) -> Float[Array, "*batch inputs"]:
     """Derivative of an output with respect to every input: the velocity ratios.
@@ -96,17 +96,17 @@ def input_slopes(
     return slopes.reshape(inputs.shape)
 
 
-def mechanical_advantage(
+def solve_mechanical_advantage(
     linkage: Linkage, inputs: Float[Array, "*batch inputs"], output: Output
 ) -> Float[Array, "*batch inputs"]:
     """Effort at an output per unit of effort at each input, the other inputs held.
 
-    Without friction it is the reciprocal of the velocity ratio (`input_slopes`). Where that
+    Without friction it is the reciprocal of the velocity ratio (`solve_input_slopes`). Where that
     vanishes, at a toggle of the output, the advantage is unbounded; the largest finite number
     stands for it.
 
-    Args: as `input_slopes`.
+    Args: as `solve_input_slopes`.
     """
-    slopes = input_slopes(linkage, inputs, output)
+    slopes = solve_input_slopes(linkage, inputs, output)
     advantage, finite = safe_divide(jnp.ones_like(slopes), slopes)
     return jnp.where(finite, advantage, jnp.finfo(slopes.dtype).max)

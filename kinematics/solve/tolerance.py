@@ -27,12 +27,12 @@ class Spread(eqx.Module):
     variances: Linkage
 
 
-def no_deviations(linkage: Linkage) -> Linkage:
+def make_zero_deviations(linkage: Linkage) -> Linkage:
     """A linkage of zeros, to be filled with the standard deviations of dimensions."""
     return jax.tree.map(jnp.zeros_like, linkage)
 
 
-def output_spread(
+def propagate_deviations(
     linkage: Linkage,
     inputs: Float[Array, "*batch inputs"],
     output: Output,
@@ -48,7 +48,7 @@ def output_spread(
         inputs: values of the inputs, rad or mm; exact.
         output: from one pose to a number, such as ``lambda pose: pose.joints["B"].x``.
         deviations: standard deviation of every dimension, mm or rad, in the shape of the linkage
-            (`no_deviations`, then `equinox.tree_at`).
+            (`make_zero_deviations`, then `equinox.tree_at`).
 
     Returns:
         The spread at each pose. Without meaning where `solve_poses` is not ok.

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
-from designopt.vectors import folded_angle
+from designopt.vectors import fold_angle
 from kinematics.model.linkage import Linkage
 from kinematics.solve.continuation import smallest_singular_value
 from kinematics.solve.evaluation import group_columns
@@ -64,7 +64,7 @@ def solve_transmission(
             )
             if group.pin is not None:
                 first, second = rows[0]
-                angle = folded_angle(first, second)
+                angle = fold_angle(first, second)
                 # A pin of three bodies may serve two groups: the worse one counts.
                 angles[group.pin] = jnp.minimum(angles.get(group.pin, angle), angle)
         return Transmission(angles, indices)

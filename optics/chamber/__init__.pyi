@@ -1,20 +1,29 @@
-from .bending import CentreLine, bent
+from .bending import CenterLine, bend_center_line
 from .endoscope import Endoscope
-from .rings import Apertures, Posture, Rings, Spans, apertures, pressed_by, spans, wall_radii
-from .sensitivity import extreme_points, image_rates
+from .rings import (
+    Apertures,
+    Posture,
+    Rings,
+    Spans,
+    compute_wall_radii,
+    find_apertures,
+    find_spans,
+    press_wall,
+)
+from .sensitivity import find_extreme_points, solve_image_rates
 
 __all__ = [
     "Apertures",
-    "CentreLine",
+    "CenterLine",
     "Endoscope",
     "Posture",
     "Rings",
     "Spans",
-    "apertures",
-    "bent",
-    "extreme_points",
-    "image_rates",
-    "pressed_by",
-    "spans",
-    "wall_radii",
+    "bend_center_line",
+    "compute_wall_radii",
+    "find_apertures",
+    "find_extreme_points",
+    "find_spans",
+    "press_wall",
+    "solve_image_rates",
 ]

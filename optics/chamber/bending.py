@@ -10,7 +10,7 @@ SMALL = 0.1
 """Angle below which four terms of the series of sin(x)/x are exact to rounding."""
 
 
-class CentreLine(eqx.Module):
+class CenterLine(eqx.Module):
     """Places along a bent centre line.
 
     Attributes:
@@ -24,9 +24,9 @@ class CentreLine(eqx.Module):
     turned: Float[Array, "*places"]
 
 
-def bent(
+def bend_center_line(
     arc: Float[Array, "*places"], bend: Float[Array, ""], length: Float[Array, ""]
-) -> CentreLine:
+) -> CenterLine:
     """The centre line at some arc lengths.
 
     An arc of a circle, x = (1 − cos κs)/κ and z = sin(κs)/κ with κ = bend/length, written so that
@@ -39,7 +39,7 @@ def bent(
         length: of the finger, mm.
     """
     turned = bend / length * arc
-    return CentreLine(
+    return CenterLine(
         across=arc * turned / 2 * _sinc(turned / 2) ** 2, along=arc * _sinc(turned), turned=turned
     )
 

@@ -41,7 +41,7 @@ class Endoscope(eqx.Module):
         return half_diagonal / jnp.tan(self.field_of_view / 2)
 
     @property
-    def centre(self) -> tuple[float, float]:
+    def center(self) -> tuple[float, float]:
         """Where the optical axis is imaged, px; pixel centres have whole numbers."""
         return (self.columns - 1) / 2, (self.rows - 1) / 2
 
@@ -67,5 +67,5 @@ class Endoscope(eqx.Module):
         x = across * jnp.cos(self.roll) + down * jnp.sin(self.roll)
         y = down * jnp.cos(self.roll) - across * jnp.sin(self.roll)
         scale = self.focal_px * (1 + self.distortion * (x**2 + y**2))
-        column, row = self.centre
+        column, row = self.center
         return jnp.stack([column + scale * x, row + scale * y], axis=-1)

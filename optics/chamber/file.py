@@ -10,11 +10,11 @@ import pydantic
 
 from designopt.designs import read_tables
 from designopt.errors import UserError
-from designopt.export.sheet import printable
+from designopt.export.drawing import printable
 from designopt.io.files import replaced_when_complete
 from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT, Format, Length, Number, Title, validated
-from designopt.io.toml_writing import degrees_of, toml_text
+from designopt.io.toml_writing import degrees_of, format_toml
 from optics.chamber.chamber import Chamber
 
 ANGLE = "wall_angle_bc"
@@ -70,7 +70,7 @@ def read_chamber(path: Path) -> tuple[str, Chamber]:
     return table.name or printable(path.stem), chamber
 
 
-def chamber_text(name: str, chamber: Chamber) -> str:
+def format_chamber(name: str, chamber: Chamber) -> str:
     """The text of a chamber's file; `read_chamber` reads the same back."""
     table: dict[str, float | str | int] = {"name": name, "format": FORMAT}
     for key in ChamberTable.model_fields:
@@ -82,7 +82,7 @@ def chamber_text(name: str, chamber: Chamber) -> str:
         "A soft finger's chamber and its camera: lengths in mm; Δl_D is counted to the other side "
         "of\nthe centre line from Δl_A and Δl_B. designopt explore and export take this file."
     )
-    return toml_text({"chamber": table}, comment)
+    return format_toml({"chamber": table}, comment)
 
 
 def write_chamber(name: str, chamber: Chamber, path: str | Path) -> None:
@@ -94,4 +94,4 @@ def write_chamber(name: str, chamber: Chamber, path: str | Path) -> None:
         path: of the file.
     """
     with replaced_when_complete(Path(path)) as partial:
-        partial.write_text(chamber_text(name, chamber), encoding="utf-8")
+        partial.write_text(format_chamber(name, chamber), encoding="utf-8")

@@ -33,7 +33,7 @@ _LENGTHS = tuple(name for name in get_args(Dimension) if name != "wall_angle_bc"
 _QUADRATIC = ("length_ab", "length_bc", "pinhole_offset")  # the equation is linear in the others
 
 
-def dimension_for_ratio(
+def solve_dimension_for_ratio(
     chamber: Chamber,
     dimension: Dimension,
     ratio: ArrayLike,

@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from optics.chamber.bending import bent
+from optics.chamber.bending import bend_center_line
 from optics.chamber.chamber import Chamber
 
 FIELD_STOP = 1.2
@@ -54,7 +54,7 @@ class Rings(eqx.Module):
     @classmethod
     def of(cls, chamber: Chamber, per_region: int = 20) -> Rings:
         """Rings of a chamber, as many in every region, evenly along it, the last at its end."""
-        radii = wall_radii(chamber)
+        radii = compute_wall_radii(chamber)
         lengths = (chamber.length_ab, chamber.length_bc, chamber.length_cd)
         share = jnp.asarray(np.arange(1, per_region + 1) / per_region, chamber.length_ab.dtype)
         start = jnp.zeros_like(chamber.length_ab)
@@ -73,7 +73,7 @@ class Rings(eqx.Module):
         )
 
 
-def wall_radii(chamber: Chamber) -> Float[Array, "4"]:
+def compute_wall_radii(chamber: Chamber) -> Float[Array, "4"]:
     """Radii of the round chamber at A, B, C and D in mm: h + Δl, and h − Δl_D at D."""
     height = chamber.reference_height
     offsets = (chamber.offset_a, chamber.offset_b, chamber.offset_c, -chamber.offset_d)
@@ -96,7 +96,7 @@ class Posture(eqx.Module):
     pressed: Float[Array, "*batch rings"]
 
 
-def pressed_by(
+def press_wall(
     arc: Float[Array, " rings"],
     place: Float[Array, ""],
     radius: Float[Array, ""],
@@ -151,7 +151,7 @@ class _Bent(eqx.Module):
 
 
 def _bent_rings(rings: Rings, bend: Float[Array, ""], pressed: Float[Array, " rings"]) -> _Bent:
-    line = bent(rings.arc, bend, rings.length)
+    line = bend_center_line(rings.arc, bend, rings.length)
     return _Bent(
         across=line.across,
         along=line.along + rings.pinhole_offset,
@@ -163,7 +163,7 @@ def _bent_rings(rings: Rings, bend: Float[Array, ""], pressed: Float[Array, " ri
     )
 
 
-def spans(rings: Rings, bend: Float[Array, ""], pressed: Float[Array, " rings"]) -> Spans:
+def find_spans(rings: Rings, bend: Float[Array, ""], pressed: Float[Array, " rings"]) -> Spans:
     """What the rings span in the plane of bending.
 
     Differentiable, at no bend too; where ``margin`` is not positive the spans mean nothing.
@@ -199,7 +199,7 @@ class Apertures(eqx.Module):
     spans: Spans
 
 
-def apertures(rings: Rings, posture: Posture, angles: int = 256) -> Apertures:
+def find_apertures(rings: Rings, posture: Posture, angles: int = 256) -> Apertures:
     """What the camera sees through every ring of a bent and pressed finger.
 
     Args:

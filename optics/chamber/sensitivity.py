@@ -10,10 +10,10 @@ from designopt.numerics import as_float
 from designopt.solution import Solution, combine_checks
 from optics.chamber.chamber import Chamber, ChamberResult
 from optics.chamber.endoscope import Endoscope
-from optics.chamber.rings import Rings, spans
+from optics.chamber.rings import Rings, find_spans
 
 
-def extreme_points(
+def find_extreme_points(
     chamber: Chamber, endoscope: Endoscope, bend: ArrayLike, direction: ArrayLike
 ) -> Solution[Float[Array, "3 2"]]:
     """Where blue, yellow and the top end in the image on the side to which the finger bends.
@@ -32,7 +32,7 @@ def extreme_points(
     rings = Rings.of(chamber)
     bend = as_float(bend).astype(rings.arc.dtype)
     direction = as_float(direction).astype(rings.arc.dtype)
-    seen = spans(rings, bend, jnp.zeros_like(rings.arc))
+    seen = find_spans(rings, bend, jnp.zeros_like(rings.arc))
     ends = jnp.asarray(rings.ends)
     side = jnp.stack([jnp.cos(direction), jnp.sin(direction)])
     points = endoscope.image(seen.seen_high[ends][:, None] * side[None])
@@ -43,24 +43,24 @@ def extreme_points(
     return Solution(points, margin, jnp.zeros_like(margin), result)
 
 
-def image_rates(
+def solve_image_rates(
     chamber: Chamber, endoscope: Endoscope, direction: ArrayLike
 ) -> Solution[Float[Array, "3"]]:
     """Px per radian of bend by which blue's, yellow's and the top's outline starts to move.
 
-    The derivative, for the straight finger, of `extreme_points` along the direction of bending.
-    Of a ring of radius r at s that no nearer wall hides, it is
+    The derivative, for the straight finger, of `find_extreme_points` along the direction of
+    bending. Of a ring of radius r at s that no nearer wall hides, it is
 
         f (s²/2 + r² s/(s + δ)) / ((s + δ) L) (1 + 3 k1 r²/(s + δ)²)
 
     with f the focal length in px; the first part is the ring's way sideways, the second its turn
-    towards the camera, the last the lens. ``margin`` is that of `extreme_points`.
+    towards the camera, the last the lens. ``margin`` is that of `find_extreme_points`.
     """
     angle = as_float(direction).astype(chamber.length_ab.dtype)
     side = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
     def along(bend: Float[Array, ""]) -> tuple[Float[Array, "3"], Solution[Float[Array, "3 2"]]]:
-        points = extreme_points(chamber, endoscope, bend, angle)
+        points = find_extreme_points(chamber, endoscope, bend, angle)
         return points.value @ side, points
 
     rates, points = jax.jacfwd(along, has_aux=True)(jnp.zeros_like(angle))

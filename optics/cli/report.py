@@ -12,7 +12,7 @@ import numpy as np
 
 from designopt.numerics import safe_divide
 from optics.scene.scene import Layout, Scene
-from optics.visibility.scene_trace import Sight
+from optics.visibility.scene_trace import SceneTrace
 from optics.visibility.tracing import NOTHING, Hits
 from optics.visibility.views import describe_end
 
@@ -22,16 +22,16 @@ WIDTH = 100
 Entry = dict[str, Any]
 
 
-def document_of(sight: Sight) -> dict[str, Any]:
+def document_of(trace: SceneTrace) -> dict[str, Any]:
     """The document, in mm and degrees; poses and rays one after the other, on demand."""
-    layout = sight.scene.layout
+    layout = trace.scene.layout
     return {
         "scene": layout.name,
         "engine": "traced" if layout.curved else "exact",
-        "bounces": sight.bounces,
-        "lens": _lens(sight.scene),
-        "poses": (_pose(sight, index) for index in range(len(sight.angles_deg))),
-        "rays": _rays(sight),
+        "bounces": trace.bounces,
+        "lens": _lens(trace.scene),
+        "poses": (_pose(trace, index) for index in range(len(trace.angles_deg))),
+        "rays": _rays(trace),
     }
 
 
@@ -83,31 +83,31 @@ def _lens(scene: Scene) -> Entry | None:
     }
 
 
-def _pose(sight: Sight, index: int) -> Entry:
-    angles = sight.angles_deg[index].tolist()
-    entry: Entry = {"angles_deg": dict(zip(sight.scene.angle_names, angles, strict=True))}
+def _pose(trace: SceneTrace, index: int) -> Entry:
+    angles = trace.angles_deg[index].tolist()
+    entry: Entry = {"angles_deg": dict(zip(trace.scene.angle_names, angles, strict=True))}
     entry["pads"] = {}
-    if sight.views is not None:
-        view = jax.tree.map(lambda leaf: leaf[index].tolist(), sight.views)
+    if trace.views is not None:
+        view = jax.tree.map(lambda leaf: leaf[index].tolist(), trace.views)
         entry["pads"] = {
-            part.name: _pad(sight, view, pad) for pad, part in enumerate(sight.scene.layout.pads)
+            part.name: _pad(trace, view, pad) for pad, part in enumerate(trace.scene.layout.pads)
         }
-        entry["mirrors"] = _mirrors(sight, view)
-    if sight.images is not None:
-        positions, faces = sight.images.position[index].tolist(), sight.images.faces[index]
+        entry["mirrors"] = _mirrors(trace, view)
+    if trace.images is not None:
+        positions, faces = trace.images.position[index].tolist(), trace.images.faces[index]
         entry["virtual_cameras"] = {
             name: position
             for name, word, position, there in zip(
-                sight.paths, sight.words, positions, faces, strict=True
+                trace.paths, trace.words, positions, faces, strict=True
             )
             if word and there
         }
     return entry
 
 
-def _pad(sight: Sight, view: Any, pad: int) -> Entry:
+def _pad(trace: SceneTrace, view: Any, pad: int) -> Entry:
     """One pad in one pose, from `Views` of this pose as nested lists."""
-    pieces: dict[int, list[int]] = {path: [] for path in range(len(sight.paths))}
+    pieces: dict[int, list[int]] = {path: [] for path in range(len(trace.paths))}
     found = view.found.value
     for piece, there in enumerate(found.present[pad]):
         if there:
@@ -117,17 +117,17 @@ def _pad(sight: Sight, view: Any, pad: int) -> Entry:
         "redundancy": view.redundancy[pad],
         "px_per_mm": _spread(view.sharpness.px_per_mm[pad]),
         "views": {
-            name: _view(sight, view, pad, path, pieces[path])
-            for path, name in enumerate(sight.paths)
+            name: _view(trace, view, pad, path, pieces[path])
+            for path, name in enumerate(trace.paths)
         },
     }
 
 
-def _view(sight: Sight, view: Any, pad: int, path: int, pieces: Sequence[int]) -> Entry:
+def _view(trace: SceneTrace, view: Any, pad: int, path: int, pieces: Sequence[int]) -> Entry:
     """One pad by one path."""
-    found, layout = view.found.value, sight.scene.layout
+    found, layout = view.found.value, trace.scene.layout
     margin = math.degrees(view.found.margin[path][pad])
-    message = sight.reasons[view.codes[path][pad]]
+    message = trace.reasons[view.codes[path][pad]]
     if not pieces:
         return {"intervals": [], "margin_deg": margin, "why_not": message}
 
@@ -158,16 +158,16 @@ def _spread(values: Sequence[float]) -> Entry | None:
     return dict(zip(("min", "median", "max"), values, strict=True)) if values[-1] else None
 
 
-def _mirrors(sight: Sight, view: Any) -> Entry:
+def _mirrors(trace: SceneTrace, view: Any) -> Entry:
     """Of every mirror the parts in which anything is seen."""
-    used: list[list[tuple[float, float]]] = [[] for _ in sight.scene.layout.mirrors]
+    used: list[list[tuple[float, float]]] = [[] for _ in trace.scene.layout.mirrors]
     found = view.found.value
     for pad, row in enumerate(found.present):
         for piece, there in enumerate(row):
-            word = sight.words[found.path[pad][piece]] if there else ()
+            word = trace.words[found.path[pad][piece]] if there else ()
             for mirror, span in zip(word, found.spans[pad][piece], strict=False):
                 used[mirror].append((min(span), max(span)))
-    names = (part.name for part in sight.scene.layout.mirrors)
+    names = (part.name for part in trace.scene.layout.mirrors)
     return {name: {"used": union(parts)} for name, parts in zip(names, used, strict=True)}
 
 
@@ -182,19 +182,19 @@ def union(parts: Iterable[tuple[float, float]]) -> list[list[float]]:
     return joined
 
 
-def _rays(sight: Sight) -> Iterator[Entry]:
+def _rays(trace: SceneTrace) -> Iterator[Entry]:
     """Rays pose by pose."""
-    if sight.hits is None:
+    if trace.hits is None:
         return
-    for pose, ray in np.ndindex(sight.hits.length.shape[:2]):
-        x, y, direction = sight.rays[ray].tolist()
-        hits = jax.tree.map(lambda leaf, at=(pose, ray): leaf[at].tolist(), sight.hits)
+    for pose, ray in np.ndindex(trace.hits.length.shape[:2]):
+        x, y, direction = trace.rays[ray].tolist()
+        hits = jax.tree.map(lambda leaf, at=(pose, ray): leaf[at].tolist(), trace.hits)
         yield {
             "pose": pose,
             "start": [x, y],
             "direction_deg": direction,
-            "hits": _hits(sight.scene.layout, hits),
-            "end": _end(sight.scene.layout, hits),
+            "hits": _hits(trace.scene.layout, hits),
+            "end": _end(trace.scene.layout, hits),
         }
 
 

@@ -19,7 +19,7 @@ from optics.scene.file import MOST_BOUNCES
 from optics.scene.reading import read_scene
 from optics.scene.scene import Scene
 from optics.visibility.remarks import remarks_on
-from optics.visibility.scene_trace import Sight, find_sight
+from optics.visibility.scene_trace import SceneTrace, trace_sweep
 
 MOST_POSES = 250_000
 """A larger grid makes gigabytes of JSON."""
@@ -75,11 +75,11 @@ def trace_file(request: Request) -> list[str]:
         rays = np.array([_ray(text) for text in request.rays]).reshape(-1, 3)
         _check_drawable(scene, angles, request)
         bounces = scene.layout.bounces if request.bounces is None else request.bounces
-        sight = find_sight(scene, angles, bounces, rays)
+        trace = trace_sweep(scene, angles, bounces, rays)
         # The document last: what fails in drawing leaves none behind.
-        _draw(sight, request)
-        _write(lines_of(document_of(sight)), target)
-        return remarks_on(sight)
+        _draw(trace, request)
+        _write(lines_of(document_of(trace)), target)
+        return remarks_on(trace)
 
 
 def _angles(scene: Scene, request: Request) -> Float[np.ndarray, "poses joints"]:
@@ -133,16 +133,16 @@ def _check_drawable(
         )
 
 
-def _draw(sight: Sight, request: Request) -> None:
+def _draw(trace: SceneTrace, request: Request) -> None:
     if request.figure is None and request.chart is None:
         return
     # Imported here: Matplotlib takes a second.
     from optics.plot.trace_figures import save_chart, save_section
 
     if request.figure is not None:
-        save_section(sight, request.figure)
+        save_section(trace, request.figure)
     if request.chart is not None:
-        save_chart(sight, request.chart)
+        save_chart(trace, request.chart)
 
 
 def _write(lines: Iterator[str], target: Path | None) -> None:

@@ -18,8 +18,8 @@ from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.io.spec_file import SpecFile
 from designopt.solution import Solution
 from optics.chamber.chamber import Chamber, ChamberResult
-from optics.chamber.file import chamber_text
-from optics.chamber.ratio import dimension_for_ratio
+from optics.chamber.file import format_chamber
+from optics.chamber.ratio import solve_dimension_for_ratio
 from optics.explore.chamber_improving import Improver, rings_problem
 from optics.plot.chamber_drawing import ChamberLook, ChamberPicture
 
@@ -98,9 +98,9 @@ def looked_at(chamber: Chamber, ratio: Float[Array, ""], ratios: Float[Array, "2
         ratio: η wanted.
         ratios: both ends of its range.
     """
-    solved = dimension_for_ratio(chamber, "offset_d", ratio)
+    solved = solve_dimension_for_ratio(chamber, "offset_d", ratio)
     chamber = dataclasses.replace(chamber, offset_d=solved.value)
-    line = jax.vmap(lambda end: dimension_for_ratio(chamber, "offset_d", end).value)(ratios)
+    line = jax.vmap(lambda end: solve_dimension_for_ratio(chamber, "offset_d", end).value)(ratios)
     return Look(
         chamber,
         solved,
@@ -173,7 +173,7 @@ class ChamberBench(Bench):
             UserError: these values give no chamber.
         """
         chamber = self._buildable(values, "no chamber to write")
-        text = chamber_text(self._name, chamber)
+        text = format_chamber(self._name, chamber)
         return [SpecFile("chamber.toml", "the chamber, for `designopt explore`", text)]
 
     def optimise(self, values: Values) -> Iterator[Step]:

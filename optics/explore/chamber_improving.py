@@ -18,9 +18,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from designopt.optimize import FEASIBLE, Iteration, Levelled, Problem, Terms, epigraph
+from designopt.optimize import (
+    FEASIBLE,
+    EpigraphVariables,
+    Evaluation,
+    Iteration,
+    Problem,
+    make_epigraph,
+)
 from optics.chamber.chamber import Chamber
-from optics.chamber.ratio import dimension_for_ratio
+from optics.chamber.ratio import solve_dimension_for_ratio
 
 UPDATES = 60
 
@@ -43,7 +50,7 @@ class Walls(eqx.Module):
         changed = dataclasses.replace(
             chamber, offset_b=self.offset_b, wall_angle_bc=self.wall_angle_bc
         )
-        offset_d = dimension_for_ratio(changed, "offset_d", self.ratio).value
+        offset_d = solve_dimension_for_ratio(changed, "offset_d", self.ratio).value
         return dataclasses.replace(changed, offset_d=offset_d)
 
 
@@ -96,10 +103,10 @@ def rings_problem(
     return Problem(_terms, low, high, data=(chamber,))
 
 
-def _terms(walls: Walls, chamber: Chamber) -> Terms:
+def _terms(walls: Walls, chamber: Chamber) -> Evaluation:
     turned = walls.turned(chamber)
     offsets = jnp.stack([turned.offset_b, turned.offset_c, turned.offset_d]) / turned.offset_a
-    return Terms(
+    return Evaluation(
         least={"rings": _widths(turned)},
         inequalities={"above": 1 - offsets, "below": 1 + offsets},
     )
@@ -116,7 +123,7 @@ class Improver:
             chamber: one with an image, by which widths are judged.
         """
         scale = float(jnp.max(jnp.abs(chamber.image_heights().value))) / 3
-        self._iteration = Iteration(epigraph(problem, scale=scale))
+        self._iteration = Iteration(make_epigraph(problem, scale=scale))
         self._narrowest = jax.jit(lambda walls, chamber: narrowest(walls.turned(chamber)))
 
     def steps(self, chamber: Chamber, ratio: float) -> Iterator[Improved]:
@@ -129,7 +136,7 @@ class Improver:
         start = Walls(jnp.asarray(ratio), chamber.offset_b, chamber.wall_angle_bc)
         level = self._narrowest(start, chamber)
         first = float(level)
-        solve = self._iteration.run(Levelled(start, level), (chamber,), updates=UPDATES)
+        solve = self._iteration.run(EpigraphVariables(start, level), (chamber,), updates=UPDATES)
         for found in solve:
             walls = found.parameters.design
             width = float(self._narrowest(walls, chamber))

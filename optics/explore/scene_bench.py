@@ -13,7 +13,7 @@ from jaxtyping import Float
 from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.io.spec_file import SpecFile
-from optics.explore.scene_knobs import JOINT, MOST, Handles
+from optics.explore.scene_knobs import JOINT, MOST, ParameterMap
 from optics.explore.scene_optimising import Improver
 from optics.explore.scene_picture import ScenePicture
 from optics.explore.scene_seeing import Seen, coverage_over, look_at
@@ -62,7 +62,7 @@ class SceneBench(Bench):
         """
         if not design.scene.layout.pads:
             raise UserError(f"{design.name}: there is no pad to be seen; add one under [[pads]]")
-        self._handles = Handles.of(design, joint, most, straight_deg)
+        self._handles = ParameterMap.of(design, joint, most, straight_deg)
         self._design, self._floor = design, floor
         self._bent = bool(design.scene.layout.curved)
         self._before: dict[str, float] = {}

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from designopt.explore.bench import Knob, Values
 from designopt.io.spec_files import FORMAT, validated
-from designopt.io.toml_writing import toml_text
+from designopt.io.toml_writing import format_toml
 from optics.scene.camera import Pinhole
 from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
@@ -63,7 +63,7 @@ class Dimensions(eqx.Module):
     radii: Float[Array | np.ndarray, "*batch curved"]
 
 
-def arranged(scene: Scene, dimensions: Dimensions) -> Scene:
+def apply_parameters(scene: Scene, dimensions: Dimensions) -> Scene:
     """A scene with other dimensions; traced by JAX. See `CAMERA_BODY`."""
     camera, layout = scene.camera, scene.layout
     turn = dimensions.direction - camera.direction
@@ -97,7 +97,7 @@ def _is_body(name: str, frame: int, layout: Any) -> bool:
     return name == CAMERA_BODY and frame == layout.camera_frame
 
 
-_arranged = jax.jit(arranged)
+_arranged = jax.jit(apply_parameters)
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Handle:
 
 
 @dataclass(frozen=True)
-class Handles:
+class ParameterMap:
     """All knobs of a scene.
 
     Attributes:
@@ -149,7 +149,7 @@ class Handles:
         joint: tuple[float, float] = JOINT,
         most: int = MOST,
         straight_deg: float | None = None,
-    ) -> Handles:
+    ) -> ParameterMap:
         """The knobs of a scene.
 
         Args:
@@ -244,7 +244,7 @@ class Handles:
         """
         pose = ",".join(f"{knob.name}={values[knob.name]:.10g}" for knob in self.joints)
         posed = f"; in the picture it had --pose {pose}" if pose else ""
-        return toml_text(self.tables(values), f"{self.design.name} as explored{posed}")
+        return format_toml(self.tables(values), f"{self.design.name} as explored{posed}")
 
 
 def _of_camera(design: DesignedScene, straight_deg: float | None) -> list[Handle]:

@@ -17,8 +17,8 @@ from scipy.stats import qmc
 
 from designopt.errors import UserError
 from designopt.explore.bench import Step, Values
-from designopt.optimize import Iteration, Problem, Terms
-from optics.explore.scene_knobs import Dimensions, Handles, arranged
+from designopt.optimize import Evaluation, Iteration, Problem
+from optics.explore.scene_knobs import Dimensions, ParameterMap, apply_parameters
 from optics.explore.scene_seeing import sharpness_of
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
@@ -40,7 +40,7 @@ at first, as a search gets far on gentle slopes, and then as steeply as is true.
 NO_VIEW = 30.0
 """Logarithm of the resolution of a pad that is not seen: that is coverage's concern."""
 
-MILLIMETRE, TENTH = 1.0, 0.1
+MILLIMETER, TENTH = 1.0, 0.1
 """Changes of a place (mm) and of a direction (rad) that matter about as much as each other."""
 
 UPDATES, STEPS = 120, 3
@@ -114,7 +114,7 @@ class Improver:
     missed. It never ends worse than it began: first of all in what is seen of the worst pad.
     """
 
-    def __init__(self, handles: Handles) -> None:
+    def __init__(self, handles: ParameterMap) -> None:
         """Nothing is compiled yet.
 
         Raises:
@@ -140,16 +140,16 @@ class Improver:
     def _hidden(self) -> Iteration:
         return self._iteration(terms_of_hidden)
 
-    def _iteration(self, asked: Callable[[Free, Task], Terms]) -> Iteration:
+    def _iteration(self, asked: Callable[[Free, Task], Evaluation]) -> Iteration:
         knobs = self._handles.knobs
         first, low, high = (
             {knob.name: getattr(knob, end) for knob in knobs} for end in ("value", "low", "high")
         )
         lower, upper = (self._free(self._task(ends)) for ends in (low, high))
         scale = Free(
-            jnp.full_like(lower.position, MILLIMETRE),
+            jnp.full_like(lower.position, MILLIMETER),
             jnp.full_like(lower.direction, TENTH),
-            jnp.full_like(lower.mirrors, MILLIMETRE),
+            jnp.full_like(lower.mirrors, MILLIMETER),
         )
         problem = Problem(asked, lower, upper, scale, data=(self._task(first),))
         return Iteration(problem, steps=STEPS)
@@ -223,7 +223,7 @@ def _idle(trail: list[float], kept: list[Worth]) -> bool:
     return still and not kept[-1].exceeds(kept[last][0])
 
 
-def poses_of(handles: Handles) -> Float[np.ndarray, "poses joints"]:
+def poses_of(handles: ParameterMap) -> Float[np.ndarray, "poses joints"]:
     """Poses that stand for the ranges of all joints, rad."""
     ranges = [(math.radians(knob.low), math.radians(knob.high)) for knob in handles.joints]
     if len(ranges) in GRID:
@@ -234,13 +234,13 @@ def poses_of(handles: Handles) -> Float[np.ndarray, "poses joints"]:
     return low + qmc.Sobol(len(ranges), scramble=False).random(SCATTERED) * (high - low)
 
 
-def terms(free: Free, task: Task) -> Terms:
+def terms(free: Free, task: Task) -> Evaluation:
     """Resolution, and that all is seen; differentiable."""
     scene, view, _ = _looked(free, task)
     return _objective(scene, view, 1 - view.coverage(), task)
 
 
-def terms_of_hidden(free: Free, task: Task) -> Terms:
+def terms_of_hidden(free: Free, task: Task) -> Evaluation:
     """`terms` in which what is not seen counts more by the angle (rad) by which a pad is missed.
 
     Coverage alone has no slope where a pad is wholly hidden; the angle shows the way out. It takes
@@ -252,17 +252,17 @@ def terms_of_hidden(free: Free, task: Task) -> Terms:
 
 
 def _looked(free: Free, task: Task) -> tuple[Scene, Pieces, Float[Array, "poses paths pads"]]:
-    scene = arranged(task.scene, _put(task.dimensions, free))
+    scene = apply_parameters(task.scene, _put(task.dimensions, free))
     views = find_views(scene, task.poses)
     return scene, views.value, views.margin
 
 
 def _objective(
     scene: Scene, view: Pieces, missing: Float[Array, "poses pads"], task: Task
-) -> Terms:
+) -> Evaluation:
     sharp = _log_resolution(scene, view, task.beyond)
     least = -SOFT * jax.nn.logsumexp(-sharp / SOFT)
-    return Terms(objective=-least, inequalities={"seen": FINE - missing})
+    return Evaluation(objective=-least, inequalities={"seen": FINE - missing})
 
 
 def _log_resolution(

@@ -220,9 +220,9 @@ class ScenePicture:
         self._curve_lines: list[Line2D] = []
         count = len(self._layout.pads)
         for index, part in enumerate(self._layout.pads):
-            colour, dashes = CURVES[index % len(CURVES)]
+            color, dashes = CURVES[index % len(CURVES)]
             width = 1.2 + 0.8 * (count - 1 - index)  # earlier ones show below later ones
-            line = Line2D([], [], color=colour, linestyle=dashes, linewidth=min(width, 4.0))
+            line = Line2D([], [], color=color, linestyle=dashes, linewidth=min(width, 4.0))
             line.set(label=drawn_name(part.name), gid=f"curve:{part.name}", animated=True)
             axes.add_artist(line)
             self._curve_lines.append(line)
@@ -254,9 +254,9 @@ class ScenePicture:
         self._widen(section)
         self.fit()
         self._tell_more(scene, seen)
-        colours = [to_hex(COVERED(part)) for part in np.clip(seen.coverage, 0, 1).tolist()]
+        colors = [to_hex(COVERED(part)) for part in np.clip(seen.coverage, 0, 1).tolist()]
         signs = scene_signs(
-            self.section, scene, angles, seen.views, section, seen=colours, joined=True
+            self.section, scene, angles, seen.views, section, seen=colors, joined=True
         )
         names = self._named(names_of(scene, section), signs.clutter, signs.size)
         labels = [artist for name in names for artist in self._letters(name, signs.size)]
@@ -266,7 +266,7 @@ class ScenePicture:
         for artist in self._drawn:
             artist.set_animated(True)
             self.section.add_artist(artist)
-        self._show_rows(seen, colours)
+        self._show_rows(seen, colors)
 
     def _letters(self, name: PlacedLabel, size: float) -> list[Artist]:
         """A name with its line; see `PlacedLabel.artists`."""
@@ -278,12 +278,12 @@ class ScenePicture:
         text.move((x, y), angle=name.angle)
         return [*line, text]
 
-    def _show_rows(self, seen: Seen, colours: Sequence[str]) -> None:
+    def _show_rows(self, seen: Seen, colors: Sequence[str]) -> None:
         """Draw coverage and resolution."""
         covered = 100 * seen.coverage
         ends = zip(covered.tolist(), self._rows.tolist(), strict=True)
         self._bars.set_segments([[(0.0, row), (end, row)] for end, row in ends])
-        self._bars.set_color(list(colours))
+        self._bars.set_color(list(colors))
         there = seen.px_per_mm[:, 2] > 0
         least, median, greatest = seen.px_per_mm[there].T
         rows = self._rows[there]

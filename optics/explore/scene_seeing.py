@@ -14,16 +14,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.solution import Solution
-from optics.explore.scene_knobs import Dimensions, arranged
+from optics.explore.scene_knobs import Dimensions, apply_parameters
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_coverage, find_views
 from optics.visibility.edge_refined import trace_views
 from optics.visibility.remarks import ROUNDING as WHOLE
 from optics.visibility.remarks import remarks_on
-from optics.visibility.scene_trace import Sight, Views
+from optics.visibility.scene_trace import SceneTrace, Views
 from optics.visibility.sharpness import ROUNDING, Sharpness, find_sharpness
 from optics.visibility.unfolding import paths_of
-from optics.visibility.views import Pieces, ViewResult, path_names
+from optics.visibility.views import Pieces, ViewResult, name_paths
 
 QUICK = {"xla_cpu_use_fusion_emitters": False}
 """Has XLA make code for the CPU in another way, which takes a fraction of the time and runs as
@@ -76,10 +76,10 @@ def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
     bounces = scene.layout.bounces
     sharpness = sharpness_of(scene, angles[None], several.value)
     codes = jax.tree.leaves(several.result)[0]
-    sight = Sight(
+    sight = SceneTrace(
         scene,
         bounces,
-        path_names(scene.layout, bounces),
+        name_paths(scene.layout, bounces),
         paths_of(scene.layout, bounces),
         np.degrees(angles)[None],
         Views(several, codes, coverage[None], redundancy[None], sharpness, None),
@@ -130,13 +130,15 @@ def _coverage(
     scene: Scene, dimensions: Dimensions, angles: Float[Array, "states joints"]
 ) -> Float[Array, "states pads"]:
     def one(state: tuple[Dimensions, Float[Array, " joints"]]) -> Float[Array, " pads"]:
-        return find_coverage(arranged(scene, state[0]), state[1]).value
+        return find_coverage(apply_parameters(scene, state[0]), state[1]).value
 
     # One state after the other: all together would leave the cache.
     return jax.lax.map(one, (dimensions, angles))
 
 
-def _remarks(sight: Sight, coverage: Float[np.ndarray, " pads"]) -> tuple[tuple[str, str], ...]:
+def _remarks(
+    sight: SceneTrace, coverage: Float[np.ndarray, " pads"]
+) -> tuple[tuple[str, str], ...]:
     """Pairs of lines from `remarks_on`, of the least covered pad first."""
     lines = remarks_on(sight)
     pairs = [(what, why.strip()) for what, why in pairwise(lines) if why.startswith(" ")]

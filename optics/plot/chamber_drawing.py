@@ -86,7 +86,7 @@ class ChamberPicture:
     @property
     def artists(self) -> list[Artist]:
         """All that changes, in the order of drawing."""
-        return [*self._rulings, self._centre, *self._chamber]
+        return [*self._rulings, self._center, *self._chamber]
 
     @property
     def _chamber(self) -> list[Artist]:
@@ -133,7 +133,7 @@ class ChamberPicture:
         axes = self._section
         axes.set(xlabel="distance s along the centre line (mm)", ylabel="height (mm), enlarged")
         axes.set_title("Section, with the sight lines to B, C and D")
-        self._centre = axes.axhline(0, color="0.55", linewidth=0.8, linestyle="-.", animated=True)
+        self._center = axes.axhline(0, color="0.55", linewidth=0.8, linestyle="-.", animated=True)
         (self._ray,) = axes.plot(
             [0, 1], [0, 0], ":", color="0.55", linewidth=0.8, transform=axes.get_yaxis_transform()
         )

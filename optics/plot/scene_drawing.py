@@ -26,7 +26,7 @@ from optics.scene.scene import Scene
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, path_name
 
-INK, GREY, PAPER = "#222222", "#9A9A9A", "white"
+INK, GRAY, PAPER = "#222222", "#9A9A9A", "white"
 SEEN, HIDDEN = "#56B4E9", "#E69F00"
 """Colours of what is seen of a pad and of what is not; no ray has one of them."""
 RAYS, DASHES = PALETTE[:4], ("-", (0, (6, 2)), (0, (6, 1.5, 1.2, 1.5)), (0, (2, 1)))
@@ -222,8 +222,8 @@ def legend_of(
 
 def path_style(path: int) -> dict[str, Any]:
     """Colour and line of a path's rays, by its index."""
-    turns, colour = divmod(path, len(RAYS))
-    return {"color": RAYS[colour], "linestyle": DASHES[(colour + turns) % len(DASHES)]}
+    turns, color = divmod(path, len(RAYS))
+    return {"color": RAYS[color], "linestyle": DASHES[(color + turns) % len(DASHES)]}
 
 
 def seen_pieces(views: Solution[Pieces], pad: int) -> list[tuple[float, float]]:
@@ -310,7 +310,7 @@ def _mirror(line: Points, side: int, size: float = 1.0) -> QuickLine:
 def _blocker(line: Points, side: int, size: float = 1.0) -> QuickLine:
     """A blocker: a grey line, broken if it lets rays pass from one side."""
     dashes = (0, (2, 0.8)) if side else "-"
-    return QuickLine(*line.T, color=GREY, linewidth=2.2 * size, linestyle=dashes)
+    return QuickLine(*line.T, color=GRAY, linewidth=2.2 * size, linestyle=dashes)
 
 
 def _hinge(place: Point, size: float = 1.0) -> list[QuickLine]:
@@ -329,7 +329,7 @@ def _pads(
     section: Section,
     views: Solution[Pieces],
     size: float,
-    colours: Sequence[str],
+    colors: Sequence[str],
 ) -> Iterator[Artist]:
     """Pads as bars behind their sensing sides, striped where they are hidden."""
     layout, bar, face = scene.layout, BAR * size, FACE * size
@@ -343,7 +343,7 @@ def _pads(
             artist = _part(line, pair, inner, color=HIDDEN, linewidth=bar, linestyle=STRIPES)
             yield _sign(artist, BACKS, f"hidden:{part.name}")
         for pair in seen:
-            artist = _part(line, pair, inner, color=colours[index], linewidth=bar)
+            artist = _part(line, pair, inner, color=colors[index], linewidth=bar)
             yield _sign(artist, BACKS, f"seen:{part.name}")
         for offset in (0.0,) if part.side else (-bar / 2, bar / 2):
             outer = _shifted(axes, line, offset)

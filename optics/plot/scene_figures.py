@@ -36,7 +36,7 @@ PLACES, BLOCK = 9, 1000
 at once: memory grows with both."""
 
 UNSEEN: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "////"}
-COLOURS = "cividis"
+COLORS = "cividis"
 """J. R. Nuñez, C. R. Anderton, R. S. Renslow, PLoS ONE 13 (2018) e0199239: made for all eyes."""
 
 
@@ -247,14 +247,14 @@ def _maps(
     limits = ((_floor(measures[0]), 100.0), _span(measures[1]))
     for number, (values, unit, (low, high)) in enumerate(zip(measures, units, limits, strict=True)):
         panels = grid[number * down : (number + 1) * down].ravel()[: len(pads)]
-        mappable = ScalarMappable(Normalize(low, high), COLOURS)
+        mappable = ScalarMappable(Normalize(low, high), COLORS)
         for axes, part, value in zip(panels, pads, np.moveaxis(values, -1, 0), strict=True):
             axes.set_visible(True)
             axes.grid(visible=False)
             # What is not seen has no resolution: the ground shows there.
             axes.patch.set(**UNSEEN)
             mesh = axes.pcolormesh(
-                *columns, value.T, norm=mappable.norm, cmap=COLOURS, shading="nearest"
+                *columns, value.T, norm=mappable.norm, cmap=COLORS, shading="nearest"
             )
             mesh.set(rasterized=True, gid=f"{unit}:{part.name}")
             there = value[np.isfinite(value)]

@@ -17,7 +17,7 @@ from designopt.io.files import replaced_when_complete
 from designopt.plot.figures import PALETTE, style
 from designopt.solution import Solution
 from optics.plot.scene_figures import MOST_POSES, poses_figure, sweep_figure
-from optics.visibility.scene_trace import Sight
+from optics.visibility.scene_trace import SceneTrace
 from optics.visibility.tracing import NOTHING
 from optics.visibility.views import Pieces
 
@@ -25,33 +25,33 @@ RAY = PALETTE[4]
 """No path's colour."""
 
 
-def save_section(sight: Sight, path: Path) -> None:
+def save_section(trace: SceneTrace, path: Path) -> None:
     """Draw the section into a file: views and rays in the pose, or in poses spread over a sweep.
 
     Raises:
         UserError: the file cannot be written.
     """
-    count = len(sight.angles_deg)
+    count = len(trace.angles_deg)
     chosen = np.unique(np.linspace(0, count - 1, MOST_POSES).round().astype(int))
-    found = _nothing_seen(sight) if sight.views is None else sight.views.found
+    found = _nothing_seen(trace) if trace.views is None else trace.views.found
     with style():
         views = jax.tree.map(lambda leaf: leaf[chosen], found)
-        figure = poses_figure(sight.scene, np.deg2rad(sight.angles_deg[chosen]), views)
+        figure = poses_figure(trace.scene, np.deg2rad(trace.angles_deg[chosen]), views)
         for axes, pose in zip(figure.axes, chosen, strict=True):
-            _add_rays(axes, sight, int(pose))
+            _add_rays(axes, trace, int(pose))
         _save(figure, path)
 
 
-def save_chart(sight: Sight, path: Path) -> None:
+def save_chart(trace: SceneTrace, path: Path) -> None:
     """Draw coverage, redundancy and resolution over the swept angles into a file.
 
     Raises:
         UserError: the file cannot be written, or other than one or two angles are swept.
     """
-    assert sight.views is not None
+    assert trace.views is not None
     with style():
-        poses = np.deg2rad(sight.angles_deg)
-        _save(sweep_figure(sight.scene, poses, sight.views.found), path)
+        poses = np.deg2rad(trace.angles_deg)
+        _save(sweep_figure(trace.scene, poses, trace.views.found), path)
 
 
 def _save(figure: Figure, path: Path) -> None:
@@ -59,11 +59,11 @@ def _save(figure: Figure, path: Path) -> None:
         figure.savefig(partial)
 
 
-def _nothing_seen(sight: Sight) -> Solution[Pieces]:
+def _nothing_seen(trace: SceneTrace) -> Solution[Pieces]:
     """The views of a scene without pads."""
 
     def empty(*shape: int, kind: type = float) -> Array:
-        return jnp.zeros((len(sight.angles_deg), 0, 1, *shape), kind)
+        return jnp.zeros((len(trace.angles_deg), 0, 1, *shape), kind)
 
     pieces = Pieces(
         present=empty(kind=bool),
@@ -75,24 +75,24 @@ def _nothing_seen(sight: Sight) -> Solution[Pieces]:
         pixels=empty(2),
         px_per_mm=empty(2),
         distance=empty(2),
-        spans=empty(sight.bounces, 2),
+        spans=empty(trace.bounces, 2),
     )
     return Solution(pieces, empty(), empty(), None)
 
 
-def _add_rays(axes: Axes, sight: Sight, pose: int) -> None:
+def _add_rays(axes: Axes, trace: SceneTrace, pose: int) -> None:
     """Draw the rays that were asked for, as far as the axes reach."""
-    if sight.hits is None:
+    if trace.hits is None:
         return
     far = math.hypot(*np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1))
-    for ray, (x, y, direction) in enumerate(sight.rays.tolist()):
+    for ray, (x, y, direction) in enumerate(trace.rays.tolist()):
         surface, places, directions, reflected = (
             leaf[pose, ray]
             for leaf in (
-                sight.hits.surface,
-                sight.hits.place,
-                sight.hits.direction,
-                sight.hits.reflected,
+                trace.hits.surface,
+                trace.hits.place,
+                trace.hits.direction,
+                trace.hits.reflected,
             )
         )
         met = surface != NOTHING

@@ -1,22 +1,22 @@
 from .chamber_effects import ChamberEffects
-from .chamber_renderer import COLOURS, ChamberImage, ChamberRenderer
+from .chamber_renderer import COLORS, ChamberImage, ChamberRenderer
 from .effects import Effects
-from .imprints import Imprint, height_map, imprint_names
-from .pads import PadLook, look_of_pad
+from .imprints import Imprint, list_imprints, make_height_map
+from .pads import PadAppearance, make_pad_appearance
 from .renderer import Renderer, TactileImage, TrueView
 
 __all__ = [
-    "COLOURS",
+    "COLORS",
     "ChamberEffects",
     "ChamberImage",
     "ChamberRenderer",
     "Effects",
     "Imprint",
-    "PadLook",
+    "PadAppearance",
     "Renderer",
     "TactileImage",
     "TrueView",
-    "height_map",
-    "imprint_names",
-    "look_of_pad",
+    "list_imprints",
+    "make_height_map",
+    "make_pad_appearance",
 ]

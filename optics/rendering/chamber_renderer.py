@@ -15,12 +15,12 @@ from jaxtyping import Array, Bool, Float, UInt8
 
 from optics.chamber.chamber import Chamber
 from optics.chamber.endoscope import Endoscope
-from optics.chamber.rings import FIELD_STOP, Apertures, Posture, Rings, apertures
+from optics.chamber.rings import FIELD_STOP, Apertures, Posture, Rings, find_apertures
 from optics.rendering.angles import checked_angles, checked_numbers
 from optics.rendering.chamber_effects import ChamberEffects
 from optics.rendering.exposure import READ_NOISE
 
-COLOURS = np.array(
+COLORS = np.array(
     [[0.75, 0.12, 0.10], [0.10, 0.22, 0.75], [0.85, 0.70, 0.10], [0.18, 0.18, 0.18]], np.float32
 )
 """Red, green and blue reflected by the red, blue and yellow walls and by the top."""
@@ -76,7 +76,7 @@ def _seen(
     def one(
         posture: Posture, pointing: Float[Array, "2"], roll: Float[Array, ""]
     ) -> tuple[Apertures, Float[Array, "rings angles 2"]]:
-        through = apertures(rings, posture, angles)
+        through = find_apertures(rings, posture, angles)
         return through, endoscope.turned(pointing, roll).image(through.outline)
 
     return jax.vmap(one)(postures, pointing, roll)
@@ -98,7 +98,7 @@ class ChamberRenderer:
         effects: ChamberEffects,
         *,
         seed: int | Sequence[int] = 0,
-        colours: Float[np.ndarray, "4 3"] = COLOURS,
+        colors: Float[np.ndarray, "4 3"] = COLORS,
         per_region: int = 20,
         angles: int = 192,
     ) -> None:
@@ -109,7 +109,7 @@ class ChamberRenderer:
             endoscope: its camera; shake turns it.
             effects: what makes pictures worse.
             seed: of everything that is random; a number, or several that are one together.
-            colours: of the walls and of the top.
+            colors: of the walls and of the top.
             per_region: rings in every region; the light changes from one to the next.
             angles: points of an outline.
 
@@ -125,7 +125,7 @@ class ChamberRenderer:
         self.effects = effects
         self._seed = tuple(np.atleast_1d(seed).tolist())
         self._angles = angles
-        self._shades = self._shaded(np.asarray(colours, np.float32))
+        self._shades = self._shaded(np.asarray(colors, np.float32))
         self._focal = float(endoscope.focal_px)
         shape = (endoscope.rows, endoscope.columns)
         generator = np.random.default_rng([*self._seed, 1])
@@ -136,7 +136,7 @@ class ChamberRenderer:
             for _ in range(3)
         ]
 
-    def _shaded(self, colours: Float[np.ndarray, "4 3"]) -> list[UInt8[np.ndarray, " 256"]]:
+    def _shaded(self, colors: Float[np.ndarray, "4 3"]) -> list[UInt8[np.ndarray, " 256"]]:
         # Painted at part of full scale, so that the brightest wall is not cut off before the gain.
         distance = np.asarray(self.rings.arc) + float(self.rings.pinhole_offset)
         at_b = distance[self.rings.ends[0]]
@@ -145,7 +145,7 @@ class ChamberRenderer:
         between = np.concatenate([light[:1], (light[:-1] + light[1:]) / 2, light[-1:]])
         wall = np.array([*self.rings.region, 3])
         table = np.zeros((256, 3))
-        table[: len(wall)] = 255 * colours[wall] * between[:, None]
+        table[: len(wall)] = 255 * colors[wall] * between[:, None]
         return [np.round(table[:, i]).astype(np.uint8) for i in range(3)]
 
     def render(self, postures: Posture, first: int = 0) -> list[ChamberImage]:

@@ -21,7 +21,7 @@ class Imprint:
     """An object pressed into a pad.
 
     Attributes:
-        kind: one of `imprint_names`.
+        kind: one of `list_imprints`.
         along: where its middle is along the pad, mm from the pad's first end.
         across: where it is across the section, mm from the pad's middle.
         depth: how deep its lowest part goes, mm.
@@ -35,12 +35,12 @@ class Imprint:
     turn: float = 0.0
 
 
-def imprint_names() -> list[str]:
+def list_imprints() -> list[str]:
     """The kinds of objects there are."""
     return list(_DEPTHS)
 
 
-def height_map(imprint: Imprint, along: Map, across: Map, step: float) -> Map:
+def make_height_map(imprint: Imprint, along: Map, across: Map, step: float) -> Map:
     """How deep each place of a pad is pressed in, mm.
 
     Args:
@@ -53,7 +53,7 @@ def height_map(imprint: Imprint, along: Map, across: Map, step: float) -> Map:
         ValueError: there is no such object.
     """
     if imprint.kind not in _DEPTHS:
-        known = ", ".join(imprint_names())
+        known = ", ".join(list_imprints())
         raise ValueError(f"no imprint is named '{imprint.kind}'; there are: {known}")
     cosine, sine = math.cos(imprint.turn), math.sin(imprint.turn)
     x, y = along - imprint.along, across - imprint.across

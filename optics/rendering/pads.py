@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from optics.rendering.effects import Effects
-from optics.rendering.imprints import Imprint, height_map
+from optics.rendering.imprints import Imprint, make_height_map
 
 STEP = 0.1
 """From one sample of a pad to the next, mm."""
@@ -32,7 +32,7 @@ ELEVATION = np.deg2rad(25.0)
 
 
 @dataclass(frozen=True)
-class PadLook:
+class PadAppearance:
     """A pad, sampled every `STEP` from `MARGIN` before its edges to `MARGIN` behind them.
 
     Rows go along the pad, columns across the section.
@@ -69,7 +69,7 @@ class PadLook:
         return at(self.light), at(self.inside)
 
 
-def look_of_pad(
+def make_pad_appearance(
     length: float,
     width: float,
     effects: Effects,
@@ -77,7 +77,7 @@ def look_of_pad(
     *,
     brightness: float = 1.0,
     seed: Sequence[int] = (0,),
-) -> PadLook:
+) -> PadAppearance:
     """How a pad looks.
 
     A red light shines from the side of greater columns, a blue one from the other, a weak green one
@@ -102,9 +102,9 @@ def look_of_pad(
         * np.stack([1 - effects.led_falloff + lost, np.full_like(lost, GREEN), 1 - lost], axis=-1)
     )
     if imprints:
-        depth = np.max([height_map(one, along, across, STEP) for one in imprints], axis=0)
+        depth = np.max([make_height_map(one, along, across, STEP) for one in imprints], axis=0)
         lights *= _shading(depth)
-    return PadLook(
+    return PadAppearance(
         lights.astype(np.float32),
         _inside(along, across, length, width, effects, seed).astype(np.float32),
         length,

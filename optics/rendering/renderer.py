@@ -17,9 +17,9 @@ from optics.rendering.angles import checked_angles
 from optics.rendering.effects import Effects
 from optics.rendering.exposure import exposed
 from optics.rendering.imprints import Imprint
-from optics.rendering.pads import PadLook, look_of_pad
+from optics.rendering.pads import PadAppearance, make_pad_appearance
 from optics.scene.camera import Pinhole
-from optics.scene.fabrication import Fabrication, as_made
+from optics.scene.fabrication import Fabrication, perturb
 from optics.scene.imaging import Imaging
 from optics.scene.scene import Scene
 from optics.visibility.boundary_codes import FIRST_PAD_END, SECOND_PAD_END
@@ -142,7 +142,7 @@ class Renderer:
         self._errors = Fabrication.none(scene.layout) if errors is None else errors
         self._effects, self._width, self._seed = effects, width, seed
         self._lateral = np.float32(self._errors.lateral.item())
-        made = as_made(scene, self._errors, carried=carried)
+        made = perturb(scene, self._errors, carried=carried)
         pixels = made.camera.pixels if rows is None else jnp.full_like(made.camera.pixels, rows)
         self.scene = eqx.tree_at(
             lambda scene: (scene.camera.pixels, scene.grazing),
@@ -156,7 +156,7 @@ class Renderer:
         self._vignette = self._vignetting()
         self._inside = self._finger_inside()
         self._paths = paths_of(scene.layout, scene.layout.bounces)
-        self._looks: dict[tuple[int, tuple[Imprint, ...]], PadLook] = {}
+        self._looks: dict[tuple[int, tuple[Imprint, ...]], PadAppearance] = {}
 
     def render(
         self,
@@ -206,10 +206,10 @@ class Renderer:
                     continue
                 look = self._look(pad, tuple((imprints or {}).get(surface.name, ())))
                 window = self._window(geometry.around[path, pad], bool(geometry.behind[path, pad]))
-                shown, colour = self._seen(geometry, path, pad, parts, window, look)
+                shown, color = self._seen(geometry, path, pad, parts, window, look)
                 if word and self._effects.mirror_loss:
-                    colour *= (1 - self._effects.mirror_loss) ** len(word)
-                light[window] += shown[..., None] * (colour - light[window])
+                    color *= (1 - self._effects.mirror_loss) ** len(word)
+                light[window] += shown[..., None] * (color - light[window])
                 mine = shown > 0.5
                 if not mine.any():
                     continue
@@ -239,7 +239,7 @@ class Renderer:
         pad: int,
         parts: np.ndarray,
         window: tuple[slice, slice],
-        look: PadLook,
+        look: PadAppearance,
     ) -> tuple[np.ndarray, np.ndarray]:
         """How much of each pixel a view fills, and the light of the pad there."""
         angle, slope = self._angle[window], self._slope[window]
@@ -252,7 +252,7 @@ class Renderer:
         distance = (first[0] * step[1] - first[1] * step[0]) / across
         along = (first[0] * up - first[1] * forward) / across * np.float32(look.length)
         beside = slope * distance + self._lateral
-        colour, inside = look.sample(along, beside)
+        color, inside = look.sample(along, beside)
         shown = np.where(distance > 0, _filled(inside), 0)
         per_pixel = np.maximum(np.hypot(*np.gradient(angle)), 1e-9)
         part_shown = np.zeros_like(shown)
@@ -267,15 +267,15 @@ class Renderer:
                 here *= np.clip(0.5 - outward * _turn(angle - limits[1]) / per_pixel, 0, 1)
             part_shown = np.maximum(part_shown, here)
         if self._vignette is not None:
-            colour *= self._vignette[window][..., None]
-        return shown * part_shown, colour
+            color *= self._vignette[window][..., None]
+        return shown * part_shown, color
 
-    def _look(self, pad: int, imprints: tuple[Imprint, ...]) -> PadLook:
+    def _look(self, pad: int, imprints: tuple[Imprint, ...]) -> PadAppearance:
         if (pad, imprints) not in self._looks:
             layout = self.scene.layout
             ends = np.asarray(self.scene.pads[pad])
             outer = layout.pads[pad].frame != layout.camera_frame
-            self._looks[pad, imprints] = look_of_pad(
+            self._looks[pad, imprints] = make_pad_appearance(
                 float(np.hypot(*(ends[1] - ends[0]))),
                 self._width,
                 self._effects,

@@ -53,7 +53,7 @@ class Fabrication(eqx.Module):
         return cls(jnp.zeros(2), zero, zero, mirrors, mirrors, pads, pads, pads)
 
 
-def errors_of(deviations: Fabrication, numbers: Float[Array, " errors"]) -> Fabrication:
+def scale_errors(deviations: Fabrication, numbers: Float[Array, " errors"]) -> Fabrication:
     """Errors that are so many times their standard deviations, one number each, in their order."""
     leaves, structure = jax.tree.flatten(deviations)
     ends = np.cumsum([leaf.size for leaf in leaves])[:-1].tolist()
@@ -62,7 +62,7 @@ def errors_of(deviations: Fabrication, numbers: Float[Array, " errors"]) -> Fabr
     return jax.tree.unflatten(structure, scaled)
 
 
-def fabrication_names(layout: Layout, errors: Fabrication) -> list[str]:
+def name_fabrication_errors(layout: Layout, errors: Fabrication) -> list[str]:
     """What the entries of flattened errors are, in their order, with their units."""
     mirrors, pads = [[part.name for part in kind] for kind in (layout.mirrors, layout.pads)]
     return [
@@ -79,7 +79,7 @@ def fabrication_names(layout: Layout, errors: Fabrication) -> list[str]:
     ]
 
 
-def as_made(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -> Scene:
+def perturb(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -> Scene:
     """The scene with errors of fabrication; differentiable.
 
     Args:

@@ -25,7 +25,7 @@ RADII = 4096
 """Entries of the table that inverts the lens for a whole image; interpolation errs by 1e-8 rad
 for an equidistant lens, and by 4e-7 rad for a pinhole of 160°."""
 
-CENTRE = 0.5
+CENTER = 0.5
 """From a pixel's first edge to its middle, px."""
 
 
@@ -75,16 +75,16 @@ class Imaging(eqx.Module):
         scale = jnp.where(there, scale, self.camera.focal_pixels)
         return jnp.stack(
             [
-                self.columns / 2 - CENTRE + scale * slope,
-                self.rows / 2 - CENTRE - scale * up,
+                self.columns / 2 - CENTER + scale * slope,
+                self.rows / 2 - CENTER - scale * up,
             ],
             axis=-1,
         )
 
     def ray(self, place: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
         """Section angle (rad) and lateral slope of what is imaged at places; inverts `place`."""
-        across = place[..., 0] - (self.columns / 2 - CENTRE)
-        up = self.rows / 2 - CENTRE - place[..., 1]
+        across = place[..., 0] - (self.columns / 2 - CENTER)
+        up = self.rows / 2 - CENTER - place[..., 1]
         radius = safe_sqrt(up * up + across * across)
         height, _ = safe_divide(radius, self.camera.focal_pixels)
         focal = self.camera.focal_pixels
@@ -103,8 +103,8 @@ def _ray_map(imaging: Imaging, rows: int, columns: int) -> Float[Array, "rows co
     focal = imaging.camera.focal_pixels
     radii = jnp.linspace(0.0, math.hypot(rows, columns) / 2, RADII, dtype=focal.dtype)
     angles = imaging.camera.projection.angle(radii / focal)
-    across = (jnp.arange(columns, dtype=focal.dtype) - (columns / 2 - CENTRE))[None, :]
-    up = (rows / 2 - CENTRE - jnp.arange(rows, dtype=focal.dtype))[:, None]
+    across = (jnp.arange(columns, dtype=focal.dtype) - (columns / 2 - CENTER))[None, :]
+    up = (rows / 2 - CENTER - jnp.arange(rows, dtype=focal.dtype))[:, None]
     across, up = jnp.broadcast_arrays(across, up)
     radius = jnp.hypot(up, across)
     return _ray(jnp.interp(radius, radii, angles), across, up, radius, focal)

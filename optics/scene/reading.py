@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from designopt.designs import read_tables
 from designopt.errors import UserError
-from designopt.export.sheet import printable
+from designopt.export.drawing import printable
 from designopt.io.spec_files import validated
 from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole
 from optics.scene.file import FIXED, CameraTable, FrameTable, LensTable, SceneFile, SurfaceTable
@@ -39,10 +39,10 @@ def read_scene(path: str | Path) -> Scene:
         UserError: the file cannot be read or describes no scene; one line says where and what to
             change.
     """
-    return scene_from(read_tables(path, "scene", "camera"), str(path))
+    return parse_scene(read_tables(path, "scene", "camera"), str(path))
 
 
-def scene_from(data: Mapping[str, Any], source: str = "scene") -> Scene:
+def parse_scene(data: Mapping[str, Any], source: str = "scene") -> Scene:
     """The scene that the tables of a scene file describe; otherwise as `read_scene`.
 
     Args:
@@ -53,7 +53,7 @@ def scene_from(data: Mapping[str, Any], source: str = "scene") -> Scene:
 
 
 def build_scene(file: SceneFile, source: str) -> Scene:
-    """The scene of a file's content; otherwise as `scene_from`."""
+    """The scene of a file's content; otherwise as `parse_scene`."""
     faults = [*_surface_faults(file), *_body_faults(file), *_frame_faults(file.frames)]
     if faults:
         raise UserError(f"{source}: " + "; ".join(faults))

@@ -10,7 +10,7 @@ import numpy as np
 
 from designopt.io.files import replaced_when_complete
 from designopt.io.spec_files import FORMAT
-from designopt.io.toml_writing import degrees_of, toml_text
+from designopt.io.toml_writing import degrees_of, format_toml
 from optics.scene.camera import Camera, KannalaBrandt, Pinhole
 from optics.scene.file import FIXED
 from optics.scene.reading import SENSES, SIDES
@@ -18,7 +18,7 @@ from optics.scene.scene import WORLD, Layout, Scene, Surface
 
 
 def scene_tables(scene: Scene) -> dict[str, Any]:
-    """The tables of a scene's file; `optics.scene_from` makes the same scene of them.
+    """The tables of a scene's file; `optics.parse_scene` makes the same scene of them.
 
     Args:
         scene: a single one. Numbers of a lens come back to rounding, all others as they are.
@@ -64,9 +64,9 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
     return {name: table for name, table in tables.items() if table}
 
 
-def scene_text(scene: Scene) -> str:
+def format_scene(scene: Scene) -> str:
     """The text of a scene's file; `optics.read_scene` reads the same back."""
-    return toml_text(scene_tables(scene), "Camera, mirrors, pads and blockers: mm.")
+    return format_toml(scene_tables(scene), "Camera, mirrors, pads and blockers: mm.")
 
 
 def write_scene(scene: Scene, path: str | Path) -> None:
@@ -77,7 +77,7 @@ def write_scene(scene: Scene, path: str | Path) -> None:
         path: of the file.
     """
     with replaced_when_complete(Path(path)) as partial:
-        partial.write_text(scene_text(scene), encoding="utf-8")
+        partial.write_text(format_scene(scene), encoding="utf-8")
 
 
 def _camera(camera: Camera) -> dict[str, Any]:

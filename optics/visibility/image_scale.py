@@ -33,8 +33,8 @@ def look(
     angle = safe_arctan2(across, axis.x * arrow.x + axis.y * arrow.y)
     # Beyond the seam of a camera that looks all around, pixels are counted on.
     middle = jax.lax.stop_gradient(toward + step.scaled((coordinates[0] + coordinates[-1]) / 2))
-    centre = safe_arctan2(axis.cross(middle), axis.dot(middle))
-    turns = jax.lax.stop_gradient(jnp.round((angle - centre) / (2 * jnp.pi)))
+    center = safe_arctan2(axis.cross(middle), axis.dot(middle))
+    turns = jax.lax.stop_gradient(jnp.round((angle - center) / (2 * jnp.pi)))
     angle = path.handedness() * (angle - 2 * jnp.pi * turns)
     above = jnp.abs(unit(step).cross(toward))
     per_size, _ = safe_divide(jnp.full_like(across, above), arrow.squared())

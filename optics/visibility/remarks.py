@@ -6,14 +6,14 @@ import jax
 import numpy as np
 
 from optics.scene.scene import Layout
-from optics.visibility.scene_trace import Sight, Views
+from optics.visibility.scene_trace import SceneTrace, Views
 from optics.visibility.views import ViewResult, describe_end
 
 ROUNDING = 1e-9
 """A smaller part of a pad that is not seen is rounding."""
 
 
-def remarks_on(sight: Sight) -> list[str]:
+def remarks_on(sight: SceneTrace) -> list[str]:
     """Two lines for every pad that is not all seen in every pose, one for what is left out."""
     layout, views = sight.scene.layout, sight.views
     if views is None:
@@ -51,12 +51,12 @@ def _part(coverage: float) -> str:
     return f"{100 * (1 - coverage):.3g} % of it is not seen"
 
 
-def _pose(sight: Sight, index: int) -> str:
+def _pose(sight: SceneTrace, index: int) -> str:
     named = zip(sight.scene.angle_names, sight.angles_deg[index].tolist(), strict=True)
     return ", ".join(f"{name} = {value:.6g}°" for name, value in named)
 
 
-def _why(sight: Sight, view: Views, pad: int) -> str:
+def _why(sight: SceneTrace, view: Views, pad: int) -> str:
     """Why some of a pad is not seen in a pose."""
     if view.coverage[pad] > 0:
         bounds = dict.fromkeys(_bounds(sight.scene.layout, view, pad))

@@ -22,7 +22,7 @@ from optics.visibility.focus import Focus, find_focus
 from optics.visibility.sharpness import PARTS, ROUNDING, Sharpness, find_sharpness
 from optics.visibility.tracing import Hits, trace_rays
 from optics.visibility.unfolding import padded, paths_of, unfold
-from optics.visibility.views import Pieces, path_names
+from optics.visibility.views import Pieces, name_paths
 
 MEMORY = 2**28
 """Bytes that one block of poses may take, about."""
@@ -41,7 +41,7 @@ class Views(eqx.Module):
 
     Attributes:
         found: pieces, margins (rad) and results, with no more room than the poses need.
-        codes: number of the result, shape (poses, paths, pads); its message is in `Sight.reasons`.
+        codes: number of the result, shape (poses, paths, pads); messages in `SceneTrace.reasons`.
         coverage: part of each pad that is seen, shape (poses, pads).
         redundancy: mean number of paths that show a point of it, shape (poses, pads).
         sharpness: resolution of what is seen.
@@ -70,7 +70,7 @@ class Images:
 
 
 @dataclass(frozen=True)
-class Sight:
+class SceneTrace:
     """Everything that was computed.
 
     Attributes:
@@ -98,9 +98,9 @@ class Sight:
     hits: Hits | None
 
 
-def find_sight(
+def trace_sweep(
     scene: Scene, angles_deg: Poses, bounces: int, rays: Float[np.ndarray, "rays 3"]
-) -> Sight:
+) -> SceneTrace:
     """What the camera sees and where rays go.
 
     Args:
@@ -134,9 +134,9 @@ def find_sight(
             _follow, scene, jnp.asarray(rays[:, :2]), jnp.deg2rad(rays[:, 2]), bounces=bounces
         )
         hits = _joined(_in_blocks(follow, block, poses))
-    names = path_names(layout, bounces)
+    names = name_paths(layout, bounces)
     words = paths_of(layout, bounces)
-    return Sight(scene, bounces, names, words, angles_deg, views, reasons, images, rays, hits)
+    return SceneTrace(scene, bounces, names, words, angles_deg, views, reasons, images, rays, hits)
 
 
 def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:

@@ -110,7 +110,7 @@ def path_name(layout: Layout, word: Sequence[int]) -> str:
     return f"mirror:{names}" if names else "direct"
 
 
-def path_names(layout: Layout, bounces: int | None = None) -> list[str]:
+def name_paths(layout: Layout, bounces: int | None = None) -> list[str]:
     """Names of all paths in their order, up to the scene's own number of bounces by default."""
     words = paths_of(layout, layout.bounces if bounces is None else bounces)
     return [path_name(layout, word) for word in words]

@@ -58,11 +58,11 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     ends = shown.ends - source
     seen = stack(ends[0], ends[1], path.axis, -path.axis, foot)
     first, last, axis, back, foot = angle(seen)
-    centre = (first + last) / 2
+    center = (first + last) / 2
 
     def turned(angle: Array) -> Array:
         """The same direction, at most half a turn from the pad's centre."""
-        return angle - 2 * jnp.pi * jnp.round((angle - centre) / (2 * jnp.pi))
+        return angle - 2 * jnp.pi * jnp.round((angle - center) / (2 * jnp.pi))
 
     def spans(edges: Edges) -> Interval:
         """The angles under which segments appear."""

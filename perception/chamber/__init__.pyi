@@ -1,12 +1,13 @@
-from .directions import Direction, bending_direction, displacements
-from .heights import ChamberMap, Heights, Movements, movements, scatter
+from .directions import Direction, compute_displacements, estimate_bending_direction
+from .heights import ChamberMap, Heights, Movements, compute_movements, estimate_scatter
 from .points import Points, find_points
-from .regions import IN_VIEW, Region, Regions, Sight, find_regions
-from .surfaces import Shape, SurfaceKind, kind_of, shape_of
+from .regions import IN_VIEW, ChamberStatus, Region, Regions, find_regions
+from .surfaces import Shape, SurfaceKind, classify_surface, measure_shape
 
 __all__ = [
     "IN_VIEW",
     "ChamberMap",
+    "ChamberStatus",
     "Direction",
     "Heights",
     "Movements",
@@ -14,14 +15,13 @@ __all__ = [
     "Region",
     "Regions",
     "Shape",
-    "Sight",
     "SurfaceKind",
-    "bending_direction",
-    "displacements",
+    "classify_surface",
+    "compute_displacements",
+    "compute_movements",
+    "estimate_bending_direction",
+    "estimate_scatter",
     "find_points",
     "find_regions",
-    "kind_of",
-    "movements",
-    "scatter",
-    "shape_of",
+    "measure_shape",
 ]

@@ -30,7 +30,7 @@ class Direction(enum.Enum):
     UNDEFINED = "The frame, or the one to compare it with, shows no chamber."
 
 
-def displacements(points: Points, initial: Points) -> Float[np.ndarray, "7 2"]:
+def compute_displacements(points: Points, initial: Points) -> Float[np.ndarray, "7 2"]:
     """By how much the points moved from an initial frame, pixels to the right and down.
 
     0 for points that are not seen in both frames: in Algorithm 1, they do not count then.
@@ -39,7 +39,7 @@ def displacements(points: Points, initial: Points) -> Float[np.ndarray, "7 2"]:
     return np.where(both[:, None], points.xy - initial.xy, 0.0)
 
 
-def bending_direction(
+def estimate_bending_direction(
     points: Points, initial: Points, *, threshold: float = 0.0, use: Use = "blue"
 ) -> Direction:
     """The bending direction by the largest of the displacements.
@@ -65,7 +65,7 @@ def bending_direction(
         return Direction.UNDEFINED
     if use == "all" and not (points.seen & initial.seen)[3:6].all():
         use = "blue"
-    moved = displacements(points, initial)
+    moved = compute_displacements(points, initial)
     across = moved[[NAMES.index(name) for name in ACROSS[use]], 0]
     down = moved[[NAMES.index(name) for name in DOWN[use]], 1]
     right = across[np.abs(across).argmax()]

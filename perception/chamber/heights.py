@@ -54,7 +54,7 @@ class Heights:
     known: Bool[np.ndarray, " frames"]
 
 
-def movements(
+def compute_movements(
     frames: Sequence[Points], rest: Sequence[Points], *, whole: bool = False
 ) -> Movements:
     """Movements of b, e and g, upwards in the image.
@@ -76,7 +76,7 @@ def movements(
     return Movements(np.where(seen, mean - places, 0.0), seen)
 
 
-def scatter(rest: Movements) -> tuple[float, float]:
+def estimate_scatter(rest: Movements) -> tuple[float, float]:
     """Standard deviations, px, of what moves all points alike and of what moves each alone.
 
     The former is the camera's shaking; the points' covariance is the same for every pair then.

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from perception.chamber.colours import despeckled
+from perception.chamber.colors import despeckled
 from perception.chamber.outlines import Outline, filled
 from perception.chamber.regions import Regions
 from perception.images import checked_image

@@ -15,16 +15,16 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from perception.chamber.colours import (
+from perception.chamber.colors import (
     DIM,
     OPENING,
-    Colours,
-    colours_of,
+    Colors,
+    colors_of,
     not_above,
 )
 from perception.chamber.outlines import NOWHERE, Course, Outline, convex_outline, filled
 from perception.images import checked_image
-from perception.masks import Grey, Image, Mask, cleaned, global_mask
+from perception.masks import Gray, Image, Mask, cleaned, global_mask
 
 LEAST_SHARE = 2e-4
 """Of the image; a colour with less is not in view."""
@@ -82,7 +82,7 @@ class Region(enum.IntEnum):
 INWARDS = (Region.RED, Region.BLUE, Region.YELLOW, Region.TOP)
 
 
-class Sight(enum.Enum):
+class ChamberStatus(enum.Enum):
     """What is seen of the chamber; the values are what a person reads."""
 
     CHAMBER = "The red, the blue and the yellow region are seen."
@@ -101,7 +101,7 @@ class Sight(enum.Enum):
     SWAPPED = "The image's red and blue channels are swapped: with them in order it is a chamber."
 
 
-IN_VIEW = frozenset({Sight.CHAMBER, Sight.NO_YELLOW, Sight.DARK_INSIDE})
+IN_VIEW = frozenset({ChamberStatus.CHAMBER, ChamberStatus.NO_YELLOW, ChamberStatus.DARK_INSIDE})
 """A chamber is seen, and blue has an outline."""
 
 
@@ -111,7 +111,7 @@ class Regions:
 
     Attributes:
         labels: a Region for every pixel.
-        sight: what is seen; there are outlines with those of `IN_VIEW` alone.
+        status: what is seen; there are outlines with those of `IN_VIEW` alone.
         blue: the blue region's outer outline, corners of a convex polygon in pixels, column and
             row; what blue encloses belongs to it. Empty where it is not seen.
         yellow: the same of the yellow region, with the top.
@@ -119,7 +119,7 @@ class Regions:
     """
 
     labels: UInt8[np.ndarray, "rows columns"]
-    sight: Sight
+    status: ChamberStatus
     blue: Outline
     yellow: Outline
     top: Outline
@@ -152,17 +152,17 @@ def find_regions(image: Image) -> Regions:
     """
     image = checked_image(image)
     found = _regions(image)
-    if found.sight is Sight.NO_RINGS:
+    if found.status is ChamberStatus.NO_RINGS:
         swapped = np.ascontiguousarray(image[..., ::-1])
-        if _regions(swapped).sight in IN_VIEW:
-            return replace(found, sight=Sight.SWAPPED)
+        if _regions(swapped).status in IN_VIEW:
+            return replace(found, status=ChamberStatus.SWAPPED)
     return found
 
 
 def _regions(image: Image) -> Regions:
     """The regions of an image whose channels are in order."""
-    colours = colours_of(image)
-    red, blue, yellow, value = colours.red, colours.blue, colours.yellow, colours.value
+    colors = colors_of(image)
+    red, blue, yellow, value = colors.red, colors.blue, colors.yellow, colors.value
     least = LEAST_SHARE * red.size
     enclosed = cv2.max(blue, yellow)
     few = min(cv2.countNonZero(red), cv2.countNonZero(blue)) <= least
@@ -177,40 +177,40 @@ def _regions(image: Image) -> Regions:
     labels = np.zeros_like(red)
     for mask, region in zip((red, blue, yellow, top), INWARDS, strict=True):
         labels = cv2.max(labels, mask & np.uint8(region))
-    sight = Sight.CHAMBER if len(inner) else Sight.NO_YELLOW
-    found = Regions(labels, sight, outline, inner, convex_outline(top))
+    status = ChamberStatus.CHAMBER if len(inner) else ChamberStatus.NO_YELLOW
+    found = Regions(labels, status, outline, inner, convex_outline(top))
     return _judged(found, within, value)
 
 
-def _judged(found: Regions, within: Mask, value: Grey) -> Regions:
+def _judged(found: Regions, within: Mask, value: Gray) -> Regions:
     """Regions with what is to be said of them; without outlines where they are no rings."""
     other, red, blue, yellow, top = (
         cv2.inRange(found.labels, int(region), int(region)) for region in Region
     )
     dim = not_above(value, DIM)
     untold = cv2.bitwise_and(dim, other)
-    fault = Sight.NO_CHAMBER
+    fault = ChamberStatus.NO_CHAMBER
     if len(found.blue):
-        fault = Sight.NO_RINGS
-        if _is_ring(found, within, Colours(red, blue, yellow, value), untold):
-            seen = found.sight is Sight.CHAMBER
+        fault = ChamberStatus.NO_RINGS
+        if _is_ring(found, within, Colors(red, blue, yellow, value), untold):
+            seen = found.status is ChamberStatus.CHAMBER
             sound = seen and _is_yellow(found.yellow, blue, cv2.max(yellow, top), untold)
             if sound and not _much(untold, within):
                 return found
             if _much(cv2.subtract(dim, cv2.max(red, blue)), within):
-                return replace(found, sight=Sight.DARK_INSIDE, yellow=NOWHERE, top=NOWHERE)
+                return replace(found, status=ChamberStatus.DARK_INSIDE, yellow=NOWHERE, top=NOWHERE)
             if not seen:
                 return found
     if cv2.mean(value)[0] < NIGHT:
-        fault = Sight.TOO_DARK
+        fault = ChamberStatus.TOO_DARK
     elif 2 * cv2.countNonZero(global_mask(value, FULL)) > value.size:
-        fault = Sight.TOO_BRIGHT
-    return replace(found, sight=fault, blue=NOWHERE, yellow=NOWHERE, top=NOWHERE)
+        fault = ChamberStatus.TOO_BRIGHT
+    return replace(found, status=fault, blue=NOWHERE, yellow=NOWHERE, top=NOWHERE)
 
 
-def _is_ring(found: Regions, within: Mask, colours: Colours, untold: Mask) -> bool:
+def _is_ring(found: Regions, within: Mask, colors: Colors, untold: Mask) -> bool:
     """Whether blue's outline, with all it encloses, is that of a round opening in red."""
-    red, blue, yellow = colours.red, colours.blue, colours.yellow
+    red, blue, yellow = colors.red, colors.blue, colors.yellow
     if cv2.countNonZero(within) < LEAST_AREA * within.size or _held(red, within) > NESTED:
         return False
     right = cv2.compare(found.labels, found.nested(), cv2.CMP_EQ)

@@ -52,7 +52,7 @@ class Shape:
     roughness: float
 
 
-def shape_of(positions: Float[np.ndarray, " frames"], heights: Heights) -> Shape | None:
+def measure_shape(positions: Float[np.ndarray, " frames"], heights: Heights) -> Shape | None:
     """Sagitta and roughness of a profile; None where too few heights are known.
 
     The profile less its parts longer than `CUTOFF` is rough; the longer parts are those that a
@@ -74,7 +74,7 @@ def shape_of(positions: Float[np.ndarray, " frames"], heights: Heights) -> Shape
     return Shape(sagitta, float(np.sqrt(np.mean((z - form) ** 2))))
 
 
-def kind_of(found: Shape | None) -> SurfaceKind:
+def classify_surface(found: Shape | None) -> SurfaceKind:
     """The kind of a surface by its shape: first whether it is curved, then whether it is rough.
 
     A tilt does not count.

@@ -1,9 +1,9 @@
-from .bending import Bends, bend_of_markers
-from .boundary import boundary_image, shrunk
+from .bending import Bends, fit_bend
+from .boundary import make_boundary_image, shrink
+from .estimate import USABLE, PostureEstimate, find_posture
 from .estimator import PostureEstimator
-from .measures import marker_errors, mean_predictor_error
-from .network import PostureNetwork, weighted_loss
-from .seeing import USABLE, SeenPosture, find_posture
+from .marker_errors import compute_marker_errors, compute_mean_predictor_error
+from .network import PostureNetwork, compute_weighted_loss
 from .settings import EQUAL_WEIGHTS, Training, TrainingRecord
 from .training import train
 
@@ -11,17 +11,17 @@ __all__ = [
     "EQUAL_WEIGHTS",
     "USABLE",
     "Bends",
+    "PostureEstimate",
     "PostureEstimator",
     "PostureNetwork",
-    "SeenPosture",
     "Training",
     "TrainingRecord",
-    "bend_of_markers",
-    "boundary_image",
+    "compute_marker_errors",
+    "compute_mean_predictor_error",
+    "compute_weighted_loss",
     "find_posture",
-    "marker_errors",
-    "mean_predictor_error",
-    "shrunk",
+    "fit_bend",
+    "make_boundary_image",
+    "shrink",
     "train",
-    "weighted_loss",
 ]

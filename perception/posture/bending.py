@@ -49,7 +49,7 @@ class Bends:
     known: Bool[np.ndarray, " images"]
 
 
-def bend_of_markers(
+def fit_bend(
     markers: Float[np.ndarray, "images 3 2"],
     arcs: tuple[float, float, float, float],
     length: float,

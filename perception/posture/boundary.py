@@ -16,7 +16,9 @@ from perception.images import checked_image
 THICKEN = np.ones((3, 3), np.uint8)
 
 
-def boundary_image(labels: UInt8[np.ndarray, "rows columns"]) -> UInt8[np.ndarray, "rows columns"]:
+def make_boundary_image(
+    labels: UInt8[np.ndarray, "rows columns"],
+) -> UInt8[np.ndarray, "rows columns"]:
     """Where regions meet: 255 where a pixel's label is not that of the pixel right of or below it.
 
     The image's own border is no boundary: its last column has nothing right of it, its last row
@@ -35,7 +37,7 @@ def boundary_image(labels: UInt8[np.ndarray, "rows columns"]) -> UInt8[np.ndarra
     return edges.view(np.uint8) * np.uint8(255)
 
 
-def shrunk(
+def shrink(
     boundary: UInt8[np.ndarray, "rows columns"], size: tuple[int, int]
 ) -> Float32[np.ndarray, "_rows _columns"]:
     """A boundary image made smaller: lines thickened by a pixel all round, then area averages.

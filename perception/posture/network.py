@@ -126,7 +126,7 @@ def halved(length: int) -> int:
     return (length + 2 * PADDING - SIDE) // STRIDE + 1
 
 
-def weighted_loss(
+def compute_weighted_loss(
     predicted: Float[Array, "images 3 2"],
     markers: Float[Array, "images 3 2"],
     loss_weights: Float[Array, "3"],

@@ -24,8 +24,8 @@ from jaxtyping import Array, Float, Float32, Int32
 from designopt.errors import UserError
 from perception.images import checked_floats
 from perception.posture.estimator import PostureEstimator, answered, standardised
-from perception.posture.measures import marker_errors
-from perception.posture.network import MARKERS, PostureNetwork, weighted_loss
+from perception.posture.marker_errors import compute_marker_errors
+from perception.posture.network import MARKERS, PostureNetwork, compute_weighted_loss
 from perception.posture.settings import Training, TrainingRecord
 
 Samples = tuple[Float[np.ndarray, "others rows columns"], Float[np.ndarray, "others 3 2"]]
@@ -49,12 +49,12 @@ class State(NamedTuple):
 
     Attributes:
         network: with its weights so far.
-        optimiser: Adam's means of slopes and of their squares.
+        optimizer: Adam's means of slopes and of their squares.
         done: number of steps.
     """
 
     network: PostureNetwork
-    optimiser: optax.OptState
+    optimizer: optax.OptState
     done: Int32[Array, ""]
 
 
@@ -116,7 +116,7 @@ def train(
             predicted = label_mean + scale * answered(
                 state.network, standardised(validation[0], mean, deviation)
             )
-            errors = marker_errors(predicted, validation[1])
+            errors = compute_marker_errors(predicted, validation[1])
             tip_errors.append(float(errors[:, -1].mean()))
         seconds.append(time.perf_counter() - began)
     record = TrainingRecord(
@@ -154,9 +154,9 @@ def _epoch(
         rate = rates.learning_rate * (1 - rates.decay * (1 - jnp.cos(jnp.pi * done)) / 2)
         # Optax raises a float to the number of steps, which strict promotion forbids.
         with jax.numpy_dtype_promotion("standard"):
-            directions, optimiser = ADAM.update(slopes, state.optimiser)
+            directions, optimizer = ADAM.update(slopes, state.optimizer)
         network = jax.tree.map(lambda w, d: w - rate * d, state.network, directions)
-        return State(network, optimiser, state.done + 1), fit
+        return State(network, optimizer, state.done + 1), fit
 
     state, fits = jax.lax.scan(step, state, order)
     return state, jnp.mean(fits)
@@ -169,7 +169,7 @@ def objective(
     rates: Rates,
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """What is made small: Eq. 4 of standardised markers with L2 regularisation; and without."""
-    fit = weighted_loss(jax.vmap(network)(images[:, None]), markers, rates.loss_weights)
+    fit = compute_weighted_loss(jax.vmap(network)(images[:, None]), markers, rates.loss_weights)
     return fit + rates.regularisation * network.squared_weights(), fit
 
 

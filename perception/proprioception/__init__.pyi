@@ -1,9 +1,9 @@
-from .bounds import Bound, information_bound
+from .bounds import Bound, compute_information_bound
 from .calibration import Calibration, CalibrationResult, calibrate
 from .corners import CornerModel, FingerErrors, JointAngleResult, JointAngles, find_pose
-from .edge import EdgeCurve, EdgeRuler, fit_edges
-from .estimate import Estimate, estimates_of, first_defined, undefined
-from .gap import GapMeter, GapTable, calibrate_gap
+from .edge import EdgeCurve, EdgeEstimator, fit_edges
+from .estimate import Estimate, make_undefined, select_defined, split_estimates
+from .gap import GapEstimator, GapTable, calibrate_gap
 from .misfit import Misfit
 from .observation import Observation, observe, stack_observations
 
@@ -13,10 +13,10 @@ __all__ = [
     "CalibrationResult",
     "CornerModel",
     "EdgeCurve",
-    "EdgeRuler",
+    "EdgeEstimator",
     "Estimate",
     "FingerErrors",
-    "GapMeter",
+    "GapEstimator",
     "GapTable",
     "JointAngleResult",
     "JointAngles",
@@ -24,12 +24,12 @@ __all__ = [
     "Observation",
     "calibrate",
     "calibrate_gap",
-    "estimates_of",
+    "compute_information_bound",
     "find_pose",
-    "first_defined",
     "fit_edges",
-    "information_bound",
+    "make_undefined",
     "observe",
+    "select_defined",
+    "split_estimates",
     "stack_observations",
-    "undefined",
 ]

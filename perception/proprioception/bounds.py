@@ -30,7 +30,7 @@ class Bound(NamedTuple):
     calibrated: Float[np.ndarray, " joints"]
 
 
-def information_bound(
+def compute_information_bound(
     model: CornerModel,
     errors: Float[np.ndarray, " errors"],
     frame: tuple[Observation, Float[np.ndarray, " joints"]],

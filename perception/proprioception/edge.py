@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from perception.matching import Sighting
-from perception.proprioception.estimate import Estimate, undefined
+from perception.proprioception.estimate import Estimate, make_undefined
 from perception.proprioception.gap import end_angle, end_is_seen
 
 PARABOLA = 5
@@ -50,7 +50,7 @@ class EdgeCurve:
     def estimate(self, angle: float) -> Estimate:
         """The joint angle at a section angle of the end."""
         if not self.limits[0] <= angle <= self.limits[1]:
-            return undefined("the end lies outside of the labelled range")
+            return make_undefined("the end lies outside of the labelled range")
         powers = (angle - self.middle) ** np.arange(len(self.coefficients))
         orders = np.arange(1, len(self.coefficients))
         rate = (orders * self.coefficients[1:]) @ powers[:-1]
@@ -60,7 +60,7 @@ class EdgeCurve:
 
 
 @dataclass(frozen=True)
-class EdgeRuler:
+class EdgeEstimator:
     """All curves of one joint.
 
     Attributes:
@@ -77,7 +77,7 @@ class EdgeRuler:
             if end_is_seen(view, curve.end):
                 answers.append(curve.estimate(end_angle(view, curve.end)))
         if not answers:
-            return undefined("no labelled end is seen")
+            return make_undefined("no labelled end is seen")
         return min(answers, key=lambda answer: answer.deviation)
 
 
@@ -88,7 +88,7 @@ def fit_edges(
     *,
     label_deviation: float,
     edge_deviation: float,
-) -> EdgeRuler:
+) -> EdgeEstimator:
     """Curves from labelled frames by least squares.
 
     Args:
@@ -111,7 +111,7 @@ def fit_edges(
             curve = _fitted(angles, labels[there], label_deviation, edge_deviation)
             if curve is not None:
                 curves.append(EdgeCurve(pad, path, end, *curve))
-    return EdgeRuler(tuple(curves))
+    return EdgeEstimator(tuple(curves))
 
 
 def _fitted(

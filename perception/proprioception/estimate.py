@@ -31,20 +31,20 @@ class Estimate:
         return math.isfinite(self.angle)
 
 
-def undefined(reason: str) -> Estimate:
+def make_undefined(reason: str) -> Estimate:
     """No angle, and why."""
     return Estimate(math.nan, math.inf, reason)
 
 
-def first_defined(*estimates: Estimate) -> Estimate:
+def select_defined(*estimates: Estimate) -> Estimate:
     """The first of several estimates that is defined: each is the fall-back of the one before."""
     return next((estimate for estimate in estimates if estimate.defined), estimates[0])
 
 
-def estimates_of(solution: Solution[JointAngles]) -> list[Estimate]:
+def split_estimates(solution: Solution[JointAngles]) -> list[Estimate]:
     """The answer of `find_pose` in the shape of every other method, one element for each joint."""
     return [
-        Estimate(float(angle), float(deviation), "all corners") if ok else undefined(message)
+        Estimate(float(angle), float(deviation), "all corners") if ok else make_undefined(message)
         for ok, angle, deviation, message in zip(
             np.asarray(solution.ok),
             np.asarray(solution.value.angles),

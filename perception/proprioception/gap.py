@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from perception.matching import Sighting, View
-from perception.proprioception.estimate import Estimate, undefined
+from perception.proprioception.estimate import Estimate, make_undefined
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class GapTable:
 
 
 @dataclass(frozen=True)
-class GapMeter:
+class GapEstimator:
     """A table that labelled frames have been used on: gap = offset + scale · table.
 
     Attributes:
@@ -114,10 +114,10 @@ class GapMeter:
     def estimate(self, gap: float) -> Estimate:
         """The joint angle at a measured gap."""
         if not np.isfinite(gap):
-            return undefined("there is no gap: the two views do not show facing ends")
+            return make_undefined("there is no gap: the two views do not show facing ends")
         angle = self.table.angle((gap - self.offset) / self.scale)
         if not np.isfinite(angle):
-            return undefined("the gap lies outside of its table")
+            return make_undefined("the gap lies outside of its table")
         there = float(self.table.gap(angle))
         rate = self.scale * float(np.interp(angle, self.table.angles, self.table.rate))
         known = np.array([1.0, there])
@@ -132,7 +132,7 @@ def calibrate_gap(
     *,
     noise: float,
     label_deviation: float,
-) -> GapMeter | None:
+) -> GapEstimator | None:
     """Offset and scale of the gap from labelled frames (paper B: at least five).
 
     Weighted least squares; a label's error is one of the gap times how fast the gap changes there.
@@ -159,7 +159,7 @@ def calibrate_gap(
     if rank < 2 or not solution[1] > 0:
         return None
     covariance = np.linalg.inv(design.T @ design)
-    return GapMeter(table, float(solution[0]), float(solution[1]), covariance, noise)
+    return GapEstimator(table, float(solution[0]), float(solution[1]), covariance, noise)
 
 
 def end_angle(view: View, end: int) -> float:

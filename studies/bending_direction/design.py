@@ -14,15 +14,15 @@ from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.optimize import (
+    Evaluation,
     Problem,
     Requirement,
-    Terms,
-    active_set,
-    conflict,
-    minimise,
-    sobol_starts,
+    draw_sobol_starts,
+    explain_conflict,
+    find_active_set,
+    minimize,
 )
-from optics.chamber import Endoscope, extreme_points, image_rates
+from optics.chamber import Endoscope, find_extreme_points, solve_image_rates
 from optics.chamber.chamber import Chamber
 from studies.models.soft_finger import imaging, paper
 from studies.models.soft_finger.chamber_spec import ChamberSpec
@@ -73,7 +73,7 @@ class Knobs(eqx.Module):
 
 def rates(knobs: Knobs, chamber: Chamber, endoscope: Endoscope) -> Float[Array, "3"]:
     """Px per degree by which the outlines of blue, yellow and top start to move downwards."""
-    return image_rates(knobs.turned(chamber), endoscope, DOWN).value * (jnp.pi / 180)
+    return solve_image_rates(knobs.turned(chamber), endoscope, DOWN).value * (jnp.pi / 180)
 
 
 @eqx.filter_jit
@@ -133,10 +133,10 @@ def problem(finger: SoftFinger) -> Problem:
 
     def terms(
         knobs: Knobs, chamber: Chamber, endoscope: Endoscope, least: Float[Array, ""]
-    ) -> Terms:
+    ) -> Evaluation:
         turned = knobs.turned(chamber)
-        lowest = extreme_points(turned, endoscope, 0.0, DOWN).value[0, 1]
-        return Terms(
+        lowest = find_extreme_points(turned, endoscope, 0.0, DOWN).value[0, 1]
+        return Evaluation(
             objective=-jnp.mean(rates(knobs, chamber, endoscope)),
             inequalities={
                 "room": clearance(turned) - least,
@@ -175,11 +175,11 @@ def best(finger: SoftFinger, seed: int) -> tuple[list[Design], list[str]]:
         UserError: no chamber is within the limits.
     """
     asked = problem(finger)
-    found = minimise(asked, sobol_starts(asked, STARTS, seed=seed)).best
+    found = minimize(asked, draw_sobol_starts(asked, STARTS, seed=seed)).best
     if not found.feasible:
         raise UserError(
             "--set endoscope: no chamber within Table I's limits shows all of its blue ring ("
-            f"{'; '.join(conflict(asked, found))}); choose a wider field of view"
+            f"{'; '.join(explain_conflict(asked, found))}); choose a wider field of view"
         )
     own, knobs = Knobs.of(finger.chamber), found.parameters
 
@@ -192,4 +192,4 @@ def best(finger: SoftFinger, seed: int) -> tuple[list[Design], list[str]]:
         for field, word in (("offset_b", "Δl_B"), ("wall_angle_bc", "θ_BC"), ("eta", "η"))
     ]
     designs = [Design.of(OWN, finger), *alone, with_knobs(BEST, knobs)]
-    return designs, [active.words for active in active_set(asked, found)]
+    return designs, [active.words for active in find_active_set(asked, found)]

@@ -10,7 +10,7 @@ from matplotlib.patches import Polygon
 
 from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.study.results import Figure
-from perception.chamber import Direction, displacements
+from perception.chamber import Direction, compute_displacements
 from perception.chamber.points import NAMES
 from studies.bending_direction.design import OUTLINES
 from studies.bending_direction.found import USES, Found
@@ -75,7 +75,9 @@ def moved(frames: Series, name: str) -> tuple[Float[np.ndarray, " _"], Bool[np.n
     """Displacement of a point along the direction of bending, px, and where it is seen."""
     index = NAMES.index(name)
     axis = 0 if frames.truth in (Direction.LEFT, Direction.RIGHT) else 1
-    along = [displacements(look.points, frames.initial)[index, axis] for look in frames.looks]
+    along = [
+        compute_displacements(look.points, frames.initial)[index, axis] for look in frames.looks
+    ]
     return np.array(along), np.array([bool(look.points.seen[index]) for look in frames.looks])
 
 
@@ -86,10 +88,10 @@ def curves_figure(found: Found) -> Figure:
         bends = np.rad2deg(frames.bends)
         for name in ALONG[frames.truth]:
             along, seen = moved(frames, name)
-            colour = YELLOW if name in "def" else BLUE
+            color = YELLOW if name in "def" else BLUE
             region = "yellow" if name in "def" else "blue"
             axes.plot(
-                bends[seen], along[seen], STYLES[name], color=colour,
+                bends[seen], along[seen], STYLES[name], color=color,
                 linewidth=2.2 if name == "g" else 1.3, label=f"{name}: {WORDS[name]} of {region}",
             )  # fmt: skip
         axis = "x" if frames.truth in (Direction.LEFT, Direction.RIGHT) else "y"
@@ -98,9 +100,9 @@ def curves_figure(found: Found) -> Figure:
     for axes, truth in zip(grid[2], (Direction.DOWN, Direction.RIGHT), strict=True):
         frames = next(one for one in found.curves if one.truth is truth)
         areas = np.array([look.areas for look in frames.looks])
-        for index, (name, colour) in enumerate((("blue", BLUE), ("yellow", YELLOW))):
+        for index, (name, color) in enumerate((("blue", BLUE), ("yellow", YELLOW))):
             axes.plot(
-                np.rad2deg(frames.bends), 1e-3 * areas[:, index], color=colour, linewidth=2.2,
+                np.rad2deg(frames.bends), 1e-3 * areas[:, index], color=color, linewidth=2.2,
                 label=f"below: area of {name}", linestyle=("--", "-.")[index],
             )  # fmt: skip
         axes.set(title=f"What is seen, bending {truth.name.lower()}", xlim=(0, 120), ylim=(0, None))
@@ -121,7 +123,7 @@ def rules_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
     drawing, grid = new_figure(2, 2, height=5.6)
     for axes, rule in zip(grid.flat, RULES, strict=True):
         lowest = 100.0
-        for number, (source, colour) in enumerate((("paper A", "0.6"), ("blue", BLUE),
+        for number, (source, color) in enumerate((("paper A", "0.6"), ("blue", BLUE),
                                                    ("all", GREEN))):  # fmt: skip
             for threshold, hatch in ((False, ""), (True, "///")):
                 heights = []
@@ -137,7 +139,7 @@ def rules_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
                 label = source if source == "paper A" else f"ours, {source} points"
                 axes.bar(
                     np.arange(len(heights)) + (2 * number + threshold - 2.5) * 0.14,
-                    heights, 0.13, color=colour, hatch=hatch, edgecolor="white",
+                    heights, 0.13, color=color, hatch=hatch, edgecolor="white",
                     label=f"{label}, {'with' if threshold else 'no'} threshold",
                 )  # fmt: skip
         names = [frames.truth.name.lower() for frames in found.series]
@@ -164,13 +166,13 @@ def thresholds_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
     """Decided and undecided images over the threshold."""
     drawing, grid = new_figure(1, 2, height=3.2)
     lowest = 100.0
-    for use, colour, style in zip(USES, (BLUE, GREEN, VERMILION), ("-", "--", "-."), strict=True):
+    for use, color, style in zip(USES, (BLUE, GREEN, VERMILION), ("-", "--", "-."), strict=True):
         tallies = [[f.tally(least, use) for f in found.series] for least in THRESHOLDS]
         decided = [min(100 * tally.decided for tally in row) for row in tallies]
         abstained = [max(100 * tally.abstained for tally in row) for row in tallies]
         lowest = min([lowest, *(part for part in decided if math.isfinite(part))])
-        grid[0, 0].plot(THRESHOLDS, decided, style, color=colour, label=f"{use} points")
-        grid[0, 1].plot(THRESHOLDS, abstained, style, color=colour)
+        grid[0, 0].plot(THRESHOLDS, decided, style, color=color, label=f"{use} points")
+        grid[0, 1].plot(THRESHOLDS, abstained, style, color=color)
     for axes, name in zip(
         grid[0], ("of the decided ones, right (%)", "undecided (%)"), strict=True
     ):
@@ -193,7 +195,7 @@ def small_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
     left, right = grid[0]
     edges = np.linspace(0, spec.small_bend_deg, 9)
     shown = (found.designs[0], found.designs[-1])
-    for design, series, style, colour in zip(
+    for design, series, style, color in zip(
         shown, (found.small[0], found.small[-1]), ("-", "--"), (VERMILION, BLUE), strict=True
     ):
         for use, marker in zip(USES[:2], MARKERS, strict=False):
@@ -203,12 +205,12 @@ def small_figure(spec: BendingDirectionSpec, found: Found) -> Figure:
             counts, _ = np.histogram(bends, edges)
             share = np.histogram(bends[open_], edges)[0] / np.maximum(counts, 1)
             left.plot(
-                (edges[:-1] + edges[1:]) / 2, 100 * share, style, color=colour, marker=marker,
+                (edges[:-1] + edges[1:]) / 2, 100 * share, style, color=color, marker=marker,
                 label=f"{design.name}, {use} points",
             )  # fmt: skip
         offset = -0.18 if style == "-" else 0.18
         right.bar(
-            np.arange(3) + offset, design.rates, 0.34, color=colour,
+            np.arange(3) + offset, design.rates, 0.34, color=color,
             label=f"chamber {design.name}", hatch="" if style == "-" else "///", edgecolor="white",
         )  # fmt: skip
     left.set(xlabel="bend (°)", ylabel="undecided (%)", title="Small bends", ylim=(0, 105))

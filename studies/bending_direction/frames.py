@@ -12,10 +12,10 @@ from jaxtyping import Float
 
 from optics.rendering import ChamberImage, ChamberRenderer
 from perception.chamber import (
+    ChamberStatus,
     Direction,
     Points,
-    Sight,
-    bending_direction,
+    estimate_bending_direction,
     find_points,
     find_regions,
 )
@@ -40,13 +40,13 @@ class Look:
     """What is found in one frame.
 
     Attributes:
-        sight: what is seen of the chamber.
+        status: what is seen of the chamber.
         points: the seven.
         areas: of what is blue and of what is yellow, px.
         seconds: that regions and points took.
     """
 
-    sight: Sight
+    status: ChamberStatus
     points: Points
     areas: tuple[int, int]
     seconds: float
@@ -73,7 +73,7 @@ class Series:
         return Tally(
             self.truth,
             tuple(
-                bending_direction(look.points, self.initial, threshold=threshold, use=use)
+                estimate_bending_direction(look.points, self.initial, threshold=threshold, use=use)
                 for look in self.looks
             ),
         )
@@ -86,7 +86,7 @@ def look_at(_: int, image: ChamberImage) -> Look:
     points = find_points(image.pixels, regions)
     seconds = time.perf_counter() - start
     blue, yellow = (int(np.count_nonzero(regions.labels == region)) for region in (2, 3))
-    return Look(regions.sight, points, (blue, yellow), seconds)
+    return Look(regions.status, points, (blue, yellow), seconds)
 
 
 def before_bending(renderer: ChamberRenderer, finger: SoftFinger) -> Points:

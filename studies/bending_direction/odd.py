@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 
 from perception.chamber import (
+    ChamberStatus,
     Direction,
     Points,
-    Sight,
-    bending_direction,
+    estimate_bending_direction,
     find_points,
     find_regions,
 )
@@ -33,19 +33,19 @@ class Odd:
     Attributes:
         kind: what is odd, and what is to be answered.
         truth: the direction.
-        sight: what was answered of the chamber.
+        status: what was answered of the chamber.
         direction: what was answered of the direction; None after an exception.
     """
 
     kind: Kind
     truth: Direction
-    sight: Sight | None
+    status: ChamberStatus | None
     direction: Direction | None
 
     @property
     def failed(self) -> bool:
         """Whether the answer is not the defined one."""
-        if self.sight is not self.kind.sight:
+        if self.status is not self.kind.status:
             return True
         return self.direction is not (self.truth if self.kind.in_view else Direction.UNDEFINED)
 
@@ -64,11 +64,11 @@ def odd_frames(finger: SoftFinger, threshold: float, seed: int) -> list[Odd]:
 
 def _answer(
     picture: Picture, initial: Points, threshold: float
-) -> tuple[Sight | None, Direction | None]:
+) -> tuple[ChamberStatus | None, Direction | None]:
     # Whatever is raised is a fault of perception, and is counted as one.
     try:
         regions = find_regions(picture)
-        return regions.sight, bending_direction(
+        return regions.status, estimate_bending_direction(
             find_points(picture, regions), initial, threshold=threshold, use="all"
         )
     except Exception:

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from designopt.study.precision import Contender, compile_timed, measure
 from designopt.study.results import Claim, PrecisionRow
-from optics.chamber import Apertures, Posture, Rings, apertures, pressed_by
+from optics.chamber import Apertures, Posture, Rings, find_apertures, press_wall
 from studies.models.soft_finger.finger import DOWN, SoftFinger
 
 PER_REGION = (5, 10, 20, 40, 80)
@@ -92,7 +92,7 @@ def _worst(
 def _posed(finger: SoftFinger, number: int) -> tuple[Rings, Posture]:
     rings = Rings.of(finger.chamber, number)
     bends = jnp.deg2rad(jnp.linspace(0.0, 120.0, FRAMES))
-    press = functools.partial(pressed_by, rings.arc, jnp.asarray(60.0), jnp.asarray(25.0))
+    press = functools.partial(press_wall, rings.arc, jnp.asarray(60.0), jnp.asarray(25.0))
     depths = jnp.asarray(np.tile([0.0, 2.0], FRAMES // 2))
     return rings, Posture(bends, jnp.full(FRAMES, DOWN), jax.vmap(press)(depths))
 
@@ -101,7 +101,7 @@ def _compiled(finger: SoftFinger, number: int) -> tuple[Callable[[], Apertures],
     rings, postures = _posed(finger, number)
 
     def seen(postures: Posture) -> Apertures:
-        return jax.vmap(lambda posture: apertures(rings, posture, ANGLES))(postures)
+        return jax.vmap(lambda posture: find_apertures(rings, posture, ANGLES))(postures)
 
     program, seconds = compile_timed(seen, postures)
     return lambda: program(postures), seconds

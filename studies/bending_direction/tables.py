@@ -18,7 +18,7 @@ from studies.bending_direction.frames import Series
 from studies.bending_direction.odd import AtBend, Odd
 from studies.bending_direction.rules import Tally
 from studies.bending_direction.spec import BendingDirectionSpec
-from studies.models.soft_finger.odd import sight_words
+from studies.models.soft_finger.odd import status_words
 
 OPEN = (Direction.INITIAL, Direction.UNDEFINED)
 """Answers that name no direction."""
@@ -250,9 +250,9 @@ def odd(frames: Sequence[Odd]) -> Table:
             [
                 kind.name,
                 len(own),
-                sight_words(kind.sight),
+                status_words(kind.status),
                 "the direction" if kind.in_view else "undefined",
-                ", ".join(sorted({sight_words(frame.sight)
+                ", ".join(sorted({status_words(frame.status)
                                   for frame in own})),
                 sum(frame.failed for frame in own),
             ]

@@ -72,10 +72,10 @@ def dots_figure(found: Found) -> Figure:
     drawing, grid = new_figure(1, 2, height=4.0)
     for axes, (way, title) in zip(grid[0], COMPARED, strict=True):
         one = found.trained[way][0]
-        for i, (name, colour) in enumerate(zip(NAMES, (GREEN, BLUE, VERMILION), strict=True)):
+        for i, (name, color) in enumerate(zip(NAMES, (GREEN, BLUE, VERMILION), strict=True)):
             true = found.data.unseen.markers[:, i]
             axes.plot(*true.T, "o", color="0.75", markersize=4)
-            axes.plot(*one.predicted[:, i].T, ".", color=colour, markersize=2.5, label=name)
+            axes.plot(*one.predicted[:, i].T, ".", color=color, markersize=2.5, label=name)
         axes.plot([], [], "o", color="0.75", label="true")
         axes.plot(0, 0, "s", color="black", markersize=5)
         axes.set(title=title, xlabel="across (mm)", ylabel="along (mm)", aspect="equal")
@@ -95,16 +95,16 @@ def markers_figure(found: Found) -> Figure:
     """The paper's Fig. 11: errors by marker."""
     drawing, grid = new_figure(1, 1, height=3.2)
     axes = grid[0, 0]
-    for number, ((way, title), colour) in enumerate(zip(COMPARED, (BLUE, VERMILION), strict=True)):
+    for number, ((way, title), color) in enumerate(zip(COMPARED, (BLUE, VERMILION), strict=True)):
         errors = np.concatenate([one.errors for one in found.trained[way]])
         drawn = axes.boxplot(
             [errors[:, i] for i in range(3)], positions=np.arange(3) + 0.36 * number - 0.18,
             widths=0.28, whis=(5, 95), showfliers=False, patch_artist=True, manage_ticks=False,
         )  # fmt: skip
         for box in drawn["boxes"]:
-            box.set(facecolor="white", edgecolor=colour, hatch="///" if number else "", label=title)
+            box.set(facecolor="white", edgecolor=color, hatch="///" if number else "", label=title)
         for line in (*drawn["whiskers"], *drawn["caps"], *drawn["medians"]):
-            line.set(color=colour)
+            line.set(color=color)
     axes.set(xticks=range(3), xticklabels=NAMES, ylabel="error (mm)", ylim=(0, None))
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles[::3], labels[::3], loc="upper left")
@@ -121,15 +121,15 @@ def learning_figure(found: Found) -> Figure:
     """Loss and tip error, epoch by epoch."""
     drawing, grid = new_figure(1, 2, height=3.2)
     left, right = grid[0]
-    for one, colour, style in zip(
+    for one, color, style in zip(
         found.trained[OURS], (BLUE, VERMILION, GREEN, *PALETTE[3:]), ("-", "--", "-.") * 4,
         strict=False,
     ):  # fmt: skip
         record = one.estimator.record
         epochs = np.arange(1, len(record.loss) + 1)
         label = f"seed {record.settings.seed}"
-        left.semilogy(epochs, record.loss, style, color=colour, label=label)
-        right.semilogy(record.seconds, record.tip_error, style, color=colour, label=label)
+        left.semilogy(epochs, record.loss, style, color=color, label=label)
+        right.semilogy(record.seconds, record.tip_error, style, color=color, label=label)
     right.axhline(found.data.mean_error, color="0.4", linestyle=":")
     right.text(0.02, 0.92 * found.data.mean_error, "mean of the labels", va="top", color="0.3",
                transform=right.get_yaxis_transform())  # fmt: skip
@@ -222,10 +222,10 @@ def etas_figure(found: Found) -> Figure:
         left.plot([one.eta] * len(one.tip_errors), one.tip_errors, ".", color="0.5")
     left.set(title="Posture", ylabel="mean tip error (mm)")
     left.set_ylim(0, 1.1 * max(max(one.tip_errors) for one in found.etas))
-    for i, (name, colour, style) in enumerate(
+    for i, (name, color, style) in enumerate(
         (("blue ring", BLUE, "-o"), ("yellow ring", "#C79A00", "--s"))
     ):
-        middle.plot(etas, [one.rings[i] for one in found.etas], style, color=colour, label=name)
+        middle.plot(etas, [one.rings[i] for one in found.etas], style, color=color, label=name)
     middle.set(title="Image, straight", ylabel="width (px)", ylim=(0, None))
     middle.legend(loc="lower right")
     right.plot(etas, [one.clearance for one in found.etas], "-o", color=VERMILION)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from perception.posture import PostureEstimator, marker_errors
+from perception.posture import PostureEstimator, compute_marker_errors
 from studies.bending_posture.spec import BendingPostureSpec
 from studies.bending_posture.trainings import size_of
 from studies.models.soft_finger.finger import SoftFinger
@@ -95,7 +95,7 @@ def _errors(
     seen = samples(finger, postures, (size,), seed=lamp, first=FIRST + FRAMES * draw)
     # All frames are read, so that one program serves every finger.
     errors = [
-        marker_errors(network.predict(seen.images[size]), seen.markers)[:, -1]
+        compute_marker_errors(network.predict(seen.images[size]), seen.markers)[:, -1]
         for network in networks
     ]
     return np.stack(errors)[:, seen.usable]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from perception.chamber import Sight
-from perception.posture import PostureEstimator, find_posture, marker_errors
+from perception.chamber import ChamberStatus
+from perception.posture import PostureEstimator, compute_marker_errors, find_posture
 from studies.models.soft_finger.finger import DOWN, SoftFinger, looked_at
 from studies.models.soft_finger.odd import Kind, odd_pictures
 from studies.models.soft_finger.samples import marker_places
@@ -43,18 +43,18 @@ class Odd:
 
     Attributes:
         kind: what is odd.
-        sight: what was answered of the chamber; None after an exception.
+        status: what was answered of the chamber; None after an exception.
         answered: whether a posture was given.
     """
 
     kind: Kind
-    sight: Sight | None
+    status: ChamberStatus | None
     answered: bool
 
     @property
     def failed(self) -> bool:
         """Whether the answer is not the defined one."""
-        return self.sight is not self.kind.sight or self.answered is not self.kind.usable
+        return self.status is not self.kind.status or self.answered is not self.kind.usable
 
 
 def over_bends(
@@ -68,7 +68,7 @@ def over_bends(
     )
     nothing = np.full((3, 2), np.nan)
     markers = np.stack([nothing if one.markers is None else one.markers for one in found])
-    errors = marker_errors(markers, marker_places(bends, finger.length))[:, -1]
+    errors = compute_marker_errors(markers, marker_places(bends, finger.length))[:, -1]
     return [
         AtBend(bend, some) for bend, some in zip(BENDS_DEG, errors.reshape(-1, images), strict=True)
     ]
@@ -86,5 +86,5 @@ def odd_frames(finger: SoftFinger, estimator: PostureEstimator, seed: int) -> li
         except Exception:
             found.append(Odd(kind, None, answered=False))
         else:
-            found.append(Odd(kind, seen.sight, seen.markers is not None))
+            found.append(Odd(kind, seen.status, seen.markers is not None))
     return found

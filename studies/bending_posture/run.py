@@ -15,9 +15,9 @@ from designopt.errors import UserError
 from designopt.io.spec_file import SpecFile
 from designopt.study.results import PrecisionRow, PrecisionStudy, Results
 from designopt.study.study import Context
-from optics.chamber import image_rates
+from optics.chamber import solve_image_rates
 from perception.chamber import find_regions
-from perception.posture import PostureEstimator, boundary_image, find_posture, shrunk
+from perception.posture import PostureEstimator, find_posture, make_boundary_image, shrink
 from studies.bending_posture import drawings, statements, tables
 from studies.bending_posture.elsewhere import elsewhere
 from studies.bending_posture.found import AtEta, Found, Shown
@@ -190,7 +190,7 @@ def _at_eta(spec: BendingPostureSpec, finger: SoftFinger, seed: int) -> AtEta:
     )[0]
     blue, yellow, top = (float(np.ptp(outline[:, 0])) / 2 for outline in straight.outlines)
     chamber = finger.chamber
-    rates = image_rates(chamber, finger.endoscope, DOWN)
+    rates = solve_image_rates(chamber, finger.endoscope, DOWN)
     rate = float(rates.value[1]) * np.pi / 180 if bool(rates.ok) else None
     clearance = float(chamber.offset_a) - abs(float(chamber.offset_d))
     widths = (blue - yellow, yellow - top)
@@ -203,7 +203,7 @@ def _shown(finger: SoftFinger, spec: BendingPostureSpec, seed: int) -> list[Show
     made = []
     for bend, image in zip(SHOWN_DEG, images, strict=True):
         labels = find_regions(image.pixels).nested()
-        small = shrunk(boundary_image(labels), size_of(spec.width))
+        small = shrink(make_boundary_image(labels), size_of(spec.width))
         made.append(Shown(bend, image.pixels, labels, small))
     return made
 

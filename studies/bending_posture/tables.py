@@ -11,7 +11,7 @@ from designopt.study.results import Cell, Table
 from studies.bending_posture.found import Found
 from studies.bending_posture.trainings import EQUAL, MEAN, OURS, READINGS
 from studies.bending_posture.verdicts import judged
-from studies.models.soft_finger.odd import sight_words
+from studies.models.soft_finger.odd import status_words
 
 MARKERS = ("marker 1", "marker 2", "tip")
 
@@ -170,7 +170,7 @@ def odd(found: Found) -> Table:
             [
                 kind.name,
                 len(own),
-                sight_words(kind.sight),
+                status_words(kind.status),
                 "a posture" if kind.usable else "none",
                 sum(one.answered for one in own),
                 sum(one.failed for one in own),

@@ -12,8 +12,8 @@ from perception.posture import (
     EQUAL_WEIGHTS,
     PostureEstimator,
     Training,
-    marker_errors,
-    mean_predictor_error,
+    compute_marker_errors,
+    compute_mean_predictor_error,
     train,
 )
 from studies.bending_posture.spec import BendingPostureSpec
@@ -62,7 +62,7 @@ class Data:
     @property
     def mean_error(self) -> float:
         """Tip error of always answering the mean of the labels, mm."""
-        return mean_predictor_error(self.labels, self.unseen.markers)
+        return compute_mean_predictor_error(self.labels, self.unseen.markers)
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ def trained(way: str, settings: Training, data: Data, size: Size, *, watch: bool
         (unseen, data.unseen.markers) if watch else None,
     )
     predicted = estimator.predict(unseen)
-    return Trained(way, estimator, predicted, marker_errors(predicted, data.unseen.markers))
+    return Trained(way, estimator, predicted, compute_marker_errors(predicted, data.unseen.markers))
 
 
 def fewer(data: Data, count: int) -> Data:

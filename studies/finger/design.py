@@ -9,7 +9,7 @@ from typing import Any
 from designopt.progress import step_display
 from designopt.study.study import Context
 from studies.finger.spec import FingerSpec, SpringSpec
-from studies.models.finger import Finger, Spring
+from studies.models.finger import Finger, FingerSpring
 from studies.models.finger_file import packaged_finger, read_finger
 from studies.models.linkage_design.analysis import design_linkage
 from studies.models.mirror_design.design import design_mirrors
@@ -42,9 +42,9 @@ def finger_design(spec: FingerSpec, folder: Path | None) -> Finger:
     return replace(finger, spring=spring_from(spec.spring))
 
 
-def spring_from(spec: SpringSpec) -> Spring:
+def spring_from(spec: SpringSpec) -> FingerSpring:
     """Spring and motor of the settings."""
-    return Spring(spec.stiffness, spec.preload, spec.servo)
+    return FingerSpring(spec.stiffness, spec.preload, spec.servo)
 
 
 def _deciding(spec: FingerSpec) -> dict[str, Any]:

@@ -17,12 +17,12 @@ def section_figure(finger: Finger) -> Figure:
     drawing, axes = new_figure(1, 1, height=3.4)
     axis, scene = axes[0, 0], finger.scene()
     draw_finger(axis, finger, (0.0, 0.0), named=True)
-    for surfaces, colour, width, name in (
+    for surfaces, color, width, name in (
         (scene.pads, PAD, 4.0, "pads"),
         (scene.mirrors, MIRROR, 2.5, "mirrors"),
     ):
         for index, ends in enumerate(np.asarray(surfaces)):
-            axis.plot(*ends.T, color=colour, linewidth=width, label=None if index else name)
+            axis.plot(*ends.T, color=color, linewidth=width, label=None if index else name)
     position = np.asarray(scene.camera.position)
     axis.plot(*position, "^", color=CAMERA, markersize=8, label="camera")
     towards = float(scene.camera.direction)

@@ -10,8 +10,8 @@ from designopt.design_kind import DesignKind
 
 if TYPE_CHECKING:
     from designopt.explore.bench import Bench
+    from designopt.export.drawing import Drawing
     from designopt.export.json import Quantity
-    from designopt.export.sheet import Sheet
     from studies.models.finger import Finger
 
 
@@ -27,14 +27,14 @@ def _explorer(model: Finger) -> Bench:
     return FingerBench(model)
 
 
-def _drawing(model: Finger) -> Sheet:
-    from studies.finger.sheet import finger_sheet
+def _drawing(model: Finger) -> Drawing:
+    from studies.finger.drawing import make_finger_drawing
 
-    return finger_sheet(model)
+    return make_finger_drawing(model)
 
 
 def _quantities(model: Finger) -> Sequence[Quantity]:
-    from studies.finger.sheet import finger_quantities
+    from studies.finger.drawing import finger_quantities
 
     return finger_quantities(model)
 

@@ -18,7 +18,7 @@ from studies.finger.found import FingerDesign
 from studies.finger.spec import FingerSpec
 from studies.finger.spec_files import spec_files
 from studies.models.grasp import figures as grasp_drawings
-from studies.models.grasp.analysis import analyse
+from studies.models.grasp.analysis import analyze
 from studies.models.grasp.check import summary
 from studies.models.grasp.spec import GraspSpec
 from studies.models.linkage_design.analysis import design_linkage
@@ -89,6 +89,6 @@ def design(spec: FingerSpec, context: Context) -> FingerDesign:
             pinch_at=np.linspace(body.axis_height, body.distal - body.rim, PINCHES).tolist(),
         )
         with context.step("Grasp"):
-            closings = analyse(finger, settings, polygon=False)
+            closings = analyze(finger, settings, polygon=False)
     check = None if closings is None else summary(closings)
     return FingerDesign(finger, linkage, mirrors, share, check, closings)

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from designopt.io.spec_file import SpecFile
-from designopt.io.toml_writing import toml_text
+from designopt.io.toml_writing import format_toml
 from studies.models.finger import Finger
-from studies.models.finger_file import finger_text
+from studies.models.finger_file import format_finger
 from studies.models.linkage_files import linkage_file
 from studies.models.mirror_design.scene_files import scene_file
 
 
 def spec_files(finger: Finger) -> list[SpecFile]:
     """The finger, and what follows from it: its linkage, driven both ways, and its scene."""
-    by_crank = toml_text(
+    by_crank = format_toml(
         finger.linkage_tables("crank"),
         "The finger's linkage as the motor sees it: driven by its crank, and by the angle between\n"
         "plate and distal phalanx, which a spring holds in the straight finger.",
     )
     return [
-        SpecFile("finger.toml", "every dimension, for `designopt explore`", finger_text(finger)),
+        SpecFile("finger.toml", "every dimension, for `designopt explore`", format_finger(finger)),
         linkage_file(finger),
         SpecFile("linkage-crank.toml", "the linkage, driven by its crank", by_crank),
         scene_file(finger),

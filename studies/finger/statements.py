@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from designopt.study.results import Metric, Target
 from kinematics.io.assembling import Equations
 from kinematics.io.sketch import parse_sketch
-from kinematics.io.sketch_geometry import measure
+from kinematics.io.sketch_geometry import measure_sketch
 from studies.finger.spec import FingerSpec
 from studies.models.body import BodySpec
 from studies.models.finger import PHALANGES, Finger
@@ -141,7 +141,7 @@ SHORT_DEG = 2.0
 def degrees_of_freedom(finger: Finger) -> int:
     """Kutzbach's count of the linkage: 3 (L − 1) − 2 J."""
     sketch = parse_sketch(finger.linkage_tables(), "finger")
-    return Equations(measure(sketch, "finger").dimensions).kutzbach
+    return Equations(measure_sketch(sketch, "finger").dimensions).kutzbach
 
 
 def _kept(found: FingerDesign) -> str:

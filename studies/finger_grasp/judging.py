@@ -52,7 +52,7 @@ def setting_of(problem: Problem, command: float) -> exact.Setting:
             "preload": spring.preload,
             "command": command,
         },
-        circle=(*thing.centre.tolist(), float(thing.radius)),
+        circle=(*thing.center.tolist(), float(thing.radius)),
     )
 
 

@@ -17,7 +17,7 @@ def operations(finger: Finger) -> list[LeftOutRow]:
     """Operation counts of programs that leave something out beside the general ones."""
     body = finger.body
     nothing = cases.problem_of(finger, None)
-    circle = cases.problem_of(finger, cases.lying(body, 40.0, 11.5))
+    circle = cases.problem_of(finger, cases.circle_on_pad(body, 40.0, 11.5))
     polygon = cases.problem_of(finger, cases.box(body))
     free, round_one, square = (_count(problem) for problem in (nothing, circle, polygon))
 

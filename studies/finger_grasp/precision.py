@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from designopt.study.precision import Contender, compile_timed, dominating
+from designopt.study.precision import Contender, compile_timed, find_dominating
 from designopt.study.results import Claim, PrecisionRow
 from studies.finger_grasp.judging import reference
 from studies.finger_grasp.second_opinion import minimum
@@ -88,7 +88,7 @@ def claim(rows: Sequence[PrecisionRow]) -> Claim:
     """What the study says of the solvers."""
     mine = min((row for row in rows if row.method == OURS), key=lambda row: row.error)
     others = [row for row in rows if row.method != OURS]
-    beaten = dominating(mine, others)
+    beaten = find_dominating(mine, others)
     evidence = [f"{OURS}, {mine.setting}: {mine.seconds:.2g} s, error {mine.error:.1e} rad"]
     for method in dict.fromkeys(row.method for row in others):
         best = min((row for row in others if row.method == method), key=lambda row: row.error)

@@ -8,7 +8,7 @@ from designopt.study.study import Context
 from studies.finger_grasp import precision, stability, statements, tables
 from studies.finger_grasp.left_out import operations
 from studies.models.grasp import figures as drawings
-from studies.models.grasp.analysis import Analysis, analyse
+from studies.models.grasp.analysis import Analysis, analyze
 from studies.models.grasp.cases import finger_of
 from studies.models.grasp.check import summary
 from studies.models.grasp.spec import GraspSpec
@@ -23,7 +23,7 @@ def run(spec: GraspSpec, context: Context) -> Results:
     """
     context.require_float64("finger-grasp compares forces to 1e-8")
     with context.step("Closing, opening and pinching"):
-        found = analyse(finger_of(spec), spec)
+        found = analyze(finger_of(spec), spec)
     check = summary(found)
     rows = []
     if spec.stability:

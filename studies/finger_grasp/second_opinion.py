@@ -46,7 +46,7 @@ def minimum(
     upper = jnp.broadcast_to(problem.finger.body.flexion, guess.shape)
     if opinion == "jaxopt QP":
         return _sequential(problem, guess, upper, tolerance, steps)
-    return _penalised(problem, guess, upper, tolerance)
+    return _penalized(problem, guess, upper, tolerance)
 
 
 @jax.custom_jvp
@@ -105,7 +105,7 @@ def _sequential(
     return jax.lax.fori_loop(0, steps, step, start)[0]
 
 
-def _penalised(problem: Problem, guess: Joints, upper: Joints, tolerance: ArrayLike) -> Joints:
+def _penalized(problem: Problem, guess: Joints, upper: Joints, tolerance: ArrayLike) -> Joints:
     unit = problem.length_unit
     scale = problem.contrast + 1 / problem.contrast
 
@@ -120,7 +120,7 @@ def _penalised(problem: Problem, guess: Joints, upper: Joints, tolerance: ArrayL
         state: tuple[Joints, Float[Array, " gaps"]], penalty: Float[Array, ""]
     ) -> tuple[tuple[Joints, Float[Array, " gaps"]], None]:
         joints, forces = state
-        joints, _ = jaxopt_adapter.minimise_in_box(
+        joints, _ = jaxopt_adapter.minimize_in_box(
             augmented,
             joints,
             (jnp.zeros_like(upper), upper),

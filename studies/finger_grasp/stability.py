@@ -10,7 +10,7 @@ import numpy as np
 
 from designopt.study.results import StabilityRow
 from studies.finger_grasp.judging import judge
-from studies.models.finger import Finger, Spring, spring_of
+from studies.models.finger import Finger, FingerSpring, spring_of
 from studies.models.grasp import cases
 from studies.models.grasp.closing import LANES, STEPS, close_all, there_and_back
 from studies.models.grasp.conditions import Problem
@@ -52,7 +52,7 @@ def families(finger: Finger, end: float, seed: int) -> Iterator[Family]:
     usual = [math.log10(float(stiffness)) for stiffness in (own.stiffness, own.servo)]
 
     def stiff(spring: float, servo: float) -> Finger:
-        return replace(finger, spring=Spring(10.0**spring, own.preload, 10.0**servo))
+        return replace(finger, spring=FingerSpring(10.0**spring, own.preload, 10.0**servo))
 
     def on(fingers: list[Finger], things: list[Circle]) -> list[Problem]:
         return [cases.problem_of(f, thing) for f, thing in zip(fingers, things, strict=True)]
@@ -69,7 +69,10 @@ def families(finger: Finger, end: float, seed: int) -> Iterator[Family]:
     )
     yield Family(
         "both drawn from 1e-6 to 1e6, circles of 15 to 90 mm",
-        on([stiff(*pair) for pair in mixed], [cases.lying(body, d, 11.5) for d in diameters]),
+        on(
+            [stiff(*pair) for pair in mixed],
+            [cases.circle_on_pad(body, d, 11.5) for d in diameters],
+        ),
         motion,
     )
     # The last place on the intermediate pad, and half a millimetre on either side of it.
@@ -86,7 +89,7 @@ def families(finger: Finger, end: float, seed: int) -> Iterator[Family]:
     depths = np.linspace(1.1, 4.0, LANES) * height
     both = [cases.touching(body, 0.7, middle, d) for d in depths]
     both = [
-        Circle(c.centre + _inward(0.7, d, height), d) for c, d in zip(both, depths, strict=True)
+        Circle(c.center + _inward(0.7, d, height), d) for c, d in zip(both, depths, strict=True)
     ]
     yield Family("both pads touched at once, at their ends", on([finger] * LANES, both), motion)
     pinched = [

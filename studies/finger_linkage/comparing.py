@@ -11,13 +11,13 @@ from designopt.optimize import (
     FEASIBLE,
     Evolution,
     Method,
-    Minimiser,
+    Minimizer,
     Optima,
     Problem,
     Starts,
-    differential_evolution,
-    epigraph,
-    level_starts,
+    make_epigraph,
+    make_epigraph_starts,
+    run_differential_evolution,
 )
 from designopt.study.results import Claim, PrecisionRow, PrecisionStudy
 from studies.models.linkage_design.problem import ANGLE, grid
@@ -124,18 +124,18 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> Comparison:
     """All solvers on the problem of the search's first round, from its starts."""
     flexion = grid(found.finger.body, spec.search.step_deg)
     problem = over(found.finger, spec, flexion, flexion)
-    exact = epigraph(problem, scale=ANGLE)
+    exact = make_epigraph(problem, scale=ANGLE)
     starts = found.starts
-    every = level_starts(problem, starts.parameters)
+    every = make_epigraph_starts(problem, starts.parameters)
     runs = [_run(problem, "bfgs", spec.search.starts, found.rounds[0].optima, starts)]
     for method, counts in CONTENDERS:
         for count in counts:
             if count > spec.search.starts or (method, count) == ("bfgs", spec.search.starts):
                 continue
-            minimiser = Minimiser(exact, count, method, floor=FLOOR, updates=UPDATES, steps=STEPS)
-            optima = minimiser.solve(jax.tree.map(lambda leaf, n=count: leaf[:n], every))
+            minimizer = Minimizer(exact, count, method, floor=FLOOR, updates=UPDATES, steps=STEPS)
+            optima = minimizer.solve(jax.tree.map(lambda leaf, n=count: leaf[:n], every))
             runs.append(_run(problem, method, count, optima, starts))
-    evolution = differential_evolution(problem, seconds=spec.evolution_seconds, seed=seed)
+    evolution = run_differential_evolution(problem, seconds=spec.evolution_seconds, seed=seed)
     comparison = Comparison(tuple(runs), evolution)
     for share in (1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2, 1):
         until = share * spec.evolution_seconds

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.optimize
 from jax.flatten_util import ravel_pytree
 
-from designopt.optimize import differential_evolution
+from designopt.optimize import run_differential_evolution
 from designopt.optimize.augmented_lagrangian import Inner, augmented_lagrangian
 from designopt.optimize.flat import Flat
 from designopt.optimize.reference_solvers import compile_reference
@@ -211,7 +211,7 @@ def _evolution(spec: MirrorSpec, task: Task, seconds: float, seed: int) -> Itera
     problem = problem_of(spec, task)
     # One member after the other: all together would leave the cache, and take six times longer.
     problem = replace(problem, terms=jax.custom_batching.sequential_vmap(terms_of))
-    found = differential_evolution(problem, seconds=seconds, seed=seed, population=POPULATION)
+    found = run_differential_evolution(problem, seconds=seconds, seed=seed, population=POPULATION)
     compiling = max(time.perf_counter() - begin - float(found.seconds[-1]), 0.0)
     last = len(found.seconds) - 1
     shown = {int(np.searchsorted(found.seconds, part * found.seconds[-1])) for part in SHARES}

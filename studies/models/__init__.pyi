@@ -1,5 +1,5 @@
-from .finger import Body, Finger, FingerCamera, FingerMirror, Spring
-from .finger_file import finger_from, finger_text, packaged_finger, read_finger, write_finger
+from .finger import Body, Finger, FingerCamera, FingerMirror, FingerSpring
+from .finger_file import format_finger, packaged_finger, parse_finger, read_finger, write_finger
 from .pins import Pins
 
 __all__ = [
@@ -7,11 +7,11 @@ __all__ = [
     "Finger",
     "FingerCamera",
     "FingerMirror",
+    "FingerSpring",
     "Pins",
-    "Spring",
-    "finger_from",
-    "finger_text",
+    "format_finger",
     "packaged_finger",
+    "parse_finger",
     "read_finger",
     "write_finger",
 ]

@@ -85,7 +85,7 @@ class Body(eqx.Module):
         return self.thickness - self.axis_height
 
 
-class Spring(eqx.Module):
+class FingerSpring(eqx.Module):
     """The torsion spring between distal phalanx and plate, and the motor.
 
     Attributes:
@@ -171,7 +171,7 @@ class Finger(eqx.Module):
 
     body: Body
     pins: Pins | None
-    spring: Spring | None
+    spring: FingerSpring | None
     camera: FingerCamera | None
     mirrors: tuple[FingerMirror, ...]
     name: str = eqx.field(static=True)
@@ -182,7 +182,7 @@ class Finger(eqx.Module):
         cls,
         body: Body,
         pins: Pins | None = None,
-        spring: Spring | None = None,
+        spring: FingerSpring | None = None,
         camera: FingerCamera | None = None,
         mirrors: Sequence[FingerMirror] = (),
         *,
@@ -317,7 +317,7 @@ def pins_of(finger: Finger) -> Pins:
     return _present(finger, finger.pins, "linkage", "pins")
 
 
-def spring_of(finger: Finger) -> Spring:
+def spring_of(finger: Finger) -> FingerSpring:
     """The finger's spring.
 
     Raises:

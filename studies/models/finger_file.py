@@ -18,15 +18,15 @@ from pydantic import Field, PositiveInt, model_validator
 
 from designopt.designs import read_tables
 from designopt.errors import UserError
-from designopt.export.sheet import printable
+from designopt.export.drawing import printable
 from designopt.io.files import replaced_when_complete
 from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT, Format, Length, Number, Point, Title, validated
-from designopt.io.toml_writing import degrees_of, toml_text
+from designopt.io.toml_writing import degrees_of, format_toml
 from kinematics.io.designed import DesignedLinkage
 from optics.scene.designed import DesignedScene
 from studies.models.body import BodyTable
-from studies.models.finger import Body, Finger, FingerCamera, FingerMirror, Spring
+from studies.models.finger import Body, Finger, FingerCamera, FingerMirror, FingerSpring
 from studies.models.pins import Pins, pin_name
 
 SAME = 1e-6
@@ -54,7 +54,7 @@ class PinsTable(Spec):
 
 
 class SpringTable(Spec):
-    """``[spring]``; see `Spring`."""
+    """``[spring]``; see `FingerSpring`."""
 
     stiffness: Annotated[Number, Field(ge=0)]
     preload: Number
@@ -114,7 +114,7 @@ def read_finger(path: str | Path) -> Finger:
         file = path / "finger.toml"
         return read_finger(file) if file.exists() else _from_specs(path)
     tables = read_tables(path, "finger", "finger")
-    return finger_from(tables, str(path), printable(path.stem))
+    return parse_finger(tables, str(path), printable(path.stem))
 
 
 def packaged_finger() -> Finger:
@@ -123,7 +123,7 @@ def packaged_finger() -> Finger:
         return read_finger(path)
 
 
-def finger_from(tables: dict[str, Any], source: str, name: str = "finger") -> Finger:
+def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> Finger:
     """The finger that the tables of a file describe.
 
     Args:
@@ -141,7 +141,7 @@ def finger_from(tables: dict[str, Any], source: str, name: str = "finger") -> Fi
         None
         if pins is None
         else Pins(**{pin: np.array(place) for pin, place in pins.model_dump().items()}),
-        None if file.spring is None else Spring(**file.spring.model_dump()),
+        None if file.spring is None else FingerSpring(**file.spring.model_dump()),
         None
         if camera is None
         else FingerCamera(
@@ -159,7 +159,7 @@ def finger_from(tables: dict[str, Any], source: str, name: str = "finger") -> Fi
 
 
 def finger_tables(finger: Finger) -> dict[str, Any]:
-    """The tables of a finger's file; `finger_from` makes the same finger of them."""
+    """The tables of a finger's file; `parse_finger` makes the same finger of them."""
     body, camera = finger.body, finger.camera
     lengths = ("proximal", "intermediate", "distal", "thickness", "axis_height")
     tables: dict[str, Any] = {
@@ -196,9 +196,9 @@ def finger_tables(finger: Finger) -> dict[str, Any]:
     return tables
 
 
-def finger_text(finger: Finger) -> str:
+def format_finger(finger: Finger) -> str:
     """The text of a finger's file; `read_finger` reads the same back."""
-    return toml_text(
+    return format_toml(
         finger_tables(finger),
         "A finger: lengths in mm; pins in the straight finger, PIP axis at the origin, x to the\n"
         "tip, y to the back. depth: below the dorsal face; mirrors: [along from its axis, depth].",
@@ -213,7 +213,7 @@ def write_finger(finger: Finger, path: str | Path) -> None:
         path: of the file.
     """
     with replaced_when_complete(Path(path)) as partial:
-        partial.write_text(finger_text(finger), encoding="utf-8")
+        partial.write_text(format_finger(finger), encoding="utf-8")
 
 
 def _from_specs(folder: Path) -> Finger:
@@ -274,7 +274,7 @@ def _from_specs(folder: Path) -> Finger:
     if "spring" in settings:
         names = SpringTable.model_fields
         tables["spring"] = {k: v for k, v in settings["spring"].items() if k in names}
-    finger = finger_from(tables, str(folder))
+    finger = parse_finger(tables, str(folder))
     _check_agreement(folder, finger, linkage, scene)
     return finger
 

@@ -9,7 +9,7 @@ from matplotlib.patches import Circle, Polygon
 
 from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.study.results import Figure
-from optics.chamber import bent
+from optics.chamber import bend_center_line
 from studies.object_size.found import Found, Shown
 from studies.object_size.spec import ObjectSizeSpec
 from studies.object_size.statements import ERROR_MM
@@ -59,7 +59,7 @@ def grasps_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
 
 def _grasp(axes: Axes, spec: ObjectSizeSpec, found: Found, shown: Shown, reach: float) -> None:
     arcs = jnp.linspace(0, found.hand.length, 101)
-    line = bent(arcs, jnp.asarray(shown.bend), found.hand.length)
+    line = bend_center_line(arcs, jnp.asarray(shown.bend), found.hand.length)
     across, along, turned = (np.asarray(part) for part in (line.across, line.along, line.turned))
     normal = spec.finger_radius * np.array([np.cos(turned), -np.sin(turned)])
     inner, outer = np.array([across, along]) + normal, np.array([across, along]) - normal
@@ -71,17 +71,17 @@ def _grasp(axes: Axes, spec: ObjectSizeSpec, found: Found, shown: Shown, reach: 
         + np.sin(round_tip) * np.array([[np.sin(end)], [np.cos(end)]])
     )
     skin = np.concatenate([outer, tip, inner[:, ::-1]], axis=1).T
-    centre = (spec.palm, spec.gap + shown.diameter / 2)
+    center = (spec.palm, spec.gap + shown.diameter / 2)
     axes.add_patch(Polygon(skin, facecolor=SKIN, edgecolor=VERMILION, label="finger"))
     axes.add_patch(
-        Circle(centre, shown.diameter / 2, facecolor=GLASS, edgecolor=BLUE, label="bottle")
+        Circle(center, shown.diameter / 2, facecolor=GLASS, edgecolor=BLUE, label="bottle")
     )
     axes.plot(across, along, "--", color="black", linewidth=0.9, label="centre line")
     axes.plot(
         [spec.finger_radius, reach], [spec.gap] * 2, color="0.35", linewidth=2.5, label="palm"
     )
-    place = bent(jnp.asarray(shown.arc), jnp.asarray(shown.bend), found.hand.length)
-    away = np.array([centre[0] - float(place.across), centre[1] - float(place.along)])
+    place = bend_center_line(jnp.asarray(shown.arc), jnp.asarray(shown.bend), found.hand.length)
+    away = np.array([center[0] - float(place.across), center[1] - float(place.along)])
     way = away / np.hypot(*away) * float(found.hand.radius)
     touch = (float(place.across) + way[0], float(place.along) + way[1])
     axes.plot(*touch, "x", color="black", markeredgewidth=1.5, label="contact")
@@ -130,10 +130,10 @@ def estimates_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
         ("grasp alone", random.by_true_bend, VERMILION, "--"),
         ("image alone", random.by_true_place, GREEN, "-."),
     )
-    for name, diameters, colour, style in ways:
+    for name, diameters, color, style in ways:
         size = np.sort(np.abs(random.errors(diameters)))
         part = 100 * np.arange(1, len(size) + 1) / max(len(size), 1)
-        right.plot(size, part, style, color=colour, label=name)
+        right.plot(size, part, style, color=color, label=name)
     right.axvline(ERROR_MM, color="0.6", linewidth=0.9, linestyle=":")
     right.set(xlabel="absolute error (mm)", ylabel="grasps with no larger error (%)")
     right.set(title="What is off", xlim=(0, None), ylim=(0, 101))
@@ -156,8 +156,8 @@ def confusion_figure(spec: ObjectSizeSpec, found: Found) -> Figure:
     axes, right = grid[0]
     axes.imshow(table, cmap="Blues", vmin=0, vmax=spec.grasps, aspect="auto")
     for (row, column), count in np.ndenumerate(table):
-        colour = "white" if count > spec.grasps / 2 else "black"
-        axes.text(column, row, str(count), ha="center", va="center", color=colour)
+        color = "white" if count > spec.grasps / 2 else "black"
+        axes.text(column, row, str(count), ha="center", va="center", color=color)
     names = [f"{diameter:g}" for diameter in spec.bottles]
     axes.set(xticks=range(len(names) + 1), xticklabels=[*names, "none"])
     axes.set(yticks=range(len(names)), yticklabels=names)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from perception.posture import PostureEstimator, SeenPosture, bend_of_markers
+from perception.posture import PostureEstimate, PostureEstimator, fit_bend
 from studies.models.soft_finger.samples import MARKERS
 from studies.object_size.grasp import Hand, diameter_of
 
@@ -57,13 +57,13 @@ class Estimates:
     diameters: Float[np.ndarray, " pictures"]
 
 
-def estimated(postures: Sequence[SeenPosture], reader: Reader) -> Estimates:
+def estimated(postures: Sequence[PostureEstimate], reader: Reader) -> Estimates:
     """Diameters from postures."""
     nothing = np.full((3, 2), np.nan)
     markers = np.stack([nothing if one.markers is None else one.markers for one in postures])
     length = float(reader.hand.length)
     first, second, third, last = (part * length for part in MARKERS)
-    fit = bend_of_markers(markers, (first, second, third, last), length)
+    fit = fit_bend(markers, (first, second, third, last), length)
     hands = jax.tree.map(lambda value: jnp.full(len(postures), value), reader.hand)
     found = diameters_of(hands, jnp.asarray(fit.bend))
     known = fit.known & (fit.residual <= reader.largest_residual) & np.asarray(found.ok)

@@ -31,7 +31,7 @@ from jaxtyping import Array, Float
 from designopt.numerics import safe_arctan2
 from designopt.roots import find_root
 from designopt.solution import Solution, combine_checks
-from optics.chamber import bent
+from optics.chamber import bend_center_line
 
 CLOSED = math.radians(120)
 """The farthest that the finger closes, in radians."""
@@ -137,10 +137,10 @@ def bend_around(hand: Hand, diameter: Float[Array, ""]) -> Solution[Float[Array,
         mm.
     """
     radius = diameter / 2
-    reach, centre = radius + hand.radius, hand.gap + radius
+    reach, center = radius + hand.radius, hand.gap + radius
     # From the circle of the arc: (1/κ − reach)² = (palm − 1/κ)² + centre².
     # Of a bottle that is too wide for this, the finger's base is within reach.
-    beyond = hand.palm**2 + centre**2 - reach**2
+    beyond = hand.palm**2 + center**2 - reach**2
     curvature = 2 * (hand.palm - reach) / jnp.where(beyond > 0, beyond, 1)
     within = curvature * hand.length
     at_tip = _nearest(hand, curvature, radius) > hand.length
@@ -182,16 +182,16 @@ def _along(hand: Hand, curvature: Float[Array, ""]) -> Float[Array, ""]:
 
 def _nearest(hand: Hand, curvature: Float[Array, ""], radius: Float[Array, ""]) -> Float[Array, ""]:
     """How far along the circle of the arc its point nearest to the bottle's centre is, mm."""
-    centre = hand.gap + radius
+    center = hand.gap + radius
     straight = curvature == 0
     some = jnp.where(straight, 1, curvature)
-    turned = safe_arctan2(some * centre, 1 - some * hand.palm)
-    return jnp.where(straight, centre, turned / some)
+    turned = safe_arctan2(some * center, 1 - some * hand.palm)
+    return jnp.where(straight, center, turned / some)
 
 
 def _tip(hand: Hand, bend: Float[Array, ""]) -> Float[Array, ""]:
     """Radius of the bottle that the tip touches, mm; not positive if it has reached the palm."""
-    tip = bent(hand.length, bend, hand.length)
+    tip = bend_center_line(hand.length, bend, hand.length)
     off = (tip.across - hand.palm) ** 2 + (tip.along - hand.gap) ** 2 - hand.radius**2
     room = hand.radius + tip.along - hand.gap
     # No circle touches the palm and what is all below it.

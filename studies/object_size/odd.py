@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from perception.chamber import Sight
+from perception.chamber import ChamberStatus
 from perception.posture import USABLE, find_posture
 from studies.models.soft_finger.finger import DOWN, SoftFinger, looked_at
 from studies.models.soft_finger.odd import Kind, Picture, odd_pictures
@@ -27,21 +27,21 @@ class Said:
     """What was said of one picture.
 
     Attributes:
-        sight: of the chamber; None after an exception.
+        status: of the chamber; None after an exception.
         diameter: of the bottle, mm; None if it is undefined.
     """
 
-    sight: Sight | None
+    status: ChamberStatus | None
     diameter: float | None
 
     @property
     def sound(self) -> bool:
         """Whether nothing was raised, and a diameter is one, and of a chamber that is seen."""
-        if self.sight is None:
+        if self.status is None:
             return False
         if self.diameter is None:
             return True
-        return self.sight in USABLE and math.isfinite(self.diameter) and self.diameter > 0
+        return self.status in USABLE and math.isfinite(self.diameter) and self.diameter > 0
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Odd:
         markers lie on no arc, or on one that holds nothing.
         """
         unseen = self.said.diameter is not None and not self.kind.usable
-        return self.said.sight is not self.kind.sight or unseen or not self.said.sound
+        return self.said.status is not self.kind.status or unseen or not self.said.sound
 
 
 WITHIN = 5.0
@@ -94,7 +94,7 @@ class AtBend:
         nothing.
         """
         return sum(
-            one.sight not in USABLE
+            one.status not in USABLE
             or not one.sound
             or (
                 one.diameter is not None
@@ -108,7 +108,7 @@ def say(picture: Picture, reader: Reader) -> Said:
     """From a picture to a diameter."""
     seen = find_posture(picture, reader.estimator)
     one = estimated([seen], reader)
-    return Said(seen.sight, float(one.diameters[0]) if one.known[0] else None)
+    return Said(seen.status, float(one.diameters[0]) if one.known[0] else None)
 
 
 def over_bends(finger: SoftFinger, reader: Reader, frames: int, seed: int) -> list[AtBend]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from designopt.study.results import Metric, Target
-from perception.posture import marker_errors
+from perception.posture import compute_marker_errors
 from studies.models.soft_finger.targets import stated
 from studies.object_size.found import Found
 from studies.object_size.spec import ObjectSizeSpec
@@ -100,7 +100,7 @@ def _off(found: Found) -> tuple[np.ndarray, np.ndarray]:
     for one in found.grasps:
         said = one.estimates
         truth = one.marker_truth(float(found.hand.length))
-        tips.append(marker_errors(said.markers, truth)[said.seen, -1])
+        tips.append(compute_marker_errors(said.markers, truth)[said.seen, -1])
         bends.append((said.bends - one.grasps.bends)[said.seen])
     return np.concatenate(tips), np.concatenate(bends)
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from designopt.study.results import Cell, Table
-from studies.models.soft_finger.odd import sight_words
+from studies.models.soft_finger.odd import status_words
 from studies.object_size.found import Found
 from studies.object_size.spec import ObjectSizeSpec
 from studies.object_size.trials import Measured
@@ -194,14 +194,14 @@ def odd(found: Found) -> Table:
     rows: list[list[Cell]] = []
     for kind in dict.fromkeys(one.kind for one in found.odd):
         own = [one for one in found.odd if one.kind is kind]
-        sights = {sight_words(one.said.sight) for one in own}
+        statuses = {status_words(one.said.status) for one in own}
         rows.append(
             [
                 kind.name,
                 len(own),
-                sight_words(kind.sight),
+                status_words(kind.status),
                 "a diameter, or a bend of none" if kind.usable else "undefined",
-                ", ".join(sorted(sights)),
+                ", ".join(sorted(statuses)),
                 sum(one.said.diameter is not None for one in own),
                 sum(one.failed for one in own),
             ]

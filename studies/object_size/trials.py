@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from designopt.errors import UserError
-from optics.chamber import Posture, pressed_by
+from optics.chamber import Posture, press_wall
 from perception.posture import find_posture
 from studies.models.soft_finger.finger import DOWN, SoftFinger, looked_at
 from studies.models.soft_finger.samples import marker_places
@@ -127,7 +127,7 @@ def drawn(
             "to the middle of what the hand holds, or a smaller place"
         )
     touch = all_touched(hands, solved.value)
-    pressed = jax.vmap(pressed_by, in_axes=(None, 0, 0, 0))(
+    pressed = jax.vmap(press_wall, in_axes=(None, 0, 0, 0))(
         jnp.asarray(finger.arc), touch.arc, touch.relative_radius, jnp.asarray(depths)
     )
     bends = np.asarray(solved.value)

@@ -143,11 +143,11 @@ def bound_figure(found: Found) -> Figure:
         axes.plot(
             angles, np.maximum(errors, 1e-3), ".", color="0.6", markersize=3, label="one frame"
         )
-        for values, colour, marker, label in (
+        for values, color, marker, label in (
             (errors, PALETTE[0], "o", "reached, root mean square"),
             (bounds, PALETTE[1], "s", "Cramér–Rao bound, root mean square"),
         ):
-            axes.plot(*_binned(angles, values, _root_mean_square), color=colour, marker=marker,
+            axes.plot(*_binned(angles, values, _root_mean_square), color=color, marker=marker,
                       label=label)  # fmt: skip
         axes.set(yscale="log", title=drawn_name(name.upper()), xlabel="joint angle (°)")
         _angle_axis(axes, found)

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from perception.proprioception import GapTable, calibrate_gap, undefined
+from perception.proprioception import GapTable, calibrate_gap, make_undefined
 from studies.models.sensor.finger_sensor import FingerSensor
 from studies.proprioception.ladder import Answer
 from studies.proprioception.watching import spread_over
@@ -65,7 +65,7 @@ def tried(
             )
             for index, gap in enumerate(gaps[labelled:]):
                 estimate = (
-                    undefined("the gap could not be calibrated")
+                    make_undefined("the gap could not be calibrated")
                     if meter is None
                     else meter.estimate(gap)
                 )

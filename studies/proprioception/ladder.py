@@ -19,19 +19,19 @@ from perception.proprioception import (
     CornerModel,
     Estimate,
     FingerErrors,
-    GapMeter,
+    GapEstimator,
     GapTable,
     Observation,
     calibrate,
     calibrate_gap,
-    estimates_of,
+    compute_information_bound,
     find_pose,
-    first_defined,
     fit_edges,
-    information_bound,
+    make_undefined,
     observe,
+    select_defined,
+    split_estimates,
     stack_observations,
-    undefined,
 )
 from perception.proprioception.observation import FLOOR
 from studies.models.sensor.estimators import corner_model
@@ -100,7 +100,7 @@ class Climbed:
     unlabelled: Solution[Calibration]
     bound: Bound
     seconds: list[float]
-    meters: list[GapMeter | None]
+    meters: list[GapEstimator | None]
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Ladder:
             lambda errors: errors.distortion, finger.deviations, replace_fn=jnp.zeros_like
         )
         plain = corner_model(
-            finger.scene, finger.imaging, finger.catalogue, deviations, finger.carried
+            finger.scene, finger.imaging, finger.catalog, deviations, finger.carried
         )
         return cls(finger, tables, label_deviation, plain)
 
@@ -182,7 +182,7 @@ class Ladder:
             zip(frames.angles, frames.sightings, seen_frames, strict=True)
         ):
             gaps = [
-                undefined("the gap could not be calibrated")
+                make_undefined("the gap could not be calibrated")
                 if meter is None
                 else meter.estimate(meter.table.measured(sighting))
                 for meter in meters
@@ -195,14 +195,14 @@ class Ladder:
             seconds.append(time.perf_counter() - start)
             by_method: dict[str, Sequence[Estimate]] = {
                 GAP: gaps,
-                GAP_THEN_EDGE: [first_defined(*pair) for pair in zip(gaps, edges, strict=True)],
+                GAP_THEN_EDGE: [select_defined(*pair) for pair in zip(gaps, edges, strict=True)],
                 EDGE: edges,
-                DESIGNED: estimates_of(find_pose(model, observation, guess)),
+                DESIGNED: split_estimates(find_pose(model, observation, guess)),
                 LABELLED: by_labels,
                 UNLABELLED: _by_all_corners(model, unlabelled, observation, guess),
                 SAME_UNLABELLED: _by_all_corners(model, same, observation, guess),
                 LENS_AS_DESIGNED: _by_all_corners(self.plain, plain, observation, guess),
-                EXACT: estimates_of(
+                EXACT: split_estimates(
                     find_pose(model, observation, guess, FingerErrors.of(model, seen.errors, exact))
                 ),
             }
@@ -212,7 +212,7 @@ class Ladder:
                 for joint, name in enumerate(model.names)
             ]
             bounds.append(
-                information_bound(
+                compute_information_bound(
                     model,
                     seen.errors,
                     (observation, truth),
@@ -232,8 +232,8 @@ def _by_all_corners(
 ) -> list[Estimate]:
     """The joint angles of a frame of a calibrated finger."""
     if not known.ok:
-        return [undefined(known.messages()[0])] * len(guess)
-    return estimates_of(find_pose(model, seen, guess, known.value.errors))
+        return [make_undefined(known.messages()[0])] * len(guess)
+    return split_estimates(find_pose(model, seen, guess, known.value.errors))
 
 
 def solved(ladder: Ladder, number: int, seen: Watched, seed: int) -> list[Answer]:

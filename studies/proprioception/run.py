@@ -97,7 +97,7 @@ def _gap_tables(finger: FingerSensor) -> list[GapTable]:
     for (pad, path), joint in zip(finger.model.views, finger.model.joints, strict=True):
         if joint is not None and path != "direct":
             try:
-                table = gap_table(finger.scene, finger.catalogue, pad)
+                table = gap_table(finger.scene, finger.catalog, pad)
             except ValueError as error:
                 raise UserError(
                     f"scene: {error}; the gap needs both of every pad that moves: give the scene "

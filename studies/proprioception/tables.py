@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from designopt.study.results import Cell, Table
-from optics.scene.fabrication import fabrication_names
+from optics.scene.fabrication import name_fabrication_errors
 from studies.proprioception.found import Found
 from studies.proprioception.gap_alone import METHOD as GAP_ALONE
 from studies.proprioception.ladder import (
@@ -148,7 +148,7 @@ def gaps(found: Found) -> Table:
 def tolerances(found: Found) -> Table:
     """What calibration finds of every error of fabrication."""
     sizes = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(found.finger.deviations)])
-    names = fabrication_names(found.finger.scene.layout, found.finger.deviations)
+    names = name_fabrication_errors(found.finger.scene.layout, found.finger.deviations)
     true = np.stack([one.errors for one in found.watched])
     columns: dict[str, list[float]] = {"stated": sizes.tolist()}
     for name in ("labelled", "unlabelled"):

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from optics.rendering import Effects
-from perception.detection import find_views
+from perception.detection import detect_views
 from perception.matching import Sighting
 from perception.proprioception import GapTable
 from studies.models.one_thread import one_thread
@@ -85,7 +85,7 @@ def watched(
         spread_over(limits, labelled),
     )
     # What is compiled on the way is no part of a frame's time.
-    find_views(renderer.render(sets[0][0]).pixels, finger.lens, finger.catalogue)
+    detect_views(renderer.render(sets[0][0]).pixels, finger.lens, finger.catalog)
     made, first = [], 0
     for angles in sets:
         found, seconds = [], []
@@ -93,7 +93,7 @@ def watched(
             image = renderer.render(pose, frame=frame)
             with one_thread():
                 start = time.perf_counter()
-                found.append(find_views(image.pixels, finger.lens, finger.catalogue))
+                found.append(detect_views(image.pixels, finger.lens, finger.catalog))
                 seconds.append(time.perf_counter() - start)
         made.append(Frames(angles, found, seconds))
         first += len(angles)

@@ -23,7 +23,7 @@ from studies.surface_profile.spec import SurfaceProfileSpec
 from studies.surface_profile.surfaces import KINDS
 from studies.surface_profile.trials import POINTS, WAYS, WHOLE, YELLOW, Trial
 
-COLOURS = {POINTS: PALETTE[0], YELLOW: PALETTE[6], WHOLE: PALETTE[4]}
+COLORS = {POINTS: PALETTE[0], YELLOW: PALETTE[6], WHOLE: PALETTE[4]}
 STYLES = {POINTS: "-", YELLOW: "--", WHOLE: ":"}
 
 LEAST_RANGE = 1.0
@@ -73,8 +73,8 @@ def profiles_figure(spec: SurfaceProfileSpec, found: Found) -> Figure:
 def _in_px(axes: Axes, trial: Trial) -> None:
     e = TRACKED.index("e")
     x = trial.slide.x
-    axes.step(x, trial.whole.px[:, e], where="mid", color=COLOURS[WHOLE], label="e in whole pixels")
-    axes.plot(x, trial.moved.px[:, e], color=COLOURS[YELLOW], linewidth=1,
+    axes.step(x, trial.whole.px[:, e], where="mid", color=COLORS[WHOLE], label="e in whole pixels")
+    axes.plot(x, trial.moved.px[:, e], color=COLORS[YELLOW], linewidth=1,
               label="e finer than a pixel")  # fmt: skip
 
 
@@ -92,7 +92,7 @@ def _in_mm(axes: Axes, trial: Trial, tip: float) -> None:
         slide.x[heights.known],
         (heights.mm - constant)[heights.known],
         ".",
-        color=COLOURS[POINTS],
+        color=COLORS[POINTS],
         markersize=3.5,
         label="found by b, e and g",
     )
@@ -165,7 +165,7 @@ def errors_figure(spec: SurfaceProfileSpec, found: Found) -> Figure:
     for way in WAYS:
         numbers = np.sort(np.abs(errors(found.trials, way)))
         parts = 100 * (np.arange(len(numbers)) + 1) / max(len(numbers), 1)
-        axes[0].plot(numbers, parts, color=COLOURS[way], linestyle=STYLES[way], label=way)
+        axes[0].plot(numbers, parts, color=COLORS[way], linestyle=STYLES[way], label=way)
     axes[0].set(
         xlabel="error of a height (mm)", ylabel="part below (%)", ylim=(0, 101), title="all slides"
     )
@@ -173,11 +173,11 @@ def errors_figure(spec: SurfaceProfileSpec, found: Found) -> Figure:
     counts = sorted(found.fingers[0].calibrations)
     at = np.arange(len(counts))
     full = [calibrated_errors(spec, found.fingers, count, POINTS) for count in counts]
-    for number, (label, colour, marker) in enumerate(
+    for number, (label, color, marker) in enumerate(
         (("profile", PALETTE[3], "^"), ("height itself", PALETTE[2], "s"))
     ):
         values = [quantiles(one[number], 0.9)[0] for one in full]
-        axes[1].plot(at, values, color=colour, marker=marker, label=label)
+        axes[1].plot(at, values, color=color, marker=marker, label=label)
     axes[1].set(xlabel="calibration frames", ylabel="90 % are below (mm)", xticks=at,
                 xticklabels=[str(count) for count in counts])  # fmt: skip
     axes[1].set_ylim(bottom=0)
@@ -186,7 +186,7 @@ def errors_figure(spec: SurfaceProfileSpec, found: Found) -> Figure:
     groups = {one.severity: one.trials for one in found.severities} | {spec.severity: found.trials}
     for way in WAYS:
         values = [quantiles(errors(trials, way), 0.9)[0] for _, trials in sorted(groups.items())]
-        axes[2].plot(sorted(groups), values, color=COLOURS[way], linestyle=STYLES[way], marker="o")
+        axes[2].plot(sorted(groups), values, color=COLORS[way], linestyle=STYLES[way], marker="o")
     axes[2].set(xlabel="severity", ylabel="90 % are below (mm)")
     axes[2].set_ylim(bottom=0)
     axes[2].set_title("over severity")
@@ -216,7 +216,7 @@ def limits_figure(found: Found) -> list[Figure]:
         axes.plot(size, exact, color="0.6", linewidth=3, label="by the ridden heights, exactly")
         for way, marker in ((POINTS, "o"), (WHOLE, "s")):
             told = [100 * one.told(way) for one in sized]
-            axes.plot(size, told, marker=marker, color=COLOURS[way], linestyle=STYLES[way],
+            axes.plot(size, told, marker=marker, color=COLORS[way], linestyle=STYLES[way],
                       label=f"by {way}")  # fmt: skip
         axes.axvline(LIMIT[name], color="black", linewidth=1, linestyle="-.", label="limit")
         axes.set(xlabel=f"true {name} (mm)", ylabel=f"called {WORD[name]} (%)", ylim=(-3, 103))

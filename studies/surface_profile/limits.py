@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from perception.chamber import ChamberMap, Heights, SurfaceKind, kind_of, shape_of
+from perception.chamber import ChamberMap, Heights, SurfaceKind, classify_surface, measure_shape
 from perception.chamber.surfaces import CURVED, ROUGH
 from studies.surface_profile.spec import SurfaceProfileSpec
 from studies.surface_profile.surfaces import KINDS, drawn
@@ -55,7 +55,7 @@ class Sized:
         kinds = []
         for one in (trial.slide for trial in self.trials):
             exact = Heights(one.ridden, np.ones(len(one.x), bool))
-            kinds.append(kind_of(shape_of(one.x, exact)) is one.surface.kind)
+            kinds.append(classify_surface(measure_shape(one.x, exact)) is one.surface.kind)
         return float(np.mean(kinds))
 
     def found(self, way: str = POINTS) -> float:

@@ -9,16 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from optics.chamber import bent
+from optics.chamber import bend_center_line
 from perception.chamber import (
     ChamberMap,
+    ChamberStatus,
     Heights,
     Points,
-    Sight,
+    compute_movements,
+    estimate_scatter,
     find_points,
     find_regions,
-    movements,
-    scatter,
 )
 from studies.models.soft_finger.finger import SoftFinger, looked_at
 from studies.models.soft_finger.odd import Kind, odd_pictures
@@ -42,13 +42,13 @@ class Odd:
 
     Attributes:
         kind: what is odd.
-        sight: what was answered of the chamber; None after an exception.
+        status: what was answered of the chamber; None after an exception.
         failed: whether the answer is not the defined one: sight, and a height only where blue's
             points are in view.
     """
 
     kind: Kind
-    sight: Sight | None
+    status: ChamberStatus | None
     failed: bool
 
 
@@ -98,7 +98,7 @@ def _at_rest(
         lambda _, image: find_points(image.pixels, find_regions(image.pixels)),
         first,
     )
-    shake, noise = scatter(movements(rest, rest))
+    shake, noise = estimate_scatter(compute_movements(rest, rest))
     return rest, dataclasses.replace(design, shake=shake, noise=noise)
 
 
@@ -113,13 +113,13 @@ def odd_frames(spec: SurfaceProfileSpec, design: ChamberMap, seed: int) -> list[
         # Whatever is raised is a fault of perception, and is counted as one.
         try:
             regions = find_regions(picture)
-            heights = chamber.height(movements([find_points(picture, regions)], rest))
+            heights = chamber.height(compute_movements([find_points(picture, regions)], rest))
         except Exception:
             found.append(Odd(kind, None, failed=True))
         else:
             off = wrong(chamber, heights, truth[i : i + 1]) if kind.in_view else heights.known
-            failed = regions.sight is not kind.sight or bool(off[0])
-            found.append(Odd(kind, regions.sight, failed))
+            failed = regions.status is not kind.status or bool(off[0])
+            found.append(Odd(kind, regions.status, failed))
     return found
 
 
@@ -131,14 +131,16 @@ def over_bends(spec: SurfaceProfileSpec, design: ChamberMap, seed: int) -> list[
         frames = BEND_FRAMES if severity else 1
         bends = np.repeat(np.deg2rad(BENDS_DEG), frames)
         contact, length = jnp.asarray(spec.contact), jnp.asarray(finger.length)
-        truth = np.array([float(bent(contact, jnp.asarray(b), length).across) for b in bends])
+        truth = np.array(
+            [float(bend_center_line(contact, jnp.asarray(b), length).across) for b in bends]
+        )
         rest, chamber = _at_rest(spec, design, finger, seed, severity, len(bends))
         points = looked_at(
             finger.renderer(seed, severity=severity),
             finger.postures(bends, np.full(len(bends), UP)),
             lambda _, image: find_points(image.pixels, find_regions(image.pixels)),
         )
-        found = chamber.height(movements(points, rest))
+        found = chamber.height(compute_movements(points, rest))
         failed = wrong(chamber, found, truth)
         for i, bend in enumerate(BENDS_DEG):
             own = slice(i * frames, (i + 1) * frames)

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.roots import find_root
-from optics.chamber import Endoscope, Posture, bent, extreme_points, pressed_by
+from optics.chamber import Endoscope, Posture, bend_center_line, find_extreme_points, press_wall
 from optics.chamber.chamber import Chamber
 from perception.chamber import ChamberMap
 from studies.models.soft_finger.finger import DOWN, SoftFinger
@@ -43,7 +43,7 @@ def _bends(
     part: Float[Array, " frames"], contact: Float[Array, ""], length: Float[Array, ""]
 ) -> Float[Array, " frames"]:
     def off(bend: Float[Array, ""], part: Float[Array, ""]) -> Float[Array, ""]:
-        return bent(contact, bend, length).across / contact - part
+        return bend_center_line(contact, bend, length).across / contact - part
 
     def one(part: Float[Array, ""]) -> Float[Array, ""]:
         return find_root(off, 2 * part * length / contact, part).value
@@ -76,7 +76,7 @@ def postures_on(
     bends = bends_at(deflections, spec.contact, finger.length)
     depths = jnp.asarray(-(spec.pressed + spec.pressed_more * deflections))
     arc, contact, radius = (jnp.asarray(each) for each in (finger.arc, spec.contact, LIMB))
-    pressed = jax.vmap(pressed_by, in_axes=(None, None, None, 0))(arc, contact, radius, depths)
+    pressed = jax.vmap(press_wall, in_axes=(None, None, None, 0))(arc, contact, radius, depths)
     return finger.postures(bends, directions, np.asarray(pressed))
 
 
@@ -87,8 +87,8 @@ def _edges(
     """Rows of the lowest and of the uppermost points of blue, yellow and the top; bent up."""
 
     def one(bend: Float[Array, ""]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        lowest = extreme_points(chamber, endoscope, -bend, DOWN).value
-        return lowest[:, 1], extreme_points(chamber, endoscope, bend, UP).value[:, 1]
+        lowest = find_extreme_points(chamber, endoscope, -bend, DOWN).value
+        return lowest[:, 1], find_extreme_points(chamber, endoscope, bend, UP).value[:, 1]
 
     return jax.vmap(one)(bends)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from designopt.study.results import Cell, Table
 from perception.chamber import SurfaceKind
-from studies.models.soft_finger.odd import sight_words
+from studies.models.soft_finger.odd import status_words
 from studies.surface_profile.found import (
     Found,
     calibrated_errors,
@@ -218,14 +218,14 @@ def odd_frames(found: Found) -> Table:
     rows: list[list[Cell]] = []
     for kind in dict.fromkeys(one.kind for one in found.odd):
         own = [one for one in found.odd if one.kind == kind]
-        sights = sorted({sight_words(one.sight) for one in own})
+        statuses = sorted({status_words(one.status) for one in own})
         rows.append(
             [
                 kind.name,
                 len(own),
-                sight_words(kind.sight),
+                status_words(kind.status),
                 f"within {WITHIN:g} mm" if kind.in_view else "not known",
-                ", ".join(sights),
+                ", ".join(statuses),
                 sum(one.failed for one in own),
             ]
         )

@@ -18,12 +18,12 @@ from perception.chamber import (
     Points,
     Shape,
     SurfaceKind,
+    classify_surface,
+    compute_movements,
+    estimate_scatter,
     find_points,
     find_regions,
-    kind_of,
-    movements,
-    scatter,
-    shape_of,
+    measure_shape,
 )
 from studies.models.soft_finger.finger import SoftFinger, looked_at
 from studies.surface_profile.sensor import UP, designed_map, highest, postures_on
@@ -102,7 +102,7 @@ class Trial:
 
     def kind(self, way: str = POINTS) -> SurfaceKind:
         """What the surface was taken for."""
-        return kind_of(self.shapes[way])
+        return classify_surface(self.shapes[way])
 
     def told(self, way: str = POINTS) -> bool:
         """Whether it was taken for what it is."""
@@ -183,20 +183,20 @@ def touched(
     starts = np.cumsum([0, *map(len, deflections)])
     runs = [frames[start:end] for start, end in itertools.pairwise(starts)]
 
-    shake, noise = scatter(movements(rest, rest))
+    shake, noise = estimate_scatter(compute_movements(rest, rest))
     prior = dataclasses.replace(design, shake=shake, noise=noise)
     calibrations = {
         count: (
-            prior.calibrated(heights, movements(run, rest)),
-            prior.calibrated(heights, movements(run, rest, whole=True)),
+            prior.calibrated(heights, compute_movements(run, rest)),
+            prior.calibrated(heights, compute_movements(run, rest, whole=True)),
         )
         for count, heights, run in zip(counts, asked, runs, strict=False)
     }
     trials = []
     for slide, run in zip(slides, runs[len(counts) :], strict=True):
-        moved, whole = movements(run, rest), movements(run, rest, whole=True)
+        moved, whole = compute_movements(run, rest), compute_movements(run, rest, whole=True)
         heights = found_heights(spec, calibrations[counts[0]], moved, whole)
-        shapes = {way: shape_of(slide.x, found) for way, found in heights.items()}
+        shapes = {way: measure_shape(slide.x, found) for way, found in heights.items()}
         trials.append(Trial(slide, severity, number, moved, whole, heights, shapes))
     return Touching(number, severity, shake, noise, calibrations, trials)
 

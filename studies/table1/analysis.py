@@ -57,7 +57,7 @@ class Analysis:
     lens: RealLens
 
 
-def analyse(spec: Table1Spec) -> Analysis:
+def analyze(spec: Table1Spec) -> Analysis:
     """Solve for everything that the spec asks for.
 
     Raises:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from designopt.errors import UserError
 from optics.chamber.designed import DesignedChamber
-from studies.table1.analysis import analyse
+from studies.table1.analysis import analyze
 from studies.table1.spec import Table1Spec
 
 NAME = "table1"
@@ -23,7 +23,7 @@ def table1_design(spec: Table1Spec, folder: Path | None) -> DesignedChamber:
         UserError: the table follows no camera constants with this chamber, or no η is left.
     """
     del folder
-    found = analyse(spec).imaging
+    found = analyze(spec).imaging
     if not bool(found.choice.ok):
         raise UserError(f"--set chamber: no η could be chosen: {found.choice.messages()[0]}")
     return DesignedChamber(NAME, found.chosen)

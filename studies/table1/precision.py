@@ -15,7 +15,7 @@ import scipy.optimize
 from jaxtyping import Array, Float
 
 from designopt.roots import RootMethod, find_root
-from designopt.study.precision import Contender, compile_timed, dominating
+from designopt.study.precision import Contender, compile_timed, find_dominating
 from designopt.study.results import Claim, PrecisionRow
 from designopt.study.stability import DIGITS
 from optics.chamber.chamber import Chamber
@@ -125,7 +125,7 @@ def claim(rows: Sequence[PrecisionRow]) -> Claim:
         others = [
             other for other in rows if other.panel == row.panel and other.method != CLOSED_FORM
         ]
-        beaten += dominating(row, others)
+        beaten += find_dominating(row, others)
         text = f"{row.panel}: closed form {row.seconds:.2g} s, error {row.error:.1e}"
         near = [other for other in others if other.error <= 10 * row.error]
         for title, group in (

@@ -11,18 +11,18 @@ from designopt.study.results import LeftOutRow, PrecisionStudy, Results
 from designopt.study.stability import DIGITS, assess
 from designopt.study.study import Context
 from optics.chamber.chamber import Chamber
-from optics.chamber.ratio import SolveMethod, dimension_for_ratio
+from optics.chamber.ratio import SolveMethod, solve_dimension_for_ratio
 from optics.scene.thin_lens import ThinLens
 from studies.models.soft_finger import paper
 from studies.table1 import drawings, precision, stability, statements, tables
-from studies.table1.analysis import analyse
+from studies.table1.analysis import analyze
 from studies.table1.spec import Table1Spec
 
 
 def run(spec: Table1Spec, context: Context) -> Results:
     """Table I with the printed and with identified constants, the choice of η, the measurements."""
     with context.step("Table I, identification and the choice of η"):
-        analysis = analyse(spec)
+        analysis = analyze(spec)
     rows = assess(stability.nominal(), (context.dtype,))
     if spec.stability:
         with context.step("Stiff and extreme cases"):
@@ -73,7 +73,7 @@ def operations(chamber: Chamber) -> list[LeftOutRow]:
 
     def offsets(chamber: Chamber, ratios: jax.Array, method: SolveMethod) -> jax.Array:
         return jax.vmap(
-            lambda ratio: dimension_for_ratio(chamber, "offset_d", ratio, method=method).value
+            lambda ratio: solve_dimension_for_ratio(chamber, "offset_d", ratio, method=method).value
         )(ratios)
 
     def everything(chamber: Chamber, lens: ThinLens) -> tuple:

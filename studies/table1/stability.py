@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike
 from designopt.solution import Solution
 from designopt.study.stability import Family
 from optics.chamber.chamber import Chamber
-from optics.chamber.ratio import Dimension, dimension_for_ratio
+from optics.chamber.ratio import Dimension, solve_dimension_for_ratio
 from optics.scene.thin_lens import ThinLens
 from studies.oracles import chamber as exact
 
@@ -103,7 +103,7 @@ def _inverse(case: str, dimension: Dimension, ratios: np.ndarray) -> Family:
     # The dimension's own value only chooses between two answers: it is no input.
     def solve(ratio: Array, **given: Array) -> Solution[Array]:
         sketch = _chamber(**given, **{dimension: NOMINAL[dimension]})
-        return dimension_for_ratio(sketch, dimension, ratio)
+        return solve_dimension_for_ratio(sketch, dimension, ratio)
 
     def roots(given: dict[str, Any]) -> list[Any]:
         return exact.dimension_roots(dimension, sketch=NOMINAL[dimension], **given)

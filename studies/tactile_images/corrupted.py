@@ -11,15 +11,15 @@ import cv2
 import numpy as np
 
 from designopt.errors import UserError
-from perception.detection import find_views
+from perception.detection import detect_views
 from perception.paper_route import PaperRoute
 from perception.proprioception import (
-    EdgeRuler,
-    GapMeter,
-    estimates_of,
+    EdgeEstimator,
+    GapEstimator,
     find_pose,
     fit_edges,
     observe,
+    split_estimates,
 )
 from perception.unwarping import unwarp
 from studies.models.sensor.estimators import gap_table
@@ -73,8 +73,8 @@ def _lines(image: Image, generator: np.random.Generator) -> Image:
     rows, columns = image.shape[:2]
     for _ in range(20):
         ends = generator.integers(0, (columns, rows), (2, 2))
-        colour = generator.integers(0, 256, 3).tolist()
-        cv2.line(crossed, ends[0].tolist(), ends[1].tolist(), colour, 5)
+        color = generator.integers(0, 256, 3).tolist()
+        cv2.line(crossed, ends[0].tolist(), ends[1].tolist(), color, 5)
     return crossed
 
 
@@ -170,15 +170,15 @@ class Analysis:
     """
 
     finger: FingerSensor
-    meters: list[GapMeter]
-    rulers: list[EdgeRuler]
+    meters: list[GapEstimator]
+    rulers: list[EdgeEstimator]
     paper: PaperRoute
 
     @classmethod
     def of(cls, finger: FingerSensor, images: Sequence[np.ndarray], angles: np.ndarray) -> Analysis:
         """Calibrated by good images at known joint angles, rad."""
         model = finger.model
-        sightings = [find_views(image, finger.lens, finger.catalogue) for image in images]
+        sightings = [detect_views(image, finger.lens, finger.catalog) for image in images]
         rulers = [
             fit_edges(
                 sightings,
@@ -190,11 +190,11 @@ class Analysis:
             for joint in range(len(model.names))
         ]
         meters = []
-        for pad in finger.catalogue.lengths:
+        for pad in finger.catalog.lengths:
             # A pad that is not seen twice has no gap.
             with suppress(ValueError):
-                table = gap_table(finger.scene, finger.catalogue, pad)
-                meters.append(GapMeter(table, 0.0, 1.0, np.zeros((2, 2)), EDGE_DEVIATION))
+                table = gap_table(finger.scene, finger.catalog, pad)
+                meters.append(GapEstimator(table, 0.0, 1.0, np.zeros((2, 2)), EDGE_DEVIATION))
         return cls(finger, meters, rulers, PaperRoute())
 
     def of_frame(self, kind: str, frame: Image) -> Trial:
@@ -204,13 +204,13 @@ class Analysis:
             UserError: it is no image.
         """
         finger = self.finger
-        sighting = find_views(frame, finger.lens, finger.catalogue)
+        sighting = detect_views(frame, finger.lens, finger.catalog)
         seen = observe(sighting, finger.model.views)
-        estimates = estimates_of(find_pose(finger.model, seen, sighting.angles))
+        estimates = split_estimates(find_pose(finger.model, seen, sighting.angles))
         estimates += [ruler.estimate(sighting) for ruler in self.rulers]
         estimates += [meter.estimate(meter.table.measured(sighting)) for meter in self.meters]
         for view in sighting.complete():
-            unwarp(frame, view, finger.lens, finger.catalogue.lengths[view.pad], finger.width)
+            unwarp(frame, view, finger.lens, finger.catalog.lengths[view.pad], finger.width)
         if frame.ndim == 3:
             self.paper.corners(frame)
         given = sum(one.defined for one in estimates)

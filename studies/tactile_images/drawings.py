@@ -21,7 +21,7 @@ from studies.tactile_images.pictures import Shown, Touch
 from studies.tactile_images.spec import TactileImagesSpec
 from studies.tactile_images.tables import all_views, of, paper_found, share
 
-GREY = 0.5
+GRAY = 0.5
 """No difference, in a picture of differences."""
 
 MARGIN = 0.02
@@ -61,14 +61,14 @@ def _brighter(pixels: np.ndarray) -> np.ndarray:
     return (255 * np.sqrt(pixels / 255)).astype(np.uint8)
 
 
-def _outline(axes: Axes, lens: Lens, rays: np.ndarray, colour: str, style: str) -> None:
+def _outline(axes: Axes, lens: Lens, rays: np.ndarray, color: str, style: str) -> None:
     """The outline between four corners, its sides straight in space."""
     plane = TangentPlane(float(rays[:, 0].mean()))
     corners = plane.flat(rays)
     parts = np.linspace(0, 1, 25)[:, None]
     sides = [corners[i - 1] + parts * (corners[i] - corners[i - 1]) for i in range(4)]
     places = lens.project(plane.rays(np.concatenate(sides)))
-    axes.add_patch(Polygon(places, fill=False, color=colour, linestyle=style, linewidth=1.2))
+    axes.add_patch(Polygon(places, fill=False, color=color, linestyle=style, linewidth=1.2))
 
 
 def _seen_columns(shown: Shown) -> tuple[float, float]:
@@ -96,8 +96,8 @@ def views_figure(finger: FingerSensor, shown: Shown) -> Figure:
         axes.set(xlim=_seen_columns(shown), ylim=(len(image.labels), 0))
     handles = [
         *(
-            Patch(edgecolor=colour, fill=False, label=quality.name.lower().replace("_", " "))
-            for quality, colour in OF_QUALITY.items()
+            Patch(edgecolor=color, fill=False, label=quality.name.lower().replace("_", " "))
+            for quality, color in OF_QUALITY.items()
         ),
         Patch(edgecolor="grey", fill=False, linestyle="--", label="by a mirror"),
         Patch(edgecolor="grey", fill=False, linestyle=":", label="no view that is asked for"),
@@ -118,12 +118,12 @@ def masks_figure(shown: Shown) -> Figure:
     """The paper's masks, and both kinds of corners at one corner of a pad."""
     image, sighting = shown.frames[1]
     route = PaperRoute()
-    grey = brightness(image.pixels)
+    gray = brightness(image.pixels)
     masks = {
-        "brightness": grey,
-        "global": global_mask(grey, route.threshold),
-        "adaptive": adaptive_mask(grey, route.block, route.share),
-        "combined": combined_mask(grey, route.threshold, route.block, route.share),
+        "brightness": gray,
+        "global": global_mask(gray, route.threshold),
+        "adaptive": adaptive_mask(gray, route.block, route.share),
+        "combined": combined_mask(gray, route.threshold, route.block, route.share),
     }
     drawing, grid = new_figure(1, len(masks) + 1, height=2.5)
     for axes, (name, mask) in zip(grid[0], masks.items(), strict=False):
@@ -140,9 +140,9 @@ def masks_figure(shown: Shown) -> Figure:
     marks = [(PAPER, polygons, "s", PALETTE[1]), ("true", view.corners, "o", "white")]
     if ours is not None:
         marks.append((OURS, ours.corners, "x", PALETTE[5]))
-    for name, corners, marker, colour in marks:
+    for name, corners, marker, color in marks:
         filled = {"markerfacecolor": "none"} if marker != "x" else {}
-        axes.plot(*corners.T, marker, color=colour, markersize=8, label=name, **filled)
+        axes.plot(*corners.T, marker, color=color, markersize=8, label=name, **filled)
     legend = drawing.legend(*axes.get_legend_handles_labels(), loc="outside lower right", ncols=3)
     legend.get_frame().set(facecolor="0.45", visible=True)
     return Figure(
@@ -157,8 +157,8 @@ def masks_figure(shown: Shown) -> Figure:
 
 def imprints_figure(finger: FingerSensor, shown: Shown) -> Figure:
     """Unwarped pads and their differences, as in the paper's Figs. 4.4 to 4.6."""
-    pads = list(finger.catalogue.lengths)
-    lengths = [finger.catalogue.lengths[pad] for pad in pads]
+    pads = list(finger.catalog.lengths)
+    lengths = [finger.catalog.lengths[pad] for pad in pads]
     rows = len(shown.touches) + 1
     drawing, grid = new_figure(rows, 2 * len(pads), height=1.25 * rows + 0.4)
     for row, touch in enumerate([Touch("untouched", shown.untouched, {}), *shown.touches]):
@@ -168,13 +168,13 @@ def imprints_figure(finger: FingerSensor, shown: Shown) -> Figure:
                 axes.grid(visible=False)
                 axes.set(xticks=[], yticks=[])
                 axes.spines[:].set_visible(False)
-                extent = (0, finger.width, finger.catalogue.lengths[pad], 0)
+                extent = (0, finger.width, finger.catalog.lengths[pad], 0)
                 if pad in pictures:
                     picture = pictures[pad]
                     seen = (
                         np.sqrt(picture / 255)
                         if picture.dtype == np.uint8
-                        else np.clip(GREY + GREY * picture, 0, 1)
+                        else np.clip(GRAY + GRAY * picture, 0, 1)
                     )
                     axes.imshow(seen, extent=extent, interpolation="nearest")
                 axes.set(xlim=(0, finger.width), ylim=(max(lengths), 0), aspect="equal")

@@ -10,12 +10,18 @@ import numpy as np
 from jaxtyping import Float
 
 from optics.rendering import Effects, Imprint, TactileImage, TrueView
-from perception.detection import find_views
+from perception.detection import detect_views
 from perception.lens import Lens
 from perception.matching import Sighting, View
 from perception.paper_route import PaperRoute
 from perception.quality import Quality
-from perception.unwarping import affine_pad_of, best_view, image_of, least_scale, pad_of
+from perception.unwarping import (
+    least_scale,
+    map_to_image,
+    map_to_pad,
+    map_to_pad_affinely,
+    select_view,
+)
 from studies.models.one_thread import one_thread
 from studies.models.sensor.estimators import lens_of
 from studies.models.sensor.finger_sensor import FingerSensor
@@ -129,12 +135,12 @@ def rendered(
     lens = lens_of(renderer.imaging)
     frames = []
     # What is compiled on the way is no part of a frame's time.
-    find_views(renderer.render(angles[0]).pixels, finger.lens, finger.catalogue)
+    detect_views(renderer.render(angles[0]).pixels, finger.lens, finger.catalog)
     for index, pose in enumerate(angles):
         image = renderer.render(pose, touched(finger, index), frame=index)
         with one_thread():
             start = time.perf_counter()
-            sighting = find_views(image.pixels, finger.lens, finger.catalogue)
+            sighting = detect_views(image.pixels, finger.lens, finger.catalog)
             seconds = time.perf_counter() - start
         views, wrong = judged(finger, image, sighting)
         frames.append(
@@ -156,13 +162,13 @@ def touched(finger: FingerSensor, index: int) -> dict[str, list[Imprint]]:
     """Something pressed into the middle of every pad, another thing from frame to frame."""
     return {
         pad: [Imprint(IMPRINTS[(index + number) % len(IMPRINTS)], along=length / 2)]
-        for number, (pad, length) in enumerate(finger.catalogue.lengths.items())
+        for number, (pad, length) in enumerate(finger.catalog.lengths.items())
     }
 
 
 def can_be_found(finger: FingerSensor, image: TactileImage) -> list[TrueView]:
     """The views that are asked for, complete and off the border."""
-    wanted = {(family.pad, family.path) for family in finger.catalogue.families if family.wanted}
+    wanted = {(family.pad, family.path) for family in finger.catalog.families if family.wanted}
     return [
         view
         for view in image.views
@@ -230,19 +236,19 @@ def unwarped(
         sighting: what was found.
     """
     made = []
-    for pad, length in finger.catalogue.lengths.items():
+    for pad, length in finger.catalog.lengths.items():
         views = [view for view in sighting.views if view.pad == pad]
-        best = best_view(views, finger.lens, length, finger.width)
-        largest = best_view(views, finger.lens, length, finger.width, by="area")
+        best = select_view(views, finger.lens, length, finger.width)
+        largest = select_view(views, finger.lens, length, finger.width, by="area")
         true = image.view(pad, best.path) if best is not None else None
         if best is None or largest is None or true is None:
             continue
         half = finger.width / 2
         along, across = np.linspace(0, length, LATTICE), np.linspace(-half, half, LATTICE)
         places = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
-        seen = image_of(_true_view(best, true, lens), lens, places, length, finger.width)
-        shown = pad_of(best, finger.lens, seen, length, finger.width)
-        affine = affine_pad_of(best, seen, length, finger.width)
+        seen = map_to_image(_true_view(best, true, lens), lens, places, length, finger.width)
+        shown = map_to_pad(best, finger.lens, seen, length, finger.width)
+        affine = map_to_pad_affinely(best, seen, length, finger.width)
         made.append(
             Unwarping(
                 pad,

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from optics.rendering import Effects, Imprint, TactileImage
-from perception.detection import find_views
+from perception.detection import detect_views
 from perception.differences import References
 from perception.matching import Sighting, View
-from perception.unwarping import best_view, unwarp
+from perception.unwarping import select_view, unwarp
 from studies.models.sensor.finger_sensor import FingerSensor
 from studies.tactile_images.frames import IMPRINTS, touched
 from studies.tactile_images.spec import TactileImagesSpec
@@ -56,7 +56,7 @@ def shown(finger: FingerSensor, spec: TactileImagesSpec, seed: int) -> Shown:
     for number, pose in enumerate(POSES_DEG):
         pressed = touched(finger, number)
         image = renderer.render(_pose(finger, scale, pose), pressed, frame=number)
-        frames.append((image, find_views(image.pixels, finger.lens, finger.catalogue)))
+        frames.append((image, detect_views(image.pixels, finger.lens, finger.catalog)))
     pose = _pose(finger, scale, TOUCHED_DEG)
     references = References()
     untouched = {}
@@ -67,10 +67,10 @@ def shown(finger: FingerSensor, spec: TactileImagesSpec, seed: int) -> Shown:
     touches = []
     for number, kind in enumerate(IMPRINTS):
         imprints = {pad: [Imprint(kind, length / 2)]
-                    for pad, length in finger.catalogue.lengths.items()}  # fmt: skip
+                    for pad, length in finger.catalog.lengths.items()}  # fmt: skip
         image = renderer.render(pose, imprints, frame=1001 + number)
         pictures = _pictures(finger, image)
-        changes = {view.pad: references.difference(view, p) for view, p in pictures.items()}
+        changes = {view.pad: references.compare(view, p) for view, p in pictures.items()}
         touches.append(
             Touch(
                 kind,
@@ -88,11 +88,11 @@ def _pose(finger: FingerSensor, scale: float, degrees: tuple[float, ...]) -> np.
 
 def _pictures(finger: FingerSensor, image: TactileImage) -> dict[View, np.ndarray]:
     """Every pad unwarped in its best view."""
-    sighting = find_views(image.pixels, finger.lens, finger.catalogue)
+    sighting = detect_views(image.pixels, finger.lens, finger.catalog)
     made = {}
-    for pad, length in finger.catalogue.lengths.items():
+    for pad, length in finger.catalog.lengths.items():
         own = [view for view in sighting.views if view.pad == pad]
-        view = best_view(own, finger.lens, length, finger.width)
+        view = select_view(own, finger.lens, length, finger.width)
         if view is not None:
             made[view] = unwarp(image.pixels, view, finger.lens, length, finger.width)
     return made

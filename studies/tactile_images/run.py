@@ -10,7 +10,7 @@ from designopt.study.precision import Contender, measure
 from designopt.study.results import PrecisionRow, PrecisionStudy, Results
 from designopt.study.study import Context
 from optics.rendering import Effects
-from perception.detection import find_quads
+from perception.detection import detect_quads
 from perception.paper_route import PaperRoute
 from studies.models.one_thread import one_thread
 from studies.models.sensor.finger_sensor import FingerSensor
@@ -126,7 +126,7 @@ def _over_sizes(spec: TactileImagesSpec, size: int, seed: int) -> list[Precision
     far = FAR * size / 1080
 
     def ours() -> list[list[np.ndarray]]:
-        return [[q.corners for q in find_quads(i.pixels, finger.lens)] for i in images]
+        return [[q.corners for q in detect_quads(i.pixels, finger.lens)] for i in images]
 
     def paper() -> list[list[np.ndarray]]:
         block = round(PaperRoute.block * size / 1080) | 1

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from designopt.plot.typesetting import words
+from designopt.plot.typesetting import spell_out
 from designopt.study.results import Table
 from studies.tactile_images.corrupted import NO_FINGER, NO_IMAGE, Trial
 from studies.tactile_images.found import Found
@@ -140,7 +140,7 @@ def unwarping(frames: list[Frame]) -> Table:
 def rendering(times: list[EffectTime]) -> Table:
     """What every effect costs by itself."""
     base = times[0].seconds
-    rows = [(words(one.effect), 1e3 * one.seconds, 1e3 * (one.seconds - base)) for one in times]
+    rows = [(spell_out(one.effect), 1e3 * one.seconds, 1e3 * (one.seconds - base)) for one in times]
     return Table(
         "rendering",
         "Rendering one frame without effects, with each alone, and with all of them",

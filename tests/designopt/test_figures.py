@@ -19,8 +19,8 @@ from designopt.plot.figures import (
 )
 
 
-def luminance(colour: str) -> float:
-    red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+def luminance(color: str) -> float:
+    red, green, blue = (int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
@@ -48,9 +48,9 @@ def test_the_same_drawing_gives_the_same_files(tmp_path):
     assert b"<svg" in (tmp_path / "a.svg").read_bytes()
 
 
-@pytest.mark.parametrize("colour", PALETTE)
-def test_every_colour_is_dark_enough_for_white_paper(colour):
-    assert luminance(colour) < 0.7
+@pytest.mark.parametrize("color", PALETTE)
+def test_every_colour_is_dark_enough_for_white_paper(color):
+    assert luminance(color) < 0.7
 
 
 def blank_margins(path):

@@ -19,7 +19,7 @@ from designopt import (
     assess,
     compile_timed,
     count_operations,
-    dominating,
+    find_dominating,
     measure,
 )
 from designopt.study import left_out, precision, stability
@@ -85,7 +85,7 @@ def test_dominating_rows_are_faster_and_closer_in_the_same_panel():
         row("within the spread", "a", 1e-12, 0.95),
         row("elsewhere", "b", 1e-12, 0.5),
     ]
-    assert dominating(ours, others) == [faster_and_closer]
+    assert find_dominating(ours, others) == [faster_and_closer]
 
 
 def test_precision_figure_has_a_panel_per_workload_and_a_line_per_method():

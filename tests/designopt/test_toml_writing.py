@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from designopt import toml_text
+from designopt import format_toml
 
 keys = st.text(min_size=1, max_size=8)
 plain = st.one_of(
@@ -30,11 +30,11 @@ tables = st.recursive(
 
 @given(tables)
 def test_what_is_written_is_read_back(table):
-    assert tomllib.loads(toml_text(table)) == table
+    assert tomllib.loads(format_toml(table)) == table
 
 
 def test_a_file_as_a_person_would_write_it():
-    text = toml_text(
+    text = format_toml(
         {
             "scene": {"name": "finger"},
             "pads": [{"name": "distal", "from": [27.0, -4.0]}, {"name": "tip", "from": [0.0, 1.0]}],
@@ -50,9 +50,9 @@ def test_a_file_as_a_person_would_write_it():
 
 
 def test_numpys_floats_are_numbers():
-    assert toml_text({"a": np.float64(1.5)}) == "a = 1.5\n"
+    assert format_toml({"a": np.float64(1.5)}) == "a = 1.5\n"
 
 
 def test_what_toml_has_no_form_for_is_refused():
     with pytest.raises(TypeError, match="no value of type NoneType"):
-        toml_text({"a": None})
+        format_toml({"a": None})

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from designopt.vectors import (
     Vector,
     direction_to_meeting,
-    folded_angle,
+    fold_angle,
     rotation,
     stack,
     vector,
@@ -74,7 +74,7 @@ def test_rotation(angle):
 def test_the_zero_vector_has_no_slope():
     def total(x, y):
         zero = Vector(x, y)
-        return zero.length() + zero.angle() + folded_angle(zero, zero)
+        return zero.length() + zero.angle() + fold_angle(zero, zero)
 
     value, slopes = jax.value_and_grad(total, argnums=(0, 1))(0.0, 0.0)
     assert (float(value), *map(float, slopes)) == (0, 0, 0)
@@ -96,7 +96,7 @@ def test_line_to_where_two_lines_meet():
 )
 def test_folded_angle(degrees, wanted):
     turned = rotation(jnp.radians(float(degrees)))
-    found = float(jnp.rad2deg(folded_angle(plane_vector(1 + 0j), turned)))
+    found = float(jnp.rad2deg(fold_angle(plane_vector(1 + 0j), turned)))
     assert found == pytest.approx(wanted, abs=1e-12)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from kinematics import assemblies, linkage_from
+from kinematics import find_assemblies, parse_linkage
 from kinematics.solve.triads import solve_two_loops
 from tests.kinematics.gallery import gallery
 
@@ -15,14 +15,14 @@ def positions(found, joint):
 
 
 def test_both_sides_of_a_four_bar():
-    found = assemblies(gallery("four-bar"), jnp.deg2rad(jnp.array([40.0])))
+    found = find_assemblies(gallery("four-bar"), jnp.deg2rad(jnp.array([40.0])))
     assert found.complete
     angles = sorted(float(np.rad2deg(pose.angle("rocker"))) for pose in found.poses)
     assert angles == pytest.approx([-98.01, 57.33], abs=0.011)  # Norton, Example 4-1
 
 
 def test_a_pose_that_does_not_exist_has_no_assembly():
-    found = assemblies(gallery("watt"), jnp.deg2rad(jnp.array([180.0])))
+    found = find_assemblies(gallery("watt"), jnp.deg2rad(jnp.array([180.0])))
     assert (len(found.poses), found.complete) == (0, True)
 
 
@@ -37,12 +37,14 @@ def test_where_two_assemblies_meet_there_is_one():
         },
         "inputs": [{"name": "crank", "body": "crank"}],
     }
-    found = assemblies(linkage_from(tables), jnp.array([np.pi]))  # stretched: 10 + 50 = 30 + 30
+    found = find_assemblies(
+        parse_linkage(tables), jnp.array([np.pi])
+    )  # stretched: 10 + 50 = 30 + 30
     assert len(found.poses) == 1
 
 
 def test_all_sides_of_a_dyadic_linkage():
-    found = assemblies(gallery("jansen"), gallery("jansen").home.inputs)
+    found = find_assemblies(gallery("jansen"), gallery("jansen").reference.inputs)
     assert (len(found.poses), found.complete) == (8, True)
     assert len({positions(found, "J7")[i] for i in range(8)}) == 8
 
@@ -142,6 +144,8 @@ def test_a_triad_with_a_slide():
 
 
 def test_three_loops_are_not_called_complete():
-    found = assemblies(gallery("double-butterfly"), gallery("double-butterfly").home.inputs)
+    found = find_assemblies(
+        gallery("double-butterfly"), gallery("double-butterfly").reference.inputs
+    )
     assert not found.complete
     assert len(found.poses) >= 2

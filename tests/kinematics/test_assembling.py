@@ -13,11 +13,11 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from kinematics import Linkage, linkage_from, solve_poses
+from kinematics import Linkage, parse_linkage, solve_poses
 from kinematics.io.assembling import Equations
 from kinematics.io.mobility import Mobility, rank
 from kinematics.io.sketch import parse_sketch
-from kinematics.io.sketch_geometry import measure
+from kinematics.io.sketch_geometry import measure_sketch
 
 OFF = st.floats(-0.25, 0.25)
 LENGTH = st.floats(10.0, 100.0)
@@ -49,7 +49,7 @@ def third(a: np.ndarray, b: np.ndarray, to_a: float, to_b: float, side: int) -> 
 
 @jax.jit
 def _compiled(linkage: Linkage, signs: jax.Array) -> Any:
-    return solve_poses(linkage, linkage.home.inputs, signs=signs)
+    return solve_poses(linkage, linkage.reference.inputs, signs=signs)
 
 
 def _at_home(linkage: Linkage) -> Any:
@@ -66,7 +66,9 @@ def assert_home_is_the_pose(linkage: Linkage, lengths: dict[str, float]) -> Any:
     names = [body.name for body in linkage.structure.moving]
     angles = [float(solved.value.angle(name)) for name in names]
     # Near a limit the pose is a square root of the inputs' rounding.
-    apart = np.abs(np.exp(1j * np.array(angles)) - np.exp(1j * np.asarray(linkage.home.angles)))
+    apart = np.abs(
+        np.exp(1j * np.array(angles)) - np.exp(1j * np.asarray(linkage.reference.angles))
+    )
     assert np.max(apart) < 1e-6
     for pair, length in lengths.items():
         a, b = (np.asarray(solved.value.position(name)) for name in pair.split("-"))
@@ -87,7 +89,7 @@ def test_a_four_bar_sketched_badly_is_assembled_on_its_side(
     b = b + min(coupler, rocker) * np.array(off[2:])
     drawn = cross(b - a, far - b)
     assume(abs(drawn) > 0.02 * math.dist(a, b) * math.dist(b, far))
-    linkage = linkage_from(
+    linkage = parse_linkage(
         {
             "joints": {"O": [0, 0], "A": a.tolist(), "B": b.tolist(), "Q": far.tolist()},
             "bodies": {
@@ -117,7 +119,7 @@ def test_a_slider_crank_sketched_badly_is_assembled_on_its_side(
     c = c + rod * np.array(off[2:])
     drawn = float(c[0] - a[0])
     assume(abs(drawn) > 0.02 * rod)
-    linkage = linkage_from(
+    linkage = parse_linkage(
         {
             "joints": {"O": [0, 0], "A": a.tolist(), "C": c.tolist()},
             "bodies": {
@@ -150,7 +152,7 @@ def test_a_six_bar_sketched_badly_keeps_both_sides(angle, first, second, off):
     drawn = cross(b - a, q - b), cross(d - c, w - d)
     assume(min(abs(drawn[0]), abs(drawn[1])) > 100)
     assume(cross(b - q, c - q) < -100)
-    linkage = linkage_from(
+    linkage = parse_linkage(
         {
             "joints": {"O": [0, 0], "Q": [80, 0], "W": [190, 0]}
             | {name: place.tolist() for name, place in zip("ABCD", places, strict=True)},
@@ -188,27 +190,29 @@ def four_bar(**changes: Any) -> dict[str, Any]:
 
 
 def test_inputs_stay_as_drawn_where_they_can():
-    assert linkage_from(four_bar()).home.inputs == pytest.approx([math.atan2(26, 30)], abs=1e-15)
+    assert parse_linkage(four_bar()).reference.inputs == pytest.approx(
+        [math.atan2(26, 30)], abs=1e-15
+    )
 
 
 def test_inputs_move_where_they_cannot_stay():
     """At the drawn angle this double rocker cannot be assembled; a little farther on it can."""
     data = four_bar(joints={"O": [0, 0], "A": [88, 20], "B": [125, -75], "Q": [100, 0]})
     data["bodies"]["crank"] = bar("O", "A", 90)
-    linkage = linkage_from(data)
+    linkage = parse_linkage(data)
     drawn, limit = math.atan2(20, 88), math.radians(23.556464)
-    assert drawn < limit < float(linkage.home.inputs[0]) < 2 * limit
+    assert drawn < limit < float(linkage.reference.inputs[0]) < 2 * limit
     assert bool(_at_home(linkage).ok)
 
 
 def test_home_carries_no_noise_from_a_far_origin():
     near, far = (
-        linkage_from(
+        parse_linkage(
             four_bar(joints={n: [x + at, y] for n, (x, y) in four_bar()["joints"].items()})
         )
         for at in (0.0, 2.0**27)
     )
-    np.testing.assert_allclose(far.home.angles, near.home.angles, rtol=1e-13)
+    np.testing.assert_allclose(far.reference.angles, near.reference.angles, rtol=1e-13)
     for name, link in near.links.items():
         assert jnp.array_equal(far.links[name].length, link.length)
 
@@ -216,7 +220,7 @@ def test_home_carries_no_noise_from_a_far_origin():
 def test_what_cannot_be_assembled_says_how_far_it_is_from_it():
     data = four_bar()
     data["bodies"]["coupler"] = bar("A", "B", 230)
-    drawn = measure(parse_sketch(data, "f"), "f")
+    drawn = measure_sketch(parse_sketch(data, "f"), "f")
     assembled = Equations(drawn.dimensions).assemble(drawn.configuration)
     assert not assembled.closed
     assert not assembled.fits
@@ -234,7 +238,7 @@ def test_the_jacobian_is_that_of_the_residual():
         {"joint": "S", "on": "rocker", "line": [[100, 0], [143, 67]], "keeps": "cart"},
         {"joint": "P", "on": "ground", "line": [[0, 80], [1, 90]]},
     ]
-    drawn = measure(parse_sketch(data, "f"), "f")
+    drawn = measure_sketch(parse_sketch(data, "f"), "f")
     equations = Equations(drawn.dimensions)
     point = equations.pack(drawn.configuration)
     _, jacobian = equations.residual_and_jacobian(point)
@@ -258,6 +262,6 @@ def test_mobility_at_a_turning_point_and_beside_it():
         data = four_bar(joints=joints | {"B": [40.0, 30.0 - drop]})
         for body in data["bodies"].values():
             body.pop("lengths", None)
-        drawn = measure(parse_sketch(data, "f"), "f")
+        drawn = measure_sketch(parse_sketch(data, "f"), "f")
         found = Mobility(Equations(drawn.dimensions), drawn.configuration)
         assert (found.kutzbach, found.mobility, found.free) == (1, 1, free)

@@ -15,10 +15,10 @@ from designopt import UserError
 from designopt.plot.figures import style
 from designopt.plot.lettering import Lettering
 from kinematics import (
+    compute_spring_energy,
     find_limits,
-    linkage_from,
+    parse_linkage,
     solve_poses,
-    spring_energy,
 )
 from kinematics.explore.bench import LinkageBench
 from kinematics.io.designed import DesignedLinkage
@@ -115,7 +115,7 @@ def check(bench, values):
 def saved(bench, values):
     (file,) = bench.specs(values)
     assert file.name == "linkage.toml"
-    return linkage_from(tomllib.loads(file.content), file.name)
+    return parse_linkage(tomllib.loads(file.content), file.name)
 
 
 def check_saved(bench, values):
@@ -129,7 +129,7 @@ def check_saved(bench, values):
     ):
         for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
             np.testing.assert_allclose(a, b, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(np.cos(again.home.inputs - inputs), 1.0, atol=1e-12)
+    np.testing.assert_allclose(np.cos(again.reference.inputs - inputs), 1.0, atol=1e-12)
     assert again.assembly == linkage.assembly
     here, there = poses_of(linkage, inputs), poses_of(again, inputs)
     assert bool(there.ok)
@@ -140,7 +140,7 @@ def check_saved(bench, values):
 
 
 def gallery_home(bench):
-    return bench._design.linkage.home.inputs
+    return bench._design.linkage.reference.inputs
 
 
 def sides(bench):
@@ -210,7 +210,7 @@ def test_springs_are_as_taut_as_they_were():
     bench = bench_of("finger")
     linkage, again = gallery("finger"), saved(bench, start(bench, pip=-40.0, dip=-25.0))
     inputs = jnp.radians(jnp.asarray([-60.0, -10.0]))
-    energies = [spring_energy(one, poses_of(one, inputs).value) for one in (linkage, again)]
+    energies = [compute_spring_energy(one, poses_of(one, inputs).value) for one in (linkage, again)]
     np.testing.assert_allclose(*energies, rtol=1e-9)
 
 

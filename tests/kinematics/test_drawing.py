@@ -15,15 +15,16 @@ from PIL.GifImagePlugin import GifImageFile
 from designopt import UserError
 from designopt.plot.figures import PALETTE, style
 from designopt.solution import Solution
-from kinematics import Pose, PoseResult, Vector, read_linkage, solve_poses
+from designopt.vectors import Vector
+from kinematics import Pose, PoseResult, read_linkage, solve_poses
 from kinematics.io.sketch import load_sketch
 from kinematics.plot import animation
 from kinematics.plot.animation import save_animation
-from kinematics.plot.drawing import body_colours, draw_pose
+from kinematics.plot.drawing import body_colors, draw_pose
 from kinematics.plot.label_layout import label_offsets
 from kinematics.plot.margin_figures import failed_stretches, margin_figure
 from kinematics.plot.motion_figures import motion_figure, pose_at, traced_joints
-from kinematics.plot.symbols import GREY, hull
+from kinematics.plot.symbols import GRAY, hull
 
 GALLERY = Path(__file__).parents[2] / "studies" / "gallery" / "linkages"
 NAMES = sorted(path.stem for path in GALLERY.glob("*.toml"))
@@ -38,7 +39,7 @@ def linkage_of(name):
 def solved(name, turn, count=13):
     """Inputs from the sketch's on, the first one in the end ``turn`` farther, and their poses."""
     linkage = linkage_of(name)
-    inputs = np.tile(np.array(linkage.home.inputs), (count, 1))
+    inputs = np.tile(np.array(linkage.reference.inputs), (count, 1))
     inputs[:, 0] += np.linspace(0, turn, count)
     return linkage, inputs, jax.jit(solve_poses)(linkage, jnp.asarray(inputs))
 
@@ -70,7 +71,7 @@ def sketched(name, count=3):
         bodies[part.name] = step.scaled(1 / jnp.maximum(step.length(), 1e-9))
     slides = dict.fromkeys(range(len(linkage.structure.sliders)), shift)
     good = jax.tree.map(lambda code: jnp.full(count, code), PoseResult.successful)
-    inputs = np.tile(np.array(linkage.home.inputs), (count, 1))
+    inputs = np.tile(np.array(linkage.reference.inputs), (count, 1))
     inputs[:, 0] += 0.1 * np.arange(count)
     return linkage, inputs, Solution(Pose(joints, bodies, slides, {}), still + 1.0, still, good)
 
@@ -169,9 +170,9 @@ def test_a_faint_pose_has_no_names_and_no_pins():
 
 
 def test_colours_follow_the_file_and_the_ground_is_grey():
-    colours = body_colours(linkage_of("four-bar").structure)
-    assert colours == {
-        "ground": GREY,
+    colors = body_colors(linkage_of("four-bar").structure)
+    assert colors == {
+        "ground": GRAY,
         "crank": PALETTE[0],
         "coupler": PALETTE[1],
         "rocker": PALETTE[2],

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from kinematics import assemblies
+from kinematics import find_assemblies
 from tests.kinematics.gallery import gallery, poses_of
 
 
@@ -13,7 +13,7 @@ def tracked(name, angles):
     """Poses along a sweep by fsolve on lengths alone, each from the one before."""
     linkage = gallery(name)
     structure = linkage.structure
-    home = poses_of(linkage, linkage.home.inputs[None])
+    home = poses_of(linkage, linkage.reference.inputs[None])
     start = {j: np.asarray(home.value.position(j))[0] for j in structure.joints}
     free = [j for j in structure.joints if j not in structure.fixed_joints]
     pairs = []
@@ -50,7 +50,7 @@ def tracked(name, angles):
 )
 def test_sweeps_agree_with_small_steps_of_scipy(name, turn):
     linkage = gallery(name)
-    angles = float(linkage.home.inputs[0]) + np.linspace(0, turn, 181)
+    angles = float(linkage.reference.inputs[0]) + np.linspace(0, turn, 181)
     joints, expected = tracked(name, angles)
     poses = poses_of(linkage, jnp.asarray(angles)[::20, None])
     assert bool(jnp.all(poses.ok))
@@ -75,7 +75,7 @@ def test_followed_poses_are_among_the_assemblies_and_stay_the_same_one():
     linkage = gallery("stephenson")
     for angle in np.linspace(0.0, 6.0, 4):
         own = poses_of(linkage, jnp.array([[angle]])).value.position("P")[0]
-        every = assemblies(linkage, jnp.array([angle]))
+        every = find_assemblies(linkage, jnp.array([angle]))
         assert every.complete
         distances = [np.hypot(*(pose.position("P") - own)) for pose in every.poses]
         assert min(distances) < 1e-9

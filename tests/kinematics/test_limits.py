@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kinematics import find_limits, grashof, linkage_from, turning_point
+from kinematics import classify_grashof, find_limits, parse_linkage, solve_turning_point
 from kinematics.io.sketch import load_sketch
 from tests.helpers import central_differences
 from tests.kinematics.gallery import FOLDER, ends, gallery, poses_of
@@ -35,7 +35,7 @@ def test_a_four_bar_locks_where_its_dyad_is_straight(count):
     while checked < count:
         crank, coupler, rocker, ground = random.uniform(1, 5, 4).round(2).tolist()
         lengths = (crank, coupler, rocker, ground)
-        if max(lengths) * 2 > sum(lengths) * 0.95 or grashof(*lengths).margin > -0.2:
+        if max(lengths) * 2 > sum(lengths) * 0.95 or classify_grashof(*lengths).margin > -0.2:
             continue
         far = (coupler + rocker, crank + ground), (abs(coupler - rocker), abs(ground - crank))
         straight = set()
@@ -46,7 +46,7 @@ def test_a_four_bar_locks_where_its_dyad_is_straight(count):
         if not straight:
             continue
         checked += 1
-        limits = find_limits(linkage_from(four_bar(*lengths)), "crank")
+        limits = find_limits(parse_linkage(four_bar(*lengths)), "crank")
         for limit in ends(limits):
             folded = abs(np.arctan2(np.sin(limit.value), np.cos(limit.value)))
             assert min(abs(folded - end) for end in straight) < EXACT
@@ -54,7 +54,7 @@ def test_a_four_bar_locks_where_its_dyad_is_straight(count):
 
 
 def test_a_slider_crank_locks_where_its_rod_is_square_to_the_line():
-    limits = find_limits(linkage_from(slider_crank(50, 40, -5, at=0.2)), "crank")
+    limits = find_limits(parse_linkage(slider_crank(50, 40, -5, at=0.2)), "crank")
     wanted = np.arcsin([-45 / 50, 35 / 50])
     assert ends(limits)[0].value == pytest.approx(wanted[0], abs=EXACT)
     assert ends(limits)[1].value == pytest.approx(wanted[1], abs=EXACT)
@@ -64,7 +64,7 @@ def test_a_slide_has_a_stroke():
     """Driven at the slider, an in-line slider-crank goes from rod − crank to rod + crank."""
     tables = slider_crank(40, 120, 0)
     tables["inputs"] = [{"name": "ram", "slider": "C"}]
-    limits = find_limits(linkage_from(tables), "ram")
+    limits = find_limits(parse_linkage(tables), "ram")
     assert ends(limits)[0].value == pytest.approx(80, abs=1e-8)
     assert ends(limits)[1].value == pytest.approx(160, abs=1e-8)
 
@@ -73,14 +73,14 @@ def test_a_narrow_gap_between_samples_is_found():
     """The crank can almost turn: it is locked for a hundredth of a degree."""
     half = np.deg2rad(0.005)
     reach = np.sqrt(2**2 + 5**2 + 2 * 2 * 5 * np.cos(half))
-    limits = find_limits(linkage_from(four_bar(2, reach - 4, 4, 5)), "crank")
+    limits = find_limits(parse_linkage(four_bar(2, reach - 4, 4, 5)), "crank")
     assert ends(limits)[1].value == pytest.approx(np.pi - half, abs=1e-9)
     assert ends(limits)[0].value == pytest.approx(-np.pi + half, abs=1e-9)
 
 
 def test_a_start_at_the_limit_is_the_limit():
     """An in-line slider-crank whose crank is twice its rod goes to ±30°."""
-    linkage = linkage_from(slider_crank(2, 1, 0, at=0.2))
+    linkage = parse_linkage(slider_crank(2, 1, 0, at=0.2))
     for end in (1, -1):
         limits = find_limits(linkage, "crank", jnp.array([end * (np.pi / 6 + 1e-12)]))
         assert ends(limits)[0].value == pytest.approx(-np.pi / 6, abs=1e-9)
@@ -97,7 +97,7 @@ def test_a_pin_in_two_slots_ends_where_they_are_parallel():
         ],
         "inputs": [{"name": "arm", "body": "arm"}],
     }
-    linkage = linkage_from(tables)
+    linkage = parse_linkage(tables)
     limits = find_limits(linkage, "arm")
     assert ends(limits)[0].value == pytest.approx(0, abs=EXACT)
     assert ends(limits)[1].value == pytest.approx(np.pi, abs=EXACT)
@@ -119,7 +119,7 @@ def test_beyond_the_lock_nothing_is_found_and_the_reason_is_told():
 def test_limits_of_a_triad_do_not_depend_on_where_the_search_starts():
     linkage = gallery("double-butterfly")
     here = limits_of("double-butterfly")
-    there = find_limits(linkage, "crank", linkage.home.inputs + 0.3)
+    there = find_limits(linkage, "crank", linkage.reference.inputs + 0.3)
     for one, other in zip(ends(here), ends(there), strict=True):
         assert one.locks
         assert one.value == pytest.approx(other.value, abs=EXACT)
@@ -133,10 +133,10 @@ def test_only_what_is_asked_for_has_to_follow():
 
 
 def test_change_points():
-    limits = find_limits(linkage_from(four_bar(1, 3, 2, 4)), "crank")  # 1 + 4 = 3 + 2
+    limits = find_limits(parse_linkage(four_bar(1, 3, 2, 4)), "crank")  # 1 + 4 = 3 + 2
     assert limits.full_turn
     assert [np.cos(point) for point in limits.change_points] == pytest.approx([-1], abs=1e-9)
-    parallelogram = find_limits(linkage_from(four_bar(2, 5, 2, 5)), "crank")
+    parallelogram = find_limits(parse_linkage(four_bar(2, 5, 2, 5)), "crank")
     assert parallelogram.full_turn
     cosines = sorted({round(float(np.cos(p)), 6) for p in parallelogram.change_points})
     assert cosines == [-1.0, 1.0]
@@ -174,7 +174,7 @@ def test_turning_points_of_a_triad():
     """Where it locks, the Jacobian is singular: two assemblies meet as a square root."""
     sketch = load_sketch(FOLDER / "stephenson.toml").model_dump()
     sketch["bodies"]["crank"]["lengths"] = {"O6-D": 25.0}
-    linkage = linkage_from(sketch)
+    linkage = parse_linkage(sketch)
     limits = find_limits(linkage, "crank")
     assert not limits.full_turn
     for limit, outward in zip(ends(limits), (-1, 1), strict=True):
@@ -199,7 +199,7 @@ def test_turning_points_are_differentiable(name):
     @jax.jit
     def value(length):
         longer = eqx.tree_at(lambda design: design.links[body].length, linkage, length)
-        return turning_point(longer, "crank", limit).value
+        return solve_turning_point(longer, "crank", limit).value
 
     length = linkage.links[body].length
     assert float(value(length)) == pytest.approx(limit.value, abs=1e-12)
@@ -209,6 +209,6 @@ def test_turning_points_are_differentiable(name):
 
 def test_impossible_four_bars_have_no_class():
     with pytest.raises(ValueError, match="cannot close"):
-        grashof(1, 1, 1, 4)
+        classify_grashof(1, 1, 1, 4)
     with pytest.raises(ValueError, match="positive"):
-        grashof(0, 1, 1, 1)
+        classify_grashof(0, 1, 1, 1)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from designopt.errors import UserError
-from kinematics import Linkage, input_efforts, linkage_from
+from kinematics import Linkage, parse_linkage, solve_input_efforts
 from kinematics.export.mjcf import Stop, linkage_mjcf
 from kinematics.export.mjcf_bodies import Disc, Pad
 from tests.kinematics.gallery import FOLDER, NAMES, gallery, poses_of
@@ -38,7 +38,7 @@ LONG_TO_COMPILE = ("stephenson", "double-butterfly")
 LOCKS = "double-butterfly"
 """Goes only one way from its sketch as far as it is driven here."""
 
-efforts_of = jax.jit(input_efforts)
+efforts_of = jax.jit(solve_input_efforts)
 
 FOUR_BAR = {
     "joints": {"O2": [0, 0], "A": [30, 26], "B": [143, 67], "O4": [100, 0]},
@@ -91,7 +91,7 @@ def driven(linkage: Linkage, *, back: bool = False) -> tuple[np.ndarray, np.ndar
     parts = np.linspace(0, 1, 9)
     if back:
         parts = np.concatenate([np.linspace(0, 1, 5), np.linspace(0.75, -1, 8)])
-    inputs = np.asarray(linkage.home.inputs) + parts[:, None] * travel
+    inputs = np.asarray(linkage.reference.inputs) + parts[:, None] * travel
     return inputs, inputs * np.where(slides, 1e-3, 1.0)
 
 
@@ -102,7 +102,7 @@ def enlarged(scale: float, table: dict[str, Any] = FOUR_BAR) -> Linkage:
         part | {"line": (scale * np.array(part["line"])).tolist()}
         for part in table.get("sliders", [])
     ]
-    return linkage_from(table | {"joints": joints, "sliders": sliders})
+    return parse_linkage(table | {"joints": joints, "sliders": sliders})
 
 
 def follows(linkage: Linkage, *, back: bool = True) -> None:
@@ -133,7 +133,7 @@ def test_the_gallery_moves_as_it_is_solved(name):
 
 @pytest.mark.parametrize("name", FURTHER)
 def test_other_ways_to_drive_and_to_cut_move_as_they_are_solved(name):
-    follows(linkage_from(FURTHER[name], name))
+    follows(parse_linkage(FURTHER[name], name))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -144,7 +144,7 @@ def test_as_many_freedoms_as_inputs_and_no_gap_at_first(name):
     assert model.gap() < 1e-8
     assert {model.model.actuator(i).name for i in range(model.model.nu)} == {*linkage.input_names}
     np.testing.assert_allclose(
-        model.data.actuator_length, linkage.home.inputs, rtol=1e-9, atol=1e-12
+        model.data.actuator_length, linkage.reference.inputs, rtol=1e-9, atol=1e-12
     )
 
 
@@ -185,7 +185,7 @@ def test_the_text_is_the_same_again_and_has_the_lengths(name):
 )
 def test_motors_hold_springs_as_by_virtual_work(springs):
     """At a hinge, at none, either way round, and two of them."""
-    linkage = linkage_from(FOUR_BAR | {"springs": springs})
+    linkage = parse_linkage(FOUR_BAR | {"springs": springs})
     model = Simulated(linkage_mjcf(linkage))
     inputs, controls = driven(linkage)
     efforts = np.asarray(efforts_of(linkage, jnp.asarray(inputs)))
@@ -201,7 +201,7 @@ def test_a_soft_motor_yields_as_by_virtual_work():
     linkage = gallery("finger-crank")
     model = Simulated(linkage_mjcf(linkage, motors={"theta": 300.0}))
     assert model.model.nu == 1
-    home = float(linkage.home.inputs[0])
+    home = float(linkage.reference.inputs[0])
     model.settle([home - 0.5])
     theta = model.coordinate("crank on world")
     gamma = model.coordinate("plate on distal")
@@ -209,7 +209,7 @@ def test_a_soft_motor_yields_as_by_virtual_work():
     # No stop and no contact: the spring rests, so the crank goes where it is told to.
     np.testing.assert_allclose(efforts, 0.0, atol=0.01)
     np.testing.assert_allclose(theta, home - 0.5, atol=1e-5)
-    np.testing.assert_allclose(gamma, float(linkage.home.inputs[1]) - 0.3, atol=1e-3)
+    np.testing.assert_allclose(gamma, float(linkage.reference.inputs[1]) - 0.3, atol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -217,7 +217,7 @@ def test_a_soft_motor_yields_as_by_virtual_work():
 )
 def test_stops_hold_at_their_angles(between):
     """At a hinge, either way round, and where there is none."""
-    linkage = linkage_from(FOUR_BAR)
+    linkage = parse_linkage(FOUR_BAR)
     inputs, controls = driven(linkage)
     pose = poses_of(linkage, jnp.asarray(inputs))
 
@@ -247,7 +247,7 @@ def test_pads_touch_discs_at_their_faces():
     }
     pad = Pad("pad", "crank", (15.0, -8.0), (45.0, -8.0))
     disc = Disc("disc", (28.0, -25.0), 5.0)
-    text = linkage_mjcf(linkage_from(table), motors={"crank": 80.0}, pads=[pad], discs=[disc])
+    text = linkage_mjcf(parse_linkage(table), motors={"crank": 80.0}, pads=[pad], discs=[disc])
     model = Simulated(text)
     for command in np.linspace(0.0, -1.5, 16):
         model.settle([command])
@@ -271,7 +271,7 @@ def test_pads_touch_discs_at_their_faces():
 )
 def test_what_cannot_be_is_refused(given, words):
     with pytest.raises(UserError, match="linkage: ") as raised:
-        linkage_mjcf(linkage_from(FOUR_BAR), **given)
+        linkage_mjcf(parse_linkage(FOUR_BAR), **given)
     assert words in str(raised.value)
     assert "\n" not in str(raised.value)
 
@@ -291,7 +291,7 @@ STRONG = {
 @pytest.mark.parametrize("name", STRONG)
 def test_strong_springs_do_not_pull_small_linkages_apart(name, size, stiffness):
     table, between = STRONG[name]
-    scale = size / float(linkage_from(table).size())
+    scale = size / float(parse_linkage(table).size())
     spring = {"between": between, "stiffness": stiffness, "preload": 1.0}
     linkage = enlarged(scale, table | {"springs": [spring]})
     assert float(linkage.size()) == pytest.approx(size)
@@ -319,16 +319,16 @@ def test_it_rests_in_the_keyframe(name):
 
 
 def test_without_motors_there_is_no_keyframe_for_their_controls():
-    assert "<keyframe>" not in linkage_mjcf(linkage_from(FOUR_BAR), motors={})
+    assert "<keyframe>" not in linkage_mjcf(parse_linkage(FOUR_BAR), motors={})
 
 
 def test_what_never_turns_has_neither_spring_nor_stop():
     """The yoke slides without turning: no joint changes the angle between it and the ground."""
     table = tomllib.loads((FOLDER / "scotch-yoke.toml").read_text(encoding="utf-8"))
     spring = {"between": ["ground", "yoke"], "stiffness": 3.0, "preload": 1.0}
-    linkage = linkage_from(table | {"springs": [spring]})
+    linkage = parse_linkage(table | {"springs": [spring]})
     text = linkage_mjcf(linkage, stops=[Stop(("yoke", "ground"), -1.0, 1.0)])
-    assert text == linkage_mjcf(linkage_from(table))
+    assert text == linkage_mjcf(parse_linkage(table))
     assert Simulated(text).model.ntendon == 0
 
 
@@ -368,4 +368,4 @@ def test_loops_of_slides_alone_do_not_get_here():
     }
     wedge["joints"]["G"] = [-10, 0]
     with pytest.raises(UserError, match="more is prescribed than can move"):
-        linkage_from(wedge)
+        parse_linkage(wedge)

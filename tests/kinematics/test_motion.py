@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from kinematics import (
-    input_efforts,
-    input_slopes,
-    linkage_from,
-    mechanical_advantage,
-    no_deviations,
-    output_spread,
+    compute_spring_energy,
+    make_zero_deviations,
+    parse_linkage,
+    propagate_deviations,
+    solve_input_efforts,
+    solve_input_slopes,
+    solve_mechanical_advantage,
     solve_poses,
-    spring_energy,
 )
 from kinematics.io.sketch import load_sketch
 from tests.kinematics.gallery import FOLDER, gallery, poses_of, rates_of, transmission_of
@@ -33,7 +33,7 @@ def test_rates_are_the_derivatives_of_poses(name):
     """Velocity, acceleration and jerk against central differences in time."""
     linkage = gallery(name)
     count = len(linkage.input_names)
-    start = np.asarray(linkage.home.inputs) + 0.05
+    start = np.asarray(linkage.reference.inputs) + 0.05
     first, second, third = (np.array(v[:count]) for v in ([0.7, -0.4], [0.3, 0.2], [-0.5, 0.6]))
     motion = rates_of(linkage, start, first, second, third)
     step = 2e-3
@@ -86,7 +86,7 @@ def test_transmission_angle_at_a_slider():
 @pytest.mark.slow
 def test_the_index_of_a_triad_vanishes_at_its_lock():
     linkage = gallery("double-butterfly")
-    home = np.asarray(linkage.home.inputs)
+    home = np.asarray(linkage.reference.inputs)
     index = transmission_of(linkage, jnp.asarray(home)[None]).indices[0]
     assert 0 < float(index[0]) < 1
     slope = jax.jit(jax.grad(lambda u: transmission_of(linkage, u[None]).indices[0][0]))
@@ -100,9 +100,9 @@ def test_slider_crank_statics():
     """A force F on the slider is held by the moment that equilibrium of the rod asks for."""
     linkage, force = gallery("slider-crank"), 7.0
     angles = jnp.asarray(np.linspace(0.2, 6.0, 12))[:, None]
-    efforts = jax.jit(lambda u: input_efforts(linkage, u, forces={"C": jnp.array([force, 0.0])}))(
-        angles
-    )
+    efforts = jax.jit(
+        lambda u: solve_input_efforts(linkage, u, forces={"C": jnp.array([force, 0.0])})
+    )(angles)
     pose = poses_of(linkage, angles).value
     rod = np.asarray(pose.position("C") - pose.position("A"))
     tension = force * np.hypot(*rod.T) / rod[:, 0]  # along the rod, so that its x part is F
@@ -116,17 +116,19 @@ def test_mechanical_advantage_is_the_ratio_of_speeds():
     linkage = gallery("four-bar")
     angles = jnp.asarray(np.linspace(0.1, 6.0, 9))[:, None]
     omega = rates_of(linkage, angles, jnp.ones(1)).velocity.bodies["rocker"]
-    advantage = mechanical_advantage(linkage, angles, lambda pose: pose.angle("rocker"))
+    advantage = solve_mechanical_advantage(linkage, angles, lambda pose: pose.angle("rocker"))
     np.testing.assert_allclose(advantage[:, 0], 1 / omega, rtol=1e-9)
-    moment = input_efforts(linkage, angles, moments={"rocker": jnp.asarray(3.0)})
+    moment = solve_input_efforts(linkage, angles, moments={"rocker": jnp.asarray(3.0)})
     np.testing.assert_allclose(moment[:, 0], -3 * omega, rtol=1e-9)
 
 
 def test_at_a_toggle_of_the_output_the_advantage_is_the_largest_number():
     sketch = load_sketch(FOLDER / "slider-crank.toml").model_dump()
     sketch["sliders"][0]["line"] = [[0, 0], [1, 0]]
-    linkage = linkage_from(sketch)
-    advantage = mechanical_advantage(linkage, jnp.zeros((1, 1)), lambda pose: pose.joints["C"].x)
+    linkage = parse_linkage(sketch)
+    advantage = solve_mechanical_advantage(
+        linkage, jnp.zeros((1, 1)), lambda pose: pose.joints["C"].x
+    )
     assert float(advantage[0, 0]) == np.finfo(float).max
 
 
@@ -141,13 +143,15 @@ def test_springs_hold_the_finger():
         return turned.angle()
 
     gamma = relative(poses)
-    home = relative(poses_of(linkage, linkage.home.inputs[None]).value)
-    slope = input_slopes(linkage, inputs, relative)
+    home = relative(poses_of(linkage, linkage.reference.inputs[None]).value)
+    slope = solve_input_slopes(linkage, inputs, relative)
     # The file has 30 N mm/rad and a preload of 0.3 rad.
     change = np.angle(np.exp(1j * np.asarray(gamma - home)))
     wanted = 30 * (change + 0.3)[:, None] * slope
-    np.testing.assert_allclose(input_efforts(linkage, inputs), wanted, rtol=1e-9, atol=1e-9)
-    energy = jax.vmap(lambda u: spring_energy(linkage, solve_poses(linkage, u).value))(inputs)
+    np.testing.assert_allclose(solve_input_efforts(linkage, inputs), wanted, rtol=1e-9, atol=1e-9)
+    energy = jax.vmap(lambda u: compute_spring_energy(linkage, solve_poses(linkage, u).value))(
+        inputs
+    )
     np.testing.assert_allclose(energy, 15 * (change + 0.3) ** 2, rtol=1e-9)
 
 
@@ -155,12 +159,12 @@ def test_spread_agrees_with_monte_carlo():
     linkage = gallery("four-bar")
     at = jnp.array([1.0])
     sigma = {"crank": 0.02, "coupler": 0.05, "rocker": 0.03}
-    deviations = no_deviations(linkage)
+    deviations = make_zero_deviations(linkage)
     for body, value in sigma.items():
         deviations = eqx.tree_at(
             lambda design, body=body: design.links[body].length, deviations, jnp.asarray(value)
         )
-    found = output_spread(linkage, at, lambda pose: pose.angle("rocker"), deviations)
+    found = propagate_deviations(linkage, at, lambda pose: pose.angle("rocker"), deviations)
     random = np.random.default_rng(0)
     draws = 20_000
     lengths = [

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from kinematics import PlanError, describe, linkage_from, vector_loops
+from kinematics import PlanError, describe_plan, find_vector_loops, parse_linkage
 from kinematics.io.sketch import load_sketch
 from kinematics.model.topology import Structure
 from kinematics.solve.plan import make_plan
@@ -44,7 +44,7 @@ def test_the_order_in_the_file_does_not_matter(name):
             items = list(sketch[table].items())
             random.Random(seed).shuffle(items)
             shuffled[table] = dict(items)
-        plan = make_plan(linkage_from(shuffled).structure)
+        plan = make_plan(parse_linkage(shuffled).structure)
         assert sorted(group.kind for group in plan.groups) == sorted(KINDS[name])
 
 
@@ -58,7 +58,7 @@ def test_as_many_loops_as_the_graph_has(name):
         - 1
         for joint in structure.joints
     ) + len(structure.sliders)
-    assert len(vector_loops(structure)) == joins - len(structure.moving)
+    assert len(find_vector_loops(structure)) == joins - len(structure.moving)
 
 
 def test_a_loop_between_moving_bodies_is_solved_in_the_frame_of_one():
@@ -91,10 +91,10 @@ def test_unknown_targets_are_named():
 
 
 def test_the_plan_in_words():
-    text = "\n".join(describe(gallery("quick-return").structure))
+    text = "\n".join(describe_plan(gallery("quick-return").structure))
     assert "solve RPR in closed form: angle of lever, slide of A" in text
     assert "solve RRP in closed form: angle of rod, slide of R" in text
-    text = "\n".join(describe(gallery("stephenson").structure))
+    text = "\n".join(describe_plan(gallery("stephenson").structure))
     assert "2 loops together in iteration" in text
-    text = "\n".join(describe(gallery("quick-return").structure, frozenset({"A"})))
+    text = "\n".join(describe_plan(gallery("quick-return").structure, frozenset({"A"})))
     assert "solve" not in text

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kinematics import linkage_from, solve_poses
+from kinematics import parse_linkage, solve_poses
 from kinematics.io.sketch import load_sketch
-from kinematics.solve.continuation import close, split
+from kinematics.solve.continuation import newton_correct, split
 from kinematics.solve.evaluation import evaluate
 from kinematics.solve.plan import make_plan
 from kinematics.solve.solver import Solver
@@ -25,7 +25,7 @@ CLOSED = 1e-12  # what the project promises, in units of the linkage's size
 def near_home(name, count, spread=0.3):
     """Inputs around the sketch, all within the linkage's limits."""
     random = np.random.default_rng(0)
-    home = np.asarray(gallery(name).home.inputs)
+    home = np.asarray(gallery(name).reference.inputs)
     return jnp.asarray(home + random.uniform(-spread, spread, (count, len(home))))
 
 
@@ -120,7 +120,7 @@ def test_closed_form_and_newton_agree(name):
                 *(state.slides[slider] for slider in group.sliders),
             )
         ]
-        found = close(solver.unit, newton, drive.values, solver.signs, jnp.stack(guess))
+        found = newton_correct(solver.unit, newton, drive.values, solver.signs, jnp.stack(guess))
         parts = {index: (part, ()) for index, part in split(newton, found).items()}
         again = evaluate(solver.unit, newton, drive, solver.signs, parts)
         return state.places, again.places
@@ -261,7 +261,7 @@ def test_a_slide_as_input():
     sketch["inputs"] = [{"name": "ram", "slider": "C"}]
     for far in (0.0, 1e7):  # the line's first point may lie anywhere along it
         sketch["sliders"][0]["line"] = [[far, -20], [far + 1, -20]]
-        driven = linkage_from(sketch)
+        driven = parse_linkage(sketch)
         angles = near_home("slider-crank", 5)
         slides = poses_of(gallery("slider-crank"), angles).value.slides[0]
         back = poses_of(driven, slides[:, None] - far)
@@ -271,7 +271,7 @@ def test_a_slide_as_input():
 
 def test_three_in_a_line_and_two_lines_at_one_joint():
     """A pin in two slots (PRP): it is where the slots cross."""
-    linkage = linkage_from(
+    linkage = parse_linkage(
         {
             "joints": {"O": [0, 0], "T": [30, 30], "P": [20, 20]},
             "bodies": {

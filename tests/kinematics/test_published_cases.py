@@ -19,9 +19,9 @@ import pytest
 
 from designopt.cli import run
 from kinematics import (
+    classify_grashof,
     find_limits,
-    grashof,
-    linkage_from,
+    parse_linkage,
     solve_poses,
     solve_rates,
     solve_transmission,
@@ -144,7 +144,7 @@ NORTON = (40.0, 120.0, 80.0, 100.0)
 def test_norton_four_bar_positions(mode, side, solve):
     inputs, expected, tolerance = case("norton-ex4-1-position")
     tables = four_bar(*NORTON, side=side)
-    poses = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([inputs["theta2_deg"]])))
+    poses = poses_of(parse_linkage(tables), jnp.deg2rad(jnp.array([inputs["theta2_deg"]])))
     (row,) = solve(tables, "--sweep", f"crank={inputs['theta2_deg']}")
     for body, angle in (("coupler", "theta3"), ("rocker", "theta4")):
         wanted = expected[f"{angle}_{mode}_deg"]
@@ -157,7 +157,7 @@ def test_norton_four_bar_velocities_and_accelerations(solve):
     given, acceleration, near_2 = case("norton-ex7-2-acceleration")
     tables = four_bar(*NORTON)
     motion = rates_of(
-        linkage_from(tables),
+        parse_linkage(tables),
         jnp.deg2rad(jnp.array([inputs["theta2_deg"]])),
         jnp.array([inputs["omega2"]], float),
         jnp.array([given["alpha2"]], float),
@@ -192,7 +192,7 @@ def test_norton_offset_slider_crank(mode, sign, solve):
     inputs, expected, tolerance = case("norton-ex4-2-offset-slider-crank")
     tables = slider_crank(inputs["a_crank"], inputs["b_conrod"], inputs["c_offset"], sign=sign)
     angle = inputs["theta2_deg"]
-    pose = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([angle]))).value
+    pose = poses_of(parse_linkage(tables), jnp.deg2rad(jnp.array([angle]))).value
     (row,) = solve(tables, "--sweep", f"crank={angle}")
     # Norton measures theta3 at the slider's pin, towards the crank's.
     for found in (np.rad2deg(pose.angle("rod")), row["rod.angle_deg"]):
@@ -215,7 +215,7 @@ def test_ch_toolkit_four_bar_on_inclined_ground(number, side, solve):
         side=side,
         ground_deg=inputs["theta1_deg"],
     )
-    pose = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([inputs["theta2_deg"]]))).value
+    pose = poses_of(parse_linkage(tables), jnp.deg2rad(jnp.array([inputs["theta2_deg"]]))).value
     (row,) = solve(tables, "--sweep", f"crank={inputs['theta2_deg']}")
     for body, name in (("coupler", "theta3"), ("rocker", "theta4")):
         wanted = expected[f"{name}_{number}_rad"]
@@ -225,9 +225,9 @@ def test_ch_toolkit_four_bar_on_inclined_ground(number, side, solve):
 
 def test_inclined_ground_counts_when_the_input_is_relative_to_it():
     tables = four_bar(4, 12, 7, 12, ground_deg=10)
-    absolute = linkage_from(tables)
+    absolute = parse_linkage(tables)
     tables["inputs"][0]["relative_to"] = "ground"
-    relative = linkage_from(tables)
+    relative = parse_linkage(tables)
     one = poses_of(absolute, jnp.deg2rad(jnp.array([70.0]))).value
     other = poses_of(relative, jnp.deg2rad(jnp.array([60.0]))).value
     assert float(one.angle("rocker") - other.angle("rocker")) == pytest.approx(0, abs=1e-14)
@@ -236,7 +236,7 @@ def test_inclined_ground_counts_when_the_input_is_relative_to_it():
 def test_course_sheet_slider_crank(solve):
     inputs, expected, near = case("coursehero-mathcad-slider-crank")
     tables = slider_crank(inputs["a_crank"], inputs["b_conrod"], inputs["c_offset"])
-    linkage = linkage_from(tables)
+    linkage = parse_linkage(tables)
     at = jnp.deg2rad(jnp.array([inputs["theta2_deg"]], float))
     pose = poses_of(linkage, at).value
     rates = rates_of(linkage, at, jnp.array([inputs["omega2"]], float)).velocity
@@ -256,7 +256,7 @@ def test_course_sheet_slider_crank(solve):
 def test_golden_slider_crank(solve):
     inputs, expected, near = case("linkage-sim-golden-slidercrank")
     tables = slider_crank(inputs["a_crank"], inputs["b_conrod"], inputs["c_offset"])
-    linkage = linkage_from(tables)
+    linkage = parse_linkage(tables)
     at = jnp.deg2rad(jnp.array(inputs["theta2_deg"], float))[:, None]
     pose = poses_of(linkage, at).value
     motion = rates_of(linkage, at, jnp.array([inputs["omega2"]], float))
@@ -285,7 +285,7 @@ def test_exact_transmission_angles(solve):
     lengths = [inputs[k] for k in ("a_crank", "b_coupler", "c_rocker", "d_ground")]
     tables = four_bar(*lengths)
     at = jnp.deg2rad(jnp.array(inputs["theta2_deg"], float))[:, None]
-    found = np.rad2deg(transmission_of(linkage_from(tables), at).angles["B"])
+    found = np.rad2deg(transmission_of(parse_linkage(tables), at).angles["B"])
     rows = solve(tables, "--sweep", "crank=0:60:2")
     for angles in (found, [row["B.mu_deg"] for row in rows]):
         np.testing.assert_allclose(angles, expected["mu_deg"], rtol=0, atol=tolerance)
@@ -308,7 +308,7 @@ def test_jansen_leg(solve):
         }
         tables["bodies"]["ground"]["joints"] = [str(j) for j in inputs["ground"]]
         tables["bodies"]["bar01"]["lengths"] = {"0-1": length}
-        poses = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([angle], float)))
+        poses = poses_of(parse_linkage(tables), jnp.deg2rad(jnp.array([angle], float)))
         (row,) = solve(tables, "--sweep", f"crank={angle}")
         assert bool(poses.ok)
         for found in (poses.value.position("7"), [row["7.x"], row["7.y"]]):
@@ -322,7 +322,7 @@ def test_rhombus_at_its_change_point(mirror, solve):
     tables = four_bar(100, 100, 100, inputs["ground"][1][0], sketch_deg=45)
     for joint in ("A", "B"):  # sketched on either side of the change point
         tables["joints"][joint] = [tables["joints"][joint][0], mirror * tables["joints"][joint][1]]
-    poses = poses_of(linkage_from(tables), jnp.zeros(1))
+    poses = poses_of(parse_linkage(tables), jnp.zeros(1))
     (row,) = solve(tables, "--sweep", "crank=0")
     assert bool(poses.ok)
     assert abs(poses.margin) <= 1e-12
@@ -341,7 +341,7 @@ def test_circles_that_meet_and_touch(number, solve):
     tables = four_bar(crank, left, right, far_x - pivot)
     for joint in tables["joints"].values():
         joint[0] += pivot
-    poses = poses_of(linkage_from(tables), jnp.deg2rad(jnp.array([angle], float)))
+    poses = poses_of(parse_linkage(tables), jnp.deg2rad(jnp.array([angle], float)))
     (row,) = solve(tables, "--sweep", f"crank={angle}")
     assert bool(poses.ok)
     for x, y in (poses.value.position("B"), (row["B.x"], row["B.y"])):
@@ -374,7 +374,7 @@ def test_five_bar_with_coordinated_inputs(solve):
         "inputs": [{"name": "t", "body": "a"}, {"name": "u", "body": "b"}],
     }
     angles = jnp.array(inputs["theta_a_rad"])
-    poses = poses_of(linkage_from(tables), jnp.stack([angles, 3 * angles], axis=-1))
+    poses = poses_of(parse_linkage(tables), jnp.stack([angles, 3 * angles], axis=-1))
     rows = [
         solve(tables, "--sweep", f"t={np.rad2deg(t)}", "--sweep", f"u={np.rad2deg(3 * t)}")[0]
         for t in inputs["theta_a_rad"]
@@ -402,7 +402,7 @@ def test_watts_curve(solve):
     tables["joints"]["M"] = np.mean([tables["joints"]["A"], tables["joints"]["B"]], axis=0).tolist()
     tables["bodies"]["coupler"]["joints"] = ["A", "B", "M"]
     tables["bodies"]["coupler"]["lengths"] = {"A-B": 2 * c, "A-M": c}
-    linkage = linkage_from(tables)
+    linkage = parse_linkage(tables)
     limits = find_limits(linkage, "crank")
     low, high = ends(limits)[0].value, ends(limits)[1].value
     for theta, r in zip(inputs["polar_theta_rad"], expected["r"], strict=True):
@@ -454,7 +454,7 @@ def test_quick_return_time_ratio(solve):
         "sliders": [{"joint": "A", "on": "lever", "line": [[0, 0], [r, d]]}],
         "inputs": [{"name": "crank", "body": "crank", "relative_to": "world"}],
     }
-    linkage = linkage_from(tables)
+    linkage = parse_linkage(tables)
 
     def omega(angle):
         at = jnp.array([angle])
@@ -476,7 +476,7 @@ def test_quick_return_time_ratio(solve):
 def test_crank_rocker_with_unit_time_ratio():
     inputs, expected, near = case("brodell-soni-unit-time-ratio")
     lengths = [inputs[k] for k in ("crank", "coupler", "rocker", "ground")]
-    linkage = linkage_from(four_bar(*lengths))
+    linkage = parse_linkage(four_bar(*lengths))
     angles = np.linspace(0, 2 * np.pi, 36001)[:, None]
     rocker = np.unwrap(poses_of(linkage, jnp.asarray(angles)).value.angle("rocker"))
     least, most = int(np.argmin(rocker)), int(np.argmax(rocker))
@@ -499,12 +499,12 @@ def test_grashof_classes():
         expected["rocker_full_turn"],
         strict=True,
     ):
-        found = grashof(*lengths)
+        found = classify_grashof(*lengths)
         assert found.name == name
         assert found.crank_turns == bool(crank)
         assert found.rocker_turns == bool(rocker)
         # The same from the poses: does the crank's range have an end?
-        assert find_limits(linkage_from(four_bar(*lengths)), "crank").full_turn == bool(crank)
+        assert find_limits(parse_linkage(four_bar(*lengths)), "crank").full_turn == bool(crank)
 
 
 def test_no_case_is_left_out():

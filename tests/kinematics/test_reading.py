@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from designopt.errors import UserError
-from kinematics import linkage_from, read_linkage, solve_poses
+from kinematics import parse_linkage, read_linkage, solve_poses
 from kinematics.io.assembling import Equations
 from kinematics.io.mobility import Mobility
 from kinematics.io.sketch import load_sketch, parse_sketch
-from kinematics.io.sketch_geometry import measure
+from kinematics.io.sketch_geometry import measure_sketch
 
 GALLERY = Path(__file__).parents[2] / "studies/gallery/linkages"
 
@@ -103,7 +103,7 @@ def yoke(*changes: tuple[str, Any]) -> dict[str, Any]:
 
 def said_of(data: dict[str, Any]) -> str:
     with pytest.raises(UserError) as raised:
-        linkage_from(data, "f.toml")
+        parse_linkage(data, "f.toml")
     said = str(raised.value)
     assert said.startswith("f.toml: ")
     assert "\n" not in said
@@ -434,7 +434,7 @@ def test_the_textbook_knows_the_whole_gallery():
 
 @pytest.mark.parametrize(("name", "mobility"), TEXTBOOK.items())
 def test_mobility_of_the_gallery(name, mobility):
-    drawn = measure(load_sketch(GALLERY / f"{name}.toml"), name)
+    drawn = measure_sketch(load_sketch(GALLERY / f"{name}.toml"), name)
     equations = Equations(drawn.dimensions)
     assembled = equations.assemble(drawn.configuration)
     found = Mobility(equations, assembled.configuration)
@@ -459,8 +459,8 @@ def distance(pose: Any, a: str, b: str) -> float:
 
 
 def home_pose(data: dict[str, Any]) -> Any:
-    linkage = linkage_from(data, "f.toml")
-    solved = solve_poses(linkage, linkage.home.inputs)
+    linkage = parse_linkage(data, "f.toml")
+    solved = solve_poses(linkage, linkage.reference.inputs)
     assert bool(solved.ok)
     return solved.value
 
@@ -484,7 +484,7 @@ def test_exact_lengths_hold_in_the_pose_and_the_rest_is_the_sketchs():
 
 def test_fixed_joints_without_lengths_are_exactly_where_they_are_sketched():
     data = gallery(FB, ("joints/O2", [0.1, 0.3]), ("joints/O4", [100.7, -0.9]))
-    np.testing.assert_array_equal(linkage_from(data).anchors, [[0.1, 0.3], [100.7, -0.9]])
+    np.testing.assert_array_equal(parse_linkage(data).anchors, [[0.1, 0.3], [100.7, -0.9]])
 
 
 def test_several_fixed_bodies_are_one():
@@ -494,14 +494,14 @@ def test_several_fixed_bodies_are_one():
         ("bodies/wall", bar("O4", fixed=True)),
         ("inputs/0/relative_to", "wall"),
     )
-    assert linkage_from(data).home.inputs == pytest.approx(np.arctan2(26, 30))
+    assert parse_linkage(data).reference.inputs == pytest.approx(np.arctan2(26, 30))
     moved = gallery(
         FB,
         ("joints/W", [150, 0]),
         ("bodies/ground/lengths", {"O2-O4": 110}),
         ("bodies/wall", bar("O4", "W", fixed=True, lengths={"O4-W": 40})),
     )
-    np.testing.assert_allclose(linkage_from(moved).anchors, [[0, 0], [110, 0], [150, 0]])
+    np.testing.assert_allclose(parse_linkage(moved).anchors, [[0, 0], [110, 0], [150, 0]])
 
 
 def test_three_bodies_may_share_a_pin():
@@ -526,7 +526,7 @@ def test_names_need_not_be_plain():
     )
     assert distance(home_pose(data), "A", "G'") == pytest.approx(60)
     greek = gallery(FB, ("inputs/0/name", "θ₂"))
-    assert linkage_from(greek).input_names == ("θ₂",)
+    assert parse_linkage(greek).input_names == ("θ₂",)
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(1e12, 0), (1e-9, 0), (1e-20, 0), (1, 1e8)])
@@ -537,14 +537,14 @@ def test_any_size_and_any_origin_will_do(scale, offset):
     }
     for body in data["bodies"].values():
         body["lengths"] = {k: scale * v for k, v in body.get("lengths", {}).items()}
-    linkage, plain = linkage_from(data), linkage_from(gallery(FB))
-    np.testing.assert_allclose(linkage.home.angles, plain.home.angles, rtol=1e-6)
+    linkage, plain = parse_linkage(data), parse_linkage(gallery(FB))
+    np.testing.assert_allclose(linkage.reference.angles, plain.reference.angles, rtol=1e-6)
     assert linkage.assembly == plain.assembly
 
 
 def test_a_very_short_crank_is_no_fault():
     data = exact(gallery(FB, ("joints/A", [3e-6, 2.6e-6])), crank_O2_A=4e-6)
-    assert linkage_from(data).assembly == (1,)
+    assert parse_linkage(data).assembly == (1,)
 
 
 def test_a_slot_drawn_through_a_joint_stays_there():
@@ -578,7 +578,7 @@ def test_a_slot_drawn_through_a_joint_stays_there():
 )
 def test_two_sliders_on_one_line_keep_a_body_from_turning(changes):
     data = yoke(*changes)
-    linkage = linkage_from(data)
+    linkage = parse_linkage(data)
     assert [part.keeps for part in linkage.structure.sliders] == ["yoke", None]
     pose = solve_poses(linkage, jnp.radians(jnp.array([75.0])))
     assert bool(pose.ok)
@@ -594,7 +594,7 @@ def test_the_driven_one_of_two_sliders_is_kept():
     data = yoke(
         ("sliders/2/line", [[5, 0], [-3, 0]]), ("inputs/0", {"name": "stroke", "slider": "Z"})
     )
-    linkage = linkage_from(data)
+    linkage = parse_linkage(data)
     assert [part.joint for part in linkage.structure.sliders] == ["A", "Z"]
     pose = solve_poses(linkage, jnp.array([-55.0])).value  # from x = 5 towards −x
     assert np.asarray(pose.position("Z")) == pytest.approx([60, 0], abs=1e-12)
@@ -603,21 +603,21 @@ def test_the_driven_one_of_two_sliders_is_kept():
 
 def test_inputs_are_read_from_the_sketch():
     data = gallery(SC, ("inputs/0", {"name": "s", "slider": "C", "relative_to": "world"}))
-    assert linkage_from(data).home.inputs == pytest.approx([127])
-    assert linkage_from(gallery("five-bar")).home.inputs == pytest.approx(
+    assert parse_linkage(data).reference.inputs == pytest.approx([127])
+    assert parse_linkage(gallery("five-bar")).reference.inputs == pytest.approx(
         [np.arctan2(1.2, 3.8), np.arctan2(3.1, 2.5)]
     )
 
 
 def test_a_joint_on_two_lines_and_on_no_body():
-    linkage = linkage_from(point_on_lines([[0, 0], [30, 30]], [[0, 30], [1, 30]]))
+    linkage = parse_linkage(point_on_lines([[0, 0], [30, 30]], [[0, 30], [1, 30]]))
     pose = solve_poses(linkage, jnp.radians(jnp.array([-15.0]))).value
     assert np.asarray(pose.position("P")) == pytest.approx([30 / np.tan(np.radians(30)), 30])
 
 
 def test_files_and_tables_give_the_same_linkage():
     linkage = read_linkage(GALLERY / "finger.toml")
-    tables = linkage_from(gallery("finger"))
+    tables = parse_linkage(gallery("finger"))
     assert linkage.structure == tables.structure
     assert linkage.structure.springs == (("distal", "plate"),)
     assert parse_sketch(gallery("finger"), "x") == load_sketch(GALLERY / "finger.toml")

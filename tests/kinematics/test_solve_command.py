@@ -178,7 +178,7 @@ def test_every_gallery_file_solves_at_its_sketch_and_keeps_its_lengths(name, cap
     linkage = read_linkage(name)
     structure = linkage.structure
     sweeps = []
-    for part, value in zip(structure.inputs, np.asarray(linkage.home.inputs), strict=True):
+    for part, value in zip(structure.inputs, np.asarray(linkage.reference.inputs), strict=True):
         shown = value if part.slider is not None else np.degrees(value)
         sweeps += ["--sweep", f"{part.name}={shown}"]
     assert run(["solve", name, *sweeps]) == 0

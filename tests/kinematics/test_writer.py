@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from designopt import UserError
-from kinematics import linkage_from, linkage_text, read_linkage, write_linkage
+from kinematics import format_linkage, parse_linkage, read_linkage, write_linkage
 from tests.kinematics.gallery import NAMES, gallery
 
 
@@ -32,7 +32,7 @@ def test_the_gallery_is_read_back(name, tmp_path):
 def test_other_lengths_are_written():
     linkage = gallery("four-bar")
     longer = eqx.tree_at(lambda one: one.links["coupler"].length, linkage, 121.5)
-    again = linkage_from(tomllib.loads(linkage_text(longer)), "again")
+    again = parse_linkage(tomllib.loads(format_linkage(longer)), "again")
     assert float(again.links["coupler"].length) == pytest.approx(121.5, abs=1e-12)
 
 

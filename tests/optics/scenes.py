@@ -100,13 +100,13 @@ def scene_of(case: Case) -> Scene:
 def random_cases(seed: int, count: int) -> Case:
     """Segments, camera and pose at random; seen and hidden views of every kind occur."""
     rng = np.random.default_rng(seed)
-    centre = rng.uniform(-1, 1, (count, SURFACES, 1, 2))
+    center = rng.uniform(-1, 1, (count, SURFACES, 1, 2))
     turn = rng.uniform(0, 2 * np.pi, (count, SURFACES, 1, 1))
     longest = np.repeat([0.9, 0.6, 0.3], [MIRRORS, PADS, SURFACES - MIRRORS - PADS])
     half = rng.uniform(0.1, 1, (count, SURFACES, 1, 1)) * longest[:, None, None]
     arrow = half * np.concatenate([np.cos(turn), np.sin(turn)], axis=-1)
     return Case(
-        ends=np.concatenate([centre - arrow, centre + arrow], axis=2),
+        ends=np.concatenate([center - arrow, center + arrow], axis=2),
         position=rng.uniform(-1, 1, (count, 2)),
         direction=rng.uniform(-np.pi, np.pi, count),
         field_of_view=rng.uniform(0.5, 6.2, count),

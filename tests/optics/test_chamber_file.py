@@ -13,10 +13,10 @@ from designopt import UserError
 from designopt.designs import load_design
 from optics import Chamber
 from optics.chamber.designed import DesignedChamber
-from optics.chamber.file import chamber_text, read_chamber, write_chamber
+from optics.chamber.file import format_chamber, read_chamber, write_chamber
 from tests.optics.test_chamber_bench import PAPER
 
-TEXT = chamber_text("soft", PAPER)
+TEXT = format_chamber("soft", PAPER)
 
 
 def written(tmp_path, text=TEXT):
@@ -38,7 +38,7 @@ def test_what_is_written_is_read_back(lengths, angle_deg):
     names = [field.name for field in dataclasses.fields(PAPER) if field.name != "wall_angle_bc"]
     drawn = dict(zip(names, lengths, strict=True))
     chamber = Chamber(**drawn, wall_angle_bc=math.radians(angle_deg))
-    table = tomllib.loads(chamber_text("drawn", chamber))["chamber"]
+    table = tomllib.loads(format_chamber("drawn", chamber))["chamber"]
     assert {name: table[name] for name in names} == drawn
     assert math.radians(table["wall_angle_bc_deg"]) == float(chamber.wall_angle_bc)
 

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from designopt.roots import RootMethod
-from optics import ChamberResult, dimension_for_ratio
+from optics import ChamberResult, solve_dimension_for_ratio
 from optics.chamber.ratio import _QUADRATIC, Dimension
 from tests.helpers import central_differences
 from tests.optics.test_chamber import make
@@ -26,7 +26,7 @@ DIFFERENCES = 1e-9  # of the largest entry: what central differences themselves 
 
 
 solve = functools.partial(jax.jit, static_argnums=1, static_argnames=("method", "bracket"))(
-    dimension_for_ratio
+    solve_dimension_for_ratio
 )
 
 
@@ -134,21 +134,21 @@ def _pinhole_equation(chamber, offset, *, ratio):
 
 def test_no_answer_is_reported_and_stays_finite():
     with_no_root = make(wall_angle_bc=0.0, offset_d=-10.0)
-    found = dimension_for_ratio(with_no_root, "pinhole_offset", 3.0)
+    found = solve_dimension_for_ratio(with_no_root, "pinhole_offset", 3.0)
     assert not bool(found.ok)
     assert float(found.margin) <= 0
     assert np.isfinite(found.value)
     # Nothing depends on Δl_D when D lies in the pinhole plane with B.
-    blind = dimension_for_ratio(make(pinhole_offset=-40.0), "offset_d", 0.6)
+    blind = solve_dimension_for_ratio(make(pinhole_offset=-40.0), "offset_d", 0.6)
     assert bool(blind.result == ChamberResult.no_solution)
-    gradient = jax.grad(lambda c: dimension_for_ratio(c, "offset_d", 0.6).value)(
+    gradient = jax.grad(lambda c: solve_dimension_for_ratio(c, "offset_d", 0.6).value)(
         make(pinhole_offset=-40.0)
     )
     assert all(np.isfinite(leaf) for leaf in jax.tree.leaves(gradient))
 
 
 def test_an_iteration_that_does_not_arrive_says_so():
-    found = dimension_for_ratio(
+    found = solve_dimension_for_ratio(
         make(), "offset_d", 0.65, method="bisection", bracket=(50.0, 60.0), tolerance=1e-13
     )
     assert bool(found.result == ChamberResult.not_converged)
@@ -156,7 +156,9 @@ def test_an_iteration_that_does_not_arrive_says_so():
 
 def test_a_batch_with_failures_is_one_compiled_call():
     ratios = jnp.asarray([0.5, 0.6, 1e9])
-    batched = jax.jit(jax.vmap(lambda ratio: dimension_for_ratio(make(), "pinhole_offset", ratio)))
+    batched = jax.jit(
+        jax.vmap(lambda ratio: solve_dimension_for_ratio(make(), "pinhole_offset", ratio))
+    )
     found = batched(ratios)
     assert found.ok.tolist() == [True, True, False]
     assert [bool(message) for message in found.messages()] == [False, False, True]
@@ -164,7 +166,9 @@ def test_a_batch_with_failures_is_one_compiled_call():
 
 
 def test_unknown_dimension_names_the_known_ones():
-    unchecked = inspect.unwrap(dimension_for_ratio)  # the test run's type check would answer first
+    unchecked = inspect.unwrap(
+        solve_dimension_for_ratio
+    )  # the test run's type check would answer first
     with pytest.raises(ValueError, match="solve for one of length_ab, length_bc"):
         unchecked(make(), "focal_length", 0.6)
 
@@ -185,6 +189,6 @@ def test_the_unit_of_length_does_not_matter(method, size):
 def test_an_answer_beyond_the_float_type_is_reported():
     with jax.enable_x64(False):
         chamber = make(length_ab=3e37, length_bc=1.0, length_cd=3e37)
-        found = dimension_for_ratio(chamber, "offset_d", 1e9)
+        found = solve_dimension_for_ratio(chamber, "offset_d", 1e9)
     assert not bool(found.ok)
     assert np.isfinite(found.value)

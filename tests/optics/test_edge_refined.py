@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics import Scene, find_views, read_scene, scene_from, trace_rays, trace_views
+from optics import Scene, find_views, parse_scene, read_scene, trace_rays, trace_views
 
 GALLERY = Path(__file__).parents[2] / "studies" / "gallery" / "scenes"
 
@@ -20,7 +20,7 @@ SAME = 1e-12
 
 def curved(radius: float = -30.0, conic: float = 0.0) -> Scene:
     """A camera that sees a pad in a curved mirror, past a blocker, and another directly."""
-    return scene_from(
+    return parse_scene(
         {
             "camera": {"position": [0, 0], "direction_deg": 90, "fov_deg": 60, "pixels": 500},
             "mirrors": [

@@ -15,10 +15,10 @@ from jax.flatten_util import ravel_pytree
 from optics.scene.camera import Equidistant, KannalaBrandt, Pinhole
 from optics.scene.fabrication import (
     Fabrication,
-    as_made,
     displaced,
-    errors_of,
-    fabrication_names,
+    name_fabrication_errors,
+    perturb,
+    scale_errors,
     turned,
 )
 from optics.scene.scene import Scene
@@ -90,24 +90,24 @@ def check(made: Scene, **changed: Any) -> None:
 
 @pytest.mark.parametrize("carried", [(), (BODY,)])
 def test_without_errors_a_finger_is_made_as_designed(carried):
-    made = as_made(finger(), Fabrication.none(finger().layout), carried=carried)
+    made = perturb(finger(), Fabrication.none(finger().layout), carried=carried)
     check(made)
     assert jax.tree.structure(made) == jax.tree.structure(finger())
 
 
 def test_a_camera_out_of_place_moves_alone():
     camera = finger().camera
-    made = as_made(finger(), flawed(camera=jnp.array([0.3, -0.2])))
+    made = perturb(finger(), flawed(camera=jnp.array([0.3, -0.2])))
     check(made, position=numbers(camera.position) + 0.3 - 0.2j)
 
 
 def test_a_tilted_camera_turns_alone_about_its_pinhole():
-    made = as_made(finger(), flawed(tilt=jnp.array(0.04)))
+    made = perturb(finger(), flawed(tilt=jnp.array(0.04)))
     check(made, direction=finger().camera.direction + 0.04)
 
 
 def test_a_camera_beside_the_section_changes_nothing_in_it():
-    check(as_made(finger(), flawed(lateral=jnp.array(2.0))))
+    check(perturb(finger(), flawed(lateral=jnp.array(2.0))))
 
 
 def test_what_a_camera_carries_moves_and_turns_with_it():
@@ -117,7 +117,7 @@ def test_what_a_camera_carries_moves_and_turns_with_it():
     blockers = numbers(finger().blockers)
     blockers[held] = pinhole + move + (blockers[held] - pinhole) * np.exp(0.04j)
     check(
-        as_made(finger(), errors, carried=held),
+        perturb(finger(), errors, carried=held),
         position=pinhole + move,
         direction=finger().camera.direction + 0.04,
         blockers=blockers,
@@ -126,28 +126,28 @@ def test_what_a_camera_carries_moves_and_turns_with_it():
 
 def test_mirrors_turn_about_their_middles():
     errors = np.array([0.02, -0.03])
-    made = as_made(finger(), flawed(mirror_tilt=jnp.asarray(errors)))
+    made = perturb(finger(), flawed(mirror_tilt=jnp.asarray(errors)))
     check(made, mirrors=tilted(numbers(finger().mirrors), errors))
 
 
 def test_mirrors_move_to_the_left_of_their_direction():
     errors, ends = np.array([0.2, -0.3]), numbers(finger().mirrors)
-    made = as_made(finger(), flawed(mirror_offset=jnp.asarray(errors)))
+    made = perturb(finger(), flawed(mirror_offset=jnp.asarray(errors)))
     check(made, mirrors=ends + 1j * errors[:, None] * along(ends))
 
 
 def test_pads_turn_about_their_middles():
     errors = np.array([0.02, -0.03, 0.01])
-    made = as_made(finger(), flawed(pad_tilt=jnp.asarray(errors)))
+    made = perturb(finger(), flawed(pad_tilt=jnp.asarray(errors)))
     check(made, pads=tilted(numbers(finger().pads), errors))
 
 
 def test_pads_move_to_the_left_of_their_direction_and_along_it():
     offset, shift = np.array([0.2, -0.3, 0.1]), np.array([-0.4, 0.5, 0.6])
     ends = numbers(finger().pads)
-    made = as_made(finger(), flawed(pad_offset=jnp.asarray(offset)))
+    made = perturb(finger(), flawed(pad_offset=jnp.asarray(offset)))
     check(made, pads=ends + 1j * offset[:, None] * along(ends))
-    made = as_made(finger(), flawed(pad_shift=jnp.asarray(shift)))
+    made = perturb(finger(), flawed(pad_shift=jnp.asarray(shift)))
     check(made, pads=ends + shift[:, None] * along(ends))
 
 
@@ -158,7 +158,7 @@ def test_tilted_pads_move_along_what_they_are_then():
         pad_tilt=jnp.asarray(tilt), pad_offset=jnp.asarray(offset), pad_shift=jnp.asarray(shift)
     )
     ends = tilted(numbers(finger().pads), tilt)
-    check(as_made(finger(), errors), pads=ends + (shift + 1j * offset)[:, None] * along(ends))
+    check(perturb(finger(), errors), pads=ends + (shift + 1j * offset)[:, None] * along(ends))
 
 
 def test_random_segments_are_turned_and_displaced():
@@ -175,14 +175,14 @@ def test_random_segments_are_turned_and_displaced():
 def test_every_error_has_its_name_in_the_order_of_the_entries():
     layout = finger().layout
     distorted = flawed(distortion=jnp.array(0.0))
-    names = fabrication_names(layout, distorted)
+    names = name_fabrication_errors(layout, distorted)
     without, unravel = ravel_pytree(Fabrication.none(layout))
-    assert fabrication_names(layout, Fabrication.none(layout)) == names[:-1]
+    assert name_fabrication_errors(layout, Fabrication.none(layout)) == names[:-1]
     assert len(without) == len(names) - 1
     assert len(ravel_pytree(distorted)[0]) == len(names)
     assert len(set(names)) == len(names)
     designed = parts(finger())
-    make = jax.jit(lambda entries: as_made(finger(), unravel(entries)))
+    make = jax.jit(lambda entries: perturb(finger(), unravel(entries)))
     for index, name in enumerate(names[:-1]):
         made = parts(make(without.at[index].set(0.01)))
         moved = {part: np.abs(made[part] - designed[part]) > 1e-4 for part in designed}
@@ -223,7 +223,7 @@ def test_errors_are_so_many_deviations_in_the_order_of_the_entries(distortion):
     none = dataclasses.replace(Fabrication.none(finger().layout), distortion=distortion)
     start, unravel = ravel_pytree(none)
     deviations, numbers = rng.uniform(0.01, 0.3, (2, len(start)))
-    errors = errors_of(unravel(jnp.asarray(deviations)), jnp.asarray(numbers))
+    errors = scale_errors(unravel(jnp.asarray(deviations)), jnp.asarray(numbers))
     assert jax.tree.structure(errors) == jax.tree.structure(none)
     np.testing.assert_allclose(ravel_pytree(errors)[0], deviations * numbers, rtol=ROUNDING)
 
@@ -234,7 +234,7 @@ def test_errors_are_so_many_deviations_in_the_order_of_the_entries(distortion):
     ids=["equidistant", "kannala-brandt"],
 )
 def test_a_distortion_adds_a_cube_to_the_lens_and_keeps_the_field_of_view(lens, before):
-    made = as_made(with_lens(lens), flawed(distortion=jnp.array(0.03)))
+    made = perturb(with_lens(lens), flawed(distortion=jnp.array(0.03)))
     check(made)
     angles = np.linspace(-1.3, 1.3, 9)
     heights = made.camera.projection.height(jnp.asarray(angles))
@@ -248,13 +248,13 @@ def test_a_distortion_adds_a_cube_to_the_lens_and_keeps_the_field_of_view(lens, 
 
 def test_a_lens_without_an_error_is_that_of_the_design():
     for lens in (Equidistant(), LENS, Pinhole()):
-        made = as_made(with_lens(lens), Fabrication.none(finger().layout))
+        made = perturb(with_lens(lens), Fabrication.none(finger().layout))
         assert eqx.tree_equal(made.camera.projection, lens)
 
 
 def test_a_distortion_of_a_pinhole_is_refused():
     with pytest.raises(ValueError, match="equidistant or Kannala-Brandt lens only"):
-        as_made(with_lens(Pinhole()), flawed(distortion=jnp.array(0.03)))
+        perturb(with_lens(Pinhole()), flawed(distortion=jnp.array(0.03)))
 
 
 def test_numbers_without_a_dtype_become_floats():
@@ -273,7 +273,7 @@ def test_derivatives_of_what_is_made():
     weights = [rng.uniform(-1, 1, shape) / 50 for shape in shapes]
 
     def weighed(design: list[jax.Array]) -> jax.Array:
-        made = as_made(scene, unravel(jnp.stack(design)), carried=(BODY,))
+        made = perturb(scene, unravel(jnp.stack(design)), carried=(BODY,))
         leaves = jax.tree.leaves(eqx.filter(made, eqx.is_array))
         return sum(
             (jnp.sum(weight * leaf) for weight, leaf in zip(weights, leaves, strict=True)),

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics import ThinLens, find_focus, find_views, scene_from
+from optics import ThinLens, find_focus, find_views, parse_scene
 from tests.helpers import central_differences
 
 SCENE = {
@@ -26,7 +26,7 @@ SCENE = {
 
 
 def test_blur_and_sharp_part_agree_with_dense_sampling():
-    scene = scene_from(SCENE)
+    scene = parse_scene(SCENE)
     pieces = find_views(scene, scene.pose()).value
     found = find_focus(scene, pieces, accepted=2.0)
     pitch = (1 / (1 / 2.0 - 1 / 20.0)) / float(scene.camera.focal_pixels)
@@ -44,7 +44,7 @@ def test_blur_and_sharp_part_agree_with_dense_sampling():
 
 
 def test_everything_is_sharp_beyond_the_hyperfocal_distance():
-    scene = scene_from(SCENE)
+    scene = parse_scene(SCENE)
     pieces = find_views(scene, scene.pose()).value
     lens = ThinLens(2.0, 1e-3, 1 / (1 / 2.0 - 1 / 20.0))
     scene = eqx.tree_at(lambda scene: scene.camera.lens, scene, lens)
@@ -55,7 +55,7 @@ def test_everything_is_sharp_beyond_the_hyperfocal_distance():
 
 @pytest.mark.slow
 def test_gradient_of_sharpness_and_of_blur():
-    scene = scene_from(SCENE)
+    scene = parse_scene(SCENE)
 
     def total(design: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
         height, focal, aperture = design
@@ -75,6 +75,6 @@ def test_gradient_of_sharpness_and_of_blur():
 
 def test_a_camera_without_a_lens_is_told():
     bare = dict(SCENE, camera={k: v for k, v in SCENE["camera"].items() if k != "lens"})
-    scene = scene_from(bare)
+    scene = parse_scene(bare)
     with pytest.raises(ValueError, match="no lens"):
         find_focus(scene, find_views(scene, scene.pose()).value)

@@ -15,7 +15,7 @@ from optics.scene.imaging import Imaging
 from optics.visibility.boundary_codes import FIRST_PAD_END, SECOND_PAD_END
 from optics.visibility.outlines import CORNERS, Outlines, find_corners, find_outlines
 from optics.visibility.unfolding import paths_of
-from optics.visibility.views import path_names
+from optics.visibility.views import name_paths
 from tests.helpers import central_differences
 from tests.optics.extruded import POSES, finger, followed, looked, unfolded, views_at_poses
 from tests.optics.scenes import posed
@@ -62,7 +62,7 @@ def test_ends_of_pads_that_are_seen_are_where_views_end():
         ):
             np.testing.assert_allclose(ours[at_ends], theirs[at_ends], rtol=ROUNDING)
         if at_ends.all():
-            whole.add((path_names(finger().layout)[path], int(pad)))
+            whole.add((name_paths(finger().layout)[path], int(pad)))
     # Something was compared: all pads directly, and all by mirrors.
     assert {("direct", pad) for pad in range(3)} < whole
     assert {("mirror:proximal", 0), ("mirror:distal", 1), ("mirror:distal", 2)} < whole
@@ -85,7 +85,7 @@ def test_paths_of_fewer_reflections_come_first_and_are_the_same():
     pose, many = jnp.asarray(POSES[1]), outlines(1)
     for less, count in (
         (find(finger(), pose, bounces=0), 1),
-        (find(finger(), pose), len(path_names(finger().layout))),
+        (find(finger(), pose), len(name_paths(finger().layout))),
     ):
         assert less.angle.shape == (count, 3, 2)
         np.testing.assert_allclose(less.angle, many.angle[:count], rtol=ROUNDING)

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from designopt.cli import run
-from optics import Scene, ThinLens, find_views, path_names, scene_from, trace_rays
+from optics import Scene, ThinLens, find_views, name_paths, parse_scene, trace_rays
 from optics.scene.scene import place
 from optics.visibility.boundaries import Pad
 from optics.visibility.image_scale import look
@@ -94,7 +94,7 @@ def trace(tmp_path, capsys):
 
 def follow(tables: Any, rays: Any, bounces: int) -> Any:
     """The same by the public function, as a list of hits (place, direction) per ray."""
-    scene, given = scene_from(tables), jnp.asarray(rays, float)
+    scene, given = parse_scene(tables), jnp.asarray(rays, float)
     hits = trace_rays(scene, scene.pose(), given[:, :2], jnp.deg2rad(given[:, 2]), bounces=bounces)
     return np.asarray(hits.place), np.asarray(hits.direction)
 
@@ -114,7 +114,7 @@ def on_axis(places: np.ndarray, directions: np.ndarray, y: float = 0.0) -> np.nd
 def virtual_camera(scene: Scene, path: str, bounces: int = 1) -> np.ndarray:
     placed = place(scene, scene.pose())
     paths = unfold_all(scene.layout, placed, paths_of(scene.layout, bounces))
-    index = path_names(scene.layout, bounces).index(path)
+    index = name_paths(scene.layout, bounces).index(path)
     return np.asarray(placed.absolute(paths.source).stacked())[index]
 
 
@@ -126,7 +126,7 @@ def test_image_of_a_point_in_a_plane_mirror(trace):
         "mirrors": [part(*inputs["mirror"])],
         "pads": [part(target, [8, 2])],
     }
-    scene = scene_from(tables)
+    scene = parse_scene(tables)
     placed = place(scene, scene.pose())
     close(virtual_camera(scene, "mirror:a"), expected["image"], tolerance)
     start, end = placed.segment(1)
@@ -197,7 +197,7 @@ def test_number_of_images_in_a_kaleidoscope(name, bounces, trace):
     seen = [radius * math.cos(math.radians(polar)), radius * math.sin(math.radians(polar))]
     end = [10 * math.cos(angle), 10 * math.sin(angle)]
     tables = {**corner([[[0, 0], [10, 0]], [[0, 0], end]]), "camera": camera(seen, 0)}
-    scene = scene_from(tables)
+    scene = parse_scene(tables)
     placed = place(scene, scene.pose())
 
     @jax.vmap
@@ -320,7 +320,7 @@ def test_blur_of_what_is_out_of_focus(trace):
 
 def pixels(tables: Any, trace: Tracer) -> list[np.ndarray]:
     """Where the ends of the only pad are imaged: by the public function, and by the command."""
-    scene = scene_from(tables)
+    scene = parse_scene(tables)
     views = find_views(scene, STILL, bounces=0).value
     (pose,) = trace(tables)["poses"]
     (shown,) = pose["pads"]["a"]["views"]["direct"]["pixels"]
@@ -329,14 +329,14 @@ def pixels(tables: Any, trace: Tracer) -> list[np.ndarray]:
 
 def test_pinhole_projection(trace):
     inputs, expected, tolerance = case("pinhole_projection")
-    centre, focal = inputs["centre_px"], inputs["focal_px"]
-    fov = math.degrees(2 * math.atan(centre / focal))
+    center, focal = inputs["centre_px"], inputs["focal_px"]
+    fov = math.degrees(2 * math.atan(center / focal))
     x, y = inputs["point"]
     # Looking along +y, pixels grow clockwise, with x.
-    eye = camera([0, 0], 90, fov, pixels=2 * centre)
+    eye = camera([0, 0], 90, fov, pixels=2 * center)
     for found in pixels({"camera": eye, "pads": [part([x, y], [x + 5, y])]}, trace):
         close(found[0], expected["pixel"], tolerance)
-    pixel = scene_from({"camera": eye, "pads": [part([0, 1], [1, 1])]}).camera.pixel
+    pixel = parse_scene({"camera": eye, "pads": [part([0, 1], [1, 1])]}).camera.pixel
     close(pixel(jnp.asarray(-math.atan2(x, y))), expected["pixel"], tolerance)
 
 
@@ -356,7 +356,7 @@ def test_fisheye_projection(trace):
     tables = {"camera": eye, "pads": [part(*ends.tolist())]}
     for found in pixels(tables, trace):
         close(found - half, wanted, tolerance)
-    close(scene_from(tables).camera.pixel(jnp.asarray(-at)) - half, wanted, tolerance)
+    close(parse_scene(tables).camera.pixel(jnp.asarray(-at)) - half, wanted, tolerance)
 
 
 def test_half_a_height_of_mirror_shows_a_whole_body(trace):
@@ -367,7 +367,7 @@ def test_half_a_height_of_mirror_shows_a_whole_body(trace):
         "mirrors": [part([x, low], [x, high])],
         "pads": [part(*inputs["body"])],
     }
-    views = find_views(scene_from(tables), STILL, bounces=1).value
+    views = find_views(parse_scene(tables), STILL, bounces=1).value
     assert np.asarray(views.present[0, 0]).tolist()[:2] == [True, False]
     (pose,) = trace(tables)["poses"]
     assert pose["pads"]["a"]["coverage"] == 1
@@ -388,7 +388,7 @@ def test_a_wall_through_a_window_that_is_a_mirror(trace):
         "mirrors": [part(*inputs["mirror"])],
         "pads": [part([-5, y], [5, y])],
     }
-    scene = scene_from(tables)
+    scene = parse_scene(tables)
     views = find_views(scene, STILL, bounces=1).value
     (pose,) = trace(tables)["poses"]
     (shown,) = pose["pads"]["a"]["views"]["mirror:a"]["intervals"]
@@ -414,7 +414,7 @@ def test_shadow_of_an_occluder(trace):
         scene = eqx.tree_at(lambda scene: scene.blockers, scene, ends)
         return find_views(scene, STILL[0], bounces=0).value.coverage()[0]
 
-    scene = scene_from(tables(0.0))
+    scene = parse_scene(tables(0.0))
     found, slope = jax.jit(jax.value_and_grad(coverage, argnums=1))(scene, jnp.zeros(()))
     close(found, expected["coverage"], tolerance)
     close(slope, expected["d_coverage_d_occluder_half_width"], tolerance)

@@ -22,7 +22,7 @@ from optics.explore.scene_seeing import _coverage, _quickly, _views
 from optics.plot.label_layout import Label, PlacedLabel, moved
 from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
-from optics.scene.reading import scene_from
+from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage, find_views
 from optics.visibility.sharpness import find_sharpness
 from optics.visibility.views import describe_end
@@ -54,7 +54,7 @@ def saved(bench, values):
     """The scene that the saved file describes."""
     (file,) = bench.specs(values)
     assert file.name == "scene.toml"
-    return scene_from(tomllib.loads(file.content))
+    return parse_scene(tomllib.loads(file.content))
 
 
 def readings(shown) -> dict[str, Any]:
@@ -185,8 +185,8 @@ def test_pictures_show_what_the_readings_say():
         kinds = {artist.get_gid() for artist in shown.artists}
         assert (f"hidden:{name}" in kinds) != whole
     seen = [name for name, part in zip(names, covered, strict=True) if part > 0]
-    colours = {by_gid(shown, f"seen:{name}").get_color() for name in seen}
-    assert len(colours) == len({*covered[covered > 0]}) > 1
+    colors = {by_gid(shown, f"seen:{name}").get_color() for name in seen}
+    assert len(colors) == len({*covered[covered > 0]}) > 1
     assert all(artist.get_animated() for artist in shown.artists)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from designopt import UserError
-from optics import read_scene, scene_from
+from optics import parse_scene, read_scene
 from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole
 from optics.scene.scene import WORLD, Frame, Scene, Surface, place
 
@@ -35,7 +35,7 @@ def scene(**tables: Any) -> dict[str, Any]:
 
 def said_of(data: dict[str, Any]) -> str:
     with pytest.raises(UserError) as raised:
-        scene_from(data, "f.toml")
+        parse_scene(data, "f.toml")
     said = str(raised.value)
     assert said.startswith("f.toml: ")
     assert said.isprintable()
@@ -57,7 +57,7 @@ def placed_ends(scene: Scene, **degrees: float) -> np.ndarray:
 
 
 def test_numbers_arrive_in_mm_and_radians():
-    found = scene_from(
+    found = parse_scene(
         scene(
             mirrors=[
                 wall("flat", 1),
@@ -85,7 +85,7 @@ def test_numbers_arrive_in_mm_and_radians():
 
 
 def test_an_empty_kind_has_its_shape():
-    found = scene_from(scene())
+    found = parse_scene(scene())
     assert found.mirrors.shape == found.blockers.shape == (0, 2, 2)
     assert found.radii.shape == found.conics.shape == (0,)
     assert found.hinges.shape == (0, 2)
@@ -114,7 +114,7 @@ def test_arrays_have_the_default_float_type(x64):
     ],
 )
 def test_projections(projection, kind):
-    found: Camera = scene_from(scene(camera=CAMERA | projection)).camera
+    found: Camera = parse_scene(scene(camera=CAMERA | projection)).camera
     assert type(found.projection) is kind
     heights = {
         Equidistant: math.radians(30),
@@ -127,7 +127,7 @@ def test_projections(projection, kind):
 
 def test_a_lens_is_in_focus_where_the_file_says():
     lens = {"focal_length": 2.8, "f_number": 2, "focus": 25}
-    found = scene_from(scene(camera=CAMERA | {"lens": lens})).camera.lens
+    found = parse_scene(scene(camera=CAMERA | {"lens": lens})).camera.lens
     assert found is not None
     assert float(found.focal_length) == 2.8
     assert float(found.aperture) == 1.4
@@ -146,13 +146,13 @@ def test_a_lens_is_in_focus_where_the_file_says():
     ],
 )
 def test_most_bounces_follow_from_the_mirrors(mirrors, wanted):
-    assert scene_from(scene(mirrors=mirrors)).layout.bounces == wanted
+    assert parse_scene(scene(mirrors=mirrors)).layout.bounces == wanted
     asked = scene(mirrors=mirrors, scene={"bounces": 3, "name": "three"})
-    assert (scene_from(asked).layout.bounces, scene_from(asked).layout.name) == (3, "three")
+    assert (parse_scene(asked).layout.bounces, parse_scene(asked).layout.name) == (3, "three")
 
 
 def test_sides_and_frames_of_surfaces():
-    found = scene_from(
+    found = parse_scene(
         scene(
             camera=CAMERA | {"body": "f"},
             mirrors=[wall("m", side="left"), wall("n", side="right", body="g")],
@@ -175,7 +175,7 @@ def test_parents_come_before_children_and_angles_as_in_the_file():
         "other": frame("third"),
         "base": frame("first"),
     }
-    found = scene_from(scene(frames=frames))
+    found = parse_scene(scene(frames=frames))
     assert found.angle_names == ("third", "second", "first")
     assert [part.name for part in found.layout.frames] == ["other", "base", "middle", "tip"]
     assert [part.parent for part in found.layout.frames] == [WORLD, WORLD, 1, 2]
@@ -203,7 +203,7 @@ def test_a_chain_of_frames_and_a_shared_angle():
     }
     camera = CAMERA | {"body": "third"}
     pads = [wall("base", body="base"), wall("tip", body="tip"), wall("third", body="third")]
-    found = scene_from(scene(camera=camera, pads=pads, frames=frames))
+    found = parse_scene(scene(camera=camera, pads=pads, frames=frames))
     a, b = math.radians(25), math.radians(-60)
 
     def moved(point: Any, turns: int) -> np.ndarray:
@@ -288,12 +288,12 @@ def test_all_faults_are_told_at_once():
 
 
 def test_names_are_unique_within_a_kind_only():
-    found = scene_from(scene(mirrors=[wall("a")], pads=[wall("a")], blockers=[wall("a")]))
+    found = parse_scene(scene(mirrors=[wall("a")], pads=[wall("a")], blockers=[wall("a")]))
     assert [part.name for part in found.layout.surfaces] == ["a", "a", "a"]
 
 
 def test_a_scene_may_be_mirrors_alone():
-    found = scene_from(scene(pads=[], mirrors=[wall("a")]))
+    found = parse_scene(scene(pads=[], mirrors=[wall("a")]))
     assert found.layout.pads == ()
 
 
@@ -302,7 +302,7 @@ def test_files_and_tables_give_the_same_scene(tmp_path):
     path.write_bytes(b"\xef\xbb\xbf" + (GALLERY / "finger.toml").read_bytes())
     from_file = read_scene(path)
     tables = tomllib.loads((GALLERY / "finger.toml").read_text(encoding="utf-8"))
-    from_tables = scene_from(tables)
+    from_tables = parse_scene(tables)
     assert from_file.layout == from_tables.layout
     for one, other in zip(jax.tree.leaves(from_file), jax.tree.leaves(from_tables), strict=True):
         np.testing.assert_array_equal(one, other)

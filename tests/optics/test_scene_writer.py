@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics import read_scene, scene_from, scene_text, write_scene
+from optics import format_scene, parse_scene, read_scene, write_scene
 
 GALLERY = sorted((Path(__file__).parents[2] / "studies/gallery/scenes").glob("*.toml"))
 
@@ -83,19 +83,19 @@ def tables(draw) -> dict:
 
 @given(tables())
 def test_what_is_written_is_read_back(drawn):
-    scene = scene_from(drawn, "drawn")
-    text = scene_text(scene)
-    again = scene_from(tomllib.loads(text), "again")
+    scene = parse_scene(drawn, "drawn")
+    text = format_scene(scene)
+    again = parse_scene(tomllib.loads(text), "again")
     assert_identical(scene, again)
-    assert scene_text(again) == text
+    assert format_scene(again) == text
 
 
 def test_a_lens_comes_back_to_rounding():
     lens = {"focal_length": 1.7, "f_number": 2.8, "focus": 21.0}
     camera = {"position": [0.0, 0.0], "direction_deg": 0.0, "fov_deg": 90.0, "pixels": 100}
     pads = [{"name": "pad", "from": [10.0, -1.0], "to": [10.0, 1.0]}]
-    scene = scene_from({"camera": camera | {"lens": lens}, "pads": pads}, "lens")
-    again = scene_from(tomllib.loads(scene_text(scene)), "again")
+    scene = parse_scene({"camera": camera | {"lens": lens}, "pads": pads}, "lens")
+    again = parse_scene(tomllib.loads(format_scene(scene)), "again")
     assert again.camera.lens is not None
     for one, other in zip(
         jax.tree.leaves(scene.camera.lens), jax.tree.leaves(again.camera.lens), strict=True

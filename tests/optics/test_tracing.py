@@ -8,14 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics import Hits, Scene, scene_from, trace_rays
+from optics import Hits, Scene, parse_scene, trace_rays
 from optics.visibility.tracing import NOTHING
 
 CAMERA = {"position": [0, 0], "direction_deg": 0, "fov_deg": 90, "pixels": 100}
 
 
 def scene(**tables: object) -> Scene:
-    return scene_from({"camera": CAMERA, **tables})
+    return parse_scene({"camera": CAMERA, **tables})
 
 
 def follow(of: Scene, x: float, y: float, degrees: float, bounces: int = 4) -> Hits:

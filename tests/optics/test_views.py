@@ -27,7 +27,7 @@ from optics.visibility.boundary_codes import (
     SECOND_PAD_END,
     label_of,
 )
-from optics.visibility.views import Pieces, describe_end, path_name, path_names
+from optics.visibility.views import Pieces, describe_end, name_paths, path_name
 from tests.optics.scenes import (
     BOTH,
     LAYOUT,
@@ -148,8 +148,8 @@ def test_paths_are_named_after_their_mirrors():
     assert path_name(LAYOUT, ()) == "direct"
     assert path_name(LAYOUT, [BOTH]) == "mirror:both"
     assert path_name(LAYOUT, (RIGHT, LEFT)) == "mirror:right+left"
-    assert path_names(LAYOUT) == [path_name(LAYOUT, word) for word in WORDS]
-    assert path_names(LAYOUT, 1) == ["direct", "mirror:left", "mirror:both", "mirror:right"]
+    assert name_paths(LAYOUT) == [path_name(LAYOUT, word) for word in WORDS]
+    assert name_paths(LAYOUT, 1) == ["direct", "mirror:left", "mirror:both", "mirror:right"]
 
 
 @pytest.mark.parametrize(

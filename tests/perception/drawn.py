@@ -174,9 +174,9 @@ def defocused(light: np.ndarray, radius: float) -> np.ndarray:
     return cv2.filter2D(light, -1, disc / disc.sum(), borderType=cv2.BORDER_REPLICATE)
 
 
-def coloured(grey: np.ndarray) -> np.ndarray:
+def colored(gray: np.ndarray) -> np.ndarray:
     """Three equal channels."""
-    return np.repeat(grey[..., None], 3, axis=-1)
+    return np.repeat(gray[..., None], 3, axis=-1)
 
 
 def exact_quad(

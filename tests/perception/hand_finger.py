@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from perception.matching import Catalogue, Family, Sighting, match
+from perception.matching import Sighting, ViewCatalog, ViewFamily, match_views
 from perception.proprioception import CornerModel
 from perception.quads import Quad
 from perception.quality import Quality
@@ -119,7 +119,7 @@ def shown(corners: np.ndarray) -> np.ndarray:
     return inside & (rise * upright * mirrored > FLAT)
 
 
-def catalogue() -> Catalogue:
+def catalog() -> ViewCatalog:
     """All that it can show; a view is whole or is not seen at all."""
     families = []
     for index, ((pad, path), joint) in enumerate(zip(VIEWS, MOVED_BY, strict=True)):
@@ -127,7 +127,7 @@ def catalogue() -> Catalogue:
         corners = corners_of(np.zeros(len(SIZES)), np.stack([angles, angles], axis=-1))
         there = shown(corners)[:, index]
         families.append(
-            Family(
+            ViewFamily(
                 pad,
                 path,
                 REFLECTIONS[index],
@@ -142,7 +142,7 @@ def catalogue() -> Catalogue:
                 True,
             )
         )
-    return Catalogue(families, LENGTHS, dict.fromkeys(LENGTHS, GRAZING), WIDTH, len(JOINTS))
+    return ViewCatalog(families, LENGTHS, dict.fromkeys(LENGTHS, GRAZING), WIDTH, len(JOINTS))
 
 
 def quad_of(
@@ -163,7 +163,7 @@ def quads_of(corners: np.ndarray, *, deviation: float = 0.1) -> list[Quad]:
 
 def sighted(
     poses: np.ndarray,
-    known: Catalogue,
+    known: ViewCatalog,
     *,
     errors: np.ndarray | None = None,
     noise: float = 0.0,
@@ -172,7 +172,7 @@ def sighted(
     """What is made of a finger's corners with normal noise, in every pose."""
     corners = corners_of(np.zeros(len(SIZES)) if errors is None else errors, poses)
     noisy = corners + noise * np.random.default_rng(seed).standard_normal(corners.shape)
-    return [match(quads_of(frame, deviation=max(noise, 0.1)), known, LENS) for frame in noisy]
+    return [match_views(quads_of(frame, deviation=max(noise, 0.1)), known, LENS) for frame in noisy]
 
 
 def names(sighting: Sighting, qualities: Sequence[Quality] = (Quality.COMPLETE,)) -> set[str]:

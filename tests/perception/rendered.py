@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from optics.rendering import TactileImage, TrueView
-from perception.detection import find_views
+from perception.detection import detect_views
 from perception.matching import Sighting
 from studies.models.sensor.finger_sensor import FingerSensor
 
@@ -24,12 +24,12 @@ class Frame(NamedTuple):
 
 
 def analysed(finger: FingerSensor, image: TactileImage) -> Frame:
-    return Frame(image, find_views(image.pixels, finger.lens, finger.catalogue))
+    return Frame(image, detect_views(image.pixels, finger.lens, finger.catalog))
 
 
 def findable(finger: FingerSensor, image: TactileImage) -> list[TrueView]:
     """Views that are asked for, and whole and off the border."""
-    wanted = {(family.pad, family.path) for family in finger.catalogue.families if family.wanted}
+    wanted = {(family.pad, family.path) for family in finger.catalog.families if family.wanted}
     return [
         view
         for view in image.views

@@ -116,9 +116,9 @@ def test_areas_are_those_that_were_drawn():
     assert 299 * 99 <= larger <= 301 * 101
 
 
-@pytest.mark.parametrize("grey", [0, 12, 255])
-def test_an_even_image_has_no_blobs(grey):
-    assert stable_blobs(np.full((ROWS, COLUMNS), grey, np.uint8)) == []
+@pytest.mark.parametrize("gray", [0, 12, 255])
+def test_an_even_image_has_no_blobs(gray):
+    assert stable_blobs(np.full((ROWS, COLUMNS), gray, np.uint8)) == []
 
 
 def test_noise_has_no_blobs():

@@ -6,7 +6,7 @@ import pytest
 
 from optics.rendering import Effects, TactileImage
 from optics.rendering.renderer import TrueView
-from perception.detection import find_quads, find_views
+from perception.detection import detect_quads, detect_views
 from perception.matching import Sighting
 from perception.quads import Quad
 from perception.quality import Quality
@@ -40,7 +40,7 @@ def check_complete(image: TactileImage, sighting: Sighting) -> None:
 
 
 def test_every_wanted_view_is_found_somewhere(finger, designed_frames):
-    wanted = {(family.pad, family.path) for family in finger.catalogue.families if family.wanted}
+    wanted = {(family.pad, family.path) for family in finger.catalog.families if family.wanted}
     seen = {(v.pad, v.path) for f in designed_frames for v in findable(finger, f.image)}
     assert seen == wanted
 
@@ -84,7 +84,7 @@ def test_a_mirror_reverses_handedness(finger, designed_frames):
 
 def clear_quads(finger: FingerSensor, pixels: np.ndarray) -> list[Quad]:
     """Blotches of the background, which are hardly brighter than it, come and go."""
-    quads = find_quads(np.ascontiguousarray(pixels), finger.lens)
+    quads = detect_quads(np.ascontiguousarray(pixels), finger.lens)
     return [quad for quad in quads if quad.quality is not Quality.LOW_CONTRAST]
 
 
@@ -121,7 +121,7 @@ def test_a_frame_turned_upside_down_has_its_quads_turned(finger, designed_frames
 def test_exposure_leaves_views_where_they_are(finger, designed_frames, number, gain):
     image, sighting = designed_frames[number]
     brighter = cv2.convertScaleAbs(image.pixels, alpha=gain)
-    found = find_views(brighter, finger.lens, finger.catalogue)
+    found = detect_views(brighter, finger.lens, finger.catalog)
     check_complete(image, found)
     for view in findable(finger, image):
         before, after = (one.view(view.pad, view.path) for one in (sighting, found))
@@ -153,9 +153,9 @@ def test_a_view_of_which_a_fiftieth_is_hidden_is_not_complete(finger, pip_deg):
 
 
 def test_one_channel_is_seen_as_three_equal_ones(finger, designed_frames):
-    grey = designed_frames[2].image.pixels.max(axis=-1)
-    quads = find_quads(grey, finger.lens)
-    same = find_quads(np.repeat(grey[..., None], 3, axis=-1), finger.lens)
+    gray = designed_frames[2].image.pixels.max(axis=-1)
+    quads = detect_quads(gray, finger.lens)
+    same = detect_quads(np.repeat(gray[..., None], 3, axis=-1), finger.lens)
     assert len(quads) == len(same) > 2
     for quad, other in zip(quads, same, strict=True):
         np.testing.assert_array_equal(quad.corners, other.corners)
@@ -163,7 +163,7 @@ def test_one_channel_is_seen_as_three_equal_ones(finger, designed_frames):
 
 def test_quads_come_from_top_to_bottom(finger, designed_frames):
     for image, _ in designed_frames:
-        rows = [q.corners[:, 1].mean() for q in find_quads(image.pixels, finger.lens)]
+        rows = [q.corners[:, 1].mean() for q in detect_quads(image.pixels, finger.lens)]
         assert rows == sorted(rows)
 
 
@@ -171,7 +171,7 @@ def test_quads_come_from_top_to_bottom(finger, designed_frames):
 def test_a_covered_view_is_not_found_and_the_others_stay(finger, designed_frames, number):
     image = designed_frames[number].image
     for view in findable(finger, image):
-        hidden = find_views(covered(image.pixels, view), finger.lens, finger.catalogue)
+        hidden = detect_views(covered(image.pixels, view), finger.lens, finger.catalog)
         found = hidden.view(view.pad, view.path)
         assert found is None or found.quality is Quality.MISSING
         for other in findable(finger, image):
@@ -183,7 +183,7 @@ def test_a_covered_pad_that_does_not_move_is_missing(finger, designed_frames):
     image = designed_frames[2].image
     view = image.view("intermediate", "direct")
     assert view is not None
-    hidden = find_views(covered(image.pixels, view), finger.lens, finger.catalogue)
+    hidden = detect_views(covered(image.pixels, view), finger.lens, finger.catalog)
     found = hidden.view("intermediate", "direct")
     assert found is not None
     assert found.quality is Quality.MISSING
@@ -208,7 +208,7 @@ NOTHING = {
 
 @pytest.mark.parametrize("kind", NOTHING)
 def test_frames_without_a_finger_show_none(finger, kind):
-    sighting = find_views(NOTHING[kind](shape_of(finger)), finger.lens, finger.catalogue)
+    sighting = detect_views(NOTHING[kind](shape_of(finger)), finger.lens, finger.catalog)
     assert sighting.complete() == []
     assert np.isnan(sighting.angles).all()
     # What does not move must be in every image.
@@ -228,7 +228,7 @@ def test_a_frame_half_covered_has_no_false_view(finger, designed_frames, part, l
     }
     pixels = image.pixels.copy()
     pixels[halves[part]] = level
-    sighting = find_views(pixels, finger.lens, finger.catalogue)
+    sighting = detect_views(pixels, finger.lens, finger.catalog)
     check_complete(image, sighting)
     if part in ("left", "right"):
         # Every view is cut in its middle.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.differences import LEAST, References, difference
+from perception.differences import LEAST, References, compare_with_reference
 from perception.unwarping import PER_MM
 from tests.perception.drawn import Eye, Pad, exact_view
 
@@ -21,20 +21,20 @@ def picture(gain: float = 1.0, pressed: float = 0.0, falloff: float = 0.0) -> np
 
 
 def test_the_same_differs_by_nothing():
-    np.testing.assert_array_equal(difference(picture(), picture()), 0)
+    np.testing.assert_array_equal(compare_with_reference(picture(), picture()), 0)
 
 
 @pytest.mark.parametrize("gain", [0.7, 1.3])
 @pytest.mark.parametrize("falloff", [0.0, 0.3])
 def test_light_that_is_brighter_everywhere_is_no_difference(gain, falloff):
-    left = difference(picture(gain, falloff=falloff), picture(falloff=falloff))
+    left = compare_with_reference(picture(gain, falloff=falloff), picture(falloff=falloff))
     # What is added to a smooth part, and the rounding of the pictures to whole numbers.
     dimmest = 50 * (1 - falloff) * min(gain, 1)
     assert np.abs(left).max() < LEAST * abs(gain - 1) / dimmest + 1 / dimmest
 
 
 def test_light_that_falls_off_more_is_hardly_a_difference():
-    left = difference(picture(falloff=0.3), picture())
+    left = compare_with_reference(picture(falloff=0.3), picture())
     # At the dim end of 22 mm, half of a Gaussian of 4 mm is mirrored there; the dimmest channel is
     # divided by a little more than itself.
     mirrored = 0.3 / 22 * 4 * np.sqrt(2 / np.pi) / 0.7
@@ -43,7 +43,7 @@ def test_light_that_falls_off_more_is_hardly_a_difference():
 
 @pytest.mark.parametrize("gain", [0.8, 1.0, 1.2])
 def test_what_is_pressed_differs_where_and_by_how_much_it_is(gain):
-    pressed = difference(picture(gain, pressed=0.5), picture())
+    pressed = compare_with_reference(picture(gain, pressed=0.5), picture())
     for channel, part in enumerate((1.0, 0.5, 0.8)):
         at = np.unravel_index(np.argmax(pressed[..., channel]), SHAPE)
         assert np.hypot(ALONG[at] - 8, ACROSS[at] - 15) < 0.2
@@ -59,7 +59,7 @@ def test_what_is_pressed_differs_where_and_by_how_much_it_is(gain):
 
 def test_difference_changes_sign_with_its_sides():
     there, back = (
-        difference(a, b)
+        compare_with_reference(a, b)
         for a, b in ((picture(pressed=0.5), picture()), (picture(), picture(pressed=0.5)))
     )
     np.testing.assert_allclose(there, -back, atol=1e-6)
@@ -67,27 +67,27 @@ def test_difference_changes_sign_with_its_sides():
 
 def test_black_pictures_differ_by_nothing():
     black = np.zeros((*SHAPE, 3), np.uint8)
-    np.testing.assert_array_equal(difference(black, black), 0)
+    np.testing.assert_array_equal(compare_with_reference(black, black), 0)
 
 
 def test_like_is_compared_with_like():
     references = References()
-    assert references.difference(VIEW, picture()) is None
+    assert references.compare(VIEW, picture()) is None
     references.keep(VIEW, picture())
-    found = references.difference(VIEW, picture(pressed=0.5))
+    found = references.compare(VIEW, picture(pressed=0.5))
     assert found is not None
-    np.testing.assert_array_equal(found, difference(picture(pressed=0.5), picture()))
+    np.testing.assert_array_equal(found, compare_with_reference(picture(pressed=0.5), picture()))
     mirrored = exact_view(Eye(), Pad((20, -12), (22, 12)), path="mirror:pad")
-    assert references.difference(mirrored, picture()) is None
+    assert references.compare(mirrored, picture()) is None
     other = exact_view(Eye(), Pad((20, -12), (22, 12)), name="other")
-    assert references.difference(other, picture()) is None
+    assert references.compare(other, picture()) is None
 
 
 def test_a_later_reference_replaces_an_earlier_one():
     references = References()
     references.keep(VIEW, picture())
     references.keep(VIEW, picture(pressed=0.5))
-    found = references.difference(VIEW, picture(pressed=0.5))
+    found = references.compare(VIEW, picture(pressed=0.5))
     assert found is not None
     np.testing.assert_array_equal(found, 0)
 
@@ -95,4 +95,4 @@ def test_a_later_reference_replaces_an_earlier_one():
 def test_references_are_not_shared():
     first, second = References(), References()
     first.keep(VIEW, picture())
-    assert second.difference(VIEW, picture()) is None
+    assert second.compare(VIEW, picture()) is None

@@ -15,26 +15,34 @@ import pytest
 
 import perception
 from designopt.errors import UserError
-from perception import PaperRoute, References, difference, find_quads, find_views, fit_quad, unwarp
+from perception import (
+    PaperRoute,
+    References,
+    compare_with_reference,
+    detect_quads,
+    detect_views,
+    fit_quad,
+    unwarp,
+)
 from perception.chamber import find_points, find_regions
 from perception.images import checked_floats, checked_image
 from perception.lens import Lens
-from perception.matching import Catalogue, View
+from perception.matching import View, ViewCatalog
 from perception.posture import (
     PostureEstimator,
     PostureNetwork,
     Training,
     TrainingRecord,
-    boundary_image,
     find_posture,
-    shrunk,
+    make_boundary_image,
+    shrink,
     train,
 )
 from perception.quality import Quality
 
 ROWS, COLUMNS = 24, 32
-COLOURED = np.random.default_rng(0).integers(0, 256, (ROWS, COLUMNS, 3), np.uint8)
-GREY = COLOURED[..., 0].copy()
+COLORED = np.random.default_rng(0).integers(0, 256, (ROWS, COLUMNS, 3), np.uint8)
+GRAY = COLORED[..., 0].copy()
 
 _DOWN, _RIGHT = np.mgrid[:ROWS, :COLUMNS].astype(float)
 LENS = Lens(
@@ -47,7 +55,7 @@ VIEW = View(
     np.tile(np.eye(2), (4, 1, 1)), 200.0,
 )  # fmt: skip
 CONTOUR = np.round(CORNERS).astype(int)
-REGIONS = find_regions(COLOURED)
+REGIONS = find_regions(COLORED)
 SETTINGS = Training(channels=(2, 2))
 RECORD = TrainingRecord((1.0,), (), (1.0,), 4, (COLUMNS, ROWS), SETTINGS, {})
 ESTIMATOR = PostureEstimator(
@@ -55,7 +63,7 @@ ESTIMATOR = PostureEstimator(
     0.0, 1.0, np.zeros((3, 2)), 1.0, RECORD,
 )  # fmt: skip
 MARKERS = np.random.default_rng(1).normal(size=(4, 3, 2))
-REFERENCES = References({("pad", "direct"): COLOURED})
+REFERENCES = References({("pad", "direct"): COLORED})
 
 
 def bare(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -63,22 +71,22 @@ def bare(function: Callable[..., Any]) -> Callable[..., Any]:
     return inspect.unwrap(function)
 
 
-OF_COLOURED = {
+OF_COLORED = {
     "find_regions": bare(find_regions),
     "find_points": lambda image: bare(find_points)(image, REGIONS),
     "find_posture": lambda image: bare(find_posture)(image, ESTIMATOR),
-    "difference": lambda image: bare(difference)(image, COLOURED),
-    "References": lambda image: bare(References.difference)(REFERENCES, VIEW, image),
+    "difference": lambda image: bare(compare_with_reference)(image, COLORED),
+    "References": lambda image: bare(References.compare)(REFERENCES, VIEW, image),
     "PaperRoute": lambda image: bare(PaperRoute.corners)(PaperRoute(), image),
 }
 OF_ANY_CHANNELS = {
-    "find_quads": lambda image: bare(find_quads)(image, LENS),
-    "find_views": lambda image: bare(find_views)(image, LENS, Catalogue((), {}, {}, 5.0, 0)),
+    "find_quads": lambda image: bare(detect_quads)(image, LENS),
+    "find_views": lambda image: bare(detect_views)(image, LENS, ViewCatalog((), {}, {}, 5.0, 0)),
     "unwarp": lambda image: bare(unwarp)(image, VIEW, LENS, 12.0, 8.0),
 }
-OF_GREY = {
-    "boundary_image": bare(boundary_image),
-    "shrunk": lambda image: bare(shrunk)(image, (8, 6)),
+OF_GRAY = {
+    "boundary_image": bare(make_boundary_image),
+    "shrunk": lambda image: bare(shrink)(image, (8, 6)),
 }
 OF_FLOATS = {
     "fit_quad": lambda image: bare(fit_quad)(image, LENS, CONTOUR),
@@ -88,7 +96,7 @@ OF_FLOATS = {
 SIZED = {"find_points", "find_quads", "find_views", "unwarp", "difference", "References"}
 """Those for which an image must be as large as something else."""
 
-TAKING = {**OF_COLOURED, **OF_ANY_CHANNELS, **OF_GREY}
+TAKING = {**OF_COLORED, **OF_ANY_CHANNELS, **OF_GRAY}
 
 
 def refusal(take: Callable[[Any], Any], image: Any) -> str:
@@ -122,7 +130,7 @@ def test_every_public_function_with_an_image_is_here():
             own = [getattr(public, method) for method in vars(public) if method[0] != "_"]
         for function in filter(inspect.isroutine, own):
             parameters = set(inspect.signature(function).parameters)
-            if parameters & {"image", "images", "picture", "grey", "labels", "boundary"}:
+            if parameters & {"image", "images", "picture", "gray", "labels", "boundary"}:
                 taking.add(name)
     # The rulers' and the meters' labels are joint angles.
     assert taking - {"fit_edges"} == set(TAKING) | set(OF_FLOATS)
@@ -130,7 +138,7 @@ def test_every_public_function_with_an_image_is_here():
 
 @pytest.mark.parametrize("name", TAKING)
 def test_what_is_no_image_is_refused(name):
-    usual = GREY if name in OF_GREY else COLOURED
+    usual = GRAY if name in OF_GRAY else COLORED
     assert "None" in refusal(TAKING[name], None)
     for other in ("image", 3, usual.tolist(), object()):
         assert type(other).__name__ in refusal(TAKING[name], other)
@@ -147,22 +155,22 @@ def test_what_is_no_image_is_refused(name):
 
 @pytest.mark.parametrize("name", TAKING)
 def test_another_number_of_channels_is_refused(name):
-    if name in OF_COLOURED:
-        assert "give the image with its colours" in refusal(TAKING[name], GREY)
-    if name in OF_GREY:
-        assert "give one channel" in refusal(TAKING[name], COLOURED)
+    if name in OF_COLORED:
+        assert "give the image with its colours" in refusal(TAKING[name], GRAY)
+    if name in OF_GRAY:
+        assert "give one channel" in refusal(TAKING[name], COLORED)
 
 
 @pytest.mark.parametrize("name", sorted(SIZED))
 def test_another_size_is_refused(name):
-    assert f"{COLUMNS}x{ROWS - 1} px" in refusal(TAKING[name], COLOURED[1:])
-    assert "numpy.rot90" in refusal(TAKING[name], COLOURED.swapaxes(0, 1))
+    assert f"{COLUMNS}x{ROWS - 1} px" in refusal(TAKING[name], COLORED[1:])
+    assert "numpy.rot90" in refusal(TAKING[name], COLORED.swapaxes(0, 1))
 
 
 @pytest.mark.parametrize("name", TAKING)
 def test_any_layout_in_memory_and_a_read_only_image_do(name):
-    for usual in (*((GREY,) if name not in OF_COLOURED else ()),
-                  *((COLOURED,) if name not in OF_GREY else ())):  # fmt: skip
+    for usual in (*((GRAY,) if name not in OF_COLORED else ()),
+                  *((COLORED,) if name not in OF_GRAY else ())):  # fmt: skip
         fixed = usual.copy()
         fixed.flags.writeable = False
         larger = np.zeros((ROWS, 2 * COLUMNS, *usual.shape[2:]), np.uint8)
@@ -175,9 +183,9 @@ def test_any_layout_in_memory_and_a_read_only_image_do(name):
 
 @pytest.mark.parametrize("name", OF_FLOATS)
 def test_floats_that_are_no_image_are_refused(name):
-    image = GREY.astype(np.float32)
+    image = GRAY.astype(np.float32)
     take = OF_FLOATS[name]
-    for other in (GREY, image.astype(complex), image > 9, image.astype(object)):
+    for other in (GRAY, image.astype(complex), image > 9, image.astype(object)):
         assert f"not {other.dtype}" in refusal(take, other)
     for value in (np.nan, np.inf):
         broken = image.copy()
@@ -198,7 +206,7 @@ def test_samples_without_pixels_and_other_sizes_of_validation_are_refused():
 
 
 def test_what_is_asked_for_is_given_back():
-    assert checked_image(COLOURED) is COLOURED
-    assert checked_image(GREY, channels=(1, 3)) is GREY
+    assert checked_image(COLORED) is COLORED
+    assert checked_image(GRAY, channels=(1, 3)) is GRAY
     assert checked_floats(MARKERS, ("any", 3, 2), what="these", cure="none") is MARKERS
     assert get_type_hints(checked_image)

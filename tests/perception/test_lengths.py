@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.detection import find_quads
+from perception.detection import detect_quads
 from perception.lengths import LEAST_DEVIATION, measured_grazing, measured_length, shortened
 from tests.perception.drawn import Eye, Pad, drawn, exact_quad, rays_of, stored
 
@@ -40,7 +40,7 @@ def test_exact_corners_give_the_flattest_angle(forward, up, further, higher, bes
 @pytest.mark.parametrize("name", PADS)
 def test_a_drawn_pad_is_as_long_as_it_is(name):
     pad = PADS[name]
-    (quad,) = find_quads(stored(drawn(EYE, [pad]), noise=2.0), LENS)
+    (quad,) = detect_quads(stored(drawn(EYE, [pad]), noise=2.0), LENS)
     length, deviation = measured_length(quad, pad.width, LENS)
     assert abs(length - pad.length) < deviation
     assert deviation < 0.1 * pad.length

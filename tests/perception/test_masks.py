@@ -20,10 +20,10 @@ SEAM, SHARE = 9, 0.8
 
 def two_pads(gap: int, dark: int = 40) -> np.ndarray:
     """A pad over another one, and between them a seam from row 60 on."""
-    grey = np.zeros((120, 160), np.uint8)
-    grey[20 : 100 + gap, 40:120] = 180
-    grey[60 : 60 + gap, 40:120] = dark
-    return grey
+    gray = np.zeros((120, 160), np.uint8)
+    gray[20 : 100 + gap, 40:120] = 180
+    gray[60 : 60 + gap, 40:120] = dark
+    return gray
 
 
 def test_brightness_is_the_brightest_channel():
@@ -45,13 +45,13 @@ def test_the_global_mask_is_what_is_brighter(threshold):
 def test_no_threshold_parts_a_histogram_better_than_otsus():
     generator = np.random.default_rng(2)
     dark, bright = generator.normal(60, 20, 3000), generator.normal(150, 30, 1000)
-    grey = np.clip(np.concatenate([dark, bright]), 0, 255).astype(np.uint8).reshape(50, 80)
+    gray = np.clip(np.concatenate([dark, bright]), 0, 255).astype(np.uint8).reshape(50, 80)
 
     def within(mask: np.ndarray) -> float:
-        return sum(grey[part].size * grey[part].var() for part in (mask, ~mask))
+        return sum(gray[part].size * gray[part].var() for part in (mask, ~mask))
 
-    least = min(within(grey > level) for level in range(grey.min(), grey.max()))
-    assert within(otsu_mask(grey) > 0) <= least * (1 + 1e-9)
+    least = min(within(gray > level) for level in range(gray.min(), gray.max()))
+    assert within(otsu_mask(gray) > 0) <= least * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(("block", "share"), [(5, 0.8), (21, 1.1)])
@@ -82,9 +82,9 @@ def test_a_narrow_dark_gap_across_the_section_is_a_seam(gap):
 
 
 def test_seams_are_drawn_longer_at_both_ends():
-    grey = two_pads(4)
-    grey[:, 40:60] = 180
-    columns = np.flatnonzero(seam_mask(grey, SEAM, SHARE)[61])
+    gray = two_pads(4)
+    gray[:, 40:60] = 180
+    columns = np.flatnonzero(seam_mask(gray, SEAM, SHARE)[61])
     # By half the square that they are drawn with, which is a pixel off its middle.
     assert abs(columns.min() - (60 - 3 * SEAM // 2)) <= 1
     assert abs(columns.max() - (119 + 3 * SEAM // 2)) <= 1
@@ -95,14 +95,14 @@ def test_seams_are_drawn_longer_at_both_ends():
     [two_pads(12), two_pads(4, 160), two_pads(4).T.copy(), two_pads(0)],
     ids=["wide", "shallow", "upright", "none"],
 )
-def test_what_is_wide_or_shallow_or_upright_is_no_seam(grey):
-    assert not seam_mask(grey, SEAM, SHARE).any()
+def test_what_is_wide_or_shallow_or_upright_is_no_seam(gray):
+    assert not seam_mask(gray, SEAM, SHARE).any()
 
 
 def test_what_is_shorter_than_two_widths_is_no_seam():
-    grey = two_pads(0)
-    grey[60:63, 70 : 70 + 2 * SEAM - 1] = 20
-    assert not seam_mask(grey, SEAM, SHARE).any()
+    gray = two_pads(0)
+    gray[60:63, 70 : 70 + 2 * SEAM - 1] = 20
+    assert not seam_mask(gray, SEAM, SHARE).any()
 
 
 def test_the_combined_mask_is_both():

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.lengths import measured_grazing
-from perception.matching import match
+from perception.matching import match_views
 from perception.quads import Quad
 from perception.quality import Quality
 from tests.perception.hand_finger import (
@@ -19,7 +19,7 @@ from tests.perception.hand_finger import (
     SIZES,
     VIEWS,
     WIDTH,
-    catalogue,
+    catalog,
     corners_of,
     names,
     quad_of,
@@ -27,7 +27,7 @@ from tests.perception.hand_finger import (
     shown,
 )
 
-KNOWN = catalogue()
+KNOWN = catalog()
 STEP = float(ANGLES[1] - ANGLES[0])
 BOTH = np.array([0.7, 0.75])
 """A pose in which every pad is seen in every way."""
@@ -59,7 +59,7 @@ def without(*left_out: tuple[str, str]) -> list:
 @given(poses)
 def test_every_view_gets_its_name_and_its_corners(pose):
     true = corners_in(pose)
-    sighting = match(quads_of(true), KNOWN, LENS)
+    sighting = match_views(quads_of(true), KNOWN, LENS)
     for index, seen in enumerate(shown(true)):
         view = sighting.view(*VIEWS[index])
         if not seen:
@@ -75,15 +75,15 @@ def test_every_view_gets_its_name_and_its_corners(pose):
 @given(poses)
 def test_rough_angles_are_those_of_the_catalogue_that_are_nearest(pose):
     # A view that ends to be seen within a step may speak for the next value.
-    found = match(quads_of(corners_in(pose)), KNOWN, LENS).angles
+    found = match_views(quads_of(corners_in(pose)), KNOWN, LENS).angles
     np.testing.assert_allclose(found, pose, atol=2 * STEP)
 
 
 @given(st.permutations(range(5)))
 def test_the_order_of_quadrilaterals_does_not_matter(order):
     quads = quads_of(corners_in(BOTH))
-    reference = match(quads, KNOWN, LENS)
-    sighting = match([quads[i] for i in order], KNOWN, LENS)
+    reference = match_views(quads, KNOWN, LENS)
+    sighting = match_views([quads[i] for i in order], KNOWN, LENS)
     np.testing.assert_array_equal(sighting.angles, reference.angles)
     for view, other in zip(sighting.views, reference.views, strict=True):
         assert (view.pad, view.path) == (other.pad, other.path)
@@ -91,7 +91,7 @@ def test_the_order_of_quadrilaterals_does_not_matter(order):
 
 
 def test_a_mirror_reverses_the_handedness_of_corners():
-    sighting = match(quads_of(corners_in(BOTH)), KNOWN, LENS)
+    sighting = match_views(quads_of(corners_in(BOTH)), KNOWN, LENS)
     for pad in ("low", "high"):
         direct, mirrored = sighting.view(pad, "direct"), sighting.view(pad, f"mirror:{pad}")
         assert direct is not None
@@ -105,7 +105,7 @@ def test_rays_and_covariances_are_in_the_order_of_the_corners():
     for quad in quads_of(true):
         own = np.array([(1 + i) * np.eye(2) for i in quad.corners[:, 0]])
         quads.append(dataclasses.replace(quad, covariance=own))
-    sighting = match(quads, KNOWN, LENS)
+    sighting = match_views(quads, KNOWN, LENS)
     assert len(sighting.complete()) == 5
     for view in sighting.views:
         np.testing.assert_allclose(view.covariance[:, 0, 0], 1 + view.corners[:, 0])
@@ -119,7 +119,7 @@ def test_a_view_flatter_than_its_pads_limit_is_flat(pad, path):
     angle = measured_grazing(quads[own], WIDTH)
     for limit, quality in ((0.99 * angle, Quality.COMPLETE), (1.01 * angle, Quality.FLAT)):
         known = dataclasses.replace(KNOWN, grazing=KNOWN.grazing | {pad: limit})
-        view = match(quads, known, LENS).view(pad, path)
+        view = match_views(quads, known, LENS).view(pad, path)
         assert view is not None
         assert view.quality is quality
         assert view.ends == (quality is Quality.COMPLETE,) * 2
@@ -144,14 +144,14 @@ def test_where_a_part_may_be_hidden_a_view_must_be_as_long_as_its_pad(share, sho
     doubted = np.full(len(ANGLES), share)
     families[index] = dataclasses.replace(families[index], complete=doubted)
     known = dataclasses.replace(KNOWN, families=families)
-    view = match([quad_of(cut, deviation=0.1)], known, LENS).view("low", "direct")
+    view = match_views([quad_of(cut, deviation=0.1)], known, LENS).view("low", "direct")
     assert view is not None
     assert view.quality is quality
 
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_what_is_covered_is_not_found_and_the_others_stay(view):
-    sighting = match(without(view), KNOWN, LENS)
+    sighting = match_views(without(view), KNOWN, LENS)
     found = sighting.view(*view)
     assert found is None or found.quality is Quality.MISSING
     assert names(sighting) == {" ".join(other) for other in VIEWS if other != view}
@@ -159,7 +159,7 @@ def test_what_is_covered_is_not_found_and_the_others_stay(view):
 
 @pytest.mark.parametrize("view", VIEWS[:3])
 def test_what_is_missing_has_no_numbers(view):
-    sighting = match(without(view), KNOWN, LENS)
+    sighting = match_views(without(view), KNOWN, LENS)
     found = sighting.view(*view)
     assert found is not None
     assert found.quality is Quality.MISSING
@@ -170,14 +170,14 @@ def test_what_is_missing_has_no_numbers(view):
 
 
 def test_a_joint_that_nothing_tells_has_no_angle_and_misses_nothing():
-    sighting = match(without(("low", "direct"), ("low", "mirror:low")), KNOWN, LENS)
+    sighting = match_views(without(("low", "direct"), ("low", "mirror:low")), KNOWN, LENS)
     assert np.isnan(sighting.angles[0])
     assert sighting.angles[1] == pytest.approx(BOTH[1], abs=STEP)
     assert sighting.view("low", "direct") is None
 
 
 def test_nothing_at_all_misses_what_does_not_move():
-    sighting = match([], KNOWN, LENS)
+    sighting = match_views([], KNOWN, LENS)
     assert np.isnan(sighting.angles).all()
     assert [(v.pad, v.quality) for v in sighting.views] == [("still", Quality.MISSING)]
     assert sighting.ghosts == ()
@@ -186,7 +186,7 @@ def test_nothing_at_all_misses_what_does_not_move():
 
 def test_what_is_far_from_every_view_is_a_ghost():
     ghost = quad_of(np.array([[30.0, 80.0], [30.0, 30.0], [90.0, 30.0], [90.0, 80.0]]))
-    sighting = match([*quads_of(corners_in(BOTH)), ghost], KNOWN, LENS)
+    sighting = match_views([*quads_of(corners_in(BOTH)), ghost], KNOWN, LENS)
     assert sighting.ghosts == (dataclasses.replace(ghost, quality=Quality.GHOST),)
     assert len(sighting.complete()) == 5
     np.testing.assert_allclose(sighting.angles, BOTH, atol=STEP)
@@ -196,7 +196,7 @@ def test_views_that_are_not_asked_for_explain_and_are_not_told():
     families = [dataclasses.replace(f, wanted=f.path == "direct") for f in KNOWN.families]
     known = dataclasses.replace(KNOWN, families=families)
     quads = without(("low", "direct"))
-    sighting = match(quads, known, LENS)
+    sighting = match_views(quads, known, LENS)
     assert {view.path for view in sighting.views} == {"direct"}
     assert names(sighting) == {"still direct", "high direct"}
     # The mirror's view alone has told the angle, and so that the direct view is missing.
@@ -210,7 +210,7 @@ def test_views_that_are_not_asked_for_explain_and_are_not_told():
 def test_a_camera_out_of_place_does_not_mislead():
     shift = np.array([6.0, -9.0])
     true = corners_in(BOTH) + shift
-    sighting = match([quad_of(corners) for corners in true], KNOWN, LENS)
+    sighting = match_views([quad_of(corners) for corners in true], KNOWN, LENS)
     assert len(sighting.complete()) == 5
     np.testing.assert_allclose(sighting.angles, BOTH, atol=STEP)
 
@@ -218,7 +218,7 @@ def test_a_camera_out_of_place_does_not_mislead():
 @pytest.mark.parametrize("quality", [Quality.CLIPPED, Quality.LOW_CONTRAST])
 def test_a_poor_quadrilateral_stays_poor(quality):
     quads = [dataclasses.replace(quad, quality=quality) for quad in quads_of(corners_in(BOTH))]
-    sighting = match(quads, KNOWN, LENS)
+    sighting = match_views(quads, KNOWN, LENS)
     assert sighting.complete() == []
     assert {view.quality for view in sighting.views} == {quality}
 
@@ -250,7 +250,7 @@ def with_length(share: float, *, of: str = "still", kept: int = 0) -> np.ndarray
 def test_a_view_that_is_not_as_long_as_its_pad_is_not_all_of_it(share, quality):
     # Nothing is beside it that it could have run into.
     own = [quad_of(corners) for corners in with_length(share)[1:2]]
-    view = match(own, KNOWN, LENS).view("still", "direct")
+    view = match_views(own, KNOWN, LENS).view("still", "direct")
     assert view is not None
     assert view.quality is quality
 
@@ -269,7 +269,7 @@ def test_a_view_that_has_run_into_its_neighbour_ends_where_the_pad_does(share, e
         wanted=False,
     )
     known = dataclasses.replace(KNOWN, families=[*KNOWN.families, beside])
-    view = match([quad_of(corners[1])], known, LENS).view("still", "direct")
+    view = match_views([quad_of(corners[1])], known, LENS).view("still", "direct")
     assert view is not None
     assert view.quality is Quality.COMPLETE
     np.testing.assert_allclose(view.corners, true, atol=1e-6)
@@ -284,7 +284,7 @@ def test_an_end_that_some_fingers_hide_is_not_granted(end):
     seen[near:, end] = False
     families[index] = dataclasses.replace(families[index], ends=seen)
     known = dataclasses.replace(KNOWN, families=families)
-    view = match(quads_of(corners_in(BOTH)), known, LENS).view("low", "direct")
+    view = match_views(quads_of(corners_in(BOTH)), known, LENS).view("low", "direct")
     assert view is not None
     assert view.quality is Quality.COMPLETE
     assert view.ends == (end == 1, end == 0)
@@ -295,7 +295,7 @@ def test_where_no_value_nearby_shows_all_of_a_pad_it_is_clipped():
         dataclasses.replace(f, complete=np.zeros_like(f.complete)) if f.pad == "low" else f
         for f in KNOWN.families
     ]
-    sighting = match(
+    sighting = match_views(
         quads_of(corners_in(BOTH)), dataclasses.replace(KNOWN, families=families), LENS
     )
     assert names(sighting, [Quality.CLIPPED]) == {"low direct", "low mirror:low"}
@@ -310,7 +310,7 @@ def test_a_pad_seen_at_two_joint_angles_is_ambiguous_and_the_others_stay():
         key=lambda i: area(other[i]) ** 2,
     )
     quads = [*quads_of(corners_in(BOTH)), quad_of(other[index])]
-    sighting = match(quads, KNOWN, LENS)
+    sighting = match_views(quads, KNOWN, LENS)
     assert sighting.angles[0] == pytest.approx(BOTH[0], abs=2 * STEP)
     assert np.isnan(sighting.angles[1])
     for view, family in zip(sighting.views, KNOWN.families, strict=True):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from perception.paper_route import PaperRoute
-from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, coloured, drawn, stored
+from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, colored, drawn, stored
 
 ROUTE = PaperRoute(block=201)
 EYE = Eye(pinhole=True)
@@ -16,7 +16,7 @@ NEAR = 2.5
 
 
 def seen(pad: Pad) -> np.ndarray:
-    return coloured(stored(drawn(EYE, [pad]), noise=1.0))
+    return colored(stored(drawn(EYE, [pad]), noise=1.0))
 
 
 @pytest.mark.parametrize("name", PADS)
@@ -36,7 +36,7 @@ def test_round_corners_are_found_inside_of_the_true_ones():
 
 def test_every_pad_is_found():
     pads = [Pad((20, -20), (24, -4)), Pad((24, 4), (18, 16))]
-    found = ROUTE.corners(coloured(stored(drawn(EYE, pads))))
+    found = ROUTE.corners(colored(stored(drawn(EYE, pads))))
     found = sorted(found, key=lambda corners: -corners[:, 1].mean())
     assert len(found) == 2
     for corners, pad in zip(found, pads, strict=True):
@@ -52,16 +52,16 @@ def test_an_even_image_shows_at_most_itself(level):
 
 
 def test_small_things_are_no_pads():
-    grey = np.full((EYE.rows, EYE.columns), DARK, np.uint8)
-    cv2.rectangle(grey, (50, 50), (56, 58), (BRIGHT,), -1)
-    assert ROUTE.corners(coloured(grey)) == []
+    gray = np.full((EYE.rows, EYE.columns), DARK, np.uint8)
+    cv2.rectangle(gray, (50, 50), (56, 58), (BRIGHT,), -1)
+    assert ROUTE.corners(colored(gray)) == []
 
 
 def test_what_has_many_corners_has_no_four():
-    grey = np.full((EYE.rows, EYE.columns), DARK, np.uint8)
+    gray = np.full((EYE.rows, EYE.columns), DARK, np.uint8)
     turns = np.linspace(0, 2 * np.pi, 200)
     circle = [240, 180] + 100 * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
-    cv2.fillPoly(grey, [circle.round().astype(np.int32)], (BRIGHT,))
-    for corners in ROUTE.corners(coloured(grey)):
+    cv2.fillPoly(gray, [circle.round().astype(np.int32)], (BRIGHT,))
+    for corners in ROUTE.corners(colored(gray)):
         # What is left of a circle is a square within it.
         assert np.hypot(*(corners - [240, 180]).T) == pytest.approx(100, abs=2)

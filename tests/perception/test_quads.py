@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.detection import find_quads
+from perception.detection import detect_quads
 from perception.lens import Lens
 from perception.paper_route import PaperRoute
 from perception.quads import LEAST_CONTRAST, Quad, first_corners, fit_quad, ordered
@@ -43,8 +43,8 @@ def wide() -> Lens:
     return WIDE.lens()
 
 
-def only(grey: np.ndarray, lens: Lens) -> Quad:
-    (quad,) = find_quads(grey, lens)
+def only(gray: np.ndarray, lens: Lens) -> Quad:
+    (quad,) = detect_quads(gray, lens)
     return quad
 
 
@@ -74,8 +74,8 @@ def test_corners_of_a_straight_trapezium_through_a_pinhole():
     large = np.full((360 * fine, 480 * fine), DARK, np.uint8)
     points = np.rint(((inner + 0.5) * fine - 0.5) * 16).astype(np.int32)
     cv2.fillPoly(large, [points], (BRIGHT,), shift=4)
-    grey = cv2.resize(large, (480, 360), interpolation=cv2.INTER_AREA)
-    quad = only(grey, PINHOLE.lens())
+    gray = cv2.resize(large, (480, 360), interpolation=cv2.INTER_AREA)
+    quad = only(gray, PINHOLE.lens())
     np.testing.assert_allclose(quad.corners, corners, atol=NEAR)
 
 
@@ -89,11 +89,11 @@ def test_corners_go_from_bottom_left_clockwise():
 @pytest.mark.parametrize("radius", [1.0, 2.0])
 def test_round_corners_do_not_move_them(radius):
     pad = Pad((20, -14), (22, 12), radius=radius)
-    grey = stored(light_of(pad))
+    gray = stored(light_of(pad))
     true = WIDE.places(pad.corners())
-    np.testing.assert_allclose(only(grey, wide()).corners, true, atol=NEAR)
+    np.testing.assert_allclose(only(gray, wide()).corners, true, atol=NEAR)
     # They do move those of a polygon around the contour.
-    (polygon,) = PaperRoute(threshold=80, block=301).corners(np.repeat(grey[..., None], 3, -1))
+    (polygon,) = PaperRoute(threshold=80, block=301).corners(np.repeat(gray[..., None], 3, -1))
     assert np.hypot(*(polygon - true).T).max() > 1
 
 
@@ -156,7 +156,7 @@ def test_a_side_that_is_hardly_found_is_not_complete():
 @pytest.mark.parametrize("radius", [1, 2, 4, 6, 8, 10, 12])
 def test_no_view_is_complete_that_is_too_blurred_for_its_corners(name, radius):
     pad = PADS.get(name, FLAT)
-    quads = find_quads(stored(defocused(drawn(WIDE, [pad]), radius), noise=1.0), wide())
+    quads = detect_quads(stored(defocused(drawn(WIDE, [pad]), radius), noise=1.0), wide())
     complete = [quad for quad in quads if quad.quality is Quality.COMPLETE]
     for quad in complete:
         off = quad.corners - WIDE.places(pad.corners())
@@ -192,12 +192,12 @@ def test_exposure_does_not_move_corners(name, gain):
 
 @pytest.mark.parametrize("name", PADS)
 def test_an_image_turned_over_has_its_corners_turned_over(name):
-    grey = stored(light_of(PADS[name]), noise=2.0)
-    columns, rows = only(grey, wide()).corners.T
-    left_right = only(np.ascontiguousarray(grey[:, ::-1]), wide()).corners
+    gray = stored(light_of(PADS[name]), noise=2.0)
+    columns, rows = only(gray, wide()).corners.T
+    left_right = only(np.ascontiguousarray(gray[:, ::-1]), wide()).corners
     mirrored = np.stack([479 - columns, rows], axis=-1)[MIRRORED]
     np.testing.assert_allclose(left_right, mirrored, atol=0.05)
-    upside_down = only(np.ascontiguousarray(grey[::-1]), wide()).corners
+    upside_down = only(np.ascontiguousarray(gray[::-1]), wide()).corners
     turned = np.stack([columns, 359 - rows], axis=-1)[UPSIDE_DOWN]
     np.testing.assert_allclose(upside_down, turned, atol=0.05)
 
@@ -218,8 +218,8 @@ def test_the_covariance_is_the_scatter_of_repeats(name):
         light = cv2.GaussianBlur(drawn(WIDE, [pad]), (0, 0), 0.7)
         contour = contour_of(light)
         for seed in range(3):
-            grey = stored(light, noise=5.0, seed=100 * number + seed).astype(np.float32)
-            quad = fit_quad(grey, wide(), contour)
+            gray = stored(light, noise=5.0, seed=100 * number + seed).astype(np.float32)
+            quad = fit_quad(gray, wide(), contour)
             assert quad is not None
             errors.append(quad.corners - WIDE.places(pad.corners()))
             predicted.append(quad.covariance[:, [0, 1], [0, 1]])

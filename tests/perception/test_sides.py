@@ -99,8 +99,8 @@ def test_an_edge_that_does_not_fall_to_the_dark_is_doubted(beside):
     level = DARK + beside * (BRIGHT - DARK)
     looks = [lambda places, level=level: np.full(len(places), level) for level in (BRIGHT, level)]
     plane, sides = sides_of(PAD)
-    grey = stored(drawn(EYE, [PAD, other], looks)).astype(np.float32)
-    edges = find_edges(grey, lens(), plane, sides)
+    gray = stored(drawn(EYE, [PAD, other], looks)).astype(np.float32)
+    edges = find_edges(gray, lens(), plane, sides)
     assert edges.doubt[1] == pytest.approx(SEAM * (DEEP - (1 - beside)), abs=0.1)
     assert edges.contrast[1] == pytest.approx((1 - beside) * (BRIGHT - DARK), abs=1)
     assert edges.doubt[[0, 2, 3]].tolist() == [0, 0, 0]
@@ -115,8 +115,8 @@ def test_an_edge_that_does_not_fall_to_the_dark_is_doubted(beside):
 def test_an_edge_is_as_wide_as_the_spread_of_its_light(spread, quarters, size):
     plane, sides = sides_of(PAD)
     light = drawn(EYE, [PAD])
-    grey = stored(spread(light, size) if size else light).astype(np.float32)
-    edges = find_edges(grey, lens(), plane, sides)
+    gray = stored(spread(light, size) if size else light).astype(np.float32)
+    edges = find_edges(gray, lens(), plane, sides)
     # Pixels, values between them and the mean of three samples spread it by about one pixel.
     np.testing.assert_allclose(edges.width, np.hypot(quarters * size, 1.0), rtol=0.1)
 

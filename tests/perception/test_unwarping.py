@@ -10,16 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from optics.rendering import Imprint
-from perception.detection import find_quads
+from perception.detection import detect_quads
 from perception.matching import View
 from perception.quality import Quality
 from perception.unwarping import (
     PER_MM,
-    affine_pad_of,
-    best_view,
-    image_of,
     least_scale,
-    pad_of,
+    map_to_image,
+    map_to_pad,
+    map_to_pad_affinely,
+    select_view,
     unwarp,
 )
 from tests.perception.drawn import Eye, Pad, drawn, exact_view, stored
@@ -46,7 +46,7 @@ def lattice(pad: Pad, count: int = 9) -> np.ndarray:
 def test_places_are_imaged_where_the_camera_images_them(name):
     pad = PADS[name]
     places = lattice(pad)
-    found = image_of(exact_view(EYE, pad), LENS, places, pad.length, pad.width)
+    found = map_to_image(exact_view(EYE, pad), LENS, places, pad.length, pad.width)
     # The homography is found in single precision.
     np.testing.assert_allclose(found, EYE.places(pad.points(places)), atol=1e-3)
 
@@ -56,8 +56,8 @@ def test_pad_and_image_invert_each_other(name, along, across):
     pad = PADS[name]
     view = exact_view(EYE, pad)
     place = np.array([[along * pad.length, across * pad.width]])
-    there = image_of(view, LENS, place, pad.length, pad.width)
-    back = pad_of(view, LENS, there, pad.length, pad.width)
+    there = map_to_image(view, LENS, place, pad.length, pad.width)
+    back = map_to_pad(view, LENS, there, pad.length, pad.width)
     # Rays are looked up between pixels, to a 60th of a pixel.
     np.testing.assert_allclose(back, place, atol=0.01)
 
@@ -67,7 +67,7 @@ def test_places_of_the_image_are_those_that_rays_meet(name):
     pad = PADS[name]
     middle = EYE.places(pad.points(np.array([[pad.length / 2, 0.0]])))
     places = middle + np.random.default_rng(0).uniform(-20, 20, (100, 2))
-    found = pad_of(exact_view(EYE, pad), LENS, places, pad.length, pad.width)
+    found = map_to_pad(exact_view(EYE, pad), LENS, places, pad.length, pad.width)
     np.testing.assert_allclose(found, pad.met(EYE.directions(places)), atol=0.01)
 
 
@@ -80,9 +80,9 @@ def turned(view: View, length: float) -> View:
 def test_places_go_from_the_first_end():
     pad = PADS["before"]
     view, places = exact_view(EYE, pad), lattice(pad)
-    there = image_of(turned(view, pad.length), LENS, places, pad.length, pad.width)
+    there = map_to_image(turned(view, pad.length), LENS, places, pad.length, pad.width)
     opposite = np.stack([pad.length - places[:, 0], places[:, 1]], axis=-1)
-    expected = image_of(view, LENS, opposite, pad.length, pad.width)
+    expected = map_to_image(view, LENS, opposite, pad.length, pad.width)
     np.testing.assert_allclose(there, expected, atol=1e-3)
 
 
@@ -113,8 +113,8 @@ def test_a_chequered_pad_comes_out_as_a_chequerboard(name):
     true = crossings(pad)
     guess = (true + np.array([0, pad.width / 2]))[:, None, ::-1] * PER_MM - 0.5
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-3)
-    grey = np.ascontiguousarray(picture[..., 0])
-    found = cv2.cornerSubPix(grey, guess.astype(np.float32), (7, 7), (-1, -1), criteria)
+    gray = np.ascontiguousarray(picture[..., 0])
+    found = cv2.cornerSubPix(gray, guess.astype(np.float32), (7, 7), (-1, -1), criteria)
     places = (found[:, 0, ::-1] + 0.5) / PER_MM - [0, pad.width / 2]
     assert np.hypot(*(places - true).T).max() < 0.1
 
@@ -143,8 +143,8 @@ def test_an_affine_map_is_off_by_millimetres(name):
     pad = PADS[name]
     view, places = exact_view(EYE, pad), lattice(pad)
     there = EYE.places(pad.points(places))
-    affine = affine_pad_of(view, there, pad.length, pad.width)
-    exact = pad_of(view, LENS, there, pad.length, pad.width)
+    affine = map_to_pad_affinely(view, there, pad.length, pad.width)
+    exact = map_to_pad(view, LENS, there, pad.length, pad.width)
     assert np.hypot(*(affine - places).T).max() > 1
     assert np.hypot(*(exact - places).T).max() < 0.05
 
@@ -153,7 +153,7 @@ def test_an_affine_map_of_a_parallelogram_is_exact():
     pad = Pad((20, 0), (20, 10))
     corners = np.array([[100.0, 300.0], [120.0, 200.0], [260.0, 220.0], [240.0, 320.0]])
     view = dataclasses.replace(exact_view(EYE, pad), corners=corners)
-    found = affine_pad_of(view, corners[:1] / 2 + corners[2:3] / 2, 10.0, 24.0)
+    found = map_to_pad_affinely(view, corners[:1] / 2 + corners[2:3] / 2, 10.0, 24.0)
     np.testing.assert_allclose(found, [[5.0, 0.0]], atol=1e-9)
 
 
@@ -190,36 +190,36 @@ FAR_AND_STRAIGHT = exact_view(EYE, Pad((30, -12), (30, 11.4)), path="straight", 
 @pytest.mark.parametrize("order", [1, -1])
 def test_the_best_view_is_the_largest_or_the_one_of_the_greatest_least_scale(by, path, order):
     views = [NEAR_AND_FLAT, FAR_AND_STRAIGHT][::order]
-    best = best_view(views, LENS, 23.4, 24.0, by=by)
+    best = select_view(views, LENS, 23.4, 24.0, by=by)
     assert best is not None
     assert best.path == path
 
 
 def test_only_complete_views_are_best():
     poor = [dataclasses.replace(NEAR_AND_FLAT, quality=q) for q in Quality if q.name != "COMPLETE"]
-    assert best_view(poor, LENS, 23.4, 24.0) is None
-    assert best_view([], LENS, 23.4, 24.0, by="area") is None
+    assert select_view(poor, LENS, 23.4, 24.0) is None
+    assert select_view([], LENS, 23.4, 24.0, by="area") is None
     for by in ("area", "scale"):
-        best = best_view([*poor, FAR_AND_STRAIGHT], LENS, 23.4, 24.0, by=by)
+        best = select_view([*poor, FAR_AND_STRAIGHT], LENS, 23.4, 24.0, by=by)
         assert best is FAR_AND_STRAIGHT
 
 
 def test_a_drawn_pad_is_unwarped_by_the_corners_found():
     pad = PADS["below"]
-    (quad,) = find_quads(stored(drawn(EYE, [pad])), LENS)
+    (quad,) = detect_quads(stored(drawn(EYE, [pad])), LENS)
     # Its lower end is the second one.
     order = [1, 0, 3, 2]
     view = dataclasses.replace(
         exact_view(EYE, pad), corners=quad.corners[order], rays=quad.rays[order]
     )
     places = lattice(pad)
-    found = pad_of(view, LENS, EYE.places(pad.points(places)), pad.length, pad.width)
+    found = map_to_pad(view, LENS, EYE.places(pad.points(places)), pad.length, pad.width)
     np.testing.assert_allclose(found, places, atol=0.1)
 
 
 @pytest.mark.parametrize(("pad", "pose"), [("proximal", (50, 45)), ("distal", (60, 60))])
 def test_an_imprint_is_at_the_same_place_in_both_views(finger, perfect, pad, pose):
-    length, width = finger.catalogue.lengths[pad], finger.width
+    length, width = finger.catalog.lengths[pad], finger.width
     true = np.array([0.3 * length, 4.0])
     pressed = Imprint("sphere", along=true[0], across=true[1], depth=1.0)
     angles = np.deg2rad(np.array(pose, float))

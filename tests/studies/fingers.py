@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from studies.models import Body, Finger, Pins, Spring
+from studies.models import Body, Finger, FingerSpring, Pins
 from studies.models.body import BodySpec
 from studies.models.mirror_design.placement import reference_layout
 from studies.models.mirror_design.spec import MirrorSpec
@@ -14,7 +14,7 @@ LENS = MirrorSpec().camera
 def finger_of(pins: Pins | None = None, **body: float) -> Finger:
     """A finger with spring, by default design B with its default body."""
     made = Body.of(BodySpec(**body))
-    return Finger.of(made, pins or reference_pins(), Spring(30.0, 0.3, 300.0))
+    return Finger.of(made, pins or reference_pins(), FingerSpring(30.0, 0.3, 300.0))
 
 
 def seeing_finger(**body: float) -> Finger:

@@ -13,7 +13,7 @@ import pytest
 
 from designopt.cli import run as command
 from designopt.errors import UserError
-from perception.chamber import Direction, Points, Sight
+from perception.chamber import ChamberStatus, Direction, Points
 from studies.bending_direction import paper
 from studies.bending_direction.design import Design, Knobs, best, clearance, problem, rates
 from studies.bending_direction.found import Found
@@ -147,7 +147,7 @@ def series_of(answers: str) -> Series:
     for answer in answers:
         xy, seen = np.zeros((7, 2)), np.full(7, answer != ".")
         xy[:, 0] = 0 if answer == "." else int(answer)
-        looks.append(Look(Sight.CHAMBER, Points(xy, seen), (1, 1), 0.0))
+        looks.append(Look(ChamberStatus.CHAMBER, Points(xy, seen), (1, 1), 0.0))
     bends = np.arange(float(len(answers)))
     return Series(Direction.RIGHT, bends, tuple(looks), initial)
 

@@ -11,7 +11,7 @@ import pytest
 from designopt.cli import run as command
 from designopt.errors import UserError
 from designopt.study.results import PrecisionRow
-from perception.chamber import Sight
+from perception.chamber import ChamberStatus
 from perception.posture import PostureEstimator, find_posture
 from studies.bending_posture import elsewhere, trainings
 from studies.bending_posture import run as running
@@ -118,7 +118,7 @@ def test_the_network_of_a_run_is_loaded_and_reads_a_new_frame(done, finger):
     bend = np.deg2rad([50.0])
     image = finger.renderer(7).render(finger.postures(bend, np.array([DOWN])))[0]
     seen = find_posture(image.pixels, estimator)
-    assert seen.sight is Sight.CHAMBER
+    assert seen.status is ChamberStatus.CHAMBER
     assert seen.markers is not None
     off = np.linalg.norm(seen.markers[-1] - marker_places(bend, finger.length)[0, -1])
     assert off < 8  # mm: of a network that saw 300 images twelve times
@@ -128,9 +128,9 @@ def test_frames_without_a_chamber_have_no_posture(network, finger):
     postures = finger.postures(np.deg2rad([20.0]), np.array([DOWN]))
     for kind, _, picture in odd_pictures(finger, postures, seed=1):
         seen = find_posture(picture, network)
-        assert seen.sight is kind.sight, kind.name
+        assert seen.status is kind.status, kind.name
         assert (seen.markers is not None) is kind.usable, kind.name
-    assert {kind.sight for kind in KINDS} == set(Sight)
+    assert {kind.status for kind in KINDS} == set(ChamberStatus)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 0.01, 60.0, 120.0])
@@ -254,7 +254,7 @@ def made_up(network, etas=(), rows=(), **tips):
         etas=list(etas),
         elsewhere=[],
         bends=[AtBend(1.0, np.array([0.3, 0.5])), AtBend(120.0, np.full(2, 0.2))],
-        odd=[Odd(KINDS[0], KINDS[0].sight, answered=True)],
+        odd=[Odd(KINDS[0], KINDS[0].status, answered=True)],
         seconds=0.001,
         cores=2,
         shown=[],

@@ -21,7 +21,7 @@ from matplotlib import cbook
 from optics.rendering import Effects, Renderer
 from optics.scene.fabrication import Fabrication
 from optics.scene.scene import Scene
-from perception import find_views
+from perception import detect_views
 from perception.proprioception import (
     FingerErrors,
     calibrate,
@@ -77,7 +77,7 @@ def fingers(finger: FingerSensor) -> list[Calibrated]:
 
 
 def observed(finger: FingerSensor, pixels: np.ndarray):
-    sighting = find_views(pixels, finger.lens, finger.catalogue)
+    sighting = detect_views(pixels, finger.lens, finger.catalog)
     return observe(sighting, finger.model.views), sighting.angles
 
 

@@ -9,8 +9,8 @@ import pydantic
 import pytest
 
 from designopt.cli import run as command
-from kinematics import linkage_from, solve_poses
-from optics import find_coverage, scene_from
+from kinematics import parse_linkage, solve_poses
+from optics import find_coverage, parse_scene
 from studies.finger.spec import FingerSpec
 from studies.finger.spec_files import spec_files
 from studies.finger.statements import degrees_of_freedom
@@ -26,8 +26,8 @@ def files():
 
 
 def test_the_files_are_the_finger(files):
-    joints = linkage_from(files["linkage.toml"])
-    crank = linkage_from(files["linkage-crank.toml"])
+    joints = parse_linkage(files["linkage.toml"])
+    crank = parse_linkage(files["linkage-crank.toml"])
     assert joints.input_names == ("pip", "dip")
     assert crank.input_names == ("theta", "gamma")
     assert float(crank.springs[0].stiffness) == 30.0
@@ -40,7 +40,7 @@ def test_the_files_are_the_finger(files):
 
 
 def test_the_scene_file_shows_every_pad(files):
-    scene = scene_from(files["scene.toml"])
+    scene = parse_scene(files["scene.toml"])
     poses = jnp.deg2rad(jnp.array([[0.0, 0.0], [45.0, 45.0], [90.0, 90.0]]))
     np.testing.assert_allclose(find_coverage(scene, poses).value, 1.0, atol=1e-9)
 

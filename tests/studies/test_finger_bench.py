@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 
 from designopt.errors import UserError
 from designopt.plot.figures import style
-from kinematics.io.reading import linkage_from
+from kinematics.io.reading import parse_linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.transmission import solve_transmission
-from optics.scene.reading import scene_from
+from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage
 from studies.finger.bench import FingerBench
 from studies.finger.design import finger_design
@@ -79,7 +79,7 @@ def test_both_are_shown_in_one_pose(finger):
     assert set(files) == {"linkage.toml", "scene.toml"}
     flexion = np.radians([50.0, 35.0])
 
-    linkage = linkage_from(files["linkage.toml"])
+    linkage = parse_linkage(files["linkage.toml"])
     inputs = jnp.asarray(-flexion)
     poses = solve_poses(linkage, inputs)
     assert bool(poses.ok)
@@ -87,7 +87,7 @@ def test_both_are_shown_in_one_pose(finger):
     for pin, angle in solve_transmission(linkage, inputs).angles.items():
         assert found[f"linkage: μ at {pin}"] == pytest.approx(np.degrees(angle), abs=1e-6)
 
-    scene = scene_from(files["scene.toml"])
+    scene = parse_scene(files["scene.toml"])
     covered = find_coverage(scene, jnp.asarray(flexion)).value
     for part, wanted in zip(scene.layout.pads, covered, strict=True):
         assert found[f"{part.name}: coverage"] == pytest.approx(100 * float(wanted), abs=1e-9)
@@ -103,7 +103,7 @@ def test_the_saved_linkage_is_straight(finger):
     bench, values, _ = finger
     for file in bench.specs(values | {"pip": 50.0, "dip": 35.0}):
         if file.name == "linkage.toml":
-            home = linkage_from(tomllib.loads(file.content)).home
+            home = parse_linkage(tomllib.loads(file.content)).reference
             np.testing.assert_allclose(home.inputs, 0, atol=1e-9)
 
 
@@ -176,7 +176,7 @@ def test_the_finger_is_improved(finger):
 
     def worst(at):
         scene = next(f for f in bench.specs(at) if f.name == "scene.toml")
-        found = find_coverage(scene_from(tomllib.loads(scene.content)), jnp.asarray(grid))
+        found = find_coverage(parse_scene(tomllib.loads(scene.content)), jnp.asarray(grid))
         return float(np.min(found.value))
 
     assert worst(last.values) > worst(values) + 0.05

@@ -14,12 +14,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from designopt import UserError, toml_text
+from designopt import UserError, format_toml
 from designopt.io.toml_writing import degrees_of
 from kinematics import read_linkage
 from optics import read_scene
 from studies.finger.spec_files import spec_files
-from studies.models import Finger, finger_from, finger_text, read_finger, write_finger
+from studies.models import Finger, format_finger, parse_finger, read_finger, write_finger
 from studies.models.finger_file import packaged_finger
 
 OLD = Path(__file__).parents[1] / "data" / "old_specs"
@@ -83,7 +83,7 @@ def assert_identical(one: Finger, other: Finger):
 
 
 def test_every_number_is_where_it_belongs():
-    finger = finger_from(table(), "mine.toml")
+    finger = parse_finger(table(), "mine.toml")
     assert finger.name == "mine"
     assert float(finger.body.proximal) == 35.0
     assert float(finger.body.flexion) == math.pi / 2
@@ -118,11 +118,11 @@ def tables(draw) -> dict:
 
 @given(tables())
 def test_what_is_written_is_read_back(drawn):
-    finger = finger_from(drawn, "drawn")
-    text = finger_text(finger)
-    again = finger_from(tomllib.loads(text), "again")
+    finger = parse_finger(drawn, "drawn")
+    text = format_finger(finger)
+    again = parse_finger(tomllib.loads(text), "again")
     assert_identical(finger, again)
-    assert finger_text(again) == text
+    assert format_finger(again) == text
 
 
 @given(st.floats(-360, 360))
@@ -199,16 +199,16 @@ def test_what_contradicts_itself_is_named(specs):
     path = specs / "scene.toml"
     scene = tomllib.loads(path.read_text(encoding="utf-8"))
     scene["pads"][1]["to"][0] += 1.0
-    path.write_text(toml_text(scene))
+    path.write_text(format_toml(scene))
     with pytest.raises(UserError, match=r"scene\.toml: pads differs by 1 from what body, pins, "):
         read_finger(specs)
     scene["pads"][1]["to"][0] -= 1.0
     scene["frames"]["distal"]["hinge"][0] += 0.5
-    path.write_text(toml_text(scene))
+    path.write_text(format_toml(scene))
     with pytest.raises(UserError, match=r"scene\.toml: hinges differs by 0\.5 from what body, "):
         read_finger(specs)
     scene["pads"].pop(0)
-    path.write_text(toml_text(scene))
+    path.write_text(format_toml(scene))
     with pytest.raises(UserError, match=r"it lacks 'proximal', so that it is no finger; name the "):
         read_finger(specs)
 

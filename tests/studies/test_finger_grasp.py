@@ -18,7 +18,7 @@ from designopt import cli
 from studies.finger_grasp.judging import judge, setting_of
 from studies.finger_grasp.second_opinion import reference as slsqp
 from studies.finger_grasp.stability import families
-from studies.models.finger import Spring, spring_of
+from studies.models.finger import FingerSpring, spring_of
 from studies.models.grasp import cases
 from studies.models.grasp.analysis import CLOSED, formula_error, retrace_error, touching_dip
 from studies.models.grasp.closing import LARGEST_MOVE, STEPS, close_all, there_and_back
@@ -46,7 +46,9 @@ END = math.radians(SPEC.motor_end_deg)
 def closings():
     """The check's circle, the same under load, circles, and pinches, by one compiled program."""
     problems = [cases.problem_of(FINGER, CHECK), cases.problem_of(FINGER, CHECK, (15, 5))]
-    problems += [cases.problem_of(FINGER, cases.lying(BODY, d, 11.5)) for d in (10.0, 30.0, 90.0)]
+    problems += [
+        cases.problem_of(FINGER, cases.circle_on_pad(BODY, d, 11.5)) for d in (10.0, 30.0, 90.0)
+    ]
     found = predict(FINGER, [(0.5, 4.0), (0.5, 14.0), (1.0, 8.0), (1.0, 25.0)])
     motions = [there_and_back(END)] * 5 + [loading(FINGER, pinch) for pinch in found]
     for pinch in found:
@@ -123,8 +125,8 @@ def _apart(ends, corners):
 def test_gaps_are_distances():
     """Circles everywhere, polygons where a face is nearest; slopes by central differences."""
     corners = np.array([[-20.0, -40.0], [5.0, -45.0], [12.0, -25.0], [-8.0, -18.0]])
-    centre, shapes = np.array([3.0, -30.0]), {1: corners, 2: corners[:3]}
-    things = (Circle(centre, 7.0), Polygon(corners), Polygon(corners[:3]))
+    center, shapes = np.array([3.0, -30.0]), {1: corners, 2: corners[:3]}
+    things = (Circle(center, 7.0), Polygon(corners), Polygon(corners[:3]))
     problems = [cases.problem_of(FINGER, thing) for thing in things]
     gaps = [jax.jit(lambda q, p=p: (gaps_of(p, q), touches(p, q).slopes)) for p in problems]
     faced = 0
@@ -135,7 +137,7 @@ def test_gaps_are_distances():
             along = np.array([float(pad.along.x), float(pad.along.y)])
             segments.append((start, start + float(pad.length) * along))
         found, slopes = (np.asarray(part) for part in gaps[0](jnp.asarray(joints)))
-        wanted = [_from_segment(centre, segment) - 7 for segment in segments]
+        wanted = [_from_segment(center, segment) - 7 for segment in segments]
         np.testing.assert_allclose(found, wanted, atol=1e-12)
         for j in range(2):
             move = np.eye(2)[j] * 1e-6
@@ -180,7 +182,7 @@ def test_a_circle_on_the_proximal_pad_is_touched_at_its_mirrored_place():
         first = int(np.argmax(path.gaps[:, 0] < 1e-7))
         thing = path.problem.thing
         assert isinstance(thing, Circle)
-        place = -float(thing.centre[0])
+        place = -float(thing.center[0])
         np.testing.assert_allclose(path.along[first, 0], place, atol=1e-9)
         pip = 2 * math.atan(place / (diameter / 2 + 4))
         np.testing.assert_allclose(path.joints[first, 0], pip, atol=1e-9)
@@ -294,7 +296,7 @@ def logarithms():
 
 def with_logarithms(parameters):
     return replace(
-        FINGER, spring=Spring(jnp.exp(parameters[0]), parameters[2], jnp.exp(parameters[1]))
+        FINGER, spring=FingerSpring(jnp.exp(parameters[0]), parameters[2], jnp.exp(parameters[1]))
     )
 
 
@@ -334,7 +336,7 @@ def test_implicit_gradients_against_central_differences():
 
     def value(parameters, command, guess):
         finger = with_logarithms(parameters)
-        problem = cases.problem_of(finger, Circle(CHECK.centre, parameters[3]))
+        problem = cases.problem_of(finger, Circle(CHECK.center, parameters[3]))
         problem = eqx.tree_at(lambda p: p.command, problem, command)
         found = solve(problem, guess, max_steps=6)
         state = found.value

@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.optimize import Evolution, Levelled, Optimum, OptimumResult
+from designopt.optimize import EpigraphVariables, Evolution, Optimum, OptimumResult
 from designopt.optimize.augmented_lagrangian import Trace
 from designopt.plot.figures import trim
 from designopt.solution import Solution
 from designopt.study.results import Table
-from kinematics import linkage_from, solve_poses
+from kinematics import parse_linkage, solve_poses
 from studies.finger_linkage import comparisons
 from studies.finger_linkage.comparing import Comparison, Run, precision_study
 from studies.finger_linkage.statements import _yardstick
@@ -62,14 +62,14 @@ def meeting(p, u, q, v):
     return p + u * ((q - p).conjugate() * v).imag / cross
 
 
-def circles(centre, radius, other, radius_other, near):
+def circles(center, radius, other, radius_other, near):
     """The point of both circles that is nearer to a given one."""
-    step = other - centre
+    step = other - center
     along = (abs(step) ** 2 + radius**2 - radius_other**2) / (2 * abs(step))
     across = math.sqrt(radius**2 - along**2)
     unit = step / abs(step)
     return min(
-        (centre + unit * complex(along, s * across) for s in (1, -1)), key=lambda z: abs(z - near)
+        (center + unit * complex(along, s * across) for s in (1, -1)), key=lambda z: abs(z - near)
     )
 
 
@@ -110,10 +110,10 @@ def walk(pins, flexion):
             b, g = length * turn, at["G"] * turn
             e = circles(at["F"], abs(at["E"] - at["F"]), d, abs(at["E"] - at["D"]), e)
             rod, bar, phalanx = d - e, h - g, c - b
-            centre, point = meeting(b, phalanx, g, bar), meeting(e, rod, g, bar)
+            center, point = meeting(b, phalanx, g, bar), meeting(e, rod, g, bar)
             found = {
                 "D1": folded(rod, d),
-                "D2": folded(rod, d - centre),
+                "D2": folded(rod, d - center),
                 "C": folded(phalanx, h - c),
                 "H": folded(h - c, bar),
                 "E": folded(rod, e - at["F"]),
@@ -317,7 +317,7 @@ def test_a_comparison_without_a_feasible_run_has_no_best():
 
 def test_the_linkage_file_is_the_design():
     text = str(linkage_file(REFERENCE).content)
-    linkage = linkage_from(tomllib.loads(text))
+    linkage = parse_linkage(tomllib.loads(text))
     angles = -jnp.deg2rad(jnp.array([[0.0, 0.0], [40.0, 70.0]]))
     mine = solve_poses(linkage, angles).value
     other = solve_poses(REFERENCE.linkage(), angles).value
@@ -353,7 +353,9 @@ def test_a_start_is_told_by_its_angle_and_not_by_the_level_it_was_left_at():
     flexion = np.deg2rad([0.0, 45.0, 90.0])
     problem = over(REFERENCE, FingerLinkageSpec(), flexion, flexion)
     level, zero = jnp.asarray(-0.04), jnp.asarray(0.0)
-    solution = Solution(Levelled(reference_pins(), level), zero, zero, OptimumResult.successful)
+    solution = Solution(
+        EpigraphVariables(reference_pins(), level), zero, zero, OptimumResult.successful
+    )
     trace = Trace(jnp.zeros(1), jnp.zeros(1), jnp.zeros(1, int))
     (least,) = least_angles_deg(problem, [Optimum(solution, 0.4, {}, {}, trace, {})])
     angles = walk(reference_pins(), flexion)[0]

@@ -16,8 +16,8 @@ import scipy.stats
 from jax.flatten_util import ravel_pytree
 
 from designopt import cli
-from designopt.optimize import sobol_starts
-from optics import Pieces, find_coverage, find_views, read_scene, scene_from
+from designopt.optimize import draw_sobol_starts
+from optics import Pieces, find_coverage, find_views, parse_scene, read_scene
 from studies.finger_mirrors import solvers, statements
 from studies.finger_mirrors.solvers import Run
 from studies.models.finger import camera_of
@@ -27,8 +27,8 @@ from studies.models.mirror_design.errors import (
     NAMES,
     Errors,
     deviations,
-    drawn,
     perturb,
+    sample_errors,
     spread_evenly,
 )
 from studies.models.mirror_design.judging import coverage_grid, judged, seen_by_rays
@@ -62,7 +62,7 @@ def verdict():
 
 def random_fingers(count):
     task = problem.Task.of(POOR, SMALL, 0)
-    points = sobol_starts(problem.problem_of(SMALL, task), count, 3)
+    points = draw_sobol_starts(problem.problem_of(SMALL, task), count, 3)
     placements = [jax.tree.map(lambda leaf, i=i: leaf[i], points) for i in range(count)]
     return [eqx.combine(placement, POOR) for placement in placements]
 
@@ -88,7 +88,7 @@ def test_the_given_layout_is_the_gallerys_finger(given):
 @pytest.mark.parametrize("thickness", [25.0, 20.0])
 def test_a_finger_written_to_a_file_is_the_scene(thickness):
     finger = poor_layout(finger_of(thickness=thickness), LENS)
-    read = scene_from(tomllib.loads(str(scene_file(finger).content)), "finger")
+    read = parse_scene(tomllib.loads(str(scene_file(finger).content)), "finger")
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-12), read, finger.scene())
 
 
@@ -156,7 +156,7 @@ def test_draws_have_the_stated_size_and_differ_from_the_copies():
     sizes = deviations(tolerances)
     np.testing.assert_allclose(sizes[:2], 0.3)
     np.testing.assert_allclose(np.rad2deg(sizes[2:5]), [2, 1, 1])
-    random, even = drawn(tolerances, 4000, 0), spread_evenly(tolerances, 256, 0)
+    random, even = sample_errors(tolerances, 4000, 0), spread_evenly(tolerances, 256, 0)
     # Four standard errors of a standard deviation.
     np.testing.assert_allclose(np.std(random, axis=0) / sizes, 1, atol=4 / math.sqrt(8000))
     np.testing.assert_allclose(np.std(even, axis=0) / sizes, 1, atol=0.03)
@@ -221,11 +221,11 @@ def test_what_is_hidden_shows_the_way_out():
     def hidden(ends):
         scene = eqx.tree_at(lambda one: one.mirrors[PROXIMAL].ends, POOR, ends).scene()
         views = find_views(scene, pose)
-        return jnp.sum(seeing.missing(views)), views
+        return jnp.sum(seeing.hidden_penalty(views)), views
 
     run = jax.jit(jax.value_and_grad(hidden, has_aux=True))
     (_, views), slope = run(POOR.mirrors[PROXIMAL].ends)
-    found = np.asarray(seeing.missing(views))
+    found = np.asarray(seeing.hidden_penalty(views))
     np.testing.assert_allclose(found[0], 0, atol=1e-12)
     nearest = -np.max(np.where(views.margin[1, :, 0] < 0, views.margin[1, :, 0], -np.inf))
     np.testing.assert_allclose(found[1, 0], 1 + nearest)
@@ -339,12 +339,12 @@ def test_gradients_of_the_whole_problem_are_central_differences(finger):
 
 
 def test_the_yield_is_that_of_fingers_built_one_by_one():
-    errors = drawn(SPEC.tolerances, 6, 5)
+    errors = sample_errors(SPEC.tolerances, 6, 5)
     found = yields.coverages(GIVEN, errors)
     poses = seeing.together(jnp.deg2rad(jnp.arange(91.0)))
     for entries, coverage in zip(errors, found, strict=True):
         assembled = perturb(GIVEN, Errors.of(jnp.asarray(entries)))
-        scene = scene_from(tomllib.loads(str(scene_file(assembled).content)))
+        scene = parse_scene(tomllib.loads(str(scene_file(assembled).content)))
         np.testing.assert_allclose(coverage, find_coverage(scene, poses).value, atol=1e-12)
     share = yields.monte_carlo(GIVEN, SPEC.tolerances, draws=6, seed=5)
     whole = np.all(found >= 1 - 1e-9, axis=(1, 2))
@@ -452,7 +452,7 @@ def test_random_starts_are_drawn_by_their_heights():
     task = problem.Task.of(POOR, SMALL, 0)
     least, greatest = bounds(POOR, SMALL)
     (start,) = designing._random(SMALL, task, 0)
-    points = sobol_starts(problem.problem_of(SMALL, task), 1, 0)
+    points = draw_sobol_starts(problem.problem_of(SMALL, task), 1, 0)
     first, low, high, point = map(camera_of, (start, least, greatest, points))
     assert (first.along, first.tilt) == (point.along[0], point.tilt[0])
     np.testing.assert_allclose(first.depth, low.depth + high.depth - point.depth[0])

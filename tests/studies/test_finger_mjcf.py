@@ -28,7 +28,7 @@ from studies.finger.spec import FingerSpec
 from studies.models import Finger
 from studies.models.finger import PHALANGES
 from studies.models.grasp import cases
-from studies.models.grasp.analysis import analyse
+from studies.models.grasp.analysis import analyze
 from studies.models.grasp.closing import Path, close_all, there_and_back
 from studies.models.grasp.mjcf import MOTOR, grasp_mjcf
 from studies.models.grasp.objects import Circle
@@ -147,7 +147,7 @@ def test_closing_goes_as_finger_grasp_says(name, way):
 
 @pytest.mark.nightly
 def test_every_closing_of_the_study_goes_as_it_says():
-    found = analyse(DESIGN_B, SPEC, polygon=False)
+    found = analyze(DESIGN_B, SPEC, polygon=False)
     paths = found.paths()
     assert len(paths) == 24
     for path in paths.values():

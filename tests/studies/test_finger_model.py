@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from designopt import UserError
-from kinematics import linkage_from, solve_poses, solve_transmission
-from optics import scene_from
+from kinematics import parse_linkage, solve_poses, solve_transmission
+from optics import parse_scene
 from optics.scene.writer import scene_tables
 from studies.models import Finger
 from studies.models.finger import pins_of
@@ -74,14 +74,14 @@ def test_its_linkage_is_that_of_its_file(body, drive):
     finger = seeing_finger(**body)
     tables = json.loads(json.dumps(finger.linkage_tables(drive)))
     assert tables["joints"]["T"] == [23.0 + body.get("distal", 32.0), 0.0]
-    assert_same(finger.linkage(drive), linkage_from(tables))
+    assert_same(finger.linkage(drive), parse_linkage(tables))
 
 
 @pytest.mark.parametrize("body", BODIES)
 def test_its_scene_is_that_of_its_file(body):
     scene = seeing_finger(**body).scene()
     tables = json.loads(json.dumps(scene_tables(scene)))
-    assert_same(scene, scene_from(tables))
+    assert_same(scene, parse_scene(tables))
     height, gap = body.get("thickness", 25.0), body.get("axis_height", 4.0)
     tip = 23.0 + body.get("distal", 32.0)
     pads = {pad["name"]: [pad["from"], pad["to"]] for pad in tables["pads"]}

@@ -53,7 +53,7 @@ def test_dip_depends_on_gamma_alone():
         pose = poses_of(linkage, inputs).value
         return pose.bodies["distal"].turned(pose.bodies["intermediate"].conjugate()).angle()
 
-    slopes = jax.jacfwd(dip)(linkage.home.inputs + jnp.array([0.0, 0.2]))
+    slopes = jax.jacfwd(dip)(linkage.reference.inputs + jnp.array([0.0, 0.2]))
     assert abs(float(slopes[0])) < 1e-14
     assert abs(float(slopes[1])) > 0.1
 

@@ -11,14 +11,14 @@ from scipy.optimize import brentq
 
 from designopt import UserError, find_root
 from designopt.cli import run as command
-from perception.chamber import Sight
+from perception.chamber import ChamberStatus
 from perception.posture import (
+    PostureEstimate,
     PostureEstimator,
     PostureNetwork,
-    SeenPosture,
     Training,
     TrainingRecord,
-    bend_of_markers,
+    fit_bend,
 )
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.odd import KINDS
@@ -69,8 +69,8 @@ def line(bend: float) -> tuple[np.ndarray, np.ndarray]:
 def clearance(hand: Hand, bend: float, diameter: float) -> tuple[float, float]:
     """From the finger's skin to the bottle, the least over the centre line, and where, mm."""
     x, z = line(bend)
-    centre = float(hand.palm), float(hand.gap) + diameter / 2
-    distance = np.hypot(x - centre[0], z - centre[1])
+    center = float(hand.palm), float(hand.gap) + diameter / 2
+    distance = np.hypot(x - center[0], z - center[1])
     nearest = int(np.argmin(distance))
     least = float(distance[nearest]) - diameter / 2 - float(hand.radius)
     return least, nearest * LENGTH / (POINTS - 1)
@@ -259,7 +259,7 @@ def test_tables_of_the_quick_run_agree(done):
     frames = rows("odd_frames")
     assert len(frames) == len(KINDS)
     for row, kind in zip(frames, KINDS, strict=True):
-        assert row["sights"] == kind.sight.name.lower().replace("_", " ")
+        assert row["sights"] == kind.status.name.lower().replace("_", " ")
         assert int(row["with_diameter"]) == 0 or kind.usable
     # The finger is hardly bent, and one bend is wherever the network puts it.
     at_bends = rows("bends")
@@ -313,7 +313,7 @@ def test_a_bottle_that_is_always_missed_is_refused():
 def test_labels_of_the_studies_have_their_bends():
     bends = np.deg2rad(np.linspace(0, 120, 25))
     first, second, third, last = (part * LENGTH for part in MARKERS)
-    fit = bend_of_markers(marker_places(bends, LENGTH), (first, second, third, last), LENGTH)
+    fit = fit_bend(marker_places(bends, LENGTH), (first, second, third, last), LENGTH)
     np.testing.assert_allclose(fit.bend, bends, atol=1e-8)
 
 
@@ -321,10 +321,13 @@ def test_estimates_follow_from_what_is_seen_alone():
     hand = hand_of(HANDS[0])
     bends = np.deg2rad([30.0, -5.0, 125.0, 90.0])
     places = marker_places(bends, LENGTH)
-    postures = [SeenPosture(Sight.CHAMBER, one) for one in places]
+    postures = [PostureEstimate(ChamberStatus.CHAMBER, one) for one in places]
     bulged = places[0] + 1.6 * np.array([[1.0, 0.0], [-1.0, 0.0], [1.0, 0.0]])
-    postures.append(SeenPosture(Sight.NO_YELLOW, bulged))
-    postures[2:2] = [SeenPosture(Sight.TOO_DARK, None), SeenPosture(Sight.CHAMBER, 1e6 * places[0])]
+    postures.append(PostureEstimate(ChamberStatus.NO_YELLOW, bulged))
+    postures[2:2] = [
+        PostureEstimate(ChamberStatus.TOO_DARK, None),
+        PostureEstimate(ChamberStatus.CHAMBER, 1e6 * places[0]),
+    ]
     found = estimated(postures, Reader(BROKEN, hand, 1.0))
     assert found.seen.tolist() == [True, True, False, False, True, True, True]
     assert found.known.tolist() == [True, False, False, False, False, True, False]
@@ -369,7 +372,7 @@ def found_by_hand(
         hand, curve, RECORD, 7, said_to_be(bottles, bottles + told, every),
         said_to_be(sizes, sizes + random, known),
         said_to_be(sizes[:50], sizes[:50] + 4, every[:50]),
-        [AtBend(60.0, 70.0, [Said(Sight.CHAMBER, 69.0), Said(Sight.CHAMBER, None)])], list(odd), [],
+        [AtBend(60.0, 70.0, [Said(ChamberStatus.CHAMBER, d) for d in (69.0, None)])], list(odd), [],
         0.001,
     )  # fmt: skip
 
@@ -403,9 +406,11 @@ def test_targets_are_met_and_missed_by_what_was_found():
     # 62 mm is then nearer to 82 than to 62, and 82 nearer to 92.
     assert missed(found_by_hand(told=10.5)) == {"told_apart"}
     assert missed(found_by_hand(unknown=1)) == {"undefined"}
-    dark = next(kind for kind in KINDS if kind.sight is Sight.TOO_DARK)
-    assert missed(found_by_hand(odd=(Odd(dark, Said(Sight.TOO_DARK, None)),))) == set()
-    assert missed(found_by_hand(odd=(Odd(dark, Said(Sight.TOO_DARK, 60.0)),))) == {"odd_failures"}
+    dark = next(kind for kind in KINDS if kind.status is ChamberStatus.TOO_DARK)
+    assert missed(found_by_hand(odd=(Odd(dark, Said(ChamberStatus.TOO_DARK, None)),))) == set()
+    assert missed(found_by_hand(odd=(Odd(dark, Said(ChamberStatus.TOO_DARK, 60.0)),))) == {
+        "odd_failures"
+    }
 
 
 @pytest.mark.parametrize(
@@ -433,24 +438,26 @@ def test_more_grasps_keep_the_targets_and_fewer_drop_them():
 
 def test_odd_frames_fail_where_their_answer_is_not_the_defined_one():
     usable = next(kind for kind in KINDS if kind.usable)
-    dark = next(kind for kind in KINDS if kind.sight is Sight.TOO_DARK)
+    dark = next(kind for kind in KINDS if kind.status is ChamberStatus.TOO_DARK)
     answers = [
-        (usable, Said(usable.sight, 60.0), False),
-        (usable, Said(usable.sight, None), False),
-        (usable, Said(usable.sight, np.inf), True),
-        (usable, Said(usable.sight, -1.0), True),
-        (usable, Said(Sight.TOO_DARK, None), True),
+        (usable, Said(usable.status, 60.0), False),
+        (usable, Said(usable.status, None), False),
+        (usable, Said(usable.status, np.inf), True),
+        (usable, Said(usable.status, -1.0), True),
+        (usable, Said(ChamberStatus.TOO_DARK, None), True),
         (usable, Said(None, None), True),
-        (dark, Said(dark.sight, None), False),
-        (dark, Said(dark.sight, 60.0), True),
-        (dark, Said(Sight.CHAMBER, 60.0), True),
+        (dark, Said(dark.status, None), False),
+        (dark, Said(dark.status, 60.0), True),
+        (dark, Said(ChamberStatus.CHAMBER, 60.0), True),
     ]
     for kind, said, failed in answers:
         assert Odd(kind, said).failed is failed
     said = [said for _, said, _ in answers]
     assert AtBend(60.0, 62.0, said).failures == 6
     assert AtBend(60.0, 70.0, said).failures == 8  # two that are finite are 10 mm off
-    closed = AtBend(120.0, None, [Said(Sight.CHAMBER, 60.0), Said(Sight.NO_YELLOW, None)])
+    closed = AtBend(
+        120.0, None, [Said(ChamberStatus.CHAMBER, 60.0), Said(ChamberStatus.NO_YELLOW, None)]
+    )
     assert closed.failures == 1
 
 

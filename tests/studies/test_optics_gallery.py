@@ -16,7 +16,7 @@ from jax import Array
 from optics import read_scene
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
-from optics.visibility.views import Pieces, path_names
+from optics.visibility.views import Pieces, name_paths
 
 FOLDER = Path(__file__).parents[2] / "studies/gallery/scenes"
 README = (FOLDER / "README.md").read_text(encoding="utf-8")
@@ -38,7 +38,7 @@ def gallery(name: str) -> Scene:
 
 def pieces(scene: Scene) -> dict[str, Pieces]:
     """The pieces of a scene's only pad, by the path that shows them."""
-    names = path_names(scene.layout)
+    names = name_paths(scene.layout)
     found = jax.tree.map(lambda leaf: np.asarray(leaf)[0], views_of(scene, scene.pose()))
     present = np.flatnonzero(found.present)
     by_path = {

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from designopt.cli import run as command
-from perception.proprioception import Estimate, undefined
+from perception.proprioception import Estimate, make_undefined
 from studies.proprioception.ladder import (
     GAP,
     Answer,
@@ -74,7 +74,11 @@ def answer(error_deg: float, deviation_deg: float) -> Answer:
 
 
 def test_answers_are_counted():
-    answers = [answer(1.0, 0.5), answer(-3.0, 1.5), Answer(GAP, 0, 1, "dip", 0.1, undefined("no"))]
+    answers = [
+        answer(1.0, 0.5),
+        answer(-3.0, 1.5),
+        Answer(GAP, 0, 1, "dip", 0.1, make_undefined("no")),
+    ]
     np.testing.assert_allclose(errors_deg(answers), [1.0, -3.0])
     assert defined_share(answers) == pytest.approx(2 / 3)
     assert variance_ratio(answers) == pytest.approx((1 + 9) / (0.25 + 2.25))
@@ -82,7 +86,7 @@ def test_answers_are_counted():
 
 
 def test_an_undefined_answer_is_no_number():
-    nothing = undefined("why")
+    nothing = make_undefined("why")
     assert math.isnan(nothing.angle)
     assert math.isinf(nothing.deviation)
     assert not nothing.defined

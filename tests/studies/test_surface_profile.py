@@ -12,16 +12,16 @@ import pytest
 from designopt.errors import UserError
 from designopt.study import runner
 from designopt.study.study import Context
-from optics.chamber import bent
+from optics.chamber import bend_center_line
 from perception.chamber import (
     ChamberMap,
     Heights,
     Movements,
     Shape,
     SurfaceKind,
+    compute_movements,
     find_points,
     find_regions,
-    movements,
 )
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.odd import KINDS as ODD_KINDS
@@ -126,7 +126,7 @@ def test_bends_are_those_of_the_deflection():
     bends = bends_at(deflections, 90.0, 101.0)
     assert bends[0] == 0
     contact, length = jnp.asarray(90.0), jnp.asarray(101.0)
-    across = [bent(contact, jnp.asarray(bend), length).across for bend in bends]
+    across = [bend_center_line(contact, jnp.asarray(bend), length).across for bend in bends]
     np.testing.assert_allclose(across, deflections, atol=1e-10)
     # The circle itself: across is R (1 − cos), R = length / bend.
     radius = 101.0 / bends[1:]
@@ -144,7 +144,7 @@ def test_the_designed_map_is_what_a_perfect_camera_sees(finger):
         return [find_points(image.pixels, find_regions(image.pixels)) for image in images]
 
     rest = found(finger.postures(np.zeros(1), np.full(1, UP)))
-    seen = movements(found(postures_on(finger, spec, truth, np.full(6, UP))), rest)
+    seen = compute_movements(found(postures_on(finger, spec, truth, np.full(6, UP))), rest)
     for number, name in enumerate("beg"):
         heights = chamber.height(seen, use=name)
         assert heights.known.all()
@@ -280,7 +280,7 @@ def test_unknown_heights_and_failures_miss_targets(chamber):
     found = made_up(chamber)
     found.trials[0].heights[WAYS[0]].known[3] = False
     assert unmet(found) == ["heights_unknown"]
-    good, bad = (Odd(ODD_KINDS[0], ODD_KINDS[0].sight, failed) for failed in (False, True))
+    good, bad = (Odd(ODD_KINDS[0], ODD_KINDS[0].status, failed) for failed in (False, True))
     found = dataclasses.replace(made_up(chamber), odd=[good, good])
     assert unmet(found) == []
     assert unmet(dataclasses.replace(found, odd=[good, bad])) == ["odd_failures"]

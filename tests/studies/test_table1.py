@@ -18,7 +18,7 @@ from studies.models.soft_finger import imaging, paper
 from studies.models.soft_finger.chamber_spec import ChamberSpec
 from studies.oracles import chamber as exact
 from studies.table1 import STUDY, precision, stability
-from studies.table1.analysis import OTHER_READING, analyse, real_lens
+from studies.table1.analysis import OTHER_READING, analyze, real_lens
 from studies.table1.run import operations
 from studies.table1.spec import Table1Spec
 from tests.helpers import load_toml
@@ -150,9 +150,9 @@ def test_the_real_lens_is_gausss():
 
 
 def test_the_other_reading_stands_only_beside_the_papers_chamber():
-    assert analyse(Table1Spec()).other_reading is not None
+    assert analyze(Table1Spec()).other_reading is not None
     changed = Table1Spec.model_validate({"chamber": {"offset_b": 2.5}})
-    assert analyse(changed).other_reading is None
+    assert analyze(changed).other_reading is None
 
 
 def test_the_exact_forms_are_those_of_the_library():

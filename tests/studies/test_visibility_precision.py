@@ -17,7 +17,7 @@ import pytest
 from designopt import cli
 from designopt.study.precision import Contender, measure
 from designopt.study.results import PrecisionRow
-from optics import scene_from
+from optics import parse_scene
 from studies.benchmarks.visibility import (
     STUDY,
     camera_rays,
@@ -82,7 +82,7 @@ CLOSED_FORMS = {
 @pytest.mark.parametrize("name", CLOSED_FORMS)
 def test_the_references_give_closed_forms(name):
     data, covered = CLOSED_FORMS[name]
-    scene = scene_from(data)
+    scene = parse_scene(data)
     np.testing.assert_allclose(exact.coverage(scene, scene.pose()), [covered], rtol=1e-14)
     fan = numpy_rays.seen_by_fan(rounded(scene, scene.pose()), RAYS)
     np.testing.assert_allclose(fan.coverage, [covered], atol=2e-5)
@@ -116,7 +116,7 @@ def test_the_reference_reflects_in_a_curved_mirror():
 
 def test_the_exact_gradient_of_a_shadow():
     """Its ends are those of the post, seen from the camera: at 2 b − c for a camera at (c, 0)."""
-    scene = scene_from(SHADOW)
+    scene = parse_scene(SHADOW)
     # Of position and direction: a step towards the post widens its shadow, a turn does nothing.
     np.testing.assert_allclose(exact.gradient(scene, scene.pose()), [0, -0.25, 0], atol=1e-15)
 
@@ -148,7 +148,7 @@ ONE_SIDED = {
 
 def test_points_and_rays_come_close_to_the_exact_coverage():
     """Over two mirrors, and past blockers that let light pass from one side."""
-    scene = scene_from(ONE_SIDED)
+    scene = parse_scene(ONE_SIDED)
     expected = exact.coverage(scene, scene.pose())
     assert np.all((expected > 0.1) & (expected < 0.9))
     points = rays = 4096
@@ -177,7 +177,7 @@ def gradient_work():
 
 
 def test_many_points_and_a_steep_sigmoid_reach_the_exact_gradient():
-    scene = scene_from(BEHIND)
+    scene = parse_scene(BEHIND)
     points, alpha = 16384, 2500.0
     block = sampling.block_of(points)
     find = jax.jit(functools.partial(sampling.gradient, sampling.soft, block))
@@ -225,12 +225,12 @@ FOLDING = {
 
 
 def test_the_sweeps_say_the_same_where_each_joint_moves_its_own_pad():
-    assert finger_grid.disagreement(scene_from(FOLDING), 4) < 1e-15
+    assert finger_grid.disagreement(parse_scene(FOLDING), 4) < 1e-15
 
 
 def test_a_view_that_depends_on_another_joint_is_found():
     screen = {"name": "screen", "from": [1, 1], "to": [-1, 1], "body": "right"}
-    assert finger_grid.disagreement(scene_from(FOLDING | {"blockers": [screen]}), 4) > 0.1
+    assert finger_grid.disagreement(parse_scene(FOLDING | {"blockers": [screen]}), 4) > 0.1
 
 
 @pytest.mark.slow

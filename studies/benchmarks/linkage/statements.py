@@ -6,7 +6,7 @@ import math
 import statistics
 from collections.abc import Sequence
 
-from designopt.study.precision import dominating
+from designopt.study.precision import find_dominating
 from designopt.study.results import Claim, Metric, PrecisionRow, Target
 from studies.benchmarks.linkage.contenders import (
     FLOOR,
@@ -176,7 +176,7 @@ def closed_form_claim(poses: int, rows: Sequence[PrecisionRow]) -> Claim:
             for other in rows
             if other.panel == row.panel and other.method not in (OURS, FLOOR, VALUE)
         ]
-        beaten += dominating(row, others)
+        beaten += find_dominating(row, others)
         near = [other for other in others if other.error <= 10 * row.error]
         text = f"{row.panel}: closed form {row.seconds:.2g} s, error {row.error:.1e}"
         if near:

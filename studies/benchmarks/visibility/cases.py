@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from optics import read_scene, scene_from
+from optics import parse_scene, read_scene
 from optics.scene.scene import Scene
 
 GALLERY = Path(__file__).parents[2] / "gallery" / "scenes"
@@ -49,7 +49,7 @@ def changed_finger(change: Callable[[dict[str, Any]], Any]) -> Scene:
     """Paper B's finger with a change to its file."""
     data = tomllib.loads((GALLERY / "finger.toml").read_text(encoding="utf-8"))
     change(data)
-    return scene_from(data, "finger")
+    return parse_scene(data, "finger")
 
 
 @functools.cache

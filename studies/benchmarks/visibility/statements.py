@@ -6,7 +6,7 @@ import math
 import statistics
 from collections.abc import Sequence
 
-from designopt.study.precision import dominating
+from designopt.study.precision import find_dominating
 from designopt.study.results import Claim, Metric, PrecisionRow, Target
 from studies.benchmarks.interleaved import Ratio
 from studies.benchmarks.visibility.contenders import BEST, EDGES, OURS
@@ -217,7 +217,7 @@ def undominated_claim(rows: Sequence[PrecisionRow]) -> Claim:
     """Whether anything on the same workload is both faster and closer."""
     beaten = []
     for row in (row for row in rows if row.method == OURS):
-        beaten += dominating(row, rows)
+        beaten += find_dominating(row, rows)
     return Claim(
         f"Nothing that was measured is both faster and closer than the {OURS}.",
         "Their number of operations is that of a few hundred points, and they leave no step.",

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.study.precision import Contender, compile_timed
-from optics import scene_from
+from optics import parse_scene
 from optics.scene.scene import Scene
 from optics.visibility.tracing import trace_rays
 from studies.benchmarks.visibility.peers import Ends, installed, optiland_tracer, rayoptics_tracer
@@ -50,7 +50,7 @@ def zigzag() -> Scene:
         ends = {"from": [start.real, start.imag], "to": [end.real, end.imag]}
         mirrors.append({"name": f"mirror {i}"} | ends)
     camera = {"position": [0, 0], "direction_deg": 0, "fov_deg": 90, "pixels": 1}
-    return scene_from({"camera": camera, "mirrors": mirrors})
+    return parse_scene({"camera": camera, "mirrors": mirrors})
 
 
 def bundle(rays: int, seed: int) -> tuple[np.ndarray, np.ndarray]:

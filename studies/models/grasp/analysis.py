@@ -54,7 +54,7 @@ class Analysis:
         return _named(self.free, self.adaptive, self.loaded, self.circles, self.pinches, self.box)
 
 
-def analyse(finger: Finger, spec: GraspSpec, *, polygon: bool = True) -> Analysis:
+def analyze(finger: Finger, spec: GraspSpec, *, polygon: bool = True) -> Analysis:
     """Close one finger on everything.
 
     Args:
@@ -67,7 +67,7 @@ def analyse(finger: Finger, spec: GraspSpec, *, polygon: bool = True) -> Analysi
     check = cases.touching(body, *cases.check_touch(body))
     problems = [cases.problem_of(finger, check), cases.problem_of(finger, check, spec.opening_load)]
     problems += [
-        cases.problem_of(finger, cases.lying(body, d, spec.grip_at)) for d in spec.diameters
+        cases.problem_of(finger, cases.circle_on_pad(body, d, spec.grip_at)) for d in spec.diameters
     ]
     predicted = predict(
         finger,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from studies.models.finger import Body, Finger, Spring
+from studies.models.finger import Body, Finger, FingerSpring
 from studies.models.grasp.conditions import Problem
 from studies.models.grasp.objects import Circle, Object, Polygon
 from studies.models.grasp.spec import GraspSpec
@@ -27,7 +27,7 @@ REACH = 0.94
 
 def finger_of(spec: GraspSpec) -> Finger:
     """The finger of the settings."""
-    spring = Spring(spec.spring_stiffness, spec.preload, spec.servo_stiffness)
+    spring = FingerSpring(spec.spring_stiffness, spec.preload, spec.servo_stiffness)
     return Finger.of(Body.of(spec.body), spec.pins.design(), spring)
 
 
@@ -71,7 +71,7 @@ def check_touch(body: Body) -> Touch:
     return Touch(stop / 3, place, max(CHECK_RADIUS, radius))
 
 
-def lying(body: Body, diameter: float, place: float) -> Circle:
+def circle_on_pad(body: Body, diameter: float, place: float) -> Circle:
     """The circle that lies on the proximal pad, ``place`` mm from A or nearer.
 
     It then touches the intermediate pad at the same distance from A, at

@@ -33,7 +33,7 @@ STEPS = 121
 """Motor angles of every closing, for the same reason."""
 
 
-def close(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]:
+def solve_closing(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]:
     """Equilibria along a motion of the motor, each solved from the last one that was found.
 
     Args:
@@ -149,7 +149,7 @@ class Path:
         return self.forces[:, pad * self.per_pad : (pad + 1) * self.per_pad].sum(axis=1)
 
 
-_close_batch = jax.jit(jax.vmap(close))
+_close_batch = jax.jit(jax.vmap(solve_closing))
 
 
 def close_all(problems: Sequence[Problem], commands: np.ndarray) -> list[Path]:

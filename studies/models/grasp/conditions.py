@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_sqrt
 from designopt.vectors import rotation
-from studies.models.finger import Finger, Spring, spring_of
+from studies.models.finger import Finger, FingerSpring, spring_of
 from studies.models.grasp.objects import Object
 from studies.models.grasp.transfer import Joints, pads, transfer
 
@@ -49,7 +49,7 @@ class Problem(eqx.Module):
     resting: Float[Array, "2"] = eqx.field(converter=as_float, default_factory=lambda: np.zeros(2))
 
     @property
-    def spring(self) -> Spring:
+    def spring(self) -> FingerSpring:
         """The finger's spring and servo."""
         return spring_of(self.finger)
 

@@ -37,7 +37,7 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
     ends = dict(zip(PHALANGES, np.asarray(finger.pads(), float).tolist(), strict=True))
     discs = []
     if thing is not None:
-        x, y = thing.centre.tolist()
+        x, y = thing.center.tolist()
         discs.append(Disc("object", (x, y), float(thing.radius)))
     return linkage_mjcf(
         finger.linkage("crank"),

@@ -50,11 +50,11 @@ class Circle(Object):
     """A round object.
 
     Attributes:
-        centre: mm.
+        center: mm.
         radius: mm.
     """
 
-    centre: Float[Array, "2"] = eqx.field(converter=as_float)
+    center: Float[Array, "2"] = eqx.field(converter=as_float)
     radius: Float[Array, ""] = eqx.field(converter=as_float)
 
     @property
@@ -68,7 +68,7 @@ class Circle(Object):
         Beside the segment the distance is signed, so that a pad which went past the centre counts
         as deep inside and not as beyond.
         """
-        place = _in_pad(pad, vector(self.centre))
+        place = _in_pad(pad, vector(self.center))
         nearest = jnp.clip(place.x, 0.0, pad.length)
         past = place.x - nearest
         beside = past == 0
@@ -87,8 +87,8 @@ class Circle(Object):
 
     def outline(self) -> Float[Array, "points 2"]:
         """A regular polygon of 180 corners."""
-        turn = jnp.linspace(0.0, 2 * jnp.pi, 181, dtype=self.centre.dtype)
-        return self.centre[None] + self.radius * jnp.stack([jnp.cos(turn), jnp.sin(turn)], axis=1)
+        turn = jnp.linspace(0.0, 2 * jnp.pi, 181, dtype=self.center.dtype)
+        return self.center[None] + self.radius * jnp.stack([jnp.cos(turn), jnp.sin(turn)], axis=1)
 
 
 class Polygon(Object):

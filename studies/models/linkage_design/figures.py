@@ -28,7 +28,7 @@ from studies.models.linkage_design.judging import Verdict
 from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.pins import pin_name
 
-LINK_COLOURS = {"crank": "#D55E00", "rod": "#E69F00", "plate": "#009E73", "bar": "#CC79A7"}
+LINK_COLORS = {"crank": "#D55E00", "rod": "#E69F00", "plate": "#009E73", "bar": "#CC79A7"}
 PHALANX = "#0072B2"
 
 
@@ -100,7 +100,7 @@ def draw_finger(
     links = {"crank": "FE", "rod": "ED", "plate": "CDHC", "bar": "GH"}
     for name, path in links.items():
         places = np.array([at[pin] for pin in path])
-        axis.plot(*places.T, color=LINK_COLOURS[name], linewidth=2.0, label=name)
+        axis.plot(*places.T, color=LINK_COLORS[name], linewidth=2.0, label=name)
     for host, ends in (("A", "F"), ("A", "G"), ("B", "C")):
         axis.plot(*np.array([at[host], at[ends]]).T, color=PHALANX, linewidth=1.0, linestyle=":")
     for pin in "ABCDEFGH":
@@ -141,8 +141,8 @@ def maps_figure(verdict: Verdict) -> Figure:
         axis.set_xlabel("PIP (°)")
     for axis in axes[:, 0]:
         axis.set_ylabel("DIP (°)")
-    colours = ScalarMappable(BoundaryNorm(levels, 256), "cividis")
-    drawing.colorbar(colours, ax=axes, label="transmission angle (°)", shrink=0.8)
+    colors = ScalarMappable(BoundaryNorm(levels, 256), "cividis")
+    drawing.colorbar(colors, ax=axes, label="transmission angle (°)", shrink=0.8)
     return Figure(
         "transmission",
         "Transmission angles over all postures",

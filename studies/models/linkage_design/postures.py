@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector, direction_to_meeting, folded_angle, rotation
+from designopt.vectors import Vector, direction_to_meeting, fold_angle, rotation
 from kinematics.solve.dyads import solve_rrr
 from studies.models.finger import Finger, pins_of
 
@@ -109,12 +109,12 @@ def postures_at(finger: Finger, knuckle: Vector, flexion: Vector) -> Postures:
         outer={"E": e, "F": at["F"]},
         reach=(reach, square_reach),
         angles={
-            "D1": folded_angle(pull, d_out),
-            "D2": folded_angle(pull, direction_to_meeting(d_out, phalanx, bar_line)),
-            "C": folded_angle(bc, ch),
-            "H": folded_angle(ch, along),
-            "E": folded_angle(pull, arm_e),
-            "P": folded_angle(
+            "D1": fold_angle(pull, d_out),
+            "D2": fold_angle(pull, direction_to_meeting(d_out, phalanx, bar_line)),
+            "C": fold_angle(bc, ch),
+            "H": fold_angle(ch, along),
+            "E": fold_angle(pull, arm_e),
+            "P": fold_angle(
                 direction_to_meeting(c_out, rod_line, bar_line),
                 c_out - b,
             ),

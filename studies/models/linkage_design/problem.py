@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.optimize import Problem, Requirement, Terms
+from designopt.optimize import Evaluation, Problem, Requirement
 from designopt.vectors import Vector, rotation
 from studies.models.finger import Body, Finger, pins_of
 from studies.models.linkage_design.postures import Postures, postures_at
@@ -94,10 +94,10 @@ def linkage_problem(
         names that say what is asked, and the turns of the postures as its data.
     """
 
-    def terms(pins: Pins, knuckle: Vector, flexion: Vector) -> Terms:
+    def terms(pins: Pins, knuckle: Vector, flexion: Vector) -> Evaluation:
         moved = replace(finger, pins=pins)
         postures = postures_at(moved, knuckle, flexion)
-        return Terms(
+        return Evaluation(
             least={SYMBOLS[name]: values for name, values in postures.angles.items()},
             inequalities=inequalities(moved, postures, limits, allowance),
         )

@@ -14,19 +14,19 @@ import numpy as np
 
 from designopt.optimize import (
     Active,
-    Levelled,
+    EpigraphVariables,
     Method,
-    Minimiser,
+    Minimizer,
     Optima,
     Optimum,
     OptimumResult,
     Problem,
     Starts,
-    active_set,
-    best_starts,
-    conflict,
-    epigraph,
-    level_starts,
+    explain_conflict,
+    find_active_set,
+    make_epigraph,
+    make_epigraph_starts,
+    select_starts,
 )
 from studies.models.finger import Body, Finger
 from studies.models.linkage_design.judging import STEP_DEG
@@ -114,13 +114,13 @@ class Search:
         """The requirements that hold the optimum; empty if it is none."""
         if not bool(self.best.solution.ok):
             return []
-        return active_set(epigraph(self.rounds[-1].problem, scale=ANGLE), self.best)
+        return find_active_set(make_epigraph(self.rounds[-1].problem, scale=ANGLE), self.best)
 
     def conflict(self) -> list[str]:
         """The requirements that conflict, with amounts; empty where that is not known."""
         if self.best.solution.result != OptimumResult.infeasible:
             return []
-        return conflict(epigraph(self.rounds[-1].problem, scale=ANGLE), self.best)
+        return explain_conflict(make_epigraph(self.rounds[-1].problem, scale=ANGLE), self.best)
 
 
 def search(spec: FingerLinkageSpec, seed: int) -> Search:
@@ -138,9 +138,9 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
     how, finger = spec.search, Finger.of(Body.of(spec.body))
     flexion = grid(finger.body, how.step_deg)
     coarse = over(finger, spec, flexion, flexion)
-    starts = best_starts(coarse, how.starts, seed, among=how.among, scale=ANGLE)
-    begin = level_starts(coarse, starts.parameters)
-    rounds = [Round(coarse, minimiser(coarse, how.starts, "bfgs").solve(begin))]
+    starts = select_starts(coarse, how.starts, seed, among=how.among, scale=ANGLE)
+    begin = make_epigraph_starts(coarse, starts.parameters)
+    rounds = [Round(coarse, minimizer(coarse, how.starts, "bfgs").solve(begin))]
     worst = _worst_postures(finger, spec)
     pip = dip = flexion
     again = known = None
@@ -157,9 +157,9 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
             break
         known = postures
         problem = over(finger, spec, *postures)
-        again = again or minimiser(problem, len(finalists), "slsqp")
+        again = again or minimizer(problem, len(finalists), "slsqp")
         designs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *finalists).design
-        solved = Round(problem, again.solve(level_starts(problem, designs), problem.data))
+        solved = Round(problem, again.solve(make_epigraph_starts(problem, designs), problem.data))
         if solved.optima.best.violation > NEARLY:
             break  # from what cannot be met this solver runs astray
         rounds.append(solved)
@@ -185,10 +185,10 @@ NEARLY = 1e-3
 """Largest scaled violation of a design that is worth solving on."""
 
 
-def _finalists(optima: Optima, count: int) -> list[Levelled]:
+def _finalists(optima: Optima, count: int) -> list[EpigraphVariables]:
     """The best different designs, as many as asked for; the best ones again if there are fewer."""
     ranked = sorted(optima.found, key=lambda one: (one.violation > NEARLY, one.objective))
-    chosen: list[Levelled] = []
+    chosen: list[EpigraphVariables] = []
     for one in ranked:
         steps = [
             jax.tree.map(lambda a, b: jnp.max(jnp.abs(a - b)), one.parameters.design, other.design)
@@ -236,14 +236,14 @@ def _worst_postures(
     return worst
 
 
-def minimiser(problem: Problem, count: int, method: Method) -> Minimiser:
+def minimizer(problem: Problem, count: int, method: Method) -> Minimizer:
     """A solver of the exact form.
 
     From afar BFGS inside an augmented Lagrangian, all starts in one vectorised program; near the
     optimum sequential quadratic programming needs a few steps, for it sees which postures hold it.
     """
-    exact = epigraph(problem, scale=ANGLE)
-    return Minimiser(exact, count, method, floor=FLOOR, updates=UPDATES, steps=STEPS)
+    exact = make_epigraph(problem, scale=ANGLE)
+    return Minimizer(exact, count, method, floor=FLOOR, updates=UPDATES, steps=STEPS)
 
 
 def rounded(pins: Pins, step: float) -> Pins:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from jaxtyping import Array, Float
 
-from designopt.vectors import direction_to_meeting, folded_angle
+from designopt.vectors import direction_to_meeting, fold_angle
 from kinematics.solve.solver import Pose
 
 Angle = Float[Array, "*batch"]
@@ -30,12 +30,10 @@ def finger_transmission(pose: Pose) -> dict[str, Angle]:
     h, rod, phalanx = at["G'"], at["E"] - at["D"], (at["B"], at["C"])
     bar = (at["G"], h)
     return {
-        "D1": folded_angle(rod, at["D"] - at["A"]),
-        "D2": folded_angle(rod, direction_to_meeting(at["D"], phalanx, bar)),
-        "C": folded_angle(at["C"] - at["B"], h - at["C"]),
-        "H": folded_angle(h - at["C"], at["G"] - h),
-        "E": folded_angle(rod, at["E"] - at["F"]),
-        "P": folded_angle(
-            direction_to_meeting(at["C"], (at["D"], at["E"]), bar), at["C"] - at["B"]
-        ),
+        "D1": fold_angle(rod, at["D"] - at["A"]),
+        "D2": fold_angle(rod, direction_to_meeting(at["D"], phalanx, bar)),
+        "C": fold_angle(at["C"] - at["B"], h - at["C"]),
+        "H": fold_angle(h - at["C"], at["G"] - h),
+        "E": fold_angle(rod, at["E"] - at["F"]),
+        "P": fold_angle(direction_to_meeting(at["C"], (at["D"], at["E"]), bar), at["C"] - at["B"]),
     }

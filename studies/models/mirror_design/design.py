@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from designopt.optimize import sobol_starts
+from designopt.optimize import draw_sobol_starts
 from designopt.study.study import Context
 from optics.scene.scene import Scene
 from studies.models.finger import Finger
@@ -97,7 +97,7 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
 
 def _random(spec: MirrorSpec, task: Task, seed: int) -> list[Placement]:
     count, (least, greatest) = spec.search.starts, bounds(task.finger, spec)
-    points = sobol_starts(problem_of(spec, task), count, seed)
+    points = draw_sobol_starts(problem_of(spec, task), count, seed)
     starts = [jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf[i]), points) for i in range(count)]
     # Depths are drawn as heights, so that a seed gives the starts that it gave when the places of
     # camera and mirrors were heights.

@@ -55,7 +55,7 @@ def deviations(tolerances: ToleranceSpec) -> Float[np.ndarray, "7"]:
     return np.concatenate([places, tilts, [tolerances.mirror_offset] * 2])
 
 
-def drawn(tolerances: ToleranceSpec, count: int, seed: int) -> Float[np.ndarray, "draws 7"]:
+def sample_errors(tolerances: ToleranceSpec, count: int, seed: int) -> Float[np.ndarray, "draws 7"]:
     """Independent normal errors in the order of `NAMES`: a Monte-Carlo sample; mm and rad."""
     generator = np.random.default_rng([seed, 2])
     return deviations(tolerances) * generator.standard_normal((count, len(NAMES)))
@@ -64,7 +64,7 @@ def drawn(tolerances: ToleranceSpec, count: int, seed: int) -> Float[np.ndarray,
 def spread_evenly(
     tolerances: ToleranceSpec, count: int, seed: int
 ) -> Float[np.ndarray, "copies 7"]:
-    """Normal errors spread evenly by a scrambled Sobol sequence; as `drawn` otherwise.
+    """Normal errors spread evenly by a scrambled Sobol sequence; as `sample_errors` otherwise.
 
     Source: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967) 86; A. B. Owen, J. Complexity 14
     (1998) 466 (scrambling).

@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from designopt.plot.figures import PALETTE, angle_ticks, legend_below, new_figure
 from designopt.study.results import Figure
 from optics.plot.scene_drawing import DASHES
-from optics.plot.scene_figures import COLOURS, UNSEEN, poses_figure
+from optics.plot.scene_figures import COLORS, UNSEEN, poses_figure
 from optics.scene.scene import Scene
 from studies.models.mirror_design.errors import NAMES
 from studies.models.mirror_design.judging import Square, Verdict
@@ -46,11 +46,11 @@ def views_figure(name: str, title: str, scene: Scene, verdict: Verdict) -> Figur
 def coverage_figure(squares: Mapping[str, Square], degrees: np.ndarray) -> Figure:
     """The pad that is seen least, for all pairs of joint angles, before and after."""
     drawing, grid = new_figure(1, len(squares), height=3.4)
-    colours = ScalarMappable(Normalize(0, 100), COLOURS)
+    colors = ScalarMappable(Normalize(0, 100), COLORS)
     for index, (axes, (name, square)) in enumerate(zip(grid[0], squares.items(), strict=True)):
         least = 100 * np.min(square.coverage, axis=-1)
         mesh = axes.pcolormesh(
-            degrees, degrees, least.T, norm=colours.norm, cmap=COLOURS, shading="nearest"
+            degrees, degrees, least.T, norm=colors.norm, cmap=COLORS, shading="nearest"
         )
         mesh.set_rasterized(True)
         axes.grid(visible=False)
@@ -59,7 +59,7 @@ def coverage_figure(squares: Mapping[str, Square], degrees: np.ndarray) -> Figur
         axes.set(title=f"{name}: {span} %", xlabel="PIP (°)")
         axes.set(ylabel="" if index else "DIP (°)", aspect="equal")
         axes.set(xticks=angle_ticks(degrees[-1], 6), yticks=angle_ticks(degrees[-1], 6))
-    drawing.colorbar(colours, ax=list(grid[0]), label="coverage of the least seen pad (%)")
+    drawing.colorbar(colors, ax=list(grid[0]), label="coverage of the least seen pad (%)")
     return Figure(
         "coverage",
         "Coverage on a 1° grid",
@@ -83,14 +83,14 @@ def resolution_figure(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
             along = float(pad_lengths(scene)[index]) * np.asarray(places)
             maps[row, column] = verdict.degrees, along, best[:, index]
     seen = np.concatenate([values[values > 0] for *_, values in maps.values()])
-    colours = ScalarMappable(LogNorm(max(seen.min(), 0.5), seen.max()), COLOURS)
+    colors = ScalarMappable(LogNorm(max(seen.min(), 0.5), seen.max()), COLORS)
     for (row, column), (degrees, along, values) in maps.items():
         axes, name = grid[row, column], list(pads)[column]
         axes.patch.set(**UNSEEN)
         axes.grid(visible=False)
         shown = np.where(values > 0, values, np.nan)
         mesh = axes.pcolormesh(
-            degrees, along, shown.T, norm=colours.norm, cmap=COLOURS, shading="nearest"
+            degrees, along, shown.T, norm=colors.norm, cmap=COLORS, shading="nearest"
         )
         mesh.set_rasterized(True)
         there = shown[np.isfinite(shown)]
@@ -99,7 +99,7 @@ def resolution_figure(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
         axes.set(ylabel="" if column else "along the pad (mm)", xticks=angle_ticks(degrees[-1], 6))
         if row == len(scenes) - 1:
             axes.set_xlabel(f"{pads[name]} (°)")
-    bar = drawing.colorbar(colours, ax=grid.ravel().tolist(), label="resolution (px/mm)")
+    bar = drawing.colorbar(colors, ax=grid.ravel().tolist(), label="resolution (px/mm)")
     ticks = [tick for tick in (0.5, 1, 2, 5, 10, 20, 50) if seen.min() <= tick <= seen.max()]
     bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
     bar.minorticks_off()

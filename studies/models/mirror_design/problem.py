@@ -12,12 +12,17 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from designopt.numerics import as_float
-from designopt.optimize import Problem, Requirement, Terms
+from designopt.optimize import Evaluation, Problem, Requirement
 from optics.visibility.coverage import find_views
 from studies.models.finger import PHALANGES, Finger
 from studies.models.mirror_design.errors import Errors, perturb, spread_evenly
 from studies.models.mirror_design.placement import DISTAL, PROXIMAL, Placement, bounds, scale
-from studies.models.mirror_design.seeing import least_resolution, missing, pad_lengths, together
+from studies.models.mirror_design.seeing import (
+    hidden_penalty,
+    least_resolution,
+    pad_lengths,
+    together,
+)
 from studies.models.mirror_design.spec import MirrorSpec
 
 PLAIN = 46
@@ -111,8 +116,8 @@ class Look(NamedTuple):
     """What one look shows.
 
     Attributes:
-        missing: part of a pad that is not seen (`seeing.missing`), mean over postures, summed over
-            pads.
+        missing: part of a pad that is not seen (`hidden_penalty`), mean over postures, summed
+            over pads.
         resolution: level of the inequality (≥ 0).
     """
 
@@ -126,7 +131,7 @@ def look(placement: Placement, task: Task, number: Int[Array, ""]) -> Look:
     scene = perturb(eqx.combine(placement, task.finger), errors).scene()
     views = find_views(scene, together(task.angles[number]))
     sharp = least_resolution(views.value, pad_lengths(scene))
-    hidden = jnp.mean(jnp.sum(missing(views), axis=-1))
+    hidden = jnp.mean(jnp.sum(hidden_penalty(views), axis=-1))
     return Look(hidden, sharp / (RESERVE * task.floor) - 1)
 
 
@@ -152,7 +157,7 @@ def cost_and_clearance(
     return cost, (room - task.clearance) / CLEARANCE_SCALE
 
 
-def terms_of(placement: Placement, task: Task) -> Terms:
+def terms_of(placement: Placement, task: Task) -> Evaluation:
     """Objective and inequalities (≥ 0) of a placement, all of order one; differentiable.
 
     The objective is, in % of a pad: what the copies do not see, what is not seen without errors,
@@ -164,7 +169,7 @@ def terms_of(placement: Placement, task: Task) -> Terms:
     cost, clearance = cost_and_clearance(placement, task)
     hidden = jnp.mean(looks.missing[: task.plain]) + jnp.mean(looks.missing[task.plain :])
     sharp = looks.resolution[: task.plain]
-    return Terms(
+    return Evaluation(
         objective=100 * hidden + cost,
         inequalities={
             "resolution": sharp.reshape(-1, sharp.shape[-1]),

@@ -22,7 +22,7 @@ import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
-from designopt.optimize import Terms
+from designopt.optimize import Evaluation
 from studies.models.finger import PHALANGES
 from studies.models.mirror_design.placement import Placement, scale
 from studies.models.mirror_design.problem import Look, Task, cost_and_clearance, look
@@ -102,7 +102,7 @@ def search(
     low, high, point = (ravel_pytree(one)[0] / units for one in (*bounds, start))
     multipliers = no_multipliers(tasks[0])
     count = jnp.asarray(tasks[0].copies if copies is None else copies)
-    terms: Terms | None = None
+    terms: Evaluation | None = None
     steps = 0
     for task, stage in zip(tasks, stages, strict=True):
         penalty = jnp.asarray(stage.penalty)
@@ -167,7 +167,7 @@ def measured(placement: Placement, task: Task, copies: int | None = None) -> tup
     return float(terms.value), _violation(terms)
 
 
-def _violation(terms: Terms) -> float:
+def _violation(terms: Evaluation) -> float:
     return max(0.0, *(float(jnp.max(-leaf)) for leaf in terms.inequalities.values()))
 
 
@@ -184,7 +184,7 @@ def lagrangian(
     copies: Int[Array, ""],
     penalty: Float[Array, ""],
     multipliers: Multipliers,
-) -> tuple[tuple[Float[Array, ""], Terms], Float[Array, " parameters"]]:
+) -> tuple[tuple[Float[Array, ""], Evaluation], Float[Array, " parameters"]]:
     """Augmented Lagrangian of `problem.terms_of`, the terms, and its slope.
 
     It is a sum over looks, so each look's slope is found by itself: nothing of the other looks is
@@ -221,7 +221,7 @@ def lagrangian(
     total, value, levels, slope = jax.lax.fori_loop(0, plain + copies, add, first)
     resolution = levels[:plain].reshape(multipliers["resolution"].shape)
     inequalities = {"resolution": resolution, "clearance": clearance}
-    return (total, Terms(objective=value, inequalities=inequalities)), slope
+    return (total, Evaluation(objective=value, inequalities=inequalities)), slope
 
 
 def _unmet(

@@ -26,7 +26,7 @@ def together(angles: Float[Array, "*batch"]) -> Float[Array, "*batch 2"]:
     return jnp.stack([angles, angles], axis=-1)
 
 
-def missing(views: Solution[Pieces]) -> Float[Array, "*poses pads"]:
+def hidden_penalty(views: Solution[Pieces]) -> Float[Array, "*poses pads"]:
     """Part of each pad that is not seen, and more with a slope where nothing brings it into view.
 
     Coverage alone does not change while a view stays wholly hidden. So what is missing counts more

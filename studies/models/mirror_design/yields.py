@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from optics.visibility.coverage import find_coverage
 from studies.models.finger import Finger
-from studies.models.mirror_design.errors import NAMES, Errors, deviations, drawn, perturb
+from studies.models.mirror_design.errors import NAMES, Errors, deviations, perturb, sample_errors
 from studies.models.mirror_design.judging import ROUNDING, whole_degrees
 from studies.models.mirror_design.seeing import together
 from studies.models.mirror_design.spec import ToleranceSpec
@@ -96,7 +96,7 @@ def monte_carlo(
     seed: int,
 ) -> Yield:
     """The yield by independent normal errors; a pad is seen if 1 − `ROUNDING` of it is."""
-    errors = drawn(tolerances, draws, seed)
+    errors = sample_errors(tolerances, draws, seed)
     whole = coverages(finger, errors) >= 1 - ROUNDING
     good = int(np.sum(np.all(whole, axis=(1, 2))))
     return Yield(good / draws, *wilson(good, draws), draws, np.mean(whole, axis=0))
@@ -130,7 +130,7 @@ def sensitivity(
     sizes, each = deviations(tolerances), np.eye(len(NAMES))
     single = (each[:, None] * STEPS[:, None]) * sizes
     alone = single.reshape(-1, len(NAMES))
-    errors = drawn(tolerances, draws, seed)
+    errors = sample_errors(tolerances, draws, seed)
     variants = [errors]
     for entries in GROUPS.values():
         factor = np.ones(len(NAMES))

@@ -11,15 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from optics.scene.fabrication import Fabrication, as_made, errors_of
+from optics.scene.fabrication import Fabrication, perturb, scale_errors
 from optics.scene.imaging import Imaging
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
 from optics.visibility.outlines import find_corners, find_outlines
 from optics.visibility.unfolding import paths_of
-from optics.visibility.views import Pieces, path_names
+from optics.visibility.views import Pieces, name_paths
 from perception.lens import Lens, Places, Rays
-from perception.matching import Catalogue, Family, rms_of_ends
+from perception.matching import ViewCatalog, ViewFamily, rms_of_ends
 from perception.proprioception import CornerModel, GapTable
 
 ANGLES = np.deg2rad(np.linspace(-2.0, 92.0, 95))
@@ -46,13 +46,13 @@ def _placed(imaging: Imaging, rays: Float[Array | np.ndarray, "_ 2"]) -> Float[A
     return imaging.place(jnp.asarray(rays[:, 0]), jnp.asarray(rays[:, 1]))
 
 
-def catalogue_of(
+def catalog_of(
     scene: Scene,
     imaging: Imaging,
     width: float,
     deviations: Fabrication,
     carried: Sequence[int],
-) -> Catalogue:
+) -> ViewCatalog:
     """Every view that the finger can show, for all values of the joint that moves it.
 
     Wanted are those of every pad that moves against the camera, directly and in the mirror of its
@@ -84,7 +84,7 @@ def catalogue_of(
     always = ends_seen & all_ends.all(axis=0)
     spread = np.sqrt(np.mean(rms_of_ends(all_corners - corners) ** 2, axis=0))
     families = []
-    names, words = path_names(layout), paths_of(layout, layout.bounces)
+    names, words = name_paths(layout), paths_of(layout, layout.bounces)
     for path, word in enumerate(words):
         for pad, surface in enumerate(layout.pads):
             if not np.any(seen[..., path, pad] > 0):
@@ -112,7 +112,7 @@ def catalogue_of(
                 complete = np.max(whole[..., path, pad])[None]
                 ends = np.any(always[:, :, path, pad], axis=(0, 1))[None]
             families.append(
-                Family(
+                ViewFamily(
                     surface.name,
                     names[path],
                     len(word),
@@ -130,7 +130,7 @@ def catalogue_of(
     pads = np.asarray(scene.pads)
     lengths = np.hypot(*(pads[:, 1] - pads[:, 0]).T)
     by_name = [pad.name for pad in layout.pads]
-    return Catalogue(
+    return ViewCatalog(
         families,
         dict(zip(by_name, lengths.tolist(), strict=True)),
         dict(zip(by_name, np.asarray(scene.grazing).tolist(), strict=True)),
@@ -146,7 +146,7 @@ def _made(
     generator = np.random.default_rng(0)
     for _ in range(MADE):
         errors = generator.standard_normal(sum(leaf.size for leaf in jax.tree.leaves(deviations)))
-        made = as_made(scene, errors_of(deviations, jnp.asarray(errors)), carried=carried)
+        made = perturb(scene, scale_errors(deviations, jnp.asarray(errors)), carried=carried)
         yield made, eqx.tree_at(lambda imaging: imaging.camera, imaging, made.camera)
 
 
@@ -180,15 +180,15 @@ def _corners_in(
     return find_corners(imaging, find_outlines(scene, pose), width)
 
 
-def wanted_views(catalogue: Catalogue) -> list[Family]:
+def wanted_views(catalog: ViewCatalog) -> list[ViewFamily]:
     """The views that are asked for, in the order of the catalogue."""
-    return [family for family in catalogue.families if family.wanted]
+    return [family for family in catalog.families if family.wanted]
 
 
 def corner_model(
     scene: Scene,
     imaging: Imaging,
-    catalogue: Catalogue,
+    catalog: ViewCatalog,
     deviations: Fabrication,
     carried: Sequence[int],
 ) -> CornerModel:
@@ -197,17 +197,17 @@ def corner_model(
     Args:
         scene: as designed.
         imaging: its camera's image.
-        catalogue: its views.
+        catalog: its views.
         deviations: standard deviation of every error of fabrication.
         carried: indices of the blockers that move with the camera.
     """
-    views = wanted_views(catalogue)
-    names, pads = path_names(scene.layout), [pad.name for pad in scene.layout.pads]
+    views = wanted_views(catalog)
+    names, pads = name_paths(scene.layout), [pad.name for pad in scene.layout.pads]
     predict = Predictor(
         scene,
         imaging,
         deviations,
-        jnp.asarray(catalogue.width),
+        jnp.asarray(catalog.width),
         tuple(names.index(view.path) for view in views),
         tuple(pads.index(view.pad) for view in views),
         tuple(carried),
@@ -247,30 +247,28 @@ class Predictor(eqx.Module):
         self, errors: Float[Array, " errors"], angles: Float[Array, " joints"]
     ) -> Float[Array, "views 4 2"]:
         """Column and row of every corner; errors in units of their deviations, angles in rad."""
-        fabrication = errors_of(self.deviations, errors)
-        made = as_made(self.scene, fabrication, carried=self.carried)
+        fabrication = scale_errors(self.deviations, errors)
+        made = perturb(self.scene, fabrication, carried=self.carried)
         imaging = eqx.tree_at(lambda imaging: imaging.camera, self.imaging, made.camera)
         outlines = find_outlines(made, angles)
         corners = find_corners(imaging, outlines, self.width, fabrication.lateral)
         return corners[np.array(self.paths), np.array(self.pads)]
 
 
-def gap_table(scene: Scene, catalogue: Catalogue, pad: str) -> GapTable:
+def gap_table(scene: Scene, catalog: ViewCatalog, pad: str) -> GapTable:
     """The gap between a pad's direct view and its mirror view, over its joint's angle.
 
     Raises:
         ValueError: the pad has no such views, or they never show facing ends together.
     """
-    families = {
-        family.reflections: family for family in wanted_views(catalogue) if family.pad == pad
-    }
+    families = {family.reflections: family for family in wanted_views(catalog) if family.pad == pad}
     if 0 not in families or 1 not in families or families[0].joint is None:
         raise ValueError(f"pad '{pad}' has no direct view and mirror view that a joint moves")
     joint = families[0].joint
     poses = np.zeros((len(ANGLES), len(scene.angle_names)))
     poses[:, joint] = ANGLES
     index = [surface.name for surface in scene.layout.pads].index(pad)
-    paths = [path_names(scene.layout).index(families[i].path) for i in range(2)]
+    paths = [name_paths(scene.layout).index(families[i].path) for i in range(2)]
     angles = np.asarray(_outline_angles(scene, jnp.asarray(poses)))[:, paths, index]
     ends = np.stack([families[i].ends for i in range(2)], axis=1)
     return GapTable.of(pad, families[1].path, ANGLES, angles[:, 0], angles[:, 1], ends)

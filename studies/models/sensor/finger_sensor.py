@@ -15,15 +15,15 @@ from designopt.errors import UserError
 from designopt.io.files import read_toml
 from optics.rendering import Effects, Renderer
 from optics.scene.camera import Pinhole
-from optics.scene.fabrication import Fabrication, errors_of
+from optics.scene.fabrication import Fabrication, scale_errors
 from optics.scene.imaging import Imaging
 from optics.scene.reading import read_scene
 from optics.scene.scene import Layout, Scene
 from perception.lens import Lens
-from perception.matching import Catalogue
+from perception.matching import ViewCatalog
 from perception.proprioception import CornerModel
 from studies.models.finger_file import packaged_finger, read_finger
-from studies.models.sensor.estimators import catalogue_of, corner_model, lens_of
+from studies.models.sensor.estimators import catalog_of, corner_model, lens_of
 from studies.models.sensor.spec import FingerImagesSpec, MadeSpec
 
 LEAST_ROWS, MOST_ROWS = 200, 4000
@@ -41,7 +41,7 @@ class FingerSensor:
         scene: as designed.
         imaging: its camera's image.
         lens: the camera's rays.
-        catalogue: the views it can show.
+        catalog: the views it can show.
         model: what predicts corners from errors and joint angles.
         deviations: standard deviation of every error of fabrication.
         carried: blockers that move with the camera.
@@ -51,7 +51,7 @@ class FingerSensor:
     scene: Scene
     imaging: Imaging
     lens: Lens
-    catalogue: Catalogue
+    catalog: ViewCatalog
     model: CornerModel
     deviations: Fabrication
     carried: tuple[int, ...]
@@ -74,13 +74,13 @@ class FingerSensor:
             raise UserError(f"scene: {fault}; give the scene of a finger with --set scene=FILE")
         deviations = deviations_of(spec.tolerances, scene.layout)
         try:
-            catalogue = catalogue_of(scene, imaging, spec.width, deviations, carried)
+            catalog = catalog_of(scene, imaging, spec.width, deviations, carried)
         except ValueError as error:
             cure = "give the scene of a finger with --set scene=FILE"
             raise UserError(f"scene: {error}; {cure}") from error
-        model = corner_model(scene, imaging, catalogue, deviations, carried)
+        model = corner_model(scene, imaging, catalog, deviations, carried)
         return cls(
-            scene, imaging, lens_of(imaging), catalogue, model, deviations, carried, spec.width
+            scene, imaging, lens_of(imaging), catalog, model, deviations, carried, spec.width
         )
 
     def renderer(self, effects: Effects, errors: Fabrication | None, seed: int) -> Renderer:
@@ -99,7 +99,7 @@ class FingerSensor:
         """Normal errors of one of many fingers, and the same in units of their deviations."""
         generator = np.random.default_rng([seed, 4, number])
         errors = generator.standard_normal(self.model.errors)
-        return errors_of(self.deviations, jnp.asarray(errors)), errors
+        return scale_errors(self.deviations, jnp.asarray(errors)), errors
 
 
 def _fault(scene: Scene, imaging: Imaging) -> str:

@@ -17,10 +17,10 @@ import numpy as np
 from jaxtyping import Float
 
 from designopt.errors import UserError
-from optics.chamber import Endoscope, Posture, Rings, wall_radii
+from optics.chamber import Endoscope, Posture, Rings, compute_wall_radii
 from optics.chamber.chamber import Chamber
 from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
-from optics.rendering.chamber_renderer import CHUNK, COLOURS
+from optics.rendering.chamber_renderer import CHUNK, COLORS
 from studies.models.soft_finger import imaging
 from studies.models.soft_finger.chamber_spec import ChamberSpec
 from studies.models.soft_finger.spec import WIDEST_DEG, ChamberImagesSpec, MadeSpec
@@ -63,7 +63,9 @@ class SoftFinger:
         printed = imaging.printed_chamber(spec.chamber)
         constants = imaging.with_constants(printed, jnp.asarray(_identified()))
         chamber = imaging.with_ratio(constants, jnp.asarray(spec.eta))
-        if not (bool(chamber.imaging_ratio().ok) and bool(jnp.all(wall_radii(chamber) > 0))):
+        if not (
+            bool(chamber.imaging_ratio().ok) and bool(jnp.all(compute_wall_radii(chamber) > 0))
+        ):
             raise UserError(
                 f"--set eta={spec.eta:g}: no chamber with these dimensions gives this ratio; "
                 "choose another eta, or dimensions nearer to the paper's"
@@ -84,12 +86,12 @@ class SoftFinger:
         *,
         gain: float = 1.0,
         severity: float | None = None,
-        colours: Float[np.ndarray, "4 3"] = COLOURS,
+        colors: Float[np.ndarray, "4 3"] = COLORS,
     ) -> ChamberRenderer:
         """A camera in this finger, its pictures as bad as the study's unless told otherwise."""
         severity = self.severity if severity is None else severity
         effects = ChamberEffects.graded(severity, gain)
-        return ChamberRenderer(self.chamber, self.endoscope, effects, seed=seed, colours=colours)
+        return ChamberRenderer(self.chamber, self.endoscope, effects, seed=seed, colors=colors)
 
     def postures(
         self,

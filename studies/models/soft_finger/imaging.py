@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from designopt.fitting import Fit, least_squares
 from designopt.solution import Solution
 from optics.chamber.chamber import Chamber
-from optics.chamber.ratio import dimension_for_ratio
+from optics.chamber.ratio import solve_dimension_for_ratio
 from studies.models.soft_finger import paper
 from studies.models.soft_finger.chamber_spec import ChamberSpec
 
@@ -137,7 +137,7 @@ def with_constants(chamber: Chamber, constants: Float[Array, "2"]) -> Chamber:
 
 def with_ratio(chamber: Chamber, ratio: Float[Array, ""]) -> Chamber:
     """The chamber whose Δl_D gives this η."""
-    offset_d = dimension_for_ratio(chamber, "offset_d", ratio).value
+    offset_d = solve_dimension_for_ratio(chamber, "offset_d", ratio).value
     return dataclasses.replace(chamber, offset_d=offset_d)
 
 

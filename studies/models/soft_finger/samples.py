@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from optics.chamber import Posture, bent, pressed_by
+from optics.chamber import Posture, bend_center_line, press_wall
 from optics.rendering import ChamberImage
 from perception.chamber import find_regions
-from perception.posture import USABLE, boundary_image, shrunk
+from perception.posture import USABLE, make_boundary_image, shrink
 from studies.models.soft_finger.finger import DOWN, SoftFinger, looked_at
 
 Size = tuple[int, int]
@@ -57,7 +57,7 @@ def marker_places(
 ) -> Float[np.ndarray, "samples 3 2"]:
     """The three markers relative to the one nearest the camera, mm (paper A §III.A.c)."""
     arcs = jnp.asarray(np.multiply(MARKERS, length))
-    each = jax.vmap(bent, in_axes=(None, 0, None))
+    each = jax.vmap(bend_center_line, in_axes=(None, 0, None))
     line = each(arcs, jnp.asarray(bends), jnp.asarray(length))
     places = np.stack([np.asarray(line.across), np.asarray(line.along)], axis=-1)
     return places[:, 1:] - places[:, :1]
@@ -75,7 +75,7 @@ def random_postures(
     radii = generator.uniform(15, 50, count)
     depths = generator.uniform(0, DEEPEST, count) * (generator.uniform(size=count) < PRESSED_SHARE)
     pressed = [
-        np.asarray(pressed_by(arc, *(jnp.asarray(one) for one in press)))
+        np.asarray(press_wall(arc, *(jnp.asarray(one) for one in press)))
         for press in zip(places, radii, depths, strict=True)
     ]
     return finger.postures(bends, directions, np.stack(pressed))
@@ -84,8 +84,8 @@ def random_postures(
 def boundaries(image: ChamberImage, sizes: tuple[Size, ...]) -> tuple[list[np.ndarray], bool]:
     """Shrunk boundary images of one picture, and whether it is usable."""
     regions = find_regions(image.pixels)
-    edges = boundary_image(regions.nested())
-    return [shrunk(edges, size) for size in sizes], regions.sight in USABLE
+    edges = make_boundary_image(regions.nested())
+    return [shrink(edges, size) for size in sizes], regions.status in USABLE
 
 
 def samples(

@@ -87,7 +87,7 @@ def random_figure(found: Sequence[Family]) -> Figure:
     for index, family in enumerate(random_families(found)):
         judged = family.judged
         kind = family.case.split(",")[0]
-        colour = PALETTE[index % len(PALETTE)]
+        color = PALETTE[index % len(PALETTE)]
         if judged.dtype == "float64":
             for sign, style, word in ((1, "-", "can be assembled"), (-1, ":", "cannot")):
                 depth = np.log10(sign * judged.margin[sign * judged.margin > 0])
@@ -96,7 +96,7 @@ def random_figure(found: Sequence[Family]) -> Figure:
                     _sixths(depth),
                     histtype="step",
                     linestyle=style,
-                    color=colour,
+                    color=color,
                     label=f"{kind}, {word}",
                 )
         units = judged.value_error[judged.ok] / float(np.finfo(judged.dtype).eps)
@@ -105,7 +105,7 @@ def random_figure(found: Sequence[Family]) -> Figure:
             units,
             _sixths(units),
             histtype="step",
-            color=colour,
+            color=color,
             label=f"{kind}, {judged.dtype}",
         )
     margins.set(yscale="log", xlabel="log₁₀ of |margin|, of the size", ylabel="linkages")

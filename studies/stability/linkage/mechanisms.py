@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from kinematics import Linkage, linkage_from, solve_poses
+from kinematics import Linkage, parse_linkage, solve_poses
 from studies.oracles import linkages as exact
 
 
@@ -116,7 +116,7 @@ def _program(mechanism: Mechanism) -> Callable[[Any, Any], Any]:
 
 def four_bar() -> Mechanism:
     """A four-bar that is driven at its crank, against the fixed axes."""
-    linkage = linkage_from(
+    linkage = parse_linkage(
         {
             "joints": {"O2": (0, 0), "A": (30, 26), "B": (143, 67), "O4": (100, 0)},
             "bodies": {
@@ -155,7 +155,7 @@ def four_bar() -> Mechanism:
 
 def slider_crank() -> Mechanism:
     """A slider-crank whose end slides along a fixed line, driven at its crank."""
-    linkage = linkage_from(
+    linkage = parse_linkage(
         {
             "joints": {"O2": (0, 0), "A": (20, 35), "C": (127, -20)},
             "bodies": {

@@ -19,7 +19,7 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from kinematics import Linkage, linkage_from
+from kinematics import Linkage, parse_linkage
 from studies.oracles import linkages as exact
 from studies.stability.linkage.cases import LEAST_MARGIN, TURNS, Cases
 from studies.stability.linkage.mechanisms import Mechanism
@@ -256,8 +256,8 @@ def six_bar() -> tuple[Mechanism, Oracle, np.ndarray]:
     """The gallery's Stephenson six-bar, its oracle, and its row as sketched."""
     text = (files("studies") / "gallery" / "linkages" / "stephenson.toml").read_text("utf-8")
     data = tomllib.loads(text)
-    linkage = linkage_from(data)
-    home = float(linkage.home.inputs[0])
+    linkage = parse_linkage(data)
+    home = float(linkage.reference.inputs[0])
     sketch = np.array([*data["joints"]["A"], *data["joints"]["B"]], float)
     oracle = Oracle(home, sketch)
     mechanism = Mechanism(

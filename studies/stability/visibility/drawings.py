@@ -34,8 +34,8 @@ def rays_figure(spec: StabilitySpec, compared: Sequence[Compared]) -> Figure:
     if spec.float32:
         names = [f"{some.bounces} bounce{'s' * (some.bounces > 1)}" for some in compared]
         series = [
-            (some.single, name, colour, "-")
-            for some, name, colour in zip(compared, names, PALETTE, strict=False)
+            (some.single, name, color, "-")
+            for some, name, color in zip(compared, names, PALETTE, strict=False)
         ]
         _histogram(axes[0, 1], "error in float32", series, (FLOOR, 1e-4))
     return Figure(
@@ -56,9 +56,9 @@ def _histogram(
 ) -> None:
     largest = max([limits[1], *(np.max(values, initial=0.0) for values, *_ in series)])
     bins = np.linspace(np.log10(limits[0]), np.log10(largest), 61)
-    for values, label, colour, style in series:
+    for values, label, color, style in series:
         values = np.log10(np.maximum(values[values > 0], limits[0]))
-        axis.hist(values, bins, histtype="step", color=colour, linestyle=style, label=label)
+        axis.hist(values, bins, histtype="step", color=color, linestyle=style, label=label)
     axis.set(xlabel=f"log₁₀ of the {what}", ylabel="scenes", yscale="log")
     axis.legend(loc="upper left", fontsize=7)
     axis.set_ylim(0.5, max(10.0, axis.get_ylim()[1]) * 30)

@@ -20,7 +20,7 @@ from designopt import Metric, Results, Spec, Study
 from designopt.design_kind import Design, DesignKind
 from designopt.explore.bench import Bench, Knob, Reading, Shown
 from designopt.export.json import Quantity
-from designopt.export.sheet import Layer, Sheet, Stroke
+from designopt.export.drawing import Drawing, Layer, Polyline
 from designopt.io.files import read_toml
 
 
@@ -58,7 +58,7 @@ def read(path):
 
 def drawing(crate):
     corners = [(0, 0), (crate.side, 0), (crate.side, crate.side), (0, crate.side)]
-    return Sheet(crate.name, [Layer("walls", "body")], [Stroke("walls", corners, closed=True)])
+    return Drawing(crate.name, [Layer("walls", "body")], [Polyline("walls", corners, closed=True)])
 
 
 KIND = DesignKind(

@@ -6,18 +6,18 @@ import pytest
 
 from designopt import UserError
 from designopt.designs import load_design
-from kinematics import linkage_text, read_linkage
-from optics import chamber_text, read_scene, scene_text
-from studies.models import finger_text, packaged_finger
+from kinematics import format_linkage, read_linkage
+from optics import format_chamber, format_scene, read_scene
+from studies.models import format_finger, packaged_finger
 from tests.optics.test_chamber_bench import PAPER
 
 STUDIES = Path(__file__).parents[3] / "studies"
 
 TEXTS = {
-    "linkage": lambda: linkage_text(read_linkage(STUDIES / "gallery/linkages/four-bar.toml")),
-    "scene": lambda: scene_text(read_scene(STUDIES / "gallery/scenes/periscope.toml")),
-    "chamber": lambda: chamber_text("soft", PAPER),
-    "finger": lambda: finger_text(packaged_finger()),
+    "linkage": lambda: format_linkage(read_linkage(STUDIES / "gallery/linkages/four-bar.toml")),
+    "scene": lambda: format_scene(read_scene(STUDIES / "gallery/scenes/periscope.toml")),
+    "chamber": lambda: format_chamber("soft", PAPER),
+    "finger": lambda: format_finger(packaged_finger()),
 }
 
 

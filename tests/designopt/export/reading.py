@@ -6,27 +6,27 @@ import io
 from collections.abc import Iterator
 from typing import Any
 
-from ezdxf.document import Drawing
+from ezdxf.document import Drawing as DxfDocument
 from ezdxf.entities.dimension import Dimension
 from ezdxf.entities.lwpolyline import LWPolyline
 from ezdxf.entities.mtext import MText
 from ezdxf.filemanagement import read
 
+from designopt.export.drawing import Drawing
 from designopt.export.dxf import dxf_text
-from designopt.export.sheet import Sheet
 
 
-def opened(sheet: Sheet) -> Drawing:
+def opened(sheet: Drawing) -> DxfDocument:
     """A sheet written as DXF and read back."""
     return read(io.StringIO(dxf_text(sheet)))
 
 
-def dimensions(document: Drawing) -> list[Dimension]:
+def dimensions(document: DxfDocument) -> list[Dimension]:
     """The dimensions in model space."""
     return [part for part in document.modelspace() if isinstance(part, Dimension)]
 
 
-def polylines(document: Drawing, layer: str) -> list[LWPolyline]:
+def polylines(document: DxfDocument, layer: str) -> list[LWPolyline]:
     """The lines of more than two places on a layer."""
     space = document.modelspace()
     return [p for p in space if isinstance(p, LWPolyline) and p.dxf.layer == layer]

@@ -10,12 +10,12 @@ import pytest
 from ezdxf._options import options
 from ezdxf.tools.text import plain_text
 
+from designopt.export.drawing import Circle, Drawing, Label, Layer, LinearDimension, Polyline
 from designopt.export.dxf import dxf_text
 from designopt.export.layout import SIZES, Paper
-from designopt.export.sheet import Circle, Label, Layer, Measure, Sheet, Stroke
 from tests.designopt.export.reading import dimensions, opened, polylines, words_of
 
-PLATE = Sheet(
+PLATE = Drawing(
     title="plate",
     layers=[
         Layer("plate", "body"),
@@ -23,18 +23,18 @@ PLATE = Sheet(
         Layer("axes", "construction"),
         Layer("far", "camera", framed=False),
     ],
-    strokes=[
-        Stroke("plate", [(0.0, 0.0), (40.0, 0.0), (40.0, 30.0)], closed=True),
-        Stroke("mirrors", [(-5.0, 1 / 3), (12.0, 7.0)]),
-        Stroke("axes", [(0.0, -5.0), (0.0, 5.0), (2.0, 8.0)]),
-        Stroke("far", [(900.0, 0.0), (901.0, 0.0)]),
+    polylines=[
+        Polyline("plate", [(0.0, 0.0), (40.0, 0.0), (40.0, 30.0)], closed=True),
+        Polyline("mirrors", [(-5.0, 1 / 3), (12.0, 7.0)]),
+        Polyline("axes", [(0.0, -5.0), (0.0, 5.0), (2.0, 8.0)]),
+        Polyline("far", [(900.0, 0.0), (901.0, 0.0)]),
     ],
     circles=[Circle("plate", "A", (0.0, 0.0), 1.5), Circle("plate", "η", (40.0, 30.0), 1.5)],
     labels=[Label("plate", (40.0, 30.0), "η"), Label("mirrors", (3.0, 3.0), "glass")],
     measures=[
-        Measure((0.0, 0.0), (40.0, 0.0)),
-        Measure((40.0, 30.0), (40.0, 0.0)),
-        Measure((40.0, 30.0), (0.0, 0.0)),
+        LinearDimension((0.0, 0.0), (40.0, 0.0)),
+        LinearDimension((40.0, 30.0), (40.0, 0.0)),
+        LinearDimension((40.0, 30.0), (0.0, 0.0)),
     ],
     notes=["of brass", "2 mm thick"],
 )
@@ -54,10 +54,12 @@ def test_geometry_is_where_the_sheet_has_it():
     document = opened(PLATE)
     space = document.modelspace()
     (line,) = polylines(document, "plate")
-    assert [tuple(point) for point in line.get_points("xy")] == list(PLATE.strokes[0].places)
+    assert [tuple(point) for point in line.get_points("xy")] == list(PLATE.polylines[0].places)
     assert line.closed
     (mirror,) = space.query("LINE[layer=='mirrors']")
-    assert [tuple(mirror.dxf.start)[:2], tuple(mirror.dxf.end)[:2]] == list(PLATE.strokes[1].places)
+    assert [tuple(mirror.dxf.start)[:2], tuple(mirror.dxf.end)[:2]] == list(
+        PLATE.polylines[1].places
+    )
     (open_line,) = polylines(document, "axes")
     assert not open_line.closed
     circles = {
@@ -96,10 +98,10 @@ def test_layers_differ_by_kind_and_what_is_not_the_design_lies_on_others():
     ],
 )
 def test_layers_keep_their_names_as_far_as_the_format_has_them(names, wanted):
-    sheet = Sheet(
+    sheet = Drawing(
         "names",
         [Layer(name, "body") for name in names],
-        strokes=[Stroke(name, [(0.0, 0.0), (1.0, 2.0)]) for name in names],
+        polylines=[Polyline(name, [(0.0, 0.0), (1.0, 2.0)]) for name in names],
     )
     document = opened(sheet)
     assert not document.audit().has_issues
@@ -121,11 +123,11 @@ def test_dimensions_measure_what_they_stand_at():
 
 def test_dimensions_are_as_large_on_paper_as_the_standard_has_them():
     for factor in (1.0, 0.01, 1000.0):
-        sheet = Sheet(
+        sheet = Drawing(
             "bar",
             [Layer("bar", "body")],
-            strokes=[Stroke("bar", [(0.0, 0.0), (150.0 * factor, 0.0)])],
-            measures=[Measure((0.0, 0.0), (150.0 * factor, 0.0))],
+            polylines=[Polyline("bar", [(0.0, 0.0), (150.0 * factor, 0.0)])],
+            measures=[LinearDimension((0.0, 0.0), (150.0 * factor, 0.0))],
         )
         paper = Paper.of(sheet)
         (dimension,) = dimensions(opened(sheet))
@@ -146,8 +148,8 @@ def test_dimensions_are_as_large_on_paper_as_the_standard_has_them():
     ],
 )
 def test_the_view_shows_the_design_at_a_standard_scale(width, scale, words):
-    sheet = Sheet(
-        "bar", [Layer("bar", "body")], strokes=[Stroke("bar", [(7.0, 3.0), (7.0 + width, 3.0)])]
+    sheet = Drawing(
+        "bar", [Layer("bar", "body")], polylines=[Polyline("bar", [(7.0, 3.0), (7.0 + width, 3.0)])]
     )
     document = opened(sheet)
     space = document.paperspace("Sheet")
@@ -178,9 +180,9 @@ def test_the_frame_is_made_for_what_belongs_into_it():
 
 
 def test_many_dimensions_have_a_larger_sheet():
-    fan = [Measure((0.0, 0.0), (50.0, float(height))) for height in range(12)]
-    strokes = [Stroke("fan", [part.start, part.end]) for part in fan]
-    sheet = Sheet("fan", [Layer("fan", "body")], strokes=strokes, measures=fan)
+    fan = [LinearDimension((0.0, 0.0), (50.0, float(height))) for height in range(12)]
+    polylines = [Polyline("fan", [part.start, part.end]) for part in fan]
+    sheet = Drawing("fan", [Layer("fan", "body")], polylines=polylines, measures=fan)
     assert Paper.of(sheet).size == "A3"
     assert len(dimensions(opened(sheet))) == 12
 

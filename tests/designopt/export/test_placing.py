@@ -5,22 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from designopt.export.drawing import Drawing, Label, Layer, LinearDimension, Polyline
 from designopt.export.placing import Clutter, readable
-from designopt.export.sheet import Label, Layer, Measure, Sheet, Stroke
 from tests.designopt.export.reading import dimensions, opened, words_of
 
 ROOM = ((-200.0, -200.0), (200.0, 200.0))
 
 
-def bars(*lines) -> Sheet:
-    return Sheet("bars", [Layer("bar", "body")], strokes=[Stroke("bar", line) for line in lines])
+def bars(*lines) -> Drawing:
+    return Drawing(
+        "bars", [Layer("bar", "body")], polylines=[Polyline("bar", line) for line in lines]
+    )
 
 
 @pytest.mark.parametrize("turn", range(0, 360, 15))
 def test_texts_are_read_from_below_or_from_the_right(turn):
     angle = np.radians(turn)
     end = (float(30 * np.cos(angle)), float(30 * np.sin(angle)))
-    found = readable(Measure((0.0, 0.0), end))
+    found = readable(LinearDimension((0.0, 0.0), end))
     step = np.subtract(found.end, found.start)
     assert -90 + 1e-6 < np.degrees(np.arctan2(step[1], step[0])) < 90 + 1e-6
     assert {found.start, found.end} == {(0.0, 0.0), end}
@@ -29,11 +31,11 @@ def test_texts_are_read_from_below_or_from_the_right(turn):
 def test_positive_offsets_are_to_the_left_as_in_the_cad_library():
     # Below the bar are further ones, so that its dimension stands above it.
     lines = [[(0.0, -float(y)), (60.0, -float(y))] for y in range(0, 60, 2)]
-    sheet = Sheet(
+    sheet = Drawing(
         "bars",
         [Layer("bar", "body")],
-        strokes=[Stroke("bar", line) for line in lines],
-        measures=[Measure((0.0, 0.0), (60.0, 0.0))],
+        polylines=[Polyline("bar", line) for line in lines],
+        measures=[LinearDimension((0.0, 0.0), (60.0, 0.0))],
     )
     offset = Clutter.of(sheet, 1.0, ROOM).place_dimension(sheet.measures[0], "60", 2.5)
     assert offset == 7.0
@@ -45,7 +47,7 @@ def test_positive_offsets_are_to_the_left_as_in_the_cad_library():
 
 
 def test_dimensions_of_one_distance_stand_beside_each_other():
-    measure = Measure((0.0, 0.0), (50.0, 0.0))
+    measure = LinearDimension((0.0, 0.0), (50.0, 0.0))
     clutter = Clutter.of(bars([measure.start, measure.end]), 2.0, ROOM)
     offsets = [clutter.place_dimension(measure, "50", 2.5) for _ in range(6)]
     assert len(set(offsets)) == 6
@@ -54,7 +56,7 @@ def test_dimensions_of_one_distance_stand_beside_each_other():
 
 
 def test_dimensions_keep_within_the_room():
-    measure = Measure((0.0, 0.0), (50.0, 0.0))
+    measure = LinearDimension((0.0, 0.0), (50.0, 0.0))
     narrow = ((-5.0, -30.0), (55.0, 6.0))
     assert Clutter.of(bars([measure.start, measure.end]), 1.0, narrow).place_dimension(
         measure, "50", 2.5

@@ -7,13 +7,13 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from designopt.export.sheet import Circle, Label, Layer, Sheet, Stroke
+from designopt.export.drawing import Circle, Drawing, Label, Layer, Polyline
 from designopt.export.svg import svg_text
 
 SVG = "{http://www.w3.org/2000/svg}"
 INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"
 
-SHEET = Sheet(
+SHEET = Drawing(
     title="finger & <thumb>",
     layers=[
         Layer("crank 1", "body"),
@@ -21,10 +21,10 @@ SHEET = Sheet(
         Layer("7", "construction"),
         Layer("away", "camera", framed=False),
     ],
-    strokes=[
-        Stroke("crank 1", [(0.0, 0.0), (40.0, 10.0), (1 / 3, 30.0)], closed=True),
-        Stroke("7", [(-10.0, -20.0), (0.0, 5.0)]),
-        Stroke("away", [(-900.0, 0.0), (0.0, 0.0)]),
+    polylines=[
+        Polyline("crank 1", [(0.0, 0.0), (40.0, 10.0), (1 / 3, 30.0)], closed=True),
+        Polyline("7", [(-10.0, -20.0), (0.0, 5.0)]),
+        Polyline("away", [(-900.0, 0.0), (0.0, 0.0)]),
     ],
     circles=[Circle("crank_1", "A", (40.0, 10.0), 2.5)],
     labels=[Label("crank 1", (40.0, 10.0), "A < B")],
@@ -50,7 +50,7 @@ def test_one_unit_is_one_millimetre_and_all_that_is_framed_is_inside(root):
 def test_lines_and_circles_are_where_the_sheet_has_them_y_upwards(root):
     (polygon,) = root.iter(f"{SVG}polygon")
     places = np.array([pair.split(",") for pair in polygon.attrib["points"].split()], float)
-    np.testing.assert_array_equal(places * [1, -1], SHEET.strokes[0].places)
+    np.testing.assert_array_equal(places * [1, -1], SHEET.polylines[0].places)
     line, _ = root.iter(f"{SVG}polyline")
     assert line.get("points") == "-10.0,20.0 0.0,-5.0"
     (circle,) = root.iter(f"{SVG}circle")

@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from designopt.optimize import Problem, Terms
+from designopt.optimize import Evaluation, Problem
 from tests.helpers import load_toml
 
 PUBLISHED = load_toml("optimisation_cases.toml")
@@ -32,17 +32,17 @@ class Case:
 
 
 def _hs1(x, unit):
-    return Terms(objective=100 * (x[1] - x[0] ** 2) ** 2 + (1 - x[0]) ** 2)
+    return Evaluation(objective=100 * (x[1] - x[0] ** 2) ** 2 + (1 - x[0]) ** 2)
 
 
 def _hs21(x, unit):
     wall = (10 * x[0] - x[1] - 10) / unit["wall"]
-    return Terms(objective=0.01 * x[0] ** 2 + x[1] ** 2 - 100, inequalities={"wall": wall})
+    return Evaluation(objective=0.01 * x[0] ** 2 + x[1] ** 2 - 100, inequalities={"wall": wall})
 
 
 def _hs28(x, unit):
     # As residuals, whose squares are halved.
-    return Terms(
+    return Evaluation(
         residuals=jnp.sqrt(2.0) * jnp.stack([x[0] + x[1], x[1] + x[2]]),
         equalities={"plane": (x[0] + 2 * x[1] + 3 * x[2] - 1) / unit["plane"]},
     )
@@ -51,7 +51,7 @@ def _hs28(x, unit):
 def _hs35(x, unit):
     a, b, c = x
     value = 9 - 8 * a - 6 * b - 4 * c + 2 * a**2 + 2 * b**2 + c**2 + 2 * a * b + 2 * a * c
-    return Terms(objective=value, inequalities={"plane": (3 - a - b - 2 * c) / unit["plane"]})
+    return Evaluation(objective=value, inequalities={"plane": (3 - a - b - 2 * c) / unit["plane"]})
 
 
 def _hs43(x, unit):
@@ -64,12 +64,12 @@ def _hs43(x, unit):
             5 - 2 * a**2 - b**2 - c**2 - 2 * a + b + d,
         ]
     )
-    return Terms(objective=value, inequalities={"quadrics": quadrics / unit["quadrics"]})
+    return Evaluation(objective=value, inequalities={"quadrics": quadrics / unit["quadrics"]})
 
 
 def _hs61(x, unit):
     a, b, c = x
-    return Terms(
+    return Evaluation(
         objective=4 * a**2 + 2 * b**2 + 2 * c**2 - 33 * a + 16 * b - 24 * c,
         equalities={
             "first": (3 * a - 2 * b**2 - 7) / unit["first"],
@@ -80,14 +80,14 @@ def _hs61(x, unit):
 
 def _hs65(x, unit):
     a, b, c = x
-    return Terms(
+    return Evaluation(
         objective=(a - b) ** 2 + (a + b - 10) ** 2 / 9 + (c - 5) ** 2,
         inequalities={"sphere": (48 - jnp.sum(x**2)) / unit["sphere"]},
     )
 
 
 def _hs71(x, unit):
-    return Terms(
+    return Evaluation(
         objective=x[0] * x[3] * (x[0] + x[1] + x[2]) + x[2],
         equalities={"sphere": (jnp.sum(x**2) - 40) / unit["sphere"]},
         inequalities={"product": (jnp.prod(x) - 25) / unit["product"]},
@@ -95,11 +95,11 @@ def _hs71(x, unit):
 
 
 def _cb2(x, unit):
-    return Terms(least={"first": -(x[0] ** 2) - x[1] ** 4, **_of_both(x)})
+    return Evaluation(least={"first": -(x[0] ** 2) - x[1] ** 4, **_of_both(x)})
 
 
 def _cb3(x, unit):
-    return Terms(least={"first": -(x[0] ** 4) - x[1] ** 2, **_of_both(x)})
+    return Evaluation(least={"first": -(x[0] ** 4) - x[1] ** 2, **_of_both(x)})
 
 
 def _of_both(x):
@@ -108,7 +108,7 @@ def _of_both(x):
 
 FREE = (-np.inf, np.inf)
 
-PROBLEMS: dict[str, tuple[Callable[..., Terms], list[tuple[float, float]]]] = {
+PROBLEMS: dict[str, tuple[Callable[..., Evaluation], list[tuple[float, float]]]] = {
     "hs1": (_hs1, [FREE, (-1.5, np.inf)]),
     "hs21": (_hs21, [(2, 50), (-50, 50)]),
     "hs28": (_hs28, [FREE] * 3),
@@ -147,7 +147,9 @@ def rosenbrock(*limits: float) -> Problem:
 def apart() -> Problem:
     """x ≥ 1 and x ≤ −1: least squares of both violations are at 0, where each is 1."""
     return Problem(
-        lambda x: Terms(objective=0.1 * x[0], inequalities={"high": x[0] - 1, "low": -1 - x[0]}),
+        lambda x: Evaluation(
+            objective=0.1 * x[0], inequalities={"high": x[0] - 1, "low": -1 - x[0]}
+        ),
         jnp.asarray([-5.0]),
         jnp.asarray([5.0]),
     )

@@ -7,7 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.optimize import FEASIBLE, Iteration, Problem, Terms, epigraph, level_starts, minimise
+from designopt.optimize import (
+    FEASIBLE,
+    Evaluation,
+    Iteration,
+    Problem,
+    make_epigraph,
+    make_epigraph_starts,
+    minimize,
+)
 from tests.designopt.optimize.cases import apart, case, rosenbrock
 
 POINT = 1e-3
@@ -57,7 +65,7 @@ def test_published_optima(name):
 
 def test_it_ends_where_the_whole_solve_does():
     published = case("hs43")
-    best = minimise(published.problem, published.starts, "bfgs").best
+    best = minimize(published.problem, published.starts, "bfgs").best
     last = solved(published.problem, published.start)[-1]
     np.testing.assert_allclose(last.parameters, best.parameters, rtol=0, atol=POINT)
     np.testing.assert_allclose(last.objective, best.objective, rtol=1e-6)
@@ -65,8 +73,8 @@ def test_it_ends_where_the_whole_solve_does():
 
 def test_max_min_in_its_exact_form():
     cb2 = case("cb2")
-    form = epigraph(cb2.problem)
-    start = jax.tree.map(lambda leaf: leaf[0], level_starts(cb2.problem, cb2.starts))
+    form = make_epigraph(cb2.problem)
+    start = jax.tree.map(lambda leaf: leaf[0], make_epigraph_starts(cb2.problem, cb2.starts))
     last = solved(form, start)[-1]
     assert last.violation <= 10 * FEASIBLE
     np.testing.assert_allclose(last.parameters.level, -cb2.value, rtol=1e-5)
@@ -78,7 +86,7 @@ def test_max_min_in_its_exact_form():
 def disc(start, **settings):
     """The farthest point of the unit disc in a direction, with x at most 0.6: (0.6, 0.8)."""
     problem = Problem(
-        lambda x: Terms(
+        lambda x: Evaluation(
             objective=-(x["right"] + x["up"]),
             inequalities={"disc": 1 - x["right"] ** 2 - x["up"] ** 2},
         ),
@@ -129,7 +137,7 @@ def test_requirements_that_conflict_end_at_the_least_violation():
 
 def test_a_start_without_numbers_ends():
     problem = Problem(
-        lambda x: Terms(objective=x[0] - jnp.log(x[0]), inequalities={"least": x[0] - 0.5}),
+        lambda x: Evaluation(objective=x[0] - jnp.log(x[0]), inequalities={"least": x[0] - 0.5}),
         jnp.asarray([-2.0]),
         jnp.asarray([6.0]),
     )
@@ -161,7 +169,7 @@ def test_one_program_serves_every_start_and_all_data():
 
     def terms(x, radius, away):
         traced.append(x)
-        return Terms(
+        return Evaluation(
             objective=jnp.sum((x - away) ** 2), inequalities={"disc": radius**2 - jnp.sum(x**2)}
         )
 

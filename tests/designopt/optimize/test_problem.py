@@ -6,14 +6,14 @@ import pytest
 
 from designopt.optimize import (
     BOUND,
-    Levelled,
+    EpigraphVariables,
+    Evaluation,
     Problem,
-    Terms,
-    best_starts,
-    epigraph,
-    level_starts,
-    sobol_starts,
-    softened,
+    draw_sobol_starts,
+    make_epigraph,
+    make_epigraph_starts,
+    make_soft_minimum,
+    select_starts,
 )
 from tests.designopt.optimize.cases import case
 
@@ -22,15 +22,15 @@ ONE = jnp.asarray(1.0)
 
 def test_a_value_is_that_of_what_is_asked():
     values = {"a": jnp.asarray([3.0, 2.0]), "b": jnp.asarray(5.0)}
-    assert float(Terms(objective=ONE).value) == 1.0
-    assert float(Terms(residuals=jnp.asarray([3.0, 4.0])).value) == 12.5
-    assert float(Terms(least=values).value) == -2.0
+    assert float(Evaluation(objective=ONE).value) == 1.0
+    assert float(Evaluation(residuals=jnp.asarray([3.0, 4.0])).value) == 12.5
+    assert float(Evaluation(least=values).value) == -2.0
 
 
 @pytest.mark.parametrize("given", [{}, {"objective": ONE, "residuals": ONE[None]}])
 def test_one_thing_is_asked(given):
     with pytest.raises(ValueError, match="only one"):
-        Terms(**given)
+        Evaluation(**given)
 
 
 @pytest.mark.parametrize(
@@ -43,23 +43,23 @@ def test_one_thing_is_asked(given):
 )
 def test_a_name_stands_for_one_thing(given):
     with pytest.raises(ValueError, match=f"two things: (a|{BOUND})"):
-        Terms(**given)
+        Evaluation(**given)
 
 
 def test_scales_are_the_widths_of_bounds():
     lower = {"a": jnp.asarray([0.0, 1.0]), "b": jnp.asarray(-jnp.inf)}
     upper = {"a": jnp.asarray([3.0, 1.0]), "b": jnp.asarray(4.0)}
-    units = Problem(lambda _: Terms(objective=ONE), lower, upper).units
+    units = Problem(lambda _: Evaluation(objective=ONE), lower, upper).units
     np.testing.assert_array_equal(units["a"], [3.0, 1.0])
     assert float(units["b"]) == 1.0
 
 
 def test_the_epigraph_form_asks_for_a_level_below_all_values():
     cb2 = case("cb2")
-    form = epigraph(cb2.problem, scale=2.0)
+    form = make_epigraph(cb2.problem, scale=2.0)
     at = cb2.problem.terms(cb2.start)
     assert at.least is not None
-    terms = form.terms(Levelled(cb2.start, jnp.asarray(-4.0)))
+    terms = form.terms(EpigraphVariables(cb2.start, jnp.asarray(-4.0)))
     assert terms.objective is not None
     assert float(terms.objective) == 2.0
     assert terms.inequalities.keys() == at.least.keys()
@@ -72,8 +72,8 @@ def test_the_epigraph_form_asks_for_a_level_below_all_values():
 
 def test_starts_of_the_epigraph_form_are_at_their_levels():
     cb2 = case("cb2").problem
-    starts = sobol_starts(cb2, 4, seed=0)
-    found = level_starts(cb2, starts)
+    starts = draw_sobol_starts(cb2, 4, seed=0)
+    found = make_epigraph_starts(cb2, starts)
     x, y = np.asarray(starts).T
     worst = np.max([x**2 + y**4, (2 - x) ** 2 + (2 - y) ** 2, 2 * np.exp(y - x)], axis=0)
     np.testing.assert_allclose(found.level, -worst, rtol=1e-14)
@@ -83,29 +83,32 @@ def test_starts_of_the_epigraph_form_are_at_their_levels():
 @pytest.mark.parametrize("temperature", [1e-6, 0.1, 10.0])
 def test_a_soft_minimum_is_below_the_least_value_by_at_most_its_bound(temperature):
     cb2 = case("cb2").problem
-    for x in sobol_starts(cb2, 16, seed=1):
-        below = float(softened(cb2, temperature).terms(x).value - cb2.terms(x).value)
+    for x in draw_sobol_starts(cb2, 16, seed=1):
+        below = float(make_soft_minimum(cb2, temperature).terms(x).value - cb2.terms(x).value)
         # Both are known to rounding of values up to 700.
         assert -1e-12 <= below <= temperature * np.log(3) + 1e-12
 
 
 def test_forms_are_for_problems_with_least():
     hs71 = case("hs71")
-    exact, soft = epigraph(hs71.problem), softened(hs71.problem, 0.1)
+    exact, soft = make_epigraph(hs71.problem), make_soft_minimum(hs71.problem, 0.1)
     with pytest.raises(ValueError, match="`least`"):
-        exact.terms(Levelled(hs71.start, ONE))
+        exact.terms(EpigraphVariables(hs71.start, ONE))
     with pytest.raises(ValueError, match="`least`"):
         soft.terms(hs71.start)
 
 
 def test_forms_keep_the_constraints():
     inner = Problem(
-        lambda x: Terms(least={"v": x}, equalities={"h": x[0]}, inequalities={"g": x[1]}),
+        lambda x: Evaluation(least={"v": x}, equalities={"h": x[0]}, inequalities={"g": x[1]}),
         jnp.zeros(2),
         jnp.ones(2),
     )
     at = jnp.asarray([0.25, 0.5])
-    exact, soft = epigraph(inner).terms(Levelled(at, ONE)), softened(inner, 0.1).terms(at)
+    exact, soft = (
+        make_epigraph(inner).terms(EpigraphVariables(at, ONE)),
+        make_soft_minimum(inner, 0.1).terms(at),
+    )
     assert exact.equalities == {"h": 0.25}
     assert soft.equalities == {"h": 0.25}
     assert exact.inequalities["g"] == 0.5
@@ -115,28 +118,28 @@ def test_forms_keep_the_constraints():
 def test_sobol_starts_are_a_net_in_the_box():
     lower = {"a": jnp.asarray([0.0, 10.0]), "b": jnp.asarray(-1.0)}
     upper = {"a": jnp.asarray([1.0, 30.0]), "b": jnp.asarray(3.0)}
-    problem = Problem(lambda _: Terms(objective=ONE), lower, upper)
-    starts = sobol_starts(problem, 64, seed=3)
+    problem = Problem(lambda _: Evaluation(objective=ONE), lower, upper)
+    starts = draw_sobol_starts(problem, 64, seed=3)
     assert starts["a"].shape == (64, 2)
     columns = [starts["a"][:, 0], (starts["a"][:, 1] - 10) / 20, (starts["b"] + 1) / 4]
     # 2^m points of a scrambled Sobol sequence: one in every 64th of every axis.
     for column in columns:
         assert sorted(np.floor(64 * np.asarray(column)).astype(int)) == list(range(64))
-    again = sobol_starts(problem, 64, seed=3)
+    again = draw_sobol_starts(problem, 64, seed=3)
     np.testing.assert_array_equal(starts["a"], again["a"])
-    assert not np.array_equal(starts["b"], sobol_starts(problem, 64, seed=4)["b"])
-    assert sobol_starts(problem, 5, seed=3)["b"].shape == (5,)
+    assert not np.array_equal(starts["b"], draw_sobol_starts(problem, 64, seed=4)["b"])
+    assert draw_sobol_starts(problem, 5, seed=3)["b"].shape == (5,)
 
 
 def test_starts_need_bounds():
     with pytest.raises(ValueError, match="finite lower and upper bound"):
-        sobol_starts(case("hs35").problem, 4, seed=0)
+        draw_sobol_starts(case("hs35").problem, 4, seed=0)
 
 
 def test_the_best_starts_are_those_of_least_merit():
     hs71 = case("hs71").problem
-    found = np.asarray(best_starts(hs71, 5, seed=2, among=64).parameters)
-    points = np.asarray(sobol_starts(hs71, 64, seed=2))
+    found = np.asarray(select_starts(hs71, 5, seed=2, among=64).parameters)
+    points = np.asarray(draw_sobol_starts(hs71, 64, seed=2))
     a, b, c, d = points.T
     objective = a * d * (a + b + c) + c
     unmet = ((a**2 + b**2 + c**2 + d**2) / 40 - 1) ** 2
@@ -147,10 +150,10 @@ def test_the_best_starts_are_those_of_least_merit():
 
 def test_starts_without_numbers_are_the_last():
     problem = Problem(
-        lambda x: Terms(objective=x[0] - jnp.log(x[0])), -jnp.ones(1), 3 * jnp.ones(1)
+        lambda x: Evaluation(objective=x[0] - jnp.log(x[0])), -jnp.ones(1), 3 * jnp.ones(1)
     )
-    found = np.asarray(best_starts(problem, 16, seed=0, among=16).parameters)[:, 0]
+    found = np.asarray(select_starts(problem, 16, seed=0, among=16).parameters)[:, 0]
     assert np.all(found[:12] > 0)
     assert np.all(found[12:] < 0)
     assert abs(found[0] - 1) < 0.25  # the least is at 1, and the points are 1/4 apart
-    assert best_starts(problem, 8, seed=0, among=2).parameters.shape == (8, 1)
+    assert select_starts(problem, 8, seed=0, among=2).parameters.shape == (8, 1)

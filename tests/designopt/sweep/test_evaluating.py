@@ -11,7 +11,7 @@ from designopt import UserError
 from designopt.study.results import Metric, Target
 from designopt.sweep import evaluating
 from designopt.sweep.evaluating import Task, evaluate, version_of
-from designopt.sweep.outcomes import failed, found, from_tables, to_tables
+from designopt.sweep.outcomes import failed, found, from_json, to_json
 from tests.designopt.sweep.plugin import BATCHED
 
 
@@ -81,11 +81,11 @@ def test_other_versions_are_refused(installed):
 def test_outcomes_survive_their_file():
     metric = Metric("a", 0.1 + 0.2, "mm", "a sum", target=Target("=", 0.3, 1e-9))
     many = found([metric, Metric("n", 3, "", "")], 1.5, "cpu")
-    assert from_tables(to_tables(many)) == many
-    assert to_tables(many)["metrics"][1]["value"].__class__ is int
+    assert from_json(to_json(many)) == many
+    assert to_json(many)["metrics"][1]["value"].__class__ is int
     endless = found([Metric("a", math.inf, "", ""), Metric("b", -math.inf, "", "")], 0, "")
-    assert from_tables(json.loads(json.dumps(to_tables(endless), allow_nan=False))) == endless
+    assert from_json(json.loads(json.dumps(to_json(endless), allow_nan=False))) == endless
     lost = failed("a\n b", final=False, seconds=2.0, device="cpu")
     assert lost.failure == "a b"
-    assert from_tables(to_tables(lost)) == lost
-    assert from_tables(to_tables(dataclasses.replace(lost, final=True))).final
+    assert from_json(to_json(lost)) == lost
+    assert from_json(to_json(dataclasses.replace(lost, final=True))).final

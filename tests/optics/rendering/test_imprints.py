@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.stats import norm
 
-from optics.rendering import Imprint, height_map, imprint_names
+from optics.rendering import Imprint, list_imprints, make_height_map
 from optics.rendering.imprints import SMOOTHING
 
 STEP = 0.04
@@ -19,7 +19,7 @@ SAMPLED = 2e-3
 
 DEPTH = 0.6
 
-every_kind = pytest.mark.parametrize("kind", imprint_names())
+every_kind = pytest.mark.parametrize("kind", list_imprints())
 
 
 def grid(length: float = 24.0, width: float = 20.0) -> tuple[np.ndarray, np.ndarray]:
@@ -31,12 +31,12 @@ def grid(length: float = 24.0, width: float = 20.0) -> tuple[np.ndarray, np.ndar
 
 
 def smooth(imprint: Imprint) -> np.ndarray:
-    return height_map(imprint, *grid(), STEP)
+    return make_height_map(imprint, *grid(), STEP)
 
 
 def sharp(imprint: Imprint, along: np.ndarray, across: np.ndarray) -> np.ndarray:
     """Heights of places that are too far from each other to be smoothed together."""
-    return height_map(imprint, np.atleast_2d(along), np.atleast_2d(across), 1000.0)
+    return make_height_map(imprint, np.atleast_2d(along), np.atleast_2d(across), 1000.0)
 
 
 def test_a_sphere_is_a_cap():
@@ -66,8 +66,8 @@ def test_a_brick_has_four_round_studs():
     rng = np.random.default_rng(2)
     x, y = rng.uniform(-8, 8, (2, 2000))
     heights = sharp(imprint, 12 + x, y)[0]
-    centres = np.array([4 + 4j, 4 - 4j, -4 + 4j, -4 - 4j])
-    nearest = np.abs((x + 1j * y)[:, None] - centres).min(axis=1)
+    centers = np.array([4 + 4j, 4 - 4j, -4 + 4j, -4 - 4j])
+    nearest = np.abs((x + 1j * y)[:, None] - centers).min(axis=1)
     np.testing.assert_allclose(heights, np.where(nearest < 4.8 / 2, DEPTH, 0), atol=ROUNDING)
 
 
@@ -116,7 +116,7 @@ def test_turned_and_moved_objects_are_the_same_objects(kind):
 def test_the_gel_follows_smoothly(kind):
     imprint = Imprint(kind, 11.3, -1.2, DEPTH, turn=0.3)
     along, across = grid()
-    unsmoothed = height_map(imprint, along, across, 1000.0)
+    unsmoothed = make_height_map(imprint, along, across, 1000.0)
     wanted = gaussian_filter(unsmoothed.astype(float), SMOOTHING / STEP, mode="mirror")
     np.testing.assert_allclose(smooth(imprint), wanted, atol=10 * ROUNDING)
     assert smooth(imprint).dtype == np.float32

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from optics.rendering import Effects, Imprint, height_map, look_of_pad
+from optics.rendering import Effects, Imprint, make_height_map, make_pad_appearance
 from optics.rendering.pads import BRIGHT, CORRELATION, ELEVATION, GREEN, MARGIN, STEP
 
 LENGTH, WIDTH = 15.0, 20.0
@@ -32,15 +32,15 @@ def drawn_outline(rounding: float) -> np.ndarray:
     turns = np.linspace(0, np.pi / 2, 400 if rounding else 1)
     corners = []
     for quarter, (x, y) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
-        centre = x * (LENGTH / 2 - rounding) + LENGTH / 2 + 1j * y * (WIDTH / 2 - rounding)
-        corners.append(centre + rounding * np.exp(1j * (turns + quarter * np.pi / 2)))
+        center = x * (LENGTH / 2 - rounding) + LENGTH / 2 + 1j * y * (WIDTH / 2 - rounding)
+        corners.append(center + rounding * np.exp(1j * (turns + quarter * np.pi / 2)))
     outline = np.concatenate(corners)
     return np.stack([np.real(outline), np.imag(outline)], axis=-1).astype(np.float32)
 
 
 @pytest.mark.parametrize("rounding", [0.0, 1.5])
 def test_the_distance_inside_is_that_from_the_outline(rounding):
-    look = look_of_pad(LENGTH, WIDTH, Effects(rounding=rounding))
+    look = make_pad_appearance(LENGTH, WIDTH, Effects(rounding=rounding))
     along, across = grid()
     outline = drawn_outline(rounding)
     rng = np.random.default_rng(0)
@@ -51,7 +51,7 @@ def test_the_distance_inside_is_that_from_the_outline(rounding):
 
 
 def test_samples_reach_the_margin_beyond_every_side():
-    look = look_of_pad(LENGTH, WIDTH, Effects())
+    look = make_pad_appearance(LENGTH, WIDTH, Effects())
     along, _ = grid()
     assert look.inside.shape == along.shape
     assert look.light.shape == (*along.shape, 3)
@@ -61,7 +61,7 @@ def test_samples_reach_the_margin_beyond_every_side():
 
 
 def test_looks_are_sampled_where_they_are_asked():
-    look = look_of_pad(LENGTH, WIDTH, Effects(led_falloff=0.5))
+    look = make_pad_appearance(LENGTH, WIDTH, Effects(led_falloff=0.5))
     rng = np.random.default_rng(1)
     along, across = rng.uniform(0, LENGTH, (1, 200)), rng.uniform(-WIDTH / 2, WIDTH / 2, (1, 200))
     light, inside = look.sample(along.astype(np.float32), across.astype(np.float32))
@@ -74,7 +74,7 @@ def test_looks_are_sampled_where_they_are_asked():
 
 
 def test_far_away_from_a_pad_is_outside():
-    look = look_of_pad(LENGTH, WIDTH, Effects(rounding=1.0, roughness=0.05))
+    look = make_pad_appearance(LENGTH, WIDTH, Effects(rounding=1.0, roughness=0.05))
     far = np.array([[-1e3, 1e3, LENGTH / 2, LENGTH / 2, 1e7, -1e7]], np.float32)
     beside = np.array([[0, 0, -1e3, 1e3, 1e7, 0]], np.float32)
     _, inside = look.sample(far, beside)
@@ -82,10 +82,10 @@ def test_far_away_from_a_pad_is_outside():
 
 
 def test_rough_edges_wander_as_far_as_is_said():
-    smooth = look_of_pad(40.0, WIDTH, Effects())
+    smooth = make_pad_appearance(40.0, WIDTH, Effects())
     sizes, near, far = [], [], []
     for seed in range(8):
-        rough = look_of_pad(40.0, WIDTH, Effects(roughness=0.05), seed=(seed,))
+        rough = make_pad_appearance(40.0, WIDTH, Effects(roughness=0.05), seed=(seed,))
         wander = rough.inside - smooth.inside
         assert np.std(wander) == pytest.approx(0.05, rel=0.01)
         edge = wander[:, round(MARGIN / STEP)]  # along one side
@@ -102,7 +102,7 @@ def test_rough_edges_wander_as_far_as_is_said():
 
 def test_rough_edges_are_those_of_their_seed():
     one, same, other = (
-        look_of_pad(LENGTH, WIDTH, Effects(roughness=0.05), seed=seed)
+        make_pad_appearance(LENGTH, WIDTH, Effects(roughness=0.05), seed=seed)
         for seed in ((1, 2, 0), (1, 2, 0), (1, 2, 1))
     )
     np.testing.assert_array_equal(one.inside, same.inside)
@@ -111,13 +111,13 @@ def test_rough_edges_are_those_of_their_seed():
 
 
 def test_an_evenly_lit_pad_is_as_bright_as_is_said():
-    look = look_of_pad(LENGTH, WIDTH, Effects(), brightness=0.8)
+    look = make_pad_appearance(LENGTH, WIDTH, Effects(), brightness=0.8)
     wanted = np.broadcast_to(0.8 * BRIGHT * np.array([1, GREEN, 1]), look.light.shape)
     np.testing.assert_allclose(look.light, wanted, rtol=ROUNDING)
 
 
 def test_side_lights_fall_off_towards_the_other_side():
-    look = look_of_pad(LENGTH, WIDTH, Effects(led_falloff=0.4))
+    look = make_pad_appearance(LENGTH, WIDTH, Effects(led_falloff=0.4))
     at = np.array([[-WIDTH / 2, 0.0, WIDTH / 2]], np.float32)
     light, _ = look.sample(np.full_like(at, LENGTH / 2), at)
     np.testing.assert_allclose(
@@ -129,8 +129,8 @@ def test_side_lights_fall_off_towards_the_other_side():
 
 def test_an_imprint_changes_nothing_where_the_pad_is_flat():
     effects = Effects(led_falloff=0.4)
-    flat = look_of_pad(LENGTH, WIDTH, effects)
-    pressed = look_of_pad(LENGTH, WIDTH, effects, [Imprint("sphere", 7.0, 2.0, 0.6)])
+    flat = make_pad_appearance(LENGTH, WIDTH, effects)
+    pressed = make_pad_appearance(LENGTH, WIDTH, effects, [Imprint("sphere", 7.0, 2.0, 0.6)])
     along, across = grid()
     away = np.hypot(along - 7, across - 2) > np.sqrt(8**2 - 7.4**2) + 1
     np.testing.assert_array_equal(pressed.light[away], flat.light[away])
@@ -141,7 +141,7 @@ def test_an_imprint_changes_nothing_where_the_pad_is_flat():
 def test_opposite_slopes_swap_red_and_blue():
     # In the middle of an even number of samples.
     sphere = Imprint("sphere", LENGTH / 2, 0.0, 0.6)
-    light = look_of_pad(LENGTH, WIDTH, Effects(), [sphere]).light
+    light = make_pad_appearance(LENGTH, WIDTH, Effects(), [sphere]).light
     red, green, blue = np.moveaxis(light, -1, 0)
     np.testing.assert_allclose(red, blue[:, ::-1], atol=ROUNDING)
     np.testing.assert_allclose(green, green[:, ::-1], atol=ROUNDING)
@@ -160,13 +160,15 @@ def test_a_slope_is_lit_by_the_cosine_law():
         name: max(0.0, float(np.dot(toward, face))) / np.sqrt(2) / np.sin(ELEVATION)
         for name, face in faces.items()
     }
-    across = look_of_pad(LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5, turn=np.pi / 2)])
+    across = make_pad_appearance(
+        LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5, turn=np.pi / 2)]
+    )
     at = np.array([[0.75, -0.75]], np.float32)
     light, _ = across.sample(np.full_like(at, 7.0), at)
     red, blue, green = shares["to the light"], shares["away"], GREEN * shares["along"]
     wanted = BRIGHT * np.array([[red, green, blue], [blue, green, red]])
     np.testing.assert_allclose(light[0], wanted, atol=1e-3)
-    along = look_of_pad(LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5)])
+    along = make_pad_appearance(LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5)])
     light, _ = along.sample(7.0 - at, np.zeros_like(at))
     sides = shares["along"]
     wanted = BRIGHT * np.array(
@@ -178,10 +180,10 @@ def test_a_slope_is_lit_by_the_cosine_law():
 def test_of_several_imprints_the_deepest_counts():
     sphere, brick = Imprint("sphere", 5.0, 1.0, 0.6), Imprint("studded brick", 6.0, 0.0, 0.4)
     one, other, both = (
-        look_of_pad(LENGTH, WIDTH, Effects(), imprints).light
+        make_pad_appearance(LENGTH, WIDTH, Effects(), imprints).light
         for imprints in ([sphere], [brick], [sphere, brick])
     )
-    depths = [height_map(imprint, *grid(), STEP) for imprint in (sphere, brick)]
+    depths = [make_height_map(imprint, *grid(), STEP) for imprint in (sphere, brick)]
     # Where one is the deeper of the two at the neighbours as well, of which the slope is made.
     near = np.ones((3, 3), np.uint8)
     for light, deeper in ((one, depths[0] > depths[1]), (other, depths[1] > depths[0])):

@@ -13,20 +13,20 @@ import pytest
 from designopt.errors import UserError
 from optics.rendering import Effects, Imprint, Renderer, TactileImage
 from optics.rendering.pads import BRIGHT, GREEN
-from optics.scene.fabrication import Fabrication, as_made
+from optics.scene.fabrication import Fabrication, perturb
 from optics.scene.scene import Scene
 from optics.visibility.boundary_codes import FIRST_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, SECOND_PAD_END
 from optics.visibility.outlines import CORNERS
 from optics.visibility.tracing import trace_rays
 from optics.visibility.unfolding import paths_of
-from optics.visibility.views import path_names
+from optics.visibility.views import name_paths
 from tests.optics.extruded import POSES, finger, imaged, looked, unfolded, views_at_poses
 from tests.optics.scenes import posed
 
 ROWS, COLUMNS, WIDTH = 240, 320, 20.0
 HALF_VIEW = float(finger().camera.field_of_view) / 2
 PADS = [pad.name for pad in finger().layout.pads]
-PATHS = path_names(finger().layout)
+PATHS = name_paths(finger().layout)
 WORDS = paths_of(finger().layout, finger().layout.bounces)
 
 BODY = 0
@@ -73,7 +73,7 @@ def image(index: int, effects: Effects = PLAIN, *, flawed: bool = False) -> Tact
 
 @functools.cache
 def made() -> Scene:
-    return as_made(finger(), ERRORS, carried=(BODY,))
+    return perturb(finger(), ERRORS, carried=(BODY,))
 
 
 def pixels() -> np.ndarray:

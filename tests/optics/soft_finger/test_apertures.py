@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics.chamber import Apertures, Posture, Rings, apertures, pressed_by
+from optics.chamber import Apertures, Posture, Rings, find_apertures, press_wall
 from optics.chamber.rings import FIELD_STOP
 from tests.optics.soft_finger.marched import Press, Tube, finger, regions_met
 
@@ -51,7 +51,7 @@ CASES = [
     for j, press in enumerate(PRESSES)
 ]
 
-seen_through = eqx.filter_jit(apertures)
+seen_through = eqx.filter_jit(find_apertures)
 
 
 @functools.cache
@@ -61,7 +61,7 @@ def rings(per_region: int) -> Rings:
 
 def look(bend: float, direction: float, press: Press, per_region: int = FINE) -> Apertures:
     values = (jnp.asarray(value) for value in (press.place, press.radius, press.depth))
-    pressed = pressed_by(rings(per_region).arc, *values)
+    pressed = press_wall(rings(per_region).arc, *values)
     posture = Posture(jnp.asarray(bend), jnp.asarray(direction), pressed)
     return seen_through(rings(per_region), posture, ANGLES)
 
@@ -227,8 +227,8 @@ def test_nothing_is_nan_however_a_finger_is_bent():
     depth = jnp.asarray([0.0, 4.0, -4.0, 30.0])
 
     def one(bend: jax.Array, depth: jax.Array) -> Apertures:
-        pressed = pressed_by(rings(20).arc, jnp.asarray(70.0), jnp.asarray(20.0), depth)
-        return apertures(rings(20), Posture(bend, jnp.asarray(0.3), pressed), 32)
+        pressed = press_wall(rings(20).arc, jnp.asarray(70.0), jnp.asarray(20.0), depth)
+        return find_apertures(rings(20), Posture(bend, jnp.asarray(0.3), pressed), 32)
 
     found = jax.jit(jax.vmap(jax.vmap(one, in_axes=(None, 0)), in_axes=(0, None)))(bends, depth)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found))
@@ -239,7 +239,7 @@ def test_a_ring_that_is_imaged_as_a_hyperbola_leaves_its_outline_to_the_object_t
     # Bent to a radius below its own, a ring reaches behind the camera but for what is pressed in.
     rings = Rings.of(finger(length_ab=10.0, length_bc=10.0, length_cd=10.0))
     posture = Posture(jnp.asarray(np.deg2rad(200.0)), jnp.asarray(0.0), jnp.full(60, 3.0))
-    found = apertures(rings, posture, 64)
+    found = find_apertures(rings, posture, 64)
     seen = np.asarray(found.seen)
     assert seen.any()
     outermost = np.asarray(found.outline)[seen, 0, 0]

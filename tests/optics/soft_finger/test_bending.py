@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from optics.chamber import bent
+from optics.chamber import bend_center_line
 from tests.helpers import central_differences
 
 LENGTH = 100.0
@@ -36,7 +36,7 @@ def integrated(bend: float, arc: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("bend", BENDS)
 def test_centre_line_is_its_tangent_integrated(bend):
-    line = bent(jnp.asarray(ARCS), jnp.asarray(bend), jnp.asarray(LENGTH))
+    line = bend_center_line(jnp.asarray(ARCS), jnp.asarray(bend), jnp.asarray(LENGTH))
     across, along = np.transpose([integrated(bend, arc) for arc in ARCS])
     # The sine of a half turn's neighbour loses what its argument is rounded by: no bend is near.
     np.testing.assert_allclose(line.across, across, rtol=ROUNDING, atol=0)
@@ -48,7 +48,7 @@ def slope(kind: str, bend: float, arc: float) -> float:
     """By the bend, compiled and batched."""
 
     def place(bend: jax.Array, arc: jax.Array) -> jax.Array:
-        return getattr(bent(arc, bend, jnp.asarray(LENGTH)), kind)
+        return getattr(bend_center_line(arc, bend, jnp.asarray(LENGTH)), kind)
 
     slopes = jax.jit(jax.vmap(jax.grad(place)))
     return float(slopes(jnp.asarray([bend, 1.0]), jnp.asarray([arc, 1.0]))[0])
@@ -64,7 +64,7 @@ def test_a_straight_finger_begins_to_bend_as_a_parabola(arc):
 @pytest.mark.parametrize("kind", KINDS)
 def test_gradients_are_central_differences(kind):
     def place(values: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
-        return getattr(bent(*values), kind)
+        return getattr(bend_center_line(*values), kind)
 
     bends = [bend for bend in BENDS if bend == 0 or abs(bend) > 1e-6]
     arcs = [arc for arc in ARCS if arc > 0]

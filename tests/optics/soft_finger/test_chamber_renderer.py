@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from designopt.errors import UserError
-from optics.chamber import Endoscope, Posture, pressed_by
+from optics.chamber import Endoscope, Posture, press_wall
 from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
 from optics.rendering.chamber_renderer import BRIGHTEST
 from tests.optics.soft_finger.marched import Tube, finger
@@ -61,7 +61,7 @@ def postures(*rows: tuple[float, float, float], per_region: int = PER_REGION) ->
     arc = np.interp(np.arange(1, 3 * per_region + 1) / per_region, range(4), Tube.of(chamber).arcs)
     bend, direction, depth = np.transpose(np.array(rows, float))
     pressed = [
-        pressed_by(jnp.asarray(arc), jnp.asarray(70.0), jnp.asarray(20.0), jnp.asarray(each))
+        press_wall(jnp.asarray(arc), jnp.asarray(70.0), jnp.asarray(20.0), jnp.asarray(each))
         for each in depth
     ]
     return Posture(
@@ -71,12 +71,12 @@ def postures(*rows: tuple[float, float, float], per_region: int = PER_REGION) ->
 
 @functools.cache
 def renderer(
-    effects: ChamberEffects = EVEN, *, colours: str = "masks", seed: int = 0
+    effects: ChamberEffects = EVEN, *, colors: str = "masks", seed: int = 0
 ) -> ChamberRenderer:
-    chosen = {"masks": MASKS, "white": WHITE}[colours]
+    chosen = {"masks": MASKS, "white": WHITE}[colors]
     camera = Endoscope(np.pi / 2, columns=COLUMNS, rows=ROWS, distortion=-0.05)
     return ChamberRenderer(
-        finger(), camera, effects, seed=seed, colours=chosen, per_region=PER_REGION, angles=ANGLES
+        finger(), camera, effects, seed=seed, colors=chosen, per_region=PER_REGION, angles=ANGLES
     )
 
 
@@ -212,7 +212,7 @@ def test_frames_are_the_same_however_they_are_asked_for():
             np.testing.assert_array_equal(image.outlines, same.outlines)
             np.testing.assert_array_equal(image.margins, same.margins)
     again = ChamberRenderer(
-        finger(), renderer(TYPICAL).endoscope, TYPICAL, colours=MASKS, angles=ANGLES
+        finger(), renderer(TYPICAL).endoscope, TYPICAL, colors=MASKS, angles=ANGLES
     ).render(take(MANY, 0, 1))[0]
     np.testing.assert_array_equal(again.pixels, whole[0].pixels)
 
@@ -319,7 +319,7 @@ def test_light_falls_with_the_distance_from_the_lens():
     # A straight finger of white walls; along a row the wall's distance follows from its slope.
     power = 1.5
     effects = ChamberEffects(gain=0.7, falloff=power)
-    image = renderer(effects, colours="white").render(STRAIGHT)[0]
+    image = renderer(effects, colors="white").render(STRAIGHT)[0]
     tube = Tube.of(finger())
 
     def ahead(slope: float) -> float:
@@ -339,7 +339,7 @@ def test_light_falls_with_the_distance_from_the_lens():
 
 
 def test_full_gain_images_a_white_wall_at_b_at_full_scale():
-    image = renderer(ChamberEffects(gain=1.0, falloff=1.0), colours="white").render(STRAIGHT)[0]
+    image = renderer(ChamberEffects(gain=1.0, falloff=1.0), colors="white").render(STRAIGHT)[0]
     edge = image.outlines[0, 0, 0]  # of B, to the right
     # One ring, 2 and 1.5 mm, to either side.
     outside, inside = (
@@ -361,12 +361,12 @@ def test_gain_scales_the_light():
 
 
 def test_light_is_lost_in_the_corners_and_away_from_the_lamp():
-    vignetted = renderer(replace(EVEN, vignetting=0.3), colours="white").render(STRAIGHT)[0]
+    vignetted = renderer(replace(EVEN, vignetting=0.3), colors="white").render(STRAIGHT)[0]
     y, x = np.mgrid[:ROWS, :COLUMNS] - np.array([(ROWS - 1) / 2, (COLUMNS - 1) / 2])[:, None, None]
     corner = (x**2 + y**2) / (COLUMNS**2 + ROWS**2) * 4
     wanted = 255 * 0.8 * (1 - 0.3 * corner)
     assert np.abs(vignetted.pixels - wanted[..., None]).max() < ROUNDED
-    uneven = renderer(replace(EVEN, uneven=0.4), colours="white").render(STRAIGHT)[0]
+    uneven = renderer(replace(EVEN, uneven=0.4), colors="white").render(STRAIGHT)[0]
     light = uneven.pixels[..., 0].astype(float)
     # A slope from full light at the rim near the lamp to 60 % at the other: a plane.
     plane = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
@@ -404,7 +404,7 @@ def test_blur_spreads_an_edge_by_its_standard_deviation():
 def test_noise_is_that_of_photons_and_of_reading(gain):
     size = 0.03
     effects = ChamberEffects(gain=gain, falloff=0.0, noise=size)
-    images = renderer(effects, colours="white").render(postures(*[(0, 0, 0)] * 6))
+    images = renderer(effects, colors="white").render(postures(*[(0, 0, 0)] * 6))
     stack = np.stack([image.pixels for image in images]).astype(float)
     level = 255 * gain
     # Photons: the light's square root; reading: a fifth; and a twelfth for rounding to integers.
@@ -414,9 +414,9 @@ def test_noise_is_that_of_photons_and_of_reading(gain):
     # Of one frame and the next, and of two colours, it is not the same.
     samples = (stack - stack.mean()).reshape(6, -1, 3)
     frames = np.corrcoef(samples[..., 0])
-    colours = np.corrcoef(samples[0].T)
+    colors = np.corrcoef(samples[0].T)
     assert np.abs(frames - np.eye(6)).max() < 0.02  # 1/√76 800 is 0.004
-    assert np.abs(colours - np.eye(3)).max() < 0.02
+    assert np.abs(colors - np.eye(3)).max() < 0.02
 
 
 def test_noise_in_the_dark_is_a_fifth_of_that_at_full_scale():
@@ -432,17 +432,17 @@ def moved(effects: ChamberEffects) -> np.ndarray:
     small = ChamberRenderer(finger(), camera, effects, per_region=2, angles=32)
     still = postures(*[(0, 0, 0)] * FRAMES, per_region=2)
     images = small.render(still)
-    return np.stack([image.outlines[0] for image in images]) - camera.centre
+    return np.stack([image.outlines[0] for image in images]) - camera.center
 
 
 def test_shake_moves_outlines_by_its_standard_deviation():
     size = 0.5
-    centres = moved(ChamberEffects(shake=size)).mean(axis=1)
+    centers = moved(ChamberEffects(shake=size)).mean(axis=1)
     # About the axis an image moves by f tan of the angle; the outline's middle by 5 % more, where
     # it is imaged 0.26 f off the axis: 1 + 3/4 · 0.26².
-    np.testing.assert_allclose(centres.std(axis=0), size * 1.05, rtol=0.1)
-    assert np.abs(centres.mean(axis=0)).max() < 4 * size / np.sqrt(FRAMES)
-    assert abs(np.corrcoef(centres.T)[0, 1]) < 4 / np.sqrt(FRAMES)
+    np.testing.assert_allclose(centers.std(axis=0), size * 1.05, rtol=0.1)
+    assert np.abs(centers.mean(axis=0)).max() < 4 * size / np.sqrt(FRAMES)
+    assert abs(np.corrcoef(centers.T)[0, 1]) < 4 / np.sqrt(FRAMES)
 
 
 def test_roll_turns_outlines_by_its_standard_deviation():

@@ -73,7 +73,7 @@ def test_the_axis_is_imaged_in_the_middle_and_other_rays_to_their_side():
     camera = Endoscope(QUARTER, columns=641, rows=481)
     places = np.asarray(camera.image(jnp.asarray([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1]])))
     np.testing.assert_allclose(places[0], [320, 240], atol=PIXELS)
-    np.testing.assert_allclose(places[0], camera.centre, atol=PIXELS)
+    np.testing.assert_allclose(places[0], camera.center, atol=PIXELS)
     assert places[1, 0] > 320
     assert places[1, 1] == pytest.approx(240)
     assert places[2, 1] > 240
@@ -88,20 +88,20 @@ def test_a_camera_sees_in_the_middle_what_it_points_at():
         [np.sin(0.2) * np.cos(0.1), -np.sin(0.1), np.cos(0.2) * np.cos(0.1)]
     )  # y is down
     place = camera.image(jnp.asarray(ahead[:2] / ahead[2]))
-    np.testing.assert_allclose(place, camera.centre, atol=PIXELS)
+    np.testing.assert_allclose(place, camera.center, atol=PIXELS)
 
 
 def test_roll_turns_the_image_counter_clockwise():
     camera = Endoscope(QUARTER).turned(np.zeros(2), np.pi / 2)
-    right = np.asarray(camera.image(jnp.asarray([0.1, 0.0]))) - np.asarray(camera.centre)
+    right = np.asarray(camera.image(jnp.asarray([0.1, 0.0]))) - np.asarray(camera.center)
     np.testing.assert_allclose(right, [0, -40], atol=PIXELS)  # to the top
 
 
 def test_a_barrel_draws_rays_together():
     plain, barrel = Endoscope(QUARTER), Endoscope(QUARTER, distortion=-0.1)
     ray = jnp.asarray([0.3, -0.4])
-    off = np.asarray(plain.image(ray)) - plain.centre
-    drawn = np.asarray(barrel.image(ray)) - barrel.centre
+    off = np.asarray(plain.image(ray)) - plain.center
+    drawn = np.asarray(barrel.image(ray)) - barrel.center
     np.testing.assert_allclose(drawn, off * (1 - 0.1 * 0.25), atol=PIXELS)
 
 
@@ -138,6 +138,6 @@ def test_gradients_are_central_differences():
 def test_pointing_comes_before_the_roll():
     # A camera on its side that points to the right sees the axis above the middle, not beside it.
     camera = Endoscope(QUARTER, roll=np.pi / 2).turned(np.array([0.1, 0.0]), 0.0)
-    across, down = np.asarray(camera.image(jnp.zeros(2))) - np.array(camera.centre)
+    across, down = np.asarray(camera.image(jnp.zeros(2))) - np.array(camera.center)
     assert abs(across) < 1e-9
     assert down == pytest.approx(float(camera.focal_px) * np.tan(0.1))

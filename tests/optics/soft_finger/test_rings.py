@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics import Chamber, dimension_for_ratio
-from optics.chamber import Rings, pressed_by, wall_radii
+from optics import Chamber, solve_dimension_for_ratio
+from optics.chamber import Rings, compute_wall_radii, press_wall
 from tests.helpers import central_differences
 from tests.optics.soft_finger.marched import Tube, finger
 
@@ -42,7 +42,7 @@ def test_straight_rings_are_imaged_where_the_paper_has_them(chamber: Chamber):
 
 @pytest.mark.parametrize("ratio", [0.5, 0.75, 1.0])
 def test_rings_keep_the_imaging_ratio_that_a_finger_is_designed_for(ratio):
-    offset = float(dimension_for_ratio(finger(), "offset_d", ratio).value)
+    offset = float(solve_dimension_for_ratio(finger(), "offset_d", ratio).value)
     rings = Rings.of(finger(offset_d=offset), per_region=7)
     ends = np.array(rings.ends)
     b, c, d = np.asarray(rings.radius)[ends] / (np.asarray(rings.arc)[ends] + 0.844)
@@ -53,7 +53,7 @@ def test_rings_keep_the_imaging_ratio_that_a_finger_is_designed_for(ratio):
 @pytest.mark.parametrize("per_region", [1, 20])
 def test_rings_lie_evenly_on_the_wall(chamber, per_region):
     tube, rings = Tube.of(chamber), Rings.of(chamber, per_region)
-    np.testing.assert_allclose(wall_radii(chamber), tube.radii, rtol=ROUNDING)
+    np.testing.assert_allclose(compute_wall_radii(chamber), tube.radii, rtol=ROUNDING)
     arcs = np.interp(np.arange(1, 3 * per_region + 1) / per_region, range(4), tube.arcs)
     np.testing.assert_allclose(rings.arc, arcs, rtol=ROUNDING)
     np.testing.assert_allclose(rings.radius, np.interp(arcs, tube.arcs, tube.radii), rtol=ROUNDING)
@@ -66,7 +66,7 @@ def test_rings_lie_evenly_on_the_wall(chamber, per_region):
 
 def pressed(arcs: np.ndarray, place: float, radius: float, depth: float) -> np.ndarray:
     values = (jnp.asarray(value) for value in (place, radius, depth))
-    return np.asarray(pressed_by(jnp.asarray(arcs), *values))
+    return np.asarray(press_wall(jnp.asarray(arcs), *values))
 
 
 @pytest.mark.parametrize("depth", [1e-4, 0.01, 0.3])
@@ -101,7 +101,7 @@ def test_gradients_of_a_press_are_central_differences():
     weights = jnp.asarray(np.random.default_rng(0).normal(size=15))
 
     def deep(values: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
-        return jnp.sum(weights * pressed_by(arcs, *values))
+        return jnp.sum(weights * press_wall(arcs, *values))
 
     points = np.array([[40.0, 20.0, 3.0], [61.0, 35.0, -4.0], [5.0, 8.0, 0.5], [48.0, 9.0, 1.0]])
     batch = tuple(jnp.asarray(column) for column in points.T)

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics import dimension_for_ratio
-from optics.chamber import Posture, Rings, Spans, apertures, pressed_by, spans
+from optics import solve_dimension_for_ratio
+from optics.chamber import Posture, Rings, Spans, find_apertures, find_spans, press_wall
 from optics.chamber.rings import FIELD_STOP
 from tests.helpers import central_differences
 from tests.optics.soft_finger.marched import Press, finger
@@ -36,10 +36,10 @@ rings = Rings.of(finger())
 
 def pressed(press: Press) -> jax.Array:
     values = (jnp.asarray(value) for value in (press.place, press.radius, press.depth))
-    return pressed_by(rings.arc, *values)
+    return press_wall(rings.arc, *values)
 
 
-spanned = eqx.filter_jit(jax.vmap(spans, in_axes=(None, 0, None)))
+spanned = eqx.filter_jit(jax.vmap(find_spans, in_axes=(None, 0, None)))
 
 
 def batch(bends_deg: tuple[float, ...], press: Press) -> Spans:
@@ -84,7 +84,7 @@ def test_rings_span_what_their_ends_in_the_plane_are_seen_at(press):
 @pytest.mark.parametrize("bend_deg", [0.0, 25.0, 120.0])
 def test_spans_are_where_outlines_cross_the_plane_of_bending(bend_deg, press):
     bend = jnp.asarray(np.deg2rad(bend_deg))
-    found = eqx.filter_jit(apertures)(rings, Posture(bend, jnp.zeros(()), pressed(press)), 32)
+    found = eqx.filter_jit(find_apertures)(rings, Posture(bend, jnp.zeros(()), pressed(press)), 32)
     flat = batch((bend_deg,), press)
     np.testing.assert_array_equal(found.seen, np.asarray(flat.width[0]) > 0)
     seen = np.asarray(found.seen)
@@ -108,16 +108,16 @@ def designed(values: Finger) -> tuple[Rings, jax.Array]:
     chamber = dataclasses.replace(
         finger(), offset_b=values.offset_b, wall_angle_bc=values.wall_angle_bc
     )
-    offset = dimension_for_ratio(chamber, "offset_d", values.ratio).value
+    offset = solve_dimension_for_ratio(chamber, "offset_d", values.ratio).value
     made = Rings.of(dataclasses.replace(chamber, offset_d=offset), 6)
     place, radius = jnp.asarray(70.0), jnp.asarray(20.0)
-    return made, pressed_by(made.arc, place, radius, values.depth)
+    return made, press_wall(made.arc, place, radius, values.depth)
 
 
 def seen_of(values: Finger) -> jax.Array:
     """A mix of all that spans give."""
     made, deep = designed(values)
-    found = spans(made, values.bend, deep)
+    found = find_spans(made, values.bend, deep)
     ends = jnp.asarray(made.ends)
     width = found.width[ends] @ jnp.asarray([0.7, -1.3, 1.9])
     return width + 0.4 * found.seen_low[ends[1]] + 0.1 * jnp.sum(found.margin) / 100
@@ -164,7 +164,7 @@ def test_gradients_are_central_differences():
 
 def hidden(values: Finger) -> jax.Array:
     made, deep = designed(values)
-    return spans(made, values.bend, deep).width[jnp.asarray(made.ends)]
+    return find_spans(made, values.bend, deep).width[jnp.asarray(made.ends)]
 
 
 def test_gradients_are_compared_where_tops_are_seen_and_where_they_are_hidden():
@@ -186,7 +186,7 @@ def test_values_and_gradients_are_finite_however_a_finger_is_bent():
 
 def test_all_slopes_of_all_spans_are_finite():
     def every(bend: jax.Array, which: jax.Array) -> jax.Array:
-        found = spans(rings, bend, pressed(PRESSES["outside"]))
+        found = find_spans(rings, bend, pressed(PRESSES["outside"]))
         return jnp.sum(which * jnp.concatenate(jax.tree.leaves(found)))
 
     bends = jnp.asarray(np.deg2rad(BENDS_DEG + BEYOND_DEG))

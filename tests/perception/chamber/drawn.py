@@ -114,5 +114,5 @@ class Scene:
         """The paper's seven points, where nothing is hidden or cut."""
         assert self.blue is not None
         assert self.yellow is not None
-        centre = [[self.blue.x, self.blue.y]]
-        return np.concatenate([self.blue.extremes, self.yellow.extremes, centre])
+        center = [[self.blue.x, self.blue.y]]
+        return np.concatenate([self.blue.extremes, self.yellow.extremes, center])

@@ -21,7 +21,7 @@ WALLS = np.array([(191, 31, 26), (26, 56, 191), (217, 178, 26), (30, 30, 30)], f
 Random = np.random.Generator
 
 
-def _colours(random: Random, count: int = 6) -> np.ndarray:
+def _colors(random: Random, count: int = 6) -> np.ndarray:
     """Those of the chamber, or any bright ones."""
     if random.random() < 0.5:
         return WALLS
@@ -35,34 +35,34 @@ def _picture(values: np.ndarray, random: Random, noise: float = 4.0, blur: float
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
-def _flat(colour: np.ndarray) -> np.ndarray:
-    return np.full(SHAPE, colour, np.uint8)
+def _flat(color: np.ndarray) -> np.ndarray:
+    return np.full(SHAPE, color, np.uint8)
 
 
-def _ellipse(image: np.ndarray, place: np.ndarray, half: np.ndarray, colour: np.ndarray, turn=0.0):
-    centre, axes = (np.round(16 * np.asarray(part)).astype(int).tolist() for part in (place, half))
-    cv2.ellipse(image, centre, axes, turn, 0, 360, np.minimum(colour, 255).tolist(), -1,
+def _ellipse(image: np.ndarray, place: np.ndarray, half: np.ndarray, color: np.ndarray, turn=0.0):
+    center, axes = (np.round(16 * np.asarray(part)).astype(int).tolist() for part in (place, half))
+    cv2.ellipse(image, center, axes, turn, 0, 360, np.minimum(color, 255).tolist(), -1,
                 cv2.LINE_AA, 4)  # fmt: skip
 
 
 def dead_leaves(random: Random) -> np.ndarray:
     """Discs over discs, their radii from a power law, as in natural pictures (Lee et al. 2001)."""
-    image, colours = _flat(np.zeros(3)), _colours(random)
+    image, colors = _flat(np.zeros(3)), _colors(random)
     smallest, largest, power = random.uniform([2, 40, 1.5], [8, 160, 3])
     share = random.random(random.integers(100, 800))
     low, high = smallest ** (1 - power), largest ** (1 - power)
     for radius in (low + share * (high - low)) ** (1 / (1 - power)):
-        colour = colours[random.integers(len(colours))] * random.uniform(0.5, 1.1)
-        _ellipse(image, random.uniform([-30, -30], [350, 270]), np.full(2, radius), colour)
+        color = colors[random.integers(len(colors))] * random.uniform(0.5, 1.1)
+        _ellipse(image, random.uniform([-30, -30], [350, 270]), np.full(2, radius), color)
     return _picture(image, random, random.uniform(0, 6), random.uniform(0.3, 1.5))
 
 
 def leaves_on_red(random: Random) -> np.ndarray:
-    image, colours = _flat(WALLS[0]), _colours(random)
+    image, colors = _flat(WALLS[0]), _colors(random)
     for _ in range(random.integers(5, 14)):
-        colour = colours[random.integers(len(colours))]
+        color = colors[random.integers(len(colors))]
         place, half = random.uniform(0, [COLUMNS, ROWS]), random.uniform(8, 90, 2)
-        _ellipse(image, place, half, colour, random.uniform(0, 180))
+        _ellipse(image, place, half, color, random.uniform(0, 180))
     return _picture(image, random, 0)
 
 
@@ -89,31 +89,31 @@ def _across(random: Random) -> np.ndarray:
 def plaid(random: Random) -> np.ndarray:
     image = np.zeros(SHAPE)
     for _ in range(random.integers(1, 4)):
-        colours = _colours(random)
+        colors = _colors(random)
         stripe = np.floor(_across(random) / random.uniform(8, 200)).astype(int)
-        image += colours[stripe % len(colours)] * random.uniform(0.3, 1)
+        image += colors[stripe % len(colors)] * random.uniform(0.3, 1)
     return _picture(image, random, 0)
 
 
 def flag(random: Random) -> np.ndarray:
     """Two to four stripes, often in the chamber's colours."""
-    colours, along = random.permutation(_colours(random, 4)), _across(random)
+    colors, along = random.permutation(_colors(random, 4)), _across(random)
     part = (along - along.min()) / np.ptp(along)
     stripes = random.integers(2, 5)
-    return _picture(colours[np.minimum((part * stripes).astype(int), stripes - 1)], random)
+    return _picture(colors[np.minimum((part * stripes).astype(int), stripes - 1)], random)
 
 
 def gradient(random: Random) -> np.ndarray:
     along = _across(random)
     if random.random() < 0.5:
         along = np.hypot(along, _across(random) - random.uniform(-100, 300))
-    colours = _colours(random)
-    part = np.interp(along, (along.min(), along.max()), (0, len(colours) - 1))
-    channels = [np.interp(part, np.arange(len(colours)), channel) for channel in colours.T]
+    colors = _colors(random)
+    part = np.interp(along, (along.min(), along.max()), (0, len(colors) - 1))
+    channels = [np.interp(part, np.arange(len(colors)), channel) for channel in colors.T]
     return _picture(np.stack(channels, axis=-1), random, 0)
 
 
-def colour_wheel(random: Random) -> np.ndarray:
+def color_wheel(random: Random) -> np.ndarray:
     y, x = np.mgrid[:ROWS, :COLUMNS] - random.uniform([60, 50], [190, 260])[:, None, None]
     far = np.hypot(x, y) / random.uniform(60, 250)
     around = np.arctan2(y, x) / (2 * np.pi) + random.random()
@@ -129,14 +129,14 @@ def blobs(random: Random) -> np.ndarray:
 
 
 def text(random: Random) -> np.ndarray:
-    colours = _colours(random)
-    image = _flat(WALLS[0] if random.random() < 0.5 else colours[0])
+    colors = _colors(random)
+    image = _flat(WALLS[0] if random.random() < 0.5 else colors[0])
     for _ in range(random.integers(3, 25)):
         word = "".join(map(chr, random.integers(65, 91, random.integers(1, 9))))
         place = random.integers([-20, 10], [250, 250]).tolist()
-        colour = colours[random.integers(len(colours))].tolist()
+        color = colors[random.integers(len(colors))].tolist()
         size, thick = random.uniform(0.5, 6), int(random.integers(1, 20))
-        cv2.putText(image, word, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, thick)
+        cv2.putText(image, word, place, cv2.FONT_HERSHEY_SIMPLEX, size, color, thick)
     return _picture(image, random, 0)
 
 
@@ -144,19 +144,19 @@ def on_black(random: Random) -> np.ndarray:
     """Coloured discs and letters in the dark."""
     image = _flat(np.zeros(3))
     for _ in range(random.integers(3, 12)):
-        colour = WALLS[random.integers(3)] * random.uniform(0.3, 1.2)
+        color = WALLS[random.integers(3)] * random.uniform(0.3, 1.2)
         place = random.integers(20, [COLUMNS - 20, ROWS - 20])
         if random.random() < 0.5:
-            _ellipse(image, place, np.full(2, random.uniform(5, 60)), colour)
+            _ellipse(image, place, np.full(2, random.uniform(5, 60)), color)
         else:
             letter, size = chr(random.integers(65, 91)), random.uniform(1, 6)
-            cv2.putText(image, letter, place.tolist(), 0, size, colour.tolist(), 9)
+            cv2.putText(image, letter, place.tolist(), 0, size, color.tolist(), 9)
     return _picture(image, random, 2)
 
 
-def one_colour(random: Random) -> np.ndarray:
-    colours = _colours(random)
-    return _picture(_flat(colours[random.integers(len(colours))]), random, random.uniform(0, 20))
+def one_color(random: Random) -> np.ndarray:
+    colors = _colors(random)
+    return _picture(_flat(colors[random.integers(len(colors))]), random, random.uniform(0, 20))
 
 
 def corners(random: Random) -> np.ndarray:
@@ -164,9 +164,9 @@ def corners(random: Random) -> np.ndarray:
     image, sides, size = _flat(WALLS[0]), random.integers(3, 5), random.uniform(50, 100)
     turn = random.uniform(0, 2 * np.pi) + 2 * np.pi * np.arange(sides) / sides
     place = random.uniform([100, 80], [220, 160])
-    for share, colour in zip((1, 0.55, 0.25), WALLS[1:], strict=True):
+    for share, color in zip((1, 0.55, 0.25), WALLS[1:], strict=True):
         polygon = place + share * size * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-        cv2.fillPoly(image, [np.round(polygon).astype(np.int32)], colour.tolist())
+        cv2.fillPoly(image, [np.round(polygon).astype(np.int32)], color.tolist())
     return _picture(image, random)
 
 
@@ -177,8 +177,8 @@ def other_orders(random: Random) -> np.ndarray:
         order = random.permutation(4)
     image, size = _flat(WALLS[order[0]]), random.uniform(50, 100)
     place = random.uniform([120, 90], [200, 150])
-    for share, colour in zip((1, 0.55, 0.25), WALLS[order[1:]], strict=True):
-        _ellipse(image, place, share * size * random.uniform(0.8, 1, 2), colour)
+    for share, color in zip((1, 0.55, 0.25), WALLS[order[1:]], strict=True):
+        _ellipse(image, place, share * size * random.uniform(0.8, 1, 2), color)
     return _picture(image, random)
 
 
@@ -187,8 +187,8 @@ def side_by_side(random: Random) -> np.ndarray:
     image, turn, radii = _flat(WALLS[0]), random.uniform(0, 2 * np.pi), random.uniform(25, 55, 2)
     apart = radii.sum() * random.uniform(0.65, 1.3) / 2
     step = apart * np.array([np.cos(turn), np.sin(turn)])
-    for place, radius, colour in zip((-step, step), radii, WALLS[1:3], strict=True):
-        _ellipse(image, MIDDLE + place, np.full(2, radius), colour)
+    for place, radius, color in zip((-step, step), radii, WALLS[1:3], strict=True):
+        _ellipse(image, MIDDLE + place, np.full(2, radius), color)
     return _picture(image, random)
 
 
@@ -222,7 +222,7 @@ def photograph(random: Random) -> np.ndarray:
 
 KINDS: dict[str, Callable[[Random], np.ndarray]] = {
     make.__name__: make
-    for make in (dead_leaves, leaves_on_red, clouds, plaid, flag, gradient, colour_wheel, blobs,
-                 text, on_black, one_colour, corners, other_orders, side_by_side, crescent,
+    for make in (dead_leaves, leaves_on_red, clouds, plaid, flag, gradient, color_wheel, blobs,
+                 text, on_black, one_color, corners, other_orders, side_by_side, crescent,
                  photograph)
 }  # fmt: skip

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from perception.chamber import (
     Direction,
     Points,
-    bending_direction,
-    displacements,
+    compute_displacements,
+    estimate_bending_direction,
     find_points,
     find_regions,
 )
@@ -68,7 +68,7 @@ def test_against_a_literal_transcription(
         for axis, names in enumerate((in_x, in_y))
     )
     expected = NUMBERS[algorithm_1(x, y, threshold)]
-    assert bending_direction(frame, initial, threshold=threshold, use=use) is expected
+    assert estimate_bending_direction(frame, initial, threshold=threshold, use=use) is expected
 
 
 @pytest.mark.parametrize("use", ["blue", "all", "centre"])
@@ -85,36 +85,41 @@ def test_against_a_literal_transcription(
     ],
 )
 def test_directions_and_ties(move: tuple[float, float], direction: Direction, use: Use):
-    assert bending_direction(points(move), points(), use=use) is direction
+    assert estimate_bending_direction(points(move), points(), use=use) is direction
 
 
 def test_only_less_than_the_threshold_is_initial():
-    assert bending_direction(points((2, 0)), points(), threshold=2.0) is Direction.RIGHT
-    assert bending_direction(points((2, 0)), points(), threshold=2.01) is Direction.INITIAL
-    assert bending_direction(points((1e-9, 0)), points()) is Direction.RIGHT
+    assert estimate_bending_direction(points((2, 0)), points(), threshold=2.0) is Direction.RIGHT
+    assert estimate_bending_direction(points((2, 0)), points(), threshold=2.01) is Direction.INITIAL
+    assert estimate_bending_direction(points((1e-9, 0)), points()) is Direction.RIGHT
 
 
 @pytest.mark.parametrize("use", ["blue", "all", "centre"])
 def test_undefined_without_a_chamber(use: Use):
     nothing = points(seen=False)
-    assert bending_direction(nothing, points(), use=use) is Direction.UNDEFINED
-    assert bending_direction(points((5, 0)), nothing, use=use) is Direction.UNDEFINED
+    assert estimate_bending_direction(nothing, points(), use=use) is Direction.UNDEFINED
+    assert estimate_bending_direction(points((5, 0)), nothing, use=use) is Direction.UNDEFINED
 
 
 def test_displacements_of_what_both_frames_show():
     seen = np.array([True, False, True, True, True, True, True])
-    moved = displacements(points((2, -3), seen), points())
+    moved = compute_displacements(points((2, -3), seen), points())
     assert moved.tolist() == [[2, -3], [0, 0], *[[2, -3]] * 5]
 
 
 def test_yellow_counts_while_it_is_seen():
     moves = np.zeros((7, 2))
     moves[0, 0], moves[4, 1] = 2, 5
-    assert bending_direction(points(moves), points(), use="blue") is Direction.RIGHT
-    assert bending_direction(points(moves), points(), use="all") is Direction.DOWN
+    assert estimate_bending_direction(points(moves), points(), use="blue") is Direction.RIGHT
+    assert estimate_bending_direction(points(moves), points(), use="all") is Direction.DOWN
     no_yellow = [True, True, True, False, False, False, True]
-    assert bending_direction(points(moves, no_yellow), points(), use="all") is Direction.RIGHT
-    assert bending_direction(points(moves), points(0, no_yellow), use="all") is Direction.RIGHT
+    assert (
+        estimate_bending_direction(points(moves, no_yellow), points(), use="all") is Direction.RIGHT
+    )
+    assert (
+        estimate_bending_direction(points(moves), points(0, no_yellow), use="all")
+        is Direction.RIGHT
+    )
 
 
 def test_a_part_of_yellow_does_not_count():
@@ -122,8 +127,8 @@ def test_a_part_of_yellow_does_not_count():
     moves = np.tile([10.0, 12.0], (7, 1))
     moves[3:6] = 20, 24
     cut = [True, True, True, True, False, True, True]
-    assert bending_direction(points(moves), points(), use="all") is Direction.DOWN
-    assert bending_direction(points(moves, cut), points(), use="all") is Direction.DOWN
+    assert estimate_bending_direction(points(moves), points(), use="all") is Direction.DOWN
+    assert estimate_bending_direction(points(moves, cut), points(), use="all") is Direction.DOWN
 
 
 def points_of(scene: Scene, seed: int = 0) -> Points:
@@ -143,7 +148,7 @@ def test_drawn_bends(far: float, use: Use):
         (far, 0, Direction.RIGHT),
     ):
         frame = points_of(straight.moved(x, y), seed=2)
-        assert bending_direction(frame, initial, use=use) is direction
+        assert estimate_bending_direction(frame, initial, use=use) is direction
 
 
 @pytest.mark.parametrize(
@@ -154,12 +159,12 @@ def test_drawn_bends(far: float, use: Use):
         (1, 0, Direction.RIGHT, Direction.RIGHT),
     ],
 )
-def test_a_bend_down_behind_a_nearer_wall(x: int, y: int, literal: Direction, centre: Direction):
+def test_a_bend_down_behind_a_nearer_wall(x: int, y: int, literal: Direction, center: Direction):
     """Where the wall hides blue's lower side its lowest point rises, and no topmost one falls."""
     straight = replace(Scene().half, yellow=None)
     hidden = replace(
         straight.moved(60 * x, 60 * y), opening=Ellipse(159.5 - 45 * x, 119.5 - 45 * y, 90, 90)
     )
     initial, frame = points_of(straight, seed=1), points_of(hidden, seed=2)
-    assert bending_direction(frame, initial) is literal
-    assert bending_direction(frame, initial, use="centre") is centre
+    assert estimate_bending_direction(frame, initial) is literal
+    assert estimate_bending_direction(frame, initial, use="centre") is center

@@ -12,8 +12,8 @@ EVERYTHING, NOTHING = np.full(SHAPE, 255, np.uint8), np.zeros(SHAPE, np.uint8)
 
 def disc(x: float, y: float, wide: float, high: float, turn: float = 0.0) -> np.ndarray:
     mask = NOTHING.copy()
-    centre, axes = (tuple(round(16 * one) for one in pair) for pair in ((x, y), (wide, high)))
-    cv2.ellipse(mask, centre, axes, turn, 0, 360, 255, -1, cv2.LINE_8, 4)
+    center, axes = (tuple(round(16 * one) for one in pair) for pair in ((x, y), (wide, high)))
+    cv2.ellipse(mask, center, axes, turn, 0, 360, 255, -1, cv2.LINE_8, 4)
     return mask
 
 

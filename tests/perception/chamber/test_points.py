@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.chamber import Points, Sight, find_points, find_regions
+from perception.chamber import ChamberStatus, Points, find_points, find_regions
 from tests.perception.chamber.drawn import Ellipse, Scene
 
 MEASURED = np.array([(1, 0), (0, 1), (1, 0), (1, 0), (0, 1), (1, 0), (1, 1)], bool)
@@ -93,7 +93,7 @@ def test_yellow_out_of_view():
     scene = replace(Scene().half, yellow=None)
     image = scene.image(noise=4)
     regions = find_regions(image)
-    assert regions.sight is Sight.NO_YELLOW
+    assert regions.status is ChamberStatus.NO_YELLOW
     points = find_points(image, regions)
     assert points.seen.tolist() == [True, True, True, False, False, False, True]
     whole = Scene().half

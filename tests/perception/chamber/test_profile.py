@@ -11,10 +11,10 @@ from perception.chamber import (
     Movements,
     Points,
     SurfaceKind,
-    kind_of,
-    movements,
-    scatter,
-    shape_of,
+    classify_surface,
+    compute_movements,
+    estimate_scatter,
+    measure_shape,
 )
 from perception.chamber.heights import LEAST_APART
 from perception.chamber.surfaces import CURVED, CUTOFF, LEAST_HEIGHTS, ROUGH
@@ -41,35 +41,35 @@ def known(mm: np.ndarray) -> Heights:
 
 
 def kind(positions: np.ndarray, heights: Heights) -> SurfaceKind:
-    return kind_of(shape_of(positions, heights))
+    return classify_surface(measure_shape(positions, heights))
 
 
 def test_movements_are_upwards_from_the_mean_at_rest():
     rest = [points(400.0, 330.0, 240.0), points(401.0, 330.4, 240.0)]
     hidden = points(390.0, 0.0, 230.0, seen=(True, True, True, True, False, True, True))
-    found = movements([points(390.5, 320.2, 239.0), hidden], rest)
+    found = compute_movements([points(390.5, 320.2, 239.0), hidden], rest)
     np.testing.assert_allclose(found.px, [[10.0, 10.0, 1.0], [10.5, 0.0, 10.0]])
     assert found.seen.tolist() == [[True] * 3, [True, False, True]]
-    whole = movements([points(390.6, 320.2, 239.4)], rest, whole=True)
+    whole = compute_movements([points(390.6, 320.2, 239.4)], rest, whole=True)
     assert whole.px.tolist() == [[400.0 - 391.0, 330.0 - 320.0, 240.0 - 239.0]]
 
 
 def test_what_is_not_seen_at_rest_has_not_moved():
     blind = points(0.0, 0.0, 0.0, seen=(False,) * 7)
-    found = movements([points(390.0, 320.0, 239.0)], [blind])
+    found = compute_movements([points(390.0, 320.0, 239.0)], [blind])
     assert not found.seen.any()
-    assert not movements([points(1.0, 2.0, 3.0)], []).seen.any()
-    assert movements([], []).px.shape == (0, 3)
+    assert not compute_movements([points(1.0, 2.0, 3.0)], []).seen.any()
+    assert compute_movements([], []).px.shape == (0, 3)
 
 
 def test_scatter_parts_what_is_common_from_what_is_not():
     generator = np.random.default_rng(1)
     px = 0.5 * generator.standard_normal((4000, 1)) + 0.1 * generator.standard_normal((4000, 3))
-    shake, noise = scatter(Movements(px, np.ones(px.shape, bool)))
+    shake, noise = estimate_scatter(Movements(px, np.ones(px.shape, bool)))
     assert shake == pytest.approx(0.5, rel=0.05)
     assert noise == pytest.approx(0.1, rel=0.05)
-    assert scatter(Movements(px[:1], np.ones((1, 3), bool))) == (0.0, 0.0)
-    assert scatter(Movements(px, np.zeros(px.shape, bool))) == (0.0, 0.0)
+    assert estimate_scatter(Movements(px[:1], np.ones((1, 3), bool))) == (0.0, 0.0)
+    assert estimate_scatter(Movements(px, np.zeros(px.shape, bool))) == (0.0, 0.0)
 
 
 def test_heights_are_those_that_moved_the_points():
@@ -214,7 +214,7 @@ def test_a_map_must_rise(rows):
 def test_a_parabola_is_all_sagitta():
     for sagitta in (-3.0, 2.0):
         z = sagitta * (1 - (X / 30) ** 2) + 0.02 * X + 7
-        found = shape_of(X, known(z))
+        found = measure_shape(X, known(z))
         assert found is not None
         assert found.sagitta == pytest.approx(sagitta)
         assert found.roughness == pytest.approx(0, abs=1e-9)  # of second order: no form is left
@@ -224,14 +224,14 @@ def test_a_parabola_is_all_sagitta():
 def test_the_cutoff_parts_form_and_roughness(part, left):
     fine = np.linspace(-100, 100, 801)
     waves = np.sin(2 * np.pi * fine / (part * CUTOFF))
-    found = shape_of(fine, known(waves))
+    found = measure_shape(fine, known(waves))
     assert found is not None
     assert left[0] <= found.roughness * np.sqrt(2) <= left[1]
 
 
 def test_a_wave_of_the_cutoff_is_halved():
     fine = np.linspace(-200, 200, 1601)
-    found = shape_of(fine, known(np.sin(2 * np.pi * fine / CUTOFF)))
+    found = measure_shape(fine, known(np.sin(2 * np.pi * fine / CUTOFF)))
     assert found is not None
     # ISO/TS 16610-31: 50 % at the cut-off; the ends, where the window is one-sided, leave less
     assert found.roughness * np.sqrt(2) == pytest.approx(0.5, abs=0.03)
@@ -257,7 +257,7 @@ def test_kinds(z: np.ndarray, expected: SurfaceKind):
 
 
 def test_too_little_is_undefined():
-    assert kind_of(None) is SurfaceKind.UNDEFINED
+    assert classify_surface(None) is SurfaceKind.UNDEFINED
     nothing = Heights(np.zeros(41), np.zeros(41, bool))
     assert kind(X, nothing) is SurfaceKind.UNDEFINED
     few = Heights(np.zeros(41), np.arange(41) % 4 == 0)

@@ -6,10 +6,10 @@ import pytest
 
 from perception.chamber import (
     IN_VIEW,
+    ChamberStatus,
     Direction,
     Region,
-    Sight,
-    bending_direction,
+    estimate_bending_direction,
     find_points,
     find_regions,
 )
@@ -35,7 +35,7 @@ def overlap(outline: np.ndarray, ellipse: Ellipse, shape: tuple[int, int]) -> fl
 @pytest.mark.parametrize("noise", [0.0, 6.0])
 def test_every_region_is_labelled_in_all_light(gain: float, noise: float):
     regions = find_regions(BENT.image(gain=gain, noise=noise))
-    assert regions.sight is Sight.CHAMBER
+    assert regions.status is ChamberStatus.CHAMBER
     # Colours mix within 3 px of an edge; everywhere else the labels are those drawn.
     drawn = np.full(regions.labels.shape, Region.RED, np.uint8)
     y, x = np.mgrid[: BENT.rows, : BENT.columns]
@@ -64,7 +64,7 @@ def test_outlines_are_those_drawn(gain: float):
 def test_the_outline_of_blue_holds_yellow_that_lies_at_the_wall():
     scene = STRAIGHT.moved(60, 0)
     regions = find_regions(scene.image(noise=4))
-    assert regions.sight is Sight.CHAMBER
+    assert regions.status is ChamberStatus.CHAMBER
     assert scene.blue is not None
     assert overlap(regions.blue, scene.blue, regions.labels.shape) > 0.98
 
@@ -77,36 +77,36 @@ def test_the_outline_of_yellow_holds_a_top_that_lies_at_blue():
 
 
 SIGHTS = {
-    "straight": (STRAIGHT.image(noise=4), Sight.CHAMBER),
-    "no yellow": (NO_YELLOW.image(noise=4), Sight.NO_YELLOW),
-    "wall alone": (WALL.image(noise=4), Sight.NO_CHAMBER),
-    "blue alone": (np.full((240, 320, 3), (25, 50, 180), np.uint8), Sight.NO_CHAMBER),
-    "grey": (np.full((240, 320, 3), 128, np.uint8), Sight.NO_CHAMBER),
-    "dark inside": (replace(STRAIGHT, inner=0.02).image(noise=4), Sight.DARK_INSIDE),
-    "yellow beside blue": (nowhere.side_by_side(np.random.default_rng(0)), Sight.NO_RINGS),
-    "dark": (STRAIGHT.image(gain=0.03, noise=3), Sight.TOO_DARK),
-    "black": (np.zeros((240, 320, 3), np.uint8), Sight.TOO_DARK),
-    "overexposed": (STRAIGHT.image(gain=15), Sight.TOO_BRIGHT),
-    "white": (np.full((240, 320, 3), 255, np.uint8), Sight.TOO_BRIGHT),
-    "swapped": (STRAIGHT.image(noise=4)[..., ::-1], Sight.SWAPPED),
-    "swapped, no yellow": (NO_YELLOW.image(noise=4)[..., ::-1], Sight.SWAPPED),
-    "swapped and bent": (STRAIGHT.moved(60, 20).image(noise=4)[..., ::-1], Sight.SWAPPED),
-    "white pixel": (np.full((1, 1, 3), 255, np.uint8), Sight.TOO_BRIGHT),
-    "red pixel": (np.array([[[180, 20, 20]]], np.uint8), Sight.NO_CHAMBER),
+    "straight": (STRAIGHT.image(noise=4), ChamberStatus.CHAMBER),
+    "no yellow": (NO_YELLOW.image(noise=4), ChamberStatus.NO_YELLOW),
+    "wall alone": (WALL.image(noise=4), ChamberStatus.NO_CHAMBER),
+    "blue alone": (np.full((240, 320, 3), (25, 50, 180), np.uint8), ChamberStatus.NO_CHAMBER),
+    "grey": (np.full((240, 320, 3), 128, np.uint8), ChamberStatus.NO_CHAMBER),
+    "dark inside": (replace(STRAIGHT, inner=0.02).image(noise=4), ChamberStatus.DARK_INSIDE),
+    "yellow beside blue": (nowhere.side_by_side(np.random.default_rng(0)), ChamberStatus.NO_RINGS),
+    "dark": (STRAIGHT.image(gain=0.03, noise=3), ChamberStatus.TOO_DARK),
+    "black": (np.zeros((240, 320, 3), np.uint8), ChamberStatus.TOO_DARK),
+    "overexposed": (STRAIGHT.image(gain=15), ChamberStatus.TOO_BRIGHT),
+    "white": (np.full((240, 320, 3), 255, np.uint8), ChamberStatus.TOO_BRIGHT),
+    "swapped": (STRAIGHT.image(noise=4)[..., ::-1], ChamberStatus.SWAPPED),
+    "swapped, no yellow": (NO_YELLOW.image(noise=4)[..., ::-1], ChamberStatus.SWAPPED),
+    "swapped and bent": (STRAIGHT.moved(60, 20).image(noise=4)[..., ::-1], ChamberStatus.SWAPPED),
+    "white pixel": (np.full((1, 1, 3), 255, np.uint8), ChamberStatus.TOO_BRIGHT),
+    "red pixel": (np.array([[[180, 20, 20]]], np.uint8), ChamberStatus.NO_CHAMBER),
 }
 
 
 @pytest.mark.parametrize("name", SIGHTS)
 def test_every_sight(name: str):
-    image, sight = SIGHTS[name]
+    image, status = SIGHTS[name]
     regions = find_regions(image)
-    assert regions.sight is sight
-    assert (len(regions.blue) > 0) == (sight in IN_VIEW)
-    assert (len(regions.yellow) > 0) == (sight is Sight.CHAMBER)
+    assert regions.status is status
+    assert (len(regions.blue) > 0) == (status in IN_VIEW)
+    assert (len(regions.yellow) > 0) == (status is ChamberStatus.CHAMBER)
 
 
 def test_every_sight_is_tested():
-    assert {sight for _, sight in SIGHTS.values()} == set(Sight)
+    assert {status for _, status in SIGHTS.values()} == set(ChamberStatus)
 
 
 @pytest.mark.parametrize("kind", nowhere.KINDS)
@@ -114,12 +114,12 @@ def test_no_chamber_is_found_where_there_is_none(kind: str):
     number = list(nowhere.KINDS).index(kind)
     for picture in range(25):
         image = nowhere.KINDS[kind](np.random.default_rng([7, number, picture]))
-        assert find_regions(image).sight not in {*IN_VIEW, Sight.SWAPPED}, picture
+        assert find_regions(image).status not in {*IN_VIEW, ChamberStatus.SWAPPED}, picture
 
 
 def test_no_chamber_is_found_in_the_other_sensor(designed_frames: list[Frame]):
     for frame in designed_frames:
-        assert find_regions(frame.image.pixels).sight not in {*IN_VIEW, Sight.SWAPPED}
+        assert find_regions(frame.image.pixels).status not in {*IN_VIEW, ChamberStatus.SWAPPED}
 
 
 def test_a_yellow_ring_is_found_however_dark_or_called_so():
@@ -129,9 +129,12 @@ def test_a_yellow_ring_is_found_however_dark_or_called_so():
             image = replace(true, inner=inner).image(noise=noise)
             regions = find_regions(image)
             points = find_points(image, regions)
-            assert regions.sight in (Sight.CHAMBER, Sight.DARK_INSIDE), (inner, noise)
+            assert regions.status in (ChamberStatus.CHAMBER, ChamberStatus.DARK_INSIDE), (
+                inner,
+                noise,
+            )
             if inner >= 1 / 12:
-                assert regions.sight is Sight.CHAMBER, (inner, noise)
+                assert regions.status is ChamberStatus.CHAMBER, (inner, noise)
             across = points.xy[[3, 4, 5], [0, 1, 0]] - true.points[[3, 4, 5], [0, 1, 0]]
             # A yellow that is hardly brighter than its noise has no finer edge than this.
             assert np.abs(across[points.seen[3:6]]).max(initial=0.0) < 2, (inner, noise)
@@ -142,7 +145,7 @@ def test_a_lens_with_black_corners_shows_the_chamber():
     y, x = np.mgrid[:240, :320]
     image[np.hypot(x - 159.5, y - 119.5) > 125] = (4, 3, 3)
     regions = find_regions(image)
-    assert regions.sight is Sight.CHAMBER
+    assert regions.status is ChamberStatus.CHAMBER
     # Its outline ends between where the black begins and where blue would.
     assert 159.5 + 125 - 1 < regions.blue[:, 0].max() < 159.5 + 40 + 90
 
@@ -151,7 +154,7 @@ def test_an_image_for_screens_shows_the_chamber():
     """Its levels go with the light to the power of 1/2.2: colours differ by less."""
     image = (255 * (BENT.image(noise=2) / 255.0) ** (1 / 2.2)).astype(np.uint8)
     regions = find_regions(image)
-    assert regions.sight is Sight.CHAMBER
+    assert regions.status is ChamberStatus.CHAMBER
     assert BENT.blue is not None
     assert overlap(regions.blue, BENT.blue, regions.labels.shape) > 0.98
 
@@ -165,7 +168,7 @@ def test_dark_corners_specks_and_highlights_do_not_matter():
     cv2.circle(image, (140, 90), 5, (255, 255, 255), -1)  # where blue and yellow meet
     cv2.rectangle(image, (10, 100), (14, 104), (20, 50, 190), -1)  # a blue speck on the wall
     regions = find_regions(image)
-    assert regions.sight is Sight.CHAMBER
+    assert regions.status is ChamberStatus.CHAMBER
     for name in ("blue", "yellow"):
         box, usual = (np.array(cv2.boundingRect(getattr(r, name))) for r in (regions, clean))
         assert np.abs(box - usual).max() <= 1
@@ -179,11 +182,11 @@ def corrupt(number: int) -> np.ndarray:
         case 0:
             return rng.integers(0, 256, (rows, columns, 3), dtype=np.uint8)
         case 1:
-            colours = np.array([(180, 30, 25), (25, 50, 190), (215, 180, 25), (40, 40, 40)])
-            return colours[rng.integers(0, 4, (rows, columns))].astype(np.uint8)
+            colors = np.array([(180, 30, 25), (25, 50, 190), (215, 180, 25), (40, 40, 40)])
+            return colors[rng.integers(0, 4, (rows, columns))].astype(np.uint8)
         case 2:  # patches of these colours
-            colours = np.array([(180, 30, 25), (25, 50, 190), (215, 180, 25), (40, 40, 40)])
-            patches = colours[rng.integers(0, 4, (3, 4))].astype(np.uint8)
+            colors = np.array([(180, 30, 25), (25, 50, 190), (215, 180, 25), (40, 40, 40)])
+            patches = colors[rng.integers(0, 4, (3, 4))].astype(np.uint8)
             return cv2.resize(patches, (columns, rows), interpolation=cv2.INTER_NEAREST)
         case 3:  # rows of another frame, as of a broken cable
             image = STRAIGHT.image(noise=4)
@@ -209,8 +212,8 @@ def test_every_frame_has_an_answer(first: int):
         inside = points.xy[points.seen]
         assert (inside >= -0.5).all()
         assert (inside <= np.array(image.shape[1::-1]) - 0.5).all()
-        seen = regions.sight in IN_VIEW
-        direction = bending_direction(points, initial, use="all")
+        seen = regions.status in IN_VIEW
+        direction = estimate_bending_direction(points, initial, use="all")
         assert (direction is Direction.UNDEFINED) == (not seen)
 
 
@@ -237,5 +240,5 @@ def test_labels_by_outlines_are_those_drawn_without_highlights_between():
 
 
 def test_without_a_chamber_all_labels_by_outlines_are_red():
-    grey = np.full((40, 60, 3), 120, np.uint8)
-    assert np.all(find_regions(grey).nested() == Region.RED)
+    gray = np.full((40, 60, 3), 120, np.uint8)
+    assert np.all(find_regions(gray).nested() == Region.RED)

@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics.chamber import pressed_by
+from optics.chamber import press_wall
 from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
 from perception.chamber import (
+    ChamberStatus,
     Direction,
     Points,
-    Sight,
-    bending_direction,
+    estimate_bending_direction,
     find_points,
     find_regions,
 )
@@ -39,7 +39,7 @@ def bent(
     """Frames at all bends in one direction, pressed by so many mm."""
     renderer = ChamberRenderer(finger.chamber, finger.endoscope, effects, seed=5)
     place, radius = jnp.asarray(60.0), jnp.asarray(30.0)
-    press = np.asarray(pressed_by(jnp.asarray(finger.arc), place, radius, jnp.asarray(pressed)))
+    press = np.asarray(press_wall(jnp.asarray(finger.arc), place, radius, jnp.asarray(pressed)))
     count = len(BENDS_DEG)
     postures = finger.postures(
         np.deg2rad(BENDS_DEG), np.full(count, towards), np.tile(press, (count, 1))
@@ -57,14 +57,17 @@ def test_every_frame_shows_the_chamber(finger, severity, gain):
     effects = ChamberEffects.graded(severity, gain)
     for towards, pressed in ((0.0, 0.0), (2.0, 3.0), (4.0, -3.0)):
         for image in bent(finger, effects, towards, pressed):
-            assert find_regions(image.pixels).sight in (Sight.CHAMBER, Sight.NO_YELLOW)
+            assert find_regions(image.pixels).status in (
+                ChamberStatus.CHAMBER,
+                ChamberStatus.NO_YELLOW,
+            )
 
 
 def test_yellow_is_found_far_in_the_dark(finger):
     effects = replace(ChamberEffects.graded(1.0), falloff=STEEP)
     for image in bent(finger, effects, 2.0)[:4]:
         regions = find_regions(image.pixels)
-        assert regions.sight is Sight.CHAMBER
+        assert regions.status is ChamberStatus.CHAMBER
         points, (x, y) = find_points(image.pixels, regions), image.outlines[1].T
         across = points.xy[[3, 4, 5], [0, 1, 0]] - [x.min(), y.max(), x.max()]
         assert points.seen[3:6].sum() >= 2  # the image's border may cut one
@@ -76,9 +79,9 @@ def speckled(pixels: np.ndarray, share: float, random: np.random.Generator) -> n
     changed = pixels.copy()
     where = random.random(pixels.shape[:2]) < share
     count = int(where.sum())
-    colours = np.stack([np.zeros((count, 3)), np.full((count, 3), 255),
+    colors = np.stack([np.zeros((count, 3)), np.full((count, 3), 255),
                         random.integers(0, 256, (count, 3))])  # fmt: skip
-    changed[where] = colours[random.integers(0, 3, count), np.arange(count)]
+    changed[where] = colors[random.integers(0, 3, count), np.arange(count)]
     return changed
 
 
@@ -91,10 +94,10 @@ def test_speckles_turn_no_direction_and_move_no_point(finger, share):
         clean = [points_of(pixels) for pixels in images]
         found = [points_of(speckled(pixels, share, random)) for pixels in images]
         for points, usual in zip(found[1:], clean[1:], strict=True):
-            assert bending_direction(points, found[0], use="all") is truth
+            assert estimate_bending_direction(points, found[0], use="all") is truth
             across = (points.xy - usual.xy)[np.arange(7), [0, 1, 0, 0, 1, 0, 0]]
             assert np.abs(across[points.seen & usual.seen]).max() < 2
         assert all(
-            bending_direction(points, found[0], use="blue") is not Direction.UNDEFINED
+            estimate_bending_direction(points, found[0], use="blue") is not Direction.UNDEFINED
             for points in found
         )

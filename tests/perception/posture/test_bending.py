@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import fminbound
 
-from perception.posture import Bends, bend_of_markers
+from perception.posture import Bends, fit_bend
 
 LENGTH = 100.0
 ARCS = (10.0, 40.0, 70.0, 100.0)
@@ -25,7 +25,7 @@ def integrated(bend: float) -> np.ndarray:
 
 
 def found(markers: np.ndarray) -> Bends:
-    return bend_of_markers(markers, ARCS, LENGTH)
+    return fit_bend(markers, ARCS, LENGTH)
 
 
 def test_an_arc_has_its_bend_and_nothing_is_left():
@@ -114,13 +114,13 @@ def test_any_markers_have_a_finite_answer():
 )
 def test_markers_that_do_not_rise_along_the_finger_are_refused(arcs):
     with pytest.raises(ValueError, match="rise along the finger"):
-        bend_of_markers(integrated(0.5)[None], arcs, LENGTH)
+        fit_bend(integrated(0.5)[None], arcs, LENGTH)
 
 
 @pytest.mark.parametrize("length", [0.0, -100.0, np.nan, np.inf])
 def test_lengths_that_are_none_are_refused(length):
     with pytest.raises(ValueError, match="length is positive"):
-        bend_of_markers(integrated(0.5)[None], ARCS, length)
+        fit_bend(integrated(0.5)[None], ARCS, length)
 
 
 @pytest.mark.parametrize("apart", [2e-6, 1e-3, 0.3])
@@ -128,7 +128,7 @@ def test_markers_close_together_have_a_finite_answer(apart):
     """Of the length; the last one is at its end."""
     arcs = (LENGTH * (1 - 3 * apart), LENGTH * (1 - 2 * apart), LENGTH * (1 - apart), LENGTH)
     generator = np.random.default_rng(7)
-    fit = bend_of_markers(generator.standard_normal((50, 3, 2)), arcs, LENGTH)
+    fit = fit_bend(generator.standard_normal((50, 3, 2)), arcs, LENGTH)
     assert fit.known.all()
     assert (np.abs(fit.bend) <= np.pi).all()
     assert np.isfinite(fit.residual).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from designopt.errors import UserError
-from perception.posture import boundary_image, shrunk
+from perception.posture import make_boundary_image, shrink
 
 
 def brute_force(labels: np.ndarray) -> np.ndarray:
@@ -21,16 +21,16 @@ def brute_force(labels: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (9, 1), (13, 17), (24, 32)])
 def test_as_pixel_by_pixel(shape):
     labels = np.random.default_rng(0).integers(0, 3, shape, np.uint8)
-    np.testing.assert_array_equal(boundary_image(labels), brute_force(labels))
+    np.testing.assert_array_equal(make_boundary_image(labels), brute_force(labels))
 
 
 def test_of_a_part_of_a_larger_image():
     labels = np.random.default_rng(1).integers(0, 200, (40, 50), np.uint8)[3:-5, 4:-7]
-    np.testing.assert_array_equal(boundary_image(labels), brute_force(labels))
+    np.testing.assert_array_equal(make_boundary_image(labels), brute_force(labels))
 
 
 def test_one_region_has_no_boundary():
-    assert not boundary_image(np.full((12, 16), 2, np.uint8)).any()
+    assert not make_boundary_image(np.full((12, 16), 2, np.uint8)).any()
 
 
 def test_shrunk_averages_blocks_of_thicker_lines():
@@ -39,12 +39,12 @@ def test_shrunk_averages_blocks_of_thicker_lines():
     thick = np.zeros(boundary.shape)
     thick[:, 8:11] = 255
     blocks = thick.reshape(3, 4, 5, 4).mean(axis=(1, 3))
-    np.testing.assert_allclose(shrunk(boundary, (5, 3)), blocks, rtol=1e-6)
+    np.testing.assert_allclose(shrink(boundary, (5, 3)), blocks, rtol=1e-6)
 
 
 def test_thin_lines_survive():
-    boundary = boundary_image(np.tri(480, 640, dtype=np.uint8))
-    small = shrunk(boundary, (64, 48))
+    boundary = make_boundary_image(np.tri(480, 640, dtype=np.uint8))
+    small = shrink(boundary, (64, 48))
     assert small.dtype == np.float32
     assert np.all(small[np.arange(48), np.arange(48)] > 30)
 
@@ -52,4 +52,4 @@ def test_thin_lines_survive():
 @pytest.mark.parametrize("size", [(0, 3), (21, 3), (5, 13)])
 def test_a_size_that_is_not_smaller_is_refused(size):
     with pytest.raises(UserError, match=f"20x12 px cannot be shrunk to {size[0]}x{size[1]}"):
-        shrunk(np.zeros((12, 20), np.uint8), size)
+        shrink(np.zeros((12, 20), np.uint8), size)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from perception.posture import PostureNetwork, weighted_loss
+from perception.posture import PostureNetwork, compute_weighted_loss
 from perception.posture.training import Rates, objective
 
 CHANNELS = (2, 3, 4, 3)
@@ -87,7 +87,7 @@ def test_equation_4_by_hand():
         [[[1.0, 2.0], [0.0, 3.0], [1.0, 1.0]], [[0.0, 0.0], [2.0, 0.0], [0.0, -1.0]]]
     )
     # 0.5·5 + 1·9 + 1.5·2 = 14.5 and 0.5·0 + 1·4 + 1.5·1 = 5.5
-    assert float(weighted_loss(predicted, markers, jnp.array([0.5, 1.0, 1.5]))) == 10.0
+    assert float(compute_weighted_loss(predicted, markers, jnp.array([0.5, 1.0, 1.5]))) == 10.0
 
 
 @pytest.mark.parametrize("regularisation", [0.0, 0.3])

@@ -11,8 +11,8 @@ from perception.posture import (
     EQUAL_WEIGHTS,
     PostureEstimator,
     Training,
-    marker_errors,
-    mean_predictor_error,
+    compute_marker_errors,
+    compute_mean_predictor_error,
     train,
 )
 from tests.perception.posture.toy import samples
@@ -21,11 +21,11 @@ SIZE = (32, 24)
 QUICK = Training(epochs=30, batch=32, channels=(4, 8, 8, 16))
 IMAGES, MARKERS = samples(300, SIZE, seed=1)
 OTHERS = samples(100, SIZE, seed=2)
-MEAN_PREDICTOR = mean_predictor_error(MARKERS, OTHERS[1])
+MEAN_PREDICTOR = compute_mean_predictor_error(MARKERS, OTHERS[1])
 
 
 def tip_error(estimator: PostureEstimator) -> float:
-    return float(marker_errors(estimator.predict(OTHERS[0]), OTHERS[1])[:, -1].mean())
+    return float(compute_marker_errors(estimator.predict(OTHERS[0]), OTHERS[1])[:, -1].mean())
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +42,11 @@ def test_the_mean_predictor_by_hand():
     train_markers[1, 2] = (0.0, 8.0)
     markers = np.zeros((2, 3, 2))
     markers[0, 2], markers[1, 2] = (3.0, 0.0), (0.0, 4.0)
-    assert mean_predictor_error(train_markers, markers) == 2.5  # (3, 4) and (0, 0) off
+    assert compute_mean_predictor_error(train_markers, markers) == 2.5  # (3, 4) and (0, 0) off
 
 
 def test_marker_errors_are_distances():
-    errors = marker_errors(np.full((2, 3, 2), [3.0, 4.0]), np.zeros((2, 3, 2)))
+    errors = compute_marker_errors(np.full((2, 3, 2), [3.0, 4.0]), np.zeros((2, 3, 2)))
     np.testing.assert_array_equal(errors, np.full((2, 3), 5.0))
 
 
@@ -76,7 +76,7 @@ def test_the_loss_is_equation_4_in_mm():
     """A step so small that the network stays as it was: the epoch's loss is that of its answers."""
     still = dataclasses.replace(QUICK, epochs=1, learning_rate=1e-12)
     estimator = train(IMAGES[:256], MARKERS[:256], still)
-    squares = marker_errors(estimator.predict(IMAGES[:256]), MARKERS[:256]) ** 2
+    squares = compute_marker_errors(estimator.predict(IMAGES[:256]), MARKERS[:256]) ** 2
     expected = (squares @ np.array(QUICK.loss_weights)).mean()
     assert estimator.record.loss[0] == pytest.approx(expected, rel=1e-4)
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-from perception.posture import boundary_image, shrunk
+from perception.posture import make_boundary_image, shrink
 
 LENGTH, RADIUS = 100.0, 12.0
 """Of the chamber, mm."""
@@ -40,7 +40,7 @@ def regions(
     seen_through = np.full((rows, columns), 255, np.uint8)
     for ring, part in enumerate(RINGS, 1):
         aside, ahead = along(bend, length * part)
-        centre = (
+        center = (
             columns * 0.35 + focal * (aside + shift[0]) / ahead,
             rows / 2 + focal * shift[1] / ahead,
         )
@@ -48,7 +48,7 @@ def regions(
         half = focal * RADIUS / ahead
         axes = (2 * half * max(math.cos(turned), 0.1), 2 * half)
         inside = np.zeros_like(labels)
-        cv2.ellipse(inside, (centre, axes, 0.0), 255, cv2.FILLED)
+        cv2.ellipse(inside, (center, axes, 0.0), 255, cv2.FILLED)
         seen_through &= inside
         labels[seen_through > 0] = ring
     return labels
@@ -64,6 +64,6 @@ def samples(
         bend, length = generator.uniform(0, BEND), LENGTH * generator.uniform(0.95, 1.05)
         shift = (generator.uniform(-1, 1), generator.uniform(-1, 1))
         labels = regions(bend, length, shift, (640, 480))
-        images.append(shrunk(boundary_image(labels), size))
+        images.append(shrink(make_boundary_image(labels), size))
         markers.append(markers_of(bend, length))
     return np.stack(images), np.stack(markers)

@@ -9,8 +9,8 @@ from perception.proprioception import (
     FingerErrors,
     Observation,
     calibrate,
+    compute_information_bound,
     find_pose,
-    information_bound,
     stack_observations,
 )
 from perception.proprioception.corners import LOOSE
@@ -85,7 +85,9 @@ CASES = {
 def test_the_bound_is_that_of_all_unknowns_at_once(case, label_deviation):
     lost, others = CASES[case]
     one, frames = uneven(frame(MADE, POSE, without=lost)), uneven(several(*others))
-    bound = information_bound(MODEL, MADE, (one, POSE), (frames, SPREAD_OUT), label_deviation)
+    bound = compute_information_bound(
+        MODEL, MADE, (one, POSE), (frames, SPREAD_OUT), label_deviation
+    )
     known, calibrated = brute_force(one, frames, label_deviation)
     # Differences are good to 1e-9; an inverse whose parts cancel is less good.
     np.testing.assert_allclose(bound.finger_known, known, rtol=1e-6)
@@ -97,7 +99,7 @@ def test_more_labels_and_better_ones_tell_more():
     one = frame(MADE, POSE)
 
     def calibrated(frames: Observation, deviation: float | None) -> np.ndarray:
-        return information_bound(
+        return compute_information_bound(
             MODEL, MADE, (one, POSE), (frames, SPREAD_OUT), deviation
         ).calibrated
 
@@ -115,7 +117,9 @@ def test_more_labels_and_better_ones_tell_more():
 def test_labels_at_which_nothing_is_seen_are_the_prior():
     one, dark = frame(MADE, POSE), several(*[NOTHING] * FRAMES)
     bounds = [
-        information_bound(MODEL, MADE, (one, POSE), (dark, SPREAD_OUT), deviation).calibrated
+        compute_information_bound(
+            MODEL, MADE, (one, POSE), (dark, SPREAD_OUT), deviation
+        ).calibrated
         for deviation in (1e-3, None)
     ]
     np.testing.assert_allclose(*bounds, rtol=1e-12)
@@ -123,14 +127,14 @@ def test_labels_at_which_nothing_is_seen_are_the_prior():
 
 def test_a_joint_that_is_not_seen_is_as_good_as_unknown():
     one = frame(MADE, POSE, without=(2,))
-    bound = information_bound(MODEL, MADE, (one, POSE), (several(), SPREAD_OUT), LABELS)
+    bound = compute_information_bound(MODEL, MADE, (one, POSE), (several(), SPREAD_OUT), LABELS)
     assert bound.finger_known[1] == pytest.approx(LOOSE)
     assert bound.calibrated[1] == pytest.approx(LOOSE)
 
 
 def test_with_the_finger_known_exact_corners_are_said_to_reach_it():
     one = frame(MADE, POSE)
-    bound = information_bound(MODEL, MADE, (one, POSE), (several(), SPREAD_OUT), LABELS)
+    bound = compute_information_bound(MODEL, MADE, (one, POSE), (several(), SPREAD_OUT), LABELS)
     found = find_pose(
         MODEL, one, POSE, FingerErrors.of(MODEL, MADE, np.zeros((ERRORS, ERRORS)), constant=0.0)
     )
@@ -141,7 +145,7 @@ def test_with_the_finger_known_exact_corners_are_said_to_reach_it():
 def test_a_calibrated_finger_comes_near_to_the_bound():
     # The finger is drawn anew each time, as the bound's prior knowledge has it.
     generator, off = np.random.default_rng(8), []
-    bound = information_bound(
+    bound = compute_information_bound(
         MODEL, np.zeros(ERRORS), (frame(MADE, POSE), POSE), (several(), SPREAD_OUT), LABELS
     )
     for _ in range(120):

@@ -14,8 +14,8 @@ from perception.proprioception import (
     JointAngleResult,
     JointAngles,
     Observation,
-    estimates_of,
     find_pose,
+    split_estimates,
 )
 from perception.proprioception.corners import ROBUST, deviations, softened
 from tests.perception.proprioception.toy import (
@@ -461,7 +461,7 @@ def test_a_level_of_significance_lies_between_0_and_1(level):
 
 def test_answers_become_estimates():
     found = solved(frame(NONE, POSE, without=(2,)), POSE)
-    first, second = estimates_of(found)
+    first, second = split_estimates(found)
     assert (first.angle, first.deviation) == (
         pytest.approx(float(found.value.angles[0])),
         pytest.approx(float(found.value.deviations[0])),

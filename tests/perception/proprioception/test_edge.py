@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.matching import Sighting
-from perception.proprioception import EdgeCurve, EdgeRuler, fit_edges
+from perception.proprioception import EdgeCurve, EdgeEstimator, fit_edges
 from perception.proprioception.edge import BEYOND, PARABOLA
 from perception.quality import Quality
 from tests.perception.proprioception.toy import missing, sighting_of, view_of
@@ -33,7 +33,7 @@ def first_end(section: float) -> Sighting:
     )
 
 
-def ruler_of(sections: np.ndarray, labels: np.ndarray) -> EdgeRuler:
+def ruler_of(sections: np.ndarray, labels: np.ndarray) -> EdgeEstimator:
     return fit_edges(
         [first_end(float(section)) for section in sections],
         labels,
@@ -107,7 +107,7 @@ def full(section: float) -> Sighting:
     )
 
 
-def full_ruler(views: list[tuple[str, str]] | None = None) -> EdgeRuler:
+def full_ruler(views: list[tuple[str, str]] | None = None) -> EdgeEstimator:
     sections = np.linspace(LOW, HIGH, 7)
     return fit_edges(
         [full(float(section)) for section in sections],

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.proprioception import Estimate, first_defined, undefined
+from perception.proprioception import Estimate, make_undefined, select_defined
 
 
 def test_undefined_is_never_a_number():
-    nothing = undefined("the pad is covered")
+    nothing = make_undefined("the pad is covered")
     assert not nothing.defined
     assert math.isnan(nothing.angle)
     assert math.isinf(nothing.deviation)
@@ -30,8 +30,8 @@ def test_every_finite_angle_is_defined_even_zero(angle):
 @given(st.lists(st.booleans(), min_size=1, max_size=5))
 def test_the_first_that_is_defined_counts_and_of_none_the_first(there):
     estimates = [
-        Estimate(0.0, 1.0, str(i)) if defined else undefined(str(i))
+        Estimate(0.0, 1.0, str(i)) if defined else make_undefined(str(i))
         for i, defined in enumerate(there)
     ]
     expected = there.index(True) if any(there) else 0
-    assert first_defined(*estimates) is estimates[expected]
+    assert select_defined(*estimates) is estimates[expected]

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from perception.proprioception import GapMeter, GapTable, calibrate_gap
+from perception.proprioception import GapEstimator, GapTable, calibrate_gap
 from perception.proprioception.gap import end_angle, end_is_seen
 from perception.quality import Quality
 from tests.perception.proprioception.toy import missing, sighting_of, view_of
@@ -190,7 +190,9 @@ def test_without_one_of_both_views_there_is_no_gap(lost, expected):
     assert not end_is_seen(None, 0)
 
 
-def calibrated(gaps: np.ndarray, angles: np.ndarray, table: GapTable = RISING) -> GapMeter | None:
+def calibrated(
+    gaps: np.ndarray, angles: np.ndarray, table: GapTable = RISING
+) -> GapEstimator | None:
     return calibrate_gap(table, gaps, angles, noise=NOISE, label_deviation=LABELS)
 
 
@@ -261,7 +263,7 @@ def test_two_frames_are_enough():
 OFFSET, SCALE, ASKED = 0.03, 1.05, 0.8
 
 
-def repeats(table: GapTable, count: int = 1000) -> list[tuple[GapMeter, float]]:
+def repeats(table: GapTable, count: int = 1000) -> list[tuple[GapEstimator, float]]:
     """Meters from noisy frames and labels, each with one more noisy gap at a known angle."""
     generator, found = np.random.default_rng(0), []
     for _ in range(count):
@@ -290,14 +292,14 @@ def test_what_is_said_of_offset_scale_and_angle_is_the_scatter_of_repeats(table)
 
 
 def test_a_known_meter_errs_by_the_noise_over_the_rate():
-    meter = GapMeter(RISING, OFFSET, SCALE, np.zeros((2, 2)), NOISE)
+    meter = GapEstimator(RISING, OFFSET, SCALE, np.zeros((2, 2)), NOISE)
     angles = np.array([0.1, 0.6, 1.2])
     said = [meter.estimate(float(gap)).deviation for gap in OFFSET + SCALE * RISING.gap(angles)]
     np.testing.assert_allclose(said, NOISE / (SCALE * rate_at(angles)), rtol=1e-6)
 
 
 def test_where_the_gap_is_not_in_the_table_there_is_no_angle():
-    meter = GapMeter(RISING, OFFSET, SCALE, np.zeros((2, 2)), NOISE)
+    meter = GapEstimator(RISING, OFFSET, SCALE, np.zeros((2, 2)), NOISE)
     low, high = (OFFSET + SCALE * gap_at(ANGLES[[0, -1]])).tolist()
     for gap, word in ((math.nan, "no gap"), (low - 1e-6, "outside"), (high + 1e-6, "outside")):
         estimate = meter.estimate(gap)

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from designopt.export.json import Quantity
-from designopt.export.sheet import (
+from designopt.export.drawing import (
     Circle,
+    Drawing,
     Label,
     Layer,
-    Measure,
+    LinearDimension,
     Place,
-    Sheet,
-    Stroke,
+    Polyline,
     printable,
     round_down,
 )
+from designopt.export.json import Quantity
 from kinematics.model.assembled import assembled_joints, own_places, zeroed
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, BodyPart, InputPart, Structure
@@ -42,7 +42,7 @@ MOST_NOTED = 5
 """More springs than these leave no room for the drawing; they are but counted."""
 
 
-def linkage_sheet(design: DesignedLinkage, *, pose: bool = True) -> Sheet:
+def make_linkage_drawing(design: DesignedLinkage, *, pose: bool = True) -> Drawing:
     """The drawing of a linkage in its sketched pose.
 
     Every body has a layer of its own with its bars or its outline, its slots, and a circle at each
@@ -66,23 +66,23 @@ def linkage_sheet(design: DesignedLinkage, *, pose: bool = True) -> Sheet:
         ],
     )
     radius = _pin_radius(linkage, scene.size)
-    strokes, circles = [], []
+    polylines, circles = [], []
     labels: dict[str, Label] = {}
-    measures: dict[frozenset[str], Measure] = {}
+    measures: dict[frozenset[str], LinearDimension] = {}
     for part in structure.bodies:
         for line in _lines(scene, part):
-            strokes.append(_stroke(part.name, line))
+            polylines.append(_stroke(part.name, line))
         for joint in part.joints:
             place = _place(joints[joint])
             if _partners(structure, joint) > 1:
                 circles.append(Circle(part.name, joint, place, radius))
             else:
-                strokes += _cross(part.name, place, radius)
+                polylines += _cross(part.name, place, radius)
             labels.setdefault(joint, Label(part.name, place, joint))
         for pair in itertools.combinations(part.joints, 2):
             first, second = (joints[joint] for joint in pair)
             if abs(second - first) > COINCIDENT * scene.size:
-                measures.setdefault(frozenset(pair), Measure(_place(first), _place(second)))
+                measures.setdefault(frozenset(pair), LinearDimension(_place(first), _place(second)))
     notes = [
         *(["in the sketched pose"] if pose else []),
         f"pins are drawn {2 * radius:g} mm wide, whatever their diameter will be",
@@ -95,10 +95,10 @@ def linkage_sheet(design: DesignedLinkage, *, pose: bool = True) -> Sheet:
         for (first, second), spring in zip(structure.springs, linkage.springs, strict=True)
     ]
     notes += springs if len(springs) <= MOST_NOTED else [f"{len(springs)} springs"]
-    return Sheet(
+    return Drawing(
         title=printable(design.name),
         layers=[Layer(part.name, "body") for part in structure.bodies],
-        strokes=strokes,
+        polylines=polylines,
         circles=circles,
         labels=list(labels.values()),
         measures=list(measures.values()),
@@ -135,7 +135,7 @@ def linkage_quantities(design: DesignedLinkage) -> list[Quantity]:
         ]
         if line.turn is not None:
             found.append(Quantity(f"{name}.turn", _degrees(float(line.turn)), "°"))
-    homes = np.asarray(linkage.home.inputs, float).tolist()
+    homes = np.asarray(linkage.reference.inputs, float).tolist()
     for part, value in zip(structure.inputs, homes, strict=True):
         number = (zeroed(value), "mm") if part.body is None else (_degrees(value), "°")
         found.append(Quantity(f"inputs.{part.name}", *number, note=_meaning(structure, part)))
@@ -185,7 +185,7 @@ def _body_quantities(linkage: Linkage, part: BodyPart) -> Iterator[Quantity]:
 
 
 def _slides(linkage: Linkage) -> list[float]:
-    return [zeroed(slide) for slide in np.asarray(linkage.home.slides, float).tolist()]
+    return [zeroed(slide) for slide in np.asarray(linkage.reference.slides, float).tolist()]
 
 
 def _degrees(angle: float) -> float:
@@ -218,18 +218,18 @@ def _partners(structure: Structure, joint: str) -> int:
     return moving + sliding + (joint in structure.fixed_joints)
 
 
-def _cross(layer: str, place: Place, radius: float) -> list[Stroke]:
+def _cross(layer: str, place: Place, radius: float) -> list[Polyline]:
     x, y = place
     return [
-        Stroke(layer, [(x - radius, y), (x + radius, y)]),
-        Stroke(layer, [(x, y - radius), (x, y + radius)]),
+        Polyline(layer, [(x - radius, y), (x + radius, y)]),
+        Polyline(layer, [(x, y - radius), (x, y + radius)]),
     ]
 
 
-def _stroke(layer: str, line: np.ndarray) -> Stroke:
+def _stroke(layer: str, line: np.ndarray) -> Polyline:
     places = [(float(x), float(y)) for x, y in line]
     closed = len(places) > 2 and places[0] == places[-1]
-    return Stroke(layer, places[:-1] if closed else places, closed)
+    return Polyline(layer, places[:-1] if closed else places, closed)
 
 
 def _place(place: complex) -> Place:

@@ -12,18 +12,18 @@ import pytest
 from designopt.optimize import (
     BOUND,
     FEASIBLE,
+    Evaluation,
     Method,
-    Minimiser,
+    Minimizer,
     OptimumResult,
     Problem,
-    Terms,
-    active_set,
-    conflict,
-    epigraph,
-    level_starts,
-    minimise,
-    sobol_starts,
-    softened,
+    draw_sobol_starts,
+    explain_conflict,
+    find_active_set,
+    make_epigraph,
+    make_epigraph_starts,
+    make_soft_minimum,
+    minimize,
 )
 from tests.designopt.optimize.cases import PUBLISHED, apart, case, rosenbrock
 
@@ -57,7 +57,7 @@ def floors(method, value):
 @functools.cache
 def solved(name, method):
     published = case(name)
-    return published, minimise(
+    return published, minimize(
         published.problem,
         published.starts,
         method,
@@ -93,7 +93,7 @@ def check(published, optimum):
 def test_published_optima(name, method):
     published, optima = solved(name, method)
     check(published, optima.best)
-    assert conflict(published.problem, optima.best) == []
+    assert explain_conflict(published.problem, optima.best) == []
     assert optima.seconds > 0
     assert optima.compile_seconds > 0
 
@@ -119,7 +119,7 @@ def test_every_method_on_every_published_problem(name, method):
 def test_the_active_set_of_hs71():
     """The equality and the product hold it, and the lower bound of x1, as published."""
     published, optima = solved("hs71", "slsqp")
-    active = active_set(published.problem, optima.best)
+    active = find_active_set(published.problem, optima.best)
     words = {one.words: one for one in active}
     assert words.keys() == {"parameter[0] at its lower bound", "product", "sphere"}
     assert [one.share for one in active] == sorted((one.share for one in active), reverse=True)
@@ -132,14 +132,14 @@ def test_the_active_set_of_hs71():
 
         def terms(x):
             at = published.problem.terms(x)
-            return Terms(
+            return Evaluation(
                 objective=at.objective,
                 equalities={"sphere": at.equalities["sphere"] - change.get("sphere", 0.0)},
                 inequalities={"product": at.inequalities["product"] - change.get("product", 0.0)},
             )
 
         problem = Problem(terms, lower, published.problem.upper)
-        return minimise(problem, published.starts, "slsqp", tolerance=1e-14).best.objective
+        return minimize(problem, published.starts, "slsqp", tolerance=1e-14).best.objective
 
     for key, name, less in (
         ("bound", "parameter[0] at its lower bound", -step),
@@ -156,11 +156,11 @@ def test_plain_least_squares_is_one_solve():
     y, u = (jnp.asarray(data[key]) for key in "yu")
 
     def terms(x):
-        return Terms(residuals=x[0] * (u * u + u * x[1]) / (u * u + u * x[2] + x[3]) - y)
+        return Evaluation(residuals=x[0] * (u * u + u * x[1]) / (u * u + u * x[2] + x[3]) - y)
 
     problem = Problem(terms, jnp.full(4, -jnp.inf), jnp.full(4, jnp.inf))
     start = jnp.asarray(data["start"])
-    optima = minimise(problem, jnp.stack([start, 2 * start]), "levenberg-marquardt")
+    optima = minimize(problem, jnp.stack([start, 2 * start]), "levenberg-marquardt")
     for one in optima.found:
         assert bool(one.solution.ok)
         np.testing.assert_allclose(2 * one.objective, data["sum_of_squares"], rtol=2e-6)
@@ -173,9 +173,9 @@ def test_plain_least_squares_is_one_solve():
 def test_the_exact_form_of_max_min():
     """CB2 in 8 starts at once: where two of three functions meet, shares of the price sum to 1."""
     cb2 = case("cb2")
-    form = epigraph(cb2.problem)
-    starts = level_starts(cb2.problem, sobol_starts(cb2.problem, 8, seed=0))
-    optima = minimise(form, starts, "bfgs", updates=15)
+    form = make_epigraph(cb2.problem)
+    starts = make_epigraph_starts(cb2.problem, draw_sobol_starts(cb2.problem, 8, seed=0))
+    optima = minimize(form, starts, "bfgs", updates=15)
     best = optima.best
     assert bool(best.solution.ok)
     np.testing.assert_allclose(best.objective, cb2.value, rtol=1e-6)
@@ -186,7 +186,7 @@ def test_the_exact_form_of_max_min():
     # The first function and the second are the largest there; of weights the sum is one.
     np.testing.assert_allclose(sum(weights), 1.0, rtol=1e-6)
     assert weights[2] == pytest.approx(0.0, abs=1e-6)
-    assert {one.name for one in active_set(form, best)} == {"first", "second"}
+    assert {one.name for one in find_active_set(form, best)} == {"first", "second"}
     feasible = optima.feasible
     assert feasible[0] is best
     assert [one.objective for one in feasible] == sorted(one.objective for one in feasible)
@@ -194,7 +194,9 @@ def test_the_exact_form_of_max_min():
 
 def test_the_smooth_form_of_max_min_ends_within_its_bound():
     cb3, temperature = case("cb3"), 0.01
-    optima = minimise(softened(cb3.problem, temperature), cb3.starts, "slsqp", tolerance=1e-12)
+    optima = minimize(
+        make_soft_minimum(cb3.problem, temperature), cb3.starts, "slsqp", tolerance=1e-12
+    )
     best = optima.best
     assert bool(best.solution.ok)
     assert cb3.value <= best.objective <= cb3.value + temperature * np.log(3)
@@ -204,11 +206,11 @@ def test_the_smooth_form_of_max_min_ends_within_its_bound():
 
 @pytest.mark.parametrize("method", ["bfgs", "trust-constr"])
 def test_an_infeasible_problem_says_what_conflicts(method):
-    optima = minimise(apart(), jnp.asarray([[3.0]]), method)
+    optima = minimize(apart(), jnp.asarray([[3.0]]), method)
     best = optima.best
     assert best.solution.messages() == [OptimumResult[OptimumResult.infeasible]]
     np.testing.assert_allclose(best.parameters, 0.0, atol=1e-6)
-    assert sorted(conflict(apart(), best)) == ["high by 1", "low by 1"]
+    assert sorted(explain_conflict(apart(), best)) == ["high by 1", "low by 1"]
     np.testing.assert_allclose([best.violations[n] for n in ("high", "low")], 1.0, atol=1e-6)
     np.testing.assert_allclose(best.violation, 1.0, atol=1e-6)
     assert optima.feasible == []
@@ -216,7 +218,7 @@ def test_an_infeasible_problem_says_what_conflicts(method):
 
 def logarithmic(x):
     """Least at (1, 0), where the requirement holds with room; no numbers left of 0."""
-    return Terms(
+    return Evaluation(
         objective=x[0] - jnp.log(x[0]) + x[1] ** 2, inequalities={"root": jnp.sqrt(x[0]) - 0.5}
     )
 
@@ -228,7 +230,7 @@ DOMAIN_STARTS = jnp.asarray([[3.0, 1.0], [-1.0, 1.0], [0.5, 5.0]])
 @pytest.mark.parametrize("method", ["bfgs", "slsqp", "trust-constr"])
 def test_a_start_without_numbers_does_not_spoil_the_others(method):
     settings = {"updates": 6, "steps": 40, "tolerance": TIGHT.get(method, 1e-8)}
-    optima = minimise(LOGARITHMIC, DOMAIN_STARTS, method, **settings)
+    optima = minimize(LOGARITHMIC, DOMAIN_STARTS, method, **settings)
     good, bad, other = optima.found
     assert bad.solution.messages() == [OptimumResult[OptimumResult.no_number]]
     assert not bad.feasible
@@ -242,7 +244,7 @@ def test_a_start_without_numbers_does_not_spoil_the_others(method):
 @pytest.mark.nightly
 @pytest.mark.parametrize("method", get_args(Method))
 def test_a_start_without_numbers_does_not_spoil_the_others_by_any_method(method):
-    optima = minimise(
+    optima = minimize(
         LOGARITHMIC,
         DOMAIN_STARTS,
         method,
@@ -287,8 +289,8 @@ def test_the_history_of_a_reference_solver():
 def test_single_precision():
     with jax.enable_x64(False):
         hs65 = case("hs65", "float32")
-        minimiser = Minimiser(hs65.problem, 1, "bfgs")
-        best = minimiser.solve(hs65.starts).best
+        minimizer = Minimizer(hs65.problem, 1, "bfgs")
+        best = minimizer.solve(hs65.starts).best
         assert best.parameters.dtype == jnp.float32
     # The square root of rounding is 3e-4.
     np.testing.assert_allclose(best.objective, hs65.value, rtol=1e-3)
@@ -298,7 +300,7 @@ def test_single_precision():
 
 def test_single_precision_beside_double():
     free = case("hs1", "float32")
-    best = minimise(free.problem, free.starts, "slsqp").best
+    best = minimize(free.problem, free.starts, "slsqp").best
     assert best.parameters.dtype == jnp.float32
     np.testing.assert_allclose(best.parameters, free.point, rtol=0, atol=5e-2)
 
@@ -306,22 +308,22 @@ def test_single_precision_beside_double():
 def test_a_method_that_mixes_float_types_says_so():
     hs28 = case("hs28", "float32")
     with pytest.raises(ValueError, match=r"enable_x64\(False\)"):
-        Minimiser(hs28.problem, 1, "levenberg-marquardt")
+        Minimizer(hs28.problem, 1, "levenberg-marquardt")
 
 
 def test_wrong_use_is_refused():
     hs71, cb2 = case("hs71"), case("cb2")
     with pytest.raises(ValueError, match="needs residuals, or a floor"):
-        Minimiser(hs71.problem, 1, "levenberg-marquardt")
+        Minimizer(hs71.problem, 1, "levenberg-marquardt")
     for method in ("bfgs", "slsqp"):
         with pytest.raises(ValueError, match=r"epigraph\(\) or softened\(\)"):
-            Minimiser(cb2.problem, 1, method)
+            Minimizer(cb2.problem, 1, method)
 
 
 def test_a_minimiser_serves_more_than_once():
-    minimiser = Minimiser(rosenbrock(), 2, "bfgs")
+    minimizer = Minimizer(rosenbrock(), 2, "bfgs")
     for starts in ([[0.0, 0.0], [2.0, 1.0]], [[-1.0, 2.0], [0.5, 0.5]]):
-        optima = minimiser.solve(jnp.asarray(starts))
+        optima = minimizer.solve(jnp.asarray(starts))
         for one in optima.found:
             assert bool(one.solution.ok)
             np.testing.assert_allclose(one.parameters, 1.0, atol=POINT)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from designopt.export.drawing import Drawing, Layer, Polyline
 from designopt.export.json import Quantity
-from designopt.export.sheet import Layer, Sheet, Stroke
-from kinematics.export.sheet import linkage_quantities, linkage_sheet
-from optics.export.scene_sheet import HINGES, scene_quantities, scene_sheet
+from kinematics.export.drawing import linkage_quantities, make_linkage_drawing
+from optics.export.scene_drawing import HINGES, make_scene_drawing, scene_quantities
 from studies.finger.parts import finger_linkage, finger_scene
 from studies.models.finger import Body, Finger
 
@@ -16,22 +16,22 @@ OUTLINE = "outline"
 """Layer of the straight finger's outline."""
 
 
-def finger_sheet(finger: Finger) -> Sheet:
+def make_finger_drawing(finger: Finger) -> Drawing:
     """The section of the straight finger, PIP axis at the origin, x towards the tip.
 
     Linkage, camera, mirrors and pads lie on the layers of their own drawings; hinges are pins of
     the linkage. The faces and ends of the finger are construction lines.
     """
-    links = linkage_sheet(finger_linkage(finger), pose=False)
-    optics = scene_sheet(finger_scene(finger), pose=False)
-    return Sheet(
+    links = make_linkage_drawing(finger_linkage(finger), pose=False)
+    optics = make_scene_drawing(finger_scene(finger), pose=False)
+    return Drawing(
         title=finger.name,
         layers=[
             *links.layers,
             *(layer for layer in optics.layers if layer.name != HINGES),
             Layer(OUTLINE, "construction"),
         ],
-        strokes=[*links.strokes, *optics.strokes, _outline(finger.body)],
+        polylines=[*links.polylines, *optics.polylines, _outline(finger.body)],
         circles=[
             *links.circles,
             *(circle for circle in optics.circles if circle.layer != HINGES),
@@ -72,8 +72,8 @@ def _within(part: str, quantities: Sequence[Quantity]) -> list[Quantity]:
     return [replace(quantity, name=f"{part}.{quantity.name}") for quantity in quantities]
 
 
-def _outline(body: Body) -> Stroke:
+def _outline(body: Body) -> Polyline:
     root, tip = -float(body.proximal), float(body.intermediate + body.distal)
     palmar, dorsal = float(body.palmar), float(body.dorsal)
     corners = [(root, palmar), (tip, palmar), (tip, dorsal), (root, dorsal)]
-    return Stroke(OUTLINE, corners, closed=True)
+    return Polyline(OUTLINE, corners, closed=True)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from designopt.errors import UserError
-from perception.chamber import Sight, find_regions
-from perception.posture import Training, boundary_image, find_posture, shrunk, train
+from perception.chamber import ChamberStatus, find_regions
+from perception.posture import Training, find_posture, make_boundary_image, shrink, train
 from tests.perception.chamber.drawn import Scene
 
 SIZE = (32, 24)
@@ -20,7 +20,7 @@ def estimator():
     images, markers = [], []
     for down in np.linspace(0, 40, 24):
         regions = find_regions(STRAIGHT.moved(0, down).image())
-        images.append(shrunk(boundary_image(regions.nested()), SIZE))
+        images.append(shrink(make_boundary_image(regions.nested()), SIZE))
         markers.append(np.full((3, 2), down) + generator.normal(0, 0.1, (3, 2)))
     return train(np.stack(images), np.stack(markers), Training(epochs=60, batch=8))
 
@@ -29,24 +29,24 @@ def test_what_is_drawn_farther_down_is_read_farther_down(estimator):
     read = []
     for down in (5.0, 20.0, 35.0):
         seen = find_posture(STRAIGHT.moved(0, down).image(), estimator)
-        assert seen.sight is Sight.CHAMBER
+        assert seen.status is ChamberStatus.CHAMBER
         assert seen.markers is not None
         read.append(float(seen.markers.mean()))
     np.testing.assert_allclose(read, [5, 20, 35], atol=4)
 
 
 @pytest.mark.parametrize(
-    ("image", "sight"),
+    ("image", "status"),
     [
-        (np.zeros((240, 320, 3), np.uint8), Sight.TOO_DARK),
-        (np.full((240, 320, 3), 255, np.uint8), Sight.TOO_BRIGHT),
-        (np.full((240, 320, 3), 120, np.uint8), Sight.NO_CHAMBER),
-        (np.ascontiguousarray(STRAIGHT.image()[..., ::-1]), Sight.SWAPPED),
+        (np.zeros((240, 320, 3), np.uint8), ChamberStatus.TOO_DARK),
+        (np.full((240, 320, 3), 255, np.uint8), ChamberStatus.TOO_BRIGHT),
+        (np.full((240, 320, 3), 120, np.uint8), ChamberStatus.NO_CHAMBER),
+        (np.ascontiguousarray(STRAIGHT.image()[..., ::-1]), ChamberStatus.SWAPPED),
     ],
 )
-def test_without_a_chamber_there_is_no_posture(estimator, image, sight):
+def test_without_a_chamber_there_is_no_posture(estimator, image, status):
     seen = find_posture(image, estimator)
-    assert seen.sight is sight
+    assert seen.status is status
     assert seen.markers is None
 
 

@@ -12,11 +12,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from ezdxf.document import Drawing
+from ezdxf.document import Drawing as DxfDocument
 
+from designopt.export.drawing import Drawing
 from designopt.export.dxf import dxf_text
-from designopt.export.sheet import Sheet
-from kinematics.export.sheet import linkage_quantities, linkage_sheet
+from kinematics.export.drawing import linkage_quantities, make_linkage_drawing
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
 from tests.designopt.export.reading import dimensions, opened
@@ -32,12 +32,12 @@ def design(name: str) -> DesignedLinkage:
 
 
 @cache
-def sheet(name: str) -> Sheet:
-    return linkage_sheet(design(name))
+def sheet(name: str) -> Drawing:
+    return make_linkage_drawing(design(name))
 
 
 @cache
-def drawing(name: str) -> Drawing:
+def drawing(name: str) -> DxfDocument:
     return opened(sheet(name))
 
 
@@ -131,7 +131,7 @@ def test_every_joint_that_joins_is_a_circle_and_the_others_are_not(name):
 @pytest.mark.parametrize("name", ["four-bar", "quick-return", "scotch-yoke", "slider-crank"])
 def test_joints_are_where_the_solver_of_poses_puts_them(name):
     linkage = design(name).linkage
-    poses = poses_of(linkage, jnp.asarray(linkage.home.inputs)[None])
+    poses = poses_of(linkage, jnp.asarray(linkage.reference.inputs)[None])
     assert bool(jnp.all(poses.ok))
     found = numbers(name)
     for joint in linkage.structure.joints:
@@ -141,17 +141,23 @@ def test_joints_are_where_the_solver_of_poses_puts_them(name):
 
 
 def test_bodies_are_bars_or_outlines_and_carry_their_slots():
-    strokes = {body: [s for s in sheet("watt").strokes if s.layer == body] for body in ("rocker",)}
-    (rocker,) = strokes["rocker"]
+    polylines = {
+        body: [s for s in sheet("watt").polylines if s.layer == body] for body in ("rocker",)
+    }
+    (rocker,) = polylines["rocker"]
     assert rocker.closed
-    corners = {circle.name: circle.centre for circle in sheet("watt").circles}
+    corners = {circle.name: circle.center for circle in sheet("watt").circles}
     assert set(rocker.places) == {corners[joint] for joint in ("O4", "B", "C")}
     # The lever's slot runs along it, through the crank's pin.
-    lines = [stroke.places for stroke in sheet("quick-return").strokes if stroke.layer == "lever"]
-    pin = next(part.centre for part in sheet("quick-return").circles if part.name == "A")
+    lines = [
+        polyline.places for polyline in sheet("quick-return").polylines if polyline.layer == "lever"
+    ]
+    pin = next(part.center for part in sheet("quick-return").circles if part.name == "A")
     slot = next(line for line in lines if math.dist(*line[:2]) < 10)
     assert math.dist(slot[0], pin) + math.dist(pin, slot[1]) == pytest.approx(math.dist(*slot))
-    fixed = [s for s in sheet("slider-crank").strokes if s.layer == "ground" and len(s.places) == 2]
+    fixed = [
+        s for s in sheet("slider-crank").polylines if s.layer == "ground" and len(s.places) == 2
+    ]
     assert any(all(y == pytest.approx(-20, abs=1e-9) for _, y in line.places) for line in fixed)
 
 
@@ -160,7 +166,7 @@ def test_pins_do_not_touch_each_other():
         for layer in sheet(name).layers:
             pins = [circle for circle in sheet(name).circles if circle.layer == layer.name]
             for first, second in itertools.combinations(pins, 2):
-                assert math.dist(first.centre, second.centre) > first.radius + second.radius
+                assert math.dist(first.center, second.center) > first.radius + second.radius
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -236,16 +242,16 @@ def test_a_body_held_by_its_slots_alone_is_found_from_them():
     for joint, place in plate.sketch.joints.items():
         read_back = [found[f"joints.{joint}.{axis}"] for axis in "xy"]
         np.testing.assert_allclose(read_back, place, atol=1e-9)
-    assert {circle.name for circle in linkage_sheet(plate).circles} == {"O", "M"}
+    assert {circle.name for circle in make_linkage_drawing(plate).circles} == {"O", "M"}
 
 
 def test_springs_are_noted_but_many_are_only_counted():
     spring = {"between": ["left", "right"], "stiffness": 30, "preload": 0.25}
     assert (
         "spring left – right: 30 N mm/rad, preload 0.25 rad"
-        in linkage_sheet(linkage(springs=[spring])).notes
+        in make_linkage_drawing(linkage(springs=[spring])).notes
     )
-    many = linkage_sheet(linkage(springs=[spring] * 40))
+    many = make_linkage_drawing(linkage(springs=[spring] * 40))
     assert "40 springs" in many.notes
     dxf_text(many)  # and the drawing still has room
 
@@ -260,15 +266,15 @@ def test_coincident_joints_have_no_dimension():
             "top": {"joints": ["D", "C"]},
         },
     )
-    lengths = [math.dist(part.start, part.end) for part in linkage_sheet(twin).measures]
+    lengths = [math.dist(part.start, part.end) for part in make_linkage_drawing(twin).measures]
     assert sorted(lengths) == pytest.approx([8, 8, 8, 10, 10])
-    assert not opened(linkage_sheet(twin)).audit().has_issues
+    assert not opened(make_linkage_drawing(twin)).audit().has_issues
 
 
 def test_a_linkage_read_in_float32_is_drawn_too():
     with jax.enable_x64(False):
-        small = linkage_sheet(linkage())
-    wanted = linkage_sheet(linkage())
+        small = make_linkage_drawing(linkage())
+    wanted = make_linkage_drawing(linkage())
     np.testing.assert_allclose(
-        [part.centre for part in small.circles], [part.centre for part in wanted.circles], atol=1e-5
+        [part.center for part in small.circles], [part.center for part in wanted.circles], atol=1e-5
     )

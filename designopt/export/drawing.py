@@ -21,17 +21,17 @@ class Layer:
         name: unique; a body's, or ``mirrors``, ``pads``, …
         kind: how it is drawn.
         framed: whether the picture is made to hold it; a camera 10 m away is left outside.
-        colour: ``#RRGGBB``; if empty it follows from the kind.
+        color: ``#RRGGBB``; if empty it follows from the kind.
     """
 
     name: str
     kind: Kind
     framed: bool = True
-    colour: str = ""
+    color: str = ""
 
 
 @dataclass(frozen=True)
-class Stroke:
+class Polyline:
     """A line through places, closed or not."""
 
     layer: str
@@ -45,7 +45,7 @@ class Circle:
 
     layer: str
     name: str
-    centre: Place
+    center: Place
     radius: float
 
 
@@ -59,7 +59,7 @@ class Label:
 
 
 @dataclass(frozen=True)
-class Measure:
+class LinearDimension:
     """A dimension line between two places; the text is their distance."""
 
     start: Place
@@ -67,13 +67,13 @@ class Measure:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class Drawing:
     """A drawing of a design in one pose.
 
     Attributes:
         title: of the drawing.
         layers: all layers, in order.
-        strokes: lines.
+        polylines: lines.
         circles: circles.
         labels: texts.
         measures: the dimensions that a drawing sheet states.
@@ -82,19 +82,19 @@ class Sheet:
 
     title: str
     layers: Sequence[Layer]
-    strokes: Sequence[Stroke] = ()
+    polylines: Sequence[Polyline] = ()
     circles: Sequence[Circle] = ()
     labels: Sequence[Label] = ()
-    measures: Sequence[Measure] = ()
+    measures: Sequence[LinearDimension] = ()
     notes: Sequence[str] = ()
 
     def box(self) -> tuple[Place, Place]:
         """Lower left and upper right corner of what the picture has to hold."""
         framed = {layer.name for layer in self.layers if layer.framed}
-        places = [p for line in self.strokes if line.layer in framed for p in line.places]
+        places = [p for line in self.polylines if line.layer in framed for p in line.places]
         for circle in self.circles:
             if circle.layer in framed:
-                (x, y), radius = circle.centre, circle.radius
+                (x, y), radius = circle.center, circle.radius
                 places += [(x - radius, y - radius), (x + radius, y + radius)]
         across, up = zip(*places, strict=True)
         return (min(across), min(up)), (max(across), max(up))

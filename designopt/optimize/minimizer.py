@@ -13,7 +13,7 @@ import numpy as np
 
 from designopt.optimize.augmented_lagrangian import Inner, Trace, augmented_lagrangian
 from designopt.optimize.flat import Flat
-from designopt.optimize.optimality import Optimum, judge
+from designopt.optimize.optimality import Optimum, make_optimality_check
 from designopt.optimize.problem import Parameters, Problem
 from designopt.optimize.reference_solvers import Reference, compile_reference
 
@@ -58,7 +58,7 @@ def _rank(one: Optimum) -> tuple[bool, float]:
     return True, one.violation if np.isfinite(one.objective) else float("inf")
 
 
-class Minimiser:
+class Minimizer:
     """A problem and a solver, compiled once for a number of starts."""
 
     def __init__(
@@ -92,7 +92,7 @@ class Minimiser:
         if method not in get_args(Method):
             raise ValueError(f"no method {method!r}: choose from {', '.join(get_args(Method))}")
         self.flat = flat = Flat.of(problem)
-        self._judge = judge(flat)
+        self._judge = make_optimality_check(flat)
         points = jnp.zeros((count, flat.units.size), flat.units.dtype)
         if jax.eval_shape(flat.terms, points[0]).least is not None:
             raise ValueError("minimise: bring `least` into a form with epigraph() or softened()")
@@ -155,16 +155,16 @@ class Minimiser:
         return Optima(tuple(optima), seconds, self.compile_seconds)
 
 
-def minimise(
+def minimize(
     problem: Problem, starts: Parameters, method: Method = "bfgs", **settings: Any
 ) -> Optima:
-    """Solve a problem from every start; a `Minimiser` that is used once.
+    """Solve a problem from every start; a `Minimizer` that is used once.
 
     Args:
-        problem: as in `Minimiser`.
+        problem: as in `Minimizer`.
         starts: parameters with the starts along every array's first axis.
-        method: as in `Minimiser`.
-        settings: the other settings of `Minimiser`.
+        method: as in `Minimizer`.
+        settings: the other settings of `Minimizer`.
     """
     count = jax.tree.leaves(starts)[0].shape[0]
-    return Minimiser(problem, count, method, **settings).solve(starts)
+    return Minimizer(problem, count, method, **settings).solve(starts)

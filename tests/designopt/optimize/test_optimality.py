@@ -10,19 +10,19 @@ import pytest
 from designopt.optimize import (
     BOUND,
     FEASIBLE,
-    Levelled,
+    EpigraphVariables,
+    Evaluation,
     Optimum,
     OptimumResult,
     Problem,
     Requirement,
-    Terms,
-    active_set,
-    conflict,
-    epigraph,
+    explain_conflict,
+    find_active_set,
+    make_epigraph,
 )
 from designopt.optimize.augmented_lagrangian import Trace
 from designopt.optimize.flat import Flat
-from designopt.optimize.optimality import judge
+from designopt.optimize.optimality import make_optimality_check
 from tests.designopt.optimize.cases import apart, case, rosenbrock
 
 PUBLISHED_DIGITS = 2e-7
@@ -32,12 +32,12 @@ PUBLISHED_DIGITS = 2e-7
 def judged(problem: Problem, parameters) -> Optimum:
     flat = Flat.of(problem)
     nothing = Trace(jnp.zeros(1), jnp.zeros(1), jnp.zeros(1, int))
-    return judge(flat)(flat.point(parameters), problem.data, nothing)
+    return make_optimality_check(flat)(flat.point(parameters), problem.data, nothing)
 
 
 def corner(x):
     """Least at (1, 2, 3), of a slope of 1 per unit, 2 per unit and none."""
-    return Terms(
+    return Evaluation(
         objective=x["a"] + 2 * (2 - x["b"][0]) + (x["b"][1] - 3) ** 2,
         inequalities={"left": (x["a"] - 1) / 4, "far": jnp.asarray([[9.0, 8.0], [7.0, 6.0]])},
     )
@@ -83,7 +83,7 @@ def test_multipliers_have_their_constraints_shapes_and_the_bounds_order():
 
 
 def test_prices_are_in_the_units_of_people():
-    wall, bound = sorted(active_set(CORNER, judged(CORNER, BEST)), key=lambda one: one.words)
+    wall, bound = sorted(find_active_set(CORNER, judged(CORNER, BEST)), key=lambda one: one.words)
     # One less of b[0]'s bound, 3 instead of 2, is worth 2; a wall 1 mm to the left is worth 1.
     assert (bound.name, bound.index, bound.words) == (BOUND, (3,), "b[0] at its upper bound")
     np.testing.assert_allclose(bound.price, 2.0, rtol=1e-6)
@@ -96,7 +96,7 @@ def test_a_parameter_is_told_in_its_own_words_and_unit():
     """Half a radian beyond a bound, in the problem and in its epigraph form."""
 
     def terms(arm):
-        return Terms(least={"lift": arm["turn"]})
+        return Evaluation(least={"lift": arm["turn"]})
 
     problem = Problem(
         terms,
@@ -104,12 +104,12 @@ def test_a_parameter_is_told_in_its_own_words_and_unit():
         {"turn": jnp.ones(2)},
         parameters={"turn": Requirement(lambda index: f"turn of arm {index[0]}", "°", 100.0)},
     )
-    exact = epigraph(problem)
-    at = Levelled({"turn": jnp.asarray([0.5, 1.5])}, jnp.asarray(0.0))
+    exact = make_epigraph(problem)
+    at = EpigraphVariables({"turn": jnp.asarray([0.5, 1.5])}, jnp.asarray(0.0))
     line = "turn of arm 1 at its upper bound by 50 °"
-    assert conflict(exact, judged(exact, at)) == [line]
+    assert explain_conflict(exact, judged(exact, at)) == [line]
     unnamed = replace(exact, parameters={})
-    assert conflict(unnamed, judged(unnamed, at)) == ["turn[1] at its upper bound by 0.5"]
+    assert explain_conflict(unnamed, judged(unnamed, at)) == ["turn[1] at its upper bound by 0.5"]
 
 
 def test_a_conflict_is_told_in_the_units_of_people():
@@ -119,7 +119,7 @@ def test_a_conflict_is_told_in_the_units_of_people():
     assert found.violations == pytest.approx({"left": 0.5, "far": 0.0, BOUND: 5.0})
     assert found.worst == {"left": (), BOUND: (3,)}
     lines = ["b[0] at its upper bound by 0.5", "a right of the wall by 2 mm"]
-    assert conflict(CORNER, found) == lines
+    assert explain_conflict(CORNER, found) == lines
     assert found.solution.messages() == [OptimumResult[OptimumResult.not_met]]
     np.testing.assert_allclose(found.solution.margin, -5.0, rtol=1e-6)
 
@@ -127,21 +127,21 @@ def test_a_conflict_is_told_in_the_units_of_people():
 def test_only_where_violations_balance_do_requirements_conflict():
     found = judged(apart(), jnp.zeros(1))
     assert found.solution.messages() == [OptimumResult[OptimumResult.infeasible]]
-    assert sorted(conflict(apart(), found)) == ["high by 1", "low by 1"]
+    assert sorted(explain_conflict(apart(), found)) == ["high by 1", "low by 1"]
     found = judged(apart(), jnp.ones(1))
     assert found.solution.messages() == [OptimumResult[OptimumResult.not_met]]
-    assert conflict(apart(), found) == ["low by 2"]
+    assert explain_conflict(apart(), found) == ["low by 2"]
 
 
 def test_a_requirement_conflicts_with_a_bound_too():
     problem = Problem(
-        lambda x: Terms(objective=x[1] ** 2, equalities={"seven": (x[0] - 7) / 7}),
+        lambda x: Evaluation(objective=x[1] ** 2, equalities={"seven": (x[0] - 7) / 7}),
         jnp.zeros(2),
         jnp.asarray([5.0, 1.0]),
     )
     found = judged(problem, jnp.asarray([5.0, 0.3]))
     assert found.solution.messages() == [OptimumResult[OptimumResult.infeasible]]
-    assert conflict(problem, found) == ["seven by 0.286"]
+    assert explain_conflict(problem, found) == ["seven by 0.286"]
 
 
 def test_without_constraints_the_gradient_decides():
@@ -153,7 +153,7 @@ def test_without_constraints_the_gradient_decides():
     assert float(best.solution.margin) == np.inf
     assert near.feasible
     assert near.solution.messages() == [OptimumResult[OptimumResult.not_stationary]]
-    assert active_set(free, near) == []
+    assert find_active_set(free, near) == []
 
 
 def test_a_minimum_in_single_precision_is_one():
@@ -172,7 +172,7 @@ def test_an_active_bound_that_pushes_the_wrong_way_is_no_optimum():
 
 def test_points_without_numbers_say_so():
     problem = Problem(
-        lambda x: Terms(objective=jnp.log(x[0]), inequalities={"g": x[0]}),
+        lambda x: Evaluation(objective=jnp.log(x[0]), inequalities={"g": x[0]}),
         -jnp.ones(1),
         jnp.ones(1),
     )
@@ -183,12 +183,12 @@ def test_points_without_numbers_say_so():
         assert not found.feasible
         parts = (found.parameters, found.solution.margin, found.solution.residual)
         assert all(np.all(np.isfinite(part)) for part in parts)
-        assert (active_set(problem, found), conflict(problem, found)) == ([], [])
+        assert (find_active_set(problem, found), explain_conflict(problem, found)) == ([], [])
 
 
 def test_what_counts_as_feasible_is_the_scaled_violation():
     problem = Problem(
-        lambda x: Terms(objective=x[0], inequalities={"g": x[0] / 100}),
+        lambda x: Evaluation(objective=x[0], inequalities={"g": x[0] / 100}),
         jnp.asarray([-jnp.inf]),
         jnp.asarray([jnp.inf]),
     )
@@ -199,12 +199,12 @@ def test_what_counts_as_feasible_is_the_scaled_violation():
 
 def test_of_an_array_the_worst_element_is_told():
     problem = Problem(
-        lambda x: Terms(objective=x[0, 0], inequalities={"g": x - 1}),
+        lambda x: Evaluation(objective=x[0, 0], inequalities={"g": x - 1}),
         jnp.full((2, 3), -10.0),
         jnp.full((2, 3), 10.0),
     )
     at = jnp.ones((2, 3)).at[1, 2].set(-1.0).at[0, 1].set(0.5)
-    assert conflict(problem, judged(problem, at)) == ["g[1, 2] by 2"]
+    assert explain_conflict(problem, judged(problem, at)) == ["g[1, 2] by 2"]
     with_bound = jnp.ones((2, 3)).at[0, 2].set(-11.0)
     lines = ["g[0, 2] by 12", "parameter[0, 2] at its lower bound by 1"]
-    assert conflict(problem, judged(problem, with_bound)) == lines
+    assert explain_conflict(problem, judged(problem, with_bound)) == lines

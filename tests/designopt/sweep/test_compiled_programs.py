@@ -3,16 +3,16 @@
 import jax
 import jax.numpy as jnp
 
-from designopt.sweep import forgetting
+from designopt.sweep import compiled_programs
 
 
 def test_programs_that_points_share_are_kept_and_others_forgotten(monkeypatch):
     forgotten = []
     monkeypatch.setattr(jax, "clear_caches", lambda: forgotten.append(True))
-    programs = forgetting.Compiled()
+    programs = compiled_programs.Compiled()
 
     def compile_one(seconds):
-        jax.monitoring.record_event_duration_secs(f"{forgetting.COMPILING}any", seconds)
+        jax.monitoring.record_event_duration_secs(f"{compiled_programs.COMPILING}any", seconds)
         jax.monitoring.record_event_duration_secs("/other", 1e6)
         programs.task_is_done()
 
@@ -38,4 +38,7 @@ def test_jax_tells_of_its_compiling():
         lambda event, duration_secs, **_: heard.append((event, duration_secs))
     )
     jax.jit(lambda x: jnp.sin(x) + 3)(1.0)
-    assert sum(seconds for event, seconds in heard if event.startswith(forgetting.COMPILING)) > 0
+    assert (
+        sum(seconds for event, seconds in heard if event.startswith(compiled_programs.COMPILING))
+        > 0
+    )

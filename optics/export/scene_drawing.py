@@ -10,19 +10,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from designopt.export.json import Quantity
-from designopt.export.sheet import (
+from designopt.export.drawing import (
     Circle,
+    Drawing,
     Kind,
     Label,
     Layer,
-    Measure,
+    LinearDimension,
     Place,
-    Sheet,
-    Stroke,
+    Polyline,
     printable,
     round_down,
 )
+from designopt.export.json import Quantity
 from designopt.vectors import vector
 from optics.plot.section import Section
 from optics.scene.file import FIXED, CameraTable, MirrorTable, SurfaceTable
@@ -45,7 +45,7 @@ SIGHT, SIGN = 0.35, 0.01
 """Length of the lines of sight, and radius of circles, as parts of the drawing's diagonal."""
 
 
-def scene_sheet(design: DesignedScene, *, pose: bool = True) -> Sheet:
+def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
     """The drawing of a scene in its reference pose.
 
     Mirrors, pads, blockers, hinges, the camera with its optical axis and the edges of its field of
@@ -63,22 +63,24 @@ def scene_sheet(design: DesignedScene, *, pose: bool = True) -> Sheet:
         "pads": ("pad", file.pads),
         "blockers": ("blocker", file.blockers),
     }
-    strokes, labels, measures, layers = [], [], [], []
+    polylines, labels, measures, layers = [], [], [], []
     for layer, (kind, parts) in kinds.items():
         if parts:
             layers.append(Layer(layer, kind))
         for part in parts:
             places = _places(part)
-            strokes.append(Stroke(layer, places))
+            polylines.append(Polyline(layer, places))
             text = part.name if kind == "blocker" else f"{part.name} {kind}"
             labels.append(Label(layer, _middle(places), text))
     for part in (*file.mirrors, *file.pads):
-        measures.append(Measure(part.start, part.end))
+        measures.append(LinearDimension(part.start, part.end))
     diagonal, far = _extent(design)
     for part in file.mirrors:
         base = _base(design, part.body)
         if not (far and part.body == FIXED):
-            measures += [Measure(base, end) for end in (part.start, part.end) if end != base]
+            measures += [
+                LinearDimension(base, end) for end in (part.start, part.end) if end != base
+            ]
     radius = round_down(SIGN * diagonal)
     circles = []
     if file.frames:
@@ -90,11 +92,11 @@ def scene_sheet(design: DesignedScene, *, pose: bool = True) -> Sheet:
     layers += [Layer("field of view", "construction", framed=False)]
     circles.append(Circle("camera", "camera", file.camera.position, radius))
     labels.append(Label("camera", file.camera.position, "camera"))
-    strokes += _lines_of_sight(file.camera, SIGHT * diagonal)
-    return Sheet(
+    polylines += _lines_of_sight(file.camera, SIGHT * diagonal)
+    return Drawing(
         title=printable(design.name),
         layers=layers,
-        strokes=strokes,
+        polylines=polylines,
         circles=circles,
         labels=labels,
         # Two mirrors may begin in one corner.
@@ -201,16 +203,16 @@ def _extent(design: DesignedScene) -> tuple[float, bool]:
     return math.hypot(*np.ptp(places, axis=0)), far
 
 
-def _lines_of_sight(camera: CameraTable, length: float) -> list[Stroke]:
+def _lines_of_sight(camera: CameraTable, length: float) -> list[Polyline]:
     half = camera.fov_deg / 2
     edges = dict.fromkeys([-half, half] if half < 180 else [half], "field of view")
-    strokes = []
+    polylines = []
     for turn, layer in ({0.0: "camera"} | edges).items():
         angle = math.radians(camera.direction_deg + turn)
         x, y = camera.position
         end = (x + length * math.cos(angle), y + length * math.sin(angle))
-        strokes.append(Stroke(layer, [(x, y), end]))
-    return strokes
+        polylines.append(Polyline(layer, [(x, y), end]))
+    return polylines
 
 
 def _notes(design: DesignedScene, far: bool, *, pose: bool) -> list[str]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from perception.masks import Grey, Image, Mask, cleaned, global_mask
+from perception.masks import Gray, Image, Mask, cleaned, global_mask
 
 SPECKLE = 3
 """Side of the squares whose median replaces a pixel, px: speckles go, edges stay."""
@@ -48,13 +48,13 @@ OPENING = 3
 
 
 @dataclass(frozen=True)
-class Colours:
+class Colors:
     """Pixels by their colour, and the brightest channel of every pixel's surroundings."""
 
     red: Mask
     blue: Mask
     yellow: Mask
-    value: Grey
+    value: Gray
 
 
 def despeckled(image: Image) -> Image:
@@ -62,7 +62,7 @@ def despeckled(image: Image) -> Image:
     return cv2.medianBlur(image, SPECKLE)
 
 
-def colours_of(image: Image) -> Colours:
+def colors_of(image: Image) -> Colors:
     """The colours of an image, cleaned of specks and small holes."""
     clear = despeckled(image)
     channels = _channels(cv2.blur(clear, (EVEN, EVEN)))
@@ -73,16 +73,16 @@ def colours_of(image: Image) -> Colours:
     broad = cv2.morphologyEx(dim, cv2.MORPH_OPEN, np.ones((OPENING, OPENING), np.uint8))
     if cv2.countNonZero(broad) <= LEAST_DIM * broad.size:
         red, blue, yellow = (cleaned(mask, OPENING) for mask in found)
-        return Colours(red, blue, yellow, value)
+        return Colors(red, blue, yellow, value)
     left, upper, wide, high = cv2.boundingRect(broad)
     box = np.s_[upper : upper + high, left : left + wide]
     _add_dim(clear[box], dim[box], [mask[box] for mask in found])
     red, blue, yellow = (cleaned(mask, OPENING) for mask in found)
     _close_gap(dim[box], blue[box], yellow[box])
-    return Colours(red, blue, yellow, value)
+    return Colors(red, blue, yellow, value)
 
 
-def not_above(value: Grey, level: float) -> Mask:
+def not_above(value: Gray, level: float) -> Mask:
     """Pixels that are no brighter than a level."""
     return cv2.bitwise_not(global_mask(value, level))
 

@@ -6,14 +6,14 @@ import numpy as np
 from jaxtyping import Float
 
 
-def marker_errors(
+def compute_marker_errors(
     predicted: Float[np.ndarray, "images 3 2"], markers: Float[np.ndarray, "images 3 2"]
 ) -> Float[np.ndarray, "images 3"]:
     """Distances between predicted and true markers, mm; the tip's are the last column."""
     return np.linalg.norm(predicted - markers, axis=-1)
 
 
-def mean_predictor_error(
+def compute_mean_predictor_error(
     train_markers: Float[np.ndarray, "samples 3 2"], markers: Float[np.ndarray, "images 3 2"]
 ) -> float:
     """Mean tip error of who always answers the mean of the training labels, mm.
@@ -21,4 +21,4 @@ def mean_predictor_error(
     A network that is no better has learnt nothing from its images.
     """
     always = np.broadcast_to(train_markers.mean(axis=0), markers.shape)
-    return float(marker_errors(always, markers)[:, -1].mean())
+    return float(compute_marker_errors(always, markers)[:, -1].mean())

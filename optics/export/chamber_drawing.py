@@ -6,8 +6,17 @@ import itertools
 import math
 from typing import TYPE_CHECKING
 
+from designopt.export.drawing import (
+    Circle,
+    Drawing,
+    Label,
+    Layer,
+    LinearDimension,
+    Place,
+    Polyline,
+    round_down,
+)
 from designopt.export.json import Quantity
-from designopt.export.sheet import Circle, Label, Layer, Measure, Place, Sheet, Stroke, round_down
 from optics.chamber.chamber import Chamber
 
 if TYPE_CHECKING:
@@ -16,7 +25,7 @@ if TYPE_CHECKING:
 REGIONS = {"red": "AB", "blue": "BC", "yellow": "CD", "top": "DE"}
 """The wall's regions, each a layer, by the points between which they run."""
 
-COLOURS = ("#C0392B", "#0072B2", "#E0A800", "#8A8A8A")
+COLORS = ("#C0392B", "#0072B2", "#E0A800", "#8A8A8A")
 """Of the regions' lines."""
 
 LINES, CAMERA = "construction", "camera"
@@ -26,7 +35,7 @@ SIGN = 0.01
 """Radius of the pinhole's circle, as a part of the chamber's length."""
 
 
-def chamber_sheet(design: DesignedChamber) -> Sheet:
+def make_chamber_drawing(design: DesignedChamber) -> Drawing:
     """The section of a chamber's wall: x along the centre line from A, y from the centre line.
 
     The wall's regions have layers of their own; the top reaches from D to the reference ray, where
@@ -46,20 +55,20 @@ def chamber_sheet(design: DesignedChamber) -> Sheet:
     chain = [(0.0, 0.0), *(feet[name] for name in "BCD")]
     measures = [*itertools.pairwise(chain), *((feet[n], corners[n]) for n in feet)]
     measures += [(pinhole, (0.0, pinhole[1])), ((0.0, pinhole[1]), (0.0, 0.0))]
-    return Sheet(
+    return Drawing(
         title=design.name,
         layers=[
             *(
-                Layer(name, "body", colour=colour)
-                for name, colour in zip(REGIONS, COLOURS, strict=True)
+                Layer(name, "body", color=color)
+                for name, color in zip(REGIONS, COLORS, strict=True)
             ),
             Layer(CAMERA, "camera"),
             Layer(LINES, "construction"),
         ],
-        strokes=[
-            *(Stroke(name, [corners[end] for end in ends]) for name, ends in REGIONS.items()),
-            Stroke(LINES, [(low, 0.0), (high, 0.0)]),
-            Stroke(LINES, [(low, pinhole[1]), (high, pinhole[1])]),
+        polylines=[
+            *(Polyline(name, [corners[end] for end in ends]) for name, ends in REGIONS.items()),
+            Polyline(LINES, [(low, 0.0), (high, 0.0)]),
+            Polyline(LINES, [(low, pinhole[1]), (high, pinhole[1])]),
         ],
         circles=[Circle(CAMERA, "pinhole", pinhole, round_down(SIGN * (high - low)))],
         labels=[
@@ -69,7 +78,7 @@ def chamber_sheet(design: DesignedChamber) -> Sheet:
             ),
             Label(CAMERA, pinhole, "pinhole"),
         ],
-        measures=[Measure(start, stop) for start, stop in measures if start != stop],
+        measures=[LinearDimension(start, stop) for start, stop in measures if start != stop],
         notes=notes,
     )
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from designopt.export.sheet import Circle, Layer, Sheet, Stroke, round_down
+from designopt.export.drawing import Circle, Drawing, Layer, Polyline, round_down
 
 
 @pytest.mark.parametrize("value", [3e-7, 0.1, 0.2, 0.3, 0.999, 1.0, 4.999, 5.0, 9.0, 10.0, 7.3e9])
@@ -23,10 +23,13 @@ def test_numbers_of_the_series_stay_though_they_were_rounded(decade):
 
 
 def test_the_frame_holds_lines_and_whole_circles_of_framed_layers():
-    sheet = Sheet(
+    sheet = Drawing(
         "s",
         [Layer("in", "body"), Layer("out", "camera", framed=False)],
-        strokes=[Stroke("in", [(-1.0, 2.0), (3.0, 4.0)]), Stroke("out", [(0.0, 0.0), (99.0, 9.0)])],
+        polylines=[
+            Polyline("in", [(-1.0, 2.0), (3.0, 4.0)]),
+            Polyline("out", [(0.0, 0.0), (99.0, 9.0)]),
+        ],
         circles=[Circle("in", "A", (3.0, 4.0), 0.5), Circle("out", "B", (-50.0, 0.0), 1.0)],
     )
     assert sheet.box() == ((-1.0, 2.0), (3.5, 4.5))

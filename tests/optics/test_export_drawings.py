@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from designopt.export.sheet import Sheet
+from designopt.export.drawing import Drawing
 from optics.chamber.chamber import Chamber
 from optics.chamber.designed import DesignedChamber
-from optics.export.chamber_sheet import chamber_quantities, chamber_sheet
-from optics.export.scene_sheet import scene_quantities, scene_sheet
+from optics.export.chamber_drawing import chamber_quantities, make_chamber_drawing
+from optics.export.scene_drawing import make_scene_drawing, scene_quantities
 from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
 from tests.designopt.export.reading import dimensions, numbers_in, opened
@@ -34,15 +34,15 @@ def tables(name: str) -> dict[str, Any]:
     return tomllib.loads((GALLERY / f"{name}.toml").read_text(encoding="utf-8"))
 
 
-def strokes(sheet: Sheet, layer: str) -> list[list[tuple[float, float]]]:
-    return [list(stroke.places) for stroke in sheet.strokes if stroke.layer == layer]
+def polylines(sheet: Drawing, layer: str) -> list[list[tuple[float, float]]]:
+    return [list(polyline.places) for polyline in sheet.polylines if polyline.layer == layer]
 
 
-def curved(radius: float, conic: float, half: float = 40.0) -> Sheet:
+def curved(radius: float, conic: float, half: float = 40.0) -> Drawing:
     mirror = {"name": "m", "from": [0, half], "to": [0, -half], "radius": radius, "conic": conic}
     camera = {"position": [200, 0], "direction_deg": 180, "fov_deg": 60, "pixels": 100}
     file = SceneFile.model_validate({"camera": camera, "mirrors": [mirror]})
-    return scene_sheet(DesignedScene.of(file, "curved"))
+    return make_scene_drawing(DesignedScene.of(file, "curved"))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -73,7 +73,7 @@ def test_a_lens_and_coefficients_are_among_the_numbers():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_straight_surfaces_and_hinges_are_where_the_file_has_them(name):
-    data, document = tables(name), opened(scene_sheet(scene(name)))
+    data, document = tables(name), opened(make_scene_drawing(scene(name)))
     assert not document.audit().has_issues
     space = document.modelspace()
     for layer in ("mirrors", "pads", "blockers"):
@@ -93,11 +93,11 @@ def test_straight_surfaces_and_hinges_are_where_the_file_has_them(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_lines_of_sight_are_the_axis_and_the_edges_of_the_field(name):
-    camera, sheet = tables(name)["camera"], scene_sheet(scene(name))
+    camera, sheet = tables(name)["camera"], make_scene_drawing(scene(name))
     turns = []
     for (start, end), layer in [
-        *((line, "camera") for line in strokes(sheet, "camera")),
-        *((line, "field of view") for line in strokes(sheet, "field of view")),
+        *((line, "camera") for line in polylines(sheet, "camera")),
+        *((line, "field of view") for line in polylines(sheet, "field of view")),
     ]:
         assert start == tuple(camera["position"])
         angle = math.degrees(math.atan2(end[1] - start[1], end[0] - start[0]))
@@ -111,8 +111,8 @@ def test_a_camera_that_sees_all_around_has_one_edge():
     camera = {"position": [0, 0], "direction_deg": 90, "fov_deg": 360, "pixels": 100}
     pad = {"name": "pad", "from": [9, 0], "to": [9, 5]}
     file = SceneFile.model_validate({"camera": camera, "pads": [pad]})
-    sheet = scene_sheet(DesignedScene.of(file, "all"))
-    ((_, end),) = strokes(sheet, "field of view")
+    sheet = make_scene_drawing(DesignedScene.of(file, "all"))
+    ((_, end),) = polylines(sheet, "field of view")
     assert end[1] < 0
     assert abs(end[0]) < 1e-12
     assert not opened(sheet).audit().has_issues
@@ -120,7 +120,7 @@ def test_a_camera_that_sees_all_around_has_one_edge():
 
 @pytest.mark.parametrize("radius", [100.0, -41.0, 40.000001, 5000.0])
 def test_a_circular_mirror_is_nowhere_far_from_its_circle(radius):
-    (line,) = strokes(curved(radius, 0.0), "mirrors")
+    (line,) = polylines(curved(radius, 0.0), "mirrors")
     assert (line[0], line[-1]) == ((0.0, 40.0), (0.0, -40.0))
     # The middle of the circle lies on the chord's bisector; to the left of from → to is +x.
     middle = math.copysign(math.sqrt(radius**2 - 40**2), radius)
@@ -135,7 +135,7 @@ def test_a_circular_mirror_is_nowhere_far_from_its_circle(radius):
 @pytest.mark.parametrize("half", [40.0, 0.04])
 def test_a_parabolic_mirror_is_nowhere_far_from_its_parabola(half):
     radius = 0.75 * half
-    (line,) = strokes(curved(radius, -1.0, half), "mirrors")
+    (line,) = polylines(curved(radius, -1.0, half), "mirrors")
     places = np.array(line)
     vertex = -(half**2) / (2 * radius)
     fine = places[:-1, None] + np.linspace(0, 1, 33)[:, None] * np.diff(places, axis=0)[:, None]
@@ -145,7 +145,7 @@ def test_a_parabolic_mirror_is_nowhere_far_from_its_parabola(half):
 
 
 def test_an_elliptic_mirror_lies_on_its_ellipse():
-    (line,) = strokes(scene_sheet(scene("ellipse")), "mirrors")
+    (line,) = polylines(make_scene_drawing(scene("ellipse")), "mirrors")
     places = np.array(line)
     np.testing.assert_allclose(
         ((places[:, 0] - 100) / 100) ** 2 + (places[:, 1] / 80) ** 2, 1.0, rtol=1e-12
@@ -153,18 +153,20 @@ def test_an_elliptic_mirror_lies_on_its_ellipse():
 
 
 def test_a_far_camera_is_drawn_but_does_not_shrink_the_picture():
-    sheet = scene_sheet(scene("circle"))
+    sheet = make_scene_drawing(scene("circle"))
     (left, _), (right, _) = sheet.box()
     assert right - left < 100
-    assert any(circle.centre == (10000, 0) for circle in sheet.circles)
+    assert any(circle.center == (10000, 0) for circle in sheet.circles)
     assert any("outside the picture" in note for note in sheet.notes)
     assert max(math.dist(part.start, part.end) for part in sheet.measures) < 100
-    assert not any("outside" in note for note in scene_sheet(scene("ellipse")).notes)
+    assert not any("outside" in note for note in make_scene_drawing(scene("ellipse")).notes)
 
 
 def test_dimensions_of_a_scene_say_how_to_build_it():
     data = tables("finger")
-    found = [part.get_measurement() for part in dimensions(opened(scene_sheet(scene("finger"))))]
+    found = [
+        part.get_measurement() for part in dimensions(opened(make_scene_drawing(scene("finger"))))
+    ]
     wanted = [math.dist(part["from"], part["to"]) for part in data["mirrors"] + data["pads"]]
     for part in data["mirrors"]:
         hinge = data["frames"][part["body"]]["hinge"]
@@ -173,7 +175,7 @@ def test_dimensions_of_a_scene_say_how_to_build_it():
 
 
 def test_a_distance_that_two_mirrors_share_is_stated_once():
-    measures = scene_sheet(scene("kaleidoscope-60")).measures
+    measures = make_scene_drawing(scene("kaleidoscope-60")).measures
     assert len(set(measures)) == len(measures)
     corner, camera = (0.0, 0.0), tuple(map(float, tables("kaleidoscope-60")["camera"]["position"]))
     assert sum({part.start, part.end} == {corner, camera} for part in measures) == 1
@@ -196,7 +198,7 @@ CHAMBER = Chamber(
 
 
 def test_the_chamber_is_drawn_region_by_region():
-    sheet = chamber_sheet(DesignedChamber("chamber", CHAMBER))
+    sheet = make_chamber_drawing(DesignedChamber("chamber", CHAMBER))
     document = opened(sheet)
     assert not document.audit().has_issues
     offset_c = 6.5 - 24.7 * math.tan(0.04)
@@ -206,8 +208,8 @@ def test_the_chamber_is_drawn_region_by_region():
         np.testing.assert_allclose(tuple(line.dxf.start)[:2], corners[index], atol=1e-12)
         np.testing.assert_allclose(tuple(line.dxf.end)[:2], corners[index + 1], atol=1e-12)
     for region, strong in (("red", (0,)), ("blue", (2,)), ("yellow", (0, 1))):
-        colour = np.array(document.layers.get(region).rgb, int)
-        assert np.min(colour[list(strong)]) > 1.4 * np.max(np.delete(colour, strong))
+        color = np.array(document.layers.get(region).rgb, int)
+        assert np.min(color[list(strong)]) > 1.4 * np.max(np.delete(color, strong))
     (pinhole,) = document.modelspace().query("CIRCLE")
     np.testing.assert_allclose(tuple(pinhole.dxf.center)[:2], (-1.5, -4.0))
     assert [label.text for label in sheet.labels] == ["A", "B", "C", "D", "E", "pinhole"]
@@ -237,7 +239,7 @@ def test_the_numbers_of_a_chamber_follow_eqs_1_to_3():
     assert found["ring_top"] == (pytest.approx(heights[2]), "mm")
     assert found["imaging_ratio"] == (pytest.approx(yellow / blue), "")
     assert len(found) == 17
-    notes = chamber_sheet(DesignedChamber("c", CHAMBER)).notes
+    notes = make_chamber_drawing(DesignedChamber("c", CHAMBER)).notes
     assert notes[-1] == f"imaging ratio {yellow / blue:.6g}"
 
 
@@ -247,5 +249,5 @@ def test_a_chamber_without_an_image_has_no_numbers_of_it():
     names = {part.name for part in chamber_quantities(design)}
     assert {"imaging_ratio", "ring_blue"}.isdisjoint(names)
     assert "length_ab" in names
-    assert not any("ratio" in note for note in chamber_sheet(design).notes)
-    assert not opened(chamber_sheet(design)).audit().has_issues
+    assert not any("ratio" in note for note in make_chamber_drawing(design).notes)
+    assert not opened(make_chamber_drawing(design)).audit().has_issues
