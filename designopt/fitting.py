@@ -92,6 +92,13 @@ def least_squares(
         the guess. Where residuals are not finite, all but the parameters is 0 and ``residual`` 1.
         The covariance is (JᵀJ)⁻¹, valid for small residuals (W. H. Press et al.,
         *Numerical Recipes*, 3rd ed., §15.4).
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> x, y = jnp.arange(4.0), jnp.array([1.0, 3.0, 5.0, 7.0])
+        >>> fit = least_squares(lambda p, _: p[0] + p[1] * x - y, jnp.zeros(2))
+        >>> [round(v, 4) for v in fit.solution.value.tolist()]
+        [1.0, 2.0]
     """
     dtype = guess.dtype
     tolerance = max(tolerance, ROUNDING_UNITS * float(jnp.finfo(dtype).eps))

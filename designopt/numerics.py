@@ -22,6 +22,12 @@ def safe_divide(
 
     Returns:
         The quotient and a mask of the same shape.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> quotient, ok = safe_divide(jnp.array([1.0, 1.0]), jnp.array([2.0, 0.0]))
+        >>> quotient.tolist(), ok.tolist()
+        ([0.5, 0.0], [True, False])
     """
     limits = jnp.finfo(denominator.dtype)
     square = denominator * denominator
@@ -33,7 +39,13 @@ def safe_divide(
 
 
 def safe_sqrt(value: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Square root, and 0 with zero slope where the argument is not positive."""
+    """Square root, and 0 with zero slope where the argument is not positive.
+
+    Example:
+        >>> import jax, jax.numpy as jnp
+        >>> float(safe_sqrt(jnp.array(9.0))), float(jax.grad(safe_sqrt)(jnp.zeros(())))
+        (3.0, 0.0)
+    """
     positive = value > 0
     # XLA may compute an argument twice, rounded in two ways, so that the two masks differ where it
     # nearly vanishes: what the inner one puts in must have a root near 0, and finite slopes.
@@ -46,6 +58,12 @@ def safe_arctan2(y: Float[Array, "..."], x: Float[Array, "..."]) -> Float[Array,
 
     Points nearer to it than about 1e-154 (float64) or 1e-19 (float32) count as the origin: their
     angle's slope does not fit the dtype.
+
+    Example:
+        >>> import jax, jax.numpy as jnp
+        >>> one, zero = jnp.ones(()), jnp.zeros(())
+        >>> round(float(safe_arctan2(one, one)), 4), float(jax.grad(safe_arctan2)(zero, zero))
+        (0.7854, 0.0)
     """
     defined = x * x + y * y > jnp.finfo(x.dtype).tiny
     return jnp.arctan2(jnp.where(defined, y, 0.0), jnp.where(defined, x, 1.0))
@@ -64,6 +82,12 @@ def safe_quadratic_roots(
         scaled to lie between −1 and 1 (negative where both roots are complex). At a double root,
         where the discriminant is 0, the roots' slopes are infinite; they come out finite there
         and mean nothing.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> roots, real, _ = safe_quadratic_roots(*map(jnp.asarray, (1.0, -3.0, 2.0)))
+        >>> sorted(round(root, 4) for root in roots.tolist()), real.tolist()
+        ([1.0, 2.0], [True, True])
     """
     # The roots do not depend on a common factor, so neither does their derivative.
     scale = jax.lax.stop_gradient(jnp.maximum(jnp.maximum(jnp.abs(c2), jnp.abs(c1)), jnp.abs(c0)))
@@ -84,7 +108,12 @@ def safe_quadratic_roots(
 
 
 def as_float(value: ArrayLike) -> Float[Array, "..."]:
-    """An array of a float type: floats keep theirs, Python numbers and integers get the default."""
+    """An array of a float type: floats keep theirs, Python numbers and integers get the default.
+
+    Example:
+        >>> float(as_float(1)), as_float(1).dtype.kind
+        (1.0, 'f')
+    """
     array = jnp.asarray(value)
     if isinstance(value, (int, float)) or not jnp.issubdtype(array.dtype, jnp.floating):
         return array.astype(jnp.result_type(float))

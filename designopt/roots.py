@@ -61,6 +61,17 @@ def find_root(
 
     Raises:
         ValueError: a bisection without a bracket, or a method that mixes float types.
+
+    Example:
+        >>> import jax, jax.numpy as jnp
+        >>> found = find_root(lambda y, a: y**2 - a, jnp.array(1.0), jnp.array(2.0))
+        >>> bool(found.ok), round(float(found.value), 6)
+        (True, 1.414214)
+        >>> slope = jax.grad(lambda a: find_root(lambda y, a: y**2 - a, jnp.array(1.0), a).value)(
+        ...     2.0
+        ... )
+        >>> round(float(slope), 4)  # 1 / (2 √2)
+        0.3536
     """
     dtype = guess.dtype
     floor = ROUNDING_UNITS * jnp.finfo(dtype).eps

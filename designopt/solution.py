@@ -72,6 +72,14 @@ def combine_checks(
     Args:
         successful: the code where all are positive.
         checks: margins in one unit, each with its code, a member of the same enumeration.
+
+    Example:
+        >>> class Result(eqx.Enumeration):
+        ...     successful = ""
+        ...     short = "The link is too short."
+        >>> margin, code = combine_checks(Result.successful, (jnp.array(-0.1), Result.short))
+        >>> round(float(margin), 3), Result[code]
+        (-0.1, 'The link is too short.')
     """
     enumeration = successful._enumeration
     result = successful

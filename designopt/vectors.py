@@ -98,7 +98,14 @@ def where(condition: Bool[Array, "*batch"], yes: Vector, no: Vector) -> Vector:
 
 
 def fold_angle(first: Vector, second: Vector) -> Float[Array, "*batch"]:
-    """The angle between the lines along two vectors, radians, 0 to π/2; finite for zero vectors."""
+    """The angle between the lines along two vectors, radians, 0 to π/2; finite for zero vectors.
+
+    Example:
+        >>> import math
+        >>> east, northwest = vector(jnp.array([1.0, 0.0])), vector(jnp.array([-1.0, 1.0]))
+        >>> round(math.degrees(fold_angle(east, northwest)), 4)
+        45.0
+    """
     return safe_arctan2(jnp.abs(first.cross(second)), jnp.abs(first.dot(second)))
 
 
@@ -116,6 +123,12 @@ def direction_to_meeting(
 
     Returns:
         A vector along that line, of either sense and any length.
+
+    Example:
+        >>> o, x, y = (vector(jnp.array(place)) for place in ([0.0, 0.0], [1.0, 0.0], [0.0, 1.0]))
+        >>> way = direction_to_meeting(vector(jnp.array([-1.0, -1.0])), (o, x), (o, y))
+        >>> float(way.x) == float(way.y)  # both lines meet at the origin
+        True
     """
     along, other = first[1] - first[0], second[1] - second[0]
     scale = along.cross(other)

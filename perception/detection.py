@@ -21,6 +21,18 @@ def detect_quads(image: object, lens: Lens) -> list[Quad]:
 
     Raises:
         UserError: it is no image of the lens, but of another size or type.
+
+    Example:
+        >>> import cv2
+        >>> import numpy as np
+        >>> rows, columns = np.mgrid[:90, :120]
+        >>> rays = np.stack([(44.5 - rows) / 200, (columns - 59.5) / 200], axis=-1)
+        >>> lens = Lens(
+        ...     rays, lambda r: np.stack([59.5 + 200 * r[:, 1], 44.5 - 200 * r[:, 0]], axis=-1)
+        ... )
+        >>> image = cv2.rectangle(np.zeros((90, 120), np.uint8), (30, 20), (89, 69), 200, -1)
+        >>> [quad.corners.round().tolist() for quad in detect_quads(image, lens)]
+        [[[30.0, 70.0], [30.0, 19.0], [89.0, 19.0], [89.0, 70.0]]]
     """
     picture = checked_image(image, channels=(1, 3), like=("what the lens images", lens.shape))
     gray = brightness(picture) if picture.ndim == 3 else picture
@@ -35,5 +47,17 @@ def detect_views(image: object, lens: Lens, catalog: ViewCatalog) -> Sighting:
 
     Raises:
         UserError: it is no image of the lens, but of another size or type.
+
+    Example:
+        >>> import numpy as np
+        >>> rows, columns = np.mgrid[:90, :120]
+        >>> rays = np.stack([(44.5 - rows) / 200, (columns - 59.5) / 200], axis=-1)
+        >>> lens = Lens(
+        ...     rays, lambda r: np.stack([59.5 + 200 * r[:, 1], 44.5 - 200 * r[:, 0]], axis=-1)
+        ... )
+        >>> detect_views(
+        ...     np.zeros((90, 120), np.uint8), lens, ViewCatalog((), {}, {}, 5.0, 0)
+        ... ).views  # dark
+        ()
     """
     return match_views(detect_quads(image, lens), catalog, lens)

@@ -152,7 +152,34 @@ class Sighting:
 
 
 def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sighting:
-    """Say of every quadrilateral which view it is, and of every view how it was found."""
+    """Say of every quadrilateral which view it is, and of every view how it was found.
+
+    Example:
+        >>> rows, columns = np.mgrid[:90, :120]
+        >>> rays = np.stack([(44.5 - rows) / 200, (columns - 59.5) / 200], axis=-1)
+        >>> lens = Lens(
+        ...     rays, lambda r: np.stack([59.5 + 200 * r[:, 1], 44.5 - 200 * r[:, 0]], axis=-1)
+        ... )
+        >>> corners = np.array([[30.0, 20.0], [30.0, 69.0], [89.0, 69.0], [89.0, 20.0]])
+        >>> whole = np.ones((1, 2), bool)
+        >>> family = ViewFamily(
+        ...     "tip",
+        ...     "direct",
+        ...     0,
+        ...     None,
+        ...     np.zeros(1),
+        ...     corners[None],
+        ...     whole[:, 0],
+        ...     whole[:, 0],
+        ...     np.ones(1),
+        ...     whole,
+        ...     np.zeros((1, 2)),
+        ...     True,
+        ... )
+        >>> catalog = ViewCatalog([family], {"tip": 12.0}, {"tip": 0.1}, 12.0, 0)
+        >>> [(view.pad, view.quality.name) for view in match_views([], catalog, lens).views]
+        [('tip', 'MISSING')]
+    """
     families = catalog.families
     angles = np.full(catalog.joints, np.nan)
     cap = CAP * lens.shape[0] / 1080

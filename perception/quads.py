@@ -91,6 +91,18 @@ def fit_quad(
 
     Raises:
         UserError: the brightness is not float32, finite about the contour, and of the lens's size.
+
+    Example:
+        >>> import cv2
+        >>> rows, columns = np.mgrid[:90, :120]
+        >>> rays = np.stack([(44.5 - rows) / 200, (columns - 59.5) / 200], axis=-1)
+        >>> lens = Lens(
+        ...     rays, lambda r: np.stack([59.5 + 200 * r[:, 1], 44.5 - 200 * r[:, 0]], axis=-1)
+        ... )
+        >>> image = cv2.rectangle(np.zeros((90, 120), np.uint8), (30, 20), (89, 69), 200, -1)
+        >>> (contour,), _ = cv2.findContours(image, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        >>> fit_quad(image.astype(np.float32), lens, contour[:, 0]).corners.round().tolist()
+        [[30.0, 70.0], [30.0, 19.0], [89.0, 19.0], [89.0, 70.0]]
     """
     checked_brightness(gray, lens.shape, contour)
     rays = lens.pixel_rays(contour)

@@ -45,7 +45,31 @@ def pad_plane(
 def map_to_image(
     view: View, lens: Lens, places: Float[np.ndarray, "_ 2"], length: float, width: float
 ) -> Float[np.ndarray, "_ 2"]:
-    """Where places of a pad are imaged in a view: column and row."""
+    """Where places of a pad are imaged in a view: column and row.
+
+    Example:
+        >>> rows, columns = np.mgrid[:90, :120]
+        >>> rays = np.stack([(44.5 - rows) / 200, (columns - 59.5) / 200], axis=-1)
+        >>> lens = Lens(
+        ...     rays, lambda r: np.stack([59.5 + 200 * r[:, 1], 44.5 - 200 * r[:, 0]], axis=-1)
+        ... )
+        >>> corners = np.array([[30.0, 70.0], [30.0, 20.0], [80.0, 20.0], [80.0, 70.0]])
+        >>> view = View(
+        ...     "tip",
+        ...     "direct",
+        ...     0,
+        ...     Quality.COMPLETE,
+        ...     (True, True),
+        ...     corners,
+        ...     lens.rays(corners),
+        ...     np.zeros((4, 2, 2)),
+        ...     2500.0,
+        ... )
+        >>> map_to_image(view, lens, np.array([[5.0, 0.0]]), 10.0, 10.0).round(
+        ...     1
+        ... ).tolist()  # the pad's middle
+        [[55.0, 45.0]]
+    """
     plane, homography = pad_plane(view, length, width)
     flat = cv2.perspectiveTransform(places[None].astype(float), homography)[0]
     return lens.project(plane.rays(flat))
@@ -54,7 +78,29 @@ def map_to_image(
 def map_to_pad(
     view: View, lens: Lens, places: Float[np.ndarray, "_ 2"], length: float, width: float
 ) -> Float[np.ndarray, "_ 2"]:
-    """Which places of a pad are imaged at given columns and rows; inverts `map_to_image`."""
+    """Which places of a pad are imaged at given columns and rows; inverts `map_to_image`.
+
+    Example:
+        >>> rows, columns = np.mgrid[:90, :120]
+        >>> rays = np.stack([(44.5 - rows) / 200, (columns - 59.5) / 200], axis=-1)
+        >>> lens = Lens(
+        ...     rays, lambda r: np.stack([59.5 + 200 * r[:, 1], 44.5 - 200 * r[:, 0]], axis=-1)
+        ... )
+        >>> corners = np.array([[30.0, 70.0], [30.0, 20.0], [80.0, 20.0], [80.0, 70.0]])
+        >>> view = View(
+        ...     "tip",
+        ...     "direct",
+        ...     0,
+        ...     Quality.COMPLETE,
+        ...     (True, True),
+        ...     corners,
+        ...     lens.rays(corners),
+        ...     np.zeros((4, 2, 2)),
+        ...     2500.0,
+        ... )
+        >>> (map_to_pad(view, lens, np.array([[55.0, 45.0]]), 10.0, 10.0).round(1) + 0.0).tolist()
+        [[5.0, 0.0]]
+    """
     plane, homography = pad_plane(view, length, width)
     flat = plane.flat(lens.rays(places))
     back = cv2.invert(homography)[1]
@@ -90,6 +136,29 @@ def unwarp(
 
     Raises:
         UserError: it is no image of the lens, but of another size or type.
+
+    Example:
+        >>> import cv2
+        >>> rows, columns = np.mgrid[:90, :120]
+        >>> rays = np.stack([(44.5 - rows) / 200, (columns - 59.5) / 200], axis=-1)
+        >>> lens = Lens(
+        ...     rays, lambda r: np.stack([59.5 + 200 * r[:, 1], 44.5 - 200 * r[:, 0]], axis=-1)
+        ... )
+        >>> corners = np.array([[30.0, 70.0], [30.0, 20.0], [80.0, 20.0], [80.0, 70.0]])
+        >>> view = View(
+        ...     "tip",
+        ...     "direct",
+        ...     0,
+        ...     Quality.COMPLETE,
+        ...     (True, True),
+        ...     corners,
+        ...     lens.rays(corners),
+        ...     np.zeros((4, 2, 2)),
+        ...     2500.0,
+        ... )
+        >>> image = np.full((90, 120), 80, np.uint8)
+        >>> unwarp(image, view, lens, 10.0, 10.0).shape[:2]
+        (100, 100)
     """
     image = checked_image(image, channels=(1, 3), like=("what the lens images", lens.shape))
     shape = round(length * PER_MM), round(width * PER_MM)
@@ -132,6 +201,27 @@ def select_view(
         width: of the pad, mm.
         by: ``"scale"``, the view whose least scale is the greatest; or ``"area"``, the one that is
             largest in the image, as in paper B (§4.1.1).
+
+    Example:
+        >>> rows, columns = np.mgrid[:90, :120]
+        >>> rays = np.stack([(44.5 - rows) / 200, (columns - 59.5) / 200], axis=-1)
+        >>> lens = Lens(
+        ...     rays, lambda r: np.stack([59.5 + 200 * r[:, 1], 44.5 - 200 * r[:, 0]], axis=-1)
+        ... )
+        >>> corners = np.array([[30.0, 70.0], [30.0, 20.0], [80.0, 20.0], [80.0, 70.0]])
+        >>> view = View(
+        ...     "tip",
+        ...     "direct",
+        ...     0,
+        ...     Quality.COMPLETE,
+        ...     (True, True),
+        ...     corners,
+        ...     lens.rays(corners),
+        ...     np.zeros((4, 2, 2)),
+        ...     2500.0,
+        ... )
+        >>> select_view([view], lens, 10.0, 10.0).path, select_view([], lens, 10.0, 10.0)
+        ('direct', None)
     """
     complete = [view for view in views if view.quality is Quality.COMPLETE]
     if not complete:

@@ -18,6 +18,13 @@ def format_toml(table: Mapping[str, Any], comment: str = "") -> str:
         table: tables of strings, numbers, booleans, lists and further tables; a list of tables
             becomes an array of tables. ``tomllib`` reads the same back.
         comment: lines to begin with, without their ``#``.
+
+    Example:
+        >>> print(format_toml({"body": {"thickness": 20.0}}, "Lengths in mm."), end="")
+        # Lengths in mm.
+        <BLANKLINE>
+        [body]
+        thickness = 20.0
     """
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]
     lines += _table(table, "")

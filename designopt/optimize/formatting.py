@@ -41,6 +41,16 @@ def find_active_set(problem: Problem, optimum: Optimum, least_share: float = 0.0
         problem: the problem that was solved.
         optimum: what was found.
         least_share: requirements with a smaller share of all multipliers are left out.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> from designopt.optimize import Evaluation, minimize
+        >>> problem = Problem(
+        ...     lambda x: Evaluation(objective=(x - 2) ** 2), jnp.zeros(()), jnp.ones(())
+        ... )
+        >>> best = minimize(problem, jnp.array([0.5]), "slsqp").best
+        >>> [active.words for active in find_active_set(problem, best)]
+        ['parameter at its upper bound']
     """
     total = sum(float(np.sum(np.abs(part))) for part in optimum.multipliers.values())
     found = []
@@ -63,6 +73,17 @@ def explain_conflict(problem: Problem, optimum: Optimum) -> list[str]:
     Args:
         problem: the problem that was solved.
         optimum: what was found.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> from designopt.optimize import Evaluation, minimize
+        >>> problem = Problem(
+        ...     lambda x: Evaluation(objective=x, inequalities={"high": x - 2}),
+        ...     jnp.zeros(()),
+        ...     jnp.ones(()),
+        ... )
+        >>> explain_conflict(problem, minimize(problem, jnp.array([0.5]), "slsqp").best)
+        ['high by 1']
     """
     lines = []
     for name in sorted(optimum.worst, key=lambda name: -optimum.violations[name]):

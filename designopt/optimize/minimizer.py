@@ -165,6 +165,18 @@ def minimize(
         starts: parameters with the starts along every array's first axis.
         method: as in `Minimizer`.
         settings: the other settings of `Minimizer`.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> from designopt.optimize import Evaluation
+        >>> problem = Problem(
+        ...     lambda x: Evaluation(objective=(x[0] - 2) ** 2 + x[1] ** 2),
+        ...     jnp.zeros(2),
+        ...     jnp.ones(2),
+        ... )
+        >>> best = minimize(problem, jnp.full((1, 2), 0.5), "slsqp").best
+        >>> [round(v, 6) for v in best.parameters.tolist()], best.feasible
+        ([1.0, 0.0], True)
     """
     count = jax.tree.leaves(starts)[0].shape[0]
     return Minimizer(problem, count, method, **settings).solve(starts)

@@ -134,6 +134,18 @@ def make_epigraph(problem: Problem, *, scale: float = 1.0) -> Problem:
     Returns:
         A problem in `EpigraphVariables`, smooth where the values are; the values' names become
         names of inequalities (S. Boyd, L. Vandenberghe, *Convex Optimization*, §4.1.3).
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> problem = Problem(
+        ...     lambda x: Evaluation(least={"arms": jnp.stack([x, 1 - x])}),
+        ...     jnp.zeros(()),
+        ...     jnp.ones(()),
+        ... )
+        >>> form = make_epigraph(problem)
+        >>> found = form.terms(EpigraphVariables(jnp.array(0.3), jnp.array(0.2)))
+        >>> [round(v, 4) for v in found.inequalities["arms"].tolist()]
+        [0.1, 0.5]
     """
 
     def terms(parameters: EpigraphVariables, *data: Any) -> Evaluation:
@@ -166,6 +178,19 @@ def make_epigraph_starts(problem: Problem, starts: Parameters) -> EpigraphVariab
     Args:
         problem: one whose terms have ``least``.
         starts: parameters with the starts along every array's first axis.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> problem = Problem(
+        ...     lambda x: Evaluation(least={"arms": jnp.stack([x, 1 - x])}),
+        ...     jnp.zeros(()),
+        ...     jnp.ones(()),
+        ... )
+        >>> [
+        ...     round(v, 4)
+        ...     for v in make_epigraph_starts(problem, jnp.array([0.25, 0.5])).level.tolist()
+        ... ]
+        [0.25, 0.5]
     """
     level = jax.vmap(lambda design: -problem.terms(design, *problem.data).value)
     return EpigraphVariables(starts, jax.jit(level)(starts))
@@ -179,6 +204,18 @@ def make_soft_minimum(problem: Problem, temperature: float) -> Problem:
     Args:
         problem: one whose terms have ``least``.
         temperature: τ, in the values' unit.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> problem = Problem(
+        ...     lambda x: Evaluation(least={"arms": jnp.stack([x, 1 - x])}),
+        ...     jnp.zeros(()),
+        ...     jnp.ones(()),
+        ... )
+        >>> -round(
+        ...     float(make_soft_minimum(problem, 0.1).terms(jnp.array(0.2)).value), 4
+        ... )  # just below 0.2
+        0.1998
     """
 
     def terms(parameters: Parameters, *data: Any) -> Evaluation:

@@ -158,6 +158,15 @@ def run_differential_evolution(
 
     Raises:
         ValueError: a bound is not finite.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> from designopt.optimize import Evaluation
+        >>> problem = Problem(
+        ...     lambda x: Evaluation(objective=jnp.sum(x**2)), -jnp.ones(2), jnp.ones(2)
+        ... )
+        >>> float(run_differential_evolution(problem, seconds=0.2, seed=0).objective[-1]) < 0.1
+        True
     """
     flat = Flat.of(problem)
     count = max(population * flat.units.size, 5)  # SciPy's least

@@ -33,6 +33,13 @@ def draw_sobol_starts(problem: Problem, count: int, seed: int) -> Parameters:
 
     Raises:
         ValueError: a bound is not finite.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> from designopt.optimize import Evaluation, Problem
+        >>> problem = Problem(lambda x: Evaluation(objective=x[0]), jnp.zeros(2), jnp.ones(2))
+        >>> draw_sobol_starts(problem, 4, seed=0).shape
+        (4, 2)
     """
     lower, unravel = ravel_pytree(problem.lower)
     upper, _ = ravel_pytree(problem.upper)
@@ -75,6 +82,15 @@ def select_starts(
 
     Raises:
         ValueError: a bound is not finite.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> from designopt.optimize import Evaluation, Problem
+        >>> problem = Problem(
+        ...     lambda x: Evaluation(objective=(x - 0.3) ** 2), jnp.zeros(()), jnp.ones(())
+        ... )
+        >>> round(float(select_starts(problem, 1, seed=0, among=256).parameters[0]), 1)
+        0.3
     """
     points = draw_sobol_starts(problem, max(among, count), seed)
 

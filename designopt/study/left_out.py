@@ -34,6 +34,14 @@ def count_operations(function: Callable[..., Any], *args: Any) -> int:
 
     An operation is an instruction of the optimised program that computes something, whatever
     the size of its arrays; the body of a loop counts once, however often it runs.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> x = jnp.ones(8)
+        >>> count_operations(lambda x: jnp.sin(x) + x, x) < count_operations(
+        ...     lambda x: x @ jnp.outer(jnp.sin(x), x), x
+        ... )
+        True
     """
     text = jax.jit(function).lower(*args).compile().as_text() or ""
     found = (_INSTRUCTION.match(line) for line in text.splitlines())

@@ -63,6 +63,19 @@ def assess(family: Family, dtypes: Sequence[str]) -> list[StabilityRow]:
 
     An error is no failure up to `VALUE_TOLERANCE` units of rounding, for a gradient's entries
     `GRADIENT_TOLERANCE`.
+
+    Example:
+        >>> import equinox as eqx
+        >>> import jax.numpy as jnp
+        >>> class Result(eqx.Enumeration):
+        ...     successful = ""
+        >>> def root(x):
+        ...     return Solution(jnp.sqrt(x), x, jnp.zeros_like(x), Result.successful)
+        >>> family = Family(
+        ...     "near zero", {"x": np.array([1e-4, 1.0])}, root, mpmath.sqrt, lambda x: x
+        ... )
+        >>> [row.dtype for row in assess(family, ["float32"])]
+        ['float32']
     """
     cases = np.stack([np.asarray(column) for column in family.inputs.values()], axis=1)
     solve = _gradient_and_solution(family.solve, tuple(family.inputs))

@@ -37,12 +37,26 @@ def read_linkage(path: str | Path) -> Linkage:
     Raises:
         UserError: the file cannot be read or describes no mechanism that these inputs drive; one
             line says where and what to change.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> linkage.structure.name, float(linkage.links["crank"].length)
+        ('four-bar', 40.0)
     """
     return build_linkage(load_sketch(path), str(path))
 
 
 def parse_linkage(data: Mapping[str, Any], source: str = "sketch") -> Linkage:
-    """The linkage that the tables of a linkage file describe; otherwise as `read_linkage`."""
+    """The linkage that the tables of a linkage file describe; otherwise as `read_linkage`.
+
+    Example:
+        >>> import tomllib
+        >>> from importlib.resources import files
+        >>> text = (files("studies") / "gallery/linkages/four-bar.toml").read_text()
+        >>> parse_linkage(tomllib.loads(text)).structure.name
+        'four-bar'
+    """
     return build_linkage(parse_sketch(dict(data), source), source)
 
 

@@ -79,7 +79,15 @@ def spring_tables(structure: Structure, springs: Sequence[Spring]) -> list[dict[
 
 
 def format_linkage(linkage: Linkage) -> str:
-    """The text of a linkage's file; `kinematics.read_linkage` reads the same back to rounding."""
+    """The text of a linkage's file; `kinematics.read_linkage` reads the same back to rounding.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> format_linkage(linkage).splitlines()[:2]
+        ['# A linkage in its assembled configuration: mm.', '']
+    """
     return format_toml(linkage_tables(linkage), "A linkage in its assembled configuration: mm.")
 
 
@@ -92,6 +100,17 @@ def write_linkage(linkage: Linkage, path: str | Path) -> None:
 
     Raises:
         UserError: the linkage cannot be assembled in its reference configuration.
+
+    Example:
+        >>> import tempfile
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_linkage(linkage, f"{folder}/copy.toml")
+        ...     copy = read_linkage(f"{folder}/copy.toml")
+        >>> copy.structure == linkage.structure
+        True
     """
     text = format_linkage(linkage)
     with replaced_when_complete(Path(path)) as partial:

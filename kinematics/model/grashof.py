@@ -35,6 +35,10 @@ def classify_grashof(crank: float, coupler: float, rocker: float, ground: float)
 
     Raises:
         ValueError: a length is not positive, or one is longer than the three others together.
+
+    Example:
+        >>> classify_grashof(40, 120, 80, 100).name
+        'crank-rocker'
     """
     lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "ground": ground}
     shortest, *middle, longest = sorted(lengths.values())

@@ -52,7 +52,15 @@ class Loop:
 
 
 def find_vector_loops(structure: Structure) -> tuple[Loop, ...]:
-    """Independent vector loops of a whole linkage."""
+    """Independent vector loops of a whole linkage.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> [str(loop) for loop in find_vector_loops(linkage.structure)]
+        ['O4 –[fixed]– O2 –[crank]– A –[coupler]– B –[rocker]– O4']
+    """
     return tuple(find_loops(structure.incidences))
 
 

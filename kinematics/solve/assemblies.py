@@ -55,6 +55,13 @@ def find_assemblies(linkage: Linkage, inputs: Float[Array, " inputs"]) -> Assemb
     Args:
         linkage: the linkage.
         inputs: values of the inputs, rad or mm.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> len(find_assemblies(linkage, jnp.array([0.7])).poses)  # open and crossed
+        2
     """
     values = as_float(inputs)
     solver = Solver.of(linkage, values.dtype)

@@ -98,6 +98,13 @@ def find_limits(
 
     Raises:
         ValueError: there is no input of that name, or the start is no pose.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> find_limits(linkage, "crank").full_turn  # a crank-rocker
+        True
     """
     if name not in linkage.input_names:
         raise ValueError(f"no input is named {name!r}; there are {', '.join(linkage.input_names)}")
@@ -133,6 +140,19 @@ def solve_turning_point(
     Returns:
         The value, rad or mm. ``margin`` is the magnitude of the slope of what vanishes there, per
         rad or per size of the linkage.
+
+    Example:
+        >>> import tomllib
+        >>> from importlib.resources import files
+        >>> from kinematics import parse_linkage
+        >>> tables = tomllib.loads(
+        ...     (files("studies") / "gallery/linkages/four-bar.toml").read_text()
+        ... )
+        >>> tables["bodies"]["crank"]["lengths"]["O2-A"] = 90.0  # too long to turn fully
+        >>> linkage = parse_linkage(tables)
+        >>> limit = find_limits(linkage, "crank").upper
+        >>> abs(float(solve_turning_point(linkage, "crank", limit).value) - limit.value) < 1e-4
+        True
     """
     index = linkage.input_names.index(name)
     start = linkage.reference.inputs if inputs is None else as_float(inputs)

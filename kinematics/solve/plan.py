@@ -219,7 +219,15 @@ def _upstream(structure: Structure, plan: Plan, targets: frozenset[str]) -> Plan
 
 
 def describe_plan(structure: Structure, targets: frozenset[str] | None = None) -> list[str]:
-    """The plan in words, one line per step."""
+    """The plan in words, one line per step.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> describe_plan(linkage.structure)[0]
+        'place A by crank, from O2'
+    """
     plan = make_plan(structure, targets)
     lines = []
     for step in plan.steps:

@@ -97,6 +97,18 @@ def solve_poses(
 
     Raises:
         PlanError: ``of`` names something the linkage does not have.
+
+    Example:
+        >>> import numpy as np
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> poses = solve_poses(linkage, jnp.deg2rad(jnp.array([[40.0], [90.0]])))
+        >>> (
+        ...     poses.ok.tolist(),
+        ...     np.rad2deg(poses.value.angle("rocker")).astype(float).round(2).tolist(),
+        ... )
+        ([True, True], [57.32, 80.26])
     """
     inputs = as_float(inputs)
     solver = Solver.of(linkage, inputs.dtype, of, signs)

@@ -69,6 +69,14 @@ def solve_rates(
     Returns:
         The derivatives; finite everywhere, but without meaning where `solve_poses` is not ok, and
         at a turning point, where true rates are infinite.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> motion = solve_rates(linkage, jnp.array([0.7]), jnp.array([1.0]))
+        >>> round(float(motion.velocity.bodies["rocker"]), 4)  # rad per rad of the crank
+        0.2813
     """
     inputs, velocity = as_float(inputs), as_float(rates)
     acceleration = jnp.zeros_like(velocity) if accelerations is None else as_float(accelerations)

@@ -38,6 +38,16 @@ def solve_input_efforts(
     Returns:
         Moments (N mm) for inputs that are angles, forces (N) for slides, positive in the
         direction in which the input grows. Without meaning where `solve_poses` is not ok.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> efforts = solve_input_efforts(
+        ...     linkage, jnp.array([0.7]), moments={"rocker": jnp.array(100.0)}
+        ... )
+        >>> [round(effort, 2) for effort in efforts.tolist()]  # N mm
+        [-28.13]
     """
 
     def energy(pose: Pose) -> Float[Array, ""]:
@@ -53,7 +63,17 @@ def solve_input_efforts(
 
 
 def compute_spring_energy(linkage: Linkage, pose: Pose) -> Float[Array, ""]:
-    """Energy of the torsion springs in a pose, N mm: Σ ½ k (Δ + preload)²."""
+    """Energy of the torsion springs in a pose, N mm: Σ ½ k (Δ + preload)².
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage, solve_poses
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> float(
+        ...     compute_spring_energy(linkage, solve_poses(linkage, jnp.array([0.7])).value)
+        ... )  # no springs
+        0.0
+    """
     total = jnp.zeros_like(linkage.anchors[0, 0])
     for spring, (first, second) in zip(linkage.springs, linkage.structure.springs, strict=True):
         rest = _rest(linkage, second) - _rest(linkage, first)
@@ -80,6 +100,16 @@ def solve_input_slopes(
         linkage: the linkage.
         inputs: values of the inputs, rad or mm.
         output: from one pose to a number, such as ``lambda pose: pose.angle("rocker")``.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> slopes = solve_input_slopes(
+        ...     linkage, jnp.array([0.7]), lambda pose: pose.angle("rocker")
+        ... )
+        >>> [round(slope, 4) for slope in slopes.tolist()]
+        [0.2813]
     """
     inputs = as_float(inputs)
     solver = Solver.of(linkage, inputs.dtype)
@@ -106,6 +136,16 @@ def solve_mechanical_advantage(
     stands for it.
 
     Args: as `solve_input_slopes`.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> found = solve_mechanical_advantage(
+        ...     linkage, jnp.array([0.7]), lambda pose: pose.angle("rocker")
+        ... )
+        >>> [round(value, 3) for value in found.tolist()]
+        [3.555]
     """
     slopes = solve_input_slopes(linkage, inputs, output)
     advantage, finite = safe_divide(jnp.ones_like(slopes), slopes)

@@ -28,7 +28,15 @@ class Spread(eqx.Module):
 
 
 def make_zero_deviations(linkage: Linkage) -> Linkage:
-    """A linkage of zeros, to be filled with the standard deviations of dimensions."""
+    """A linkage of zeros, to be filled with the standard deviations of dimensions.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> float(make_zero_deviations(linkage).links["crank"].length)
+        0.0
+    """
     return jax.tree.map(jnp.zeros_like, linkage)
 
 
@@ -52,6 +60,19 @@ def propagate_deviations(
 
     Returns:
         The spread at each pose. Without meaning where `solve_poses` is not ok.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> import equinox as eqx
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> crank = lambda linkage: linkage.links["crank"].length
+        >>> deviations = eqx.tree_at(crank, make_zero_deviations(linkage), jnp.array(0.1))
+        >>> spread = propagate_deviations(
+        ...     linkage, jnp.array([0.7]), lambda pose: pose.angle("rocker"), deviations
+        ... )
+        >>> round(float(spread.deviation), 5)  # rad, for a crank known to 0.1 mm
+        0.00195
     """
     inputs = as_float(inputs)
 

@@ -48,6 +48,15 @@ def solve_transmission(
 
     Returns:
         Angles and indices; without meaning where `solve_poses` is not ok.
+
+    Example:
+        >>> import math
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> found = solve_transmission(linkage, jnp.deg2rad(jnp.array([40.0])))
+        >>> {pin: round(math.degrees(angle), 2) for pin, angle in found.angles.items()}
+        {'B': 37.03}
     """
     inputs = as_float(inputs)
     solver = Solver.of(linkage, inputs.dtype, of)

@@ -37,6 +37,13 @@ def bend_center_line(
         arc: s, from where the finger starts, mm.
         bend: angle between both ends of the finger, in radians.
         length: of the finger, mm.
+
+    Example:
+        >>> line = bend_center_line(
+        ...     jnp.array([0.0, 100.0]), jnp.array(jnp.pi / 2), jnp.array(100.0)
+        ... )
+        >>> [round(v, 2) for v in line.across.tolist()]  # a quarter of a circle of radius 200/π
+        [0.0, 63.66]
     """
     turned = bend / length * arc
     return CenterLine(

@@ -59,6 +59,16 @@ def read_chamber(path: Path) -> tuple[str, Chamber]:
     Raises:
         UserError: the file cannot be read, or describes no chamber with an image; one line says
             where and what to change.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> chamber = Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_chamber("sample", chamber, f"{folder}/chamber.toml")
+        ...     name, copy = read_chamber(Path(folder) / "chamber.toml")
+        >>> name, float(copy.offset_b)
+        ('sample', 2.0)
     """
     table = validated(ChamberFile, read_tables(path, "chamber", "chamber"), str(path)).chamber
     fields = table.model_dump(exclude={"name", "format"})
@@ -71,7 +81,13 @@ def read_chamber(path: Path) -> tuple[str, Chamber]:
 
 
 def format_chamber(name: str, chamber: Chamber) -> str:
-    """The text of a chamber's file; `read_chamber` reads the same back."""
+    """The text of a chamber's file; `read_chamber` reads the same back.
+
+    Example:
+        >>> chamber = Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84)
+        >>> format_chamber("sample", chamber).count("=") > 11
+        True
+    """
     table: dict[str, float | str | int] = {"name": name, "format": FORMAT}
     for key in ChamberTable.model_fields:
         if key == f"{ANGLE}_deg":
@@ -92,6 +108,16 @@ def write_chamber(name: str, chamber: Chamber, path: str | Path) -> None:
         name: the chamber's.
         chamber: a single one.
         path: of the file.
+
+    Example:
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> chamber = Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_chamber("sample", chamber, f"{folder}/chamber.toml")
+        ...     name, copy = read_chamber(Path(folder) / "chamber.toml")
+        >>> name, float(copy.length_ab)
+        ('sample', 40.0)
     """
     with replaced_when_complete(Path(path)) as partial:
         partial.write_text(format_chamber(name, chamber), encoding="utf-8")

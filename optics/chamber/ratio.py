@@ -70,6 +70,12 @@ def solve_dimension_for_ratio(
 
     Raises:
         ValueError: η does not depend on a dimension of that name.
+
+    Example:
+        >>> chamber = Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84)
+        >>> found = solve_dimension_for_ratio(chamber, "offset_d", 0.5)
+        >>> bool(found.ok), round(float(found.value), 2)  # mm
+        (True, 1.3)
     """
     if dimension not in get_args(Dimension):
         raise ValueError(

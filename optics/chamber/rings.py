@@ -74,7 +74,13 @@ class Rings(eqx.Module):
 
 
 def compute_wall_radii(chamber: Chamber) -> Float[Array, "4"]:
-    """Radii of the round chamber at A, B, C and D in mm: h + Δl, and h − Δl_D at D."""
+    """Radii of the round chamber at A, B, C and D in mm: h + Δl, and h − Δl_D at D.
+
+    Example:
+        >>> chamber = Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84)
+        >>> [round(radius, 2) for radius in compute_wall_radii(chamber).tolist()]
+        [12.7, 10.6, 9.55, 6.1]
+    """
     height = chamber.reference_height
     offsets = (chamber.offset_a, chamber.offset_b, chamber.offset_c, -chamber.offset_d)
     return height + jnp.stack(offsets)
@@ -109,6 +115,12 @@ def press_wall(
         place: where along the finger it presses deepest, mm.
         radius: of the object, mm.
         depth: the deepest, mm; negative presses the other side.
+
+    Example:
+        >>> press_wall(
+        ...     jnp.array([40.0, 50.0, 60.0]), jnp.array(50.0), jnp.array(20.0), jnp.array(3.0)
+        ... ).tolist()
+        [0.5, 3.0, 0.5]
     """
     left = jnp.abs(depth) - (arc - place) ** 2 / (2 * radius)
     return jnp.sign(depth) * jnp.maximum(left, 0)
@@ -167,6 +179,12 @@ def find_spans(rings: Rings, bend: Float[Array, ""], pressed: Float[Array, " rin
     """What the rings span in the plane of bending.
 
     Differentiable, at no bend too; where ``margin`` is not positive the spans mean nothing.
+
+    Example:
+        >>> rings = Rings.of(Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84))
+        >>> spans = find_spans(rings, jnp.zeros(()), jnp.zeros(len(rings.arc)))
+        >>> bool(jnp.allclose(spans.low, -spans.high))  # a straight finger is symmetric
+        True
     """
     return _spans(_bent_rings(rings, bend, pressed))
 
@@ -206,6 +224,12 @@ def find_apertures(rings: Rings, posture: Posture, angles: int = 256) -> Apertur
         rings: of the straight finger.
         posture: one.
         angles: number of points of an outline.
+
+    Example:
+        >>> rings = Rings.of(Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84))
+        >>> straight = Posture(jnp.zeros(()), jnp.zeros(()), jnp.zeros(len(rings.arc)))
+        >>> find_apertures(rings, straight, 16).outline.shape
+        (60, 16, 2)
     """
     ring = _bent_rings(rings, posture.bend, posture.pressed)
     seen = _spans(ring)

@@ -28,6 +28,12 @@ def find_extreme_points(
         Points of the outer outlines of blue, of yellow and of the top, px; where a nearer wall
         hides a ring's own end, its edge. ``margin`` is the least width that is seen of the three
         in the plane of bending, a difference of tangents.
+
+    Example:
+        >>> chamber = Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84)
+        >>> found = find_extreme_points(chamber, Endoscope(jnp.pi / 2), 0.0, 0.0)
+        >>> [round(row, 2) for row in found.value[:, 1].tolist()]  # all in the image's middle row
+        [239.5, 239.5, 239.5]
     """
     rings = Rings.of(chamber)
     bend = as_float(bend).astype(rings.arc.dtype)
@@ -55,6 +61,11 @@ def solve_image_rates(
 
     with f the focal length in px; the first part is the ring's way sideways, the second its turn
     towards the camera, the last the lens. ``margin`` is that of `find_extreme_points`.
+
+    Example:
+        >>> chamber = Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84)
+        >>> bool((solve_image_rates(chamber, Endoscope(jnp.pi / 2), 0.0).value > 0).all())
+        True
     """
     angle = as_float(direction).astype(chamber.length_ab.dtype)
     side = jnp.stack([jnp.cos(angle), jnp.sin(angle)])

@@ -36,7 +36,12 @@ class Imprint:
 
 
 def list_imprints() -> list[str]:
-    """The kinds of objects there are."""
+    """The kinds of objects there are.
+
+    Example:
+        >>> list_imprints()
+        ['sphere', 'ball array', 'studded brick', 'edge', 'screw thread']
+    """
     return list(_DEPTHS)
 
 
@@ -51,6 +56,13 @@ def make_height_map(imprint: Imprint, along: Map, across: Map, step: float) -> M
 
     Raises:
         ValueError: there is no such object.
+
+    Example:
+        >>> import numpy as np
+        >>> along, across = np.meshgrid(np.arange(-5, 5.1), np.arange(-5, 5.1), indexing="ij")
+        >>> height = make_height_map(Imprint(list_imprints()[0], 0.0), along, across, 1.0)
+        >>> height.shape, round(float(height.max()), 2)
+        ((11, 11), 0.6)
     """
     if imprint.kind not in _DEPTHS:
         known = ", ".join(list_imprints())

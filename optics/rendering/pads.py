@@ -91,6 +91,10 @@ def make_pad_appearance(
         imprints: what is pressed in; the deepest counts.
         brightness: of the lights.
         seed: of the rough edges.
+
+    Example:
+        >>> make_pad_appearance(20.0, 15.0, Effects()).light.shape[-1]  # red, green and blue
+        3
     """
     along = _samples(length)[:, None]
     across = _samples(width)[None, :] - width / 2

@@ -54,7 +54,24 @@ class Fabrication(eqx.Module):
 
 
 def scale_errors(deviations: Fabrication, numbers: Float[Array, " errors"]) -> Fabrication:
-    """Errors that are so many times their standard deviations, one number each, in their order."""
+    """Errors that are so many times their standard deviations, one number each, in their order.
+
+    Example:
+        >>> import numpy as np
+        >>> deviations = Fabrication(
+        ...     np.full(2, 0.1),
+        ...     0.1,
+        ...     0.02,
+        ...     np.ones(1),
+        ...     np.ones(1),
+        ...     np.ones(1),
+        ...     np.ones(1),
+        ...     np.ones(1),
+        ... )
+        >>> made = scale_errors(deviations, jnp.arange(9.0))
+        >>> [round(v, 3) for v in made.camera.tolist()]
+        [0.0, 0.1]
+    """
     leaves, structure = jax.tree.flatten(deviations)
     ends = np.cumsum([leaf.size for leaf in leaves])[:-1].tolist()
     parts = jnp.split(numbers, ends)
@@ -63,7 +80,26 @@ def scale_errors(deviations: Fabrication, numbers: Float[Array, " errors"]) -> F
 
 
 def name_fabrication_errors(layout: Layout, errors: Fabrication) -> list[str]:
-    """What the entries of flattened errors are, in their order, with their units."""
+    """What the entries of flattened errors are, in their order, with their units.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> import numpy as np
+        >>> from optics import read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> errors = Fabrication(
+        ...     np.zeros(2),
+        ...     0.0,
+        ...     0.0,
+        ...     np.zeros(2),
+        ...     np.zeros(2),
+        ...     np.zeros(1),
+        ...     np.zeros(1),
+        ...     np.zeros(1),
+        ... )
+        >>> name_fabrication_errors(scene.layout, errors)[3:5]
+        ['camera tilt (rad)', 'tilt of mirror lower (rad)']
+    """
     mirrors, pads = [[part.name for part in kind] for kind in (layout.mirrors, layout.pads)]
     return [
         "camera along x (mm)",
@@ -89,6 +125,26 @@ def perturb(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -
 
     Raises:
         ValueError: a distortion is added to a lens that is neither equidistant nor Kannala–Brandt.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> import numpy as np
+        >>> from optics import read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> none = Fabrication(
+        ...     np.zeros(2),
+        ...     0.0,
+        ...     0.0,
+        ...     np.zeros(2),
+        ...     np.zeros(2),
+        ...     np.zeros(1),
+        ...     np.zeros(1),
+        ...     np.zeros(1),
+        ... )
+        >>> import dataclasses
+        >>> made = perturb(scene, dataclasses.replace(none, camera=np.array([0.0, 0.1])))
+        >>> [round(v, 3) for v in (made.camera.position - scene.camera.position).tolist()]
+        [0.0, 0.1]
     """
     camera, blockers = scene.camera, scene.blockers
     if carried:

@@ -38,6 +38,12 @@ def read_scene(path: str | Path) -> Scene:
     Raises:
         UserError: the file cannot be read or describes no scene; one line says where and what to
             change.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> [mirror.name for mirror in scene.layout.mirrors]
+        ['lower', 'upper']
     """
     return parse_scene(read_tables(path, "scene", "camera"), str(path))
 
@@ -48,6 +54,13 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene") -> Scene:
     Args:
         data: the tables, as `tomllib` gives them.
         source: where they come from, for messages.
+
+    Example:
+        >>> import tomllib
+        >>> from importlib.resources import files
+        >>> text = (files("studies") / "gallery/scenes/periscope.toml").read_text()
+        >>> [pad.name for pad in parse_scene(tomllib.loads(text)).layout.pads]
+        ['landscape']
     """
     return build_scene(validated(SceneFile, data, source), source)
 

@@ -65,7 +65,15 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
 
 
 def format_scene(scene: Scene) -> str:
-    """The text of a scene's file; `optics.read_scene` reads the same back."""
+    """The text of a scene's file; `optics.read_scene` reads the same back.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> "[camera]" in format_scene(scene).splitlines()
+        True
+    """
     return format_toml(scene_tables(scene), "Camera, mirrors, pads and blockers: mm.")
 
 
@@ -75,6 +83,17 @@ def write_scene(scene: Scene, path: str | Path) -> None:
     Args:
         scene: a single one.
         path: of the file.
+
+    Example:
+        >>> import tempfile
+        >>> from importlib.resources import files
+        >>> from optics import read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_scene(scene, f"{folder}/copy.toml")
+        ...     copy = read_scene(f"{folder}/copy.toml")
+        >>> copy.layout == scene.layout
+        True
     """
     with replaced_when_complete(Path(path)) as partial:
         partial.write_text(format_scene(scene), encoding="utf-8")

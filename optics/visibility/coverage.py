@@ -62,6 +62,14 @@ def find_views(
     Raises:
         ValueError: a mirror is curved (`trace_views` sees in these), there is no pad, or a number
             of bounces or pieces makes no sense.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import name_paths, read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> pieces = find_views(scene, jnp.zeros(0)).value
+        >>> [name_paths(scene.layout)[i] for i in pieces.path[pieces.present].tolist()]
+        ['mirror:lower+upper']
     """
     words = _words(scene, bounces, room, "find_views")
     camera = scene.camera
@@ -115,6 +123,14 @@ def find_coverage(
 
     Raises:
         ValueError: as in `find_views`.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> found = find_coverage(scene, jnp.zeros(0))
+        >>> bool(found.ok.all()), [round(value, 4) for value in found.value.tolist()]
+        (True, [1.0])
     """
     words = _words(scene, bounces, room, "find_coverage")
 

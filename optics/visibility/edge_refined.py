@@ -60,6 +60,13 @@ def trace_views(
 
     Raises:
         ValueError: there is no pad.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> bool(trace_views(scene, jnp.zeros(0), rays=64).value.present.any())
+        True
     """
     if not scene.layout.pads:
         raise ValueError("trace_views: the scene has no pad; trace_rays follows rays without one")

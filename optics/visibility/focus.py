@@ -44,6 +44,18 @@ def find_focus(scene: Scene, pieces: Pieces, *, accepted: ArrayLike = 1.0) -> Fo
 
     Raises:
         ValueError: the camera has no lens.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import ThinLens, find_views, read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/half-height-mirror.toml")
+        >>> lens = ThinLens(focal_length=4.0, aperture=1.4, sensor_distance=4.03)
+        >>> scene = eqx.tree_at(
+        ...     lambda s: s.camera.lens, scene, lens, is_leaf=lambda leaf: leaf is None
+        ... )
+        >>> views = find_views(scene, jnp.zeros(0)).value
+        >>> find_focus(scene, views).sharp.shape == views.present.shape
+        True
     """
     lens = scene.camera.lens
     if lens is None:

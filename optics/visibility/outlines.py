@@ -49,6 +49,13 @@ def find_outlines(
 
     Raises:
         ValueError: a mirror is curved.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> find_outlines(scene, jnp.zeros(0)).angle.shape  # paths, pads, both ends
+        (5, 1, 2)
     """
     if scene.layout.curved:
         raise ValueError("an outline in a curved mirror has no corners; make the mirrors straight")
@@ -79,6 +86,13 @@ def find_corners(
         outlines: ends of the pads.
         width: of the pads across the section, mm.
         lateral: how far the camera is from the middle of the pads, towards greater columns, mm.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import Imaging, read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> find_corners(Imaging.of(scene.camera), find_outlines(scene, jnp.zeros(0)), 20.0).shape
+        (5, 1, 4, 2)
     """
     at = [end for end, _ in CORNERS]
     beside = jnp.asarray([side for _, side in CORNERS], outlines.angle.dtype) * width / 2 - lateral

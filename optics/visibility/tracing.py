@@ -72,6 +72,16 @@ def trace_rays(
     Returns:
         The hits. A ray ends at a pad, at a blocker, at the back of a mirror, and at the mirror
         after its last bounce; one-sided blockers let it pass from behind.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> hits = trace_rays(scene, jnp.zeros(0), jnp.zeros((1, 2)), jnp.zeros(1), bounces=2)
+        >>> [
+        ...     round(v, 3) for v in hits.length[0].tolist()
+        ... ]  # to the lower mirror, the upper one, the pad
+        [100.0, 400.0, 700.0]
     """
     placed = place(scene, as_float(angles))
     tracer = Tracer.of(scene, placed)

@@ -111,13 +111,29 @@ def path_name(layout: Layout, word: Sequence[int]) -> str:
 
 
 def name_paths(layout: Layout, bounces: int | None = None) -> list[str]:
-    """Names of all paths in their order, up to the scene's own number of bounces by default."""
+    """Names of all paths in their order, up to the scene's own number of bounces by default.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> name_paths(scene.layout, 1)
+        ['direct', 'mirror:lower', 'mirror:upper']
+    """
     words = paths_of(layout, layout.bounces if bounces is None else bounces)
     return [path_name(layout, word) for word in words]
 
 
 def describe_end(layout: Layout, label: int) -> str:
-    """What bounds a piece, in words, from its label."""
+    """What bounds a piece, in words, from its label.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> describe_end(scene.layout, FIRST_PAD_END)
+        'end of the pad'
+    """
     if label < 0:
         return {
             FIRST_PAD_END: "end of the pad",

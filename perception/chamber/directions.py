@@ -34,6 +34,12 @@ def compute_displacements(points: Points, initial: Points) -> Float[np.ndarray, 
     """By how much the points moved from an initial frame, pixels to the right and down.
 
     0 for points that are not seen in both frames: in Algorithm 1, they do not count then.
+
+    Example:
+        >>> start = Points(np.zeros((7, 2)), np.ones(7, bool))
+        >>> moved = Points(np.tile([3.0, 0.0], (7, 1)), np.ones(7, bool))
+        >>> compute_displacements(moved, start)[0].tolist()
+        [3.0, 0.0]
     """
     both = points.seen & initial.seen
     return np.where(both[:, None], points.xy - initial.xy, 0.0)
@@ -60,6 +66,12 @@ def estimate_bending_direction(
             may even rise where the nearer wall hides blue's lower side. "centre", the centre of
             blue alone, moves with what is left of the region, and across the bending direction it
             stays in place by symmetry.
+
+    Example:
+        >>> start = Points(np.zeros((7, 2)), np.ones(7, bool))
+        >>> moved = Points(np.tile([3.0, 0.5], (7, 1)), np.ones(7, bool))
+        >>> estimate_bending_direction(moved, start).name
+        'RIGHT'
     """
     if not (points.seen[6] and initial.seen[6]):
         return Direction.UNDEFINED

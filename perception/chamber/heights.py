@@ -63,6 +63,12 @@ def compute_movements(
         frames: points of every frame.
         rest: of frames of the finger while it touches nothing; their mean is where rest is.
         whole: whether places count in whole pixels only, as in the paper.
+
+    Example:
+        >>> start = Points(np.zeros((7, 2)), np.ones(7, bool))
+        >>> moved = Points(np.tile([0.0, -2.0], (7, 1)), np.ones(7, bool))
+        >>> compute_movements([moved], [start]).px.tolist()  # upwards
+        [[2.0, 2.0, 2.0]]
     """
     picked = [NAMES.index(name) for name in TRACKED]
     places = np.array([frame.xy[picked, 1] for frame in frames]).reshape(-1, 3)
@@ -84,6 +90,11 @@ def estimate_scatter(rest: Movements) -> tuple[float, float]:
     Args:
         rest: at least two frames of a finger that does not move; only those that show all points
             count. Without two of them both are 0.
+
+    Example:
+        >>> px = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, -1.0]])  # all points move alike
+        >>> [round(value, 6) for value in estimate_scatter(Movements(px, np.ones((2, 3), bool)))]
+        [1.414214, 0.0]
     """
     whole = rest.px[rest.seen.all(axis=1)]
     if len(whole) < 2:

@@ -161,6 +161,13 @@ def find_points(image: Image, regions: Regions) -> Points:
 
     Raises:
         UserError: it is no image of three channels of 8 bits, or not as large as the regions.
+
+    Example:
+        >>> import numpy as np
+        >>> from perception.chamber import find_regions
+        >>> image = np.zeros((240, 320, 3), np.uint8)
+        >>> bool(find_points(image, find_regions(image)).seen.any())  # a dark image has no chamber
+        False
     """
     image = despeckled(
         checked_image(image, like=("the picture of the regions", regions.labels.shape))

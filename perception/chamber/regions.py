@@ -149,6 +149,11 @@ def find_regions(image: Image) -> Regions:
 
     Raises:
         UserError: it is no image of three channels of 8 bits.
+
+    Example:
+        >>> import numpy as np
+        >>> find_regions(np.zeros((240, 320, 3), np.uint8)).status.name
+        'TOO_DARK'
     """
     image = checked_image(image)
     found = _regions(image)

@@ -61,6 +61,12 @@ def measure_shape(positions: Float[np.ndarray, " frames"], heights: Heights) -> 
     Args:
         positions: along the slide, mm; rising.
         heights: there.
+
+    Example:
+        >>> x = np.linspace(0, 60, 61)
+        >>> shape = measure_shape(x, Heights(2 * (1 - ((x - 30) / 30) ** 2), np.ones(61, bool)))
+        >>> round(shape.sagitta, 3), shape.roughness < 0.05
+        (2.0, True)
     """
     x, z = positions[heights.known], heights.mm[heights.known]
     if len(x) < LEAST_HEIGHTS or np.ptp(x) < LEAST_SPAN:
@@ -78,6 +84,10 @@ def classify_surface(found: Shape | None) -> SurfaceKind:
     """The kind of a surface by its shape: first whether it is curved, then whether it is rough.
 
     A tilt does not count.
+
+    Example:
+        >>> classify_surface(Shape(sagitta=3.0, roughness=0.05)).name
+        'CONVEX'
     """
     if found is None:
         return SurfaceKind.UNDEFINED

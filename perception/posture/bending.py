@@ -72,6 +72,12 @@ def fit_bend(
 
     Raises:
         ValueError: the length is not positive, or the markers' places do not rise along it.
+
+    Example:
+        >>> import numpy as np
+        >>> straight = np.array([[[0.0, 30.0], [0.0, 60.0], [0.0, 90.0]]])
+        >>> abs(float(fit_bend(straight, (10.0, 40.0, 70.0, 100.0), 110.0).bend[0])) < 1e-3
+        True
     """
     if not 0 < length < math.inf:
         raise ValueError(f"a finger's length is positive, not {length:g} mm")

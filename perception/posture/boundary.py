@@ -29,6 +29,11 @@ def make_boundary_image(
 
     Raises:
         UserError: it is no image of one channel of 8 bits.
+
+    Example:
+        >>> labels = np.array([[0, 0, 1, 1]] * 2, np.uint8)
+        >>> make_boundary_image(labels).tolist()
+        [[0, 255, 0, 0], [0, 255, 0, 0]]
     """
     labels = checked_image(labels, channels=(1,), what="an image of labels")
     edges = np.zeros(labels.shape, np.bool_)
@@ -53,6 +58,10 @@ def shrink(
 
     Raises:
         UserError: it is no image of one channel of 8 bits, or the size is not positive or larger.
+
+    Example:
+        >>> shrink(np.zeros((48, 64), np.uint8), (16, 12)).shape
+        (12, 16)
     """
     boundary = checked_image(boundary, channels=(1,), what="a boundary image")
     rows, columns = boundary.shape

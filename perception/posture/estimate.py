@@ -41,6 +41,17 @@ def find_posture(image: Image, estimator: PostureEstimator) -> PostureEstimate:
     Raises:
         UserError: it is no image of three channels of 8 bits, or shows a chamber in fewer pixels
             than the network takes.
+
+    Example:
+        >>> import numpy as np
+        >>> from perception.posture import Training, train
+        >>> generator = np.random.default_rng(0)
+        >>> images, markers = generator.random((8, 12, 16)), generator.random((8, 3, 2))
+        >>> estimator = train(images.astype(np.float32), markers, Training(epochs=1, batch=4))
+        >>> find_posture(
+        ...     np.zeros((240, 320, 3), np.uint8), estimator
+        ... ).markers is None  # nothing is seen
+        True
     """
     regions = find_regions(checked_image(image))
     if regions.status not in USABLE:

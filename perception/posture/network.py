@@ -137,6 +137,14 @@ def compute_weighted_loss(
         predicted: the network's markers.
         markers: the true ones.
         loss_weights: βᵢ.
+
+    Example:
+        >>> float(
+        ...     compute_weighted_loss(
+        ...         jnp.zeros((1, 3, 2)), jnp.ones((1, 3, 2)), jnp.array([0.5, 1.0, 1.5])
+        ...     )
+        ... )
+        6.0
     """
     squares = jnp.sum((predicted - markers) ** 2, axis=-1)
     return jnp.mean(squares @ loss_weights)

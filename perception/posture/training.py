@@ -78,6 +78,13 @@ def train(
     Raises:
         UserError: images or markers are no finite floats, not as many of one as of the other, or
             all the same.
+
+    Example:
+        >>> generator = np.random.default_rng(0)
+        >>> images, markers = generator.random((8, 12, 16)), generator.random((8, 3, 2))
+        >>> estimator = train(images.astype(np.float32), markers, Training(epochs=1, batch=4))
+        >>> estimator.predict(images.astype(np.float32)).shape
+        (8, 3, 2)
     """
     began = time.perf_counter()
     _check(images, markers)

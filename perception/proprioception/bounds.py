@@ -45,6 +45,20 @@ def compute_information_bound(
         frame: what is seen in it, and its true joint angles, rad.
         frames: the same of the calibration frames.
         label_deviation: standard deviation of their labels, rad; ``None`` without labels.
+
+    Example:
+        >>> from perception.proprioception import stack_observations
+        >>> square = 100.0 * jnp.array([[[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]])
+        >>> predict = lambda errors, angles: (square + errors[0]) * (1 + angles[0])
+        >>> model = CornerModel(predict, (("tip", "direct"),), (0,), 1, ("dip",), (-0.2, 1.2))
+        >>> corners = np.asarray(predict(jnp.zeros(1), jnp.array([0.4])))
+        >>> seen = Observation(corners, np.tile(np.eye(2) / 0.3, (1, 4, 1, 1)))
+        >>> frames = stack_observations([seen]), np.array([[0.4]])
+        >>> bound = compute_information_bound(
+        ...     model, np.zeros(1), (seen, np.array([0.4])), frames, 1e-3
+        ... )
+        >>> bool(bound.finger_known[0] <= bound.calibrated[0] < 0.01)  # rad
+        True
     """
     spread = LOOSE if label_deviation is None else label_deviation
     one, several = (Observation(*map(jnp.asarray, part)) for part in (frame[0], frames[0]))

@@ -91,6 +91,23 @@ def calibrate(
 
     Raises:
         ValueError: the deviation is not positive.
+
+    Example:
+        >>> from perception.proprioception import stack_observations
+        >>> square = 100.0 * jnp.array([[[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]])
+        >>> predict = lambda errors, angles: (square + errors[0]) * (1 + angles[0])
+        >>> model = CornerModel(predict, (("tip", "direct"),), (0,), 1, ("dip",), (-0.2, 1.2))
+        >>> whitening, labels = (
+        ...     np.tile(np.eye(2) / 0.3, (1, 4, 1, 1)),
+        ...     np.array([[0.1], [0.5], [0.9]]),
+        ... )
+        >>> corners = [
+        ...     np.asarray(predict(jnp.array([2.0]), jnp.asarray(angles))) for angles in labels
+        ... ]
+        >>> seen = stack_observations([Observation(frame, whitening) for frame in corners])
+        >>> found = calibrate(model, seen, labels, 1e-3)
+        >>> bool(found.ok), round(float(found.value.errors.mean[0]), 1)
+        (True, 2.0)
     """
     if deviation is not None and not deviation > 0:
         raise ValueError(f"labels have a positive deviation, not {deviation:g}")

@@ -192,6 +192,16 @@ def find_pose(
 
     Raises:
         ValueError: the significance does not lie between 0 and 1.
+
+    Example:
+        >>> square = 100.0 * jnp.array([[[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]])
+        >>> predict = lambda errors, angles: (square + errors[0]) * (1 + angles[0])
+        >>> model = CornerModel(predict, (("tip", "direct"),), (0,), 1, ("dip",), (-0.2, 1.2))
+        >>> corners = np.asarray(predict(jnp.zeros(1), jnp.array([0.4])))
+        >>> seen = Observation(corners, np.tile(np.eye(2) / 0.3, (1, 4, 1, 1)))
+        >>> found = find_pose(model, seen, np.zeros(1))
+        >>> bool(found.ok[0]), round(float(found.value.angles[0]), 4)
+        (True, 0.4)
     """
     limits, usual = (chi_squared_limits(8 * len(model.views), p) for p in (significance, USUAL))
     return _solve(

@@ -97,6 +97,12 @@ def fit_edges(
         views: pad and path of the views that the joint moves.
         label_deviation: standard deviation of the labels, rad.
         edge_deviation: that of an end's section angle, rad.
+
+    Example:
+        >>> fit_edges(
+        ...     [], np.zeros(0), [], label_deviation=0.01, edge_deviation=0.01
+        ... ).curves  # no frames
+        ()
     """
     curves = []
     for pad, path in views:

@@ -147,6 +147,16 @@ def calibrate_gap(
     Returns:
         The calibrated table; ``None`` where fewer than two frames have a gap, or all the same one,
         or where the gap grows as its table falls.
+
+    Example:
+        >>> angles = np.linspace(0.0, 1.0, 11)
+        >>> table = GapTable("tip", "mirror", (1, 0), angles, 0.1 + 0.2 * angles)
+        >>> labels = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+        >>> estimator = calibrate_gap(
+        ...     table, 0.1 + 0.2 * labels, labels, noise=1e-3, label_deviation=1e-3
+        ... )
+        >>> round(float(estimator.offset), 6), round(float(estimator.scale), 4)
+        (0.0, 1.0)
     """
     expected = table.gap(angles)
     there = np.isfinite(gaps) & np.isfinite(expected)

@@ -55,6 +55,11 @@ def observe(
         sighting: of one frame.
         views: pad and path of every view, in the order of the model.
         floor: standard deviation that is added to every corner's own, px.
+
+    Example:
+        >>> seen = observe(Sighting((), (), np.zeros(1)), [("tip", "direct")])
+        >>> seen.seen.tolist()  # the view was not found
+        [False]
     """
     corners = np.full((len(views), 4, 2), NOWHERE)
     whitening = np.zeros((len(views), 4, 2, 2))
@@ -71,7 +76,13 @@ def observe(
 
 
 def stack_observations(observations: Sequence[Observation]) -> Observation:
-    """Frames along a first axis."""
+    """Frames along a first axis.
+
+    Example:
+        >>> one = Observation(np.zeros((2, 4, 2)), np.zeros((2, 4, 2, 2)))
+        >>> stack_observations([one, one, one]).corners.shape
+        (3, 2, 4, 2)
+    """
     return Observation(*(np.stack(parts) for parts in zip(*observations, strict=True)))
 
 

@@ -108,6 +108,12 @@ def read_finger(path: str | Path) -> Finger:
 
     Raises:
         UserError: it cannot be read, or contradicts itself; one line names where and the cure.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> finger = read_finger(files("studies") / "models/finger.toml")
+        >>> [mirror.phalanx for mirror in finger.mirrors]
+        ['distal', 'proximal']
     """
     path = Path(path)
     if os.path.isdir(path):
@@ -118,7 +124,12 @@ def read_finger(path: str | Path) -> Finger:
 
 
 def packaged_finger() -> Finger:
-    """The finger that ``designopt run finger`` designs with its default settings."""
+    """The finger that ``designopt run finger`` designs with its default settings.
+
+    Example:
+        >>> float(packaged_finger().body.thickness)
+        25.0
+    """
     with as_file(files("studies.models") / "finger.toml") as path:
         return read_finger(path)
 
@@ -133,6 +144,11 @@ def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> F
 
     Raises:
         UserError: there are unknown, missing or impossible entries; all of these at once.
+
+    Example:
+        >>> import tomllib
+        >>> parse_finger(tomllib.loads(format_finger(packaged_finger())), "copy").name
+        'finger'
     """
     file = validated(FingerFile, tables, source)
     pins, camera = file.pins, file.camera
@@ -197,7 +213,12 @@ def finger_tables(finger: Finger) -> dict[str, Any]:
 
 
 def format_finger(finger: Finger) -> str:
-    """The text of a finger's file; `read_finger` reads the same back."""
+    """The text of a finger's file; `read_finger` reads the same back.
+
+    Example:
+        >>> "[body]" in format_finger(packaged_finger()).splitlines()
+        True
+    """
     return format_toml(
         finger_tables(finger),
         "A finger: lengths in mm; pins in the straight finger, PIP axis at the origin, x to the\n"
@@ -211,6 +232,14 @@ def write_finger(finger: Finger, path: str | Path) -> None:
     Args:
         finger: a single one.
         path: of the file.
+
+    Example:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_finger(packaged_finger(), f"{folder}/finger.toml")
+        ...     copy = read_finger(f"{folder}/finger.toml")
+        >>> float(copy.body.thickness)
+        25.0
     """
     with replaced_when_complete(Path(path)) as partial:
         partial.write_text(format_finger(finger), encoding="utf-8")

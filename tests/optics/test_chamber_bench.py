@@ -308,6 +308,6 @@ def test_showing_compiles_once(paper, monkeypatch):
     def traced_again(*arguments):
         raise AssertionError("it was traced again")
 
-    monkeypatch.setattr("optics.explore.chamber_bench.dimension_for_ratio", traced_again)
+    monkeypatch.setattr("optics.explore.chamber_bench.solve_dimension_for_ratio", traced_again)
     for moves in MOVES:
         bench.show(values | moves)

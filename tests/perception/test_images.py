@@ -75,25 +75,32 @@ OF_COLORED = {
     "find_regions": bare(find_regions),
     "find_points": lambda image: bare(find_points)(image, REGIONS),
     "find_posture": lambda image: bare(find_posture)(image, ESTIMATOR),
-    "difference": lambda image: bare(compare_with_reference)(image, COLORED),
+    "compare_with_reference": lambda image: bare(compare_with_reference)(image, COLORED),
     "References": lambda image: bare(References.compare)(REFERENCES, VIEW, image),
     "PaperRoute": lambda image: bare(PaperRoute.corners)(PaperRoute(), image),
 }
 OF_ANY_CHANNELS = {
-    "find_quads": lambda image: bare(detect_quads)(image, LENS),
-    "find_views": lambda image: bare(detect_views)(image, LENS, ViewCatalog((), {}, {}, 5.0, 0)),
+    "detect_quads": lambda image: bare(detect_quads)(image, LENS),
+    "detect_views": lambda image: bare(detect_views)(image, LENS, ViewCatalog((), {}, {}, 5.0, 0)),
     "unwarp": lambda image: bare(unwarp)(image, VIEW, LENS, 12.0, 8.0),
 }
 OF_GRAY = {
-    "boundary_image": bare(make_boundary_image),
-    "shrunk": lambda image: bare(shrink)(image, (8, 6)),
+    "make_boundary_image": bare(make_boundary_image),
+    "shrink": lambda image: bare(shrink)(image, (8, 6)),
 }
 OF_FLOATS = {
     "fit_quad": lambda image: bare(fit_quad)(image, LENS, CONTOUR),
     "PostureEstimator": lambda image: bare(PostureEstimator.predict)(ESTIMATOR, image[None]),
     "train": lambda image: bare(train)(np.stack([image] * 4), MARKERS, SETTINGS),
 }
-SIZED = {"find_points", "find_quads", "find_views", "unwarp", "difference", "References"}
+SIZED = {
+    "find_points",
+    "detect_quads",
+    "detect_views",
+    "unwarp",
+    "compare_with_reference",
+    "References",
+}
 """Those for which an image must be as large as something else."""
 
 TAKING = {**OF_COLORED, **OF_ANY_CHANNELS, **OF_GRAY}

@@ -91,7 +91,7 @@ def test_seams_are_drawn_longer_at_both_ends():
 
 
 @pytest.mark.parametrize(
-    "grey",
+    "gray",
     [two_pads(12), two_pads(4, 160), two_pads(4).T.copy(), two_pads(0)],
     ids=["wide", "shallow", "upright", "none"],
 )

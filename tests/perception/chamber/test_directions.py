@@ -152,7 +152,7 @@ def test_drawn_bends(far: float, use: Use):
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "literal", "centre"),
+    ("x", "y", "literal", "center"),
     [
         (0, 1, Direction.UP, Direction.DOWN),
         (0, -1, Direction.UP, Direction.UP),
