@@ -1,6 +1,7 @@
 from .finger import Body, Finger, FingerCamera, FingerMirror, FingerSpring
 from .finger_file import format_finger, packaged_finger, parse_finger, read_finger, write_finger
 from .pins import Pins
+from .soft_finger.finger import SoftFinger
 
 __all__ = [
     "Body",
@@ -9,6 +10,7 @@ __all__ = [
     "FingerMirror",
     "FingerSpring",
     "Pins",
+    "SoftFinger",
     "format_finger",
     "packaged_finger",
     "parse_finger",

@@ -8,16 +8,16 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from designopt.errors import UserError
-from optics.chamber import Endoscope, Posture, Rings, compute_wall_radii
+from optics.chamber import Endoscope, Posture, Rings, compute_wall_radii, find_apertures
 from optics.chamber.chamber import Chamber
 from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
 from optics.rendering.chamber_renderer import CHUNK, COLORS
@@ -39,19 +39,26 @@ def _identified() -> tuple[float, float]:
     return height, offset
 
 
-@dataclass(frozen=True)
-class SoftFinger:
-    """A chamber and its camera.
+class SoftFinger(eqx.Module):
+    """A chamber and its camera: one pytree, from the chamber's dimensions to places in the image.
 
     Attributes:
         chamber: of the straight finger.
         endoscope: its camera.
         severity: of everything that makes its pictures worse.
+
+    Example:
+        >>> finger = SoftFinger.of(ChamberImagesSpec())
+        >>> straight = Posture(jnp.zeros(()), jnp.zeros(()), jnp.zeros(len(finger.arc)))
+        >>> radius = lambda one: one.outlines(straight, 4)[-1, 0, 0] - one.endoscope.center[0]
+        >>> slope = jax.grad(radius)(finger)  # of the top's outline, px per mm
+        >>> bool(slope.chamber.offset_d < 0 < slope.chamber.reference_height)
+        True
     """
 
     chamber: Chamber
     endoscope: Endoscope
-    severity: float
+    severity: float = eqx.field(static=True, default=0.0)
 
     @classmethod
     def of(cls, spec: ChamberImagesSpec) -> SoftFinger:
@@ -74,6 +81,19 @@ class SoftFinger:
             math.radians(spec.endoscope.field_of_view_deg), spec.endoscope.distortion
         )
         return cls(chamber, endoscope, spec.severity)
+
+    def outlines(self, posture: Posture, angles: int = 256) -> Float[Array, "rings angles 2"]:
+        """Where the camera images what it sees through every ring; differentiable in every leaf.
+
+        Args:
+            posture: of one frame.
+            angles: points of an outline, evenly around, the first on the side of a positive bend.
+
+        Returns:
+            Columns and rows, px; without the light, which only `renderer` has.
+        """
+        through = find_apertures(Rings.of(self.chamber), posture, angles)
+        return self.endoscope.image(through.outline)
 
     @property
     def length(self) -> float:
