@@ -24,7 +24,7 @@ from studies.models.mirror_design.scene_files import scene_file
 from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
 from studies.models.mirror_design.yields import monte_carlo, sensitivity
 
-THIN_STARTS = 2
+THIN_STARTS = 8
 """Random starts for the second body."""
 
 

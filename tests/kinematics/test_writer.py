@@ -8,6 +8,8 @@ import equinox as eqx
 import jax
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from designopt import UserError
 from kinematics import format_linkage, parse_linkage, read_linkage, write_linkage
@@ -18,6 +20,12 @@ def assert_same(one, other):
     assert one.structure == other.structure
     assert one.assembly == other.assembly
     assert jax.tree.structure(one) == jax.tree.structure(other)
+    turns = (one.reference.angles - other.reference.angles) / (2 * np.pi)
+    one = eqx.tree_at(  # an angle of π may come back as −π
+        lambda linkage: linkage.reference.angles,
+        one,
+        one.reference.angles - 2 * np.pi * np.round(turns),
+    )
     for first, second in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
         np.testing.assert_allclose(first, second, rtol=1e-10, atol=1e-9)
 
@@ -27,6 +35,62 @@ def test_the_gallery_is_read_back(name, tmp_path):
     linkage = gallery(name)
     write_linkage(linkage, tmp_path / "again.toml")
     assert_same(linkage, read_linkage(tmp_path / "again.toml"))
+
+
+places = st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
+
+
+@st.composite
+def sketches(draw) -> dict:
+    """A crank and dyads on joints of what is there already; some sliders, springs and places.
+
+    Every link is at least 5 mm long, and no dyad nearly stretched: such ones choose no assembly.
+    """
+    joints: dict[str, tuple[float, float]] = {"O": (0.0, 0.0), "Q": (60.0, 0.0), "A": (10.0, 25.0)}
+    bodies: dict[str, dict] = {
+        "ground": {"joints": ["O", "Q"], "fixed": True},
+        "crank": {"joints": ["O", "A"]},
+    }
+    sliders, moving = [], ["A"]
+    for number in range(draw(st.integers(1, 3))):
+        pin, other = f"B{number}", draw(st.sampled_from(["O", "Q"]))
+        driven = draw(st.sampled_from(moving))
+        joints[pin] = draw(places)
+        first, second = (np.subtract(joints[pin], joints[end]) for end in (driven, other))
+        lengths = np.hypot(*first), np.hypot(*second)
+        assume(min(lengths) > 5)
+        bodies[f"link{number}"] = {"joints": [driven, pin]}
+        if draw(st.booleans()):
+            x, y = joints[pin]
+            assume(abs(first[0]) > 0.2 * lengths[0])  # not square to its line
+            line = [[x - 40.0, y], [x + 40.0, y]]
+            sliders.append({"joint": pin, "on": "ground", "line": line})
+        else:
+            assume(abs(first[0] * second[1] - first[1] * second[0]) > 0.2 * np.prod(lengths))
+            bodies[f"rocker{number}"] = {"joints": [other, pin]}
+        moving.append(pin)
+    tables = {
+        "linkage": {"name": draw(st.sampled_from(["drawn", "Zeichnung 1", "α–β"]))},
+        "joints": {name: list(place) for name, place in joints.items()},
+        "bodies": bodies,
+        "inputs": [{"name": "crank", "body": "crank", "relative_to": "ground"}],
+    }
+    if sliders:
+        tables["sliders"] = sliders
+    if draw(st.booleans()):
+        stiffness, preload = draw(st.floats(0.1, 1e3)), draw(st.floats(-1.5, 1.5))
+        between = ["crank", "link0"]
+        spring = {"between": between, "stiffness": stiffness, "preload": preload}
+        tables["springs"] = [spring]
+    return tables
+
+
+@settings(max_examples=30)
+@given(sketches())
+def test_what_is_written_is_read_back(drawn):
+    linkage = parse_linkage(drawn, "drawn")
+    text = format_linkage(linkage)
+    assert_same(linkage, parse_linkage(tomllib.loads(text), "again"))
 
 
 def test_other_lengths_are_written():
