@@ -49,7 +49,7 @@ class Fit(eqx.Module):
 
     Attributes:
         solution: the parameters; ``margin`` is the least singular value of the Jacobian with its
-            columns scaled to length one (0: the data cannot tell two parameters apart), and
+            columns scaled to length one (0: two parameters have the same effect on the data), and
             ``residual`` the norm of the projection of the residuals on those columns, over
             their own norm (0 at a minimum).
         residuals: what is left of each datum, in units of its standard deviation.
@@ -123,7 +123,7 @@ def least_squares(
         guess,
         args,
         max_steps=max_steps,
-        # The pseudo-inverse keeps the derivative finite where parameters cannot be told apart.
+        # The pseudo-inverse keeps the derivative finite where parameters have the same effect.
         adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False)),
         throw=False,
     )

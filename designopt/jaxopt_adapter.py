@@ -107,7 +107,7 @@ def quadratic_program(
 ) -> Float[Array, " n"]:
     """Minimum of ½ xᵀ hessian x + slopeᵀ x with bounds on ``rows @ x``, by jaxopt's BoxOSQP.
 
-    Nothing says whether it converged: check the answer.
+    Convergence is not reported: check the answer.
     """
     with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
         solver = jaxopt.BoxOSQP(

@@ -17,7 +17,7 @@ from rich.progress import (
 )
 
 REMEMBERED = 3600.0
-"""Seconds over which the speed is measured that tells the time left: points may take minutes."""
+"""Seconds over which the speed is measured, for the time left: points may take minutes."""
 
 
 @contextmanager
@@ -61,7 +61,7 @@ def point_display(
             terminal.
 
     Yields:
-        A function to be told, point by point, whether it failed.
+        A function that is called once per point with whether it failed.
     """
     console = console or Console(stderr=True)
     columns = (

@@ -1,4 +1,4 @@
-"""What the analysis of an image must know of its camera: handed in, from whatever models it.
+"""The camera model that the analysis of an image needs: rays of pixels and the inverse.
 
 A ray is a section angle (rad, from the optical axis, counter-clockwise: up in the image) and a
 lateral slope (way across the section per way within it, towards greater columns). Places are

@@ -135,7 +135,7 @@ class Sighting:
     Attributes:
         views: of all views that were asked for and were found or expected.
         ghosts: quadrilaterals that are none of them.
-        angles: rough joint angles, rad, the best of the catalogue; NaN where nothing tells them.
+        angles: rough joint angles, rad, the best of the catalogue; NaN where unseen.
     """
 
     views: tuple[View, ...]
@@ -152,7 +152,7 @@ class Sighting:
 
 
 def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sighting:
-    """Say of every quadrilateral which view it is, and of every view how it was found.
+    """Assign quadrilaterals to views; every view gets its quality.
 
     Example:
         >>> rows, columns = np.mgrid[:90, :120]

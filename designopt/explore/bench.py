@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from designopt.io.spec_file import SpecFile
+from designopt.io.spec import SpecFile
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from designopt.errors import UserError
 from designopt.io.files import replaced_when_complete
-from designopt.io.spec_file import SpecFile
+from designopt.io.spec import SpecFile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -21,7 +21,7 @@ class Quantity:
         name: parts joined by dots, such as ``crank.length``.
         value: the number.
         unit: ``"mm"``, ``"°"``, ``"N mm/rad"``, …; empty for a pure number.
-        note: what it is measured between, where its name does not say it.
+        note: what it is measured between, where that is not in its name.
     """
 
     name: str

@@ -91,7 +91,7 @@ class Clutter:
 
         Args:
             measure: from where to where; `readable`.
-            text: what it says.
+            text: its characters.
             height: of its letters.
         """
         ends = np.array([measure.start, measure.end], float) * self.scale

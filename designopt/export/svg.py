@@ -70,7 +70,7 @@ def _child(parent: Element, name: str, **attributes: str) -> Element:
 
 
 def _group(root: Element, name: str, taken: set[str]) -> Element:
-    """A layer, as Inkscape knows them."""
+    """A layer in Inkscape's extension of SVG."""
     stem = re.sub(r"[^\w.-]", "_", name)
     stem = stem if re.match(r"[^\W\d]", stem) else f"_{stem}"
     numbered = (f"{stem}_{number}" for number in itertools.count(2))

@@ -43,7 +43,7 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
         UserError: it cannot be read or is no TOML.
     """
     try:
-        # Some editors mark UTF-8 by a first character that TOML does not know.
+        # Some editors mark UTF-8 by a first character that is not TOML.
         text = Path(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise UserError(f"{path}: cannot be read: it is not UTF-8 text") from error

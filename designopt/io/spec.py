@@ -1,6 +1,8 @@
-"""Base of what people write down: settings of studies, and design files."""
+"""What people write down and commands read: the base of their specs, and files of results."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import pydantic
 
@@ -11,3 +13,18 @@ class Spec(pydantic.BaseModel):
     model_config = pydantic.ConfigDict(
         extra="forbid", allow_inf_nan=False, frozen=True, validate_default=True
     )
+
+
+@dataclass(frozen=True)
+class SpecFile:
+    """A file that other commands read, written to ``specs/<name>``.
+
+    Attributes:
+        name: file name with its ending.
+        title: what it is and what reads it, in one line, for the report.
+        content: what stands in it: text, or bytes where a program reads it.
+    """
+
+    name: str
+    title: str
+    content: str | bytes

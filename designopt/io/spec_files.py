@@ -73,7 +73,7 @@ def validated(model: type[S], data: Mapping[str, Any], source: str) -> S:
     """The spec that the tables of a file describe.
 
     Words beyond those for the kinds of fields are the model's: a `ValueError` that one of its
-    validators raises is told as it is.
+    validators raises is passed on unchanged.
 
     Args:
         model: the spec of the whole file.
@@ -139,7 +139,7 @@ def _said(fault: Any, model: type[Spec]) -> str:
 
 
 def _kind(model: type[Spec], place: Place) -> Any:
-    """What a field holds, by its annotation; ``None`` where that does not tell."""
+    """What a field holds, by its annotation; ``None`` where the annotation leaves it open."""
     kind: Any = model
     for part in place:
         if _is_table(kind):

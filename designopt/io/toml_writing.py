@@ -90,7 +90,7 @@ def _value(value: Any) -> str:
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)  # TOML's basic strings escape as JSON's do
     if isinstance(value, float):
-        return repr(float(value))  # NumPy's floats say more of themselves
+        return repr(float(value))  # the repr of NumPy's floats names their type
     if isinstance(value, int):
         return repr(value)
     if isinstance(value, Sequence):

@@ -58,8 +58,9 @@ class State(eqx.Module):
     """Where the iterations are, after a number of updates of the multipliers.
 
     Attributes:
-        point: in scaled units; not quite inside its bounds if the inner solver knows none.
-        multipliers: of the equalities, and of the inequalities with bounds the solver is not told.
+        point: in scaled units; not quite inside its bounds if the inner solver has no bounds.
+        multipliers: of the equalities, and of the inequalities with bounds that the solver does
+            not handle.
         penalty: ρ.
         gap: how far constraints and complementarity were from holding; infinite at first.
         objective: of the problem at the point; infinite at first.

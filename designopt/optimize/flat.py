@@ -68,7 +68,7 @@ class Flat:
         return replace(self, problem=replace(self.problem, data=data))
 
     def terms(self, point: Point) -> Evaluation:
-        """What the problem says of a vector."""
+        """The problem's evaluation at a vector."""
         return self.problem.terms(self.parameters(point), *self.problem.data)
 
     def evaluated(
@@ -98,7 +98,7 @@ class Flat:
         which = left = int([*low, *high][place])
         for path, leaf in jax.tree_util.tree_leaves_with_path(self.problem.lower):
             if left < leaf.size:
-                # The epigraph form's parameters are told as the problem's own.
+                # The epigraph form's parameters are named as the problem's own.
                 path = path[isinstance(self.problem.lower, EpigraphVariables) :]
                 name = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
                 told = self.problem.parameters.get(name, describe_by_index(name))

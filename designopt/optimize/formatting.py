@@ -66,7 +66,7 @@ def find_active_set(problem: Problem, optimum: Optimum, least_share: float = 0.0
 def explain_conflict(problem: Problem, optimum: Optimum) -> list[str]:
     """The requirements that an infeasible point fails, each with its amount, the worst first.
 
-    Of an array with several such elements the worst one is told. Where the point's result is
+    Of an array with several such elements the worst one is listed. Where the point's result is
     ``infeasible``, it is at a minimum of the squared violations: their gradients balance, so that
     near it none of these requirements can be met better without another being met worse.
 

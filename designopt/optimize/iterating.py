@@ -67,7 +67,7 @@ class _Progress(eqx.Module):
 
 
 class Iteration:
-    """A problem's local solve that tells of itself on the way, compiled once for all its starts.
+    """A problem's local solve that yields every iteration, compiled once for all its starts.
 
     It is an augmented Lagrangian around BFGS (`augmented_lagrangian`), interrupted after every few
     steps of BFGS, which keeps what it has learnt of the curvature. The first iteration compiles

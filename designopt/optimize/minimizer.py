@@ -78,7 +78,7 @@ class Minimizer:
             problem: its terms must not have ``least``: see `epigraph` and `softened`.
             count: number of starts that will be solved in one call.
             method: the solver. The first four run all starts in one vectorised program, constraints
-                (and bounds, for Optimistix, which knows none) by an augmented Lagrangian around
+                (and bounds, for Optimistix, which has none) by an augmented Lagrangian around
                 them; SciPy's run one after the other.
             floor: as in `augmented_lagrangian`; for ``"levenberg-marquardt"`` only.
             tolerance: in scaled units; see `augmented_lagrangian`.

@@ -2,7 +2,7 @@
 
 Violations are computed anew, and multipliers from the stationarity conditions (Karush, Kuhn and
 Tucker) by non-negative least squares over the constraints that are active there; what these leave
-of the objective's gradient says how far the point is from an optimum (J. Nocedal, S. J. Wright,
+of the objective's gradient measures how far the point is from an optimum (J. Nocedal, S. J. Wright,
 *Numerical Optimization*, 2nd ed., §12.3). Of an infeasible point the same is asked about half the
 sum of the squared violations, between the bounds: only at a minimum of it do requirements conflict
 (E. G. Birgin, J. M. Martínez, *Practical Augmented Lagrangian Methods*, 2014, ch. 6).

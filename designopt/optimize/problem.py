@@ -19,7 +19,7 @@ BOUND = "bounds"
 
 
 class Evaluation(eqx.Module):
-    """What one set of parameters gives. Exactly one of the first three is set.
+    """Objective and constraints at one set of parameters. Exactly one of the first three is set.
 
     Every name stands for one array, and none is ``"bounds"``, the name of the parameters' bounds.
 
@@ -58,12 +58,12 @@ class Evaluation(eqx.Module):
 
 @dataclass(frozen=True)
 class Requirement:
-    """How a requirement or a parameter is told to people.
+    """How a requirement or a parameter is written for people.
 
     Attributes:
         words: from the index of an element of its array to words, such as "pin G at the palmar
             face" for ``()``; the index has one number per axis of the array.
-        unit: unit in which an amount is told.
+        unit: unit in which an amount is written.
         scale: that unit's amount for one unit of the array.
     """
 
@@ -73,7 +73,7 @@ class Requirement:
 
 
 def describe_by_index(name: str) -> Requirement:
-    """How an array is told that nothing else is stated of."""
+    """The description of an array for which none is given: its name and index."""
     return Requirement(lambda index: f"{name}{list(index) or ''}")
 
 
@@ -88,10 +88,10 @@ class Problem:
         upper: greatest values; ∞ where there is no bound.
         scale: change of a parameter that matters about as much as that of another; the solvers
             compute in these units. By default the distance between finite bounds, else 1.
-        requirements: how each named array of the terms is told to people; one that has none is
-            told by its name and index.
+        requirements: how each named array of the terms is written for people; by default
+            with its name and index.
         parameters: the same for the arrays of the parameters, by their paths (``F`` or ``arm.F``),
-            which are told where a bound of theirs is.
+            which are written where a bound of theirs is.
         data: further arguments of ``terms``, such as the cases in which a design is judged. A
             `Minimiser` solves for others of the same shapes without compiling again.
     """

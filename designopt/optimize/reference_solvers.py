@@ -72,7 +72,7 @@ def compile_reference(
             constraints = scipy.optimize.NonlinearConstraint(
                 levels, 0.0, upper, jac=jacobian, hess=curvature
             )
-        # Its test of the gradient knows nothing of the barrier, so that on its own it would end
+        # Its test of the gradient leaves out the barrier, so that on its own it would end
         # far inside the bounds; steps that are too small end the search where the barrier is gone.
         options = {
             "maxiter": steps,

@@ -122,7 +122,7 @@ def share_limits(axes: Iterable[Axes], margin: float = 0.03) -> None:
 
 
 def angle_ticks(last_deg: float, most: int = 4) -> np.ndarray:
-    """Ticks of an axis of angles from 0 on, in steps that people know: 5, 10, 15, 30, 45 or 90°.
+    """Ticks of an axis of angles from 0 on, in usual steps: 5, 10, 15, 30, 45 or 90°.
 
     Args:
         last_deg: where the axis ends, degrees.

@@ -1,7 +1,7 @@
 """Error against run time: every method at every setting, measured the same way.
 
 A study states its workloads as `Contender`s; `measure` times and checks one, `table` and `figure`
-show them, and a `designopt.Claim` says in words what they show and whether this run bears it out.
+show them, and a `designopt.Claim` states what they show and whether it holds in this run.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Contender:
         error: from the call's answer to its worst error against the reference.
         compile_seconds: what compiling it took, 0 where nothing is compiled.
         scale: workload over what ``call`` does of it, for a method so slow that a part has to
-            stand for the whole; its setting must say so.
+            represent the whole; its setting must name them.
     """
 
     method: str

@@ -47,7 +47,7 @@ class Measurement(NamedTuple):
     Attributes:
         title: heading.
         lead: what was measured, in a sentence or two.
-        claims: what it says, where it claims anything.
+        claims: of the study, where it has any.
         figures: its figures.
         tables: its tables.
     """

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from designopt.io.spec_file import SpecFile
+from designopt.io.spec import SpecFile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -142,7 +142,7 @@ class PrecisionRow:
 
 @dataclass(frozen=True)
 class Claim:
-    """What a precision study says, so that one run can prove it wrong.
+    """A claim of a precision study that one run can prove wrong.
 
     Attributes:
         statement: what is claimed.
@@ -159,13 +159,13 @@ class Claim:
 
 @dataclass(frozen=True)
 class PrecisionStudy:
-    """Error against run time, with what it is measured against and what it says.
+    """Error against run time, with the reference and the claims.
 
     Attributes:
         rows: one per method and setting.
         error: what the error is of, for axes and table heads.
         reference: what it is measured against, in words.
-        claims: what the rows say in words.
+        claims: sentences about the rows.
     """
 
     rows: Sequence[PrecisionRow]

@@ -99,23 +99,21 @@ def write_results(record: RunRecord, results: Results, folder: Path) -> None:
         content = spec.content.encode() if isinstance(spec.content, str) else spec.content
         (folder / "specs" / spec.name).write_bytes(content)
     precision = results.precision
-    document = (
-        {"format": FORMAT}
-        | record._asdict()
-        | {
-            "findings": list(results.findings),
-            "metrics": {metric.name: _metric(metric) for metric in results.metrics},
-            "tables": [f"tables/{table.name}.csv" for table in tables],
-            "figures": [
-                f"figures/{figure.name}.{ending}" for figure in drawn for ending in ("png", "svg")
-            ],
-            "specs": [f"specs/{spec.name}" for spec in results.specs],
-            "claims": [asdict(claim) for claim in precision.claims] if precision else [],
-            "precision": [asdict(row) for row in precision.rows] if precision else [],
-            "stability": [asdict(row) for row in results.stability],
-            "left_out": [asdict(row) for row in results.left_out],
-        }
-    )
+    document = {
+        "format": FORMAT,
+        **record._asdict(),
+        "findings": list(results.findings),
+        "metrics": {metric.name: _metric(metric) for metric in results.metrics},
+        "tables": [f"tables/{table.name}.csv" for table in tables],
+        "figures": [
+            f"figures/{figure.name}.{ending}" for figure in drawn for ending in ("png", "svg")
+        ],
+        "specs": [f"specs/{spec.name}" for spec in results.specs],
+        "claims": [asdict(claim) for claim in precision.claims] if precision else [],
+        "precision": [asdict(row) for row in precision.rows] if precision else [],
+        "stability": [asdict(row) for row in results.stability],
+        "left_out": [asdict(row) for row in results.left_out],
+    }
     page = render_report(record, results, measured, folder)
     (folder / "report.html").write_text(page, encoding="utf-8")
     write_document(folder, _strict(document))

@@ -9,7 +9,7 @@ the condition-scaled forward error (N. J. Higham, *Accuracy and Stability of Num
 Algorithms*, 2nd ed., §1.6): a method that does no worse than rounding its inputs stays at a few
 units of rounding, however ill-conditioned the case. An entry of the gradient is judged by what
 its error would do to y, |x_i| |ĝ_i − ∂y/∂x_i| / S, and by |ĝ_i / (∂y/∂x_i) − 1| where x_i = 0.
-Exact gradients are central differences in the same 50 digits: they know nothing of automatic
+Exact gradients are central differences in the same 50 digits: they use no automatic
 differentiation.
 """
 

@@ -61,7 +61,7 @@ class Study:
             if there is one, to the design that ``explore`` and ``export`` take; ``None`` if the
             study designs nothing.
         batch: from many specs at once to what ``run`` finds for each, in the same order, but for
-            rounding: its metrics, or the error that says why there are none. For studies whose
+            rounding: its metrics, or the error raised instead. For studies whose
             points JAX can batch; used by sweeps only.
     """
 
@@ -75,7 +75,7 @@ class Study:
 
 
 def installed_studies() -> Iterator[tuple[str, Study | UserError]]:
-    """Every installed study by name; one that cannot be loaded comes as the error that says why."""
+    """Every installed study by name; one that cannot be loaded comes as its error."""
     for point in sorted(entry_points(group=STUDY_GROUP), key=lambda point: point.name):
         try:
             yield point.name, load_study(point.name)
@@ -96,7 +96,7 @@ def load_study(name: str) -> Study:
         raise UserError(f"STUDY: no study is named '{name}'; {hint}")
     try:
         study = points[name].load()
-    except Exception as error:  # a plug-in is anyone's code: whatever it raises, say whose it is
+    except Exception as error:  # a plug-in is anyone's code: whatever it raises, name its package
         reason = " ".join(str(error).split()) or type(error).__name__
         raise UserError(
             f"study '{name}' ({points[name].value}) cannot be loaded: {reason}; "

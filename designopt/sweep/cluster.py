@@ -49,7 +49,7 @@ def run_on_cluster(
             f"{place}: clusters need the extra 'cluster'; install it: pip install "
             "'designopt[cluster]'"
         ) from error
-    # What it logs of lost workers and schedulers is told below, in one line.
+    # What it logs of lost workers and schedulers is replaced by one line below.
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
@@ -72,7 +72,8 @@ def run_on_cluster(
                 suspects[index] = tasks[index]
             else:
                 yield index, answer
-        # A lost worker is held against all tasks that were assigned to it: alone, each tells.
+        # A lost worker is held against all tasks that were assigned to it: evaluated alone,
+        # each has its own result.
         for index, task in suspects.items():
             yield from _answers(client, evaluate, {index: task}, place)
     finally:

@@ -31,7 +31,7 @@ ONE_THREAD = {
     "MKL_NUM_THREADS": "1",
     "OPENCV_FOR_THREADS_NUM": "1",
 }
-"""How the libraries below are told to use one thread; they read it when they are loaded."""
+"""Environment variables for one thread; the libraries below read them when they are loaded."""
 
 _ALONE = threading.Lock()
 
@@ -141,7 +141,7 @@ def _batch(
             else found(answer.metrics, seconds, device)
             for answer, _ in zip(answers, filled, strict=True)
         ]
-    except BaseException:  # which point it was that raised, only single points tell
+    except BaseException:  # which point raised is known from single points only
         return [_point(study.run, spec, context, device) for spec in specs]
     return outcomes[: len(specs)]
 

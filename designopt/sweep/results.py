@@ -21,7 +21,7 @@ from designopt.sweep.outcomes import Outcome
 from designopt.sweep.points import Points, Value
 
 TIMES = ("s", "ms")
-"""A metric in one of these is a run time: the studies' mechanics and optics know no time. It is not
+"""A metric in one of these is a run time: the studies' mechanics and optics have no time. It is not
 the same twice, and stays out of the tables that are."""
 
 ALL_FOUND = Target("=", 0)
@@ -227,7 +227,7 @@ def _told(points: Points) -> dict[str, Any]:
 
 
 def _number(metric: Metric | None) -> Value | None:
-    # NaN, which equals nothing, says that there is no value.
+    # NaN, which equals nothing, is the absence of a value.
     return None if metric is None or metric.value != metric.value else metric.value
 
 

@@ -136,7 +136,7 @@ def _definition(request: Request) -> dict[str, object]:
 
 
 def _width(request: Request, points: int) -> int:
-    """Points in a task. The number of workers has no say, or the numbers would depend on it."""
+    """Points in a task. Independent of the number of workers, or the numbers would depend on it."""
     if request.study.batch is None:
         return 1
     return min(LARGEST_BATCH, math.ceil(points / LEAST_TASKS))

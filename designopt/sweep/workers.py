@@ -128,7 +128,7 @@ class _Worker:
             ) from error
         finally:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
-        theirs.close()  # so that this end tells when the worker's is gone
+        theirs.close()  # so that this end is closed when the worker's is gone
         return self._pipe
 
 

@@ -1,4 +1,4 @@
-"""What ``designopt solve`` does: read, sweep, solve, write the table, say what was met."""
+"""What ``designopt solve`` does: read, sweep, solve, write the table, report what was met."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
-from designopt.io.spec_file import SpecFile
+from designopt.io.spec import SpecFile
 from kinematics.explore.dimensions import Dimensions
 from kinematics.explore.survey import InputSweep, SweepEvaluator
 from kinematics.explore.working_range import INSIDE, WorkingRange

@@ -50,7 +50,7 @@ def make_linkage_drawing(design: DesignedLinkage, *, pose: bool = True) -> Drawi
 
     Args:
         design: the linkage.
-        pose: whether a note says in which pose it is.
+        pose: whether a note names the pose.
     """
     linkage = design.linkage
     structure = linkage.structure
@@ -201,7 +201,7 @@ def _lines(scene: Scene, part: BodyPart) -> list[np.ndarray]:
 
 
 def _pin_radius(linkage: Linkage, size: float) -> float:
-    """Of all pins, mm: files say where pins are, not how thick."""
+    """Of all pins, mm: files give places of pins, not their diameters."""
     apart = [
         abs(second - first)
         for part in linkage.structure.bodies

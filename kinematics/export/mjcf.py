@@ -1,6 +1,6 @@
 """A linkage as a MuJoCo model (MJCF), for whoever simulates or controls what was designed.
 
-MuJoCo knows trees of bodies, so the linkage is cut open (`mjcf_tree`) and its loops are closed by
+MuJoCo has trees of bodies, so the linkage is cut open (`mjcf_tree`) and its loops are closed by
 constraints, which are a little soft. As written, MuJoCo's ``discrete`` integrator computes with
 them in steps of 1 ms: it takes springs, motors and constraints implicitly. How far a constraint
 yields grows with the forces over the masses in play. So that strong springs do not pull a small
@@ -20,18 +20,21 @@ from designopt.errors import UserError
 from designopt.export.drawing import printable
 from kinematics.export.mjcf_bodies import (
     DENSITY,
+    MM,
     RADIUS,
     SLIDE,
     Bodies,
+    Coordinates,
     Disc,
     Pad,
+    Reading,
+    add,
     inertia,
+    numbers,
     rods,
     site_name,
 )
-from kinematics.export.mjcf_coordinates import Coordinates, Reading
 from kinematics.export.mjcf_tree import Pair, cut_open
-from kinematics.export.mjcf_xml import MM, add, numbers
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, InputPart
 
@@ -60,7 +63,7 @@ DAMPING, ARMATURE = 100.0, 0.01
 
 BLOCK = 0.1
 """Mass of a block, in inertia scales per size². Of a lone one MuJoCo takes the mass alone, without
-the armature, to say how soft a pin in it is."""
+the armature, which sets how soft a pin in it is."""
 
 LOAD = 1e4
 """All stiffnesses together are at most so large, in inertia scales per s²; otherwise the scale is
@@ -111,7 +114,7 @@ def linkage_mjcf(
     Args:
         linkage: one that is not batched.
         motors: which inputs are driven, and the stiffness of each: N mm/rad, or N/mm for a slide.
-            By default all are, so stiffly that they go where they are told to.
+            By default all are, so stiffly that they reach the angles they are given.
         stops: further limits of angles.
         pads: faces of bodies; a site and a geom each.
         discs: objects for them to touch.

@@ -1,6 +1,6 @@
 """A linkage cut open: a tree of bodies, and the pins that close its loops again.
 
-Simulators in joint coordinates are told a mechanism in this way. Blocks are bodies here: a joint
+Simulators in joint coordinates describe a mechanism in this way. Blocks are bodies here: a joint
 that slides along a line is pinned to a block, which slides on the body of the line. Where the
 slider ``keeps`` a body from turning, that body is the block.
 """

@@ -32,7 +32,7 @@ POLISH = 4
 
 @dataclass(frozen=True)
 class Dimensions:
-    """What the equations need to know of a linkage, in mm and radians.
+    """The dimensions that enter the equations of a linkage, in mm and radians.
 
     Attributes:
         structure: who is joined to whom.

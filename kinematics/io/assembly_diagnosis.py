@@ -57,7 +57,7 @@ def _said(loop: Loop, leg: Leg, apart: float, others: float) -> str:
 
 
 def explain_open_linkage(assembled: Assembled) -> str:
-    """What to say of a linkage that no loop alone keeps from closing."""
+    """Message for a linkage that no loop alone keeps from closing."""
     worst = [
         joint for joint, gap in assembled.gaps.items() if gap >= 0.5 * max(assembled.gaps.values())
     ]

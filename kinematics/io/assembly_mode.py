@@ -1,4 +1,4 @@
-"""On which side each closed-form group of a plan is assembled, in the sketch or anywhere."""
+"""Assembly modes: on which side each closed-form group of a plan is assembled."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def same_assembly_mode(drawn: Sequence[float | None], found: Sequence[float | No
 
 
 def explain_undecided(plan: Plan, drawn: Sequence[float | None]) -> str | None:
-    """What to say of a sketch that does not choose a side; none if it does."""
+    """Message for a sketch that chooses no assembly mode; none if it chooses one."""
     for group, sine in zip(plan.groups, drawn, strict=True):
         if sine is not None and abs(sine) < UNDECIDED:
             links = "they are square to the line" if group.sliders else "they are in one line"

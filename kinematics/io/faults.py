@@ -1,4 +1,4 @@
-"""Faults of a sketch that can be told from its names alone, all of them at once."""
+"""Faults of a sketch that follow from its names alone, all of them at once."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Two joints of one body on the same line: it slides without turning, as with ``keeps``.
 
-Written as two pins in one slot, such a yoke would need its angle solved for, though the line
-tells it.
+Written as two pins in one slot, such a yoke would need its angle solved for, which the line
+already determines.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ STRAIGHT = 1e-9
 def merge_prismatic(
     sketch: Sketch, shapes: Mapping[str, np.ndarray]
 ) -> tuple[Sketch, dict[int, float], list[str]]:
-    """Turn pairs of sliders that keep a body from turning into one that says so.
+    """Merge pairs of sliders that keep a body from turning into one slider with ``keeps``.
 
     Args:
         sketch: the file's content.

@@ -36,7 +36,7 @@ def read_linkage(path: str | Path) -> Linkage:
 
     Raises:
         UserError: the file cannot be read or describes no mechanism that these inputs drive; one
-            line says where and what to change.
+            line names the place and the cure.
 
     Example:
         >>> from importlib.resources import files

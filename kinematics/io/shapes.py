@@ -17,7 +17,7 @@ Places = dict[str, np.ndarray]
 
 
 class ImpossibleShapeError(ValueError):
-    """The lengths of a body cannot all be; the text says which, and what to change."""
+    """The lengths of a body contradict each other; the text names them, and the cure."""
 
 
 def body_shape(

@@ -1,4 +1,4 @@
-"""What a sketch says in numbers: shapes of bodies, places of joints and lines, and itself."""
+"""The geometry of a sketch: shapes of bodies, places of joints and lines, the sketched pose."""
 
 from __future__ import annotations
 

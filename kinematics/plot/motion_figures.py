@@ -33,7 +33,7 @@ def good_poses(linkage: Linkage, poses: Solution[Pose]) -> np.ndarray:
     """Numbers of the poses that are ok.
 
     Raises:
-        UserError: there is none; it says why the first is not.
+        UserError: there is none; the line has the reason of the first.
     """
     good = np.flatnonzero(np.asarray(poses.ok))
     if good.size == 0:

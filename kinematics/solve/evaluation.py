@@ -300,7 +300,7 @@ def group_columns(state: State, group: Group) -> list[list[Vector]]:
 def closure(state: State) -> Scalar:
     """Largest gap between the places two bodies give to one joint, or stretch of a body.
 
-    In units of the linkage's size, recomputed from what was found: it knows nothing of how.
+    In units of the linkage's size, recomputed from the pose alone, whatever solved it.
     """
     worst = jnp.zeros_like(state.identity.x)
     bases: dict[str, Incidence] = {}

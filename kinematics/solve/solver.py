@@ -154,7 +154,7 @@ class Solver(eqx.Module):
 
     def _both_ways(self, drive: Drive) -> tuple[Float[Array, " inputs"], Float[Array, " inputs"]]:
         """The inputs, by the shorter and by the longer way round from the sketch."""
-        # From the unit vectors, which know the angle better than the difference of two large ones.
+        # From unit vectors: a difference of two large angles would lose digits.
         rest = drive.turns.turned(rotation(-self.home)).angle()
         other = rest - 2 * jnp.pi * jnp.where(rest > 0, 1.0, -1.0).astype(rest.dtype)
         angles = jnp.asarray([part.slider is None for part in self.linkage.structure.inputs])

@@ -103,7 +103,7 @@ class Plan:
 
 
 class PlanError(ValueError):
-    """The equations do not determine the pose; ``bodies`` says where."""
+    """The equations do not determine the pose of ``bodies``."""
 
     def __init__(self, message: str, bodies: Iterable[str] = ()) -> None:
         super().__init__(message)

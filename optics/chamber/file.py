@@ -57,7 +57,7 @@ def read_chamber(path: Path) -> tuple[str, Chamber]:
     """The chamber that a file describes, and its name: by default the file's.
 
     Raises:
-        UserError: the file cannot be read, or describes no chamber with an image; one line says
+        UserError: the file cannot be read, or describes no chamber with an image; one line names
             where and what to change.
 
     Example:

@@ -1,4 +1,4 @@
-"""What `designopt trace` does: read, pose, look, draw, write, say what is not seen."""
+"""What `designopt trace` does: read, pose, trace, draw, write, report what is not seen."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Request:
 
 
 def trace_file(request: Request) -> list[str]:
-    """Trace, write what was asked for, and return what a person should know.
+    """Trace, write what was asked for, and return the remarks.
 
     Raises:
         UserError: something in the file or in the request is wrong; nothing is written.

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
-from designopt.io.spec_file import SpecFile
+from designopt.io.spec import SpecFile
 from designopt.solution import Solution
 from optics.chamber.chamber import Chamber, ChamberResult
 from optics.chamber.file import format_chamber

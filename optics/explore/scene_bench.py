@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
-from designopt.io.spec_file import SpecFile
+from designopt.io.spec import SpecFile
 from optics.explore.scene_knobs import JOINT, MOST, ParameterMap
 from optics.explore.scene_optimising import Improver
 from optics.explore.scene_picture import ScenePicture

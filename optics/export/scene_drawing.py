@@ -55,7 +55,7 @@ def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
 
     Args:
         design: the scene.
-        pose: whether a note says in which pose it is.
+        pose: whether a note names the pose.
     """
     file = design.file
     kinds: dict[str, tuple[Kind, Sequence[SurfaceTable]]] = {

@@ -39,7 +39,7 @@ GRID = np.array(list(itertools.product(np.linspace(-1, 1, 9), (-1.0, 0.0, 1.0)))
 
 @dataclass(frozen=True)
 class Label:
-    """What a label says and where it belongs.
+    """A label's text and the place it belongs to.
 
     Attributes:
         text: its text.

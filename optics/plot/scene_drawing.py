@@ -59,7 +59,7 @@ def draw_scene(
 ) -> None:
     """Draw a scene in one pose: camera, mirrors, pads and what is seen of them, blockers, hinges.
 
-    What the signs mean says `scene_legend`. The axes' limits grow to hold the drawing; give
+    `scene_legend` explains the signs. The axes' limits grow to hold the drawing; give
     axes whose place in the figure is settled, so that labels find room.
 
     Args:
@@ -191,8 +191,8 @@ def legend_of(
     Args:
         scene: the scene.
         words: the mirrors along every path; see `words_of`.
-        paths: indices of those that are told of.
-        hidden: whether a pad that is not seen is told of.
+        paths: indices of those in the legend.
+        hidden: whether the legend has pads that are not seen.
     """
     layout = scene.layout
     none = np.zeros((1, 2))

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from designopt.errors import UserError
 
 MOST = 2 * math.pi * (1 + 1e-9)
-"""Every pose and direction there is lies within a turn to either side; degrees hardly ever do."""
+"""Every pose and direction there is lies within a turn to either side; degrees seldom do."""
 
 
 def checked_numbers(

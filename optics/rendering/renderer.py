@@ -32,7 +32,7 @@ BORDER = 8
 """Pixels around a view that are looked at as well, as blur and rough edges need."""
 
 ALONG_SIDE = 17
-"""Places along each side of a pad that say where in the image it is."""
+"""Places along each side of a pad that are projected to find its place in the image."""
 
 GRAZING = np.deg2rad(0.05)
 """Flatter rays show nothing: what a design does not count, a camera sees all the same."""
@@ -260,7 +260,7 @@ class Renderer:
             pieces, here = geometry.pieces, np.ones_like(shown)
             limits = geometry.limits[pad, part]
             outward = np.sign(limits[1] - limits[0])
-            # Where the pad itself ends, its outline says where.
+            # Where the pad itself ends, its outline gives the place.
             if pieces.start_label[pad, part] != FIRST_PAD_END:
                 here *= np.clip(0.5 + outward * _turn(angle - limits[0]) / per_pixel, 0, 1)
             if pieces.end_label[pad, part] != SECOND_PAD_END:

@@ -1,7 +1,7 @@
 """The whole image of a camera: pixels to rays and back, across the section as well as along it.
 
 Everything in a finger is extruded across its width, so mirrors change a ray only within the
-section. A ray is therefore told by two numbers: its section angle (from the optical axis to the
+section. A ray therefore has two coordinates: its section angle (from the optical axis to the
 ray's projection on the section, counter-clockwise, rad) and its lateral slope (way across the
 section per way within it). A ray of slope s that has gone a path of unfolded length L in the
 section is s·L beside it, over any number of mirrors.

@@ -36,7 +36,7 @@ def read_scene(path: str | Path) -> Scene:
         The scene. Arrays have JAX's default float type.
 
     Raises:
-        UserError: the file cannot be read or describes no scene; one line says where and what to
+        UserError: the file cannot be read or describes no scene; one line has the place and what to
             change.
 
     Example:
@@ -181,7 +181,7 @@ def _frame_faults(frames: Mapping[str, FrameTable]) -> Iterator[str]:
         return
     for name in frames:
         line = _ancestors(frames, name)
-        # Each ring is told once, by the first of its frames.
+        # Each ring is named once, by the first of its frames.
         if name in line and name == min(line, key=list(frames).index):
             ring = " in ".join(f"'{part}'" for part in [name, *line])
             yield (

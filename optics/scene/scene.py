@@ -67,7 +67,7 @@ class Layout:
         frames: the moving frames, parents before children.
         angles: names of the joint angles, in the order of their values.
         camera_frame: index of the frame that the camera moves with, or `WORLD`.
-        bounces: how many reflections a view may have, unless a call says otherwise.
+        bounces: how many reflections a view may have, unless a call states another number.
     """
 
     name: str

@@ -33,13 +33,13 @@ TABLE = 2**19
 """Comparisons of shadows with shadows that are made at a time, so that they stay in the cache."""
 
 
-@partial(jax.jit, static_argnames=("bounces", "room"))
+@partial(jax.jit, static_argnames=("bounces", "max_pieces"))
 def find_views(
     scene: Scene,
     angles: Float[Array, "*batch joints"],
     *,
     bounces: int | None = None,
-    room: int | None = None,
+    max_pieces: int | None = None,
 ) -> Solution[Pieces]:
     """What the camera sees of every pad, directly and by up to ``bounces`` reflections.
 
@@ -48,7 +48,7 @@ def find_views(
         angles: joint angles in the order of ``scene.angle_names``, rad. Many poses are fastest
             in one array; a gradient keeps numbers of all of them, 80 kB for each pose of a finger.
         bounces: most reflections of a path; the scene's own number by default.
-        room: most pieces in which a pad is seen; by default 8 and two for every path.
+        max_pieces: most pieces in which a pad is seen; by default 8 and two for every path.
 
     Returns:
         The pieces of each pad. ``margin`` and ``result`` are of the shape (paths, pads), paths in
@@ -71,11 +71,11 @@ def find_views(
         >>> [name_paths(scene.layout)[i] for i in pieces.path[pieces.present].tolist()]
         ['mirror:lower+upper']
     """
-    words = _words(scene, bounces, room, "find_views")
+    words = _words(scene, bounces, max_pieces, "find_views")
     camera = scene.camera
 
     def search(camera: Camera, paths: Unfolded, pads: Pad) -> tuple[Found, Interval]:
-        found = find(camera, paths, pads, room)
+        found = find(camera, paths, pads, max_pieces)
         return found, _by_path_and_pad(partial(angular_gap, camera), paths, pads)
 
     def views(
@@ -98,13 +98,13 @@ def find_views(
     return _in_poses(scene, as_float(angles), words, search, views)
 
 
-@partial(jax.jit, static_argnames=("bounces", "room"))
+@partial(jax.jit, static_argnames=("bounces", "max_pieces"))
 def find_coverage(
     scene: Scene,
     angles: Float[Array, "*batch joints"],
     *,
     bounces: int | None = None,
-    room: int | None = None,
+    max_pieces: int | None = None,
 ) -> Solution[Float[Array, "*batch pads"]]:
     """Part of every pad that the camera sees, directly and by up to ``bounces`` reflections.
 
@@ -114,7 +114,7 @@ def find_coverage(
         scene: as in `find_views`.
         angles: as in `find_views`.
         bounces: as in `find_views`.
-        room: as in `find_views`.
+        max_pieces: as in `find_views`.
 
     Returns:
         The coverage, 0 to 1. ``margin`` and ``result`` are of its shape; ``margin`` is the room,
@@ -132,10 +132,10 @@ def find_coverage(
         >>> bool(found.ok.all()), [round(value, 4) for value in found.value.tolist()]
         (True, [1.0])
     """
-    words = _words(scene, bounces, room, "find_coverage")
+    words = _words(scene, bounces, max_pieces, "find_coverage")
 
     def search(camera: Camera, paths: Unfolded, pads: Pad) -> Found:
-        return find(camera, paths, pads, room)
+        return find(camera, paths, pads, max_pieces)
 
     def coverage(
         placed: Placed, paths: Unfolded, pads: Pad, found: Found
@@ -148,13 +148,13 @@ def find_coverage(
 
 
 def _words(
-    scene: Scene, bounces: int | None, room: int | None, asked: str
+    scene: Scene, bounces: int | None, max_pieces: int | None, asked: str
 ) -> list[tuple[int, ...]]:
     """The paths, if everything that was given is as exact visibility needs it."""
     layout = scene.layout
     bounces = layout.bounces if bounces is None else bounces
-    if bounces < 0 or (room is not None and room < 1):
-        raise ValueError(f"{asked}: bounces must be 0 or more, and room 1 or more")
+    if bounces < 0 or (max_pieces is not None and max_pieces < 1):
+        raise ValueError(f"{asked}: bounces must be 0 or more, and max_pieces 1 or more")
     if not layout.pads:
         raise ValueError(f"{asked}: the scene has no pad; trace_rays follows rays without one")
     if layout.curved:

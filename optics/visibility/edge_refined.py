@@ -32,14 +32,14 @@ ROOM = 64
 """Pieces that are looked for in all."""
 
 
-@partial(jax.jit, static_argnames=("bounces", "rays", "room"))
+@partial(jax.jit, static_argnames=("bounces", "rays", "max_pieces"))
 def trace_views(
     scene: Scene,
     angles: Float[Array, "*batch joints"],
     *,
     bounces: int | None = None,
     rays: int = RAYS,
-    room: int = ROOM,
+    max_pieces: int = ROOM,
 ) -> Solution[Pieces]:
     """What the camera sees of every pad, by rays; mirrors may be curved.
 
@@ -48,14 +48,14 @@ def trace_views(
         angles: joint angles in the order of ``scene.angle_names``, rad.
         bounces: most reflections of a path; the scene's own number by default.
         rays: number of rays of the coarse fan.
-        room: most pieces of all pads together.
+        max_pieces: most pieces of all pads together.
 
     Returns:
         The pieces of each pad where the fan has found them, exact to rounding; only where a
         mirror bends away from the ray, to the square root of rounding. ``margin`` and
         ``result`` are of the shape (paths, pads), paths in the order of `path_names`. ``margin``
         (rad) is the angle at the camera of the widest piece that is seen, and 0 where none
-        is: rays do not tell by how much they miss. ``residual`` is the largest Newton step (rad)
+        is: rays give no distance by which they miss. ``residual`` is the largest Newton step (rad)
         that is left at an edge of that view.
 
     Raises:
@@ -75,14 +75,14 @@ def trace_views(
 
     def one(angles: Float[Array, " joints"]) -> Solution[Pieces]:
         fan = Fan.of(scene, place(scene, angles), words)
-        return _views(fan, rays, room)
+        return _views(fan, rays, max_pieces)
 
     for _ in angles.shape[:-1]:
         one = jax.vmap(one)
     return one(angles)
 
 
-def _views(fan: Fan, rays: int, room: int) -> Solution[Pieces]:
+def _views(fan: Fan, rays: int, max_pieces: int) -> Solution[Pieces]:
     still = jax.lax.stop_gradient(fan)
     half = still.camera.field_of_view / 2
     # In the middles of equal parts: no ray runs along the limits themselves.
@@ -91,8 +91,8 @@ def _views(fan: Fan, rays: int, room: int) -> Solution[Pieces]:
     padded = jnp.pad(labels, 1)
     begins = (labels != 0) & (padded[:-2] != labels)
     stops = (labels != 0) & (padded[2:] != labels)
-    first = jnp.nonzero(begins, size=room, fill_value=rays)[0]
-    last = jnp.nonzero(stops, size=room, fill_value=rays)[0]
+    first = jnp.nonzero(begins, size=max_pieces, fill_value=rays)[0]
+    last = jnp.nonzero(stops, size=max_pieces, fill_value=rays)[0]
     present = first < rays
 
     # Of both ends of every run: its last ray, and the next one or the limit of the fan.
@@ -103,7 +103,7 @@ def _views(fan: Fan, rays: int, room: int) -> Solution[Pieces]:
     both = jax.vmap(find_edge, (None, None, None, 0, 0))
     edges = jax.vmap(both, (None, 0, 0, 0, 0))(fan, present, seen, insides, outsides)
     runs = jax.vmap(_run, (None, 0, 0, 0))(fan, present, seen, edges)
-    return _collected(fan, runs, jnp.sum(begins) > room)
+    return _collected(fan, runs, jnp.sum(begins) > max_pieces)
 
 
 class _Run(eqx.Module):

@@ -1,4 +1,4 @@
-"""A scene looked at along rays that are told by their angle: what each of them sees."""
+"""A scene sampled by rays of given angles: what each of them meets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FLAT = 2**14
 
 
 class Fan(eqx.Module):
-    """A scene in a pose and the paths that are told apart; angles are those from the axis, rad.
+    """A scene in a pose and the paths that are distinguished; angles are those from the axis, rad.
 
     Attributes:
         camera: the camera.

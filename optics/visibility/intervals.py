@@ -19,7 +19,7 @@ class Interval(eqx.Module):
     Attributes:
         start: its lower end.
         end: its upper end.
-        start_label: a number that says what bounds it there.
+        start_label: code of what bounds it there.
         end_label: the same for its upper end.
     """
 

@@ -1,4 +1,4 @@
-"""What a person should know of a sight: which pads are not all seen, where, and why."""
+"""Remarks on a trace: which pads are not all seen, where, and why."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ def remarks_on(sight: SceneTrace) -> list[str]:
     if views is None:
         hint = "" if len(sight.rays) else "; --ray X,Y,DEG follows a ray"
         return [f"{layout.name}: there are no pads to be seen{hint}"]
-    room = ViewResult[ViewResult.too_many]
-    crowded = np.isin(views.codes, [code for code, why in sight.reasons.items() if why == room])
+    max_pieces = ViewResult[ViewResult.too_many]
+    crowded = np.isin(
+        views.codes, [code for code, why in sight.reasons.items() if why == max_pieces]
+    )
     lines = []
     for pad, part in enumerate(layout.pads):
         hidden = 1 - views.coverage[:, pad]

@@ -143,14 +143,14 @@ def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:
     engine = trace_views if scene.layout.curved else find_views
     seen = _in_blocks(lambda part: engine(scene, part, bounces=bounces), block, poses)
     parts = [_with_room(part, max(_most_pieces(part), 1)) for part in seen]
-    room = max(part.value.present.shape[-1] for part in parts)
-    found = _joined(_with_room(part, room) for part in parts)
+    max_pieces = max(part.value.present.shape[-1] for part in parts)
+    found = _joined(_with_room(part, max_pieces) for part in parts)
 
     def measure(part: Array, pieces: Pieces) -> Sharpness:
         return find_sharpness(scene, np.asarray(part), pieces, bounces=bounces)
 
     # What is compared of a pad: all pieces at places between all of their ends.
-    compared = 48 * len(scene.layout.pads) * 2 * room**2 * PARTS
+    compared = 48 * len(scene.layout.pads) * 2 * max_pieces**2 * PARTS
     block = max(MEMORY // compared, 1)
     coverage, redundancy = _totals(found.value)
     focus = None
@@ -188,12 +188,12 @@ def _most_pieces(found: Solution[Pieces]) -> int:
     return int(np.max(np.sum(found.value.present, axis=-1)))
 
 
-def _with_room(found: Solution[Pieces], room: int) -> Solution[Pieces]:
+def _with_room(found: Solution[Pieces], max_pieces: int) -> Solution[Pieces]:
     """Views with room for so many pieces, at least as many as there are: those come first."""
 
     def resized(leaf: np.ndarray) -> np.ndarray:
-        kept = leaf[:, :, :room]
-        added = [(0, 0), (0, 0), (0, room - kept.shape[2]), *[(0, 0)] * (kept.ndim - 3)]
+        kept = leaf[:, :, :max_pieces]
+        added = [(0, 0), (0, 0), (0, max_pieces - kept.shape[2]), *[(0, 0)] * (kept.ndim - 3)]
         return np.pad(kept, added)
 
     return eqx.tree_at(lambda found: found.value, found, jax.tree.map(resized, found.value))

@@ -44,19 +44,19 @@ class Found(eqx.Module):
     result: ViewResult
 
 
-def find(camera: Camera, paths: Unfolded, pads: Pad, room: int | None) -> Found:
+def find(camera: Camera, paths: Unfolded, pads: Pad, max_pieces: int | None) -> Found:
     """The pieces of all pads by all paths, both along a first axis."""
-    return jax.vmap(lambda pad: _find_one(camera, paths, pad, room))(pads)
+    return jax.vmap(lambda pad: _find_one(camera, paths, pad, max_pieces))(pads)
 
 
-def _find_one(camera: Camera, paths: Unfolded, pad: Pad, room: int | None) -> Found:
+def _find_one(camera: Camera, paths: Unfolded, pad: Pad, max_pieces: int | None) -> Found:
     candidates, present, result = jax.vmap(lambda path: search(camera, path, pad))(paths)
     count, gap_count = present.shape
-    room = min(8 + 2 * count if room is None else room, present.size)
-    order = jnp.argsort(jnp.where(present, candidates.start, 2.0).reshape(-1))[:room]
+    max_pieces = min(8 + 2 * count if max_pieces is None else max_pieces, present.size)
+    order = jnp.argsort(jnp.where(present, candidates.start, 2.0).reshape(-1))[:max_pieces]
     there = present.reshape(-1)[order]
     bounds = jnp.stack([candidates.start_label, candidates.end_label], axis=-1).reshape(-1, 2)
-    free = room + 1 - jnp.sum(present)
+    free = max_pieces + 1 - jnp.sum(present)
     return Found(
         there,
         jnp.where(there, order // gap_count, 0),

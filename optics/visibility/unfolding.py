@@ -276,7 +276,7 @@ def _sides(
         word: mirrors along a path.
 
     Returns:
-        For each leg, of all surfaces, what `left_of` says of where its rays come from; and for
+        For each leg, of all surfaces, `left_of` of where its rays come from; and for
         each mirror on which side of it that is (0 if there is no mirror), and whether it is not
         the side that reflects.
     """

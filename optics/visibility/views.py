@@ -50,7 +50,7 @@ class ViewResult(eqx.Enumeration):
         "No ray reaches the pad by this path: move the camera, the mirrors or what stands in the "
         "way; a narrow view may be found with more rays."
     )
-    too_many = "The pad is seen in more pieces than there is room for: ask for more room."
+    too_many = "The pad is seen in more pieces than there is room for: raise max_pieces."
 
 
 class Pieces(eqx.Module):
@@ -64,7 +64,7 @@ class Pieces(eqx.Module):
         path: index of the path that shows it.
         start: pad coordinate (0 at the pad's first end, 1 at its second) where it begins.
         end: where it ends.
-        start_label: what bounds it there; `describe_end` says it in words.
+        start_label: code of what bounds it there; see `describe_end`.
         end_label: the same for its other end.
         pixels: where its two ends are imaged, in pixels; shape (..., 2).
         px_per_mm: resolution along the pad at its two ends; shape (..., 2).

@@ -81,7 +81,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     half = camera.field_of_view / 2
     wide = half > jnp.pi / 2
     axis, back, foot = turned(axis), turned(back), turned(foot)
-    room = jnp.pi / 2 - pad.grazing
+    max_pieces = jnp.pi / 2 - pad.grazing
     low, high = (
         jnp.where(sense > 0, one, other)
         for one, other in ((RIGHT_LIMIT, LEFT_LIMIT), (LEFT_LIMIT, RIGHT_LIMIT))
@@ -105,12 +105,12 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     hidden = jax.tree.map(lambda leaf: leaf[len(there) :], found)
     lower = [
         (first, shown.labels[0]),
-        (foot - room, toward_first),
+        (foot - max_pieces, toward_first),
         (jnp.where(wide, -FAR, axis - half), low),
     ]
     upper = [
         (last, shown.labels[1]),
-        (foot + room, toward_second),
+        (foot + max_pieces, toward_second),
         (jnp.where(wide, FAR, axis + half), high),
     ]
     from_mirrors = jnp.where(away, mirrors.end, mirrors.start)

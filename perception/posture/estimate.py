@@ -19,7 +19,7 @@ USABLE = frozenset({ChamberStatus.CHAMBER, ChamberStatus.NO_YELLOW})
 
 @dataclass(frozen=True)
 class PostureEstimate:
-    """What one frame says of the finger's posture.
+    """The finger's posture in one frame.
 
     Attributes:
         status: what is seen of the chamber.

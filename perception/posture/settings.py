@@ -1,4 +1,4 @@
-"""What a training is told, and what it tells afterwards."""
+"""Settings of a training, and its record."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Training:
 
     Source: paper A, §III.A: Adam with learning rate 0.003, weighted markers (Eq. 4) and a
     regularisation of 0.01. Readings: that this is L2, and of which loss, so that its default is
-    not the paper's number; batches and epochs. The paper says nothing of a learning rate that
+    not the paper's number; batches and epochs. The paper mentions no learning rate that
     falls; ours does, which leaves a smaller error.
 
     Attributes:

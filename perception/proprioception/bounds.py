@@ -1,4 +1,4 @@
-"""What the image can tell at best: the Cramér–Rao bound of the joint angles.
+"""The least variance that any estimate has: the Cramér–Rao bound of the joint angles.
 
 Source: H. L. Van Trees, *Detection, Estimation, and Modulation Theory*, part I, §2.4: with prior
 knowledge of nuisances, here the finger's errors, their information adds to that of the data.
@@ -23,7 +23,7 @@ class Bound(NamedTuple):
 
     Attributes:
         finger_known: if the finger's errors were known.
-        calibrated: if they are known as well as the calibration frames can tell.
+        calibrated: if they are known as well as the calibration frames determine them.
     """
 
     finger_known: Float[np.ndarray, " joints"]

@@ -70,7 +70,7 @@ class EdgeEstimator:
     curves: tuple[EdgeCurve, ...]
 
     def estimate(self, sighting: Sighting) -> Estimate:
-        """The joint angle by the one end that tells it best."""
+        """The joint angle by the end with the least deviation."""
         answers = []
         for curve in self.curves:
             view = sighting.view(curve.pad, curve.path)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from designopt.errors import UserError
-from designopt.io.spec_file import SpecFile
+from designopt.io.spec import SpecFile
 from designopt.study.results import PrecisionRow, PrecisionStudy, Results
 from designopt.study.study import Context
 from optics.chamber import solve_image_rates

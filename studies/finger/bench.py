@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
-from designopt.io.spec_file import SpecFile
+from designopt.io.spec import SpecFile
 from kinematics.explore.bench import LinkageBench
 from optics.explore.scene_bench import SceneBench
 from studies.finger.parts import finger_linkage, finger_scene

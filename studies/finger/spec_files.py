@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from designopt.io.spec_file import SpecFile
+from designopt.io.spec import SpecFile
 from designopt.io.toml_writing import format_toml
 from studies.models.finger import Finger
 from studies.models.finger_file import format_finger
-from studies.models.linkage_files import linkage_file
-from studies.models.mirror_design.scene_files import scene_file
+from studies.models.spec_files import linkage_file, scene_file
 
 
 def spec_files(finger: Finger) -> list[SpecFile]:

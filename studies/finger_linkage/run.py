@@ -18,7 +18,7 @@ from studies.models.linkage_design.judging import everywhere
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.problem import grid
 from studies.models.linkage_design.spec import FingerLinkageSpec
-from studies.models.linkage_files import linkage_file
+from studies.models.spec_files import linkage_file
 
 
 def run(spec: FingerLinkageSpec, context: Context) -> Results:

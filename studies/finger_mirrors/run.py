@@ -20,9 +20,9 @@ from studies.models.mirror_design.judging import (
     whole_degrees,
 )
 from studies.models.mirror_design.placement import poor_layout, reference_layout
-from studies.models.mirror_design.scene_files import scene_file
 from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
 from studies.models.mirror_design.yields import monte_carlo, sensitivity
+from studies.models.spec_files import scene_file
 
 THIN_STARTS = 8
 """Random starts for the second body."""

@@ -116,5 +116,5 @@ def test_gradients_through_edges_of_curved_views():
 @pytest.mark.slow
 def test_too_many_pieces_are_told():
     scene = curved()
-    found = trace_views(scene, scene.pose(), room=1)
-    assert any("more room" in message for message in found.messages())
+    found = trace_views(scene, scene.pose(), max_pieces=1)
+    assert any("max_pieces" in message for message in found.messages())

@@ -173,7 +173,7 @@ def test_blocks_of_poses_are_as_one(trace, monkeypatch):
 
 
 def test_more_pieces_than_there_is_room_for_are_told(trace, monkeypatch):
-    monkeypatch.setattr(sight, "find_views", partial(find_views, room=1))
+    monkeypatch.setattr(sight, "find_views", partial(find_views, max_pieces=1))
     document, said = trace("flap.toml", "--sweep", "tilt=160:180:3")
     (view,) = document["poses"][2]["pads"]["floor"]["views"].values()
     assert len(view["intervals"]) == 1

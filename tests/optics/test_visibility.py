@@ -394,25 +394,27 @@ def test_a_scene_without_mirrors_and_joints():
 
 
 def test_more_pieces_than_room_are_reported():
-    views = find_views(small_scene(), jnp.zeros(0), room=1)
+    views = find_views(small_scene(), jnp.zeros(0), max_pieces=1)
     assert views.messages() == [ViewResult[ViewResult.too_many]]
     np.testing.assert_allclose(views.value.coverage(), [0.25], rtol=ROUNDING)
     enough = eqx.tree_at(lambda s: s.blockers, small_scene(), replace_fn=lambda ends: ends + 3.0)
-    assert find_views(enough, jnp.zeros(0), room=1).messages() == [""]
+    assert find_views(enough, jnp.zeros(0), max_pieces=1).messages() == [""]
 
 
-@pytest.mark.parametrize(("room", "covered", "free"), [(1, 0.25, 0), (2, 0.5, 1), (3, 0.5, 2)])
-def test_coverage_alone_tells_how_many_more_pieces_it_could_hold(room, covered, free):
-    found = find_coverage(small_scene(), jnp.zeros(0), room=room)
+@pytest.mark.parametrize(
+    ("max_pieces", "covered", "free"), [(1, 0.25, 0), (2, 0.5, 1), (3, 0.5, 2)]
+)
+def test_coverage_alone_tells_how_many_more_pieces_it_could_hold(max_pieces, covered, free):
+    found = find_coverage(small_scene(), jnp.zeros(0), max_pieces=max_pieces)
     np.testing.assert_allclose(found.value, [covered], rtol=ROUNDING)
     np.testing.assert_array_equal(found.margin, [free])
     assert found.messages() == ["" if free > 0 else ViewResult[ViewResult.too_many]]
 
 
-@pytest.mark.parametrize("wrong", [{"bounces": -1}, {"room": 0}])
+@pytest.mark.parametrize("wrong", [{"bounces": -1}, {"max_pieces": 0}])
 @pytest.mark.parametrize("find", [find_views, find_coverage])
 def test_numbers_that_make_no_sense_are_refused(find, wrong):
-    with pytest.raises(ValueError, match="bounces must be 0 or more, and room 1 or more"):
+    with pytest.raises(ValueError, match="bounces must be 0 or more, and max_pieces 1 or more"):
         find(small_scene(), jnp.zeros(0), **wrong)
 
 

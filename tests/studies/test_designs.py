@@ -23,11 +23,11 @@ from studies.finger.spec import FingerSpec
 from studies.models import Finger, write_finger
 from studies.models.body import BodySpec
 from studies.models.linkage_design.judging import everywhere
-from studies.models.mirror_design.scene_files import scene_file
 from studies.models.mirror_design.spec import FingerMirrorsSpec
 from studies.models.soft_finger import paper
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.spec import ChamberImagesSpec
+from studies.models.spec_files import scene_file
 from studies.table1.spec import Table1Spec
 from tests.studies.fingers import finger_of, seeing_finger
 

@@ -31,8 +31,8 @@ from studies.models.linkage_design.searching import least_angles_deg, over, roun
 from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec, SearchSpec, SensorSpec
 from studies.models.linkage_design.tolerance import least_angles
 from studies.models.linkage_design.transmission import finger_transmission
-from studies.models.linkage_files import linkage_file
 from studies.models.pins import Pins, reference_pins
+from studies.models.spec_files import linkage_file
 from tests.readable import assert_readable
 from tests.studies.fingers import finger_of
 

@@ -39,9 +39,9 @@ from studies.models.mirror_design.placement import (
     poor_layout,
     scale,
 )
-from studies.models.mirror_design.scene_files import scene_file
 from studies.models.mirror_design.searching import Stage, lagrangian
 from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
+from studies.models.spec_files import scene_file
 from tests.studies.fingers import LENS, finger_of, seeing_finger
 
 SPEC = MirrorSpec()

@@ -1,6 +1,7 @@
 """The soft finger as a pytree: from the chamber's dimensions to places in the image."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +21,7 @@ STRUCTURAL_ZEROS = {"chamber.focal_length", "chamber.image_distance"}
 """They choose η; the image is that of the endoscope."""
 
 
-def posture(bend: float, dtype=float) -> Posture:
+def posture(bend: float, dtype: Any = float) -> Posture:
     pressed = jnp.linspace(0, 0.3, RINGS, dtype=dtype)
     return Posture(jnp.asarray(bend, dtype), jnp.asarray(0.4, dtype), pressed)
 

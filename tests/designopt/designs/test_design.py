@@ -12,7 +12,7 @@ from designopt import designs as design
 from designopt.design_kind import Design, DesignKind
 from designopt.designs import load_design, read_tables
 from designopt.io.files import read_toml
-from designopt.io.spec_file import SpecFile
+from designopt.io.spec import SpecFile
 from designopt.study import study as study_module
 from designopt.study.results import Results
 from designopt.study.runner import run

@@ -10,7 +10,7 @@ from matplotlib.figure import SubFigure
 
 from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
-from designopt.io.spec_file import SpecFile
+from designopt.io.spec import SpecFile
 from designopt.plot.ruling import Ruling, hold
 
 KNOBS = (
