@@ -66,7 +66,7 @@ def export(
     check_design(named)
     keep_programs()
     from designopt.cli.export_files import export_design
-    from designopt.export.drawing import printable
+    from designopt.io.files import printable
 
     formats = list(dict.fromkeys(part.value for part in to))
     for path in export_design(named, formats, out, settings=settings or [], force=force):

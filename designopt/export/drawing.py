@@ -76,7 +76,7 @@ class Drawing:
         polylines: lines.
         circles: circles.
         labels: texts.
-        measures: the dimensions that a drawing sheet states.
+        dimensions: those that a drawing sheet states.
         notes: further lines for the sheet's title block.
     """
 
@@ -85,7 +85,7 @@ class Drawing:
     polylines: Sequence[Polyline] = ()
     circles: Sequence[Circle] = ()
     labels: Sequence[Label] = ()
-    measures: Sequence[LinearDimension] = ()
+    dimensions: Sequence[LinearDimension] = ()
     notes: Sequence[str] = ()
 
     def box(self) -> tuple[Place, Place]:
@@ -106,8 +106,3 @@ def round_down(value: float) -> float:
     # A number that is one of them but for rounding is not taken for less.
     figure = max(n for n in (1, 2, 5, 10) if n <= value / 10.0**decade * (1 + 1e-9))
     return float(f"{figure}e{decade}")
-
-
-def printable(text: str) -> str:
-    """A text with spaces for what cannot be printed; no file format can hold, say, a bell."""
-    return "".join(char if char.isprintable() else " " for char in text)

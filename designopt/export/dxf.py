@@ -135,7 +135,7 @@ def _annotate(space: Modelspace, sheet: Drawing, paper: Paper) -> None:
     clutter = Clutter.of(
         sheet, scale, ((low[0] * scale, low[1] * scale), (high[0] * scale, high[1] * scale))
     )
-    for measure in sorted(map(readable, sheet.measures), key=_length):  # short ones inside
+    for measure in sorted(map(readable, sheet.dimensions), key=_length):  # short ones inside
         distance = _length(measure)
         words = f"{distance:.{paper.decimals}f}".rstrip("0").rstrip(".")
         offset = clutter.place_dimension(measure, words, TEXT) / scale

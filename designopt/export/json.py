@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from designopt.errors import UserError
-from designopt.export.drawing import printable
+from designopt.io.files import printable
 
 DIGITS = 14
 """Of every number: what was computed from 13.73 should not come out as 13.730000000000002."""

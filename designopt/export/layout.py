@@ -53,7 +53,7 @@ class Paper:
     @classmethod
     def of(cls, sheet: Drawing) -> Paper:
         """The sheet on which a drawing has room at a scale of 1, 2 or 5 and zeros (ISO 5455)."""
-        size = "A3" if len(sheet.measures) > CROWDED else "A4"
+        size = "A3" if len(sheet.dimensions) > CROWDED else "A4"
         (left, low), (right, high) = sheet.box()
         center = ((left + right) / 2, (low + high) / 2)
         empty = cls(size, tuple(_rows(sheet, size, 1.0)), 1.0, center)

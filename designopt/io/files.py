@@ -19,6 +19,11 @@ DEEPEST = 32
 """Tables and lists in each other. No file needs more, and Python's recursion has an end."""
 
 
+def printable(text: str) -> str:
+    """A text with spaces for what cannot be printed; no file format can hold, say, a bell."""
+    return "".join(char if char.isprintable() else " " for char in text)
+
+
 def is_too_deep(value: object) -> bool:
     """Whether tables and lists lie in each other more than `DEEPEST` times."""
     level = [value]

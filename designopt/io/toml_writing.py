@@ -95,4 +95,4 @@ def _value(value: Any) -> str:
         return repr(value)
     if isinstance(value, Sequence):
         return f"[{', '.join(map(_value, value))}]"
-    raise TypeError(f"toml_text: no value of type {type(value).__name__}")
+    raise TypeError(f"format_toml: no value of type {type(value).__name__}")

@@ -114,6 +114,7 @@ def augmented_lagrangian(
         ValueError: Levenberg–Marquardt without residuals or a floor, or in a float type that it
             would mix with another.
     """
+    # Below rounding no step would ever be small enough, and each solve would run to its cap.
     tolerance = achievable(tolerance, start)
     solve = _inner(flat, inner, floor, tolerance, steps)
     first = first_state(flat, inner, start, updates)
@@ -175,16 +176,21 @@ def updated(
         tolerance: see `augmented_lagrangian`.
     """
     (mu, lam), penalty = state.multipliers, state.penalty
+    # A solve that ran into NaN is undone: the multipliers move on from where it began, and the next
+    # solve has another merit function.
     point = jnp.where(jnp.all(jnp.isfinite(point)), point, state.point)
     terms, h, g = _evaluated(flat, inner, point)
     objective = terms.value
-    # How far constraints and complementarity are from holding.
+    # How far constraints and complementarity are from holding: min(g, λ/ρ) is 0 if and only if one
+    # of the two is, and neither is negative.
     gap = _largest(jnp.abs(h), jnp.abs(jnp.minimum(g, lam / penalty)))
     better = gap <= PROGRESS * state.gap
+    # Feasible is not yet optimal: the objective must rest as well, or the multipliers have not.
     settled = jnp.abs(objective - state.objective) <= tolerance * (1 + jnp.abs(objective))
     at, before = state.update, state.trace
     total = count + jnp.where(at > 0, before.steps[at - 1], 0)
     violation = _largest(jnp.abs(h), jnp.maximum(-g, 0.0))
+    # Arrays of fixed length: what comes later repeats this update until it is overwritten.
     later = jnp.arange(before.steps.size) >= at
     trace = Trace(
         jnp.where(later, objective, before.objective),

@@ -55,6 +55,8 @@ class Flat:
 
     def point(self, parameters: Parameters) -> Point:
         """The vector of parameters."""
+        # In units of each parameter's scale: quasi-Newton methods start with the identity as their
+        # Hessian, which a millimetre beside a radian would make a poor one.
         vector, _ = ravel_pytree(parameters)
         return vector / jnp.asarray(self.units, vector.dtype)
 
@@ -101,11 +103,11 @@ class Flat:
                 # The epigraph form's parameters are named as the problem's own.
                 path = path[isinstance(self.problem.lower, EpigraphVariables) :]
                 name = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
-                told = self.problem.parameters.get(name, describe_by_index(name))
+                bounded = self.problem.parameters.get(name, describe_by_index(name))
                 index = tuple(int(i) for i in np.unravel_index(left, leaf.shape))
                 side = "lower" if place < len(low) else "upper"
-                amount = float(self.units[which]) * told.scale
-                return f"{told.words(index)} at its {side} bound", told.unit, amount
+                amount = float(self.units[which]) * bounded.scale
+                return f"{bounded.words(index)} at its {side} bound", bounded.unit, amount
             left -= leaf.size
         raise IndexError(place)
 

@@ -57,7 +57,7 @@ def find_active_set(problem: Problem, optimum: Optimum, least_share: float = 0.0
     for name, values in optimum.multipliers.items():
         for index in np.argwhere(np.abs(values) > least_share * total):
             place = tuple(int(i) for i in index)
-            words, unit, scale = _told(problem, name, place)
+            words, unit, scale = _described(problem, name, place)
             price = float(values[place])
             found.append(Active(name, place, words, unit, price / scale, abs(price) / total))
     return sorted(found, key=lambda one: -one.share)
@@ -87,14 +87,14 @@ def explain_conflict(problem: Problem, optimum: Optimum) -> list[str]:
     """
     lines = []
     for name in sorted(optimum.worst, key=lambda name: -optimum.violations[name]):
-        words, unit, scale = _told(problem, name, optimum.worst[name])
+        words, unit, scale = _described(problem, name, optimum.worst[name])
         lines.append(f"{words} by {optimum.violations[name] * scale:.3g} {unit}".rstrip())
     return lines
 
 
-def _told(problem: Problem, name: str, place: tuple[int, ...]) -> tuple[str, str, float]:
+def _described(problem: Problem, name: str, place: tuple[int, ...]) -> tuple[str, str, float]:
     """Of an element of a requirement: words, unit, and the unit's amount for 1 in the array."""
     if name == BOUND:
         return Flat.of(problem).bound(*place)
-    told = problem.requirements.get(name, describe_by_index(name))
-    return told.words(place), told.unit, told.scale
+    requirement = problem.requirements.get(name, describe_by_index(name))
+    return requirement.words(place), requirement.unit, requirement.scale

@@ -78,7 +78,7 @@ class Iteration:
         """Nothing is compiled yet.
 
         Args:
-            problem: its terms must not have ``least``: see `epigraph`.
+            problem: its terms must not have ``least``: see `make_epigraph`.
             tolerance: of the inner solver (relative and absolute) and of the constraints, scaled.
             steps: steps of BFGS in an iteration.
 
@@ -88,7 +88,7 @@ class Iteration:
         self._flat = flat = Flat.of(problem)
         point = jnp.zeros(flat.units.size, flat.units.dtype)
         if jax.eval_shape(flat.terms, point).least is not None:
-            raise ValueError("iterating: bring `least` into a form with epigraph() or softened()")
+            raise ValueError("iterating: bring `least` into a form with make_epigraph()")
         self._begin, self._advance = _programs(flat, achievable(tolerance, point), steps)
 
     def run(

@@ -75,7 +75,8 @@ class Minimizer:
         """Compile.
 
         Args:
-            problem: its terms must not have ``least``: see `epigraph` and `softened`.
+            problem: its terms must not have ``least``: see `make_epigraph` and
+                `make_soft_minimum`.
             count: number of starts that will be solved in one call.
             method: the solver. The first four run all starts in one vectorised program, constraints
                 (and bounds, for Optimistix, which has none) by an augmented Lagrangian around
@@ -95,7 +96,9 @@ class Minimizer:
         self._judge = make_optimality_check(flat)
         points = jnp.zeros((count, flat.units.size), flat.units.dtype)
         if jax.eval_shape(flat.terms, points[0]).least is not None:
-            raise ValueError("minimise: bring `least` into a form with epigraph() or softened()")
+            raise ValueError(
+                "minimize: bring `least` into a form with make_epigraph() or make_soft_minimum()"
+            )
         begin = time.perf_counter()
         self._solve = self._compiled(method, points, floor, tolerance, updates, steps)
         self.compile_seconds = time.perf_counter() - begin
@@ -126,6 +129,7 @@ class Minimizer:
                 steps=steps,
             )
 
+        # Compiled ahead, so that its time is apart from the solves', and the same for every data.
         program = jax.jit(jax.vmap(local, (0, None))).lower(points, self.flat.problem.data)
         program = program.compile()
 

@@ -39,11 +39,11 @@ class Evaluation(eqx.Module):
 
     def __check_init__(self) -> None:
         if sum(part is not None for part in (self.objective, self.residuals, self.least)) != 1:
-            raise ValueError("Terms: give one of objective, residuals and least, and only one")
+            raise ValueError("Evaluation: give one of objective, residuals and least, and only one")
         names = [*(self.least or {}), *self.equalities, *self.inequalities, BOUND]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ValueError(f"Terms: names that stand for two things: {', '.join(twice)}")
+            raise ValueError(f"Evaluation: names that stand for two things: {', '.join(twice)}")
 
     @property
     def value(self) -> Float[Array, ""]:
@@ -93,7 +93,7 @@ class Problem:
         parameters: the same for the arrays of the parameters, by their paths (``F`` or ``arm.F``),
             which are written where a bound of theirs is.
         data: further arguments of ``terms``, such as the cases in which a design is judged. A
-            `Minimiser` solves for others of the same shapes without compiling again.
+            `Minimizer` solves for others of the same shapes without compiling again.
     """
 
     terms: Callable[..., Evaluation]

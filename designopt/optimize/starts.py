@@ -44,7 +44,7 @@ def draw_sobol_starts(problem: Problem, count: int, seed: int) -> Parameters:
     lower, unravel = ravel_pytree(problem.lower)
     upper, _ = ravel_pytree(problem.upper)
     if not bool(jnp.all(jnp.isfinite(lower) & jnp.isfinite(upper))):
-        raise ValueError("sobol_starts: every parameter needs a finite lower and upper bound")
+        raise ValueError("draw_sobol_starts: every parameter needs a finite lower and upper bound")
     sampler = qmc.Sobol(lower.size, rng=np.random.default_rng(seed))
     power = max(count - 1, 0).bit_length()
     points = jnp.asarray(sampler.random_base2(power)[:count], lower.dtype)

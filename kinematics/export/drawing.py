@@ -17,10 +17,10 @@ from designopt.export.drawing import (
     LinearDimension,
     Place,
     Polyline,
-    printable,
     round_down,
 )
 from designopt.export.json import Quantity
+from designopt.io.files import printable
 from kinematics.model.assembled import assembled_joints, own_places, zeroed
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, BodyPart, InputPart, Structure
@@ -101,7 +101,7 @@ def make_linkage_drawing(design: DesignedLinkage, *, pose: bool = True) -> Drawi
         polylines=polylines,
         circles=circles,
         labels=list(labels.values()),
-        measures=list(measures.values()),
+        dimensions=list(measures.values()),
         notes=notes,
     )
 

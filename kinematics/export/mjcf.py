@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Comment, Element, indent, tostring
 
 from designopt.errors import UserError
-from designopt.export.drawing import printable
+from designopt.io.files import printable
 from kinematics.export.mjcf_bodies import (
     DENSITY,
     MM,

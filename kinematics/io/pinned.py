@@ -88,7 +88,7 @@ def pinned_linkage(
 def pinned_tables(
     structure: Structure, joints: Joints, springs: Sequence[Spring] = ()
 ) -> dict[str, Any]:
-    """The tables of the file of such a linkage: `linkage_from` makes the same linkage of them.
+    """The tables of the file of such a linkage: `parse_linkage` makes the same linkage of them.
 
     Args:
         structure: who is joined to whom; without sliders.

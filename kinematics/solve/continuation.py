@@ -54,6 +54,7 @@ def home_unknowns(linkage: Linkage, plan: Plan, size: Scalar) -> Vectors:
             ),
         )
     ]
+    # A starting value only: the derivative is that of the equations where Newton's method ends.
     return jax.lax.stop_gradient(jnp.stack(values))
 
 
@@ -111,6 +112,8 @@ def track(
         signs: assembly of each group.
         home: inputs and unknowns of the assembled sketch, in the same units.
     """
+    # The path has no derivative of its own: only where it leads does, by the implicit function
+    # theorem in `newton_correct`. No reverse pass goes through a loop of unknown length.
     linkage, inputs, home = jax.lax.stop_gradient((linkage, inputs, home))
     way = inputs - home[0]
     length = jnp.sqrt(jnp.sum(way * way))
@@ -193,6 +196,8 @@ def solve_iterated(
     def gaps(unknowns: Vectors) -> Vectors:
         return loop_gaps(linkage, plan, unknowns, inputs, signs)
 
+    # Newton's method started beside the curve may end on another branch; then its answer is a
+    # pose of another assembly, and counts as none.
     near = jnp.max(jnp.abs(solved - followed.unknowns)) < NEAR
     closed = jnp.max(jnp.abs(gaps(solved))) < 64 * _tolerance(inputs)
     reached = (followed.status == REACHED) & near & closed
@@ -229,6 +234,8 @@ def _tolerance(inputs: Float[Array, " inputs"]) -> float:
 
 def smallest_singular_value(jacobian: Float[Array, "rows columns"]) -> Scalar:
     """Smallest singular value of a matrix whose columns are scaled to length 1: 0 to 1."""
+    # Columns of length 1, so that an angle beside a slide, or a short link beside a long one, does
+    # not decide the value: what is left is how nearly parallel the columns are.
     squares = jnp.sum(jacobian * jacobian, axis=0)
     used = squares > jnp.finfo(squares.dtype).tiny
     scale = jnp.where(used, jax.lax.rsqrt(jnp.where(used, squares, 1.0)), 0.0)
@@ -252,9 +259,14 @@ def _walk_along(
 ) -> Followed:
     """Follow the curve on which the equations hold until its last coordinate is ``length``."""
     rounding = float(jnp.finfo(start.dtype).eps)
+    # A corrected point is on the curve to somewhat more than rounding; powers of it, so that the
+    # same program works in float32. What is left of the way may be coarser: the last Newton solve
+    # starts from there and needs to be near, not exact.
     good_gap, short_way = rounding**0.75, rounding**0.6
     unit = jnp.zeros(start.shape[0] + 1, start.dtype).at[-1].set(1.0)
 
+    # Bordered by the tangent, the Jacobian is regular also at a turning point, where that with
+    # respect to the unknowns alone is singular.
     def bordered(point, border):
         return jnp.concatenate([jax.jacfwd(equations)(point), border[None, :]])
 
@@ -272,6 +284,7 @@ def _walk_along(
         return jax.lax.fori_loop(0, CORRECTIONS, newton, guess)
 
     def walk_on(walk: _Walk) -> _Walk:
+        # No longer than what is left along the tangent, or the end would be overshot.
         left = length - walk.point[-1]
         ahead = left / jnp.maximum(walk.tangent[-1], LEAST_STEP)
         step = jnp.minimum(walk.step, ahead)
@@ -282,6 +295,8 @@ def _walk_along(
         closed = jnp.max(jnp.abs(equations(point))) < good_gap
         near = jnp.max(jnp.abs(point - guess)) <= jnp.abs(step)
         good = smooth & closed & near & passable(point)
+        # A step that goes over the top of a turn is good in itself, yet not accepted: halved until
+        # it is tiny, it ends at the turn, and so at the value where the linkage locks.
         turns = tangent[-1] <= 0
         arrived = jnp.abs(length - point[-1]) <= short_way
         accepted = good & (~turns | arrived)

@@ -43,7 +43,8 @@ def solve_rrr(
     # but that of the distances themselves.
     height = safe_sqrt((reach * reach - ee) * (ee - difference * difference))
     inverse, _ = safe_divide(jnp.ones_like(ee), ee)
-    # Middle pin = x e + y e⊥; beyond lock-up, where y is 0, it stays at its distance.
+    # Middle pin = x e + y e⊥; beyond lock-up, where y is 0, it stays at its distance: without the
+    # clip the first link would stretch, and what is computed there would be of another linkage.
     length_e = safe_sqrt(ee)
     most = length_a * length_e * inverse
     along = jnp.clip(0.5 * (1 + reach * difference * inverse), -most, most)
@@ -73,6 +74,8 @@ def solve_rrp(
     aa = a.squared()
     length_a = safe_sqrt(aa)
     distance = w.cross(e)
+    # A difference of squares as a product: |a|² − distance² would lose half of the digits near
+    # lock-up, which is where the slide's place is wanted most.
     reach = safe_sqrt((length_a - distance) * (length_a + distance))
     slide = w.dot(e) - side * reach
     return _quotient(e - w.scaled(slide), a, aa), slide, (length_a - jnp.abs(distance),)
@@ -97,6 +100,7 @@ def solve_rpr(
     e = apart(e, towards)
     distance = u.cross(a)
     length_e = e.length()
+    # As a product for the same reason as in RRP.
     reach = side * safe_sqrt((length_e - distance) * (length_e + distance))
     arm = Vector(reach, distance).turned(u)
     return _quotient(e, arm, arm.squared()), reach - u.dot(a), (length_e - jnp.abs(distance),)
@@ -118,6 +122,8 @@ def solve_two_slides(
         where the joint has gone through infinity.
     """
     sine = v.cross(w)
+    # Cramer's rule. With parallel lines `safe_divide` leaves slides of 0 and slopes of 0 instead
+    # of infinities, which would spoil the gradient of every other pose of a batch.
     s, _ = safe_divide(e.cross(w), sine)
     t, _ = safe_divide(v.cross(e), sine)
     return s, t, (-side * sine,)
@@ -139,6 +145,8 @@ def apart(e: Vector, towards: Vector) -> Vector:
 
 def _quotient(image: Vector, original: Vector, squared: Scalar) -> Vector:
     """The rotation that turns one vector into another of the same length."""
+    # A quotient of complex numbers and no angle: the branch cut of arctan2 would be a jump in all
+    # that follows.
     product = image.turned(original.conjugate())
     inverse, _ = safe_divide(jnp.ones_like(squared), squared)
     return product.scaled(inverse)

@@ -36,6 +36,8 @@ class Drive(eqx.Module):
     @classmethod
     def at(cls, values: Float[Array, "*batch inputs"], home: Float[Array, " inputs"]) -> Drive:
         """The drive for these values of the inputs, sketched at ``home``."""
+        # At a change point the pose has a limit from each side; of these the one on the way from
+        # the sketch is meant, and a sign has no derivative.
         back = jnp.sign(jnp.broadcast_to(home, values.shape) - values)
         return cls(values, rotation(values), jax.lax.stop_gradient(back))
 
@@ -160,6 +162,8 @@ def loop_terms(state: State, group: Group, loop: Loop) -> Terms:
     """A loop's vectors, sorted by what is unknown in them."""
     zero = known = state.zero
     if loop.start is not None and loop.end is not None:
+        # A loop from one placed joint to another: the rest of the chain between them is known
+        # already and is left out, with its rounding.
         known = state.places[loop.start] - state.places[loop.end]
     vectors: dict[str, Vector] = {}
     directions: dict[int, tuple[Vector, str | None]] = {}
@@ -267,6 +271,8 @@ def _solve(state: State, group: Group, side: Scalar) -> None:
 
 def _record(state: State, group: Group, found: tuple[Vector, ...]) -> None:
     for number, (root, turn) in enumerate(zip(group.angles, found, strict=True)):
+        # In the frame of a body whose own angle comes later, the rotation is kept aside: all that
+        # hangs on it is then one product, whatever turns that body.
         if group.base is None:
             state.set_angle(root, turn)
         else:
@@ -315,6 +321,8 @@ def closure(state: State) -> Scalar:
         step = state.at(incidence) - state.at(bases[body])
         turn = state.rotations[body]
         gap = state.carried(incidence, bases[body]) - state.places[incidence.joint]
+        # A rotation that is none (|turn| ≠ 1) is a stretched body: a closed form may close its
+        # loop so where the linkage cannot be assembled.
         stretch = jnp.abs(turn.squared() - 1.0) * step.length() / 2
         worst = jnp.maximum(worst, jnp.maximum(gap.length(), stretch))
     return worst

@@ -201,6 +201,8 @@ def _turn(
         def gaps(q: Float[Array, " unknowns"]) -> Float[Array, " gaps"]:
             return loop_gaps(solver.unit, solver.plan, q, drive.values, solver.signs)
 
+        # The null vector v is an unknown too, normalised by a plane and not by its length: the
+        # equations stay polynomials, and Newton's method converges quadratically at the turn.
         gap, change = jax.jvp(gaps, (q,), (v,))
         return jnp.concatenate([gap, change, (v @ direction - 1)[None]])
 
@@ -299,6 +301,8 @@ class _Search:
         found = [] if turn is None else [turn]
         touches: list[float] = []
         if any(group.kind != "iterated" for group, _ in self.groups):
+            # Samples bracket; a root between two of them is found by Brent's method, and a dip of
+            # a margin through 0 and back within one interval by `_may_dip`.
             values = first + np.linspace(0.0, stretch, SAMPLES + 1)
             table = self.margins(values)
             for column, (group, number) in enumerate(self.groups):
@@ -312,6 +316,8 @@ class _Search:
         if nearest is not None:
             name = self.linkage.input_names[self.index]
             solved = solve_turning_point(self.linkage, name, nearest, self.start, of=self.of)
+            # Refined from the bracketed value, unless the solve has run to another root of the same
+            # margin.
             refined = bool(solved.ok) and abs(float(solved.value) - nearest.value) < 1e-3
             if nearest.locks and refined:
                 nearest = replace(nearest, value=float(solved.value))
@@ -387,6 +393,7 @@ class _Search:
 
     @staticmethod
     def _root(margin: Callable[[float], float], inside: float, outside: float) -> float:
+        # At lock-up to rounding there is no change of sign to bracket: this is the root.
         if margin(inside) <= 0:
             return inside
         root: Any = scipy.optimize.brentq(

@@ -122,6 +122,8 @@ def solve_input_slopes(
 
         return jax.grad(value)(values)
 
+    # Pose by pose: outputs of one pose depend on its inputs alone, so the Jacobian of the batch is
+    # block-diagonal, and one reverse pass for each block is all of it.
     slopes = jax.vmap(one)(inputs.reshape(-1, inputs.shape[-1]))
     return slopes.reshape(inputs.shape)
 

@@ -89,6 +89,8 @@ def _elimination(residual: Residual, is_angle: tuple[bool, ...]) -> _Elimination
     def loops(weights: np.ndarray) -> Callable[[np.ndarray], complex]:
         return lambda unknowns: complex(weights @ residual(unknowns))
 
+    # In the loops as they are, both may hold all four unknowns (a triad closed by its middle body);
+    # their sum or difference then goes round another circuit of the same chain.
     combinations = [loops(np.array(w)) for w in ((1, 0), (0, 1), (1, 1), (1, -1))]
     used = [_used(loop) for loop in combinations]
     for i, j in itertools.combinations(range(4), 2):
@@ -119,6 +121,8 @@ def _elimination(residual: Residual, is_angle: tuple[bool, ...]) -> _Elimination
         loop, index = ends[end]
 
         def value(first: float, second: float) -> float:
+            # |v| = |c| is what is left of c + v exp(ip) = 0 when its direction is free, and c
+            # parallel to v of c + v s = 0: neither has a branch to be chosen.
             c, v = parts(loop, index, at(first, second))
             return abs(c) ** 2 - abs(v) ** 2 if is_angle[index] else (c * v.conjugate()).imag
 
@@ -166,6 +170,7 @@ def _coefficients(
     for axis, angle in enumerate(is_angle):
         if angle:
             z = np.exp(1j * np.array(points[axis]))
+            # At roots of unity the transform is unitary up to a factor: it amplifies no rounding.
             basis = np.stack([1 / z, np.ones(3), z], axis=1)
         else:
             s = np.array([-1.0, 0.0, 1.0])
@@ -186,6 +191,8 @@ def _resultant_zeros(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarr
         )
     s0, s1, s2 = blocks
     one, zero = np.eye(4), np.zeros((4, 4))
+    # Linearised as a companion pencil; eigenvalues as pairs (α, β), since one at infinity, which
+    # every triad has, would be a division by 0 and spoil its neighbours.
     a = np.block([[zero, one], [-s0, -s1]])
     b = np.block([[one, zero], [zero, s2]])
     homogeneous: Any = scipy.linalg.eig(a, b, homogeneous_eigvals=True)
@@ -233,6 +240,8 @@ def _polished(
         gaps: Any = residual(unknowns)
         return np.concatenate([gaps.real, gaps.imag])
 
+    # Least squares and not Newton's method: at a change point two solutions meet, the Jacobian is
+    # singular, and the nearest point that closes is wanted all the same.
     found = scipy.optimize.least_squares(real, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15)
     if np.max(np.abs(found.fun)) > CLOSED:
         return None

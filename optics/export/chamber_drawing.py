@@ -78,7 +78,7 @@ def make_chamber_drawing(design: DesignedChamber) -> Drawing:
             ),
             Label(CAMERA, pinhole, "pinhole"),
         ],
-        measures=[LinearDimension(start, stop) for start, stop in measures if start != stop],
+        dimensions=[LinearDimension(start, stop) for start, stop in measures if start != stop],
         notes=notes,
     )
 

@@ -19,10 +19,10 @@ from designopt.export.drawing import (
     LinearDimension,
     Place,
     Polyline,
-    printable,
     round_down,
 )
 from designopt.export.json import Quantity
+from designopt.io.files import printable
 from designopt.vectors import vector
 from optics.plot.section import Section
 from optics.scene.file import FIXED, CameraTable, MirrorTable, SurfaceTable
@@ -100,7 +100,7 @@ def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
         circles=circles,
         labels=labels,
         # Two mirrors may begin in one corner.
-        measures=list(dict.fromkeys(measures)),
+        dimensions=list(dict.fromkeys(measures)),
         notes=_notes(design, far, pose=pose),
     )
 

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from designopt.designs import read_tables
 from designopt.errors import UserError
-from designopt.export.drawing import printable
+from designopt.io.files import printable
 from designopt.io.spec_files import validated
 from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole
 from optics.scene.file import FIXED, CameraTable, FrameTable, LensTable, SceneFile, SurfaceTable

@@ -52,7 +52,7 @@ def find_views(
 
     Returns:
         The pieces of each pad. ``margin`` and ``result`` are of the shape (paths, pads), paths in
-        the order of `path_names`. ``margin`` (rad) is the angle at the (virtual) camera of the
+        the order of `name_paths`. ``margin`` (rad) is the angle at the (virtual) camera of the
         widest piece that is seen; of a pad that is not seen, minus the angle by which it is
         missed: by which the shadows, mirrors and limits that hide it must give way at least until
         a line of sight is free. Its derivative shows the way out. ``residual`` is 0: nothing is
@@ -180,6 +180,8 @@ def _in_poses(
         return placed, unfold_all(layout, placed, words), Pad.all_of(scene, placed)
 
     placed, paths, pads = unfolded(poses)
+    # The search decides by comparisons only; without its derivatives the reverse pass is that of
+    # the ends that were picked, a few hundred numbers for each pose.
     camera, still = jax.lax.stop_gradient((scene.camera, (paths, pads)))
     shadows = (len(words[-1]) + 1) * len(layout.surfaces) + 1
     most = max(TABLE // (len(layout.pads) * len(words) * shadows**2), 1)
@@ -217,6 +219,7 @@ def _piece(
     """One piece of a pad; all of it is 0 where there is none."""
     by = paths.at(path)
     seen = *look(camera, size, by, pad, ends), reflections(by, pad, ends)
+    # An empty slot repeats some path at coordinate 0, where a look may be undefined.
     seen = [jnp.where(present, number, 0.0) for number in seen]
     return Pieces(present, path, ends[0], ends[1], labels[0], labels[1], *seen)
 

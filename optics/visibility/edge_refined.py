@@ -53,7 +53,7 @@ def trace_views(
     Returns:
         The pieces of each pad where the fan has found them, exact to rounding; only where a
         mirror bends away from the ray, to the square root of rounding. ``margin`` and
-        ``result`` are of the shape (paths, pads), paths in the order of `path_names`. ``margin``
+        ``result`` are of the shape (paths, pads), paths in the order of `name_paths`. ``margin``
         (rad) is the angle at the camera of the widest piece that is seen, and 0 where none
         is: rays give no distance by which they miss. ``residual`` is the largest Newton step (rad)
         that is left at an edge of that view.
@@ -87,6 +87,8 @@ def _views(fan: Fan, rays: int, max_pieces: int) -> Solution[Pieces]:
     half = still.camera.field_of_view / 2
     # In the middles of equal parts: no ray runs along the limits themselves.
     steps = jnp.asarray((2 * np.arange(rays) + 1) / rays - 1, half.dtype)
+    # Runs of equal labels, found by their neighbours: sizes are static, so as many slots as may be
+    # needed are filled, and what does not fit is reported as too many.
     labels = jax.vmap(still.label)(half * steps)
     padded = jnp.pad(labels, 1)
     begins = (labels != 0) & (padded[:-2] != labels)
@@ -124,7 +126,7 @@ class _Run(eqx.Module):
 
 def _run(fan: Fan, present: Bool[Array, ""], label: Int[Array, ""], edges: Edge) -> _Run:
     pad, path, _ = fan.meaning(label)
-    # By pad coordinate, not by angle.
+    # By pad coordinate, not by angle: after an odd number of reflections the image runs backwards.
     swap = edges.coordinate[0] > edges.coordinate[1]
     pair = jax.tree.map(lambda leaf: jnp.where(swap, leaf[::-1], leaf), edges)
     surface = len(fan.layout.mirrors) + pad

@@ -83,6 +83,8 @@ def find_edge(
     still = jax.lax.stop_gradient(fan)
     pad, _, leg = fan.meaning(label)
 
+    # Bisection by what is seen and not by a residual: it needs no guess which one vanishes, and is
+    # right where several do.
     def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
         inside, outside = ends
         middle = (inside + outside) / 2
@@ -92,7 +94,9 @@ def find_edge(
     limit = jnp.abs(outside) >= still.camera.field_of_view / 2
     at, other = jax.lax.fori_loop(0, BISECTIONS, halve, (inside, outside))
     at_limit = limit & (other == outside)
-    # Along both rays: the one just inside, and the one just outside.
+    # Along both rays: the one just inside, and the one just outside. The first leg on which they
+    # meet different surfaces is where the run ends; if they meet the same ones, the last leg, at
+    # which the angle of incidence or the direction in which the image runs decides.
     legs = jax.vmap(still.follow)(jnp.stack([at, other]))
     changed = (legs.surface[0] != legs.surface[1]) & (jnp.arange(fan.bounces + 1) <= leg)
     where = jnp.where(jnp.any(changed), jnp.argmax(changed), leg)
@@ -176,11 +180,11 @@ def _residuals(
             mine.coordinate - 1,
             theirs.coordinate,
             theirs.coordinate - 1,
-            mine.distance - theirs.distance,
+            mine.distance - theirs.distance,  # they cross: the nearer one changes
             mine.horizon,
             theirs.horizon,
             legs.sine[leg] - jnp.sin(fan.grazing[pad]),
-            slope,
+            slope,  # the image folds back: a concave mirror shows a place twice beyond
         ]
     )
 

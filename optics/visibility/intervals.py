@@ -84,6 +84,7 @@ def gaps(window: Interval, shadows: Interval, active: Bool[Array, " shadows"]) -
     left = jnp.concatenate([jnp.zeros_like(left[:1]), left])
     starts = jnp.where(left & active[None], shadows.end[None], -FAR)
     ends = jnp.where(~left & active[None], shadows.start[None], FAR)
+    # All shadows against all: there are few, and without a sort no step waits for another.
     start, end = jnp.max(starts, axis=1), jnp.min(ends, axis=1)
     start_label = _label_at(starts == start[:, None], shadows.end_label[None], 1)
     end_label = _label_at(ends == end[:, None], shadows.start_label[None], 1)

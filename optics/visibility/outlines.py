@@ -20,7 +20,7 @@ CORNERS = ((0, -1), (1, -1), (1, 1), (0, 1))
 class Outlines(eqx.Module):
     """The ends of pads as the camera sees them, unfolded; axes are (paths, pads, ends).
 
-    Paths are in the order of `path_names`.
+    Paths are in the order of `name_paths`.
 
     Attributes:
         angle: section angle, rad, counter-clockwise from the optical axis.

@@ -19,10 +19,8 @@ def remarks_on(sight: SceneTrace) -> list[str]:
     if views is None:
         hint = "" if len(sight.rays) else "; --ray X,Y,DEG follows a ray"
         return [f"{layout.name}: there are no pads to be seen{hint}"]
-    max_pieces = ViewResult[ViewResult.too_many]
-    crowded = np.isin(
-        views.codes, [code for code, why in sight.reasons.items() if why == max_pieces]
-    )
+    crowding = ViewResult[ViewResult.too_many]
+    crowded = np.isin(views.codes, [code for code, why in sight.reasons.items() if why == crowding])
     lines = []
     for pad, part in enumerate(layout.pads):
         hidden = 1 - views.coverage[:, pad]

@@ -185,6 +185,7 @@ def _by_ray(
 
             first, last = camera.angle(piece.pixels)
             met, *curves = jax.vmap(of_ray)(first + parts * (last - first))
+            # Density over the slope of where rays land: their spacing on the pad, read backwards.
             # The piece has exact ends, and a ray along them may miss the pad by rounding.
             inner = met & (parts > 0) & (parts < 1)
             ends = (jnp.stack([piece.start, piece.end]), piece.px_per_mm, piece.distance)

@@ -189,6 +189,8 @@ class Tracer(eqx.Module):
 
     def _leg(self, ray: _Ray) -> Leg:
         layout = self.layout
+        # Which surface is first has no slope; the hit itself is computed again below, so a reverse
+        # pass goes through one crossing for each leg and not through all surfaces.
         still, frozen = jax.lax.stop_gradient((self, ray))
         found = still._nearest(frozen)
         surface = jnp.where(ray.alive, found[1], NOTHING)
@@ -225,6 +227,8 @@ class Tracer(eqx.Module):
         sides = jnp.asarray(layout.sides[straight], from_left.dtype)
         lets = jnp.asarray(layout.one_way[straight]) & (sides * from_left <= 0)
         hit = (distances > 0) & (along >= 0) & (along <= 1) & ~lets
+        # By index and not by a least distance: that would depend on the scene's size, and lose a
+        # mirror in a sharp corner.
         hit &= jnp.asarray(straight) != ray.last
         distances = jnp.where(hit, distances, jnp.inf)
         if self.arcs is not None:
@@ -264,6 +268,7 @@ class Tracer(eqx.Module):
         curved = jnp.asarray(self.layout.curved)
         arc = jax.tree.map(lambda leaf: leaf[jnp.argmax(curved == surface)], self.arcs)
         roots, _, horizon = _meet_arc(ray, arc, surface)
+        # Both roots carry derivatives; the one that the search has met is picked without.
         root = roots[jnp.argmin(jnp.abs(jax.lax.stop_gradient(roots - near)))]
         at = arc.local(position - arc.vertex) + arc.local(direction).scaled(root)
         across = safe_divide(at.x, 2 * arc.half)[0] + 0.5

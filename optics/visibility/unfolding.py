@@ -161,6 +161,8 @@ def left_of(place: Vector, start: Vector, along: Vector) -> Float[Array, "*batch
 
     It is exactly 0 if it is no more than rounding.
     """
+    # Snapped to 0 within rounding: a mirror's own end, or a pad on a mirror's line, must lie on it,
+    # or a sliver as wide as rounding would be seen and named.
     arrow = place - start
     product = along.cross(arrow)
     rounding = ROUNDING_UNITS * jnp.finfo(product.dtype).eps
@@ -177,6 +179,8 @@ def cut(
     """
     along = line[1] - line[0]
     left = left_of(edges.ends, line[0], along)
+    # Where both ends lie on one side the quotient means nothing and is not used; it must be finite
+    # all the same, for a NaN that is not chosen still reaches the gradient.
     inward = jnp.broadcast_to(side, edges.active.shape)[..., None] * left
     part, _ = safe_divide(left[..., 0], left[..., 0] - left[..., 1])
     first, last = edges.ends[..., 0], edges.ends[..., 1]
@@ -199,6 +203,8 @@ def folds_of(mirrors: Sequence[Vector], reflects: Sequence[Bool[Array, ""]]) -> 
     for leg in range(len(mirrors)):
         zero, one = jnp.zeros_like(mirrors[leg].x[0]), jnp.ones_like(mirrors[leg].x[0])
         fold = Fold(Vector(zero, zero), Vector(one, zero), one)
+        # A shorter path has no mirror here; the fold is then that of before, so that all paths are
+        # one batch of one shape.
         for mirror, there in list(zip(mirrors, reflects, strict=True))[leg:]:
             mirrored = fold.mirrored(mirror[0], mirror[1] - mirror[0])
             fold = jax.tree.map(partial(jnp.where, there), mirrored, fold)
@@ -280,6 +286,7 @@ def _sides(
         each mirror on which side of it that is (0 if there is no mirror), and whether it is not
         the side that reflects.
     """
+    # On which side something lies is a choice: constant almost everywhere, of slope 0.
     still = jax.lax.stop_gradient(placed)
     starts, lines = still.starts, still.ends - still.starts
     source, lefts, facing, turned_away = still.camera, [], [], []

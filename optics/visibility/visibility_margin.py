@@ -58,6 +58,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     ends = shown.ends - source
     seen = stack(ends[0], ends[1], path.axis, -path.axis, foot)
     first, last, axis, back, foot = angle(seen)
+    # Angles from the pad's middle, so that none of what can hide it lies at a jump by 2π.
     center = (first + last) / 2
 
     def turned(angle: Array) -> Array:
@@ -81,7 +82,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     half = camera.field_of_view / 2
     wide = half > jnp.pi / 2
     axis, back, foot = turned(axis), turned(back), turned(foot)
-    max_pieces = jnp.pi / 2 - pad.grazing
+    max_obliquity = jnp.pi / 2 - pad.grazing
     low, high = (
         jnp.where(sense > 0, one, other)
         for one, other in ((RIGHT_LIMIT, LEFT_LIMIT), (LEFT_LIMIT, RIGHT_LIMIT))
@@ -105,12 +106,12 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     hidden = jax.tree.map(lambda leaf: leaf[len(there) :], found)
     lower = [
         (first, shown.labels[0]),
-        (foot - max_pieces, toward_first),
+        (foot - max_obliquity, toward_first),
         (jnp.where(wide, -FAR, axis - half), low),
     ]
     upper = [
         (last, shown.labels[1]),
-        (foot + max_pieces, toward_second),
+        (foot + max_obliquity, toward_second),
         (jnp.where(wide, FAR, axis + half), high),
     ]
     from_mirrors = jnp.where(away, mirrors.end, mirrors.start)
@@ -193,6 +194,10 @@ def margin(camera: Camera, path: Unfolded, pad: Pad, widest: Interval) -> Float[
     above = (pad.end - pad.start).cross(path.source - pad.start)
     sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
     moving = sense * (last - first)
+    # The value comes from the search, where each angle is on its turn; the slope from the two
+    # directions, for the search has none.
     gap = widest.end - widest.start + (moving - jax.lax.stop_gradient(moving))
+    # Where a mirror is turned away by more than the gap is wide, it is this angle that must change
+    # before any line of sight opens; widening the gap would lead nowhere.
     rises = elevation(path, pad)
     return jnp.where(rises < 0, jnp.minimum(rises, gap), gap)

@@ -188,7 +188,7 @@ def _regions(image: Image) -> Regions:
 
 
 def _judged(found: Regions, within: Mask, value: Gray) -> Regions:
-    """Regions with what is to be said of them; without outlines where they are no rings."""
+    """Regions and their status; without outlines where they are no rings."""
     other, red, blue, yellow, top = (
         cv2.inRange(found.labels, int(region), int(region)) for region in Region
     )

@@ -79,7 +79,7 @@ class PostureEstimator:
             images,
             ("number", rows, columns),
             what="a stack of boundary images",
-            cure="make them as the training's, with boundary_image and shrunk",
+            cure="make them as the training's, with make_boundary_image and shrink",
         )
         inputs = standardised(images, self.image_mean, self.image_deviation)
         return self.label_mean + self.label_scale * answered(self.network, inputs)

@@ -5,7 +5,7 @@ Adam (D. P. Kingma and J. Ba, *Adam: A Method for Stochastic Optimization*, ICLR
 
 Readings: images and labels are standardised. From raw images errors are several times as large,
 and a network that starts otherwise than from zero may settle on the mean of the labels, whatever
-it is shown: `measures.mean_predictor_error` is what to compare with.
+it is shown: `marker_errors.compute_mean_predictor_error` is what to compare with.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def _check(images: np.ndarray, markers: np.ndarray) -> None:
 
 
 def _check_shapes(images: np.ndarray, markers: np.ndarray, size: tuple[int | str, ...]) -> None:
-    what, cure = "a stack of boundary images", "make them with boundary_image and shrunk"
+    what, cure = "a stack of boundary images", "make them with make_boundary_image and shrink"
     images = checked_floats(images, ("samples", *size), what=what, cure=cure)
     if not images.size:
         raise UserError(f"{what} of the shape {images.shape} has no pixels; {cure}")

@@ -178,7 +178,7 @@ def odd(found: Found) -> Table:
         )
     return Table(
         "odd_frames",
-        "Frames that are no proper images: what is to be said of the chamber, whether a posture "
+        "Frames that are no proper images: the chamber's status, whether a posture "
         "is to be given, and how often it was otherwise",
         ["kind", "frames", "expected_sight", "expected", "with_posture", "failures"],
         rows,

@@ -40,7 +40,7 @@ def make_finger_drawing(finger: Finger) -> Drawing:
             *links.labels,
             *(label for label in optics.labels if label.layer != HINGES),
         ],
-        measures=[*links.measures, *optics.measures],
+        dimensions=[*links.dimensions, *optics.dimensions],
         notes=[
             "straight finger; the links lie at both its sides, the optics between them",
             *links.notes,

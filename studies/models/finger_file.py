@@ -18,8 +18,7 @@ from pydantic import Field, PositiveInt, model_validator
 
 from designopt.designs import read_tables
 from designopt.errors import UserError
-from designopt.export.drawing import printable
-from designopt.io.files import replaced_when_complete
+from designopt.io.files import printable, replaced_when_complete
 from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT, Format, Length, Number, Point, Title, validated
 from designopt.io.toml_writing import degrees_of, format_toml

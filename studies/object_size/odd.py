@@ -49,7 +49,7 @@ class Odd:
     """One odd frame and what was said of it.
 
     Attributes:
-        kind: what is odd, and what is to be said.
+        kind: what is odd, and the status expected.
         said: what was.
     """
 

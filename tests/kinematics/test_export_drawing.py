@@ -266,7 +266,7 @@ def test_coincident_joints_have_no_dimension():
             "top": {"joints": ["D", "C"]},
         },
     )
-    lengths = [math.dist(part.start, part.end) for part in make_linkage_drawing(twin).measures]
+    lengths = [math.dist(part.start, part.end) for part in make_linkage_drawing(twin).dimensions]
     assert sorted(lengths) == pytest.approx([8, 8, 8, 10, 10])
     assert not opened(make_linkage_drawing(twin)).audit().has_issues
 

@@ -158,7 +158,7 @@ def test_a_far_camera_is_drawn_but_does_not_shrink_the_picture():
     assert right - left < 100
     assert any(circle.center == (10000, 0) for circle in sheet.circles)
     assert any("outside the picture" in note for note in sheet.notes)
-    assert max(math.dist(part.start, part.end) for part in sheet.measures) < 100
+    assert max(math.dist(part.start, part.end) for part in sheet.dimensions) < 100
     assert not any("outside" in note for note in make_scene_drawing(scene("ellipse")).notes)
 
 
@@ -175,7 +175,7 @@ def test_dimensions_of_a_scene_say_how_to_build_it():
 
 
 def test_a_distance_that_two_mirrors_share_is_stated_once():
-    measures = make_scene_drawing(scene("kaleidoscope-60")).measures
+    measures = make_scene_drawing(scene("kaleidoscope-60")).dimensions
     assert len(set(measures)) == len(measures)
     corner, camera = (0.0, 0.0), tuple(map(float, tables("kaleidoscope-60")["camera"]["position"]))
     assert sum({part.start, part.end} == {corner, camera} for part in measures) == 1

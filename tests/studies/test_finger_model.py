@@ -70,7 +70,7 @@ BODIES = [{}, {"thickness": 22.0, "axis_height": 5.0, "distal": 30.0, "range_deg
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("drive", ["joints", "crank"])
 def test_its_linkage_is_that_of_its_file(body, drive):
-    """The reader of files assembles a sketch, and knows nothing of fingers."""
+    """The reader of files assembles a sketch, of a finger as of any linkage."""
     finger = seeing_finger(**body)
     tables = json.loads(json.dumps(finger.linkage_tables(drive)))
     assert tables["joints"]["T"] == [23.0 + body.get("distal", 32.0), 0.0]

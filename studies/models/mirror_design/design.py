@@ -59,7 +59,7 @@ def meets(verdict: Verdict, floor: float) -> bool:
 
 
 def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> MirrorDesign:
-    """Camera and mirrors that show all pads of a finger in every posture and bear errors.
+    """Camera and mirrors that show all pads of a finger in every posture, errors included.
 
     Args:
         finger: its body; the design has its pins and spring as well.

@@ -1,1 +1,1 @@
-"""What the studies on images of the finger share: fingers as made, and what perception is told."""
+"""What the studies on images of the finger share: fingers as made, their models for images."""

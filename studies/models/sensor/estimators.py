@@ -1,4 +1,4 @@
-"""The finger as its image analysis must know it: what the optics predict, handed to perception."""
+"""What the optics predict of a finger, in the form in which perception takes it."""
 
 from __future__ import annotations
 

@@ -25,11 +25,11 @@ def status_words(status: ChamberStatus | None) -> str:
 
 @dataclass(frozen=True)
 class Kind:
-    """What makes a frame odd, and what is to be said of it.
+    """What makes a frame odd, and the status that is expected of it.
 
     Attributes:
         name: what is odd.
-        status: what is to be said of the chamber.
+        status: that of the chamber.
         gain: of the camera.
         walls: which wall's colour the red, the blue and the yellow one and the top have.
         inner: what yellow and the top reflect, over what they do usually.

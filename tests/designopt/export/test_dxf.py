@@ -31,7 +31,7 @@ PLATE = Drawing(
     ],
     circles=[Circle("plate", "A", (0.0, 0.0), 1.5), Circle("plate", "η", (40.0, 30.0), 1.5)],
     labels=[Label("plate", (40.0, 30.0), "η"), Label("mirrors", (3.0, 3.0), "glass")],
-    measures=[
+    dimensions=[
         LinearDimension((0.0, 0.0), (40.0, 0.0)),
         LinearDimension((40.0, 30.0), (40.0, 0.0)),
         LinearDimension((40.0, 30.0), (0.0, 0.0)),
@@ -127,7 +127,7 @@ def test_dimensions_are_as_large_on_paper_as_the_standard_has_them():
             "bar",
             [Layer("bar", "body")],
             polylines=[Polyline("bar", [(0.0, 0.0), (150.0 * factor, 0.0)])],
-            measures=[LinearDimension((0.0, 0.0), (150.0 * factor, 0.0))],
+            dimensions=[LinearDimension((0.0, 0.0), (150.0 * factor, 0.0))],
         )
         paper = Paper.of(sheet)
         (dimension,) = dimensions(opened(sheet))
@@ -182,7 +182,7 @@ def test_the_frame_is_made_for_what_belongs_into_it():
 def test_many_dimensions_have_a_larger_sheet():
     fan = [LinearDimension((0.0, 0.0), (50.0, float(height))) for height in range(12)]
     polylines = [Polyline("fan", [part.start, part.end]) for part in fan]
-    sheet = Drawing("fan", [Layer("fan", "body")], polylines=polylines, measures=fan)
+    sheet = Drawing("fan", [Layer("fan", "body")], polylines=polylines, dimensions=fan)
     assert Paper.of(sheet).size == "A3"
     assert len(dimensions(opened(sheet))) == 12
 

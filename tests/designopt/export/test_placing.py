@@ -35,9 +35,9 @@ def test_positive_offsets_are_to_the_left_as_in_the_cad_library():
         "bars",
         [Layer("bar", "body")],
         polylines=[Polyline("bar", line) for line in lines],
-        measures=[LinearDimension((0.0, 0.0), (60.0, 0.0))],
+        dimensions=[LinearDimension((0.0, 0.0), (60.0, 0.0))],
     )
-    offset = Clutter.of(sheet, 1.0, ROOM).place_dimension(sheet.measures[0], "60", 2.5)
+    offset = Clutter.of(sheet, 1.0, ROOM).place_dimension(sheet.dimensions[0], "60", 2.5)
     assert offset == 7.0
     (drawn,) = dimensions(opened(sheet))
     assert drawn.dxf.defpoint.y > 0
