@@ -93,7 +93,7 @@ class Minimizer:
         if method not in get_args(Method):
             raise ValueError(f"no method {method!r}: choose from {', '.join(get_args(Method))}")
         self.flat = flat = Flat.of(problem)
-        self._judge = make_optimality_check(flat)
+        self._check = make_optimality_check(flat)
         points = jnp.zeros((count, flat.units.size), flat.units.dtype)
         if jax.eval_shape(flat.terms, points[0]).least is not None:
             raise ValueError(
@@ -154,7 +154,7 @@ class Minimizer:
         found, traces = self._solve(points, data)
         seconds = time.perf_counter() - begin
         optima = [
-            self._judge(point, data, trace) for point, trace in zip(found, traces, strict=True)
+            self._check(point, data, trace) for point, trace in zip(found, traces, strict=True)
         ]
         return Optima(tuple(optima), seconds, self.compile_seconds)
 

@@ -122,7 +122,7 @@ def make_optimality_check(flat: Flat) -> Callable[[Point, tuple[Any, ...], Trace
     inequalities = {name: part.shape for name, part in sorted(shapes.inequalities.items())}
     inequalities[BOUND] = (sum(len(part) for part in flat.limited),)
 
-    def verdict(point: Point, data: tuple[Any, ...], history: Trace) -> Optimum:
+    def check(point: Point, data: tuple[Any, ...], history: Trace) -> Optimum:
         (value, h, g), slopes = jax.tree.map(np.asarray, values_and_slopes(point, data))
         numbers = (value, h, g, *slopes)
         if not all(np.all(np.isfinite(part)) for part in numbers):
@@ -158,7 +158,7 @@ def make_optimality_check(flat: Flat) -> Callable[[Point, tuple[Any, ...], Trace
             },
         )
 
-    return verdict
+    return check
 
 
 Slopes = tuple[

@@ -311,8 +311,8 @@ def _settings_beside(folder: Path) -> dict[str, Any]:
     """The settings of the result that a folder ``specs`` belongs to; empty without it."""
     try:
         document = json.loads((folder.parent / "results.json").read_text(encoding="utf-8"))
-        return dict(document["spec"])
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return {name: part for name, part in document["spec"].items() if isinstance(part, dict)}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return {}
 
 

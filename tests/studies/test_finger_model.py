@@ -17,7 +17,7 @@ import pytest
 
 from designopt import UserError
 from kinematics import parse_linkage, solve_poses, solve_transmission
-from optics import parse_scene
+from optics import find_coverage, parse_scene
 from optics.scene.writer import scene_tables
 from studies.models import Finger
 from studies.models.finger import pins_of
@@ -44,7 +44,7 @@ ALSO_ZERO = {
         *("camera.width", "camera.grazing"),
     ),
 }
-"""What of that they do not depend on: a pad that begins at its joint does not know its end, …"""
+"""What of that they do not depend on: a pad begins at its joint, wherever it ends, …"""
 
 
 @functools.cache
@@ -124,8 +124,6 @@ def named(slopes) -> dict[str, np.ndarray]:
 
 def test_pads_of_the_example_are_seen_in_part():
     finger, poses = example()["FINGER"], jnp.stack([example()["PIP"], example()["DIP"]])
-    from optics import find_coverage
-
     coverage = np.asarray(jax.jit(lambda one: find_coverage(one.scene(), poses).value)(finger))
     assert np.all((coverage > 0.2) & (coverage < 0.9))
     assert bool(solve_poses(finger.linkage(), -poses).ok)
