@@ -9,7 +9,7 @@ class UserError(Exception):
 
 
 class Interrupted(Exception):  # noqa: N818 - an end, and no error
-    """Ctrl-C or SIGTERM ended a command that keeps what it has; its text says what, in one line.
+    """Ctrl-C or SIGTERM ended a command that keeps what it has; its text lists that, in one line.
 
     The command line prints it and exits with code 130.
     """

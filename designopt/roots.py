@@ -119,8 +119,8 @@ def _optimistix(
         case "chord":
             solver = optx.Chord(tolerance, tolerance)
         case "bisection":
-            # Its own look for the signs raises where they agree, which a batch cannot bear; with
-            # a residual that rises from the lower end it fails to converge instead.
+            # Its own look for the signs raises where they agree, and one case would end a batch;
+            # with a residual that rises from the lower end it fails to converge instead.
             lower, upper = bracket
             rises = residual(lower, args) < residual(upper, args)
             sign = jnp.where(rises, jnp.ones_like(guess), -jnp.ones_like(guess))
@@ -161,7 +161,7 @@ def _jaxopt(
     tolerance: Any,  # annotated float by the libraries, which take a traced array all the same
     max_steps: int,
 ) -> Float[Array, ""]:
-    # Imported on first use: jaxopt takes half a second, and few solves ask for it.
+    # Imported on first use: jaxopt takes half a second, and few solves need it.
     from designopt import jaxopt_adapter
 
     if method == "jaxopt-bisection":

@@ -149,7 +149,7 @@ def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | 
     """A trapezium whose ends lie across the section, around a contour in the tangent plane.
 
     So is every pad in an extruded scene. Its sides are lines through the outermost points of the
-    contour at several heights; this bears views that are few pixels high and have acute corners.
+    contour at several heights, which also finds views of few pixels' height and acute corners.
     """
     low, high = flat[:, 1].min(), flat[:, 1].max()
     if not high > low:

@@ -1,4 +1,4 @@
-"""What can be said of a view that was looked for in an image."""
+"""Result codes of a view that was looked for in an image."""
 
 from __future__ import annotations
 

@@ -134,8 +134,8 @@ def _said(fault: Any, model: type[Spec]) -> str:
         }:
             return f"a number of that size {it_is} is a slip of the pen; correct it"
         case _:
-            said = f"{fault['msg'][0].lower()}{fault['msg'][1:]}"
-            return f"{said} {it_is}; correct it"
+            message = f"{fault['msg'][0].lower()}{fault['msg'][1:]}"
+            return f"{message} {it_is}; correct it"
 
 
 def _kind(model: type[Spec], place: Place) -> Any:

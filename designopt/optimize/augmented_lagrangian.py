@@ -290,7 +290,7 @@ def _inner(
                 return found.value, found.stats["num_steps"]
 
         case _:
-            from designopt import jaxopt_adapter  # half a second, and few solves ask for it
+            from designopt import jaxopt_adapter  # half a second, and few solves need it
 
             def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
                 return jaxopt_adapter.minimize_in_box(

@@ -52,8 +52,8 @@ class OptimumResult(eqx.Enumeration):
         "conflict; relax one of them, or try more starts."
     )
     not_met = (
-        "Requirements are not met, though nothing says that they conflict: more steps, another "
-        "start or another solver would go further."
+        "Requirements are not met, and need not conflict: more steps, another start or another "
+        "solver would go further."
     )
     no_number = "The search left the domain in which the problem has numbers: start elsewhere."
 

@@ -148,7 +148,7 @@ class Claim:
         statement: what is claimed.
         mechanism: why it should be so.
         evidence: what this run measured, one sentence per workload.
-        holds: whether this run bears the claim out.
+        holds: whether this run confirms the claim.
     """
 
     statement: str

@@ -89,25 +89,25 @@ class Mobility:
             error: why there is no plan; none if there is one, which leaves faults of this
                 configuration only.
         """
-        key, said = "inputs", None
+        key, finding = "inputs", None
         if not self.free and not self.redundant:
             if self.inputs:
                 return None if error is None else f"inputs: {self.figures}: {error}"
-            key, said = "bodies", "nothing can move; leave out a body, or add joints"
+            key, finding = "bodies", "nothing can move; leave out a body, or add joints"
         elif error is None:
-            said = (
+            finding = (
                 "as sketched the inputs do not determine the pose "
                 f"({self._left_free()} can move with the inputs held): the sketch is at a turning "
                 "or change point; sketch it elsewhere, or drive another body"
             )
         elif not self.redundant:
-            said = (
+            finding = (
                 f"{self._left_free()} can still move with the inputs held; add {self.free} "
                 f"input{'' if self.free == 1 else 's'}"
             )
         else:
-            key, said = self._too_much()
-        return f"{key}: {self.figures}: {said}"
+            key, finding = self._too_much()
+        return f"{key}: {self.figures}: {finding}"
 
     def _too_much(self) -> tuple[str, str]:
         """Key and words for a linkage of which some part is prescribed more than once."""
@@ -115,20 +115,20 @@ class Mobility:
         parts = self._spare([*self._bodies(), *self._sliders()])
         # What cannot move at all has too many bodies, rather than inputs.
         spare = inputs if self.mobility and inputs else parts or inputs
-        said = "more is prescribed than can move"
+        finding = "more is prescribed than can move"
         if self.free:
-            said = (
+            finding = (
                 f"{self._left_free()} can still move with the inputs held, while another part is "
                 "prescribed more than once"
             )
         if not spare:
             where = " and ".join(self._stressed())
-            return "bodies", f"{said}: {where}; remove a joint there, or drive other bodies"
+            return "bodies", f"{finding}: {where}; remove a joint there, or drive other bodies"
         cure = "remove it" if len(spare) == 1 else f"remove {self.redundant} of them"
         if self.free:
             cure += ", and drive what can still move"
         names = " or ".join(part.name for part in spare)
-        return spare[0].key, f"{said}; redundant: {names}; {cure}"
+        return spare[0].key, f"{finding}; redundant: {names}; {cure}"
 
     def _defects(self, rows: Sequence[int], columns: Sequence[int]) -> tuple[int, int]:
         """Freedoms and redundant equations without some equations and unknowns."""

@@ -208,14 +208,14 @@ def _third_corner(
     square = to_a * to_a - along * along
     tolerance = CONSISTENT * to_a * max(to_a, apart)
     if square < -tolerance:
-        said = [
+        sides = [
             f"{_name(pair)} = {length:.6g}{'' if frozenset(pair) in given else ' (as sketched)'}"
             for pair, length in zip(
                 itertools.combinations(names, 2), (apart, to_a, to_b), strict=True
             )
         ]
         raise ImpossibleShapeError(
-            f"{said[0]}, {said[1]} and {said[2]} make no triangle; change one of them"
+            f"{sides[0]}, {sides[1]} and {sides[2]} make no triangle; change one of them"
         )
     if in_line:  # rounding would put the joint beside the line
         if square > tolerance:

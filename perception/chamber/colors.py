@@ -1,6 +1,6 @@
 """Which pixels of a look into the chamber are red, blue and yellow (paper A §III.A.a).
 
-Colours are told apart by ratios of channels, which the light's strength and its falling off with
+Colours are separated by ratios of channels, which the light's strength and its falling off with
 depth leave alone. Noise has ratios too: where it is dim, means of ever more pixels decide.
 """
 

@@ -53,7 +53,7 @@ def estimate_bending_direction(
     Source: paper A §III.B, Algorithm 1. Readings: its maximum is that over all |Δx| and all |Δy|;
     the sign of the change decides, not that of the coordinate; of an equal |Δx| and |Δy| the
     former. Without a threshold, INITIAL is the answer only if nothing moved at all. Image
-    directions are those of the image: the caller knows how the camera is turned.
+    directions are those of the image, however the camera is turned.
 
     Args:
         points: of the frame.

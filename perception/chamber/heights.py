@@ -47,7 +47,7 @@ class Heights:
 
     Attributes:
         mm: 0 where it is not known.
-        known: whether any point says it, within the range of the map.
+        known: whether any point gives one, within the range of the map.
     """
 
     mm: Float[np.ndarray, " frames"]

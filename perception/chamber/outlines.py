@@ -1,4 +1,4 @@
-"""Convex outlines of regions, and how well an image bears one out."""
+"""Convex outlines of regions, and how well an image agrees with one."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PLACES = 128
 
 PROBES = (1.0, 3.0, 5.0, 7.0)
 """How far beside an outline its two sides are looked for, px: blur and opening keep colours that
-are told apart a few pixels off an edge."""
+differ a few pixels off an edge."""
 
 BORDER = 8
 """Nearer to the image's border than so many pixels, an outline is the border's."""

@@ -40,7 +40,7 @@ class SurfaceKind(enum.Enum):
 
 @dataclass(frozen=True)
 class Shape:
-    """What tells surfaces apart.
+    """What distinguishes surfaces.
 
     Attributes:
         sagitta: of the middle over both ends, by the parabola through the heights, mm; positive

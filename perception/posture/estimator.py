@@ -165,7 +165,7 @@ def _weights(body: io.BytesIO, shapes: list[tuple[int, ...]]) -> list[Float32[np
     """
     sizes = [NPY_HEADER + 4 * math.prod(shape) for shape in shapes]
     if sum(sizes) > len(body.getbuffer()) - body.tell():
-        raise ValueError("fewer numbers than the record asks for")
+        raise ValueError("fewer numbers than the record needs")
     found = []
     for shape in shapes:
         if np.lib.format.read_magic(body) != (1, 0):

@@ -95,11 +95,11 @@ def _bound(
         return by_error.T @ by_error - both.T @ jnp.linalg.solve(own, both)
 
     prior = jnp.eye(model.errors)
-    told = jnp.sum(jax.vmap(about_errors)(all_angles, frames), axis=0)
+    earlier = jnp.sum(jax.vmap(about_errors)(all_angles, frames), axis=0)
     by_error, by_angle = slopes(angles, frame)
     own = by_angle.T @ by_angle + jnp.eye(len(angles)) / LOOSE**2
     both = by_angle.T @ by_error
-    rest = prior + told + by_error.T @ by_error
+    rest = prior + earlier + by_error.T @ by_error
     return (
         jnp.linalg.inv(own),
         jnp.linalg.inv(own - both @ jnp.linalg.solve(rest, both.T)),
