@@ -36,8 +36,8 @@ BLACK, NIGHT, FULL = 6.0, 20.0, 250.0
 """Mean of an image that is too dark for anything, and of one that is too dark if it shows no
 chamber; a pixel above the last level is saturated."""
 
-# What a chamber has and other pictures lack. Of 1,080 rendered frames of fingers as made, bent by up
-# to 120° and pressed by up to 4 mm, in light from perfect to poor, the worst has, in the order of
+# What a chamber has and other pictures lack: of 1,080 rendered frames of fingers as made, bent by
+# up to 120° and pressed by up to 4 mm, in light from perfect to poor, the worst has, in the order of
 # what follows: 0.08; 0; 0.97; 0.86; 0.77; 0.58; 0.36. Pictures of other things miss one or several.
 
 LEAST_AREA = 0.03
