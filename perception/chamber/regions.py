@@ -37,8 +37,9 @@ BLACK, NIGHT, FULL = 6.0, 20.0, 250.0
 chamber; a pixel above the last level is saturated."""
 
 # What a chamber has and other pictures lack: of 1,080 rendered frames of fingers as made, bent by
-# up to 120° and pressed by up to 4 mm, in light from perfect to poor, the worst has, in the order of
-# what follows: 0.08; 0; 0.97; 0.86; 0.77; 0.58; 0.36. Pictures of other things miss one or several.
+# up to 120° and pressed by up to 4 mm, in light from perfect to poor, the worst has, in the order
+# of what follows: 0.08; 0; 0.97; 0.86; 0.77; 0.58; 0.36. Pictures of other things miss one or
+# several.
 
 LEAST_AREA = 0.03
 """Of the image; blue with all that it encloses has more."""

@@ -316,7 +316,7 @@ def test_wrong_use_is_refused():
     with pytest.raises(ValueError, match="needs residuals, or a floor"):
         Minimizer(hs71.problem, 1, "levenberg-marquardt")
     for method in ("bfgs", "slsqp"):
-        with pytest.raises(ValueError, match=r"epigraph\(\) or softened\(\)"):
+        with pytest.raises(ValueError, match=r"make_epigraph\(\) or make_soft_minimum\(\)"):
             Minimizer(cb2.problem, 1, method)
 
 
