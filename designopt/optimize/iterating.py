@@ -78,7 +78,8 @@ class Iteration:
         """Nothing is compiled yet.
 
         Args:
-            problem: its terms must not have ``least``: see `make_epigraph`.
+            problem: its terms must not have ``least``: see `make_epigraph` and
+                `make_soft_minimum`.
             tolerance: of the inner solver (relative and absolute) and of the constraints, scaled.
             steps: steps of BFGS in an iteration.
 
@@ -88,7 +89,9 @@ class Iteration:
         self._flat = flat = Flat.of(problem)
         point = jnp.zeros(flat.units.size, flat.units.dtype)
         if jax.eval_shape(flat.terms, point).least is not None:
-            raise ValueError("iterating: bring `least` into a form with make_epigraph()")
+            raise ValueError(
+                "iterating: bring `least` into a form with make_epigraph() or make_soft_minimum()"
+            )
         self._begin, self._advance = _programs(flat, achievable(tolerance, point), steps)
 
     def run(

@@ -201,8 +201,8 @@ def _turn(
         def gaps(q: Float[Array, " unknowns"]) -> Float[Array, " gaps"]:
             return loop_gaps(solver.unit, solver.plan, q, drive.values, solver.signs)
 
-        # The null vector v is an unknown too, normalised by a plane and not by its length: the
-        # equations stay polynomials, and Newton's method converges quadratically at the turn.
+        # The null vector v is an unknown too, and what normalises it is linear. At a simple turn
+        # these equations are regular, which those of the pose alone are not.
         gap, change = jax.jvp(gaps, (q,), (v,))
         return jnp.concatenate([gap, change, (v @ direction - 1)[None]])
 

@@ -89,8 +89,8 @@ def _elimination(residual: Residual, is_angle: tuple[bool, ...]) -> _Elimination
     def loops(weights: np.ndarray) -> Callable[[np.ndarray], complex]:
         return lambda unknowns: complex(weights @ residual(unknowns))
 
-    # In the loops as they are, both may hold all four unknowns (a triad closed by its middle body);
-    # their sum or difference then goes round another circuit of the same chain.
+    # Each of the two equations needs an unknown of its own. Where the loops as they are have none,
+    # their sum or difference, which goes round another circuit of the same chain, may.
     combinations = [loops(np.array(w)) for w in ((1, 0), (0, 1), (1, 1), (1, -1))]
     used = [_used(loop) for loop in combinations]
     for i, j in itertools.combinations(range(4), 2):

@@ -180,8 +180,8 @@ def _in_poses(
         return placed, unfold_all(layout, placed, words), Pad.all_of(scene, placed)
 
     placed, paths, pads = unfolded(poses)
-    # The search decides by comparisons only; without its derivatives the reverse pass is that of
-    # the ends that were picked, a few hundred numbers for each pose.
+    # The search decides by comparisons only: its derivatives would be 0, or those of the ends once
+    # more, and a reverse pass would keep its tables.
     camera, still = jax.lax.stop_gradient((scene.camera, (paths, pads)))
     shadows = (len(words[-1]) + 1) * len(layout.surfaces) + 1
     most = max(TABLE // (len(layout.pads) * len(words) * shadows**2), 1)

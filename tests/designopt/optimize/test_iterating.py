@@ -159,7 +159,7 @@ def test_single_precision():
 
 
 def test_wrong_use_is_refused_at_once():
-    with pytest.raises(ValueError, match=r"make_epigraph\(\)"):
+    with pytest.raises(ValueError, match=r"make_epigraph\(\) or make_soft_minimum\(\)"):
         Iteration(case("cb2").problem)
 
 
