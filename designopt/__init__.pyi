@@ -5,8 +5,19 @@ from .io.toml_writing import format_toml
 from .numerics import as_float, safe_arctan2, safe_divide, safe_quadratic_roots, safe_sqrt
 from .roots import find_root
 from .solution import Solution, combine_checks
+from .study.benchmark import (
+    Method,
+    Ratio,
+    benchmark,
+    claim_undominated,
+    compile_methods,
+    compile_timed,
+    find_dominating,
+    one_core,
+)
 from .study.left_out import count_operations
-from .study.precision import Contender, compile_timed, find_dominating, measure
+from .study.records import Records
+from .study.report import Report
 from .study.results import (
     Claim,
     Figure,
@@ -20,21 +31,26 @@ from .study.results import (
     Table,
     Target,
 )
+from .study.runner import run_study
+from .study.settings import setting
 from .study.stability import Family, assess
-from .study.study import Context, Study
+from .study.study import Context, Study, lazily
 from .vectors import Vector, direction_to_meeting, fold_angle
 
 __all__ = [
     "Claim",
-    "Contender",
     "Context",
     "Family",
     "Figure",
     "Fit",
     "LeftOutRow",
+    "Method",
     "Metric",
     "PrecisionRow",
     "PrecisionStudy",
+    "Ratio",
+    "Records",
+    "Report",
     "Results",
     "Solution",
     "Spec",
@@ -47,7 +63,10 @@ __all__ = [
     "Vector",
     "as_float",
     "assess",
+    "benchmark",
+    "claim_undominated",
     "combine_checks",
+    "compile_methods",
     "compile_timed",
     "count_operations",
     "direction_to_meeting",
@@ -55,10 +74,13 @@ __all__ = [
     "find_root",
     "fold_angle",
     "format_toml",
+    "lazily",
     "least_squares",
-    "measure",
+    "one_core",
+    "run_study",
     "safe_arctan2",
     "safe_divide",
     "safe_quadratic_roots",
     "safe_sqrt",
+    "setting",
 ]

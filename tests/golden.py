@@ -189,8 +189,12 @@ def _fields(part: Any, parts: dict[str, Any], at: str) -> Iterator[tuple[str, st
     for within in filter(lambda one: isinstance(one, dict) and "$ref" in one, inner):
         yield from _fields(within, parts, f"{at}[]")
         return
-    kept = {key: value for key, value in part.items() if key not in ("title", "description")}
+    kept = {key: value for key, value in part.items() if key not in NOT_KEPT}
     yield at, json.dumps(kept, sort_keys=True)
+
+
+NOT_KEPT = ("title", "description", "scales", "free")
+"""Of a field: what is written about it, and whether targets depend on it."""
 
 
 def signatures_of(package: str) -> dict[str, str]:

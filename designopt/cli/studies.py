@@ -121,6 +121,8 @@ def _summarize(results: Results, folder: Path) -> int:
         value = f"{metric.value:.6g}" if math.isfinite(metric.value) else "none"
         table.add_row(metric.name, value, metric.unit, str(metric.target or ""), verdict)
     _print(table)
+    if results.waived:
+        print(f"no targets apply to this run: {results.waived}")
     print(f"report: {folder / 'report.html'}")
     if not results.unmet:
         return 0

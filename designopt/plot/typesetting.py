@@ -20,6 +20,7 @@ UNITS = {
     "px_per_deg": "px/°",
     "px_per_mm": "px/mm",
     "mm_per_deg": "mm/°",
+    "mm_per_px": "mm/px",
     "n_mm": "N mm",
     "mm2": "mm²",
     "mm": "mm",
@@ -75,9 +76,23 @@ def heading(column: str) -> str:
     """
     if "." in column:
         return f"`{column}`"
-    unit = next((unit for unit in UNITS if column.endswith(f"_{unit}")), None)
-    name = column if unit is None else column.removesuffix(f"_{unit}")
-    return spell_out(name) + (f" ({UNITS[unit]})" if unit else "")
+    suffix = _unit_suffix(column)
+    name = column.removesuffix(f"_{suffix}") if suffix else column
+    return spell_out(name) + (f" ({UNITS[suffix]})" if suffix else "")
+
+
+def unit_of(name: str) -> str:
+    """The unit in which a name ends; empty of a pure number.
+
+    Example:
+        >>> unit_of("worst_px_per_mm"), unit_of("cells_matched")
+        ('px/mm', '')
+    """
+    return UNITS.get(_unit_suffix(name), "")
+
+
+def _unit_suffix(name: str) -> str:
+    return next((unit for unit in UNITS if name.endswith(f"_{unit}")), "")
 
 
 def spell_out(name: str) -> str:

@@ -6,6 +6,7 @@ Nothing here imports JAX or Matplotlib, so a study can be listed and its spec ch
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
@@ -31,6 +32,22 @@ class Target:
     relation: Literal["=", "<=", ">="]
     value: float
     tolerance: float = 0.0
+
+    @classmethod
+    def parse(cls, text: str) -> Target:
+        """A target as people write it: ``"<= 0.5"``, ``">= 0.95"``, ``"= 8.616 ± 0.005"``.
+
+        Raises:
+            ValueError: it is none.
+
+        Example:
+            >>> Target.parse("= 8.616 ± 0.005").met_by(8.618)
+            True
+        """
+        found = re.fullmatch(r"\s*(=|<=|>=)\s*([^±\s]+)(?:\s*±\s*(\S+))?\s*", text)
+        if found is None or (found[3] and found[1] != "="):
+            raise ValueError(f"{text!r} is no target: write <=, >= or =, a number, and ± a number")
+        return cls(found[1], float(found[2]), float(found[3] or 0))  # type: ignore[arg-type]
 
     def met_by(self, value: float) -> bool:
         """Whether ``value`` reaches the target; a value that is not finite never does."""
@@ -128,6 +145,7 @@ class PrecisionRow:
         seconds_low: fastest repeat.
         seconds_high: slowest repeat.
         compile_seconds: time to compile, 0 where nothing is compiled.
+        samples: run times of one call, one for each round.
     """
 
     method: str
@@ -138,6 +156,7 @@ class PrecisionRow:
     seconds_low: float
     seconds_high: float
     compile_seconds: float
+    samples: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -233,6 +252,7 @@ class Results:
         precision: error against run time, where it was measured.
         stability: stiff and extreme cases.
         left_out: what this scene did not need.
+        waived: why targets do not apply to these settings; empty if they do.
     """
 
     findings: Sequence[str]
@@ -243,8 +263,15 @@ class Results:
     precision: PrecisionStudy | None = None
     stability: Sequence[StabilityRow] = ()
     left_out: Sequence[LeftOutRow] = ()
+    waived: str = ""
 
     @property
     def unmet(self) -> list[Metric]:
         """The metrics whose target was missed."""
         return [metric for metric in self.metrics if metric.met is False]
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows of them."""
+        from designopt.study.page import render_results
+
+        return render_results(self)

@@ -7,6 +7,7 @@ import os
 import platform
 import time
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -14,17 +15,20 @@ from typing import Any
 
 import jax
 
+from designopt.errors import UserError
 from designopt.interrupts import interruptible
 from designopt.io.csv_text import csv_text
 from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT
 from designopt.plot import figures
 from designopt.progress import step_display
-from designopt.study.report import RunRecord, measurements, render_report
+from designopt.study.page import RunRecord, measurements, render_report
 from designopt.study.result_folders import cannot_write, result_folder, write_document
-from designopt.study.results import Metric, Results, Table
-from designopt.study.study import Context, Study
+from designopt.study.results import Metric, PrecisionRow, Results, Table
+from designopt.study.settings import spec_of_tables
+from designopt.study.study import Context, Study, load_study
 
+DTYPES = ("float64", "float32")
 RECORDED_PACKAGES = (
     "designopt",
     "jax",
@@ -39,6 +43,52 @@ RECORDED_PACKAGES = (
     "opencv-contrib-python-headless",
     "matplotlib",
 )
+
+
+def run_study(
+    name: str | Study,
+    spec: Spec | Mapping[str, Any] | None = None,
+    *,
+    out: str | Path | None = None,
+    seed: int = 0,
+    dtype: str = "float64",
+    force: bool = False,
+) -> Results:
+    """Run a study, as ``designopt run`` does.
+
+    Args:
+        name: of an installed study, or a `Study`, such as one that is being written.
+        spec: its settings, or those that differ from the defaults, nested as in ``results.json``.
+        out: folder to make for the results; by default nothing is written.
+        seed: seed of every random draw.
+        dtype: ``"float64"`` or ``"float32"``.
+        force: whether an earlier result at ``out`` may be replaced.
+
+    Returns:
+        What it found; a notebook shows findings, metrics, figures and tables.
+
+    Raises:
+        UserError: there is no such study, its settings are at fault, or the folder exists or cannot
+            be written.
+
+    Example:
+        >>> quick = {"precision": False, "stability": False}
+        >>> results = run_study("table1", quick)
+        >>> {metric.name: metric.value for metric in results.metrics}["cells_matched_identified"]
+        18
+    """
+    study = load_study(name) if isinstance(name, str) else name
+    settings = spec if isinstance(spec, Spec) else spec_of_tables(study.spec, spec or {})
+    if dtype not in DTYPES:
+        raise UserError(f"dtype {dtype!r}: choose {' or '.join(DTYPES)}")
+    if out is not None:
+        return run(study, settings, seed=seed, dtype=dtype, out=Path(out), force=force)
+    return _found(study, settings, seed, dtype)
+
+
+def _found(study: Study, spec: Spec, seed: int, dtype: str) -> Results:
+    with figures.style(), step_display() as step, jax.enable_x64(dtype == "float64"):
+        return study.run(spec, Context(seed, dtype, step))
 
 
 def run(study: Study, spec: Spec, *, seed: int, dtype: str, out: Path, force: bool) -> Results:
@@ -57,8 +107,7 @@ def run(study: Study, spec: Spec, *, seed: int, dtype: str, out: Path, force: bo
     """
     with result_folder(out, force=force) as folder, figures.style(), interruptible() as check:
         start = time.perf_counter()
-        with step_display() as step, jax.enable_x64(dtype == "float64"):
-            results = study.run(spec, Context(seed, dtype, step))
+        results = _found(study, spec, seed, dtype)
         record = RunRecord(
             study=study.name,
             purpose=study.purpose,
@@ -110,7 +159,7 @@ def write_results(record: RunRecord, results: Results, folder: Path) -> None:
         ],
         "specs": [f"specs/{spec.name}" for spec in results.specs],
         "claims": [asdict(claim) for claim in precision.claims] if precision else [],
-        "precision": [asdict(row) for row in precision.rows] if precision else [],
+        "precision": [_without_samples(row) for row in precision.rows] if precision else [],
         "stability": [asdict(row) for row in results.stability],
         "left_out": [asdict(row) for row in results.left_out],
     }
@@ -132,6 +181,10 @@ def _metric(metric: Metric) -> dict[str, Any]:
         "met": metric.met,
         "description": metric.description,
     }
+
+
+def _without_samples(row: PrecisionRow) -> dict[str, Any]:
+    return {name: value for name, value in asdict(row).items() if name != "samples"}
 
 
 def _strict(document: Any) -> Any:

@@ -1,10 +1,10 @@
-"""``--set key=value`` on the command line, turned into a checked spec."""
+"""Settings of a study: declared, set by ``--set key=value``, and whether targets apply to them."""
 
 from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import pydantic
@@ -12,6 +12,46 @@ import pydantic
 from designopt.errors import UserError, shortened
 from designopt.io.files import DEEPEST, is_too_deep
 from designopt.io.spec import Spec
+
+
+def setting(
+    default: Any, meaning: str, *, scales: bool = False, free: bool = False, **bounds: Any
+) -> Any:
+    """A field of a study's spec.
+
+    Targets apply to a run with the default settings (`targets_waived`), but for two kinds.
+
+    Args:
+        default: its value where none is given.
+        meaning: what it is, with its unit in brackets.
+        scales: a number that makes a result surer the larger it is: targets apply from the default
+            on upwards.
+        free: no target depends on it.
+        bounds: as `pydantic.Field` takes them, such as ``ge=1, le=1000``.
+
+    Example:
+        >>> class Spec_(Spec):
+        ...     fingers: int = setting(40, "fingers with errors", scales=True, ge=1)
+        >>> targets_waived(Spec_(fingers=2)), targets_waived(Spec_(fingers=80))
+        ('fingers = 2 is less than 40', '')
+    """
+    marks: Any = {"scales": scales, "free": free}
+    return pydantic.Field(default=default, description=meaning, json_schema_extra=marks, **bounds)  # type: ignore[call-overload]
+
+
+def targets_waived(spec: Spec) -> str:
+    """Why the targets of a study do not apply to a run with these settings; empty if they do."""
+    for name, info in type(spec).model_fields.items():
+        extra, value, default = info.json_schema_extra, getattr(spec, name), info.default
+        marks = extra if isinstance(extra, dict) else {}
+        if marks.get("free"):
+            continue
+        if not marks.get("scales"):
+            if value != default:
+                return f"{name} is not the default"
+        elif value < default:
+            return f"{name} = {value} is less than {default}"
+    return ""
 
 
 def spec_with(model: type[Spec], assignments: Iterable[str], *, study: str) -> Spec:
@@ -29,8 +69,17 @@ def spec_with(model: type[Spec], assignments: Iterable[str], *, study: str) -> S
     overrides: dict[str, Any] = {}
     for text in assignments:
         _assign(overrides, text, study)
+    return spec_of_tables(model, overrides, study=study)
+
+
+def spec_of_tables(model: type[Spec], tables: Mapping[str, Any], *, study: str = "STUDY") -> Spec:
+    """The spec of ``model`` with nested ``tables`` of settings in place of its defaults.
+
+    Raises:
+        UserError: every fault at once, in one line.
+    """
     try:
-        return model.model_validate(overrides)
+        return model.model_validate(tables)
     except pydantic.ValidationError as error:
         faults = "; ".join(_fault(model, details) for details in error.errors())
         raise UserError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import pkgutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -55,7 +56,8 @@ class Study:
         name: its name on the command line, the same as its entry point's.
         purpose: one line.
         spec: pydantic model of its settings, with defaults.
-        run: from spec and context to results; imports JAX and the rest only when called.
+        run: from spec and context to results (`designopt.Report`); imports JAX and the rest only
+            when called (`lazily`).
         needs: what must be installed beyond the package itself (extras); empty if nothing.
         design: from its spec, and from the ``specs`` folder of an earlier result with that spec
             if there is one, to the design that ``explore`` and ``export`` take; ``None`` if the
@@ -72,6 +74,19 @@ class Study:
     needs: tuple[str, ...] = ()
     design: Callable[[Any, Path | None], Design] | None = None
     batch: Callable[[Sequence[Any], Context], Sequence[Results | UserError]] | None = None
+
+
+def lazily(where: str) -> Callable[..., Any]:
+    """A function that is imported when it is first called, so that listing a study is cheap.
+
+    Args:
+        where: ``"package.module:function"``, as entry points name it.
+
+    Example:
+        >>> lazily("math:hypot")(3, 4)
+        5.0
+    """
+    return lambda *args: pkgutil.resolve_name(where)(*args)
 
 
 def installed_studies() -> Iterator[tuple[str, Study | UserError]]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from designopt.errors import UserError
 from designopt.plot import figures
-from designopt.study.report import RunRecord
+from designopt.study.page import RunRecord
 from designopt.study.result_folders import result_folder
 from designopt.study.results import Cell, Figure, Metric, Results, Table, Target
 from designopt.study.runner import write_results

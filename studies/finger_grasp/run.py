@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from designopt.study import precision as run_time
+from designopt.study import benchmark as run_time
 from designopt.study.results import PrecisionStudy, Results
 from designopt.study.study import Context
 from studies.finger_grasp import precision, stability, statements, tables
@@ -50,10 +50,9 @@ def run(spec: GraspSpec, context: Context) -> Results:
 
 def measure_precision(found: Analysis, spec: GraspSpec) -> PrecisionStudy | None:
     """Error against run time over the check's closing; ``None`` if no state is determined."""
-    rows = [
-        run_time.measure(contender, repeats=spec.precision_repeats)
-        for contender in precision.contenders(found.adaptive)
-    ]
+    rows = run_time.benchmark(
+        list(precision.contenders(found.adaptive)), repeats=spec.precision_repeats
+    )
     if not rows:
         return None
     return PrecisionStudy(

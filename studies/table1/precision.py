@@ -15,7 +15,7 @@ import scipy.optimize
 from jaxtyping import Array, Float
 
 from designopt.roots import RootMethod, find_root
-from designopt.study.precision import Contender, compile_timed, find_dominating
+from designopt.study.benchmark import Method, compile_timed, find_dominating
 from designopt.study.results import Claim, PrecisionRow
 from designopt.study.stability import DIGITS
 from optics.chamber.chamber import Chamber
@@ -92,7 +92,7 @@ def workloads(fields: dict[str, float], problems: int, seed: int) -> Iterator[Wo
             yield Workload(f"{name}, {dtype}", dtype, angles, bracket, checked, ratios)
 
 
-def contenders(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
+def contenders(fields: dict[str, float], work: Workload) -> Iterator[Method]:
     """Every method at every tolerance on one workload.
 
     Optimistix mixes float types in Levenberg-Marquardt and Dogleg when 64-bit floats are on, so
@@ -103,7 +103,7 @@ def contenders(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
     error = partial(_worst_error, work)
 
     compiled, seconds = compile_timed(jax.vmap(_closed_form, (None, 0)), chamber, angles)
-    yield Contender(CLOSED_FORM, "", work.panel, partial(compiled, chamber, angles), error, seconds)
+    yield Method(CLOSED_FORM, "", work.panel, partial(compiled, chamber, angles), error, seconds)
     for method in get_args(RootMethod):
         solve = jax.vmap(partial(_iterate, method, work.bracket), (None, 0, None))
         tolerance = jnp.asarray(TOLERANCES[0], work.dtype)
@@ -111,7 +111,7 @@ def contenders(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
         compiled, seconds = compile_timed(solve, chamber, angles, tolerance)
         for value in TOLERANCES:
             call = partial(compiled, chamber, angles, jnp.asarray(value, work.dtype))
-            yield Contender(
+            yield Method(
                 METHOD_NAMES[method], f"tolerance {value:.0e}", work.panel, call, error, seconds
             )
     if work.dtype == "float64":  # it computes in nothing else
@@ -195,7 +195,7 @@ def _printed_offsets(
     return offset_c, h - (depth_b + b + c) * ((1 + ratio) * image_c - ratio * image_b)
 
 
-def _brentq(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
+def _brentq(fields: dict[str, float], work: Workload) -> Iterator[Method]:
     slope = math.tan(fields["wall_angle_bc"])
     depth_b = fields["length_ab"] + fields["pinhole_offset"]
     c = fields["length_cd"]
@@ -228,7 +228,7 @@ def _brentq(fields: dict[str, float], work: Workload) -> Iterator[Contender]:
 
     scaled = f", 1 problem in {share} solved and the time scaled" if share > 1 else ""
     for tolerance in TOLERANCES:
-        yield Contender(
+        yield Method(
             "SciPy brentq",
             f"tolerance {tolerance:.0e}{scaled}",
             work.panel,

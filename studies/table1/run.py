@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
-from designopt.study import precision as run_time
+from designopt.study import benchmark as run_time
 from designopt.study.left_out import count_operations
 from designopt.study.results import LeftOutRow, PrecisionStudy, Results
 from designopt.study.stability import DIGITS, assess

@@ -1,5 +1,7 @@
 """Error against run time, stability and what was left out, on problems with known answers."""
 
+import os
+import threading
 import time
 
 import equinox as eqx
@@ -10,19 +12,22 @@ import numpy as np
 import pytest
 
 from designopt import (
-    Contender,
     Family,
     LeftOutRow,
+    Method,
     PrecisionRow,
     PrecisionStudy,
+    Ratio,
     Solution,
     assess,
+    benchmark,
     compile_timed,
     count_operations,
     find_dominating,
-    measure,
+    one_core,
 )
-from designopt.study import left_out, precision, stability
+from designopt.study import benchmark as benchmarks
+from designopt.study import left_out, stability
 
 
 class Outcome(eqx.Enumeration):
@@ -42,7 +47,7 @@ def test_a_sleeping_call_is_timed_as_it_sleeps():
         time.sleep(0.01)
         return 3.0
 
-    found = measure(Contender("m", "s", "p", call, lambda answer: answer - 2.5, 7.0), repeats=4)
+    [found] = benchmark([Method("m", "s", "p", call, lambda answer: answer - 2.5, 7.0)], repeats=4)
     assert found.error == 0.5
     assert found.compile_seconds == 7.0
     assert found.seconds_low <= found.seconds <= found.seconds_high
@@ -54,7 +59,7 @@ def test_a_part_stands_for_the_whole_by_its_scale():
     def call():
         time.sleep(0.01)
 
-    whole = measure(Contender("m", "s", "p", call, lambda _: 0.0, scale=50.0), repeats=3)
+    [whole] = benchmark([Method("m", "s", "p", call, lambda _: 0.0, scale=50.0)], repeats=3)
     assert whole.seconds_low >= 0.5
 
 
@@ -65,8 +70,43 @@ def test_a_call_beyond_the_budget_is_its_own_warm_up():
         calls.append(1)
         time.sleep(0.02)
 
-    measure(Contender("m", "s", "p", call, lambda _: 0.0), repeats=9, budget_seconds=0.01)
+    slow = Method("m", "s", "p", call, lambda _: 0.0)
+    benchmark([slow], repeats=9, budget_seconds=0.01)
     assert len(calls) == 3
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system pins no threads")
+def test_one_core_holds_every_thread_and_lets_go():
+    release, ids = threading.Event(), []
+
+    def wait():
+        ids.append(threading.get_native_id())
+        release.wait(30)
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    while not ids:
+        time.sleep(1e-3)
+    before = os.sched_getaffinity(ids[0])
+    try:
+        with one_core() as pinned:
+            assert pinned
+            assert len(os.sched_getaffinity(ids[0])) == 1
+            assert os.sched_getaffinity(ids[0]) == os.sched_getaffinity(0)
+        assert os.sched_getaffinity(ids[0]) == before
+    finally:
+        release.set()
+        thread.join()
+
+
+def test_a_ratio_is_of_times_taken_in_turn():
+    def sleeping(seconds, scale):
+        return Method("", "", "", lambda: time.sleep(seconds), lambda _: 0.0, scale=scale)
+
+    fast, slow = benchmark([sleeping(4e-3, 1.0), sleeping(4e-3, 50.0)], repeats=3)
+    ratio = Ratio.of(slow, fast)
+    assert ratio.low <= ratio.value <= ratio.high
+    assert 10 < ratio.value < 250  # scaled by 50, with a sleep's own inaccuracy
 
 
 def test_compiling_is_timed_apart_and_gives_the_function():
@@ -91,13 +131,13 @@ def test_dominating_rows_are_faster_and_closer_in_the_same_panel():
 def test_precision_figure_has_a_panel_per_workload_and_a_line_per_method():
     rows = [row("m", "a", 0.0, 1.0), row("n", "a", 1e-3, 2.0), row("n", "b", 1e-4, 3.0)]
     study = PrecisionStudy(rows, "error of y", "the truth", ())
-    drawing = precision.figure(study).drawing
+    drawing = benchmarks.figure(study).drawing
     titles = [axis.get_title() for axis in drawing.axes]
     assert titles == ["a", "b"]
     assert [axis.get_xscale() for axis in drawing.axes] == ["log", "log"]
     assert [len(axis.containers) for axis in drawing.axes] == [2, 1]
     assert {text.get_text() for text in drawing.legends[0].get_texts()} == {"m", "n"}
-    table = precision.table(study)
+    table = benchmarks.table(study)
     assert [record[:3] for record in table.rows] == [("a", "m", ""), ("a", "n", ""), ("b", "n", "")]
 
 

@@ -3,9 +3,6 @@
 import csv
 import json
 import math
-import os
-import threading
-import time
 from functools import partial
 
 import jax
@@ -16,7 +13,6 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 from designopt import cli
-from designopt.study.precision import Contender
 from designopt.study.results import PrecisionRow
 from studies.benchmarks.linkage import (
     STUDY,
@@ -38,7 +34,6 @@ from studies.benchmarks.linkage.cases import (
     with_dimensions,
 )
 from studies.benchmarks.linkage.spec import LinkagePrecisionSpec
-from studies.benchmarks.pinning import one_core
 
 POSES = 90
 NAMES = [case.name for case in CASES]
@@ -250,39 +245,6 @@ def test_an_error_is_found_where_there_is_one():
     np.testing.assert_allclose(reference.error(wrong), 1.2 / 120, rtol=1e-9)
     wrong[7, 1, 0] = np.nan
     assert reference.error(wrong) == math.inf
-
-
-@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system pins no threads")
-def test_one_core_holds_every_thread_and_lets_go():
-    release, ids = threading.Event(), []
-
-    def wait():
-        ids.append(threading.get_native_id())
-        release.wait(30)
-
-    thread = threading.Thread(target=wait)
-    thread.start()
-    while not ids:
-        time.sleep(1e-3)
-    before = os.sched_getaffinity(ids[0])
-    try:
-        with one_core() as pinned:
-            assert pinned
-            assert len(os.sched_getaffinity(ids[0])) == 1
-            assert os.sched_getaffinity(ids[0]) == os.sched_getaffinity(0)
-        assert os.sched_getaffinity(ids[0]) == before
-    finally:
-        release.set()
-        thread.join()
-
-
-def test_a_ratio_is_of_times_taken_in_turn():
-    def contender(seconds, scale):
-        return Contender("", "", "", lambda: time.sleep(seconds), lambda _: 0.0, scale=scale)
-
-    ratio = measuring.in_turn(contender(4e-3, 1.0), contender(4e-3, 50.0), 3)
-    assert ratio.low <= ratio.value <= ratio.high
-    assert 10 < ratio.value < 250  # scaled by 50, with a sleep's own inaccuracy
 
 
 def test_claims_can_be_proved_wrong():

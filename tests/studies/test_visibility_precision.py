@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from designopt import cli
-from designopt.study.precision import Contender, measure
+from designopt.study.benchmark import Method, benchmark
 from designopt.study.results import PrecisionRow
 from optics import parse_scene
 from studies.benchmarks.visibility import (
@@ -279,7 +279,7 @@ def test_claims_can_be_proved_wrong():
 
 def test_the_rival_is_the_fastest_that_is_accurate_enough():
     def entered(method, error, seconds):
-        return Contender(method, "", "p", lambda: time.sleep(seconds), lambda _: error)
+        return Method(method, "", "p", lambda: time.sleep(seconds), lambda _: error)
 
     soft = contenders.SOFT[1000]
     all_of_them = [
@@ -289,11 +289,11 @@ def test_the_rival_is_the_fastest_that_is_accurate_enough():
         entered(contenders.BEST, 1e-5, 4e-2),
         entered(contenders.EDGES, 1e-15, 5e-3),
     ]
-    rows = [measure(contender, repeats=3) for contender in all_of_them]
-    (rival,) = measuring.fastest_sigmoid(all_of_them, rows, 3)
+    rows = benchmark(all_of_them, repeats=3)
+    (rival,) = measuring.fastest_sigmoid(rows)
     assert (rival.row.method, rival.row.error) == (soft, 4e-4)
     assert 5 < rival.ratio.value < 30
-    assert list(measuring.fastest_sigmoid(all_of_them[:2], rows[:2], 3)) == []
+    assert list(measuring.fastest_sigmoid(rows[:2])) == []
 
 
 QUICK = ["samples=64", "reference_rays=20000", "repeats=3", "flexion=false", "edge_refined=false"]

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 
 from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
-from designopt.study import precision as run_time
+from designopt.study import benchmark as run_time
 from designopt.study.results import Figure, PrecisionStudy
 from studies.benchmarks.linkage.contenders import FLOOR
 from studies.benchmarks.linkage.measuring import Measured

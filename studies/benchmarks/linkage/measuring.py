@@ -10,10 +10,9 @@ from typing import NamedTuple
 
 import jax
 
-from designopt.study.precision import Contender, measure
+from designopt.study.benchmark import Ratio, benchmark, one_core
 from designopt.study.results import PrecisionRow
 from designopt.study.study import Context
-from studies.benchmarks.interleaved import Ratio, in_turn
 from studies.benchmarks.linkage.cases import CASES, GALLERY
 from studies.benchmarks.linkage.contenders import (
     FLOOR,
@@ -26,7 +25,6 @@ from studies.benchmarks.linkage.contenders import (
     contenders,
 )
 from studies.benchmarks.linkage.spec import LinkagePrecisionSpec
-from studies.benchmarks.pinning import one_core
 
 SHORT_SWEEPS = (1, 360, 10_000)
 """Sweeps beside the longest one."""
@@ -72,12 +70,10 @@ def measure_all(spec: LinkagePrecisionSpec, context: Context) -> Measurements:
         with context.step(work.panel), jax.enable_x64(work.dtype == "float64"):
             entered = list(contenders(work, peers=spec.peers, optimistix=spec.optimistix))
             with one_core() as pinned:
-                found.rows.extend(
-                    Measured(work, measure(contender, repeats=spec.repeats))
-                    for contender in entered
-                )
-                if work.dtype == "float64" and work.every:
-                    _in_turn(work, entered, spec.repeats, found)
+                rows = benchmark(entered, repeats=spec.repeats)
+            found.rows.extend(Measured(work, row) for row in rows)
+            if work.dtype == "float64" and work.every:
+                _compare_times(work, rows, found)
             found.pinned.append(pinned)
     if spec.first_call:
         for name in FIRST_CALLS:
@@ -129,16 +125,12 @@ print(time.perf_counter() - start)
     return float(done.stdout)
 
 
-def _in_turn(
-    work: Workload, entered: Sequence[Contender], repeats: int, found: Measurements
-) -> None:
-    by_method = {contender.method: contender for contender in entered}
+def _compare_times(work: Workload, rows: Sequence[PrecisionRow], found: Measurements) -> None:
+    by_method = {row.method: row for row in rows}
     if work.gradient:
-        ratio = in_turn(by_method[VALUE], by_method[OURS], repeats)
-        found.gradients[work.case.name] = ratio
+        found.gradients[work.case.name] = Ratio.of(by_method[OURS], by_method[VALUE])
         return
-    default = [c for c in entered if c.method == FSOLVE][1]  # SciPy's own tolerance
-    for method, rival in (by_method | {FSOLVE: default}).items():
+    default = [row for row in rows if row.method == FSOLVE][1]  # SciPy's own tolerance
+    for method, row in (by_method | {FSOLVE: default}).items():
         if method in RIVALS:
-            ratio = in_turn(by_method[OURS], rival, repeats)
-            found.rivals[work.case.name, method] = ratio
+            found.rivals[work.case.name, method] = Ratio.of(row, by_method[OURS])

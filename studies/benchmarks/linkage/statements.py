@@ -6,7 +6,7 @@ import math
 import statistics
 from collections.abc import Sequence
 
-from designopt.study.precision import find_dominating
+from designopt.study.benchmark import find_dominating
 from designopt.study.results import Claim, Metric, PrecisionRow, Target
 from studies.benchmarks.linkage.contenders import (
     FLOOR,

@@ -17,12 +17,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.study.precision import Contender, compile_timed, measure
+from designopt.study.benchmark import Method, benchmark, compile_timed
 from designopt.study.results import PrecisionRow
 from optics.scene.scene import WORLD, Layout, Scene
 from optics.visibility.coverage import find_views
 from optics.visibility.unfolding import paths_of
-from studies.benchmarks.pinning import one_core
 from studies.benchmarks.visibility.cases import gallery, spoilt_finger
 from studies.benchmarks.visibility.contenders import exact_coverage
 
@@ -66,9 +65,8 @@ def measure_grid(repeats: int) -> Grid:
             run, seconds = compile_timed(function, scene, poses)
             setting = f"{len(poses):,} poses"
             call = partial(run, scene, poses)
-            entered.append(Contender(method, setting, panel, call, _no_error, seconds))
-    with one_core():
-        rows = [measure(contender, repeats=repeats) for contender in entered]
+            entered.append(Method(method, setting, panel, call, _no_error, seconds))
+    rows = benchmark(entered, repeats=repeats)
     return Grid(
         rows,
         [compiled_in_fresh_process() for _ in range(FRESH_PROCESSES)],

@@ -9,14 +9,12 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from designopt.study.precision import Contender, measure
+from designopt.study.benchmark import Ratio, benchmark, one_core
 from designopt.study.results import PrecisionRow
 from designopt.study.study import Context
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
 from optics.visibility.edge_refined import trace_views
-from studies.benchmarks.interleaved import Ratio, in_turn
-from studies.benchmarks.pinning import one_core
 from studies.benchmarks.visibility import exact, finger_grid, tracers
 from studies.benchmarks.visibility.cases import (
     CURVED,
@@ -98,9 +96,9 @@ def measure_all(spec: VisibilityPrecisionSpec, context: Context) -> Measurements
         with context.step(work.panel):
             entered = list(contenders(work, spec.samples, edge_refined=spec.edge_refined))
             with one_core() as pinned:
-                mine = [measure(contender, repeats=spec.repeats) for contender in entered]
-                if work.gradient:
-                    rivals += fastest_sigmoid(entered, mine, spec.repeats)
+                mine = benchmark(entered, repeats=spec.repeats)
+            if work.gradient:
+                rivals += fastest_sigmoid(mine)
             rows += mine
             cores.append(pinned)
     with context.step("Reference in 50 digits"):
@@ -117,14 +115,9 @@ def measure_all(spec: VisibilityPrecisionSpec, context: Context) -> Measurements
     for legs in LEGS if spec.tracers else ():
         with context.step(f"Ray tracers, {legs} legs"):
             tracing = list(tracers.contenders(legs, context.seed, peers=spec.peers))
-            with one_core():
-                traced += [
-                    (legs, measure(contender, repeats=spec.repeats)) for contender in tracing
-                ]
-                ours, *others = tracing
-                for other in others:
-                    ratio = in_turn(ours, other, spec.repeats)
-                    over_tracers[legs, other.method] = ratio
+            ours, *others = benchmark(tracing, repeats=spec.repeats)
+            traced += [(legs, row) for row in (ours, *others)]
+            over_tracers |= {(legs, row.method): Ratio.of(row, ours) for row in others}
     return Measurements(rows, rivals, fan_error, deviations, grid, traced, over_tracers, all(cores))
 
 
@@ -168,15 +161,9 @@ def fan_deviation(rays: int) -> float:
     return float(np.max(np.abs(fan.coverage - exact.coverage(scene, bent(scene)))))
 
 
-def fastest_sigmoid(
-    entered: Sequence[Contender], rows: Sequence[PrecisionRow], repeats: int
-) -> Iterator[Rival]:
-    """The fastest sigmoid that is accurate enough, if there is one, timed in turn with ours."""
-    close = [
-        (row.seconds, row, contender)
-        for contender, row in zip(entered, rows, strict=True)
-        if row.method in (*SOFT.values(), BEST) and row.error <= ACCURACY
-    ]
+def fastest_sigmoid(rows: Sequence[PrecisionRow]) -> Iterator[Rival]:
+    """The fastest sigmoid that is accurate enough, if there is one, beside the first method."""
+    close = [row for row in rows if row.method in (*SOFT.values(), BEST) and row.error <= ACCURACY]
     if close:
-        _, row, contender = min(close, key=lambda found: found[0])
-        yield Rival(row, in_turn(entered[0], contender, repeats))
+        row = min(close, key=lambda row: row.seconds)
+        yield Rival(row, Ratio.of(row, rows[0]))

@@ -6,9 +6,8 @@ import math
 import statistics
 from collections.abc import Sequence
 
-from designopt.study.precision import find_dominating
+from designopt.study.benchmark import Ratio, find_dominating
 from designopt.study.results import Claim, Metric, PrecisionRow, Target
-from studies.benchmarks.interleaved import Ratio
 from studies.benchmarks.visibility.contenders import BEST, EDGES, OURS
 from studies.benchmarks.visibility.finger_grid import GRADIENT, STEPS, VALUE
 from studies.benchmarks.visibility.measuring import ACCURACY, Measurements, Rival

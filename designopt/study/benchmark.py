@@ -1,0 +1,361 @@
+"""Error against run time: every method at every setting on every workload, measured the same way.
+
+A study names its methods as `Method`s; `benchmark` times and checks them, `table` and `figure` show
+them, and a `designopt.Claim` states what they show and whether it holds in this run.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import statistics
+import textwrap
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+from matplotlib.ticker import NullFormatter
+
+from designopt.plot.figures import MARKERS, PALETTE, label_plainly, legend_below, new_figure
+from designopt.plot.typesetting import as_mathtext
+from designopt.study.results import Claim, Figure, PrecisionRow, PrecisionStudy, Table
+
+LARGEST_DRAWN = 10.0
+"""An error above this is no answer at all, and would squeeze the others out of the figure."""
+
+LARGEST_PLAIN = 300.0
+"""Errors over a smaller range are labelled in plain numbers, others in powers of ten."""
+
+LONG_TITLE = 38
+"""Characters of a workload's name that have room over one of two panels; longer ones are broken."""
+
+MIN_SAMPLE_SECONDS = 2e-3
+"""A timed sample repeats its call until it lasts this long, so that the clock's grain is lost."""
+
+BUDGET_SECONDS = 0.25
+"""Once the samples of a method have taken this long, three of them are enough."""
+
+THREADS = Path("/proc/self/task")
+
+
+@dataclass(frozen=True)
+class Method:
+    """One method at one setting on one workload.
+
+    Attributes:
+        method: its name, the same at every setting.
+        setting: what is varied, such as ``"tolerance 1e-06"``.
+        panel: the workload; methods are compared with each other on each of them.
+        call: answers the workload; a JAX function is compiled beforehand (`compile_timed`).
+        error: from the call's answer to its worst error against the reference.
+        compile_seconds: what compiling it took, 0 where nothing is compiled.
+        scale: workload over what ``call`` does of it, for a method so slow that a part has to
+            represent the whole; its setting must name them.
+    """
+
+    method: str
+    setting: str
+    panel: str
+    call: Callable[[], Any]
+    error: Callable[[Any], float]
+    compile_seconds: float = 0.0
+    scale: float = 1.0
+
+
+class Ratio(NamedTuple):
+    """A run time over another one, each sampled once in every round with the other.
+
+    What slows the machine down for a while slows both, so that it is steadier than a ratio of
+    medians.
+
+    Attributes:
+        value: median over the rounds.
+        low: least.
+        high: largest.
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, row: PrecisionRow, base: PrecisionRow) -> Ratio:
+        """Run time of ``row`` over that of ``base``, of one `benchmark`."""
+        ratios = [a / b for a, b in zip(row.samples, base.samples, strict=False)]
+        return cls(statistics.median(ratios), min(ratios), max(ratios))
+
+
+def compile_timed(function: Callable[..., Any], *args: Any) -> tuple[Callable[..., Any], float]:
+    """``function`` compiled for arguments like ``args``, and the seconds that took.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> double, seconds = compile_timed(lambda x: 2 * x, jnp.array(3.0))
+        >>> float(double(jnp.array(3.0))), seconds > 0
+        (6.0, True)
+    """
+    start = time.perf_counter()
+    compiled = jax.jit(function).lower(*args).compile()
+    return compiled, time.perf_counter() - start
+
+
+def compile_methods(
+    name: str,
+    panel: str,
+    error: Callable[[Any], float],
+    function: Callable[..., Any],
+    *args: Any,
+    settings: Mapping[str, Any] | None = None,
+) -> list[Method]:
+    """A JAX function as a method, at each of its settings; one program serves them all.
+
+    Args:
+        name: of the method.
+        panel: the workload.
+        error: from an answer to its error.
+        function: of ``args`` and, where there are settings, of one of their values at the end.
+        args: the workload's arrays.
+        settings: values by what is written for them.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> shift = {"by 1": jnp.array(1.0), "by 2": jnp.array(2.0)}
+        >>> [one, two] = compile_methods(
+        ...     "sum", "3", lambda y: float(y - 4), jnp.add, jnp.array(3.0), settings=shift
+        ... )
+        >>> two.setting, two.error(two.call())
+        ('by 2', 1.0)
+    """
+    rows = [(word, (*args, value)) for word, value in (settings or {}).items()] or [("", args)]
+    compiled, seconds = compile_timed(function, *rows[0][1])
+
+    def call(given: tuple[Any, ...]) -> Callable[[], Any]:
+        return lambda: compiled(*given)
+
+    return [Method(name, word, panel, call(given), error, seconds) for word, given in rows]
+
+
+def benchmark(
+    methods: Sequence[Method], *, repeats: int, budget_seconds: float = BUDGET_SECONDS
+) -> list[PrecisionRow]:
+    """Time methods on one core, one sample of each in every round, and take their errors.
+
+    Args:
+        methods: what to time. A first call of each is not counted, unless it takes longer than the
+            budget by itself.
+        repeats: rounds.
+        budget_seconds: see `BUDGET_SECONDS`.
+
+    Returns:
+        A row for each, with the median and the range of its samples. Seconds are per call, with
+        the result waited for.
+
+    Example:
+        >>> import math
+        >>> root = Method("math", "", "", lambda: math.sqrt(2), lambda x: abs(x - 2**0.5))
+        >>> [row] = benchmark([root], repeats=3)
+        >>> row.method, row.error, row.seconds_low <= row.seconds
+        ('math', 0.0, True)
+    """
+    with one_core():
+        clocks = [_Clock(method, budget_seconds) for method in methods]
+        for _ in range(repeats):
+            for clock in clocks:
+                clock.sample()
+    return [clock.row() for clock in clocks]
+
+
+class _Clock:
+    """The samples of one method."""
+
+    def __init__(self, method: Method, budget_seconds: float) -> None:
+        self.method, self.budget = method, budget_seconds
+        start = time.perf_counter()
+        answer = jax.block_until_ready(method.call())
+        first = time.perf_counter() - start
+        self.calls = max(1, math.ceil(MIN_SAMPLE_SECONDS / max(first, 1e-9)))
+        self.samples = [first] if first > budget_seconds else []
+        self.spent = 0.0
+        self.error = method.error(answer)
+
+    def sample(self) -> None:
+        if len(self.samples) >= 3 and self.spent > self.budget:
+            return
+        start = time.perf_counter()
+        for _ in range(self.calls):
+            jax.block_until_ready(self.method.call())
+        seconds = time.perf_counter() - start
+        self.spent += seconds
+        self.samples.append(seconds / self.calls)
+
+    def row(self) -> PrecisionRow:
+        samples = tuple(self.method.scale * one for one in self.samples)
+        return PrecisionRow(
+            self.method.method,
+            self.method.setting,
+            self.method.panel,
+            self.error,
+            statistics.median(samples),
+            min(samples),
+            max(samples),
+            self.method.compile_seconds,
+            samples,
+        )
+
+
+@contextmanager
+def one_core() -> Iterator[bool]:
+    """Keep every thread of the process on one core while the context lasts.
+
+    XLA and BLAS have started their threads long before, and a thread's core is its own affair:
+    each is pinned by its id. Threads and processes started inside inherit the core.
+
+    Yields:
+        Whether that was done; false where the system cannot do it.
+    """
+    if not (hasattr(os, "sched_setaffinity") and THREADS.is_dir()):
+        yield False
+        return
+    allowed = os.sched_getaffinity(0)
+    before = {}
+    for thread in _threads():
+        with suppress(OSError):  # it has ended meanwhile
+            before[thread] = os.sched_getaffinity(thread)
+            os.sched_setaffinity(thread, {max(allowed)})
+    try:
+        yield True
+    finally:
+        for thread in _threads():
+            with suppress(OSError):
+                os.sched_setaffinity(thread, before.get(thread, allowed))
+
+
+def _threads() -> list[int]:
+    return [int(entry.name) for entry in THREADS.iterdir()]
+
+
+def find_dominating(row: PrecisionRow, rows: Iterable[PrecisionRow]) -> list[PrecisionRow]:
+    """Rows of the same panel that are both faster (even in their slowest repeat) and closer.
+
+    Example:
+        >>> rows = [
+        ...     PrecisionRow(name, "", "", error, time, time, time, 0.0)
+        ...     for name, error, time in (("a", 1e-3, 2.0), ("b", 1e-6, 1.0))
+        ... ]
+        >>> [row.method for row in find_dominating(rows[0], rows)]
+        ['b']
+    """
+    return [
+        other
+        for other in rows
+        if other.panel == row.panel
+        and other.error < row.error
+        and other.seconds_high < row.seconds_low
+    ]
+
+
+def claim_undominated(
+    rows: Sequence[PrecisionRow], ours: str, statement: str, mechanism: str
+) -> Claim:
+    """The claim that no other method at any setting is both faster and closer than one.
+
+    Args:
+        rows: of all methods.
+        ours: the method's name.
+        statement: the claim in words.
+        mechanism: why it should hold.
+    """
+    evidence, beaten = [], []
+    for row in (row for row in rows if row.method == ours):
+        others = [other for other in rows if other.panel == row.panel and other.method != ours]
+        beaten += find_dominating(row, others)
+        text = f"{row.panel}: {ours}, {row.seconds:.2g} s, error {row.error:.1e}"
+        near = [other for other in others if other.error <= 10 * row.error]
+        for title, group in (
+            ("fastest of those within ten times its error", near),
+            ("fastest of all others", others),
+        ):
+            if group:
+                best = min(group, key=lambda other: other.seconds)
+                text += (
+                    f"; {title} {best.method}, {best.setting}: {best.seconds / row.seconds:.2f} "
+                    f"times its time, error {best.error:.1e}"
+                )
+        evidence.append(text)
+    return Claim(statement, mechanism, evidence, not beaten)
+
+
+def timing(study: PrecisionStudy) -> str:
+    """How the run times of a study were taken, in words."""
+    once = all(row.seconds_low == row.seconds_high for row in study.rows)
+    how = "of one run each" if once else "medians over repeats after a warm-up"
+    return f"Run times are {how}, with the result waited for; compiling is counted apart."
+
+
+def table(study: PrecisionStudy) -> Table:
+    """The rows of a precision study, all of them."""
+    columns = {
+        "workload": "panel",
+        **{name: name for name in ("method", "setting", "error", "seconds")},
+        **{name: name for name in ("seconds_low", "seconds_high", "compile_seconds")},
+    }
+    return Table.of_columns(
+        "precision",
+        f"Error against run time; reference: {study.reference}",
+        {name: [getattr(row, field) for row in study.rows] for name, field in columns.items()},
+    )
+
+
+def figure(study: PrecisionStudy) -> Figure:
+    """Error over run time, log-log, one panel per workload and one line per method."""
+    panels = list(dict.fromkeys(row.panel for row in study.rows))
+    methods = list(dict.fromkeys(row.method for row in study.rows))
+    floor = min((row.error for row in study.rows if row.error > 0), default=1e-16) / 2
+    columns = min(2, len(panels))
+    drawing, axes = new_figure(-(-len(panels) // columns), columns)
+    for axis, panel in zip(axes.flat, panels, strict=False):
+        for index, method in enumerate(methods):
+            mine = [row for row in study.rows if (row.panel, row.method) == (panel, method)]
+            if not mine:
+                continue
+            seconds = [row.seconds for row in mine]
+            spread = [
+                [row.seconds - row.seconds_low for row in mine],
+                [row.seconds_high - row.seconds for row in mine],
+            ]
+            drawn = any(not math.isnan(row.error) for row in mine)
+            axis.errorbar(
+                seconds,
+                [min(max(row.error, floor), LARGEST_DRAWN) for row in mine],
+                xerr=spread,
+                color=PALETTE[index % len(PALETTE)],
+                marker=MARKERS[index % len(MARKERS)],
+                linestyle="-" if index < len(PALETTE) else "--",
+                elinewidth=0.8,
+                label=method if drawn else None,
+            )
+        title = panel if len(panels) == 1 else textwrap.fill(panel, LONG_TITLE)
+        axis.set(xscale="log", yscale="log", title=as_mathtext(title))
+        axis.set(xlabel="run time of one call (s)", ylabel=as_mathtext(study.error))
+        # Whole decades, so that every axis has labelled ticks, and only those.
+        panel_rows = [row for row in study.rows if row.panel == panel]
+        low = math.floor(math.log10(min(row.seconds_low for row in panel_rows)))
+        high = math.ceil(math.log10(max(row.seconds_high for row in panel_rows)))
+        axis.set_xlim(10.0**low, 10.0 ** max(high, low + 1))
+        axis.xaxis.set_minor_formatter(NullFormatter())
+        low, high = axis.get_ylim()
+        if high < LARGEST_PLAIN * low:
+            label_plainly(axis.yaxis)
+    legend_below(drawing)
+    return Figure(
+        "precision",
+        "Error against run time",
+        "Each point is one setting of one method at its median run time; the bar spans its fastest "
+        "to slowest repeat. Lower left is better. An error of exactly 0 is drawn at half the least "
+        "other one, one above 10 at 10.",
+        drawing,
+    )
