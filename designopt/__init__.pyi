@@ -6,13 +6,13 @@ from .numerics import as_float, safe_arctan2, safe_divide, safe_quadratic_roots,
 from .roots import find_root
 from .solution import Solution, combine_checks
 from .study.benchmark import (
-    Method,
+    BenchmarkMethod,
     Ratio,
     benchmark,
-    claim_undominated,
     compile_methods,
     compile_timed,
     find_dominating,
+    find_undominated,
     one_core,
 )
 from .study.left_out import count_operations
@@ -38,13 +38,13 @@ from .study.study import Context, Study, lazily
 from .vectors import Vector, direction_to_meeting, fold_angle
 
 __all__ = [
+    "BenchmarkMethod",
     "Claim",
     "Context",
     "Family",
     "Figure",
     "Fit",
     "LeftOutRow",
-    "Method",
     "Metric",
     "PrecisionRow",
     "PrecisionStudy",
@@ -64,7 +64,6 @@ __all__ = [
     "as_float",
     "assess",
     "benchmark",
-    "claim_undominated",
     "combine_checks",
     "compile_methods",
     "compile_timed",
@@ -72,6 +71,7 @@ __all__ = [
     "direction_to_meeting",
     "find_dominating",
     "find_root",
+    "find_undominated",
     "fold_angle",
     "format_toml",
     "lazily",

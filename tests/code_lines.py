@@ -38,10 +38,11 @@ def count(path: Path) -> Count:
     """The size of one file."""
     text = _formatted(OWN_LINES.sub("", path.read_text(encoding="utf-8")))
     tree = ast.parse(text)
-    lines = set()
+    lines, written = set(), text.splitlines()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type not in EMPTY:
             lines.update(range(token.start[0], token.end[0] + 1))
+    lines = {line for line in lines if written[line - 1].strip()}
     docstrings = [part for node in ast.walk(tree) for part in _docstrings(node)]
     for part in docstrings:
         lines.difference_update(range(part.lineno, (part.end_lineno or part.lineno) + 1))

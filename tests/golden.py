@@ -14,7 +14,8 @@ same. ``python -m tests.golden record PART ...`` writes them to ``tests/data/gol
 ``defaults``
     the same with default settings, which takes about an hour.
 
-With ``--runs DIR`` the results in ``DIR/STUDY`` are read, and only what is missing there is run. Of
+With ``--study NAME`` only that study's are compared or recorded, of the last two parts. With
+``--runs DIR`` the results in ``DIR/STUDY`` are read, and only what is missing there is run. Of
 run times only the presence and the unit are compared, and random draws of Python's and JAX's
 generators belong to the versions of ``constraints.txt``. A public name that is left behind or
 renamed on purpose is recorded anew, in the commit that explains it.
@@ -124,19 +125,26 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("action", choices=("record", "check"))
     parser.add_argument("parts", nargs="+", choices=PARTS)
     parser.add_argument("--runs", type=Path, help="folder of results, one per study")
+    parser.add_argument("--study", action="append", help="only this one; again for others")
     options = parser.parse_args(arguments)
     os.environ |= {"COLUMNS": "100", "LINES": "50"}
     differences = 0
     for part in options.parts:
         with contextlib.ExitStack() as stack:
             runs = options.runs or Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            found = json.loads(json.dumps(PARTS[part](runs)))
+            studies = options.study or list(REDUCED)
+            found = json.loads(json.dumps(PARTS[part](runs, studies)))
         path = FOLDER / f"{part}.json"
         if options.action == "record":
+            if options.study:
+                found = json.loads(path.read_text(encoding="utf-8")) | found
             text = json.dumps(found, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
             path.write_text(text, encoding="utf-8")
             continue
-        for line in compare(json.loads(path.read_text(encoding="utf-8")), found):
+        wanted = json.loads(path.read_text(encoding="utf-8"))
+        if options.study:
+            wanted = {study: wanted[study] for study in options.study}
+        for line in compare(wanted, found):
             differences += 1
             print(f"{part}: {line}")
     print(f"{differences} differences" if options.action == "check" else "recorded")
@@ -146,7 +154,7 @@ def main(arguments: list[str] | None = None) -> int:
 # What is recorded -------------------------------------------------------------------------------
 
 
-def interface(_: Path) -> dict[str, Any]:
+def interface(*_: Any) -> dict[str, Any]:
     commands = sorted(point.name for point in entry_points(group="designopt.commands"))
     return {
         "help": {name: command(name, "--help") for name in commands},
@@ -210,7 +218,7 @@ def signatures_of(package: str) -> dict[str, str]:
     return found
 
 
-def solutions(_: Path) -> dict[str, Any]:
+def solutions(*_: Any) -> dict[str, Any]:
     found = {}
     for name, path, words in (*solves(), *traces()):
         text = command(name, str(path), *words)
@@ -270,12 +278,12 @@ def rounded(part: Any) -> Any:
     return float(f"{part:.12g}") if isinstance(part, float) else part
 
 
-def reduced(runs: Path) -> dict[str, Any]:
-    return {study: outcome(study, settings, runs) for study, settings in REDUCED.items()}
+def reduced(runs: Path, studies: list[str]) -> dict[str, Any]:
+    return {study: outcome(study, REDUCED[study], runs) for study in studies}
 
 
-def defaults(runs: Path) -> dict[str, Any]:
-    return {study: outcome(study, (), runs) for study in REDUCED}
+def defaults(runs: Path, studies: list[str]) -> dict[str, Any]:
+    return {study: outcome(study, (), runs) for study in studies}
 
 
 def outcome(study: str, settings: tuple[str, ...], runs: Path) -> dict[str, Any]:
@@ -353,7 +361,7 @@ def same(wanted: Any, found: Any) -> bool:
     return math.isclose(wanted, found, rel_tol=RTOL, abs_tol=ATOL)
 
 
-PARTS: dict[str, Callable[[Path], dict[str, Any]]] = {
+PARTS: dict[str, Callable[..., dict[str, Any]]] = {
     "interface": interface,
     "solutions": solutions,
     "reduced": reduced,

@@ -1,7 +1,7 @@
 """Error against run time: every method at every setting on every workload, measured the same way.
 
-A study names its methods as `Method`s; `benchmark` times and checks them, `table` and `figure` show
-them, and a `designopt.Claim` states what they show and whether it holds in this run.
+A study names its methods as `BenchmarkMethod`s; `benchmark` times and checks them, `table` and
+`figure` show them, and a `designopt.Claim` states what they show and whether it holds in this run.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from matplotlib.ticker import NullFormatter
 
 from designopt.plot.figures import MARKERS, PALETTE, label_plainly, legend_below, new_figure
 from designopt.plot.typesetting import as_mathtext
-from designopt.study.results import Claim, Figure, PrecisionRow, PrecisionStudy, Table
+from designopt.study.results import Figure, PrecisionRow, PrecisionStudy, Table
 
 LARGEST_DRAWN = 10.0
 """An error above this is no answer at all, and would squeeze the others out of the figure."""
@@ -43,7 +43,7 @@ THREADS = Path("/proc/self/task")
 
 
 @dataclass(frozen=True)
-class Method:
+class BenchmarkMethod:
     """One method at one setting on one workload.
 
     Attributes:
@@ -110,7 +110,7 @@ def compile_methods(
     function: Callable[..., Any],
     *args: Any,
     settings: Mapping[str, Any] | None = None,
-) -> list[Method]:
+) -> list[BenchmarkMethod]:
     """A JAX function as a method, at each of its settings; one program serves them all.
 
     Args:
@@ -136,11 +136,11 @@ def compile_methods(
     def call(given: tuple[Any, ...]) -> Callable[[], Any]:
         return lambda: compiled(*given)
 
-    return [Method(name, word, panel, call(given), error, seconds) for word, given in rows]
+    return [BenchmarkMethod(name, word, panel, call(given), error, seconds) for word, given in rows]
 
 
 def benchmark(
-    methods: Sequence[Method], *, repeats: int, budget_seconds: float = BUDGET_SECONDS
+    methods: Sequence[BenchmarkMethod], *, repeats: int, budget_seconds: float = BUDGET_SECONDS
 ) -> list[PrecisionRow]:
     """Time methods on one core, one sample of each in every round, and take their errors.
 
@@ -156,7 +156,7 @@ def benchmark(
 
     Example:
         >>> import math
-        >>> root = Method("math", "", "", lambda: math.sqrt(2), lambda x: abs(x - 2**0.5))
+        >>> root = BenchmarkMethod("math", "", "", lambda: math.sqrt(2), lambda x: abs(x - 2**0.5))
         >>> [row] = benchmark([root], repeats=3)
         >>> row.method, row.error, row.seconds_low <= row.seconds
         ('math', 0.0, True)
@@ -172,7 +172,7 @@ def benchmark(
 class _Clock:
     """The samples of one method."""
 
-    def __init__(self, method: Method, budget_seconds: float) -> None:
+    def __init__(self, method: BenchmarkMethod, budget_seconds: float) -> None:
         self.method, self.budget = method, budget_seconds
         start = time.perf_counter()
         answer = jax.block_until_ready(method.call())
@@ -216,6 +216,12 @@ def one_core() -> Iterator[bool]:
 
     Yields:
         Whether that was done; false where the system cannot do it.
+
+    Example:
+        >>> with one_core() as pinned:
+        ...     cores = len(os.sched_getaffinity(0)) if pinned else 1
+        >>> cores
+        1
     """
     if not (hasattr(os, "sched_setaffinity") and THREADS.is_dir()):
         yield False
@@ -258,16 +264,24 @@ def find_dominating(row: PrecisionRow, rows: Iterable[PrecisionRow]) -> list[Pre
     ]
 
 
-def claim_undominated(
-    rows: Sequence[PrecisionRow], ours: str, statement: str, mechanism: str
-) -> Claim:
-    """The claim that no other method at any setting is both faster and closer than one.
+def find_undominated(rows: Sequence[PrecisionRow], ours: str) -> tuple[list[str], bool]:
+    """Whether no other method at any setting is both faster and closer than one.
 
     Args:
         rows: of all methods.
         ours: the method's name.
-        statement: the claim in words.
-        mechanism: why it should hold.
+
+    Returns:
+        A sentence for each workload with the nearest others, and whether it holds on all of them:
+        the evidence of a `Claim`.
+
+    Example:
+        >>> rows = [
+        ...     PrecisionRow(name, "", "sum", error, time, time, time, 0.0)
+        ...     for name, error, time in (("ours", 1e-9, 1.0), ("theirs", 1e-6, 0.5))
+        ... ]
+        >>> find_undominated(rows, "ours")[1]
+        True
     """
     evidence, beaten = [], []
     for row in (row for row in rows if row.method == ours):
@@ -286,7 +300,7 @@ def claim_undominated(
                     f"times its time, error {best.error:.1e}"
                 )
         evidence.append(text)
-    return Claim(statement, mechanism, evidence, not beaten)
+    return evidence, not beaten
 
 
 def timing(study: PrecisionStudy) -> str:

@@ -40,7 +40,6 @@ def lines(
     panel: str | None = None,
     step: float | None = None,
     stat: str = "mean",
-    dots: bool = False,
     log: str = "",
     names: Mapping[str, str] = NONE,
     height: float = 3.2,
@@ -55,7 +54,6 @@ def lines(
         panel: column whose values have axes of their own, which share their limits.
         step: width of the classes of ``x``; by default each value is one.
         stat: of the ordinates in a class, as `Records.stat` takes it.
-        dots: whether single values are shown as well.
         log: axes with a logarithmic scale, ``"x"``, ``"y"`` or ``"xy"``.
         names: what is written for a column, in place of its name.
         height: in inches.
@@ -72,8 +70,6 @@ def lines(
             if not len(own):
                 continue
             style = {"color": PALETTE[i % len(PALETTE)], "label": label}
-            if dots:
-                axes.plot(own[x], own[y], ".", color="0.65", markersize=3, zorder=1)
             classes = own[x] if step is None else step * (np.floor(own[x] / step) + 0.5)
             binned = (own | {x: classes}).summary(x, count=f"count {y}", value=f"{stat} {y}")
             kept = binned.where(binned["count"] >= (1 if step is None else LEAST_IN_BIN))

@@ -38,7 +38,7 @@ class Records:
         {'gap': 1.0, 'corners': 0.5}
     """
 
-    def __init__(self, columns: Mapping[str, ArrayLike] | None = None) -> None:
+    def __init__(self, columns: Mapping[str, ArrayLike] | Records | None = None) -> None:
         self._columns: dict[str, list[np.ndarray]] = {}
         if columns is not None:
             self.add(**columns)
@@ -55,9 +55,8 @@ class Records:
         for name, values in zip(columns, arrays, strict=True):
             self._columns.setdefault(name, []).append(values)
 
-    @property
-    def names(self) -> list[str]:
-        """The columns' names, in their order."""
+    def keys(self) -> list[str]:
+        """The columns' names, in their order; with it, ``add(**records)`` takes over rows."""
         return list(self._columns)
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -69,11 +68,11 @@ class Records:
 
     def __len__(self) -> int:
         """Number of rows."""
-        return len(self[self.names[0]]) if self._columns else 0
+        return len(self[self.keys()[0]]) if self._columns else 0
 
     def __or__(self, columns: Mapping[str, ArrayLike]) -> Records:
         """The same rows with further or other columns."""
-        return Records({**{name: self[name] for name in self.names}, **columns})
+        return Records({**{name: self[name] for name in self.keys()}, **columns})
 
     def where(self, mask: ArrayLike | None = None, **values: Any) -> Records:
         """The rows of a mask, or those whose columns have the given values.
@@ -86,7 +85,7 @@ class Records:
         for name, value in values.items():
             any_of = value if isinstance(value, (list, tuple)) else [value]
             kept = kept & np.isin(self[name], np.asarray(any_of, self[name].dtype))
-        return Records({name: self[name][kept] for name in self.names})
+        return Records({name: self[name][kept] for name in self.keys()})
 
     def group(self, *names: str) -> dict[Any, Records]:
         """The rows of each value of a column, or of each tuple of values, as they first occur."""
@@ -96,7 +95,7 @@ class Records:
             rows.setdefault(key, []).append(row)
         return {
             key[0] if len(names) == 1 else key: Records(
-                {name: self[name][own] for name in self.names}
+                {name: self[name][own] for name in self.keys()}
             )
             for key, own in rows.items()
         }

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from designopt.study.benchmark import Method, benchmark, compile_timed
+from designopt.study.benchmark import BenchmarkMethod, benchmark, compile_timed
 from designopt.study.results import Claim, PrecisionRow
 from optics.chamber import Apertures, Posture, Rings, find_apertures, press_wall
 from studies.models.soft_finger.finger import DOWN, SoftFinger
@@ -40,7 +40,7 @@ def measured(finger: SoftFinger) -> list[PrecisionRow]:
     rows = []
     for number in PER_REGION:
         call, seconds = _compiled(finger, number)
-        contender = Method(
+        contender = BenchmarkMethod(
             METHOD,
             f"{number} rings per region",
             "outlines of one frame",

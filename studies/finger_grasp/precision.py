@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from designopt.study.benchmark import Method, compile_timed, find_dominating
+from designopt.study.benchmark import BenchmarkMethod, compile_timed, find_dominating
 from designopt.study.results import Claim, PrecisionRow
 from studies.finger_grasp.judging import reference
 from studies.finger_grasp.second_opinion import minimum
@@ -31,7 +31,7 @@ STATES = tuple(range(4, 81, 5))
 OURS = "complementarity, Newton"
 
 
-def contenders(path: Path) -> Iterator[Method]:
+def contenders(path: Path) -> Iterator[BenchmarkMethod]:
     """Every method at every setting on the states of one closing.
 
     Args:
@@ -78,10 +78,10 @@ def contenders(path: Path) -> Iterator[Method]:
         )
         for setting, value in zip(settings, values, strict=True):
             call = partial(compiled, commands, start, value)
-            yield Method(name, f"{word} {setting:g}", panel, call, error, seconds)
+            yield BenchmarkMethod(name, f"{word} {setting:g}", panel, call, error, seconds)
     for tolerance in (1e-4, 1e-8, 1e-15):
         call = partial(_one_by_one, [at(command) for command in commands], near, tolerance)
-        yield Method("SciPy SLSQP", f"tolerance {tolerance:g}", panel, call, error)
+        yield BenchmarkMethod("SciPy SLSQP", f"tolerance {tolerance:g}", panel, call, error)
 
 
 def claim(rows: Sequence[PrecisionRow]) -> Claim:

@@ -2,36 +2,53 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Annotated
 
-from designopt.study.results import Results
-from designopt.study.study import Context, Study
-from studies.proprioception.spec import ProprioceptionSpec
+from pydantic import Field
 
-if TYPE_CHECKING:
-    from designopt.design_kind import Design
+from designopt.study.settings import setting
+from designopt.study.study import Study, lazily
+from studies.models.sensor.spec import FingerImagesSpec
 
-
-def _run(spec: ProprioceptionSpec, context: Context) -> Results:
-    # Imported here, so that listing the study does not load JAX and OpenCV.
-    from studies.proprioception.run import run
-
-    return run(spec, context)
+Rows = Annotated[int, Field(ge=200, le=4000)]
 
 
-def _design(spec: ProprioceptionSpec, folder: Path | None) -> Design:
-    from designopt.design_kind import Design
-    from optics.design import SCENE
-    from studies.models.sensor.design import imaged_finger_design
+class ProprioceptionSpec(FingerImagesSpec):
+    """All settings of ``designopt run proprioception``."""
 
-    return Design(SCENE, imaged_finger_design(spec, folder))
+    fingers: int = setting(40, "fingers with errors of fabrication", scales=True, ge=1, le=1000)
+    frames: int = setting(
+        30,
+        "random frames of each, whose joint angles are estimated",
+        scales=True,
+        ge=2,
+        le=1000,
+    )
+    labelled: int = setting(5, "frames of each with known joint angles", ge=2, le=100)
+    label_deviation_deg: float = setting(
+        0.5, "standard deviation of these labels (degrees)", gt=0, le=10
+    )
+    range_deg: float = setting(90.0, "range of both joints (degrees)", gt=0, le=90)
+    pixel_noise: float = setting(
+        1.0, "of every corner, when the gap is tried without images (px)", gt=0, le=20
+    )
+    gap_fingers: int = setting(
+        100, "fingers on which the gap is tried without images", free=True, ge=1, le=10_000
+    )
+    cost_fingers: int = setting(
+        6, "fingers rendered again with smooth edges", free=True, ge=0, le=1000
+    )
+    sizes: list[Rows] = setting(
+        [360, 540, 810, 1080], "heights of images, error over run time (px)", free=True
+    )
+    size_fingers: int = setting(4, "fingers for each of these", free=True, ge=1, le=1000)
+    size_frames: int = setting(10, "frames of each of these fingers", free=True, ge=1, le=1000)
 
 
 STUDY = Study(
     name="proprioception",
     purpose="Joint angles from images: gap, edge, all corners, calibrated with and without labels",
     spec=ProprioceptionSpec,
-    run=_run,
-    design=_design,
+    run=lazily("studies.proprioception.run:run"),
+    design=lazily("studies.models.sensor.design:imaged_finger_design"),
 )

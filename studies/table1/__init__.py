@@ -2,45 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from pydantic import model_validator
 
-from designopt.errors import UserError
-from designopt.study.results import Results
-from designopt.study.study import Context, Study
-from studies.table1.spec import Table1Spec
-
-if TYPE_CHECKING:
-    from designopt.design_kind import Design
+from designopt.io.spec import Spec
+from designopt.study.settings import setting
+from designopt.study.study import Study, lazily
+from studies.models.soft_finger.chamber_spec import CLEARANCE, ChamberSpec
 
 
-def _run(spec: Table1Spec, context: Context) -> Results:
-    # Imported here, so that listing the study does not load JAX.
-    from studies.table1.run import run
+class Table1Spec(Spec):
+    """All settings of ``designopt run table1``; defaults are paper A's chamber (§II.A)."""
 
-    return run(spec, context)
+    chamber: ChamberSpec = ChamberSpec()
+    clearance: float = setting(
+        CLEARANCE, "how far |Δl_D| must stay inside Δl_A when η is chosen (mm)", free=True, gt=0
+    )
+    f_number: float = setting(
+        2.8,
+        "f-number of the real lens set beside Eq. 1; the paper gives none",
+        free=True,
+        ge=0.1,
+        le=1000,
+    )
+    blur: float = setting(
+        0.003,
+        "blur spot that counts as sharp, about a pixel of an endoscope (mm)",
+        free=True,
+        ge=1e-6,
+        le=10,
+    )
+    precision: bool = setting(True, "measure error against run time", free=True)
+    precision_problems: int = setting(
+        100_000, "problems in a batch of the run-time study", free=True, ge=1, le=10_000_000
+    )
+    precision_repeats: int = setting(5, "timed repeats of each setting", free=True, ge=3, le=1000)
+    stability: bool = setting(True, "run the stiff and extreme cases", free=True)
 
-
-def _design(spec: Table1Spec, folder: Path | None) -> Design:
-    from designopt.design_kind import Design
-    from optics.design import CHAMBER
-    from studies.table1.design import table1_design
-
-    return Design(CHAMBER, table1_design(spec, folder))
-
-
-def _batch(specs: Sequence[Table1Spec], context: Context) -> Sequence[Results | UserError]:
-    from studies.table1.batch import run_batch
-
-    return run_batch(specs, context)
+    @model_validator(mode="after")
+    def _clearance_leaves_room(self) -> Table1Spec:
+        if self.clearance >= self.chamber.offset_a:
+            raise ValueError(
+                f"clearance ({self.clearance:g} mm) must be smaller than chamber.offset_a "
+                f"({self.chamber.offset_a:g} mm), or no Δl_D is left"
+            )
+        return self
 
 
 STUDY = Study(
     name="table1",
     purpose="Chamber imaging and Table I of paper A: as printed, and with identified constants",
     spec=Table1Spec,
-    run=_run,
-    design=_design,
-    batch=_batch,
+    run=lazily("studies.table1.run:run"),
+    design=lazily("studies.table1.analysis:design"),
+    batch=lazily("studies.table1.run:run_batch"),
 )

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.design_kind import Design
 from designopt.errors import UserError
 from optics.chamber.chamber import Chamber
+from optics.chamber.designed import DesignedChamber
+from optics.design import CHAMBER
 from optics.scene.thin_lens import LensImage, ThinLens
 from studies.models.soft_finger import imaging
 from studies.models.soft_finger.chamber_spec import ChamberSpec
 from studies.models.soft_finger.imaging import Imaging
-from studies.table1.spec import Table1Spec
+from studies.table1 import Table1Spec
 
 OTHER_READING = ChamberSpec(length_ab=30, length_bc=40, length_cd=30, wall_angle_bc_deg=1.5)
 """Reads the text's lengths in another order, with a θ_BC that is as much in its range of 1-2°."""
@@ -42,9 +48,8 @@ class RealLens(eqx.Module):
     hyperfocal_distance: Float[Array, ""]
 
 
-@dataclass(frozen=True)
-class Analysis:
-    """Everything the study says, tabulates and draws.
+class Analysis(NamedTuple):
+    """Everything that the study tabulates and draws.
 
     Attributes:
         imaging: of the chamber in the spec.
@@ -103,3 +108,47 @@ def real_lens(printed: Chamber, f_number: Float[Array, ""], blur: Float[Array, "
         refocused.depth_of_field(blur).value,
         lens.hyperfocal_distance(blur).value,
     )
+
+
+def analyze_batch(specs: Sequence[Table1Spec]) -> list[Analysis]:
+    """The same of many specs in one program, without the other reading and unchecked."""
+    chambers = [imaging.printed_chamber(spec.chamber) for spec in specs]
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *chambers)
+    columns = (
+        jnp.asarray([getattr(spec, name) for spec in specs])
+        for name in ("clearance", "f_number", "blur")
+    )
+    # As NumPy arrays: taking one spec's numbers out of them compiles and copies nothing.
+    solved = jax.tree.map(np.asarray, _solve(stacked, *columns))
+    each = [jax.tree.map(lambda leaf, i=i: leaf[i], solved) for i in range(len(specs))]
+    return [Analysis(one, None, lens) for one, lens in each]
+
+
+@jax.jit
+def _solve(
+    chambers: Chamber,
+    clearances: Float[Array, " specs"],
+    f_numbers: Float[Array, " specs"],
+    blurs: Float[Array, " specs"],
+) -> tuple[Imaging, RealLens]:
+    # One fit after another: side by side, rounding ends some a step earlier than alone, and the
+    # constants differ in their eighth digit; a fit is so short that nothing is gained by it.
+    solved = jax.lax.map(lambda one: imaging.solve(*one), (chambers, clearances))
+    return solved, jax.vmap(real_lens)(chambers, f_numbers, blurs)
+
+
+def design(spec: Table1Spec, folder: Path | None) -> Design:
+    """The chamber with the identified camera constants, at the largest η that leaves the clearance.
+
+    Args:
+        spec: the study's settings.
+        folder: of an earlier result; not needed, for the chamber follows from the settings.
+
+    Raises:
+        UserError: the table follows no camera constants with this chamber, or no η is left.
+    """
+    del folder
+    found = analyze(spec).imaging
+    if not bool(found.choice.ok):
+        raise UserError(f"--set chamber: no η could be chosen: {found.choice.messages()[0]}")
+    return Design(CHAMBER, DesignedChamber("table1", found.chosen))

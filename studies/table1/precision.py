@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, NamedTuple, get_args
 
@@ -15,11 +15,12 @@ import scipy.optimize
 from jaxtyping import Array, Float
 
 from designopt.roots import RootMethod, find_root
-from designopt.study.benchmark import Method, compile_timed, find_dominating
-from designopt.study.results import Claim, PrecisionRow
+from designopt.study.benchmark import BenchmarkMethod, benchmark, compile_methods, find_undominated
+from designopt.study.report import Report
 from designopt.study.stability import DIGITS
 from optics.chamber.chamber import Chamber
 from studies.oracles import chamber as exact
+from studies.table1 import Table1Spec
 
 FIELDS = (
     "length_ab",
@@ -92,62 +93,35 @@ def workloads(fields: dict[str, float], problems: int, seed: int) -> Iterator[Wo
             yield Workload(f"{name}, {dtype}", dtype, angles, bracket, checked, ratios)
 
 
-def contenders(fields: dict[str, float], work: Workload) -> Iterator[Method]:
-    """Every method at every tolerance on one workload.
+def measure(out: Report, chamber: Chamber, spec: Table1Spec, seed: int) -> None:
+    """Error against run time of solving for η from θ_CD, with this chamber's constants."""
+    fields = {name: float(getattr(chamber, name)) for name in FIELDS}
+    rows = []
+    for work in workloads(fields, spec.precision_problems, seed):
+        # Optimistix mixes float types in Levenberg-Marquardt and Dogleg when 64-bit floats are on.
+        with jax.enable_x64(work.dtype == "float64"):
+            rows += benchmark(methods(fields, work), repeats=spec.precision_repeats)
+    out.precision(
+        rows,
+        "worst relative error of η",
+        f"Eqs. 1-3 as printed, in {DIGITS} digits, for θ_CD and dimensions in double precision "
+        "(so float32 answers for the rounding of its inputs, too)",
+        out.claim("closed-form", *find_undominated(rows, CLOSED_FORM)),
+    )
 
-    Optimistix mixes float types in Levenberg-Marquardt and Dogleg when 64-bit floats are on, so
-    float32 is measured with them off: keep the surrounding `jax.enable_x64` until it is timed.
-    """
+
+def methods(fields: dict[str, float], work: Workload) -> list[BenchmarkMethod]:
+    """Every method at every tolerance on one workload, compiled in JAX's present float type."""
     chamber = Chamber(**fields, offset_a=0.0, offset_d=0.0, focal_length=0.0, image_distance=0.0)
-    angles = jnp.asarray(work.angles, work.dtype)
-    error = partial(_worst_error, work)
-
-    compiled, seconds = compile_timed(jax.vmap(_closed_form, (None, 0)), chamber, angles)
-    yield Method(CLOSED_FORM, "", work.panel, partial(compiled, chamber, angles), error, seconds)
+    angles, error = jnp.asarray(work.angles, work.dtype), partial(_worst_error, work)
+    closed = jax.vmap(_closed_form, (None, 0))
+    made = compile_methods(CLOSED_FORM, work.panel, error, closed, chamber, angles)
+    settings = {f"tolerance {value:.0e}": jnp.asarray(value, work.dtype) for value in TOLERANCES}
     for method in get_args(RootMethod):
         solve = jax.vmap(partial(_iterate, method, work.bracket), (None, 0, None))
-        tolerance = jnp.asarray(TOLERANCES[0], work.dtype)
-        # The tolerance is traced: one program serves them all.
-        compiled, seconds = compile_timed(solve, chamber, angles, tolerance)
-        for value in TOLERANCES:
-            call = partial(compiled, chamber, angles, jnp.asarray(value, work.dtype))
-            yield Method(
-                METHOD_NAMES[method], f"tolerance {value:.0e}", work.panel, call, error, seconds
-            )
-    if work.dtype == "float64":  # it computes in nothing else
-        yield from _brentq(fields, work)
-
-
-def claim(rows: Sequence[PrecisionRow]) -> Claim:
-    """What the study says: an iteration buys nothing where the closed form exists."""
-    evidence, beaten = [], []
-    for row in (row for row in rows if row.method == CLOSED_FORM):
-        others = [
-            other for other in rows if other.panel == row.panel and other.method != CLOSED_FORM
-        ]
-        beaten += find_dominating(row, others)
-        text = f"{row.panel}: closed form {row.seconds:.2g} s, error {row.error:.1e}"
-        near = [other for other in others if other.error <= 10 * row.error]
-        for title, group in (
-            ("fastest of those within ten times its error", near),
-            ("fastest iteration of all", others),
-        ):
-            if group:
-                best = min(group, key=lambda other: other.seconds)
-                text += (
-                    f"; {title} {best.method}, {best.setting}: {best.seconds / row.seconds:.2f} "
-                    f"times its time, error {best.error:.1e}"
-                )
-        evidence.append(text)
-    return Claim(
-        "Where η has a closed form, no iteration at any tolerance is both faster and closer.",
-        "The closed form is a few dozen operations without a loop, and subtracts no nearly equal "
-        "numbers; an iteration evaluates Eq. 1 several times, differences and all, and a batch "
-        "waits for its slowest member. For one problem the call itself costs more than any of it, "
-        "so there plain Python can be the fastest.",
-        evidence,
-        not beaten,
-    )
+        name = METHOD_NAMES[method]
+        made += compile_methods(name, work.panel, error, solve, chamber, angles, settings=settings)
+    return made + (_brentq(fields, work) if work.dtype == "float64" else [])
 
 
 def _closed_form(chamber: Chamber, angle: Float[Array, ""]) -> Float[Array, ""]:
@@ -195,7 +169,7 @@ def _printed_offsets(
     return offset_c, h - (depth_b + b + c) * ((1 + ratio) * image_c - ratio * image_b)
 
 
-def _brentq(fields: dict[str, float], work: Workload) -> Iterator[Method]:
+def _brentq(fields: dict[str, float], work: Workload) -> list[BenchmarkMethod]:
     slope = math.tan(fields["wall_angle_bc"])
     depth_b = fields["length_ab"] + fields["pinhole_offset"]
     c = fields["length_cd"]
@@ -227,15 +201,18 @@ def _brentq(fields: dict[str, float], work: Workload) -> Iterator[Method]:
         )
 
     scaled = f", 1 problem in {share} solved and the time scaled" if share > 1 else ""
-    for tolerance in TOLERANCES:
-        yield Method(
+    error, scale = partial(_worst_error, checked), len(work.angles) / len(part)
+    return [
+        BenchmarkMethod(
             "SciPy brentq",
             f"tolerance {tolerance:.0e}{scaled}",
             work.panel,
             partial(call, tolerance),
-            partial(_worst_error, checked),
-            scale=len(work.angles) / len(part),
+            error,
+            scale=scale,
         )
+        for tolerance in TOLERANCES
+    ]
 
 
 def _exact_ratio(chamber: dict[str, Any], angle: Any) -> Any:

@@ -2,25 +2,39 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from typing import Any
+
 import jax
 import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
 
-from designopt.study import benchmark as run_time
+from designopt.errors import UserError
+from designopt.plot.figures import PALETTE, new_figure
+from designopt.plot.typesetting import as_mathtext
 from designopt.study.left_out import count_operations
-from designopt.study.results import LeftOutRow, PrecisionStudy, Results
-from designopt.study.stability import DIGITS, assess
+from designopt.study.report import Report
+from designopt.study.results import LeftOutRow, Results, StabilityRow
+from designopt.study.stability import assess
 from designopt.study.study import Context
 from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import SolveMethod, solve_dimension_for_ratio
+from optics.plot.chamber_drawing import REGIONS
 from optics.scene.thin_lens import ThinLens
 from studies.models.soft_finger import paper
-from studies.table1 import drawings, precision, stability, statements, tables
-from studies.table1.analysis import analyze
-from studies.table1.spec import Table1Spec
+from studies.models.soft_finger.imaging import Constants, Imaging
+from studies.table1 import Table1Spec, precision, stability
+from studies.table1.analysis import Analysis, analyze, analyze_batch
+
+CELLS = 3 * len(paper.ETA)
+BLUE, VERMILION, GREEN = PALETTE[:3]
 
 
 def run(spec: Table1Spec, context: Context) -> Results:
     """Table I with the printed and with identified constants, the choice of η, the measurements."""
+    out = Report(spec, package=__package__)
     with context.step("Table I, identification and the choice of η"):
         analysis = analyze(spec)
     rows = assess(stability.nominal(), (context.dtype,))
@@ -28,43 +42,49 @@ def run(spec: Table1Spec, context: Context) -> Results:
         with context.step("Stiff and extreme cases"):
             for family in stability.families(context.seed):
                 rows += assess(family, ("float64", "float32"))
-    precision_study = None
+    out.stability(rows)
     if spec.precision:
         with context.step("Error against run time"):
-            precision_study = measure_precision(analysis.imaging.identified.chamber, spec, context)
+            precision.measure(out, analysis.imaging.identified.chamber, spec, context.seed)
     with context.step("Operations left out"):
-        left_out = operations(analysis.imaging.chosen)
-    return Results(
-        findings=statements.findings(spec, analysis),
-        metrics=statements.metrics(spec, analysis, rows),
-        tables=tables.tables(analysis),
-        figures=[
-            drawings.line_figure(analysis.imaging, spec.clearance),
-            drawings.section_figure(analysis.imaging.chosen),
-        ],
-        precision=precision_study,
-        stability=rows,
-        left_out=left_out,
+        out.left_out(operations(analysis.imaging.chosen))
+    add_metrics(out, spec, analysis, rows)
+    add_findings(out, spec, analysis)
+    add_tables(out, analysis)
+    out.figure("line", draw_lines(analysis.imaging, spec.clearance), most=2)
+    chosen = analysis.imaging.chosen
+    note = " The identified pinhole lies outside the chamber: its constants are effective ones."
+    out.figure(
+        "section",
+        draw_section(chosen),
+        ratio=float(chosen.imaging_ratio().value),
+        outside=note if chosen.reference_height > chosen.offset_a else "",
     )
+    return out.results()
 
 
-def measure_precision(chamber: Chamber, spec: Table1Spec, context: Context) -> PrecisionStudy:
-    """Error against run time of solving for η from θ_CD."""
-    fields = {name: float(getattr(chamber, name)) for name in precision.FIELDS}
-    rows = []
-    for work in precision.workloads(fields, spec.precision_problems, context.seed):
-        with jax.enable_x64(work.dtype == "float64"):
-            rows += [
-                run_time.measure(contender, repeats=spec.precision_repeats)
-                for contender in precision.contenders(fields, work)
-            ]
-    return PrecisionStudy(
-        rows,
-        error="worst relative error of η",
-        reference=f"Eqs. 1-3 as printed, in {DIGITS} digits, for θ_CD and dimensions in double "
-        "precision (so float32 answers for the rounding of its inputs, too)",
-        claims=[precision.claim(rows)],
-    )
+def run_batch(specs: Sequence[Table1Spec], context: Context) -> list[Results | UserError]:
+    """The metrics of every spec, and nothing else of its results.
+
+    A spec that asks for measurements, or whose table follows no camera constants, is run by itself.
+    """
+    together = [spec for spec in specs if not (spec.precision or spec.stability)]
+    solved: dict[int, Results] = {}
+    if together:
+        rows = assess(stability.nominal(), (context.dtype,))
+        for spec, analysis in zip(together, analyze_batch(together), strict=True):
+            if bool(analysis.imaging.fit.solution.ok):
+                out = Report(spec, package=__package__)
+                add_metrics(out, spec, analysis, rows)
+                solved[id(spec)] = out.results()
+    return [solved.get(id(spec)) or _run_alone(spec, context) for spec in specs]
+
+
+def _run_alone(spec: Table1Spec, context: Context) -> Results | UserError:
+    try:
+        return run(spec, context)
+    except UserError as error:
+        return error
 
 
 def operations(chamber: Chamber) -> list[LeftOutRow]:
@@ -99,3 +119,250 @@ def operations(chamber: Chamber) -> list[LeftOutRow]:
             count_operations(everything, chamber, lens),
         ),
     ]
+
+
+def add_metrics(
+    out: Report, spec: Table1Spec, analysis: Analysis, rows: Sequence[StabilityRow]
+) -> None:
+    """The study's numbers."""
+    printed, identified = analysis.imaging.printed, analysis.imaging.identified
+    fit, choice = analysis.imaging.fit, analysis.imaging.choice
+    height, offset = fit.solution.value.tolist()
+    height_sd, offset_sd = np.sqrt(np.diag(np.asarray(fit.covariance)))
+    worst = printed.table.deviations()
+    relative = [row.worst_gradient_relative_error for row in rows if row.dtype == "float64"]
+    out.values(height_sd=height_sd, offset_sd=offset_sd, cases=sum(row.cases for row in rows))
+    out.metrics(
+        cells_matched_identified=identified.table.matched(),
+        cells_matched_printed=printed.table.matched(),
+        worst_delta_l_d_printed_mm=10 * np.max(np.abs(worst.delta_l_d_cm)),
+        worst_theta_cd_printed_deg=np.max(np.abs(worst.theta_cd_deg)),
+        identified_reference_height_mm=height,
+        identified_pinhole_offset_mm=offset,
+        chi_squared=fit.chi_squared,
+        line_slope_mm=identified.slope,
+        line_intercept_mm=identified.intercept,
+        line_slope_printed_mm=printed.slope,
+        line_intercept_printed_mm=printed.intercept,
+        largest_ratio=choice.value if bool(choice.ok) else math.nan,
+        clearance_at_paper_ratio_mm=analysis.imaging.paper_clearance,
+        gradient_error=max(row.worst_gradient_error for row in rows),
+        gradient_relative_error_float64=max(relative, default=math.nan),
+        non_finite=sum(row.non_finite for row in rows),
+        stability_failures=sum(row.failures for row in rows),
+    )
+
+
+def add_findings(out: Report, spec: Table1Spec, analysis: Analysis) -> None:
+    """Plain sentences, most important first."""
+    imaging, other, real = analysis.imaging, analysis.other_reading, analysis.lens
+    focal_length = float(real.lens.focal_length)
+    out.say(
+        "constants",
+        whose="For this chamber, which is not the paper's, the" if out.waived else "The paper's",
+        give="give" if out["cells_matched_printed"] == CELLS else "do not give",
+        h=float(imaging.printed.chamber.offset_a),
+        f=focal_length,
+    )
+    out.say("meaning", identified=_line(imaging.identified), printed=_line(imaging.printed))
+    if other is not None:
+        theirs = other.identified.chamber
+        out.say(
+            "readings",
+            off=abs(float(imaging.chosen.offset_c - theirs.offset_c)),
+            matched=other.identified.table.matched(),
+            h=float(theirs.reference_height),
+            delta=float(theirs.pinhole_offset),
+        )
+    left = out["clearance_at_paper_ratio_mm"]
+    if not bool(imaging.choice.ok):
+        out.say("no-choice", reason=imaging.choice.messages()[0])
+    elif left > 0:
+        out.say("choice", leaves=f"comes out for a clearance of {left:.2f} mm")
+    else:
+        out.say("choice", leaves=f"leaves none, as |Δl_D| exceeds Δl_A by {-left:.2f} mm")
+    near, far = real.depth_of_field.tolist()
+    out.say(
+        "lens",
+        f=focal_length,
+        **dict(zip("bcd", 1 / np.asarray(real.images.vergence), strict=True)),
+        v=float(real.lens.sensor_distance),
+        spot=float(jnp.min(real.images.blur_diameter)),
+        blur_um=1e3 * spec.blur,
+        near=1 / near,
+        far=f"{1 / far:.1f} mm" if far > 0 else "infinity",
+        hyperfocal=float(real.hyperfocal_distance) / 1e3,
+    )
+
+
+def _line(constants: Constants) -> str:
+    intercept = float(constants.intercept)
+    sign = "−" if intercept < 0 else "+"
+    return f"{float(constants.slope):.3f} η {sign} {abs(intercept):.3f}"
+
+
+def add_tables(out: Report, analysis: Analysis) -> None:
+    """Table I three times, its deviations, the identification, the readings, the real lens."""
+    printed, identified = analysis.imaging.printed, analysis.imaging.identified
+    mine, theirs = printed.table, identified.table
+    out.table(
+        "table1",
+        eta=paper.ETA,
+        paper_delta_l_d_cm=paper.DELTA_L_D_CM,
+        printed_delta_l_d_cm=mine.delta_l_d_cm,
+        identified_delta_l_d_cm=theirs.delta_l_d_cm,
+        paper_theta_cd_deg=paper.THETA_CD_DEG,
+        printed_theta_cd_deg=mine.theta_cd_deg,
+        identified_theta_cd_deg=theirs.theta_cd_deg,
+        eta_from_theta=theirs.eta,
+    )
+    mine, theirs = mine.deviations(), theirs.deviations()
+    out.table(
+        "deviations",
+        eta=paper.ETA,
+        printed_delta_l_d_cm=mine.delta_l_d_cm,
+        identified_delta_l_d_cm=theirs.delta_l_d_cm,
+        printed_theta_cd_deg=mine.theta_cd_deg,
+        identified_theta_cd_deg=theirs.theta_cd_deg,
+        printed_eta_from_theta=mine.eta,
+        identified_eta_from_theta=theirs.eta,
+    )
+    fit = analysis.imaging.fit
+    values, covariance = np.asarray(fit.solution.value), np.asarray(fit.covariance)
+    as_printed = printed.chamber
+    out.table(
+        "identification",
+        constant=["h, reference height", "δ, pinhole offset"],
+        value_mm=values,
+        deviation_mm=np.sqrt(np.diag(covariance)),
+        covariance_h_mm2=covariance[:, 0],
+        covariance_delta_mm2=covariance[:, 1],
+        as_printed_mm=[as_printed.reference_height, as_printed.pinhole_offset],
+    )
+    offsets, angles = np.split(np.asarray(fit.residuals), 2)
+    out.table("residuals", eta=paper.ETA, delta_l_d=offsets, theta_cd=angles)
+    readings = {"as in the text": analysis.imaging}
+    if analysis.other_reading is not None:
+        readings["red and blue lengths exchanged"] = analysis.other_reading
+    chambers = [one.identified.chamber for one in readings.values()]
+
+    def of(field: str) -> list[Any]:
+        return [getattr(chamber, field) for chamber in chambers]
+
+    out.table(
+        "readings",
+        reading=list(readings),
+        a_mm=of("length_ab"),
+        b_mm=of("length_bc"),
+        c_mm=of("length_cd"),
+        theta_bc_deg=np.rad2deg(of("wall_angle_bc")),
+        delta_l_c_mm=of("offset_c"),
+        h_mm=of("reference_height"),
+        delta_mm=of("pinhole_offset"),
+        cells_matched=[one.identified.table.matched() for one in readings.values()],
+    )
+    real = analysis.lens
+    distances, sensor = np.asarray(real.distances), float(real.lens.sensor_distance)
+    out.table(
+        "real_lens",
+        point=list("BCD"),
+        distance_mm=distances,
+        sharp_image_mm=1 / np.asarray(real.images.vergence),
+        sensor_mm=[sensor] * 3,
+        blur_mm=real.images.blur_diameter,
+        size_over_object=np.abs(real.images.magnification),
+        size_over_object_eq1=(float(real.lens.focal_length) - sensor) / distances,
+    )
+
+
+def draw_lines(imaging: Imaging, clearance: float) -> Figure:
+    """Δl_D over η: both lines, the table's points, and the room that the chamber leaves.
+
+    Args:
+        imaging: the study's solution.
+        clearance: what |Δl_D| is to leave inside Δl_A, in mm.
+    """
+    offset_a, chosen = float(imaging.chosen.offset_a), float(imaging.choice.value)
+    found = bool(imaging.choice.ok)
+    drawing, [[axis, residual]] = new_figure(1, 2, height=3.9)
+    eta, table = np.array(paper.ETA), 10 * np.array(paper.DELTA_L_D_CM)
+    shown = [*paper.ETA, *([chosen] if found else [])]
+    ratios = np.array([min(shown) - 0.12, max(shown) + 0.06])
+    room = as_mathtext(f"left, grey: |Δl_D| ≤ Δl_A − {clearance:g} mm")
+    axis.axhspan(-offset_a + clearance, offset_a - clearance, color="0.92", zorder=0, label=room)
+    axis.axhline(offset_a, color="0.4", linewidth=0.9, label=as_mathtext("Δl_A, wall at the lens"))
+    lines = (
+        (imaging.identified, BLUE, "-", "identified constants"),
+        (imaging.printed, VERMILION, "--", "printed constants"),
+    )
+    for constants, color, style, label in lines:
+        heights = float(constants.slope) * ratios + float(constants.intercept)
+        axis.plot(ratios, heights, style, color=color, label=f"{label}: {_line(constants)}")
+    axis.plot(eta, table, "o", color="black", markerfacecolor="white", label="Table I")
+    if found:
+        axis.plot(chosen, offset_a - clearance, "D", color=GREEN, label=f"largest η: {chosen:.3f}")
+    axis.set(xlabel="η, yellow ring over blue ring", ylabel=as_mathtext("Δl_D (mm)"))
+    axis.set(title="Table I is a line", xlim=ratios)
+
+    half_unit = 5.0  # half a unit in the last printed digit of Δl_D, in µm
+    residual.axhspan(
+        -half_unit,
+        half_unit,
+        color="0.92",
+        zorder=0,
+        label="right, grey: rounding of the printed digits",
+    )
+    residual.axhline(0, color="0.4", linewidth=0.9)
+    line = float(imaging.identified.slope) * eta + float(imaging.identified.intercept)
+    left = 1e3 * (line - table)
+    residual.plot(eta, left, "o", color=BLUE)
+    reach = max(1.6 * half_unit, 1.1 * float(np.max(np.abs(left))))
+    residual.set(xlabel="η, yellow ring over blue ring", ylim=(-reach, reach))
+    residual.set(ylabel=as_mathtext("Δl_D, identified − Table I (µm)"))
+    residual.set(title="What the identified constants leave")
+    return drawing
+
+
+def draw_section(chamber: Chamber) -> Figure:
+    """The chamber's section with a ray from each wall point through the pinhole, and the image."""
+    lengths = [float(x) for x in (chamber.length_ab, chamber.length_bc, chamber.length_cd)]
+    offsets = [float(x) for x in (chamber.offset_b, chamber.offset_c, -chamber.offset_d)]
+    points = {"A": (0.0, float(chamber.offset_a))}
+    points |= dict(zip("BCD", zip(np.cumsum(lengths), offsets, strict=True), strict=True))
+    height, offset = float(chamber.reference_height), float(chamber.pinhole_offset)
+    images = chamber.image_heights().value.tolist()
+
+    drawing, [[section, sensor]] = new_figure(1, 2, height=3.6, width_ratios=(2.6, 1))
+    # Δd_d = T_D: the top reaches from D to the reference ray.
+    end = (points["D"][0], -height)
+    corners = [*points.values(), end]
+    for start, stop, (name, color) in zip(corners, corners[1:], REGIONS.items(), strict=False):
+        section.plot(*zip(start, stop, strict=True), color=color, linewidth=3.5, label=name)
+    section.axhline(0, color="0.55", linewidth=0.8, linestyle="-.", label="centre line")
+    section.axhline(-height, color="0.55", linewidth=0.8, linestyle=":", label="reference ray")
+    section.plot(-offset, -height, "o", color="black")
+    for name in "BCD":
+        section.plot(
+            *zip((-offset, -height), points[name], strict=True), color="0.3", linewidth=0.9
+        )
+    places = {"D": (7, -2), "E": (-7, -2)}  # above D E may be
+    for name, place in (points | {"E": end}).items():
+        section.annotate(
+            name, place, places.get(name, (0, 7)), textcoords="offset points", ha="center"
+        )
+    section.annotate(
+        "pinhole", (-offset, -height), (6, -11), textcoords="offset points", fontsize=8
+    )
+    section.set(xlabel="distance s along the centre line (mm)", ylabel="height (mm)")
+    lowest = min(-height, *offsets)
+    section.set(title=f"Section at η = {float(chamber.imaging_ratio().value):.3f}")
+    section.set(ylim=(lowest - 2.2, float(chamber.offset_a) + 2))
+
+    lower, colors = (*images[1:], 0.0), [*REGIONS.values()][1:]
+    for low, high, color, name in zip(lower, images, colors, "bcd", strict=True):
+        sensor.bar(0, high - low, bottom=low, color=color, width=0.8)
+        text = as_mathtext(f"Δd_{name} = {high - low:.4f} mm")
+        sensor.text(0.5, (low + high) / 2, text, va="center", fontsize=8)
+    sensor.set(title="Image", ylabel="image height T (mm)", xlim=(-0.5, 2.9), xticks=[])
+    sensor.grid(visible=False)
+    return drawing

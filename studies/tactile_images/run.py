@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from designopt.study.benchmark import Method, benchmark
+from designopt.study.benchmark import BenchmarkMethod, benchmark
 from designopt.study.results import PrecisionRow, PrecisionStudy, Results
 from designopt.study.study import Context
 from optics.rendering import Effects
@@ -145,7 +145,7 @@ def _over_sizes(spec: TactileImagesSpec, size: int, seed: int) -> list[Precision
     rows = []
     for method, call in ((OURS, ours), (PAPER, paper)):
         setting = "{1} × {0} px".format(*finger.imaging.shape)
-        contender = Method(method, setting, "all views of a frame", call, error,
+        contender = BenchmarkMethod(method, setting, "all views of a frame", call, error,
                               scale=1 / len(images))  # fmt: skip
         with one_thread():
             rows += benchmark([contender], repeats=3)

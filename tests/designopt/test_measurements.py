@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from designopt import (
+    BenchmarkMethod,
     Family,
     LeftOutRow,
-    Method,
     PrecisionRow,
     PrecisionStudy,
     Ratio,
@@ -24,6 +24,7 @@ from designopt import (
     compile_timed,
     count_operations,
     find_dominating,
+    find_undominated,
     one_core,
 )
 from designopt.study import benchmark as benchmarks
@@ -47,7 +48,9 @@ def test_a_sleeping_call_is_timed_as_it_sleeps():
         time.sleep(0.01)
         return 3.0
 
-    [found] = benchmark([Method("m", "s", "p", call, lambda answer: answer - 2.5, 7.0)], repeats=4)
+    [found] = benchmark(
+        [BenchmarkMethod("m", "s", "p", call, lambda answer: answer - 2.5, 7.0)], repeats=4
+    )
     assert found.error == 0.5
     assert found.compile_seconds == 7.0
     assert found.seconds_low <= found.seconds <= found.seconds_high
@@ -59,7 +62,9 @@ def test_a_part_stands_for_the_whole_by_its_scale():
     def call():
         time.sleep(0.01)
 
-    [whole] = benchmark([Method("m", "s", "p", call, lambda _: 0.0, scale=50.0)], repeats=3)
+    [whole] = benchmark(
+        [BenchmarkMethod("m", "s", "p", call, lambda _: 0.0, scale=50.0)], repeats=3
+    )
     assert whole.seconds_low >= 0.5
 
 
@@ -70,7 +75,7 @@ def test_a_call_beyond_the_budget_is_its_own_warm_up():
         calls.append(1)
         time.sleep(0.02)
 
-    slow = Method("m", "s", "p", call, lambda _: 0.0)
+    slow = BenchmarkMethod("m", "s", "p", call, lambda _: 0.0)
     benchmark([slow], repeats=9, budget_seconds=0.01)
     assert len(calls) == 3
 
@@ -101,7 +106,7 @@ def test_one_core_holds_every_thread_and_lets_go():
 
 def test_a_ratio_is_of_times_taken_in_turn():
     def sleeping(seconds, scale):
-        return Method("", "", "", lambda: time.sleep(seconds), lambda _: 0.0, scale=scale)
+        return BenchmarkMethod("", "", "", lambda: time.sleep(seconds), lambda _: 0.0, scale=scale)
 
     fast, slow = benchmark([sleeping(4e-3, 1.0), sleeping(4e-3, 50.0)], repeats=3)
     ratio = Ratio.of(slow, fast)
@@ -126,6 +131,14 @@ def test_dominating_rows_are_faster_and_closer_in_the_same_panel():
         row("elsewhere", "b", 1e-12, 0.5),
     ]
     assert find_dominating(ours, others) == [faster_and_closer]
+
+
+def test_the_claim_that_no_other_method_is_better_can_be_proved_wrong():
+    def holds(*others):
+        return find_undominated([row("ours", "p", 1e-15, 1.0), *others], "ours")[1]
+
+    assert holds(row("x", "p", 1e-16, 2.0), row("y", "p", 1e-14, 0.1), row("z", "q", 0.0, 0.1))
+    assert not holds(row("x", "p", 1e-16, 0.1))
 
 
 def test_precision_figure_has_a_panel_per_workload_and_a_line_per_method():

@@ -31,7 +31,7 @@ from perception.proprioception import (
 )
 from studies.models.sensor.finger_sensor import FingerSensor
 from studies.models.sensor.spec import FingerImagesSpec
-from studies.proprioception.watching import spread_over
+from studies.proprioception.frames import spread_angles
 
 FINGERS, LABELLED = 4, 5
 LABEL = math.radians(0.5)
@@ -66,7 +66,7 @@ def fingers(finger: FingerSensor) -> list[Calibrated]:
     for number in range(FINGERS):
         fabrication, _ = finger.made(3, number)
         camera = finger.renderer(EFFECTS, fabrication, seed=number)
-        poses = spread_over([(0.0, math.pi / 2)] * 2, LABELLED)
+        poses = spread_angles([(0.0, math.pi / 2)] * 2, LABELLED)
         noise = np.random.default_rng([4, number]).standard_normal(poses.shape)
         frames = [camera.render(pose, frame=1000 + i).pixels for i, pose in enumerate(poses)]
         seen = stack_observations([observed(finger, frame)[0] for frame in frames])

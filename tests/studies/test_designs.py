@@ -28,7 +28,7 @@ from studies.models.soft_finger import paper
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.spec import ChamberImagesSpec
 from studies.models.spec_files import scene_file
-from studies.table1.spec import Table1Spec
+from studies.table1 import Table1Spec
 from tests.studies.fingers import finger_of, seeing_finger
 
 KINDS = {

@@ -6,17 +6,11 @@ import math
 import numpy as np
 import pytest
 
+from designopt import Records
 from designopt.cli import run as command
-from perception.proprioception import Estimate, make_undefined
-from studies.proprioception.ladder import (
-    GAP,
-    Answer,
-    defined_share,
-    errors_deg,
-    of_method,
-    variance_ratio,
-)
-from studies.proprioception.watching import spread_over
+from perception.proprioception import make_undefined
+from studies.proprioception.frames import spread_angles
+from studies.proprioception.run import variance_over_predicted
 
 QUICK = [
     "fingers=2",
@@ -60,29 +54,16 @@ def test_the_table_stands_beside_the_papers(done):
 
 
 def test_labelled_poses_cover_both_ranges_apart():
-    poses = spread_over([(0.0, 1.0), (2.0, 3.0)], 5)
+    poses = spread_angles([(0.0, 1.0), (2.0, 3.0)], 5)
     for column, low in zip(poses.T, (0.0, 2.0), strict=True):
         np.testing.assert_allclose(np.sort(column), low + np.linspace(0.1, 0.9, 5))
     # Two joints that always move together could not be told apart.
     assert abs(np.corrcoef(poses.T)[0, 1]) < 0.6
 
 
-def answer(error_deg: float, deviation_deg: float) -> Answer:
-    truth = 0.3
-    estimate = Estimate(truth + math.radians(error_deg), math.radians(deviation_deg), "test")
-    return Answer(GAP, 0, 0, "pip", truth, estimate)
-
-
-def test_answers_are_counted():
-    answers = [
-        answer(1.0, 0.5),
-        answer(-3.0, 1.5),
-        Answer(GAP, 0, 1, "dip", 0.1, make_undefined("no")),
-    ]
-    np.testing.assert_allclose(errors_deg(answers), [1.0, -3.0])
-    assert defined_share(answers) == pytest.approx(2 / 3)
-    assert variance_ratio(answers) == pytest.approx((1 + 9) / (0.25 + 2.25))
-    assert len(of_method(answers, GAP, "dip")) == 1
+def test_the_variance_is_compared_where_there_is_an_angle():
+    own = Records({"error_deg": [1.0, -3.0, math.nan], "deviation_deg": [0.5, 1.5, math.inf]})
+    assert variance_over_predicted(own) == pytest.approx((1 + 9) / (0.25 + 2.25))
 
 
 def test_an_undefined_answer_is_no_number():

@@ -7,9 +7,8 @@ import pytest
 from designopt import UserError
 from designopt.study.study import Context, load_study
 from studies.models.soft_finger.chamber_spec import ChamberSpec
-from studies.table1.batch import run_batch
-from studies.table1.run import run
-from studies.table1.spec import Table1Spec
+from studies.table1 import Table1Spec
+from studies.table1.run import run, run_batch
 
 ROUNDING = 1e-12
 """Relative; the same equations in another program."""

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from designopt import cli
-from designopt.study.benchmark import Method, benchmark
+from designopt.study.benchmark import BenchmarkMethod, benchmark
 from designopt.study.results import PrecisionRow
 from optics import parse_scene
 from studies.benchmarks.visibility import (
@@ -279,7 +279,7 @@ def test_claims_can_be_proved_wrong():
 
 def test_the_rival_is_the_fastest_that_is_accurate_enough():
     def entered(method, error, seconds):
-        return Method(method, "", "p", lambda: time.sleep(seconds), lambda _: error)
+        return BenchmarkMethod(method, "", "p", lambda: time.sleep(seconds), lambda _: error)
 
     soft = contenders.SOFT[1000]
     all_of_them = [

@@ -12,7 +12,7 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.study.benchmark import Method, compile_timed
+from designopt.study.benchmark import BenchmarkMethod, compile_timed
 from designopt.study.stability import DIGITS
 from kinematics import Linkage, solve_poses
 from studies.benchmarks.linkage import exact
@@ -90,7 +90,7 @@ class Workload(NamedTuple):
         )
 
 
-def contenders(work: Workload, *, peers: bool, optimistix: bool) -> Iterator[Method]:
+def contenders(work: Workload, *, peers: bool, optimistix: bool) -> Iterator[BenchmarkMethod]:
     """Every method at its settings on one workload.
 
     Keep the surrounding `jax.enable_x64` as the workload's float type wants it until the
@@ -104,12 +104,12 @@ def contenders(work: Workload, *, peers: bool, optimistix: bool) -> Iterator[Met
     error = _position_error(work, work.poses)
     ours, seconds = compile_timed(partial(poses_of, work.case), linkage, inputs[:, None])
     column = inputs[:, None]
-    yield Method(
+    yield BenchmarkMethod(
         OURS, "", work.panel, partial(ours, linkage, column), lambda a: error(a[0]), seconds
     )
     if work.dtype == "float64":
         floor, seconds = compile_timed(lambda u: (jnp.sin(u), jnp.cos(u)), inputs)
-        yield Method(
+        yield BenchmarkMethod(
             FLOOR, "", work.panel, partial(floor, inputs), partial(_sine_error, angles), seconds
         )
     for method, advance, settings in NEWTON:
@@ -118,7 +118,7 @@ def contenders(work: Workload, *, peers: bool, optimistix: bool) -> Iterator[Met
         )
         for setting in settings if work.every else settings[-1:]:
             call = partial(run, linkage, inputs, _setting(setting, work))
-            yield Method(method, _named(setting), work.panel, call, error, seconds)
+            yield BenchmarkMethod(method, _named(setting), work.panel, call, error, seconds)
     if optimistix:
         yield from _optimistix_poses(work, linkage)
     if work.dtype == "float64":  # the others compute in nothing else
@@ -144,7 +144,7 @@ NEWTON: tuple[tuple[str, Callable[[Any], Advance], tuple[float, ...]], ...] = (
 )
 
 
-def _optimistix_poses(work: Workload, linkage: Linkage) -> Iterator[Method]:
+def _optimistix_poses(work: Workload, linkage: Linkage) -> Iterator[BenchmarkMethod]:
     part = min(work.poses, VECTORISED_PART)
     inputs = jnp.asarray(work.case.angles(part), work.dtype)
     error = _position_error(work._replace(poses=part), part)
@@ -158,7 +158,7 @@ def _optimistix_poses(work: Workload, linkage: Linkage) -> Iterator[Method]:
             _setting(TOLERANCES[0], work),
         )
         for setting in TOLERANCES if work.every else TOLERANCES[-1:]:
-            yield Method(
+            yield BenchmarkMethod(
                 method,
                 _named(setting) + _share(part, work.poses, "evenly spaced "),
                 work.panel,
@@ -169,7 +169,7 @@ def _optimistix_poses(work: Workload, linkage: Linkage) -> Iterator[Method]:
             )
 
 
-def _walks(work: Workload, linkage: Linkage, peers: bool) -> Iterator[Method]:
+def _walks(work: Workload, linkage: Linkage, peers: bool) -> Iterator[BenchmarkMethod]:
     tolerances = FSOLVE_TOLERANCES if work.every else FSOLVE_TOLERANCES[1:2]
     walks: list[tuple[str, str, Walk]] = [
         (FSOLVE, f"tolerance {tolerance:.0e}", fsolve_walk(tolerance)) for tolerance in tolerances
@@ -184,7 +184,7 @@ def _walks(work: Workload, linkage: Linkage, peers: bool) -> Iterator[Method]:
         walker.call()  # what compiles itself has done so
         share = _share(part, work.poses, "first ")
         error = _position_error(work, part)
-        yield Method(
+        yield BenchmarkMethod(
             method,
             setting + share if setting else share.removeprefix(", "),
             work.panel,
@@ -194,7 +194,7 @@ def _walks(work: Workload, linkage: Linkage, peers: bool) -> Iterator[Method]:
         )
 
 
-def _gradients(work: Workload, peers: bool, optimistix: bool) -> Iterator[Method]:
+def _gradients(work: Workload, peers: bool, optimistix: bool) -> Iterator[BenchmarkMethod]:
     case = work.case
     linkage, inputs = linkage_of(case, work.dtype), jnp.asarray(case.angles(work.poses), work.dtype)
     parts, column = dimensions(linkage), inputs[:, None]
@@ -205,10 +205,10 @@ def _gradients(work: Workload, peers: bool, optimistix: bool) -> Iterator[Method
 
     run, seconds = compile_timed(ours, parts, linkage, column)
     call = partial(run, parts, linkage, column)
-    yield Method(VALUE, "", work.panel, call, _value_error(work), seconds)
+    yield BenchmarkMethod(VALUE, "", work.panel, call, _value_error(work), seconds)
     run, seconds = compile_timed(jax.value_and_grad(ours), parts, linkage, column)
     call = partial(run, parts, linkage, column)
-    yield Method(OURS, "", work.panel, call, lambda found: error(found[1]), seconds)
+    yield BenchmarkMethod(OURS, "", work.panel, call, lambda found: error(found[1]), seconds)
 
     if work.dtype == "float32":
         return
@@ -225,13 +225,13 @@ def _gradients(work: Workload, peers: bool, optimistix: bool) -> Iterator[Method
         function = iterated(partial(newton, case, advance))
         run, seconds = compile_timed(function, parts, linkage, inputs, setting)
         call = partial(run, parts, linkage, inputs, setting)
-        yield Method(method, _named(settings[-1]), work.panel, call, error, seconds)
+        yield BenchmarkMethod(method, _named(settings[-1]), work.panel, call, error, seconds)
     part = min(work.poses, VECTORISED_PART)
     few, setting = jnp.asarray(case.angles(part)), jnp.asarray(TOLERANCES[-1])
     for method in list(OPTIMISTIX)[:1] if optimistix else ():
         function = iterated(partial(solve_by_optimistix, case, method))
         run, seconds = compile_timed(function, parts, linkage, few, setting)
-        yield Method(
+        yield BenchmarkMethod(
             method,
             _named(TOLERANCES[-1]) + _share(part, work.poses, "evenly spaced "),
             work.panel,
@@ -243,7 +243,7 @@ def _gradients(work: Workload, peers: bool, optimistix: bool) -> Iterator[Method
     yield from _differences(work, linkage, peers)
 
 
-def _differences(work: Workload, linkage: Linkage, peers: bool) -> Iterator[Method]:
+def _differences(work: Workload, linkage: Linkage, peers: bool) -> Iterator[BenchmarkMethod]:
     walks: list[tuple[str, Walk]] = [(FSOLVE, fsolve_walk(FSOLVE_TOLERANCES[-1]))]
     if peers and installed("mechanism"):
         walks.append((MECHANISM, mechanism_walk))
@@ -252,7 +252,7 @@ def _differences(work: Workload, linkage: Linkage, peers: bool) -> Iterator[Meth
     for method, walk in walks:
         part = min(work.poses, GRADIENT_PART[method])
         angles = work.case.angles(part)
-        yield Method(
+        yield BenchmarkMethod(
             method,
             "central differences" + _share(part, work.poses, "evenly spaced "),
             work.panel,

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.study.benchmark import Method, compile_timed
+from designopt.study.benchmark import BenchmarkMethod, compile_timed
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_coverage
 from optics.visibility.edge_refined import trace_views
@@ -66,7 +66,7 @@ class Workload(NamedTuple):
         return f"{asked}, {len(self.poses)} poses" if self.sweep else f"{asked}, 1 pose"
 
 
-def contenders(work: Workload, samples: int, *, edge_refined: bool) -> Iterator[Method]:
+def contenders(work: Workload, samples: int, *, edge_refined: bool) -> Iterator[BenchmarkMethod]:
     """Every method at its settings, with at most so many points or rays."""
     error = gradient_error(work) if work.gradient else coverage_error(work)
     points = [size for size in (SWEEP_POINTS if work.sweep else POINTS) if size <= samples]
@@ -100,37 +100,37 @@ def _by_camera_rays(
 
 def _whole(
     work: Workload, method: str, setting: str, finder: Finder, error: Callable[[Any], float]
-) -> Method:
+) -> BenchmarkMethod:
     """A method that is one call for all poses and all points, and whose gradient is JAX's."""
     if not work.gradient:
         run, seconds = compile_timed(finder, work.scene, work.poses)
         call = partial(run, work.scene, work.poses)
-        return Method(method, setting, work.panel, call, error, seconds)
+        return BenchmarkMethod(method, setting, work.panel, call, error, seconds)
 
     def mean(parts: Parts, scene: Scene, poses: Array) -> Float[Array, ""]:
         return jnp.mean(finder(with_parts(scene, parts), poses))
 
     args = parts_of(work.scene), work.scene, work.poses
     run, seconds = compile_timed(jax.value_and_grad(mean), *args)
-    return Method(method, setting, work.panel, partial(run, *args), error, seconds)
+    return BenchmarkMethod(method, setting, work.panel, partial(run, *args), error, seconds)
 
 
 def _by_points(
     work: Workload, sizes: Sequence[int], error: Callable[[Any], float]
-) -> Iterator[Method]:
+) -> Iterator[BenchmarkMethod]:
     """Pad points; one program serves all numbers of points of one block size, and all α."""
     function = sampling.gradient if work.gradient else sampling.coverage
     given = (parts_of(work.scene),) if work.gradient else ()
     programs: dict[Any, tuple[Callable[..., Any], float]] = {}
 
-    def entered(method: str, step: sampling.Step, size: int, alpha: float) -> Method:
+    def entered(method: str, step: sampling.Step, size: int, alpha: float) -> BenchmarkMethod:
         block = sampling.block_of(size)
         args = *given, work.scene, work.poses, jnp.asarray(size // block), jnp.asarray(float(alpha))
         if (step, block) not in programs:
             programs[step, block] = compile_timed(partial(function, step, block), *args)
         run, seconds = programs[step, block]
         setting = f"{size:,} points" + (f", α = {alpha:.0f}" if method == BEST else "")
-        return Method(method, setting, work.panel, partial(run, *args), error, seconds)
+        return BenchmarkMethod(method, setting, work.panel, partial(run, *args), error, seconds)
 
     for size in sizes[-1:] if work.gradient else sizes:  # its gradient is 0, however many there are
         yield entered(HARD, sampling.hard, size, 1.0)

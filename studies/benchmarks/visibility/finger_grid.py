@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.study.benchmark import Method, benchmark, compile_timed
+from designopt.study.benchmark import BenchmarkMethod, benchmark, compile_timed
 from designopt.study.results import PrecisionRow
 from optics.scene.scene import WORLD, Layout, Scene
 from optics.visibility.coverage import find_views
@@ -65,7 +65,7 @@ def measure_grid(repeats: int) -> Grid:
             run, seconds = compile_timed(function, scene, poses)
             setting = f"{len(poses):,} poses"
             call = partial(run, scene, poses)
-            entered.append(Method(method, setting, panel, call, _no_error, seconds))
+            entered.append(BenchmarkMethod(method, setting, panel, call, _no_error, seconds))
     rows = benchmark(entered, repeats=repeats)
     return Grid(
         rows,

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.study.benchmark import Method, compile_timed
+from designopt.study.benchmark import BenchmarkMethod, compile_timed
 from optics import parse_scene
 from optics.scene.scene import Scene
 from optics.visibility.tracing import trace_rays
@@ -72,7 +72,7 @@ def expected(positions: np.ndarray, directions: np.ndarray, legs: int) -> Ends:
     return Ends(at, toward, height / np.sin(angle))
 
 
-def contenders(legs: int, seed: int, *, peers: bool) -> Iterator[Method]:
+def contenders(legs: int, seed: int, *, peers: bool) -> Iterator[BenchmarkMethod]:
     """Every tracer over so many legs; the others' rays meet each surface once."""
     scene, (positions, directions) = zigzag(), bundle(RAYS, seed)
     mirrors, panel = np.asarray(scene.mirrors), f"{MIRRORS} mirrors, {legs} legs"
@@ -84,18 +84,18 @@ def contenders(legs: int, seed: int, *, peers: bool) -> Iterator[Method]:
 
     args = scene, jnp.asarray(positions), jnp.asarray(directions)
     run, seconds = compile_timed(partial(traced, legs), *args)
-    yield Method(OURS, "", panel, partial(run, *args), error, seconds)
+    yield BenchmarkMethod(OURS, "", panel, partial(run, *args), error, seconds)
     call = partial(numpy_trace, mirrors, positions, directions, legs)
-    yield Method(NUMPY, "", panel, call, error)
+    yield BenchmarkMethod(NUMPY, "", panel, call, error)
     if not peers or legs < MIRRORS:
         return
     if installed("optiland"):
         call, read = optiland_tracer(mirrors, positions, directions)
-        yield Method(OPTILAND, "", panel, call, lambda found: error(read(found)))
+        yield BenchmarkMethod(OPTILAND, "", panel, call, lambda found: error(read(found)))
     if installed("rayoptics"):
         few = RAYOPTICS_RAYS
         call, read_few = rayoptics_tracer(mirrors, positions[:few], directions[:few])
-        yield Method(
+        yield BenchmarkMethod(
             RAYOPTICS,
             f"first {few:,} rays traced and the time scaled",
             panel,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from designopt.design_kind import Design
+from optics.design import SCENE
 from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
 from optics.scene.writer import scene_tables
@@ -11,7 +13,7 @@ from studies.models.sensor.finger_sensor import designed
 from studies.models.sensor.spec import FingerImagesSpec
 
 
-def imaged_finger_design(spec: FingerImagesSpec, folder: Path | None) -> DesignedScene:
+def imaged_finger_design(spec: FingerImagesSpec, folder: Path | None) -> Design:
     """The scene in the file that the settings name, or that of the packaged finger.
 
     Args:
@@ -24,4 +26,4 @@ def imaged_finger_design(spec: FingerImagesSpec, folder: Path | None) -> Designe
     del folder
     scene = designed(spec.scene)
     file = SceneFile.model_validate(scene_tables(scene))
-    return DesignedScene.of(file, spec.scene or scene.layout.name)
+    return Design(SCENE, DesignedScene.of(file, spec.scene or scene.layout.name))

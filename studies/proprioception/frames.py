@@ -1,4 +1,4 @@
-"""Made fingers watched: frames rendered and their views found, some of them with labels."""
+"""Frames of fingers with sampled fabrication errors: random ones, and some with labels."""
 
 from __future__ import annotations
 
@@ -35,54 +35,62 @@ class Frames:
 
 
 @dataclass(frozen=True)
-class Watched:
-    """One made finger and its frames.
+class FingerFrames:
+    """One finger with sampled errors, and its frames.
 
     Attributes:
+        number: of the finger.
         errors: of the finger, in units of their deviations.
         frames: whose angles are to be found.
         spread: labelled frames spread over the whole range of both joints.
         in_gap: labelled frames in which both joints have a gap.
+        spread_labels: stated angles of the former, rad, with their errors.
+        gap_labels: stated angles of the latter, rad.
     """
 
+    number: int
     errors: Float[np.ndarray, " errors"]
     frames: Frames
     spread: Frames
     in_gap: Frames
+    spread_labels: Float[np.ndarray, "frames joints"]
+    gap_labels: Float[np.ndarray, "frames joints"]
 
 
-def watched(
+def render_finger(
     finger: FingerSensor,
-    tables: list[GapTable],
-    *,
+    gaps: list[GapTable],
     effects: Effects,
+    *,
     number: int,
     seed: int,
     frames: int,
     labelled: int,
+    label_deviation: float,
     range_deg: float,
-) -> Watched:
-    """Render one made finger in random poses and in those that are labelled.
+) -> FingerFrames:
+    """Render one finger in random poses and in those that are labelled.
 
     Args:
         finger: as designed.
-        tables: the gap of every joint.
+        gaps: the gap of every joint.
         effects: what makes images worse.
         number: which of many fingers.
         seed: of all of them.
         frames: number of random frames.
         labelled: number of labelled ones, of both kinds.
+        label_deviation: of the labels, rad.
         range_deg: range of both joints.
     """
     fabrication, errors = finger.made(seed, number)
     renderer = finger.renderer(effects, fabrication, seed=seed + number)
     generator = np.random.default_rng([seed, 7, number])
     top, joints = np.deg2rad(range_deg), len(finger.model.names)
-    limits = [(float(table.angles[0]), float(table.angles[-1])) for table in tables]
+    limits = [(float(table.angles[0]), float(table.angles[-1])) for table in gaps]
     sets = (
         generator.uniform(0, top, (frames, joints)),
-        spread_over([(0.0, top)] * joints, labelled),
-        spread_over(limits, labelled),
+        spread_angles([(0.0, top)] * joints, labelled),
+        spread_angles(limits, labelled),
     )
     # What is compiled on the way is no part of a frame's time.
     detect_views(renderer.render(sets[0][0]).pixels, finger.lens, finger.catalog)
@@ -97,10 +105,14 @@ def watched(
                 seconds.append(time.perf_counter() - start)
         made.append(Frames(angles, found, seconds))
         first += len(angles)
-    return Watched(errors, *made)
+    noise = np.random.default_rng([seed, 8, number]).standard_normal((2, *sets[1].shape))
+    labels = np.stack(sets[1:]) + label_deviation * noise
+    return FingerFrames(number, errors, *made, *labels)
 
 
-def spread_over(limits: list[tuple[float, float]], count: int) -> Float[np.ndarray, "count joints"]:
+def spread_angles(
+    limits: list[tuple[float, float]], count: int
+) -> Float[np.ndarray, "count joints"]:
     """Evenly spread values of every joint, the second one's in another order than the first's."""
     columns = []
     for joint, (low, high) in enumerate(limits):
