@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import pydantic
+from pydantic_core import PydanticUndefined
 
 from designopt.errors import UserError, shortened
 from designopt.io.files import DEEPEST, is_too_deep
@@ -39,18 +40,32 @@ def setting(
     return pydantic.Field(default=default, description=meaning, json_schema_extra=marks, **bounds)  # type: ignore[call-overload]
 
 
-def targets_waived(spec: Spec) -> str:
-    """Why the targets of a study do not apply to a run with these settings; empty if they do."""
+def targets_waived(spec: Spec, default: Spec | None = None, prefix: str = "") -> str:
+    """Why the targets of a study do not apply to a run with these settings; empty if they do.
+
+    Args:
+        spec: the settings.
+        default: what they are compared with, in place of the model's defaults.
+        prefix: of their keys.
+    """
     for name, info in type(spec).model_fields.items():
-        extra, value, default = info.json_schema_extra, getattr(spec, name), info.default
+        value, key = getattr(spec, name), prefix + name
+        wanted = (
+            info.get_default(call_default_factory=True)
+            if default is None
+            else getattr(default, name)
+        )
+        extra = info.json_schema_extra
         marks = extra if isinstance(extra, dict) else {}
-        if marks.get("free"):
+        if marks.get("free") or value == wanted or wanted is PydanticUndefined:
             continue
-        if not marks.get("scales"):
-            if value != default:
-                return f"{name} is not the default"
-        elif value < default:
-            return f"{name} = {value} is less than {default}"
+        if isinstance(value, Spec):
+            if why := targets_waived(value, wanted, f"{key}."):
+                return why
+        elif not marks.get("scales"):
+            return f"{key} is not the default"
+        elif value < wanted:
+            return f"{key} = {value} is less than {wanted}"
     return ""
 
 
@@ -79,7 +94,7 @@ def spec_of_tables(model: type[Spec], tables: Mapping[str, Any], *, study: str =
         UserError: every fault at once, in one line.
     """
     try:
-        return model.model_validate(tables)
+        return model.model_validate(_over_defaults(model, tables))
     except pydantic.ValidationError as error:
         faults = "; ".join(_fault(model, details) for details in error.errors())
         raise UserError(
@@ -106,17 +121,40 @@ def spec_of(model: type[Spec], tables: Any, *, source: str) -> Spec:
         ) from error
 
 
-def fields(model: type[Spec], prefix: str = "") -> Iterator[tuple[str, Any, str]]:
+def fields(
+    model: type[Spec], prefix: str = "", default: Spec | None = None
+) -> Iterator[tuple[str, Any, str]]:
     """Every key of a spec as ``(key, default, description)``, nested keys joined by dots.
 
-    The default of a key that has none is ``pydantic_core.PydanticUndefined``.
+    The default of a key that has none is ``pydantic_core.PydanticUndefined``. Of a nested spec, the
+    defaults are those of the field that holds it.
     """
     for name, info in model.model_fields.items():
-        kind = info.annotation
+        kind, own = info.annotation, info.get_default(call_default_factory=True)
+        own = own if default is None else getattr(default, name)
         if isinstance(kind, type) and issubclass(kind, Spec):
-            yield from fields(kind, f"{prefix}{name}.")
+            yield from fields(kind, f"{prefix}{name}.", own if isinstance(own, Spec) else None)
         else:
-            yield prefix + name, info.get_default(call_default_factory=True), info.description or ""
+            yield prefix + name, own, info.description or ""
+
+
+def _over_defaults(model: type[Spec], tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested tables laid over what the defaults of their fields set in them."""
+    laid = dict(tables)
+    for name, info in model.model_fields.items():
+        if isinstance(info.default, Spec) and isinstance(laid.get(name), Mapping):
+            table = _merge(info.default.model_dump(exclude_unset=True), laid[name])
+            laid[name] = _over_defaults(type(info.default), table)
+    return laid
+
+
+def _merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    both = {
+        key: _merge(base[key], over[key])
+        for key in base.keys() & over.keys()
+        if isinstance(base[key], Mapping) and isinstance(over[key], Mapping)
+    }
+    return {**base, **over, **both}
 
 
 def _assign(overrides: dict[str, Any], text: str, study: str) -> None:

@@ -3,8 +3,8 @@
 import pydantic_core
 import pytest
 
-from designopt import UserError
-from designopt.study.settings import fields, spec_of, spec_with
+from designopt import Spec, UserError, setting
+from designopt.study.settings import fields, spec_of, spec_with, targets_waived
 from tests.designopt.plugin import SquareSpec
 
 
@@ -86,3 +86,35 @@ def test_the_spec_of_a_result_is_the_one_it_was_made_with():
 def test_a_spec_of_other_settings_names_where_it_is_from(tables):
     with pytest.raises(UserError, match=r"^out/square: made by another version .*; run it again$"):
         spec_of(SquareSpec, tables, source="out/square")
+
+
+class Lens(Spec):
+    focal_length: float = setting(2.0, "focal length (mm)", free=True)
+    rows: int = setting(100, "rows of pixels", scales=True)
+
+
+class Eye(Spec):
+    lens: Lens = Lens(rows=200)
+    side: str = "left"
+
+
+class Face(Spec):
+    eye: Eye = Eye(side="right")
+
+
+def face(*assignments: str) -> Face:
+    spec = spec_with(Face, assignments, study="face")
+    assert isinstance(spec, Face)
+    return spec
+
+
+def test_a_nested_key_leaves_the_others_at_the_studys_defaults():
+    lens = Lens(focal_length=3.0, rows=200)
+    assert face("eye.lens.focal_length=3") == Face(eye=Eye(lens=lens, side="right"))
+    assert [default for _, default, _ in fields(Face)] == [2.0, 200, "right"]
+
+
+def test_nested_settings_decide_whether_targets_apply():
+    assert targets_waived(face("eye.lens.focal_length=3", "eye.lens.rows=300")) == ""
+    assert targets_waived(face("eye.lens.rows=150")) == "eye.lens.rows = 150 is less than 200"
+    assert targets_waived(face("eye.side=left")) == "eye.side is not the default"

@@ -1,0 +1,102 @@
+"""Settings of every installed study, and the words of its report, read from their schemas."""
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from designopt import Spec, UserError
+from designopt.study.settings import fields, spec_with, targets_waived
+from designopt.study.study import load_study
+
+ROOT = Path(__file__).parents[2]
+STUDIES = sorted(entry_points(group="designopt.studies").names)
+WORDS = sorted((ROOT / "studies").rglob("report.md"))
+
+
+def schemas(model: type[Spec]) -> dict[str, dict[str, Any]]:
+    """The JSON schema of every key, nested keys joined by dots."""
+    schema = model.model_json_schema()
+    parts = schema.get("$defs", {})
+
+    def walk(part: dict[str, Any], at: str) -> Iterator[tuple[str, dict[str, Any]]]:
+        part = {**parts[part["$ref"].rsplit("/", 1)[1]], **part} if "$ref" in part else part
+        if "properties" not in part:
+            yield at, part
+        for key, inner in part.get("properties", {}).items():
+            yield from walk(inner, f"{at}.{key}".lstrip("."))
+
+    return dict(walk(schema, ""))
+
+
+def values_out_of_bounds(schema: dict[str, Any]) -> Iterator[Any]:
+    """Values that a key's schema rules out: of another type, not finite, beyond its bounds."""
+    kind = schema.get("type")
+    yield {"a": {"b": 1}}
+    if kind in ("number", "integer"):
+        yield from ("wide", math.nan, math.inf)
+        yield from (schema[key] - 1 for key in ("minimum", "exclusiveMinimum") if key in schema)
+        yield from (schema[key] + 1 for key in ("maximum", "exclusiveMaximum") if key in schema)
+        yield from (schema[key] for key in schema if key.startswith("exclusive"))
+    if kind == "integer":
+        yield 1.5
+    if kind == "boolean":
+        yield "perhaps"
+    if "enum" in schema:
+        yield "none of these"
+    if kind == "array":
+        yield 1
+        if isinstance(items := schema.get("items"), dict):
+            yield from ([value] for value in values_out_of_bounds(items))
+        if schema.get("minItems"):
+            yield []
+
+
+def written(value: Any) -> str:
+    """A value as ``--set`` takes it."""
+    if isinstance(value, dict):
+        return "{a = {b = 1}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(written, value))}]"
+    return json.dumps(value) if isinstance(value, str) else repr(value)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_what_a_setting_rules_out_is_one_line_that_names_it(name):
+    model = load_study(name).spec
+    for key, schema in schemas(model).items():
+        for value in values_out_of_bounds(schema):
+            setting = f"{key}={written(value)}"
+            try:
+                spec_with(model, [setting], study=name)
+            except UserError as error:
+                message = str(error)
+            else:
+                pytest.fail(f"{setting} is accepted")
+            assert f"--set {key}" in message, message
+            assert "\n" not in message
+            assert len(message) < 1500
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_defaults_are_valid_have_a_meaning_and_targets(name):
+    model = load_study(name).spec
+    assert targets_waived(model()) == ""
+    for key, default, meaning in fields(model):
+        assert len(meaning) > 4, key
+        if isinstance(default, (bool, int, float)):
+            assert spec_with(model, [f"{key}={json.dumps(default)}"], study=name) == model()
+
+
+@pytest.mark.parametrize("words", WORDS, ids=lambda path: path.parent.name)
+def test_every_entry_of_a_report_is_used(words):
+    code = "".join(path.read_text(encoding="utf-8") for path in words.parent.glob("*.py"))
+    for section in re.split(r"^# ", words.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
+        names = re.findall(r"^([\w-]+)(?: \[.*\])?: ", section, flags=re.MULTILINE)
+        assert names, section
+        assert [name for name in names if not re.search(rf"\b{re.escape(name)}\b", code)] == []
