@@ -6,11 +6,12 @@ import inspect
 import os
 import sys
 from collections.abc import Callable
-from importlib.metadata import entry_points, version
+from importlib.metadata import entry_points
 from typing import Annotated, cast
 
 import typer
 
+from designopt import __version__
 from designopt.compilation_cache import NoCache
 from designopt.errors import UserError
 
@@ -73,7 +74,7 @@ def _help(command: Callable[..., object]) -> str:
 
 def _show_version(wanted: bool) -> bool:
     if wanted:
-        print(f"designopt {version('designopt')}")
+        print(f"designopt {__version__}")
         raise typer.Exit
     return wanted
 
