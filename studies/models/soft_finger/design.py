@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from designopt.design_kind import Design
 from optics.chamber.designed import DesignedChamber
+from optics.design import CHAMBER
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.spec import ChamberImagesSpec
 
 
 def soft_finger_design(name: str, spec: ChamberImagesSpec, folder: Path | None) -> DesignedChamber:
-    """The chamber whose images a study looks at.
+    """`chamber_design` without its kind."""
+    del folder
+    return DesignedChamber(name, SoftFinger.of(spec).chamber)
+
+
+def chamber_design(name: str, spec: ChamberImagesSpec, folder: Path | None) -> Design:
+    """The chamber whose images a study analyzes.
+
+    A study gives ``design=partial(lazily("studies.models.soft_finger.design:chamber_design"),
+    "its-name")``.
 
     Args:
         name: of the study.
@@ -20,5 +31,4 @@ def soft_finger_design(name: str, spec: ChamberImagesSpec, folder: Path | None) 
     Raises:
         UserError: no chamber follows from them.
     """
-    del folder
-    return DesignedChamber(name, SoftFinger.of(spec).chamber)
+    return Design(CHAMBER, soft_finger_design(name, spec, folder))
