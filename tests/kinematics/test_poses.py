@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 
 from kinematics import parse_linkage, solve_poses
-from kinematics.io.sketch import load_sketch
 from kinematics.solve.continuation import newton_correct, split
 from kinematics.solve.evaluation import evaluate
 from kinematics.solve.plan import make_plan
 from kinematics.solve.solver import Solver
 from kinematics.solve.steps import Plan
 from tests.helpers import central_differences
-from tests.kinematics.gallery import FOLDER, NAMES, gallery, poses_of
+from tests.kinematics.gallery import NAMES, gallery, gallery_tables, poses_of
 
 CLOSED = 1e-12  # what the project promises, in units of the linkage's size
 
@@ -95,7 +94,7 @@ def test_compiled_batched_gradients(name):
         np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=2e-7)
 
 
-@pytest.mark.parametrize("name", ["four-bar", "slider-crank", "quick-return", "watt", "jansen"])
+@pytest.mark.parametrize("name", ["slider-crank", "quick-return", "jansen"])
 def test_closed_form_and_newton_agree(name):
     """The same loops, solved by Newton's method from a disturbed start."""
     linkage = gallery(name)
@@ -175,34 +174,28 @@ def test_mirrored_inputs_give_the_mirrored_linkage():
     np.testing.assert_allclose(one.value.joints["C"].y, -other.value.joints["C"].y, atol=1e-12)
 
 
-def test_many_poses_are_those_of_few():
+def test_many_poses_and_their_gradients_are_those_of_few():
     """Large batches run in blocks, whose size need not divide their number."""
     linkage = gallery("four-bar")
     inputs = jnp.linspace(0.0, 6.0, 20_011)[:, None]
-    every = poses_of(linkage, inputs)
-    some = poses_of(linkage, inputs[::4000])
-    assert every.margin.shape == (20_011,)
-    # Compiled for another number of poses, the last digits may be other ones.
-    for many, few in (
-        (every.value.joints["B"].x, some.value.joints["B"].x),
-        (every.margin, some.margin),
-    ):
-        np.testing.assert_allclose(many[::4000], few, rtol=1e-14, atol=1e-12)
 
-
-def test_gradients_of_many_poses_are_those_of_few():
-    linkage = gallery("four-bar")
-    inputs = jnp.linspace(0.0, 6.0, 20_000)[:, None]
+    @jax.jit
+    def outputs(design, inputs):
+        poses = solve_poses(design, inputs)
+        return poses.value.joints["B"].x, poses.margin
 
     def total(design, inputs):
         return jnp.sum(solve_poses(design, inputs).value.joints["B"].y)
 
+    # Compiled for another number of poses, the last digits may be other ones.
+    for many, few in zip(outputs(linkage, inputs), outputs(linkage, inputs[::4000]), strict=True):
+        assert many.shape == (20_011,)
+        np.testing.assert_allclose(many[::4000], few, rtol=1e-14, atol=1e-12)
     slope = jax.jit(jax.grad(total))
     whole = slope(linkage, inputs)
-    parts = [slope(linkage, part) for part in jnp.split(inputs, 4)]
-    for leaf, *pieces in zip(
-        jax.tree.leaves(whole), *(jax.tree.leaves(part) for part in parts), strict=True
-    ):
+    parts = [slope(linkage, part) for part in (inputs[:10_000], inputs[10_000:20_000])]
+    rest = slope(linkage, inputs[20_000:])
+    for leaf, *pieces in zip(*map(jax.tree.leaves, (whole, *parts, rest)), strict=True):
         np.testing.assert_allclose(leaf, sum(pieces), rtol=1e-9, atol=1e-9)
 
 
@@ -234,13 +227,11 @@ def test_failures_are_data():
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(poses.value))
 
 
-@pytest.mark.parametrize("name", ["four-bar", "slider-crank", "stephenson"])
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
-def test_impossible_inputs_are_told(name, bad):
-    poses = poses_of(gallery(name), jnp.array([[bad]]))
-    if not np.isfinite(bad):
-        assert not bool(poses.ok[0])
-        assert "not a finite number" in poses.messages()[0]
+@pytest.mark.parametrize("name", ["slider-crank", "stephenson"])
+def test_impossible_inputs_are_data(name):
+    poses = poses_of(gallery(name), jnp.array([[np.nan], [np.inf], [-np.inf], [1e300]]))
+    assert not np.any(poses.ok[:3])
+    assert all("not a finite number" in message for message in poses.messages()[:3])
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves((poses.value, poses.margin)))
 
 
@@ -257,38 +248,12 @@ def test_float32_without_and_with_64_bit_floats():
 
 def test_a_slide_as_input():
     """The slider-crank driven at its slider: the crank angle comes back."""
-    sketch = load_sketch(FOLDER / "slider-crank.toml").model_dump()
-    sketch["inputs"] = [{"name": "ram", "slider": "C"}]
+    angles = near_home("slider-crank", 5)
+    slides = poses_of(gallery("slider-crank"), angles).value.slides[0]
     for far in (0.0, 1e7):  # the line's first point may lie anywhere along it
-        sketch["sliders"][0]["line"] = [[far, -20], [far + 1, -20]]
-        driven = parse_linkage(sketch)
-        angles = near_home("slider-crank", 5)
-        slides = poses_of(gallery("slider-crank"), angles).value.slides[0]
+        line = [[far, -20], [far + 1, -20]]
+        changes = {"inputs": [{"name": "ram", "slider": "C"}], "sliders/0/line": line}
+        driven = parse_linkage(gallery_tables("slider-crank", changes))
         back = poses_of(driven, slides[:, None] - far)
         assert bool(jnp.all(back.ok))
         np.testing.assert_allclose(back.value.angle("crank"), angles[:, 0], atol=1e-9)
-
-
-def test_three_in_a_line_and_two_lines_at_one_joint():
-    """A pin in two slots (PRP): it is where the slots cross."""
-    linkage = parse_linkage(
-        {
-            "joints": {"O": [0, 0], "T": [30, 30], "P": [20, 20]},
-            "bodies": {
-                "ground": {"joints": ["O"], "fixed": True},
-                "arm": {"joints": ["O", "T"]},
-            },
-            "sliders": [
-                {"joint": "P", "on": "arm", "line": [[0, 0], [30, 30]]},
-                {"joint": "P", "on": "ground", "line": [[0, 20], [1, 20]]},
-            ],
-            "inputs": [{"name": "arm", "body": "arm"}],
-        }
-    )
-    angles = jnp.array([[0.5], [1.0], [2.0], [0.0]])
-    poses = poses_of(linkage, angles)
-    assert poses.ok.tolist() == [True, True, True, True] or not bool(poses.ok[3])
-    np.testing.assert_allclose(
-        poses.value.joints["P"].x[:3], 20 / np.tan([0.5, 1.0, 2.0]), rtol=1e-12
-    )
-    assert float(poses.margin[3]) == 0.0  # the slots are parallel: no place, and no margin
