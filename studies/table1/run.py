@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from designopt.errors import UserError
 from designopt.plot.figures import PALETTE, new_figure
 from designopt.plot.typesetting import as_mathtext
+from designopt.study.benchmark import find_undominated
 from designopt.study.left_out import count_operations
 from designopt.study.report import Report
 from designopt.study.results import LeftOutRow, Results, StabilityRow
@@ -23,9 +24,11 @@ from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import SolveMethod, solve_dimension_for_ratio
 from optics.plot.chamber_drawing import REGIONS
 from optics.scene.thin_lens import ThinLens
+from studies.benchmarks import chamber as benchmark
 from studies.models.soft_finger import paper
 from studies.models.soft_finger.imaging import Constants, Imaging
-from studies.table1 import Table1Spec, precision, stability
+from studies.stability import chamber as stability
+from studies.table1 import Table1Spec
 from studies.table1.analysis import Analysis, analyze, analyze_batch
 
 CELLS = 3 * len(paper.ETA)
@@ -45,7 +48,7 @@ def run(spec: Table1Spec, context: Context) -> Results:
     out.stability(rows)
     if spec.precision:
         with context.step("Error against run time"):
-            precision.measure(out, analysis.imaging.identified.chamber, spec, context.seed)
+            measure(out, analysis.imaging.identified.chamber, spec, context.seed)
     with context.step("Operations left out"):
         out.left_out(operations(analysis.imaging.chosen))
     add_metrics(out, spec, analysis, rows)
@@ -85,6 +88,17 @@ def _run_alone(spec: Table1Spec, context: Context) -> Results | UserError:
         return run(spec, context)
     except UserError as error:
         return error
+
+
+def measure(out: Report, chamber: Chamber, spec: Table1Spec, seed: int) -> None:
+    """Error against run time of solving for η from θ_CD."""
+    rows = benchmark.measure(chamber, spec.precision_problems, spec.precision_repeats, seed)
+    out.precision(
+        rows,
+        "worst relative error of η",
+        f"{benchmark.REFERENCE} (so float32 answers for the rounding of its inputs, too)",
+        out.claim("closed-form", *find_undominated(rows, benchmark.CLOSED_FORM)),
+    )
 
 
 def operations(chamber: Chamber) -> list[LeftOutRow]:

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from typing import get_args
 
 import jax
 import jax.numpy as jnp
@@ -12,11 +13,14 @@ import pytest
 import scipy.optimize
 
 from designopt import cli, find_root
+from designopt.roots import RootMethod
 from designopt.study.stability import assess
+from studies.benchmarks import chamber as benchmark
 from studies.models.soft_finger import imaging, paper
 from studies.models.soft_finger.chamber_spec import ChamberSpec
 from studies.oracles import chamber as exact
-from studies.table1 import STUDY, Table1Spec, precision, stability
+from studies.stability import chamber as stability
+from studies.table1 import STUDY, Table1Spec
 from studies.table1.analysis import OTHER_READING, analyze, real_lens
 from studies.table1.run import operations
 from tests.helpers import load_toml
@@ -154,7 +158,7 @@ def test_the_other_reading_stands_only_beside_the_papers_chamber():
 
 
 def test_the_exact_forms_are_those_of_the_library():
-    fields = {name: float(getattr(PRINTED, name)) for name in (*precision.FIELDS, "offset_d")}
+    fields = {name: float(getattr(PRINTED, name)) for name in (*benchmark.FIELDS, "offset_d")}
     with mpmath.workdps(30):
         chamber = {name: mpmath.mpf(value) for name, value in fields.items()}
         np.testing.assert_allclose(
@@ -184,17 +188,21 @@ def test_every_family_passes_for_other_seeds(seed):
 @pytest.mark.slow
 def test_contenders_agree_to_their_tolerance():
     """Every method at its finest tolerance reaches the reference; a coarse one need not."""
-    fields = {name: float(getattr(PRINTED, name)) for name in precision.FIELDS}
+    fields = {name: float(getattr(PRINTED, name)) for name in benchmark.FIELDS}
     methods = set()
-    for work in precision.workloads(fields, 20, seed=0):
+    for work in benchmark.workloads(fields, 20, seed=0):
         with jax.enable_x64(work.dtype == "float64"):
-            for method in precision.methods(fields, work):
+            for method in benchmark.methods(fields, work):
                 error = method.error(method.call())
                 methods.add(method.method)
                 if method.setting in ("", "tolerance 1e-14"):
                     assert error < (2e-13 if work.dtype == "float64" else 1e-5), method
                 assert error < 0.2, method
-    assert methods == {"closed form", "SciPy brentq", *precision.METHOD_NAMES.values()}
+    assert methods == {
+        "closed form",
+        "SciPy brentq",
+        *map(benchmark.method_name, get_args(RootMethod)),
+    }
 
 
 def test_the_scene_needs_fewer_operations_than_the_general_program():
@@ -256,7 +264,11 @@ def test_the_measurements_end_to_end(tmp_path, capsys):
     assert metrics["gradient_error"] <= 1e-6
 
     methods = {row["method"] for row in document["precision"]}
-    assert methods == {"closed form", "SciPy brentq", *precision.METHOD_NAMES.values()}
+    assert methods == {
+        "closed form",
+        "SciPy brentq",
+        *map(benchmark.method_name, get_args(RootMethod)),
+    }
     assert {row["dtype"] for row in document["stability"]} == {"float64", "float32"}
     assert all(
         row["seconds_low"] <= row["seconds"] <= row["seconds_high"] for row in document["precision"]

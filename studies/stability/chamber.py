@@ -1,4 +1,4 @@
-"""Stiff and extreme chambers, judged against Eqs. 1-3 in 50 digits."""
+"""Stiff and extreme chambers and lenses, judged against Eqs. 1-3 in 50 digits."""
 
 from __future__ import annotations
 
