@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -15,6 +17,7 @@ from jaxtyping import Array, Float
 
 from kinematics import Linkage, parse_linkage, solve_poses
 from studies.oracles import linkages as exact
+from studies.oracles.six_bar import SixBar, six_bar_gaps
 
 
 @dataclass(frozen=True, eq=False)  # compared by identity, as arrays have no hash
@@ -23,27 +26,37 @@ class Mechanism:
 
     Attributes:
         name: in words.
-        inputs: names of the entries of a row; the last is the driven one.
         linkage: its structure; dimensions are replaced.
-        dimensioned: the linkage with the dimensions of a row.
-        pins: the joints of interest; the last is the one whose position is judged.
+        leaves: the linkage's dimensions in the order of a row, whose last entry is the input.
+        pins: the crank's pin, and the joint whose position is judged.
         formula: the independent answer.
         gaps: how far given pins miss the dimensions, independently.
         left: the library's sign of the assembly that the formula calls +1; 0 where it has none.
-        coordinates: where in a row the x and y of fixed points are, the first fixed joint first.
+        points: where in a row the x of fixed points are, the first fixed joint first.
         closed_form: whether the formula works in any arithmetic; otherwise in mpmath numbers only.
     """
 
     name: str
-    inputs: tuple[str, ...]
     linkage: Linkage
-    dimensioned: Callable[[Linkage, Any], Linkage]
+    leaves: Callable[[Linkage], tuple[Any, ...]]
     pins: tuple[str, str]
     formula: Callable[[exact.Arithmetic, np.ndarray, np.ndarray], exact.Exact]
     gaps: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
     left: int
-    coordinates: tuple[list[int], ...]
+    points: tuple[int, ...]
     closed_form: bool = True
+
+    def with_dimensions(self, linkage: Linkage, row: Float[Array, " inputs"]) -> Linkage:
+        """The linkage with the dimensions of a row."""
+        leaves = self.leaves(linkage)
+        parts = jnp.split(row[:-1], np.cumsum([leaf.size for leaf in leaves[:-1]]))
+        sized = [part.reshape(leaf.shape) for part, leaf in zip(parts, leaves, strict=True)]
+        return eqx.tree_at(self.leaves, linkage, tuple(sized))
+
+    def sketched_row(self) -> np.ndarray:
+        """The row of the linkage as it was read."""
+        leaves = (*self.leaves(self.linkage), self.linkage.reference.inputs)
+        return np.concatenate([np.ravel(leaf) for leaf in leaves]).astype(float)
 
     def own_sizes(self, rows: np.ndarray) -> np.ndarray:
         """What every entry of a row amounts to, coordinates counted from the first fixed joint.
@@ -52,8 +65,8 @@ class Mechanism:
             rows: shape (cases, inputs).
         """
         own = rows.copy()
-        for pair in self.coordinates:
-            own[:, pair] = rows[:, pair] - rows[:, self.coordinates[0]]
+        for x in self.points:
+            own[:, x : x + 2] = rows[:, x : x + 2] - rows[:, :2]
         return abs(own)
 
 
@@ -101,7 +114,7 @@ def _program(mechanism: Mechanism) -> Callable[[Any, Any], Any]:
 
     def position(row: Float[Array, " inputs"], side: Float[Array, ""]) -> tuple[Array, Any]:
         typed = jax.tree.map(lambda leaf: jnp.asarray(leaf, row.dtype), template)
-        linkage = mechanism.dimensioned(typed, row)
+        linkage = mechanism.with_dimensions(typed, row)
         # A triad is followed from its sketch: no sign chooses its assembly.
         signs = (mechanism.left * side)[None]
         solved = solve_poses(linkage, row[-1:], of=mechanism.pins, signs=signs)
@@ -114,82 +127,74 @@ def _program(mechanism: Mechanism) -> Callable[[Any, Any], Any]:
     return jax.jit(jax.vmap(jax.jacrev(position, has_aux=True)))
 
 
+def _sketch(name: str) -> dict[str, Any]:
+    path = files("studies") / "gallery" / "linkages" / f"{name}.toml"
+    # Every crank is driven against the fixed axes.
+    return tomllib.loads(path.read_text("utf-8")) | {"inputs": [{"name": "crank", "body": "crank"}]}
+
+
+def _lengths(linkage: Linkage, *names: str) -> tuple[Any, ...]:
+    return tuple(linkage.links[name].length for name in names)
+
+
+@functools.cache
 def four_bar() -> Mechanism:
-    """A four-bar that is driven at its crank, against the fixed axes."""
-    linkage = parse_linkage(
-        {
-            "joints": {"O2": (0, 0), "A": (30, 26), "B": (143, 67), "O4": (100, 0)},
-            "bodies": {
-                "ground": {"joints": ["O2", "O4"], "fixed": True},
-                "crank": {"joints": ["O2", "A"]},
-                "coupler": {"joints": ["A", "B"]},
-                "rocker": {"joints": ["O4", "B"]},
-            },
-            "inputs": [{"name": "crank", "body": "crank"}],
-        }
-    )
-
-    def dimensioned(linkage: Linkage, row: Float[Array, " inputs"]) -> Linkage:
-        return eqx.tree_at(
-            lambda linkage: (
-                linkage.anchors,
-                *(linkage.links[name].length for name in ("crank", "coupler", "rocker")),
-            ),
-            linkage,
-            (row[:4].reshape(2, 2), row[4], row[5], row[6]),
-        )
-
-    # The sketch has B to the left of A → O4.
+    """A four-bar that is driven at its crank; its sketch has B to the left of A → O4."""
+    linkage = parse_linkage(_sketch("four-bar"))
     return Mechanism(
         "four-bar",
-        exact.FOUR_BAR,
         linkage,
-        dimensioned,
+        lambda linkage: (linkage.anchors, *_lengths(linkage, "crank", "coupler", "rocker")),
         ("A", "B"),
         exact.four_bar,
         exact.four_bar_gaps,
         linkage.assembly[0],
-        ([0, 1], [2, 3]),
+        (0, 2),
     )
 
 
+@functools.cache
 def slider_crank() -> Mechanism:
-    """A slider-crank whose end slides along a fixed line, driven at its crank."""
-    linkage = parse_linkage(
-        {
-            "joints": {"O2": (0, 0), "A": (20, 35), "C": (127, -20)},
-            "bodies": {
-                "ground": {"joints": ["O2"], "fixed": True},
-                "crank": {"joints": ["O2", "A"]},
-                "rod": {"joints": ["A", "C"]},
-            },
-            "sliders": [{"joint": "C", "on": "ground", "line": ((0, -20), (1, -20))}],
-            "inputs": [{"name": "crank", "body": "crank"}],
-        }
-    )
-
-    def dimensioned(linkage: Linkage, row: Float[Array, " inputs"]) -> Linkage:
-        return eqx.tree_at(
-            lambda linkage: (
-                linkage.anchors,
-                linkage.links["crank"].length,
-                linkage.links["rod"].length,
-                linkage.lines[0].point,
-                linkage.lines[0].angle,
-            ),
-            linkage,
-            (row[None, :2], row[2], row[3], row[4:6], row[6]),
-        )
-
-    # The sketch has C ahead of A along the line.
+    """A slider-crank on a fixed line; its sketch has C ahead of A along the line."""
+    linkage = parse_linkage(_sketch("slider-crank"))
     return Mechanism(
         "slider-crank",
-        exact.SLIDER_CRANK,
         linkage,
-        dimensioned,
+        lambda linkage: (
+            linkage.anchors,
+            *_lengths(linkage, "crank", "rod"),
+            linkage.lines[0].point,
+            linkage.lines[0].angle,
+        ),
         ("A", "C"),
         exact.slider_crank,
         exact.slider_crank_gaps,
         linkage.assembly[0],
-        ([0, 1], [4, 5]),
+        (0, 4),
     )
+
+
+@functools.cache
+def six_bar() -> tuple[Mechanism, SixBar]:
+    """The gallery's Stephenson six-bar, and its oracle."""
+    data = _sketch("stephenson")
+    linkage = parse_linkage(data)
+    sketch = np.array([*data["joints"]["A"], *data["joints"]["B"]], float)
+    oracle = SixBar(float(linkage.reference.inputs[0]), sketch)
+
+    def leaves(linkage: Linkage) -> tuple[Any, ...]:
+        lengths = _lengths(linkage, "left", "coupler", "right", "rod", "crank")
+        return (linkage.anchors, *lengths[:2], linkage.links["coupler"].places, *lengths[2:])
+
+    mechanism = Mechanism(
+        "six-bar triad",
+        linkage,
+        leaves,
+        ("D", "P"),
+        oracle,
+        six_bar_gaps,
+        0,
+        (0, 2, 4),
+        closed_form=False,
+    )
+    return mechanism, oracle

@@ -1,36 +1,75 @@
-"""The study itself: from its spec to its results."""
+"""Solve extreme and random linkages in both float types, and judge every answer.
+
+Values are judged as in `designopt.study.stability`, a position as one plane vector (its larger
+coordinate), so that the direction of the axes plays no part. Coordinates count from the first
+fixed joint: where the world's origin is conditions nothing. A column of the gradient passes if its
+error is small on either of two scales: what it would do to the position, as there, or what
+rounding the inputs does to the column itself. The second is needed near lock-up: at a margin m of
+the linkage's size the gradient grows as m^(−1/2), and a relative change ε of an input changes it
+by ε / m of itself, whatever computes it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import mpmath
 import numpy as np
+from matplotlib.figure import Figure
 
+from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
+from designopt.study.records import Records
+from designopt.study.report import Report
 from designopt.study.results import Results
+from designopt.study.stability import DIGITS
 from designopt.study.study import Context
-from studies.stability.linkage import cases, drawings, mechanisms, statements, triad
+from studies.oracles import linkages as exact
+from studies.stability.judging import (
+    DTYPES,
+    failed,
+    largest,
+    report_cases,
+    rounding,
+    say_failures,
+    total,
+)
+from studies.stability.linkage import StabilitySpec, cases, mechanisms
 from studies.stability.linkage.cases import Cases
-from studies.stability.linkage.judging import Family, judge
-from studies.stability.linkage.mechanisms import Mechanism
-from studies.stability.linkage.spec import StabilitySpec
+from studies.stability.linkage.mechanisms import Mechanism, Solved
 
-DTYPES = ("float64", "float32")
+UNDECIDED = {"float64": 1e-12, "float32": 32 * rounding("float32")}
+"""Margins, in units of the linkage's size, up to which either verdict is accepted.
+
+float32 cannot resolve 1e-12: there it is 32 units of rounding (3.8e-6), twice the 16 that the
+library itself counts as touching, as the margin it compares with them is rounded as well.
+"""
+
+CLOSURE = {"float64": 1e-12, "float32": 64 * rounding("float32")}
+"""Largest gap of a pose that is marked ok, in units of the linkage's size."""
+
+HARD = 1e-6
+"""Margin, in units of the size, below which cases are judged in `DIGITS` digits."""
+
+FAR = 1e3
+"""Coordinates, in units of the size, beyond which they are too: their differences cost digits."""
+
+APPROACHES = ("stretching: margin 1e-1", "folding: margin 1e-1", "slider-crank, margin 1e-1")
+"""Parts of the names of families that approach lock-up from inside."""
 
 
 def run(spec: StabilitySpec, context: Context) -> Results:
     """Solve and judge every family in both float types."""
-    found: list[Family] = []
+    judged = Records()
     for dtype in DTYPES:
         for mechanism, batches in _workload(spec, context.seed, dtype):
             with context.step(f"{mechanism.name}, {dtype}"):
-                found += assess(mechanism, batches)
-    return Results(
-        findings=statements.findings(found),
-        metrics=statements.metrics(found),
-        tables=[statements.verdicts(found)],
-        figures=[drawings.approach_figure(found), drawings.random_figure(found)],
-        stability=[family.judged.row(family.case) for family in found],
-    )
+                judged.add(**assess(mechanism, batches))
+    out = Report(spec, package=__package__)
+    report(out, judged)
+    approaching = [any(part in case for part in APPROACHES) for case in judged["case"]]
+    out.figure("approach", draw_approach(judged.where(approaching)))
+    out.figure("random", draw_random(_random(judged)))
+    return out.results()
 
 
 def _workload(
@@ -38,26 +77,243 @@ def _workload(
 ) -> Iterator[tuple[Mechanism, list[Cases]]]:
     """Every mechanism with its families; those of one mechanism are solved in one call."""
     count, random = spec.family_cases, (spec.random_cases, spec.decades, seed)
-    yield (
-        mechanisms.four_bar(),
-        [*cases.four_bars(dtype, count), cases.random_four_bars(dtype, *random)],
-    )
-    yield (
-        mechanisms.slider_crank(),
-        [*cases.slider_cranks(dtype, count), cases.random_slider_cranks(dtype, *random)],
-    )
+    four_bars = [*cases.four_bars(dtype, count), cases.random_four_bars(dtype, *random)]
+    yield mechanisms.four_bar(), four_bars
+    sliders = [*cases.slider_cranks(dtype, count), cases.random_slider_cranks(dtype, *random)]
+    yield mechanisms.slider_crank(), sliders
     if spec.triad:
-        yield triad.six_bar()[0], list(triad.families(dtype))
+        yield mechanisms.six_bar()[0], list(cases.six_bars(dtype))
 
 
-def assess(mechanism: Mechanism, batches: Sequence[Cases]) -> list[Family]:
-    """Solve families of one mechanism in one call, and judge each."""
+def assess(mechanism: Mechanism, batches: Sequence[Cases]) -> Records:
+    """Solve families of one mechanism in one call, and judge every case (`judge`)."""
     inputs = np.concatenate([batch.inputs for batch in batches])
     sides = np.concatenate([batch.sides for batch in batches])
+    names = np.repeat([batch.case for batch in batches], [len(batch.sides) for batch in batches])
     judged = judge(mechanism, inputs, sides, mechanisms.solve(mechanism, inputs, sides))
-    families, start = [], 0
-    for batch in batches:
-        end = start + len(batch.sides)
-        families.append(Family(batch.case, judged.part(slice(start, end))))
-        start = end
-    return families
+    return Records({"case": names.tolist(), **judged})
+
+
+def judge(mechanism: Mechanism, inputs: np.ndarray, sides: np.ndarray, solved: Solved) -> Records:
+    """Judge a batch of solved cases.
+
+    Args:
+        mechanism: which.
+        inputs: shape (cases, inputs), as they were solved.
+        sides: shape (cases,).
+        solved: the library's answers.
+
+    Returns:
+        Columns of `studies.stability.judging`, but for the families' names; ``margin``, exact, and
+        ``residual``, as the library has it, in units of the linkage's size; ``gap``, how far the
+        pins miss the dimensions, in units of the largest length or coordinate; ``gradient_size``,
+        the largest entry of the gradient, each times its input, in units of size; ``ok``,
+        ``undecided`` where either verdict is accepted, and ``open`` where a pose marked ok does
+        not close.
+    """
+    easy, dtype = exact.EXTENDED, str(inputs.dtype)
+    hard = np.ones(len(inputs), bool)
+    # Where long double is no wider than float64, nothing can be judged in it.
+    if mechanism.closed_form and np.finfo(np.longdouble).eps < 1e-18:
+        found = mechanism.formula(easy, easy.number(inputs), sides)
+        far = np.max(abs(inputs[:, :-1]), axis=1) > FAR * found.size
+        hard = far | (abs(_relative_margin(found)) < HARD)
+    parts = np.full((4, len(inputs)), np.nan)
+    for mask, arithmetic in ((~hard, easy), (hard, exact.DIGITS)):
+        if np.any(mask):
+            some = Solved(*(part[mask] for part in solved))
+            with mpmath.workdps(DIGITS):
+                parts[:, mask] = _errors(mechanism, arithmetic, inputs[mask], sides[mask], some)
+    margin, ok = parts[0], solved.ok
+    size = np.max(abs(inputs[:, :-1]), axis=1)
+    effect = np.max(abs(solved.gradient.astype(float)), axis=1) * abs(inputs.astype(float))
+    residual = solved.residual.astype(float)
+    gap = mechanism.gaps(easy.number(inputs), solved.crank_pin, solved.value).astype(float)
+    columns = {
+        "margin": margin,
+        "ok": ok,
+        "infeasible": margin < 0,
+        "undecided": abs(margin) <= UNDECIDED[dtype],
+        "wrong_verdict": (abs(margin) > UNDECIDED[dtype]) & (ok != (margin > 0)),
+        "open": ok & ~((residual <= CLOSURE[dtype]) & (gap <= CLOSURE[dtype])),
+        "value_error": parts[1],
+        "gradient_error": parts[2],
+        "gradient_relative_error": parts[3],
+        "gradient_size": np.max(effect, axis=1) / np.where(size > 0, size, 1),
+        "residual": residual,
+        "gap": gap,
+        "non_finite": solved.non_finite,
+    }
+    return Records({"dtype": dtype, **columns, "failed": failed(columns, dtype) | columns["open"]})
+
+
+def _errors(
+    mechanism: Mechanism,
+    arithmetic: exact.Arithmetic,
+    inputs: np.ndarray,
+    sides: np.ndarray,
+    solved: Solved,
+) -> Sequence[np.ndarray]:
+    """Margin, and errors of the value, of its gradient, and of that relative to each column."""
+    x = arithmetic.number(inputs)
+    right = mechanism.formula(arithmetic, x, sides)
+    margin = _relative_margin(right)
+    own = mechanism.own_sizes(x)
+    tolerated = exact.gradient_scale(mechanism.formula, arithmetic, x, own, sides, right)
+    slopes = np.max(abs(right.gradient), axis=1)
+    swing = np.sum(own * slopes, axis=1)
+    value_missed = np.max(abs(_number(arithmetic, solved.value) - right.value), axis=1)
+    value_error = _ratio(value_missed, np.max(abs(right.value), axis=1) + swing)
+    missed = np.max(abs(_number(arithmetic, solved.gradient) - right.gradient), axis=1)
+    reach = np.max(abs(right.value - x[:, :2]), axis=1) + swing
+    # Both scales, times the input so that inputs of 0 need no division.
+    both = _ratio(missed * own, reach[:, None] + own * tolerated)
+    gradient_error = np.where(own == 0, _ratio(missed, tolerated), both)
+    exists = solved.ok & (margin > 0)
+    decided = solved.ok & (margin > UNDECIDED[str(inputs.dtype)])
+    return (
+        margin,
+        np.where(exists, value_error, np.nan),
+        np.where(decided, np.max(gradient_error, axis=1), np.nan),
+        np.where(decided, np.max(_ratio(missed, slopes), axis=1), np.nan),
+    )
+
+
+def _number(arithmetic: exact.Arithmetic, values: np.ndarray) -> np.ndarray:
+    # What is not finite is counted as such; here it must not pass for accurate either.
+    return arithmetic.number(np.where(np.isfinite(values), values, 1e30))
+
+
+def _ratio(error: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    # What stays zero whatever the inputs do must come out as zero.
+    divided = (error / (scale + (scale == 0))).astype(float)
+    return np.where((scale == 0) & (error != 0), np.inf, divided)
+
+
+def _relative_margin(found: exact.Exact) -> np.ndarray:
+    return (found.margin / (found.size + (found.size == 0))).astype(float)
+
+
+def report(out: Report, judged: Records) -> None:
+    """Put down metrics, findings and the table."""
+    double = judged.where(dtype="float64")
+    out.values(cases=len(judged), undecided=UNDECIDED, closure=CLOSURE)
+    out.metrics(non_finite=total("non_finite")(judged))
+    for dtype in DTYPES:
+        wrong = total("wrong_verdict")(judged.where(dtype=dtype))
+        out.metrics(**{f"wrong_verdicts_{dtype}": wrong})
+    out.metrics(open_poses_float64=total("open")(double), worst_closure_float64=_closure(double))
+    report_cases(out, judged)
+    out.say("wrong" if out["bad"] else "sound")
+    _say_random(out, _random(judged))
+    say_failures(out, judged, _verdict_faults)
+    verdicts = judged.summary(
+        *("case", "dtype"),
+        cases="count ok",
+        infeasible=total("infeasible"),
+        marked_ok=total("ok"),
+        undecided=total("undecided"),
+        wrong_verdicts=total("wrong_verdict"),
+        open_poses=total("open"),
+        worst_residual=lambda own: largest(own["residual"][own["ok"]]),
+        worst_gap=lambda own: largest(own["gap"][own["ok"]]),
+        non_finite=total("non_finite"),
+    )
+    out.table("verdicts", verdicts)
+
+
+def _random(judged: Records) -> Records:
+    return judged.where(np.char.endswith(judged["case"].astype(str), "random"))
+
+
+def _closure(own: Records) -> float:
+    """Largest gap of a pose marked ok, in units of size."""
+    return largest(np.maximum(own["residual"], own["gap"])[own["ok"]])
+
+
+def _say_random(out: Report, random: Records) -> None:
+    double = random.where(dtype="float64")
+    shares = [
+        f"{own.stat('share infeasible'):.0%} of {len(own)} {case.split(',')[0]}s"
+        for case, own in double.group("case").items()
+    ]
+    out.say(
+        "random",
+        shares=" and ".join(shares),
+        wrong=total("wrong_verdict")(random),
+        numbers=total("non_finite")(random),
+        gap=_closure(double),
+    )
+    parts = []
+    for dtype, own in random.group("dtype").items():
+        value, slope = (
+            largest(own[name]) / rounding(dtype) for name in ("value_error", "gradient_error")
+        )
+        parts.append(f"{value:.1f} and {slope:.1f} units of rounding in {dtype}")
+    out.say("accuracy", errors=", ".join(parts))
+
+
+def _verdict_faults(own: Records) -> Iterator[str]:
+    wrong = own.where(own["wrong_verdict"])
+    if len(wrong):
+        accepted, margins = total("ok")(wrong), abs(wrong["margin"])
+        yield (
+            f"{len(wrong) - accepted} poses that exist are refused and {accepted} that do not are "
+            f"marked ok, at margins from {np.min(margins):.1e} to {np.max(margins):.1e}"
+        )
+    if count := total("open")(own):
+        yield f"{count} poses marked ok leave gaps of up to {_closure(own):.1e} of the size"
+
+
+def draw_approach(judged: Records) -> Figure:
+    """Errors and gradient sizes of single cases over their exact margin."""
+    drawing, [[errors, sizes]] = new_figure(1, 2, height=3.6)
+    for index, dtype in enumerate(DTYPES):
+        own = judged.where((judged["dtype"] == dtype) & (judged["margin"] > 0))
+        color, unit = PALETTE[index], rounding(dtype)
+        style = {"color": color, "linestyle": "", "marker": MARKERS[index], "markersize": 3}
+        for name, what, face in (("value", "positions", color), ("gradient", "gradients", "none")):
+            shown = np.maximum(own[f"{name}_error"], unit / 64)
+            label = f"{dtype}, {what}"
+            errors.plot(own["margin"], shown, markerfacecolor=face, label=label, **style)
+        sizes.plot(own["margin"], own["gradient_size"], **style)
+        errors.axhline(unit, color=color, linestyle=":")
+    line = np.array([1e-16, 1e-1])
+    sizes.plot(line, line**-0.5, color="0.35", linewidth=0.9, label="margin$^{-1/2}$")
+    for axis in (errors, sizes):
+        axis.set(xscale="log", yscale="log", xlabel="exact margin, of the linkage's size")
+        axis.invert_xaxis()
+    errors.set(ylabel="condition-scaled error")
+    sizes.set(ylabel="largest gradient entry, of the size")
+    sizes.legend(loc="upper left")
+    legend_below(drawing, *errors.get_legend_handles_labels(), most=4)
+    return drawing
+
+
+def draw_random(random: Records) -> Figure:
+    """Margins of the random linkages, and the errors of those that can be assembled."""
+    drawing, [[margins, errors]] = new_figure(1, 2, height=3.4)
+    for index, ((case, dtype), own) in enumerate(random.group("case", "dtype").items()):
+        kind, color = case.split(",")[0], PALETTE[index]
+        if dtype == "float64":
+            for sign, style, word in ((1, "-", "can be assembled"), (-1, ":", "cannot")):
+                depth = np.log10(sign * own["margin"][sign * own["margin"] > 0])
+                drawn = {"label": f"{kind}, {word}", "linestyle": style, "color": color}
+                margins.hist(depth, _sixths(depth), histtype="step", **drawn)
+        units = own["value_error"][own["ok"] & np.isfinite(own["value_error"])] / rounding(dtype)
+        units = np.log10(np.maximum(units, 1e-4))
+        label = f"{kind}, {dtype}"
+        errors.hist(units, _sixths(units), histtype="step", color=color, label=label)
+    margins.set(xlabel="log₁₀ of |margin|, of the size", ylabel="linkages")
+    errors.set(xlabel="log₁₀ of error in units of rounding")
+    for axis in (margins, errors):
+        axis.set(yscale="log")
+        axis.legend(loc="upper left", fontsize=7)
+        axis.set_ylim(top=axis.get_ylim()[1] * 30)
+    return drawing
+
+
+def _sixths(exponents: np.ndarray) -> np.ndarray:
+    """Edges of bins, six a decade, that hold all."""
+    low, high = np.floor(np.min(exponents, initial=0.0)), np.ceil(np.max(exponents, initial=0.0))
+    return np.arange(6 * low, 6 * high + 1) / 6

@@ -1,4 +1,4 @@
-"""A Stephenson six-bar without a closed form, against small steps from the sketch and Newton.
+"""A Stephenson six-bar without a closed form, by small steps from its sketch and Newton's method.
 
 The equations are written out a second time: three lengths and the rod's, in the places of the
 pins A and B. From the sketch they are followed in steps of `STEP` in float64, and the pose is then
@@ -9,22 +9,15 @@ is found to the same digits.
 from __future__ import annotations
 
 import functools
-import tomllib
-from collections.abc import Callable, Iterator
-from importlib.resources import files
+from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import mpmath
 import numpy as np
-from jaxtyping import Array, Float
 
-from kinematics import Linkage, parse_linkage
-from studies.oracles import linkages as exact
-from studies.stability.linkage.cases import LEAST_MARGIN, TURNS, Cases
-from studies.stability.linkage.mechanisms import Mechanism
+from studies.oracles.linkages import Arithmetic, Exact
 
-SIX_BAR = (
+INPUTS = (
     *("o2_x", "o2_y", "o4_x", "o4_y", "o6_x", "o6_y"),
     *("left", "coupler", "p_x", "p_y", "right", "rod", "crank", "angle"),
 )
@@ -32,13 +25,7 @@ STEP = 0.02
 """Of the crank, rad, between poses that are followed in float64."""
 
 PLACES = 100
-"""Digits of a solution; twice `designopt.study.stability.DIGITS`, as it is differenced twice."""
-
-CASES = 10
-"""Cases in each family; exact poses and their second derivatives take a tenth of a second each."""
-
-LONG_CRANK = 60.0
-"""Length of a crank that cannot turn fully, mm."""
+"""Digits of a solution; as many again as the study's, as it is differenced twice."""
 
 FOLLOWED = 1e-2
 """Distance from lock-up down to which small steps are trusted, rad."""
@@ -173,34 +160,45 @@ def _newton_floats(row: np.ndarray, angle: float, pose: np.ndarray) -> np.ndarra
     return pose
 
 
-class Oracle:
-    """The formula of a triad for `Mechanism`: exact poses and gradients, case by case."""
+class SixBar:
+    """Exact poses and gradients of six-bars that are assembled as one sketch, case by case.
+
+    Args:
+        home: the crank's angle in the sketch, rad.
+        sketch: places of A and B there, shape (4,).
+    """
 
     def __init__(self, home: float, sketch: np.ndarray) -> None:
         self._home, self._sketch = home, sketch
         self._starts: dict[tuple[float, ...], list[Number]] = {}
 
-    @functools.lru_cache  # noqa: B019 - one oracle lives as long as its study
+    @functools.lru_cache  # noqa: B019 - one six-bar lives as long as its study
     def follower(self, dimensions: tuple[float, ...]) -> Follower:
         """The six-bar of these dimensions (a row without its angle), followed once."""
         row = np.array([*dimensions, self._home])
         return Follower(row, self._home, self._sketch)
 
-    def __call__(
-        self, arithmetic: exact.Arithmetic, inputs: np.ndarray, sides: np.ndarray
-    ) -> exact.Exact:
+    def __call__(self, arithmetic: Arithmetic, inputs: np.ndarray, sides: np.ndarray) -> Exact:
         """Exact joint P; the margin is how far the crank is from lock-up, in radians.
 
         Args:
             arithmetic: ignored, as poses are solved in mpmath numbers.
-            inputs: shape (cases, 14), in the order of `SIX_BAR`.
+            inputs: shape (cases, 14), in the order of `INPUTS`.
             sides: ignored, as the sketch chooses the assembly.
         """
         with mpmath.workdps(PLACES):
             found = [self._one([mpmath.mpf(value) for value in row]) for row in inputs]
         values, gradients, margins = zip(*found, strict=True)
         ones = np.array([mpmath.mpf(1)] * len(found), object)
-        return exact.Exact(np.array(values), np.array(gradients), np.array(margins), ones)
+        return Exact(np.array(values), np.array(gradients), np.array(margins), ones)
+
+    def locking(self, row: np.ndarray, crank: float) -> np.ndarray:
+        """A row with another crank, and a rod for which the sketch still holds."""
+        pose = self.follower(tuple(row[:-1].tolist())).poses[0]
+        row = row.copy()
+        row[12] = crank
+        row[11] = np.hypot(*_rod(row, row[13], pose, _FLOATS))
+        return row
 
     def _one(self, row: list[Number]) -> tuple[list[Number], list[list[Number]], Number]:
         # Rows that differ only in the last digits share what they start from.
@@ -218,7 +216,8 @@ class Oracle:
             step = mpmath.lu_solve(_columns(row, row[-1], pose), mpmath.matrix(gaps))
             pose = [value - change for value, change in zip(pose, step, strict=True)]
         self._starts.setdefault(near, pose)
-        return list(_place_p(row, pose)), _transposed(self._slopes(row, pose)), margin
+        slopes = zip(*self._slopes(row, pose), strict=True)
+        return list(_place_p(row, pose)), list(map(list, slopes)), margin
 
     @staticmethod
     def _slopes(row: list[Number], pose: list[Number]) -> list[list[Number]]:
@@ -240,95 +239,8 @@ class Oracle:
         return slopes
 
 
-def _transposed(rows: list[list[Number]]) -> list[list[Number]]:
-    return [list(column) for column in zip(*rows, strict=True)]
-
-
-def _rod_gaps(inputs: np.ndarray, crank_pin: np.ndarray, last: np.ndarray) -> np.ndarray:
+def six_bar_gaps(inputs: np.ndarray, crank_pin: np.ndarray, last: np.ndarray) -> np.ndarray:
     """How far D misses the crank's length and P the rod's, in units of the rod."""
     crank = np.hypot(*(crank_pin - inputs[:, 4:6]).T) - inputs[:, 12]
     rod = np.hypot(*(last - crank_pin).T) - inputs[:, 11]
     return np.maximum(abs(crank), abs(rod)) / inputs[:, 11]
-
-
-@functools.cache
-def six_bar() -> tuple[Mechanism, Oracle, np.ndarray]:
-    """The gallery's Stephenson six-bar, its oracle, and its row as sketched."""
-    text = (files("studies") / "gallery" / "linkages" / "stephenson.toml").read_text("utf-8")
-    data = tomllib.loads(text)
-    linkage = parse_linkage(data)
-    home = float(linkage.reference.inputs[0])
-    sketch = np.array([*data["joints"]["A"], *data["joints"]["B"]], float)
-    oracle = Oracle(home, sketch)
-    mechanism = Mechanism(
-        "six-bar triad",
-        SIX_BAR,
-        linkage,
-        _dimensioned,
-        ("D", "P"),
-        oracle,
-        _rod_gaps,
-        0,
-        ([0, 1], [2, 3], [4, 5]),
-        closed_form=False,
-    )
-    return mechanism, oracle, _row(linkage, home)
-
-
-def locking_row() -> np.ndarray:
-    """The gallery's six-bar with a crank of `LONG_CRANK` and a rod for which the sketch holds."""
-    _, oracle, row = six_bar()
-    pose = oracle.follower(tuple(row[:-1].tolist())).poses[0]
-    row = row.copy()
-    row[12] = LONG_CRANK
-    row[11] = np.hypot(*_rod(row, row[13], pose, _FLOATS))
-    return row
-
-
-def _row(linkage: Linkage, home: float) -> np.ndarray:
-    links = linkage.links
-    lengths = [links["left"].length, links["coupler"].length, *links["coupler"].places[0]]
-    lengths += [links[name].length for name in ("right", "rod", "crank")]
-    return np.array([*np.asarray(linkage.anchors).ravel(), *map(float, lengths), home], float)
-
-
-def _dimensioned(linkage: Linkage, row: Float[Array, " inputs"]) -> Linkage:
-    return eqx.tree_at(
-        lambda linkage: (
-            linkage.anchors,
-            linkage.links["left"].length,
-            linkage.links["coupler"].length,
-            linkage.links["coupler"].places,
-            *(linkage.links[name].length for name in ("right", "rod", "crank")),
-        ),
-        linkage,
-        (row[:6].reshape(3, 2), row[6], row[7], row[None, 8:10], row[10], row[11], row[12]),
-    )
-
-
-def families(dtype: str) -> Iterator[Cases]:
-    """The gallery's six-bar through large steps of its input, and up to where one locks.
-
-    Args:
-        dtype: float type.
-    """
-    _, oracle, row = six_bar()
-    home = float(row[-1])
-
-    def cases(case: str, row: np.ndarray, angles: np.ndarray) -> Cases:
-        rows = np.repeat(row[None].astype(dtype), CASES, axis=0)
-        rows[:, -1] = angles
-        return Cases(case, rows, np.ones(CASES))
-
-    within = np.linspace(-6.2, 6.2, CASES)
-    yield cases("six-bar, crank within a turn of the sketch", row, home + within)
-    turns = 2 * np.pi * np.round(np.logspace(0, np.log10(TURNS), CASES))
-    yield cases("six-bar, crank 1 to 1e6 turns from the sketch", row, home + 1 + turns)
-    row = locking_row()
-    dimensions = tuple(row[:-1].astype(dtype).astype(float).tolist())
-    lock = oracle.follower(dimensions).lock
-    for sign in (1, -1):
-        steps = sign * np.logspace(-1, np.log10(LEAST_MARGIN), CASES)
-        ends = "1e-1 to 1e-16" if sign > 0 else "−1e-1 to −1e-16"
-        angles = np.array([float(lock - step) for step in steps])
-        yield cases(f"six-bar that locks: margin {ends} rad", row, angles)
