@@ -1,6 +1,4 @@
-"""A study of one's own: how an error of the crank's angle reaches a four-bar's rocker.
-
-``python examples/own_study.py`` writes a report; a notebook shows what `run_study` returns."""
+"""A study of one's own: how a crank's error reaches a rocker. Run ``python examples/own_study.py``."""
 
 from importlib.resources import files
 
