@@ -1,4 +1,4 @@
-"""A study of one's own: how a crank's error reaches a rocker. Run ``python examples/own_study.py``."""
+"""A study of one's own: how a crank's error reaches a rocker; ``python examples/own_study.py``."""
 
 from importlib.resources import files
 
