@@ -7,7 +7,7 @@ mpmath numbers and on NumPy's extended floats.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -226,3 +226,75 @@ def gradient_scale(
         change = formula(arithmetic, moved, sides).gradient - found.gradient
         scale = scale + np.max(abs(change), axis=1) / arithmetic.step
     return scale
+
+
+class ScaledErrors(NamedTuple):
+    """Condition-scaled errors of a batch of answers, each of shape (cases,).
+
+    Attributes:
+        margin: exact, in units of the linkage's size.
+        value: of the pin, as one plane vector.
+        gradient: of the worst column of its gradient.
+        gradient_relative: the same relative to that column.
+    """
+
+    margin: np.ndarray
+    value: np.ndarray
+    gradient: np.ndarray
+    gradient_relative: np.ndarray
+
+
+def scaled_errors(
+    formula: Callable[[Arithmetic, np.ndarray, np.ndarray], Exact],
+    arithmetic: Arithmetic,
+    inputs: np.ndarray,
+    sides: np.ndarray,
+    points: Sequence[int],
+    answers: tuple[np.ndarray, np.ndarray],
+) -> ScaledErrors:
+    """Compare pins and their gradients with a formula's.
+
+    Args:
+        formula: `four_bar` or `slider_crank`, or another.
+        arithmetic: to compute in.
+        inputs: shape (cases, inputs), floats.
+        sides: shape (cases,).
+        points: where in a row the x of fixed points are, the first fixed joint first; coordinates
+            count from there.
+        answers: pins, shape (cases, 2), and gradients, shape (cases, 2, inputs).
+    """
+    x = arithmetic.number(inputs)
+    own = x.copy()
+    for at in points:
+        own[:, at : at + 2] = x[:, at : at + 2] - x[:, :2]
+    own = abs(own)
+    right = formula(arithmetic, x, sides)
+    # What is not finite must not pass for accurate.
+    value, gradient = (
+        arithmetic.number(np.where(np.isfinite(found), found, 1e30)) for found in answers
+    )
+    tolerated = gradient_scale(formula, arithmetic, x, own, sides, right)
+    slopes = np.max(abs(right.gradient), axis=1)
+    swing = np.sum(own * slopes, axis=1)
+    value_missed = np.max(abs(value - right.value), axis=1)
+    missed = np.max(abs(gradient - right.gradient), axis=1)
+    reach = np.max(abs(right.value - x[:, :2]), axis=1) + swing
+    # Both scales, times the input so that inputs of 0 need no division.
+    both = _ratio(missed * own, reach[:, None] + own * tolerated)
+    return ScaledErrors(
+        relative_margin(right),
+        _ratio(value_missed, np.max(abs(right.value), axis=1) + swing),
+        np.max(np.where(own == 0, _ratio(missed, tolerated), both), axis=1),
+        np.max(_ratio(missed, slopes), axis=1),
+    )
+
+
+def relative_margin(found: Exact) -> np.ndarray:
+    """Margins in units of the linkages' sizes, as floats."""
+    return (found.margin / (found.size + (found.size == 0))).astype(float)
+
+
+def _ratio(error: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    # What stays zero whatever the inputs do must come out as zero.
+    divided = (error / (scale + (scale == 0))).astype(float)
+    return np.where((scale == 0) & (error != 0), np.inf, divided)

@@ -1,6 +1,6 @@
 """What a camera sees, by shooting rays: plain NumPy, and nothing of the library.
 
-Every ray of a fan goes straight to the nearest surface. At a mirror's reflecting side its direction
+Every ray goes straight to the nearest surface. At a mirror's reflecting side its direction
 d becomes d − 2 (d·n) n; at a pad's sensing side it has arrived; everything else swallows it, save
 that a one-sided blocker lets it pass from behind.
 
@@ -12,13 +12,17 @@ if nothing stood in its way; so every run gives an inner and an outer bound.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-CHUNK = 20_000
+CHUNK = 1 << 14
 """Rays that are shot together: few enough to stay in the cache."""
+
+LIFT = 1e-9
+"""A ray from a curved mirror meets it again no nearer than this part of its half chord."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,27 @@ class Structure:
     mirrors: int
     pads: int
     sides: tuple[int, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all surfaces: m0, m1, …, then p0, …, then b0, …."""
+        counts = {"m": self.mirrors, "p": self.pads}
+        counts["b"] = len(self.sides) - sum(counts.values())
+        return tuple(f"{kind}{i}" for kind, count in counts.items() for i in range(count))
+
+    @property
+    def camera(self) -> slice:
+        """Where in a row of numbers the camera's position is.
+
+        A row holds the ends of all surfaces, the camera's position, direction and field of view,
+        and the least grazing angles of the pads.
+        """
+        return slice(4 * len(self.sides), 4 * len(self.sides) + 2)
+
+    @property
+    def inputs(self) -> int:
+        """Numbers in a row."""
+        return self.camera.stop + 2 + self.pads
 
     def words(self, bounces: int) -> list[tuple[int, ...]]:
         """Mirrors along every path, shortest paths first; no mirror follows itself."""
@@ -64,6 +89,20 @@ class Fans:
     width: np.ndarray
     grazing: np.ndarray
 
+    @staticmethod
+    def of_rows(structure: Structure, rows: np.ndarray) -> Fans:
+        """The scenes of rows of numbers (`Structure.camera`), shape (scenes, inputs)."""
+        first = structure.camera.stop
+        ends = rows[:, : structure.camera.start].reshape(len(rows), -1, 2, 2)
+        camera = rows[:, structure.camera]
+        return Fans(ends, camera, rows[:, first], rows[:, first + 1], rows[:, first + 2 :])
+
+    def surfaces(self, structure: Structure, scene: int) -> Surfaces:
+        """Those of one scene."""
+        ends = [(start, end) for start, end in (self.ends[scene] @ [1, 1j]).tolist()]
+        grazing = self.grazing[scene].tolist()
+        return Surfaces(ends, structure.sides, structure.mirrors, grazing, {})
+
     def part(self, scenes: np.ndarray) -> Fans:
         """Some of the scenes."""
         return Fans(*(getattr(self, name)[scenes] for name in self.__dataclass_fields__))
@@ -86,7 +125,27 @@ class Bounds:
     step: np.ndarray
 
 
-def bounds(structure: Structure, fans: Fans, rays: int, bounces: int, between: int = 0) -> Bounds:
+class Runs(NamedTuple):
+    """Neighbouring rays that see one pad by one path, in all scenes.
+
+    Attributes:
+        scene: of each run, shape (runs,).
+        path: index of its mirrors among `Structure.words`.
+        pad: which it sees.
+        inner: pad coordinates of what its rays show, shape (runs, 2).
+        outer: of what can be seen between the neighbouring rays.
+        step: longest part of a pad between the rays at an end of a run, shape (scenes,).
+    """
+
+    scene: np.ndarray
+    path: np.ndarray
+    pad: np.ndarray
+    inner: np.ndarray
+    outer: np.ndarray
+    step: np.ndarray
+
+
+def find_runs(structure: Structure, fans: Fans, rays: int, bounces: int, between: int = 0) -> Runs:
     """Shoot a fan in every scene.
 
     Args:
@@ -96,12 +155,13 @@ def bounds(structure: Structure, fans: Fans, rays: int, bounces: int, between: i
         bounces: most reflections.
         between: how many more rays to shoot between the two at either end of a run.
     """
-    words = structure.words(bounces)
-    scenes, paths, pads = len(fans.width), len(words), structure.pads
-    found = [_runs(structure, fans, scene, rays, words) for scene in range(scenes)]
-    scene = np.repeat(np.arange(scenes), [len(runs) for runs in found])
+    words, pads = structure.words(bounces), structure.pads
+    found = [_runs(structure, fans, scene, rays, bounces) for scene in range(len(fans.width))]
+    scene = np.repeat(np.arange(len(found)), [len(runs) for runs in found])
     label, *turns = np.concatenate(found).T
-    path, pad = np.divmod(label.astype(int) - 1, pads)
+    code, pad = np.divmod(label.astype(int) - 1, pads)
+    number = fans.surfaces(structure, 0).number
+    path = np.searchsorted([(number(word, 0) - 1) // pads for word in words], code)
 
     def spans(turns: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         coordinates = np.empty((len(scene), 4))
@@ -114,21 +174,28 @@ def bounds(structure: Structure, fans: Fans, rays: int, bounces: int, between: i
         return _spans(coordinates)
 
     inner, outer = spans(turns)
-    step = np.zeros(scenes)
+    step = np.zeros(len(found))
     np.maximum.at(step, scene, np.max(abs(outer - inner), axis=1, initial=0.0))
     if between:
-        inner, outer = spans(_sharpened(structure, fans, scene, label, turns, words, between))
-    lengths = np.array([len(word) for word in words])[path]
-    coverage = np.empty((2, bounces, scenes, pads))
-    seen = np.empty((2, scenes, paths, pads))
-    for side, bound in enumerate((inner, outer)):
+        inner, outer = spans(_sharpened(structure, fans, scene, label, turns, bounces, between))
+    return Runs(scene, path, pad, inner, outer, step)
+
+
+def bounds(structure: Structure, fans: Fans, rays: int, bounces: int, between: int = 0) -> Bounds:
+    """What the runs of every scene show together; otherwise `find_runs`."""
+    runs = find_runs(structure, fans, rays, bounces, between)
+    lengths = np.array([len(word) for word in structure.words(bounces)])
+    shape = len(fans.width), len(lengths), structure.pads
+    coverage, seen = np.empty((2, bounces, shape[0], shape[2])), np.empty((2, *shape))
+    for side, bound in enumerate((runs.inner, runs.outer)):
         for most in range(1, bounces + 1):
-            few = lengths <= most
-            groups = (scene * pads + pad)[few]
-            coverage[side, most - 1] = _union(bound[few], groups, scenes * pads).reshape(-1, pads)
-        groups = (scene * paths + path) * pads + pad
-        seen[side] = _union(bound, groups, seen[side].size).reshape(scenes, paths, pads)
-    return Bounds(coverage, seen, step)
+            few = lengths[runs.path] <= most
+            groups = (runs.scene * shape[2] + runs.pad)[few]
+            found = union(bound[few], groups, shape[0] * shape[2])
+            coverage[side, most - 1] = found.reshape(-1, shape[2])
+        groups = np.ravel_multi_index((runs.scene, runs.path, runs.pad), shape)
+        seen[side] = union(bound, groups, seen[side].size).reshape(shape)
+    return Bounds(coverage, seen, runs.step)
 
 
 def follow(
@@ -173,17 +240,20 @@ def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
 
 
-def _runs(
-    structure: Structure, fans: Fans, scene: int, rays: int, words: list[tuple[int, ...]]
+def _labels(
+    structure: Structure, fans: Fans, scene: int, turn: np.ndarray, bounces: int
 ) -> np.ndarray:
+    surfaces = fans.surfaces(structure, scene)
+    angles, camera = fans.direction[scene] + turn, complex(*fans.position[scene])
+    parts = [angles[i : i + CHUNK] for i in range(0, len(angles), CHUNK)]
+    found = [cast(surfaces, camera, (np.cos(part), np.sin(part)), bounces)[0] for part in parts]
+    return np.concatenate(found)
+
+
+def _runs(structure: Structure, fans: Fans, scene: int, rays: int, bounces: int) -> np.ndarray:
     """Rows of a scene's runs: label, turns of the first and last ray and of the next ones."""
     grid = fans.width[scene] * ((np.arange(rays) + 0.5) / rays - 0.5)
-    label = np.concatenate(
-        [
-            _labels(structure, fans, scene, fans.direction[scene] + grid[i : i + CHUNK], words)
-            for i in range(0, rays, CHUNK)
-        ]
-    )
+    label = _labels(structure, fans, scene, grid, bounces)
     cuts = np.flatnonzero(np.diff(label)) + 1
     first, last = np.append(0, cuts), np.append(cuts, rays) - 1
     # Beyond the last ray of the fan, its limit.
@@ -199,7 +269,7 @@ def _sharpened(
     scene: np.ndarray,
     label: np.ndarray,
     turns: list[np.ndarray],
-    words: list[tuple[int, ...]],
+    bounces: int,
     between: int,
 ) -> list[np.ndarray]:
     """Turns of the runs' first and last rays and the next ones, nearer to each other."""
@@ -207,86 +277,177 @@ def _sharpened(
     for run, which in enumerate(scene.tolist()):
         for inside, outside in ((0, 2), (1, 3)):
             grid = np.linspace(turns[inside][run], turns[outside][run], between)
-            found = _labels(structure, fans, which, fans.direction[which] + grid, words)
+            found = _labels(structure, fans, which, grid, bounces)
             # The run goes on to before the first ray that is not of it; the last is not.
             end = np.argmax(np.append(found[1:-1] != label[run], True)) + 1
             sharp[[inside, outside], run] = grid[end - 1 : end + 1]
     return list(sharp)
 
 
-def _labels(
-    structure: Structure, fans: Fans, scene: int, angles: np.ndarray, words: list[tuple[int, ...]]
-) -> np.ndarray:
-    """Of each ray 1 + (path · pads + pad), or 0 if it arrives nowhere."""
-    labels = np.zeros(len(angles), np.int16)
-    starts = fans.ends[scene, :, 0].tolist()
-    steps = (fans.ends[scene, :, 1] - fans.ends[scene, :, 0]).tolist()
-    pads = range(structure.mirrors, structure.mirrors + structure.pads)
+class Surfaces(NamedTuple):
+    """What rays meet: mirrors, then pads, then blockers.
 
-    def trace(
-        place: tuple[Any, Any],
-        heading: tuple[np.ndarray, np.ndarray],
-        rays: np.ndarray,
-        word: tuple[int, ...],
-    ) -> None:
-        hit, distance = _nearest(structure, starts, steps, place, heading, word)
-        for index in range(pads.stop):
-            of_hit = np.flatnonzero(hit == index)
-            if not len(of_hit):
+    Attributes:
+        ends: of all surfaces, complex.
+        sides: as those of `Structure`.
+        mirrors: how many.
+        grazing: least angle between each pad and a ray that it senses, rad.
+        arcs: of the curved mirrors, by index: radius at the vertex, and conic constant.
+    """
+
+    ends: Sequence[tuple[complex, complex]]
+    sides: Sequence[int]
+    mirrors: int
+    grazing: Sequence[float]
+    arcs: Mapping[int, tuple[float, float]]
+
+    def number(self, word: Sequence[int], pad: int) -> int:
+        """The number that stands for a pad seen over some mirrors."""
+        path = 0
+        for index in word:
+            path = self._longer(path, index)
+        return path * len(self.grazing) + pad + 1
+
+    def _longer(self, path: int, index: int) -> int:
+        """The number of a path that goes on over one more mirror, in digits of their count."""
+        return path * (self.mirrors + 1) + index + 1
+
+
+Pair = tuple[Any, Any]
+"""The x and y of rays, arrays; or of the one place that all come from."""
+
+
+def cast(
+    surfaces: Surfaces, camera: Any, heading: Pair, bounces: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Follow rays from surface to surface, each to the nearest.
+
+    Args:
+        surfaces: what they meet.
+        camera: where they come from, complex; one place, or one for each ray.
+        heading: their directions, of length 1.
+        bounces: most reflections.
+
+    Returns:
+        Of each ray the number of path and pad (`Surfaces.number`), or 0 if it arrives nowhere, and
+        the coordinate at which it arrives.
+    """
+    count, mirrors, pads = len(heading[0]), surfaces.mirrors, len(surfaces.grazing)
+    label, along = np.zeros(count, np.int64), np.zeros(count)
+
+    def trace(place: Pair, heading: Pair, rays: np.ndarray, path: int, word: list[int]) -> None:
+        hit, distance, at = _nearest(surfaces, place, heading, word)
+        for index in range(mirrors + pads):
+            mine = np.flatnonzero(hit == index)
+            if not len(mine):
                 continue
-            (step_x, step_y), (x, y) = steps[index], (part[of_hit] for part in heading)
-            length = np.hypot(step_x, step_y)
-            # notation: sine of the angle from the ray to the surface; positive from its left.
-            sine = (y * step_x - x * step_y) / -length
-            side = structure.sides[index]
-            right = sine * side > 0 if side else np.ones(len(of_hit), bool)
-            if index in pads:
-                pad = index - structure.mirrors
-                right &= abs(sine) >= np.sin(fans.grazing[scene, pad])
-                labels[rays[of_hit[right]]] = 1 + words.index(word) * structure.pads + pad
-            elif len(word) < len(words[-1]):
-                of_hit, sine, x, y = of_hit[right], sine[right], x[right], y[right]
-                origin = [part if np.ndim(part) == 0 else part[of_hit] for part in place]
-                way = distance[of_hit]
-                there = (origin[0] + way * x, origin[1] + way * y)
-                # notation: d − 2 (d·n) n with n the normal on the left, −sine = d·n.
-                twice = 2 * sine / length
-                bent = (x - twice * step_y, y + twice * step_x)
-                trace(there, bent, rays[of_hit], (*word, index))
+            x, y = (part[mine] for part in heading)
+            from_x, from_y = (part if np.ndim(part) == 0 else part[mine] for part in place)
+            there = from_x + distance[mine] * x, from_y + distance[mine] * y
+            left_x, left_y = _normal(surfaces, index, there)
+            toward = x * left_x + y * left_y  # negative from the left
+            side = surfaces.sides[index]
+            right = toward * side < 0 if side else np.ones(len(mine), bool)
+            if index >= mirrors:
+                pad = index - mirrors
+                right &= abs(toward) >= np.sin(surfaces.grazing[pad])
+                shown = rays[mine[right]]
+                label[shown], along[shown] = path * pads + pad + 1, at[mine[right]]
+            elif len(word) < bounces:
+                twice = 2 * toward
+                bent = (x - twice * left_x)[right], (y - twice * left_y)[right]
+                onward = there[0][right], there[1][right]
+                further = surfaces._longer(path, index)
+                trace(onward, bent, rays[mine[right]], further, [*word, index])
 
-    heading = (np.cos(angles), np.sin(angles))
-    trace(tuple(fans.position[scene].tolist()), heading, np.arange(len(angles)), ())
-    return labels
+    trace((camera.real, camera.imag), heading, np.arange(count), 0, [])
+    return label, along
 
 
 def _nearest(
-    structure: Structure,
-    starts: list[list[float]],
-    steps: list[list[float]],
-    place: tuple[Any, Any],
-    heading: tuple[np.ndarray, np.ndarray],
-    word: tuple[int, ...],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Which surface each ray meets first, −1 for none, and how far away."""
-    (place_x, place_y), (x, y) = place, heading
-    nearest, hit = np.full(len(x), np.inf), np.full(len(x), -1, np.int8)
-    passing = structure.mirrors + structure.pads
-    for index, ((start_x, start_y), (step_x, step_y)) in enumerate(zip(starts, steps, strict=True)):
-        if index in word[-1:]:
+    surfaces: Surfaces, place: Pair, heading: Pair, word: list[int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The surface that each ray meets first (−1 for none), how far it is, and where on it."""
+    count = len(heading[0])
+    nearest, hit, coordinate = np.full(count, np.inf), np.full(count, -1, np.int8), np.zeros(count)
+    passing = surfaces.mirrors + len(surfaces.grazing)
+    for index, (start, end) in enumerate(surfaces.ends):
+        if index in surfaces.arcs:
+            candidates = _arc(surfaces, index, place, heading)
+        elif index in word[-1:]:
             continue
-        arrow_x, arrow_y = start_x - place_x, start_y - place_y
-        # Rays along a surface divide by 0, and what comes of it is in no range.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            cross = x * step_y - y * step_x
-            inverse = 1 / cross
-            distance = (arrow_x * step_y - arrow_y * step_x) * inverse
-            along = (arrow_x * y - arrow_y * x) * inverse
-            met = (distance > 0) & (distance < nearest) & (along >= 0) & (along <= 1)
-        if index >= passing and structure.sides[index]:
-            met &= cross * structure.sides[index] > 0
-        np.copyto(nearest, distance, where=met)
-        hit[met] = index
-    return hit, nearest
+        else:
+            one_way = surfaces.sides[index] if index >= passing else 0
+            candidates = [_segment(start, end, one_way, place, heading)]
+        for distance, along, met in candidates:
+            met = met & (distance < nearest)
+            np.copyto(nearest, distance, where=met)
+            np.copyto(coordinate, along, where=met)
+            hit[met] = index
+    return hit, nearest, coordinate
+
+
+def _segment(
+    start: complex, end: complex, one_way: int, place: Pair, heading: Pair
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    step_x, step_y = (end - start).real, (end - start).imag
+    (x, y), arrow_x, arrow_y = heading, start.real - place[0], start.imag - place[1]
+    # Rays along a surface divide by 0, and what comes of it is in no range.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cross = x * step_y - y * step_x
+        inverse = 1 / cross
+        distance = (arrow_x * step_y - arrow_y * step_x) * inverse
+        along = (arrow_x * y - arrow_y * x) * inverse
+        met = (distance > 0) & (along >= 0) & (along <= 1)
+    if one_way:
+        met &= cross * one_way > 0  # it lets pass what comes from behind
+    return distance, along, met
+
+
+def _frame(surfaces: Surfaces, index: int) -> tuple[complex, complex, float, float, float]:
+    """Vertex and direction of an arc, half its chord, its curvature, and 1 + conic constant."""
+    start, end = surfaces.ends[index]
+    radius, conic = surfaces.arcs[index]
+    half = abs(end - start) / 2
+    along = (end - start) / (2 * half)
+    sag = half**2 / (radius * (1 + np.sqrt(1 - (1 + conic) * (half / radius) ** 2)))
+    return (start + end) / 2 - 1j * along * sag, along, half, 1 / radius, 1 + conic
+
+
+def _arc(
+    surfaces: Surfaces, index: int, place: Pair, heading: Pair
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Both places where a ray meets the conic c x² + c s y² = 2 y in the frame of the arc."""
+    vertex, along, half, c, s = _frame(surfaces, index)
+    p = (place[0] + 1j * place[1] - vertex) / along
+    d = (heading[0] + 1j * heading[1]) / along
+    squared = c * (d.real**2 + s * d.imag**2)
+    halved = c * (p.real * d.real + s * p.imag * d.imag) - d.imag
+    constant = c * (p.real**2 + s * p.imag**2) - 2 * p.imag
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(halved**2 - squared * constant)
+        q = -(halved + np.copysign(root, halved))
+        roots = constant / q, q / squared
+    found = []
+    for distance in roots:
+        distance = np.where(np.isfinite(distance), distance, 0.0)  # a distance of 0 is no meeting
+        at = p + distance * d
+        met = (distance > LIFT * half) & (np.abs(at.real) <= half) & (c * s * at.imag < 1)
+        found.append((distance, at.real / (2 * half) + 0.5, met))
+    return found
+
+
+def _normal(surfaces: Surfaces, index: int, place: Pair) -> Pair:
+    """Unit normal to the left of a surface, at places on it."""
+    if index not in surfaces.arcs:
+        start, end = surfaces.ends[index]
+        left = 1j * (end - start) / abs(end - start)
+        return left.real, left.imag
+    vertex, along, _, c, s = _frame(surfaces, index)
+    at = (place[0] + 1j * place[1] - vertex) / along
+    left = along * (-c * at.real + 1j * (1 - c * s * at.imag))
+    left = left / np.abs(left)
+    return left.real, left.imag
 
 
 def _spans(coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -301,7 +462,7 @@ def _spans(coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return inner, np.clip(outer, 0, 1)
 
 
-def _union(spans: np.ndarray, groups: np.ndarray, count: int) -> np.ndarray:
+def union(spans: np.ndarray, groups: np.ndarray, count: int) -> np.ndarray:
     """Measure of the union of the spans, all within 0 … 1, of each of ``count`` groups."""
     # Side by side on one line; a shift of up to 1e6 rounds to 1e-10.
     spans = spans + 2 * groups[:, None]

@@ -12,6 +12,8 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
+from studies.oracles.rays import Surfaces
+
 DIGITS = 50
 """In which scenes are placed."""
 
@@ -50,6 +52,11 @@ class Plain(NamedTuple):
     def sides(self) -> list[int]:
         """Of all surfaces, the side that reflects, senses or blocks."""
         return [surface.side for surface in self.layout.surfaces]
+
+    @property
+    def surfaces(self) -> Surfaces:
+        """What rays meet, once it is rounded."""
+        return Surfaces(self.ends, self.sides, len(self.layout.mirrors), self.grazing, self.arcs)
 
     def rounded(self) -> Plain:
         """The same in double precision."""

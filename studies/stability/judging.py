@@ -7,11 +7,13 @@ many numbers of the answer are not finite), ``failed``, and what a study adds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
+from designopt.plot.figures import MARKERS, PALETTE
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.results import StabilityRow
@@ -67,7 +69,7 @@ def report_cases(out: Report, cases: Records) -> None:
     for dtype, own in cases.group("dtype").items():
         for name in LIMITS:
             worst = largest(own[name]) / rounding(dtype)
-            out.metric(f"worst_{name}_{dtype}", worst, f"worst_{name}", dtype=dtype)
+            out.metric(f"worst_{name}_{dtype}", worst, f"extreme_{name}", dtype=dtype)
     out.metrics(stability_failures=len(bad))
 
 
@@ -90,3 +92,43 @@ def say_failures(out: Report, cases: Records, verdicts: Callable[[Records], Iter
                 faults.append(f"{count} {what} are off by up to {worst:.2g} units of rounding")
         if own["failed"].any():
             out.say("failure", case=case, dtype=dtype, count=len(own), faults=", ".join(faults))
+
+
+def draw_errors(
+    axis: Axes, judged: Records, x: str, name: str, label: str = "", *, hollow: bool = False
+) -> None:
+    """Errors of single cases over a column, beside the rounding of their float types.
+
+    Args:
+        axis: to draw into.
+        judged: rows.
+        x: column of the abscissae; those that are not positive and finite are left out.
+        name: column of the errors; below a 64th of rounding they are drawn there.
+        label: what follows the float type in the legend.
+        hollow: whether markers are.
+    """
+    for index, (dtype, own) in enumerate(judged.group("dtype").items()):
+        own = own.where((own[x] > 0) & np.isfinite(own[x]) & np.isfinite(own[name]))
+        color, unit = PALETTE[index], rounding(dtype)
+        face = "none" if hollow else color
+        style = {"color": color, "markerfacecolor": face, "markersize": 3, "label": dtype + label}
+        axis.plot(own[x], np.maximum(own[name], unit / 64), MARKERS[index], **style)
+        axis.axhline(unit, color=color, linestyle=":")
+    axis.set(xscale="log", yscale="log")
+
+
+Series = tuple[np.ndarray, str, str, str]
+"""Values, what they are called, and color and style of their line."""
+
+
+def draw_counts(axis: Axes, what: str, counted: str, series: Sequence[Series]) -> None:
+    """How many values are how large, in sixths of a decade."""
+    logs = [np.log10(values) for values, *_ in series]
+    low = np.floor(np.min(np.concatenate(logs), initial=0.0))
+    high = np.ceil(np.max(np.concatenate(logs), initial=low))
+    edges = np.arange(6 * low, 6 * high + 1) / 6
+    for values, (_, label, color, style) in zip(logs, series, strict=True):
+        axis.hist(values, edges, histtype="step", color=color, linestyle=style, label=label)
+    axis.set(xlabel=f"log₁₀ of {what}", ylabel=counted, yscale="log")
+    axis.legend(loc="upper left", fontsize=7)
+    axis.set_ylim(0.5, max(10.0, axis.get_ylim()[1]) * 30)

@@ -47,7 +47,9 @@ def test_pins_satisfy_the_lengths(feasible):
         )
         a = np.stack([named["o2_x"], named["o2_y"]]) + crank
         pin = found.value.T
-        gaps = [np.sum((pin - a) ** 2, axis=0) - named.get("coupler", named.get("rod")) ** 2]
+        gaps = [
+            np.sum((pin - a) ** 2, axis=0) - named["coupler" if "coupler" in named else "rod"] ** 2
+        ]
         if "rocker" in named:
             o4 = np.stack([named["o4_x"], named["o4_y"]])
             gaps.append(np.sum((pin - o4) ** 2, axis=0) - named["rocker"] ** 2)

@@ -50,40 +50,24 @@ class Cases(NamedTuple):
 Column = float | np.ndarray
 
 
-class Grids(NamedTuple):
-    """What varies in the families, each of shape (cases,).
+def _grids(count: int) -> tuple[np.ndarray, ...]:
+    """What varies in the families, each of shape (cases,); the number of cases is even.
 
-    Attributes:
-        angle: of a crank, rad.
-        tilt: of what is fixed, rad.
-        steps: towards a limit, of the linkage's size or in rad.
-        ratios: of one length to another.
-        unit: of all lengths.
-        turned: by whole turns of the crank, rad.
-        side: assemblies, ±1.
+    Returns:
+        Angles of a crank and of what is fixed, rad; steps towards a limit, of the linkage's size or
+        in rad; ratios of one length to another; scales of all lengths; angles of whole turns of the
+        crank, rad; assemblies, ±1.
     """
-
-    angle: np.ndarray
-    tilt: np.ndarray
-    steps: np.ndarray
-    ratios: np.ndarray
-    unit: np.ndarray
-    turned: np.ndarray
-    side: np.ndarray
-
-    @staticmethod
-    def of(count: int) -> Grids:
-        """Those of a number of cases, which is even."""
-        side = np.resize([1.0, -1.0], count)
-        return Grids(
-            angle=np.linspace(-3.0, 3.0, count),
-            tilt=np.linspace(0.1, 6.0, count),
-            steps=np.logspace(-1, np.log10(LEAST_MARGIN), count),
-            ratios=np.logspace(-6, 6, count),
-            unit=np.logspace(-12, 12, count),
-            turned=2 * np.pi * np.round(np.logspace(0, np.log10(TURNS), count)) * side,
-            side=side,
-        )
+    side = np.resize([1.0, -1.0], count)
+    return (
+        np.linspace(-3.0, 3.0, count),
+        np.linspace(0.1, 6.0, count),
+        np.logspace(-1, np.log10(LEAST_MARGIN), count),
+        np.logspace(-6, 6, count),
+        np.logspace(-12, 12, count),
+        2 * np.pi * np.round(np.logspace(0, np.log10(TURNS), count)) * side,
+        side,
+    )
 
 
 def four_bars(dtype: str, count: int) -> Iterator[Cases]:
@@ -93,7 +77,7 @@ def four_bars(dtype: str, count: int) -> Iterator[Cases]:
         dtype: float type.
         count: cases in each; even.
     """
-    angle, tilt, steps, ratios, unit, turned, side = Grids.of(count)
+    angle, tilt, steps, ratios, unit, turned, side = _grids(count)
     usual = {"ground": SIZE, "crank": 40.0, "coupler": 120.0, "rocker": 80.0}
     usual |= {"angle": angle, "tilted": 0.0, "far": 0.0}
 
@@ -158,7 +142,7 @@ def four_bars(dtype: str, count: int) -> Iterator[Cases]:
 
 def slider_cranks(dtype: str, count: int) -> Iterator[Cases]:
     """Families of slider-cranks; otherwise as `four_bars`."""
-    angle, tilt, steps, ratios, unit, turned, side = Grids.of(count)
+    angle, tilt, steps, ratios, unit, turned, side = _grids(count)
     usual = {"crank": 40.0, "rod": 120.0, "offset": 20.0, "along": 30.0}
     usual |= {"angle": angle, "tilted": 0.0, "far": 0.0}
 
@@ -220,13 +204,12 @@ def six_bars(dtype: str) -> Iterator[Cases]:
 
     within = np.linspace(-6.2, 6.2, TRIADS)
     yield cases(", crank within a turn of the sketch", row, home + within)
-    turned = abs(Grids.of(TRIADS).turned)
-    yield cases(", crank 1 to 1e6 turns from the sketch", row, home + 1 + turned)
+    _, _, steps, _, _, turned, _ = _grids(TRIADS)
+    yield cases(", crank 1 to 1e6 turns from the sketch", row, home + 1 + abs(turned))
     row = oracle.locking(row, LONG_CRANK)
     lock = oracle.follower(tuple(row[:-1].astype(dtype).astype(float).tolist())).lock
     for sign, ends in ((1, "1e-1 to 1e-16"), (-1, "−1e-1 to −1e-16")):
-        steps = sign * Grids.of(TRIADS).steps
-        angles = np.array([float(lock - step) for step in steps])
+        angles = np.array([float(lock - sign * step) for step in steps])
         yield cases(f" that locks: margin {ends} rad", row, angles)
 
 

@@ -58,17 +58,6 @@ class Mechanism:
         leaves = (*self.leaves(self.linkage), self.linkage.reference.inputs)
         return np.concatenate([np.ravel(leaf) for leaf in leaves]).astype(float)
 
-    def own_sizes(self, rows: np.ndarray) -> np.ndarray:
-        """What every entry of a row amounts to, coordinates counted from the first fixed joint.
-
-        Args:
-            rows: shape (cases, inputs).
-        """
-        own = rows.copy()
-        for x in self.points:
-            own[:, x : x + 2] = rows[:, x : x + 2] - rows[:, :2]
-        return abs(own)
-
 
 class Solved(NamedTuple):
     """The library's answers for a batch of cases, as NumPy arrays.

@@ -26,6 +26,9 @@ from designopt.study.study import Context
 from studies.oracles import linkages as exact
 from studies.stability.judging import (
     DTYPES,
+    Series,
+    draw_counts,
+    draw_errors,
     failed,
     largest,
     report_cases,
@@ -117,14 +120,24 @@ def judge(mechanism: Mechanism, inputs: np.ndarray, sides: np.ndarray, solved: S
     if mechanism.closed_form and np.finfo(np.longdouble).eps < 1e-18:
         found = mechanism.formula(easy, easy.number(inputs), sides)
         far = np.max(abs(inputs[:, :-1]), axis=1) > FAR * found.size
-        hard = far | (abs(_relative_margin(found)) < HARD)
-    parts = np.full((4, len(inputs)), np.nan)
+        hard = far | (abs(exact.relative_margin(found)) < HARD)
+    errors = exact.ScaledErrors(*np.full((4, len(inputs)), np.nan))
     for mask, arithmetic in ((~hard, easy), (hard, exact.DIGITS)):
         if np.any(mask):
-            some = Solved(*(part[mask] for part in solved))
+            answers = solved.value[mask], solved.gradient[mask]
             with mpmath.workdps(DIGITS):
-                parts[:, mask] = _errors(mechanism, arithmetic, inputs[mask], sides[mask], some)
-    margin, ok = parts[0], solved.ok
+                found = exact.scaled_errors(
+                    mechanism.formula,
+                    arithmetic,
+                    inputs[mask],
+                    sides[mask],
+                    mechanism.points,
+                    answers,
+                )
+            for whole, part in zip(errors, found, strict=True):
+                whole[mask] = part
+    margin, ok = errors.margin, solved.ok
+    exists, decided = ok & (margin > 0), ok & (margin > UNDECIDED[dtype])
     size = np.max(abs(inputs[:, :-1]), axis=1)
     effect = np.max(abs(solved.gradient.astype(float)), axis=1) * abs(inputs.astype(float))
     residual = solved.residual.astype(float)
@@ -136,62 +149,15 @@ def judge(mechanism: Mechanism, inputs: np.ndarray, sides: np.ndarray, solved: S
         "undecided": abs(margin) <= UNDECIDED[dtype],
         "wrong_verdict": (abs(margin) > UNDECIDED[dtype]) & (ok != (margin > 0)),
         "open": ok & ~((residual <= CLOSURE[dtype]) & (gap <= CLOSURE[dtype])),
-        "value_error": parts[1],
-        "gradient_error": parts[2],
-        "gradient_relative_error": parts[3],
+        "value_error": np.where(exists, errors.value, np.nan),
+        "gradient_error": np.where(decided, errors.gradient, np.nan),
+        "gradient_relative_error": np.where(decided, errors.gradient_relative, np.nan),
         "gradient_size": np.max(effect, axis=1) / np.where(size > 0, size, 1),
         "residual": residual,
         "gap": gap,
         "non_finite": solved.non_finite,
     }
     return Records({"dtype": dtype, **columns, "failed": failed(columns, dtype) | columns["open"]})
-
-
-def _errors(
-    mechanism: Mechanism,
-    arithmetic: exact.Arithmetic,
-    inputs: np.ndarray,
-    sides: np.ndarray,
-    solved: Solved,
-) -> Sequence[np.ndarray]:
-    """Margin, and errors of the value, of its gradient, and of that relative to each column."""
-    x = arithmetic.number(inputs)
-    right = mechanism.formula(arithmetic, x, sides)
-    margin = _relative_margin(right)
-    own = mechanism.own_sizes(x)
-    tolerated = exact.gradient_scale(mechanism.formula, arithmetic, x, own, sides, right)
-    slopes = np.max(abs(right.gradient), axis=1)
-    swing = np.sum(own * slopes, axis=1)
-    value_missed = np.max(abs(_number(arithmetic, solved.value) - right.value), axis=1)
-    value_error = _ratio(value_missed, np.max(abs(right.value), axis=1) + swing)
-    missed = np.max(abs(_number(arithmetic, solved.gradient) - right.gradient), axis=1)
-    reach = np.max(abs(right.value - x[:, :2]), axis=1) + swing
-    # Both scales, times the input so that inputs of 0 need no division.
-    both = _ratio(missed * own, reach[:, None] + own * tolerated)
-    gradient_error = np.where(own == 0, _ratio(missed, tolerated), both)
-    exists = solved.ok & (margin > 0)
-    decided = solved.ok & (margin > UNDECIDED[str(inputs.dtype)])
-    return (
-        margin,
-        np.where(exists, value_error, np.nan),
-        np.where(decided, np.max(gradient_error, axis=1), np.nan),
-        np.where(decided, np.max(_ratio(missed, slopes), axis=1), np.nan),
-    )
-
-
-def _number(arithmetic: exact.Arithmetic, values: np.ndarray) -> np.ndarray:
-    # What is not finite is counted as such; here it must not pass for accurate either.
-    return arithmetic.number(np.where(np.isfinite(values), values, 1e30))
-
-
-def _ratio(error: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    # What stays zero whatever the inputs do must come out as zero.
-    divided = (error / (scale + (scale == 0))).astype(float)
-    return np.where((scale == 0) & (error != 0), np.inf, divided)
-
-
-def _relative_margin(found: exact.Exact) -> np.ndarray:
-    return (found.margin / (found.size + (found.size == 0))).astype(float)
 
 
 def report(out: Report, judged: Records) -> None:
@@ -268,16 +234,13 @@ def _verdict_faults(own: Records) -> Iterator[str]:
 def draw_approach(judged: Records) -> Figure:
     """Errors and gradient sizes of single cases over their exact margin."""
     drawing, [[errors, sizes]] = new_figure(1, 2, height=3.6)
-    for index, dtype in enumerate(DTYPES):
-        own = judged.where((judged["dtype"] == dtype) & (judged["margin"] > 0))
-        color, unit = PALETTE[index], rounding(dtype)
-        style = {"color": color, "linestyle": "", "marker": MARKERS[index], "markersize": 3}
-        for name, what, face in (("value", "positions", color), ("gradient", "gradients", "none")):
-            shown = np.maximum(own[f"{name}_error"], unit / 64)
-            label = f"{dtype}, {what}"
-            errors.plot(own["margin"], shown, markerfacecolor=face, label=label, **style)
-        sizes.plot(own["margin"], own["gradient_size"], **style)
-        errors.axhline(unit, color=color, linestyle=":")
+    draw_errors(errors, judged, "margin", "value_error", ", positions")
+    draw_errors(errors, judged, "margin", "gradient_error", ", gradients", hollow=True)
+    inside = judged.where(judged["margin"] > 0)
+    for (_, own), color, marker in zip(
+        inside.group("dtype").items(), PALETTE, MARKERS, strict=False
+    ):
+        sizes.plot(own["margin"], own["gradient_size"], marker, color=color, markersize=3)
     line = np.array([1e-16, 1e-1])
     sizes.plot(line, line**-0.5, color="0.35", linewidth=0.9, label="margin$^{-1/2}$")
     for axis in (errors, sizes):
@@ -292,28 +255,19 @@ def draw_approach(judged: Records) -> Figure:
 
 def draw_random(random: Records) -> Figure:
     """Margins of the random linkages, and the errors of those that can be assembled."""
-    drawing, [[margins, errors]] = new_figure(1, 2, height=3.4)
-    for index, ((case, dtype), own) in enumerate(random.group("case", "dtype").items()):
-        kind, color = case.split(",")[0], PALETTE[index]
+    drawing, [axes] = new_figure(1, 2, height=3.4)
+    margins: list[Series] = []
+    errors: list[Series] = []
+    for ((case, dtype), own), color in zip(
+        random.group("case", "dtype").items(), PALETTE, strict=False
+    ):
+        kind = case.split(",")[0]
         if dtype == "float64":
             for sign, style, word in ((1, "-", "can be assembled"), (-1, ":", "cannot")):
-                depth = np.log10(sign * own["margin"][sign * own["margin"] > 0])
-                drawn = {"label": f"{kind}, {word}", "linestyle": style, "color": color}
-                margins.hist(depth, _sixths(depth), histtype="step", **drawn)
+                depth = sign * own["margin"][sign * own["margin"] > 0]
+                margins.append((depth, f"{kind}, {word}", color, style))
         units = own["value_error"][own["ok"] & np.isfinite(own["value_error"])] / rounding(dtype)
-        units = np.log10(np.maximum(units, 1e-4))
-        label = f"{kind}, {dtype}"
-        errors.hist(units, _sixths(units), histtype="step", color=color, label=label)
-    margins.set(xlabel="log₁₀ of |margin|, of the size", ylabel="linkages")
-    errors.set(xlabel="log₁₀ of error in units of rounding")
-    for axis in (margins, errors):
-        axis.set(yscale="log")
-        axis.legend(loc="upper left", fontsize=7)
-        axis.set_ylim(top=axis.get_ylim()[1] * 30)
+        errors.append((np.maximum(units, 1e-4), f"{kind}, {dtype}", color, "-"))
+    draw_counts(axes[0], "|margin|, of the size", "linkages", margins)
+    draw_counts(axes[1], "error in units of rounding", "linkages", errors)
     return drawing
-
-
-def _sixths(exponents: np.ndarray) -> np.ndarray:
-    """Edges of bins, six a decade, that hold all."""
-    low, high = np.floor(np.min(exponents, initial=0.0)), np.ceil(np.max(exponents, initial=0.0))
-    return np.arange(6 * low, 6 * high + 1) / 6
