@@ -75,6 +75,7 @@ REDUCED: dict[str, tuple[str, ...]] = {
         *("other_lamp_grasps=8", "stability_images=1", "largest_residual=5"),
     ),
     "proprioception": ("fingers=2", "frames=5", "gap_fingers=8", "cost_fingers=1", "sizes=[]"),
+    "solver-precision": ("angles=300", "repeats=3", "minimizers=false"),
     "surface-profile": (
         *("trials=1", "fingers=2", "frames=21", "calibration=5", "calibrations=[0]"),
         *("severities=[0.0]", "severity_trials=1", "rest_frames=6", "sagittas=[4.0]"),

@@ -158,10 +158,11 @@ def _brentq(fields: dict[str, float], work: Workload) -> list[BenchmarkMethod]:
         return _printed_angle(math, ratio, *numbers) - angle
 
     def call(tolerance: float) -> np.ndarray:
-        least = {"xtol": tolerance, "rtol": max(tolerance, 4 * np.finfo(float).eps)}
-        return np.array(
-            [scipy.optimize.brentq(residual, *work.bracket, (angle,), **least) for angle in part]
+        relative = np.float64(max(tolerance, 4 * np.finfo(float).eps))
+        solve = partial(
+            scipy.optimize.brentq, residual, *work.bracket, xtol=tolerance, rtol=relative
         )
+        return np.array([solve(args=(angle,)) for angle in part])
 
     scaled = f", 1 problem in {share} solved and the time scaled" if share > 1 else ""
     shared = {"error": checked.error, "scale": len(work.angles) / len(part)}

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from designopt.design_kind import Design
 from kinematics.design import LINKAGE
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
 from studies.models.finger import Finger
 from studies.models.grasp.cases import finger_of
+from studies.models.grasp.mjcf import grasp_mjcf
 from studies.models.grasp.spec import GraspSpec
 
 NAME = "finger-grasp"
@@ -26,7 +28,11 @@ class DesignedGrasp(DesignedLinkage):
     finger: Finger
 
 
-def finger_grasp_design(spec: GraspSpec, folder: Path | None) -> DesignedGrasp:
+GRASP = replace(LINKAGE, mjcf=lambda model: grasp_mjcf(model.finger))
+"""The linkage with its spring and servo, joint stops and pads as a MuJoCo model."""
+
+
+def design(spec: GraspSpec, folder: Path | None) -> Design:
     """The linkage of the study's pins, driven by its crank, with its spring.
 
     Args:
@@ -39,14 +45,4 @@ def finger_grasp_design(spec: GraspSpec, folder: Path | None) -> DesignedGrasp:
     del folder
     finger = finger_of(spec)
     made = DesignedLinkage.of(parse_sketch(finger.linkage_tables("crank"), NAME), NAME)
-    return DesignedGrasp(made.name, made.sketch, made.linkage, finger)
-
-
-def _mjcf(model: DesignedGrasp) -> str:
-    from studies.models.grasp.mjcf import grasp_mjcf
-
-    return grasp_mjcf(model.finger)
-
-
-GRASP = replace(LINKAGE, mjcf=_mjcf)
-"""The linkage with its spring and servo, joint stops and pads as a MuJoCo model."""
+    return Design(GRASP, DesignedGrasp(made.name, made.sketch, made.linkage, finger))

@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
-from designopt.study import benchmark as run_time
-from designopt.study.results import PrecisionStudy, Results
+import math
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from designopt.study.left_out import count_operations
+from designopt.study.records import Records
+from designopt.study.report import Report
+from designopt.study.results import LeftOutRow, Results
 from designopt.study.study import Context
-from studies.finger_grasp import precision, stability, statements, tables
-from studies.finger_grasp.left_out import operations
-from studies.models.grasp import figures as drawings
-from studies.models.grasp.analysis import Analysis, analyze
-from studies.models.grasp.cases import finger_of
-from studies.models.grasp.check import summary
+from studies.benchmarks.solvers import grasp as benchmark
+from studies.finger_grasp import figures
+from studies.models.finger import Finger
+from studies.models.grasp import cases
+from studies.models.grasp.analysis import CLOSED, Analysis, analyze, radius_of
+from studies.models.grasp.check import GraspCheck, summary
+from studies.models.grasp.closing import Path
+from studies.models.grasp.conditions import Problem, equations, straight
+from studies.models.grasp.figures import draw_sequences
 from studies.models.grasp.spec import GraspSpec
-from studies.oracles.grasp import DIGITS
+from studies.models.grasp.transfer import Joints, transfer
+from studies.stability import grasp as stability
+
+PADS = ("intermediate", "distal")
+LEAST_FORCE = 1e-6
+"""A pad that presses with less does not touch, N."""
+EVERY = 4
+"""Every so many states are tabulated."""
 
 
 def run(spec: GraspSpec, context: Context) -> Results:
@@ -22,42 +41,210 @@ def run(spec: GraspSpec, context: Context) -> Results:
         UserError: another float type than float64.
     """
     context.require_float64("finger-grasp compares forces to 1e-8")
+    out = Report(spec, package=__package__)
     with context.step("Closing, opening and pinching"):
-        found = analyze(finger_of(spec), spec)
-    check = summary(found)
-    rows = []
+        found = analyze(cases.finger_of(spec), spec)
+    add_numbers(out, found, summary(found))
     if spec.stability:
-        end = float(found.adaptive.commands.max())
+        end, rows = float(found.adaptive.commands.max()), []
         with context.step("Stiff and extreme cases"):
             for family in stability.families(found.finger, end, context.seed):
                 rows.append(stability.assess(family))
-    precision_study = None
+        out.values(extreme=sum(row.cases for row in rows))
+        out.metrics(
+            stability_failures=sum(row.failures for row in rows),
+            non_finite=sum(row.non_finite for row in rows),
+        )
+        out.stability(rows)
     if spec.precision:
         with context.step("Error against run time"):
-            precision_study = measure_precision(found, spec)
+            rows = benchmark.measure(found.adaptive, spec.precision_repeats)
+        if rows:
+            claim = out.claim("newton", *benchmark.compare_with_minimizers(rows))
+            out.precision(rows, "worst error of a joint (rad)", benchmark.REFERENCE, claim)
     with context.step("Operations left out"):
-        left_out = operations(found.finger)
-    return Results(
-        findings=statements.findings(spec, found, check),
-        metrics=statements.metrics(spec, check, rows),
-        tables=tables.tables(found),
-        figures=drawings.figures(found),
-        precision=precision_study,
-        stability=rows,
-        left_out=left_out,
-    )
+        out.left_out(operations(found.finger))
+    add_tables(out, found)
+    add_figures(out, found)
+    return out.results()
 
 
-def measure_precision(found: Analysis, spec: GraspSpec) -> PrecisionStudy | None:
-    """Error against run time over the check's closing; ``None`` if no state is determined."""
-    rows = run_time.benchmark(
-        list(precision.contenders(found.adaptive)), repeats=spec.precision_repeats
+def add_numbers(out: Report, found: Analysis, check: GraspCheck) -> None:
+    """Metrics, and findings in plain sentences, most important first."""
+    body, pinches = found.finger.body, check.pinches
+    circle = cases.check_touch(body)
+    out.values(
+        pinches=pinches,
+        circle_mm=2 * circle.radius,
+        circle_pip_deg=math.degrees(circle.pip),
+        circle_at=circle.place,
     )
-    if not rows:
-        return None
-    return PrecisionStudy(
-        rows,
-        error="worst error of a joint (rad)",
-        reference=f"the equations of what holds, in {DIGITS} digits",
-        claims=[precision.claim(rows)],
+    out.metrics(
+        free_closing_pip_deg=check.free_closing_pip_deg,
+        adaptive_dip_deg=check.adaptive_dip_deg,
+        virtual_work_error=check.virtual_work_error,
+        formula_error=check.formula_error,
+        pinch_violations=check.pinch_violations,
+        states=check.states,
+        unconverged=check.unconverged,
+        worst_residual=check.worst_residual,
+        retrace_error_deg=check.retrace_error_deg,
+        least_f1_n=check.least_f1_n,
+        ratio_low=check.ratio_low,
+        ratio_high=check.ratio_high,
     )
+    touched = f", until the distal pad touches at {check.adaptive_dip_deg:.2f}°"
+    out.say(
+        "closing",
+        range_deg=body.range_deg,
+        touched=", and the distal pad never touches"
+        if math.isnan(check.adaptive_dip_deg)
+        else touched,
+        wrapped_deg=math.degrees(cases.wrapped_dip(body, circle.place, circle.radius)),
+    )
+    out.say("ratio")
+    formulas = f", and with the formulas for two phalanges to {check.formula_error:.1e}"
+    # NaN: there was no state in which both pads press.
+    out.say("forces", formulas="" if math.isnan(check.formula_error) else formulas)
+    limits = [one.limit for one, _, _ in found.pinches if not one.holds]
+    count = len(found.pinches)
+    if limits:
+        out.say(
+            "pinches",
+            all_pinches=count,
+            holding=count - len(limits),
+            least_limit=min(limits),
+            most_limit=max(limits),
+            agreeing=pinches - check.pinch_violations,
+        )
+    if pinches < count:
+        out.say("unloaded", unloaded=count - pinches)
+    apart = [
+        f"{2 * radius_of(path):g} mm ({why})" for path in found.circles if (why := _apart(path))
+    ]
+    out.say(
+        "circles",
+        both=len(found.circles) - len(apart),
+        circles=len(found.circles),
+        except_on=f"; not on those of {', '.join(apart)}" if apart else "",
+    )
+    out.say("solved", converged=check.states - check.unconverged)
+
+
+def _apart(path: Path) -> str:
+    """Why not both pads press at the end of a closing; empty where they do."""
+    if not path.ok[CLOSED]:
+        return "no equilibrium found"
+    bare = [name for pad, name in enumerate(PADS) if path.push(pad)[CLOSED] < LEAST_FORCE]
+    return f"{' and '.join(bare)} pad without contact" if bare else ""
+
+
+def states_of(path: Path, states: np.ndarray) -> dict[str, Any]:
+    """Columns of a table: posture, contacts and forces in some states of a path."""
+    forces = np.stack([path.push(pad)[states] for pad in (0, 1)], axis=1)
+    pressed = [[name for name, f in zip(PADS, own, strict=True) if f > 1e-9] for own in forces]
+    return {
+        "motor_deg": np.degrees(path.commands[states]),
+        "pip_deg": np.degrees(path.joints[states, 0]),
+        "dip_deg": np.degrees(path.joints[states, 1]),
+        "motor_n_mm": path.motor[states],
+        "contacts": [" and ".join(names) or "none" for names in pressed],
+        "f1_n": forces[:, 0],
+        "f2_n": forces[:, 1],
+    }
+
+
+def add_tables(out: Report, found: Analysis) -> None:
+    """Closings, their ends on the circles, pinches, and how all was solved; equilibria only."""
+    sequences, circles, pinches, solved = Records(), Records(), Records(), Records()
+    for name, path in found.paths().items():
+        states, bad = np.flatnonzero(path.ok)[::EVERY], np.flatnonzero(~path.ok)
+        if states.size and not name.startswith("pinch"):
+            sequences.add(
+                closing=name,
+                **states_of(path, states),
+                stop_pip_n_mm=path.stops[states, 0],
+                stop_dip_n_mm=path.stops[states, 1],
+                residual=path.residual[states],
+                margin=path.margin[states],
+            )
+        compared = found.compared[name]
+        solved.add(
+            closing=name,
+            states=len(path.ok),
+            solved=int(path.ok.sum()),
+            first_message=path.messages[int(bad[0])] if bad.size else "",
+            worst_residual=float(path.residual[path.ok].max(initial=0.0)),
+            least_margin=float(path.margin[path.ok].min(initial=1.0)),
+            virtual_work_error=compared.error,
+            compared=compared.states,
+            undetermined=compared.undetermined,
+        )
+    for path in found.circles:
+        if path.ok[CLOSED]:
+            k1, k2 = path.along[CLOSED].tolist()
+            end = states_of(path, np.array([CLOSED]))
+            circles.add(diameter_mm=2 * radius_of(path), k1_mm=k1, k2_mm=k2, **end)
+    for one, _, shown in found.pinches:
+        pinches.add(
+            pip_deg=math.degrees(one.pip),
+            k2_mm=one.place,
+            ratio=one.ratio,
+            threshold=one.threshold,
+            limit_n_mm=math.nan if one.holds else one.limit,
+            held_n_mm=shown.low,
+            gave_way_n_mm=shown.high if math.isfinite(shown.high) else math.nan,
+            agrees=[shown.agrees],
+        )
+    tables = {"sequences": sequences, "circles": circles, "pinches": pinches, "solved": solved}
+    for name, records in tables.items():
+        out.table(name, records)
+
+
+def add_figures(out: Report, found: Analysis) -> None:
+    """The finger in section, its closings, where a grasp holds, circles and pinches."""
+    body = found.finger.body
+    out.figure("closing", draw_sequences(found))
+    out.figure("paths", figures.draw_closings(found))
+    low, high = float(body.axis_height), float(body.distal - body.rim)
+    out.figure("stability_map", figures.draw_stability_map(found), low=low, high=high)
+    out.figure("over_diameter", figures.draw_circles(found))
+    if not all(pinch.holds for pinch, _, _ in found.pinches):
+        out.figure("pinches", figures.draw_pinches(found))
+
+
+def operations(finger: Finger) -> list[LeftOutRow]:
+    """Operation counts of programs that leave something out beside the general ones."""
+    body = finger.body
+    things = (None, cases.circle_on_pad(body, 40.0, 11.5), cases.box(body))
+    free, circle, square = (_count(cases.problem_of(finger, thing)) for thing in things)
+
+    def pull(finger: Finger, joints: Joints) -> jax.Array:
+        found = transfer(finger, joints)
+        return found.winding * found.slope
+
+    joints = jnp.asarray([0.4, 0.3])
+    return [
+        LeftOutRow(
+            "equations of free closing",
+            "pads, object and contact forces: there is nothing to touch",
+            free,
+            circle,
+        ),
+        LeftOutRow(
+            "equations on a circle",
+            "corners, sides and the second contact of a pad: a circle has none",
+            circle,
+            square,
+        ),
+        LeftOutRow(
+            "moment of the spring",
+            "the outer dyad: the spring's winding depends on DIP alone",
+            count_operations(pull, finger, joints),
+            count_operations(transfer, finger, joints),
+        ),
+    ]
+
+
+def _count(problem: Problem) -> int:
+    return count_operations(equations, straight(problem), problem)

@@ -1,22 +1,31 @@
-"""Equilibria on circles in many digits, with kinematics written out for mpmath alone.
+"""The finger's equilibrium in plain numbers, with pins placed by intersecting circles.
 
-Which stops and contacts hold is taken from the state to be judged; their equations are solved in
-`DIGITS` digits, and then it is checked that this choice was right: no force pulls, and nothing that
-was left out overlaps.
+`solve` takes which stops and contacts hold from the state to be judged, solves their equations in
+`DIGITS` digits, and checks that this choice was right: no force pulls, and nothing that was left
+out overlaps. `minimize` is SciPy's SLSQP on the energy, which needs no such choice. `balance`
+gives the forces by the equilibrium of every link (R. L. Norton, *Design of Machinery*, ch. 11),
+without energy and without ratios. Places are complex numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
+import scipy.optimize
 
 DIGITS = 36
 
-Place = tuple[Any, Any]
+LINKS = {"intermediate": "ABG", "distal": "BC", "plate": "CDH"}
+LINKS |= {"rod": "DE", "crank": "EF", "bar": "GH"}
+"""Moving links and their pins; A and F are on the proximal phalanx as well."""
+
+CARRIER = {"A": "intermediate", "B": "distal", "C": "plate", "D": "rod", "E": "crank", "F": "crank"}
+CARRIER |= {"G": "bar", "H": "plate"}
+"""The link on which a pin's unknown force acts; on its other link it acts reversed."""
 
 
 @dataclass(frozen=True)
@@ -29,25 +38,25 @@ class Setting:
         axis_height: h.
         rim: how far before the tip the distal pad ends.
         limit: upper stop of both joints.
-        values: ``log_spring``, ``log_servo``, ``preload`` and ``command``.
+        spring, servo: stiffnesses of the spring at the plate and of the motor.
+        preload: how far the spring is wound in the straight finger.
+        command: the motor's angle.
         circle: centre and radius.
     """
 
-    pins: Mapping[str, tuple[float, float]]
+    pins: Mapping[str, complex]
     lengths: tuple[float, float]
     axis_height: float
     rim: float
     limit: float
-    values: Mapping[str, Any]
-    circle: tuple[float, float, float]
+    spring: float
+    servo: float
+    preload: float
+    command: float
+    circle: tuple[complex, float] | None
 
-    def with_value(self, name: str, value: Any) -> Setting:
-        """The same with one of its values replaced."""
-        return replace(self, values={**self.values, name: value})
 
-
-@dataclass(frozen=True)
-class Exact:
+class Exact(NamedTuple):
     """An equilibrium in many digits.
 
     Attributes:
@@ -63,34 +72,79 @@ class Exact:
     right: bool
 
 
-def crank(setting: Setting, pip: Any, dip: Any) -> Any:
+def pin_places(setting: Setting, pip: Any, dip: Any, ctx: Any = mpmath.mp) -> dict[str, Any]:
+    """Every pin in a posture, mm, in the proximal phalanx's frame.
+
+    Args:
+        setting: the finger.
+        pip: flexion, rad.
+        dip: flexion, rad.
+        ctx: arithmetic: `mpmath.mp`, or `mpmath.fp` for double precision.
+    """
+    was = {name: ctx.mpc(place) for name, place in setting.pins.items()}
+    middle, knuckle = setting.lengths[0], ctx.expj(-pip)
+    at = {"A": ctx.mpc(0), "B": middle * knuckle, "F": was["F"], "G": was["G"] * knuckle}
+    at["C"] = at["B"] + (was["C"] - middle) * knuckle * ctx.expj(-dip)
+    at["H"] = _meet(at["G"], at["C"], was["G"], was["C"], was["H"], ctx)
+    # D is rigid in the plate C-D-H.
+    turn = (at["H"] - at["C"]) / (was["H"] - was["C"])
+    at["D"] = at["C"] + turn * (was["D"] - was["C"])
+    at["E"] = _meet(at["F"], at["D"], was["F"], was["D"], was["E"], ctx)
+    return at
+
+
+def crank(setting: Setting, pip: Any, dip: Any, ctx: Any = mpmath.mp) -> Any:
     """φ in rad."""
-    at = setting.pins
-    turn = _angle(at["F"], at["E"]) - _crank_angle(setting, pip, dip)
-    return turn - 2 * mpmath.pi * mpmath.nint(turn / (2 * mpmath.pi))
+    at, was = pin_places(setting, pip, dip, ctx), setting.pins
+    return -ctx.arg((at["E"] - at["F"]) / (ctx.mpc(was["E"]) - was["F"]))
 
 
-def winding(setting: Setting, dip: Any) -> Any:
+def winding(setting: Setting, dip: Any, ctx: Any = mpmath.mp) -> Any:
     """Δγ in rad."""
-    turn = _plate(setting, dip)[1] + dip
-    return turn - 2 * mpmath.pi * mpmath.nint(turn / (2 * mpmath.pi))
+    at, was = pin_places(setting, ctx.mpf(0), dip, ctx), setting.pins
+    return ctx.arg((at["D"] - at["C"]) / (ctx.mpc(was["D"]) - was["C"]) * ctx.expj(dip))
 
 
-def gaps(setting: Setting, pip: Any, dip: Any) -> tuple[Any, Any]:
+def gaps(setting: Setting, pip: Any, dip: Any, ctx: Any = mpmath.mp) -> tuple[Any, Any]:
     """Gaps of the circle to both pads, mm."""
-    middle, tip = setting.lengths
-    h = setting.axis_height
-    x, y, radius = setting.circle
+    assert setting.circle is not None
+    (middle, tip), h, (center, radius) = setting.lengths, setting.axis_height, setting.circle
     found = []
-    for (bx, by), angle, length in (
-        ((mpmath.mpf(0), mpmath.mpf(0)), -pip, middle - 2 * h),
-        (_turned((middle, 0), -pip), -pip - dip, tip - setting.rim - h),
+    for axis, turn, length in (
+        (ctx.mpc(0), pip, middle - 2 * h),
+        (middle * ctx.expj(-pip), pip + dip, tip - setting.rim - h),
     ):
-        u, v = _turned((x - bx, y - by), -angle)
-        nearest = min(max(u - h, mpmath.mpf(0)), mpmath.mpf(length))
-        beyond, below = u - h - nearest, -h - v
-        found.append((below if beyond == 0 else mpmath.hypot(beyond, below)) - radius)
+        place = (center - axis) * ctx.expj(turn)
+        along, below = place.real - h, -h - place.imag
+        beyond = along - min(max(along, ctx.mpf(0)), ctx.mpf(length))
+        found.append((below if beyond == 0 else ctx.hypot(beyond, below)) - radius)
     return found[0], found[1]
+
+
+def minimize(setting: Setting, guess: np.ndarray) -> np.ndarray:
+    """Joints of least energy by SciPy's SLSQP (D. Kraft 1988) in double precision, rad."""
+    ctx, size = mpmath.fp, setting.spring + setting.servo
+
+    def energy(joints: np.ndarray) -> float:
+        pip, dip = joints.tolist()
+        wound = winding(setting, dip, ctx) + setting.preload
+        lag = setting.command - crank(setting, pip, dip, ctx)
+        return (setting.spring * wound**2 + setting.servo * lag**2) / (2 * size)
+
+    def clearances(joints: np.ndarray) -> np.ndarray:
+        pip, dip = joints.tolist()
+        return np.array(gaps(setting, pip, dip, ctx))
+
+    found = scipy.optimize.minimize(
+        energy,
+        guess,
+        method="SLSQP",
+        jac="3-point",
+        bounds=[(0.0, setting.limit)] * 2,
+        constraints={"type": "ineq", "fun": clearances},
+        options={"ftol": 1e-15, "maxiter": 200},
+    )
+    return found.x
 
 
 def solve(
@@ -111,33 +165,40 @@ def solve(
         The equilibrium, or ``None`` where the choice leaves it undetermined (more than two holds)
         or its equations were not solved.
     """
+    with mpmath.workdps(DIGITS):
+        return _solve(setting, near, held, closed)
+
+
+def _solve(
+    setting: Setting,
+    near: np.ndarray,
+    held: tuple[float | None, float | None],
+    closed: tuple[bool, bool],
+) -> Exact | None:
     free = [i for i in range(2) if held[i] is None]
     shut = [i for i in range(2) if closed[i]]
     if len(shut) > len(free):
         return None
-    stiffness, servo = (mpmath.exp(setting.values[name]) for name in ("log_spring", "log_servo"))
+    stiffness, servo = mpmath.mpf(setting.spring), mpmath.mpf(setting.servo)
     step = mpmath.mpf(10) ** (-mpmath.mp.dps // 3)
 
-    def joints_of(unknown: Any) -> list[Any]:
+    def joints_of(unknown: Sequence[Any]) -> list[Any]:
         rest = iter(unknown[: len(free)])
         return [next(rest) if held[i] is None else mpmath.mpf(held[i]) for i in range(2)]
 
-    def slopes(function: Any, joints: list[Any]) -> list[Any]:
+    def slopes(function: Callable[..., Any], joints: list[Any]) -> list[Any]:
         moves = ([joints[0] + s * step, joints[1]] for s in (1, -1))
         others = ([joints[0], joints[1] + s * step] for s in (1, -1))
         return [(function(*a) - function(*b)) / (2 * step) for a, b in (moves, others)]
 
     def motor_of(joints: list[Any]) -> Any:
-        return servo * (setting.values["command"] - crank(setting, *joints))
+        return servo * (setting.command - crank(setting, *joints))
 
     def pulls(joints: list[Any], forces: list[Any]) -> list[Any]:
-        motor = motor_of(joints)
+        motor, wound = motor_of(joints), winding(setting, joints[1]) + setting.preload
         ratio = slopes(lambda p, d: crank(setting, p, d), joints)
-        wound = (winding(setting, joints[1] + step) - winding(setting, joints[1] - step)) / (
-            2 * step
-        )
-        spring = stiffness * (winding(setting, joints[1]) + setting.values["preload"]) * wound
-        out = [-motor * ratio[0], -motor * ratio[1] + spring]
+        winds = slopes(lambda _, d: winding(setting, d), joints)
+        out = [stiffness * wound * w - motor * r for r, w in zip(ratio, winds, strict=True)]
         for force, i in zip(forces, shut, strict=True):
             slope = slopes(lambda p, d, i=i: gaps(setting, p, d)[i], joints)
             out = [a - force * b for a, b in zip(out, slope, strict=True)]
@@ -149,7 +210,8 @@ def solve(
     def equations(unknown: list[Any]) -> list[Any]:
         joints, forces = joints_of(unknown), [servo * f for f in unknown[len(free) :]]
         moment = pulls(joints, forces)
-        return [moment[i] / unit for i in free] + [gaps(setting, *joints)[i] for i in shut]
+        touching = gaps(setting, *joints) if shut else ()
+        return [moment[i] / unit for i in free] + [touching[i] for i in shut]
 
     unknown = _converged(equations, [mpmath.mpf(float(near[i])) for i in free], len(shut))
     if unknown is None:
@@ -169,7 +231,78 @@ def solve(
     return Exact((joints[0], joints[1]), motor_of(joints), (whole[0], whole[1]), bool(right))
 
 
-def _converged(equations: Any, joints: list[Any], forces: int) -> list[Any] | None:
+class Push(NamedTuple):
+    """A contact: on which link it pushes, where, and the unit vector in which."""
+
+    link: str
+    place: complex
+    direction: complex
+
+
+class Balance(NamedTuple):
+    """What balances the links.
+
+    Attributes:
+        forces: of the pushes, N.
+        stops: moments of the stops on PIP and DIP, N mm, positive in flexion; 0 where not held.
+        residual: what is left of the balance over the largest force times length in it.
+    """
+
+    forces: np.ndarray
+    stops: np.ndarray
+    residual: float
+
+
+def balance(
+    setting: Setting,
+    joints: tuple[float, float],
+    pushes: Sequence[Push],
+    held: tuple[bool, bool],
+    motor: float,
+    load: tuple[float, float],
+) -> Balance:
+    """Contact forces and stop moments that hold all six moving links still.
+
+    Args:
+        setting: the finger.
+        joints: flexion of PIP and DIP, rad.
+        pushes: contacts that are closed.
+        held: whether PIP and DIP rest on a stop.
+        motor: T_a on the crank in the closing direction (clockwise), N mm.
+        load: moments on PIP and DIP, N mm, positive in flexion (clockwise).
+    """
+    at = pin_places(setting, *joints, mpmath.fp)
+    spring = setting.spring * (winding(setting, joints[1], mpmath.fp) + setting.preload)
+    row = {name: i for i, name in enumerate(LINKS)}
+    first = 2 * len(CARRIER)  # column of the first push
+    matrix = np.zeros((len(LINKS), 3, first + len(pushes) + 2))
+    for j, (pin, carrier) in enumerate(CARRIER.items()):
+        acts = np.array([[1.0, 0.0], [0.0, 1.0], [-at[pin].imag, at[pin].real]])
+        for link in (link for link, pins in LINKS.items() if pin in pins):
+            matrix[row[link], :, 2 * j : 2 * j + 2] = acts if link == carrier else -acts
+    for j, (link, place, way) in enumerate(pushes):
+        matrix[row[link], :, first + j] = way.real, way.imag, (place.conjugate() * way).imag
+    # A moment in flexion is clockwise: on PIP against the ground, on DIP between two phalanges.
+    middle, distal = row["intermediate"], row["distal"]
+    if held[0]:
+        matrix[middle, 2, -2] = -1.0
+    if held[1]:
+        matrix[distal, 2, -1], matrix[middle, 2, -1] = -1.0, 1.0
+    right = np.zeros((len(LINKS), 3))
+    right[middle, 2], right[distal, 2] = load[0] - load[1], load[1] - spring
+    right[row["crank"], 2], right[row["plate"], 2] = motor, spring
+    # Forces in N, moments over 10 mm: rows of like size.
+    scale = np.array([1.0, 1.0, 0.1])
+    rows, sides = (matrix * scale[:, None]).reshape(right.size, -1), (right * scale).ravel()
+    found = np.linalg.lstsq(rows, sides, rcond=1e-13)[0]
+    size = max(np.max(np.abs(found[:first])), np.max(np.abs(sides)), 1e-300)
+    left = float(np.max(np.abs(rows @ found - sides)) / size)
+    return Balance(found[first:-2], found[-2:], left)
+
+
+def _converged(
+    equations: Callable[[list[Any]], list[Any]], joints: list[Any], forces: int
+) -> list[Any] | None:
     """Newton's iteration that keeps its slopes once the start is good.
 
     From a start good to 1e-15 it gains as many digits in every step, when the forces, in which
@@ -198,44 +331,10 @@ def _converged(equations: Any, joints: list[Any], forces: int) -> list[Any] | No
     return None
 
 
-def _plate(setting: Setting, dip: Any) -> tuple[Place, Any]:
-    """Pin D in the intermediate phalanx's frame and the plate's turn from straight."""
-    at, (middle, _) = setting.pins, setting.lengths
-    cx, cy = _turned((at["C"][0] - middle, at["C"][1]), -dip)
-    c = (middle + cx, cy)
-    h = _meet(at["G"], c, at["G"], at["C"], at["H"])
-    turn = _angle(c, h) - _angle(at["C"], at["H"])
-    dx, dy = _turned(_minus(at["D"], at["C"]), turn)
-    return (c[0] + dx, c[1] + dy), turn
-
-
-def _crank_angle(setting: Setting, pip: Any, dip: Any) -> Any:
-    at = setting.pins
-    d = _turned(_plate(setting, dip)[0], -pip)
-    return _angle(at["F"], _meet(at["F"], d, at["F"], at["D"], at["E"]))
-
-
-def _meet(first: Place, second: Place, a: Place, b: Place, c: Place) -> Place:
+def _meet(first: Any, second: Any, a: Any, b: Any, c: Any, ctx: Any) -> Any:
     """The third corner over two others, with the sides and on the side that a, b, c have."""
-    one, two = mpmath.hypot(*_minus(c, a)), mpmath.hypot(*_minus(c, b))
-    bx, by = _minus(second, first)
-    distance = mpmath.hypot(bx, by)
+    one, two, distance = abs(c - a), abs(c - b), abs(second - first)
     along = (one**2 - two**2 + distance**2) / (2 * distance)
-    (ux, uy), (vx, vy) = _minus(b, a), _minus(c, a)
-    across = mpmath.sqrt(one**2 - along**2) * mpmath.sign(ux * vy - uy * vx)
-    x, y = bx / distance, by / distance
-    return first[0] + along * x - across * y, first[1] + along * y + across * x
-
-
-def _minus(a: Place, b: Place) -> Place:
-    return mpmath.mpf(a[0]) - b[0], mpmath.mpf(a[1]) - b[1]
-
-
-def _turned(place: Place, angle: Any) -> Place:
-    c, s = mpmath.cos(angle), mpmath.sin(angle)
-    return c * place[0] - s * place[1], s * place[0] + c * place[1]
-
-
-def _angle(start: Place, end: Place) -> Any:
-    x, y = _minus(end, start)
-    return mpmath.atan2(y, x)
+    across = ctx.sqrt(one**2 - along**2)
+    left = ((b - a).conjugate() * (c - a)).imag > 0
+    return first + (second - first) / distance * (along + (1j if left else -1j) * across)

@@ -1,7 +1,7 @@
 """The study ``finger-grasp`` against geometry, SciPy, many digits and the balance of every link."""
 
-import json
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache
 
@@ -10,28 +10,24 @@ import jax
 import jax.numpy as jnp
 import mpmath
 import numpy as np
-import pydantic
 import pytest
 import scipy.optimize
 
-from designopt import cli
-from studies.finger_grasp.judging import judge, setting_of
-from studies.finger_grasp.second_opinion import reference as slsqp
-from studies.finger_grasp.stability import families
+from designopt.study.study import Context, load_study
 from studies.models.finger import FingerSpring, spring_of
 from studies.models.grasp import cases
 from studies.models.grasp.analysis import CLOSED, formula_error, retrace_error, touching_dip
 from studies.models.grasp.closing import LARGEST_MOVE, STEPS, close_all, there_and_back
-from studies.models.grasp.comparing import compare
+from studies.models.grasp.comparing import compare, compare_exactly, setting_of
 from studies.models.grasp.conditions import Unknowns, conditions, energy, gaps_of, touches
 from studies.models.grasp.equilibrium import GRASP, solve
-from studies.models.grasp.free_body import pin_places
 from studies.models.grasp.objects import Circle, Polygon
 from studies.models.grasp.pinch import bracket, least_place, loading, predict, ratio_map
 from studies.models.grasp.spec import GraspSpec, PinsSpec
 from studies.models.grasp.transfer import pads, transfer, transfers
 from studies.models.pins import reference_pins
 from studies.oracles import grasp as exact
+from studies.stability.grasp import families
 from tests.studies.fingers import finger_of
 
 SPEC = GraspSpec()
@@ -68,39 +64,27 @@ def test_default_pins_are_design_b():
         )
 
 
-def test_transfer_is_the_linkages():
-    """Pins placed by intersecting circles in NumPy, and central differences."""
-    joints = jnp.asarray(np.random.default_rng(0).uniform(0, 1.57, (20, 2)))
-    found = transfers(FINGER, joints)
-    straight = {name: np.asarray(getattr(FINGER.pins, name)) for name in "FEDCGH"}
-    for i, posture in enumerate(np.asarray(joints)):
-        at = pin_places(straight, 23.0, posture)
-        turns = {}
-        for one, two in ("FE", "CD"):
-            now, was = at[two] - at[one], straight[two] - straight[one]
-            turns[one] = np.angle(complex(*now) / complex(*was))
-        np.testing.assert_allclose(found.crank[i], -turns["F"], atol=1e-12)
-        wound = np.angle(np.exp(1j * (turns["C"] + posture.sum())))
-        np.testing.assert_allclose(found.winding[i], wound, atol=1e-12)
-    step = 1e-6
-    for j in range(2):
-        move = jnp.zeros((1, 2)).at[0, j].set(step)
-        ends = [transfers(FINGER, joints + s * jnp.tile(move, (20, 1))) for s in (1, -1)]
-        slope = (ends[0].crank - ends[1].crank) / (2 * step)
-        np.testing.assert_allclose(found.ratios[:, j], slope, atol=1e-8)
-        if j:
-            slope = (ends[0].winding - ends[1].winding) / (2 * step)
-            np.testing.assert_allclose(found.slope, slope, atol=1e-8)
+def test_transfer_is_the_oracles():
+    """Pins placed by intersecting circles, and central differences of their turns."""
+    setting, step = setting_of(FREE, 0.0), 1e-9
+    joints = np.random.default_rng(0).uniform(0, 1.57, (20, 2))
+    found = transfers(FINGER, jnp.asarray(joints))
+    with mpmath.workdps(30):
 
+        def slope(turn, at):
+            return float((turn(at + step) - turn(at - step)) / (2 * step))
 
-def test_the_map_has_the_range_that_was_read():
-    ratios = ratio_map(FINGER, np.linspace(0, np.pi / 2, 31))
-    ratio = ratios[..., 1] / ratios[..., 0]
-    assert round(float(ratio.min()), 2) == 0.23
-    assert round(float(ratio.max()), 2) == 0.46
-    place = least_place(ratio, np.linspace(0, np.pi / 2, 31)[None], 23.0)
-    reach = place + 23 * np.cos(np.linspace(0, np.pi / 2, 31))[None]
-    np.testing.assert_allclose(place / reach, ratio)
+        for i, (pip, dip) in enumerate(joints.tolist()):
+            turns = [exact.crank(setting, pip, dip), exact.winding(setting, dip)]
+            np.testing.assert_allclose(found.crank[i], float(turns[0]), atol=1e-13)
+            np.testing.assert_allclose(found.winding[i], float(turns[1]), atol=1e-13)
+            ratios = [
+                slope(lambda q, d=dip: exact.crank(setting, q, d), mpmath.mpf(pip)),
+                slope(lambda q, p=pip: exact.crank(setting, p, q), mpmath.mpf(dip)),
+            ]
+            np.testing.assert_allclose(found.ratios[i], ratios, rtol=1e-12, atol=1e-13)
+            wound = slope(lambda q: exact.winding(setting, q), mpmath.mpf(dip))
+            np.testing.assert_allclose(found.slope[i], wound, rtol=1e-12)
 
 
 def _from_segment(point, ends):
@@ -139,6 +123,9 @@ def test_gaps_are_distances():
         found, slopes = (np.asarray(part) for part in gaps[0](jnp.asarray(joints)))
         wanted = [_from_segment(center, segment) - 7 for segment in segments]
         np.testing.assert_allclose(found, wanted, atol=1e-12)
+        pip, dip = joints.tolist()
+        there = exact.gaps(setting_of(problems[0], 0.0), pip, dip, mpmath.fp)
+        np.testing.assert_allclose(found, there, atol=1e-12)
         for j in range(2):
             move = np.eye(2)[j] * 1e-6
             ends = [np.asarray(gaps[0](jnp.asarray(joints + s * move))[0]) for s in (1, -1)]
@@ -179,13 +166,12 @@ def test_every_state_is_an_equilibrium_and_opening_retraces_closing():
 
 def test_a_circle_on_the_proximal_pad_is_touched_at_its_mirrored_place():
     for path, diameter in zip(closings()[0][2:5], (10.0, 30.0, 90.0), strict=True):
-        first = int(np.argmax(path.gaps[:, 0] < 1e-7))
-        thing = path.problem.thing
+        first, thing = int(np.argmax(path.gaps[:, 0] < 1e-7)), path.problem.thing
         assert isinstance(thing, Circle)
         place = -float(thing.center[0])
-        np.testing.assert_allclose(path.along[first, 0], place, atol=1e-9)
         pip = 2 * math.atan(place / (diameter / 2 + 4))
-        np.testing.assert_allclose(path.joints[first, 0], pip, atol=1e-9)
+        found = path.along[first, 0], path.joints[first, 0]
+        np.testing.assert_allclose(found, (place, pip), atol=1e-9)
 
 
 def test_virtual_work_and_free_body_agree():
@@ -221,34 +207,27 @@ def test_a_pinch_that_the_motor_cannot_load_is_not_judged():
     assert bracket(FINGER, replace(pinch, limit=math.inf), weak).agrees is True
 
 
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [({"pinch_at": [40.0]}, "pinch_at"), ({"body": {"range_deg": 45.0}}, "beyond body.range_deg")],
-)
-def test_pinches_out_of_reach_are_refused(settings, words):
-    with pytest.raises(pydantic.ValidationError, match=words):
-        GraspSpec.model_validate(settings)
-
-
 def test_where_nothing_assembles_there_is_no_ratio():
     pins = eqx.tree_at(lambda pins: pins.E, reference_pins(), jnp.array([-8.0, 1.0]))
-    found = ratio_map(finger_of(pins), np.radians([0.0, 45.0, 90.0]))
-    assert np.isnan(found).any()
-    whole = ratio_map(FINGER, np.radians([0.0, 45.0, 90.0]))
+    angles = np.radians([0.0, 45.0, 90.0])
+    assert np.isnan(ratio_map(finger_of(pins), angles)).any()
+    whole = ratio_map(FINGER, angles)
     assert np.isfinite(whole).all()
+    # The least place is where φ₂/φ₁ is k₂ / (k₂ + l cos q₂).
+    ratio, arm = whole[..., 1] / whole[..., 0], 23 * np.cos(angles)[None]
+    place = least_place(ratio, angles[None], 23.0)
+    np.testing.assert_allclose(place / (place + arm), ratio)
 
 
 @pytest.mark.slow
-def test_the_study_end_to_end(tmp_path, capsys):
-    out = tmp_path / "out"
-    assert cli.run(["run", "finger-grasp", "--out", str(out)]) == 0, capsys.readouterr().err
-    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    metrics = {name: metric["value"] for name, metric in document["metrics"].items()}
-    assert metrics["unconverged"] == 0
-    assert metrics["pinch_violations"] == 0
-    assert metrics["adaptive_dip_deg"] == pytest.approx(71.4, abs=0.05)
-    assert len(document["precision"]) > 10
-    assert len(document["stability"]) > 5
+def test_the_study_meets_its_targets():
+    spec = GraspSpec(precision=False, diameters=[10.0, 40.0])
+    results = load_study("finger-grasp").run(spec, Context(0, "float64", lambda _: nullcontext()))
+    metrics = {metric.name: metric for metric in results.metrics}
+    assert not results.unmet
+    assert sum(metric.target is not None for metric in metrics.values()) == 11
+    assert metrics["adaptive_dip_deg"].value == pytest.approx(71.4, abs=0.05)
+    assert sum(row.cases for row in results.stability) == 6 * 12 * STEPS
 
 
 def test_pinches_give_way_where_the_formula_says():
@@ -265,65 +244,65 @@ def test_pinches_give_way_where_the_formula_says():
     np.testing.assert_allclose(found[0].limit, limit, rtol=1e-12)
 
 
-def test_states_agree_with_many_digits_and_with_slsqp():
+def test_states_agree_with_many_digits_and_with_least_energy():
     paths, _ = closings()
     for path, state in ((paths[0], 20), (paths[0], 60), (paths[2], 80), (paths[5], 100)):
-        verdict = judge(path, state)
-        assert verdict.right
-        assert verdict.joints < 1e-12
-        assert verdict.forces < 1e-12
-    problem = eqx.tree_at(lambda p: p.command, paths[0].problem, jnp.asarray(paths[0].commands[28]))
-    found = slsqp(problem, paths[0].joints[27])
-    np.testing.assert_allclose(found, paths[0].joints[28], atol=1e-6)
-    found = slsqp(paths[0].problem, np.array([0.2, 0.1]))
-    np.testing.assert_allclose(found, 0.0, atol=1e-6)  # the motor at 0: straight
+        found = compare_exactly(path, state)
+        assert found.right
+        assert found.joints < 1e-12
+        assert found.forces < 1e-12
+        setting = setting_of(path.problem, float(path.commands[state]))
+        least = exact.minimize(setting, path.joints[state] + [0.02, -0.01])
+        np.testing.assert_allclose(least, path.joints[state], atol=1e-6)
+    least = exact.minimize(setting_of(paths[0].problem, 0.0), np.array([0.2, 0.1]))
+    np.testing.assert_allclose(least, 0.0, atol=1e-6)  # the motor at 0: straight
 
 
-def test_exact_kinematics_are_the_fingers():
-    setting = setting_of(cases.problem_of(FINGER, CHECK), 0.0)
-    found = transfer(FINGER, jnp.asarray([0.7, 0.4]))
-    np.testing.assert_allclose(float(exact.crank(setting, 0.7, 0.4)), found.crank, atol=1e-13)
-    np.testing.assert_allclose(float(exact.winding(setting, 0.4)), found.winding, atol=1e-13)
-    gaps = gaps_of(cases.problem_of(FINGER, CHECK), jnp.asarray([0.7, 0.4]))
-    np.testing.assert_allclose([float(g) for g in exact.gaps(setting, 0.7, 0.4)], gaps, atol=1e-12)
+def slopes_and_differences(thing, commands, guesses, radius=None, max_steps=48):
+    """Gradients of what equilibria sum to, compiled and batched, beside central differences.
 
-
-def logarithms():
-    """Of the stiffnesses, so that a step of either is a part of it; and the preload."""
+    With respect to the logarithms of the stiffnesses, so that a step of either is a part of it, to
+    the preload, and to the circle's radius where it is given.
+    """
     spring = spring_of(FINGER)
-    return jnp.stack([jnp.log(spring.stiffness), jnp.log(spring.servo), spring.preload])
+    start = [jnp.log(spring.stiffness), jnp.log(spring.servo), spring.preload]
+    start = jnp.stack(start if radius is None else [*start, jnp.asarray(radius)])
 
+    def value(parameters, command, guess):
+        stiffness, servo = jnp.exp(parameters[:2])
+        finger = replace(FINGER, spring=FingerSpring(stiffness, parameters[2], servo))
+        on = thing if radius is None else replace(thing, radius=parameters[3])
+        problem = eqx.tree_at(lambda p: p.command, cases.problem_of(finger, on), command)
+        found = solve(problem, guess, max_steps=max_steps)
+        state = found.value
+        total = jnp.sum(state.joints) + 0.01 * state.motor + jnp.sum(state.forces)
+        return jnp.where(found.ok, total, 0.0), found
 
-def with_logarithms(parameters):
-    return replace(
-        FINGER, spring=FingerSpring(jnp.exp(parameters[0]), parameters[2], jnp.exp(parameters[1]))
-    )
+    run = jax.jit(jax.vmap(jax.value_and_grad(value, has_aux=True), (None, 0, 0)))
+    (_, found), slopes = run(start, commands, guesses)
+    assert bool(jnp.isfinite(slopes).all())
+    steps = 1e-6 * jnp.eye(len(start))
+    values = [[run(start + s * step, commands, guesses)[0][0] for s in (1, -1)] for step in steps]
+    return found, slopes, jnp.stack([(up - down) / 2e-6 for up, down in values], axis=1)
 
 
 def test_implicit_gradients_of_free_closing_against_central_differences():
-    """Compiled and batched: PIP moving, PIP at its stop and DIP moving, both at their stops."""
-    joints = jnp.asarray([[0.4, 0.0], [1.57, 0.5], [1.57, 1.57]])
-    commands, motors = jnp.asarray([0.5, 1.5, 2.6]), jnp.asarray([0.0, 0.5, 2.0])
-    start = logarithms()
-
-    def value(parameters, command, joints, motor):
-        finger = with_logarithms(parameters)
-        problem = eqx.tree_at(lambda p: p.command, cases.problem_of(finger, None), command)
-        found = solve(problem, Unknowns(joints, motor, jnp.zeros(0)))
-        return jnp.sum(found.value.joints) + 0.01 * found.value.motor, found.ok
-
-    run = jax.jit(jax.vmap(jax.value_and_grad(value, has_aux=True), (None, 0, 0, 0)))
-    (_, ok), slopes = run(start, commands, joints, motors)
-    assert bool(ok.all())
-    for j in range(3):
-        ends = [run(start.at[j].add(s * 1e-6), commands, joints, motors)[0][0] for s in (1, -1)]
-        np.testing.assert_allclose(slopes[:, j], (ends[0] - ends[1]) / 2e-6, atol=2e-6)
+    """PIP moving, PIP at its stop and DIP moving, both at their stops."""
+    joints, motors = (
+        jnp.asarray([[0.4, 0.0], [1.57, 0.5], [1.57, 1.57]]),
+        jnp.asarray([0, 0.5, 2.0]),
+    )
+    guesses = Unknowns(joints, motors, jnp.zeros((3, 0)))
+    commands = jnp.asarray([0.5, 1.5, 2.6])
+    found, slopes, differences = slopes_and_differences(None, commands, guesses)
+    assert bool(found.ok.all())
+    np.testing.assert_allclose(slopes, differences, atol=2e-6)
     assert float(jnp.abs(slopes).max()) > 0.01
 
 
 @pytest.mark.slow
 def test_implicit_gradients_against_central_differences():
-    """Compiled and batched: a state with two contacts, one with one, a free one, and a failure."""
+    """A state with two contacts, one with one, a free one, and a failure."""
     paths, _ = closings()
     path, states = paths[0], [10, 25, 60, 60]
     guesses = Unknowns(
@@ -333,26 +312,11 @@ def test_implicit_gradients_against_central_differences():
     )
     guesses = eqx.tree_at(lambda u: u.forces, guesses, guesses.forces.at[3].set(1e12))
     commands = jnp.asarray(path.commands[states])
-
-    def value(parameters, command, guess):
-        finger = with_logarithms(parameters)
-        problem = cases.problem_of(finger, Circle(CHECK.center, parameters[3]))
-        problem = eqx.tree_at(lambda p: p.command, problem, command)
-        found = solve(problem, guess, max_steps=6)
-        state = found.value
-        total = jnp.sum(state.joints) + 0.01 * state.motor + jnp.sum(state.forces)
-        return jnp.where(found.ok, total, 0.0), found
-
-    start = jnp.append(logarithms(), CHECK.radius)
-    run = jax.jit(jax.vmap(jax.value_and_grad(value, has_aux=True), (None, 0, 0)))
-    (_, found), slopes = run(start, commands, guesses)
-    assert bool(jnp.isfinite(slopes).all())
-    for j in range(4):
-        step = 1e-6
-        ends = [run(start.at[j].add(s * step), commands, guesses)[0][0] for s in (1, -1)]
-        difference = (ends[0] - ends[1]) / (2 * step)
-        np.testing.assert_allclose(slopes[:3, j], difference[:3], atol=2e-6)
-    # Failure is data: finite, said in words, and with the residual that is left.
+    found, slopes, differences = slopes_and_differences(
+        CHECK, commands, guesses, radius=CHECK.radius, max_steps=6
+    )
+    np.testing.assert_allclose(slopes[:3], differences[:3], atol=2e-6)
+    # Failure is data: finite, with the residual that is left.
     assert np.asarray(found.ok).tolist() == [True, True, True, False]
     assert found.messages()[3] == GRASP[GRASP.unconverged]
     assert float(found.residual[3]) > 1e-6

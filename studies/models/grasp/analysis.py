@@ -1,9 +1,10 @@
-"""Everything the study computes before it says anything: one design, closed on everything."""
+"""One design, closed on everything, and what is read off its closings."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +14,7 @@ from studies.models.finger import Finger
 from studies.models.grasp import cases
 from studies.models.grasp.closing import Path, close_all, there_and_back
 from studies.models.grasp.comparing import Comparison, compare
+from studies.models.grasp.objects import Object
 from studies.models.grasp.pinch import Bracket, Pinch, bracket, loading, predict, ratio_map
 from studies.models.grasp.spec import GraspSpec
 from studies.models.grasp.transfer import transfers
@@ -35,7 +37,6 @@ class Analysis:
         box: on a square; ``None`` where it was not asked for.
         angles: of the stability map, rad.
         ratios: φ₁ and φ₂ on their square, PIP in rows.
-        compared: forces both ways, by path, in `paths`' order.
     """
 
     finger: Finger
@@ -47,11 +48,26 @@ class Analysis:
     box: Path | None
     angles: np.ndarray
     ratios: np.ndarray
-    compared: list[Comparison]
 
     def paths(self) -> dict[str, Path]:
         """Every closing by a name for people."""
-        return _named(self.free, self.adaptive, self.loaded, self.circles, self.pinches, self.box)
+        named = {"free": self.free, "circle of the check": self.adaptive}
+        named["the same, loaded"] = self.loaded
+        for path in self.circles:
+            named[f"circle {2 * radius_of(path):g} mm"] = path
+        for pinch, path, _ in self.pinches:
+            named[f"pinch at PIP {math.degrees(pinch.pip):.0f}°, k₂ {pinch.place:g} mm"] = path
+        return named if self.box is None else named | {"square 24 mm": self.box}
+
+    @cached_property
+    def compared(self) -> dict[str, Comparison]:
+        """Forces both ways, by the names of `paths`."""
+        return {name: compare(path) for name, path in self.paths().items()}
+
+    @property
+    def relative_pull(self) -> np.ndarray:
+        """φ₂/φ₁ on the square of `angles`."""
+        return self.ratios[..., 1] / self.ratios[..., 0]
 
 
 def analyze(finger: Finger, spec: GraspSpec, *, polygon: bool = True) -> Analysis:
@@ -62,62 +78,41 @@ def analyze(finger: Finger, spec: GraspSpec, *, polygon: bool = True) -> Analysi
         spec: motion and objects.
         polygon: whether to close on a square as well, a program of its own.
     """
-    body = finger.body
+    body, count = finger.body, 2 + len(spec.diameters)
     motion = there_and_back(math.radians(spec.motor_end_deg))
     check = cases.touching(body, *cases.check_touch(body))
-    problems = [cases.problem_of(finger, check), cases.problem_of(finger, check, spec.opening_load)]
-    problems += [
-        cases.problem_of(finger, cases.circle_on_pad(body, d, spec.grip_at)) for d in spec.diameters
-    ]
+    circles = [cases.circle_on_pad(body, d, spec.grip_at) for d in spec.diameters]
     predicted = predict(
         finger,
         [(math.radians(pip), place) for pip in spec.pinch_pip_deg for place in spec.pinch_at],
     )
-    motions = [motion] * len(problems) + [loading(finger, pinch) for pinch in predicted]
-    for pinch in predicted:
-        place = float(body.intermediate) + pinch.place
-        held = cases.touching(body, pinch.pip, place, cases.PINCH_RADIUS)
-        problems.append(cases.problem_of(finger, held))
-    paths = close_all(problems, np.array(motions))
-    first, count = paths[: len(problems)], 2 + len(spec.diameters)
-    pinches = [
-        (pinch, path, bracket(finger, pinch, path))
-        for pinch, path in zip(predicted, first[count:], strict=True)
+    pinched = [
+        cases.touching(body, one.pip, float(body.intermediate) + one.place, cases.PINCH_RADIUS)
+        for one in predicted
     ]
-    free = close_all([cases.problem_of(finger, None)], motion[None])[0]
-    box = None
-    if polygon:
-        box = close_all([cases.problem_of(finger, cases.box(body))], motion[None])[0]
+    problems = [cases.problem_of(finger, thing) for thing in (check, check, *circles, *pinched)]
+    problems[1] = cases.problem_of(finger, check, spec.opening_load)
+    motions = [motion] * count + [loading(finger, pinch) for pinch in predicted]
+    adaptive, loaded, *others = close_all(problems, np.array(motions))
+
+    def close(thing: Object | None) -> Path:
+        return close_all([cases.problem_of(finger, thing)], motion[None])[0]
+
     angles = np.linspace(0, float(body.flexion), 46)
-    everything = _named(free, first[0], first[1], first[2:count], pinches, box)
     return Analysis(
         finger=finger,
-        free=free,
-        adaptive=first[0],
-        loaded=first[1],
-        circles=first[2:count],
-        pinches=pinches,
-        box=box,
+        free=close(None),
+        adaptive=adaptive,
+        loaded=loaded,
+        circles=others[: len(circles)],
+        pinches=[
+            (pinch, path, bracket(finger, pinch, path))
+            for pinch, path in zip(predicted, others[len(circles) :], strict=True)
+        ],
+        box=close(cases.box(body)) if polygon else None,
         angles=angles,
         ratios=ratio_map(finger, angles),
-        compared=[compare(path) for path in everything.values()],
     )
-
-
-def _named(
-    free: Path,
-    adaptive: Path,
-    loaded: Path,
-    circles: list[Path],
-    pinches: list[tuple[Pinch, Path, Bracket]],
-    box: Path | None,
-) -> dict[str, Path]:
-    named = {"free": free, "circle of the check": adaptive, "the same, loaded": loaded}
-    for path in circles:
-        named[f"circle {2 * radius_of(path):g} mm"] = path
-    for pinch, path, _ in pinches:
-        named[f"pinch at PIP {math.degrees(pinch.pip):.0f}°, k₂ {pinch.place:g} mm"] = path
-    return named if box is None else named | {"square 24 mm": box}
 
 
 def radius_of(path: Path) -> float:

@@ -30,7 +30,7 @@ class GraspCheck:
         pinch_violations: pinches whose limit is not where the formula puts it.
         pinches: how many were loaded as far as the formula says that they hold.
         retrace_error_deg: largest difference between closing and opening, degrees.
-        least_f1: smallest force on the intermediate pad in the adaptive closing after both pads
+        least_f1_n: smallest force on the intermediate pad in the adaptive closing after both pads
             touch, N; NaN where they never do.
         states: equilibria that were solved.
         unconverged: states without an equilibrium; none of them enters the numbers above.
@@ -45,7 +45,7 @@ class GraspCheck:
     pinch_violations: int
     pinches: int
     retrace_error_deg: float
-    least_f1: float
+    least_f1_n: float
     states: int
     unconverged: int
     worst_residual: float
@@ -58,20 +58,19 @@ def summary(found: Analysis) -> GraspCheck:
     paths = list(found.paths().values())
     there_and_back = [found.adaptive, found.loaded, *found.circles]
     ok = found.adaptive.ok & (found.adaptive.gaps < 1e-7).all(axis=1)
-    ratio = found.ratios[..., 1] / found.ratios[..., 0]
     errors = [formula_error(path) for path in (found.adaptive, *found.circles)]
     return GraspCheck(
         free_closing_pip_deg=math.degrees(straight_until(found.free)),
         adaptive_dip_deg=math.degrees(touching_dip(found.adaptive)),
-        virtual_work_error=max(compared.error for compared in found.compared),
+        virtual_work_error=max(compared.error for compared in found.compared.values()),
         formula_error=max((e for e in errors if not math.isnan(e)), default=math.nan),
         pinch_violations=sum(shown.agrees is False for _, _, shown in found.pinches),
         pinches=sum(shown.agrees is not None for _, _, shown in found.pinches),
         retrace_error_deg=math.degrees(max(retrace_error(path) for path in there_and_back)),
-        least_f1=float(found.adaptive.push(0)[ok].min()) if ok.any() else math.nan,
+        least_f1_n=float(found.adaptive.push(0)[ok].min()) if ok.any() else math.nan,
         states=sum(len(path.ok) for path in paths),
         unconverged=sum(int((~path.ok).sum()) for path in paths),
         worst_residual=max(float(path.residual[path.ok].max(initial=0.0)) for path in paths),
-        ratio_low=float(np.nanmin(ratio)),
-        ratio_high=float(np.nanmax(ratio)),
+        ratio_low=float(np.nanmin(found.relative_pull)),
+        ratio_high=float(np.nanmax(found.relative_pull)),
     )

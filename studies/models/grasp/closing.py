@@ -188,16 +188,11 @@ def _path(problem: Problem, commands: np.ndarray, found: Solution[State]) -> Pat
     return Path(
         problem,
         commands,
-        state.joints,
-        state.motor,
-        state.forces,
-        state.gaps,
-        state.along,
-        state.stops,
-        np.asarray(found.residual),
-        np.asarray(found.margin),
-        ok,
-        tuple(texts.get(i, "") for i in range(len(ok))),
+        **vars(state),
+        residual=np.asarray(found.residual),
+        margin=np.asarray(found.margin),
+        ok=ok,
+        messages=tuple(texts.get(i, "") for i in range(len(ok))),
     )
 
 

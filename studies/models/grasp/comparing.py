@@ -1,21 +1,22 @@
-"""Forces by virtual work beside forces by the balance of every link, state by state."""
+"""States of a closing beside the oracle's: forces by every link's balance, and many digits."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+import math
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from studies.models.grasp.closing import Path
 from studies.models.grasp.conditions import Problem
-from studies.models.grasp.free_body import Push, balance, pin_places
-from studies.models.grasp.objects import Contacts
-from studies.models.grasp.transfer import Joints, Pad, pads
+from studies.models.grasp.objects import Circle
+from studies.models.grasp.transfer import Joints, pads
+from studies.oracles import grasp as exact
 
 SHUT = 1e-7
 """Contacts nearer than this (mm) and joints nearer to a stop (rad) can bear a force."""
@@ -23,8 +24,7 @@ SHUT = 1e-7
 LINKS = ("intermediate", "distal")
 
 
-@dataclass(frozen=True)
-class Comparison:
+class Comparison(NamedTuple):
     """Both ways of computing forces on one path.
 
     Attributes:
@@ -39,38 +39,80 @@ class Comparison:
     undetermined: int
 
 
+class ExactComparison(NamedTuple):
+    """One state beside the same equilibrium in many digits.
+
+    Attributes:
+        joints: error of the flexion angles, rad.
+        forces: error of motor moment and contact forces, over what the motor's angle, changed by
+            its own size, would do to them (the condition-scaled error of
+            `designopt.study.stability`).
+        right: whether the choice of what holds was right and the reference was found, or no
+            statics gives the forces, as more holds than degrees of freedom.
+    """
+
+    joints: float
+    forces: float
+    right: bool
+
+
+def setting_of(problem: Problem, command: float) -> exact.Setting:
+    """A problem in plain numbers, as the oracle takes it; of objects it takes circles."""
+    finger, thing = problem.finger, problem.thing
+    body, spring = jax.tree.map(float, (finger.body, problem.spring))
+    circle = (
+        (complex(*thing.center.tolist()), float(thing.radius))
+        if isinstance(thing, Circle)
+        else None
+    )
+    return exact.Setting(
+        pins={name: complex(*getattr(finger.pins, name).tolist()) for name in "CDEFGH"},
+        lengths=(body.intermediate, body.distal),
+        axis_height=body.axis_height,
+        rim=body.rim,
+        limit=body.flexion,
+        spring=spring.stiffness,
+        servo=spring.servo,
+        preload=spring.preload,
+        command=command,
+        circle=circle,
+    )
+
+
+def holds(path: Path, state: int) -> tuple[tuple[float | None, float | None], np.ndarray]:
+    """The stop on which each joint rests, or ``None``, and which contacts are closed."""
+    limit = float(path.problem.finger.body.flexion)
+    pip, dip = (
+        0.0 if angle < SHUT else limit if angle > limit - SHUT else None
+        for angle in path.joints[state].tolist()
+    )
+    return (pip, dip), path.gaps[state] < SHUT
+
+
 def compare(path: Path) -> Comparison:
-    """Compare all states of a path that are equilibria."""
-    finger, spring = path.problem.finger, path.problem.spring
-    straight = {name: np.asarray(getattr(finger.pins, name)) for name in "FEDCGH"}
-    middle, limit = float(finger.body.intermediate), float(finger.body.flexion)
-    stiffness, preload = float(spring.stiffness), float(spring.preload)
-    load = np.asarray(path.problem.load)
-    touching = None if path.problem.thing is None else _touching(path)
+    """Compare the forces of all states of a path that are equilibria with every link's balance."""
+    setting = setting_of(path.problem, 0.0)
+    load = (float(path.problem.load[0]), float(path.problem.load[1]))
+    touching = (
+        [] if path.problem.thing is None else _contacts(path.problem, jnp.asarray(path.joints))
+    )
+    touching = jax.tree.map(np.asarray, touching)
     worst, states, undetermined = 0.0, 0, 0
     for i in np.flatnonzero(path.ok).tolist():
-        joints = path.joints[i]
-        shut = np.flatnonzero(path.gaps[i] < SHUT)
-        held = (joints < SHUT) | (joints > limit - SHUT)
-        if len(shut) + held.sum() > 2:
+        stops, closed = holds(path, i)
+        held, shut = (stops[0] is not None, stops[1] is not None), np.flatnonzero(closed)
+        if len(shut) + sum(held) > 2:
             undetermined += 1
             continue
-        pushes = (
-            [] if touching is None else [_push(touching, i, j, path.per_pad) for j in shut.tolist()]
-        )
-        at = pin_places(straight, middle, joints)
-        plate, was = at["D"] - at["C"], straight["D"] - straight["C"]
-        turned = np.arctan2(*plate[::-1]) - np.arctan2(*was[::-1]) + joints.sum()
-        wound = np.angle(np.exp(1j * turned)) + preload
-        found = balance(
-            at,
-            pushes,
-            (bool(held[0]), bool(held[1])),
-            motor=float(path.motor[i]),
-            spring=stiffness * wound,
-            load=load,
-        )
-        size = max(abs(path.motor[i]), stiffness * abs(wound), np.abs(load).max(), 1e-300)
+        pip, dip = path.joints[i].tolist()
+        pushes = []
+        for pad, j in (divmod(j, path.per_pad) for j in shut.tolist()):
+            place, normal = (complex(*part[i, j].tolist()) for part in touching[pad])
+            pushes.append(exact.Push(LINKS[pad], place, normal))
+        motor = float(path.motor[i])
+        found = exact.balance(setting, (pip, dip), pushes, held, motor, load)
+        wound = exact.winding(setting, dip, mpmath.fp) + setting.preload
+        size = max(abs(motor), setting.spring * abs(wound), *map(abs, load), 1e-300)
         differences = [
             *(10 * (found.forces - path.forces[i][shut])),
             *(found.stops - np.where(held, path.stops[i], 0.0)),
@@ -80,33 +122,37 @@ def compare(path: Path) -> Comparison:
     return Comparison(float(worst), states, undetermined)
 
 
+def reference(path: Path, state: int) -> exact.Exact | None:
+    """One state in many digits; ``None`` where it is undetermined or was not found."""
+    held, closed = holds(path, state)
+    setting = setting_of(path.problem, float(path.commands[state]))
+    return exact.solve(setting, path.joints[state], held, (bool(closed[0]), bool(closed[1])))
+
+
+def compare_exactly(path: Path, state: int) -> ExactComparison:
+    """Compare one state with its reference."""
+    held, closed = holds(path, state)
+    if closed.sum() + sum(stop is not None for stop in held) > 2:
+        return ExactComparison(0.0, 0.0, True)
+    found = reference(path, state)
+    if found is None or not found.right:
+        return ExactComparison(math.inf, math.inf, False)
+    servo = float(path.problem.spring.servo)
+    joints = max(abs(float(a - b)) for a, b in zip(found.joints, path.joints[state], strict=True))
+    moment = abs(float(found.motor)) + servo * abs(path.commands[state])
+    errors = [float(found.motor) - path.motor[state]]
+    errors += [10 * (float(a) - b) for a, b in zip(found.forces, path.forces[state], strict=True)]
+    return ExactComparison(joints, float(np.max(np.abs(errors))) / moment, True)
+
+
 @eqx.filter_jit
-def _touch_all(problem: Problem, joints: Float[Array, "states 2"]) -> Any:
+def _contacts(problem: Problem, joints: Array) -> list[tuple[Array, Array]]:
+    """Places and normals of the contacts on each pad, shape (states, contacts, 2)."""
     thing = problem.thing
     assert thing is not None
 
-    def one(q: Joints) -> Any:
-        both = pads(problem.finger.body, q)
-        return tuple(thing.contacts(pad) for pad in both), both
+    def on_pads(q: Joints) -> list[tuple[Array, Array]]:
+        both = [(pad, thing.contacts(pad)) for pad in pads(problem.finger.body, q)]
+        return [(pad.at(found.along).stacked(), found.normal.stacked()) for pad, found in both]
 
-    return jax.vmap(one)(joints)
-
-
-def _touching(path: Path) -> tuple[tuple[Contacts, Contacts], tuple[Pad, Pad]]:
-    found = _touch_all(path.problem, jnp.asarray(path.joints))
-    return jax.tree.map(np.asarray, found)
-
-
-def _push(
-    touching: tuple[tuple[Contacts, Contacts], tuple[Pad, Pad]],
-    state: int,
-    index: int,
-    per_pad: int,
-) -> Push:
-    which, inner = divmod(index, per_pad)
-    contact, pad = touching[0][which], touching[1][which]
-    reach = contact.along[state, inner] - pad.offset[state]
-    start = np.array([pad.start.x[state], pad.start.y[state]])
-    along = np.array([pad.along.x[state], pad.along.y[state]])
-    normal = np.array([contact.normal.x[state, inner], contact.normal.y[state, inner]])
-    return Push(LINKS[which], start + reach * along, normal)
+    return jax.vmap(on_pads)(joints)

@@ -156,15 +156,13 @@ def touches(problem: Problem, joints: Joints) -> Touch:
     found, slopes = [], []
     for pad, moved_by_dip in zip(pads(body, joints), (False, True), strict=True):
         contact = thing.contacts(pad)
-        reach = contact.along - pad.offset
-        x, y = pad.start.x + reach * pad.along.x, pad.start.y + reach * pad.along.y
+        place = pad.at(contact.along)
         # Flexion is clockwise: it moves a point at (x, y) from its axis towards (y, −x).
-        by_pip = contact.normal.x * y - contact.normal.y * x
-        by_dip = contact.normal.x * (y - axis_b.y) - contact.normal.y * (x - axis_b.x)
-        found.append(contact)
+        by_pip, by_dip = (contact.normal.cross(arm) for arm in (place, place - axis_b))
         slopes.append(
             jnp.stack([by_pip, by_dip if moved_by_dip else jnp.zeros_like(by_dip)], axis=1)
         )
+        found.append(contact)
     return Touch(
         jnp.concatenate([contact.gap for contact in found]) / unit,
         jnp.concatenate(slopes) / unit,

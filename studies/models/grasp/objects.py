@@ -10,8 +10,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_divide
-from designopt.vectors import Vector, vector, where
+from designopt.vectors import Vector, stack, vector, where
 from studies.models.grasp.transfer import Pad
+
+End = tuple[Float[Array, ""], Float[Array, ""]]
+"""Place along a face, and height over it, mm."""
 
 
 class Contacts(eqx.Module):
@@ -82,7 +85,7 @@ class Circle(Object):
         return Contacts(
             gap=(distance - self.radius)[None],
             along=(pad.offset + nearest)[None],
-            normal=Vector(turned.x[None], turned.y[None]),
+            normal=turned[None],
         )
 
     def outline(self) -> Float[Array, "points 2"]:
@@ -165,7 +168,7 @@ class Polygon(Object):
         return Contacts(
             gap=gap,
             along=pad.offset + along,
-            normal=Vector(jnp.stack([normal.x, normal.x]), jnp.stack([normal.y, normal.y])),
+            normal=stack(normal, normal),
         )
 
     def outline(self) -> Float[Array, "points 2"]:
@@ -179,10 +182,7 @@ def _in_pad(pad: Pad, place: Vector) -> Vector:
 
 
 def _cut(
-    ends: tuple[
-        tuple[Float[Array, ""], Float[Array, ""]], tuple[Float[Array, ""], Float[Array, ""]]
-    ],
-    length: float | Float[Array, ""],
+    ends: tuple[End, End], length: float | Float[Array, ""]
 ) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
     """Places and heights of a segment's ends over a face, each cut to the face's extent.
 

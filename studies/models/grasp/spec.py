@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field, PositiveFloat, model_validator
 
 from designopt.io.spec import Spec
+from designopt.study.settings import setting
 from studies.models.body import BodySpec
 
 if TYPE_CHECKING:
@@ -16,17 +17,18 @@ Coordinate = Annotated[float, Field(ge=-1e3, le=1e3)]
 Place = tuple[Coordinate, Coordinate]
 Stiffness = Annotated[float, Field(ge=1e-6, le=1e6)]
 Angle = Annotated[float, Field(ge=0, le=90)]
+Diameter = Annotated[float, Field(ge=1, le=500)]
 
 
 class PinsSpec(Spec):
     """Pins in the straight finger, mm, [x, y] from the PIP axis; the default is design B."""
 
-    F: Place = Field(default=(-7.75, -2.0), description="axis of the crank (mm)")
-    E: Place = Field(default=(-21.27, 14.06), description="crank and rod (mm)")
-    D: Place = Field(default=(-2.49, 13.73), description="rod and plate (mm)")
-    C: Place = Field(default=(25.88, 5.27), description="plate and distal phalanx (mm)")
-    G: Place = Field(default=(11.13, 2.01), description="bar and intermediate phalanx (mm)")
-    H: Place = Field(default=(15.0, 19.0), description="bar and plate, the paper's G' (mm)")
+    F: Place = setting((-7.75, -2.0), "axis of the crank (mm)")
+    E: Place = setting((-21.27, 14.06), "crank and rod (mm)")
+    D: Place = setting((-2.49, 13.73), "rod and plate (mm)")
+    C: Place = setting((25.88, 5.27), "plate and distal phalanx (mm)")
+    G: Place = setting((11.13, 2.01), "bar and intermediate phalanx (mm)")
+    H: Place = setting((15.0, 19.0), "bar and plate, the paper's G' (mm)")
 
     def design(self) -> Pins:
         """The pins as a design."""
@@ -43,43 +45,41 @@ class GraspSpec(Spec):
 
     body: BodySpec = BodySpec()
     pins: PinsSpec = PinsSpec()
-    spring_stiffness: Stiffness = Field(
-        default=30.0, description="k, torsion spring between distal phalanx and plate (N mm/rad)"
+    spring_stiffness: Stiffness = setting(
+        30.0, "k, torsion spring between distal phalanx and plate (N mm/rad)"
     )
-    preload: Annotated[float, Field(ge=0, le=3)] = Field(
-        default=0.3, description="γ_p, how far that spring is wound in the straight finger (rad)"
+    preload: float = setting(
+        0.3, "γ_p, how far that spring is wound in the straight finger (rad)", ge=0, le=3
     )
-    servo_stiffness: Stiffness = Field(
-        default=300.0, description="k_s, stiffness of the motor at the crank (N mm/rad)"
+    servo_stiffness: Stiffness = setting(
+        300.0, "k_s, stiffness of the motor at the crank (N mm/rad)"
     )
-    motor_end_deg: Annotated[float, Field(ge=10, le=360)] = Field(
-        default=160.0, description="angle to which the motor closes (degrees)"
+    motor_end_deg: float = setting(
+        160.0, "angle to which the motor closes (degrees)", ge=10, le=360
     )
-    diameters: Annotated[list[Annotated[float, Field(ge=1, le=500)]], Field(min_length=1)] = Field(
-        default=[10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0],
-        description="circles to close on (mm)",
+    diameters: list[Diameter] = setting(
+        [10.0 * i for i in range(1, 10)], "circles to close on (mm)", free=True, min_length=1
     )
-    grip_at: PositiveFloat = Field(
-        default=11.5,
-        description="the circles lie on the proximal pad so far from the PIP axis, smaller ones "
-        "nearer (mm)",
+    grip_at: PositiveFloat = setting(
+        11.5,
+        "the circles lie on the proximal pad so far from the PIP axis, smaller ones nearer (mm)",
+        free=True,
     )
-    opening_load: tuple[float, float] = Field(
-        default=(15.0, 5.0),
-        description="moments that pull PIP and DIP open in the loaded sequence (N mm)",
+    opening_load: tuple[float, float] = setting(
+        (15.0, 5.0), "moments that pull PIP and DIP open in the loaded sequence (N mm)", free=True
     )
-    pinch_pip_deg: Annotated[list[Angle], Field(min_length=1)] = Field(
-        default=[30.0, 60.0], description="PIP flexion at which the straight distal pad pinches"
+    pinch_pip_deg: list[Angle] = setting(
+        [30.0, 60.0], "PIP at which the straight distal pad pinches (°)", free=True, min_length=1
     )
-    pinch_at: Annotated[list[PositiveFloat], Field(min_length=1)] = Field(
-        default=[4.0, 8.0, 12.0, 16.0, 20.0, 30.0],
-        description="k₂, distances of the pinched contact from the DIP axis (mm)",
+    pinch_at: list[PositiveFloat] = setting(
+        [4.0, 8.0, 12.0, 16.0, 20.0, 30.0],
+        "k₂, distances of the pinched contact from the DIP axis (mm)",
+        free=True,
+        min_length=1,
     )
-    precision: bool = Field(default=True, description="measure error against run time")
-    precision_repeats: Annotated[int, Field(ge=3, le=1000)] = Field(
-        default=5, description="timed repeats of each setting"
-    )
-    stability: bool = Field(default=True, description="run the stiff and extreme cases")
+    precision: bool = setting(True, "measure error against run time", free=True)
+    precision_repeats: int = setting(5, "timed repeats of each setting", free=True, ge=3, le=1000)
+    stability: bool = setting(True, "run the stiff and extreme cases", free=True)
 
     @model_validator(mode="after")
     def _pinches_within_reach(self) -> GraspSpec:

@@ -106,6 +106,10 @@ class Pad(eqx.Module):
     length: Float[Array, ""]
     offset: Float[Array, ""]
 
+    def at(self, along: Float[Array, " places"]) -> Vector:
+        """Places on the pad, by their distance from the phalanx's joint along it."""
+        return self.start + self.along.scaled(along - self.offset)
+
 
 def pads(body: Body, joints: Joints) -> tuple[Pad, Pad]:
     """The pads of the intermediate and of the distal phalanx; see `Body` for where they end."""

@@ -1,18 +1,19 @@
-"""Stiff and extreme closings, judged state by state in many digits."""
+"""Stiff and extreme closings of the finger, judged state by state in many digits."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from designopt.study.results import StabilityRow
-from studies.finger_grasp.judging import judge
 from studies.models.finger import Finger, FingerSpring, spring_of
 from studies.models.grasp import cases
 from studies.models.grasp.closing import LANES, STEPS, close_all, there_and_back
+from studies.models.grasp.comparing import compare_exactly
 from studies.models.grasp.conditions import Problem
 from studies.models.grasp.objects import Circle
 
@@ -23,8 +24,7 @@ JUDGED = (30, 55, 80)
 """States that are judged, one of every closing in turn: soon after touching, later, at the end."""
 
 
-@dataclass(frozen=True)
-class Family:
+class Family(NamedTuple):
     """Closings that are extreme in one respect."""
 
     case: str
@@ -120,10 +120,10 @@ def assess(family: Family) -> StabilityRow:
         failures += int(np.sum(~path.ok))
         state = JUDGED[lane % len(JUDGED)]
         if path.ok[state]:
-            verdict = judge(path, state)
-            error = max(verdict.joints, verdict.forces)
+            found = compare_exactly(path, state)
+            error = max(found.joints, found.forces)
             worst = max(worst, error)
-            failures += not (verdict.right and error <= TOLERANCE)
+            failures += not (found.right and error <= TOLERANCE)
     return StabilityRow(
         case=family.case,
         dtype="float64",

@@ -1,0 +1,109 @@
+"""The study itself: from its spec to its results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+
+from designopt.study.benchmark import BenchmarkMethod, benchmark, find_undominated
+from designopt.study.records import Records
+from designopt.study.report import Report
+from designopt.study.results import PrecisionRow, Results
+from designopt.study.study import Context
+from studies.benchmarks import chamber
+from studies.benchmarks.blas import one_blas_thread
+from studies.benchmarks.solvers import SolverPrecisionSpec, box, grasp
+from studies.models.grasp import cases
+from studies.models.grasp.closing import close_all, there_and_back
+from studies.models.grasp.spec import GraspSpec
+from studies.models.soft_finger.chamber_spec import ChamberSpec
+from studies.models.soft_finger.imaging import printed_chamber
+
+OURS = "designopt"
+OWN = (chamber.CLOSED_FORM, grasp.OURS, box.OURS)
+REFERENCE = "joints in 36 digits (rad); Eqs. 1-3 in 50 digits (relative); the closed form of x₁, x₂"
+NEAR = 10.0
+"""Other methods are compared where their error is at most so many times ours."""
+
+
+def run(spec: SolverPrecisionSpec, context: Context) -> Results:
+    """Solve three problems with every method, and compare errors and run times.
+
+    Raises:
+        UserError: another float type than float64.
+    """
+    context.require_float64("solver-precision measures errors of 1e-15")
+    out = Report(spec, package=__package__)
+    problems: dict[str, Callable[[], Iterable[BenchmarkMethod]]] = {
+        "grasp": lambda: _grasp_methods(spec.minimizers),
+        "eta": lambda: _chamber_methods(spec.angles, context.seed),
+        "box": box.methods,
+    }
+    rows, special, table, error, speedup = [], [], Records(), {}, {}
+    for name, make in problems.items():
+        with context.step(f"Problem {name}"), one_blas_thread():
+            found = benchmark([_named(one) for one in make()], repeats=spec.repeats)
+        rows += found
+        panel = found[-1].panel
+        closest = _closest(found, panel)
+        ours = closest.pop(OURS)
+        special += [ours, *(row for row in found if row.panel == panel and row.method != OURS)]
+        near = [row.seconds for row in closest.values() if row.error <= NEAR * ours.error]
+        error[name], speedup[name] = ours.error, min(near, default=math.nan) / ours.seconds
+        for row in (ours, *closest.values()):
+            ratio = row.seconds / ours.seconds
+            table.add(
+                problem=panel,
+                method=row.method,
+                setting=row.setting,
+                error=row.error,
+                seconds=row.seconds,
+                times_ours=ratio,
+            )
+    out.metrics(
+        grasp_error=error["grasp"],
+        grasp_speedup=speedup["grasp"],
+        eta_error=error["eta"],
+        eta_speedup=speedup["eta"],
+        box_error=error["box"],
+        box_speedup=speedup["box"],
+    )
+    out.say("main")
+    out.table("closest", table)
+    evidence, _ = find_undominated(special, OURS)
+    structured = [row for row in special if row.panel != box.PANEL]
+    claim = out.claim("structure", evidence, find_undominated(structured, OURS)[1])
+    out.precision(rows, "worst error", REFERENCE, claim)
+    return out.results()
+
+
+def _closest(rows: Sequence[PrecisionRow], panel: str) -> dict[str, PrecisionRow]:
+    """Each method's row of least error on a workload."""
+    own = sorted((row for row in rows if row.panel == panel), key=lambda row: -row.error)
+    return {row.method: row for row in own}
+
+
+def _named(one: BenchmarkMethod) -> BenchmarkMethod:
+    if one.method not in OWN:
+        return one
+    return replace(one, method=OURS, setting=", ".join(filter(None, (one.method, one.setting))))
+
+
+def _grasp_methods(minimizers: bool) -> list[BenchmarkMethod]:
+    spec = GraspSpec()
+    finger = cases.finger_of(spec)
+    circle = cases.touching(finger.body, *cases.check_touch(finger.body))
+    motion = there_and_back(math.radians(spec.motor_end_deg))
+    work = grasp.Workload.of(close_all([cases.problem_of(finger, circle)], motion[None])[0])
+    assert work is not None
+    made = grasp.newton(work) + grasp.optimistix_newton(work)
+    return made + grasp.energy_minimizers(work) if minimizers else made
+
+
+def _chamber_methods(angles: int, seed: int) -> Iterator[BenchmarkMethod]:
+    printed = printed_chamber(ChamberSpec())
+    fields = {name: float(getattr(printed, name)) for name in chamber.FIELDS}
+    for work in chamber.workloads(fields, angles, seed):
+        if work.dtype == "float64":
+            yield from chamber.methods(fields, work)

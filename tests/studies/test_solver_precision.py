@@ -1,0 +1,83 @@
+"""The study ``solver-precision``: its references, its claim, and one quick run."""
+
+import ctypes
+from contextlib import nullcontext
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.linalg
+
+from designopt.study.results import PrecisionRow
+from designopt.study.study import Context, load_study
+from studies.benchmarks.blas import one_blas_thread
+from studies.benchmarks.solvers import SolverPrecisionSpec, box, grasp
+
+
+def rosenbrock(x):
+    return 100 * (x[1] - x[0] ** 2) ** 2 + (1 - x[0]) ** 2
+
+
+def test_the_minimum_with_a_bound_is_the_published_one():
+    """Hock and Schittkowski give the value 0.0504261879; its slope is 0 but for the bound's."""
+    found = box.minimum()
+    np.testing.assert_allclose(rosenbrock(found), 0.0504261879, atol=5e-11)
+    slope = jax.grad(rosenbrock)(jnp.asarray(found))
+    assert abs(float(slope[0])) < 1e-12
+    assert float(slope[1]) > 0.1
+    grid = np.linspace(-3, 3, 601)
+    assert rosenbrock(found) <= rosenbrock(np.meshgrid(grid, 1.5 + grid[300:])).min()
+
+
+def row(method, error, seconds):
+    return PrecisionRow(method, "", "", error, seconds, seconds, seconds, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("error", "seconds", "holds"), [(1e-16, 0.5, False), (1e-9, 0.5, True), (1e-16, 2.0, True)]
+)
+def test_the_claim_of_the_grasp_can_be_proved_wrong(error, seconds, holds):
+    evidence, found = grasp.compare_with_minimizers(
+        [row(grasp.OURS, 1e-15, 1.0), row("other", error, seconds)]
+    )
+    assert found == holds
+    assert len(evidence) == 2
+
+
+def test_openblas_has_one_thread_for_a_while():
+    scipy.linalg.inv(np.eye(2))
+    lines = Path("/proc/self/maps").read_text().splitlines()
+    found = {line.split()[-1] for line in lines if "scipy_openblas" in line.rsplit("/", 1)[-1]}
+    names = ("scipy_openblas_get_num_threads", "scipy_openblas_get_num_threads64_")
+    counts = [
+        getattr(library, name)
+        for library in map(ctypes.CDLL, sorted(found))
+        for name in names
+        if hasattr(library, name)
+    ]
+    before = [count() for count in counts]
+    with one_blas_thread():
+        assert [count() for count in counts] == [1] * len(counts)
+    assert [count() for count in counts] == before
+
+
+@pytest.mark.slow
+def test_every_method_reaches_the_references():
+    spec = SolverPrecisionSpec(angles=20, repeats=3)
+    results = load_study("solver-precision").run(
+        spec, Context(0, "float64", lambda _: nullcontext())
+    )
+    assert not results.unmet
+    assert results.precision is not None
+    reached = {}
+    for row in results.precision.rows:
+        key = (row.panel, row.method)
+        reached[key] = min(row.error, reached.get(key, np.inf))
+    assert len({panel for panel, _ in reached}) == 4
+    for (_, method), error in reached.items():
+        # A convex program and a penalty see the energy, which is flat at its minimum.
+        assert error < (1e-5 if "jaxopt" in method or "SLSQP" in method else 1e-12), method
+    for package in ("designopt", "Optimistix", "jaxopt", "SciPy"):
+        assert len({panel for panel, method in reached if method.startswith(package)}) >= 3
