@@ -2,36 +2,43 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from functools import partial
 
-from designopt.study.results import Results
-from designopt.study.study import Context, Study
-from studies.bending_direction.spec import BendingDirectionSpec
-
-if TYPE_CHECKING:
-    from designopt.design_kind import Design
+from designopt.study.settings import setting
+from designopt.study.study import Study, lazily
+from studies.models.soft_finger.spec import ChamberImagesSpec
 
 
-def _run(spec: BendingDirectionSpec, context: Context) -> Results:
-    # Imported here, so that listing the study does not load JAX.
-    from studies.bending_direction.run import run
+class BendingDirectionSpec(ChamberImagesSpec):
+    """All settings of ``designopt run bending-direction``."""
 
-    return run(spec, context)
-
-
-def _design(spec: BendingDirectionSpec, folder: Path | None) -> Design:
-    from designopt.design_kind import Design
-    from optics.design import CHAMBER
-    from studies.models.soft_finger.design import soft_finger_design
-
-    return Design(CHAMBER, soft_finger_design("bending-direction", spec, folder))
+    images: int = setting(
+        300, "images in every direction; the paper has 300", scales=True, ge=1, le=100_000
+    )
+    largest_bend_deg: float = setting(
+        90.0, "bends are spread evenly from 0 to this (degrees)", gt=0, le=120
+    )
+    scatter_deg: float = setting(
+        8.0, "standard deviation of a direction bent by hand (degrees)", ge=0, le=30
+    )
+    threshold: float = setting(
+        4.0, "a largest displacement below it counts as not bent (px)", ge=0, le=100
+    )
+    small_bend_deg: float = setting(
+        2.0, "largest bend of the images that compare chambers (degrees)", gt=0, le=120
+    )
+    small_images: int = setting(
+        1000, "of these, in every direction and for every chamber", scales=True, ge=1, le=100_000
+    )
+    stability_images: int = setting(
+        20, "in every direction at every bend from 0.01° to 120°", scales=True, ge=1, le=10_000
+    )
 
 
 STUDY = Study(
     name="bending-direction",
     purpose="Which way a soft finger bends, from its coloured chamber: Table II of paper A",
     spec=BendingDirectionSpec,
-    run=_run,
-    design=_design,
+    run=lazily("studies.bending_direction.run:run"),
+    design=partial(lazily("studies.models.soft_finger.design:chamber_design"), "bending-direction"),
 )

@@ -1,4 +1,4 @@
-"""Images of a bending finger, and what is answered to each."""
+"""Images of a bending finger, and which direction is estimated from each."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from designopt.study.records import Records
 from optics.rendering import ChamberImage, ChamberRenderer
 from perception.chamber import (
-    ChamberStatus,
     Direction,
     Points,
     estimate_bending_direction,
@@ -20,7 +21,6 @@ from perception.chamber import (
     find_regions,
 )
 from perception.chamber.directions import Use
-from studies.bending_direction.rules import Tally
 from studies.models.soft_finger.finger import SoftFinger, looked_at
 
 TOWARDS = {
@@ -31,22 +31,25 @@ TOWARDS = {
 }
 """Angles of the directions in the image, y down."""
 
+USES: tuple[Use, ...] = ("blue", "all", "centre")
+"""The points that Algorithm 1 may use; the first is the paper's choice."""
+
+UNDECIDED = ("initial", "undefined")
+"""Answers that name no direction: not bent, or no chamber in view."""
+
 INITIAL_FRAME = 10**9
 """Number of the frame of the finger before it bends."""
 
 
-@dataclass(frozen=True)
-class Look:
+class Frame(NamedTuple):
     """What is found in one frame.
 
     Attributes:
-        status: what is seen of the chamber.
         points: the seven.
         areas: of what is blue and of what is yellow, px.
         seconds: that regions and points took.
     """
 
-    status: ChamberStatus
     points: Points
     areas: tuple[int, int]
     seconds: float
@@ -58,51 +61,82 @@ class Series:
 
     Attributes:
         truth: the direction.
-        bends: radians.
-        looks: one per bend.
+        bends_deg: degrees.
+        frames: one per bend.
         initial: points of the finger before it bent.
     """
 
     truth: Direction
-    bends: Float[np.ndarray, " frames"]
-    looks: tuple[Look, ...]
+    bends_deg: Float[np.ndarray, " frames"]
+    frames: Sequence[Frame]
     initial: Points
 
-    def tally(self, threshold: float, use: Use) -> Tally:
-        """The answers of Algorithm 1."""
-        return Tally(
-            self.truth,
-            tuple(
-                estimate_bending_direction(look.points, self.initial, threshold=threshold, use=use)
-                for look in self.looks
-            ),
-        )
+    @property
+    def name(self) -> str:
+        """Of the direction."""
+        return self.truth.name.lower()
+
+    def estimate(self, thresholds: Sequence[float], uses: Sequence[Use] = USES) -> Records:
+        """The answers of Algorithm 1 to every frame, with every threshold and set of points.
+
+        Args:
+            thresholds: a largest displacement below it counts as not bent, px.
+            uses: sets of points.
+
+        Returns:
+            ``direction``, ``points``, ``threshold_px``, ``bend_deg``, ``answer`` (a direction's
+            name), and the columns of `judge`.
+        """
+        rows = Records()
+        for use in uses:
+            for threshold in dict.fromkeys(thresholds):
+                answers = [
+                    estimate_bending_direction(
+                        frame.points, self.initial, threshold=threshold, use=use
+                    )
+                    for frame in self.frames
+                ]
+                rows.add(
+                    direction=self.name,
+                    points=use,
+                    threshold_px=threshold,
+                    bend_deg=self.bends_deg,
+                    answer=[answer.name.lower() for answer in answers],
+                )
+        return judge(rows)
 
 
-def look_at(_: int, image: ChamberImage) -> Look:
+def judge(rows: Records) -> Records:
+    """Answers with whether each is ``right``, ``undecided`` (names no direction) or ``wrong``."""
+    right = rows["answer"] == rows["direction"]
+    undecided = np.isin(rows["answer"], np.array(UNDECIDED, object))
+    return rows | {"right": right, "undecided": undecided, "wrong": ~right & ~undecided}
+
+
+def analyze(_: int, image: ChamberImage) -> Frame:
     """Regions and points of one picture."""
     start = time.perf_counter()
     regions = find_regions(image.pixels)
     points = find_points(image.pixels, regions)
     seconds = time.perf_counter() - start
     blue, yellow = (int(np.count_nonzero(regions.labels == region)) for region in (2, 3))
-    return Look(regions.status, points, (blue, yellow), seconds)
+    return Frame(points, (blue, yellow), seconds)
 
 
 def before_bending(renderer: ChamberRenderer, finger: SoftFinger) -> Points:
     """Points of the straight finger, in a frame with its own shake and noise."""
     straight = finger.postures(np.zeros(1), np.zeros(1))
-    return looked_at(renderer, straight, look_at, INITIAL_FRAME)[0].points
+    return looked_at(renderer, straight, analyze, INITIAL_FRAME)[0].points
 
 
-def series(
+def render_series(
     finger: SoftFinger,
     truth: Direction,
-    bends: Float[np.ndarray, " frames"],
-    scatter: Float[np.ndarray, " frames"],
+    bends_deg: Float[np.ndarray, " frames"],
+    scatter_deg: Float[np.ndarray, " frames"] | float = 0.0,
     *,
     seed: int | Sequence[int],
-    first: int,
+    first: int = 0,
     severity: float | None = None,
 ) -> Series:
     """Frames of a finger that bends in one direction.
@@ -110,13 +144,14 @@ def series(
     Args:
         finger: its chamber and camera.
         truth: the direction.
-        bends: radians.
-        scatter: by which angles each was bent beside the direction, radians.
+        bends_deg: degrees.
+        scatter_deg: by which angles each was bent beside the direction, degrees.
         seed: of the pictures.
         first: number of the first picture.
         severity: of the pictures; by default the finger's.
     """
     renderer = finger.renderer(seed, severity=severity)
-    postures = finger.postures(bends, TOWARDS[truth] + scatter)
-    looks = looked_at(renderer, postures, look_at, first)
-    return Series(truth, bends, tuple(looks), before_bending(renderer, finger))
+    directions = np.broadcast_to(TOWARDS[truth] + np.deg2rad(scatter_deg), bends_deg.shape)
+    postures = finger.postures(np.deg2rad(bends_deg), directions)
+    frames = looked_at(renderer, postures, analyze, first)
+    return Series(truth, bends_deg, frames, before_bending(renderer, finger))

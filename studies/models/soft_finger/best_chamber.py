@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -22,6 +23,7 @@ from designopt.optimize import (
     find_active_set,
     minimize,
 )
+from designopt.study.records import Records
 from optics.chamber import Endoscope, find_extreme_points, solve_image_rates
 from optics.chamber.chamber import Chamber
 from studies.models.soft_finger import imaging, paper
@@ -45,7 +47,7 @@ OWN, BEST = "as in the spec", "moves most"
 OUTLINES = ("blue", "yellow", "top")
 
 
-class Knobs(eqx.Module):
+class Dimensions(eqx.Module):
     """What is chosen of a chamber, the rest of which is Table I's.
 
     Attributes:
@@ -59,11 +61,11 @@ class Knobs(eqx.Module):
     wall_angle_bc: Float[Array, ""]
 
     @classmethod
-    def of(cls, chamber: Chamber) -> Knobs:
+    def of(cls, chamber: Chamber) -> Dimensions:
         """Those of a chamber."""
         return cls(chamber.imaging_ratio().value, chamber.offset_b, chamber.wall_angle_bc)
 
-    def turned(self, chamber: Chamber) -> Chamber:
+    def applied_to(self, chamber: Chamber) -> Chamber:
         """The chamber with these."""
         changed = dataclasses.replace(
             chamber, offset_b=self.offset_b, wall_angle_bc=self.wall_angle_bc
@@ -71,17 +73,18 @@ class Knobs(eqx.Module):
         return imaging.with_ratio(changed, self.eta)
 
 
-def rates(knobs: Knobs, chamber: Chamber, endoscope: Endoscope) -> Float[Array, "3"]:
+def rates(dimensions: Dimensions, chamber: Chamber, endoscope: Endoscope) -> Float[Array, "3"]:
     """Px per degree by which the outlines of blue, yellow and top start to move downwards."""
-    return solve_image_rates(knobs.turned(chamber), endoscope, DOWN).value * (jnp.pi / 180)
+    own = dimensions.applied_to(chamber)
+    return solve_image_rates(own, endoscope, DOWN).value * (jnp.pi / 180)
 
 
 @eqx.filter_jit
 def _rates_and_slopes(
-    knobs: Knobs, chamber: Chamber, endoscope: Endoscope
-) -> tuple[Float[Array, "3"], Knobs]:
-    slopes = jax.jacfwd(rates)(knobs, chamber, endoscope)
-    return rates(knobs, chamber, endoscope), slopes
+    dimensions: Dimensions, chamber: Chamber, endoscope: Endoscope
+) -> tuple[Float[Array, "3"], Dimensions]:
+    slopes = jax.jacfwd(rates)(dimensions, chamber, endoscope)
+    return rates(dimensions, chamber, endoscope), slopes
 
 
 @dataclass(frozen=True)
@@ -91,24 +94,44 @@ class Design:
     Attributes:
         name: what it is.
         finger: it, with its camera.
-        knobs: what was chosen.
+        dimensions: what was chosen.
         rates: px per degree of the outlines of blue, yellow and top.
         slopes: their derivatives with respect to η, Δl_B (mm) and θ_BC (degrees).
     """
 
     name: str
     finger: SoftFinger
-    knobs: Knobs
+    dimensions: Dimensions
     rates: Float[np.ndarray, "3"]
-    slopes: Float[np.ndarray, "3 knobs"]
+    slopes: Float[np.ndarray, "3 dimensions"]
 
     @classmethod
     def of(cls, name: str, finger: SoftFinger) -> Design:
         """A finger's."""
-        knobs = Knobs.of(finger.chamber)
-        moved, slopes = _rates_and_slopes(knobs, finger.chamber, finger.endoscope)
+        own = Dimensions.of(finger.chamber)
+        moved, slopes = _rates_and_slopes(own, finger.chamber, finger.endoscope)
         columns = (slopes.eta, slopes.offset_b, slopes.wall_angle_bc * (jnp.pi / 180))
-        return cls(name, finger, knobs, np.asarray(moved), np.stack(columns, axis=1))
+        return cls(name, finger, own, np.asarray(moved), np.stack(columns, axis=1))
+
+
+def tabulate(designs: Sequence[Design]) -> Records:
+    """A row for each outline of each design."""
+    rows = Records()
+    for design in designs:
+        by_eta, by_offset, by_angle = design.slopes.T
+        rows.add(
+            chamber=design.name,
+            eta=design.dimensions.eta,
+            offset_b_mm=design.dimensions.offset_b,
+            theta_bc_deg=np.rad2deg(design.dimensions.wall_angle_bc),
+            offset_d_mm=design.finger.chamber.offset_d,
+            outline=OUTLINES,
+            rate_px_per_deg=design.rates,
+            slope_eta_px_per_deg=by_eta,
+            slope_offset_b_px_per_deg_mm=by_offset,
+            slope_theta_bc_px_per_deg2=by_angle,
+        )
+    return rows
 
 
 def clearance(chamber: Chamber) -> Float[Array, ""]:
@@ -132,28 +155,27 @@ def problem(finger: SoftFinger) -> Problem:
     least = imaging.clearance_at(paper_chamber, jnp.asarray(paper.CHOSEN_ETA))
 
     def terms(
-        knobs: Knobs, chamber: Chamber, endoscope: Endoscope, least: Float[Array, ""]
+        dimensions: Dimensions, chamber: Chamber, endoscope: Endoscope, least: Float[Array, ""]
     ) -> Evaluation:
-        turned = knobs.turned(chamber)
-        lowest = find_extreme_points(turned, endoscope, 0.0, DOWN).value[0, 1]
+        own = dimensions.applied_to(chamber)
+        lowest = find_extreme_points(own, endoscope, 0.0, DOWN).value[0, 1]
         return Evaluation(
-            objective=-jnp.mean(rates(knobs, chamber, endoscope)),
+            objective=-jnp.mean(rates(dimensions, chamber, endoscope)),
             inequalities={
-                "room": clearance(turned) - least,
+                "room": clearance(own) - least,
                 "image": (endoscope.rows - 1 - INSIDE - lowest) / endoscope.rows,
             },
         )
 
     angles = jnp.deg2rad(jnp.asarray(WALL_ANGLES_DEG))
+    rows = finger.endoscope.rows
     return Problem(
         terms,
-        lower=Knobs(jnp.asarray(RATIOS[0]), jnp.zeros_like(least), angles[0]),
-        upper=Knobs(jnp.asarray(RATIOS[1]), finger.chamber.offset_a, angles[1]),
+        lower=Dimensions(jnp.asarray(RATIOS[0]), jnp.zeros_like(least), angles[0]),
+        upper=Dimensions(jnp.asarray(RATIOS[1]), finger.chamber.offset_a, angles[1]),
         requirements={
             "room": Requirement(lambda _: "|Δl_D| inside Δl_A as in the paper's choice", "mm"),
-            "image": Requirement(
-                lambda _: "blue's outline inside the image", "px", finger.endoscope.rows
-            ),
+            "image": Requirement(lambda _: "blue's outline inside the image", "px", rows),
         },
         parameters={
             "offset_b": Requirement(lambda _: "Δl_B", "mm"),
@@ -164,32 +186,31 @@ def problem(finger: SoftFinger) -> Problem:
     )
 
 
-def best(finger: SoftFinger, seed: int) -> tuple[list[Design], list[str]]:
-    """The chamber whose image moves most, and what it owes to each of its knobs.
+def find_best_chamber(finger: SoftFinger, seed: int) -> tuple[list[Design], list[str]]:
+    """The chamber whose image moves most, and what each of its dimensions adds to that.
 
     Returns:
-        Designs: the finger's own; with one knob each as in the best chamber; that chamber. And
-        the limits that hold it, in words.
+        Designs: the finger's own; with one dimension each as in the best chamber; that chamber.
+        And the limits that hold it, in words.
 
     Raises:
         UserError: no chamber is within the limits.
     """
-    asked = problem(finger)
-    found = minimize(asked, draw_sobol_starts(asked, STARTS, seed=seed)).best
+    posed = problem(finger)
+    found = minimize(posed, draw_sobol_starts(posed, STARTS, seed=seed)).best
     if not found.feasible:
         raise UserError(
             "--set endoscope: no chamber within Table I's limits shows all of its blue ring ("
-            f"{'; '.join(explain_conflict(asked, found))}); choose a wider field of view"
+            f"{'; '.join(explain_conflict(posed, found))}); choose a wider field of view"
         )
-    own, knobs = Knobs.of(finger.chamber), found.parameters
-
-    def with_knobs(name: str, knobs: Knobs) -> Design:
-        chamber = knobs.turned(finger.chamber)
-        return Design.of(name, dataclasses.replace(finger, chamber=chamber))
-
-    alone = [
-        with_knobs(f"{word} alone", dataclasses.replace(own, **{field: getattr(knobs, field)}))
-        for field, word in (("offset_b", "Δl_B"), ("wall_angle_bc", "θ_BC"), ("eta", "η"))
+    own, best = Dimensions.of(finger.chamber), found.parameters
+    changed = {"Δl_B": "offset_b", "θ_BC": "wall_angle_bc", "η": "eta"}
+    others = {
+        f"{word} alone": dataclasses.replace(own, **{name: getattr(best, name)})
+        for word, name in changed.items()
+    } | {BEST: best}
+    designs = [Design.of(OWN, finger)] + [
+        Design.of(name, dataclasses.replace(finger, chamber=one.applied_to(finger.chamber)))
+        for name, one in others.items()
     ]
-    designs = [Design.of(OWN, finger), *alone, with_knobs(BEST, knobs)]
-    return designs, [active.words for active in find_active_set(asked, found)]
+    return designs, [active.words for active in find_active_set(posed, found)]

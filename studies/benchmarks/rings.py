@@ -1,4 +1,4 @@
-"""What an image costs: rings as apertures, ever more of them, against very many."""
+"""Run time of an image's outlines: rings as apertures, ever more of them, against very many."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from designopt.study.benchmark import BenchmarkMethod, benchmark, compile_timed
-from designopt.study.results import Claim, PrecisionRow
+from designopt.study.results import PrecisionRow
 from optics.chamber import Apertures, Posture, Rings, find_apertures, press_wall
 from studies.models.soft_finger.finger import DOWN, SoftFinger
 
@@ -28,10 +28,8 @@ ANGLES = 192
 SLACK = 0.3
 """Of a power fitted to five points."""
 
-METHOD = "rings as apertures"
 
-
-def measured(finger: SoftFinger) -> list[PrecisionRow]:
+def measure_rings(finger: SoftFinger) -> list[PrecisionRow]:
     """Outlines of some postures: how far off they are, and how long they take.
 
     Errors are of the ends of what is seen of blue, yellow and top in the plane of bending, px.
@@ -40,8 +38,8 @@ def measured(finger: SoftFinger) -> list[PrecisionRow]:
     rows = []
     for number in PER_REGION:
         call, seconds = _compiled(finger, number)
-        contender = BenchmarkMethod(
-            METHOD,
+        method = BenchmarkMethod(
+            "rings as apertures",
             f"{number} rings per region",
             "outlines of one frame",
             call,
@@ -49,31 +47,23 @@ def measured(finger: SoftFinger) -> list[PrecisionRow]:
             compile_seconds=seconds,
             scale=1 / FRAMES,
         )
-        rows += benchmark([contender], repeats=9)
+        rows += benchmark([method], repeats=9)
     return rows
 
 
-def claim(rows: Sequence[PrecisionRow]) -> Claim:
-    """What the rows show."""
+def fit_powers(rows: Sequence[PrecisionRow]) -> tuple[str, bool]:
+    """The powers of the number of rings with which error and time go, and whether they hold."""
     numbers = np.log(PER_REGION)
     order = -float(np.polyfit(numbers, np.log([row.error for row in rows]), 1)[0])
     cost = float(np.polyfit(numbers, np.log([row.seconds for row in rows]), 1)[0])
-    return Claim(
-        "The error falls with the square of the number of rings, and the time grows at most in "
-        "proportion to it.",
-        "Between two rings the wall bulges past their common tangents by a part of their distance "
-        "squared over the radius of the bend; every ring is one ellipse and two lines in closed "
-        "form, without iteration.",
-        [
-            f"The error goes with the number to the power of {-order:.2f}, the time to that of "
-            f"{cost:.2f}: "
-            + "; ".join(
-                f"{row.setting}: {row.error:.2g} px in {1e3 * row.seconds:.2f} ms" for row in rows
-            )
-            + "."
-        ],
-        abs(order - 2) < SLACK and cost < 1 + SLACK,
+    each = "; ".join(
+        f"{row.setting}: {row.error:.2g} px in {1e3 * row.seconds:.2f} ms" for row in rows
     )
+    evidence = (
+        f"The error goes with the number to the power of {-order:.2f}, the time to that of "
+        f"{cost:.2f}: {each}."
+    )
+    return evidence, abs(order - 2) < SLACK and cost < 1 + SLACK
 
 
 def _worst(
@@ -89,16 +79,12 @@ def _worst(
     return float(np.where(seen & shown, off, np.where(seen | shown, width, 0)).max())
 
 
-def _posed(finger: SoftFinger, number: int) -> tuple[Rings, Posture]:
+def _compiled(finger: SoftFinger, number: int) -> tuple[Callable[[], Apertures], float]:
     rings = Rings.of(finger.chamber, number)
     bends = jnp.deg2rad(jnp.linspace(0.0, 120.0, FRAMES))
     press = functools.partial(press_wall, rings.arc, jnp.asarray(60.0), jnp.asarray(25.0))
     depths = jnp.asarray(np.tile([0.0, 2.0], FRAMES // 2))
-    return rings, Posture(bends, jnp.full(FRAMES, DOWN), jax.vmap(press)(depths))
-
-
-def _compiled(finger: SoftFinger, number: int) -> tuple[Callable[[], Apertures], float]:
-    rings, postures = _posed(finger, number)
+    postures = Posture(bends, jnp.full(FRAMES, DOWN), jax.vmap(press)(depths))
 
     def seen(postures: Posture) -> Apertures:
         return jax.vmap(lambda posture: find_apertures(rings, posture, ANGLES))(postures)
