@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from pydantic import Field
-
 from designopt.study.settings import setting
 from designopt.study.study import Study, lazily
 from studies.models.sensor.spec import FingerImagesSpec
-
-Rows = Annotated[int, Field(ge=200, le=4000)]
 
 
 class ProprioceptionSpec(FingerImagesSpec):
@@ -18,17 +12,12 @@ class ProprioceptionSpec(FingerImagesSpec):
 
     fingers: int = setting(40, "fingers with errors of fabrication", scales=True, ge=1, le=1000)
     frames: int = setting(
-        30,
-        "random frames of each, whose joint angles are estimated",
-        scales=True,
-        ge=2,
-        le=1000,
+        30, "random frames of each, whose joint angles are estimated", scales=True, ge=2, le=1000
     )
     labelled: int = setting(5, "frames of each with known joint angles", ge=2, le=100)
     label_deviation_deg: float = setting(
         0.5, "standard deviation of these labels (degrees)", gt=0, le=10
     )
-    range_deg: float = setting(90.0, "range of both joints (degrees)", gt=0, le=90)
     pixel_noise: float = setting(
         1.0, "of every corner, when the gap is tried without images (px)", gt=0, le=20
     )
@@ -38,10 +27,7 @@ class ProprioceptionSpec(FingerImagesSpec):
     cost_fingers: int = setting(
         6, "fingers rendered again with smooth edges", free=True, ge=0, le=1000
     )
-    sizes: list[Rows] = setting(
-        [360, 540, 810, 1080], "heights of images, error over run time (px)", free=True
-    )
-    size_fingers: int = setting(4, "fingers for each of these", free=True, ge=1, le=1000)
+    size_fingers: int = setting(4, "fingers for each of the sizes", free=True, ge=1, le=1000)
     size_frames: int = setting(10, "frames of each of these fingers", free=True, ge=1, le=1000)
 
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from jaxtyping import Float
 
 from optics.rendering import Effects
-from perception.detection import detect_views
 from perception.matching import Sighting
 from perception.proprioception import GapTable
-from studies.models.one_thread import one_thread
 from studies.models.sensor.finger_sensor import FingerSensor
+from studies.proprioception import ProprioceptionSpec
 
 INSET = 0.1
 """Labelled frames keep away from the ends of a range by this part of it."""
@@ -27,11 +27,17 @@ class Frames:
         angles: the true joint angles, rad.
         sightings: what was found in them.
         seconds: of finding it, for each frame.
+        labels: stated joint angles, rad, where they have any: the true ones with errors.
     """
 
     angles: Float[np.ndarray, "frames joints"]
     sightings: list[Sighting]
     seconds: list[float]
+    labels: Float[np.ndarray, "frames joints"]
+
+    def rough(self) -> Float[np.ndarray, "frames joints"]:
+        """Joint angles of the nearest views in the catalog, rad."""
+        return np.stack([one.angles for one in self.sightings])
 
 
 @dataclass(frozen=True)
@@ -41,11 +47,9 @@ class FingerFrames:
     Attributes:
         number: of the finger.
         errors: of the finger, in units of their deviations.
-        frames: whose angles are to be found.
+        frames: whose angles are to be found; their labels have no errors.
         spread: labelled frames spread over the whole range of both joints.
         in_gap: labelled frames in which both joints have a gap.
-        spread_labels: stated angles of the former, rad, with their errors.
-        gap_labels: stated angles of the latter, rad.
     """
 
     number: int
@@ -53,61 +57,51 @@ class FingerFrames:
     frames: Frames
     spread: Frames
     in_gap: Frames
-    spread_labels: Float[np.ndarray, "frames joints"]
-    gap_labels: Float[np.ndarray, "frames joints"]
 
 
 def render_finger(
     finger: FingerSensor,
     gaps: list[GapTable],
-    effects: Effects,
-    *,
+    spec: ProprioceptionSpec,
     number: int,
     seed: int,
-    frames: int,
-    labelled: int,
-    label_deviation: float,
-    range_deg: float,
+    *,
+    smooth: bool = False,
 ) -> FingerFrames:
     """Render one finger in random poses and in those that are labelled.
 
     Args:
         finger: as designed.
         gaps: the gap of every joint.
-        effects: what makes images worse.
+        spec: numbers of frames, what makes images worse, the labels' deviation.
         number: which of many fingers.
         seed: of all of them.
-        frames: number of random frames.
-        labelled: number of labelled ones, of both kinds.
-        label_deviation: of the labels, rad.
-        range_deg: range of both joints.
+        smooth: without rough edges and round corners.
     """
-    fabrication, errors = finger.made(seed, number)
-    renderer = finger.renderer(effects, fabrication, seed=seed + number)
-    generator = np.random.default_rng([seed, 7, number])
-    top, joints = np.deg2rad(range_deg), len(finger.model.names)
-    limits = [(float(table.angles[0]), float(table.angles[-1])) for table in gaps]
-    sets = (
-        generator.uniform(0, top, (frames, joints)),
-        spread_angles([(0.0, top)] * joints, labelled),
-        spread_angles(limits, labelled),
-    )
-    # What is compiled on the way is no part of a frame's time.
-    detect_views(renderer.render(sets[0][0]).pixels, finger.lens, finger.catalog)
-    made, first = [], 0
-    for angles in sets:
-        found, seconds = [], []
-        for frame, pose in enumerate(angles, start=first):
-            image = renderer.render(pose, frame=frame)
-            with one_thread():
-                start = time.perf_counter()
-                found.append(detect_views(image.pixels, finger.lens, finger.catalog))
-                seconds.append(time.perf_counter() - start)
-        made.append(Frames(angles, found, seconds))
-        first += len(angles)
+    effects = Effects.graded(spec.severity)
+    effects = replace(effects, roughness=0.0, rounding=0.0) if smooth else effects
+    generator, joints = np.random.default_rng([seed, 7, number]), len(finger.model.names)
+    top = math.radians(spec.range_deg)
+    sets = [
+        generator.uniform(0, top, (spec.frames, joints)),
+        spread_angles([(0.0, top)] * joints, spec.labelled),
+        spread_angles(ranges(gaps), spec.labelled),
+    ]
     noise = np.random.default_rng([seed, 8, number]).standard_normal((2, *sets[1].shape))
-    labels = np.stack(sets[1:]) + label_deviation * noise
-    return FingerFrames(number, errors, *made, *labels)
+    off = [np.zeros(joints), *(math.radians(spec.label_deviation_deg) * noise)]
+    renderer = finger.made_renderer(effects, seed, number)
+    shots = finger.film(renderer, np.concatenate(sets))
+    made = []
+    for angles, wrong in zip(sets, off, strict=True):
+        found = [(sighting, seconds) for _, sighting, seconds in islice(shots, len(angles))]
+        sightings, seconds = map(list, zip(*found, strict=True))
+        made.append(Frames(angles, sightings, seconds, angles + wrong))
+    return FingerFrames(number, finger.made(seed, number)[1], *made)
+
+
+def ranges(gaps: list[GapTable]) -> list[tuple[float, float]]:
+    """From where to where every joint has a gap, rad."""
+    return [(float(table.angles[0]), float(table.angles[-1])) for table in gaps]
 
 
 def spread_angles(

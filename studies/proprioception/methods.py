@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from designopt.errors import UserError
 from designopt.solution import Solution
 from designopt.study.records import Records
 from perception.proprioception import (
@@ -27,7 +28,6 @@ from perception.proprioception import (
     calibrate_gap,
     compute_information_bound,
     find_pose,
-    fit_edges,
     make_undefined,
     observe,
     select_defined,
@@ -35,9 +35,10 @@ from perception.proprioception import (
     stack_observations,
 )
 from perception.proprioception.observation import FLOOR
-from studies.models.sensor.estimators import corner_model
+from studies.models.sensor.estimators import corner_model, fit_joint_edges, gap_table
 from studies.models.sensor.finger_sensor import FingerSensor
-from studies.proprioception.frames import FingerFrames, spread_angles
+from studies.proprioception import ProprioceptionSpec
+from studies.proprioception.frames import FingerFrames, Frames, ranges, spread_angles
 
 GAP_ALONE = "1 gap, corners with stated noise"
 GAP = "1 gap, as in the paper"
@@ -97,16 +98,20 @@ class Estimators:
     records: Records = field(default_factory=Records)
 
     @classmethod
-    def of(cls, finger: FingerSensor, gaps: list[GapTable], label_deviation: float) -> Estimators:
-        """The methods for a design."""
+    def of(cls, spec: ProprioceptionSpec, rows: int | None = None) -> Estimators:
+        """The methods for a design, its image ``rows`` high.
+
+        Raises:
+            UserError: the scene cannot be read, or its joints have no gap.
+        """
+        finger = FingerSensor.of(spec, rows)
         # An error that cannot be: the same program as with it.
         deviations = eqx.tree_at(
             lambda errors: errors.distortion, finger.deviations, replace_fn=jnp.zeros_like
         )
-        plain = corner_model(
-            finger.scene, finger.imaging, finger.catalog, deviations, finger.carried
-        )
-        return cls(finger, gaps, label_deviation, plain)
+        scene = finger.scene, finger.imaging, finger.catalog
+        plain = corner_model(*scene, deviations, finger.carried)
+        return cls(finger, find_gaps(finger), math.radians(spec.label_deviation_deg), plain)
 
     def add(
         self,
@@ -141,122 +146,103 @@ class Estimators:
             reason=[one.reason for one in answers],
         )
 
-    def calibrate_labelled(self, seen: FingerFrames) -> Solution[Calibration]:
-        """The finger's errors from its labelled frames."""
-        return calibrate(
-            self.finger.model, self._spread(seen), seen.spread_labels, self.label_deviation
-        )
+    def observe(self, frames: Frames) -> list[Observation]:
+        """What frames show of the views that are asked for."""
+        return [observe(one, self.finger.model.views) for one in frames.sightings]
 
-    def _spread(self, seen: FingerFrames) -> Observation:
-        views = self.finger.model.views
-        return stack_observations([observe(one, views) for one in seen.spread.sightings])
+    def calibrate_labelled(
+        self, seen: FingerFrames, model: CornerModel | None = None
+    ) -> Solution[Calibration]:
+        """The finger's errors from its labelled frames."""
+        observed = stack_observations(self.observe(seen.spread))
+        return calibrate(
+            model or self.finger.model, observed, seen.spread.labels, self.label_deviation
+        )
 
     def estimate(self, seen: FingerFrames) -> FingerEstimates:
         """All methods on the frames of one finger."""
-        model, frames = self.finger.model, seen.frames
+        model, frames, spread = self.finger.model, seen.frames, seen.spread
         pixel = 1 / float(self.finger.scene.camera.focal_pixels)
-        gaps = [
-            calibrate_gap(
-                table,
-                np.array([table.measured(one) for one in seen.in_gap.sightings]),
-                seen.gap_labels[:, joint],
-                noise=FLOOR * pixel,
-                label_deviation=self.label_deviation,
-            )
-            for joint, table in enumerate(self.gaps)
-        ]
-        edges = [
-            fit_edges(
-                seen.spread.sightings,
-                seen.spread_labels[:, joint],
-                [view for view, j in zip(model.views, model.joints, strict=True) if j == joint],
-                label_deviation=self.label_deviation,
-                edge_deviation=END_NOISE * pixel,
-            )
-            for joint in range(len(model.names))
-        ]
-        observed, spread = (
-            [observe(one, model.views) for one in frames.sightings],
-            self._spread(seen),
-        )
-        labels = seen.spread_labels
-        labelled = self.calibrate_labelled(seen)
-        plain = calibrate(self.plain, spread, labels, self.label_deviation)
-        rough = np.stack([one.angles for one in frames.sightings])
-        unlabelled = calibrate(model, stack_observations(observed), rough)
-        same = calibrate(model, spread, np.stack([one.angles for one in seen.spread.sightings]))
-        known = FingerErrors.of(model, seen.errors, np.zeros((model.errors, model.errors)))
-
+        stated = {"label_deviation": self.label_deviation}
+        gaps = []
+        for table, labels in zip(self.gaps, seen.in_gap.labels.T, strict=True):
+            measured = np.array([table.measured(one) for one in seen.in_gap.sightings])
+            gaps.append(calibrate_gap(table, measured, labels, noise=FLOOR * pixel, **stated))
+        stated["edge_deviation"] = END_NOISE * pixel
+        edges = fit_joint_edges(model, spread.sightings, spread.labels, **stated)
         by_gap = [
             [NO_GAP if one is None else one.estimate(one.table.measured(sighting)) for one in gaps]
             for sighting in frames.sightings
         ]
         by_edge = [[one.estimate(sighting) for one in edges] for sighting in frames.sightings]
-        by_labels, seconds = [], []
-        for observation, guess in zip(observed, rough, strict=True):
+        by_either = [
+            [select_defined(*both) for both in zip(*frame, strict=True)]
+            for frame in zip(by_gap, by_edge, strict=True)
+        ]
+        observed, labelled_frames = self.observe(frames), stack_observations(self.observe(spread))
+        rough = frames.rough()
+        labelled, plain = self.calibrate_labelled(seen), self.calibrate_labelled(seen, self.plain)
+        unlabelled = calibrate(model, stack_observations(observed), rough)
+        same = calibrate(model, labelled_frames, np.stack([one.angles for one in spread.sightings]))
+        known = FingerErrors.of(model, seen.errors, np.zeros((model.errors, model.errors)))
+        pairs, by_labels, seconds = list(zip(observed, rough, strict=True)), [], []
+        for pair in pairs:
             start = time.perf_counter()
-            by_labels.append(by_corners(model, labelled, observation, guess))
+            by_labels.append(by_corners(model, labelled, *pair))
             seconds.append(time.perf_counter() - start)
+        given = (labelled_frames, spread.angles), self.label_deviation
         bounds = [
-            compute_information_bound(
-                model, seen.errors, one, (spread, seen.spread.angles), self.label_deviation
-            )
+            compute_information_bound(model, seen.errors, one, *given)
             for one in zip(observed, frames.angles, strict=True)
         ]
         bound = Bound(*(np.stack(parts) for parts in zip(*bounds, strict=True)))
-        pairs = list(zip(observed, rough, strict=True))
+
+        def corners(
+            of: CornerModel, errors: Solution[Calibration] | FingerErrors | None
+        ) -> list[list[Estimate]]:
+            return [by_corners(of, errors, *pair) for pair in pairs]
+
         for method, estimates in {
             GAP: by_gap,
-            GAP_THEN_EDGE: [
-                [select_defined(*both) for both in zip(*frame, strict=True)]
-                for frame in zip(by_gap, by_edge, strict=True)
-            ],
+            GAP_THEN_EDGE: by_either,
             EDGE: by_edge,
-            DESIGNED: [split_estimates(find_pose(model, *pair)) for pair in pairs],
+            DESIGNED: corners(model, None),
             LABELLED: by_labels,
-            UNLABELLED: [by_corners(model, unlabelled, *pair) for pair in pairs],
-            SAME_UNLABELLED: [by_corners(model, same, *pair) for pair in pairs],
-            LENS_AS_DESIGNED: [by_corners(self.plain, plain, *pair) for pair in pairs],
-            EXACT: [split_estimates(find_pose(model, *pair, known)) for pair in pairs],
+            UNLABELLED: corners(model, unlabelled),
+            SAME_UNLABELLED: corners(model, same),
+            LENS_AS_DESIGNED: corners(self.plain, plain),
+            EXACT: corners(model, known),
         }.items():
-            self.add(
-                method, seen.number, frames.angles, estimates, bound if method == LABELLED else None
-            )
+            own = bound if method == LABELLED else None
+            self.add(method, seen.number, frames.angles, estimates, own)
         return FingerEstimates(labelled, unlabelled, gaps, seconds)
 
     def estimate_smooth(self, seen: FingerFrames) -> None:
         """Only the labelled calibration, on a finger with smooth edges."""
-        labelled = self.calibrate_labelled(seen)
-        model = self.finger.model
-        estimates = [
-            by_corners(model, labelled, observe(one, model.views), one.angles)
-            for one in seen.frames.sightings
-        ]
+        labelled, model = self.calibrate_labelled(seen), self.finger.model
+        pairs = zip(self.observe(seen.frames), seen.frames.sightings, strict=True)
+        estimates = [by_corners(model, labelled, one, found.angles) for one, found in pairs]
         self.add(SMOOTH, seen.number, seen.frames.angles, estimates)
 
-    def estimate_gap_alone(
-        self, number: int, *, frames: int, labelled: int, noise: float, seed: int
-    ) -> None:
+    def estimate_gap_alone(self, number: int, spec: ProprioceptionSpec, seed: int) -> None:
         """The gap without images: corners of a finger with a stated noise, and labelled frames.
 
         Args:
             number: of the finger.
-            frames: random frames, in which both joints have a gap.
-            labelled: frames for the calibration.
-            noise: standard deviation of every corner's column and row, px.
+            spec: numbers of frames, and the corners' noise.
             seed: of everything random.
         """
-        finger, model = self.finger, self.finger.model
-        limits = [(float(table.angles[0]), float(table.angles[-1])) for table in self.gaps]
+        finger, model, labelled = self.finger, self.finger.model, spec.labelled
         generator = np.random.default_rng([seed, 9, number])
         _, errors = finger.made(seed, number)
-        known = spread_angles(limits, labelled)
-        asked = np.stack([generator.uniform(*limit, frames) for limit in limits], axis=-1)
+        known = spread_angles(ranges(self.gaps), labelled)
+        asked = np.stack([generator.uniform(*r, spec.frames) for r in ranges(self.gaps)], axis=-1)
         poses = np.concatenate([known, asked])
         corners = np.array(_predict_corners(model, jnp.asarray(errors), jnp.asarray(poses)))
-        corners += generator.normal(0, noise, corners.shape)
+        corners += generator.normal(0, spec.pixel_noise, corners.shape)
         labels = known + self.label_deviation * generator.standard_normal(known.shape)
         rays = np.stack([finger.lens.rays(c.reshape(-1, 2)).reshape(c.shape) for c in corners])
+        noise = spec.pixel_noise / float(finger.scene.camera.focal_pixels)
         estimates = []
         for joint, table in enumerate(self.gaps):
             first, second = (
@@ -264,13 +250,8 @@ class Estimators:
                 for path, end in zip(("direct", table.mirror), table.ends, strict=True)
             )
             gaps = np.abs(first - second)
-            gap = calibrate_gap(
-                table,
-                gaps[:labelled],
-                labels[:, joint],
-                noise=noise / float(finger.scene.camera.focal_pixels),
-                label_deviation=self.label_deviation,
-            )
+            stated = {"noise": noise, "label_deviation": self.label_deviation}
+            gap = calibrate_gap(table, gaps[:labelled], labels[:, joint], **stated)
             estimates.append([gap.estimate(one) if gap else NO_GAP for one in gaps[labelled:]])
         self.add(GAP_ALONE, number, asked, list(zip(*estimates, strict=True)))
 
@@ -282,11 +263,35 @@ def _predict_corners(model: CornerModel, errors: jnp.ndarray, poses: jnp.ndarray
 
 def by_corners(
     model: CornerModel,
-    known: Solution[Calibration],
+    known: Solution[Calibration] | FingerErrors | None,
     seen: Observation,
     guess: Float[np.ndarray, " joints"],
 ) -> list[Estimate]:
-    """The joint angles of a frame of a calibrated finger."""
-    if not known.ok:
-        return [make_undefined(known.messages()[0])] * len(guess)
-    return split_estimates(find_pose(model, seen, guess, known.value.errors))
+    """The joint angles of a frame of a finger that was calibrated, is known, or is as designed."""
+    if isinstance(known, Solution):
+        if not known.ok:
+            return [make_undefined(known.messages()[0])] * len(guess)
+        known = known.value.errors
+    return split_estimates(find_pose(model, seen, guess, known))
+
+
+def find_gaps(finger: FingerSensor) -> list[GapTable]:
+    """The gap of every joint, in the joints' order.
+
+    Raises:
+        UserError: a joint has none.
+    """
+    by_joint: dict[int, GapTable] = {}
+    cure = "give the scene of a finger with --set scene=FILE"
+    for (pad, path), joint in zip(finger.model.views, finger.model.joints, strict=True):
+        if joint is not None and path != "direct":
+            try:
+                by_joint[joint] = gap_table(finger.scene, finger.catalog, pad)
+            except ValueError as error:
+                needed = "the gap needs both of every pad that moves"
+                raise UserError(f"scene: {error}; {needed}: {cure}") from error
+    names = enumerate(finger.model.names)
+    if missing := ", ".join(name for joint, name in names if joint not in by_joint):
+        what = f"no mirror shows a pad that {missing} moves, so it has no gap"
+        raise UserError(f"scene: {what}; {cure}")
+    return [by_joint[joint] for joint in sorted(by_joint)]

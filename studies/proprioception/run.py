@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Sequence
-from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
 from matplotlib.figure import Figure
 
-from designopt.errors import UserError
 from designopt.plot.figures import PALETTE, angle_ticks, new_figure
 from designopt.plot.typesetting import drawn_name
 from designopt.study import plots
@@ -20,14 +19,13 @@ from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.results import PrecisionRow, Results
 from designopt.study.study import Context
-from optics.rendering import Effects
 from optics.scene.fabrication import name_fabrication_errors
 from perception.proprioception import GapTable
-from studies.models.sensor.estimators import gap_table
 from studies.models.sensor.finger_sensor import FingerSensor
+from studies.models.sensor.sizes import compare_at_sizes
 from studies.proprioception import ProprioceptionSpec
 from studies.proprioception import methods as by
-from studies.proprioception.frames import FingerFrames, render_finger
+from studies.proprioception.frames import FingerFrames, ranges, render_finger
 
 PAPER = {"pip": (2.3, 1.6), "dip": (2.5, 2.0)}
 """Paper B, Table 4.1: mean ± standard deviation of the absolute error over 30 frames, degrees."""
@@ -35,7 +33,12 @@ PAPER = {"pip": (2.3, 1.6), "dip": (2.5, 2.0)}
 MORE_TIME = 1.25
 """All corners take at most so many times as long as the gap."""
 
+AT_SIZE = """{size}: all corners {ours.error:.2f}° in {ours_ms:.0f} ms a frame, the gap, where there
+is one, {other.error:.2f}° in {other_ms:.0f} ms."""
+
 BIN_DEG = 10.0
+
+Fingers = Sequence[tuple[FingerFrames, by.FingerEstimates]]
 
 
 def run(spec: ProprioceptionSpec, context: Context) -> Results:
@@ -46,127 +49,59 @@ def run(spec: ProprioceptionSpec, context: Context) -> Results:
             float64.
     """
     context.require_float64("proprioception solves for angles to 1e-9")
-    out = Report(spec, package=__package__)
-    deviation = math.radians(spec.label_deviation_deg)
+    out, seed = Report(spec, package=__package__), context.seed
     with context.step("The finger, its views and its gaps"):
-        finger = FingerSensor.of(spec)
-        estimators = by.Estimators.of(finger, find_gaps(finger), deviation)
+        estimators = by.Estimators.of(spec)
+        finger, gaps = estimators.finger, estimators.gaps
     fingers: list[tuple[FingerFrames, by.FingerEstimates]] = []
     for number in range(spec.fingers):
         with context.step(f"Finger {number + 1} of {spec.fingers}"):
-            seen = _render(spec, estimators, number, context.seed)
+            seen = render_finger(finger, gaps, spec, number, seed)
             fingers.append((seen, estimators.estimate(seen)))
     with context.step("The gap without images"):
         for number in range(spec.gap_fingers):
-            estimators.estimate_gap_alone(
-                number,
-                frames=spec.frames,
-                labelled=spec.labelled,
-                noise=spec.pixel_noise,
-                seed=context.seed,
-            )
+            estimators.estimate_gap_alone(number, spec, seed)
     for number in range(min(spec.cost_fingers, spec.fingers)):
         with context.step(f"Finger {number + 1} with smooth edges"):
-            estimators.estimate_smooth(_render(spec, estimators, number, context.seed, smooth=True))
+            seen = render_finger(finger, gaps, spec, number, seed, smooth=True)
+            estimators.estimate_smooth(seen)
     rows: list[PrecisionRow] = []
     for size in spec.sizes:
         with context.step(f"Images {size} px high"):
-            rows += _measure_size(spec, size, context.seed)
-    claim = out.claim("corners", *compare_sizes(rows), more_time=MORE_TIME)
+            rows += _measure_size(spec, size, seed)
+    claim = out.claim(
+        "corners",
+        *compare_at_sizes(rows, by.LABELLED, by.GAP, AT_SIZE, MORE_TIME),
+        more_time=MORE_TIME,
+    )
     out.precision(rows, "mean absolute error (°)", "the joint angles that were rendered", claim)
     errors = estimators.records
     add_metrics(out, errors, fingers)
-    add_findings(out, errors, estimators.gaps, finger)
-    add_tables(out, errors, estimators, fingers)
-    add_figures(out, errors, estimators, *fingers[0])
+    add_findings(out, errors, gaps, finger)
+    add_tables(out, estimators, fingers)
+    add_figures(out, estimators, *fingers[0])
     return out.results()
-
-
-def find_gaps(finger: FingerSensor) -> list[GapTable]:
-    """The gap of every joint, in the joints' order.
-
-    Raises:
-        UserError: a joint has none.
-    """
-    by_joint: dict[int, GapTable] = {}
-    cure = "give the scene of a finger with --set scene=FILE"
-    for (pad, path), joint in zip(finger.model.views, finger.model.joints, strict=True):
-        if joint is not None and path != "direct":
-            try:
-                by_joint[joint] = gap_table(finger.scene, finger.catalog, pad)
-            except ValueError as error:
-                needed = "the gap needs both of every pad that moves"
-                raise UserError(f"scene: {error}; {needed}: {cure}") from error
-    missing = [name for j, name in enumerate(finger.model.names) if j not in by_joint]
-    if missing:
-        raise UserError(
-            f"scene: no mirror shows a pad that {', '.join(missing)} moves, so it has no gap; "
-            + cure
-        )
-    return [by_joint[joint] for joint in range(len(finger.model.names))]
-
-
-def _render(
-    spec: ProprioceptionSpec,
-    estimators: by.Estimators,
-    number: int,
-    seed: int,
-    *,
-    smooth: bool = False,
-    frames: int | None = None,
-) -> FingerFrames:
-    effects = Effects.graded(spec.severity)
-    return render_finger(
-        estimators.finger,
-        estimators.gaps,
-        replace(effects, roughness=0.0, rounding=0.0) if smooth else effects,
-        number=number,
-        seed=seed,
-        frames=frames or spec.frames,
-        labelled=spec.labelled,
-        label_deviation=estimators.label_deviation,
-        range_deg=spec.range_deg,
-    )
 
 
 def _measure_size(spec: ProprioceptionSpec, size: int, seed: int) -> list[PrecisionRow]:
     """Error and run time of the methods over images of one size."""
-    finger = FingerSensor.of(spec, size)
-    deviation = math.radians(spec.label_deviation_deg)
-    estimators = by.Estimators.of(finger, find_gaps(finger), deviation)
-    finding, solving = [], []
+    estimators = by.Estimators.of(spec, size)
+    few = spec.model_copy(update={"frames": spec.size_frames})
+    finding, solving, rows = [], [], []
     for number in range(spec.size_fingers):
-        seen = _render(spec, estimators, number, seed, frames=spec.size_frames)
+        seen = render_finger(estimators.finger, estimators.gaps, few, number, seed)
         solving += estimators.estimate(seen).seconds
         finding += seen.frames.seconds
-    rows = []
     for method in by.METHODS:
         # Gap and edge are arithmetic on a few corners.
         added = 0.0 if method in (by.GAP, by.EDGE) else statistics.median(solving)
         seconds = [one + added for one in finding]
         error = estimators.records.where(method=method).stat("mean_abs error_deg")
         if math.isfinite(error):
-            setting = "{1} × {0} px".format(*finger.imaging.shape)
-            panel = "finding the views and the joint angles of a frame"
+            at = estimators.finger.image_size, "finding the views and the joint angles of a frame"
             times = statistics.median(seconds), min(seconds), max(seconds)
-            rows.append(PrecisionRow(method, setting, panel, error, *times, 0.0))
+            rows.append(PrecisionRow(method, *at, error, *times, 0.0))
     return rows
-
-
-def compare_sizes(rows: Sequence[PrecisionRow]) -> tuple[list[str], bool]:
-    """All corners against the gap at every image size, and whether they are better."""
-    evidence, holds = [], True
-    for size in dict.fromkeys(row.setting for row in rows):
-        own = {row.method: row for row in rows if row.setting == size}
-        if by.GAP not in own or by.LABELLED not in own:
-            continue
-        gap, corners = own[by.GAP], own[by.LABELLED]
-        holds &= corners.error < gap.error and corners.seconds < MORE_TIME * gap.seconds
-        evidence.append(
-            f"{size}: all corners {corners.error:.2f}° in {1e3 * corners.seconds:.0f} ms a frame, "
-            f"the gap, where there is one, {gap.error:.2f}° in {1e3 * gap.seconds:.0f} ms."
-        )
-    return evidence, holds and bool(evidence)
 
 
 def variance_over_predicted(own: Records) -> float:
@@ -184,9 +119,7 @@ def edge_costs(errors: Records) -> list[float]:
     return [cost for cost in costs if math.isfinite(cost)]
 
 
-def add_metrics(
-    out: Report, errors: Records, fingers: Sequence[tuple[FingerFrames, by.FingerEstimates]]
-) -> None:
+def add_metrics(out: Report, errors: Records, fingers: Fingers) -> None:
     """The study's numbers."""
     of = errors.group("method")
     mean = {method: own.stat("mean_abs error_deg") for method, own in of.items()}
@@ -223,24 +156,18 @@ def add_metrics(
         out.metrics(edge_cost_error_deg=statistics.stdev(costs) / math.sqrt(len(costs)))
 
 
-def add_findings(
-    out: Report, errors: Records, gaps: Sequence[GapTable], finger: FingerSensor
-) -> None:
+def add_findings(out: Report, errors: Records, gaps: list[GapTable], finger: FingerSensor) -> None:
     """Plain sentences, most important first."""
     out.say("labelled", count=out["fingers"] * out["frames"])
     pixels = float(finger.scene.camera.focal_pixels) * math.pi / 180
-    ends = [table.angles[[0, -1]] for table in gaps]
-    rates = [
-        pixels * abs(float(np.interp(end.mean(), table.angles, table.rate)))
-        for end, table in zip(ends, gaps, strict=True)
-    ]
+    rates, ends = [], []
+    for table, (low, high) in zip(gaps, ranges(gaps), strict=True):
+        rate = float(np.interp((low + high) / 2, table.angles, table.rate))
+        rates.append(pixels * abs(rate))
+        ends.append(f"{table.pad}: {math.degrees(low):.0f}° to {math.degrees(high):.0f}°")
     out.say("gap", least=min(rates), most=max(rates))
-    ranges = [
-        "{}: {:.0f}° to {:.0f}°".format(table.pad, *np.rad2deg(end))
-        for end, table in zip(ends, gaps, strict=True)
-    ]
     either = errors.where(method=by.GAP_THEN_EDGE).stat("defined error_deg")
-    out.say("no-gap", ranges=", ".join(ranges), either=either, twice=2 * out["labelled"])
+    out.say("no-gap", ranges=", ".join(ends), either=either, twice=2 * out["labelled"])
     for name in ("edge", "designed", "bound", "lens"):
         out.say(name)
     if len(costs := edge_costs(errors)) > 1:
@@ -249,52 +176,34 @@ def add_findings(
         out.say("undefined", missing=1 - out["labelled_defined"])
 
 
-def add_tables(
-    out: Report,
-    errors: Records,
-    estimators: by.Estimators,
-    fingers: Sequence[tuple[FingerFrames, by.FingerEstimates]],
-) -> None:
+def add_tables(out: Report, estimators: by.Estimators, fingers: Fingers) -> None:
     """Every method beside the paper's Table 4.1, why answers are undefined, gaps, tolerances."""
-    finger, names = estimators.finger, estimators.finger.model.names
-    known = [name for name in names if name in PAPER]
+    finger, errors = estimators.finger, estimators.records
+    names, pixels = finger.model.names, float(finger.scene.camera.focal_pixels)
+    statistics_of = {"mean": "mean_abs", "sd": "sd_abs", "bias": "mean", "p95": "p95_abs"}
     table = errors.summary(
-        "method",
-        "joint",
+        *("method", "joint"),
         frames="count error_deg",
         defined="defined error_deg",
-        mean_deg="mean_abs error_deg",
-        sd_deg="sd_abs error_deg",
-        bias_deg="mean error_deg",
-        p95_deg="p95_abs error_deg",
+        **{f"{name}_deg": f"{what} error_deg" for name, what in statistics_of.items()},
         predicted_deg="rms deviation_deg",
         variance_over_predicted=variance_over_predicted,
     )
-    ladder = Records(
-        {
-            **dict.fromkeys(table.keys(), math.nan),
-            "method": "paper B, Table 4.1",
-            "joint": known,
-            "frames": 30,
-            "mean_deg": [PAPER[name][0] for name in known],
-            "sd_deg": [PAPER[name][1] for name in known],
-        }
-    )
+    joints = [name for name in names if name in PAPER]
+    means, deviations = ([PAPER[name][i] for name in joints] for i in range(2))
+    paper = {"method": "paper B, Table 4.1", "joint": joints, "frames": 30}
+    paper |= {"mean_deg": means, "sd_deg": deviations}
+    ladder = Records({**dict.fromkeys(table.keys(), math.nan), **paper})
     ladder.add(**table)
     out.table("ladder", ladder)
     undefined = errors.where(~np.isfinite(errors["error_deg"]))
     out.table("undefined", undefined.summary("method", "reason", answers="count error_deg"))
-    gaps, pixels = Records(), float(finger.scene.camera.focal_pixels)
+    gaps = Records()
     for joint, one in zip(names, estimators.gaps, strict=True):
-        gaps.add(
-            joint=joint,
-            pad=one.pad,
-            mirror=one.mirror,
-            angle_deg=np.rad2deg(one.angles),
-            gap_deg=np.rad2deg(one.gaps),
-            gap_px=pixels * one.gaps,
-            px_per_deg=pixels * np.deg2rad(one.rate),
-        )
+        name = {"joint": joint, "pad": one.pad, "mirror": one.mirror}
+        angles = {"angle_deg": np.rad2deg(one.angles), "gap_deg": np.rad2deg(one.gaps)}
+        lengths = {"gap_px": pixels * one.gaps, "px_per_deg": pixels * np.deg2rad(one.rate)}
+        gaps.add(**name, **angles, **lengths)
     out.table("gaps", gaps)
     sizes = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(finger.deviations)])
     true = np.stack([one.errors for one, _ in fingers])
@@ -312,14 +221,10 @@ def add_tables(
 
 
 def add_figures(
-    out: Report,
-    errors: Records,
-    estimators: by.Estimators,
-    seen: FingerFrames,
-    found: by.FingerEstimates,
+    out: Report, estimators: by.Estimators, seen: FingerFrames, found: by.FingerEstimates
 ) -> None:
     """Errors of all methods, over the joints' ranges, the gap, the bound, the deviations."""
-    usual = errors.where(method=by.METHODS)
+    usual = estimators.records.where(method=by.METHODS)
     absolute = {"error_deg": "absolute error (°)"}
     marks = {f"paper B, mean, {joint.upper()}": mean for joint, (mean, _) in PAPER.items()}
     drawing = plots.ecdf(
@@ -328,37 +233,29 @@ def add_figures(
     drawing.axes[0].set_xlim(left=5e-3)
     drawing.axes[0].set_ylabel("part of the defined answers (%)")
     out.figure("ladder", drawing)
-    drawing = plots.lines(
-        usual, "angle_deg", "error_deg", by="method", panel="joint", step=BIN_DEG,
-        stat="mean_abs", log="y", names={"error_deg": "mean absolute error (°)"},
-    )  # fmt: skip
-    for axes, table in zip(drawing.axes, estimators.gaps, strict=True):
-        low, high = np.rad2deg(table.angles[[0, -1]])
+    over_range = partial(
+        plots.lines, x="angle_deg", y="error_deg", panel="joint", step=BIN_DEG, log="y"
+    )
+    name = {"error_deg": "mean absolute error (°)"}
+    drawing = over_range(usual, by="method", stat="mean_abs", names=name)
+    for axes, (low, high) in zip(drawing.axes, np.rad2deg(ranges(estimators.gaps)), strict=True):
         left, right = axes.get_xlim()
         axes.axvspan(left, low, color="0.9", zorder=0)
         axes.axvspan(high, right, color="0.9", zorder=0, label="no gap (finger as designed)")
         axes.set_xlim(left, right)
     out.figure("range", drawing, bin_deg=BIN_DEG)
     out.figure("gap", draw_gaps(estimators, seen, found), most=4)
-    labelled = errors.where(method=by.LABELLED)
+    labelled, both = usual.where(method=by.LABELLED), Records()
     labelled = labelled.where(np.isfinite(labelled["error_deg"]))
-    both = Records()
     for series, column in (("reached", "error_deg"), ("Cramér–Rao bound", "bound_deg")):
-        both.add(
-            series=f"{series}, root mean square",
-            joint=labelled["joint"],
-            angle_deg=labelled["angle_deg"],
-            error_deg=np.abs(labelled[column]),
-        )
-    drawing = plots.lines(
-        both, "angle_deg", "error_deg", by="series", panel="joint", step=BIN_DEG,
-        stat="rms", log="y", names={"error_deg": "error, labelled calibration (°)"},
-    )  # fmt: skip
+        drawn = {"series": f"{series}, root mean square", "error_deg": np.abs(labelled[column])}
+        both.add(**(labelled | drawn))
+    name = {"error_deg": "error, labelled calibration (°)"}
+    drawing = over_range(both, by="series", stat="rms", names=name)
     for axes, own in zip(drawing.axes, labelled.group("joint").values(), strict=True):
         sizes = np.maximum(np.abs(own["error_deg"]), 1e-3)
-        axes.plot(
-            own["angle_deg"], sizes, ".", color="0.6", markersize=3, zorder=1, label="one frame"
-        )
+        dots = {"color": "0.6", "markersize": 3, "zorder": 1, "label": "one frame"}
+        axes.plot(own["angle_deg"], sizes, ".", **dots)
     out.figure("bound", drawing)
     out.figure("covariance", plots.qq(usual, "error_deg", "deviation_deg", by="method"))
 

@@ -2,233 +2,163 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
 
 from designopt.errors import UserError
-from perception.detection import detect_views
+from designopt.study.records import Records
+from optics.rendering import Effects
 from perception.paper_route import PaperRoute
-from perception.proprioception import (
-    EdgeEstimator,
-    GapEstimator,
-    find_pose,
-    fit_edges,
-    observe,
-    split_estimates,
-)
-from perception.unwarping import unwarp
-from studies.models.sensor.estimators import gap_table
+from perception.proprioception import GapEstimator, find_pose, observe, split_estimates
+from studies.models.sensor.estimators import fit_joint_edges, gap_table
 from studies.models.sensor.finger_sensor import FingerSensor
+from studies.tactile_images import TactileImagesSpec
+from studies.tactile_images.figures import touch
 
 Image = Any
 Corruption = Callable[[Image, np.random.Generator], Image]
-
-
-def _noise(image: Image, generator: np.random.Generator) -> Image:
-    return generator.integers(0, 256, image.shape, np.uint8)
+"""From a copy of a good image, which it may change, to a corrupted one."""
 
 
 def _blobs(image: Image, generator: np.random.Generator) -> Image:
     """Bright broad blobs that are no pads."""
     coarse = generator.uniform(0, 255, (6, 8, 3)).astype(np.float32)
-    return (
-        cv2.resize(coarse, image.shape[1::-1], interpolation=cv2.INTER_CUBIC)
-        .clip(0, 255)
-        .astype(np.uint8)
-    )
+    broad = cv2.resize(coarse, image.shape[1::-1], interpolation=cv2.INTER_CUBIC)
+    return broad.clip(0, 255).astype(np.uint8)
 
 
-def _half_covered(image: Image, generator: np.random.Generator) -> Image:
-    covered = image.copy()
-    rows, columns = image.shape[:2]
-    parts = [np.s_[: rows // 2], np.s_[rows // 2 :], np.s_[:, : columns // 2],
-             np.s_[:, columns // 2 :]]  # fmt: skip
-    covered[parts[generator.integers(4)]] = generator.integers(0, 256)
-    return covered
+def _cover_half(image: Image, generator: np.random.Generator) -> Image:
+    row, column = np.array(image.shape[:2]) // 2
+    halves = (np.s_[:row], np.s_[row:], np.s_[:, :column], np.s_[:, column:])
+    image[halves[generator.integers(4)]] = generator.integers(0, 256)
+    return image
 
 
-def _patches(image: Image, generator: np.random.Generator) -> Image:
-    patched = image.copy()
-    rows, columns = image.shape[:2]
+def _patch(image: Image, generator: np.random.Generator) -> Image:
     for _ in range(12):
-        top, left = generator.integers(0, rows), generator.integers(0, columns)
-        high, wide = generator.integers(8, rows // 3, 2)
-        patched[top : top + high, left : left + wide] = generator.integers(0, 256, 3)
-    return patched
+        top, left = generator.integers(0, image.shape[:2])
+        high, wide = generator.integers(8, len(image) // 3, 2)
+        image[top : top + high, left : left + wide] = generator.integers(0, 256, 3)
+    return image
 
 
 def _salt(image: Image, generator: np.random.Generator) -> Image:
-    salted = image.copy()
-    salted[generator.random(image.shape[:2]) < 0.2] = 255
-    return salted
+    image[generator.random(image.shape[:2]) < 0.2] = 255
+    return image
 
 
-def _lines(image: Image, generator: np.random.Generator) -> Image:
-    crossed = image.copy()
-    rows, columns = image.shape[:2]
+def _cross_out(image: Image, generator: np.random.Generator) -> Image:
     for _ in range(20):
-        ends = generator.integers(0, (columns, rows), (2, 2))
-        color = generator.integers(0, 256, 3).tolist()
-        cv2.line(crossed, ends[0].tolist(), ends[1].tolist(), color, 5)
-    return crossed
+        start, end = generator.integers(0, image.shape[1::-1], (2, 2)).tolist()
+        cv2.line(image, start, end, generator.integers(0, 256, 3).tolist(), 5)
+    return image
 
 
-def _shifted(image: Image, generator: np.random.Generator) -> Image:
-    rows, columns = image.shape[:2]
-    return np.roll(image, (generator.integers(rows), generator.integers(columns)), (0, 1))
+def _shift(image: Image, generator: np.random.Generator) -> Image:
+    return np.roll(image, generator.integers(0, image.shape[:2]).tolist(), (0, 1))
 
 
-def _wrong_size(image: Image, generator: np.random.Generator) -> Image:
+def _resize(image: Image, generator: np.random.Generator) -> Image:
     rows, columns = generator.integers(0, 2 * np.array(image.shape[:2]))
     return np.zeros((rows, columns + (columns == image.shape[1]), 3), np.uint8) + 90
 
 
-def _wrong_type(image: Image, generator: np.random.Generator) -> Image:
+def _retype(image: Image, generator: np.random.Generator) -> Image:
     kinds: list[Image] = [
-        None,
-        "image",
-        image.astype(float),
-        image.astype(np.uint16),
-        image[..., :2],
-        image[..., :1],
-        image[None],
-        np.zeros((0, 0, 3), np.uint8),
-        image.tolist()[:2],
+        *(None, "image", image.astype(float), image.astype(np.uint16), image[..., :2]),
+        *(image[..., :1], image[None], np.zeros((0, 0, 3), np.uint8), image.tolist()[:2]),
     ]
     return kinds[generator.integers(len(kinds))]
 
 
-NO_FINGER: dict[str, Corruption] = {
-    "black": lambda image, _: np.zeros_like(image),
-    "white": lambda image, _: np.full_like(image, 255),
-    "noise": _noise,
-    "bright blobs": _blobs,
+CORRUPTIONS: dict[str, tuple[str, Corruption]] = {
+    "black": ("undefined", lambda image, _: np.zeros_like(image)),
+    "white": ("undefined", lambda image, _: np.full_like(image, 255)),
+    "noise": ("undefined", lambda image, random: random.integers(0, 256, image.shape, np.uint8)),
+    "bright blobs": ("undefined", _blobs),
+    "wrong size": ("refused", _resize),
+    "wrong type": ("refused", _retype),
+    "one channel": ("any", lambda image, _: np.ascontiguousarray(image[..., 0])),
+    "half covered": ("any", _cover_half),
+    "patches": ("any", _patch),
+    "salt": ("any", _salt),
+    "lines": ("any", _cross_out),
+    "shifted": ("any", _shift),
+    "inverted": ("any", lambda image, _: 255 - image),
 }
-"""Nothing of a finger is left in these: no view may be called complete, no angle be given."""
+"""Every corruption, and the answer defined for it: undefined where nothing of a finger is left, so
+that no view may be called complete and no angle be given; refused, in one line, as no image; or any
+answer that is one, where something may be left."""
 
-NO_IMAGE: dict[str, Corruption] = {
-    "wrong size": _wrong_size,
-    "wrong type": _wrong_type,
-}
-"""These are refused, in one line."""
+ANSWERS = ("exceptions", "refused", "with_complete_views", "with_angles")
 
-DAMAGED: dict[str, Corruption] = {
-    "one channel": lambda image, _: np.ascontiguousarray(image[..., 0]),
-    "half covered": _half_covered,
-    "patches": _patches,
-    "salt": _salt,
-    "lines": _lines,
-    "shifted": _shifted,
-    "inverted": lambda image, _: 255 - image,
-}
-"""Something may be left in these: any answer that is one."""
+BASES = 4
+"""Good images, from one end of the grid of poses to the other, that are corrupted."""
+
+DEVIATIONS = {"label_deviation": 0.01, "edge_deviation": 0.001}
+"""With which edges are calibrated, rad: they must answer, not be good."""
 
 
-LABEL_DEVIATION, EDGE_DEVIATION = 0.01, 0.001
-"""What the ruler of edges is told of its frames, rad: it must answer, not be good."""
+def analyze_corrupted(spec: TactileImagesSpec, angles: np.ndarray, seed: int) -> Records:
+    """Corrupt good images, every kind in turn, and do everything that is done with frames.
 
+    Args:
+        spec: the finger, and the number and height of the images.
+        angles: joint angles from which those of the good images are chosen, rad.
+        seed: of the corruptions.
 
-@dataclass(frozen=True)
-class Trial:
-    """One corrupted frame.
-
-    Attributes:
-        kind: how it was corrupted.
-        refused: whether it was refused as no image.
-        crash: what else was raised; empty if nothing.
-        complete: views called complete.
-        angles: joint angles that were given, by all corners, by the gap or by one edge.
+    Returns:
+        For each, whether something was raised, or it was refused; whether it has a complete view,
+        and a joint angle: by all corners, by an edge, by the gap.
     """
+    finger = FingerSensor.of(spec, spec.corrupted_rows)
+    renderer = finger.renderer(Effects.graded(spec.severity), None, seed)
+    angles = angles[np.linspace(0, len(angles) - 1, BASES).round().astype(int)]
+    shots = list(finger.film(renderer, angles, lambda frame: touch(finger, frame)))
+    found, gaps = [sighting for _, sighting, _ in shots], []
+    edges = fit_joint_edges(finger.model, found, angles, **DEVIATIONS)
+    for pad in finger.catalog.lengths:
+        # A pad that is not seen twice has no gap.
+        with suppress(ValueError):
+            table = gap_table(finger.scene, finger.catalog, pad)
+            gap = table, 0.0, 1.0, np.zeros((2, 2)), DEVIATIONS["edge_deviation"]
+            gaps.append(GapEstimator(*gap))
 
-    kind: str
-    refused: bool = False
-    crash: str = ""
-    complete: int = 0
-    angles: int = 0
-
-    @property
-    def failed(self) -> bool:
-        """Whether the answer is not the defined one."""
-        false = self.kind in NO_FINGER and bool(self.complete or self.angles)
-        return bool(self.crash) or false or self.refused is not (self.kind in NO_IMAGE)
-
-
-@dataclass(frozen=True)
-class Analysis:
-    """Everything that is done with a frame of a finger.
-
-    Attributes:
-        finger: as designed.
-        meters: the gaps, as designed.
-        rulers: the edges of every joint.
-        paper: the paper's route.
-    """
-
-    finger: FingerSensor
-    meters: list[GapEstimator]
-    rulers: list[EdgeEstimator]
-    paper: PaperRoute
-
-    @classmethod
-    def of(cls, finger: FingerSensor, images: Sequence[np.ndarray], angles: np.ndarray) -> Analysis:
-        """Calibrated by good images at known joint angles, rad."""
-        model = finger.model
-        sightings = [detect_views(image, finger.lens, finger.catalog) for image in images]
-        rulers = [
-            fit_edges(
-                sightings,
-                angles[:, joint],
-                [view for view, j in zip(model.views, model.joints, strict=True) if j == joint],
-                label_deviation=LABEL_DEVIATION,
-                edge_deviation=EDGE_DEVIATION,
-            )
-            for joint in range(len(model.names))
-        ]
-        meters = []
-        for pad in finger.catalog.lengths:
-            # A pad that is not seen twice has no gap.
-            with suppress(ValueError):
-                table = gap_table(finger.scene, finger.catalog, pad)
-                meters.append(GapEstimator(table, 0.0, 1.0, np.zeros((2, 2)), EDGE_DEVIATION))
-        return cls(finger, meters, rulers, PaperRoute())
-
-    def of_frame(self, kind: str, frame: Image) -> Trial:
-        """All of it for one frame.
-
-        Raises:
-            UserError: it is no image.
-        """
-        finger = self.finger
-        sighting = detect_views(frame, finger.lens, finger.catalog)
+    def analyze(frame: Image) -> tuple[bool, bool]:
+        sighting = finger.detect(frame)
         seen = observe(sighting, finger.model.views)
         estimates = split_estimates(find_pose(finger.model, seen, sighting.angles))
-        estimates += [ruler.estimate(sighting) for ruler in self.rulers]
-        estimates += [meter.estimate(meter.table.measured(sighting)) for meter in self.meters]
+        estimates += [edge.estimate(sighting) for edge in edges]
+        estimates += [gap.estimate(gap.table.measured(sighting)) for gap in gaps]
         for view in sighting.complete():
-            unwarp(frame, view, finger.lens, finger.catalog.lengths[view.pad], finger.width)
+            finger.unwarp(frame, view)
         if frame.ndim == 3:
-            self.paper.corners(frame)
-        given = sum(one.defined for one in estimates)
-        return Trial(kind, complete=len(sighting.complete()), angles=given)
+            PaperRoute().corners(frame)
+        return bool(sighting.complete()), any(one.defined for one in estimates)
 
-
-def tried(analysis: Analysis, images: Sequence[np.ndarray], count: int, seed: int) -> list[Trial]:
-    """Corrupted versions of good images, every kind as often as every other one."""
-    kinds = NO_FINGER | NO_IMAGE | DAMAGED
-    trials = []
-    for number in range(count):
-        kind = list(kinds)[number % len(kinds)]
-        generator = np.random.default_rng([seed, 5, number])
-        frame = kinds[kind](images[number // len(kinds) % len(images)], generator)
+    trials = Records()
+    for number in range(spec.corrupted):
+        turn, kind = divmod(number, len(CORRUPTIONS))
+        name, (expected, corrupt) = list(CORRUPTIONS.items())[kind]
+        image, _, _ = shots[turn % len(shots)]
+        frame = corrupt(image.pixels.copy(), np.random.default_rng([seed, 5, number]))
+        row = dict.fromkeys(ANSWERS, False)
         try:
-            trials.append(analysis.of_frame(kind, frame))
+            row["with_complete_views"], row["with_angles"] = analyze(frame)
         except UserError:
-            trials.append(Trial(kind, refused=True))
-        except Exception as error:  # any other exception is what is counted here
-            trials.append(Trial(kind, crash=repr(error)))
+            row["refused"] = True
+        except Exception:  # any other exception is what is counted here
+            row["exceptions"] = True
+        trials.add(kind=name, expected=expected, **row)
     return trials
+
+
+def is_wrong(trials: Records) -> np.ndarray:
+    """Of each corrupted frame, whether its answer is not the one defined for it."""
+    answered = trials["with_complete_views"] | trials["with_angles"]
+    made = (trials["expected"] == "undefined") & answered
+    return trials["exceptions"] | made | (trials["refused"] != (trials["expected"] == "refused"))

@@ -21,7 +21,6 @@ from matplotlib import cbook
 from optics.rendering import Effects, Renderer
 from optics.scene.fabrication import Fabrication
 from optics.scene.scene import Scene
-from perception import detect_views
 from perception.proprioception import (
     FingerErrors,
     calibrate,
@@ -77,7 +76,7 @@ def fingers(finger: FingerSensor) -> list[Calibrated]:
 
 
 def observed(finger: FingerSensor, pixels: np.ndarray):
-    sighting = detect_views(pixels, finger.lens, finger.catalog)
+    sighting = finger.detect(pixels)
     return observe(sighting, finger.model.views), sighting.angles
 
 
@@ -205,16 +204,14 @@ def stated_and_wrong(
     return wrong
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", WRONG)
-def test_no_wrong_picture_gets_a_confident_angle(finger, fingers, kind):
-    assert not stated_and_wrong(finger, fingers, kind, 4)
+FEW = pytest.param(4, marks=pytest.mark.slow)
+MANY = pytest.param(40, marks=pytest.mark.nightly)
 
 
-@pytest.mark.nightly
+@pytest.mark.parametrize("count", [FEW, MANY])
 @pytest.mark.parametrize("kind", WRONG)
-def test_no_wrong_picture_of_many_gets_a_confident_angle(finger, fingers, kind):
-    assert not stated_and_wrong(finger, fingers, kind, 40)
+def test_no_wrong_picture_gets_a_confident_angle(finger, fingers, kind, count):
+    assert not stated_and_wrong(finger, fingers, kind, count)
 
 
 @pytest.mark.slow
@@ -231,26 +228,21 @@ def test_a_turned_camera_is_refused_after_calibration(finger, fingers):
     assert float(answer.value.misfit.tail) < 1e-6
 
 
-def refused_share(finger: FingerSensor, fingers: list[Calibrated], frames: int) -> float:
-    """Part of the right frames' seen joint angles that are held to contradict the finger."""
-    refused = seen_at_all = 0
+@pytest.mark.parametrize(
+    ("frames", "share"),
+    [
+        pytest.param(20, 0.0, marks=pytest.mark.slow),
+        pytest.param(100, 0.005, marks=pytest.mark.nightly),
+    ],
+)
+def test_frames_of_the_calibrated_finger_are_not_refused(finger, fingers, frames, share):
+    """Of their joint angles that are seen at all, few are held to contradict the finger."""
+    messages = []
     for number, one in enumerate(fingers):
         generator = np.random.default_rng([6, number])
         for frame in range(frames):
             pose = generator.uniform(0, math.pi / 2, 2)
             seen, guess = observed(finger, one.camera.render(pose, frame=frame).pixels)
-            answer = find_pose(finger.model, seen, guess, one.errors)
-            messages = answer.messages()
-            refused += sum("contradict" in message for message in messages)
-            seen_at_all += sum("No complete view" not in message for message in messages)
-    return refused / seen_at_all
-
-
-@pytest.mark.slow
-def test_frames_of_the_calibrated_finger_are_not_refused(finger, fingers):
-    assert refused_share(finger, fingers, 20) == 0
-
-
-@pytest.mark.nightly
-def test_few_of_many_frames_of_the_calibrated_finger_are_refused(finger, fingers):
-    assert refused_share(finger, fingers, 100) <= 0.005
+            messages += find_pose(finger.model, seen, guess, one.errors).messages()
+    refused = sum("contradict" in message for message in messages)
+    assert refused <= share * sum("No complete view" not in message for message in messages)

@@ -8,7 +8,6 @@ import pytest
 
 from designopt import Records
 from designopt.cli import run as command
-from perception.proprioception import make_undefined
 from studies.proprioception.frames import spread_angles
 from studies.proprioception.run import variance_over_predicted
 
@@ -30,18 +29,16 @@ def done(tmp_path_factory):
 
 
 @pytest.mark.as_users
-def test_a_quick_run_climbs_the_ladder(done):
-    code, document, out = done
+def test_a_quick_run_estimates_angles_by_every_method(done):
+    code, document, _ = done
     measured = {name: metric["value"] for name, metric in document["metrics"].items()}
-    assert code == 0  # a run this small is judged by no target
+    assert code == 0  # targets do not apply to a run this small
     assert measured["labelled_mean_deg"] <= 0.5
     assert measured["unlabelled_mean_deg"] <= 0.75
     assert measured["known_finger_mean_deg"] < measured["labelled_mean_deg"]
     assert measured["known_finger_mean_deg"] < 0.1
     assert 0.5 < measured["gap_mean_deg"] < 4
     assert 0 < measured["gap_defined"] < 0.8
-    for name in ("ladder", "range", "gap", "bound", "covariance"):
-        assert (out / "figures" / f"{name}.png").stat().st_size > 5000
 
 
 @pytest.mark.as_users
@@ -64,18 +61,3 @@ def test_labelled_poses_cover_both_ranges_apart():
 def test_the_variance_is_compared_where_there_is_an_angle():
     own = Records({"error_deg": [1.0, -3.0, math.nan], "deviation_deg": [0.5, 1.5, math.inf]})
     assert variance_over_predicted(own) == pytest.approx((1 + 9) / (0.25 + 2.25))
-
-
-def test_an_undefined_answer_is_no_number():
-    nothing = make_undefined("why")
-    assert math.isnan(nothing.angle)
-    assert math.isinf(nothing.deviation)
-    assert not nothing.defined
-
-
-@pytest.mark.parametrize("setting", ["labelled=1", "frames=1", "label_deviation_deg=0"])
-def test_nonsense_is_refused_in_one_line(tmp_path, capsys, setting):
-    out = tmp_path / "out"
-    assert command(["run", "proprioception", "--set", setting, "--out", str(out)]) == 2
-    assert "greater than" in capsys.readouterr().err
-    assert not out.exists()

@@ -1,30 +1,27 @@
 """The study ``tactile-images``: a quick run end to end, and its pieces."""
 
+import csv
 import dataclasses
 import json
 from importlib.resources import files
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from designopt.cli import run as command
+from designopt.study.records import Records
+from designopt.study.report import Report
 from optics import read_scene
 from optics.rendering import Effects
 from studies.models.one_thread import one_thread
 from studies.models.sensor.finger_sensor import FingerSensor, designed
 from studies.models.sensor.spec import FingerImagesSpec
-from studies.tactile_images import tables
-from studies.tactile_images.corrupted import DAMAGED, NO_FINGER, NO_IMAGE, Trial
-from studies.tactile_images.drawings import imprints_figure
-from studies.tactile_images.frames import (
-    FoundView,
-    Frame,
-    independent_effects,
-    nearest_errors,
-    poses,
-)
-from studies.tactile_images.pictures import Shown
+from studies.tactile_images import TactileImagesSpec
+from studies.tactile_images.corrupted import ANSWERS, CORRUPTIONS, is_wrong
+from studies.tactile_images.figures import draw_imprints
+from studies.tactile_images.run import Measured, add_tables, independent_effects, nearest_errors
 
 OLD = Path(__file__).parents[1] / "data" / "old_specs" / "scene.toml"
 """The packaged finger's scene, as a result of an earlier version has it."""
@@ -55,10 +52,16 @@ def done(tmp_path_factory):
     return *run(out), out
 
 
+@pytest.fixture(scope="module")
+def finger():
+    return FingerSensor.of(FingerImagesSpec(), 360)
+
+
 @pytest.mark.slow
 def test_a_quick_run_finds_what_can_be_found(done):
-    code, document, out = done
+    code, document, _ = done
     measured = {name: metric["value"] for name, metric in document["metrics"].items()}
+    assert code == 0  # targets do not apply to a run this small
     assert measured["found_at_gain_1"] >= 0.95
     assert measured["found_independent"] >= 0.9
     assert measured["corner_median_px"] <= 2
@@ -66,28 +69,33 @@ def test_a_quick_run_finds_what_can_be_found(done):
     assert measured["unwarp_p90_mm"] <= 0.3 < measured["affine_unwarp_p90_mm"]
     assert measured["corner_median_px"] < measured["paper_corner_median_px"]
     assert measured["corrupted_failures"] == 0
-    assert code == (0 if measured["detection_ms"] <= 100 else 1)
-    for name in ("views", "masks", "imprints", "errors", "success", "precision"):
-        assert (out / "figures" / f"{name}.png").stat().st_size > 5000
 
 
 @pytest.mark.slow
 def test_no_frame_of_the_quick_run_raised(done):
     _, _, out = done
-    rows = (out / "tables" / "corrupted.csv").read_text(encoding="utf-8").splitlines()[1:]
-    assert len(rows) == len(NO_FINGER | NO_IMAGE | DAMAGED)
-    assert all(row.split(",")[2] == "0" for row in rows)
+    with (out / "tables" / "corrupted.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["kind"] for row in rows] == list(CORRUPTIONS)
+    assert all(float(row["exceptions"]) == 0 for row in rows)
 
 
-def test_what_is_no_image_is_to_be_refused_and_an_image_is_not():
-    assert not Trial("black").failed
-    assert not Trial("patches", complete=2, angles=2).failed
-    assert not Trial("wrong size", refused=True).failed
-    assert Trial("wrong size").failed
-    assert Trial("black", refused=True).failed
-    assert Trial("black", complete=1).failed
-    assert Trial("noise", angles=1).failed
-    assert Trial("patches", crash="ValueError()").failed
+@pytest.mark.parametrize(
+    ("expected", "answer", "wrong"),
+    [
+        ("undefined", {}, False),
+        ("undefined", {"refused": True}, True),
+        ("undefined", {"with_complete_views": True}, True),
+        ("undefined", {"with_angles": True}, True),
+        ("any", {"with_complete_views": True, "with_angles": True}, False),
+        ("any", {"exceptions": True}, True),
+        ("refused", {"refused": True}, False),
+        ("refused", {}, True),
+    ],
+)
+def test_what_is_no_image_is_to_be_refused_and_an_image_is_not(expected, answer, wrong):
+    row = dict.fromkeys(ANSWERS, False) | answer
+    assert is_wrong(Records({"expected": expected, **row})).tolist() == [wrong]
 
 
 def test_the_packaged_scene_is_the_default():
@@ -112,35 +120,17 @@ def test_names_of_pads_are_drawn_as_text(tmp_path):
     path = tmp_path / "odd.toml"
     path.write_text(text.replace('name = "distal"', r"name = '$\frac{$'"), encoding="utf-8")
     finger = FingerSensor.of(FingerImagesSpec(scene=str(path)), 360)
-    drawing = imprints_figure(finger, Shown([], [], {})).drawing
-    drawing.savefig(tmp_path / "imprints.svg")
+    draw_imprints(finger, {"untouched": {}}).savefig(tmp_path / "imprints.svg")
     assert r"<!-- $\frac{$ -->" in (tmp_path / "imprints.svg").read_text(encoding="utf-8")
 
 
-def test_made_fingers_are_drawn_once_for_all():
-    finger = FingerSensor.of(FingerImagesSpec(), 360)
+def test_sampled_fingers_are_the_same_in_every_run(finger):
     first, again, other = (finger.made(3, number) for number in (0, 0, 1))
     np.testing.assert_array_equal(first[1], again[1])
     assert not np.allclose(first[1], other[1])
     assert float(first[0].tilt) == pytest.approx(first[1][3] * np.deg2rad(2.0))
     many = np.stack([finger.made(3, number)[1] for number in range(300)])
     np.testing.assert_allclose(many.std(axis=0), 1.0, atol=0.15)
-
-
-@pytest.mark.parametrize(
-    ("setting", "words"),
-    [
-        ("severity=3", "less than or equal to 2"),
-        ("grid=1", "greater than or equal to 2"),
-        ("scene=nowhere.toml", "nowhere.toml"),
-        ("width=-1", "greater than 0"),
-    ],
-)
-def test_nonsense_is_refused_in_one_line(tmp_path, capsys, setting, words):
-    out = tmp_path / "out"
-    assert command(["run", "tactile-images", "--set", setting, "--out", str(out)]) == 2
-    assert words in capsys.readouterr().err
-    assert not out.exists()
 
 
 def test_a_scene_that_is_no_finger_is_refused(tmp_path, capsys):
@@ -173,13 +163,6 @@ def test_severities_are_independent_of_each_other_and_off_in_one_case_of_five():
         assert column.max() == pytest.approx(getattr(greatest, name), rel=0.02), name
 
 
-def test_poses_are_the_grid():
-    grid = np.rad2deg(poses(3, 90.0, 2))
-    assert {tuple(pose) for pose in grid.round(6).tolist()} == {
-        (a, b) for a in (0.0, 45.0, 90.0) for b in (0.0, 45.0, 90.0)
-    }
-
-
 def test_nearest_errors_bear_any_order_of_corners():
     square = np.array([[0.0, 0.0], [0.0, 10.0], [10.0, 10.0], [10.0, 0.0]])
     turned = np.roll(square[::-1], 1, axis=0) + np.array([1.0, 0.0])
@@ -187,24 +170,26 @@ def test_nearest_errors_bear_any_order_of_corners():
     assert np.isnan(nearest_errors([square + 50], square, 5.0)).all()
 
 
-def test_tables_count_what_frames_say():
-    def view(found: bool, off: float) -> FoundView:
-        errors = np.full(4, off if found else np.nan)
-        return FoundView("distal", "direct", found, errors, np.full(4, np.nan))
-
-    frames = [
-        Frame(1.0, 1.0, (0.0, 0.0), (view(True, 1.0), view(False, 0.0)), 1, (), 1, 0.05),
-        Frame(0.6, 1.0, (0.0, 0.0), (view(True, 3.0),), 0, (), 1, 0.05),
+def test_tables_count_views_and_frames():
+    measured, times = (
+        Measured(),
+        Records({"effect": ["none"], "milliseconds": 1.0, "more_than_none_ms": 0.0}),
+    )
+    name = {"severity": 1.0, "pad": "distal", "path": "direct", "paper_error_px": np.nan}
+    measured.corners.add(gain=1.0, error_px=np.repeat([1.0, np.nan], 4), **name)
+    measured.corners.add(gain=0.6, error_px=np.repeat(3.0, 4), **name)
+    measured.frames.add(gain=[1.0, 0.6], severity=1.0, wrong=[1, 0], shown=1, seconds=0.05)
+    out = Report(TactileImagesSpec(), package="studies.tactile_images")
+    add_tables(out, measured, Records(), times)
+    rows = out.results().tables[0].rows
+    assert [tuple(row[:6]) for row in rows] == [
+        (0.6, 1.0, 1, 1, 1.0, 3.0),
+        (1.0, 1.0, 1, 2, 0.5, 1.0),
     ]
-    rows = tables.conditions(frames).rows
-    assert [row[:5] for row in rows] == [(0.6, 1.0, 1, 1, 1.0), (1.0, 1.0, 1, 2, 0.5)]
-    assert [row[5] for row in rows] == [3.0, 1.0]
     assert [row[-1] for row in rows] == [0, 1]
 
 
 def test_one_thread_is_given_back():
-    import cv2
-
     before = cv2.getNumThreads()
     with one_thread():
         assert cv2.getNumThreads() == 1

@@ -19,8 +19,8 @@ from optics.visibility.outlines import find_corners, find_outlines
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, name_paths
 from perception.lens import Lens, Places, Rays
-from perception.matching import ViewCatalog, ViewFamily, rms_of_ends
-from perception.proprioception import CornerModel, GapTable
+from perception.matching import Sighting, ViewCatalog, ViewFamily, rms_of_ends
+from perception.proprioception import CornerModel, EdgeEstimator, GapTable, fit_edges
 
 ANGLES = np.deg2rad(np.linspace(-2.0, 92.0, 95))
 """Values of every joint in the catalogue: every degree of the range, and what errors add."""
@@ -253,6 +253,35 @@ class Predictor(eqx.Module):
         outlines = find_outlines(made, angles)
         corners = find_corners(imaging, outlines, self.width, fabrication.lateral)
         return corners[np.array(self.paths), np.array(self.pads)]
+
+
+def fit_joint_edges(
+    model: CornerModel,
+    sightings: Sequence[Sighting],
+    labels: Float[np.ndarray, "frames joints"],
+    *,
+    label_deviation: float,
+    edge_deviation: float,
+) -> list[EdgeEstimator]:
+    """For every joint, curves of the ends of the views that it moves, from labelled frames.
+
+    Args:
+        model: of the finger.
+        sightings: what was found in the frames.
+        labels: joint angles in each, rad.
+        label_deviation: standard deviation of the labels, rad.
+        edge_deviation: standard deviation of an end's section angle, rad.
+    """
+    return [
+        fit_edges(
+            sightings,
+            labels[:, joint],
+            [view for view, j in zip(model.views, model.joints, strict=True) if j == joint],
+            label_deviation=label_deviation,
+            edge_deviation=edge_deviation,
+        )
+        for joint in range(len(model.names))
+    ]
 
 
 def gap_table(scene: Scene, catalog: ViewCatalog, pad: str) -> GapTable:

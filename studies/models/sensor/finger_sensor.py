@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,21 +16,21 @@ from jaxtyping import Float
 
 from designopt.errors import UserError
 from designopt.io.files import read_toml
-from optics.rendering import Effects, Renderer
+from optics.rendering import Effects, Imprint, Renderer, TactileImage
 from optics.scene.camera import Pinhole
 from optics.scene.fabrication import Fabrication, scale_errors
 from optics.scene.imaging import Imaging
 from optics.scene.reading import read_scene
 from optics.scene.scene import Layout, Scene
+from perception.detection import detect_views
 from perception.lens import Lens
-from perception.matching import ViewCatalog
+from perception.matching import Sighting, View, ViewCatalog
 from perception.proprioception import CornerModel
+from perception.unwarping import select_view, unwarp
 from studies.models.finger_file import packaged_finger, read_finger
+from studies.models.one_thread import one_thread
 from studies.models.sensor.estimators import catalog_of, corner_model, lens_of
-from studies.models.sensor.spec import FingerImagesSpec, MadeSpec
-
-LEAST_ROWS, MOST_ROWS = 200, 4000
-"""Heights of images that can be analysed, px."""
+from studies.models.sensor.spec import LEAST_ROWS, MOST_ROWS, FingerImagesSpec, MadeSpec
 
 BODY = "camera body"
 """Name of the blocker that moves with the camera."""
@@ -94,6 +97,57 @@ class FingerSensor:
             rows=self.imaging.shape[0],
             seed=seed,
         )
+
+    @property
+    def image_size(self) -> str:
+        """Columns and rows of its image."""
+        return "{1} × {0} px".format(*self.imaging.shape)
+
+    def detect(self, pixels: object) -> Sighting:
+        """The views in an image.
+
+        Raises:
+            UserError: it is no image of this finger's camera.
+        """
+        return detect_views(pixels, self.lens, self.catalog)
+
+    def best_view(
+        self, sighting: Sighting, pad: str, by: Literal["scale", "area"] = "scale"
+    ) -> View | None:
+        """The complete view that shows a pad best, by its least scale or by its area."""
+        views = [view for view in sighting.views if view.pad == pad]
+        return select_view(views, self.lens, self.catalog.lengths[pad], self.width, by=by)
+
+    def unwarp(self, pixels: np.ndarray, view: View) -> np.ndarray:
+        """The pad of a view, as seen from straight above."""
+        return unwarp(pixels, view, self.lens, self.catalog.lengths[view.pad], self.width)
+
+    def film(
+        self,
+        renderer: Renderer,
+        poses: Float[np.ndarray, "frames joints"],
+        press: Callable[[int], Mapping[str, list[Imprint]]] = lambda _: {},
+    ) -> Iterator[tuple[TactileImage, Sighting, float]]:
+        """Frames, the views found in each, and the seconds of finding them on one core.
+
+        Args:
+            renderer: of this finger.
+            poses: joint angles of the frames, rad.
+            press: from a frame's number to what is pressed into its pads.
+        """
+        # What is compiled on the way is no part of a frame's time.
+        self.detect(renderer.render(poses[0]).pixels)
+        for frame, pose in enumerate(poses):
+            image = renderer.render(pose, press(frame), frame=frame)
+            with one_thread():
+                start = time.perf_counter()
+                sighting = self.detect(image.pixels)
+                seconds = time.perf_counter() - start
+            yield image, sighting, seconds
+
+    def made_renderer(self, effects: Effects, seed: int, number: int = 0) -> Renderer:
+        """A camera in front of one of many fingers with sampled errors."""
+        return self.renderer(effects, self.made(seed, number)[0], seed + number)
 
     def made(self, seed: int, number: int) -> tuple[Fabrication, Float[np.ndarray, " errors"]]:
         """Normal errors of one of many fingers, and the same in units of their deviations."""

@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from designopt.io.spec import Spec
+from designopt.study.settings import setting
 from studies.models.mirror_design.spec import Error, Length, ToleranceSpec
+
+LEAST_ROWS, MOST_ROWS = 200, 4000
+"""Heights of images that can be analysed, px."""
+
+Rows = Annotated[int, Field(ge=LEAST_ROWS, le=MOST_ROWS)]
+
+
+def refuse_repeats(values: list[Any]) -> list[Any]:
+    """The values of a setting, if they differ from each other.
+
+    Raises:
+        ValueError: two are the same.
+    """
+    if len(set(values)) < len(values):
+        raise ValueError("values must differ from each other")
+    return values
 
 
 class MadeSpec(ToleranceSpec):
@@ -25,12 +42,13 @@ class MadeSpec(ToleranceSpec):
 class FingerImagesSpec(Spec):
     """What is rendered."""
 
-    scene: str = Field(
-        default="",
-        description="file of the finger, or of its scene; the packaged finger by default",
+    scene: str = setting("", "file of the finger, or of its scene; the packaged finger by default")
+    width: Length = setting(24.0, "of the pads, as in paper B (mm)")
+    severity: float = setting(
+        1.0, "of light, blur, noise, rough edges: 0 none, 1 good, 2 poor", ge=0, le=2
     )
-    width: Length = Field(default=24.0, description="of the pads, as in paper B (mm)")
-    severity: Annotated[float, Field(ge=0, le=2)] = Field(
-        default=1.0, description="of light, blur, noise, rough edges: 0 none, 1 good, 2 poor"
+    range_deg: float = setting(90.0, "range of both joints (degrees)", gt=0, le=90)
+    sizes: Annotated[list[Rows], AfterValidator(refuse_repeats)] = setting(
+        [360, 540, 810, 1080], "heights of images, error over run time (px)", free=True
     )
     tolerances: MadeSpec = MadeSpec()
