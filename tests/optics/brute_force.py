@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +15,7 @@ class Surfaces:
     """Mirrors, then pads, then blockers: ends (n, 2, 2), sides (+1 left, −1 right, 0 both)."""
 
     ends: np.ndarray
-    sides: Sequence[int]
+    sides: np.ndarray
     mirrors: int
     pads: int
     grazing: np.ndarray
@@ -40,7 +39,7 @@ def shoot(
     bounces: int,
 ) -> list[Run]:
     """All runs of a fan of rays spread evenly over the field of view."""
-    structure = Structure(surfaces.mirrors, surfaces.pads, tuple(surfaces.sides))
+    structure = Structure(surfaces.mirrors, surfaces.pads, tuple(surfaces.sides.tolist()))
     parts = (surfaces.ends, position, direction, field_of_view, surfaces.grazing)
     fans = Fans(*(np.asarray(part, float)[None] for part in parts))
     words = structure.words(bounces)
