@@ -1,4 +1,4 @@
-"""The finger on a surface: how it bends, and what its design says of heights."""
+"""The finger on a surface: how it bends, and the heights that its design predicts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from optics.chamber import Endoscope, Posture, bend_center_line, find_extreme_po
 from optics.chamber.chamber import Chamber
 from perception.chamber import ChamberMap
 from studies.models.soft_finger.finger import DOWN, SoftFinger
-from studies.surface_profile.spec import SurfaceProfileSpec
+from studies.surface_profile import SurfaceProfileSpec
 from studies.surface_profile.surfaces import FLAT_RMS, SAGITTA, TILT_DEG
 
 UP = -DOWN
@@ -94,7 +94,7 @@ def _edges(
 
 
 def designed_map(finger: SoftFinger, spec: SurfaceProfileSpec) -> ChamberMap:
-    """What the finger's design says: heights over movements of b, e and g.
+    """What the finger's design predicts: heights over movements of b, e and g.
 
     b and e are where the outlines of blue and of yellow are lowest. g, the middle of blue, is
     taken midway between blue's lowest and highest place.

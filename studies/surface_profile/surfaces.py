@@ -64,8 +64,7 @@ class Surface:
 
     def height(self, x: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any"]:
         """Of the bare surface at some places, mm."""
-        waves = _waves(x, self.amplitudes, self.lengths, self.phases)
-        level = self.slope * x + waves
+        level = self.slope * x + self._waves(x)
         if self.sagitta == 0:
             return level
         size, half = abs(self.sagitta), self.width / 2
@@ -76,6 +75,14 @@ class Surface:
             arc = np.where(np.abs(off) < half, arc, 0.0)
         return level + math.copysign(1.0, self.sagitta) * arc
 
+    def _waves(self, x: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any"]:
+        return np.sin(2 * np.pi * x[..., None] / self.lengths + self.phases) @ self.amplitudes
+
+    def with_waves(self, rms: float, slide: float) -> Surface:
+        """The same surface, with waves of this root mean square over the slide, mm."""
+        scale = rms / float(self._waves(np.linspace(-slide / 2, slide / 2, 2001)).std())
+        return replace(self, amplitudes=scale * self.amplitudes)
+
     def of_size(self, size: float, slide: float) -> Surface:
         """The same surface, but for its size.
 
@@ -84,11 +91,10 @@ class Surface:
                 other the root mean square of its waves, mm.
             slide: length, mm.
         """
-        if self.sagitta:
-            sagitta = math.copysign(size, self.sagitta)
-            return replace(self, sagitta=sagitta, width=slide, middle=0.0, shoulders=False)
-        scale = size / _rms(slide, self.amplitudes, self.lengths, self.phases)
-        return replace(self, amplitudes=scale * self.amplitudes)
+        if not self.sagitta:
+            return self.with_waves(size, slide)
+        sagitta = math.copysign(size, self.sagitta)
+        return replace(self, sagitta=sagitta, width=slide, middle=0.0, shoulders=False)
 
     def ridden(self, x: Float[np.ndarray, " places"], tip: float) -> Float[np.ndarray, " places"]:
         """Height at which a round pad of this radius touches, less the radius, mm.
@@ -97,33 +103,13 @@ class Surface:
         pad touches. On a convex circle of radius R the pad's middle follows one of R + r, in a
         concave one of R − r; what is narrower than the pad it does not reach.
         """
-        count = math.ceil(tip / STEP)
-        off = np.linspace(-tip, tip, 2 * count + 1)
+        off = np.linspace(-tip, tip, 2 * math.ceil(tip / STEP) + 1)
         pad = np.sqrt(np.maximum(tip**2 - off**2, 0)) - tip
         return (self.height(x[:, None] + off) + pad).max(axis=1)
 
 
-def _waves(
-    x: Float[np.ndarray, "*any"],
-    amplitudes: Float[np.ndarray, " waves"],
-    lengths: Float[np.ndarray, " waves"],
-    phases: Float[np.ndarray, " waves"],
-) -> Float[np.ndarray, "*any"]:
-    return np.sin(2 * np.pi * x[..., None] / lengths + phases) @ amplitudes
-
-
-def _rms(
-    slide: float,
-    amplitudes: Float[np.ndarray, " waves"],
-    lengths: Float[np.ndarray, " waves"],
-    phases: Float[np.ndarray, " waves"],
-) -> float:
-    x = np.linspace(-slide / 2, slide / 2, 2001)
-    return float(_waves(x, amplitudes, lengths, phases).std())
-
-
-def drawn(kind: SurfaceKind, slide: float, generator: np.random.Generator) -> Surface:
-    """A surface of a kind, by chance; the slide goes over −slide/2 to slide/2."""
+def sample_surface(kind: SurfaceKind, slide: float, generator: np.random.Generator) -> Surface:
+    """A random surface of a kind; the slide goes from −slide/2 to slide/2."""
 
     def between(bounds: tuple[float, float]) -> float:
         return float(generator.uniform(*bounds))
@@ -132,19 +118,18 @@ def drawn(kind: SurfaceKind, slide: float, generator: np.random.Generator) -> Su
     lengths = generator.uniform(*waves, WAVES)
     phases = generator.uniform(0, 2 * math.pi, WAVES)
     amplitudes = generator.uniform(0.5, 1.0, WAVES)
-    amplitudes *= between(rms) / _rms(slide, amplitudes, lengths, phases)
+    roughness = between(rms)
     curved = kind in (SurfaceKind.CONCAVE, SurfaceKind.CONVEX)
     shoulders = curved and bool(generator.random() < 0.5)
     part = between(SHOULDERED) if shoulders else 1.0
-    room = (1 - part) / 2
     return Surface(
         kind,
         sagitta=curved * (1 if kind is SurfaceKind.CONVEX else -1) * between(SAGITTA),
         width=part * slide,
-        middle=0.5 * room * slide * between((-1.0, 1.0)),
+        middle=(1 - part) / 4 * slide * between((-1.0, 1.0)),
         shoulders=shoulders,
         amplitudes=amplitudes,
         lengths=lengths,
         phases=phases,
         slope=math.tan(math.radians(TILT_DEG * between((-1.0, 1.0)))),
-    )
+    ).with_waves(roughness, slide)
