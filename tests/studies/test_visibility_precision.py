@@ -1,12 +1,10 @@
-"""The study ``visibility-precision``: its references, its contenders, and a tiny run."""
+"""The study ``visibility-precision``: its references, its methods, and a short run."""
 
 from __future__ import annotations
 
-import csv
 import functools
 import json
 import math
-import time
 
 import equinox as eqx
 import jax
@@ -14,34 +12,22 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt import cli
-from designopt.study.benchmark import BenchmarkMethod, benchmark
+import designopt
 from designopt.study.results import PrecisionRow
 from optics import parse_scene
-from studies.benchmarks.visibility import (
-    STUDY,
-    camera_rays,
-    contenders,
-    exact,
-    finger_grid,
-    left_out,
-    measuring,
-    peers,
-    sampling,
-    statements,
-    tracers,
-)
+from studies.benchmarks.measuring import installed
+from studies.benchmarks.visibility import VisibilityPrecisionSpec, grid, run, sampling, tracers
+from studies.benchmarks.visibility import methods as by
 from studies.benchmarks.visibility.cases import (
     bent,
-    flexion,
     gallery,
     parts_of,
     spoilt_finger,
     with_parts,
 )
-from studies.benchmarks.visibility.spec import VisibilityPrecisionSpec
-from studies.oracles import tracer as numpy_rays
+from studies.oracles import coverage as exact
 from studies.oracles.scenes import rounded
+from studies.oracles.tracer import seen_by_fan
 
 RAYS = 200_000
 
@@ -84,7 +70,7 @@ def test_the_references_give_closed_forms(name):
     data, covered = CLOSED_FORMS[name]
     scene = parse_scene(data)
     np.testing.assert_allclose(exact.coverage(scene, scene.pose()), [covered], rtol=1e-14)
-    fan = numpy_rays.seen_by_fan(rounded(scene, scene.pose()), RAYS)
+    fan = seen_by_fan(rounded(scene, scene.pose()), RAYS)
     np.testing.assert_allclose(fan.coverage, [covered], atol=2e-5)
     np.testing.assert_allclose(fan.redundancy, fan.coverage, rtol=1e-12)
 
@@ -97,7 +83,7 @@ def test_the_references_look_into_mirrors():
     slope = (eye + 1000) / eye
     covered = 1 - (1600 - (1600 - 810) * slope) / 1700
     np.testing.assert_allclose(exact.coverage(scene, scene.pose()), [covered], rtol=1e-14)
-    fan = numpy_rays.seen_by_fan(rounded(scene, scene.pose()), RAYS)
+    fan = seen_by_fan(rounded(scene, scene.pose()), RAYS)
     np.testing.assert_allclose(fan.coverage, [covered], atol=2e-5)
     # Its lower end moves the edge, its upper end does not; nor does, as much, all of it.
     lower_x, lower_y, upper_x, upper_y = exact.gradient(scene, scene.pose())[:4]
@@ -109,7 +95,7 @@ def test_the_references_look_into_mirrors():
 def test_the_reference_reflects_in_a_curved_mirror():
     """Rays from a parabola's focus at θ from its axis leave it r tan(θ / 2) beside that axis."""
     scene = eqx.tree_at(lambda s: s.pads, gallery("parabola"), jnp.asarray([PARABOLA_PAD]))
-    fan = numpy_rays.seen_by_fan(rounded(scene, scene.pose()), RAYS)
+    fan = seen_by_fan(rounded(scene, scene.pose()), RAYS)
     wide = 2 * float(scene.radii[0]) * math.tan(math.radians(160 / 2 / 2))
     np.testing.assert_allclose(fan.coverage, [wide / 240], atol=2e-5)
 
@@ -123,7 +109,7 @@ def test_the_exact_gradient_of_a_shadow():
 
 def test_the_references_agree_on_the_finger():
     scene = spoilt_finger()
-    fan = numpy_rays.seen_by_fan(rounded(scene, bent(scene)), RAYS)
+    fan = seen_by_fan(rounded(scene, bent(scene)), RAYS)
     np.testing.assert_allclose(fan.coverage, exact.coverage(scene, bent(scene)), atol=2e-5)
     assert np.all(fan.coverage < 0.9)  # so that an error shows on every pad
 
@@ -154,10 +140,9 @@ def test_points_and_rays_come_close_to_the_exact_coverage():
     points = rays = 4096
     block = sampling.block_of(points)
     find = jax.jit(functools.partial(sampling.coverage, sampling.hard, block))
-    blocks = jnp.asarray(points // block)
-    found = find(scene, scene.pose()[None], blocks, jnp.asarray(1.0))[0]
+    [found] = find(scene, scene.pose()[None], jnp.asarray(points // block), jnp.asarray(1.0))
     np.testing.assert_allclose(found, expected, atol=2 / points)  # four ends, half a point each
-    seen = jax.jit(functools.partial(camera_rays.coverage, rays=rays))(scene, scene.pose())
+    [seen] = jax.jit(functools.partial(by.by_camera_rays, rays))(scene, scene.pose()[None])
     np.testing.assert_allclose(seen, expected, atol=2e-2)
     assert np.all(seen <= expected + 1e-12)  # what lies beside a run of rays is not counted
 
@@ -170,12 +155,6 @@ def test_a_sigmoid_sharpens_into_the_hard_test():
     np.testing.assert_allclose(gentle, 1 / (1 + np.exp(-10 * np.asarray(margin))), rtol=1e-14)
 
 
-@pytest.fixture(scope="module")
-def gradient_work():
-    scene = spoilt_finger()
-    return contenders.Workload(scene, bent(scene)[None], True, RAYS)
-
-
 def test_many_points_and_a_steep_sigmoid_reach_the_exact_gradient():
     scene = parse_scene(BEHIND)
     points, alpha = 16384, 2500.0
@@ -184,34 +163,24 @@ def test_many_points_and_a_steep_sigmoid_reach_the_exact_gradient():
     args = parts_of(scene), scene, scene.pose()[None], jnp.asarray(points // block)
     mean, slopes = find(*args, jnp.asarray(alpha))
     np.testing.assert_allclose(mean, exact.coverage(scene, scene.pose())[0], rtol=1e-6)
-    found, expected = (
-        np.concatenate([np.ravel(x) for x in slopes]),
-        exact.gradient(scene, scene.pose()),
-    )
+    found = np.concatenate([np.ravel(x) for x in slopes])
+    expected = exact.gradient(scene, scene.pose())
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.max(np.abs(expected)))
 
 
-def test_a_wrong_contender_is_seen(gradient_work):
-    expected = exact.gradient(gradient_work.scene, gradient_work.poses[0])
-    error = contenders.gradient_error(gradient_work)
+def test_an_error_is_found_where_there_is_one():
+    scene = spoilt_finger()
+    work = by.Workload(scene, bent(scene)[None], True, RAYS)
+    expected = exact.gradient(scene, work.poses[0])
+    error = by.slopes_error(work)
     mirrors, position, direction = expected[:8].reshape(2, 2, 2), expected[8:10], expected[10]
     assert error((0.0, (mirrors, position, direction))) < 1e-15
     assert error((0.0, (-mirrors, position, direction))) == pytest.approx(2)
     assert error((0.0, (mirrors, position, direction * 1.01))) > 1e-3
     assert math.isnan(error((0.0, (mirrors * math.nan, position, direction))))
-    work = gradient_work._replace(gradient=False)
-    right = exact.coverage(work.scene, work.poses[0])
-    error = contenders.coverage_error(work)
+    right, error = exact.coverage(scene, work.poses[0]), by.coverage_error(work)
     assert error(right) < 2e-5
     assert error(right + np.array([0.0, 1e-3, 0.0])) == pytest.approx(1e-3, rel=0.02)
-
-
-def test_the_sweep_is_judged_against_fifty_digits():
-    scene = spoilt_finger()
-    work = contenders.Workload(scene, flexion(scene)[::9], False, RAYS)
-    expected = np.stack([exact.coverage(scene, pose) for pose in work.poses])
-    assert contenders.coverage_error(work)(expected) == 0
-    assert work.panel == "coverage, 3 poses"
 
 
 FOLDING = {
@@ -225,145 +194,94 @@ FOLDING = {
 
 
 def test_the_sweeps_say_the_same_where_each_joint_moves_its_own_pad():
-    assert finger_grid.disagreement(parse_scene(FOLDING), 4) < 1e-15
+    assert grid.disagreement(parse_scene(FOLDING), 4) < 1e-15
 
 
 def test_a_view_that_depends_on_another_joint_is_found():
     screen = {"name": "screen", "from": [1, 1], "to": [-1, 1], "body": "right"}
-    assert finger_grid.disagreement(parse_scene(FOLDING | {"blockers": [screen]}), 4) > 0.1
+    assert grid.disagreement(parse_scene(FOLDING | {"blockers": [screen]}), 4) > 0.1
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", [gallery("finger"), spoilt_finger()], ids=["gallery", "spoilt"])
 def test_the_sweeps_of_the_finger_say_the_same(scene):
-    assert finger_grid.disagreement(scene, 10) < 1e-12
+    assert grid.disagreement(scene, 10) < 1e-12
 
 
-def test_tracers_end_where_the_unfolded_rays_do():
-    positions, directions = tracers.bundle(50, 0)
-    args = tracers.zigzag(), jnp.asarray(positions), jnp.asarray(directions)
-    for legs in measuring.LEGS:
-        right = tracers.expected(positions, directions, legs)
-        mirrors = np.asarray(args[0].mirrors)
-        for found in (
-            jax.jit(functools.partial(tracers.traced, legs))(*args),
-            tracers.numpy_trace(mirrors, positions, directions, legs),
-        ):
-            for part, wanted in zip(found, right, strict=True):
-                np.testing.assert_allclose(part, wanted, atol=1e-11)
+@pytest.mark.parametrize("legs", [1, tracers.MIRRORS])
+def test_tracers_end_where_the_unfolded_rays_do(legs):
+    scene, rays = tracers.zigzag(), tracers.bundle(50, 0)
+    ours = jax.jit(functools.partial(tracers.traced, legs))(scene, *map(jnp.asarray, rays))
+    call, read = tracers.numpy_tracer(legs, scene, *rays)
+    for found in (ours, read(call())):
+        for part, wanted in zip(found, tracers.expected(*rays, legs), strict=False):
+            np.testing.assert_allclose(part, wanted, atol=1e-11)
 
 
 @pytest.mark.parametrize("name", ["optiland", "rayoptics"])
 @pytest.mark.filterwarnings("ignore")  # what the peers warn of is theirs
 def test_other_tracers_end_there_too(name):
-    if not peers.installed(name):
+    if not installed(name):
         pytest.skip(f"{name} is not installed; the extra 'peers' brings it")
-    make = {"optiland": peers.optiland_tracer, "rayoptics": peers.rayoptics_tracer}[name]
     rays = tracers.bundle(50, 0)
-    call, read = make(np.asarray(tracers.zigzag().mirrors), *rays)
+    call, read = getattr(tracers, f"{name}_tracer")(tracers.zigzag(), *rays)
+    right = tracers.expected(*rays, tracers.MIRRORS)
     for _ in range(2):  # a second call starts afresh
-        for part, wanted in zip(
-            read(call()), tracers.expected(*rays, tracers.MIRRORS), strict=True
-        ):
+        for part, wanted in zip(read(call()), right, strict=True):
             np.testing.assert_allclose(part, wanted, atol=1e-11)
 
 
-def test_claims_can_be_proved_wrong():
-    def row(method, error, seconds):
-        return PrecisionRow(method, "", "p", error, seconds, 0.9 * seconds, 1.1 * seconds, 0.0)
-
-    ours = row(contenders.OURS, 1e-15, 1.0)
-    assert statements.undominated_claim([ours, row("x", 1e-3, 0.1)]).holds
-    assert not statements.undominated_claim([ours, row("x", 1e-16, 0.1)]).holds
-
-
 def test_the_rival_is_the_fastest_that_is_accurate_enough():
-    def entered(method, error, seconds):
-        return BenchmarkMethod(method, "", "p", lambda: time.sleep(seconds), lambda _: error)
+    def row(method, error, seconds):
+        return PrecisionRow(method, "", "p", error, seconds, seconds, seconds, 0.0)
 
-    soft = contenders.SOFT[1000]
-    all_of_them = [
-        entered(contenders.OURS, 1e-15, 1e-3),
-        entered(soft, 1e-3, 1e-3),
-        entered(soft, 4e-4, 2e-2),
-        entered(contenders.BEST, 1e-5, 4e-2),
-        entered(contenders.EDGES, 1e-15, 5e-3),
-    ]
-    rows = benchmark(all_of_them, repeats=3)
-    (rival,) = measuring.fastest_sigmoid(rows)
-    assert (rival.row.method, rival.row.error) == (soft, 4e-4)
-    assert 5 < rival.ratio.value < 30
-    assert list(measuring.fastest_sigmoid(rows[:2])) == []
-
-
-QUICK = ["samples=64", "reference_rays=20000", "repeats=3", "flexion=false", "edge_refined=false"]
-QUICK += ["gallery=false", "grid=false", "peers=false", "left_out=false"]
+    soft = by.SOFT[1000]
+    wrong, wanted = row(soft, 1e-3, 1e-3), row(soft, 4e-4, 2e-2)
+    others = [row(by.OURS, 1e-15, 1e-3), row(by.BEST, 1e-5, 4e-2), row(by.EDGES, 1e-15, 5e-3)]
+    assert run.fastest_sigmoid([wrong, *others, wanted]) is wanted
+    assert run.fastest_sigmoid([wrong]) is None
 
 
 @pytest.mark.slow
-def test_the_study_end_to_end(tmp_path, capsys):
-    out = tmp_path / "out"
-    arguments = [part for assignment in QUICK for part in ("--set", assignment)]
-    assert cli.run(["run", STUDY.name, "--out", str(out), *arguments]) == 0, capsys.readouterr().err
-    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    metrics = document["metrics"]
+def test_the_study_end_to_end(tmp_path):
+    quick = {"samples": 64, "reference_rays": 20000, "repeats": 3}
+    left_out = ("flexion", "edge_refined", "gallery", "grid", "peers", "left_out")
+    quick |= dict.fromkeys(left_out, False)
+    results = designopt.run_study("visibility-precision", quick, out=tmp_path / "out")
+    document = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
+    metrics, precision = document["metrics"], document["precision"]
     assert metrics["exact_error_coverage_1_pose"]["value"] < 1e-3  # 20,000 rays
     assert metrics["exact_error_gradient_1_pose"]["value"] < 1e-12
-    errors = {
-        row["method"]: row["error"]
-        for row in document["precision"]
-        if row["panel"] == "gradient, 1 pose"
-    }
-    assert errors[contenders.HARD] == 1.0  # it is 0
-    assert errors[contenders.CAMERA] > 0.1  # it is that of the hits, not of the edges
-    softened = [errors[method] for method in contenders.SOFT.values()]
-    assert errors[contenders.BEST] <= min(softened)
+    gradients = [row for row in precision if row["panel"] == "gradient, 1 pose"]
+    errors = {row["method"]: row["error"] for row in gradients}
+    assert errors[by.HARD] == 1.0  # it is 0
+    assert errors[by.CAMERA] > 0.1  # it is that of the hits, not of the edges
+    assert errors[by.BEST] <= min(errors[method] for method in by.SOFT.values())
     assert metrics["gallery_exact_deviation"]["value"] is None
     assert metrics["sigmoid_over_exact_gradient_1_pose"]["value"] is None  # 64 points are too few
     assert metrics["tracer_over_numpy_1_leg"]["value"] > 0
-    assert metrics["throughput_over_optiland"]["value"] is None
-    # A target is one of the stated sizes.
+    # The targets belong to the default numbers of points and rays.
     assert all(metric["target"] is None for metric in metrics.values())
-    assert {row["panel"] for row in document["precision"]} == {
-        "coverage, 1 pose",
-        "gradient, 1 pose",
-    }
-    with (out / "tables" / "tracers.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert {row["method"] for row in rows} == {tracers.OURS, tracers.NUMPY}
-    assert all(float(row["error_mm"]) < 1e-11 for row in rows)
-    assert (out / "figures" / "precision.png").stat().st_size > 10_000
-    assert any("no sigmoid sampling" in finding for finding in document["findings"])
+    assert {row["panel"] for row in precision} == {"coverage, 1 pose", "gradient, 1 pose"}
+    [table] = [table for table in results.tables if table.name == "tracers"]
+    columns = dict(zip(table.columns, zip(*table.rows, strict=True), strict=True))
+    assert set(columns["method"]) == {tracers.OURS, tracers.NUMPY}
+    assert max(columns["error_mm"]) < 1e-11
 
 
 @pytest.mark.slow
 def test_every_scene_carries_only_its_own_stages():
-    for row in left_out.operations():
+    for row in run.operations():
         assert 0 < row.scene_operations < row.general_operations, row.asked
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", [*measuring.gallery_of(VisibilityPrecisionSpec())])
+@pytest.mark.parametrize("name", run.gallery_of(VisibilityPrecisionSpec()))
 def test_the_gallery_agrees_with_the_reference(name):
-    assert measuring.deviation(name, 1_000_000).coverage < 4e-5
-
-
-@pytest.mark.parametrize(
-    "assignment", ["samples=100", "reference_rays=10", "repeats=2", "peers=maybe", "ray=10"]
-)
-def test_faulty_settings_are_one_line(tmp_path, capsys, assignment):
-    arguments = ["run", STUDY.name, "--out", str(tmp_path / "out"), "--set", assignment]
-    assert cli.run(arguments) == 2
-    shown = capsys.readouterr().err
-    assert f"--set {assignment.split('=')[0]}" in shown
-    assert shown.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
+    assert run.deviation(name, 1_000_000)["coverage_error"] < 4e-5
 
 
 def test_workloads_follow_the_spec():
-    def panels(**settings):
-        return [work.panel for work in measuring.workloads(VisibilityPrecisionSpec(**settings))]
-
+    works = run.workloads(VisibilityPrecisionSpec())
     one = ["coverage, 1 pose", "gradient, 1 pose"]
-    assert panels(flexion=False) == one
-    assert panels() == [*one, "coverage, 19 poses", "gradient, 19 poses"]
+    assert [work.panel for work in works] == [*one, "coverage, 19 poses", "gradient, 19 poses"]

@@ -1,20 +1,38 @@
 """Error against run time of linkage poses: closed form, iterations and other people's tools."""
 
-from designopt.study.results import Results
-from designopt.study.study import Context, Study
-from studies.benchmarks.linkage.spec import LinkagePrecisionSpec
+from __future__ import annotations
+
+from typing import Literal
+
+from designopt.io.spec import Spec
+from designopt.study.settings import setting
+from designopt.study.study import Study, lazily
 
 
-def _run(spec: LinkagePrecisionSpec, context: Context) -> Results:
-    # Imported here, so that listing the study does not load JAX.
-    from studies.benchmarks.linkage.run import run
+class LinkagePrecisionSpec(Spec):
+    """All settings of ``designopt run linkage-precision``; targets belong to the longest sweep."""
 
-    return run(spec, context)
+    poses: int = setting(
+        1_000_000, "poses of the longest sweep, one turn", scales=True, ge=10, le=4_000_000
+    )
+    repeats: int = setting(5, "timed repeats of each setting", free=True, ge=3, le=1000)
+    linkage: Literal["all", "four-bar", "slider-crank", "six-bar"] = setting(
+        "all", "which linkages: all of them, or one", free=True
+    )
+    optimistix: bool = setting(True, "measure Optimistix as well", free=True)
+    gradients: bool = setting(True, "measure gradients as well", free=True)
+    float32: bool = setting(True, "measure in float32 as well", free=True)
+    peers: bool = setting(
+        True, "measure mechanism and pylinkage where they are installed", free=True
+    )
+    first_call: bool = setting(
+        True, "time the first call of four-bar and finger in fresh processes", free=True
+    )
 
 
 STUDY = Study(
     name="linkage-precision",
     purpose="Error against run time of linkage poses: closed form, iterations and other tools",
     spec=LinkagePrecisionSpec,
-    run=_run,
+    run=lazily("studies.benchmarks.linkage.run:run"),
 )

@@ -1,8 +1,11 @@
-"""Newton's method and Optimistix's root finders on the loop equations, for a batch of poses."""
+"""The closed form, Newton's method and Optimistix's root finders, each for a batch of poses.
+
+Each function returns the places of the joints asked for, mm, and what else it finds.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -10,21 +13,12 @@ import jax
 import jax.numpy as jnp
 import lineax as lx
 import optimistix as optx
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
-from kinematics import Linkage
-from studies.benchmarks.linkage.cases import (
-    Case,
-    Dyad,
-    Point,
-    Sizes,
-    crank_tip,
-    gaps,
-    place,
-    size_of,
-    sizes_of,
-    start_of,
-)
+from kinematics import Linkage, solve_poses
+from studies.benchmarks.linkage.cases import size_of, sizes_of, start_of
+from studies.oracles import dyads
+from studies.oracles.dyads import Case, Dyad, Point, Sizes, place
 
 MAX_STEPS = 32
 """Cap on the iterations of one solve; none of the study's needs ten."""
@@ -35,127 +29,90 @@ ROUNDING_UNITS = 8
 BLOCK = 8192
 """Poses that are iterated together, so that they stay in the cache; then the next ones follow."""
 
-OPTIMISTIX = {
-    "Optimistix Newton": optx.Newton,
-    "Optimistix Chord": optx.Chord,
-    "Optimistix Dogleg": optx.Dogleg,
-    "Optimistix Levenberg-Marquardt": optx.LevenbergMarquardt,
-}
-
 Joints = list[Point]
 Pair = tuple[Float[Array, " poses"], Float[Array, " poses"]]
-Advance = Callable[[Callable[[Pair], tuple[Pair, Float[Array, ""]]], Pair], Pair]
 
 
-def fixed_steps(steps: Int[Array, ""]) -> Advance:
-    """So many Newton steps for every pose, whatever is left over."""
-
-    def advance(step: Callable[[Pair], tuple[Pair, Float[Array, ""]]], start: Pair) -> Pair:
-        return jax.lax.fori_loop(0, steps, lambda _, pair: step(pair)[0], start)
-
-    return advance
-
-
-def until(tolerance: Float[Array, ""]) -> Advance:
-    """Newton steps until no pose of the block has a larger gap, in units of the size."""
-
-    def advance(step: Callable[[Pair], tuple[Pair, Float[Array, ""]]], start: Pair) -> Pair:
-        least = ROUNDING_UNITS * jnp.finfo(tolerance.dtype).eps
-        enough = jnp.maximum(tolerance, least)
-
-        def going(state: tuple[Pair, Float[Array, ""], Int[Array, ""]]) -> Any:
-            _, gap, steps = state
-            return (gap > enough) & (steps < MAX_STEPS)
-
-        def once(state: tuple[Pair, Float[Array, ""], Int[Array, ""]]) -> Any:
-            pair, gap = step(state[0])
-            return pair, gap, state[2] + 1
-
-        first, gap = step(start)
-        return jax.lax.while_loop(going, once, (first, gap, jnp.asarray(1)))[0]
-
-    return advance
+def closed_form(
+    case: Case, of: Sequence[str], linkage: Linkage, angles: Float[Array, " poses"]
+) -> tuple[Joints, Any]:
+    """The library's own call: moving joints; which poses are ok, and their margins."""
+    solved = solve_poses(linkage, angles[:, None], of=of)
+    places = [solved.value.joints[name] for name in of]
+    return [(place.x, place.y) for place in places], (solved.ok, solved.margin)
 
 
 def newton(
+    adaptive: bool,
     case: Case,
-    method: Callable[[Any], Advance],
+    of: Sequence[str],
     linkage: Linkage,
     angles: Float[Array, " poses"],
     setting: Array,
-) -> Joints:
+) -> tuple[Joints, None]:
     """Moving joints by Newton's method, loop after loop, each with its 2 × 2 matrix written out.
 
     Differentiable in ``linkage`` by the implicit function theorem: one more step is taken, of
     whose parts only the gap has a derivative.
 
     Args:
+        adaptive: whether to stop when no pose of the block has a larger gap than the setting, or
+            after so many steps.
         case: which linkage.
-        method: `fixed_steps` or `until`.
+        of: the joints asked for.
         linkage: its dimensions; its sketch is the start of every pose.
         angles: of the crank, rad.
-        setting: what ``method`` is called with.
+        setting: tolerance in units of the size, or number of steps.
     """
-    unit = jax.lax.stop_gradient(size_of(linkage))
-    guesses = jax.lax.stop_gradient(start_of(case, sizes_of(linkage)))
+    unit, guesses = jax.lax.stop_gradient(
+        (size_of(sizes_of(linkage)), start_of(case, sizes_of(linkage)))
+    )
+
+    def going(state: tuple[Pair, Array, Array]) -> Array:
+        _, gap, steps = state
+        if not adaptive:
+            return steps < setting
+        enough = jnp.maximum(setting, ROUNDING_UNITS * jnp.finfo(setting.dtype).eps)
+        return (gap > enough) & (steps < MAX_STEPS)
+
+    def solve(dyad: Dyad, sizes: Sizes, joints: dict[str, Point], start: Pair) -> Pair:
+        def step(state: tuple[Pair, Array, Array]) -> tuple[Pair, Array, Array]:
+            pair, worst, steps = state
+            gap = place(jnp, dyad, sizes, dict(joints), *pair)
+            if adaptive:
+                worst = jnp.max(jnp.maximum(*map(jnp.abs, gap))) / unit
+            return _corrected(dyad, sizes, joints, gap, pair), worst, steps + 1
+
+        infinite = jnp.full_like(unit, jnp.inf)
+        return jax.lax.while_loop(going, step, (start, infinite, jnp.asarray(0)))[0]
 
     def block(angles: Float[Array, " block"]) -> Joints:
         sizes = sizes_of(linkage)
-        joints = crank_tip(jnp, case, sizes, angles)
+        joints = dyads.crank_tip(jnp, case, sizes, angles)
         for number, dyad in enumerate(case.dyads):
-            first, second = (jnp.full_like(angles, at) for at in guesses[2 * number :][:2])
+            first, second = guesses[2 * number : 2 * number + 2]
+            start = jnp.full_like(angles, first), jnp.full_like(angles, second)
             known = jax.lax.stop_gradient((sizes, dict(joints)))
-            step = partial(_newton_step, dyad, *known, unit)
-            found = method(setting)(step, (first, second))
-            found = _implicit_step(dyad, sizes, joints, *jax.lax.stop_gradient(found))
-            place(jnp, dyad, sizes, joints, *found)
-        return [joints[name] for name in case.joints]
+            pair = jax.lax.stop_gradient(solve(dyad, *known, start))
+            gap = place(jnp, dyad, sizes, dict(joints), *pair)
+            change = jax.tree.map(lambda part: part - jax.lax.stop_gradient(part), gap)
+            place(jnp, dyad, sizes, joints, *_corrected(dyad, *known, change, pair))
+        return [joints[name] for name in of]
 
-    return in_blocks(block, angles)
+    return in_blocks(block, angles), None
 
 
-def solve_by_optimistix(
-    case: Case,
-    method: str,
-    linkage: Linkage,
-    angles: Float[Array, " poses"],
-    tolerance: Float[Array, ""],
-) -> Joints:
-    """Moving joints by one of `OPTIMISTIX` on all loops of a pose at once.
+def _corrected(dyad: Dyad, sizes: Sizes, joints: dict[str, Point], gap: Point, pair: Pair) -> Pair:
+    """The unknowns that close a loop's gap to first order, by Cramer's rule."""
 
-    The arguments are those of `newton`. Optimistix mixes float types in Levenberg-Marquardt and
-    Dogleg when 64-bit floats are on, so float32 asks for `jax.enable_x64` to be off.
-    """
-    unit = jax.lax.stop_gradient(size_of(linkage))
-    one = jnp.ones_like(unit)
-    # A slide is an unknown in units of the size, as all that is compared with a tolerance.
-    scale = jnp.stack([one if dyad.arm or not i else unit for dyad in case.dyads for i in (0, 1)])
-    sketch = start_of(case, sizes_of(linkage))
-    home = jnp.stack([jnp.asarray(value, angles.dtype) for value in sketch]) / scale
+    def by(*change: float) -> Point:
+        moves = tuple(jnp.full_like(part, at) for part, at in zip(pair, change, strict=True))
+        return jax.jvp(lambda *at: place(jnp, dyad, sizes, dict(joints), *at), pair, moves)[1]
 
-    def residual(unknowns: Float[Array, " unknowns"], args: Any) -> Float[Array, " unknowns"]:
-        linkage, angle, scale, unit = args
-        values = unknowns * scale
-        return jnp.stack(gaps(jnp, case, sizes_of(linkage), angle, values)[1]) / unit
-
-    least = ROUNDING_UNITS * jnp.finfo(angles.dtype).eps
-    enough: Any = jnp.maximum(tolerance, least)  # annotated float, takes a traced array
-    solver = OPTIMISTIX[method](enough, enough)
-
-    def solve(angle: Float[Array, ""]) -> Joints:
-        found = optx.root_find(
-            residual,
-            solver,
-            home,
-            (linkage, angle, scale, unit),
-            max_steps=MAX_STEPS,
-            adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=True)),
-            throw=False,
-        ).value
-        joints, _ = gaps(jnp, case, sizes_of(linkage), angle, found * scale)
-        return [joints[name] for name in case.joints]
-
-    return jax.vmap(solve)(angles)
+    (a, b), (c, d) = by(1.0, 0.0), by(0.0, 1.0)
+    determinant = a * d - b * c
+    first, second = gap[0] * d - gap[1] * c, a * gap[1] - b * gap[0]
+    return pair[0] - first / determinant, pair[1] - second / determinant
 
 
 def in_blocks(
@@ -170,42 +127,40 @@ def in_blocks(
     return jax.tree.map(lambda part: part.reshape(-1), found)
 
 
-def _newton_step(
-    dyad: Dyad, sizes: Sizes, joints: dict[str, Point], unit: Any, pair: Pair
-) -> tuple[Pair, Float[Array, ""]]:
-    """The next pair of unknowns, and the largest gap of the present one."""
-    x, y = place(jnp, dyad, sizes, dict(joints), *pair)
-    worst = jnp.max(jnp.maximum(jnp.abs(x), jnp.abs(y))) / unit
-    return _corrected(dyad, sizes, (x, y), *pair), worst
+def find_roots(
+    solver: Callable[[Any, Any], Any],
+    case: Case,
+    of: Sequence[str],
+    linkage: Linkage,
+    angles: Float[Array, " poses"],
+    tolerance: Float[Array, ""],
+) -> tuple[Joints, None]:
+    """Moving joints by a solver of Optimistix on all loops of a pose at once.
 
+    The other arguments are those of `newton`. Optimistix mixes float types in Levenberg-Marquardt
+    and Dogleg when 64-bit floats are on, so float32 asks for `jax.enable_x64` to be off.
+    """
+    unit = jax.lax.stop_gradient(size_of(sizes_of(linkage)))
+    one = jnp.ones_like(unit)
+    # A slide is an unknown in units of the size, as all that is compared with a tolerance.
+    scale = jnp.stack([one if dyad.arm or not i else unit for dyad in case.dyads for i in (0, 1)])
+    sketch = start_of(case, sizes_of(linkage))
+    home = jnp.stack([jnp.asarray(value, angles.dtype) for value in sketch]) / scale
 
-def _implicit_step(
-    dyad: Dyad,
-    sizes: Sizes,
-    joints: dict[str, Point],
-    first: Float[Array, " poses"],
-    second: Float[Array, " poses"],
-) -> Pair:
-    """The same unknowns with the derivatives that the loop's equations imply."""
-    gap = place(jnp, dyad, sizes, dict(joints), first, second)
-    change = tuple(part - jax.lax.stop_gradient(part) for part in gap)
-    return _corrected(dyad, jax.lax.stop_gradient(sizes), change, first, second)
+    def residual(unknowns: Float[Array, " unknowns"], args: Any) -> Float[Array, " unknowns"]:
+        linkage, angle, scale, unit = args
+        return (
+            jnp.stack(dyads.gaps(jnp, case, sizes_of(linkage), angle, unknowns * scale)[1]) / unit
+        )
 
+    enough = jnp.maximum(tolerance, ROUNDING_UNITS * jnp.finfo(angles.dtype).eps)
+    adjoint = optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=True))
+    root = partial(optx.root_find, max_steps=MAX_STEPS, adjoint=adjoint, throw=False)
 
-def _corrected(
-    dyad: Dyad, sizes: Sizes, gap: Point, first: Float[Array, " poses"], second: Any
-) -> Pair:
-    length = sizes.lengths[dyad.link]
-    by_first = -length * jnp.sin(first), length * jnp.cos(first)
-    if dyad.arm is None:
-        angle = sizes.lines[0][2]
-        by_second = -jnp.cos(angle), -jnp.sin(angle)
-    else:
-        arm = sizes.lengths[dyad.arm]
-        by_second = arm * jnp.sin(second), -arm * jnp.cos(second)
-    # Cramer's rule.
-    determinant = by_first[0] * by_second[1] - by_first[1] * by_second[0]
-    return (
-        first - (gap[0] * by_second[1] - gap[1] * by_second[0]) / determinant,
-        second - (by_first[0] * gap[1] - by_first[1] * gap[0]) / determinant,
-    )
+    def solve(angle: Float[Array, ""]) -> Joints:
+        args = linkage, angle, scale, unit
+        found = root(residual, solver(enough, enough), home, args).value
+        joints, _ = dyads.gaps(jnp, case, sizes_of(linkage), angle, found * scale)
+        return [joints[name] for name in of]
+
+    return jax.vmap(solve)(angles), None

@@ -18,17 +18,7 @@ from optics import parse_scene, read_scene
 from optics.scene.scene import Scene
 
 GALLERY = Path(__file__).parents[2] / "gallery" / "scenes"
-
-STRAIGHT = (
-    "corner-reflector",
-    "finger",
-    "folded-pad",
-    "half-height-mirror",
-    "kaleidoscope-60",
-    "kaleidoscope-90",
-    "periscope",
-)
-CURVED = ("circle", "ellipse", "parabola")
+NAMES = tuple(sorted(path.stem for path in GALLERY.glob("*.toml")))
 
 FOV_DEG = 110.0
 MIRROR_PART = 0.6
@@ -58,16 +48,16 @@ def spoilt_finger() -> Scene:
 
     Its lens is narrower, its mirrors are 60 % as long, and a cable hangs in the view.
     """
-    return changed_finger(_spoil)
 
+    def spoil(data: dict[str, Any]) -> None:
+        data["camera"]["fov_deg"] = FOV_DEG
+        for mirror in data["mirrors"]:
+            ends = np.array([mirror["from"], mirror["to"]])
+            middle = ends.mean(axis=0)
+            mirror["from"], mirror["to"] = (middle + MIRROR_PART * (ends - middle)).tolist()
+        data["blockers"].append(CABLE)
 
-def _spoil(data: dict[str, Any]) -> None:
-    data["camera"]["fov_deg"] = FOV_DEG
-    for mirror in data["mirrors"]:
-        ends = np.array([mirror["from"], mirror["to"]])
-        middle = ends.mean(axis=0)
-        mirror["from"], mirror["to"] = (middle + MIRROR_PART * (ends - middle)).tolist()
-    data["blockers"].append(CABLE)
+    return changed_finger(spoil)
 
 
 def bent(scene: Scene) -> Float[Array, " joints"]:
@@ -75,9 +65,9 @@ def bent(scene: Scene) -> Float[Array, " joints"]:
     return scene.pose({name: math.radians(degrees) for name, degrees in POSE_DEG.items()})
 
 
-def flexion(scene: Scene) -> Float[Array, "poses joints"]:
+def flexion(scene: Scene, poses: int = FLEXION_POSES) -> Float[Array, "poses joints"]:
     """Poses from straight to bent by a right angle in all joints, rad."""
-    steps = jnp.deg2rad(jnp.linspace(0.0, 90.0, FLEXION_POSES))
+    steps = jnp.deg2rad(jnp.linspace(0.0, 90.0, poses))
     return jnp.stack([steps] * len(scene.angle_names), axis=-1)
 
 

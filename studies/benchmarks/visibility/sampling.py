@@ -15,6 +15,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
@@ -70,13 +71,13 @@ def coverage(
         steepness: α.
     """
 
-    def add(index: Int[Array, ""], total: Array) -> Array:
-        pose, part = jnp.divmod(index, blocks)
-        margin = margins(scene, poses[pose], _middles(block, part, blocks))
-        return total.at[pose].add(jnp.mean(step(margin, steepness), axis=1))
+    def of_pose(pose: Float[Array, " joints"]) -> Float[Array, " pads"]:
+        def of_block(at: Float[Array, " points"]) -> Float[Array, " pads"]:
+            return jnp.mean(step(margins(scene, pose, at), steepness), axis=1)
 
-    start = jnp.zeros((len(poses), len(scene.layout.pads)))
-    return jax.lax.fori_loop(0, len(poses) * blocks, add, start) / blocks.astype(start.dtype)
+        return _mean_of_blocks(of_block, block, blocks)
+
+    return jax.lax.map(of_pose, poses)
 
 
 def gradient(
@@ -94,23 +95,26 @@ def gradient(
     as all points at once.
     """
 
-    def mean(parts: Parts, pose: Array, coordinates: Array) -> Float[Array, ""]:
-        margin = margins(with_parts(scene, parts), pose, coordinates)
-        return jnp.mean(step(margin, steepness))
+    def of_pose(pose: Float[Array, " joints"]) -> tuple[Float[Array, ""], Parts]:
+        def mean(parts: Parts, at: Float[Array, " points"]) -> Float[Array, ""]:
+            return jnp.mean(step(margins(with_parts(scene, parts), pose, at), steepness))
 
-    def add(index: Int[Array, ""], total: Any) -> Any:
-        pose, part = jnp.divmod(index, blocks)
-        found = jax.value_and_grad(mean)(parts, poses[pose], _middles(block, part, blocks))
-        return jax.tree.map(jnp.add, total, found)
+        return _mean_of_blocks(partial(jax.value_and_grad(mean), parts), block, blocks)
 
-    count = len(poses) * blocks
-    start = (jnp.zeros(()), jax.tree.map(jnp.zeros_like, parts))
-    total = jax.lax.fori_loop(0, count, add, start)
-    return jax.tree.map(lambda leaf: leaf / count.astype(leaf.dtype), total)
+    found = jax.lax.map(of_pose, poses)
+    return jax.tree.map(lambda leaf: jnp.mean(leaf, axis=0), found)
 
 
-def _middles(block: int, part: Int[Array, ""], blocks: Int[Array, ""]) -> Float[Array, " points"]:
-    return (2 * (part * block + jnp.arange(block)) + 1) / (2 * block * blocks)
+def _mean_of_blocks(function: Callable[[Array], Any], block: int, blocks: Int[Array, ""]) -> Any:
+    """Mean over blocks of what a function finds of the middles of equal parts of a pad."""
+
+    def add(part: Int[Array, ""], total: Any) -> Any:
+        middles = (2 * (part * block + jnp.arange(block)) + 1) / (2 * block * blocks)
+        return jax.tree.map(jnp.add, total, function(middles))
+
+    shape = jax.eval_shape(function, jnp.zeros(block))
+    total = jax.lax.fori_loop(0, blocks, add, jax.tree.map(jnp.zeros_like, shape))
+    return jax.tree.map(lambda leaf: leaf / blocks.astype(leaf.dtype), total)
 
 
 def margins(
@@ -142,40 +146,29 @@ def _by_path(
     coordinates: Float[Array, " points"],
 ) -> Float[Array, " points"]:
     """The least margin of all tests, by the path over some mirrors."""
-    count, target = word.shape[0], len(scene.layout.mirrors) + pad
     sides = jnp.asarray(scene.layout.sides, placed.size.dtype)
-
-    def before(surface: Array, eye: Vector) -> tuple[Vector, Array, Array]:
-        """The eye's image in a surface, its height above it, and whether it is on its side."""
+    way = [*word, len(scene.layout.mirrors) + pad]
+    images, faces, height = [placed.camera], [], jnp.zeros_like(placed.size)
+    for surface in way:  # the camera's image in each, and whether that is on the surface's side
         start, end = placed.segment(surface)
         normal = unit(end - start).perpendicular()
-        height = normal.dot(eye - start)
-        faces = (height != 0) & (sides[surface] * height >= 0)
-        return eye - normal.scaled(2 * height), height, faces
+        height = normal.dot(images[-1] - start)
+        faces.append((height != 0) & (sides[surface] * height >= 0))
+        images.append(images[-1] - normal.scaled(2 * height))
 
-    images, faces = [placed.camera], []
-    for i in range(count):
-        image, _, ahead = before(word[i], images[-1])
-        images.append(image)
-        faces.append(ahead)
-    _, height, ahead = before(target, images[-1])
-    faces.append(ahead)
-
-    start, end = placed.segment(target)
-    at = _between(start, end, coordinates)
+    at = _between(*placed.segment(way[-1]), coordinates)
     limit = jnp.sin(scene.grazing[pad])
-    sine = jnp.abs(height) / (at - images[-1]).length()
+    sine = jnp.abs(height) / (at - images[-2]).length()
     tests = [jnp.where(limit > 0, sine / jnp.where(limit > 0, limit, 1.0) - 1, 1.0)]
     # From the pad back to the camera, mirror after mirror.
-    for i in reversed(range(count)):
-        mirror = placed.segment(word[i])
-        along_ray, along, _ = _crossing(images[i + 1], at, *mirror)
-        bounce = _between(*mirror, along)
-        ends = word[i], word[i + 1] if i + 1 < count else target
-        tests += [_inside(along_ray), _inside(along), _clear(scene, placed, bounce, at, ends)]
+    for image, mirror, following in reversed(list(zip(images[1:], way, way[1:], strict=False))):
+        segment = placed.segment(mirror)
+        along_ray, along, _ = _crossing(image, at, *segment)
+        bounce = _between(*segment, along)
+        clear = _clear(scene, placed, bounce, at, (mirror, following))
+        tests += [_inside(along_ray), _inside(along), clear]
         at = bounce
-    ends = (word[0] if count else target,)
-    tests.append(_clear(scene, placed, placed.camera, at, ends))
+    tests.append(_clear(scene, placed, placed.camera, at, (way[0],)))
     ray = at - placed.camera
     off = jnp.arctan2(jnp.abs(placed.axis.cross(ray)), placed.axis.dot(ray))
     tests.append(1 - off / (scene.camera.field_of_view / 2))

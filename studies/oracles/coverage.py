@@ -14,14 +14,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from optics.scene.scene import Scene
-from optics.visibility.unfolding import paths_of
 from studies.oracles.scenes import DIGITS, Number, Plain, entries, plain
 from studies.oracles.tracer import followed, number_of
 
@@ -50,14 +48,14 @@ class View(NamedTuple):
     lines: list[Segment]
 
 
-def coverage(scene: Scene, angles: Float[Array, " joints"]) -> np.ndarray:
+def coverage(scene: Any, angles: Float[Array, " joints"]) -> np.ndarray:
     """Part of each pad that is seen by any path."""
     with mpmath.workdps(DIGITS):
         found = _coverage(plain(scene, angles, entries(scene)))
         return np.array([float(part) for part in found])
 
 
-def gradient(scene: Scene, angles: Float[Array, " joints"]) -> np.ndarray:
+def gradient(scene: Any, angles: Float[Array, " joints"]) -> np.ndarray:
     """Derivatives of the mean coverage with respect to all `entries`."""
     with mpmath.workdps(DIGITS):
         values, step = entries(scene), mpmath.mpf(STEP)
@@ -73,7 +71,14 @@ def gradient(scene: Scene, angles: Float[Array, " joints"]) -> np.ndarray:
 
 def _coverage(scene: Plain) -> list[Number]:
     layout, rounded = scene.layout, scene.rounded()
-    views = [_view(scene, word) for word in paths_of(layout, layout.bounces)]
+    mirrors = range(len(layout.mirrors))
+    words = [
+        word
+        for length in range(layout.bounces + 1)
+        for word in itertools.product(mirrors, repeat=length)
+        if all(a != b for a, b in itertools.pairwise(word))
+    ]
+    views = [_view(scene, word) for word in words]
     found = []
     for pad in range(len(scene.pads)):
         cuts = {at for view in views for at in _cuts(scene, view, pad) if 0 < at < 1}
