@@ -1,7 +1,7 @@
 """Error against run time: every method at every setting on every workload, measured the same way.
 
-A study names its methods as `BenchmarkMethod`s; `benchmark` times and checks them, `table` and
-`figure` show them, and a `designopt.Claim` states what they show and whether it holds in this run.
+A study names its methods as `BenchmarkMethod`s; `benchmark` times and checks them, and a
+`designopt.Claim` states what they show and whether it holds in this run.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import os
 import statistics
-import textwrap
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -18,20 +17,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
-from matplotlib.ticker import NullFormatter
 
-from designopt.plot.figures import MARKERS, PALETTE, label_plainly, legend_below, new_figure
-from designopt.plot.typesetting import as_mathtext
-from designopt.study.results import Figure, PrecisionRow, PrecisionStudy, Table
-
-LARGEST_DRAWN = 10.0
-"""An error above this is no answer at all, and would squeeze the others out of the figure."""
-
-LARGEST_PLAIN = 300.0
-"""Errors over a smaller range are labelled in plain numbers, others in powers of ten."""
-
-LONG_TITLE = 38
-"""Characters of a workload's name that have room over one of two panels; longer ones are broken."""
+from designopt.study.results import PrecisionRow, PrecisionStudy
 
 MIN_SAMPLE_SECONDS = 2e-3
 """A timed sample repeats its call until it lasts this long, so that the clock's grain is lost."""
@@ -308,68 +295,3 @@ def timing(study: PrecisionStudy) -> str:
     once = all(row.seconds_low == row.seconds_high for row in study.rows)
     how = "of one run each" if once else "medians over repeats after a warm-up"
     return f"Run times are {how}, with the result waited for; compiling is counted apart."
-
-
-def table(study: PrecisionStudy) -> Table:
-    """The rows of a precision study, all of them."""
-    columns = {
-        "workload": "panel",
-        **{name: name for name in ("method", "setting", "error", "seconds")},
-        **{name: name for name in ("seconds_low", "seconds_high", "compile_seconds")},
-    }
-    return Table.of_columns(
-        "precision",
-        f"Error against run time; reference: {study.reference}",
-        {name: [getattr(row, field) for row in study.rows] for name, field in columns.items()},
-    )
-
-
-def figure(study: PrecisionStudy) -> Figure:
-    """Error over run time, log-log, one panel per workload and one line per method."""
-    panels = list(dict.fromkeys(row.panel for row in study.rows))
-    methods = list(dict.fromkeys(row.method for row in study.rows))
-    floor = min((row.error for row in study.rows if row.error > 0), default=1e-16) / 2
-    columns = min(2, len(panels))
-    drawing, axes = new_figure(-(-len(panels) // columns), columns)
-    for axis, panel in zip(axes.flat, panels, strict=False):
-        for index, method in enumerate(methods):
-            mine = [row for row in study.rows if (row.panel, row.method) == (panel, method)]
-            if not mine:
-                continue
-            seconds = [row.seconds for row in mine]
-            spread = [
-                [row.seconds - row.seconds_low for row in mine],
-                [row.seconds_high - row.seconds for row in mine],
-            ]
-            drawn = any(not math.isnan(row.error) for row in mine)
-            axis.errorbar(
-                seconds,
-                [min(max(row.error, floor), LARGEST_DRAWN) for row in mine],
-                xerr=spread,
-                color=PALETTE[index % len(PALETTE)],
-                marker=MARKERS[index % len(MARKERS)],
-                linestyle="-" if index < len(PALETTE) else "--",
-                elinewidth=0.8,
-                label=method if drawn else None,
-            )
-        title = panel if len(panels) == 1 else textwrap.fill(panel, LONG_TITLE)
-        axis.set(xscale="log", yscale="log", title=as_mathtext(title))
-        axis.set(xlabel="run time of one call (s)", ylabel=as_mathtext(study.error))
-        # Whole decades, so that every axis has labelled ticks, and only those.
-        panel_rows = [row for row in study.rows if row.panel == panel]
-        low = math.floor(math.log10(min(row.seconds_low for row in panel_rows)))
-        high = math.ceil(math.log10(max(row.seconds_high for row in panel_rows)))
-        axis.set_xlim(10.0**low, 10.0 ** max(high, low + 1))
-        axis.xaxis.set_minor_formatter(NullFormatter())
-        low, high = axis.get_ylim()
-        if high < LARGEST_PLAIN * low:
-            label_plainly(axis.yaxis)
-    legend_below(drawing)
-    return Figure(
-        "precision",
-        "Error against run time",
-        "Each point is one setting of one method at its median run time; the bar spans its fastest "
-        "to slowest repeat. Lower left is better. An error of exactly 0 is drawn at half the least "
-        "other one, one above 10 at 10.",
-        drawing,
-    )

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import astuple
+from collections.abc import Callable
 from typing import Any
 
 import jax
-
-from designopt.study.results import LeftOutRow, Table
 
 # An instruction in XLA's text form: "%name = f64[6]{0} multiply(…".
 _INSTRUCTION = re.compile(r"^\s*(?:ROOT )?%?[\w.-]+ = .*?[\]})] ([\w-]+)\(")
@@ -46,13 +43,3 @@ def count_operations(function: Callable[..., Any], *args: Any) -> int:
     text = jax.jit(function).lower(*args).compile().as_text() or ""
     found = (_INSTRUCTION.match(line) for line in text.splitlines())
     return sum(match is not None and match[1] not in _BOOKKEEPING for match in found)
-
-
-def table(rows: Sequence[LeftOutRow]) -> Table:
-    """Operation counts of each scene's program beside the general one's."""
-    return Table(
-        "left_out",
-        "Operations in the compiled programs: for this scene, and in general",
-        ["asked", "left_out", "scene_operations", "general_operations"],
-        [astuple(row) for row in rows],
-    )

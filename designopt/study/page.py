@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import io
 import math
 from collections.abc import Callable, Sequence
@@ -14,7 +15,7 @@ from markupsafe import Markup
 
 from designopt.plot import figures
 from designopt.plot.typesetting import as_html, heading
-from designopt.study import benchmark, left_out, stability
+from designopt.study import benchmark, plots, stability
 from designopt.study.results import Cell, Claim, Figure, Results, Table
 
 MOST_ROWS, NOTEBOOK_ROWS = 200, 20
@@ -22,6 +23,17 @@ MOST_ROWS, NOTEBOOK_ROWS = 200, 20
 
 LARGEST_SVG = 300_000
 """Bytes of a drawing in a report; a larger one is shown by its pixels."""
+
+
+PRECISION_COLUMNS = (
+    "method",
+    "setting",
+    "error",
+    "seconds",
+    "seconds_low",
+    "seconds_high",
+    "compile_seconds",
+)
 
 
 class RunRecord(NamedTuple):
@@ -68,45 +80,61 @@ class Measurement(NamedTuple):
 
 def measurements(results: Results) -> list[Measurement]:
     """The measurements among ``results``: run time, stability and what was left out."""
-    parts = []
-    if results.precision:
-        parts.append(
-            Measurement(
-                "Error against run time",
-                f"{results.precision.error[0].upper()}{results.precision.error[1:]}, against "
-                f"{results.precision.reference}. {benchmark.timing(results.precision)}",
-                results.precision.claims,
-                [benchmark.figure(results.precision)],
-                [benchmark.table(results.precision)],
-            )
+    parts, study = [], results.precision
+    if study:
+        figure = Figure(
+            "precision",
+            "Error against run time",
+            "Each point is one setting of one method at its median run time; the bar spans its "
+            "fastest to slowest repeat. Lower left is better. An error of exactly 0 is drawn at "
+            f"half the least other one, one above {plots.LARGEST_ERROR:g} there.",
+            plots.precision(study),
         )
+        lead = (
+            f"{study.error[0].upper()}{study.error[1:]}, against {study.reference}. "
+            f"{benchmark.timing(study)}"
+        )
+        caption = f"Error against run time; reference: {study.reference}"
+        table = _table("precision", caption, study.rows, *PRECISION_COLUMNS, workload="panel")
+        parts.append(Measurement("Error against run time", lead, study.claims, [figure], [table]))
     if results.stability:
-        parts.append(
-            Measurement(
-                "Stability",
-                "Stiff and extreme cases, each judged against the exact answer for the same "
-                f"floating-point inputs in {stability.DIGITS} digits. A case fails if feasibility "
-                f"is misjudged, if its value is off by more than {stability.VALUE_TOLERANCE:g} "
-                f"units of rounding, or a gradient by more than {stability.GRADIENT_TOLERANCE:g}, "
-                "on the scale of the case's conditioning.",
-                [],
-                [stability.figure(results.stability)],
-                [stability.table(results.stability)],
-            )
+        figure = Figure(
+            "stability",
+            "Worst error in stiff and extreme cases",
+            "Errors are scaled by the conditioning of each case. The dotted lines mark the "
+            "rounding of each float type, below which nothing can be asked; an error far below it "
+            "is drawn at an eighth of it. Inputs are rounded to the float type first, so the "
+            "cases of the two differ.",
+            plots.stability(results.stability),
         )
+        lead = (
+            "Stiff and extreme cases, each judged against the exact answer for the same "
+            f"floating-point inputs in {stability.DIGITS} digits. A case fails if feasibility "
+            f"is misjudged, if its value is off by more than {stability.VALUE_TOLERANCE:g} "
+            f"units of rounding, or a gradient by more than {stability.GRADIENT_TOLERANCE:g}, "
+            "on the scale of the case's conditioning."
+        )
+        caption = f"Stiff and extreme cases against {stability.DIGITS}-digit arithmetic"
+        table = _table("stability", caption, results.stability)
+        parts.append(Measurement("Stability", lead, [], [figure], [table]))
     if results.left_out:
-        parts.append(
-            Measurement(
-                "What was left out",
-                "Structure is analysed before compiling, so what a scene does not use is never "
-                "part of its program. Operations are those of the optimised program; a loop's "
-                "body counts once.",
-                [],
-                [],
-                [left_out.table(results.left_out)],
-            )
+        lead = (
+            "Structure is analysed before compiling, so what a scene does not use is never part "
+            "of its program. Operations are those of the optimised program; a loop's body counts "
+            "once."
         )
+        caption = "Operations in the compiled programs: for this scene, and in general"
+        table = _table("left_out", caption, results.left_out)
+        parts.append(Measurement("What was left out", lead, [], [], [table]))
     return parts
+
+
+def _table(name: str, title: str, rows: Sequence[Any], *columns: str, **renamed: str) -> Table:
+    """Rows of a dataclass: columns under another name, then those named, by default all."""
+    named = columns or [field.name for field in dataclasses.fields(rows[0])]
+    fields = renamed | {column: column for column in named}
+    cells = [[getattr(row, field) for field in fields.values()] for row in rows]
+    return Table(name, title, list(fields), cells)
 
 
 def render_report(

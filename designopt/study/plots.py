@@ -1,4 +1,4 @@
-"""The usual figures of records: lines, distributions, quantiles, bars and counts.
+"""The usual figures: lines, distributions, quantiles, bars and counts of records; measurements.
 
 Axes are named by their columns, with the unit in which a column's name ends; `Report.figure` adds
 the legend.
@@ -6,6 +6,8 @@ the legend.
 
 from __future__ import annotations
 
+import math
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -13,20 +15,32 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from designopt.plot.figures import (
     MARKERS,
     PALETTE,
     angle_ticks,
     label_plainly,
+    legend_below,
     new_figure,
 )
 from designopt.plot.typesetting import as_mathtext, heading, spell_out
 from designopt.study.records import Records
+from designopt.study.results import PrecisionStudy, StabilityRow
 
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (3, 1)), (0, (1, 1)))
 LEAST_IN_BIN = 3
 """A bin of fewer values is left out."""
+
+LARGEST_ERROR = 10.0
+"""An error above this is no answer at all, and would squeeze the others out of the figure."""
+
+LARGEST_PLAIN = 300.0
+"""Errors over a smaller range are labelled in plain numbers, others in powers of ten."""
+
+LONG_TITLE = 38
+"""Characters of a workload's name that have room over one of two panels; longer ones are broken."""
 
 NONE: Mapping[str, Any] = MappingProxyType({})
 
@@ -208,6 +222,82 @@ def heat(
     axes.set(xticks=range(len(columns)), xticklabels=[as_mathtext(str(name)) for name in columns])
     axes.set(yticks=range(len(rows)), yticklabels=[as_mathtext(str(name)) for name in rows])
     axes.grid(visible=False)
+
+
+def precision(study: PrecisionStudy) -> Figure:
+    """Error over run time, log-log, one panel for each workload and one line for each method.
+
+    An error of 0 is drawn at half the least other one, one above `LARGEST_ERROR` there.
+    """
+    panels = list(dict.fromkeys(row.panel for row in study.rows))
+    methods = list(dict.fromkeys(row.method for row in study.rows))
+    floor = min((row.error for row in study.rows if row.error > 0), default=1e-16) / 2
+    columns = min(2, len(panels))
+    drawing, axes = new_figure(-(-len(panels) // columns), columns)
+    for axis, panel in zip(axes.flat, panels, strict=False):
+        rows = [row for row in study.rows if row.panel == panel]
+        for i, method in enumerate(methods):
+            own = [row for row in rows if row.method == method]
+            seconds = np.array([row.seconds for row in own])
+            slowest, fastest = [row.seconds_high for row in own], [row.seconds_low for row in own]
+            drawn = any(not math.isnan(row.error) for row in own)
+            if own:
+                axis.errorbar(
+                    seconds,
+                    [min(max(row.error, floor), LARGEST_ERROR) for row in own],
+                    xerr=[seconds - fastest, slowest - seconds],
+                    color=PALETTE[i % len(PALETTE)],
+                    marker=MARKERS[i % len(MARKERS)],
+                    linestyle="-" if i < len(PALETTE) else "--",
+                    elinewidth=0.8,
+                    label=method if drawn else None,
+                )
+        title = panel if len(panels) == 1 else textwrap.fill(panel, LONG_TITLE)
+        axis.set(xscale="log", yscale="log", title=as_mathtext(title))
+        axis.set(xlabel="run time of one call (s)", ylabel=as_mathtext(study.error))
+        # Whole decades, so that every axis has labelled ticks, and only those.
+        low = math.floor(math.log10(min(row.seconds_low for row in rows)))
+        high = math.ceil(math.log10(max(row.seconds_high for row in rows)))
+        axis.set_xlim(10.0**low, 10.0 ** max(high, low + 1))
+        axis.xaxis.set_minor_formatter(NullFormatter())
+        low, high = axis.get_ylim()
+        if high < LARGEST_PLAIN * low:
+            label_plainly(axis.yaxis)
+    legend_below(drawing)
+    return drawing
+
+
+def stability(rows: Sequence[StabilityRow]) -> Figure:
+    """Worst error of every family, values and gradients, beside the rounding of each float type.
+
+    An error far below rounding is drawn at an eighth of it.
+    """
+    cases = list(dict.fromkeys(row.case for row in rows))
+    drawing, [[axis]] = new_figure(height=1.6 + 0.36 * len(cases))
+    for i, dtype in enumerate(dict.fromkeys(row.dtype for row in rows)):
+        own = [row for row in rows if row.dtype == dtype and row.infeasible < row.cases]
+        rounding = float(np.finfo(dtype).eps)
+        heights = np.array([cases.index(row.case) for row in own])
+        for shift, face, label, errors in (
+            (-0.12, PALETTE[i], "values", [row.worst_error for row in own]),
+            (0.12, "none", "gradients", [row.worst_gradient_error for row in own]),
+        ):
+            if np.isfinite(errors).any():
+                axis.plot(np.maximum(errors, rounding / 8), heights + shift, MARKERS[i],
+                          color=PALETTE[i], markerfacecolor=face,
+                          label=f"{dtype}, {label}")  # fmt: skip
+        axis.axvline(rounding, color=PALETTE[i], linestyle=":", label=f"{dtype} rounding")
+    for height, case in enumerate(cases):
+        if all(row.infeasible == row.cases for row in rows if row.case == case):
+            axis.text(0.5, height, "no case has an answer", ha="center", va="center",
+                      color="0.35", transform=axis.get_yaxis_transform())  # fmt: skip
+    axis.set(xscale="log", xlabel="worst condition-scaled error", yticks=range(len(cases)))
+    axis.set(yticklabels=map(as_mathtext, cases), ylim=(len(cases) - 0.5, -0.5))
+    low, high = axis.get_xlim()
+    if high < 10 * low:
+        label_plainly(axis.xaxis)
+    legend_below(drawing, most=2)
+    return drawing
 
 
 def _panels(

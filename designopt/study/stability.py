@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import jax
@@ -25,10 +25,8 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.plot.figures import MARKERS, PALETTE, label_plainly, legend_below, new_figure
-from designopt.plot.typesetting import as_mathtext
 from designopt.solution import Solution
-from designopt.study.results import Figure, StabilityRow, Table
+from designopt.study.results import StabilityRow
 
 DIGITS = 50
 VALUE_TOLERANCE = 64.0
@@ -189,78 +187,3 @@ def _ratio(error: Any, size: Any) -> float:
     if error == 0:
         return 0.0
     return float(error / size) if size else float("inf")
-
-
-def table(rows: Sequence[StabilityRow]) -> Table:
-    """All rows of a stability study."""
-    return Table(
-        "stability",
-        f"Stiff and extreme cases against {DIGITS}-digit arithmetic",
-        [
-            "case",
-            "dtype",
-            "cases",
-            "infeasible",
-            "failures",
-            "worst_error",
-            "worst_gradient_error",
-            "worst_gradient_relative_error",
-            "non_finite",
-        ],
-        [astuple(row) for row in rows],
-    )
-
-
-def figure(rows: Sequence[StabilityRow]) -> Figure:
-    """Worst error of every family, values and gradients, beside the rounding of each dtype."""
-    cases = list(dict.fromkeys(row.case for row in rows))
-    dtypes = list(dict.fromkeys(row.dtype for row in rows))
-    drawing, axes = new_figure(height=1.6 + 0.36 * len(cases))
-    axis = axes[0, 0]
-    for index, dtype in enumerate(dtypes):
-        mine = [row for row in rows if row.dtype == dtype and row.infeasible < row.cases]
-        rounding = float(np.finfo(dtype).eps)
-        heights = np.array([cases.index(row.case) for row in mine])
-        series = (
-            (-0.12, PALETTE[index], "values", [row.worst_error for row in mine]),
-            (0.12, "none", "gradients", [row.worst_gradient_error for row in mine]),
-        )
-        for shift, face, label, errors in series:
-            if not np.isfinite(errors).any():
-                continue
-            axis.plot(
-                np.maximum(errors, rounding / 8),
-                heights + shift,
-                MARKERS[index],
-                color=PALETTE[index],
-                markerfacecolor=face,
-                label=f"{dtype}, {label}",
-            )
-        axis.axvline(rounding, color=PALETTE[index], linestyle=":", label=f"{dtype} rounding")
-    for height, case in enumerate(cases):
-        if all(row.infeasible == row.cases for row in rows if row.case == case):
-            axis.text(
-                0.5,
-                height,
-                "no case has an answer",
-                transform=axis.get_yaxis_transform(),
-                ha="center",
-                va="center",
-                color="0.35",
-            )
-    axis.set(xscale="log", xlabel="worst condition-scaled error")
-    axis.set(
-        yticks=range(len(cases)), yticklabels=map(as_mathtext, cases), ylim=(len(cases) - 0.5, -0.5)
-    )
-    low, high = axis.get_xlim()
-    if high < 10 * low:
-        label_plainly(axis.xaxis)
-    legend_below(drawing, most=2)
-    return Figure(
-        "stability",
-        "Worst error in stiff and extreme cases",
-        "Errors are scaled by the conditioning of each case. The dotted lines mark the rounding of "
-        "each float type, below which nothing can be asked; an error far below it is drawn at an "
-        "eighth of it. Inputs are rounded to the float type first, so the cases of the two differ.",
-        drawing,
-    )

@@ -18,6 +18,7 @@ from designopt import (
     PrecisionRow,
     PrecisionStudy,
     Ratio,
+    Results,
     Solution,
     assess,
     benchmark,
@@ -27,8 +28,7 @@ from designopt import (
     find_undominated,
     one_core,
 )
-from designopt.study import benchmark as benchmarks
-from designopt.study import left_out, stability
+from designopt.study.page import measurements
 
 
 class Outcome(eqx.Enumeration):
@@ -144,14 +144,15 @@ def test_the_claim_that_no_other_method_is_better_can_be_proved_wrong():
 def test_precision_figure_has_a_panel_per_workload_and_a_line_per_method():
     rows = [row("m", "a", 0.0, 1.0), row("n", "a", 1e-3, 2.0), row("n", "b", 1e-4, 3.0)]
     study = PrecisionStudy(rows, "error of y", "the truth", ())
-    drawing = benchmarks.figure(study).drawing
+    [part] = measurements(Results([], [], precision=study))
+    drawing = part.figures[0].drawing
     titles = [axis.get_title() for axis in drawing.axes]
     assert titles == ["a", "b"]
     assert [axis.get_xscale() for axis in drawing.axes] == ["log", "log"]
     assert [len(axis.containers) for axis in drawing.axes] == [2, 1]
     assert {text.get_text() for text in drawing.legends[0].get_texts()} == {"m", "n"}
-    table = benchmarks.table(study)
-    assert [record[:3] for record in table.rows] == [("a", "m", ""), ("a", "n", ""), ("b", "n", "")]
+    [table] = part.tables
+    assert [record[:3] for record in table.rows] == [["a", "m", ""], ["a", "n", ""], ["b", "n", ""]]
 
 
 def good_root(x):
@@ -244,11 +245,12 @@ def test_stability_figure_names_families_without_an_answer():
     rows = assess(family(good_root), ("float64", "float32"))
     hopeless = Family("hopeless", {"x": np.array([-1.0])}, good_root, mpmath.sqrt, lambda x: x)
     rows += assess(hopeless, ("float64",))
-    drawing = stability.figure(rows).drawing
+    [part] = measurements(Results([], [], stability=rows))
+    drawing = part.figures[0].drawing
     labels = [label.get_text() for label in drawing.axes[0].get_yticklabels()]
     assert labels == ["roots", "hopeless"]
     assert [text.get_text() for text in drawing.axes[0].texts] == ["no case has an answer"]
-    assert len(stability.table(rows).rows) == 3
+    assert len(part.tables[0].rows) == 3
 
 
 def test_operations_are_counted_and_unused_ones_left_out():
@@ -260,5 +262,5 @@ def test_operations_are_counted_and_unused_ones_left_out():
 
 
 def test_left_out_table_has_both_counts():
-    table = left_out.table([LeftOutRow("y", "the loop", 3, 9)])
-    assert table.rows == [("y", "the loop", 3, 9)]
+    [part] = measurements(Results([], [], left_out=[LeftOutRow("y", "the loop", 3, 9)]))
+    assert part.tables[0].rows == [["y", "the loop", 3, 9]]
