@@ -15,8 +15,8 @@ from designopt import cli
 from designopt.cli import app
 from designopt.study.settings import fields, spec_with
 from designopt.study.study import load_study
-from studies.finger.spec_files import spec_files
 from studies.models import packaged_finger
+from studies.models.spec_files import finger_files
 
 ROOT = Path(__file__).parents[1]
 READMES = [ROOT / "README.md", *sorted(ROOT.glob("studies/**/README.md"))]
@@ -88,7 +88,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "studies").symlink_to(ROOT / "studies")
     specs = tmp_path / MAIN_JOB / "specs"
     specs.mkdir(parents=True)
-    for file in spec_files(packaged_finger()):
+    for file in finger_files(packaged_finger()):
         (specs / file.name).write_text(str(file.content), encoding="utf-8")
     spec = load_study("finger").spec().model_dump(mode="json")
     (tmp_path / MAIN_JOB / "results.json").write_text(json.dumps({"study": "finger", "spec": spec}))

@@ -2,39 +2,67 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Annotated
 
-from designopt.study.results import Results
-from designopt.study.study import Context, Study
-from studies.finger.spec import FingerSpec
+from pydantic import Field, model_validator
 
-if TYPE_CHECKING:
-    from designopt.design_kind import Design
+from designopt.io.spec import Spec
+from designopt.study.settings import setting
+from designopt.study.study import Study, lazily
+from studies.models.body import BodySpec
+from studies.models.linkage_design.spec import FingerLinkageSpec, LinkageSpec
+from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
 
-
-def _run(spec: FingerSpec, context: Context) -> Results:
-    # Imported here, so that listing the study does not load JAX.
-    from studies.finger.run import run
-
-    return run(spec, context)
+Stiffness = Annotated[float, Field(ge=1e-6, le=1e6)]
+Diameter = Annotated[float, Field(ge=1, le=500)]
 
 
-def _design(spec: FingerSpec, folder: Path | None) -> Design:
-    from designopt.design_kind import Design
-    from studies.finger.bench import FingerBench
-    from studies.finger.design import finger_design
-    from studies.finger.kind import FINGER
+class SpringSpec(Spec):
+    """What closes the finger and what keeps it straight."""
 
-    kind = replace(FINGER, explorer=lambda finger: FingerBench(finger, spec.mirrors.floor))
-    return Design(kind, finger_design(spec, folder))
+    stiffness: Stiffness = setting(
+        30.0, "torsion spring between distal phalanx and plate (N mm/rad)"
+    )
+    preload: float = setting(0.3, "how far it is wound in the straight finger (rad)", ge=0, le=3)
+    servo: Stiffness = setting(300.0, "stiffness of the motor (N mm/rad)")
+    diameters: list[Diameter] = setting(
+        [20.0, 40.0, 60.0], "circles to close on (mm)", min_length=1
+    )
+
+
+class FingerSpec(Spec):
+    """All settings of ``designopt run finger``: the requirements of Table 3.1 and text (§3).
+
+    Targets are what the settings require, so they apply whatever these are.
+    """
+
+    body: BodySpec = setting(BodySpec(), "the phalanges", free=True)
+    linkage: LinkageSpec = setting(LinkageSpec(), "requirements and search", free=True)
+    mirrors: MirrorSpec = setting(MirrorSpec(), "requirements and search", free=True)
+    spring: SpringSpec = setting(SpringSpec(), "spring, motor and circles", free=True)
+    yield_draws: int = setting(
+        1000, "random draws of the errors of assembly", free=True, ge=10, le=100_000
+    )
+
+    @model_validator(mode="after")
+    def _parts_fit(self) -> FingerSpec:
+        self.linkage_spec()
+        # Both parts check that the body has room for them.
+        given = self.mirrors.model_dump()
+        FingerMirrorsSpec.model_validate(given | {"body": self.body.model_dump(), "thin": 0.0})
+        return self
+
+    def linkage_spec(self) -> FingerLinkageSpec:
+        """The settings of the linkage's own study for this body."""
+        return FingerLinkageSpec.model_validate(
+            self.linkage.model_dump() | {"body": self.body.model_dump(), "precision": False}
+        )
 
 
 STUDY = Study(
     name="finger",
     purpose="Requirements in, finger out: paper B's linkage, mirrors and camera, and its grasp",
     spec=FingerSpec,
-    run=_run,
-    design=_design,
+    run=lazily("studies.finger.run:run"),
+    design=lazily("studies.finger.run:design"),
 )

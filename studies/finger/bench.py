@@ -11,7 +11,7 @@ from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.io.spec import SpecFile
 from kinematics.explore.bench import LinkageBench
 from optics.explore.scene_bench import SceneBench
-from studies.finger.parts import finger_linkage, finger_scene
+from studies.models.designed import designed_linkage, designed_scene
 from studies.models.finger import PHALANGES, Finger
 from studies.models.mirror_design.spec import FLOOR
 
@@ -41,9 +41,9 @@ class FingerBench(Bench):
             finger: with pins and a camera.
             floor: resolution that is asked for, px/mm.
         """
-        linkage = finger_linkage(finger)
+        linkage = designed_linkage(finger)
         self._scene = SceneBench(
-            finger_scene(finger),
+            designed_scene(finger),
             joint=(0.0, finger.body.range_deg),
             most=MOST,
             floor=floor,

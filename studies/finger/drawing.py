@@ -9,7 +9,7 @@ from designopt.export.drawing import Drawing, Layer, Polyline
 from designopt.export.json import Quantity
 from kinematics.export.drawing import linkage_quantities, make_linkage_drawing
 from optics.export.scene_drawing import HINGES, make_scene_drawing, scene_quantities
-from studies.finger.parts import finger_linkage, finger_scene
+from studies.models.designed import designed_linkage, designed_scene
 from studies.models.finger import Body, Finger
 
 OUTLINE = "outline"
@@ -22,8 +22,8 @@ def make_finger_drawing(finger: Finger) -> Drawing:
     Linkage, camera, mirrors and pads lie on the layers of their own drawings; hinges are pins of
     the linkage. The faces and ends of the finger are construction lines.
     """
-    links = make_linkage_drawing(finger_linkage(finger), pose=False)
-    optics = make_scene_drawing(finger_scene(finger), pose=False)
+    links = make_linkage_drawing(designed_linkage(finger), pose=False)
+    optics = make_scene_drawing(designed_scene(finger), pose=False)
     return Drawing(
         title=finger.name,
         layers=[
@@ -54,8 +54,8 @@ def finger_quantities(finger: Finger) -> list[Quantity]:
     body, spring = finger.body, finger.spring
     lengths = ("proximal", "intermediate", "distal", "thickness", "axis_height", "rim")
     found = [
-        *_within("linkage", linkage_quantities(finger_linkage(finger))),
-        *_within("scene", scene_quantities(finger_scene(finger))),
+        *_within("linkage", linkage_quantities(designed_linkage(finger))),
+        *_within("scene", scene_quantities(designed_scene(finger))),
         *(Quantity(f"body.{name}", float(getattr(body, name)), "mm") for name in lengths),
         Quantity("body.range", body.range_deg, "°"),
     ]

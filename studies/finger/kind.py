@@ -2,49 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 from designopt.design_kind import DesignKind
-
-if TYPE_CHECKING:
-    from designopt.explore.bench import Bench
-    from designopt.export.drawing import Drawing
-    from designopt.export.json import Quantity
-    from studies.models.finger import Finger
-
-
-def _read(path: Path) -> Finger:
-    from studies.models.finger_file import read_finger
-
-    return read_finger(path)
-
-
-def _explorer(model: Finger) -> Bench:
-    from studies.finger.bench import FingerBench
-
-    return FingerBench(model)
-
-
-def _drawing(model: Finger) -> Drawing:
-    from studies.finger.drawing import make_finger_drawing
-
-    return make_finger_drawing(model)
-
-
-def _quantities(model: Finger) -> Sequence[Quantity]:
-    from studies.finger.drawing import finger_quantities
-
-    return finger_quantities(model)
-
-
-def _mjcf(model: Finger) -> str:
-    from studies.models.grasp.mjcf import grasp_mjcf
-
-    return grasp_mjcf(model)
-
+from designopt.study.study import lazily
 
 FINGER = DesignKind(
-    "finger", "finger", _read, _explorer, _drawing, _quantities, _mjcf, shared=("camera",)
+    "finger",
+    "finger",
+    read=lazily("studies.models.finger_file:read_finger"),
+    explorer=lazily("studies.finger.bench:FingerBench"),
+    drawing=lazily("studies.finger.drawing:make_finger_drawing"),
+    quantities=lazily("studies.finger.drawing:finger_quantities"),
+    mjcf=lazily("studies.models.grasp.mjcf:grasp_mjcf"),
+    shared=("camera",),
 )

@@ -2,23 +2,51 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import jax.numpy as jnp
+import numpy as np
 
+from designopt.design_kind import Design
 from designopt.study.left_out import count_operations
+from designopt.study.report import Report
 from designopt.study.results import LeftOutRow, Results
 from designopt.study.study import Context
-from studies.finger_linkage import comparisons, statements
-from studies.finger_linkage.comparing import Comparison, compare, precision_study
-from studies.models.linkage_design import figures as drawings
-from studies.models.linkage_design import tables
+from kinematics.design import LINKAGE
+from kinematics.io.designed import DesignedLinkage
+from studies.finger_linkage.solvers import add_comparison, compare
+from studies.models.body import BodySpec
+from studies.models.designed import designed_linkage
+from studies.models.finger_file import packaged_finger
 from studies.models.linkage_design.analysis import LinkageDesign, design_linkage
+from studies.models.linkage_design.figures import add_figures
 from studies.models.linkage_design.judging import everywhere
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.problem import grid
-from studies.models.linkage_design.spec import FingerLinkageSpec
+from studies.models.linkage_design.searching import search
+from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec
+from studies.models.linkage_design.tables import add_tables
 from studies.models.spec_files import linkage_file
+from studies.models.words import words_of
+
+ASKED = {(25.0, None): 49.0, (22.0, None): 46.5, (20.0, None): 42.5, (25.0, 0.412): 43.5}
+"""Least transmission angle asked for by thickness and bound on φ₂/φ₁, degrees: targets of this
+project, a little less than an independent search reached under the same packaging."""
+
+ELSEWHERE = {25.0: 49.6, 22.0: 47.0, 20.0: 43.1}
+"""What that search reached, degrees."""
+
+SAME_DEG = 0.02
+"""Starts that end within this of the best count as having reached it, degrees."""
+
+SEED = 0
+"""Of a design without a run; that of ``designopt run``."""
+
+DECIDING = {"body", "limits", "search"}
+"""The settings on which the design depends; the others decide how it is judged."""
 
 
 def run(spec: FingerLinkageSpec, context: Context) -> Results:
@@ -28,36 +56,104 @@ def run(spec: FingerLinkageSpec, context: Context) -> Results:
         UserError: another float type than float64.
     """
     context.require_float64("finger-linkage solves its requirements to 1e-8")
+    words = words_of("studies.finger_linkage", "studies.models.linkage_design")
+    out = Report(spec, words)
     with context.step("Linkage: search and judgement"):
-        design = design_linkage(spec, context.seed)
-    compared = None
+        found = design_linkage(spec, context.seed)
+    add_metrics(out, spec, found)
+    add_findings(out, spec, found)
+    add_tables(out, spec.limits, found)
+    add_figures(out, spec.limits, found)
     if spec.precision:
         with context.step("Solvers, and differential evolution as the yardstick"):
-            compared = compare(spec, design.search, context.seed)
+            add_comparison(out, compare(spec, found.search, context.seed))
+    out.file(linkage_file(found.finger))
     with context.step("Operations left out"):
-        left_out = operations(spec, design)
-    return Results(
-        findings=statements.findings(spec, design, compared),
-        metrics=statements.metrics(spec, design, compared),
-        tables=[
-            *tables.design_tables(spec, design),
-            *([comparisons.table(compared)] if compared else []),
-        ],
-        figures=[*drawings.design_figures(spec, design), *_run_time(compared)],
-        specs=[linkage_file(design.finger)],
-        precision=precision_study(compared) if compared else None,
-        left_out=left_out,
+        out.left_out(operations(spec, found))
+    return out.results()
+
+
+def design(spec: FingerLinkageSpec, folder: Path | None) -> Design:
+    """The linkage that the study designs for these settings, driven at its joints.
+
+    Args:
+        spec: the study's settings.
+        folder: the ``specs`` of an earlier result with them; the package has that of the default.
+
+    Raises:
+        UserError: the folder lacks its file, or it has been spoilt.
+    """
+    if folder is not None:
+        return Design(LINKAGE, DesignedLinkage.read(folder / "linkage.toml"))
+    if spec.model_dump(include=DECIDING) == FingerLinkageSpec().model_dump(include=DECIDING):
+        finger = packaged_finger()
+    else:
+        finger = search(spec, SEED).finger
+    return Design(LINKAGE, designed_linkage(finger, "finger-linkage"))
+
+
+def add_metrics(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> None:
+    """The study's numbers; the search's targets belong to the body and limits it was made for."""
+    body, limits, verdict = spec.body, spec.limits, found.verdict
+    usual = body == BodySpec(thickness=body.thickness) and limits == LimitsSpec(
+        force_ratio=limits.force_ratio
+    )
+    asked = ASKED.get((body.thickness, limits.force_ratio)) if usual else None
+    elsewhere = ELSEWHERE.get(body.thickness) if usual and limits.force_ratio is None else None
+    reached = found.search.rounds[0].feasible_deg
+    out.values(requirements=len(verdict.checks) + 1, asked=asked or limits.transmission_deg)
+    entry = "least-of-six" if elsewhere is None else "least-of-six-elsewhere"
+    out.metric("min_transmission_angle_deg", verdict.least_deg, entry, elsewhere=elsewhere)
+    out.metrics(
+        unmet_requirements=len(found.unmet),
+        crank_range_deg=verdict.crank_range_deg,
+        largest_force_ratio=verdict.ratio.max(),
+        smallest_force_ratio=verdict.ratio.min(),
+    )
+    for angle, values in verdict.angles_deg.items():
+        out.metric(f"least_{angle}_deg", np.min(values), "least-angle", angle=angle)
+    out.metrics(
+        starts_feasible=len(reached),
+        starts_spread_deg=max(reached) - min(reached) if reached else math.nan,
+        tolerance_mean_deg=np.mean(found.drawn),
+        tolerance_deviation_deg=np.std(found.drawn),
+        search_seconds=found.search.seconds,
+        compile_seconds=found.search.compile_seconds,
     )
 
 
-def _run_time(compared: Comparison | None) -> list:
-    return [comparisons.figure(compared)] if compared else []
+def add_findings(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> None:
+    """What was found, most important first."""
+    required, least = spec.limits.transmission_deg, found.verdict.least_deg
+    conflict = found.search.conflict()
+    if not found.unmet:
+        less = f", less than the {required:g}° required: this requirement gave way"
+        out.say("met", gave="" if least > required else less)
+    elif conflict:
+        out.say("conflict", conflict=_listed(conflict))
+    else:
+        reached = "{0.name} ({0.achieved:.3g} for {0.required:g} {0.unit}"
+        out.say("unmet", unmet=_listed([f"{reached.format(one).strip()})" for one in found.unmet]))
+    if held := [one.words for one in found.search.held_by()[:6]]:
+        out.say("held", held=_listed(held))
+    if reached := found.search.rounds[0].feasible_deg:
+        best = max(reached)
+        same = sum(level >= best - SAME_DEG for level in reached)
+        out.say("starts", low=min(reached), high=best, same=same)
+    out.say("tolerance", above=np.mean(found.drawn > required), count=len(found.drawn))
+    pip, dip = (np.unique(part.x).size for part in found.search.rounds[-1].problem.data)
+    out.say("postures", pip=pip, dip=dip, postures=found.verdict.crank_deg.size)
+    if spec.precision:
+        out.say("time")
 
 
-def operations(spec: FingerLinkageSpec, design: LinkageDesign) -> list[LeftOutRow]:
+def _listed(parts: Sequence[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def operations(spec: FingerLinkageSpec, found: LinkageDesign) -> list[LeftOutRow]:
     """Operations of the search's problem beside the general solver's, and beside all it asks."""
-    last = design.search.rounds[-1].problem
-    finger = design.finger
+    last, finger = found.search.rounds[-1].problem, found.finger
     flexion = jnp.asarray(grid(finger.body, spec.search.step_deg))
     square = jnp.stack(jnp.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
     return [

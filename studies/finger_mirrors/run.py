@@ -2,30 +2,101 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
-from designopt.study.results import Figure, PrecisionStudy, Results
+from designopt.design_kind import Design
+from designopt.plot.typesetting import heading
+from designopt.progress import step_display
+from designopt.study.left_out import count_operations
+from designopt.study.records import Records
+from designopt.study.report import Report
+from designopt.study.results import LeftOutRow, Results
 from designopt.study.study import Context
-from studies.finger_mirrors import left_out, solvers, statements, tables
-from studies.finger_mirrors.findings import GIVEN, OPTIMUM, START, Case, Found, RayCheck
+from optics.design import SCENE
+from optics.scene.designed import DesignedScene
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_coverage
+from studies.finger_mirrors import solvers
 from studies.models.body import BodySpec
-from studies.models.finger import Body, Finger
-from studies.models.mirror_design import figures as drawings
-from studies.models.mirror_design.design import design_mirrors
-from studies.models.mirror_design.judging import (
-    coverage_grid,
-    judged,
-    seen_by_rays,
-    whole_degrees,
-)
+from studies.models.designed import designed_scene
+from studies.models.finger import PHALANGES, Body, Finger, camera_of
+from studies.models.finger_file import packaged_finger
+from studies.models.mirror_design import errors, figures, judging
+from studies.models.mirror_design.design import MirrorDesign, design_mirrors
 from studies.models.mirror_design.placement import poor_layout, reference_layout
 from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
-from studies.models.mirror_design.yields import monte_carlo, sensitivity
+from studies.models.mirror_design.yields import Sensitivity, Yield, monte_carlo, sensitivity
 from studies.models.spec_files import scene_file
+
+START, OPTIMUM, GIVEN, THIN = "start", "optimum", "reference layout", "thin"
 
 THIN_STARTS = 8
 """Random starts for the second body."""
+
+ROW_ROUNDING = 1e-12
+"""A larger deviation of all pairs of angles from the row for them is no rounding."""
+
+SEED = 0
+"""Of a design without a run; that of ``designopt run``."""
+
+DECIDING = {"body", *MirrorSpec.model_fields}
+"""The settings on which the design depends; the others decide how it is judged."""
+
+
+class Case(NamedTuple):
+    """A layout of camera and mirrors and what it is worth.
+
+    Attributes:
+        name: in tables and figures.
+        finger: with its camera and mirrors.
+        verdict: degree by degree.
+        share: by Monte Carlo, of the fingers that show everything.
+    """
+
+    name: str
+    finger: Finger
+    verdict: judging.Verdict
+    share: Yield
+
+    @property
+    def mirror_mm(self) -> float:
+        """Length of both mirrors together."""
+        return float(sum(mirror.length for mirror in self.finger.mirrors))
+
+    @property
+    def percent(self) -> str:
+        """The share with its 95 % confidence interval, in words."""
+        value, low, high = (100 * one for one in self.share[:3])
+        return f"{value:.1f} % ({low:.1f} to {high:.1f} %)"
+
+
+class Found(NamedTuple):
+    """What is measured of the layouts, by `START`, `OPTIMUM`, `GIVEN` and `THIN`.
+
+    Attributes:
+        design: of the main body.
+        cases: the layouts; `GIVEN` only for the body that it is for, `THIN` if asked for.
+        squares: coverage over all pairs of angles, of all but `GIVEN`.
+        rays: coverage by rays, of the optima.
+        sensitivity: of the optimum to each error.
+    """
+
+    design: MirrorDesign
+    cases: dict[str, Case]
+    squares: dict[str, judging.Square]
+    rays: Records
+    sensitivity: Sensitivity
+
+    def worst_by_rays(self, name: str) -> float:
+        """Least coverage of any pad of a layout."""
+        own = self.rays.where(arrangement=self.cases[name].name)
+        return min(own.stat(f"min {pad}") for pad in PHALANGES)
 
 
 def run(spec: FingerMirrorsSpec, context: Context) -> Results:
@@ -35,126 +106,260 @@ def run(spec: FingerMirrorsSpec, context: Context) -> Results:
         UserError: another float type than float64.
     """
     context.require_float64("finger-mirrors takes no more than 1e-9 of a pad for rounding")
+    out = Report(spec, package=__package__)
     found = find(spec, context)
-    operations = []
+    add_metrics(out, spec, found)
+    add_findings(out, spec, found)
+    add_tables(out, spec, found)
+    add_figures(out, found)
+    out.file(scene_file(found.design.finger))
+    if spec.solvers != "none":
+        with context.step("Solvers"):
+            solvers.add_comparison(out, solvers.compare(found.design, spec, context.seed))
     if spec.left_out:
         with context.step("Operations left out"):
-            operations = left_out.operations(found.after.scene)
-    compared = None
-    if found.runs:
-        compared = PrecisionStudy(
-            solvers.rows(found.runs),
-            error="gap (pads) or violation",
-            reference="the least objective that any solver of this run found with the "
-            f"inequalities held to {solvers.HELD:g}; both computed outside of the solvers",
-            claims=[statements.claim(found.runs)],
-        )
-    degrees = whole_degrees(spec.body.range_deg)
-    yields = {case.name: case.yields for case in found.cases if case.name != START}
-    pads = [pad.name for pad in found.after.scene.layout.pads]
-    return Results(
-        findings=statements.findings(spec, found),
-        metrics=statements.metrics(spec, found),
-        tables=tables.tables(spec, found),
-        figures=[
-            _views("views", found.after),
-            _views("views_before", found.before),
-            drawings.coverage_figure(found.squares, degrees),
-            drawings.resolution_figure(
-                {case.name: (case.scene, case.verdict) for case in (found.before, found.after)}
-            ),
-            drawings.yield_figure(yields, degrees, pads),
-            drawings.sensitivity_figure(found.sensitivity),
-        ],
-        specs=[scene_file(found.design.finger)],
-        precision=compared,
-        left_out=operations,
-    )
+            out.left_out(operations(found.design.finger.scene()))
+    return out.results()
 
 
-def _views(name: str, case: Case) -> Figure:
-    title = f"The {case.name} in four poses"
-    return drawings.views_figure(name, title, case.scene, case.verdict)
+def design(spec: FingerMirrorsSpec, folder: Path | None) -> Design:
+    """Camera and mirrors that the study designs for these settings.
+
+    Args:
+        spec: the study's settings.
+        folder: the ``specs`` of an earlier result with them; the package has that of the default.
+
+    Raises:
+        UserError: the folder lacks its file, or it has been spoilt.
+    """
+    if folder is not None:
+        return Design(SCENE, DesignedScene.read(folder / "scene.toml"))
+    if spec.model_dump(include=DECIDING) == FingerMirrorsSpec().model_dump(include=DECIDING):
+        finger = packaged_finger()
+    else:
+        with step_display() as step:
+            context = Context(SEED, "float64", step)
+            finger = design_mirrors(Finger.of(Body.of(spec.body)), spec, context).finger
+    return Design(SCENE, designed_scene(finger, "finger-mirrors"))
 
 
 def find(spec: FingerMirrorsSpec, context: Context) -> Found:
     """Everything that is measured."""
     finger = Finger.of(Body.of(spec.body))
-    design = design_mirrors(finger, spec, context)
-
-    def case(name: str, finger: Finger) -> Case:
-        # Draws that the search has not seen: its errors come from another generator.
-        with context.step(f"Yield: {name}"):
-            share = monte_carlo(
-                finger,
-                spec.tolerances,
-                # Of what does not even show everything without errors, a tenth is enough.
-                draws=spec.draws if name != START else max(spec.draws // 10, 10),
-                seed=context.seed,
-            )
-        return Case(name, finger, finger.scene(), judged(finger), share)
-
-    before = case(START, poor_layout(finger, spec.camera))
-    after = case(OPTIMUM, design.finger)
-    others, thin, thin_square = [], None, None
+    found = design_mirrors(finger, spec, context)
+    layouts = {START: poor_layout(finger, spec.camera), OPTIMUM: found.finger}
     if spec.body == BodySpec():
-        others.append(case(GIVEN, reference_layout(finger, spec.camera)))
+        layouts[GIVEN] = reference_layout(finger, spec.camera)
     if spec.thin:
         body = Body.of(spec.body.model_copy(update={"thickness": spec.thin}))
         settings = spec.model_dump(include=set(MirrorSpec.model_fields))
         settings["floor"] = min(spec.floor, spec.thin_floor)
         settings["search"]["starts"] = min(THIN_STARTS, spec.search.starts)
         slim = design_mirrors(Finger.of(body), MirrorSpec.model_validate(settings), context)
-        thin = case(f"{OPTIMUM}, T = {spec.thin:g} mm", slim.finger)
-        others.append(thin)
-        thin_square = coverage_grid(thin.finger)
+        layouts[THIN] = slim.finger
+    cases = {}
+    for key, layout in layouts.items():
+        name = f"{OPTIMUM}, T = {spec.thin:g} mm" if key == THIN else key
+        # Of what does not even show everything without errors, a tenth is enough. The search has
+        # not seen these draws: its errors come from another generator.
+        draws = max(spec.draws // 10, 10) if key == START else spec.draws
+        with context.step(f"Yield: {name}"):
+            share = monte_carlo(layout, spec.tolerances, draws=draws, seed=context.seed)
+        cases[key] = Case(name, layout, judging.judged(layout), share)
     with context.step("All pairs of angles"):
-        squares = {one.name: coverage_grid(one.finger) for one in (before, after)}
+        squares = {key: judging.coverage_grid(one) for key, one in layouts.items() if key != GIVEN}
+    rays = Records()
     with context.step("Rays at the worst postures"):
-        checks = [
-            (one, _by_rays(one, spec.ray_poses, spec.rays))
-            for one in (after, thin)
-            if one is not None
-        ]
+        for key in (OPTIMUM, THIN):
+            if key in cases:
+                rays.add(**_by_rays(cases[key], spec.ray_poses, spec.rays))
     with context.step("Sensitivity to each tolerance"):
-        tolerance = sensitivity(
-            design.finger,
-            spec.tolerances,
-            draws=max(spec.draws // 5, 10),
-            seed=context.seed + 1,
-        )
-    runs = []
-    if spec.solvers != "none":
-        with context.step("Solvers"):
-            runs = solvers.compared(
-                design, spec, spec.solvers, spec.evolution_seconds, context.seed
-            )
-    starts = [
-        judged(eqx.combine(trial.start, design.finger)).mean_coverage for trial in design.trials
-    ]
-    return Found(
-        design,
-        before,
-        after,
-        others,
-        thin,
-        squares,
-        thin_square,
-        checks,
-        tolerance,
-        starts,
-        runs,
-    )
+        draws, seed = max(spec.draws // 5, 10), context.seed + 1
+        tolerances = sensitivity(found.finger, spec.tolerances, draws=draws, seed=seed)
+    return Found(found, cases, squares, rays, tolerances)
 
 
-def _by_rays(case: Case, poses: int, rays: int) -> RayCheck:
-    """Rays where errors hide something most often: the angles of both joints by rank."""
-    names = [pad.name for pad in case.scene.layout.pads]
-    shares = case.yields.by_pose
-    # Of equal shares those with the least resolution come first.
+def _by_rays(case: Case, poses: int, rays: int) -> dict[str, Any]:
+    """Rays where errors hide something most often: the angles of both joints by rank.
+
+    A fan of 200,000 rays may leave 5e-4 of a pad because of the distance between its rays: a ray's
+    share of the field of view, 14 µrad, is 3 µm of a pad 80 mm away under 20°, of 26.5 mm, at
+    either end, and a hand-over between two views has two ends more.
+    """
     pairs = [
-        np.lexsort((case.verdict.px_per_mm[:, names.index(pad)], shares[:, names.index(pad)]))
-        for pad in ("proximal", "distal")
+        # Of equal shares those with the least resolution come first.
+        np.lexsort((case.verdict.px_per_mm[:, pad], case.share.by_pose[:, pad]))
+        for pad in map(PHALANGES.index, ("proximal", "distal"))
     ]
     degrees = case.verdict.degrees[np.stack(pairs, axis=-1)[:poses]]
-    return RayCheck(degrees, seen_by_rays(case.scene, degrees, rays))
+    seen = judging.seen_by_rays(case.finger.scene(), degrees, rays)
+    joints = {"pip_deg": degrees[:, 0], "dip_deg": degrees[:, 1]}
+    return {"arrangement": case.name, **joints, **dict(zip(PHALANGES, seen.T, strict=True))}
+
+
+def operations(scene: Scene) -> list[LeftOutRow]:
+    """Operation counts of programs that leave something out, beside those that need it."""
+    poses = jnp.zeros((1, 2))
+
+    def coverage(bounces: int) -> int:
+        return count_operations(
+            lambda scene, poses: find_coverage(scene, poses, bounces=bounces).value, scene, poses
+        )
+
+    asked = "coverage of all pads by one reflection"
+    spared = "paths over both mirrors: outer pads show in their own mirror, the middle one directly"
+    return [LeftOutRow(asked, spared, coverage(1), coverage(2))]
+
+
+def add_metrics(out: Report, spec: FingerMirrorsSpec, found: Found) -> None:
+    """The study's numbers."""
+    after, square, cases = found.cases[OPTIMUM], found.squares[OPTIMUM], found.cases
+    reached = [found.design.meets(trial, spec.floor) for trial in range(len(found.design.trials))]
+    out.values(
+        share=after.share,
+        square_poses=square.coverage[..., 0].size,
+        row_poses=len(square.coverage),
+        row_rounding=ROW_ROUNDING,
+        random_starts=len(reached) - 1,
+    )
+    out.metrics(
+        start_coverage=cases[START].verdict.mean_coverage,
+        worst_coverage=min(after.verdict.worst_coverage, square.worst_coverage),
+        worst_coverage_rays=found.worst_by_rays(OPTIMUM),
+        worst_px_per_mm=after.verdict.worst_px_per_mm,
+        **{"yield": after.share.value},
+        yield_low=after.share.low,
+        yield_high=after.share.high,
+        mirror_mm=after.mirror_mm,
+        single_view_postures=after.verdict.in_single_views,
+        starts_reached=sum(reached[1:]),
+        row_disagreement=square.disagreement,
+        row_speedup=square.speedup,
+    )
+    if GIVEN in cases:
+        given = cases[GIVEN]
+        out.values(given=given.share)
+        out.metrics(yield_given_layout=given.share.value, mirror_given_layout_mm=given.mirror_mm)
+    if THIN in cases:
+        thin = cases[THIN]
+        out.values(thin_share=thin.share)
+        worst = min(thin.verdict.worst_coverage, found.squares[THIN].worst_coverage)
+        out.metrics(
+            worst_coverage_thin=worst,
+            worst_coverage_thin_rays=found.worst_by_rays(THIN),
+            worst_px_per_mm_thin=thin.verdict.worst_px_per_mm,
+            yield_thin=thin.share.value,
+        )
+
+
+def add_findings(out: Report, spec: FingerMirrorsSpec, found: Found) -> None:
+    """Plain sentences, most important first."""
+    cases, worst = found.cases, found.cases[OPTIMUM].verdict.worst_coverage
+    shown = "all of every pad" if worst == 1 else f"{judging.percent_at_least(worst)} or more"
+    out.say("optimum", shown=shown, percent=cases[OPTIMUM].percent)
+    if GIVEN in cases:
+        given = cases[GIVEN]
+        out.say("given", px_per_mm=given.verdict.worst_px_per_mm, percent=given.percent)
+    whole = [verdict.worst_coverage == 1.0 for verdict in found.design.verdicts]
+    out.say(
+        "starts",
+        reached="reached" if whole[0] else "did not reach",
+        px_per_mm=found.design.verdicts[0].worst_px_per_mm,
+        whole=sum(whole[1:]),
+    )
+    doubled = {name: 100 * one.value for name, one in found.sensitivity.doubled.items()}
+    worst = min(doubled, key=lambda name: doubled[name])
+    base = 100 * found.sensitivity.base.value
+    out.say("tolerances", worst=worst, base=base, doubled=doubled[worst])
+    if THIN in cases:
+        whole = cases[THIN].verdict.worst_coverage == 1.0
+        shown = "all of every pad is seen in every posture" if whole else "not all is seen"
+        asked = min(spec.floor, spec.thin_floor)
+        out.say("thin", shown=shown, percent=cases[THIN].percent, asked=asked)
+    out.say("row" if out["row_disagreement"] <= ROW_ROUNDING else "no-row")
+    out.say("definitions")
+
+
+def add_tables(out: Report, spec: FingerMirrorsSpec, found: Found) -> None:
+    """Where camera and mirrors are, what that is worth, degrees, starts, single errors, rays."""
+    places = {case.name: _numbers(case.finger) for case in found.cases.values()}
+    names = ["camera_x_mm", "camera_y_mm", "camera_tilt_deg"]
+    for mirror in ("distal", "proximal"):
+        names += [f"{mirror}_{end}_{axis}_mm" for end in ("near", "far") for axis in "xy"]
+    out.table("arrangements", number=list(map(heading, names)), **places)
+    verdicts = Records()
+    for case in found.cases.values():
+        verdicts.add(
+            arrangement=case.name,
+            thickness_mm=float(case.finger.body.thickness),
+            mean_coverage=case.verdict.mean_coverage,
+            worst_coverage=case.verdict.worst_coverage,
+            postures_in_single_views=case.verdict.in_single_views,
+            worst_px_per_mm=case.verdict.worst_px_per_mm,
+            mirror_mm=case.mirror_mm,
+            draws=case.share.draws,
+            **dict(zip(("yield", "yield_low", "yield_high"), case.share[:3], strict=True)),
+        )
+    out.table("verdicts", verdicts)
+    after = found.cases[OPTIMUM]
+    degrees = {"pip_and_dip_deg": after.verdict.degrees}
+    for index, pad in enumerate(PHALANGES):
+        degrees[f"{pad}_coverage"] = after.verdict.coverage[:, index]
+        degrees[f"{pad}_px_per_mm"] = after.verdict.px_per_mm[:, index]
+        degrees[f"{pad}_yield"] = after.share.by_pose[:, index]
+    out.table("degrees", **degrees)
+    made, starts = found.design, Records()
+    for number, (trial, verdict) in enumerate(zip(made.trials, made.verdicts, strict=True)):
+        before = judging.judged(eqx.combine(trial.start, made.finger))
+        starts.add(
+            start=f"random {number}" if number else "poor",
+            mean_coverage_at_start=before.mean_coverage,
+            objective=trial.objective,
+            violation=trial.violation,
+            worst_coverage=verdict.worst_coverage,
+            worst_px_per_mm=verdict.worst_px_per_mm,
+            met=made.meets(number, spec.floor),
+            chosen=number == made.chosen,
+            steps=trial.steps,
+            seconds=trial.seconds,
+        )
+    out.table("starts", starts)
+    tilts = ["tilt" in name for name in errors.NAMES]
+    sizes = errors.deviations(spec.tolerances) * np.where(tilts, math.degrees(1), 1)
+    least, greatest = found.sensitivity.limits.T
+    out.table(
+        "tolerances",
+        error=errors.NAMES,
+        unit=["°" if tilt else "mm" for tilt in tilts],
+        standard_deviation=sizes,
+        least=least * sizes,
+        greatest=greatest * sizes,
+        least_over_deviation=least,
+        greatest_over_deviation=greatest,
+    )
+    out.table("rays", found.rays)
+
+
+def _numbers(finger: Finger) -> list[float]:
+    """Heights above the axes, for they are what a drawing shows."""
+    dorsal, camera = float(finger.body.dorsal), camera_of(finger)
+    ends = np.stack([np.asarray(mirror.ends) for mirror in finger.mirrors])
+    ends[..., 1] = dorsal - ends[..., 1]
+    place = [float(camera.along), dorsal - float(camera.depth), math.degrees(float(camera.tilt))]
+    return [*place, *ends.ravel().tolist()]
+
+
+def add_figures(out: Report, found: Found) -> None:
+    """Views, coverage and resolution before and after, yields and sensitivity."""
+    before, after = found.cases[START], found.cases[OPTIMUM]
+    degrees = after.verdict.degrees
+    shown = ", ".join(f"{degrees[i]:g}" for i in figures.drawn_postures(after.verdict))
+    for name, case in (("views", after), ("views_before", before)):
+        out.figure(name, figures.draw_views(case.finger.scene(), case.verdict), degrees=shown)
+    squares = {key: found.squares[key] for key in (START, OPTIMUM)}
+    out.figure("coverage", figures.draw_coverage(squares, degrees))
+    scenes = {case.name: (case.finger.scene(), case.verdict) for case in (before, after)}
+    out.figure("resolution", figures.draw_resolution(scenes))
+    shares = {one.name: one.share for key, one in found.cases.items() if key != START}
+    out.figure("yield", figures.draw_yield(shares, degrees), most=2)
+    out.figure("sensitivity", figures.draw_sensitivity(found.sensitivity))

@@ -8,11 +8,12 @@ the other, without compiling; after k starts the best of the first k counts.
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -24,7 +25,8 @@ from designopt.optimize import run_differential_evolution
 from designopt.optimize.augmented_lagrangian import Inner, augmented_lagrangian
 from designopt.optimize.flat import Flat
 from designopt.optimize.reference_solvers import compile_reference
-from designopt.study.results import PrecisionRow
+from designopt.study.records import Records
+from designopt.study.report import Report
 from studies.models.mirror_design.design import MirrorDesign
 from studies.models.mirror_design.placement import Placement, bounds, scale
 from studies.models.mirror_design.problem import Task, problem_of, terms_of
@@ -35,7 +37,8 @@ from studies.models.mirror_design.searching import (
     no_multipliers,
     search,
 )
-from studies.models.mirror_design.spec import MirrorSpec
+from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
+from studies.models.single_runs import single_runs
 
 OURS = "graduated BFGS"
 UNGRADED = "BFGS, not graduated"
@@ -66,82 +69,60 @@ SHARES = (0.25, 0.5, 1.0)
 """Of its run time, at which it is looked at."""
 
 HELD = 0.01
-"""Largest scaled violation at which the inequalities count as held: `problem.RESERVE` bears it."""
+"""Largest scaled violation at which the inequalities count as held; `problem.RESERVE` is more."""
 
 GAP, VIOLATION = "objective gap", "violation"
 
 
-class Run(NamedTuple):
-    """What a solver had after some time.
-
-    Attributes:
-        method: its name.
-        setting: starts, or generations, so far.
-        objective: of the best so far: held before not held, then by objective.
-        violation: of the same.
-        seconds: so far.
-        compile_seconds: before that.
-    """
-
-    method: str
-    setting: str
-    objective: float
-    violation: float
-    seconds: float
-    compile_seconds: float
-
-
-def compared(
-    design: MirrorDesign, spec: MirrorSpec, which: str, evolution: float, seed: int
-) -> list[Run]:
+def compare(design: MirrorDesign, spec: FingerMirrorsSpec, seed: int) -> Records:
     """All solvers on the last stage's problem.
 
     Args:
         design: what the graduated search found; its random starts are taken.
-        spec: as it was designed with.
-        which: ``"few"`` or ``"all"`` solvers.
-        evolution: seconds for differential evolution.
+        spec: as it was designed with, which solvers, and seconds for differential evolution.
         seed: of its draws.
+
+    Returns:
+        What each solver had after some time, the best so far (held before not held, then by
+        objective): columns ``method``, ``setting`` (starts, or generations, so far),
+        ``objective``, ``violation``, ``seconds`` so far and ``compile_seconds`` before that.
     """
-    starts = [trial.start for trial in design.trials[1 : 1 + STARTS[which]]]
+    starts = [trial.start for trial in design.trials[1 : 1 + STARTS[spec.solvers]]]
     limits, copies = bounds(design.finger, spec), min(COPIES, design.task.copies)
-    task = design.task.first(copies)
+    task, runs = design.task.first(copies), Records()
 
     def graduated(tasks: Sequence[Task]) -> Callable[[Placement], Placement]:
-        return lambda start: search(start, limits, tasks, STAGES, copies).placement
+        return lambda start: search(start, limits, tasks, copies=copies).placement
 
-    def value(found: Placement) -> tuple[float, float]:
-        # By the program for all copies, which is there already.
-        return measured(found, design.task, copies)
+    def add(name: str, solve: Callable[[Placement], Placement], compile_seconds: float) -> None:
+        best, seconds = (True, np.inf, np.inf), 0.0
+        for number, start in enumerate(starts, 1):
+            begin = time.perf_counter()
+            placement = solve(start)
+            seconds += time.perf_counter() - begin
+            # By the program for all copies, which is there already.
+            objective, violation = measured(placement, design.task, copies)
+            best = min(best, (violation > HELD, objective, violation))
+            runs.add(
+                method=name,
+                setting=f"{number} start{'s' if number > 1 else ''}",
+                objective=best[1],
+                violation=best[2],
+                seconds=seconds,
+                compile_seconds=compile_seconds,
+            )
 
-    runs = [
-        *_in_turn(OURS, graduated(design.tasks), starts, value, 0.0),
-        *_in_turn(UNGRADED, graduated([design.task] * len(STAGES)), starts, value, 0.0),
-    ]
-    for method in CHOICES[which]:
+    add(OURS, graduated(design.tasks), 0.0)
+    add(UNGRADED, graduated([design.task] * len(STAGES)), 0.0)
+    for method in CHOICES[spec.solvers]:
         begin = time.perf_counter()
         if method == "slsqp":
             solve = _slsqp(spec, design.task, copies)
         else:
             solve = _solver(method, spec, task)
-        runs += _in_turn(NAMES[method], solve, starts, value, time.perf_counter() - begin)
-    return runs + list(_evolution(spec, task, evolution, seed))
-
-
-def _in_turn(
-    name: str,
-    solve: Callable[[Placement], Placement],
-    starts: Sequence[Placement],
-    value: Callable[[Placement], tuple[float, float]],
-    compile_seconds: float,
-) -> Iterator[Run]:
-    best, seconds = (True, np.inf, np.inf), 0.0
-    for number, start in enumerate(starts, 1):
-        begin = time.perf_counter()
-        found = solve(start)
-        seconds += time.perf_counter() - begin
-        best = min(best, _rank(*value(found)))
-        yield Run(name, _starts(number), best[1], best[2], seconds, compile_seconds)
+        add(NAMES[method], solve, time.perf_counter() - begin)
+    runs.add(**_evolution(spec, task, seed))
+    return runs
 
 
 def _solver(method: str, spec: MirrorSpec, task: Task) -> Callable[[Placement], Placement]:
@@ -168,7 +149,7 @@ def _solver(method: str, spec: MirrorSpec, task: Task) -> Callable[[Placement], 
 def _slsqp(spec: MirrorSpec, task: Task, copies: int) -> Callable[[Placement], Placement]:
     """SciPy's solver; all but the inequalities' slopes by the search's program, which is there."""
     flat = Flat.of(problem_of(spec, task))
-    count, none = jnp.asarray(copies), no_multipliers(task)
+    plain = jnp.asarray(copies), jnp.asarray(0.0), no_multipliers(task)
     units, build = ravel_pytree(scale(task.finger))
 
     def levels_of(point: jax.Array, task: Task) -> jax.Array:
@@ -180,7 +161,7 @@ def _slsqp(spec: MirrorSpec, task: Task, copies: int) -> Callable[[Placement], P
 
     def values(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         if last[0] != x.tobytes():
-            (_, terms), slope = lagrangian(jnp.asarray(x), task, count, jnp.asarray(0.0), none)
+            (_, terms), slope = lagrangian(jnp.asarray(x), task, *plain)
             levels = np.asarray(ravel_pytree(terms.inequalities)[0])
             last[:] = x.tobytes(), (float(terms.value), np.asarray(slope), levels)
         return last[1]
@@ -206,57 +187,59 @@ def _slsqp(spec: MirrorSpec, task: Task, copies: int) -> Callable[[Placement], P
     return solve
 
 
-def _evolution(spec: MirrorSpec, task: Task, seconds: float, seed: int) -> Iterator[Run]:
+def _evolution(spec: FingerMirrorsSpec, task: Task, seed: int) -> dict[str, Any]:
     begin = time.perf_counter()
     problem = problem_of(spec, task)
     # One member after the other: all together would leave the cache, and take six times longer.
     problem = replace(problem, terms=jax.custom_batching.sequential_vmap(terms_of))
-    found = run_differential_evolution(problem, seconds=seconds, seed=seed, population=POPULATION)
-    compiling = max(time.perf_counter() - begin - float(found.seconds[-1]), 0.0)
-    last = len(found.seconds) - 1
-    shown = {int(np.searchsorted(found.seconds, part * found.seconds[-1])) for part in SHARES}
-    for at in sorted({min(at, last) for at in shown}):
-        yield Run(
-            EVOLUTION,
-            f"{at + 1} generation{'s' if at else ''}",
-            float(found.objective[at]),
-            float(found.violation[at]),
-            float(found.seconds[at]),
-            compiling,
-        )
+    found = run_differential_evolution(
+        problem, seconds=spec.evolution_seconds, seed=seed, population=POPULATION
+    )
+    ends = found.seconds
+    at = np.searchsorted(ends, np.array(SHARES) * ends[-1])
+    shown = np.unique(np.minimum(at, len(ends) - 1))
+    return {
+        "method": EVOLUTION,
+        "setting": [f"{i + 1} generation{'s' if i else ''}" for i in shown],
+        "objective": found.objective[shown],
+        "violation": found.violation[shown],
+        "seconds": ends[shown],
+        "compile_seconds": max(time.perf_counter() - begin - float(ends[-1]), 0.0),
+    }
 
 
-def _rank(objective: float, violation: float) -> tuple[bool, float, float]:
-    return violation > HELD, objective, violation
+def add_comparison(out: Report, runs: Records) -> None:
+    """Table, error against run time in pads, and whether the graduated search is ahead."""
+    held = runs["violation"] <= HELD
+    gap = runs["objective"] - min(runs["objective"][held].tolist(), default=math.nan)
+    runs = runs | {"gap": gap, GAP: np.where(held, gap / 100, math.nan)}
+    out.table("solvers", runs)
+    out.precision(
+        [row for panel in (GAP, VIOLATION) for row in single_runs(runs, panel, panel)],
+        "gap (pads) or violation",
+        "the least objective that any solver of this run found with the inequalities held to "
+        f"{HELD:g}; both computed outside of the solvers",
+        out.claim("graduated", *_ahead(runs)),
+    )
 
 
-def _starts(number: int) -> str:
-    return "1 start" if number == 1 else f"{number} starts"
+def _ahead(runs: Records) -> tuple[list[str], bool]:
+    """Whether the graduated search is ahead of differential evolution within its time."""
+    own, evolution = runs.where(method=OURS), runs.where(method=EVOLUTION)
+    ahead = own.where(
+        (own["violation"] <= HELD)
+        & (own["seconds"] <= evolution["seconds"][-1])
+        & (own["objective"] < evolution["objective"][-1])
+    )
 
+    def reached(runs: Records, row: int) -> str:
+        what = f"gap {runs[GAP][row]:.3g} pads"
+        if runs["violation"][row] > HELD:
+            what = f"violation {runs['violation'][row]:.2g}"
+        return f"{what} after {runs['seconds'][row]:.0f} s"
 
-def best_objective(runs: Sequence[Run]) -> float:
-    """Least objective of any that holds the inequalities; NaN if none does."""
-    return min((run.objective for run in runs if run.violation <= HELD), default=float("nan"))
-
-
-def rows(runs: Sequence[Run]) -> list[PrecisionRow]:
-    """Gaps to the best of all, in pads, of what holds the inequalities; and violations."""
-    best = best_objective(runs)
-    found = []
-    for panel in (GAP, VIOLATION):
-        for run in runs:
-            gap = (run.objective - best) / 100 if run.violation <= HELD else float("nan")
-            error = gap if panel == GAP else run.violation
-            found.append(
-                PrecisionRow(
-                    run.method,
-                    run.setting,
-                    panel,
-                    error,
-                    run.seconds,
-                    run.seconds,
-                    run.seconds,
-                    run.compile_seconds,
-                )
-            )
-    return found
+    graduated = "never ahead within that time"
+    if len(ahead):
+        graduated = f"{reached(ahead, 0)} ({ahead['setting'][0]})"
+    evidence = f"differential evolution: {reached(evolution, -1)}; graduated search: {graduated}"
+    return [evidence], len(ahead) > 0

@@ -365,10 +365,7 @@ def _structure(drive: Drive, *, springs: bool) -> Structure:
             InputPart("pip", "intermediate", None, "proximal"),
             InputPart("dip", "distal", None, "intermediate"),
         ),
-        "crank": (
-            InputPart("theta", "crank", None),
-            InputPart("gamma", "plate", None, "distal"),
-        ),
+        "crank": (InputPart("theta", "crank", None), InputPart("gamma", "plate", None, "distal")),
     }
     bodies = {
         "proximal": ("O", "A", "F"),

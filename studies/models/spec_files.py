@@ -1,4 +1,4 @@
-"""A finger's linkage and scene as the files that ``designopt solve`` and ``trace`` read."""
+"""A finger as the files that other commands read."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from designopt.io.spec import SpecFile
 from designopt.io.toml_writing import format_toml
 from optics.scene.writer import scene_tables
 from studies.models.finger import Finger
+from studies.models.finger_file import format_finger
 
 
 def linkage_file(finger: Finger) -> SpecFile:
@@ -26,3 +27,18 @@ def scene_file(finger: Finger) -> SpecFile:
         "designopt trace scene.toml --sweep pip=0:90:91 --pose dip=30",
     )
     return SpecFile("scene.toml", "camera, mirrors and pads, for `designopt trace`", text)
+
+
+def finger_files(finger: Finger) -> list[SpecFile]:
+    """The finger, and what follows from it: its linkage, driven both ways, and its scene."""
+    by_crank = format_toml(
+        finger.linkage_tables("crank"),
+        "The finger's linkage as the motor drives it: by its crank, and by the angle between\n"
+        "plate and distal phalanx, which a spring holds in the straight finger.",
+    )
+    return [
+        SpecFile("finger.toml", "every dimension, for `designopt explore`", format_finger(finger)),
+        linkage_file(finger),
+        SpecFile("linkage-crank.toml", "the linkage, driven by its crank", by_crank),
+        scene_file(finger),
+    ]

@@ -18,8 +18,8 @@ from kinematics.io.designed import DesignedLinkage
 from optics import Chamber, find_coverage
 from optics.chamber.designed import DesignedChamber
 from optics.scene.designed import DesignedScene
-from studies.finger.design import finger_design
-from studies.finger.spec import FingerSpec
+from studies.finger import FingerSpec
+from studies.finger.run import finger_design
 from studies.models import Finger, write_finger
 from studies.models.body import BodySpec
 from studies.models.linkage_design.judging import everywhere
@@ -58,10 +58,10 @@ def unsearched(monkeypatch):
         raise AssertionError("a search was begun")
 
     for place in (
-        "studies.finger_linkage.design.search",
+        "studies.finger_linkage.run.search",
         "studies.models.linkage_design.analysis.search",
-        "studies.finger_mirrors.designed.design_mirrors",
-        "studies.finger.design.design_mirrors",
+        "studies.finger_mirrors.run.design_mirrors",
+        "studies.finger.run.design_mirrors",
     ):
         monkeypatch.setattr(place, refused)
 
@@ -158,7 +158,7 @@ def test_another_body_is_searched_for(monkeypatch):
         seen.append((spec.body.thickness, seed))
         return SimpleNamespace(finger=finger_of(None, distal=spec.body.distal))
 
-    monkeypatch.setattr("studies.finger_linkage.design.search", search)
+    monkeypatch.setattr("studies.finger_linkage.run.search", search)
     design = linkage_design("finger-linkage", "body.thickness=22", "body.distal=30")
     assert seen == [(22.0, 0)]
     assert design.sketch.joints["E"] == pytest.approx((-21.27, 14.06))
@@ -167,15 +167,15 @@ def test_another_body_is_searched_for(monkeypatch):
 
 
 def test_the_linkage_of_an_earlier_result_is_its_file(unsearched, tmp_path):
-    from studies.finger_linkage.design import finger_linkage_design
+    from studies.finger_linkage.run import design
     from studies.models.linkage_design.spec import FingerLinkageSpec
 
     text = (OLD / "linkage.toml").read_text(encoding="utf-8")
     spec = FingerLinkageSpec(body=BodySpec(thickness=22.0))
     with pytest.raises(UserError, match=r"linkage\.toml: cannot be read"):
-        finger_linkage_design(spec, tmp_path)
+        design(spec, tmp_path)
     (tmp_path / "linkage.toml").write_text(text.replace("-7.77, -1.98", "-7.5, -2.0"))
-    assert finger_linkage_design(spec, tmp_path).sketch.joints["F"] == (-7.5, -2.0)
+    assert design(spec, tmp_path).model.sketch.joints["F"] == (-7.5, -2.0)
 
 
 def test_the_grasping_finger_is_driven_by_its_crank_and_has_its_spring():
@@ -211,7 +211,7 @@ def test_other_mirrors_are_searched_for(monkeypatch):
         assert (float(finger.body.thickness), spec.floor, context.seed) == (25.0, 3.0, 0)
         return SimpleNamespace(finger=seeing_finger())
 
-    monkeypatch.setattr("studies.finger_mirrors.designed.design_mirrors", search)
+    monkeypatch.setattr("studies.finger_mirrors.run.design_mirrors", search)
     design = scene_design("finger-mirrors", "floor=3.0")
     assert [mirror.name for mirror in design.file.mirrors] == ["distal", "proximal"]
     np.testing.assert_allclose(design.file.camera.position, [15.75, 16.99])
@@ -221,8 +221,8 @@ def test_another_finger_is_searched_for(monkeypatch):
     made = seeing_finger(distal=30.0)
     linkage = Mock(return_value=SimpleNamespace(finger=made))
     mirrors = Mock(return_value=SimpleNamespace(finger=made))
-    monkeypatch.setattr("studies.finger.design.design_linkage", linkage)
-    monkeypatch.setattr("studies.finger.design.design_mirrors", mirrors)
+    monkeypatch.setattr("studies.finger.run.design_linkage", linkage)
+    monkeypatch.setattr("studies.finger.run.design_mirrors", mirrors)
     spec = FingerSpec(body=BodySpec(distal=30.0))
     design = finger_design(spec, None)
     linkage.assert_called_once_with(spec.linkage_spec(), 0)
@@ -232,14 +232,14 @@ def test_another_finger_is_searched_for(monkeypatch):
 
 
 def test_the_mirrors_of_an_earlier_result_are_its_file(unsearched, tmp_path):
-    from studies.finger_mirrors.designed import finger_mirrors_design
+    from studies.finger_mirrors.run import design
 
     spec = FingerMirrorsSpec(floor=3.0)
     with pytest.raises(UserError, match=r"scene\.toml: cannot be read"):
-        finger_mirrors_design(spec, tmp_path)
+        design(spec, tmp_path)
     file = scene_file(seeing_finger())
     (tmp_path / file.name).write_text(str(file.content), encoding="utf-8")
-    found = finger_mirrors_design(spec, tmp_path)
+    found = design(spec, tmp_path).model
     np.testing.assert_allclose(found.file.camera.position, [15.75, 16.99])
     np.testing.assert_allclose(found.scene.mirrors[1], [[4.16, 18.5], [-28.35, 9.3]])
 

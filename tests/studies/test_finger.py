@@ -11,17 +11,17 @@ import pytest
 from designopt.cli import run as command
 from kinematics import parse_linkage, solve_poses
 from optics import find_coverage, parse_scene
-from studies.finger.spec import FingerSpec
-from studies.finger.spec_files import spec_files
-from studies.finger.statements import degrees_of_freedom
+from studies.finger import FingerSpec
+from studies.finger.run import degrees_of_freedom
 from studies.models.body import BodySpec
-from studies.models.mirror_design.percent import percent_at_least
+from studies.models.mirror_design.judging import percent_at_least
+from studies.models.spec_files import finger_files
 from tests.studies.fingers import finger_of, seeing_finger
 
 
 @pytest.fixture(scope="module")
 def files():
-    made = spec_files(seeing_finger())
+    made = finger_files(seeing_finger())
     return {file.name: tomllib.loads(str(file.content)) for file in made}
 
 

@@ -17,9 +17,9 @@ from kinematics.solve.poses import solve_poses
 from kinematics.solve.transmission import solve_transmission
 from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage
+from studies.finger import FingerSpec
 from studies.finger.bench import FingerBench
-from studies.finger.design import finger_design
-from studies.finger.spec import FingerSpec
+from studies.finger.run import finger_design
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from designopt.designs import load_design
-from studies.finger.spec_files import spec_files
 from studies.models import Finger, packaged_finger
+from studies.models.spec_files import finger_files
 from tests.designopt.export.reading import numbers_in, opened
 
-FILES = {file.name: tomllib.loads(str(file.content)) for file in spec_files(packaged_finger())}
+FILES = {file.name: tomllib.loads(str(file.content)) for file in finger_files(packaged_finger())}
 LINKAGE, SCENE = FILES["linkage.toml"], FILES["scene.toml"]
 
 

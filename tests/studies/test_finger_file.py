@@ -18,9 +18,9 @@ from designopt import UserError, format_toml
 from designopt.io.toml_writing import degrees_of
 from kinematics import read_linkage
 from optics import read_scene
-from studies.finger.spec_files import spec_files
 from studies.models import Finger, format_finger, parse_finger, read_finger, write_finger
 from studies.models.finger_file import packaged_finger
+from studies.models.spec_files import finger_files
 
 OLD = Path(__file__).parents[1] / "data" / "old_specs"
 """Of a result that was written before fingers had files."""
@@ -221,6 +221,6 @@ def test_the_packaged_finger_is_that_of_the_old_result():
 
 
 def test_a_new_result_is_read_by_its_finger_file(tmp_path):
-    for file in spec_files(packaged_finger()):
+    for file in finger_files(packaged_finger()):
         (tmp_path / file.name).write_text(str(file.content), encoding="utf-8")
     assert_identical(read_finger(tmp_path), packaged_finger())

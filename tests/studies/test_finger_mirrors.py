@@ -1,8 +1,6 @@
 """The study ``finger-mirrors``: its parts against independent means, and the study itself."""
 
 import cmath
-import csv
-import json
 import math
 import tomllib
 from pathlib import Path
@@ -12,15 +10,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scipy.stats
 from jax.flatten_util import ravel_pytree
 
-from designopt import cli
 from designopt.optimize import draw_sobol_starts
+from designopt.study.records import Records
+from designopt.study.report import Report
+from designopt.study.runner import run_study
 from optics import Pieces, find_coverage, find_views, parse_scene, read_scene
-from studies.finger_mirrors import solvers, statements
-from studies.finger_mirrors.solvers import Run
-from studies.models.finger import camera_of
+from studies.finger_mirrors import solvers
 from studies.models.mirror_design import design as designing
 from studies.models.mirror_design import problem, seeing, yields
 from studies.models.mirror_design.errors import (
@@ -32,15 +29,9 @@ from studies.models.mirror_design.errors import (
     spread_evenly,
 )
 from studies.models.mirror_design.judging import coverage_grid, judged, seen_by_rays
-from studies.models.mirror_design.placement import (
-    PROXIMAL,
-    bounds,
-    free_part,
-    poor_layout,
-    scale,
-)
+from studies.models.mirror_design.placement import PROXIMAL, bounds, free_part, poor_layout, scale
 from studies.models.mirror_design.searching import Stage, lagrangian
-from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
+from studies.models.mirror_design.spec import MirrorSpec
 from studies.models.spec_files import scene_file
 from tests.studies.fingers import LENS, finger_of, seeing_finger
 
@@ -85,13 +76,6 @@ def test_the_given_layout_is_the_gallerys_finger(given):
     assert given.layout == eqx.tree_at(lambda one: one.mirrors, gallery, given.mirrors).layout
 
 
-@pytest.mark.parametrize("thickness", [25.0, 20.0])
-def test_a_finger_written_to_a_file_is_the_scene(thickness):
-    finger = poor_layout(finger_of(thickness=thickness), LENS)
-    read = parse_scene(tomllib.loads(str(scene_file(finger).content)), "finger")
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-12), read, finger.scene())
-
-
 def test_the_given_layout_meets_the_bounds():
     least, greatest = bounds(GIVEN, SPEC)
     for low, value, high in zip(
@@ -99,6 +83,8 @@ def test_the_given_layout_meets_the_bounds():
     ):
         assert bool(jnp.all((low <= value) & (value <= high)))
     assert float(jnp.min(problem.clearances(GIVEN))) >= SPEC.room.clearance
+    expected = [math.hypot(30.57, 18.70), math.hypot(32.51, 9.20)]
+    np.testing.assert_allclose([mirror.length for mirror in GIVEN.mirrors], expected)
 
 
 def distance(one, other):
@@ -171,12 +157,6 @@ def test_copies_look_at_many_angles():
     assert np.max(np.diff(np.unique(angles))) < 2
 
 
-@pytest.mark.parametrize(("good", "count"), [(0, 10), (5, 10), (1951, 2000), (2000, 2000)])
-def test_the_interval_is_scipys(good, count):
-    expected = scipy.stats.binomtest(good, count).proportion_ci(method="wilson")
-    np.testing.assert_allclose(yields.wilson(good, count), expected, atol=1e-12)
-
-
 def test_resolution_agrees_with_the_library(given, verdict):
     """`find_sharpness` looks every place up by its own ray."""
     views = jax.tree.map(jnp.asarray, verdict.views.value)
@@ -233,39 +213,21 @@ def test_what_is_hidden_shows_the_way_out():
     assert bool(jnp.all(jnp.isfinite(slope)))
 
 
-def slopes_agree(value, placement):
-    """Compiled and batched, against central differences from the same program."""
+def off_kinks(finger):
+    """A finger's free numbers, scaled, off the round ones at which kinks lie; and the way back."""
     units, build = ravel_pytree(scale(POOR))
-    run = jax.jit(jax.vmap(jax.value_and_grad(lambda point: value(build(point)))))
-    step = 1e-6
-    # Off the round numbers, at which kinks lie.
-    point = ravel_pytree(placement)[0] + 0.0211 * units
-    steps = step * jnp.diag(units)
-    points = jnp.concatenate([point[None], point[None] + steps, point[None] - steps])
-    values, slopes = run(points)
-    expected = (values[1:12] - values[12:]) / (2 * step * units)
-    assert bool(jnp.all(jnp.isfinite(slopes)))
-    assert float(jnp.max(jnp.abs(slopes[0]))) > 0.01
-    # Rounding of values up to 200, over the step of 1e-7 rad and 1e-6 mm.
-    np.testing.assert_allclose(slopes[0], expected, rtol=1e-5, atol=2e-6 / np.min(units))
+    point = ravel_pytree(free_part(finger))[0] / units + 0.0211
+    return np.asarray(point), lambda point: build(jnp.asarray(point) * units)
 
 
 @pytest.mark.slow
 def test_the_searchs_function_is_the_problems():
     """Its value in NumPy from `terms_of`, its slope by central differences; fewer copies too."""
-    task = problem.Task.of(POOR, SMALL, 0)
-    units, build = ravel_pytree(scale(POOR))
-    units = np.asarray(units)
-    # Off the round numbers, at which kinks lie.
-    point = np.asarray(ravel_pytree(free_part(POOR))[0]) / units + 0.0211
-    placement = build(jnp.asarray(point * units))
+    task, penalty = problem.Task.of(POOR, SMALL, 0), 10.0
+    point, build = off_kinks(POOR)
     places = SMALL.search.poses * task.plain
-    given = np.random.default_rng(0).uniform(0, 2, (places + 1, 3))
-    multipliers = {
-        "resolution": jnp.asarray(given[:places]),
-        "clearance": jnp.asarray(given[places, :2]),
-    }
-    penalty = 10.0
+    given = jnp.asarray(np.random.default_rng(0).uniform(0, 2, (places + 1, 3)))
+    multipliers = {"resolution": given[:places], "clearance": given[places, :2]}
 
     def found(point, copies):
         arguments = jnp.asarray(copies), jnp.asarray(penalty), multipliers
@@ -273,7 +235,7 @@ def test_the_searchs_function_is_the_problems():
         return float(value), terms, np.asarray(slope)
 
     for copies in (1, 2):
-        terms = problem.terms_of(placement, task.first(copies))
+        terms = problem.terms_of(build(point), task.first(copies))
         expected = float(terms.value)
         for name, levels in terms.inequalities.items():
             m, g = np.asarray(multipliers[name]), np.asarray(levels)
@@ -281,61 +243,54 @@ def test_the_searchs_function_is_the_problems():
         value, same, slope = found(point, copies)
         np.testing.assert_allclose(value, expected, rtol=1e-12)
         jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-12), terms, same)
-    step = 1e-6
-    steps = step * np.eye(len(point))
-    rise = [found(point + one, 2)[0] - found(point - one, 2)[0] for one in steps]
+    steps = 1e-6 * np.eye(len(point))
+    rise = np.array([found(point + one, 2)[0] - found(point - one, 2)[0] for one in steps])
     # Rounding of values up to 1000, over the step.
-    np.testing.assert_allclose(slope, np.array(rise) / (2 * step), rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(slope, rise / 2e-6, rtol=1e-5, atol=1e-5)
     assert np.max(np.abs(slope)) > 1
+
+
+@pytest.mark.as_users
+def test_gradients_of_the_whole_problem_are_central_differences():
+    """Compiled and batched, against differences from the same program."""
+    task, (point, build) = problem.Task.of(POOR, SMALL, 0), off_kinks(GIVEN)
+    weights = jax.random.uniform(jax.random.key(1), (task.plain * SMALL.search.poses, 3))
+
+    def value(point):
+        terms = problem.terms_of(build(point), task)
+        # What is not seen has a resolution that stands for none.
+        sharp = jnp.minimum(terms.inequalities["resolution"], 10.0)
+        return terms.value + jnp.sum(weights * sharp) + jnp.sum(terms.inequalities["clearance"])
+
+    steps = 1e-6 * np.eye(len(point))
+    points = jnp.asarray(np.concatenate([point[None], point + steps, point - steps]))
+    values, slopes = jax.jit(jax.vmap(jax.value_and_grad(value)))(points)
+    expected = (values[1:12] - values[12:]) / 2e-6
+    assert bool(jnp.all(jnp.isfinite(slopes)))
+    assert float(jnp.max(jnp.abs(slopes[0]))) > 0.01
+    # Rounding of values up to 200, over the step.
+    np.testing.assert_allclose(slopes[0], expected, rtol=1e-5, atol=2e-6)
 
 
 def test_resolution_dips_beside_a_hand_over():
     """Two views of one pad: one sharp as far as 0.4, one blurred from 0.4 on."""
 
-    def of(start, end, distance, px_per_mm):
-        shape = (1, 2)
-        whole = {name: jnp.zeros(shape, int) for name in ("path", "start_label", "end_label")}
-        pair = {"distance": distance, "px_per_mm": px_per_mm}
-        return Pieces(
-            present=jnp.ones(shape, bool),
-            start=jnp.asarray([start]),
-            end=jnp.asarray([end]),
-            pixels=jnp.zeros((*shape, 2)),
-            spans=jnp.zeros((*shape, 1, 2)),
-            **whole,
-            **{name: jnp.asarray([value]) for name, value in pair.items()},
-        )
+    def of(start, end, squares):
+        shape, distance = (1, 2), jnp.sqrt(jnp.asarray([squares]))
+        labels = dict.fromkeys(("path", "start_label", "end_label"), jnp.zeros(shape, int))
+        empty = {"pixels": jnp.zeros((*shape, 2)), "spans": jnp.zeros((*shape, 1, 2))}
+        ends = {"start": jnp.asarray([start]), "end": jnp.asarray([end])}
+        sharp = {"distance": distance, "px_per_mm": 500 / distance**2}
+        return Pieces(present=jnp.ones(shape, bool), **labels, **empty, **ends, **sharp)
 
     # A pad of 10 mm along x, seen from (0, 10) and from (-8, 10): 50 / distance² px/mm.
-    squares = [[100.0, 116.0], [244.0, 424.0]]
-    views = of([0.0, 0.4], [0.4, 1.0], np.sqrt(squares), 50 * 10 / np.array(squares))
-    lengths = jnp.asarray([10.0])
+    squares, lengths = [[100.0, 116.0], [244.0, 424.0]], jnp.asarray([10.0])
+    views = of([0.0, 0.4], [0.4, 1.0], squares)
     np.testing.assert_allclose(seeing.least_resolution(views, lengths), [500 / 424])
     # If the second gets sharper from there on, it is least where it takes over.
     squares[1] = [244.0, 164.0]
-    views = of([0.0, 0.41], [0.41, 1.0], np.sqrt(squares), 50 * 10 / np.array(squares))
+    views = of([0.0, 0.41], [0.41, 1.0], squares)
     np.testing.assert_allclose(seeing.least_resolution(views, lengths), [500 / 244])
-
-
-@pytest.mark.parametrize(
-    "finger",
-    [
-        pytest.param(GIVEN, marks=pytest.mark.as_users),
-        pytest.param(POOR, marks=pytest.mark.nightly),
-    ],
-)
-def test_gradients_of_the_whole_problem_are_central_differences(finger):
-    task = problem.Task.of(POOR, SMALL, 0)
-    weights = jax.random.uniform(jax.random.key(1), (task.plain * SMALL.search.poses, 3))
-
-    def value(placement):
-        terms = problem.terms_of(placement, task)
-        # What is not seen has a resolution that stands for none.
-        sharp = jnp.minimum(terms.inequalities["resolution"], 10.0)
-        held = jnp.sum(weights * sharp) + jnp.sum(terms.inequalities["clearance"])
-        return terms.value + held
-
-    slopes_agree(value, free_part(finger))
 
 
 def test_the_yield_is_that_of_fingers_built_one_by_one():
@@ -363,124 +318,54 @@ def test_limits_are_the_last_steps_before_something_hides(hidden, expected):
     np.testing.assert_allclose(yields._limits(whole), expected, atol=1e-12)
 
 
-def run_of(method, objective, violation, seconds):
-    return Run(method, "", objective, violation, seconds, 0.0)
+def compared(*runs):
+    """What the report has of runs: method, objective, violation and seconds."""
+    out, columns = Report(package="studies.finger_mirrors"), zip(*runs, strict=True)
+    names = ("method", "objective", "violation", "seconds")
+    made = Records(dict(zip(names, map(list, columns), strict=True)))
+    solvers.add_comparison(out, made | {"setting": "", "compile_seconds": 0.0})
+    found = out.results().precision
+    assert found is not None
+    return found
 
 
-def test_the_claim_can_be_proved_wrong():
-    yardstick = run_of(solvers.EVOLUTION, 2.0, 0.0, 30.0)
-    assert statements.claim([run_of(solvers.OURS, 1.0, 0.0, 10.0), yardstick]).holds
-    assert not statements.claim([run_of(solvers.OURS, 1.0, 0.5, 10.0), yardstick]).holds
-    assert not statements.claim([run_of(solvers.OURS, 1.0, 0.0, 40.0), yardstick]).holds
-    assert not statements.claim([run_of(solvers.OURS, 2.5, 0.0, 10.0), yardstick]).holds
+@pytest.mark.parametrize(
+    ("own", "holds"),
+    [((1.0, 0.0, 10.0), True), ((1.0, 0.5, 10.0), False), ((1.0, 0.0, 40.0), False),
+     ((2.5, 0.0, 10.0), False)],
+)  # fmt: skip
+def test_the_claim_can_be_proved_wrong(own, holds):
+    (claim,) = compared((solvers.OURS, *own), (solvers.EVOLUTION, 2.0, 0.0, 30.0)).claims
+    assert claim.holds == holds
 
 
 def test_gaps_are_to_the_best_that_holds_the_inequalities():
-    runs = [run_of("a", 1.0, 0.5, 1.0), run_of("b", 3.0, 0.0, 1.0), run_of("c", 4.0, 0.0, 1.0)]
-    assert solvers.best_objective(runs) == 3.0
-    rows = solvers.rows(runs)
+    runs = [("a", 1.0, 0.5, 1.0), ("b", 3.0, 0.0, 1.0), (solvers.EVOLUTION, 4.0, 0.0, 1.0)]
+    rows = compared(*runs).rows
     gaps = [row.error for row in rows if row.panel == solvers.GAP]
     violations = [row.error for row in rows if row.panel == solvers.VIOLATION]
     np.testing.assert_array_equal(gaps, [np.nan, 0.0, 0.01])  # in pads, from % of one
     assert violations == [0.5, 0.0, 0.0]
 
 
-QUICK = ["search.starts=1", "search.copies=2", "search.poses=2", "thin=0", "draws=12"]
-QUICK += ["rays=5000", "ray_poses=2", "solvers=none", "left_out=false"]
+QUICK = {"draws": 12, "rays": 5000, "ray_poses": 2, "solvers": "none", "thin": 0}
 
 
 @pytest.mark.slow
-def test_the_study_end_to_end(tmp_path, monkeypatch, capsys):
+def test_the_study_end_to_end(monkeypatch):
     """All of it but the solvers, after a search that is cut short."""
     monkeypatch.setattr(designing, "STAGES", (Stage(2.0, 0.0), Stage(1.0, 100.0)))
-    out = tmp_path / "out"
-    settings = [part for one in QUICK for part in ("--set", one)]
-    code = cli.run(["run", "finger-mirrors", "--out", str(out), *settings])
-    assert code in (0, 1), capsys.readouterr().err
-    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    metrics = document["metrics"]
-    assert metrics["start_coverage"]["value"] < 0.6
-    assert metrics["yield"]["target"] is None  # of so few draws
-    assert metrics["row_disagreement"]["value"] < 1e-12
-    assert metrics["mirror_given_layout_mm"]["value"] == pytest.approx(69.62, abs=0.01)
+    how = {"starts": 1, "copies": 2, "poses": 2}
+    results = run_study("finger-mirrors", {**QUICK, "search": how, "left_out": False})
+    metrics = {metric.name: metric for metric in results.metrics}
+    assert metrics["start_coverage"].value < 0.6
+    assert metrics["yield"].met is None  # of so few draws
+    assert metrics["row_disagreement"].met
+    assert metrics["mirror_given_layout_mm"].value == pytest.approx(69.62, abs=0.01)
     assert "worst_coverage_thin" not in metrics
-    with (out / "tables" / "starts.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["start"] for row in rows] == ["poor", "random 1"]
-    assert document["specs"] == ["specs/scene.toml"]
-    assert [one.name for one in read_scene(out / "specs" / "scene.toml").layout.pads] == [
-        "proximal",
-        "intermediate",
-        "distal",
-    ]
-    for name in ("views", "views_before", "coverage", "resolution", "yield", "sensitivity"):
-        assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
-
-
-@pytest.mark.nightly
-def test_the_search_leads_from_the_poor_start_to_everything(tmp_path, capsys):
-    out = tmp_path / "out"
-    settings = ["search.starts=1", "draws=300", "solvers=few", "evolution_seconds=2"]
-    arguments = [part for one in settings for part in ("--set", one)]
-    assert cli.run(["run", "finger-mirrors", "--out", str(out), *arguments]) == 0, (
-        capsys.readouterr().err
-    )
-    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    metrics = {name: metric["value"] for name, metric in document["metrics"].items()}
-    assert metrics["worst_coverage"] == 1
-    assert metrics["worst_coverage_thin"] == 1
-    assert metrics["worst_px_per_mm"] >= 2.5
-    assert metrics["yield"] >= 0.92
-    assert {row["method"] for row in document["precision"]} >= {
-        solvers.OURS,
-        solvers.EVOLUTION,
-        *(solvers.NAMES[name] for name in solvers.CHOICES["few"]),
-    }
-
-
-def test_the_poor_start_is_poor():
-    assert judged(POOR).mean_coverage < 0.6
-
-
-def test_mirrors_have_lengths():
-    expected = [math.hypot(30.57, 18.70), math.hypot(32.51, 9.20)]
-    np.testing.assert_allclose([mirror.length for mirror in GIVEN.mirrors], expected)
-
-
-def test_random_starts_are_drawn_by_their_heights():
-    """The seed's Sobol points over heights above the axes, whatever a finger stores."""
-    task = problem.Task.of(POOR, SMALL, 0)
-    least, greatest = bounds(POOR, SMALL)
-    (start,) = designing._random(SMALL, task, 0)
-    points = draw_sobol_starts(problem.problem_of(SMALL, task), 1, 0)
-    first, low, high, point = map(camera_of, (start, least, greatest, points))
-    assert (first.along, first.tilt) == (point.along[0], point.tilt[0])
-    np.testing.assert_allclose(first.depth, low.depth + high.depth - point.depth[0])
-    for mirror, low, high, point in zip(
-        start.mirrors, least.mirrors, greatest.mirrors, points.mirrors, strict=True
-    ):
-        np.testing.assert_array_equal(mirror.ends[:, 0], point.ends[0, :, 0])
-        np.testing.assert_allclose(mirror.ends[:, 1], (low.ends + high.ends - point.ends[0])[:, 1])
-
-
-@pytest.mark.parametrize(
-    ("assignment", "words"),
-    [
-        ("body.thickness=9", "has no room for the camera"),
-        ("thin=9", "has no room for the camera"),
-        ("camera.width=30", "must be smaller than body.intermediate"),
-        ("search.spreed=2", "did you mean"),
-    ],
-)
-def test_faulty_settings_are_one_line(tmp_path, capsys, assignment, words):
-    arguments = ["run", "finger-mirrors", "--out", str(tmp_path / "out"), "--set", assignment]
-    assert cli.run(arguments) == 2
-    shown = capsys.readouterr().err
-    assert words in shown
-    assert shown.count("\n") == 1
-
-
-def test_default_settings_ask_for_what_is_stated():
-    spec = FingerMirrorsSpec()
-    assert (spec.search.starts, spec.draws, spec.rays, spec.ray_poses) == (8, 2000, 200_000, 20)
-    assert (spec.thin, spec.floor) == (20.0, 2.5)
+    tables = {table.name: table for table in results.tables}
+    assert [row[0] for row in tables["starts"].rows] == ["poor", "random 1"]
+    (file,) = results.specs
+    scene = parse_scene(tomllib.loads(str(file.content)))
+    (place,) = [row for row in tables["arrangements"].rows if row[0] == "camera x (mm)"]
+    assert float(scene.camera.position[0]) == pytest.approx(place[2])

@@ -23,8 +23,8 @@ import pytest
 
 from designopt import cli
 from designopt.errors import UserError
-from studies.finger.design import finger_design, spring_from
-from studies.finger.spec import FingerSpec
+from studies.finger import FingerSpec
+from studies.finger.run import finger_design, spring_from
 from studies.models import Finger
 from studies.models.finger import PHALANGES
 from studies.models.grasp import cases

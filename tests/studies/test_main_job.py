@@ -16,8 +16,8 @@ import pytest
 from designopt.cli import run as command
 from optics import find_views
 from optics.visibility.sharpness import find_sharpness
-from studies.finger.design import finger_design
-from studies.finger.spec import FingerSpec
+from studies.finger import FingerSpec
+from studies.finger.run import finger_design
 from studies.models.linkage_design.judging import everywhere
 from tests.studies.test_tactile_images import run as make_images
 

@@ -73,4 +73,4 @@ def sensor_room(sensor: SensorSpec) -> Check:
     )
     layers = 1 + max(nx.greedy_color(sharing, strategy="DSATUR").values())
     free = sensor.finger_width - 2 * layers * sensor.link_thickness
-    return Check("width between the links", sensor.pad_width, free, "mm", True)
+    return Check("width between the links", sensor.pad_width, free)

@@ -1,8 +1,9 @@
-"""The study's figures."""
+"""Figures of a designed linkage; their words are in ``report.md`` of this package."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,45 +11,32 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm
+from matplotlib.contour import QuadContourSet
+from matplotlib.figure import Figure
 
-from designopt.plot.figures import (
-    MARKERS,
-    PALETTE,
-    angle_ticks,
-    legend_below,
-    new_figure,
-    share_limits,
-)
+from designopt.plot.figures import MARKERS, PALETTE, angle_ticks, new_figure, share_limits
 from designopt.plot.typesetting import as_mathtext
-from designopt.study.results import Figure
+from designopt.study.report import Report
 from kinematics.solve.poses import solve_poses
 from studies.models.finger import Finger
 from studies.models.linkage_design.analysis import LinkageDesign
 from studies.models.linkage_design.judging import Verdict
-from studies.models.linkage_design.spec import FingerLinkageSpec
+from studies.models.linkage_design.spec import LimitsSpec
 from studies.models.pins import pin_name
 
 LINK_COLORS = {"crank": "#D55E00", "rod": "#E69F00", "plate": "#009E73", "bar": "#CC79A7"}
 PHALANX = "#0072B2"
 
 
-def finger_figure(finger: Finger) -> Figure:
+def draw_straight(finger: Finger, height: float = 3.0) -> Figure:
     """The straight finger with every pin's place: what one builds from."""
-    drawing, axes = new_figure(1, 1, height=3.0)
-    axis = axes[0, 0]
+    drawing, [[axis]] = new_figure(1, 1, height=height)
     draw_finger(axis, finger, (0.0, 0.0), named=True)
     axis.set(xlabel="x from the PIP axis, to the tip (mm)", ylabel="y, to the back (mm)")
-    legend_below(drawing, most=5)
-    return Figure(
-        "finger",
-        "The linkage in the straight finger",
-        "To scale. Phalanges in outline with their joints A (PIP) and B (DIP); pins by the paper's "
-        "names. The table of dimensions has their coordinates and the links' lengths.",
-        drawing,
-    )
+    return drawing
 
 
-def sequence_figure(finger: Finger) -> Figure:
+def draw_sequences(finger: Finger) -> Figure:
     """Pinch and adaptive closing, as paper B's Fig. 3.4."""
     shares = (0.0, 1 / 3, 2 / 3, 1.0)
     drawing, axes = new_figure(2, len(shares), height=4.2)
@@ -64,14 +52,7 @@ def sequence_figure(finger: Finger) -> Figure:
     for axis in axes[1]:
         axis.set_xlabel("x (mm)")
     share_limits(axes.ravel())
-    legend_below(drawing, most=5)
-    return Figure(
-        "sequences",
-        "Pinch and adaptive closing",
-        "Pinch: the spring holds the plate against the distal phalanx, and only PIP moves. "
-        "Adaptive: both joints move (paper B, Fig. 3.4).",
-        drawing,
-    )
+    return drawing
 
 
 def draw_finger(
@@ -120,109 +101,77 @@ def _turned(turn: float) -> Float[np.ndarray, "2 2"]:
     return np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
 
 
-def maps_figure(verdict: Verdict) -> Figure:
+def draw_maps(verdict: Verdict) -> Figure:
     """The six transmission angles over all postures."""
     drawing, axes = new_figure(2, 3, height=5.0)
-    low = 5 * np.floor(verdict.least_deg / 5)
-    levels = np.arange(low, 91, 5)
+    levels = np.arange(5 * np.floor(verdict.least_deg / 5), 91, 5)
     for axis, (name, values) in zip(axes.flat, verdict.angles_deg.items(), strict=True):
         full = np.broadcast_to(values, verdict.crank_deg.shape)
-        axis.contourf(
-            verdict.flexion_deg, verdict.flexion_deg, full.T, levels=levels, cmap="cividis"
-        )
+        _contours(axis, verdict, full, levels)
         worst = np.unravel_index(np.argmin(full), full.shape)
         place = [verdict.flexion_deg[i] for i in worst]
         axis.plot(*place, "X", color=PALETTE[1], markersize=9, clip_on=False, zorder=5)
         axis.set_title(as_mathtext(f"{name}: least {full.min():.1f}°"), fontsize=9)
-        ticks = angle_ticks(verdict.flexion_deg[-1])
-        axis.set(aspect="equal", xticks=ticks, yticks=ticks)
-        axis.grid(visible=False)
     for axis in axes[1]:
         axis.set_xlabel("PIP (°)")
     for axis in axes[:, 0]:
         axis.set_ylabel("DIP (°)")
     colors = ScalarMappable(BoundaryNorm(levels, 256), "cividis")
     drawing.colorbar(colors, ax=axes, label="transmission angle (°)", shrink=0.8)
-    return Figure(
-        "transmission",
-        "Transmission angles over all postures",
-        "Each folded to 0…90°; the cross marks its least value. Angles between links, and for D2 "
-        "and P with the line to an instant centre.",
-        drawing,
-    )
+    return drawing
 
 
-def ratio_figure(verdict: Verdict) -> Figure:
+def draw_ratios(verdict: Verdict) -> Figure:
     """The crank's turn and the force ratio over all postures."""
-    drawing, axes = new_figure(1, 2, height=3.4)
-    for axis, values, label in (
-        (axes[0, 0], verdict.crank_deg, "turn of the crank (°)"),
-        (axes[0, 1], verdict.ratio, "φ₂/φ₁"),
-    ):
-        shown = axis.contourf(
-            verdict.flexion_deg, verdict.flexion_deg, values.T, levels=12, cmap="cividis"
-        )
-        axis.set(xlabel="PIP (°)", ylabel="DIP (°)", aspect="equal")
-        ticks = angle_ticks(verdict.flexion_deg[-1])
-        axis.set(xticks=ticks, yticks=ticks)
-        axis.grid(visible=False)
-        drawing.colorbar(shown, ax=axis, label=label, shrink=0.9)
-    return Figure(
-        "ratios",
-        "Turn of the crank, and the ratio that decides whether a pinch holds",
-        "φ₁ and φ₂ are the turns of the crank per turn of PIP and of DIP.",
-        drawing,
-    )
+    drawing, [row] = new_figure(1, 2, height=3.4)
+    shown = {"turn of the crank (°)": verdict.crank_deg, "φ₂/φ₁": verdict.ratio}
+    for axis, (label, values) in zip(row, shown.items(), strict=True):
+        mesh = _contours(axis, verdict, values, 12)
+        axis.set(xlabel="PIP (°)", ylabel="DIP (°)")
+        drawing.colorbar(mesh, ax=axis, label=label, shrink=0.9)
+    return drawing
 
 
-def tolerance_figure(least: Float[np.ndarray, " draws"], nominal: float, required: float) -> Figure:
+def _contours(
+    axis: Axes, verdict: Verdict, values: Float[np.ndarray, "pip dip"], levels: Any
+) -> QuadContourSet:
+    degrees = verdict.flexion_deg
+    mesh = axis.contourf(degrees, degrees, values.T, levels=levels, cmap="cividis")
+    ticks = angle_ticks(degrees[-1])
+    axis.set(aspect="equal", xticks=ticks, yticks=ticks)
+    axis.grid(visible=False)
+    return mesh
+
+
+def draw_tolerance(least: Float[np.ndarray, " draws"], nominal: float, required: float) -> Figure:
     """What errors of the pins do to the least angle."""
-    drawing, axes = new_figure(1, 1, height=3.0)
-    axis = axes[0, 0]
+    drawing, [[axis]] = new_figure(1, 1, height=3.0)
     axis.hist(least, bins=50, color=PALETTE[5], edgecolor="white", linewidth=0.3)
     axis.axvline(nominal, color=PALETTE[0], label=f"without errors {nominal:.1f}°")
     axis.axvline(required, color=PALETTE[1], linestyle="--", label=f"required {required:g}°")
     axis.set(xlabel="least transmission angle (°)", ylabel="fingers")
-    legend_below(drawing, most=2)
-    return Figure(
-        "tolerance",
-        "The least transmission angle of fingers with errors",
-        "Every coordinate of every pin has an independent normal error.",
-        drawing,
-    )
+    return drawing
 
 
-def starts_figure(levels: Sequence[Sequence[float]]) -> Figure:
+def draw_starts(levels: Sequence[Sequence[float]]) -> Figure:
     """Where every start of every round led to."""
-    drawing, axes = new_figure(1, 1, height=3.0)
-    axis = axes[0, 0]
+    drawing, [[axis]] = new_figure(1, 1, height=3.0)
     for number, values in enumerate(levels):
-        axis.plot(
-            [number] * len(values),
-            values,
-            MARKERS[number % len(MARKERS)],
-            color=PALETTE[number % len(PALETTE)],
-            markerfacecolor="none",
-        )
+        style = {"marker": MARKERS[number % len(MARKERS)], "color": PALETTE[number % len(PALETTE)]}
+        axis.plot([number] * len(values), values, linestyle="", markerfacecolor="none", **style)
     names = ["starts", *(f"exchange {n}" for n in range(1, len(levels)))]
     axis.set(xticks=range(len(levels)), xticklabels=names)
     axis.set(ylabel="least transmission angle (°)", xlim=(-0.5, len(levels) - 0.5))
-    return Figure(
-        "starts",
-        "Where every start led to",
-        "Feasible designs only, in the postures of their round: each exchange adds those in which "
-        "a design was worse than it had promised, so that the best value falls to the true one.",
-        drawing,
-    )
+    return drawing
 
 
-def design_figures(spec: FingerLinkageSpec, design: LinkageDesign) -> list:
-    """Figures of a design."""
-    return [
-        finger_figure(design.finger),
-        sequence_figure(design.finger),
-        maps_figure(design.verdict),
-        ratio_figure(design.verdict),
-        tolerance_figure(design.drawn, design.verdict.least_deg, spec.limits.transmission_deg),
-        starts_figure([one.feasible_deg for one in design.search.rounds]),
-    ]
+def add_figures(out: Report, limits: LimitsSpec, design: LinkageDesign) -> None:
+    """Figures of a designed linkage."""
+    verdict = design.verdict
+    out.figure("finger", draw_straight(design.finger), most=5)
+    out.figure("sequences", draw_sequences(design.finger), most=5)
+    out.figure("transmission", draw_maps(verdict))
+    out.figure("ratios", draw_ratios(verdict))
+    tolerance = draw_tolerance(design.drawn, verdict.least_deg, limits.transmission_deg)
+    out.figure("tolerance", tolerance, most=2)
+    out.figure("starts", draw_starts([one.feasible_deg for one in design.search.rounds]))

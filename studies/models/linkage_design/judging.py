@@ -14,11 +14,11 @@ from designopt.vectors import Vector
 from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.solver import Pose
-from studies.models.finger import Body, Finger, pins_of
-from studies.models.linkage_design.problem import HOSTS, PAIRS, SYMBOLS, grid
+from studies.models.finger import Body, Finger
+from studies.models.linkage_design.problem import HOSTS, PAIRS, SYMBOLS, grid, pin_places
 from studies.models.linkage_design.spec import LimitsSpec
 from studies.models.linkage_design.transmission import finger_transmission
-from studies.models.pins import Pins, pin_name
+from studies.models.pins import pin_name
 
 STEP_DEG = 1.0
 """Step of the square of postures on which a design is judged, degrees."""
@@ -43,8 +43,8 @@ class Check:
     name: str
     required: float
     achieved: float
-    unit: str
-    at_least: bool
+    unit: str = "mm"
+    at_least: bool = True
 
     @property
     def slack(self) -> float:
@@ -112,27 +112,27 @@ def judged(finger: Finger, limits: LimitsSpec) -> Verdict:
     pose = poses.value
     crank = np.unwrap(np.unwrap(np.asarray(_angle(pose.bodies["crank"])), axis=1), axis=0)
     crank = crank[0, 0] - crank
+    crank_range = float(np.rad2deg(np.ptp(crank)))
     plate = np.unwrap(_angle(pose.bodies["plate"])[0] - _angle(pose.bodies["distal"])[0])
     by_pip, by_dip = np.diff(crank, axis=0), np.diff(crank, axis=1)
     step = flexion[1] - flexion[0]
     rates = np.asarray(crank_rates(linkage, -jnp.asarray(square)))
     ratio = rates[..., 1] / rates[..., 0]
+    at = pin_places(finger)
+    apart = {(a, b): float(np.hypot(*(at[a] - at[b]))) for a, b in PAIRS}
     checks = [
-        Check("postures that assemble", square[..., 0].size, int(jnp.sum(poses.ok)), "", True),
-        Check("dyads from lock-up", limits.assembly, float(jnp.min(poses.margin)), "mm", True),
-        Check("turn of the crank per PIP", limits.turn, float(np.min(by_pip) / step), "", True),
-        Check("turn of the crank per DIP", limits.turn, float(np.min(by_dip) / step), "", True),
-        Check(
-            "turn of the plate per DIP", limits.turn, float(np.min(np.diff(plate)) / step), "", True
+        Check("postures that assemble", square[..., 0].size, int(jnp.sum(poses.ok)), ""),
+        Check("dyads from lock-up", limits.assembly, float(jnp.min(poses.margin))),
+        Check("turn of the crank per PIP", limits.turn, float(np.min(by_pip) / step), ""),
+        Check("turn of the crank per DIP", limits.turn, float(np.min(by_dip) / step), ""),
+        Check("turn of the plate per DIP", limits.turn, float(np.min(np.diff(plate)) / step), ""),
+        Check("range of the crank", limits.crank_range_deg, crank_range, "°", False),
+        *(
+            Check(f"pins {pin_name(a)} and {pin_name(b)} apart", limits.spacing, apart[a, b])
+            for a, b in PAIRS
         ),
-        Check(
-            "range of the crank",
-            limits.crank_range_deg,
-            float(np.rad2deg(np.ptp(crank))),
-            "°",
-            False,
-        ),
-        *_lengths(pins_of(finger), body, limits),
+        Check("|AF|", limits.crank_offset, apart["A", "F"]),
+        Check("|EF|", limits.crank_length, apart["E", "F"], at_least=False),
         *_inside(pose, body, limits),
     ]
     if limits.force_ratio is not None:
@@ -179,52 +179,20 @@ def _angle(direction: Vector) -> np.ndarray:
     return np.arctan2(np.asarray(direction.y), np.asarray(direction.x))
 
 
-def _lengths(pins: Pins, body: Body, limits: LimitsSpec) -> list[Check]:
-    at = {"A": np.zeros(2), "B": np.array([body.intermediate, 0.0])}
-    at |= {name: np.asarray(getattr(pins, name)) for name in HOSTS}
-
-    def distance(first: str, second: str) -> float:
-        return float(np.hypot(*(at[first] - at[second])))
-
-    apart = [
-        Check(
-            f"pins {pin_name(first)} and {pin_name(second)} apart",
-            limits.spacing,
-            distance(first, second),
-            "mm",
-            True,
-        )
-        for first, second in PAIRS
-    ]
-    return [
-        *apart,
-        Check("|AF|", limits.crank_offset, distance("A", "F"), "mm", True),
-        Check("|EF|", limits.crank_length, distance("E", "F"), "mm", False),
-    ]
-
-
 def _inside(pose: Pose, body: Body, limits: LimitsSpec) -> list[Check]:
-    origins = {"proximal": "A", "intermediate": "A", "distal": "B"}
     checks = []
     for name, host in HOSTS.items():
-        turn = pose.bodies[host].conjugate()
-        if host == "proximal":  # its body points from O to A, and is fixed
-            place = pose.joints[pin_name(name)]
-        else:
-            place = (pose.joints[pin_name(name)] - pose.joints[origins[host]]).turned(turn)
-        sides = [place.y - body.palmar, body.dorsal - place.y]
+        place = pose.joints[pin_name(name)]
+        if host != "proximal":  # whose body points from O to A, and is fixed
+            origin = pose.joints["B" if host == "distal" else "A"]
+            place = (place - origin).turned(pose.bodies[host].conjugate())
+        own_sides = [place.y - body.palmar, body.dorsal - place.y]
         if host == "proximal":
-            sides.append(place.x + body.proximal)
+            own_sides.append(place.x + body.proximal)
         if host == "distal":
-            sides.append(body.distal - place.x)
-        inside = min(float(jnp.min(side)) for side in sides)
+            own_sides.append(body.distal - place.x)
+        inside = min(float(jnp.min(side)) for side in own_sides)
         checks.append(
-            Check(
-                f"pin {pin_name(name)} inside the {host} phalanx",
-                limits.clearance,
-                inside,
-                "mm",
-                True,
-            )
+            Check(f"pin {pin_name(name)} inside the {host} phalanx", limits.clearance, inside)
         )
     return checks

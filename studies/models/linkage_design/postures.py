@@ -114,10 +114,7 @@ def postures_at(finger: Finger, knuckle: Vector, flexion: Vector) -> Postures:
             "C": fold_angle(bc, ch),
             "H": fold_angle(ch, along),
             "E": fold_angle(pull, arm_e),
-            "P": fold_angle(
-                direction_to_meeting(c_out, rod_line, bar_line),
-                c_out - b,
-            ),
+            "P": fold_angle(direction_to_meeting(c_out, rod_line, bar_line), c_out - b),
         },
         crank=-swing.angle(),
         gamma_slope=1 - plate_ratio,

@@ -66,6 +66,12 @@ PAIRS = [
 """Pins on one link whose distance the design decides."""
 
 
+def pin_places(finger: Finger) -> dict[str, Float[np.ndarray, "2"]]:
+    """Places of A, B and the six pins in the straight finger, plain numbers, mm."""
+    axes = {"A": np.zeros(2), "B": np.array([finger.body.intermediate, 0.0])}
+    return axes | {name: np.asarray(getattr(pins_of(finger), name)) for name in HOSTS}
+
+
 def grid(body: Body, step_deg: float) -> Float[np.ndarray, " angles"]:
     """Flexion angles from straight to the end of the range, both included, rad."""
     range_deg = body.range_deg

@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from designopt.io.spec import Spec
+from designopt.study.settings import setting
 from studies.models.body import BodySpec
 
 Positive = Annotated[float, Field(gt=0, le=1e3)]
@@ -15,91 +16,85 @@ Positive = Annotated[float, Field(gt=0, le=1e3)]
 class LimitsSpec(Spec):
     """What every posture must leave. Lengths in mm."""
 
-    clearance: Annotated[float, Field(ge=0, le=100)] = Field(
-        default=2.0, description="pin axes to the faces and ends of their phalanx (mm)"
+    clearance: float = setting(
+        2.0, "pin axes to the faces and ends of their phalanx (mm)", ge=0, le=100
     )
-    spacing: Positive = Field(default=6.0, description="least distance of two pins on a link (mm)")
-    crank_offset: Positive = Field(
-        default=8.0,
-        description="least |AF| (mm); near 0 the crank becomes coaxial with the PIP joint",
+    spacing: Positive = setting(6.0, "least distance of two pins on a link (mm)")
+    crank_offset: Positive = setting(
+        8.0, "least |AF| (mm); near 0 the crank becomes coaxial with the PIP joint"
     )
-    crank_length: Positive = Field(default=22.0, description="greatest |EF| (mm)")
-    crank_range_deg: Annotated[float, Field(gt=0, le=180)] = Field(
-        default=150.0,
-        description="greatest turn of the crank (degrees); 100 for a motor parallelogram, whose "
-        "transmission angle is the crank's angle",
+    crank_length: Positive = setting(22.0, "greatest |EF| (mm)")
+    crank_range_deg: float = setting(
+        150.0,
+        "greatest turn of the crank (degrees); 100 for a motor parallelogram, whose transmission "
+        "angle is the crank's angle",
+        gt=0,
+        le=180,
     )
-    assembly: Positive = Field(
-        default=1.0, description="least distance of a dyad from stretching or folding (mm)"
+    assembly: Positive = setting(1.0, "least distance of a dyad from stretching or folding (mm)")
+    turn: float = setting(0.01, "least turn of crank and plate per turn of a joint", gt=0, le=1)
+    force_ratio: Annotated[float, Field(gt=0, le=10)] | None = setting(
+        None, "greatest φ₂/φ₁, which decides whether a pinch holds; any if none"
     )
-    turn: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=0.01, description="least turn of crank and plate per turn of a joint"
-    )
-    force_ratio: Annotated[float, Field(gt=0, le=10)] | None = Field(
-        default=None, description="greatest φ₂/φ₁, which decides whether a pinch holds; any if none"
-    )
-    transmission_deg: Annotated[float, Field(gt=0, lt=90)] = Field(
-        default=40.0, description="least transmission angle that is required (degrees)"
+    transmission_deg: float = setting(
+        40.0, "least transmission angle that is required (degrees)", gt=0, lt=90
     )
 
 
 class SensorSpec(Spec):
     """The room beside the sensing pads, in which the links lie. Lengths in mm."""
 
-    finger_width: Positive = Field(default=34.0, description="width of the finger (mm)")
-    pad_width: Positive = Field(default=24.0, description="width kept free for the pads (mm)")
-    link_thickness: Positive = Field(default=2.0, description="thickness of a link (mm)")
+    finger_width: Positive = setting(34.0, "width of the finger (mm)")
+    pad_width: Positive = setting(24.0, "width kept free for the pads (mm)")
+    link_thickness: Positive = setting(2.0, "thickness of a link (mm)")
 
 
 class SearchSpec(Spec):
     """How the optimum is searched."""
 
-    starts: Annotated[int, Field(ge=1, le=256)] = Field(
-        default=16, description="local solves, from the most promising Sobol points"
+    starts: int = setting(16, "local solves, from the most promising Sobol points", ge=1, le=256)
+    among: int = setting(16384, "Sobol points looked at", ge=1, le=2**20)
+    step_deg: float = setting(
+        15.0, "step of the postures of the first solve (degrees)", ge=1, le=45
     )
-    among: Annotated[int, Field(ge=1, le=2**20)] = Field(
-        default=16384, description="Sobol points looked at"
+    exchanges: int = setting(
+        4, "most further solves, each with the worst postures in between added", ge=0, le=20
     )
-    step_deg: Annotated[float, Field(ge=1, le=45)] = Field(
-        default=15.0, description="step of the postures of the first solve (degrees)"
+    finalists: int = setting(
+        4, "different optima of the first solve that are solved on", ge=1, le=64
     )
-    exchanges: Annotated[int, Field(ge=0, le=20)] = Field(
-        default=4, description="most further solves, each with the worst postures in between added"
+    allowance: float = setting(
+        0.02,
+        "kept beyond every length that is required, for what lies between the postures and for "
+        "rounding the dimensions (mm)",
+        ge=0,
+        le=1,
     )
-    finalists: Annotated[int, Field(ge=1, le=64)] = Field(
-        default=4, description="different optima of the first solve that are solved on"
-    )
-    allowance: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=0.02,
-        description="kept beyond every length that is required, for what lies between the "
-        "postures and for rounding the dimensions (mm)",
-    )
-    rounding: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=0.01, description="dimensions are multiples of it (mm)"
-    )
+    rounding: float = setting(0.01, "dimensions are multiples of it (mm)", gt=0, le=1)
 
 
 class LinkageSpec(Spec):
-    """What `design_linkage` needs to know besides the body."""
+    """What `design_linkage` is given besides the body.
 
-    limits: LimitsSpec = LimitsSpec()
-    sensor: SensorSpec = SensorSpec()
-    search: SearchSpec = SearchSpec()
-    tolerance: Annotated[float, Field(ge=0, le=10)] = Field(
-        default=0.1, description="error of every coordinate of a pin, 1 σ (mm)"
+    Targets are what the settings require, so they apply whatever these are.
+    """
+
+    limits: LimitsSpec = setting(LimitsSpec(), "what every posture must leave", free=True)
+    sensor: SensorSpec = setting(SensorSpec(), "the room beside the pads", free=True)
+    search: SearchSpec = setting(SearchSpec(), "how the optimum is searched", free=True)
+    tolerance: float = setting(
+        0.1, "error of every coordinate of a pin, 1 σ (mm)", free=True, ge=0, le=10
     )
-    draws: Annotated[int, Field(ge=10, le=1_000_000)] = Field(
-        default=2000, description="draws of the tolerance study"
-    )
+    draws: int = setting(2000, "draws of the tolerance study", free=True, ge=10, le=1_000_000)
 
 
 class FingerLinkageSpec(LinkageSpec):
     """All settings of ``designopt run finger-linkage``."""
 
-    body: BodySpec = BodySpec()
-    precision: bool = Field(default=True, description="measure error against run time")
-    evolution_seconds: Annotated[float, Field(gt=0, le=3600)] = Field(
-        default=20.0, description="time given to differential evolution, the yardstick (s)"
+    body: BodySpec = setting(BodySpec(), "the phalanges", free=True)
+    precision: bool = setting(True, "measure error against run time", free=True)
+    evolution_seconds: float = setting(
+        20.0, "time given to differential evolution, the yardstick (s)", scales=True, gt=0, le=3600
     )
 
     @model_validator(mode="after")

@@ -12,7 +12,6 @@ from jaxtyping import Array
 
 from designopt.optimize import draw_sobol_starts
 from designopt.study.study import Context
-from optics.scene.scene import Scene
 from studies.models.finger import Finger
 from studies.models.mirror_design.judging import Verdict, judged
 from studies.models.mirror_design.placement import Placement, bounds, free_part, poor_layout
@@ -27,8 +26,6 @@ class MirrorDesign:
 
     Attributes:
         finger: with its camera and mirrors.
-        scene: of it.
-        verdict: what it shows, degree by degree.
         trials: what every start led to: the poor one first, then the random ones.
         verdicts: on every trial.
         tasks: of all stages.
@@ -36,12 +33,15 @@ class MirrorDesign:
     """
 
     finger: Finger
-    scene: Scene
-    verdict: Verdict
     trials: Sequence[Trial]
     verdicts: Sequence[Verdict]
     tasks: Sequence[Task]
     chosen: int
+
+    @property
+    def verdict(self) -> Verdict:
+        """What it shows, degree by degree."""
+        return self.verdicts[self.chosen]
 
     @property
     def task(self) -> Task:
@@ -92,7 +92,7 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
 
     chosen = min(range(len(trials)), key=rank)
     best = eqx.combine(trials[chosen].placement, poor)
-    return MirrorDesign(best, best.scene(), verdicts[chosen], trials, verdicts, tasks, chosen)
+    return MirrorDesign(best, trials, verdicts, tasks, chosen)
 
 
 def _random(spec: MirrorSpec, task: Task, seed: int) -> list[Placement]:

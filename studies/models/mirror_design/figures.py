@@ -1,4 +1,4 @@
-"""The study's figures."""
+"""What designed mirrors show, as drawings; studies give them their words."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from designopt.plot.figures import PALETTE, angle_ticks, legend_below, new_figure
-from designopt.study.results import Figure
+from designopt.plot.figures import PALETTE, angle_ticks, new_figure
 from optics.plot.scene_drawing import DASHES
 from optics.plot.scene_figures import COLORS, UNSEEN, poses_figure
 from optics.scene.scene import Scene
+from studies.models.finger import PHALANGES, Phalanx
 from studies.models.mirror_design.errors import NAMES
 from studies.models.mirror_design.judging import Square, Verdict
 from studies.models.mirror_design.seeing import best_resolution, pad_lengths, together
@@ -29,21 +30,19 @@ PARTS = (0.0, 1 / 3, 2 / 3, 1.0)
 PLACES = 161
 
 
-def views_figure(name: str, title: str, scene: Scene, verdict: Verdict) -> Figure:
+def drawn_postures(verdict: Verdict) -> list[int]:
+    """Indices of the degrees of both joints at which `draw_views` shows the finger."""
+    return [round(part * (len(verdict.degrees) - 1)) for part in PARTS]
+
+
+def draw_views(scene: Scene, verdict: Verdict) -> Figure:
     """The mirror visibility plot in four poses."""
-    kept = [round(part * (len(verdict.degrees) - 1)) for part in PARTS]
-    degrees = verdict.degrees[kept]
-    views = jax.tree.map(lambda leaf: leaf[np.array(kept)], verdict.views)
-    return Figure(
-        name,
-        title,
-        f"The section at {', '.join(f'{angle:g}' for angle in degrees)}° of both joints, with rays "
-        "along the ends of what each path shows.",
-        poses_figure(scene, together(jnp.deg2rad(jnp.asarray(degrees))), views),
-    )
+    kept = np.array(drawn_postures(verdict))
+    poses = together(jnp.deg2rad(jnp.asarray(verdict.degrees[kept])))
+    return poses_figure(scene, poses, jax.tree.map(lambda leaf: leaf[kept], verdict.views))
 
 
-def coverage_figure(squares: Mapping[str, Square], degrees: np.ndarray) -> Figure:
+def draw_coverage(squares: Mapping[str, Square], degrees: np.ndarray) -> Figure:
     """The pad that is seen least, for all pairs of joint angles, before and after."""
     drawing, grid = new_figure(1, len(squares), height=3.4)
     colors = ScalarMappable(Normalize(0, 100), COLORS)
@@ -60,16 +59,10 @@ def coverage_figure(squares: Mapping[str, Square], degrees: np.ndarray) -> Figur
         axes.set(ylabel="" if index else "DIP (°)", aspect="equal")
         axes.set(xticks=angle_ticks(degrees[-1], 6), yticks=angle_ticks(degrees[-1], 6))
     drawing.colorbar(colors, ax=list(grid[0]), label="coverage of the least seen pad (%)")
-    return Figure(
-        "coverage",
-        "Coverage on a 1° grid",
-        f"Part that is seen of the pad that is seen least, for all "
-        f"{len(degrees) ** 2:,} pairs of joint angles.",
-        drawing,
-    )
+    return drawing
 
 
-def resolution_figure(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
+def draw_resolution(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
     """Resolution along the outer pads over their joints' angles, before and after."""
     pads = {"proximal": "PIP", "distal": "DIP"}
     drawing, grid = new_figure(len(scenes), len(pads), height=2.6 * len(scenes) + 0.5)
@@ -105,17 +98,10 @@ def resolution_figure(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
     bar.minorticks_off()
     unseen = Patch(label="not seen", **UNSEEN)
     drawing.legend(handles=[unseen], loc="outside lower center")
-    return Figure(
-        "resolution",
-        "Resolution along the outer pads",
-        "Each place in the view that shows it best; 0 mm is the pad's first end: the root of the "
-        "proximal pad, the joint's end of the distal one. The jump is the hand-over from the "
-        "direct view to the mirror.",
-        drawing,
-    )
+    return drawing
 
 
-def sensitivity_figure(found: Sensitivity) -> Figure:
+def draw_sensitivity(found: Sensitivity) -> Figure:
     """What each error hides by itself, and what its tolerance does to the yield."""
     drawing, grid = new_figure(1, 2, height=3.6, width_ratios=[1.6, 1])
     left, right = grid[0]
@@ -137,14 +123,7 @@ def sensitivity_figure(found: Sensitivity) -> Figure:
     yields = [found.base, *found.doubled.values()]
     _bars(right, names, yields)
     right.set_title("Yield, a tolerance doubled")
-    legend_below(drawing)
-    return Figure(
-        "sensitivity",
-        "Sensitivity to each tolerance",
-        "Left: least coverage of any pad in any posture with a single error. Right: yield with one "
-        "tolerance doubled, each over the same draws, with 95 % confidence intervals.",
-        drawing,
-    )
+    return drawing
 
 
 def _bars(axes: Axes, names: list[str], yields: list[Yield]) -> None:
@@ -159,15 +138,15 @@ def _bars(axes: Axes, names: list[str], yields: list[Yield]) -> None:
     axes.grid(visible=False, axis="y")
 
 
-def yield_figure(yields: Mapping[str, Yield], degrees: np.ndarray, pads: list[str]) -> Figure:
+def draw_yield(yields: Mapping[str, Yield], degrees: np.ndarray) -> Figure:
     """In which postures draws fail, pad by pad."""
     drawing, grid = new_figure(1, 2, height=3.4)
-    joints = {"proximal": "PIP", "distal": "DIP"}
+    joints: dict[Phalanx, str] = {"proximal": "PIP", "distal": "DIP"}
     for axes, (pad, joint) in zip(grid[0], joints.items(), strict=True):
         for level, (name, one) in enumerate(yields.items()):
             axes.plot(
                 degrees,
-                100 * one.by_pose[:, pads.index(pad)],
+                100 * one.by_pose[:, PHALANGES.index(pad)],
                 color=PALETTE[level],
                 linestyle=DASHES[level],
                 label=f"{name}: yield {100 * one.value:.1f} %",
@@ -177,11 +156,4 @@ def yield_figure(yields: Mapping[str, Yield], degrees: np.ndarray, pads: list[st
     lowest = min(float(np.min(one.by_pose)) for one in yields.values())
     for axes in grid[0]:
         axes.set_ylim(100 * lowest - 1, 100.5)
-    legend_below(drawing, most=2)
-    return Figure(
-        "yield",
-        "Where errors hide something",
-        "Part of the Monte-Carlo draws in which each outer pad is wholly seen, over its joint's "
-        "angle; the yield asks for all pads in all postures of one draw.",
-        drawing,
-    )
+    return drawing

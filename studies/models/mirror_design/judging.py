@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import NamedTuple
 
@@ -44,8 +45,12 @@ class Verdict(eqx.Module):
     @property
     def worst_coverage(self) -> float:
         """Least coverage of any pad in any posture; 1 but for rounding is 1."""
-        worst = float(np.min(self.coverage))
-        return 1.0 if worst >= 1 - ROUNDING else worst
+        return _worst(self.coverage)
+
+    @property
+    def in_single_views(self) -> float:
+        """Part of the postures in which every pad is whole in one view."""
+        return float(np.mean(np.all(self.single >= 1 - ROUNDING, axis=1)))
 
     @property
     def mean_coverage(self) -> float:
@@ -56,6 +61,16 @@ class Verdict(eqx.Module):
     def worst_px_per_mm(self) -> float:
         """Least resolution of any pad in any posture."""
         return float(np.min(self.px_per_mm))
+
+
+def _worst(coverage: np.ndarray) -> float:
+    worst = float(np.min(coverage))
+    return 1.0 if worst >= 1 - ROUNDING else worst
+
+
+def percent_at_least(part: float) -> str:
+    """A part in percent, rounded down: what is not all is not 100 %."""
+    return f"{math.floor(1e4 * part) / 100:g} %"
 
 
 def whole_degrees(range_deg: float) -> Float[np.ndarray, " poses"]:
@@ -87,18 +102,17 @@ class Square(NamedTuple):
     Attributes:
         coverage: of every pad, shape (PIP, DIP, pads).
         disagreement: largest deviation from the row.
-        square_poses: number of all pairs.
-        square_seconds: run time of all pairs.
-        row_poses: number of poses of the row.
-        row_seconds: run time of the row.
+        speedup: run time of all pairs over that of the row.
     """
 
     coverage: Float[np.ndarray, "pip dip pads"]
     disagreement: float
-    square_poses: int
-    square_seconds: float
-    row_poses: int
-    row_seconds: float
+    speedup: float
+
+    @property
+    def worst_coverage(self) -> float:
+        """Least coverage of any pad in any posture; 1 but for rounding is 1."""
+        return _worst(self.coverage)
 
 
 def coverage_grid(finger: Finger) -> Square:
@@ -108,20 +122,13 @@ def coverage_grid(finger: Finger) -> Square:
     mesh = jnp.stack(jnp.meshgrid(angles, angles, indexing="ij"), axis=-1)
     row, row_seconds = _timed(scene, together(angles))
     square, square_seconds = _timed(scene, mesh)
-    distal, proximal = (
-        [pad.name for pad in scene.layout.pads].index(name) for name in ("distal", "proximal")
-    )
+    names = [pad.name for pad in scene.layout.pads]
+    distal, proximal = names.index("distal"), names.index("proximal")
     expected = np.repeat(row[:, None], len(row), axis=1)
     expected[..., distal] = row[None, :, distal]
     expected[..., proximal] = row[:, None, proximal]
-    return Square(
-        square,
-        float(np.max(np.abs(square - expected))),
-        len(row) ** 2,
-        square_seconds,
-        len(row),
-        row_seconds,
-    )
+    disagreement = float(np.max(np.abs(square - expected)))
+    return Square(square, disagreement, square_seconds / row_seconds)
 
 
 def _timed(scene: Scene, poses: Float[Array, "*poses joints"]) -> tuple[np.ndarray, float]:

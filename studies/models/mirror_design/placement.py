@@ -19,58 +19,46 @@ Placement = Finger
 """A finger of which only the places of camera and mirrors are left, also as a bound or a scale; all
 other leaves are ``None``."""
 
+Place = tuple[ArrayLike, ArrayLike, ArrayLike]
+Ends = Sequence[Sequence[ArrayLike]]
+
 DISTAL, PROXIMAL = 0, 1
 """The order of the mirrors."""
 
 
 def with_layout(
-    finger: Finger,
-    lens: CameraSpec,
-    *,
-    camera: Sequence[ArrayLike],
-    tilt: ArrayLike,
-    distal: Sequence[Sequence[ArrayLike]],
-    proximal: Sequence[Sequence[ArrayLike]],
+    finger: Finger, lens: CameraSpec, place: Place, distal: Ends, proximal: Ends
 ) -> Finger:
     """A finger with a camera and two mirrors.
 
     Args:
         finger: its own camera and mirrors are replaced.
         lens: the camera's settings.
-        camera: of the pinhole, along from the PIP axis and depth, mm.
-        tilt: see `FingerCamera`.
+        place: of the camera: along from the PIP axis and depth of the pinhole, mm, and tilt, rad;
+            see `FingerCamera`.
         distal: ends of the mirror; see `FingerMirror`.
         proximal: ends of the other.
     """
-    along, depth = camera
+    along, depth, tilt = place
+    camera = FingerCamera(
+        along=along,
+        depth=depth,
+        tilt=tilt,
+        field_of_view=np.deg2rad(lens.fov_deg),
+        pixels=lens.pixels,
+        width=lens.width,
+        grazing=np.deg2rad(lens.min_grazing_deg),
+    )
+    first = FingerMirror(jnp.asarray(distal), "distal")
     return replace(
-        finger,
-        camera=FingerCamera(
-            along=along,
-            depth=depth,
-            tilt=tilt,
-            field_of_view=np.deg2rad(lens.fov_deg),
-            pixels=lens.pixels,
-            width=lens.width,
-            grazing=np.deg2rad(lens.min_grazing_deg),
-        ),
-        mirrors=(
-            FingerMirror(jnp.asarray(distal), "distal"),
-            FingerMirror(jnp.asarray(proximal), "proximal"),
-        ),
+        finger, camera=camera, mirrors=(first, FingerMirror(jnp.asarray(proximal), "proximal"))
     )
 
 
 def reference_layout(finger: Finger, lens: CameraSpec) -> Finger:
     """The layout that an earlier, independent search with errors found for T = 25, h = 4 mm."""
-    return with_layout(
-        finger,
-        lens,
-        camera=[15.75, 4.01],
-        tilt=np.deg2rad(-6.3),
-        distal=[[0.24, 1.96], [30.81, 20.66]],
-        proximal=[[4.16, 2.5], [-28.35, 11.7]],
-    )
+    place, distal = (15.75, 4.01, np.deg2rad(-6.3)), [[0.24, 1.96], [30.81, 20.66]]
+    return with_layout(finger, lens, place, distal, [[4.16, 2.5], [-28.35, 11.7]])
 
 
 def poor_layout(finger: Finger, lens: CameraSpec) -> Finger:
@@ -79,14 +67,9 @@ def poor_layout(finger: Finger, lens: CameraSpec) -> Finger:
     The camera sits 5 mm over the middle of the intermediate pad and looks straight at it.
     """
     body = finger.body
-    return with_layout(
-        finger,
-        lens,
-        camera=[body.intermediate / 2, body.thickness - 5],
-        tilt=0.0,
-        distal=[[2.0, 2.0], [body.distal - 4, 2.0]],
-        proximal=[[-2.0, 2.0], [4 - body.proximal, 2.0]],
-    )
+    place, distal = (body.intermediate / 2, body.thickness - 5, 0.0), body.distal - 4
+    proximal = [[-2.0, 2.0], [4 - body.proximal, 2.0]]
+    return with_layout(finger, lens, place, [[2.0, 2.0], [distal, 2.0]], proximal)
 
 
 def free_part(finger: Finger) -> Placement:
@@ -101,15 +84,9 @@ def _free(finger: Finger) -> list[Any]:
     return [camera.along, camera.depth, camera.tilt, *(mirror.ends for mirror in finger.mirrors)]
 
 
-def _placement(
-    finger: Finger,
-    camera: Sequence[ArrayLike],
-    tilt: float,
-    distal: Sequence[Sequence[ArrayLike]],
-    proximal: Sequence[Sequence[ArrayLike]],
-) -> Placement:
-    parts = [*camera, tilt, distal, proximal]
-    return eqx.tree_at(_free, free_part(finger), [jnp.asarray(part, float) for part in parts])
+def _placement(finger: Finger, place: Place, distal: Ends, proximal: Ends) -> Placement:
+    parts = [jnp.asarray(part, float) for part in (*place, distal, proximal)]
+    return eqx.tree_at(_free, free_part(finger), parts)
 
 
 def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
@@ -132,15 +109,13 @@ def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
     outer, inner = body.distal, body.proximal
     least = _placement(
         finger,
-        [half, spec.camera.depth],
-        -0.6,
+        (half, spec.camera.depth, -0.6),
         [[-over, low], [outer / 2, low]],
         [[-inner / 2, low], [clear - inner, low]],
     )
     greatest = _placement(
         finger,
-        [body.intermediate - half, body.thickness - 2 * clear],
-        0.6,
+        (body.intermediate - half, body.thickness - 2 * clear, 0.6),
         [[outer / 2, high], [outer - clear, high]],
         [[over, high], [-inner / 2, high]],
     )
@@ -150,4 +125,4 @@ def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
 def scale(finger: Finger) -> Placement:
     """A change of each number that matters about as much as that of the others: 1 mm, 0.1 rad."""
     ones = [[1.0, 1.0], [1.0, 1.0]]
-    return _placement(finger, [1.0, 1.0], 0.1, ones, ones)
+    return _placement(finger, (1.0, 1.0, 0.1), ones, ones)

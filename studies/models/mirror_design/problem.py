@@ -171,10 +171,7 @@ def terms_of(placement: Placement, task: Task) -> Evaluation:
     sharp = looks.resolution[: task.plain]
     return Evaluation(
         objective=100 * hidden + cost,
-        inequalities={
-            "resolution": sharp.reshape(-1, sharp.shape[-1]),
-            "clearance": clearance,
-        },
+        inequalities={"resolution": sharp.reshape(-1, sharp.shape[-1]), "clearance": clearance},
     )
 
 

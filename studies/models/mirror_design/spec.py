@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from designopt.io.spec import Spec
+from designopt.study.settings import setting
 from studies.models.body import BodySpec
 
 Length = Annotated[float, Field(gt=0, le=1e3)]
@@ -19,72 +20,62 @@ FLOOR = 2.5
 class CameraSpec(Spec):
     """The camera on the intermediate phalanx: an equidistant lens with an opaque body behind it."""
 
-    fov_deg: Annotated[float, Field(ge=20, le=220)] = Field(
-        default=160.0, description="field of view (degrees)"
-    )
-    pixels: Annotated[int, Field(ge=16, le=100_000)] = Field(
-        default=1080, description="pixels along the image line"
-    )
-    width: Length = Field(default=8.0, description="width of the opaque body (mm)")
-    depth: Length = Field(
-        default=4.0, description="what the body needs below the dorsal face, behind the lens (mm)"
-    )
-    min_grazing_deg: Annotated[float, Field(ge=0, lt=60)] = Field(
-        default=2.0, description="least angle between a pad and a ray that shows it (degrees)"
+    fov_deg: float = setting(160.0, "field of view (degrees)", ge=20, le=220)
+    pixels: int = setting(1080, "pixels along the image line", ge=16, le=100_000)
+    width: Length = setting(8.0, "width of the opaque body (mm)")
+    depth: Length = setting(4.0, "what the body needs below the dorsal face, behind the lens (mm)")
+    min_grazing_deg: float = setting(
+        2.0, "least angle between a pad and a ray that shows it (degrees)", ge=0, lt=60
     )
 
 
 class RoomSpec(Spec):
     """Where mirrors may be. Lengths in mm."""
 
-    clearance: Length = Field(
-        default=1.0, description="of mirrors from faces, end walls and camera body (mm)"
-    )
-    overhang: Annotated[float, Field(ge=0, le=100)] = Field(
-        default=5.0, description="how far a mirror may reach beyond its own joint's axis (mm)"
+    clearance: Length = setting(1.0, "of mirrors from faces, end walls and camera body (mm)")
+    overhang: float = setting(
+        5.0, "how far a mirror may reach beyond its own joint's axis (mm)", ge=0, le=100
     )
 
 
 class ToleranceSpec(Spec):
     """Errors of assembly: standard deviations of independent normal errors."""
 
-    camera_position: Error = Field(default=0.3, description="camera, along x and along y (mm)")
-    camera_tilt_deg: Error = Field(default=2.0, description="camera, about its pinhole (degrees)")
-    mirror_tilt_deg: Error = Field(
-        default=1.0, description="each mirror, about its middle (degrees)"
-    )
-    mirror_offset: Error = Field(default=0.3, description="each mirror, along its normal (mm)")
+    camera_position: Error = setting(0.3, "camera, along x and along y (mm)")
+    camera_tilt_deg: Error = setting(2.0, "camera, about its pinhole (degrees)")
+    mirror_tilt_deg: Error = setting(1.0, "each mirror, about its middle (degrees)")
+    mirror_offset: Error = setting(0.3, "each mirror, along its normal (mm)")
 
 
 class SearchSpec(Spec):
-    """How the arrangement is searched for."""
+    """How the arrangement is searched for; a design is judged apart from it."""
 
-    starts: Annotated[int, Field(ge=1, le=256)] = Field(
-        default=2, description="random starts, besides the poor one that is written down"
+    starts: int = setting(
+        2, "random starts, besides the poor one that is written down", free=True, ge=1, le=256
     )
-    copies: Annotated[int, Field(ge=2, le=1024)] = Field(
-        default=24, description="copies with errors, all of which are to see everything"
+    copies: int = setting(
+        24, "copies with errors, all of which are to see everything", free=True, ge=2, le=1024
     )
-    poses: Annotated[int, Field(ge=2, le=91)] = Field(
-        default=8, description="postures in which each copy is looked at, its own ones"
+    poses: int = setting(
+        8, "postures in which each copy is looked at, its own ones", free=True, ge=2, le=91
     )
-    spread: Annotated[float, Field(ge=0.1, le=10)] = Field(
-        default=2.0, description="size of the copies' errors over the stated ones, at the end"
+    spread: float = setting(
+        2.0, "size of the copies' errors over the stated ones, at the end", free=True, ge=0.1, le=10
     )
-    mirror_weight: Annotated[float, Field(ge=0, le=100)] = Field(
-        default=0.3, description="price of 10 mm of mirror, in % of a pad that is not seen"
+    mirror_weight: float = setting(
+        0.3, "price of 10 mm of mirror, in % of a pad that is not seen", free=True, ge=0, le=100
     )
 
 
 class MirrorSpec(Spec):
-    """What `design_mirrors` needs to know besides the body."""
+    """What `design_mirrors` is given besides the body."""
 
     camera: CameraSpec = CameraSpec()
     room: RoomSpec = RoomSpec()
     tolerances: ToleranceSpec = ToleranceSpec()
     search: SearchSpec = SearchSpec()
-    floor: Annotated[float, Field(gt=0, le=1000)] = Field(
-        default=FLOOR, description="least resolution, each place in its best view (px/mm)"
+    floor: float = setting(
+        FLOOR, "least resolution, each place in its best view (px/mm)", gt=0, le=1000
     )
 
 
@@ -93,28 +84,20 @@ class FingerMirrorsSpec(MirrorSpec):
 
     body: BodySpec = BodySpec()
     search: SearchSpec = SearchSpec(starts=8)
-    thin: Annotated[float, Field(ge=0, le=1e3)] = Field(
-        default=20.0, description="thickness of a second body; 0 for none (mm)"
+    thin: float = setting(20.0, "thickness of a second body; 0 for none (mm)", ge=0, le=1e3)
+    thin_floor: float = setting(1.2, "least resolution of the second body (px/mm)", gt=0, le=1000)
+    draws: int = setting(
+        2000, "random draws of all errors for the yield", scales=True, ge=10, le=100_000
     )
-    thin_floor: Annotated[float, Field(gt=0, le=1000)] = Field(
-        default=1.2, description="least resolution of the second body (px/mm)"
+    rays: int = setting(200_000, "rays of the second check", scales=True, ge=1000, le=20_000_000)
+    ray_poses: int = setting(20, "worst postures that rays check", scales=True, ge=1, le=91)
+    solvers: Literal["none", "few", "all"] = setting(
+        "few", "which solvers to compare: gap and violation over run time", free=True
     )
-    draws: Annotated[int, Field(ge=10, le=100_000)] = Field(
-        default=2000, description="random draws of all errors for the yield"
+    evolution_seconds: float = setting(
+        20.0, "run time of differential evolution, the yardstick (s)", free=True, gt=0, le=1e4
     )
-    rays: Annotated[int, Field(ge=1000, le=20_000_000)] = Field(
-        default=200_000, description="rays of the second check"
-    )
-    ray_poses: Annotated[int, Field(ge=1, le=91)] = Field(
-        default=20, description="worst postures that rays check"
-    )
-    solvers: Literal["none", "few", "all"] = Field(
-        default="few", description="which solvers to compare: gap and violation over run time"
-    )
-    evolution_seconds: Annotated[float, Field(gt=0, le=1e4)] = Field(
-        default=20.0, description="run time of differential evolution, the yardstick (s)"
-    )
-    left_out: bool = Field(default=True, description="count operations left out")
+    left_out: bool = setting(True, "count operations left out", free=True)
 
     @model_validator(mode="after")
     def _room_for_everything(self) -> FingerMirrorsSpec:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.stats
 from jaxtyping import Array, Float
 
 from optics.visibility.coverage import find_coverage
@@ -16,9 +16,6 @@ from studies.models.mirror_design.errors import NAMES, Errors, deviations, pertu
 from studies.models.mirror_design.judging import ROUNDING, whole_degrees
 from studies.models.mirror_design.seeing import together
 from studies.models.mirror_design.spec import ToleranceSpec
-
-CONFIDENCE = 1.959963984540054
-"""Quantile of the normal distribution for 95 % between both limits."""
 
 GROUPS = {
     "camera position": (0, 1),
@@ -53,14 +50,17 @@ class Yield(NamedTuple):
     by_pose: Float[np.ndarray, "poses pads"]
 
 
-def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """95 % confidence interval of a share (E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209)."""
-    share, z = successes / trials, CONFIDENCE
-    middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
-    half = z / (1 + z * z / trials)
-    half *= math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
+def share_of(coverage: Float[np.ndarray, "draws poses pads"]) -> Yield:
+    """The yield of draws; a pad is seen if 1 − `ROUNDING` of it is.
+
+    The interval is Wilson's (E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209).
+    """
+    whole = coverage >= 1 - ROUNDING
+    good, draws = int(np.sum(np.all(whole, axis=(1, 2)))), len(whole)
+    low, high = scipy.stats.binomtest(good, draws).proportion_ci(method="wilson")
     # Rounding may leave a share of 0 or 1 outside.
-    return max(0.0, min(middle - half, share)), min(1.0, max(middle + half, share))
+    value = good / draws
+    return Yield(value, min(low, value), max(high, value), draws, np.mean(whole, axis=0))
 
 
 def coverages(
@@ -78,9 +78,7 @@ def coverages(
 
 @jax.jit
 def _coverages(
-    finger: Finger,
-    errors: Float[Array, "draws 7"],
-    poses: Float[Array, "poses joints"],
+    finger: Finger, errors: Float[Array, "draws 7"], poses: Float[Array, "poses joints"]
 ) -> Float[Array, "draws poses pads"]:
     def of_draw(entries: Float[Array, "7"]) -> Float[Array, "poses pads"]:
         return find_coverage(perturb(finger, Errors.of(entries)).scene(), poses).value
@@ -88,18 +86,9 @@ def _coverages(
     return jax.lax.map(of_draw, errors)
 
 
-def monte_carlo(
-    finger: Finger,
-    tolerances: ToleranceSpec,
-    *,
-    draws: int,
-    seed: int,
-) -> Yield:
-    """The yield by independent normal errors; a pad is seen if 1 − `ROUNDING` of it is."""
-    errors = sample_errors(tolerances, draws, seed)
-    whole = coverages(finger, errors) >= 1 - ROUNDING
-    good = int(np.sum(np.all(whole, axis=(1, 2))))
-    return Yield(good / draws, *wilson(good, draws), draws, np.mean(whole, axis=0))
+def monte_carlo(finger: Finger, tolerances: ToleranceSpec, *, draws: int, seed: int) -> Yield:
+    """The yield by independent normal errors."""
+    return share_of(coverages(finger, sample_errors(tolerances, draws, seed)))
 
 
 class Sensitivity(NamedTuple):
@@ -119,13 +108,7 @@ class Sensitivity(NamedTuple):
     doubled: dict[str, Yield]
 
 
-def sensitivity(
-    finger: Finger,
-    tolerances: ToleranceSpec,
-    *,
-    draws: int,
-    seed: int,
-) -> Sensitivity:
+def sensitivity(finger: Finger, tolerances: ToleranceSpec, *, draws: int, seed: int) -> Sensitivity:
     """What each error does by itself, over `STEPS`; yields with the same draws each."""
     sizes, each = deviations(tolerances), np.eye(len(NAMES))
     single = (each[:, None] * STEPS[:, None]) * sizes
@@ -138,18 +121,9 @@ def sensitivity(
         variants.append(errors * factor)
     found = coverages(finger, np.concatenate([alone, *variants]))
     worst = np.min(found[: len(alone)], axis=(1, 2)).reshape(len(NAMES), len(STEPS))
-    whole = found[len(alone) :].reshape(len(variants), draws, *found.shape[1:]) >= 1 - ROUNDING
-    yields = []
-    for of_variant in whole:
-        good = int(np.sum(np.all(of_variant, axis=(1, 2))))
-        shares = np.mean(of_variant, axis=0)
-        yields.append(Yield(good / draws, *wilson(good, draws), draws, shares))
-    return Sensitivity(
-        worst,
-        np.array([_limits(curve >= 1 - ROUNDING) for curve in worst]),
-        yields[0],
-        dict(zip(GROUPS, yields[1:], strict=True)),
-    )
+    base, *doubled = map(share_of, np.split(found[len(alone) :], len(variants)))
+    limits = np.array([_limits(curve >= 1 - ROUNDING) for curve in worst])
+    return Sensitivity(worst, limits, base, dict(zip(GROUPS, doubled, strict=True)))
 
 
 def _limits(whole: np.ndarray) -> tuple[float, float]:

@@ -10,20 +10,29 @@ from optics.scene.writer import scene_tables
 from studies.models.finger import Finger
 
 
-def finger_linkage(finger: Finger) -> DesignedLinkage:
+def designed_linkage(finger: Finger, name: str = "") -> DesignedLinkage:
     """The linkage, driven at its joints.
+
+    Args:
+        finger: with pins.
+        name: in titles and file names; by default the finger's.
 
     Raises:
         UserError: the finger has no pins.
     """
-    return DesignedLinkage.of(parse_sketch(finger.linkage_tables(), finger.name), finger.name)
+    name = name or finger.name
+    return DesignedLinkage.of(parse_sketch(finger.linkage_tables(), name), name)
 
 
-def finger_scene(finger: Finger) -> DesignedScene:
+def designed_scene(finger: Finger, name: str = "") -> DesignedScene:
     """Camera, mirrors and pads.
+
+    Args:
+        finger: with a camera.
+        name: in titles and file names; by default the finger's.
 
     Raises:
         UserError: the finger has no camera.
     """
     file = SceneFile.model_validate(scene_tables(finger.scene()))
-    return DesignedScene.of(file, finger.name)
+    return DesignedScene.of(file, name or finger.name)
