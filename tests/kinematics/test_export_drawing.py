@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import itertools
 import math
-import tomllib
 from functools import cache
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from ezdxf.document import Drawing as DxfDocument
@@ -20,7 +18,7 @@ from kinematics.export.drawing import linkage_quantities, make_linkage_drawing
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
 from tests.designopt.export.reading import dimensions, opened
-from tests.kinematics.gallery import FOLDER, NAMES, poses_of
+from tests.kinematics.gallery import FOLDER, NAMES, gallery_tables, poses_of, tables_of
 
 MAKER = 1e-6
 """What the distances between pins have to keep, mm."""
@@ -41,13 +39,9 @@ def drawing(name: str) -> DxfDocument:
     return opened(sheet(name))
 
 
-def tables(name: str) -> dict[str, Any]:
-    return tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
-
-
 def stated(name: str) -> dict[tuple[str, str, str], float]:
     """Distances between joints that the file states: exact ones, otherwise the sketch's."""
-    data, found = tables(name), {}
+    data, found = gallery_tables(name), {}
     for body, part in data["bodies"].items():
         lengths = part.get("lengths", {})
         for pair in itertools.combinations(part["joints"], 2):
@@ -66,16 +60,12 @@ def numbers(name: str) -> dict[str, tuple[float, str]]:
 
 
 def linkage(**changes: Any) -> DesignedLinkage:
-    base = {
-        "joints": {"A": [0, 0], "B": [10, 0], "C": [10, 8], "D": [0, 8]},
-        "bodies": {
-            "base": {"joints": ["A", "B"], "fixed": True},
-            "left": {"joints": ["A", "D"]},
-            "right": {"joints": ["B", "C"]},
-            "top": {"joints": ["D", "C"]},
-        },
-        "inputs": [{"name": "turn", "body": "left"}],
-    }
+    base = tables_of(
+        {"A": [0, 0], "B": [10, 0], "C": [10, 8], "D": [0, 8]},
+        "A B",
+        {"left": "A D", "right": "B C", "top": "D C"},
+        inputs=[{"name": "turn", "body": "left"}],
+    )
     return DesignedLinkage.of(parse_sketch(base | changes, "sketch"), "sketch")
 
 
@@ -86,7 +76,7 @@ def test_pins_in_the_file_are_as_far_apart_as_the_linkage_says(name):
         joint = circle.get_xdata("DESIGNOPT")[0].value
         place = np.array(circle.dxf.center)[:2]
         pins.setdefault(circle.dxf.layer, {})[joint] = place
-    data, measured = tables(name), 0
+    data, measured = gallery_tables(name), 0
     assert set(pins) <= set(data["bodies"])
     for (body, first, second), wanted in stated(name).items():
         if {first, second} <= pins.get(body, {}).keys():
@@ -99,82 +89,58 @@ def test_pins_in_the_file_are_as_far_apart_as_the_linkage_says(name):
         for joint in first.keys() & second.keys():
             np.testing.assert_allclose(first[joint], second[joint], atol=MAKER)
 
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_drawing_is_clean_and_dimensions_are_the_distances(name):
     document = drawing(name)
     assert not document.audit().has_issues
-    assert all(body in document.layers for body in tables(name)["bodies"])
+    assert all(body in document.layers for body in gallery_tables(name)["bodies"])
     measured = [part.get_measurement() for part in dimensions(document)]
     by_joints = {frozenset(key[1:]): value for key, value in stated(name).items()}
     assert sorted(measured) == pytest.approx(sorted(by_joints.values()), abs=MAKER)
 
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_joint_that_joins_is_a_circle_and_the_others_are_not(name):
-    data = tables(name)
+    # Every joint that joins is a circle, and the others are not.
     partners = dict.fromkeys(data["joints"], 0)
     for part in data["bodies"].values():
         if not part.get("fixed"):
             partners |= {joint: partners[joint] + 1 for joint in part["joints"]}
-    for joint in {
-        j for part in data["bodies"].values() if part.get("fixed") for j in part["joints"]
-    }:
+    fixed = [part["joints"] for part in data["bodies"].values() if part.get("fixed")]
+    for joint in set().union(*fixed):
         partners[joint] += 1
     for slider in data.get("sliders", []):
         partners[slider["joint"]] += 1
     circles = {circle.name for circle in sheet(name).circles}
     assert circles == {joint for joint, count in partners.items() if count > 1}
     assert {label.text for label in sheet(name).labels} == set(data["joints"])
-
-
-@pytest.mark.parametrize("name", ["four-bar", "quick-return", "scotch-yoke", "slider-crank"])
-def test_joints_are_where_the_solver_of_poses_puts_them(name):
-    linkage = design(name).linkage
-    poses = poses_of(linkage, jnp.asarray(linkage.reference.inputs)[None])
-    assert bool(jnp.all(poses.ok))
-    found = numbers(name)
-    for joint in linkage.structure.joints:
-        wanted = np.asarray(poses.value.position(joint))[0]
-        place = [found[f"joints.{joint}.{axis}"][0] for axis in "xy"]
-        np.testing.assert_allclose(place, wanted, atol=1e-9)
+    for layer in sheet(name).layers:
+        own = [circle for circle in sheet(name).circles if circle.layer == layer.name]
+        for first, second in itertools.combinations(own, 2):
+            assert math.dist(first.center, second.center) > first.radius + second.radius
 
 
 def test_bodies_are_bars_or_outlines_and_carry_their_slots():
-    polylines = {
-        body: [s for s in sheet("watt").polylines if s.layer == body] for body in ("rocker",)
-    }
-    (rocker,) = polylines["rocker"]
+    (rocker,) = (line for line in sheet("watt").polylines if line.layer == "rocker")
     assert rocker.closed
     corners = {circle.name: circle.center for circle in sheet("watt").circles}
     assert set(rocker.places) == {corners[joint] for joint in ("O4", "B", "C")}
     # The lever's slot runs along it, through the crank's pin.
-    lines = [
-        polyline.places for polyline in sheet("quick-return").polylines if polyline.layer == "lever"
-    ]
+    lines = [line.places for line in sheet("quick-return").polylines if line.layer == "lever"]
     pin = next(part.center for part in sheet("quick-return").circles if part.name == "A")
     slot = next(line for line in lines if math.dist(*line[:2]) < 10)
     assert math.dist(slot[0], pin) + math.dist(pin, slot[1]) == pytest.approx(math.dist(*slot))
-    fixed = [
-        s for s in sheet("slider-crank").polylines if s.layer == "ground" and len(s.places) == 2
-    ]
-    assert any(all(y == pytest.approx(-20, abs=1e-9) for _, y in line.places) for line in fixed)
-
-
-def test_pins_do_not_touch_each_other():
-    for name in NAMES:
-        for layer in sheet(name).layers:
-            pins = [circle for circle in sheet(name).circles if circle.layer == layer.name]
-            for first, second in itertools.combinations(pins, 2):
-                assert math.dist(first.center, second.center) > first.radius + second.radius
+    fixed = [s.places for s in sheet("slider-crank").polylines if s.layer == "ground"]
+    assert any(all(y == pytest.approx(-20, abs=1e-9) for _, y in line) for line in fixed)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_numbers_hold_every_number_of_the_file(name):
-    found, data = numbers(name), tables(name)
+    found, data = numbers(name), gallery_tables(name)
     for (body, first, second), wanted in stated(name).items():
         value, unit = found[f"bodies.{body}.{first}-{second}"]
         assert (value, unit) == (pytest.approx(wanted, rel=1e-12), "mm")
+    home = design(name).linkage
+    if name in ("quick-return", "scotch-yoke", "slider-crank"):
+        pose = poses_of(home, home.reference.inputs[None]).value
+        for joint in home.structure.joints:
+            place = [found[f"joints.{joint}.{axis}"][0] for axis in "xy"]
+            np.testing.assert_allclose(place, pose.position(joint)[0], atol=1e-9)
     for spring in data.get("springs", []):
         name = f"springs.{'-'.join(spring['between'])}"
         assert found[f"{name}.stiffness"] == (spring["stiffness"], "N mm/rad")
@@ -191,7 +157,7 @@ def test_angles_are_those_between_joints_in_degrees():
     found = numbers("finger-crank")
 
     def angle(first: str, second: str) -> float:
-        joints = tables("finger-crank")["joints"]
+        joints = gallery_tables("finger-crank")["joints"]
         x, y = np.subtract(joints[second], joints[first])
         return math.degrees(math.atan2(y, x))
 
@@ -203,12 +169,13 @@ def test_angles_are_those_between_joints_in_degrees():
 
 def test_places_in_a_body_are_its_own():
     found = numbers("jansen")
-    foot = tables("jansen")["bodies"]["foot"]["joints"]
+    joints = gallery_tables("jansen")["joints"]
+    foot = gallery_tables("jansen")["bodies"]["foot"]["joints"]
     places = [[found[f"bodies.foot.{joint}.{axis}"][0] for axis in "xy"] for joint in foot]
     assert places[0] == [0, 0]
     assert places[1][1] == 0
     for (i, first), (j, second) in itertools.combinations(enumerate(foot), 2):
-        wanted = math.dist(*(tables("jansen")["joints"][joint] for joint in (first, second)))
+        wanted = math.dist(joints[first], joints[second])
         assert math.dist(places[i], places[j]) == pytest.approx(wanted)
 
 
@@ -226,18 +193,17 @@ def test_sliders_have_their_lines_and_places():
 
 def test_a_body_held_by_its_slots_alone_is_found_from_them():
     # Two pins of the ground in two slots of a plate, which its angle drives.
-    plate = linkage(
-        joints={"O": [0, 0], "M": [20, 0], "P": [5, 12], "Q": [15, 13]},
-        bodies={
-            "base": {"joints": ["O", "M"], "fixed": True},
-            "plate": {"joints": ["P", "Q"]},
-        },
+    tables = tables_of(
+        {"O": [0, 0], "M": [20, 0], "P": [5, 12], "Q": [15, 13]},
+        "O M",
+        {"plate": "P Q"},
         sliders=[
             {"joint": "O", "on": "plate", "line": [[0, 0], [5, 12]]},
             {"joint": "M", "on": "plate", "line": [[20, 0], [15, 13]]},
         ],
         inputs=[{"name": "turn", "body": "plate"}],
     )
+    plate = linkage(**tables)
     found = {part.name: part.value for part in linkage_quantities(plate)}
     for joint, place in plate.sketch.joints.items():
         read_back = [found[f"joints.{joint}.{axis}"] for axis in "xy"]
@@ -247,25 +213,18 @@ def test_a_body_held_by_its_slots_alone_is_found_from_them():
 
 def test_springs_are_noted_but_many_are_only_counted():
     spring = {"between": ["left", "right"], "stiffness": 30, "preload": 0.25}
-    assert (
-        "spring left – right: 30 N mm/rad, preload 0.25 rad"
-        in make_linkage_drawing(linkage(springs=[spring])).notes
-    )
+    notes = make_linkage_drawing(linkage(springs=[spring])).notes
+    assert "spring left – right: 30 N mm/rad, preload 0.25 rad" in notes
     many = make_linkage_drawing(linkage(springs=[spring] * 40))
     assert "40 springs" in many.notes
     dxf_text(many)  # and the drawing still has room
 
 
 def test_coincident_joints_have_no_dimension():
-    twin = linkage(
-        joints={"A": [0, 0], "B": [10, 0], "C": [10, 8], "D": [0, 8], "D2": [0, 8]},
-        bodies={
-            "base": {"joints": ["A", "B"], "fixed": True},
-            "left": {"joints": ["A", "D", "D2"]},
-            "right": {"joints": ["B", "C"]},
-            "top": {"joints": ["D", "C"]},
-        },
-    )
+    joints = {"A": [0, 0], "B": [10, 0], "C": [10, 8], "D": [0, 8], "D2": [0, 8]}
+    bodies = {"left": "A D D2", "right": "B C", "top": "D C"}
+    inputs = [{"name": "turn", "body": "left"}]
+    twin = linkage(**tables_of(joints, "A B", bodies, inputs=inputs))
     lengths = [math.dist(part.start, part.end) for part in make_linkage_drawing(twin).dimensions]
     assert sorted(lengths) == pytest.approx([8, 8, 8, 10, 10])
     assert not opened(make_linkage_drawing(twin)).audit().has_issues

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from typing import Any
 from xml.etree import ElementTree
 
@@ -16,7 +15,15 @@ from designopt.errors import UserError
 from kinematics import Linkage, parse_linkage, solve_input_efforts
 from kinematics.export.mjcf import Stop, linkage_mjcf
 from kinematics.export.mjcf_bodies import Disc, Pad
-from tests.kinematics.gallery import FOLDER, NAMES, gallery, poses_of
+from tests.kinematics.gallery import (
+    NAMES,
+    PUSHED,
+    SKETCHED_FOUR_BAR,
+    gallery,
+    gallery_tables,
+    poses_of,
+    tables_of,
+)
 from tests.kinematics.simulated import Simulated
 
 NEAR = 0.02
@@ -40,46 +47,20 @@ LOCKS = "double-butterfly"
 
 efforts_of = jax.jit(solve_input_efforts)
 
-FOUR_BAR = {
-    "joints": {"O2": [0, 0], "A": [30, 26], "B": [143, 67], "O4": [100, 0]},
-    "bodies": {
-        "ground": {"joints": ["O2", "O4"], "fixed": True},
-        "crank": {"joints": ["O2", "A"]},
-        "coupler": {"joints": ["A", "B"]},
-        "rocker": {"joints": ["O4", "B"]},
-    },
-    "inputs": [{"name": "crank", "body": "crank"}],
-}
-
-BLOCK_FIRST = {
-    # The lever hangs on nothing but its slot, through which the fixed pin P goes, and the crank.
-    "joints": {"P": [60, 0], "O": [0, 0], "A": [10, 20], "T": [80, -8]},
-    "bodies": {
-        "ground": {"joints": ["P", "O"], "fixed": True},
-        "lever": {"joints": ["A", "T"]},
-        "crank": {"joints": ["O", "A"]},
-    },
-    "sliders": [{"joint": "P", "on": "lever", "line": [[10, 20], [80, -8]]}],
-    "inputs": [{"name": "crank", "body": "crank"}],
-}
-
-PUSHED = {
-    "joints": {"O": [0, 0], "A": [20, 35], "C": [127, -20]},
-    "bodies": {
-        "ground": {"joints": ["O"], "fixed": True},
-        "crank": {"joints": ["O", "A"]},
-        "rod": {"joints": ["A", "C"]},
-    },
-    "sliders": [{"joint": "C", "on": "ground", "line": [[0, -20], [1, -20]]}],
-    "inputs": [{"name": "push", "slider": "C"}],
-}
+# The lever hangs on nothing but its slot, through which the fixed pin P goes, and the crank.
+BLOCK_FIRST = tables_of(
+    {"P": [60, 0], "O": [0, 0], "A": [10, 20], "T": [80, -8]},
+    "P O",
+    {"lever": "A T", "crank": "O A"},
+    sliders=[{"joint": "P", "on": "lever", "line": [[10, 20], [80, -8]]}],
+)
 
 FURTHER = {
     "a block that holds its lever": BLOCK_FIRST,
     "a slider pushed": PUSHED,
-    "driven between bodies without a common pin": FOUR_BAR
+    "driven between bodies without a common pin": SKETCHED_FOUR_BAR
     | {"inputs": [{"name": "opening", "body": "rocker", "relative_to": "crank"}]},
-    "driven against the tree": FOUR_BAR
+    "driven against the tree": SKETCHED_FOUR_BAR
     | {"inputs": [{"name": "knee", "body": "crank", "relative_to": "coupler"}]},
 }
 
@@ -95,7 +76,7 @@ def driven(linkage: Linkage, *, back: bool = False) -> tuple[np.ndarray, np.ndar
     return inputs, inputs * np.where(slides, 1e-3, 1.0)
 
 
-def enlarged(scale: float, table: dict[str, Any] = FOUR_BAR) -> Linkage:
+def enlarged(scale: float, table: dict[str, Any] = SKETCHED_FOUR_BAR) -> Linkage:
     """A linkage enlarged, its lines too."""
     joints = {name: (scale * np.array(at)).tolist() for name, at in table["joints"].items()}
     sliders = [
@@ -105,18 +86,19 @@ def enlarged(scale: float, table: dict[str, Any] = FOUR_BAR) -> Linkage:
     return parse_linkage(table | {"joints": joints, "sliders": sliders})
 
 
-def follows(linkage: Linkage, *, back: bool = True) -> None:
+def follows(linkage: Linkage, *, near: float, closed: float, back: bool = True) -> None:
+    """MuJoCo moves a linkage where it is solved, and no loop opens; both in mm."""
     model = Simulated(linkage_mjcf(linkage))
     inputs, controls = driven(linkage, back=back)
     poses = poses_of(linkage, jnp.asarray(inputs))
     assert bool(poses.ok.all())
     for i, control in enumerate(controls):
         model.settle(control)
-        assert model.gap() < CLOSED
+        assert model.gap() < closed
         for joint in linkage.structure.joints:
             wanted = np.asarray(poses.value.position(joint))[i]
             places = model.places(joint)
-            assert np.abs(places[:, :2] - wanted).max() < NEAR
+            assert np.abs(places[:, :2] - wanted).max() < near
             assert np.abs(places[:, 2]).max() == 0
 
 
@@ -128,34 +110,32 @@ def follows(linkage: Linkage, *, back: bool = True) -> None:
     ],
 )
 def test_the_gallery_moves_as_it_is_solved(name):
-    follows(gallery(name), back=name != LOCKS)
+    follows(gallery(name), near=NEAR, closed=CLOSED, back=name != LOCKS)
 
 
 @pytest.mark.parametrize("name", FURTHER)
 def test_other_ways_to_drive_and_to_cut_move_as_they_are_solved(name):
-    follows(parse_linkage(FURTHER[name], name))
+    follows(parse_linkage(FURTHER[name], name), near=NEAR, closed=CLOSED)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_as_many_freedoms_as_inputs_and_no_gap_at_first(name):
+def test_a_model_has_its_lengths_and_freedoms_and_rests_at_first(name):
     linkage = gallery(name)
-    model = Simulated(linkage_mjcf(linkage))
+    text = linkage_mjcf(linkage)
+    model = Simulated(text)
     assert model.freedoms() == len(linkage.structure.inputs)
     assert model.gap() < 1e-8
     assert {model.model.actuator(i).name for i in range(model.model.nu)} == {*linkage.input_names}
     np.testing.assert_allclose(
         model.data.actuator_length, linkage.reference.inputs, rtol=1e-9, atol=1e-12
     )
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_text_is_the_same_again_and_has_the_lengths(name):
-    linkage = gallery(name)
-    text = linkage_mjcf(linkage)
-    assert text == linkage_mjcf(linkage)
-    root = ElementTree.fromstring(text)
+    home = model.data.qpos.copy()
+    model.start("sketch")
+    for _ in range(10):
+        model.run(0.1)
+        np.testing.assert_allclose(model.data.qpos, home, atol=1e-5)
     checked = 0
-    for element in root.iter("body"):
+    for element in ElementTree.fromstring(text).iter("body"):
         body = element.attrib["name"]
         sites = {site.attrib["name"]: site.attrib["pos"] for site in element.findall("site")}
         if body not in linkage.links:
@@ -185,7 +165,7 @@ def test_the_text_is_the_same_again_and_has_the_lengths(name):
 )
 def test_motors_hold_springs_as_by_virtual_work(springs):
     """At a hinge, at none, either way round, and two of them."""
-    linkage = parse_linkage(FOUR_BAR | {"springs": springs})
+    linkage = parse_linkage(SKETCHED_FOUR_BAR | {"springs": springs})
     model = Simulated(linkage_mjcf(linkage))
     inputs, controls = driven(linkage)
     efforts = np.asarray(efforts_of(linkage, jnp.asarray(inputs)))
@@ -217,7 +197,7 @@ def test_a_soft_motor_yields_as_by_virtual_work():
 )
 def test_stops_hold_at_their_angles(between):
     """At a hinge, either way round, and where there is none."""
-    linkage = parse_linkage(FOUR_BAR)
+    linkage = parse_linkage(SKETCHED_FOUR_BAR)
     inputs, controls = driven(linkage)
     pose = poses_of(linkage, jnp.asarray(inputs))
 
@@ -237,14 +217,7 @@ def test_stops_hold_at_their_angles(between):
 
 def test_pads_touch_discs_at_their_faces():
     """A crank of 40 mm with a pad along it, 3 mm beside its axis, on a disc of 5 mm."""
-    table = {
-        "joints": {"O": [10, -5], "A": [50, -5]},
-        "bodies": {
-            "ground": {"joints": ["O"], "fixed": True},
-            "crank": {"joints": ["O", "A"]},
-        },
-        "inputs": [{"name": "crank", "body": "crank"}],
-    }
+    table = tables_of({"O": [10, -5], "A": [50, -5]}, "O", {"crank": "O A"})
     pad = Pad("pad", "crank", (15.0, -8.0), (45.0, -8.0))
     disc = Disc("disc", (28.0, -25.0), 5.0)
     text = linkage_mjcf(parse_linkage(table), motors={"crank": 80.0}, pads=[pad], discs=[disc])
@@ -271,23 +244,32 @@ def test_pads_touch_discs_at_their_faces():
 )
 def test_what_cannot_be_is_refused(given, words):
     with pytest.raises(UserError, match="linkage: ") as raised:
-        linkage_mjcf(parse_linkage(FOUR_BAR), **given)
+        linkage_mjcf(parse_linkage(SKETCHED_FOUR_BAR), **given)
     assert words in str(raised.value)
     assert "\n" not in str(raised.value)
 
 
 STRONG = {
     # Where a stiff spring pulls at a loop: past the pins of a tree, at a block, at a slider pushed.
-    "four-bar": (FOUR_BAR, ["ground", "rocker"]),
-    "four-bar, no common pin": (FOUR_BAR, ["crank", "rocker"]),
+    "four-bar": (SKETCHED_FOUR_BAR, ["ground", "rocker"]),
+    "four-bar, no common pin": (SKETCHED_FOUR_BAR, ["crank", "rocker"]),
     "a block that holds its lever": (BLOCK_FIRST, ["ground", "lever"]),
-    "a slider driven": (PUSHED | {"inputs": FOUR_BAR["inputs"]}, ["crank", "rod"]),
+    "a slider driven": (PUSHED | {"inputs": SKETCHED_FOUR_BAR["inputs"]}, ["crank", "rod"]),
     "a slider pushed": (PUSHED, ["crank", "rod"]),
 }
 
 
-@pytest.mark.parametrize("stiffness", [0.3, 30.0, 300.0])
-@pytest.mark.parametrize("size", [3.0, 10.0, 100.0])
+@pytest.mark.parametrize(
+    ("size", "stiffness"),
+    [
+        (3.0, 300.0),
+        *(
+            pytest.param(size, stiffness, marks=pytest.mark.nightly)
+            for size in (3.0, 10.0, 100.0)
+            for stiffness in (0.3, 30.0, 300.0)
+        ),
+    ],
+)
 @pytest.mark.parametrize("name", STRONG)
 def test_strong_springs_do_not_pull_small_linkages_apart(name, size, stiffness):
     table, between = STRONG[name]
@@ -295,36 +277,16 @@ def test_strong_springs_do_not_pull_small_linkages_apart(name, size, stiffness):
     spring = {"between": between, "stiffness": stiffness, "preload": 1.0}
     linkage = enlarged(scale, table | {"springs": [spring]})
     assert float(linkage.size()) == pytest.approx(size)
-    model = Simulated(linkage_mjcf(linkage))
-    inputs, controls = (part[::2] for part in driven(linkage))
-    poses = poses_of(linkage, jnp.asarray(inputs))
-    assert bool(poses.ok.all())
-    for i, control in enumerate(controls):
-        model.settle(control)
-        assert model.gap() < REST * size
-        for joint in linkage.structure.joints:
-            wanted = np.asarray(poses.value.position(joint))[i]
-            assert np.abs(model.places(joint)[:, :2] - wanted).max() < REST * size
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_it_rests_in_the_keyframe(name):
-    linkage = gallery(name)
-    model = Simulated(linkage_mjcf(linkage))
-    home = model.data.qpos.copy()
-    model.start("sketch")
-    for _ in range(10):
-        model.run(0.1)
-        np.testing.assert_allclose(model.data.qpos, home, atol=1e-5)
+    follows(linkage, near=REST * size, closed=REST * size, back=False)
 
 
 def test_without_motors_there_is_no_keyframe_for_their_controls():
-    assert "<keyframe>" not in linkage_mjcf(parse_linkage(FOUR_BAR), motors={})
+    assert "<keyframe>" not in linkage_mjcf(parse_linkage(SKETCHED_FOUR_BAR), motors={})
 
 
 def test_what_never_turns_has_neither_spring_nor_stop():
     """The yoke slides without turning: no joint changes the angle between it and the ground."""
-    table = tomllib.loads((FOLDER / "scotch-yoke.toml").read_text(encoding="utf-8"))
+    table = gallery_tables("scotch-yoke")
     spring = {"between": ["ground", "yoke"], "stiffness": 3.0, "preload": 1.0}
     linkage = parse_linkage(table | {"springs": [spring]})
     text = linkage_mjcf(linkage, stops=[Stop(("yoke", "ground"), -1.0, 1.0)])
@@ -332,40 +294,11 @@ def test_what_never_turns_has_neither_spring_nor_stop():
     assert Simulated(text).model.ntendon == 0
 
 
-@pytest.mark.parametrize("scale", [1e-3, 0.03, 100.0])
+@pytest.mark.parametrize("scale", [1e-3, 100.0])
 def test_small_and_large_linkages_move_alike(scale):
-    linkage = enlarged(scale)
-    model = Simulated(linkage_mjcf(linkage))
-    inputs, controls = driven(linkage)
-    poses = poses_of(linkage, jnp.asarray(inputs))
-    for control in controls:
-        model.settle(control)
-    for joint in "AB":
-        wanted = np.asarray(poses.value.position(joint))[-1]
-        assert np.abs(model.places(joint)[:, :2] - wanted).max() < 1e-9 * scale
+    follows(enlarged(scale), near=1e-9 * scale, closed=CLOSED * scale, back=False)
 
 
 def test_what_is_too_small_for_mujoco_is_refused():
     with pytest.raises(UserError, match=r"dimension is 0\.0012 mm; make it 0\.01 mm or more"):
         linkage_mjcf(enlarged(1e-5))
-
-
-def test_loops_of_slides_alone_do_not_get_here():
-    """A wedge that lifts a follower: its angles are prescribed twice."""
-    wedge = {
-        "joints": {"W": [0, 0], "V": [30, 0], "L": [20, 10], "U": [20, 40]},
-        "bodies": {
-            "ground": {"joints": ["G"], "fixed": True},
-            "wedge": {"joints": ["W", "V"]},
-            "lifter": {"joints": ["L", "U"]},
-        },
-        "sliders": [
-            {"joint": "W", "on": "ground", "line": [[0, 0], [1, 0]], "keeps": "wedge"},
-            {"joint": "U", "on": "ground", "line": [[20, 0], [20, 1]], "keeps": "lifter"},
-            {"joint": "L", "on": "wedge", "line": [[0, 0], [2, 1]], "keeps": "lifter"},
-        ],
-        "inputs": [{"name": "wedge", "slider": "W"}],
-    }
-    wedge["joints"]["G"] = [-10, 0]
-    with pytest.raises(UserError, match="more is prescribed than can move"):
-        parse_linkage(wedge)

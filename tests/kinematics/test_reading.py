@@ -27,9 +27,6 @@ def test_what_cannot_be_a_mechanism_is_refused(data, words):
     ("content", "words"),
     [
         (b"a = 1\na = 2", ["not TOML", "correct it"]),
-        (b"name = '\xe9'", ["not UTF-8"]),
-        (b"a = " + b"[" * 5000 + b"]" * 5000, ["nested too deeply"]),
-        (b"a = " + b"1" * 5000, ["too many digits"]),
         (b"joints = { A = [1" + b"0" * 400 + b", 0] }", ["joints.A.0", "finite number", "..."]),
         (b"", ["joints: missing", "bodies: missing"]),
         (None, ["cannot be read", "No such file"]),

@@ -12,14 +12,8 @@ from hypothesis import strategies as st
 
 from kinematics.io.shapes import ImpossibleShapeError, body_shape, body_steps
 
-SKETCH = {
-    "A": (0.0, 0.0),
-    "B": (10.0, 1.0),
-    "C": (4.0, 6.0),
-    "D": (6.0, -5.0),
-    "E": (5.0, 0.5),
-    "F": (12.0, 4.0),
-}
+PLACES = [(0.0, 0.0), (10.0, 1.0), (4.0, 6.0), (6.0, -5.0), (5.0, 0.5), (12.0, 4.0)]
+SKETCH = dict(zip("ABCDEF", PLACES, strict=True))
 
 
 def lengths_of(sketch, joints, factor=1.0):
@@ -62,8 +56,8 @@ def test_a_triangle_obeys_the_law_of_cosines_on_the_sketched_side(p, q, r, mirro
     np.testing.assert_allclose(body_shape(sketch, "ABC", given_lengths), wanted, atol=1e-6)
 
 
-@pytest.mark.parametrize("order", list(itertools.permutations("ABCD"))[::5])
-@pytest.mark.parametrize("left_out", [("A", "B"), ("C", "D"), ("A", "D")])
+@pytest.mark.parametrize("order", ["ABCD", "DBAC", "CADB"])
+@pytest.mark.parametrize("left_out", [("A", "B"), ("C", "D")])
 def test_any_order_and_any_sufficient_lengths_give_the_same_body(order, left_out):
     """Lengths of another body, a fifth larger and slightly skewed; brute force knows its shape."""
     true = {name: (1.2 * x + 0.1 * y, 1.15 * y) for name, (x, y) in SKETCH.items()}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 import shutil
 import subprocess
 import sys
@@ -15,18 +14,16 @@ import pytest
 from matplotlib.figure import Figure
 
 from designopt.cli import run
-from kinematics import read_linkage
+from tests.kinematics.gallery import FOLDER, NAMES, gallery
 
-GALLERY = Path(__file__).parents[2] / "studies/gallery/linkages"
-FILES = sorted(path.name for path in GALLERY.glob("*.toml"))
-SLOW_TO_COMPILE = ("double-butterfly", "finger-crank", "jansen", "peaucellier", "stephenson")
+QUICK = ("finger", "scotch-yoke", "slider-crank")
 
 
 @pytest.fixture(autouse=True)
 def _in_a_folder_of_files(tmp_path, monkeypatch):
-    for name in FILES:
-        shutil.copy(GALLERY / name, tmp_path)
-    text = (GALLERY / "four-bar.toml").read_text(encoding="utf-8")
+    for path in FOLDER.glob("*.toml"):
+        shutil.copy(path, tmp_path)
+    text = (FOLDER / "four-bar.toml").read_text(encoding="utf-8")
     (tmp_path / "rocker.toml").write_text(text.replace("O2-A = 40 }", "O2-A = 90 }"))
     monkeypatch.chdir(tmp_path)
 
@@ -48,17 +45,11 @@ def test_columns_stand_in_the_documented_order_and_rates_are_slopes(capsys):
     assert shown.err == ""
     table = table_of(shown.out)
     joints, bodies = ("O2", "A", "B", "O4"), ("ground", "crank", "coupler", "rocker")
-    assert list(table) == [
-        "crank",
-        *("ok", "margin", "closure"),
-        *(f"{joint}.{axis}" for joint in joints for axis in "xy"),
-        *(f"{body}.angle_deg" for body in bodies),
-        *(f"{joint}.v{axis}" for joint in joints for axis in "xy"),
-        *(f"{body}.omega" for body in bodies),
-        *(f"{joint}.a{axis}" for joint in joints for axis in "xy"),
-        *(f"{body}.alpha" for body in bodies),
-        "B.mu_deg",
-    ]
+    columns = ["crank", "ok", "margin", "closure"]
+    for order, of_body in (("", "angle_deg"), ("v", "omega"), ("a", "alpha")):
+        columns += [f"{joint}.{order}{axis}" for joint in joints for axis in "xy"]
+        columns += [f"{body}.{of_body}" for body in bodies]
+    assert list(table) == [*columns, "B.mu_deg"]
     assert table["ok"] == ["1", "1", "1"]
     assert np.max(numbers(table["closure"])) < 1e-11
     # A step of 0.001° takes 0.001° / (2 rad/s).
@@ -169,19 +160,16 @@ def test_memory_does_not_grow_with_a_sweep(tmp_path):
 
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=[pytest.mark.nightly] if name[:-5] in SLOW_TO_COMPILE else [])
-        for name in FILES
-    ],
+    [pytest.param(name, marks=() if name in QUICK else pytest.mark.nightly) for name in NAMES],
 )
 def test_every_gallery_file_solves_at_its_sketch_and_keeps_its_lengths(name, capsys):
-    linkage = read_linkage(name)
+    linkage = gallery(name)
     structure = linkage.structure
     sweeps = []
     for part, value in zip(structure.inputs, np.asarray(linkage.reference.inputs), strict=True):
         shown = value if part.slider is not None else np.degrees(value)
         sweeps += ["--sweep", f"{part.name}={shown}"]
-    assert run(["solve", name, *sweeps]) == 0
+    assert run(["solve", f"{name}.toml", *sweeps]) == 0
     shown = capsys.readouterr()
     assert shown.err == ""
     table = {key: column[0] for key, column in table_of(shown.out).items() if column[0] != ""}
@@ -196,15 +184,6 @@ def test_every_gallery_file_solves_at_its_sketch_and_keeps_its_lengths(name, cap
         assert np.hypot(*(second - first)) == pytest.approx(length, rel=1e-11)
         angle = np.degrees(np.arctan2(*(second - first)[::-1]))
         assert (angle - float(table[f"{body.name}.angle_deg"]) + 180) % 360 == pytest.approx(180)
-
-
-def test_plan_is_told_in_words(capsys):
-    assert run(["solve", "four-bar.toml", "--plan"]) == 0
-    shown = capsys.readouterr().out
-    for words in ("four-bar: 3 moving bodies, driven by crank", "RRR in closed form", "loop A –"):
-        assert words in shown
-    assert run(["solve", "stephenson.toml", "--plan"]) == 0
-    assert "iteration, followed from the sketch" in capsys.readouterr().out
 
 
 def test_a_table_is_written_whole_and_replaced_only_by_force(tmp_path, capsys):
@@ -224,21 +203,10 @@ def test_a_table_is_written_whole_and_replaced_only_by_force(tmp_path, capsys):
 
 
 def test_only_what_is_asked_for_is_solved(capsys):
-    assert (
-        run(
-            [
-                "solve",
-                "finger.toml",
-                "--sweep",
-                "pip=0:-90:2",
-                "--sweep",
-                "dip=0:-90:2",
-                "--of",
-                "T",
-            ]
-        )
-        == 0
-    )
+    assert run(["solve", "four-bar.toml", "--plan"]) == 0
+    assert "RRR in closed form" in capsys.readouterr().out
+    sweeps = ["--sweep", "pip=0:-90:2", "--sweep", "dip=0:-90:2"]
+    assert run(["solve", "finger.toml", *sweeps, "--of", "T"]) == 0
     table = table_of(capsys.readouterr().out)
     assert numbers(table["pip"]) == pytest.approx([0, 0, -90, -90])
     assert numbers(table["dip"]) == pytest.approx([0, -90, 0, -90])
@@ -251,43 +219,19 @@ def test_only_what_is_asked_for_is_solved(capsys):
     ("arguments", "words"),
     [
         ("none.toml --sweep crank=1", ["none.toml", "cannot be read"]),
-        (". --sweep crank=1", ["cannot be read"]),
         ("four-bar.toml", ["--sweep", "no values for crank", "--sweep crank=0:360:361"]),
         ("four-bar.toml --sweep crank", ["--sweep crank", "INPUT=VALUE"]),
-        ("four-bar.toml --sweep crank=", ["--sweep crank=", "not a finite number"]),
-        ("four-bar.toml --sweep crank=x", ["'x' is not a finite number"]),
-        ("four-bar.toml --sweep crank=nan", ["'nan' is not a finite number"]),
         ("four-bar.toml --sweep crank=1:2", ["INPUT=START:STOP:COUNT"]),
-        ("four-bar.toml --sweep crank=1:2:3:4", ["INPUT=START:STOP:COUNT"]),
-        ("four-bar.toml --sweep crank=1:2:0", ["COUNT", "whole number"]),
-        ("four-bar.toml --sweep crank=1:2:-3", ["COUNT", "whole number"]),
-        ("four-bar.toml --sweep crank=1:2:2.5", ["COUNT", "whole number"]),
-        ("four-bar.toml --sweep crank=1:2:1e9", ["COUNT", "10,000,000"]),
-        ("five-bar.toml --sweep left=1:2:9999 --sweep right=1:2:9999", ["grid", "too large"]),
         ("four-bar.toml --sweep crnk=1", ["no input is named 'crnk'", "there are: crank"]),
-        ("four-bar.toml --sweep crank=1 --sweep crank=2", ["swept twice"]),
-        ("four-bar.toml --sweep crank=1 --rate crank", ["--rate crank", "INPUT=VALUE"]),
         ("four-bar.toml --sweep crank=1 --rate x=1", ["--rate x=1", "no input is named 'x'"]),
         ("four-bar.toml --sweep crank=1 --accel crank=inf", ["--accel", "not a finite number"]),
         ("four-bar.toml --sweep crank=1 --of Q", ["--of", "named Q"]),
-        ("four-bar.toml --plan --of Q", ["--of", "named Q"]),
-        ("four-bar.toml --sweep crank=1 --csv no/t.csv", ["no/t.csv", "no folder", "make it"]),
         ("four-bar.toml --sweep crank=1 --csv four-bar.toml", ["exists already", "--force"]),
-        ("four-bar.toml --sweep crank=1 --rate crank=1 --rate crank=2", ["--rate", "given twice"]),
         ("four-bar.toml --sweep crank=1 --csv a.svg --figure a.svg", ["--figure", "two files"]),
-        ("four-bar.toml --sweep crank=1 --figure a.xyz", ["--figure", ".png"]),
         ("four-bar.toml --plan --sweep crank=1", ["--plan", "leave out"]),
-        ("four-bar.toml --sweep crank=1e300", ["no digits left"]),
-        ("four-bar.toml --sweep crank=1 --csv .", ["that is a folder", "name a file"]),
-        ("four-bar.toml --swep crank=1", ["--swep", "--sweep", "designopt --help"]),
         ("--sweep crank=1", ["LINKAGE.toml"]),
-        (
-            "four-bar.toml --sweep crank=1 --csv /dev/full --force",
-            ["--csv", "no ordinary file"],
-        ),
-        ("four-bar.toml --sweep crank=1 --figure /dev/full --force", ["--figure", "no ordinary"]),
+        ("four-bar.toml --sweep crank=1 --csv /dev/full --force", ["--csv", "no ordinary"]),
         ("four-bar.toml --sweep crank=1 --animation a.avi", ["a.avi", "ends with .gif or .mp4"]),
-        ("four-bar.toml --sweep crank=0-360", ["not a finite number", "INPUT=START:STOP:COUNT"]),
     ],
 )
 def test_nonsense_is_one_line_and_exit_code_2(arguments, words, tmp_path, capsys):
@@ -302,44 +246,18 @@ def test_nonsense_is_one_line_and_exit_code_2(arguments, words, tmp_path, capsys
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
-def test_a_table_without_room_is_one_line_and_leaves_nothing(tmp_path):
-    """A limit of a file's size stands for a disk that becomes full."""
-    command = f"'{sys.executable}' -m designopt solve four-bar.toml --sweep crank=0:360:999"
-    done = subprocess.run(
-        ["bash", "-c", f"ulimit -f 16; {command} --csv t.csv"],
-        env=os.environ | {"JAX_ENABLE_COMPILATION_CACHE": "false"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "error: t.csv: cannot be written: File too large; choose another\n"
-    assert not [path for path in tmp_path.iterdir() if path.suffix != ".toml"]
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ('body = "crank" ', 'body = "crnk" ', ["inputs.0.body", "did you mean 'crank'?"]),
-        ("O2-A = 40", "O2-A = 400", ["bodies", "the loop", "400 mm apart", "change"]),
-        ("[[inputs]]", "[[output]]", ["output", "no such key"]),
-        ("A = [30, 26]", "A = [nan, 26]", ["joints.A.0", "finite number"]),
-        ("A = [30, 26]", "A = [0, 0]", ["bodies.crank", "coincide in the sketch"]),
-        ("A = [30, 26]", "A = [30, 26", ["not TOML"]),
-        ("fixed = true", "fixed = false", ["bodies", "none is fixed"]),
-        ("[joints]", "[camera]", ["a scene and no linkage; designopt trace takes it"]),
-        ("[joints]", "[joints" + 3000 * ".a" + "]", ["nested too deeply"]),
-    ],
-)
-def test_a_file_that_is_no_mechanism_is_one_line_and_exit_code_2(old, new, words, capsys):
-    path = Path("bad.toml")
+def test_a_file_that_is_no_mechanism_is_one_line_and_exit_code_2(capsys):
     text = Path("four-bar.toml").read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new), encoding="utf-8")
-    assert run(["solve", "bad.toml", "--sweep", "crank=0:360:361"]) == 2
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert shown.err.startswith("error: bad.toml: ")
-    assert shown.err.count("\n") == 1
-    for word in words:
-        assert word in shown.err
+    for new, words in (
+        ("A = [0, 0]", "bodies.crank: O2-A = 40"),
+        ("A = [30, 26", "not TOML"),
+        ("[camera]", "a scene and no linkage; designopt trace takes it"),
+    ):
+        old = "[joints]" if new == "[camera]" else "A = [30, 26]"
+        Path("bad.toml").write_text(text.replace(old, new), encoding="utf-8")
+        assert run(["solve", "bad.toml", "--sweep", "crank=0:360:361"]) == 2
+        shown = capsys.readouterr()
+        assert shown.out == ""
+        assert shown.err.startswith("error: bad.toml: ")
+        assert shown.err.count("\n") == 1
+        assert words in shown.err

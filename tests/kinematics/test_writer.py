@@ -15,6 +15,9 @@ from designopt import UserError
 from kinematics import format_linkage, parse_linkage, read_linkage, write_linkage
 from tests.kinematics.gallery import NAMES, gallery
 
+ITERATED = ("double-butterfly", "stephenson")
+"""Compile for ten and for thirty seconds."""
+
 
 def assert_same(one, other):
     assert one.structure == other.structure
@@ -30,7 +33,10 @@ def assert_same(one, other):
         np.testing.assert_allclose(first, second, rtol=1e-10, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.nightly if name in ITERATED else ()) for name in NAMES],
+)
 def test_the_gallery_is_read_back(name, tmp_path):
     linkage = gallery(name)
     write_linkage(linkage, tmp_path / "again.toml")
@@ -85,7 +91,7 @@ def sketches(draw) -> dict:
     return tables
 
 
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(sketches())
 def test_what_is_written_is_read_back(drawn):
     linkage = parse_linkage(drawn, "drawn")
