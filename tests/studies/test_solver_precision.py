@@ -63,12 +63,14 @@ def test_openblas_has_one_thread_for_a_while():
     assert [count() for count in counts] == before
 
 
-@pytest.mark.slow
-def test_every_method_reaches_the_references():
-    spec = SolverPrecisionSpec(angles=20, repeats=3)
-    results = load_study("solver-precision").run(
-        spec, Context(0, "float64", lambda _: nullcontext())
-    )
+@pytest.mark.parametrize(
+    "minimizers",
+    [pytest.param(False, marks=pytest.mark.slow), pytest.param(True, marks=pytest.mark.nightly)],
+)
+def test_every_method_reaches_the_references(minimizers):
+    spec = SolverPrecisionSpec(angles=20, repeats=3, minimizers=minimizers)
+    context = Context(0, "float64", lambda _: nullcontext())
+    results = load_study("solver-precision").run(spec, context)
     assert not results.unmet
     assert results.precision is not None
     reached = {}
@@ -76,8 +78,10 @@ def test_every_method_reaches_the_references():
         key = (row.panel, row.method)
         reached[key] = min(row.error, reached.get(key, np.inf))
     assert len({panel for panel, _ in reached}) == 4
+    # A convex program and a line search see an objective, which is flat at its minimum.
+    coarse = {"jaxopt QP, sequential", "jaxopt projected gradient", "SciPy SLSQP"}
     for (_, method), error in reached.items():
-        # A convex program and a penalty see the energy, which is flat at its minimum.
-        assert error < (1e-5 if "jaxopt" in method or "SLSQP" in method else 1e-12), method
+        assert error < (1e-5 if method in coarse else 1e-10), method
     for package in ("designopt", "Optimistix", "jaxopt", "SciPy"):
-        assert len({panel for panel, method in reached if method.startswith(package)}) >= 3
+        panels = {panel for panel, method in reached if method.startswith(package)}
+        assert len(panels) >= (4 if minimizers else 3), package

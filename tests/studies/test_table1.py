@@ -1,32 +1,36 @@
 """The study ``table1`` against the paper's table, and its parts against independent means."""
 
-import csv
-import json
 import math
+from contextlib import nullcontext
 from typing import get_args
 
 import jax
 import jax.numpy as jnp
 import mpmath
 import numpy as np
+import pydantic
 import pytest
 import scipy.optimize
 
-from designopt import cli, find_root
+from designopt import UserError, find_root
 from designopt.roots import RootMethod
 from designopt.study.stability import assess
+from designopt.study.study import Context
 from studies.benchmarks import chamber as benchmark
 from studies.models.soft_finger import imaging, paper
 from studies.models.soft_finger.chamber_spec import ChamberSpec
 from studies.oracles import chamber as exact
 from studies.stability import chamber as stability
-from studies.table1 import STUDY, Table1Spec
+from studies.table1 import Table1Spec
 from studies.table1.analysis import OTHER_READING, analyze, real_lens
-from studies.table1.run import operations
+from studies.table1.run import operations, run
 from tests.helpers import load_toml
 
 TABLE = load_toml("table1.toml")
 PRINTED = imaging.printed_chamber(ChamberSpec())
+
+
+METHODS = {"closed form", "SciPy brentq", *map(benchmark.method_name, get_args(RootMethod))}
 
 
 @pytest.fixture(scope="module")
@@ -198,11 +202,7 @@ def test_contenders_agree_to_their_tolerance():
                 if method.setting in ("", "tolerance 1e-14"):
                     assert error < (2e-13 if work.dtype == "float64" else 1e-5), method
                 assert error < 0.2, method
-    assert methods == {
-        "closed form",
-        "SciPy brentq",
-        *map(benchmark.method_name, get_args(RootMethod)),
-    }
+    assert methods == METHODS
 
 
 def test_the_scene_needs_fewer_operations_than_the_general_program():
@@ -210,122 +210,65 @@ def test_the_scene_needs_fewer_operations_than_the_general_program():
         assert 0 < row.scene_operations < row.general_operations
 
 
-def run_to_the_end(out, settings, capsys):
-    """What the study writes, and its metrics' values."""
-    assert cli.run(["run", "table1", "--out", str(out), *settings]) == 0, capsys.readouterr().err
-    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    assert all(metric["met"] in (True, None) for metric in document["metrics"].values())
-    return document, {name: metric["value"] for name, metric in document["metrics"].items()}
+def run_study(dtype="float64", **settings):
+    settings = {"precision": False, "stability": False} | settings
+    return run(Table1Spec.model_validate(settings), Context(0, dtype, lambda _: nullcontext()))
 
 
-def test_the_study_end_to_end(tmp_path, capsys):
-    out = tmp_path / "out"
-    without = ["--set", "precision=false", "--set", "stability=false"]
-    document, metrics = run_to_the_end(out, without, capsys)
+@pytest.fixture(scope="module")
+def results():
+    return run_study()
+
+
+def test_the_study_meets_its_targets(results):
+    metrics = {metric.name: metric.value for metric in results.metrics}
+    assert not results.unmet
     assert metrics["cells_matched_identified"] == 18
     assert metrics["cells_matched_printed"] == 0
-    assert abs(metrics["identified_reference_height_mm"] - 8.616) < 0.005
-    assert abs(metrics["identified_pinhole_offset_mm"] - 0.844) < 0.005
-
-    first = document["findings"][0]
-    assert "printed camera constants do not give the paper's table" in first
-    for words in ("3.27 mm", "5.93°", "h = 8.616 mm", "δ = 0.844 mm", "18 of 18"):
-        assert words in first
-
-    with (out / "tables" / "table1.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert list(rows[0]) == [
-        "eta",
-        "paper_delta_l_d_cm",
-        "printed_delta_l_d_cm",
-        "identified_delta_l_d_cm",
-        "paper_theta_cd_deg",
-        "printed_theta_cd_deg",
-        "identified_theta_cd_deg",
-        "eta_from_theta",
-    ]
-    assert [float(row["paper_delta_l_d_cm"]) for row in rows] == TABLE["paper"]["delta_l_d_cm"]
-    figures_are_there(out, document, ("line", "section"))
+    assert metrics["worst_delta_l_d_printed_mm"] == pytest.approx(3.27, abs=0.005)
+    assert metrics["worst_theta_cd_printed_deg"] == pytest.approx(5.93, abs=0.005)
 
 
-def figures_are_there(out, document, names):
-    for name in names:
-        assert f"figures/{name}.svg" in document["figures"]
-        assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
-
-
-@pytest.mark.slow
-def test_the_measurements_end_to_end(tmp_path, capsys):
-    out = tmp_path / "out"
-    quick = ["--set", "precision_problems=300", "--set", "precision_repeats=3"]
-    document, metrics = run_to_the_end(out, quick, capsys)
-    assert metrics["non_finite"] == 0
-    assert metrics["stability_failures"] == 0
-    assert metrics["gradient_error"] <= 1e-6
-
-    methods = {row["method"] for row in document["precision"]}
-    assert methods == {
-        "closed form",
-        "SciPy brentq",
-        *map(benchmark.method_name, get_args(RootMethod)),
-    }
-    assert {row["dtype"] for row in document["stability"]} == {"float64", "float32"}
-    assert all(
-        row["seconds_low"] <= row["seconds"] <= row["seconds_high"] for row in document["precision"]
+def test_its_table_has_the_papers_cells(results):
+    table = next(table for table in results.tables if table.name == "table1")
+    cells = dict(zip(table.columns, zip(*table.rows, strict=True), strict=True))
+    assert list(cells["paper_delta_l_d_cm"]) == TABLE["paper"]["delta_l_d_cm"]
+    np.testing.assert_allclose(
+        cells["identified_delta_l_d_cm"], TABLE["paper"]["delta_l_d_cm"], atol=5e-4
     )
-    figures_are_there(out, document, ("precision", "stability"))
 
 
 @pytest.mark.slow
-def test_float32_meets_its_targets_too(tmp_path, capsys):
-    arguments = ["--dtype", "float32", "--set", "precision=false", "--set", "stability=false"]
-    out = tmp_path / "out"
-    assert cli.run(["run", "table1", "--out", str(out), *arguments]) == 0, capsys.readouterr().err
+def test_the_measurements_meet_their_targets():
+    results = run_study(precision=True, stability=True, precision_problems=300, precision_repeats=3)
+    assert not results.unmet
+    assert results.precision is not None
+    assert {row.method for row in results.precision.rows} == METHODS
+    assert {row.dtype for row in results.stability} == {"float64", "float32"}
 
 
-OFF = ["--set", "precision=false", "--set", "stability=false"]
+@pytest.mark.slow
+def test_float32_meets_its_targets_too():
+    with jax.enable_x64(False):
+        assert not run_study("float32").unmet
 
 
-def test_a_ratio_that_cannot_be_chosen_is_no_number(tmp_path):
-    out = tmp_path / "out"
-    chamber = ["--set", "chamber.wall_angle_bc_deg=30", "--set", "clearance=0.0005"]
-    assert cli.run(["run", "table1", "--out", str(out), *chamber, *OFF]) == 0
-    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    assert document["metrics"]["largest_ratio"]["value"] is None
-    assert any(finding.startswith("No η could be chosen:") for finding in document["findings"])
-    assert "which is not the paper's" in document["findings"][0]
-    assert document["metrics"]["cells_matched_identified"]["target"] is None
+def test_a_ratio_that_cannot_be_chosen_is_no_number():
+    results = run_study(chamber={"wall_angle_bc_deg": 30}, clearance=0.0005)
+    metrics = {metric.name: metric for metric in results.metrics}
+    assert math.isnan(metrics["largest_ratio"].value)
+    assert any(finding.startswith("No η could be chosen:") for finding in results.findings)
+    assert "which is not the paper's" in results.findings[0]
+    assert metrics["cells_matched_identified"].target is None
 
 
-def test_a_chamber_far_from_the_table_is_one_line(tmp_path, capsys):
-    arguments = ["run", "table1", "--out", str(tmp_path / "out"), "--set", "chamber.length_ab=1000"]
-    assert cli.run([*arguments, *OFF]) == 2
-    shown = capsys.readouterr().err
-    assert shown.startswith("error: --set chamber: no camera constants bring this chamber near")
-    assert shown.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
+def test_a_chamber_far_from_the_table_is_refused():
+    with pytest.raises(
+        UserError, match="--set chamber: no camera constants bring this chamber near"
+    ):
+        run_study(chamber={"length_ab": 1000})
 
 
-@pytest.mark.parametrize(
-    ("assignment", "words"),
-    [
-        ("clearence=1", "did you mean 'clearance'"),
-        ("clearance=4.1", "must be smaller than chamber.offset_a"),
-        ("chamber.length_ab=-40", "--set chamber.length_ab=-40: input should be greater than or"),
-        (
-            "chamber.length_ab=forty",
-            "--set chamber.length_ab=forty: input should be a valid number",
-        ),
-        ("chamber.wall_angle_bc_deg=90", "--set chamber.wall_angle_bc_deg=90"),
-        ("precision_repeats=1", "--set precision_repeats=1"),
-        ("precision_problems=1000000000000", "--set precision_problems=1000000000000"),
-        ("chamber.focal_length=1e300", "--set chamber.focal_length=1e+300"),
-    ],
-)
-def test_faulty_settings_are_one_line(tmp_path, capsys, assignment, words):
-    arguments = ["run", STUDY.name, "--out", str(tmp_path / "out"), "--set", assignment]
-    assert cli.run(arguments) == 2
-    shown = capsys.readouterr().err
-    assert words in shown
-    assert shown.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
+def test_a_clearance_that_leaves_no_offset_is_refused():
+    with pytest.raises(pydantic.ValidationError, match=r"smaller than chamber\.offset_a"):
+        Table1Spec(clearance=4.1)

@@ -49,7 +49,7 @@ REFERENCE = f"the equations of what holds, in {DIGITS} digits"
 
 Scalar = Float[Array, ""]
 Gaps = Float[Array, " gaps"]
-Solver = Callable[[Problem, Any, Scalar], Joints]
+Solver = Callable[[Problem, Any, Any], Joints]
 """From a problem, a start and a setting to joints."""
 
 
@@ -93,9 +93,9 @@ class Workload(NamedTuple):
         """Worst error of a joint, rad."""
         return float(np.max(np.abs(np.asarray(found) - self.exact)))
 
-    def problems(self, commands: Float[Array, " states"]) -> Problem:
-        """The problem at motor angles, as one with a first axis, or at one of them."""
-        return eqx.tree_at(lambda p: p.command, self.problem, commands)
+    def at(self, command: Scalar) -> Problem:
+        """The problem at a motor angle."""
+        return eqx.tree_at(lambda p: p.command, self.problem, command)
 
     def compile(
         self,
@@ -108,8 +108,8 @@ class Workload(NamedTuple):
         """A solver of one state as a method for all of them, at each of its settings."""
         values = {f"{word} {value:g}": jnp.asarray(value) for value in settings}
 
-        def one(command: Scalar, start: Any, setting: Scalar) -> Joints:
-            return solver(self.problems(command), start, setting)
+        def one(command: Scalar, start: Any, setting: Array) -> Joints:
+            return solver(self.at(command), start, setting)
 
         shared = (jax.vmap(one, (0, 0, None)), self.commands, start)
         return compile_methods(name, self.panel, self.error, *shared, settings=values)
@@ -138,7 +138,7 @@ def energy_minimizers(work: Workload) -> list[BenchmarkMethod]:
     near = work.guesses.joints
     made = work.compile("jaxopt QP, sequential", minimize_by_programs, near, PROGRAMS, "programs")
     made += work.compile("jaxopt LBFGSB, augmented", minimize_penalized, near, TOLERANCES)
-    states = list(zip(map(work.problems, work.commands), np.asarray(near), strict=True))
+    states = list(zip(map(work.at, work.commands), np.asarray(near), strict=True))
     for value in (1e-4, 1e-8, 1e-15):
 
         def call(value: float = value) -> np.ndarray:

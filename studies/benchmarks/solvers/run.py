@@ -106,4 +106,5 @@ def _chamber_methods(angles: int, seed: int) -> Iterator[BenchmarkMethod]:
     fields = {name: float(getattr(printed, name)) for name in chamber.FIELDS}
     for work in chamber.workloads(fields, angles, seed):
         if work.dtype == "float64":
-            yield from chamber.methods(fields, work)
+            panel = f"η of the chamber, {work.panel.removesuffix(', float64')}"
+            yield from chamber.methods(fields, work._replace(panel=panel))
