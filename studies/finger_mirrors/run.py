@@ -214,7 +214,7 @@ def operations(scene: Scene) -> list[LeftOutRow]:
 def add_metrics(out: Report, spec: FingerMirrorsSpec, found: Found) -> None:
     """The study's numbers."""
     after, square, cases = found.cases[OPTIMUM], found.squares[OPTIMUM], found.cases
-    reached = [found.design.meets(trial, spec.floor) for trial in range(len(found.design.trials))]
+    reached = [verdict.meets(spec.floor) for verdict in found.design.verdicts]
     out.values(
         share=after.share,
         square_poses=square.coverage[..., 0].size,
@@ -318,7 +318,7 @@ def add_tables(out: Report, spec: FingerMirrorsSpec, found: Found) -> None:
             violation=trial.violation,
             worst_coverage=verdict.worst_coverage,
             worst_px_per_mm=verdict.worst_px_per_mm,
-            met=made.meets(number, spec.floor),
+            met=verdict.meets(spec.floor),
             chosen=number == made.chosen,
             steps=trial.steps,
             seconds=trial.seconds,

@@ -27,16 +27,10 @@ from designopt.optimize.flat import Flat
 from designopt.optimize.reference_solvers import compile_reference
 from designopt.study.records import Records
 from designopt.study.report import Report
+from studies.models.mirror_design import searching
 from studies.models.mirror_design.design import MirrorDesign
 from studies.models.mirror_design.placement import Placement, bounds, scale
 from studies.models.mirror_design.problem import Task, problem_of, terms_of
-from studies.models.mirror_design.searching import (
-    STAGES,
-    lagrangian,
-    measured,
-    no_multipliers,
-    search,
-)
 from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
 from studies.models.single_runs import single_runs
 
@@ -92,7 +86,7 @@ def compare(design: MirrorDesign, spec: FingerMirrorsSpec, seed: int) -> Records
     task, runs = design.task.first(copies), Records()
 
     def graduated(tasks: Sequence[Task]) -> Callable[[Placement], Placement]:
-        return lambda start: search(start, limits, tasks, copies=copies).placement
+        return lambda start: searching.search(start, limits, tasks, copies=copies).placement
 
     def add(name: str, solve: Callable[[Placement], Placement], compile_seconds: float) -> None:
         best, seconds = (True, np.inf, np.inf), 0.0
@@ -101,7 +95,7 @@ def compare(design: MirrorDesign, spec: FingerMirrorsSpec, seed: int) -> Records
             placement = solve(start)
             seconds += time.perf_counter() - begin
             # By the program for all copies, which is there already.
-            objective, violation = measured(placement, design.task, copies)
+            objective, violation = searching.measured(placement, design.task, copies)
             best = min(best, (violation > HELD, objective, violation))
             runs.add(
                 method=name,
@@ -113,7 +107,7 @@ def compare(design: MirrorDesign, spec: FingerMirrorsSpec, seed: int) -> Records
             )
 
     add(OURS, graduated(design.tasks), 0.0)
-    add(UNGRADED, graduated([design.task] * len(STAGES)), 0.0)
+    add(UNGRADED, graduated([design.task] * len(searching.STAGES)), 0.0)
     for method in CHOICES[spec.solvers]:
         begin = time.perf_counter()
         if method == "slsqp":
@@ -149,7 +143,7 @@ def _solver(method: str, spec: MirrorSpec, task: Task) -> Callable[[Placement], 
 def _slsqp(spec: MirrorSpec, task: Task, copies: int) -> Callable[[Placement], Placement]:
     """SciPy's solver; all but the inequalities' slopes by the search's program, which is there."""
     flat = Flat.of(problem_of(spec, task))
-    plain = jnp.asarray(copies), jnp.asarray(0.0), no_multipliers(task)
+    plain = jnp.asarray(copies), jnp.asarray(0.0), searching.no_multipliers(task)
     units, build = ravel_pytree(scale(task.finger))
 
     def levels_of(point: jax.Array, task: Task) -> jax.Array:
@@ -161,7 +155,7 @@ def _slsqp(spec: MirrorSpec, task: Task, copies: int) -> Callable[[Placement], P
 
     def values(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         if last[0] != x.tobytes():
-            (_, terms), slope = lagrangian(jnp.asarray(x), task, *plain)
+            (_, terms), slope = searching.lagrangian(jnp.asarray(x), task, *plain)
             levels = np.asarray(ravel_pytree(terms.inequalities)[0])
             last[:] = x.tobytes(), (float(terms.value), np.asarray(slope), levels)
         return last[1]

@@ -1,20 +1,16 @@
 """The study ``finger``: its files, its lines, and the whole of it."""
 
-import json
 import tomllib
 
 import jax.numpy as jnp
 import numpy as np
-import pydantic
 import pytest
 
 from designopt.cli import run as command
+from designopt.study.runner import run_study
 from kinematics import parse_linkage, solve_poses
 from optics import find_coverage, parse_scene
-from studies.finger import FingerSpec
 from studies.finger.run import degrees_of_freedom
-from studies.models.body import BodySpec
-from studies.models.mirror_design.judging import percent_at_least
 from studies.models.spec_files import finger_files
 from tests.studies.fingers import finger_of, seeing_finger
 
@@ -50,49 +46,27 @@ def test_degrees_of_freedom_by_kutzbach():
     assert degrees_of_freedom(finger_of()) == 2
 
 
-def test_a_finger_without_room_for_its_camera_is_refused():
-    with pytest.raises(pydantic.ValidationError, match="no room for the camera"):
-        FingerSpec(body=BodySpec(thickness=9.0))
-
-
-@pytest.mark.parametrize(
-    ("body", "words"),
-    [
-        ({"thickness": 3.0}, "smaller than thickness"),
-        ({"distal": 5.0}, "distal .* no room for a pad"),
-        ({"axis_height": 12.0}, "intermediate .* no room for a pad"),
-    ],
-)
-def test_impossible_bodies_are_refused(body, words):
-    with pytest.raises(pydantic.ValidationError, match=words):
-        BodySpec(**body)
-
-
-def test_parts_are_rounded_down_to_percent():
-    assert percent_at_least(1.0) == "100 %"
-    assert percent_at_least(0.99999) == "99.99 %"
-
-
-QUICK = [
-    "linkage.search.starts=4",
-    "linkage.search.among=4096",
-    "linkage.search.exchanges=1",
-    "linkage.draws=100",
-    "mirrors.search.starts=1",
-    "yield_draws=100",
-    "spring.diameters=[40]",
-]
-
-
 @pytest.mark.slow
-def test_a_finger_that_is_too_thin_says_what_gave_way(tmp_path):
-    sets = [part for setting in (*QUICK, "body.thickness=14") for part in ("--set", setting)]
-    assert command(["run", "finger", *sets, "--out", str(tmp_path / "thin")]) == 1
-    document = json.loads((tmp_path / "thin" / "results.json").read_text(encoding="utf-8"))
-    first = document["findings"][0]
-    assert not any("k₂ = -" in line for line in document["findings"])
-    assert "does not meet every requirement" in first
-    assert "transmission angles (> 40° required" in first
+def test_a_finger_that_is_too_thin_names_what_gave_way():
+    results = run_study(
+        "finger",
+        {
+            "body": {"thickness": 14},
+            "linkage": {"search": {"starts": 4, "among": 4096, "exchanges": 1}, "draws": 100},
+            "mirrors": {"search": {"starts": 1}},
+            "yield_draws": 100,
+            "spring": {"diameters": [40]},
+        },
+    )
+    metrics = {metric.name: metric for metric in results.metrics}
+    lines = next(table for table in results.tables if table.name == "table_3_1").rows
+    missed = [str(row[0]) for row in lines if row[-1] == "no"]
+    assert metrics["requirements_missed"].value == len(missed)
+    assert metrics["requirements_missed"].met is False
+    assert metrics["min_transmission_angle_deg"].value < 40
+    assert "transmission angles" in missed
+    assert all(name in results.findings[0] for name in missed)
+    assert not any("k₂ = -" in line for line in results.findings)
 
 
 @pytest.mark.parametrize("name", ["finger", "finger-linkage", "finger-mirrors", "finger-grasp"])

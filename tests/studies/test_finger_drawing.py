@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from designopt.designs import load_design
-from studies.models import Finger, packaged_finger
+from studies.models import packaged_finger
 from studies.models.spec_files import finger_files
 from tests.designopt.export.reading import numbers_in, opened
 
@@ -84,11 +84,3 @@ def test_every_number_of_both_files_is_among_the_numbers(finger):
     assert found["spring.servo"] == (300.0, "N mm/rad")
     assert found["body.thickness"] == (25.0, "mm")
     assert found["body.range"] == (90.0, "°")
-
-
-def test_notes_say_what_pose_it_is(finger):
-    assert isinstance(finger.model, Finger)
-    notes = finger.drawing().notes
-    assert notes[0].startswith("straight finger")
-    assert not any("pose" in note for note in notes)
-    assert any("160°" in note for note in notes)

@@ -25,51 +25,7 @@ from studies.models.spec_files import finger_files
 OLD = Path(__file__).parents[1] / "data" / "old_specs"
 """Of a result that was written before fingers had files."""
 
-TEXT = """
-[finger]
-name = "mine"
-
-[body]
-proximal = 35
-intermediate = 23.0
-distal = 32.0
-thickness = 25.0
-axis_height = 4.0
-range_deg = 90.0
-rim = 1.5
-
-[pins]
-F = [-7.77, -1.98]
-E = [-15.48, 17.51]
-D = [-2.98, 13.26]
-C = [21.67, 6.05]
-G = [8.36, -1.98]
-"G'" = [3.04, 13.23]
-
-[spring]
-stiffness = 30.0
-preload = 0.3
-servo = 300.0
-
-[camera]
-along = 13.4
-depth = 4.1
-tilt_deg = -3.3
-fov_deg = 160.0
-pixels = 1080
-width = 8.0
-min_grazing_deg = 2.0
-
-[[mirrors]]
-phalanx = "distal"
-from = [-1.6, 3.2]
-to = [23.9, 10.5]
-
-[[mirrors]]
-phalanx = "proximal"
-from = [0.2, 1.6]
-to = [-29.8, 12.5]
-"""
+TEXT = format_finger(packaged_finger()).replace('name = "finger"', 'name = "mine"')
 
 
 def table() -> dict:
@@ -83,17 +39,19 @@ def assert_identical(one: Finger, other: Finger):
 
 
 def test_every_number_is_where_it_belongs():
-    finger = parse_finger(table(), "mine.toml")
+    finger, written = parse_finger(table(), "mine.toml"), table()
     assert finger.name == "mine"
+    assert finger.pins is not None
+    assert finger.camera is not None
     assert float(finger.body.proximal) == 35.0
     assert float(finger.body.flexion) == math.pi / 2
-    assert finger.pins is not None
     assert finger.pins.H.tolist() == [3.04, 13.23]
-    assert finger.camera is not None
-    assert float(finger.camera.tilt) == math.radians(-3.3)
-    assert [mirror.phalanx for mirror in finger.mirrors] == ["distal", "proximal"]
-    assert finger.mirrors[1].ends.tolist() == [[0.2, 1.6], [-29.8, 12.5]]
-    np.testing.assert_allclose(finger.scene().mirrors[0], [[21.4, 17.8], [46.9, 10.5]], atol=1e-12)
+    assert float(finger.camera.tilt) == math.radians(written["camera"]["tilt_deg"])
+    for mirror, own in zip(finger.mirrors, written["mirrors"], strict=True):
+        assert (mirror.phalanx, mirror.ends.tolist()) == (own["phalanx"], [own["from"], own["to"]])
+    # The distal one's ends from PIP, and above the axes.
+    [[x, depth], _] = finger.mirrors[0].ends.tolist()
+    np.testing.assert_allclose(finger.scene().mirrors[0, 0], [23 + x, 21 - depth], atol=1e-12)
 
 
 lengths = st.floats(12.0, 60.0)
@@ -134,12 +92,11 @@ def test_degrees_give_their_angle_back(degrees):
 
 def test_a_file_is_written_and_read(tmp_path):
     path = tmp_path / "finger.toml"
-    path.write_text(TEXT)
+    path.write_text(TEXT.replace('name = "mine"\n', ""))
     finger = read_finger(path)
+    assert finger.name == "finger"
     write_finger(finger, tmp_path / "again.toml")
     assert_identical(finger, read_finger(tmp_path / "again.toml"))
-    path.write_text(TEXT.replace('name = "mine"\n', ""))
-    assert read_finger(path).name == "finger"
 
 
 @pytest.mark.parametrize(
@@ -152,7 +109,7 @@ def test_a_file_is_written_and_read(tmp_path):
         ("intermediate = 23.0", "intermediate = 7", "intermediate (7 mm) leaves no room for a pad"),
         ('phalanx = "proximal"', 'phalanx = "distal"', "mirrors: 2 are distal; a phalanx has one"),
         ("pixels = 1080", "pixels = 0", "camera.pixels"),
-        ('name = "mine"', 'name = "mine"\nformat = 2', "finger.format"),
+        ("format = 1", "format = 2", "finger.format"),
     ],
 )
 def test_faults_are_one_line(tmp_path, old, new, message):

@@ -28,7 +28,7 @@ from studies.models.mirror_design.errors import (
     sample_errors,
     spread_evenly,
 )
-from studies.models.mirror_design.judging import coverage_grid, judged, seen_by_rays
+from studies.models.mirror_design.judging import judged, seen_by_rays
 from studies.models.mirror_design.placement import PROXIMAL, bounds, free_part, poor_layout, scale
 from studies.models.mirror_design.searching import Stage, lagrangian
 from studies.models.mirror_design.spec import MirrorSpec
@@ -175,14 +175,6 @@ def test_the_verdict_on_the_given_layout(verdict):
     assert verdict.worst_coverage == 1.0
     assert float(np.min(verdict.single)) >= 1 - 1e-9
     assert verdict.worst_px_per_mm >= 2.5
-
-
-@pytest.mark.slow
-def test_the_row_stands_for_the_square():
-    for finger in (seeing_finger(range_deg=30.0), poor_layout(finger_of(range_deg=30.0), LENS)):
-        square = coverage_grid(finger)
-        assert square.coverage.shape == (31, 31, 3)
-        assert square.disagreement < 1e-12
 
 
 def test_rays_see_the_same():

@@ -224,7 +224,3 @@ def test_the_example_runs():
     )
     assert "coverage of the distal pad: 0.5475" in done.stdout
     assert done.stdout.count(".body.thickness") == 4
-
-
-def test_the_example_is_short():
-    assert len(EXAMPLE.read_text(encoding="utf-8").splitlines()) <= 60

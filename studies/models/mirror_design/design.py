@@ -48,15 +48,6 @@ class MirrorDesign:
         """The last stage's; its errors are those that the search has seen."""
         return self.tasks[-1]
 
-    def meets(self, trial: int, floor: float) -> bool:
-        """Whether a trial sees everything, with at least a resolution (px/mm)."""
-        return meets(self.verdicts[trial], floor)
-
-
-def meets(verdict: Verdict, floor: float) -> bool:
-    """Whether everything is seen, with at least a resolution (px/mm)."""
-    return verdict.worst_coverage == 1.0 and verdict.worst_px_per_mm >= floor
-
 
 def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> MirrorDesign:
     """Camera and mirrors that show all pads of a finger in every posture, errors included.
@@ -69,7 +60,7 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
 
     Returns:
         The trial of least objective among those that see everything with the resolution asked for
-        on a 1° grid; if none does, that of least objective and violation. ``verdict`` says which.
+        on a 1° grid; if none does, that of least objective and violation. ``verdict`` has which.
     """
     poor = poor_layout(finger, spec.camera)
     tasks = [
@@ -86,8 +77,7 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
             verdicts.append(judged(eqx.combine(trials[-1].placement, poor)))
 
     def rank(number: int) -> tuple[bool, float]:
-        fine = meets(verdicts[number], spec.floor)
-        trial = trials[number]
+        fine, trial = verdicts[number].meets(spec.floor), trials[number]
         return not fine, trial.objective + (0.0 if fine else 100 * trial.violation)
 
     chosen = min(range(len(trials)), key=rank)

@@ -48,11 +48,7 @@ def draw_coverage(squares: Mapping[str, Square], degrees: np.ndarray) -> Figure:
     colors = ScalarMappable(Normalize(0, 100), COLORS)
     for index, (axes, (name, square)) in enumerate(zip(grid[0], squares.items(), strict=True)):
         least = 100 * np.min(square.coverage, axis=-1)
-        mesh = axes.pcolormesh(
-            degrees, degrees, least.T, norm=colors.norm, cmap=COLORS, shading="nearest"
-        )
-        mesh.set_rasterized(True)
-        axes.grid(visible=False)
+        _shade(axes, degrees, degrees, least, colors)
         low, high = (f"{value:.4g}" for value in (least.min(), least.max()))
         span = low if low == high else f"{low} to {high}"
         axes.set(title=f"{name}: {span} %", xlabel="PIP (°)")
@@ -60,6 +56,12 @@ def draw_coverage(squares: Mapping[str, Square], degrees: np.ndarray) -> Figure:
         axes.set(xticks=angle_ticks(degrees[-1], 6), yticks=angle_ticks(degrees[-1], 6))
     drawing.colorbar(colors, ax=list(grid[0]), label="coverage of the least seen pad (%)")
     return drawing
+
+
+def _shade(axes: Axes, x: Any, y: Any, values: np.ndarray, colors: ScalarMappable) -> None:
+    style = {"norm": colors.norm, "cmap": COLORS, "shading": "nearest"}
+    axes.pcolormesh(x, y, values.T, rasterized=True, **style)
+    axes.grid(visible=False)
 
 
 def draw_resolution(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
@@ -80,12 +82,8 @@ def draw_resolution(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
     for (row, column), (degrees, along, values) in maps.items():
         axes, name = grid[row, column], list(pads)[column]
         axes.patch.set(**UNSEEN)
-        axes.grid(visible=False)
         shown = np.where(values > 0, values, np.nan)
-        mesh = axes.pcolormesh(
-            degrees, along, shown.T, norm=colors.norm, cmap=COLORS, shading="nearest"
-        )
-        mesh.set_rasterized(True)
+        _shade(axes, degrees, along, shown, colors)
         there = shown[np.isfinite(shown)]
         note = f"{there.min():.3g} to {there.max():.3g} px/mm" if there.size else "nothing seen"
         axes.set_title(f"{list(scenes)[row]}, {name}: {note}")
@@ -105,37 +103,24 @@ def draw_sensitivity(found: Sensitivity) -> Figure:
     """What each error hides by itself, and what its tolerance does to the yield."""
     drawing, grid = new_figure(1, 2, height=3.6, width_ratios=[1.6, 1])
     left, right = grid[0]
-    for index, (name, curve) in enumerate(zip(NAMES, found.worst, strict=True)):
-        left.plot(
-            STEPS,
-            100 * curve,
-            color=PALETTE[index % len(PALETTE)],
-            linestyle=DASHES[index % len(DASHES)],
-            label=name,
-        )
-    left.set(
-        title="One error at a time",
-        xlabel="error (standard deviations)",
-        ylabel="worst coverage (%)",
-        xlim=(STEPS[0], STEPS[-1]),
-    )
-    names = ["as stated", *(f"2 × {name}" for name in found.doubled)]
-    yields = [found.base, *found.doubled.values()]
-    _bars(right, names, yields)
-    right.set_title("Yield, a tolerance doubled")
+    _lines(left, STEPS, dict(zip(NAMES, found.worst, strict=True)))
+    left.set(xlabel="error (standard deviations)", ylabel="worst coverage (%)")
+    left.set(title="One error at a time", xlim=(STEPS[0], STEPS[-1]))
+    yields = {"as stated": found.base}
+    yields |= {f"2 × {name}": one for name, one in found.doubled.items()}
+    value, low, high = 100 * np.array([one[:3] for one in yields.values()]).T
+    style: dict[str, Any] = {"color": PALETTE[0], "ecolor": "black", "capsize": 3, "height": 0.6}
+    right.barh(list(yields), value, xerr=[value - low, high - value], **style)
+    right.set(title="Yield, a tolerance doubled", xlabel="yield (%)", xlim=(0, 105))
+    right.invert_yaxis()
+    right.grid(visible=False, axis="y")
     return drawing
 
 
-def _bars(axes: Axes, names: list[str], yields: list[Yield]) -> None:
-    at = np.arange(len(names))
-    values = 100 * np.array([one.value for one in yields])
-    spread = [[100 * (one.value - one.low) for one in yields],
-              [100 * (one.high - one.value) for one in yields]]  # fmt: skip
-    style: dict[str, Any] = {"color": PALETTE[0], "ecolor": "black", "capsize": 3, "height": 0.6}
-    axes.barh(at, values, xerr=spread, **style)
-    axes.set(yticks=at, yticklabels=names, xlabel="yield (%)", xlim=(0, 105))
-    axes.invert_yaxis()
-    axes.grid(visible=False, axis="y")
+def _lines(axes: Axes, x: np.ndarray, parts: Mapping[str, np.ndarray]) -> None:
+    for index, (name, part) in enumerate(parts.items()):
+        style = {"color": PALETTE[index % len(PALETTE)], "linestyle": DASHES[index % len(DASHES)]}
+        axes.plot(x, 100 * part, label=name, **style)
 
 
 def draw_yield(yields: Mapping[str, Yield], degrees: np.ndarray) -> Figure:
@@ -143,14 +128,9 @@ def draw_yield(yields: Mapping[str, Yield], degrees: np.ndarray) -> Figure:
     drawing, grid = new_figure(1, 2, height=3.4)
     joints: dict[Phalanx, str] = {"proximal": "PIP", "distal": "DIP"}
     for axes, (pad, joint) in zip(grid[0], joints.items(), strict=True):
-        for level, (name, one) in enumerate(yields.items()):
-            axes.plot(
-                degrees,
-                100 * one.by_pose[:, PHALANGES.index(pad)],
-                color=PALETTE[level],
-                linestyle=DASHES[level],
-                label=f"{name}: yield {100 * one.value:.1f} %",
-            )
+        column = PHALANGES.index(pad)
+        named = {f"{name}: yield {100 * one.value:.1f} %": one for name, one in yields.items()}
+        _lines(axes, degrees, {name: one.by_pose[:, column] for name, one in named.items()})
         axes.set(title=f"{pad} pad", xlabel=f"{joint} (°)", xticks=angle_ticks(degrees[-1], 6))
     grid[0, 0].set_ylabel("draws with the pad wholly seen (%)")
     lowest = min(float(np.min(one.by_pose)) for one in yields.values())

@@ -57,6 +57,10 @@ class Verdict(eqx.Module):
         """Part of all pads that is seen, on average over postures and pads."""
         return float(np.mean(self.coverage))
 
+    def meets(self, floor: float) -> bool:
+        """Whether everything is seen, with at least a resolution (px/mm)."""
+        return self.worst_coverage == 1.0 and self.worst_px_per_mm >= floor
+
     @property
     def worst_px_per_mm(self) -> float:
         """Least resolution of any pad in any posture."""
@@ -87,13 +91,8 @@ def judged(finger: Finger) -> Verdict:
     sharp = find_sharpness(scene, np.asarray(poses), views.value, bounces=scene.layout.bounces)
     paths = range(len(scene.layout.mirrors) + 1)
     single = np.max([views.value.seen(path) for path in paths], axis=0)
-    return Verdict(
-        degrees,
-        np.asarray(views.value.coverage()),
-        np.asarray(single),
-        sharp.px_per_mm[..., 0],
-        views,
-    )
+    coverage, px_per_mm = np.asarray(views.value.coverage()), sharp.px_per_mm[..., 0]
+    return Verdict(degrees, coverage, np.asarray(single), px_per_mm, views)
 
 
 class Square(NamedTuple):

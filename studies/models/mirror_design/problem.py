@@ -178,25 +178,16 @@ def terms_of(placement: Placement, task: Task) -> Evaluation:
 def problem_of(spec: MirrorSpec, task: Task) -> Problem:
     """The problem in the form that all solvers take."""
     least, greatest = bounds(task.finger, spec)
-    pads = PHALANGES
     degrees = np.rad2deg(task.angles[: task.plain]).ravel()
-    mirrors = ("proximal", "distal")
-    return Problem(
-        terms_of,
-        least,
-        greatest,
-        scale(task.finger),
-        {
-            "resolution": Requirement(
-                lambda at: f"resolution of the {pads[at[1]]} pad at {degrees[at[0]]:g}°",
-                "px/mm",
-                RESERVE * spec.floor,
-            ),
-            "clearance": Requirement(
-                lambda at: f"the {mirrors[at[0]]} mirror beside the camera's body",
-                "mm",
-                CLEARANCE_SCALE,
-            ),
-        },
-        data=(task,),
-    )
+
+    def resolution(at: tuple[int, ...]) -> str:
+        return f"resolution of the {PHALANGES[at[1]]} pad at {degrees[at[0]]:g}°"
+
+    def clearance(at: tuple[int, ...]) -> str:
+        return f"the {('proximal', 'distal')[at[0]]} mirror beside the camera's body"
+
+    requirements = {
+        "resolution": Requirement(resolution, "px/mm", RESERVE * spec.floor),
+        "clearance": Requirement(clearance, "mm", CLEARANCE_SCALE),
+    }
+    return Problem(terms_of, least, greatest, scale(task.finger), requirements, data=(task,))
