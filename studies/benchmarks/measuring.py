@@ -6,7 +6,7 @@ import importlib.util
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import jax
@@ -44,20 +44,17 @@ def spans(ratios: Records, name: str) -> list[str]:
     return [f"{who}: {value:.3g} times ({low:.3g} to {high:.3g})" for who, value, low, high in rows]
 
 
-def gradient_error(expected: np.ndarray, weights: np.ndarray) -> Callable[[Any], float]:
-    """From a gradient, a pytree, to its worst entry's deviation over the largest expected entry.
+def gradient_error(expected: np.ndarray, weights: np.ndarray, found: Any) -> float:
+    """Deviation of a gradient's worst entry over the largest expected entry.
 
     Args:
-        expected: the gradient's entries, in the order of its leaves.
+        expected: the entries, in the order of the gradient's leaves.
         weights: what an entry counts.
+        found: the gradient, a pytree.
     """
-
-    def error(found: Any) -> float:
-        entries = np.concatenate([np.ravel(part) for part in jax.tree.leaves(found)])
-        off = np.abs(entries.astype(float) - expected) * weights
-        return float(np.max(off) / np.max(np.abs(expected) * weights))
-
-    return error
+    entries = np.concatenate([np.ravel(part) for part in jax.tree.leaves(found)]).astype(float)
+    off = np.abs(entries - expected) * weights
+    return float(np.max(off) / np.max(np.abs(expected) * weights))
 
 
 def installed(package: str) -> bool:

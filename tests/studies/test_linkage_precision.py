@@ -173,12 +173,12 @@ def test_other_tools_solve_the_same_sweep(case, name):
         pytest.skip(f"{tool.package} is not installed; the extra 'peers' brings it")
     call, read = tool.walk(case, numbers_of(case), case.angles(POSES), 1e-12)
     for _ in range(2):  # a second call starts afresh
-        assert by.position_error(case, POSES, POSES, read(call())) < 1e-8
+        assert by.position_error(case, POSES, POSES, read, call()) < 1e-8
 
 
 def test_an_error_is_found_where_there_is_one():
     found = exactly(CASES[0])
-    error = partial(by.position_error, CASES[0], POSES, POSES)
+    error = partial(by.position_error, CASES[0], POSES, POSES, np.asarray)
     assert error(found) < 1e-15
     found[7, 1, 0] += 1.2
     np.testing.assert_allclose(error(found), 1.2 / 120, rtol=1e-9)

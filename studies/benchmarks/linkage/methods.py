@@ -150,16 +150,14 @@ def _batched(work: Workload, name: str, linkage: Linkage) -> Iterator[BenchmarkM
     part = min(work.poses, VECTORISED_PART) if name in OPTIMISTIX else work.poses
     inputs = jnp.asarray(work.case.angles(part), work.dtype)
     if work.gradient:
-        error, function = _gradient_error(work.case, part), mean_square(work, name)
+        error, function = partial(_slopes_error, work.case, part), mean_square(work, name)
         function, args = jax.value_and_grad(function), (cases.dimensions(linkage), linkage, inputs)
     else:
-        error = _position_error(work._replace(poses=part), part, stacked)
-        args = linkage, inputs
-        function = partial(solve, work.case, work.case.joints)
+        error = partial(position_error, work.case, part, part, stacked)
+        function, args = partial(solve, work.case, work.case.joints), (linkage, inputs)
     chosen = list(settings.items())[0 if work.longest and not work.gradient else -1 :]
-    values = {
-        word: jnp.asarray(value, None if name == FIXED else work.dtype) for word, value in chosen
-    }
+    dtype = None if name == FIXED else work.dtype
+    values = {word: jnp.asarray(value, dtype) for word, value in chosen}
     for method in compile_methods(name, work.panel, error, function, *args, settings=values):
         setting = method.setting + _share(part, work.poses, "evenly spaced ")
         yield replace(method, setting=setting, scale=work.poses / part)
@@ -167,24 +165,20 @@ def _batched(work: Workload, name: str, linkage: Linkage) -> Iterator[BenchmarkM
 
 def _sequential(work: Workload, name: str, tool: Sequential) -> Iterator[BenchmarkMethod]:
     part = min(work.poses, tool.gradient_part if work.gradient else tool.part)
-    longest, short, finest = tool.tolerances
+    longest, short, finest = tool.tolerances if part else ((), (), ())
     for tolerance in finest if work.gradient else longest if work.longest else short:
-        if work.gradient and part:
-            angles, word = work.case.angles(part), "central differences"
+        if work.gradient:
+            words = "central differences" + _share(part, work.poses, "evenly spaced ")
+            angles, error = work.case.angles(part), partial(_slopes_error, work.case, part)
             call = partial(walks.gradient_by_differences, tool.walk, work.case, angles, tolerance)
-            share, error = (
-                _share(part, work.poses, "evenly spaced "),
-                _gradient_error(work.case, part),
-            )
-        elif part:
-            angles, word = work.case.angles(work.poses)[:part], f"tolerance {tolerance:.0e}"
+        else:
+            words = f"tolerance {tolerance:.0e}" if tolerance else ""
+            words = (words + _share(part, work.poses, "first ")).removeprefix(", ")
+            angles = work.case.angles(work.poses)[:part]
             call, read = tool.walk(work.case, numbers_of(work.case), angles, tolerance)
             call()  # what compiles itself has done so
-            share, error = _share(part, work.poses, "first "), _position_error(work, part, read)
-        else:
-            continue
-        setting = (word * (work.gradient or tolerance > 0) + share).removeprefix(", ")
-        yield BenchmarkMethod(name, setting, work.panel, call, error, scale=work.poses / part)
+            error = partial(position_error, work.case, work.poses, part, read)
+        yield BenchmarkMethod(name, words, work.panel, call, error, scale=work.poses / part)
 
 
 def mean_square(work: Workload, name: str) -> Callable[..., Array]:
@@ -231,28 +225,25 @@ def exact_gradient(case: Case, poses: int) -> np.ndarray:
         return cases.central_differences(mean, numbers_of(case, mpmath.mpf), lambda _: step)
 
 
-def position_error(case: Case, poses: int, part: int, found: np.ndarray) -> float:
+def position_error(
+    case: Case, poses: int, part: int, read: Callable[[Any], np.ndarray], found: Any
+) -> float:
     """Worst distance of a checked joint over the size, for the first ``part`` of a sweep.
 
     Args:
         case: which linkage.
         poses: of the sweep.
         part: how many of them were solved.
-        found: joints in these, mm, shape (part, joints, 2).
+        read: from the answer to the joints in these, mm, shape (part, joints, 2).
+        found: the answer.
     """
-    found = found[checked(part)].astype(float)
-    if not np.all(np.isfinite(found)):
+    places = read(found)[checked(part)].astype(float)
+    if not np.all(np.isfinite(places)):
         return math.inf
     with mpmath.workdps(DIGITS):
-        off = found.astype(object) - exact_places(case, poses, part)
+        off = places.astype(object) - exact_places(case, poses, part)
         size = float(cases.size_of(numbers_of(case)))
         return float(mpmath.sqrt(np.max(np.sum(off * off, axis=-1))) / size)
-
-
-def _position_error(
-    work: Workload, part: int, read: Callable[[Any], np.ndarray]
-) -> Callable[[Any], float]:
-    return lambda found: position_error(work.case, work.poses, part, read(found))
 
 
 def stacked(found: tuple[Sequence[tuple[Array, Array]], Any]) -> np.ndarray:
@@ -260,20 +251,15 @@ def stacked(found: tuple[Sequence[tuple[Array, Array]], Any]) -> np.ndarray:
     return np.stack([np.stack(pair, -1) for pair in found[0]], 1)
 
 
-def _gradient_error(case: Case, poses: int) -> Callable[[Any], float]:
+def _slopes_error(case: Case, poses: int, found: Any) -> float:
     """Worst entry's deviation over the largest entry; an angle's entry counts per size."""
-    sizes = numbers_of(case)
-    weights = np.ones(len(jax.tree.leaves(sizes)))
+    if not isinstance(found, np.ndarray):
+        found = cases.sizes_of(cases.with_dimensions(drawn(case), found[1]))
+    expected, sizes = exact_gradient(case, poses), numbers_of(case)
+    weights = np.ones(len(expected))
     if sizes.line:
         weights[-1] = 1 / float(cases.size_of(sizes))
-    error = gradient_error(exact_gradient(case, poses), weights)
-
-    def of(found: Any) -> float:
-        if isinstance(found, np.ndarray):
-            return error(found)
-        return error(cases.sizes_of(cases.with_dimensions(drawn(case), found[1])))
-
-    return of
+    return gradient_error(expected, weights, found)
 
 
 def _value_error(work: Workload, found: Any) -> float:
@@ -285,8 +271,6 @@ def _value_error(work: Workload, found: Any) -> float:
 def _sine_error(angles: np.ndarray, found: tuple[Array, Array]) -> float:
     rows = checked(len(angles))
     with mpmath.workdps(DIGITS):
-        exact = [
-            [function(mpmath.mpf(x)) for x in angles[rows].tolist()]
-            for function in (mpmath.sin, mpmath.cos)
-        ]
-        return float(np.max(abs(np.asarray(found)[:, rows].astype(object) - np.array(exact))))
+        turns = [mpmath.expj(angle) for angle in angles[rows].tolist()]
+        exact = np.array([[turn.imag for turn in turns], [turn.real for turn in turns]])
+        return float(np.max(abs(np.asarray(found)[:, rows].astype(object) - exact)))

@@ -183,5 +183,4 @@ def slopes_error(work: Workload) -> Error:
     """Worst entry's deviation over the largest entry; an angle counts as the arc it moves."""
     expected = np.mean([exact.gradient(work.scene, pose) for pose in work.poses], axis=0)
     weights = np.append(np.ones(len(expected) - 1), 1 / REACH_MM)
-    error = gradient_error(expected, weights)
-    return lambda found: error(found[1])
+    return lambda found: gradient_error(expected, weights, found[1])

@@ -143,10 +143,8 @@ def add_methods(out: Report, rows: Records) -> list[Claim]:
             words = {"setting": row.setting, "error": row.error, **both}
             rivals.add(workload=panel, method=row.method, **words)
             out.say("rival", panel=panel, **words)
-            evidence = [
-                *spans(rivals.where(workload=panel), "setting"),
-                f"least error: {best[by.BEST]}",
-            ]
+            evidence = spans(rivals.where(workload=panel), "setting")
+            evidence.append(f"least error: {best[by.BEST]}")
             holds = both["ratio"] >= TARGETS["least_sigmoid"]
             claims.append(out.claim("speed", evidence, holds, panel=panel))
         out.metric(f"sigmoid_over_exact_{name}", both["ratio"], "sigmoid_over_exact", panel=panel)
@@ -185,7 +183,8 @@ def add_gallery(out: Report, spec: VisibilityPrecisionSpec, context: Context) ->
     out.say("gallery", scenes=len(found), worst=errors.max(), scene=scenes[errors.argmax()])
     out.table("gallery", found)
     evidence = [f"{scene}: {error:.1e}" for scene, error in zip(scenes, errors, strict=True)]
-    return [out.claim("gallery", evidence, errors.max() <= TARGETS["most_coverage_error"])]
+    holds = bool(errors.max() <= TARGETS["most_coverage_error"])
+    return [out.claim("gallery", evidence, holds)]
 
 
 def add_grid(out: Report, repeats: int) -> Claim:
@@ -195,7 +194,8 @@ def add_grid(out: Report, repeats: int) -> Claim:
     apart = max(grid.disagreement(finger, grid.STEPS) for finger in fingers)
     names = {grid.VALUE: "coverage", grid.GRADIENT: "gradient"}
     for row in rows["row"]:
-        name, sign = f"finger_{row.panel}_{names[row.method]}_s", "×+"[row.panel == "sweeps"]
+        name = f"finger_{row.panel}_{names[row.method]}_s"
+        sign = "×" if row.panel == "grid" else "+"
         out.metric(name, row.seconds, "finger_s", asked=row.method, sign=sign)
     compiled = statistics.median(compiling)
     out.metrics(finger_grid_compile_s=compiled, finger_grid_disagreement=apart)
@@ -251,11 +251,17 @@ def operations() -> list[LeftOutRow]:
     bare = cases.changed_finger(lambda data: data.pop("mirrors"))
     bent = cases.changed_finger(lambda data: data["mirrors"][0].update(radius=RADIUS_MM))
     once, twice = (count(partial(find_coverage, bounces=bounces), finger) for bounces in (1, 2))
+    none = count(partial(find_coverage, bounces=0), bare)
+    straight, curved, views = (
+        count(refined, finger),
+        count(refined, bent),
+        count(find_views, finger),
+    )
     return [
         LeftOutRow(
             "coverage of a finger without mirrors",
             "unfolding and apertures: a finger with mirrors, one reflection",
-            count(partial(find_coverage, bounces=0), bare),
+            none,
             once,
         ),
         LeftOutRow(
@@ -267,13 +273,13 @@ def operations() -> list[LeftOutRow]:
         LeftOutRow(
             "coverage of the finger by edge-refined rays, its mirrors straight",
             "conic sections, their quadratic equations and horizons: the same with a curved mirror",
-            count(refined, finger),
-            count(refined, bent),
+            straight,
+            curved,
         ),
         LeftOutRow(
             "coverage of the finger, and nothing else",
             "pixels, resolution, distances, margins and reasons: all that `find_views` answers",
             once,
-            count(find_views, finger),
+            views,
         ),
     ]
