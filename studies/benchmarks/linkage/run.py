@@ -245,6 +245,10 @@ def add_figures(out: Report, rows: Records) -> None:
         names={"poses": "poses of the sweep", "rate": "poses per second"},
         height=4.4,
     )
+    for axes in drawing.axes:
+        axes.set(xscale="log", yscale="log")  # with powers of ten at their ticks
+        for line in (line for line in axes.lines if line.get_label() == by.FLOOR):
+            line.set(color="0.4", linestyle="--", marker="")
     out.figure("throughput", drawing)
     further = {
         "precision_float32": rows.where(dtype="float32"),
