@@ -30,10 +30,7 @@ def perfect(finger: FingerSensor) -> Renderer:
 @pytest.fixture(scope="session")
 def designed_frames(finger: FingerSensor) -> list[Frame]:
     """Frames of the finger as designed, in the light of a good one."""
-    renderer = finger.renderer(Effects.graded(1.0), None, seed=1)
-    return [
-        analysed(finger, renderer.render(pose, frame=number)) for number, pose in enumerate(POSES)
-    ]
+    return frames_of(finger, finger.renderer(Effects.graded(1.0), None, seed=1))
 
 
 @pytest.fixture(scope="session")
@@ -43,7 +40,9 @@ def made_frames(finger: FingerSensor) -> list[Frame]:
     errors = eqx.tree_at(lambda e: e.distortion, errors, None, is_leaf=lambda leaf: leaf is None)
     # Of the types that no errors have: it is compiled once.
     errors = jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)), errors)
-    renderer = finger.renderer(Effects.graded(1.0), errors, seed=2)
-    return [
-        analysed(finger, renderer.render(pose, frame=number)) for number, pose in enumerate(POSES)
-    ]
+    return frames_of(finger, finger.renderer(Effects.graded(1.0), errors, seed=2))
+
+
+def frames_of(finger: FingerSensor, renderer: Renderer) -> list[Frame]:
+    images = [renderer.render(pose, frame=number) for number, pose in enumerate(POSES)]
+    return [analysed(finger, image) for image in images]

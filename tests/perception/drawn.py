@@ -161,10 +161,8 @@ def _window(eye: Eye, pad: Pad) -> tuple[slice, slice]:
 
 def stored(light: np.ndarray, noise: float = 0.0, seed: int = 0) -> np.ndarray:
     """As 8-bit brightness, with normal noise."""
-    generator = np.random.default_rng(seed)
-    return np.clip(np.rint(light + noise * generator.standard_normal(light.shape)), 0, 255).astype(
-        np.uint8
-    )
+    noisy = light + noise * np.random.default_rng(seed).standard_normal(light.shape)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
 def defocused(light: np.ndarray, radius: float) -> np.ndarray:
@@ -179,34 +177,18 @@ def colored(gray: np.ndarray) -> np.ndarray:
     return np.repeat(gray[..., None], 3, axis=-1)
 
 
-def exact_quad(
-    eye: Eye, pad: Pad, *, deviation: float = 0.0, quality: Quality = Quality.COMPLETE
-) -> Quad:
+def exact_quad(eye: Eye, pad: Pad, *, deviation: float = 0.0) -> Quad:
     """What a perfect image shows of a pad whose first end is the lower one."""
     points = pad.corners()
     covariance = np.broadcast_to(deviation**2 * np.eye(2), (4, 2, 2)).copy()
-    return Quad(rays_of(points), eye.places(points), covariance, 1.0, 100.0, 0.1, quality)
+    numbers = covariance, 1.0, 100.0, 0.1, Quality.COMPLETE
+    return Quad(rays_of(points), eye.places(points), *numbers)
 
 
 def exact_view(
-    eye: Eye,
-    pad: Pad,
-    *,
-    name: str = "pad",
-    path: str = "direct",
-    quality: Quality = Quality.COMPLETE,
-    area: float = 1.0,
+    eye: Eye, pad: Pad, *, name: str = "pad", path: str = "direct", area: float = 1.0
 ) -> View:
     """A view with the true corners of a pad."""
-    points = pad.corners()
-    return View(
-        name,
-        path,
-        0,
-        quality,
-        (True, True),
-        eye.places(points),
-        rays_of(points),
-        np.zeros((4, 2, 2)),
-        area,
-    )
+    points, complete = pad.corners(), (Quality.COMPLETE, (True, True))
+    places = eye.places(points)
+    return View(name, path, 0, *complete, places, rays_of(points), np.zeros((4, 2, 2)), area)

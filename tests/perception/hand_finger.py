@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from perception.matching import Sighting, ViewCatalog, ViewFamily, match_views
+from perception.matching import Sighting, ViewCatalog, ViewFamily
 from perception.proprioception import CornerModel
 from perception.quads import Quad
 from perception.quality import Quality
@@ -126,53 +126,25 @@ def catalog() -> ViewCatalog:
         angles = ANGLES if joint is not None else ANGLES[:1]
         corners = corners_of(np.zeros(len(SIZES)), np.stack([angles, angles], axis=-1))
         there = shown(corners)[:, index]
-        families.append(
-            ViewFamily(
-                pad,
-                path,
-                REFLECTIONS[index],
-                joint,
-                angles,
-                corners[:, index],
-                there,
-                there,
-                there.astype(float),
-                np.stack([there, there], axis=-1),
-                np.full((len(angles), 2), SPREAD),
-                True,
-            )
-        )
+        seen = there, there, there.astype(float), np.stack([there, there], axis=-1)
+        spread = np.full((len(angles), 2), SPREAD)
+        view = pad, path, REFLECTIONS[index], joint, angles, corners[:, index]
+        families.append(ViewFamily(*view, *seen, spread, True))
     return ViewCatalog(families, LENGTHS, dict.fromkeys(LENGTHS, GRAZING), WIDTH, len(JOINTS))
 
 
-def quad_of(
-    corners: np.ndarray, *, deviation: float = 0.1, quality: Quality = Quality.COMPLETE
-) -> Quad:
+def quad_of(corners: np.ndarray, *, deviation: float = 0.1) -> Quad:
     """A quadrilateral, its corners in the pad's order or the other way up."""
     lower_first = corners[0, 1] + corners[3, 1] >= corners[1, 1] + corners[2, 1]
     ordered = corners if lower_first else corners[[1, 0, 3, 2]]
     covariance = np.broadcast_to(deviation**2 * np.eye(2), (4, 2, 2)).copy()
     rays = rays_of(EYE.directions(ordered))
-    return Quad(rays, ordered, covariance, 5000.0, 100.0, 0.1, quality)
+    return Quad(rays, ordered, covariance, 5000.0, 100.0, 0.1, Quality.COMPLETE)
 
 
-def quads_of(corners: np.ndarray, *, deviation: float = 0.1) -> list[Quad]:
+def quads_of(corners: np.ndarray) -> list[Quad]:
     """Of all views that are seen in a pose."""
-    return [quad_of(one, deviation=deviation) for one in corners[shown(corners)]]
-
-
-def sighted(
-    poses: np.ndarray,
-    known: ViewCatalog,
-    *,
-    errors: np.ndarray | None = None,
-    noise: float = 0.0,
-    seed: int = 0,
-) -> list[Sighting]:
-    """What is made of a finger's corners with normal noise, in every pose."""
-    corners = corners_of(np.zeros(len(SIZES)) if errors is None else errors, poses)
-    noisy = corners + noise * np.random.default_rng(seed).standard_normal(corners.shape)
-    return [match_views(quads_of(frame, deviation=max(noise, 0.1)), known, LENS) for frame in noisy]
+    return [quad_of(one) for one in corners[shown(corners)]]
 
 
 def names(sighting: Sighting, qualities: Sequence[Quality] = (Quality.COMPLETE,)) -> set[str]:

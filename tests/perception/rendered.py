@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 
 from optics.rendering import TactileImage, TrueView
-from perception.detection import detect_views
 from perception.matching import Sighting
 from studies.models.sensor.finger_sensor import FingerSensor
 
@@ -24,26 +23,20 @@ class Frame(NamedTuple):
 
 
 def analysed(finger: FingerSensor, image: TactileImage) -> Frame:
-    return Frame(image, detect_views(image.pixels, finger.lens, finger.catalog))
+    return Frame(image, finger.detect(image.pixels))
 
 
 def findable(finger: FingerSensor, image: TactileImage) -> list[TrueView]:
     """Views that are asked for, and whole and off the border."""
-    wanted = {(family.pad, family.path) for family in finger.catalog.families if family.wanted}
-    return [
-        view
-        for view in image.views
-        if (view.pad, view.path) in wanted and view.complete and not view.at_border
-    ]
+    whole = (view for view in image.views if view.complete and not view.at_border)
+    return [view for view in whole if (view.pad, view.path) in finger.model.views]
 
 
 def covered(pixels: np.ndarray, view: TrueView, margin: int = 12) -> np.ndarray:
     """An image in which something black hides a view."""
     hidden = pixels.copy()
-    columns, rows = view.corners.T
-    left, right = int(columns.min()) - margin, int(columns.max()) + margin
-    top, bottom = int(rows.min()) - margin, int(rows.max()) + margin
-    cv2.rectangle(hidden, (left, top), (right, bottom), (0, 0, 0), -1)
+    low, high = view.corners.min(axis=0) - margin, view.corners.max(axis=0) + margin
+    cv2.rectangle(hidden, low.astype(int).tolist(), high.astype(int).tolist(), (0, 0, 0), -1)
     return hidden
 
 

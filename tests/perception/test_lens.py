@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.lens import TangentPlane
+from perception.lens import Lens, TangentPlane
 from tests.perception.drawn import Eye, rays_of
 
 EYES = {"equidistant": Eye(), "pinhole": Eye(pinhole=True)}
@@ -27,38 +27,26 @@ def eye(request: pytest.FixtureRequest) -> Eye:
     return EYES[request.param]
 
 
-def test_the_shape_is_that_of_the_image(eye):
-    assert eye.lens().shape == (360, 480)
-
-
-def test_rays_through_pixels_are_those_of_the_map(eye):
+def test_rays_are_those_of_the_exact_formula(eye):
     lens = eye.lens()
-    places = np.array([[0.0, 0.0], [479.0, 359.0], [17.0, 200.0]])
-    expected = rays_of(eye.directions(places))
+    assert lens.shape == (360, 480)
+    whole = np.array([[0.0, 0.0], [479.0, 359.0], [17.0, 200.0]])
     # The map is in single precision.
-    np.testing.assert_allclose(lens.rays(places), expected, atol=1e-6)
+    np.testing.assert_allclose(lens.rays(whole), rays_of(eye.directions(whole)), atol=1e-6)
+    check_rays(lens, eye, eye.middle + eye.focal * AROUND)
 
 
-def test_rays_between_pixels_are_those_of_the_exact_formula(eye):
-    lens = eye.lens()
-    places = eye.middle + 1.0 * eye.focal * AROUND
+def check_rays(lens: Lens, eye: Eye, places: np.ndarray) -> None:
+    """Between pixels; the slope grows four times as fast a radian from the axis as on it."""
     left = np.abs(lens.rays(places) - rays_of(eye.directions(places)))
-    # The slope grows four times as fast a radian from the axis as on it.
     assert left.max() < 4 * GRAIN / eye.focal + CURVED / eye.focal**2
 
 
 def test_projecting_inverts_rays(eye):
-    lens = eye.lens()
-    places = eye.middle + 1.2 * eye.focal * AROUND
+    lens, places = eye.lens(), eye.middle + 1.2 * eye.focal * AROUND
     np.testing.assert_allclose(lens.project(lens.rays(places)), places, atol=0.05)
     exact = rays_of(eye.directions(places))
     np.testing.assert_allclose(lens.project(exact), places, atol=1e-9)
-
-
-def test_the_fingers_lens_projects_and_looks_up_alike(finger):
-    lens = finger.lens
-    places = np.array(lens.shape[::-1]) / 2 + 250 * AROUND
-    np.testing.assert_allclose(lens.project(lens.rays(places)), places, atol=0.05)
 
 
 def test_the_fingers_lens_is_the_equidistant_formula(finger):
@@ -66,10 +54,9 @@ def test_the_fingers_lens_is_the_equidistant_formula(finger):
     # 80° from the axis are imaged at the border.
     eye = Eye(rows, columns, focal=rows / 2 / np.deg2rad(80))
     places = eye.middle + eye.focal * AROUND
-    rays = rays_of(eye.directions(places))
-    np.testing.assert_allclose(finger.lens.project(rays), places, atol=1e-6)
-    left = np.abs(finger.lens.rays(places) - rays)
-    assert left.max() < 4 * GRAIN / eye.focal + CURVED / eye.focal**2
+    projected = finger.lens.project(rays_of(eye.directions(places)))
+    np.testing.assert_allclose(projected, places, atol=1e-6)
+    check_rays(finger.lens, eye, places)
 
 
 @given(angles, st.floats(-1.4, 1.4), st.floats(-3, 3))
@@ -90,16 +77,13 @@ def test_the_tangent_plane_is_the_central_projection_onto_it(middle, turn, slope
     np.testing.assert_allclose(flat, expected, rtol=1e-9, atol=1e-9)
 
 
-@given(
-    st.tuples(st.floats(5, 40), st.floats(-30, 30), st.floats(-30, 30)),
-    st.tuples(st.floats(5, 40), st.floats(-30, 30), st.floats(-30, 30)),
-    st.floats(-0.1, 0.1),
-)
+POINT = st.tuples(st.floats(5, 40), st.floats(-30, 30), st.floats(-30, 30))
+
+
+@given(POINT, POINT, st.floats(-0.1, 0.1))
 def test_straight_lines_stay_straight(first, second, middle):
     share = np.linspace(0, 1, 9)[:, None]
-    points = np.array(first) + share * np.subtract(second, first)
-    flat = TangentPlane(middle).flat(rays_of(points))
-    off = flat - flat[0]
-    along = off[-1]
+    flat = TangentPlane(middle).flat(rays_of(np.array(first) + share * np.subtract(second, first)))
+    off, along = flat - flat[0], flat[-1] - flat[0]
     across = off[:, 0] * along[1] - off[:, 1] * along[0]
     np.testing.assert_allclose(across, 0, atol=1e-9 * (1 + np.abs(flat).max() ** 2))

@@ -29,9 +29,6 @@ PADS = {
 FLAT = Pad((10, -22), (33, -62))
 """Its far end is seen at 1.9° from its plane."""
 
-MIRRORED, UPSIDE_DOWN = [3, 2, 1, 0], [1, 0, 3, 2]
-"""What a corner is called in an image that is turned over."""
-
 
 @functools.cache
 def light_of(pad: Pad, blur: float = 0.7) -> np.ndarray:
@@ -56,13 +53,17 @@ def contour_of(light: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", PADS)
-def test_corners_are_where_the_pad_is_imaged(name):
+def test_corners_are_where_the_pad_is_imaged_at_every_exposure(name):
     pad = PADS[name]
-    quad = only(stored(light_of(pad), noise=2.0), wide())
+    calm, quad, dim = (
+        only(stored(gain * light_of(pad), noise), wide())
+        for gain, noise in ((1.0, 0.0), (1.0, 2.0), (0.7, 0.0))
+    )
     assert quad.quality is Quality.COMPLETE
     np.testing.assert_allclose(quad.corners, WIDE.places(pad.corners()), atol=NEAR)
     # A pixel is 8 mrad here, and slopes change faster than section angles.
     np.testing.assert_allclose(quad.rays, rays_of(pad.corners()), atol=NEAR * 0.02)
+    np.testing.assert_allclose(dim.corners, calm.corners, atol=0.1)
 
 
 def test_corners_of_a_straight_trapezium_through_a_pinhole():
@@ -77,13 +78,6 @@ def test_corners_of_a_straight_trapezium_through_a_pinhole():
     gray = cv2.resize(large, (480, 360), interpolation=cv2.INTER_AREA)
     quad = only(gray, PINHOLE.lens())
     np.testing.assert_allclose(quad.corners, corners, atol=NEAR)
-
-
-def test_corners_go_from_bottom_left_clockwise():
-    left, top, right, bottom = 0, 1, 2, 3
-    columns, rows = only(stored(light_of(PADS["before"])), wide()).corners.T
-    assert max(columns[[left, top]]) < min(columns[[right, bottom]])
-    assert min(rows[[left, bottom]]) > max(rows[[top, right]])
 
 
 @pytest.mark.parametrize("radius", [1.0, 2.0])
@@ -110,50 +104,46 @@ def test_something_dark_at_a_side_does_not_move_its_line():
     np.testing.assert_allclose(only(stored(light), wide()).corners, true, atol=NEAR / 2)
 
 
-@pytest.mark.parametrize(
-    ("step", "seen"), [(LEAST_CONTRAST - 2, False), (LEAST_CONTRAST + 5, True)]
-)
-def test_a_low_step_of_brightness_is_too_little_contrast(step, seen):
-    pad = PADS["before"]
-    light = drawn(WIDE, [pad], [lambda places: np.full(len(places), DARK + step)])
+def fitted(light: np.ndarray, pad: Pad) -> Quad:
+    """By the contour of the pad itself, whatever lies over it."""
     quad = fit_quad(stored(light).astype(np.float32), wide(), contour_of(light_of(pad)))
     assert quad is not None
-    assert quad.quality is (Quality.COMPLETE if seen else Quality.LOW_CONTRAST)
+    return quad
+
+
+@pytest.mark.parametrize(
+    ("step", "quality"),
+    [(LEAST_CONTRAST - 2, Quality.LOW_CONTRAST), (LEAST_CONTRAST + 5, Quality.COMPLETE)],
+)
+def test_a_low_step_of_brightness_is_too_little_contrast(step, quality):
+    pad = PADS["before"]
+    quad = fitted(drawn(WIDE, [pad], [lambda places: np.full(len(places), DARK + step)]), pad)
+    assert quad.quality is quality
     assert quad.contrast == pytest.approx(step, abs=1)
 
 
-def test_one_side_without_a_step_is_too_little_contrast():
-    pad = PADS["before"]
-    light = drawn(WIDE, [pad])
-    left = WIDE.places(pad.corners())[:, 0].min()
-    light[:, : int(left) + 20] = BRIGHT
-    quad = fit_quad(stored(light).astype(np.float32), wide(), contour_of(light_of(pad)))
-    assert quad is not None
-    assert quad.quality is Quality.LOW_CONTRAST
-    assert quad.contrast == pytest.approx(0, abs=1)
-    # Where the side is nobody knows, and the covariance says so.
-    assert np.sqrt(quad.covariance[0, 0, 0]) > 50
-
-
-def test_a_side_that_is_hardly_found_is_not_complete():
+@pytest.mark.parametrize("tenth", [False, True])
+def test_a_side_that_is_not_or_hardly_found_is_not_complete(tenth):
     pad = PADS["before"]
     light = drawn(WIDE, [pad])
     columns, rows = WIDE.places(pad.corners()).T.round().astype(int)
-    # Light hides all but a tenth of the left side.
-    top, bottom, high = rows[1], rows[0], (rows[0] - rows[1]) // 10
-    hidden = np.s_[top - 20 : bottom + 20, : columns.min() + 20]
-    shown = np.s_[top + 4 * high : top + 5 * high, : columns.min() + 20]
-    edge = light[shown].copy()
-    light[hidden] = BRIGHT
-    light[shown] = edge
-    quad = fit_quad(stored(light).astype(np.float32), wide(), contour_of(light_of(pad)))
-    assert quad is not None
-    assert np.sqrt(quad.covariance[0, 0, 0]) > 50
+    high, edge = (rows[0] - rows[1]) // 10, light.copy()
+    light[:, : columns.min() + 20] = BRIGHT
+    if tenth:
+        # Light hides all but a tenth of the left side.
+        shown = np.s_[rows[1] + 4 * high : rows[1] + 5 * high, : columns.min() + 20]
+        light[shown] = edge[shown]
+    quad = fitted(light, pad)
     assert quad.quality is not Quality.COMPLETE
+    if not tenth:
+        assert quad.quality is Quality.LOW_CONTRAST
+        assert quad.contrast == pytest.approx(0, abs=1)
+    # Where the side is nobody knows, as the covariance states.
+    assert np.sqrt(quad.covariance[0, 0, 0]) > 50
 
 
 @pytest.mark.parametrize("name", ["before", "below", "near", "flat"])
-@pytest.mark.parametrize("radius", [1, 2, 4, 6, 8, 10, 12])
+@pytest.mark.parametrize("radius", [1, 4, 6, 8, 12])
 def test_no_view_is_complete_that_is_too_blurred_for_its_corners(name, radius):
     pad = PADS.get(name, FLAT)
     quads = detect_quads(stored(defocused(drawn(WIDE, [pad]), radius), noise=1.0), wide())
@@ -181,62 +171,42 @@ def test_a_view_at_the_border_is_clipped(pad):
 
 
 @pytest.mark.parametrize("name", PADS)
-@pytest.mark.parametrize("gain", [0.7, 1.3])
-def test_exposure_does_not_move_corners(name, gain):
-    light = light_of(PADS[name])
-    reference = only(stored(light), wide())
-    np.testing.assert_allclose(
-        only(stored(gain * light), wide()).corners, reference.corners, atol=0.1
-    )
-
-
-@pytest.mark.parametrize("name", PADS)
 def test_an_image_turned_over_has_its_corners_turned_over(name):
     gray = stored(light_of(PADS[name]), noise=2.0)
     columns, rows = only(gray, wide()).corners.T
-    left_right = only(np.ascontiguousarray(gray[:, ::-1]), wide()).corners
-    mirrored = np.stack([479 - columns, rows], axis=-1)[MIRRORED]
-    np.testing.assert_allclose(left_right, mirrored, atol=0.05)
-    upside_down = only(np.ascontiguousarray(gray[::-1]), wide()).corners
-    turned = np.stack([columns, 359 - rows], axis=-1)[UPSIDE_DOWN]
-    np.testing.assert_allclose(upside_down, turned, atol=0.05)
+    # Corners go from bottom left clockwise.
+    assert max(columns[[0, 1]]) < min(columns[[2, 3]])
+    assert min(rows[[0, 3]]) > max(rows[[1, 2]])
+    for axis, places, order in (
+        (1, (479 - columns, rows), [3, 2, 1, 0]),
+        (0, (columns, 359 - rows), [1, 0, 3, 2]),
+    ):
+        found = only(np.ascontiguousarray(np.flip(gray, axis)), wide()).corners
+        np.testing.assert_allclose(found, np.stack(places, axis=-1)[order], atol=0.05)
 
 
 @pytest.mark.parametrize("name", ["below", pytest.param("before", marks=pytest.mark.nightly)])
 def test_the_covariance_is_the_scatter_of_repeats(name):
-    errors, predicted = [], []
+    errors, predicted, pad = [], [], PADS[name]
     for number in range(34):
         # Where pixels are against the sides is a part of the error: the pad is moved.
-        generator = np.random.default_rng(number)
-        pad = PADS[name]
-        forward, up, beside = generator.uniform(-0.3, 0.3, 3)
-        pad = Pad(
-            (pad.first[0] + forward, pad.first[1] + up),
-            (pad.second[0] + forward, pad.second[1] + up),
-            beside=beside,
-        )
-        light = cv2.GaussianBlur(drawn(WIDE, [pad]), (0, 0), 0.7)
-        contour = contour_of(light)
+        *move, beside = np.random.default_rng(number).uniform(-0.3, 0.3, 3)
+        ends = (tuple(np.add(end, move)) for end in (pad.first, pad.second))
+        moved = Pad(*ends, beside=beside)
+        light = cv2.GaussianBlur(drawn(WIDE, [moved]), (0, 0), 0.7)
         for seed in range(3):
             gray = stored(light, noise=5.0, seed=100 * number + seed).astype(np.float32)
-            quad = fit_quad(gray, wide(), contour)
-            assert quad is not None
-            errors.append(quad.corners - WIDE.places(pad.corners()))
+            quad = fit_quad(gray, wide(), contour_of(light))
+            errors.append(quad.corners - WIDE.places(moved.corners()))
             predicted.append(quad.covariance[:, [0, 1], [0, 1]])
     scatter, expected = np.mean(np.square(errors), axis=0), np.mean(predicted, axis=0)
     # Of variances. How alike neighbouring edges err is estimated from few of them.
-    np.testing.assert_array_less(expected / scatter, 2.5)
-    np.testing.assert_array_less(scatter / expected, 2.5)
+    np.testing.assert_array_less(np.abs(np.log(expected / scatter)), np.log(2.5))
 
 
 def test_more_noise_is_more_scatter_and_a_larger_covariance():
-    light = light_of(PADS["before"])
-    contour = contour_of(light)
-    calm, noisy = (
-        fit_quad(stored(light, noise).astype(np.float32), wide(), contour) for noise in (2.0, 10.0)
-    )
-    assert calm is not None
-    assert noisy is not None
+    pad = PADS["before"]
+    calm, noisy = (only(stored(light_of(pad), noise), wide()) for noise in (2.0, 10.0))
     assert noisy.scatter > 2 * calm.scatter
     assert np.linalg.det(noisy.covariance).min() > 4 * np.linalg.det(calm.covariance).max()
 
@@ -252,14 +222,8 @@ spots = st.floats(-2.0, 2.0)
 
 @given(spots, spots, st.floats(0.3, 2), st.floats(0.3, 2), spots, st.floats(0.05, 2))
 def test_first_corners_of_a_trapezium_are_its_own(left, shift, low_width, high_width, low, height):
-    corners = np.array(
-        [
-            [left, low],
-            [left + shift, low + height],
-            [left + shift + high_width, low + height],
-            [left + low_width, low],
-        ]
-    )
+    columns = left + np.array([0, shift, shift + high_width, low_width])
+    corners = np.stack([columns, low + height * np.array([0, 1, 1, 0])], axis=-1)
     share = np.linspace(0, 1, 50, endpoint=False)[:, None]
     sides = [corners[i] + share * (corners[(i + 1) % 4] - corners[i]) for i in range(4)]
     found = first_corners(np.concatenate(sides))

@@ -27,9 +27,3 @@ def test_beyond_the_border_values_are_those_on_it():
     image = np.arange(12, dtype=np.float32).reshape(3, 4)
     places = np.array([[[-5.0, -5.0], [99.0, -1.0], [-1.0, 99.0], [99.0, 99.0]]])
     np.testing.assert_array_equal(sampled(image, places), [[0, 3, 8, 11]])
-
-
-def test_channels_and_depth_stay():
-    image = np.random.default_rng(1).integers(0, 256, (10, 10, 3), np.uint8)
-    rows, columns = np.mgrid[:10, :10].astype(float)
-    np.testing.assert_array_equal(sampled(image, np.stack([columns, rows], axis=-1)), image)

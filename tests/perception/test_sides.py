@@ -80,16 +80,13 @@ def test_edges_are_found_where_the_pad_ends(pixels):
     # The lattice of pixels shows in single places.
     np.testing.assert_allclose(off, 0, atol=0.3)
     np.testing.assert_allclose(off.mean(axis=1), 0, atol=0.1)
-
-
-def test_a_pixel_per_unit_is_that_of_the_lens():
-    plane, sides = sides_of(PAD)
-    edges = find_edges(stored(drawn(EYE, [PAD])).astype(np.float32), lens(), plane, sides)
     for side, scale in zip(sides, edges.scale, strict=True):
         places = side.places(edges.shares)
-        both = (EYE.lens().project(plane.rays(p)) for p in (places, places + 1e-3 * side.outward))
-        at, beside = both
-        np.testing.assert_allclose(scale, np.hypot(*(beside - at).T) / 1e-3, rtol=0.01)
+        at, out = (lens().project(plane.rays(p)) for p in (places, places + 1e-3 * side.outward))
+        np.testing.assert_allclose(scale, np.hypot(*(out - at).T) / 1e-3, rtol=0.01)
+    dark = find_edges(np.full((360, 480), BRIGHT, np.float32), lens(), plane, sides)
+    assert not dark.found.any()
+    assert dark.contrast.tolist() == [0, 0, 0, 0]
 
 
 @pytest.mark.parametrize("beside", [0.2, 0.5])
@@ -132,13 +129,6 @@ def test_edges_of_other_sides_are_near_at_a_thin_view_s_ends():
     assert not (blurred.found & ~sharp.found).any()
 
 
-def test_where_there_is_no_step_there_is_no_edge():
-    plane, sides = sides_of(PAD)
-    edges = find_edges(np.full((360, 480), BRIGHT, np.float32), lens(), plane, sides)
-    assert not edges.found.any()
-    assert edges.contrast.tolist() == [0, 0, 0, 0]
-
-
 def test_a_line_through_good_edges_is_that_of_least_squares():
     offsets = 0.7 - 1.3 * SHARES + np.random.default_rng(0).normal(0, 0.1, POINTS)
     line = line_of(offsets)
@@ -150,34 +140,30 @@ def test_a_line_through_good_edges_is_that_of_least_squares():
     assert line.at(0.5) == pytest.approx(line.offset + line.turn / 2)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_the_variance_of_a_line_is_the_scatter_of_repeats(share):
-    generator = np.random.default_rng(1)
-    lines = [line_of(generator.normal(0, 0.2, POINTS)) for _ in range(400)]
-    scatter = np.var([line.at(share) for line in lines])
-    # 400 draws know a variance to 7 % (1 σ); weights make it a little larger than stated.
-    assert np.mean([line.variance(share) for line in lines]) == pytest.approx(scatter, rel=0.3)
-
-
-def test_edges_that_err_alike_tell_less():
-    generator = np.random.default_rng(2)
-    lines = []
+@pytest.mark.parametrize(("alike", "within"), [(False, 0.3), (True, 0.5)])
+def test_the_variance_of_a_line_is_the_scatter_of_repeats(alike, within):
+    generator, lines = np.random.default_rng(1), []
     for _ in range(400):
-        rough = np.convolve(generator.normal(0, 0.3, POINTS + 4), np.ones(5) / 5, "valid")
-        lines.append(line_of(rough))
-    scatter = np.var([line.at(0.0) for line in lines])
-    expected = np.mean([line.variance(0.0) for line in lines])
-    # The correlation is estimated from these few; ignored, it would be a fifth.
-    assert expected / scatter == pytest.approx(1, abs=0.5)
+        rough = generator.normal(0, 0.3, POINTS + 4)
+        # How alike neighbours err is estimated from these few; ignored, it would be a fifth.
+        lines.append(line_of(np.convolve(rough, np.ones(5) / 5, "valid") if alike else rough[4:]))
+    for share in (0.0, 0.5, 1.0):
+        scatter = np.var([line.at(share) for line in lines])
+        expected = np.mean([line.variance(share) for line in lines])
+        # 400 draws know a variance to 7 % (1 σ); weights make it a little larger than stated.
+        assert expected / scatter == pytest.approx(1, abs=within)
 
 
-def test_outliers_on_a_third_of_a_side_do_not_move_its_line():
+def test_outliers_on_a_third_of_a_side_and_places_without_an_edge_do_not_move_its_line():
     offsets = 0.2 + 0.5 * SHARES + np.random.default_rng(3).normal(0, 0.1, POINTS)
     spoilt = offsets.copy()
     spoilt[20:36] -= 4
-    line, clean = line_of(spoilt), line_of(offsets)
-    for share in (0, 1):
-        assert line.at(share) * SCALE == pytest.approx(clean.at(share) * SCALE, abs=0.1)
+    there = np.arange(POINTS) % 3 > 0
+    lines = line_of(spoilt), line_of(np.where(there, offsets, 50.0), there)
+    for line in lines:
+        for share in (0, 1):
+            clean = line_of(offsets).at(share)
+            assert line.at(share) * SCALE == pytest.approx(clean * SCALE, abs=0.1)
 
 
 @pytest.mark.parametrize(("shift", "turn"), [(0.65, -0.9), (-0.7, 1.5), (1.0, 1.0)])
@@ -189,23 +175,11 @@ def test_the_line_does_not_depend_on_where_the_side_was_expected(shift, turn):
         assert found == pytest.approx(line.at(share) * SCALE, abs=0.05)
 
 
-def test_doubt_is_added_to_the_variance():
+def test_doubt_is_added_to_the_variance_and_a_side_hardly_found_may_be_anywhere():
     offsets = np.random.default_rng(4).normal(0, 0.1, POINTS)
     sure, doubted = line_of(offsets), line_of(offsets, doubt=3.0)
     added = (doubted.variance(0.3) - sure.variance(0.3)) * SCALE**2
     assert added == pytest.approx(3.0**2)
-
-
-def test_a_side_that_is_hardly_found_may_be_anywhere():
-    found = np.arange(POINTS) < POINTS // 4 - 1
-    line = line_of(np.zeros(POINTS), found)
+    line = line_of(np.zeros(POINTS), np.arange(POINTS) < POINTS // 4 - 1)
     assert (line.offset, line.turn, line.scatter) == (0, 0, np.inf)
     assert np.sqrt(line.variance(0.5)) * SCALE > 100
-
-
-def test_places_where_no_edge_was_found_do_not_count():
-    offsets = 0.3 * SHARES
-    found = np.arange(POINTS) % 3 > 0
-    spoilt = np.where(found, offsets, 50.0)
-    line = line_of(spoilt, found)
-    assert line.turn * SCALE == pytest.approx(0.3, abs=1e-6)

@@ -97,22 +97,13 @@ class Scene:
         return np.clip(np.rint(seen), 0, 255).astype(np.uint8)
 
     @property
-    def half(self) -> Scene:
-        """The same in half as many pixels."""
-
-        def smaller(part: Ellipse | None) -> Ellipse | None:
-            if part is None:
-                return None
-            place = (part.x - 0.5) / 2, (part.y - 0.5) / 2
-            return Ellipse(*place, part.wide / 2, part.high / 2)
-
-        parts = (smaller(part) for part in (self.blue, self.yellow, self.top, self.opening))
-        return Scene(self.rows // 2, self.columns // 2, *parts, inner=self.inner)
-
-    @property
     def points(self) -> np.ndarray:
         """The paper's seven points, where nothing is hidden or cut."""
         assert self.blue is not None
         assert self.yellow is not None
         center = [[self.blue.x, self.blue.y]]
         return np.concatenate([self.blue.extremes, self.yellow.extremes, center])
+
+
+HALF = Scene(240, 320, *(Ellipse(159.5, 119.5, radius, radius) for radius in (90, 47, 21)))
+"""The straight chamber in half as many pixels."""

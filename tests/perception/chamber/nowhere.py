@@ -60,8 +60,8 @@ def dead_leaves(random: Random) -> np.ndarray:
 def leaves_on_red(random: Random) -> np.ndarray:
     image, colors = _flat(WALLS[0]), _colors(random)
     for _ in range(random.integers(5, 14)):
-        color = colors[random.integers(len(colors))]
         place, half = random.uniform(0, [COLUMNS, ROWS]), random.uniform(8, 90, 2)
+        color = colors[random.integers(len(colors))]
         _ellipse(image, place, half, color, random.uniform(0, 180))
     return _picture(image, random, 0)
 
@@ -95,39 +95,6 @@ def plaid(random: Random) -> np.ndarray:
     return _picture(image, random, 0)
 
 
-def flag(random: Random) -> np.ndarray:
-    """Two to four stripes, often in the chamber's colours."""
-    colors, along = random.permutation(_colors(random, 4)), _across(random)
-    part = (along - along.min()) / np.ptp(along)
-    stripes = random.integers(2, 5)
-    return _picture(colors[np.minimum((part * stripes).astype(int), stripes - 1)], random)
-
-
-def gradient(random: Random) -> np.ndarray:
-    along = _across(random)
-    if random.random() < 0.5:
-        along = np.hypot(along, _across(random) - random.uniform(-100, 300))
-    colors = _colors(random)
-    part = np.interp(along, (along.min(), along.max()), (0, len(colors) - 1))
-    channels = [np.interp(part, np.arange(len(colors)), channel) for channel in colors.T]
-    return _picture(np.stack(channels, axis=-1), random, 0)
-
-
-def color_wheel(random: Random) -> np.ndarray:
-    y, x = np.mgrid[:ROWS, :COLUMNS] - random.uniform([60, 50], [190, 260])[:, None, None]
-    far = np.hypot(x, y) / random.uniform(60, 250)
-    around = np.arctan2(y, x) / (2 * np.pi) + random.random()
-    hue = 180 * (around if random.random() < 0.5 else far * random.uniform(0.5, 3)) % 180
-    full = far if random.random() < 0.5 else np.full_like(far, random.uniform(0.5, 1))
-    parts = [hue, 255 * np.clip(full, 0, 1), np.full_like(hue, random.uniform(80, 255))]
-    return cv2.cvtColor(np.stack(parts, axis=-1).astype(np.uint8), cv2.COLOR_HSV2RGB)
-
-
-def blobs(random: Random) -> np.ndarray:
-    coarse = random.integers(0, 256, (*random.integers(3, 20, 2), 3), np.uint8)
-    return cv2.resize(coarse, (COLUMNS, ROWS), interpolation=cv2.INTER_CUBIC)
-
-
 def text(random: Random) -> np.ndarray:
     colors = _colors(random)
     image = _flat(WALLS[0] if random.random() < 0.5 else colors[0])
@@ -152,11 +119,6 @@ def on_black(random: Random) -> np.ndarray:
             letter, size = chr(random.integers(65, 91)), random.uniform(1, 6)
             cv2.putText(image, letter, place.tolist(), 0, size, color.tolist(), 9)
     return _picture(image, random, 2)
-
-
-def one_color(random: Random) -> np.ndarray:
-    colors = _colors(random)
-    return _picture(_flat(colors[random.integers(len(colors))]), random, random.uniform(0, 20))
 
 
 def corners(random: Random) -> np.ndarray:
@@ -220,9 +182,25 @@ def photograph(random: Random) -> np.ndarray:
     return cv2.cvtColor(other, cv2.COLOR_HSV2RGB)
 
 
+def color_wheel(random: Random) -> np.ndarray:
+    y, x = np.mgrid[:ROWS, :COLUMNS] - random.uniform([60, 50], [190, 260])[:, None, None]
+    far = np.hypot(x, y) / random.uniform(60, 250)
+    around = np.arctan2(y, x) / (2 * np.pi) + random.random()
+    hue = 180 * (around if random.random() < 0.5 else far * random.uniform(0.5, 3)) % 180
+    full = far if random.random() < 0.5 else np.full_like(far, random.uniform(0.5, 1))
+    parts = [hue, 255 * np.clip(full, 0, 1), np.full_like(hue, random.uniform(80, 255))]
+    return cv2.cvtColor(np.stack(parts, axis=-1).astype(np.uint8), cv2.COLOR_HSV2RGB)
+
+
+def blobs(random: Random) -> np.ndarray:
+    coarse = random.integers(0, 256, (*random.integers(3, 20, 2), 3), np.uint8)
+    return cv2.resize(coarse, (COLUMNS, ROWS), interpolation=cv2.INTER_CUBIC)
+
+
 KINDS: dict[str, Callable[[Random], np.ndarray]] = {
     make.__name__: make
-    for make in (dead_leaves, leaves_on_red, clouds, plaid, flag, gradient, color_wheel, blobs,
-                 text, on_black, one_color, corners, other_orders, side_by_side, crescent,
-                 photograph)
-}  # fmt: skip
+    for make in (
+        *(dead_leaves, leaves_on_red, clouds, plaid, blobs, color_wheel, text, on_black, corners),
+        *(other_orders, side_by_side, crescent, photograph),
+    )
+}

@@ -14,7 +14,7 @@ from perception.chamber import (
     find_regions,
 )
 from perception.chamber.directions import Use
-from tests.perception.chamber.drawn import Ellipse, Scene
+from tests.perception.chamber.drawn import HALF, Ellipse, Scene
 
 NUMBERS = Direction.INITIAL, Direction.UP, Direction.DOWN, Direction.LEFT, Direction.RIGHT
 """The paper's numbers 0 to 4."""
@@ -47,25 +47,16 @@ SEEN = st.lists(st.booleans(), min_size=6, max_size=6)
 
 
 @given(MOVES, SEEN, SEEN, st.sampled_from([0.0, 2.0, 30.0]), st.sampled_from(["blue", "all"]))
-def test_against_a_literal_transcription(
-    moves: list[tuple[float, float]],
-    now: list[bool],
-    before: list[bool],
-    threshold: float,
-    use: Use,
-):
+def test_against_a_literal_transcription(moves, now, before, threshold, use):
     frame, initial = points(moves, [*now, True]), points(0.0, [*before, True])
     moved = frame.xy - initial.xy
     chosen = [*(a and b for a, b in zip(now, before, strict=True)), True]
     yellow = use == "all" and all(chosen[3:6])
     in_x, in_y = ("acdfg", "beg") if yellow else ("acg", "bg")
+    numbers = (["abcdefg".index(name) for name in names] for names in (in_x, in_y))
     x, y = (
-        [
-            float(moved["abcdefg".index(name), axis])
-            for name in names
-            if chosen["abcdefg".index(name)]
-        ]
-        for axis, names in enumerate((in_x, in_y))
+        [float(moved[number, axis]) for number in own if chosen[number]]
+        for axis, own in enumerate(numbers)
     )
     expected = NUMBERS[algorithm_1(x, y, threshold)]
     assert estimate_bending_direction(frame, initial, threshold=threshold, use=use) is expected
@@ -89,9 +80,13 @@ def test_directions_and_ties(move: tuple[float, float], direction: Direction, us
 
 
 def test_only_less_than_the_threshold_is_initial():
-    assert estimate_bending_direction(points((2, 0)), points(), threshold=2.0) is Direction.RIGHT
-    assert estimate_bending_direction(points((2, 0)), points(), threshold=2.01) is Direction.INITIAL
-    assert estimate_bending_direction(points((1e-9, 0)), points()) is Direction.RIGHT
+    for move, threshold, direction in (
+        (2, 2.0, Direction.RIGHT),
+        (2, 2.01, Direction.INITIAL),
+        (1e-9, 0.0, Direction.RIGHT),
+    ):
+        found = estimate_bending_direction(points((move, 0)), points(), threshold=threshold)
+        assert found is direction
 
 
 @pytest.mark.parametrize("use", ["blue", "all", "centre"])
@@ -107,48 +102,19 @@ def test_displacements_of_what_both_frames_show():
     assert moved.tolist() == [[2, -3], [0, 0], *[[2, -3]] * 5]
 
 
-def test_yellow_counts_while_it_is_seen():
-    moves = np.zeros((7, 2))
-    moves[0, 0], moves[4, 1] = 2, 5
-    assert estimate_bending_direction(points(moves), points(), use="blue") is Direction.RIGHT
-    assert estimate_bending_direction(points(moves), points(), use="all") is Direction.DOWN
-    no_yellow = [True, True, True, False, False, False, True]
-    assert (
-        estimate_bending_direction(points(moves, no_yellow), points(), use="all") is Direction.RIGHT
-    )
-    assert (
-        estimate_bending_direction(points(moves), points(0, no_yellow), use="all")
-        is Direction.RIGHT
-    )
-
-
-def test_a_part_of_yellow_does_not_count():
-    """Its lowest point has left the image: what is left of it moves to the side alone."""
-    moves = np.tile([10.0, 12.0], (7, 1))
-    moves[3:6] = 20, 24
-    cut = [True, True, True, True, False, True, True]
-    assert estimate_bending_direction(points(moves), points(), use="all") is Direction.DOWN
-    assert estimate_bending_direction(points(moves, cut), points(), use="all") is Direction.DOWN
-
-
 def points_of(scene: Scene, seed: int = 0) -> Points:
     image = scene.image(noise=4, seed=seed)
     return find_points(image, find_regions(image))
 
 
-@pytest.mark.parametrize("use", ["blue", "all", "centre"])
 @pytest.mark.parametrize("far", [0.8, 15, 50, 100, 140])
-def test_drawn_bends(far: float, use: Use):
-    straight = Scene().half
+def test_drawn_bends(far: float):
+    straight = HALF
     initial = points_of(straight, seed=1)
-    for x, y, direction in (
-        (0, -far, Direction.UP),
-        (0, far, Direction.DOWN),
-        (-far, 0, Direction.LEFT),
-        (far, 0, Direction.RIGHT),
-    ):
+    for direction, x, y in zip(NUMBERS[1:], (0, 0, -far, far), (-far, far, 0, 0), strict=True):
         frame = points_of(straight.moved(x, y), seed=2)
-        assert estimate_bending_direction(frame, initial, use=use) is direction
+        for use in ("blue", "all", "centre"):
+            assert estimate_bending_direction(frame, initial, use=use) is direction
 
 
 @pytest.mark.parametrize(
@@ -161,10 +127,9 @@ def test_drawn_bends(far: float, use: Use):
 )
 def test_a_bend_down_behind_a_nearer_wall(x: int, y: int, literal: Direction, center: Direction):
     """Where the wall hides blue's lower side its lowest point rises, and no topmost one falls."""
-    straight = replace(Scene().half, yellow=None)
-    hidden = replace(
-        straight.moved(60 * x, 60 * y), opening=Ellipse(159.5 - 45 * x, 119.5 - 45 * y, 90, 90)
-    )
+    straight = replace(HALF, yellow=None)
+    opening = Ellipse(159.5 - 45 * x, 119.5 - 45 * y, 90, 90)
+    hidden = replace(straight.moved(60 * x, 60 * y), opening=opening)
     initial, frame = points_of(straight, seed=1), points_of(hidden, seed=2)
     assert estimate_bending_direction(frame, initial) is literal
     assert estimate_bending_direction(frame, initial, use="centre") is center

@@ -14,10 +14,9 @@ from perception.chamber import (
     find_regions,
 )
 from tests.perception.chamber import nowhere
-from tests.perception.chamber.drawn import Ellipse, Scene
-from tests.perception.rendered import Frame
+from tests.perception.chamber.drawn import HALF, Ellipse, Scene
 
-STRAIGHT = Scene().half
+STRAIGHT = HALF
 NO_YELLOW = replace(STRAIGHT, yellow=None)
 WALL = replace(STRAIGHT, blue=None)
 BENT = STRAIGHT.moved(30, -12)
@@ -31,49 +30,40 @@ def overlap(outline: np.ndarray, ellipse: Ellipse, shape: tuple[int, int]) -> fl
     return (found & true).sum() / (found | true).sum()
 
 
-@pytest.mark.parametrize("gain", [0.4, 1.0, 2.5])
-@pytest.mark.parametrize("noise", [0.0, 6.0])
-def test_every_region_is_labelled_in_all_light(gain: float, noise: float):
+def labels_drawn(scene: Scene) -> np.ndarray:
+    drawn = np.full((scene.rows, scene.columns), Region.RED, np.uint8)
+    y, x = np.mgrid[: scene.rows, : scene.columns]
+    ellipses = (scene.blue, scene.yellow, scene.top)
+    for ellipse, region in zip(ellipses, (Region.BLUE, Region.YELLOW, Region.TOP), strict=True):
+        drawn[ellipse.holds(x, y)] = region
+    return drawn
+
+
+AT_BLUE = Ellipse(150.3, 119.5, 47, 47)
+TOUCHING = replace(STRAIGHT, yellow=AT_BLUE, top=replace(AT_BLUE, x=120.0, wide=22, high=22))
+"""The top lies at blue: yellow's outline holds it all the same."""
+
+
+@pytest.mark.parametrize(("gain", "noise"), [(0.4, 6.0), (1.0, 0.0), (1.0, 4.0), (2.5, 4.0)])
+def test_outlines_and_labels_are_those_drawn(gain: float, noise: float):
     regions = find_regions(BENT.image(gain=gain, noise=noise))
     assert regions.status is ChamberStatus.CHAMBER
+    # One pixel all around is 2 % of blue's area and 4 % of yellow's.
+    assert overlap(regions.blue, BENT.blue, regions.labels.shape) > 0.98
+    assert overlap(regions.yellow, BENT.yellow, regions.labels.shape) > 0.96
     # Colours mix within 3 px of an edge; everywhere else the labels are those drawn.
-    drawn = np.full(regions.labels.shape, Region.RED, np.uint8)
-    y, x = np.mgrid[: BENT.rows, : BENT.columns]
-    for ellipse, region in (
-        (BENT.blue, Region.BLUE),
-        (BENT.yellow, Region.YELLOW),
-        (BENT.top, Region.TOP),
-    ):
-        assert ellipse is not None
-        drawn[ellipse.holds(x, y)] = region
+    drawn = labels_drawn(BENT)
     near = cv2.morphologyEx(drawn, cv2.MORPH_GRADIENT, np.ones((7, 7), np.uint8)) > 0
     # An opening leaves a few noisy pixels of the dark top unlabelled.
     assert (regions.labels == drawn)[~near].mean() > 0.999
 
 
-@pytest.mark.parametrize("gain", [0.4, 1.0, 2.5])
-def test_outlines_are_those_drawn(gain: float):
-    regions = find_regions(BENT.image(gain=gain, noise=4))
-    assert BENT.blue is not None
-    assert BENT.yellow is not None
-    # One pixel all around is 2 % of blue's area and 4 % of yellow's.
-    assert overlap(regions.blue, BENT.blue, regions.labels.shape) > 0.98
-    assert overlap(regions.yellow, BENT.yellow, regions.labels.shape) > 0.96
-
-
-def test_the_outline_of_blue_holds_yellow_that_lies_at_the_wall():
-    scene = STRAIGHT.moved(60, 0)
+@pytest.mark.parametrize(
+    ("scene", "part", "least"), [(STRAIGHT.moved(60, 0), "blue", 0.98), (TOUCHING, "yellow", 0.96)]
+)
+def test_an_outline_holds_what_lies_at_its_wall(scene: Scene, part: str, least: float):
     regions = find_regions(scene.image(noise=4))
-    assert regions.status is ChamberStatus.CHAMBER
-    assert scene.blue is not None
-    assert overlap(regions.blue, scene.blue, regions.labels.shape) > 0.98
-
-
-def test_the_outline_of_yellow_holds_a_top_that_lies_at_blue():
-    ellipse = Ellipse(150.3, 119.5, 47, 47)
-    scene = replace(STRAIGHT, yellow=ellipse, top=replace(ellipse, x=120.0, wide=22, high=22))
-    regions = find_regions(scene.image(noise=4))
-    assert overlap(regions.yellow, ellipse, regions.labels.shape) > 0.96
+    assert overlap(getattr(regions, part), getattr(scene, part), regions.labels.shape) > least
 
 
 SIGHTS = {
@@ -97,15 +87,12 @@ SIGHTS = {
 
 
 @pytest.mark.parametrize("name", SIGHTS)
-def test_every_sight(name: str):
+def test_every_status(name: str):
     image, status = SIGHTS[name]
     regions = find_regions(image)
     assert regions.status is status
     assert (len(regions.blue) > 0) == (status in IN_VIEW)
     assert (len(regions.yellow) > 0) == (status is ChamberStatus.CHAMBER)
-
-
-def test_every_sight_is_tested():
     assert {status for _, status in SIGHTS.values()} == set(ChamberStatus)
 
 
@@ -117,24 +104,15 @@ def test_no_chamber_is_found_where_there_is_none(kind: str):
         assert find_regions(image).status not in {*IN_VIEW, ChamberStatus.SWAPPED}, picture
 
 
-def test_no_chamber_is_found_in_the_other_sensor(designed_frames: list[Frame]):
-    for frame in designed_frames:
-        assert find_regions(frame.image.pixels).status not in {*IN_VIEW, ChamberStatus.SWAPPED}
-
-
 def test_a_yellow_ring_is_found_however_dark_or_called_so():
     true = replace(BENT, top=None)
-    for inner in (1.0, 0.5, 0.25, 0.125, 1 / 12, 1 / 16, 1 / 24, 1 / 32, 1 / 50):
-        for noise in (0.0, 1.0, 2.0):
+    for inner in (1.0, 0.25, 1 / 12, 1 / 16, 1 / 32, 1 / 50):
+        for noise in (0.0, 2.0):
             image = replace(true, inner=inner).image(noise=noise)
             regions = find_regions(image)
             points = find_points(image, regions)
-            assert regions.status in (ChamberStatus.CHAMBER, ChamberStatus.DARK_INSIDE), (
-                inner,
-                noise,
-            )
-            if inner >= 1 / 12:
-                assert regions.status is ChamberStatus.CHAMBER, (inner, noise)
+            dark = regions.status is ChamberStatus.DARK_INSIDE and inner < 1 / 12
+            assert dark or regions.status is ChamberStatus.CHAMBER, (inner, noise)
             across = points.xy[[3, 4, 5], [0, 1, 0]] - true.points[[3, 4, 5], [0, 1, 0]]
             # A yellow that is hardly brighter than its noise has no finer edge than this.
             assert np.abs(across[points.seen[3:6]]).max(initial=0.0) < 2, (inner, noise)
@@ -155,7 +133,6 @@ def test_an_image_for_screens_shows_the_chamber():
     image = (255 * (BENT.image(noise=2) / 255.0) ** (1 / 2.2)).astype(np.uint8)
     regions = find_regions(image)
     assert regions.status is ChamberStatus.CHAMBER
-    assert BENT.blue is not None
     assert overlap(regions.blue, BENT.blue, regions.labels.shape) > 0.98
 
 
@@ -178,32 +155,28 @@ def corrupt(number: int) -> np.ndarray:
     """A frame that something is wrong with."""
     rng = np.random.default_rng(number)
     rows, columns = (int(n) for n in rng.integers(1, 90, 2))
+    walls, usual = nowhere.WALLS.astype(np.uint8), STRAIGHT.image(noise=4)
     match number % 6:
         case 0:
             return rng.integers(0, 256, (rows, columns, 3), dtype=np.uint8)
         case 1:
-            colors = np.array([(180, 30, 25), (25, 50, 190), (215, 180, 25), (40, 40, 40)])
-            return colors[rng.integers(0, 4, (rows, columns))].astype(np.uint8)
+            return walls[rng.integers(0, 4, (rows, columns))]
         case 2:  # patches of these colours
-            colors = np.array([(180, 30, 25), (25, 50, 190), (215, 180, 25), (40, 40, 40)])
-            patches = colors[rng.integers(0, 4, (3, 4))].astype(np.uint8)
+            patches = walls[rng.integers(0, 4, (3, 4))]
             return cv2.resize(patches, (columns, rows), interpolation=cv2.INTER_NEAREST)
         case 3:  # rows of another frame, as of a broken cable
-            image = STRAIGHT.image(noise=4)
-            image[rng.integers(0, 240) :] = np.roll(image, int(rng.integers(1, 300)), 1)[0]
-            return image
+            usual[rng.integers(0, 240) :] = np.roll(usual, int(rng.integers(1, 300)), 1)[0]
+            return usual
         case 4:
             return np.ascontiguousarray(STRAIGHT.image(noise=40, seed=number)[:rows, :columns])
         case _:
-            image = STRAIGHT.image(noise=4)
-            return (image * rng.uniform(0, 1, 3)).astype(np.uint8)
+            return (usual * rng.uniform(0, 1, 3)).astype(np.uint8)
 
 
-@pytest.mark.parametrize("first", range(0, 300, 50))
-def test_every_frame_has_an_answer(first: int):
+def test_every_frame_has_an_answer():
     image = STRAIGHT.image()
     initial = find_points(image, find_regions(image))
-    for number in range(first, first + 50):
+    for number in range(90):
         image = corrupt(number)
         regions = find_regions(image)
         points = find_points(image, regions)
@@ -220,25 +193,12 @@ def test_every_frame_has_an_answer(first: int):
 def test_labels_by_outlines_are_those_drawn_without_highlights_between():
     image = BENT.image(noise=4.0).copy()
     cv2.circle(image, (40, 30), 9, (255, 200, 200), -1)  # a highlight on the red wall
-    assert BENT.blue is not None
     cv2.circle(image, (int(BENT.blue.x) - 70, int(BENT.blue.y)), 5, (255, 255, 255), -1)
     regions = find_regions(image)
     assert np.any(regions.labels[25:36, 35:46] == Region.OTHER)
-    drawn = np.full(regions.labels.shape, Region.RED, np.uint8)
-    y, x = np.mgrid[: BENT.rows, : BENT.columns]
-    for ellipse, region in (
-        (BENT.blue, Region.BLUE),
-        (BENT.yellow, Region.YELLOW),
-        (BENT.top, Region.TOP),
-    ):
-        assert ellipse is not None
-        drawn[ellipse.holds(x, y)] = region
+    drawn = labels_drawn(BENT)
     # Outlines are whole pixels: labels differ on edges alone, by a pixel or two.
     wrong = (regions.nested() != drawn).astype(np.uint8)
     assert not cv2.erode(wrong, np.ones((3, 3), np.uint8)).any()
     assert wrong.mean() < 0.02
-
-
-def test_without_a_chamber_all_labels_by_outlines_are_red():
-    gray = np.full((40, 60, 3), 120, np.uint8)
-    assert np.all(find_regions(gray).nested() == Region.RED)
+    assert np.all(find_regions(np.full((40, 60, 3), 120, np.uint8)).nested() == Region.RED)

@@ -24,6 +24,8 @@ from studies.models.soft_finger.spec import ChamberImagesSpec
 
 BENDS_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 120.0)
 
+NIGHTLY = pytest.mark.nightly
+
 STEEP = 4.0
 """A power of the light's falling off at which yellow is a twentieth as bright as red."""
 
@@ -51,8 +53,15 @@ def points_of(pixels: np.ndarray) -> Points:
     return find_points(pixels, find_regions(pixels))
 
 
-@pytest.mark.parametrize("severity", [0.0, 1.0, 2.0])
-@pytest.mark.parametrize("gain", [0.4, 1.0, 2.0])
+@pytest.mark.parametrize(
+    ("severity", "gain"),
+    [
+        (0.0, 0.4),
+        (2.0, 2.0),
+        pytest.param(2.0, 0.4, marks=NIGHTLY),
+        pytest.param(1.0, 1.0, marks=NIGHTLY),
+    ],
+)
 def test_every_frame_shows_the_chamber(finger, severity, gain):
     effects = ChamberEffects.graded(severity, gain)
     for towards, pressed in ((0.0, 0.0), (2.0, 3.0), (4.0, -3.0)):
@@ -85,7 +94,7 @@ def speckled(pixels: np.ndarray, share: float, random: np.random.Generator) -> n
     return changed
 
 
-@pytest.mark.parametrize("share", [0.01, 0.05, 0.1])
+@pytest.mark.parametrize("share", [0.1, pytest.param(0.01, marks=NIGHTLY)])
 def test_speckles_turn_no_direction_and_move_no_point(finger, share):
     effects = replace(ChamberEffects.graded(1.0), falloff=STEEP)
     random = np.random.default_rng(1)

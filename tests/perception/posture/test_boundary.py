@@ -24,15 +24,6 @@ def test_as_pixel_by_pixel(shape):
     np.testing.assert_array_equal(make_boundary_image(labels), brute_force(labels))
 
 
-def test_of_a_part_of_a_larger_image():
-    labels = np.random.default_rng(1).integers(0, 200, (40, 50), np.uint8)[3:-5, 4:-7]
-    np.testing.assert_array_equal(make_boundary_image(labels), brute_force(labels))
-
-
-def test_one_region_has_no_boundary():
-    assert not make_boundary_image(np.full((12, 16), 2, np.uint8)).any()
-
-
 def test_shrunk_averages_blocks_of_thicker_lines():
     boundary = np.zeros((12, 20), np.uint8)
     boundary[:, 9] = 255

@@ -8,10 +8,10 @@ import pytest
 from designopt.errors import UserError
 from perception.chamber import ChamberStatus, find_regions
 from perception.posture import Training, find_posture, make_boundary_image, shrink, train
-from tests.perception.chamber.drawn import Scene
+from tests.perception.chamber.drawn import HALF
 
 SIZE = (32, 24)
-STRAIGHT = Scene().half
+STRAIGHT = HALF
 
 
 @pytest.fixture(scope="module")

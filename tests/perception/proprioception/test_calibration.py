@@ -9,7 +9,6 @@ from tests.perception.proprioception.toy import (
     ERRORS,
     JOINTS,
     LIMITS,
-    LOW,
     MODEL,
     NOISE,
     VIEWS,
@@ -67,8 +66,9 @@ def seen_straight(labels: np.ndarray) -> tuple[Observation, np.ndarray]:
     return Observation(corners, whitening), slopes
 
 
-@pytest.mark.parametrize("constant", [0.0, 0.5])
-@pytest.mark.parametrize("labelling", LABELLINGS)
+@pytest.mark.parametrize(
+    ("labelling", "constant"), [("labelled", 0.0), *((labelling, 0.5) for labelling in LABELLINGS)]
+)
 def test_of_a_straight_finger_the_posterior_is_the_closed_one(labelling, constant):
     hidden, deviation = LABELLINGS[labelling]
     noise = SMALL * LABELS * np.random.default_rng(2).standard_normal(SPREAD_OUT.shape)
@@ -95,16 +95,13 @@ def test_of_a_straight_finger_the_posterior_is_the_closed_one(labelling, constan
     assert found.ok
     scale = np.sqrt(np.diag(covariance))
     # What softening is left moves an answer by less than a hundredth of its deviation.
-    np.testing.assert_allclose(
-        (found.value.errors.mean - expected[:ERRORS]) / scale[:ERRORS], 0, atol=0.01
-    )
-    off = (found.value.angles.ravel() - expected[ERRORS:]) / scale[ERRORS:]
-    np.testing.assert_allclose(off, 0, atol=0.01)
+    answer = np.concatenate([found.value.errors.mean, found.value.angles.ravel()])
+    np.testing.assert_allclose((answer - expected) / scale, 0, atol=0.01)
     # The straight frames scatter less than stated, so that nothing is scaled.
     assert float(found.value.errors.scale) == 1
-    ratio = covariance_of(found.value) / np.outer(scale[:ERRORS], scale[:ERRORS])
-    own = covariance[:ERRORS, :ERRORS] / np.outer(scale[:ERRORS], scale[:ERRORS])
-    np.testing.assert_allclose(ratio, own, atol=0.005)
+    units = np.outer(scale, scale)[:ERRORS, :ERRORS]
+    own = covariance[:ERRORS, :ERRORS] / units
+    np.testing.assert_allclose(covariance_of(found.value) / units, own, atol=0.005)
 
 
 def covariance_of(calibration: Calibration) -> np.ndarray:
@@ -137,49 +134,30 @@ def test_exact_unlabelled_frames_tell_all_but_the_zero_of_a_joint(off):
     np.testing.assert_allclose(found.value.angles, turned, atol=1e-3)
 
 
-def test_exact_labelled_frames_tell_the_errors():
-    found = calibrate(
-        MODEL, watched(MADE, said=NOISE / 100), SPREAD_OUT, LABELS / 100, constant=0.0
-    )
+@pytest.mark.parametrize("hidden", [[], [2, 3, 8]])
+def test_exact_labelled_frames_give_the_errors_and_the_angles_without_a_label(hidden):
+    labels = SPREAD_OUT.copy()
+    labels.flat[hidden] = np.nan
+    found = calibrate(MODEL, watched(MADE, said=NOISE / 100), labels, LABELS / 100, constant=0.0)
     assert found.ok
     # The prior draws them to zero by a part of what is left to be known, 1e-4 of it.
     np.testing.assert_allclose(found.value.errors.mean, MADE, atol=1e-3)
-    np.testing.assert_allclose(found.value.angles, SPREAD_OUT, atol=1e-5)
+    np.testing.assert_allclose(found.value.angles, SPREAD_OUT, atol=1e-4 if hidden else 1e-5)
     assert np.diag(covariance_of(found.value)).max() < 1e-3
 
 
-def test_frames_without_a_label_get_their_angle():
-    labels = SPREAD_OUT.copy()
-    labels[1], labels[4, 0] = np.nan, np.nan
-    found = calibrate(MODEL, watched(MADE, said=NOISE / 100), labels, LABELS / 100, constant=0.0)
-    assert found.ok
-    np.testing.assert_allclose(found.value.errors.mean, MADE, atol=1e-3)
-    np.testing.assert_allclose(found.value.angles, SPREAD_OUT, atol=1e-4)
-
-
-def test_what_nothing_is_seen_of_stays_as_it_was():
+@pytest.mark.parametrize("deviation", [None, LABELS])
+def test_what_nothing_is_seen_of_stays_as_it_was(deviation):
     labels = SPREAD_OUT.copy()
     labels[0] = np.nan
-    for deviation in (None, LABELS):
-        found = calibrate(
-            MODEL, watched(MADE, without=(0, 1, 2, 3)), labels, deviation, constant=0.0
-        )
-        assert found.ok
-        np.testing.assert_allclose(found.value.errors.mean, 0, atol=1e-12)
-        np.testing.assert_allclose(covariance_of(found.value), np.eye(ERRORS), atol=1e-12)
-        np.testing.assert_allclose(
-            found.value.angles, np.nan_to_num(labels, nan=MIDDLE), atol=1e-12
-        )
-        assert found.value.scatter == 0
-
-
-def test_a_joint_that_is_never_seen_tells_nothing_of_its_zero():
-    found = calibrate(MODEL, watched(MADE, without=LOW), SPREAD_OUT, LABELS, constant=0.0)
+    dark = watched(MADE, without=(0, 1, 2, 3))
+    found = calibrate(MODEL, dark, labels, deviation, constant=0.0)
     assert found.ok
-    np.testing.assert_allclose(found.value.errors.mean[ZERO], 0, atol=1e-9)
-    row = np.eye(ERRORS)[ZERO]
-    np.testing.assert_allclose(covariance_of(found.value)[ZERO], row, atol=1e-9)
-    np.testing.assert_allclose(found.value.angles[:, 0], SPREAD_OUT[:, 0], atol=1e-9)
+    assert found.value.scatter == 0
+    np.testing.assert_allclose(found.value.errors.mean, 0, atol=1e-12)
+    np.testing.assert_allclose(covariance_of(found.value), np.eye(ERRORS), atol=1e-12)
+    expected = np.nan_to_num(labels, nan=MIDDLE)
+    np.testing.assert_allclose(found.value.angles, expected, atol=1e-12)
 
 
 def test_corners_that_are_no_numbers_are_no_calibration():
@@ -215,7 +193,7 @@ def repeated(
 @pytest.mark.parametrize(
     ("deviation", "constant"),
     [
-        (LABELS, 0.5),
+        pytest.param(LABELS, 0.5, marks=pytest.mark.slow),
         pytest.param(None, 0.5, marks=pytest.mark.slow),
         pytest.param(LABELS, 0.0, marks=pytest.mark.nightly),
         pytest.param(None, 0.0, marks=pytest.mark.nightly),
@@ -235,20 +213,17 @@ def test_the_covariance_is_the_scatter_of_repeats(deviation, constant):
     assert zero == pytest.approx(1, abs=1e-3) if deviation is None else zero < 0.2
 
 
-@pytest.mark.parametrize("times", [0.5, 1.0, 1.3, 2.0])
+@pytest.mark.parametrize("times", [0.5, 2.0, pytest.param(1.3, marks=pytest.mark.nightly)])
 def test_the_scatter_is_how_much_worse_corners_are_than_stated(times):
     generator = np.random.default_rng(7)
-    found = [
-        calibrate(MODEL, watched(MADE, generator, said=NOISE / times), SPREAD_OUT, constant=0.0)
-        for _ in range(20)
-    ]
+    frames = [watched(MADE, generator, said=NOISE / times) for _ in range(10)]
+    found = [calibrate(MODEL, one, SPREAD_OUT, constant=0.0) for one in frames]
     scatters = np.array([float(one.value.scatter) for one in found])
-    # 20 frames of 180 degrees of freedom give it to 1.2 % (1 σ).
+    # 10 calibrations of 180 degrees of freedom give it to 1.7 % (1 σ).
     assert np.mean(scatters) == pytest.approx(times, rel=0.05)
     # Every column and row but the angles': labels and errors have priors of their own.
     assert float(found[0].value.misfit.degrees_of_freedom) == FRAMES * (8 * len(VIEWS) - JOINTS)
-    assert all(bool(one.ok) == (scatter <= 1.5) for one, scatter in zip(found, scatters,
-                                                                       strict=True))  # fmt: skip
+    assert [bool(one.ok) for one in found] == (scatters <= 1.5).tolist()
     if times == 2.0:
         assert "scatter more than 1.5 times" in found[0].messages()[0]
 

@@ -72,18 +72,15 @@ def test_few_frames_of_a_curve_have_the_line_of_least_squares():
     assert estimate.angle == pytest.approx(constant + 0.2 * slope, abs=1e-9)
 
 
-def test_many_frames_at_two_angles_only_carry_a_line():
-    sections = np.array([LOW, HIGH] * 4)
-    ruler = ruler_of(sections, line(sections))
-    assert len(ruler.curves[0].coefficients) == 2
-    assert ruler.estimate(first_end(0.0)).angle == pytest.approx(0.7, abs=1e-9)
-
-
-def test_frames_that_do_not_move_have_no_curve():
-    sections = np.linspace(0, 3.9 * NOISE, 6)
-    assert ruler_of(sections, line(sections)).curves == ()
-    wider = np.linspace(0, 4.1 * NOISE, 6)
-    assert len(ruler_of(wider, line(wider)).curves) == 1
+def test_frames_that_do_not_move_have_no_curve_and_two_angles_a_line():
+    for sections, terms in (
+        (np.array([0.1]), []),
+        (np.linspace(0, 3.9 * NOISE, 6), []),
+        (np.linspace(0, 4.1 * NOISE, 5), [3]),
+        (np.array([LOW, HIGH] * 4), [2]),
+    ):
+        curves = ruler_of(sections, line(sections)).curves
+        assert [len(curve.coefficients) for curve in curves] == terms
 
 
 @pytest.mark.parametrize("count", [3, 7])
@@ -128,21 +125,16 @@ def test_of_several_ends_the_best_is_taken():
     assert estimate.reason == "end 1 of low, mirror:low"
 
 
-def test_an_end_that_is_not_seen_is_not_used():
+def test_an_end_that_is_not_seen_or_beyond_its_range_gives_way_to_another():
     ruler, angle = full_ruler(), float(line(0.1))
     # What stands for the end that is cut off would mislead.
     cut = view_of(*OTHER, (0.8 * angle, 0.3), shown=(True, False), quality=Quality.CLIPPED)
-    estimate = ruler.estimate(sighting_of(view_of(*VIEW, (0.2 * angle, 0.5 * angle)), cut))
-    assert estimate.angle == pytest.approx(angle, abs=1e-9)
-    assert estimate.reason == "end 0 of low, mirror:low"
-
-
-def test_an_end_beyond_its_range_gives_way_to_one_within():
-    ruler, angle = full_ruler(), float(line(0.1))
-    views = view_of(*VIEW, (3.0, 0.5 * angle)), view_of(*OTHER, (3.0, 3.0))
-    estimate = ruler.estimate(sighting_of(*views))
-    assert estimate.angle == pytest.approx(angle, abs=1e-9)
-    assert estimate.reason == "end 1 of low, direct"
+    within = view_of(*VIEW, (0.2 * angle, 0.5 * angle))
+    beyond = view_of(*VIEW, (3.0, 0.5 * angle)), view_of(*OTHER, (3.0, 3.0))
+    for views, end in (((within, cut), "0 of low, mirror:low"), (beyond, "1 of low, direct")):
+        estimate = ruler.estimate(sighting_of(*views))
+        assert estimate.angle == pytest.approx(angle, abs=1e-9)
+        assert estimate.reason == f"end {end}"
 
 
 @pytest.mark.parametrize(
@@ -162,22 +154,20 @@ def test_without_a_labelled_end_there_is_no_angle(sighting):
     assert estimate.reason == "no labelled end is seen"
 
 
-def test_a_curve_is_of_the_frames_that_show_its_end():
+def test_a_curve_is_of_the_frames_that_show_its_end_and_have_a_label():
     sections = np.linspace(LOW, HIGH, 6)
-    frames = [first_end(float(section)) for section in sections]
-    spoilt = [*frames, sighting_of(missing(*VIEW)), sighting_of(),
-              sighting_of(view_of(*VIEW, (9.0, 9.0), shown=(False, False)))]  # fmt: skip
-    labels = np.append(parabola(sections), [5.0, 6.0, 7.0])
-    ruler = fit_edges(spoilt, labels, [VIEW], label_deviation=LABELS, edge_deviation=NOISE)
-    np.testing.assert_allclose(
-        ruler.curves[0].coefficients,
-        ruler_of(sections, parabola(sections)).curves[0].coefficients,
-        atol=1e-12,
+    hidden = view_of(*VIEW, (9.0, 9.0), shown=(False, False))
+    spoilt = [first_end(float(section)) for section in (*sections, 0.0)]
+    spoilt += [sighting_of(missing(*VIEW)), sighting_of(), sighting_of(hidden)]
+    labels = np.append(parabola(sections), [np.nan, 5.0, 6.0, 7.0])
+    deviations = {"label_deviation": LABELS, "edge_deviation": NOISE}
+    ruler, expected = (
+        fit_edges(spoilt, labels, [VIEW], **deviations),
+        ruler_of(sections, labels[:6]),
     )
-
-
-def test_one_frame_gives_no_curve():
-    assert ruler_of(np.array([0.1]), np.array([0.5])).curves == ()
+    for name in ("coefficients", "covariance"):
+        found, wanted = (getattr(one.curves[0], name) for one in (ruler, expected))
+        np.testing.assert_allclose(found, wanted, atol=1e-12)
 
 
 def test_a_known_curve_errs_by_the_ends_noise_times_its_slope():
@@ -197,8 +187,7 @@ def test_through_two_frames_an_angle_errs_as_between_two_points():
         assert ruler.estimate(first_end(asked)).deviation == pytest.approx(expected)
 
 
-@pytest.mark.parametrize(("count", "curve"), [(2, line), (8, parabola)])
-@pytest.mark.parametrize("asked", [-0.1, 0.5])
+@pytest.mark.parametrize(("count", "curve", "asked"), [(2, line, 0.5), (8, parabola, -0.1)])
 def test_what_is_said_of_an_angle_is_the_scatter_of_repeats(count, curve, asked):
     generator, off = np.random.default_rng(1), []
     sections = np.linspace(LOW, HIGH, count)
@@ -222,12 +211,3 @@ def test_frames_that_scatter_more_than_stated_are_believed_less():
         said.append(estimate.deviation)
     # 200 draws know a deviation to 5 % (1 σ); the end's own noise is a small part of it.
     assert np.mean(said) == pytest.approx(np.std(found), rel=0.15)
-
-
-def test_frames_without_a_label_do_not_count():
-    sections = np.linspace(LOW, HIGH, 5)
-    labels = np.where(np.arange(5) == 2, np.nan, line(sections))
-    expected = ruler_of(np.delete(sections, 2), line(np.delete(sections, 2)))
-    found, wanted = (r.estimate(first_end(-0.1)) for r in (ruler_of(sections, labels), expected))
-    assert found == wanted
-    assert found.defined
