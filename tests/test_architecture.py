@@ -107,5 +107,5 @@ def test_every_annotation_can_be_evaluated():
 def test_every_study_has_a_readme():
     for point in entry_points(group="designopt.studies"):
         readme = ROOT / point.module.replace(".", "/") / "README.md"
-        title = f"# {point.name.replace('-', '_')}"
-        assert readme.read_text(encoding="utf-8").startswith(title), point.name
+        title = readme.read_text(encoding="utf-8").partition("\n")[0].replace("_", "-")
+        assert title.startswith(f"# {point.name}"), point.name

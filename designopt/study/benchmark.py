@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
+from threadpoolctl import threadpool_limits
 
 from designopt.study.results import PrecisionRow, PrecisionStudy
 
@@ -199,7 +200,8 @@ def one_core() -> Iterator[bool]:
     """Keep every thread of the process on one core while the context lasts.
 
     XLA and BLAS have started their threads long before, and a thread's core is its own affair:
-    each is pinned by its id. Threads and processes started inside inherit the core.
+    each is pinned by its id. Threads and processes started inside inherit the core. BLAS computes
+    with one thread: others would spin on the core of the one that works.
 
     Yields:
         Whether that was done; false where the system cannot do it.
@@ -220,7 +222,8 @@ def one_core() -> Iterator[bool]:
             before[thread] = os.sched_getaffinity(thread)
             os.sched_setaffinity(thread, {max(allowed)})
     try:
-        yield True
+        with threadpool_limits(1, user_api="blas"):
+            yield True
     finally:
         for thread in _threads():
             with suppress(OSError):

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info
 
 from designopt import (
     BenchmarkMethod,
@@ -97,6 +98,9 @@ def test_one_core_holds_every_thread_and_lets_go():
         with one_core() as pinned:
             assert pinned
             assert len(os.sched_getaffinity(ids[0])) == 1
+            assert {
+                one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"
+            } == {1}
             assert os.sched_getaffinity(ids[0]) == os.sched_getaffinity(0)
         assert os.sched_getaffinity(ids[0]) == before
     finally:

@@ -1,18 +1,14 @@
 """The study ``solver-precision``: its references, its claim, and one quick run."""
 
-import ctypes
 from contextlib import nullcontext
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scipy.linalg
 
 from designopt.study.results import PrecisionRow
 from designopt.study.study import Context, load_study
-from studies.benchmarks.blas import one_blas_thread
 from studies.benchmarks.solvers import SolverPrecisionSpec, box, grasp
 
 
@@ -44,23 +40,6 @@ def test_the_claim_of_the_grasp_can_be_proved_wrong(error, seconds, holds):
     )
     assert found == holds
     assert len(evidence) == 2
-
-
-def test_openblas_has_one_thread_for_a_while():
-    scipy.linalg.inv(np.eye(2))
-    lines = Path("/proc/self/maps").read_text().splitlines()
-    found = {line.split()[-1] for line in lines if "scipy_openblas" in line.rsplit("/", 1)[-1]}
-    names = ("scipy_openblas_get_num_threads", "scipy_openblas_get_num_threads64_")
-    counts = [
-        getattr(library, name)
-        for library in map(ctypes.CDLL, sorted(found))
-        for name in names
-        if hasattr(library, name)
-    ]
-    before = [count() for count in counts]
-    with one_blas_thread():
-        assert [count() for count in counts] == [1] * len(counts)
-    assert [count() for count in counts] == before
 
 
 @pytest.mark.parametrize(

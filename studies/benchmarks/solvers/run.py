@@ -12,7 +12,6 @@ from designopt.study.report import Report
 from designopt.study.results import PrecisionRow, Results
 from designopt.study.study import Context
 from studies.benchmarks import chamber
-from studies.benchmarks.blas import one_blas_thread
 from studies.benchmarks.solvers import SolverPrecisionSpec, box, grasp
 from studies.models.grasp import cases
 from studies.models.grasp.closing import close_all, there_and_back
@@ -42,7 +41,7 @@ def run(spec: SolverPrecisionSpec, context: Context) -> Results:
     }
     rows, special, table, error, speedup = [], [], Records(), {}, {}
     for name, make in problems.items():
-        with context.step(f"Problem {name}"), one_blas_thread():
+        with context.step(f"Problem {name}"):
             found = benchmark([_named(one) for one in make()], repeats=spec.repeats)
         rows += found
         panel = found[-1].panel
