@@ -207,7 +207,7 @@ def add_comparison(out: Report, runs: Records) -> None:
     held = runs["violation"] <= HELD
     gap = runs["objective"] - min(runs["objective"][held].tolist(), default=math.nan)
     runs = runs | {"gap": gap, GAP: np.where(held, gap / 100, math.nan)}
-    out.table("solvers", runs)
+    out.table("solvers", runs | {"solver": runs["method"]})
     out.precision(
         [row for panel in (GAP, VIOLATION) for row in single_runs(runs, panel, panel)],
         "gap (pads) or violation",
