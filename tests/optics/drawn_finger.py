@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import jax
@@ -9,49 +10,29 @@ import jax.numpy as jnp
 import numpy as np
 
 from designopt.solution import Solution
-from optics.scene.camera import Camera, Equidistant
-from optics.scene.scene import Frame, Layout, Scene, Surface
+from optics.scene.scene import Scene, Surface
 from optics.visibility.coverage import find_views
 from optics.visibility.views import Pieces, ViewResult
+from tests.optics import scenes
 
 POSES = np.radians([[0.0, 0.0], [30.0, 20.0], [60.0, 45.0], [90.0, 90.0]])
 
 MOST = 6
 
-LAYOUT = Layout(
-    name="finger",
-    mirrors=(Surface("distal", -1, 1), Surface("proximal", 1, 0)),
-    curved=(),
-    pads=(Surface("proximal", 1, 0), Surface("intermediate", 1), Surface("distal", 1, 1)),
-    blockers=(Surface("camera body", 0), Surface("fin", 0)),
-    frames=(Frame("proximal", -1, 0, 1), Frame("distal", -1, 1, -1)),
-    angles=("pip", "dip"),
-    camera_frame=-1,
-    bounces=1,
-)
 WORDS = {"direct": (), "mirror:distal": (0,), "mirror:proximal": (1,)}
 
 
 def finger() -> Scene:
-    return Scene(
-        camera=Camera(
-            jnp.array([15.75, 16.99]), np.radians(-96.3), np.radians(160), 1080.0, Equidistant()
-        ),
-        mirrors=jnp.array([[[23.24, 19.04], [53.81, 0.34]], [[4.16, 18.5], [-28.35, 9.3]]]),
-        radii=jnp.zeros(0),
-        conics=jnp.zeros(0),
-        pads=jnp.array(
-            [
-                [[-33.5, -4.0], [-4.0, -4.0]],
-                [[4.0, -4.0], [19.0, -4.0]],
-                [[27.0, -4.0], [53.5, -4.0]],
-            ]
-        ),
-        grazing=jnp.full(3, np.radians(2)),
-        blockers=jnp.array([[[11.8, 17.9], [19.7, 17.0]], [[9.0, 0.0], [11.0, 2.0]]]),
-        hinges=jnp.array([[0.0, 0.0], [23.0, 0.0]]),
-        layout=LAYOUT,
+    """That of ``tests.optics.scenes`` with a fin for its shells and walls."""
+    scene = scenes.finger()
+    layout = dataclasses.replace(
+        scene.layout, blockers=(Surface("camera body", 0), Surface("fin", 0))
     )
+    blockers = jnp.stack([scene.blockers[0], jnp.array([[9.0, 0.0], [11.0, 2.0]])])
+    return dataclasses.replace(scene, blockers=blockers, layout=layout)
+
+
+LAYOUT = finger().layout
 
 
 def surfaces(pip: float, dip: float) -> np.ndarray:

@@ -97,6 +97,45 @@ def scene_of(case: Case) -> Scene:
     )
 
 
+Named = Mapping[str, tuple[int, Any]]
+
+
+def still(
+    camera: Camera,
+    *,
+    mirrors: Named | None = None,
+    pads: Named | None = None,
+    blockers: Named | None = None,
+    curves: Mapping[str, tuple[float, float]] | None = None,
+    bounces: int | None = None,
+) -> Scene:
+    """A scene without joints: surfaces by name, as (side, ends); curves as (radius, conic)."""
+
+    def ends(known: Named | None) -> Array:
+        return jnp.array([part for _, part in (known or {}).values()], float).reshape(-1, 2, 2)
+
+    def surfaces(known: Named | None) -> tuple[Surface, ...]:
+        return tuple(Surface(name, side) for name, (side, _) in (known or {}).items())
+
+    names, bent = list(mirrors or {}), curves or {}
+    curved = [number for number, name in enumerate(names) if name in bent]
+    numbers = np.array([bent[names[number]] for number in curved], float).reshape(-1, 2)
+    reflections = min(len(names), 1) if bounces is None else bounces
+    kinds = surfaces(mirrors), tuple(curved), surfaces(pads), surfaces(blockers)
+    layout = Layout("test", *kinds, (), (), WORLD, reflections)
+    return Scene(
+        camera,
+        ends(mirrors),
+        jnp.asarray(numbers[:, 0]),
+        jnp.asarray(numbers[:, 1]),
+        ends(pads),
+        jnp.zeros(len(pads or {})),
+        ends(blockers),
+        jnp.zeros((0, 2)),
+        layout,
+    )
+
+
 def random_cases(seed: int, count: int) -> Case:
     """Segments, camera and pose at random; seen and hidden views of every kind occur."""
     rng = np.random.default_rng(seed)

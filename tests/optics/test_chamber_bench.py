@@ -2,23 +2,19 @@
 
 import dataclasses
 import math
-from itertools import pairwise
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure, SubFigure
-from matplotlib.lines import Line2D
+from matplotlib.figure import Figure
 
 from designopt import UserError
-from designopt.plot.ruling import Ruling
 from optics import Chamber, ChamberResult
 from optics.chamber.designed import DesignedChamber
 from optics.chamber.file import read_chamber
 from optics.explore.chamber_bench import FIELDS, ChamberBench
 from optics.explore.chamber_improving import narrowest
-from optics.plot.chamber_drawing import FAINT
 
 ROUNDING = 1e-12
 
@@ -41,18 +37,11 @@ PAPER = Chamber(
 
 
 def bench_of(chamber=PAPER):
-    """A bench with axes to show in, its figure, and where its knobs stand."""
+    """A bench with axes to show in, and where its knobs stand."""
     bench = ChamberBench(DesignedChamber("soft", chamber))
-    figure = Figure(figsize=(8, 5), layout="constrained")
-    FigureCanvasAgg(figure)
-    area = figure.subfigures(1, 1)
-    assert isinstance(area, SubFigure)
+    area: Any = Figure(figsize=(8, 5)).subfigures(1, 1)
     bench.draw(area)
-    return bench, area, {knob.name: knob.value for knob in bench.knobs}
-
-
-def lines(axes):
-    return [np.array(one.get_xydata()) for one in axes.lines]
+    return bench, {knob.name: knob.value for knob in bench.knobs}
 
 
 def read(shown):
@@ -89,8 +78,8 @@ def paper():
 
 
 @pytest.mark.parametrize("moves", MOVES)
-def test_readings_and_picture_are_those_of_eq_1(paper, moves):
-    bench, area, values = paper
+def test_readings_are_those_of_eq_1(paper, moves):
+    bench, values = paper
     values = values | moves
     shown = bench.show(values)
     offset_c, offset_d, angle, images = eq_1(values)
@@ -111,35 +100,10 @@ def test_readings_and_picture_are_those_of_eq_1(paper, moves):
     assert list(found) == [*expected, "margin"]
     for name, value in expected.items():
         assert found[name] == pytest.approx(value, rel=1e-9, abs=1e-12), name
-    section, line, sensor = area.axes
-    walls = [one.get_xydata() for one in section.lines if one.get_linewidth() > 3]
-    s_b, s_c = values["a, red length"], values["a, red length"] + values["b, blue length"]
-    s_d = s_c + values["c, yellow length"]
-    corners = [
-        (0.0, values["Δl_A, offset of A"]),
-        (s_b, values["Δl_B, offset of B"]),
-        (s_c, offset_c),
-        (s_d, -offset_d),
-        (s_d, -values["h, reference height"]),
-    ]
-    np.testing.assert_allclose(walls, [*pairwise(corners)], atol=1e-9)
-    radii = [patch.radius for patch in sensor.patches if hasattr(patch, "radius")]
-    np.testing.assert_allclose(radii, images, rtol=1e-9)
-    mark = next(one for one in line.lines if one.get_marker() == "o")
-    np.testing.assert_allclose(
-        mark.get_xydata(), [[values["η, imaging ratio"], offset_d]], rtol=1e-9
-    )
-    # Everything drawn is in view, and nothing else is redrawn when a knob moves.
-    for x, y in (*corners, (-values["δ, pinhole offset"], -values["h, reference height"])):
-        assert section.get_xlim()[0] <= x <= section.get_xlim()[1]
-        assert section.get_ylim()[0] <= y <= section.get_ylim()[1]
-    assert sensor.get_xlim()[1] > images[0]
-    assert all(artist.get_animated() for artist in shown.artists)
-    assert len(shown.artists) == len({id(artist) for artist in shown.artists})
 
 
 def test_knobs_begin_at_the_design():
-    bench, _, values = bench_of()
+    bench, values = bench_of()
     assert bench.title == "soft"
     assert len(values) == len(bench.knobs)
     assert all(knob.low < knob.value < knob.high for knob in bench.knobs)
@@ -151,14 +115,6 @@ def test_knobs_begin_at_the_design():
     assert read(bench.show(values))["Δl_D, offset of D"] == pytest.approx(2.55, rel=ROUNDING)
 
 
-def test_ranges_widen_for_a_chamber_beyond_them():
-    steep = dataclasses.replace(PAPER, wall_angle_bc=jnp.deg2rad(20.0))
-    bench, _, values = bench_of(dataclasses.replace(steep, offset_d=steep.reference_height))
-    knobs = {knob.name: knob for knob in bench.knobs}
-    assert knobs["η, imaging ratio"].low < values["η, imaging ratio"] < 0.3
-    assert 15 < values["θ_BC, blue wall"] < knobs["θ_BC, blue wall"].high
-
-
 @pytest.mark.parametrize(
     ("moves", "result", "margin"),
     [
@@ -167,12 +123,8 @@ def test_ranges_widen_for_a_chamber_beyond_them():
         ({"b, blue length": -1.0}, ChamberResult.no_length, -1.0),
     ],
 )
-def test_a_failure_is_told_and_the_last_chamber_left_faint(moves, result, margin):
-    bench, area, values = bench_of()
-    before = lines(area.axes[0])
-    bench.show(values)
-    good = lines(area.axes[0])
-    assert any(not np.array_equal(*pair) for pair in zip(before, good, strict=True))
+def test_a_failure_is_told_and_nothing_is_saved(moves, result, margin):
+    bench, values = bench_of()
     names = list(read(bench.show(values)))
     shown = bench.show(values | moves)
     assert shown.message == ChamberResult[result]
@@ -185,11 +137,6 @@ def test_a_failure_is_told_and_the_last_chamber_left_faint(moves, result, margin
         above = (values["h, reference height"] + values["Δl_B, offset of B"]) * math.cos(angle)
         margin = above + (values["a, red length"] + values["δ, pinhole offset"]) * math.sin(angle)
     assert found["margin"] == pytest.approx(margin, rel=1e-9)
-    for there, left in zip(lines(area.axes[0]), good, strict=True):
-        np.testing.assert_array_equal(there, left)
-    faint = [artist for artist in shown.artists if artist.get_alpha() == FAINT]
-    assert {type(one) for one in shown.artists if one not in faint} == {Ruling, Line2D}
-    assert {artist.get_alpha() for artist in bench.show(values).artists} == {None}
     with pytest.raises(UserError, match="no chamber to write: "):
         bench.specs(values | moves)
     with pytest.raises(UserError, match="nothing to improve: "):
@@ -197,43 +144,17 @@ def test_a_failure_is_told_and_the_last_chamber_left_faint(moves, result, margin
 
 
 def test_a_wall_that_leaves_the_chamber_is_told(paper):
-    bench, area, values = paper
+    bench, values = paper
     assert bench.show(values).message == ""
     outside = bench.show(values | {"η, imaging ratio": 0.9})
     room = read(outside)["room of D inside Δl_A"]
     assert room < 0
     assert f"D lies outside the wall at the lens, by {-room:.3g} mm" in outside.message
     assert "the top has no ring" in bench.show(values | {"η, imaging ratio": 1.15}).message
-    radii = [patch.radius for patch in area.axes[2].patches if hasattr(patch, "radius")]
-    assert radii[2] == 0 < radii[1] < radii[0]
-
-
-def test_an_image_that_is_turned_over_has_the_same_rings(paper):
-    bench, area, values = paper
-
-    def radii(v):
-        shown = bench.show(values | {"v, image distance": v})
-        assert shown.message == ""
-        return [patch.radius for patch in area.axes[2].patches if hasattr(patch, "radius")]
-
-    np.testing.assert_allclose(radii(4.5), radii(3.5), rtol=ROUNDING)
-    assert radii(4.0) == [0, 0, 0]
-
-
-def test_views_stay_until_they_no_longer_fit(paper):
-    bench, area, values = paper
-    bench.show(values)
-    limits = [axes.axis() for axes in area.axes]
-    bench.show(values | {"θ_BC, blue wall": 2.3, "a, red length": 41.0})
-    assert [axes.axis() for axes in area.axes] == limits
-    bench.show(values | {"a, red length": 80.0, "b, blue length": 60.0})
-    assert area.axes[0].get_xlim()[1] > 170 > limits[0][1]
-    bench.show(values)  # a view that has become much too wide is narrowed
-    assert 100 < area.axes[0].get_xlim()[1] < 120
 
 
 def test_the_file_is_the_chamber_as_it_stands(paper, tmp_path):
-    bench, _, values = paper
+    bench, values = paper
     values = values | {
         "η, imaging ratio": 0.71,
         "θ_BC, blue wall": -1.25,
@@ -258,7 +179,7 @@ def test_the_file_is_the_chamber_as_it_stands(paper, tmp_path):
 
 def test_the_narrowest_ring_becomes_the_widest_there_is(paper):
     """Against all walls on a grid, by Eq. 1 written out."""
-    bench, _, values = paper
+    bench, values = paper
     steps = list(bench.optimise(values | {"η, imaging ratio": 0.5}))
     knobs = {knob.name: knob for knob in bench.knobs}
     for step in steps:
@@ -281,16 +202,9 @@ def test_the_narrowest_ring_becomes_the_widest_there_is(paper):
     assert min(rings) >= np.max(widths) * (1 - 1e-6)
     # Δl_C at Δl_A, and the top as wide as the yellow ring.
     assert min(rings) == pytest.approx(0.5 * (8.616 + 4.1) / 70.844 / 2, rel=1e-5)
-    for offset in (
-        steps[-1].values["Δl_B, offset of B"],
-        shown["Δl_C, offset of C"],
-        shown["Δl_D, offset of D"],
-    ):
-        assert abs(offset) <= 4.1 * (1 + 1e-5)
-
-
-def test_there_is_nothing_to_improve_without_an_image(paper):
-    bench, _, values = paper
+    offsets = [shown["Δl_C, offset of C"], shown["Δl_D, offset of D"]]
+    offsets.append(steps[-1].values["Δl_B, offset of B"])
+    assert np.max(np.abs(offsets)) <= 4.1 * (1 + 1e-5)
     with pytest.raises(UserError, match="at f = v no ring has a width"):
         next(bench.optimise(values | {"v, image distance": values["f, focal length"]}))
 
@@ -299,15 +213,3 @@ def test_the_narrowest_ring_does_not_depend_on_which_way_up_the_image_is():
     turned = dataclasses.replace(PAPER, image_distance=jnp.asarray(4.5))
     assert float(narrowest(PAPER)) == pytest.approx(float(jnp.min(PAPER.ring_widths().value)))
     assert float(narrowest(turned)) == pytest.approx(float(narrowest(PAPER)), rel=ROUNDING)
-
-
-def test_showing_compiles_once(paper, monkeypatch):
-    bench, _, values = paper
-    bench.show(values)
-
-    def traced_again(*arguments):
-        raise AssertionError("it was traced again")
-
-    monkeypatch.setattr("optics.explore.chamber_bench.solve_dimension_for_ratio", traced_again)
-    for moves in MOVES:
-        bench.show(values | moves)

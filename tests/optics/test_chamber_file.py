@@ -4,7 +4,6 @@ import dataclasses
 import math
 import tomllib
 
-import jax
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -26,7 +25,10 @@ def written(tmp_path, text=TEXT):
 
 
 def test_a_file_reads_back_as_the_chamber(tmp_path):
-    name, chamber = read_chamber(written(tmp_path))
+    path = tmp_path / "again.toml"
+    write_chamber("soft", PAPER, path)
+    assert path.read_text(encoding="utf-8") == TEXT
+    name, chamber = read_chamber(path)
     assert name == "soft"
     for field in dataclasses.fields(chamber):
         expected = float(getattr(PAPER, field.name))
@@ -41,16 +43,6 @@ def test_what_is_written_is_read_back(lengths, angle_deg):
     table = tomllib.loads(format_chamber("drawn", chamber))["chamber"]
     assert {name: table[name] for name in names} == drawn
     assert math.radians(table["wall_angle_bc_deg"]) == float(chamber.wall_angle_bc)
-
-
-def test_a_written_file_is_the_chamber(tmp_path):
-    path = tmp_path / "again.toml"
-    write_chamber("soft", PAPER, path)
-    name, chamber = read_chamber(path)
-    write_chamber(name, chamber, tmp_path / "third.toml")
-    for one, other in zip(jax.tree.leaves(PAPER), jax.tree.leaves(chamber), strict=True):
-        assert float(one) == float(other)
-    assert path.read_bytes() == (tmp_path / "third.toml").read_bytes()
 
 
 def test_the_commands_take_the_file(tmp_path):

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from designopt.roots import RootMethod
@@ -31,6 +31,7 @@ solve = functools.partial(jax.jit, static_argnums=1, static_argnames=("method", 
 
 
 @pytest.mark.parametrize("dimension", DIMENSIONS)
+@settings(max_examples=20)
 @given(ratio=st.floats(0.55, 0.65))
 def test_the_answer_gives_the_ratio_back(dimension, ratio):
     found = solve(make(), dimension, ratio)
@@ -39,9 +40,13 @@ def test_the_answer_gives_the_ratio_back(dimension, ratio):
     np.testing.assert_allclose(answer.imaging_ratio().value, ratio, rtol=ROUND_TRIP)
     assert float(found.margin) > 0
     assert abs(float(found.residual)) < 1e-12
+    moved = dataclasses.replace(make(), **{dimension: 1.05 * getattr(make(), dimension)})
+    back = solve(moved, dimension, make().imaging_ratio().value)
+    np.testing.assert_allclose(back.value, getattr(make(), dimension), rtol=ROUND_TRIP)
 
 
 @pytest.mark.parametrize("dimension", DIMENSIONS)
+@settings(max_examples=20)
 @given(ratio=st.floats(0.01, 3.0))
 def test_what_is_ok_can_be_built(dimension, ratio):
     found = solve(make(), dimension, ratio)
@@ -50,15 +55,6 @@ def test_what_is_ok_can_be_built(dimension, ratio):
     assert bool(found.ok) == (float(found.margin) > 0)
     if min(lengths) <= 0:
         assert not bool(found.ok)
-
-
-@pytest.mark.parametrize("dimension", DIMENSIONS)
-def test_every_dimension_has_an_answer_near_the_table(dimension):
-    chamber = make()
-    moved = dataclasses.replace(chamber, **{dimension: 1.05 * getattr(chamber, dimension)})
-    found = solve(moved, dimension, chamber.imaging_ratio().value)
-    assert bool(found.ok)
-    np.testing.assert_allclose(found.value, getattr(chamber, dimension), rtol=ROUND_TRIP)
 
 
 @pytest.mark.parametrize("dimension", sorted({*DIMENSIONS} - {*_QUADRATIC, "wall_angle_bc"}))
@@ -166,15 +162,14 @@ def test_a_batch_with_failures_is_one_compiled_call():
 
 
 def test_unknown_dimension_names_the_known_ones():
-    unchecked = inspect.unwrap(
-        solve_dimension_for_ratio
-    )  # the test run's type check would answer first
+    # The test run's type check would answer first.
+    unchecked = inspect.unwrap(solve_dimension_for_ratio)
     with pytest.raises(ValueError, match="solve for one of length_ab, length_bc"):
         unchecked(make(), "focal_length", 0.6)
 
 
 @pytest.mark.parametrize("method", ["closed form", "newton"])
-@pytest.mark.parametrize("size", [1e-100, 1e100, 1e160, 1e305])
+@pytest.mark.parametrize("size", [1e-100, 1e160, 1e305])
 def test_the_unit_of_length_does_not_matter(method, size):
     chamber = make()
     scaled = jax.tree.map(lambda leaf: leaf * size, chamber)

@@ -95,70 +95,27 @@ def test_without_errors_a_finger_is_made_as_designed(carried):
     assert jax.tree.structure(made) == jax.tree.structure(finger())
 
 
-def test_a_camera_out_of_place_moves_alone():
-    camera = finger().camera
-    made = perturb(finger(), flawed(camera=jnp.array([0.3, -0.2])))
-    check(made, position=numbers(camera.position) + 0.3 - 0.2j)
-
-
-def test_a_tilted_camera_turns_alone_about_its_pinhole():
-    made = perturb(finger(), flawed(tilt=jnp.array(0.04)))
-    check(made, direction=finger().camera.direction + 0.04)
-
-
-def test_a_camera_beside_the_section_changes_nothing_in_it():
-    check(perturb(finger(), flawed(lateral=jnp.array(2.0))))
-
-
-def test_what_a_camera_carries_moves_and_turns_with_it():
-    errors = flawed(camera=jnp.array([0.3, -0.2]), tilt=jnp.array(0.04))
-    pinhole, move = numbers(finger().camera.position), 0.3 - 0.2j
-    held = [BODY, TIP]
-    blockers = numbers(finger().blockers)
+@pytest.mark.parametrize("held", [[], [BODY, TIP]])
+def test_errors_move_parts_as_complex_numbers_do(held):
+    """Camera and what it carries about the pinhole, others about their middles and to the left."""
+    rng = np.random.default_rng(0)
+    mirror_tilt, mirror_offset = rng.uniform(-0.3, 0.3, (2, MIRRORS))
+    pad_tilt, pad_offset, pad_shift = rng.uniform(-0.3, 0.3, (3, PADS))
+    numbers = [0.3, -0.2], 2.0, 0.04, mirror_tilt, mirror_offset, pad_tilt, pad_offset, pad_shift
+    errors = Fabrication(*map(jnp.asarray, numbers))
+    designed, move = parts(finger()), 0.3 - 0.2j
+    mirrors = tilted(designed["mirrors"], mirror_tilt)
+    pads, blockers = tilted(designed["pads"], pad_tilt), designed["blockers"].copy()
+    pinhole = designed["position"]
     blockers[held] = pinhole + move + (blockers[held] - pinhole) * np.exp(0.04j)
     check(
         perturb(finger(), errors, carried=held),
         position=pinhole + move,
-        direction=finger().camera.direction + 0.04,
+        direction=designed["direction"] + 0.04,
+        mirrors=mirrors + 1j * mirror_offset[:, None] * along(mirrors),
+        pads=pads + (pad_shift + 1j * pad_offset)[:, None] * along(pads),
         blockers=blockers,
     )
-
-
-def test_mirrors_turn_about_their_middles():
-    errors = np.array([0.02, -0.03])
-    made = perturb(finger(), flawed(mirror_tilt=jnp.asarray(errors)))
-    check(made, mirrors=tilted(numbers(finger().mirrors), errors))
-
-
-def test_mirrors_move_to_the_left_of_their_direction():
-    errors, ends = np.array([0.2, -0.3]), numbers(finger().mirrors)
-    made = perturb(finger(), flawed(mirror_offset=jnp.asarray(errors)))
-    check(made, mirrors=ends + 1j * errors[:, None] * along(ends))
-
-
-def test_pads_turn_about_their_middles():
-    errors = np.array([0.02, -0.03, 0.01])
-    made = perturb(finger(), flawed(pad_tilt=jnp.asarray(errors)))
-    check(made, pads=tilted(numbers(finger().pads), errors))
-
-
-def test_pads_move_to_the_left_of_their_direction_and_along_it():
-    offset, shift = np.array([0.2, -0.3, 0.1]), np.array([-0.4, 0.5, 0.6])
-    ends = numbers(finger().pads)
-    made = perturb(finger(), flawed(pad_offset=jnp.asarray(offset)))
-    check(made, pads=ends + 1j * offset[:, None] * along(ends))
-    made = perturb(finger(), flawed(pad_shift=jnp.asarray(shift)))
-    check(made, pads=ends + shift[:, None] * along(ends))
-
-
-def test_tilted_pads_move_along_what_they_are_then():
-    rng = np.random.default_rng(0)
-    tilt, offset, shift = rng.uniform(-0.3, 0.3, (3, PADS))
-    errors = flawed(
-        pad_tilt=jnp.asarray(tilt), pad_offset=jnp.asarray(offset), pad_shift=jnp.asarray(shift)
-    )
-    ends = tilted(numbers(finger().pads), tilt)
-    check(perturb(finger(), errors), pads=ends + (shift + 1j * offset)[:, None] * along(ends))
 
 
 def test_random_segments_are_turned_and_displaced():
@@ -246,13 +203,10 @@ def test_a_distortion_adds_a_cube_to_the_lens_and_keeps_the_field_of_view(lens, 
     np.testing.assert_allclose(limits, [0, pixels], atol=1000 * ROUNDING)
 
 
-def test_a_lens_without_an_error_is_that_of_the_design():
-    for lens in (Equidistant(), LENS, Pinhole()):
+def test_a_distortion_of_a_pinhole_is_refused():
+    for lens in (Equidistant(), LENS, Pinhole()):  # without one it stays as designed
         made = perturb(with_lens(lens), Fabrication.none(finger().layout))
         assert eqx.tree_equal(made.camera.projection, lens)
-
-
-def test_a_distortion_of_a_pinhole_is_refused():
     with pytest.raises(ValueError, match="equidistant or Kannala-Brandt lens only"):
         perturb(with_lens(Pinhole()), flawed(distortion=jnp.array(0.03)))
 

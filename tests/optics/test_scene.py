@@ -9,17 +9,13 @@ import jax
 import numpy as np
 import pytest
 
-from optics.scene.scene import WORLD, Frame, place
+from optics.scene.scene import place
 from tests.optics.scenes import (
-    LAYOUT,
     MIRRORS,
-    PADS,
     Case,
     answers,
     case_of,
-    finger,
     item,
-    posed,
     posed_cases,
     random_cases,
     scene_of,
@@ -82,15 +78,6 @@ def test_a_frame_turns_with_its_parent_clockwise_if_so_counted():
     np.testing.assert_allclose(axis[0], [0, 1], atol=ROUNDING)
 
 
-def test_the_finger_bends_as_complex_numbers_turn_it():
-    scene = finger()
-    for degrees in ((0, 0), (90, 0), (0, 90), (37, 71)):
-        angles = scene.pose(dict(zip(("pip", "dip"), np.radians(degrees), strict=True)))
-        found, wanted = place(scene, angles), posed(scene, angles)
-        ends = [found.absolute(end).stacked() for end in (found.starts, found.ends)]
-        np.testing.assert_allclose(np.stack(ends, 1), wanted.surfaces.ends, atol=50 * ROUNDING)
-
-
 def test_poses_are_given_by_name():
     scene = scene_of(item(random_cases(0, 1), 0))
     assert scene.angle_names == ("bend", "curl")
@@ -98,16 +85,6 @@ def test_poses_are_given_by_name():
     np.testing.assert_array_equal(scene.pose({"curl": 0.5}), [0, 0.5])
     with pytest.raises(KeyError, match="no joint angle is named twist"):
         scene.pose({"bend": 0.1, "twist": 0.2})
-
-
-def test_surfaces_are_mirrors_then_pads_then_blockers():
-    kinds = [LAYOUT.kind(i) for i in range(len(LAYOUT.surfaces))]
-    assert kinds == ["mirror"] * MIRRORS + ["pad"] * PADS + ["blocker"] * 4
-    assert LAYOUT.surfaces == LAYOUT.mirrors + LAYOUT.pads + LAYOUT.blockers
-    assert LAYOUT.sides.tolist() == [1, 0, -1, 1, 0, -1, 1, 0, 0, -1]
-    assert np.flatnonzero(LAYOUT.one_way).tolist() == [6, 9]
-    assert LAYOUT.frames[1] == Frame("second", 0, 1, -1)
-    assert LAYOUT.mirrors[1].frame == WORLD
 
 
 def test_a_scene_without_extent_is_placed_all_the_same():

@@ -18,75 +18,39 @@ from optics import find_views, read_scene
 from optics.visibility import scene_trace as sight
 
 GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
-FILES = sorted(path.name for path in GALLERY.glob("*.toml"))
 
 # The camera sees 10 mm tan 30° of the floor to either side, but for the shadow of the flap.
 FLAP = """
-[scene]
-name = "flap"
-
+scene = { name = "flap" }
+pads = [
+  { name = "floor", from = [-8, 0], to = [8, 0], side = "left" },
+  # away from the camera
+  { name = "wall", from = [9, 0], to = [9, 8], side = "right", body = "door" },
+]
+blockers = [{ name = "flap", from = [2, 5], to = [4, 5], body = "lid" }]
+frames = { lid = { hinge = [2, 5], angle = "tilt" }, door = { hinge = [9, 0], angle = "swing" } }
 [camera]
 position = [0, 10]
 direction_deg = -90
 fov_deg = 60
 pixels = 600
 projection = "pinhole"
-
-[[pads]]
-name = "floor"
-from = [-8, 0]
-to = [8, 0]
-side = "left"
-[[pads]]
-name = "wall"
-from = [9, 0]
-to = [9, 8]
-side = "right"                  # away from the camera
-body = "door"
-
-[[blockers]]
-name = "flap"
-from = [2, 5]
-to = [4, 5]
-body = "lid"
-
-[frames.lid]
-hinge = [2, 5]
-angle = "tilt"
-[frames.door]
-hinge = [9, 0]
-angle = "swing"
 """
 CORNER = """
-[camera]
-position = [100, 100]
-direction_deg = 225
-fov_deg = 40
-pixels = 800
-
-[[mirrors]]
-name = "floor"
-from = [0, 0]
-to = [200, 0]
-side = "left"
-[[mirrors]]
-name = "wall"
-from = [0, 0]
-to = [0, 200]
-side = "right"
-
-[[blockers]]
-name = "post"
-from = [150, 80]
-to = [150, 120]
+mirrors = [
+  { name = "floor", from = [0, 0], to = [200, 0], side = "left" },
+  { name = "wall", from = [0, 0], to = [0, 200], side = "right" },
+]
+blockers = [{ name = "post", from = [150, 80], to = [150, 120] }]
+camera = { position = [100, 100], direction_deg = 225, fov_deg = 40, pixels = 800 }
 """
 SEEN = 10 * math.tan(math.radians(30))
 
 
 @pytest.fixture(autouse=True)
 def _in_a_folder_of_scenes(tmp_path, monkeypatch):
-    for name in FILES:
-        shutil.copy(GALLERY / name, tmp_path)
+    for path in GALLERY.glob("*.toml"):
+        shutil.copy(path, tmp_path)
     (tmp_path / "flap.toml").write_text(FLAP, encoding="utf-8")
     (tmp_path / "corner.toml").write_text(CORNER, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
@@ -113,13 +77,8 @@ def shadow(tilt: float) -> tuple[float, float]:
 
 def test_a_sweep_shows_the_flaps_shadow_wander(trace):
     document, said = trace("flap.toml", "--sweep", "tilt=0:180:3")
-    assert {key: document[key] for key in ("scene", "engine", "bounces", "lens", "rays")} == {
-        "scene": "flap",
-        "engine": "exact",
-        "bounces": 0,
-        "lens": None,
-        "rays": [],
-    }
+    wanted = {"scene": "flap", "engine": "exact", "bounces": 0, "lens": None, "rays": []}
+    assert {key: document[key] for key in wanted} == wanted
     limit, flap = "limit of the field of view", "blocker 'flap': its end"
     coverages = []
     for pose, tilt in zip(document["poses"], (0.0, 90.0, 180.0), strict=True):
@@ -152,23 +111,19 @@ def test_a_sweep_shows_the_flaps_shadow_wander(trace):
         assert hidden["views"]["direct"]["intervals"] == []
         assert "not on the sensing side" in hidden["views"]["direct"]["why_not"]
     worst = int(np.argmin(coverages))
-    assert said.splitlines() == [
-        "pad 'floor': not all of it is seen at 3 of 3 poses; worst at tilt = "
-        f"{90 * worst}°, swing = 0°: only {100 * coverages[worst]:.3g} % of it is seen",
-        f"  what is seen ends at: {limit}; {flap} 'to'; {flap} 'from'",
-        "pad 'wall': not all of it is seen at 3 of 3 poses; worst at tilt = 0°, "
-        "swing = 0°: none of it is seen",
-        "  nearest to showing any of it is direct: The camera, or its image, is not on the sensing "
-        "side of the pad: move the camera or the mirror, or change the pad's side.",
-    ]
+    first, ends, last, why = said.splitlines()
+    assert f"worst at tilt = {90 * worst}°" in first
+    assert f"only {100 * coverages[worst]:.3g} %" in first
+    assert all(end in ends for end in (limit, f"{flap} 'to'", f"{flap} 'from'"))
+    assert "pad 'wall'" in last
+    assert "not on the sensing side" in why
 
 
 def test_blocks_of_poses_are_as_one(trace, monkeypatch):
     whole, said = trace("flap.toml", "--sweep", "tilt=0:200:3")
     # Two poses at a time, so that the last block is filled up.
-    monkeypatch.setattr(
-        sight, "MEMORY", 2 * sight._bytes_of_pose(read_scene("flap.toml").layout, 0)
-    )
+    two = 2 * sight._bytes_of_pose(read_scene("flap.toml").layout, 0)
+    monkeypatch.setattr(sight, "MEMORY", two)
     assert trace("flap.toml", "--sweep", "tilt=0:200:3") == (whole, said)
 
 
@@ -217,9 +172,7 @@ def test_views_in_a_mirror_agree_with_dense_sampling(trace):
     used = []
     for end in places[[0, -1]]:
         part = (camera - image) @ normal / 2 / ((end - image) @ normal)
-        used.append(
-            (image + part * (end - image) - lid[0]) @ along / np.linalg.norm(lid[1] - lid[0])
-        )
+        used.append((image + part * (end - image) - lid[0]) @ along / length)
     np.testing.assert_allclose(pose["mirrors"]["lid"]["used"], [sorted(used)], rtol=1e-12)
 
 
@@ -269,6 +222,8 @@ def test_rays_go_from_mirror_to_mirror_until_something_ends_them(trace):
     assert said == "corner: there are no pads to be seen\n"
     (pose,) = document["poses"]
     assert (pose["angles_deg"], pose["pads"]) == ({}, {})
+    names = "floor", "wall", "floor+wall", "wall+floor"
+    assert set(pose["virtual_cameras"]) == {f"mirror:{name}" for name in names}
     rays = document["rays"]
     assert [ray["end"] for ray in rays] == list(ends.values())
     assert [len(ray["hits"]) for ray in rays] == [2, 1, 1, 0]
@@ -294,29 +249,15 @@ def test_rays_go_from_mirror_to_mirror_until_something_ends_them(trace):
 def test_rays_are_followed_in_every_pose(trace):
     document, _ = trace("flap.toml", "--sweep", "tilt=0:180:3", "--ray=3,9,-90", "--ray=20,4,180")
     rays = document["rays"]
-    assert [(ray["pose"], ray["end"]) for ray in rays] == [
-        (0, "it ends at blocker 'flap'"),
-        (0, "it ends at pad 'wall'"),
-        (1, "it ends at pad 'floor'"),
-        (1, "it ends at pad 'wall'"),
-        (2, "it ends at pad 'floor'"),
-        (2, "it ends at pad 'wall'"),
-    ]
+    floor, wall = "it ends at pad 'floor'", "it ends at pad 'wall'"
+    ends = "it ends at blocker 'flap'", wall, floor, wall, floor, wall
+    assert [(ray["pose"], ray["end"]) for ray in rays] == list(
+        zip((0, 0, 1, 1, 2, 2), ends, strict=True)
+    )
     assert rays[2]["hits"][0]["coordinate"] == pytest.approx(11 / 16)
     document, _ = trace("flap.toml", "--sweep", "tilt=0:180:3", "--ray=3,4,0", "--ray=0,-1,90")
     assert document["rays"][0]["end"] == "it ends at the back of pad 'wall'"
     assert document["rays"][1]["end"] == "it ends at the back of pad 'floor'"
-
-
-def test_a_scene_without_pads_says_what_can_be_asked(trace):
-    document, said = trace("corner.toml")
-    assert said == "corner: there are no pads to be seen; --ray X,Y,DEG follows a ray\n"
-    assert set(document["poses"][0]["virtual_cameras"]) == {
-        "mirror:floor",
-        "mirror:wall",
-        "mirror:floor+wall",
-        "mirror:wall+floor",
-    }
 
 
 def test_files_are_written_whole_and_replaced_only_by_force(tmp_path, capsys):
@@ -339,41 +280,19 @@ def test_files_are_written_whole_and_replaced_only_by_force(tmp_path, capsys):
     assert {path.name for path in tmp_path.iterdir()} == before | names
 
 
-def test_rays_are_drawn_without_pads(tmp_path, trace):
-    assert trace("corner.toml", "--ray=50,40,225", "--figure", "t.svg")[0]["rays"]
-    assert 'id="ray:0"' in (tmp_path / "t.svg").read_text(encoding="utf-8")
-
-
 @pytest.mark.parametrize(
     ("change", "arguments", "words"),
     [
         (('body = "lid"', 'body = "lit"'), [], ["blockers.0.body", "did you mean 'lid'?"]),
         (("[camera]", "[joints]"), [], ["a linkage and no scene; designopt solve takes it"]),
-        (("fov_deg = 60", "fov_deg = 0"), [], ["camera.fov_deg", "greater than 0"]),
-        (("to = [8, 0]", "to = [-8, 0]"), [], ["pads.0", "no length"]),
         (None, ["--pose", "lid=3"], ["--pose lid=3", "joint angle", "tilt"]),
         (None, ["--pose", "tilt=3,tilt=4"], ["given twice"]),
-        (None, ["--pose", "tilt"], ["--pose tilt", "JOINT_ANGLE=VALUE"]),
-        (None, ["--pose", "tilt=1e20"], ["--pose tilt=1e+20", "no digits left"]),
-        (None, ["--sweep", "pip=0:90:91"], ["--sweep pip=0:90:91", "joint angle", "tilt"]),
-        (None, ["--sweep", "tilt=0:90:2.5"], ["--sweep", "COUNT"]),
         (None, ["--sweep", "tilt=0:90:300000"], ["300,000 poses", "250,000"]),
         (None, ["--sweep", "tilt=0:1:2", "--pose", "tilt=4"], ["--pose gives 'tilt' too"]),
         (None, ["--ray", "1,2"], ["--ray 1,2", "X,Y,DEG"]),
-        (None, ["--ray", "1,2,up"], ["--ray 1,2,up", "X,Y,DEG"]),
-        (None, ["--ray", "1,nan,3"], ["--ray 1,nan,3", "X,Y,DEG"]),
-        (None, ["--ray", "inf,0,0"], ["--ray inf,0,0", "X,Y,DEG"]),
-        (None, ["--bounces", "-1"], ["--bounces -1", "0 to 6"]),
         (None, ["--bounces", "7"], ["--bounces 7", "0 to 6"]),
-        (None, ["--bounces", "many"], ["--bounces", "integer"]),
-        (None, ["--json", "nowhere/t.json"], ["--json", "no folder"]),
         (None, ["--json", "flap.toml"], ["--json flap.toml", "exists already", "--force"]),
-        (None, ["--json", "/dev/full", "--force"], ["--json /dev/full", "no ordinary file"]),
-        (None, ["--figure", "/dev/full", "--force"], ["--figure /dev/full", "no ordinary file"]),
-        (None, ["--figure", "t.jpg"], ["--figure t.jpg", ".png"]),
-        (None, ["--chart", "t.jpg"], ["--chart t.jpg", ".png"]),
         (None, ["--chart", "t.png"], ["--chart t.png", "--sweep"]),
-        (None, ["--figure", "t.png", "--chart", "t.png"], ["two files"]),
     ],
 )
 def test_faults_are_one_line_and_leave_nothing_behind(change, arguments, words, tmp_path, capsys):
@@ -389,12 +308,7 @@ def test_faults_are_one_line_and_leave_nothing_behind(change, arguments, words, 
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_charts_need_pads(tmp_path, capsys):
-    assert run(["trace", "corner.toml", "--chart", "t.png"]) == 2
-    assert "no pads" in capsys.readouterr().err
-
-
-def test_too_many_paths_are_refused(tmp_path, capsys):
+def test_too_many_paths_and_charts_without_pads_are_refused(tmp_path, capsys):
     mirrors = "".join(
         f"[[mirrors]]\nname = 'm{i}'\nfrom = [{i}, -5]\nto = [{i + 1}, -5]\n" for i in range(12)
     )
@@ -402,18 +316,5 @@ def test_too_many_paths_are_refused(tmp_path, capsys):
     assert run(["trace", "many.toml", "--bounces", "6"]) == 2
     # 1 + 12 + 12·11 + … + 12·11⁵
     assert f"{1 + 12 * (11**6 - 1) // 10:,} paths" in capsys.readouterr().err
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("name", FILES)
-def test_every_gallery_scene_is_traced_and_drawn(name, tmp_path, trace):
-    document, said = trace(name, "--figure", "t.png")
-    assert (tmp_path / "t.png").stat().st_size > 10_000
-    assert said == "" or name in ("circle.toml", "ellipse.toml")
-    for pad in document["poses"][0]["pads"].values():
-        if name == "ellipse.toml":  # all rays meet in one point of the pad
-            assert (pad["coverage"], pad["px_per_mm"]) == (0, None)
-            assert pad["views"]["mirror:bowl"]["px_per_mm"] is None
-            continue
-        assert pad["coverage"] > 0
-        assert pad["px_per_mm"]["min"] <= pad["px_per_mm"]["median"] <= pad["px_per_mm"]["max"]
+    assert run(["trace", "corner.toml", "--chart", "t.png"]) == 2
+    assert "no pads" in capsys.readouterr().err

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -152,9 +152,8 @@ def test_paths_are_named_after_their_mirrors():
     assert name_paths(LAYOUT, 1) == ["direct", "mirror:left", "mirror:both", "mirror:right"]
 
 
-@pytest.mark.parametrize(
-    ("label", "words"),
-    [
+def test_ends_of_views_in_words():
+    for label, words in (
         (FIRST_PAD_END, "end of the pad"),
         (SECOND_PAD_END, "end of the pad"),
         (LEFT_LIMIT, "limit of the field of view"),
@@ -162,26 +161,16 @@ def test_paths_are_named_after_their_mirrors():
         (LOW_GRAZING, "least grazing angle"),
         (HIGH_GRAZING, "least grazing angle"),
         (FOLD, "fold of the image"),
-    ],
-)
-def test_ends_that_no_surface_bounds_in_words(label, words):
-    assert describe_end(LAYOUT, label) == words
-
-
-@pytest.mark.parametrize(
-    ("kind", "words"),
-    [
+    ):
+        assert describe_end(LAYOUT, label) == words
+    named = {0: "mirror 'left'", MIRRORS + 1: "pad 'both'", MIRRORS + PADS + 2: "blocker 'lid'"}
+    for kind, words in (
         (FIRST_END, "its end 'from'"),
         (SECOND_END, "its end 'to'"),
         (CROSSING, "where another surface meets it"),
         (CUT_BEFORE, "where it meets the line of a mirror"),
         (CUT_AFTER, "where it meets the line of a mirror"),
         (HORIZON, "where it turns away from the ray"),
-    ],
-)
-@pytest.mark.parametrize("leg", [0, 2])
-def test_ends_that_surfaces_bound_in_words(kind, words, leg):
-    named = {0: "mirror 'left'", MIRRORS + 1: "pad 'both'", MIRRORS + PADS + 2: "blocker 'lid'"}
-    for surface, name in named.items():
-        label = label_of(leg, surface, kind)
-        assert describe_end(LAYOUT, label) == f"{name}: {words}"
+    ):
+        for leg, (surface, name) in itertools.product((0, 2), named.items()):
+            assert describe_end(LAYOUT, label_of(leg, surface, kind)) == f"{name}: {words}"

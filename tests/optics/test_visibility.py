@@ -44,6 +44,7 @@ from tests.optics.scenes import (
     item,
     random_cases,
     scene_of,
+    still,
 )
 
 ROUNDING = 1e-13
@@ -89,24 +90,8 @@ def message(answer: Answers, path: Iterable[int] = (), pad: int = BOTH) -> str:
     return answer.messages[WORDS.index(tuple(path)) * PADS + pad]
 
 
-def person(foot: float = 0.8) -> Case:
-    """An eye at 1.6 m, a body from 0 to 1.7 m, and 100 m away a mirror from a height to 1.65 m."""
-    return case_of(
-        (-100, 1.6),
-        mirrors={"both": [[0, foot], [0, 1.65]]},
-        pads={"both": [[-100, 0], [-100, 1.7]]},
-    )
-
-
-@pytest.mark.slow
-def test_half_a_height_of_mirror_shows_a_whole_body():
-    np.testing.assert_allclose(extent(answer_of(person()), [BOTH]), [0, 1], atol=ROUNDING)
-    raised = extent(answer_of(person(foot=0.9)), [BOTH])
-    np.testing.assert_allclose(raised, [0.2 / 1.7, 1], atol=ROUNDING)
-
-
 def test_one_sees_nothing_of_a_plane_that_one_is_in():
-    answer = answer_of(person())
+    answer = answer_of(case_of((-100, 1.6), pads={"both": [[-100, 0], [-100, 1.7]]}))
     assert not extent(answer)
     assert message(answer) == ViewResult[ViewResult.behind_pad]
 
@@ -152,12 +137,10 @@ def test_a_blocker_casts_a_shadow():
     # Both ends move apart as the blocker grows: d coverage / d half-width is −0.5.
     moves = answer.slopes.ends[WALL, :, 0]
     np.testing.assert_allclose(moves[1] - moves[0], -0.5, rtol=ROUNDING)
-
-
-def test_a_shadow_grows_from_nothing_to_everything():
-    for half in (1e-9, 0.1, 1.9, 2.0, 3.0):
-        coverage = answer_of(shaded(half)).numbers["coverage"][BOTH]
-        np.testing.assert_allclose(coverage, 1 - min(half / 2, 1), atol=ROUNDING)
+    # It grows from nothing to everything.
+    halves = np.array([1e-9, 0.1, 1.9, 2.0, 3.0])
+    coverage = answers(batch_of([shaded(half) for half in halves])).numbers["coverage"]
+    np.testing.assert_allclose(coverage[:, BOTH], 1 - np.minimum(halves / 2, 1), atol=ROUNDING)
 
 
 def periscope() -> Case:
@@ -268,71 +251,39 @@ def test_ends_of_a_view_name_the_limits_of_the_field_of_view():
 
 
 @pytest.mark.parametrize(
-    ("pad", "above", "seen"),
+    ("side", "up", "works"),
     [
-        ("left", True, True),
-        ("left", False, False),
-        ("right", True, False),
-        ("right", False, True),
-        ("both", True, True),
-        ("both", False, True),
+        ("left", 1, True),
+        ("left", -1, False),
+        ("right", 1, False),
+        ("right", -1, True),
+        ("both", 1, True),
+        ("both", -1, True),
     ],
 )
-def test_pads_sense_on_their_side(pad, above, seen):
-    eye = (0, 1) if above else (0, -1)
-    answer = answer_of(case_of(eye, 0.0, OPEN, pads={pad: [[-1, 0], [1, 0]]}))
-    index = [surface.name for surface in LAYOUT.pads].index(pad)
-    assert extent(answer, (), index) == ([0, 1] if seen else [])
-    assert message(answer, (), index) == ("" if seen else ViewResult[ViewResult.behind_pad])
-    assert (answer.views.margin[DIRECT, index] > 0) == seen
-
-
-@pytest.mark.parametrize(
-    ("mirror", "above", "seen"),
-    [
-        ("left", True, True),
-        ("left", False, False),
-        ("right", True, False),
-        ("right", False, True),
-        ("both", True, True),
-        ("both", False, True),
-    ],
-)
-def test_mirrors_reflect_on_their_side(mirror, above, seen):
-    up = 1 if above else -1
-    case = case_of(
-        (0, up), 0.0, OPEN, mirrors={mirror: [[-3, 0], [3, 0]]}, pads={"both": [[1, up], [2, up]]}
+def test_surfaces_work_on_their_side(side, up, works):
+    """Pads sense, mirrors reflect and blockers hide; from above or below a surface."""
+    index, flat = ["left", "both", "right"].index(side), [[-3, 0], [3, 0]]
+    beside, beyond = [[1, up], [2, up]], [[-1, -2 * up], [1, -2 * up]]
+    blocker = {"wall" if side == "both" else side: flat}
+    found = answers(
+        batch_of(
+            [
+                case_of((0, up), 0.0, OPEN, pads={side: flat}),
+                case_of((0, up), 0.0, OPEN, mirrors={side: flat}, pads={"both": beside}),
+                case_of((0, 2 * up), 0.0, OPEN, pads={"both": beyond}, blockers=blocker),
+            ]
+        )
     )
-    index = [surface.name for surface in LAYOUT.mirrors].index(mirror)
-    answer = answer_of(case)
-    np.testing.assert_allclose(extent(answer, [index]), [0, 1] if seen else [], atol=ROUNDING)
-    assert message(answer, [index]) == ("" if seen else ViewResult[ViewResult.behind_mirror])
-    assert (answer.views.margin[WORDS.index((index,)), BOTH] > 0) == seen
-
-
-@pytest.mark.parametrize(
-    ("blockers", "above", "seen"),
-    [
-        ("left", True, False),
-        ("left", False, True),
-        ("right", True, True),
-        ("right", False, False),
-        ("wall", True, False),
-        ("wall", False, False),
-    ],
-)
-def test_blockers_hide_from_their_side(blockers, above, seen):
-    up = 1 if above else -1
-    case = case_of(
-        (0, 2 * up),
-        0.0,
-        OPEN,
-        pads={"both": [[-1, -2 * up], [1, -2 * up]]},
-        blockers={blockers: [[-3, 0], [3, 0]]},
-    )
-    answer = answer_of(case)
-    assert extent(answer) == ([0, 1] if seen else [])
-    assert message(answer) == ("" if seen else ViewResult[ViewResult.blocked])
+    sensed, reflected, hidden = (item(found, i) for i in range(3))
+    for answer, path, pad, seen, reason in (
+        (sensed, (), index, works, ViewResult.behind_pad),
+        (reflected, (index,), BOTH, works, ViewResult.behind_mirror),
+        (hidden, (), BOTH, not works, ViewResult.blocked),
+    ):
+        np.testing.assert_allclose(extent(answer, path, pad), [0, 1] if seen else [], atol=ROUNDING)
+        assert message(answer, path, pad) == ("" if seen else ViewResult[reason])
+        assert (answer.views.margin[WORDS.index(path), pad] > 0) == seen
 
 
 @pytest.mark.parametrize("name", ["left", "both", "right"])
@@ -361,29 +312,9 @@ def test_surfaces_without_length_are_not_there():
 
 def small_scene(blockers: int = 1) -> Scene:
     """A camera above a pad whose middle is hidden; without mirrors and joints."""
-    layout = Layout(
-        "small",
-        mirrors=(),
-        curved=(),
-        pads=(Surface("pad", 0),),
-        blockers=tuple(Surface(f"wall {i}", 0) for i in range(blockers)),
-        frames=(),
-        angles=(),
-        camera_frame=-1,
-        bounces=2,
-    )
-    none, nowhere = jnp.zeros(0), jnp.zeros((0, 2))
-    return Scene(
-        Camera(np.array([0.0, 5.0]), DOWN, np.pi, PIXELS, Equidistant()),
-        jnp.zeros((0, 2, 2)),
-        none,
-        none,
-        jnp.array([[[-5.0, 0.0], [5.0, 0.0]]]),
-        jnp.zeros(1),
-        jnp.tile(jnp.array([[[-1.0, 3.0], [1.0, 3.0]]]), (blockers, 1, 1)),
-        nowhere,
-        layout,
-    )
+    camera = Camera(np.array([0.0, 5.0]), DOWN, np.pi, PIXELS, Equidistant())
+    walls = {f"wall {i}": (0, [[-1.0, 3.0], [1.0, 3.0]]) for i in range(blockers)}
+    return still(camera, pads={"pad": (0, [[-5.0, 0.0], [5.0, 0.0]])}, blockers=walls, bounces=2)
 
 
 def test_a_scene_without_mirrors_and_joints():

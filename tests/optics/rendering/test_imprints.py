@@ -120,6 +120,10 @@ def test_the_gel_follows_smoothly(kind):
     wanted = gaussian_filter(unsmoothed.astype(float), SMOOTHING / STEP, mode="mirror")
     np.testing.assert_allclose(smooth(imprint), wanted, atol=10 * ROUNDING)
     assert smooth(imprint).dtype == np.float32
+    assert smooth(imprint).min() >= 0
+    assert DEPTH / 2 < smooth(imprint).max() <= DEPTH + ROUNDING
+    for depth in (0.0, -1.0):  # what does not touch leaves nothing
+        assert not smooth(Imprint(kind, 12.0, depth=depth)).any()
 
 
 def test_a_smooth_edge_is_the_mean_over_a_gaussian():
@@ -145,19 +149,6 @@ def test_a_sphere_loses_little_of_its_depth_and_presses_nowhere_else():
     away = np.hypot(along - 12, across) - radius
     assert (heights[away > 6 * SMOOTHING] == 0).all()
     assert (heights[away < 0] > 0).all()
-
-
-@every_kind
-@pytest.mark.parametrize("depth", [0.0, -1.0])
-def test_what_does_not_touch_leaves_nothing(kind, depth):
-    assert not smooth(Imprint(kind, 12.0, depth=depth)).any()
-
-
-@every_kind
-def test_nothing_is_deeper_than_its_lowest_part(kind):
-    heights = smooth(Imprint(kind, 12.0, depth=DEPTH))
-    assert heights.min() >= 0
-    assert DEPTH / 2 < heights.max() <= DEPTH + ROUNDING
 
 
 def test_unknown_objects_are_refused_by_naming_the_known_ones():

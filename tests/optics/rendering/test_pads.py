@@ -42,22 +42,18 @@ def drawn_outline(rounding: float) -> np.ndarray:
 def test_the_distance_inside_is_that_from_the_outline(rounding):
     look = make_pad_appearance(LENGTH, WIDTH, Effects(rounding=rounding))
     along, across = grid()
+    assert look.inside.shape == along.shape
+    assert (look.length, look.width) == (LENGTH, WIDTH)
+    if not rounding:  # samples reach the margin beyond every side
+        assert look.inside[0].max() == look.inside[:, -1].max() == pytest.approx(STEP / 2 - MARGIN)
+    evenly = np.broadcast_to(BRIGHT * np.array([1, GREEN, 1]), (*along.shape, 3))
+    np.testing.assert_allclose(look.light, evenly, rtol=ROUNDING)
     outline = drawn_outline(rounding)
     rng = np.random.default_rng(0)
     for row, column in rng.integers(0, look.inside.shape, (300, 2)):
         place = float(along[row, column]), float(across[row, column])
         wanted = cv2.pointPolygonTest(outline, place, measureDist=True)
         assert look.inside[row, column] == pytest.approx(wanted, abs=10 * ROUNDING)
-
-
-def test_samples_reach_the_margin_beyond_every_side():
-    look = make_pad_appearance(LENGTH, WIDTH, Effects())
-    along, _ = grid()
-    assert look.inside.shape == along.shape
-    assert look.light.shape == (*along.shape, 3)
-    assert look.inside[0].max() == pytest.approx(STEP / 2 - MARGIN)
-    assert look.inside[:, -1].max() == pytest.approx(STEP / 2 - MARGIN)
-    assert (look.length, look.width) == (LENGTH, WIDTH)
 
 
 def test_looks_are_sampled_where_they_are_asked():
@@ -108,12 +104,6 @@ def test_rough_edges_are_those_of_their_seed():
     np.testing.assert_array_equal(one.inside, same.inside)
     assert (one.inside != other.inside).any()
     np.testing.assert_array_equal(one.light, other.light)
-
-
-def test_an_evenly_lit_pad_is_as_bright_as_is_said():
-    look = make_pad_appearance(LENGTH, WIDTH, Effects(), brightness=0.8)
-    wanted = np.broadcast_to(0.8 * BRIGHT * np.array([1, GREEN, 1]), look.light.shape)
-    np.testing.assert_allclose(look.light, wanted, rtol=ROUNDING)
 
 
 def test_side_lights_fall_off_towards_the_other_side():

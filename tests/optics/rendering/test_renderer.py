@@ -87,6 +87,12 @@ def rays() -> np.ndarray:
     return looked(pixels(), HALF_VIEW, ROWS, COLUMNS)
 
 
+def placed(places: np.ndarray, beside: np.ndarray | float) -> np.ndarray:
+    """Where places, complex and from the camera, so far beside the section are imaged."""
+    slope = beside / np.abs(places)
+    return imaged(np.angle(places), slope, lambda angle: angle, HALF_VIEW, ROWS, COLUMNS)
+
+
 def met(scene: Scene, index: int, lateral: float) -> tuple[np.ndarray, np.ndarray]:
     """The pad that the ray of each pixel meets first and the path there; −1 if none."""
     angle, slope = np.moveaxis(rays().reshape(-1, 2), -1, 0)
@@ -131,29 +137,14 @@ def test_every_pixel_is_labelled_with_the_pad_that_its_ray_meets(index, errors):
     np.testing.assert_array_equal(found.labels[clear], wanted[clear])
     whole = [label for label, view in enumerate(found.views, 1) if view.complete]
     assert len(np.unique(wanted[clear])) >= min(3, len(whole))
-
-
-def test_all_pads_are_seen_directly_and_by_mirrors():
-    seen = {(view.pad, view.path) for i in range(len(POSES)) for view in image(i).views}
-    assert {(pad, "direct") for pad in PADS} < seen
-    assert {(pad, f"mirror:{pad}") for pad in ("proximal", "distal")} < seen
-
-
-@both_fingers
-@every_pose
-def test_corners_are_the_images_of_the_corners_of_pads(index, errors):
-    flawed = errors is not None
-    scene, lateral = (made(), float(errors.lateral)) if flawed else (finger(), 0.0)
+    # Corners are the images of the corners of pads.
     section = posed(scene, POSES[index])
-    for view in image(index, flawed=flawed).views:
+    for view in found.views:
         word = WORDS[PATHS.index(view.path)]
         ends = unfolded(section, word, section.complex_ends[2 + PADS.index(view.pad)])
         ends = ends[[end for end, _ in CORNERS]]
         beside = np.array([side for _, side in CORNERS]) * WIDTH / 2 - lateral
-        wanted = imaged(
-            np.angle(ends), beside / np.abs(ends), lambda angle: angle, HALF_VIEW, ROWS, COLUMNS
-        )
-        np.testing.assert_allclose(view.corners, wanted, atol=1e-9)
+        np.testing.assert_allclose(view.corners, placed(ends, beside), atol=1e-9)
 
 
 @both_fingers
@@ -227,12 +218,15 @@ def test_an_image_says_what_it_shows():
     for view in found.views:
         assert found.view(view.pad, view.path) is view
     assert found.view("distal", "mirror:proximal") is None
+    seen = {(view.pad, view.path) for i in range(len(POSES)) for view in image(i).views}
+    assert {(pad, "direct") for pad in PADS} < seen
+    assert {(pad, f"mirror:{pad}") for pad in ("proximal", "distal")} < seen
     order = [(PATHS.index(view.path), PADS.index(view.pad)) for view in found.views]
     assert order == sorted(order)
 
 
 # In the other pose there is a sliver of a view that fills no pixel.
-@pytest.mark.parametrize("index", [0, 1, 2, 4])
+@pytest.mark.parametrize("index", [0, 4])
 def test_without_effects_there_is_the_light_of_pads_and_nothing_else(index):
     found = image(index)
     flat = alike(found.labels, 2)
@@ -243,9 +237,9 @@ def test_without_effects_there_is_the_light_of_pads_and_nothing_else(index):
     assert np.abs(inside - wanted).max() < ROUNDED
 
 
-@pytest.mark.parametrize("index", [0, 1, 2])
+@pytest.mark.parametrize("index", [0, 2])
 def test_light_is_lost_by_mirrors_on_other_phalanges_and_beside_the_axis(index):
-    effects = Effects(dim_outer=0.3, mirror_loss=0.1, vignetting=0.25)
+    effects = Effects(dim_outer=0.3, mirror_loss=0.1, vignetting=0.25, gain=1.1)
     found = image(index, effects)
     np.testing.assert_array_equal(found.labels, image(index).labels)
     off = np.hypot(*np.moveaxis(pixels() - [(COLUMNS - 1) / 2, (ROWS - 1) / 2], -1, 0))
@@ -253,7 +247,7 @@ def test_light_is_lost_by_mirrors_on_other_phalanges_and_beside_the_axis(index):
     flat = alike(found.labels, 2)
     for label, view in enumerate(found.views, 1):
         here = flat & (found.labels == label)
-        light = BRIGHT * 0.9**view.reflections * (1 if view.pad == "intermediate" else 0.7)
+        light = 1.1 * BRIGHT * 0.9**view.reflections * (1 if view.pad == "intermediate" else 0.7)
         wanted = 255 * light * (1 - 0.25 * (1 - forward[here]))[:, None] * [1, GREEN, 1]
         np.testing.assert_allclose(found.pixels[here], wanted, atol=ROUNDED)
     assert not found.pixels[flat & (found.labels == 0)].any()
@@ -293,17 +287,6 @@ def test_frames_differ_in_their_noise_alone():
         assert np.array_equal(found.labels, one.labels) == alike_again
 
 
-@pytest.mark.parametrize("gain", [0.3, 2.5])
-def test_gain_leaves_labels_and_corners(gain):
-    found, plain = image(BOTH_WAYS, Effects(gain=gain)), image(BOTH_WAYS)
-    np.testing.assert_array_equal(found.labels, plain.labels)
-    for view, known in zip(found.views, plain.views, strict=True):
-        np.testing.assert_array_equal(view.corners, known.corners)
-    inside = alike(found.labels, 2) & (found.labels > 0)
-    wanted = np.minimum(255 * gain * BRIGHT * np.array([1, GREEN, 1]), 255)
-    assert np.abs(found.pixels[inside] - wanted).max() < ROUNDED
-
-
 def centre_of_change(pressed: TactileImage, view: int) -> np.ndarray:
     """Column and row about which a view differs from that without imprints."""
     change = np.abs(pressed.pixels.astype(float) - image(BOTH_WAYS).pixels).sum(axis=-1)
@@ -325,15 +308,7 @@ def test_mirrors_turn_imprints_along_the_pad_and_not_across_it():
             np.testing.assert_array_equal(pressed.labels, image(BOTH_WAYS).labels)
             place = start + along * (end - start) / np.abs(end - start)
             for view, word in ((direct, ()), (mirrored, (0,))):
-                seen_at = unfolded(section, word, np.array(place))
-                wanted = imaged(
-                    np.angle(seen_at),
-                    across / np.abs(seen_at),
-                    lambda angle: angle,
-                    HALF_VIEW,
-                    ROWS,
-                    COLUMNS,
-                )
+                wanted = placed(unfolded(section, word, np.array(place)), across)
                 found = centre_of_change(pressed, view)
                 np.testing.assert_allclose(found, wanted, atol=0.75)
                 assert (found[0] > COLUMNS / 2) == (across > 0)
@@ -349,16 +324,11 @@ def test_mirrors_turn_imprints_along_the_pad_and_not_across_it():
     ("angles", "words"),
     [
         (np.array([0.5]), r"joint angles have the shape \(2\), not \(1,\); .* \(pip, dip\)"),
-        (np.zeros(3), r"not \(3,\)"),
         (np.zeros((1, 2)), r"not \(1, 2\)"),
         (0.5, r"not \(\)"),
         (np.array([30.0, 0.2]), r"in radians, .* 30 is more; did you mean numpy\.deg2rad\(30\)\?"),
-        ([10, -45], r"-45 is more; did you mean numpy\.deg2rad\(-45\)\?"),
         (np.array([np.nan, 0.2]), "not finite"),
-        (np.array([0.2, np.inf]), "not finite"),
         ("pip", "joint angles are numbers, not str"),
-        (None, "joint angles are numbers, not NoneType"),
-        ({"pip": 0.2, "dip": 0.1}, "joint angles are numbers, not dict"),
     ],
 )
 def test_angles_that_are_none_of_the_joints_are_refused(angles, words):
@@ -367,28 +337,9 @@ def test_angles_that_are_none_of_the_joints_are_refused(angles, words):
         inspect.unwrap(Renderer.render)(renderer(PLAIN), angles)
 
 
-def test_a_turn_more_is_the_same_pose():
-    around = renderer(PLAIN).render(POSES[0] - 2 * np.pi * (POSES[0] > 0))
-    for found, usual in zip(around.views, image(0).views, strict=True):
-        assert (found.pad, found.path) == (usual.pad, usual.path)
-        np.testing.assert_allclose(found.corners, usual.corners, atol=1e-6)
-
-
-def test_unknown_imprints_are_refused():
-    with pytest.raises(ValueError, match="no imprint is named 'cube'"):
-        renderer(PLAIN).render(POSES[0], {"distal": [Imprint("cube", 5.0)]})
-
-
 def test_corners_grow_with_the_image():
     small = renderer(PLAIN, rows=120).render(POSES[2])
     assert small.labels.shape == (120, 160)
     for one, other in zip(small.views, image(2).views, strict=True):
         assert (one.pad, one.path, one.complete) == (other.pad, other.path, other.complete)
         np.testing.assert_allclose(2 * (one.corners + 0.5), other.corners + 0.5, rtol=1e-12)
-
-
-def test_by_default_an_image_is_as_high_as_the_camera_has_pixels():
-    pixels = jnp.full_like(finger().camera.pixels, ROWS)
-    scene = eqx.tree_at(lambda scene: scene.camera.pixels, finger(), pixels)
-    found = Renderer(scene, WIDTH, PLAIN).render(POSES[0])
-    np.testing.assert_array_equal(found.pixels, image(0).pixels)
