@@ -7,15 +7,18 @@ mpmath numbers and on NumPy's extended floats.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
 
-FOUR_BAR = ("o2_x", "o2_y", "o4_x", "o4_y", "crank", "coupler", "rocker", "angle")
-SLIDER_CRANK = ("o2_x", "o2_y", "crank", "rod", "point_x", "point_y", "direction", "angle")
+HARD = 1e-6
+"""Margin, in units of the size, below which cases are judged in mpmath numbers."""
+
+FAR = 1e3
+"""Coordinates, in units of the size, beyond which they are too: their differences cost digits."""
 
 
 class Arithmetic(NamedTuple):
@@ -195,6 +198,38 @@ def _two_equations(
     return np.stack([np.stack(column, axis=1) for column in columns], axis=2)
 
 
+class Formula(NamedTuple):
+    """What is exact of a kind of linkage.
+
+    Attributes:
+        inputs: names of a row's entries, the last of them the driven one.
+        pin: the last pin, from arithmetic, inputs and sides.
+        gaps: how far given pins miss the dimensions (`four_bar_gaps`).
+        points: where in a row the x of fixed points are, the first fixed joint first.
+        closed_form: whether it works in any arithmetic; otherwise in mpmath numbers only.
+    """
+
+    inputs: tuple[str, ...]
+    pin: Callable[[Arithmetic, np.ndarray, np.ndarray], Exact]
+    gaps: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+    points: tuple[int, ...]
+    closed_form: bool = True
+
+
+FOUR_BAR = Formula(
+    ("o2_x", "o2_y", "o4_x", "o4_y", "crank", "coupler", "rocker", "angle"),
+    four_bar,
+    four_bar_gaps,
+    (0, 2),
+)
+SLIDER_CRANK = Formula(
+    ("o2_x", "o2_y", "crank", "rod", "point_x", "point_y", "direction", "angle"),
+    slider_crank,
+    slider_crank_gaps,
+    (0, 4),
+)
+
+
 def gradient_scale(
     formula: Callable[[Arithmetic, np.ndarray, np.ndarray], Exact],
     arithmetic: Arithmetic,
@@ -228,6 +263,9 @@ def gradient_scale(
     return scale
 
 
+Answers = tuple[np.ndarray, np.ndarray]
+
+
 class ScaledErrors(NamedTuple):
     """Condition-scaled errors of a batch of answers, each of shape (cases,).
 
@@ -245,35 +283,52 @@ class ScaledErrors(NamedTuple):
 
 
 def scaled_errors(
-    formula: Callable[[Arithmetic, np.ndarray, np.ndarray], Exact],
+    formula: Formula, inputs: np.ndarray, sides: np.ndarray, answers: Answers, digits: int
+) -> ScaledErrors:
+    """Compare pins and their gradients with a formula's; in mpmath numbers where a case is hard.
+
+    Args:
+        formula: what is exact; coordinates count from the first fixed joint.
+        inputs: shape (cases, inputs), floats.
+        sides: shape (cases,).
+        answers: pins, shape (cases, 2), and gradients, shape (cases, 2, inputs).
+        digits: of mpmath numbers.
+    """
+    hard = np.ones(len(inputs), bool)
+    # Where long double is no wider than float64, nothing can be judged in it.
+    if formula.closed_form and np.finfo(np.longdouble).eps < 1e-18:
+        found = formula.pin(EXTENDED, EXTENDED.number(inputs), sides)
+        far = np.max(abs(inputs[:, :-1]), axis=1) > FAR * found.size
+        hard = far | (abs(_relative_margin(found)) < HARD)
+    errors = ScaledErrors(*np.full((4, len(inputs)), np.nan))
+    for mask, arithmetic in ((~hard, EXTENDED), (hard, DIGITS)):
+        if np.any(mask):
+            some = inputs[mask], sides[mask], (answers[0][mask], answers[1][mask])
+            with mpmath.workdps(digits):
+                found = _scaled_errors(formula, arithmetic, *some)
+            for whole, part in zip(errors, found, strict=True):
+                whole[mask] = part
+    return errors
+
+
+def _scaled_errors(
+    formula: Formula,
     arithmetic: Arithmetic,
     inputs: np.ndarray,
     sides: np.ndarray,
-    points: Sequence[int],
-    answers: tuple[np.ndarray, np.ndarray],
+    answers: Answers,
 ) -> ScaledErrors:
-    """Compare pins and their gradients with a formula's.
-
-    Args:
-        formula: `four_bar` or `slider_crank`, or another.
-        arithmetic: to compute in.
-        inputs: shape (cases, inputs), floats.
-        sides: shape (cases,).
-        points: where in a row the x of fixed points are, the first fixed joint first; coordinates
-            count from there.
-        answers: pins, shape (cases, 2), and gradients, shape (cases, 2, inputs).
-    """
     x = arithmetic.number(inputs)
     own = x.copy()
-    for at in points:
+    for at in formula.points:
         own[:, at : at + 2] = x[:, at : at + 2] - x[:, :2]
     own = abs(own)
-    right = formula(arithmetic, x, sides)
+    right = formula.pin(arithmetic, x, sides)
     # What is not finite must not pass for accurate.
     value, gradient = (
         arithmetic.number(np.where(np.isfinite(found), found, 1e30)) for found in answers
     )
-    tolerated = gradient_scale(formula, arithmetic, x, own, sides, right)
+    tolerated = gradient_scale(formula.pin, arithmetic, x, own, sides, right)
     slopes = np.max(abs(right.gradient), axis=1)
     swing = np.sum(own * slopes, axis=1)
     value_missed = np.max(abs(value - right.value), axis=1)
@@ -282,14 +337,14 @@ def scaled_errors(
     # Both scales, times the input so that inputs of 0 need no division.
     both = _ratio(missed * own, reach[:, None] + own * tolerated)
     return ScaledErrors(
-        relative_margin(right),
+        _relative_margin(right),
         _ratio(value_missed, np.max(abs(right.value), axis=1) + swing),
         np.max(np.where(own == 0, _ratio(missed, tolerated), both), axis=1),
         np.max(_ratio(missed, slopes), axis=1),
     )
 
 
-def relative_margin(found: Exact) -> np.ndarray:
+def _relative_margin(found: Exact) -> np.ndarray:
     """Margins in units of the linkages' sizes, as floats."""
     return (found.margin / (found.size + (found.size == 0))).astype(float)
 

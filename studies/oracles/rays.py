@@ -56,11 +56,6 @@ class Structure:
         """
         return slice(4 * len(self.sides), 4 * len(self.sides) + 2)
 
-    @property
-    def inputs(self) -> int:
-        """Numbers in a row."""
-        return self.camera.stop + 2 + self.pads
-
     def words(self, bounces: int) -> list[tuple[int, ...]]:
         """Mirrors along every path, shortest paths first; no mirror follows itself."""
         return [

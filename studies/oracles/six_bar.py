@@ -15,7 +15,7 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from studies.oracles.linkages import Arithmetic, Exact
+from studies.oracles.linkages import Arithmetic, Exact, Formula
 
 INPUTS = (
     *("o2_x", "o2_y", "o4_x", "o4_y", "o6_x", "o6_y"),
@@ -171,6 +171,11 @@ class SixBar:
     def __init__(self, home: float, sketch: np.ndarray) -> None:
         self._home, self._sketch = home, sketch
         self._starts: dict[tuple[float, ...], list[Number]] = {}
+
+    @property
+    def formula(self) -> Formula:
+        """It, beside those of other linkages."""
+        return Formula(INPUTS, self, six_bar_gaps, (0, 2, 4), closed_form=False)
 
     @functools.lru_cache  # noqa: B019 - one six-bar lives as long as its study
     def follower(self, dimensions: tuple[float, ...]) -> Follower:

@@ -203,6 +203,41 @@ class Views(NamedTuple):
     unit: np.ndarray
     views: np.ndarray
 
+    def errors(
+        self, found: np.ndarray, gradient: np.ndarray, weights: np.ndarray
+    ) -> tuple[float, float, float]:
+        """Condition-scaled errors of an answer.
+
+        Args:
+            found: numbers in the order of `shown`.
+            gradient: of their weighted sum, without the margins of views that there are not.
+            weights: of the numbers in that sum.
+
+        Returns:
+            The worst error of a number; of the gradient's entries, relative to the largest or by
+            what they would do to the sum; and of an entry that is not rounding beside the largest,
+            relative to that entry. The last two are NaN where there are no derivatives.
+        """
+        # A margin is judged where there is a view; how far another is missed has no formula.
+        weights = weights.copy()
+        weights[-self.views.size :] *= self.views.reshape(-1)
+        missed, judged = abs(digits(found) - self.numbers), weights > 0
+        if self.slopes is None:
+            return float(max(missed[: -self.views.size])), np.nan, np.nan
+        swing = np.sum(self.own * abs(self.slopes), axis=1)
+        value = float(max((missed / (1 + swing))[judged]))
+        slope = np.sum(weights[:, None] * self.slopes, axis=0)
+        off, steepest = abs(digits(gradient) * self.unit - slope), max(abs(slope))
+        if steepest == 0:  # nothing is seen, whatever moves
+            return value, float(max(off)), float(max(off))
+        effect = np.sum(weights * (abs(self.numbers) + swing))
+        steep = abs(slope) > 1e-15 * steepest
+        return (
+            value,
+            float(max(np.minimum(off / steepest, self.own * off / effect))),
+            float(max(off[steep] / abs(slope[steep]))),
+        )
+
 
 def views(
     structure: Structure, row: np.ndarray, formula: Formula, bounces: int, smooth: bool

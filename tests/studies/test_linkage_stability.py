@@ -21,7 +21,6 @@ MECHANISMS = {
     "four-bar": (mechanisms.four_bar, cases.four_bars, cases.random_four_bars),
     "slider-crank": (mechanisms.slider_crank, cases.slider_cranks, cases.random_slider_cranks),
 }
-NAMES = {"four-bar": exact.FOUR_BAR, "slider-crank": exact.SLIDER_CRANK}
 
 
 @pytest.fixture(scope="module", params=list(MECHANISMS))
@@ -29,7 +28,7 @@ def feasible(request):
     """A mechanism with random cases that can be assembled, well inside their limits."""
     make, _, draw = MECHANISMS[request.param]
     mechanism, (_, inputs, sides) = make(), draw("float64", 400, 1.0, seed=3)
-    found = mechanism.formula(exact.EXTENDED, exact.EXTENDED.number(inputs), sides)
+    found = mechanism.formula.pin(exact.EXTENDED, exact.EXTENDED.number(inputs), sides)
     inside = np.flatnonzero(found.margin > 0.05 * found.size)[:12]
     return mechanism, inputs[inside], sides[inside]
 
@@ -37,11 +36,11 @@ def feasible(request):
 def test_pins_satisfy_the_lengths(feasible):
     """The oracle's positions against distances alone, in 50 digits, and in extended floats."""
     mechanism, inputs, sides = feasible
-    fast = mechanism.formula(exact.EXTENDED, exact.EXTENDED.number(inputs), sides)
+    fast = mechanism.formula.pin(exact.EXTENDED, exact.EXTENDED.number(inputs), sides)
     with mpmath.workdps(50):
         x = exact.DIGITS.number(inputs)
-        found = mechanism.formula(exact.DIGITS, x, sides)
-        named = dict(zip(NAMES[mechanism.name], x.T, strict=True))
+        found = mechanism.formula.pin(exact.DIGITS, x, sides)
+        named = dict(zip(mechanism.formula.inputs, x.T, strict=True))
         crank = named["crank"] * np.stack(
             [np.frompyfunc(f, 1, 1)(named["angle"]) for f in (mpmath.cos, mpmath.sin)]
         )
@@ -66,11 +65,13 @@ def test_gradients_are_central_differences(feasible):
     mechanism, inputs, sides = feasible
 
     def pin(*row, axis):
-        return mechanism.formula(exact.DIGITS, np.array([row], object), sides[:1]).value[0, axis]
+        return mechanism.formula.pin(exact.DIGITS, np.array([row], object), sides[:1]).value[
+            0, axis
+        ]
 
     with mpmath.workdps(50):
         row = exact.DIGITS.number(inputs[:1])
-        found = mechanism.formula(exact.DIGITS, row, sides[:1]).gradient[0]
+        found = mechanism.formula.pin(exact.DIGITS, row, sides[:1]).gradient[0]
         for (axis, entry), slope in np.ndenumerate(found):
             order = tuple(int(entry == other) for other in range(row.size))
             expected = mpmath.diff(functools.partial(pin, axis=axis), list(row[0]), n=order)
@@ -154,7 +155,7 @@ def test_margins_of_the_families_are_as_named(name, dtype):
     for case, inputs, sides in families(dtype, 16):
         assert inputs.dtype == dtype
         with mpmath.workdps(50):
-            found = make().formula(exact.DIGITS, exact.DIGITS.number(inputs), sides)
+            found = make().formula.pin(exact.DIGITS, exact.DIGITS.number(inputs), sides)
         size = np.where(found.size == 0, 1, found.size)
         margin = (found.margin / size).astype(float)
         if "margin 1e-1 to" in case or "margin −1e-1 to" in case:
@@ -182,11 +183,11 @@ FAULTS = {
 def test_a_solve_that_differs_from_the_oracle_fails(feasible, fault):
     mechanism, inputs, sides = feasible
 
-    def formula(*arguments):
-        right = mechanism.formula(*arguments)
+    def pin(*arguments):
+        right = mechanism.formula.pin(*arguments)
         return dataclasses.replace(right, **FAULTS[fault](right))
 
-    other = dataclasses.replace(mechanism, formula=formula)
+    other = dataclasses.replace(mechanism, formula=mechanism.formula._replace(pin=pin))
     result = judged(mechanism, inputs, sides, oracle=other)
     assert np.all(result["failed"])
     limit = {"value_error": 64, "gradient_error": 1024}.get(fault, 0) * np.finfo(float).eps

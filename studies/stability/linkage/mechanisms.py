@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from kinematics import Linkage, parse_linkage, solve_poses
 from studies.oracles import linkages as exact
-from studies.oracles.six_bar import SixBar, six_bar_gaps
+from studies.oracles.six_bar import SixBar
 
 
 @dataclass(frozen=True, eq=False)  # compared by identity, as arrays have no hash
@@ -30,21 +30,15 @@ class Mechanism:
         leaves: the linkage's dimensions in the order of a row, whose last entry is the input.
         pins: the crank's pin, and the joint whose position is judged.
         formula: the independent answer.
-        gaps: how far given pins miss the dimensions, independently.
         left: the library's sign of the assembly that the formula calls +1; 0 where it has none.
-        points: where in a row the x of fixed points are, the first fixed joint first.
-        closed_form: whether the formula works in any arithmetic; otherwise in mpmath numbers only.
     """
 
     name: str
     linkage: Linkage
     leaves: Callable[[Linkage], tuple[Any, ...]]
     pins: tuple[str, str]
-    formula: Callable[[exact.Arithmetic, np.ndarray, np.ndarray], exact.Exact]
-    gaps: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+    formula: exact.Formula
     left: int
-    points: tuple[int, ...]
-    closed_form: bool = True
 
     def with_dimensions(self, linkage: Linkage, row: Float[Array, " inputs"]) -> Linkage:
         """The linkage with the dimensions of a row."""
@@ -64,19 +58,19 @@ class Solved(NamedTuple):
 
     Attributes:
         value: the judged pin, shape (cases, 2), mm.
-        gradient: its derivatives with respect to the whole row, shape (cases, 2, inputs).
         crank_pin: the crank's pin, shape (cases, 2), mm.
         residual: closure as the library has it, in units of size, shape (cases,).
         ok: verdicts.
         non_finite: how many numbers of the whole solution are not finite, gradient included.
+        gradient: derivatives of the pin with respect to the whole row, shape (cases, 2, inputs).
     """
 
     value: np.ndarray
-    gradient: np.ndarray
     crank_pin: np.ndarray
     residual: np.ndarray
     ok: np.ndarray
     non_finite: np.ndarray
+    gradient: np.ndarray
 
 
 def solve(mechanism: Mechanism, inputs: np.ndarray, sides: np.ndarray) -> Solved:
@@ -88,11 +82,10 @@ def solve(mechanism: Mechanism, inputs: np.ndarray, sides: np.ndarray) -> Solved
         sides: assembly of each case as the formula counts it, ±1, shape (cases,).
     """
     with jax.enable_x64(inputs.dtype == np.float64):
-        gradient, rest = _program(mechanism)(inputs, sides.astype(inputs.dtype))
-        value, crank_pin, residual, ok, non_finite = map(np.asarray, rest)
-        gradient = np.asarray(gradient)
-    in_gradient = np.sum(~np.isfinite(gradient), axis=(1, 2))
-    return Solved(value, gradient, crank_pin, residual, ok, non_finite + in_gradient)
+        gradient, parts = _program(mechanism)(inputs, sides.astype(inputs.dtype))
+        solved = Solved._make(map(np.asarray, (*parts, gradient)))
+    in_gradient = np.sum(~np.isfinite(solved.gradient), axis=(1, 2))
+    return solved._replace(non_finite=solved.non_finite + in_gradient)
 
 
 @functools.cache
@@ -130,37 +123,25 @@ def _lengths(linkage: Linkage, *names: str) -> tuple[Any, ...]:
 def four_bar() -> Mechanism:
     """A four-bar that is driven at its crank; its sketch has B to the left of A → O4."""
     linkage = parse_linkage(_sketch("four-bar"))
-    return Mechanism(
-        "four-bar",
-        linkage,
-        lambda linkage: (linkage.anchors, *_lengths(linkage, "crank", "coupler", "rocker")),
-        ("A", "B"),
-        exact.four_bar,
-        exact.four_bar_gaps,
-        linkage.assembly[0],
-        (0, 2),
-    )
+
+    def leaves(linkage: Linkage) -> tuple[Any, ...]:
+        return (linkage.anchors, *_lengths(linkage, "crank", "coupler", "rocker"))
+
+    pins, left = ("A", "B"), linkage.assembly[0]
+    return Mechanism("four-bar", linkage, leaves, pins, exact.FOUR_BAR, left)
 
 
 @functools.cache
 def slider_crank() -> Mechanism:
     """A slider-crank on a fixed line; its sketch has C ahead of A along the line."""
     linkage = parse_linkage(_sketch("slider-crank"))
-    return Mechanism(
-        "slider-crank",
-        linkage,
-        lambda linkage: (
-            linkage.anchors,
-            *_lengths(linkage, "crank", "rod"),
-            linkage.lines[0].point,
-            linkage.lines[0].angle,
-        ),
-        ("A", "C"),
-        exact.slider_crank,
-        exact.slider_crank_gaps,
-        linkage.assembly[0],
-        (0, 4),
-    )
+
+    def leaves(linkage: Linkage) -> tuple[Any, ...]:
+        line = linkage.lines[0]
+        return (linkage.anchors, *_lengths(linkage, "crank", "rod"), line.point, line.angle)
+
+    pins, left = ("A", "C"), linkage.assembly[0]
+    return Mechanism("slider-crank", linkage, leaves, pins, exact.SLIDER_CRANK, left)
 
 
 @functools.cache
@@ -175,15 +156,4 @@ def six_bar() -> tuple[Mechanism, SixBar]:
         lengths = _lengths(linkage, "left", "coupler", "right", "rod", "crank")
         return (linkage.anchors, *lengths[:2], linkage.links["coupler"].places, *lengths[2:])
 
-    mechanism = Mechanism(
-        "six-bar triad",
-        linkage,
-        leaves,
-        ("D", "P"),
-        oracle,
-        six_bar_gaps,
-        0,
-        (0, 2, 4),
-        closed_form=False,
-    )
-    return mechanism, oracle
+    return Mechanism("six-bar triad", linkage, leaves, ("D", "P"), oracle.formula, 0), oracle

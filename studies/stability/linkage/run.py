@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import mpmath
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -24,37 +23,20 @@ from designopt.study.results import Results
 from designopt.study.stability import DIGITS
 from designopt.study.study import Context
 from studies.oracles import linkages as exact
-from studies.stability.judging import (
-    DTYPES,
-    Series,
-    draw_counts,
-    draw_errors,
-    failed,
-    largest,
-    report_cases,
-    rounding,
-    say_failures,
-    total,
-)
+from studies.stability import judging
 from studies.stability.linkage import StabilitySpec, cases, mechanisms
 from studies.stability.linkage.cases import Cases
 from studies.stability.linkage.mechanisms import Mechanism, Solved
 
-UNDECIDED = {"float64": 1e-12, "float32": 32 * rounding("float32")}
+UNDECIDED = {"float64": 1e-12, "float32": 32 * judging.rounding("float32")}
 """Margins, in units of the linkage's size, up to which either verdict is accepted.
 
 float32 cannot resolve 1e-12: there it is 32 units of rounding (3.8e-6), twice the 16 that the
 library itself counts as touching, as the margin it compares with them is rounded as well.
 """
 
-CLOSURE = {"float64": 1e-12, "float32": 64 * rounding("float32")}
+CLOSURE = {"float64": 1e-12, "float32": 64 * judging.rounding("float32")}
 """Largest gap of a pose that is marked ok, in units of the linkage's size."""
-
-HARD = 1e-6
-"""Margin, in units of the size, below which cases are judged in `DIGITS` digits."""
-
-FAR = 1e3
-"""Coordinates, in units of the size, beyond which they are too: their differences cost digits."""
 
 APPROACHES = ("stretching: margin 1e-1", "folding: margin 1e-1", "slider-crank, margin 1e-1")
 """Parts of the names of families that approach lock-up from inside."""
@@ -63,7 +45,7 @@ APPROACHES = ("stretching: margin 1e-1", "folding: margin 1e-1", "slider-crank, 
 def run(spec: StabilitySpec, context: Context) -> Results:
     """Solve and judge every family in both float types."""
     judged = Records()
-    for dtype in DTYPES:
+    for dtype in judging.DTYPES:
         for mechanism, batches in _workload(spec, context.seed, dtype):
             with context.step(f"{mechanism.name}, {dtype}"):
                 judged.add(**assess(mechanism, batches))
@@ -114,34 +96,15 @@ def judge(mechanism: Mechanism, inputs: np.ndarray, sides: np.ndarray, solved: S
         ``undecided`` where either verdict is accepted, and ``open`` where a pose marked ok does
         not close.
     """
-    easy, dtype = exact.EXTENDED, str(inputs.dtype)
-    hard = np.ones(len(inputs), bool)
-    # Where long double is no wider than float64, nothing can be judged in it.
-    if mechanism.closed_form and np.finfo(np.longdouble).eps < 1e-18:
-        found = mechanism.formula(easy, easy.number(inputs), sides)
-        far = np.max(abs(inputs[:, :-1]), axis=1) > FAR * found.size
-        hard = far | (abs(exact.relative_margin(found)) < HARD)
-    errors = exact.ScaledErrors(*np.full((4, len(inputs)), np.nan))
-    for mask, arithmetic in ((~hard, easy), (hard, exact.DIGITS)):
-        if np.any(mask):
-            answers = solved.value[mask], solved.gradient[mask]
-            with mpmath.workdps(DIGITS):
-                found = exact.scaled_errors(
-                    mechanism.formula,
-                    arithmetic,
-                    inputs[mask],
-                    sides[mask],
-                    mechanism.points,
-                    answers,
-                )
-            for whole, part in zip(errors, found, strict=True):
-                whole[mask] = part
+    dtype, answers = str(inputs.dtype), (solved.value, solved.gradient)
+    errors = exact.scaled_errors(mechanism.formula, inputs, sides, answers, DIGITS)
     margin, ok = errors.margin, solved.ok
     exists, decided = ok & (margin > 0), ok & (margin > UNDECIDED[dtype])
     size = np.max(abs(inputs[:, :-1]), axis=1)
     effect = np.max(abs(solved.gradient.astype(float)), axis=1) * abs(inputs.astype(float))
     residual = solved.residual.astype(float)
-    gap = mechanism.gaps(easy.number(inputs), solved.crank_pin, solved.value).astype(float)
+    wide = exact.EXTENDED.number(inputs)
+    gap = mechanism.formula.gaps(wide, solved.crank_pin, solved.value).astype(float)
     columns = {
         "margin": margin,
         "ok": ok,
@@ -157,33 +120,37 @@ def judge(mechanism: Mechanism, inputs: np.ndarray, sides: np.ndarray, solved: S
         "gap": gap,
         "non_finite": solved.non_finite,
     }
-    return Records({"dtype": dtype, **columns, "failed": failed(columns, dtype) | columns["open"]})
+    return Records(
+        {"dtype": dtype, **columns, "failed": judging.failed(columns, dtype) | columns["open"]}
+    )
 
 
 def report(out: Report, judged: Records) -> None:
     """Put down metrics, findings and the table."""
     double = judged.where(dtype="float64")
     out.values(cases=len(judged), undecided=UNDECIDED, closure=CLOSURE)
-    out.metrics(non_finite=total("non_finite")(judged))
-    for dtype in DTYPES:
-        wrong = total("wrong_verdict")(judged.where(dtype=dtype))
+    out.metrics(non_finite=judging.total("non_finite")(judged))
+    for dtype in judging.DTYPES:
+        wrong = judging.total("wrong_verdict")(judged.where(dtype=dtype))
         out.metrics(**{f"wrong_verdicts_{dtype}": wrong})
-    out.metrics(open_poses_float64=total("open")(double), worst_closure_float64=_closure(double))
-    report_cases(out, judged)
+    out.metrics(
+        open_poses_float64=judging.total("open")(double), worst_closure_float64=_closure(double)
+    )
+    judging.report_cases(out, judged)
     out.say("wrong" if out["bad"] else "sound")
     _say_random(out, _random(judged))
-    say_failures(out, judged, _verdict_faults)
+    judging.say_failures(out, judged, _verdict_faults)
     verdicts = judged.summary(
         *("case", "dtype"),
         cases="count ok",
-        infeasible=total("infeasible"),
-        marked_ok=total("ok"),
-        undecided=total("undecided"),
-        wrong_verdicts=total("wrong_verdict"),
-        open_poses=total("open"),
-        worst_residual=lambda own: largest(own["residual"][own["ok"]]),
-        worst_gap=lambda own: largest(own["gap"][own["ok"]]),
-        non_finite=total("non_finite"),
+        infeasible=judging.total("infeasible"),
+        marked_ok=judging.total("ok"),
+        undecided=judging.total("undecided"),
+        wrong_verdicts=judging.total("wrong_verdict"),
+        open_poses=judging.total("open"),
+        worst_residual=lambda own: judging.largest(own["residual"][own["ok"]]),
+        worst_gap=lambda own: judging.largest(own["gap"][own["ok"]]),
+        non_finite=judging.total("non_finite"),
     )
     out.table("verdicts", verdicts)
 
@@ -194,7 +161,7 @@ def _random(judged: Records) -> Records:
 
 def _closure(own: Records) -> float:
     """Largest gap of a pose marked ok, in units of size."""
-    return largest(np.maximum(own["residual"], own["gap"])[own["ok"]])
+    return judging.largest(np.maximum(own["residual"], own["gap"])[own["ok"]])
 
 
 def _say_random(out: Report, random: Records) -> None:
@@ -206,14 +173,15 @@ def _say_random(out: Report, random: Records) -> None:
     out.say(
         "random",
         shares=" and ".join(shares),
-        wrong=total("wrong_verdict")(random),
-        numbers=total("non_finite")(random),
+        wrong=judging.total("wrong_verdict")(random),
+        numbers=judging.total("non_finite")(random),
         gap=_closure(double),
     )
     parts = []
     for dtype, own in random.group("dtype").items():
         value, slope = (
-            largest(own[name]) / rounding(dtype) for name in ("value_error", "gradient_error")
+            judging.largest(own[name]) / judging.rounding(dtype)
+            for name in ("value_error", "gradient_error")
         )
         parts.append(f"{value:.1f} and {slope:.1f} units of rounding in {dtype}")
     out.say("accuracy", errors=", ".join(parts))
@@ -222,20 +190,20 @@ def _say_random(out: Report, random: Records) -> None:
 def _verdict_faults(own: Records) -> Iterator[str]:
     wrong = own.where(own["wrong_verdict"])
     if len(wrong):
-        accepted, margins = total("ok")(wrong), abs(wrong["margin"])
+        accepted, margins = judging.total("ok")(wrong), abs(wrong["margin"])
         yield (
             f"{len(wrong) - accepted} poses that exist are refused and {accepted} that do not are "
             f"marked ok, at margins from {np.min(margins):.1e} to {np.max(margins):.1e}"
         )
-    if count := total("open")(own):
+    if count := judging.total("open")(own):
         yield f"{count} poses marked ok leave gaps of up to {_closure(own):.1e} of the size"
 
 
 def draw_approach(judged: Records) -> Figure:
     """Errors and gradient sizes of single cases over their exact margin."""
     drawing, [[errors, sizes]] = new_figure(1, 2, height=3.6)
-    draw_errors(errors, judged, "margin", "value_error", ", positions")
-    draw_errors(errors, judged, "margin", "gradient_error", ", gradients", hollow=True)
+    judging.draw_errors(errors, judged, "margin", "value_error", ", positions")
+    judging.draw_errors(errors, judged, "margin", "gradient_error", ", gradients", hollow=True)
     inside = judged.where(judged["margin"] > 0)
     for (_, own), color, marker in zip(
         inside.group("dtype").items(), PALETTE, MARKERS, strict=False
@@ -256,8 +224,8 @@ def draw_approach(judged: Records) -> Figure:
 def draw_random(random: Records) -> Figure:
     """Margins of the random linkages, and the errors of those that can be assembled."""
     drawing, [axes] = new_figure(1, 2, height=3.4)
-    margins: list[Series] = []
-    errors: list[Series] = []
+    margins: list[judging.Series] = []
+    errors: list[judging.Series] = []
     for ((case, dtype), own), color in zip(
         random.group("case", "dtype").items(), PALETTE, strict=False
     ):
@@ -266,8 +234,10 @@ def draw_random(random: Records) -> Figure:
             for sign, style, word in ((1, "-", "can be assembled"), (-1, ":", "cannot")):
                 depth = sign * own["margin"][sign * own["margin"] > 0]
                 margins.append((depth, f"{kind}, {word}", color, style))
-        units = own["value_error"][own["ok"] & np.isfinite(own["value_error"])] / rounding(dtype)
+        units = own["value_error"][own["ok"] & np.isfinite(own["value_error"])] / judging.rounding(
+            dtype
+        )
         errors.append((np.maximum(units, 1e-4), f"{kind}, {dtype}", color, "-"))
-    draw_counts(axes[0], "|margin|, of the size", "linkages", margins)
-    draw_counts(axes[1], "error in units of rounding", "linkages", errors)
+    judging.draw_counts(axes[0], "|margin|, of the size", "linkages", margins)
+    judging.draw_counts(axes[1], "error in units of rounding", "linkages", errors)
     return drawing

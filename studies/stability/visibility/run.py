@@ -22,18 +22,8 @@ from designopt.study.results import Results
 from designopt.study.stability import DIGITS
 from designopt.study.study import Context
 from studies.oracles.extreme_scenes import STRUCTURE, Family, families
-from studies.oracles.visibility import Views, digits, views
-from studies.stability.judging import (
-    DTYPES,
-    draw_counts,
-    draw_errors,
-    failed,
-    largest,
-    report_cases,
-    rounding,
-    say_failures,
-    total,
-)
+from studies.oracles.visibility import Views, views
+from studies.stability import judging
 from studies.stability.visibility import StabilitySpec
 from studies.stability.visibility.comparison import compare
 from studies.stability.visibility.scenes import PADS, Answers, ask, uneven
@@ -49,7 +39,7 @@ def run(spec: StabilitySpec, context: Context) -> Results:
     """Compare random scenes, then judge every family in both float types."""
     table, scenes = compare(spec, context)
     judged = Records()
-    for dtype in DTYPES[: 1 + spec.float32]:
+    for dtype in judging.DTYPES[: 1 + spec.float32]:
         with context.step(f"Extreme scenes, {dtype}"):
             found = list(families(dtype, spec.family_cases))
             judged.add(**judge_families(found, dtype, spec.bounces))
@@ -87,7 +77,7 @@ def judge_families(found: Sequence[Family], dtype: str, bounces: int) -> Records
         part = slice(start, start := start + len(cases))
         columns = _judge(family, dtype, cases, answers.part(part))
         columns["non_finite"] = everything.part(part).non_finite + answers.part(part).non_finite
-        columns["failed"] = failed(columns, dtype)
+        columns["failed"] = judging.failed(columns, dtype)
         judged.add(case=family.case, dtype=dtype, **columns)
     return judged
 
@@ -95,16 +85,19 @@ def judge_families(found: Sequence[Family], dtype: str, bounces: int) -> Records
 def _judge(
     family: Family, dtype: str, exact: list[Views], answers: Answers
 ) -> dict[str, np.ndarray]:
-    count, near = len(exact), UNDECIDED * rounding(dtype)
+    count, near = len(exact), UNDECIDED * judging.rounding(dtype)
     parts = [answers.numbers[name].reshape(count, -1) for name in ("coverage", "seen", "margin")]
     found = np.concatenate(parts, axis=1)
     seen, margin = np.array([case.views for case in exact]), answers.numbers["margin"]
     wrong = (answers.ok != seen) | np.where(seen, margin <= 0, margin > near)
     clear = np.broadcast_to(family.clear, count)
     errors = np.full((3, count), np.nan)
+    shapes = {"coverage": (PADS,), "seen": seen.shape[1:], "margin": seen.shape[1:]}
+    weights = np.concatenate([uneven(*item).reshape(-1) for item in shapes.items()])
     with mpmath.workdps(DIGITS):
         for index in np.flatnonzero(clear > near):
-            errors[:, index] = _errors(exact[index], found[index], answers.gradient[index])
+            answer = found[index], answers.gradient[index]
+            errors[:, index] = exact[index].errors(*answer, weights)
     return {
         "infeasible": ~np.any(seen, axis=(1, 2)),
         "clear": clear,
@@ -113,30 +106,6 @@ def _judge(
         "gradient_relative_error": errors[2],
         "wrong_verdict": (clear > near) & np.any(wrong, axis=(1, 2)),
     }
-
-
-def _errors(exact: Views, found: np.ndarray, gradient: np.ndarray) -> tuple[float, float, float]:
-    """Errors of the values, of the gradient, and of its worst entry that is not rounding."""
-    # A margin is judged where there is a view; how far another is missed has no formula.
-    shapes = {"coverage": (PADS,), "seen": exact.views.shape, "margin": exact.views.shape}
-    weights = np.concatenate([uneven(*item).reshape(-1) for item in shapes.items()])
-    weights[-exact.views.size :] *= exact.views.reshape(-1)
-    missed, judged = abs(digits(found) - exact.numbers), weights > 0
-    if exact.slopes is None:
-        return float(max(missed[: -exact.views.size])), np.nan, np.nan
-    swing = np.sum(exact.own * abs(exact.slopes), axis=1)
-    value = float(max((missed / (1 + swing))[judged]))
-    slope = np.sum(weights[:, None] * exact.slopes, axis=0)
-    off, steepest = abs(digits(gradient) * exact.unit - slope), max(abs(slope))
-    if steepest == 0:  # nothing is seen, whatever moves
-        return value, float(max(off)), float(max(off))
-    effect = np.sum(weights * (abs(exact.numbers) + swing))
-    steep = abs(slope) > 1e-15 * steepest
-    return (
-        value,
-        float(max(np.minimum(off / steepest, exact.own * off / effect))),
-        float(max(off[steep] / abs(slope[steep]))),
-    )
 
 
 def report(out: Report, table: Records, scenes: Records, judged: Records) -> None:
@@ -149,42 +118,43 @@ def report(out: Report, table: Records, scenes: Records, judged: Records) -> Non
         shot_again=table["shot_again"][0],
         most=" and ".join(map(str, table["bounces"])),
         differ=len(set(coarse["scene"][coarse["differ"]])),
-        derivatives=total("derivatives")(table),
-        left_out=total("left_out")(table),
-        landings=total("landings")(table),
+        derivatives=judging.total("derivatives")(table),
+        left_out=judging.total("left_out")(table),
+        landings=judging.total("landings")(table),
     )
     out.metrics(
         random_disagreements=len(set(fine["scene"][fine["disagree"]])),
-        worst_coverage_error=largest(fine["off"]),
-        wrong_verdicts=total("wrong_verdicts")(table) + total("wrong_verdict")(judged),
-        non_finite=total("non_finite")(scenes) + total("non_finite")(judged),
-        worst_gradient_error=largest(np.array(slopes)),
-        worst_landing=largest(table["worst_landing_rad"]),
+        worst_coverage_error=judging.largest(fine["off"]),
+        wrong_verdicts=judging.total("wrong_verdicts")(table)
+        + judging.total("wrong_verdict")(judged),
+        non_finite=judging.total("non_finite")(scenes) + judging.total("non_finite")(judged),
+        worst_gradient_error=judging.largest(np.array(slopes)),
+        worst_landing=judging.largest(table["worst_landing_rad"]),
     )
     if out["float32"]:
-        out.metrics(worst_float32_error=largest(coarse["single"]))
-    report_cases(out, judged)
+        out.metrics(worst_float32_error=judging.largest(coarse["single"]))
+    judging.report_cases(out, judged)
     out.say("rays")
     out.say("wrong" if out["bad"] else "sound")
     out.say("gradients")
     if out["float32"]:
         median, rare = np.quantile(coarse["single"], [0.5, 0.999])
         out.say("float32", median=median, rare=rare)
-    say_failures(out, judged, _verdict_faults)
+    judging.say_failures(out, judged, _verdict_faults)
     out.table("random", table)
     verdicts = judged.summary(
         *("case", "dtype"),
         scenes="count failed",
-        show_nothing=total("infeasible"),
+        show_nothing=judging.total("infeasible"),
         judged=lambda own: int(np.sum(~np.isnan(own["value_error"]))),
-        wrong_verdicts=total("wrong_verdict"),
-        non_finite=total("non_finite"),
+        wrong_verdicts=judging.total("wrong_verdict"),
+        non_finite=judging.total("non_finite"),
     )
     out.table("verdicts", verdicts)
 
 
 def _verdict_faults(own: Records) -> Iterator[str]:
-    if count := total("wrong_verdict")(own):
+    if count := judging.total("wrong_verdict")(own):
         yield f"{count} verdicts or signs of margins are wrong"
 
 
@@ -197,14 +167,14 @@ def draw_rays(spec: StabilitySpec, scenes: Records) -> Figure:
         for fine, rays in enumerate((spec.rays, spec.fine_rays))
         for name, what, style in (("off", "off", "-"), ("step", "step of", ":"))
     ]
-    draw_counts(axes[0], "the part of a pad", "scenes", series)
+    judging.draw_counts(axes[0], "the part of a pad", "scenes", series)
     if spec.float32:
         groups = scenes.where(fine=False).group("bounces").items()
         series = [
             (_deviations(own["single"]), f"{count} bounce{'s' * (count > 1)}", color, "-")
             for (count, own), color in zip(groups, PALETTE, strict=False)
         ]
-        draw_counts(axes[1], "the error in float32", "scenes", series)
+        judging.draw_counts(axes[1], "the error in float32", "scenes", series)
     return drawing
 
 
@@ -217,7 +187,7 @@ def draw_approach(judged: Records) -> Figure:
     drawing, [axes] = new_figure(1, 2, height=3.6)
     titles = {"value_error": "coverage, parts and margins", "gradient_error": "gradients"}
     for axis, (name, title) in zip(axes, titles.items(), strict=True):
-        draw_errors(axis, judged, "clear", name)
+        judging.draw_errors(axis, judged, "clear", name)
         axis.set(title=title, xlabel="distance from a change of views")
         axis.invert_xaxis()
     axes[0].set(ylabel="scaled error")
