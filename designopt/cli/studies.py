@@ -122,7 +122,7 @@ def _summarize(results: Results, folder: Path) -> int:
         table.add_row(metric.name, value, metric.unit, str(metric.target or ""), verdict)
     _print(table)
     if results.waived:
-        print(f"no targets apply to this run: {results.waived}")
+        print(f"targets of the default settings do not apply: {results.waived}")
     print(f"report: {folder / 'report.html'}")
     if not results.unmet:
         return 0
