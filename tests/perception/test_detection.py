@@ -119,7 +119,9 @@ def test_a_view_of_which_a_fiftieth_is_hidden_is_not_complete(finger):
     for pip_deg in (44, 45, 46):
         image, sighting = analysed(finger, renderer.render(np.deg2rad([pip_deg, 20]), frame=0))
         name = ("proximal", "mirror:proximal")
-        assert sighting.view(*name).quality is Quality.CLIPPED
+        found = sighting.view(*name)
+        assert found is not None
+        assert found.quality is Quality.CLIPPED
         true = image.view(*name)
         assert true is None or not true.complete
 
@@ -142,7 +144,7 @@ def test_a_covered_view_is_not_found_and_the_others_stay(finger, designed_frames
         found = hidden.view(view.pad, view.path)
         # What does not move must be in every image.
         fixed = view.pad == "intermediate"
-        assert (found is None and not fixed) or found.quality is Quality.MISSING
+        assert not fixed if found is None else found.quality is Quality.MISSING
         for other in views:
             assert other is view or off(hidden, other) < NEAR, (other.pad, other.path)
 

@@ -68,7 +68,7 @@ def test_like_is_compared_with_the_latest_of_its_like():
     references.keep(VIEW, picture())
     found = references.compare(VIEW, picture(pressed=0.5))
     np.testing.assert_array_equal(found, compare_with_reference(picture(pressed=0.5), picture()))
-    for other in ({"path": "mirror:pad"}, {"name": "other"}):
-        view = exact_view(Eye(), Pad((20, -12), (22, 12)), **other)
+    for name, path in (("pad", "mirror:pad"), ("other", "direct")):
+        view = exact_view(Eye(), Pad((20, -12), (22, 12)), name=name, path=path)
         assert references.compare(view, picture()) is None
     assert others.compare(VIEW, picture()) is None

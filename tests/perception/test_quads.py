@@ -191,12 +191,13 @@ def test_the_covariance_is_the_scatter_of_repeats(name):
     for number in range(34):
         # Where pixels are against the sides is a part of the error: the pad is moved.
         *move, beside = np.random.default_rng(number).uniform(-0.3, 0.3, 3)
-        ends = (tuple(np.add(end, move)) for end in (pad.first, pad.second))
-        moved = Pad(*ends, beside=beside)
+        first, second = (tuple(np.add(end, move)) for end in (pad.first, pad.second))
+        moved = Pad(first, second, beside=beside)
         light = cv2.GaussianBlur(drawn(WIDE, [moved]), (0, 0), 0.7)
         for seed in range(3):
             gray = stored(light, noise=5.0, seed=100 * number + seed).astype(np.float32)
             quad = fit_quad(gray, wide(), contour_of(light))
+            assert quad is not None
             errors.append(quad.corners - WIDE.places(moved.corners()))
             predicted.append(quad.covariance[:, [0, 1], [0, 1]])
     scatter, expected = np.mean(np.square(errors), axis=0), np.mean(predicted, axis=0)

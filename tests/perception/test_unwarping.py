@@ -145,7 +145,9 @@ def test_the_best_view_is_the_largest_or_the_one_of_the_greatest_least_scale(by,
     views = [NEAR_AND_FLAT, FAR_AND_STRAIGHT]
     poor = [dataclasses.replace(NEAR_AND_FLAT, quality=q) for q in Quality if q.name != "COMPLETE"]
     for several in (views, views[::-1], [*poor, *views]):
-        assert select_view(several, LENS, 23.4, 24.0, by=by).path == path
+        best = select_view(several, LENS, 23.4, 24.0, by=by)
+        assert best is not None
+        assert best.path == path
     # Only complete views count.
     assert select_view([*poor, FAR_AND_STRAIGHT], LENS, 23.4, 24.0, by=by) is FAR_AND_STRAIGHT
     for nothing in (poor, []):

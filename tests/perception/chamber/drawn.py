@@ -105,5 +105,6 @@ class Scene:
         return np.concatenate([self.blue.extremes, self.yellow.extremes, center])
 
 
-HALF = Scene(240, 320, *(Ellipse(159.5, 119.5, radius, radius) for radius in (90, 47, 21)))
+_BLUE, _YELLOW, _TOP = (Ellipse(159.5, 119.5, radius, radius) for radius in (90, 47, 21))
+HALF = Scene(240, 320, _BLUE, _YELLOW, _TOP)
 """The straight chamber in half as many pixels."""

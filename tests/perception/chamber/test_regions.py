@@ -22,8 +22,9 @@ WALL = replace(STRAIGHT, blue=None)
 BENT = STRAIGHT.moved(30, -12)
 
 
-def overlap(outline: np.ndarray, ellipse: Ellipse, shape: tuple[int, int]) -> float:
+def overlap(outline: np.ndarray, ellipse: Ellipse | None, shape: tuple[int, int]) -> float:
     """Intersection over union of an outline's pixels with those of an ellipse."""
+    assert ellipse is not None
     found = cv2.fillConvexPoly(np.zeros(shape, np.uint8), outline, 1).astype(bool)
     y, x = np.mgrid[: shape[0], : shape[1]]
     true = ellipse.holds(x, y)
@@ -35,6 +36,7 @@ def labels_drawn(scene: Scene) -> np.ndarray:
     y, x = np.mgrid[: scene.rows, : scene.columns]
     ellipses = (scene.blue, scene.yellow, scene.top)
     for ellipse, region in zip(ellipses, (Region.BLUE, Region.YELLOW, Region.TOP), strict=True):
+        assert ellipse is not None
         drawn[ellipse.holds(x, y)] = region
     return drawn
 
@@ -193,6 +195,7 @@ def test_every_frame_has_an_answer():
 def test_labels_by_outlines_are_those_drawn_without_highlights_between():
     image = BENT.image(noise=4.0).copy()
     cv2.circle(image, (40, 30), 9, (255, 200, 200), -1)  # a highlight on the red wall
+    assert BENT.blue is not None
     cv2.circle(image, (int(BENT.blue.x) - 70, int(BENT.blue.y)), 5, (255, 255, 255), -1)
     regions = find_regions(image)
     assert np.any(regions.labels[25:36, 35:46] == Region.OTHER)

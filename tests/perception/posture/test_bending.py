@@ -100,9 +100,9 @@ def test_any_markers_have_a_finite_answer(arcs):
     [(1, 10.0), (2, 40.0), (3, 30.0), (0, -1.0), (3, 101.0), (3, np.nan), (0, np.nan), (3, np.inf)],
 )
 def test_markers_that_do_not_rise_along_the_finger_are_refused(place, arc):
-    arcs = (*ARCS[:place], arc, *ARCS[place + 1 :])
+    first, second, third, last = (*ARCS[:place], arc, *ARCS[place + 1 :])
     with pytest.raises(ValueError, match="rise along the finger"):
-        fit_bend(integrated(0.5)[None], arcs, LENGTH)
+        fit_bend(integrated(0.5)[None], (first, second, third, last), LENGTH)
 
 
 @pytest.mark.parametrize("length", [0.0, -100.0, np.nan, np.inf])

@@ -154,10 +154,10 @@ def test_without_one_of_both_views_there_is_no_gap(lost, other):
     assert math.isnan(RISING.measured(sighting_of(there, missing(PAD, lost))))
 
 
-def calibrated(
-    gaps: np.ndarray, angles: np.ndarray, table: GapTable = RISING
-) -> GapEstimator | None:
-    return calibrate_gap(table, gaps, angles, noise=NOISE, label_deviation=LABELS)
+def calibrated(gaps: np.ndarray, angles: np.ndarray, table: GapTable = RISING) -> GapEstimator:
+    meter = calibrate_gap(table, gaps, angles, noise=NOISE, label_deviation=LABELS)
+    assert meter is not None
+    return meter
 
 
 @both
@@ -195,7 +195,8 @@ POOR = {
 
 @pytest.mark.parametrize("kind", POOR)
 def test_what_cannot_be_calibrated_is_not(kind):
-    assert calibrated(*(np.array(values, float) for values in POOR[kind])) is None
+    gaps, angles = (np.array(values, float) for values in POOR[kind])
+    assert calibrate_gap(RISING, gaps, angles, noise=NOISE, label_deviation=LABELS) is None
 
 
 @both
