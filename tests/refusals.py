@@ -23,8 +23,9 @@ def changed(data: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     """A copy with entries replaced, appended or removed."""
     data = copy.deepcopy(data)
     for path, value in changes.items():
-        *places, last = (int(part) if part.isdigit() else part for part in path.split("/"))
+        places: list[Any] = [int(part) if part.isdigit() else part for part in path.split("/")]
         table: Any = data
+        last = places.pop()
         for place in places:
             table = table[place]
         if value == REMOVED:

@@ -150,14 +150,17 @@ def test_a_six_bar_sketched_badly_keeps_both_sides(angle, first, second, off):
     assert cross(d - c, w - d) * drawn[1] > 0
 
 
-def four_bar(crank: float = 40, coupler: float = 120, **joints: list[float]) -> dict[str, Any]:
-    drawn = {"O2": [0, 0], "A": [30, 26], "B": [143, 67], "O4": [100, 0]} | joints
-    return tables_of(drawn, "O2 O4", FOUR_BAR, {"crank": crank, "coupler": coupler, "rocker": 80})
+def four_bar(
+    joints: dict[str, list[float]] | None = None, *, crank: float = 40, coupler: float = 120
+) -> dict[str, Any]:
+    drawn = {"O2": [0, 0], "A": [30, 26], "B": [143, 67], "O4": [100, 0]} | (joints or {})
+    lengths = {"crank": crank, "coupler": coupler, "rocker": 80}
+    return tables_of(drawn, "O2 O4", FOUR_BAR, lengths)
 
 
 def test_inputs_move_where_they_cannot_stay():
     """At the drawn angle this double rocker cannot be assembled; a little farther on it can."""
-    linkage = parse_linkage(four_bar(crank=90, A=[88, 20], B=[125, -75]))
+    linkage = parse_linkage(four_bar({"A": [88, 20], "B": [125, -75]}, crank=90))
     drawn, limit = math.atan2(20, 88), math.radians(23.556464)
     assert drawn < limit < float(linkage.reference.inputs[0]) < 2 * limit
     assert bool(_at_home(linkage).ok)
@@ -165,7 +168,7 @@ def test_inputs_move_where_they_cannot_stay():
 
 def test_home_carries_no_noise_from_a_far_origin():
     far_joints = {name: [x + 2.0**27, y] for name, (x, y) in four_bar()["joints"].items()}
-    near, far = parse_linkage(four_bar()), parse_linkage(four_bar(**far_joints))
+    near, far = parse_linkage(four_bar()), parse_linkage(four_bar(far_joints))
     np.testing.assert_allclose(far.reference.angles, near.reference.angles, rtol=1e-13)
     for name, link in near.links.items():
         assert jnp.array_equal(far.links[name].length, link.length)
@@ -182,7 +185,7 @@ def test_what_cannot_be_assembled_says_how_far_it_is_from_it():
 
 
 def test_the_jacobian_is_that_of_the_residual():
-    data = four_bar(P=[80, 80], S=[130, 30])
+    data = four_bar({"P": [80, 80], "S": [130, 30]})
     data["bodies"]["coupler"]["joints"].append("P")
     data["bodies"]["cart"] = {"joints": ["P", "S"]}
     data["sliders"] = [

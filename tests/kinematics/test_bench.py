@@ -140,7 +140,7 @@ def test_what_is_saved_is_the_linkage_as_it_stands():
     }
     check_saved(bench, turned)
     (file,) = bench.specs(turned)
-    sketch = parse_sketch(tomllib.loads(file.content), "saved")
+    sketch = parse_sketch(tomllib.loads(str(file.content)), "saved")
     knobs = {knob.name: knob.value for knob in LinkageBench(DesignedLinkage.of(sketch, "x")).knobs}
     for knob in bench.knobs:
         if knob.kind == "dimension":
