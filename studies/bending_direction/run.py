@@ -12,12 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from scipy.stats import binomtest
 
+from designopt import Context, Records, Report, Results
 from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
 from designopt.study import plots
-from designopt.study.records import Records
-from designopt.study.report import Report
-from designopt.study.results import Results
-from designopt.study.study import Context
 from perception import chamber as perception
 from perception.chamber import Direction
 from perception.chamber.points import NAMES
@@ -244,11 +241,12 @@ def add_directions(out: Report, answers: Records) -> None:
         return table.where(threshold=threshold, source=source)[rule]
 
     strict, decided, abstained = list(RULES)[1:]
-    shown = {"right": (strict, "no"), "decided": (decided, "yes"), "abstained": (abstained, "yes")}
+    shown = {"right_percent": (strict, "no"), decided: (decided, "yes")}
+    shown[abstained] = abstained, "yes"
     for i, name in enumerate(TABLE_II):
-        for word, rule in shown.items():
+        for entry, rule in shown.items():
             values = {"direction": name, "paper": of(*rule, PAPER)[i]}
-            out.metric(f"{word}_{name}_percent", of(*rule)[i], f"{word}_percent", **values)
+            out.metric(entry.replace("_", f"_{name}_"), of(*rule)[i], entry, **values)
     blue = of(strict, "no", "ours, blue")
     out.metrics(least_right_blue_percent=min(blue))
     without, kept = (spread(of(strict, word, PAPER)) for word in ("no", "yes"))

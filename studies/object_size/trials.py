@@ -1,28 +1,83 @@
-"""Grasps with all that is off in them, their pictures, and the diameters found from these."""
+"""Grasps with all that is off in them, their pictures, and the diameters estimated from these."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import ArrayLike, Float, Int
 
 from designopt.errors import UserError
+from designopt.study.records import Records
 from optics.chamber import Posture, press_wall
-from perception.posture import find_posture
+from perception import posture
+from perception.posture import PostureEstimate, PostureEstimator
 from studies.models.soft_finger.finger import DOWN, SoftFinger, looked_at
-from studies.models.soft_finger.samples import marker_places
-from studies.object_size.estimates import Estimates, Reader, diameters_of, estimated
-from studies.object_size.grasp import Hand, bend_around, touched
-from studies.object_size.spec import ObjectSizeSpec
+from studies.models.soft_finger.grasp import Hand, bend_around, diameter_of, touched
+from studies.models.soft_finger.samples import MARKERS, marker_places
+from studies.object_size import ObjectSizeSpec
 
 bends_around = jax.jit(jax.vmap(bend_around))
+diameters_of = jax.jit(jax.vmap(diameter_of))
 all_touched = jax.jit(jax.vmap(touched))
 
 ROUNDS = 100
-"""So often a bottle is put into the hand anew before the settings are said to be no grasp's."""
+"""So often a bottle is put into the hand anew before the settings are refused."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """All that an estimate takes but the picture.
+
+    Attributes:
+        estimator: estimates the finger's posture.
+        hand: with every bottle in its one place.
+        largest_residual: root mean square distance of markers from the arc that fits them best,
+            mm. A network answers to postures that it was never shown too, with markers that lie
+            on no arc.
+    """
+
+    estimator: PostureEstimator
+    hand: Hand
+    largest_residual: float
+
+    def hands(self, count: int) -> Hand:
+        """The hand so many times."""
+        return jax.tree.map(lambda value: jnp.full(count, value), self.hand)
+
+
+def estimate(postures: Sequence[PostureEstimate], reader: Reader) -> Records:
+    """Diameters from postures, and from nothing else.
+
+    Returns:
+        A row for each: ``seen``, whether the picture shows a chamber with the markers of a finger;
+        ``estimated_bend_deg`` and ``residual_mm`` of the arc that fits them best, NaN where not
+        seen; ``known``, whether there is an answer: they lie on an arc, and its bend is one of a
+        finger that holds something; ``estimate_mm``, the bottle's diameter, else NaN.
+    """
+    length = float(reader.hand.length)
+    first, second, third, last = (part * length for part in MARKERS)
+    fit = posture.fit_bend(stack_markers(postures), (first, second, third, last), length)
+    found = diameters_of(reader.hands(len(postures)), jnp.asarray(fit.bend))
+    known = fit.known & (fit.residual <= reader.largest_residual) & np.asarray(found.ok)
+    return Records(
+        {
+            "seen": fit.known,
+            "estimated_bend_deg": np.where(fit.known, np.rad2deg(fit.bend), np.nan),
+            "residual_mm": np.where(fit.known, fit.residual, np.nan),
+            "known": known,
+            "estimate_mm": np.where(known, found.value, np.nan),
+        }
+    )
+
+
+def stack_markers(postures: Sequence[PostureEstimate]) -> Float[np.ndarray, "pictures 3 2"]:
+    """Places of the markers, mm; NaN where the picture shows no chamber."""
+    nothing = np.full((3, 2), np.nan)
+    return np.stack([nothing if one.markers is None else one.markers for one in postures])
 
 
 @dataclass(frozen=True)
@@ -36,7 +91,7 @@ class Grasps:
         bends: of the finger, in radians.
         arcs: where along the finger it touches, mm.
         postures: of the finger.
-        redrawn: how many bottles lay so that the finger missed them, and were put in anew.
+        redrawn: how often the bottle lay so that the finger missed it, and was put in anew.
     """
 
     diameters: Float[np.ndarray, " grasps"]
@@ -45,55 +100,17 @@ class Grasps:
     bends: Float[np.ndarray, " grasps"]
     arcs: Float[np.ndarray, " grasps"]
     postures: Posture
-    redrawn: int
+    redrawn: Int[np.ndarray, " grasps"]
 
 
-@dataclass(frozen=True)
-class Measured:
-    """What is said of some grasps.
-
-    Attributes:
-        grasps: what they are.
-        estimates: what is read from their pictures, with every bottle in its place; nothing else
-            says whether there is an answer.
-        by_true_bend: diameters from the true bends, with every bottle in its place, mm: what is
-            off is the grasp.
-        by_true_place: diameters from the bends that were read, with every bottle where it is, mm:
-            what is off is the bend. 0 where there is no answer.
-    """
-
-    grasps: Grasps
-    estimates: Estimates
-    by_true_bend: Float[np.ndarray, " grasps"]
-    by_true_place: Float[np.ndarray, " grasps"]
-
-    @property
-    def diameters(self) -> Float[np.ndarray, " grasps"]:
-        """The estimates, mm; 0 where there is none."""
-        return self.estimates.diameters
-
-    def errors(self, diameters: Float[np.ndarray, " grasps"]) -> Float[np.ndarray, " known"]:
-        """Of diameters, where there is an answer, mm."""
-        return (diameters - self.grasps.diameters)[self.estimates.known]
-
-    def told(self, bottles: list[float]) -> Int[np.ndarray, " grasps"]:
-        """Number of the bottle whose diameter is nearest; that of bottles if there is no answer."""
-        off = np.abs(self.diameters[:, None] - np.asarray(bottles)[None])
-        return np.where(self.estimates.known, np.argmin(off, axis=1), len(bottles))
-
-    def marker_truth(self, length: float) -> Float[np.ndarray, "grasps 3 2"]:
-        """True places of the markers, mm."""
-        return marker_places(self.grasps.bends, length)
-
-
-def designed(spec: ObjectSizeSpec, length: float) -> Hand:
+def designed_hand(spec: ObjectSizeSpec, length: float) -> Hand:
     """The hand with a bottle in its place that presses the wall as deep as in the mean."""
     depth = (spec.squeeze_least + spec.squeeze_most) / 2
     values = (spec.palm, spec.gap, spec.finger_radius - depth, length)
     return Hand(*(jnp.asarray(value, jnp.float64) for value in values))
 
 
-def drawn(
+def sample_grasps(
     spec: ObjectSizeSpec,
     finger: SoftFinger,
     diameters: Float[np.ndarray, " grasps"],
@@ -109,12 +126,12 @@ def drawn(
     hands, depths = _placed(spec, finger, count, generator)
     scatter = np.deg2rad(spec.direction_scatter_deg) * generator.standard_normal(count)
     solved = bends_around(hands, sizes)
-    redrawn = 0
+    redrawn = np.zeros(count, int)
     for _ in range(ROUNDS):
         held = np.asarray(solved.ok)
         if held.all():
             break
-        redrawn += int(np.count_nonzero(~held))
+        redrawn += ~held
         others, deeper = _placed(spec, finger, count, generator)
         hands = jax.tree.map(lambda old, new, held=held: jnp.where(held, old, new), hands, others)
         depths = np.where(held, depths, deeper)
@@ -141,23 +158,12 @@ def _placed(
     """Bottles somewhere near their place, and how deep each presses the wall in, mm."""
     off = spec.place * generator.standard_normal((2, count))
     depths = generator.uniform(spec.squeeze_least, spec.squeeze_most, count)
-    hands = Hand(
-        jnp.asarray(spec.palm + off[0]),
-        jnp.asarray(spec.gap + off[1]),
-        jnp.asarray(spec.finger_radius - depths),
-        jnp.full(count, finger.length),
-    )
-    return hands, depths
+    length = np.full(count, finger.length)
+    values = (spec.palm + off[0], spec.gap + off[1], spec.finger_radius - depths, length)
+    return Hand(*(jnp.asarray(value) for value in values)), depths
 
 
-def measured(
-    reader: Reader,
-    finger: SoftFinger,
-    grasps: Grasps,
-    *,
-    seed: int,
-    first: int,
-) -> Measured:
+def measure(reader: Reader, finger: SoftFinger, grasps: Grasps, seed: int, first: int) -> Records:
     """Diameters of grasped bottles from pictures of the finger, numbered from ``first`` on.
 
     Args:
@@ -166,19 +172,50 @@ def measured(
         grasps: what is in the hand.
         seed: of the pictures: the lamp, and shake and noise of each.
         first: number of the first picture.
+
+    Returns:
+        A row for each grasp, with the columns of `estimate`, those of `compare` and
+        ``tip_error_mm`` of the fingertip's marker, NaN where the chamber is not seen.
     """
     seen = looked_at(
         finger.renderer(seed),
         grasps.postures,
-        lambda _, image: find_posture(image.pixels, reader.estimator),
+        lambda _, image: posture.find_posture(image.pixels, reader.estimator),
         first,
     )
-    estimates = estimated(seen, reader)
-    designs = jax.tree.map(lambda value: jnp.full(len(seen), value), reader.hand)
-    by_place = diameters_of(grasps.hands, jnp.asarray(estimates.bends)).value
-    return Measured(
-        grasps,
-        estimates,
-        np.asarray(all_touched(designs, jnp.asarray(grasps.bends)).diameter),
-        np.where(estimates.known, np.asarray(by_place), 0.0),
+    tips = posture.compute_marker_errors(
+        stack_markers(seen), marker_places(grasps.bends, finger.length)
     )
+    rows = estimate(seen, reader)
+    return compare(
+        rows | {"tip_error_mm": np.where(rows["seen"], tips[:, -1], np.nan)}, grasps, reader
+    )
+
+
+def compare(rows: Records, grasps: Grasps, reader: Reader) -> Records:
+    """Estimates beside the grasps they are of.
+
+    Returns:
+        Also ``diameter_mm``, ``bend_deg``, ``bend_error_deg``, ``contact_mm`` (where along the
+        finger the bottle touches it) and ``redrawn``; and errors, NaN where there is no answer:
+        ``error_mm`` of the estimate; ``grasp_error_mm`` of the diameter from the true bend with the
+        bottle in its place: what is off is the grasp; ``image_error_mm`` of that from the estimated
+        bend with the bottle where it is: what is off is the bend.
+    """
+    by_bend = all_touched(reader.hands(len(rows)), jnp.asarray(grasps.bends)).diameter
+    by_place = diameters_of(grasps.hands, jnp.deg2rad(rows["estimated_bend_deg"])).value
+    bends = np.rad2deg(grasps.bends)
+
+    def off(diameters: ArrayLike) -> np.ndarray:
+        return np.where(rows["known"], np.asarray(diameters) - grasps.diameters, np.nan)
+
+    return rows | {
+        "diameter_mm": grasps.diameters,
+        "bend_deg": bends,
+        "bend_error_deg": rows["estimated_bend_deg"] - bends,
+        "contact_mm": grasps.arcs,
+        "redrawn": grasps.redrawn,
+        "error_mm": off(rows["estimate_mm"]),
+        "grasp_error_mm": off(by_bend),
+        "image_error_mm": off(by_place),
+    }

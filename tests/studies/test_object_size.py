@@ -1,16 +1,14 @@
 """The study ``object-size``: grasps against brute force, and a quick run end to end."""
 
-import csv
-import json
-
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pydantic
 import pytest
 from scipy.optimize import brentq
 
-from designopt import UserError, find_root
-from designopt.cli import run as command
+from designopt import Records, Report, UserError, run_study
+from designopt.study.settings import targets_waived
 from perception.chamber import ChamberStatus
 from perception.posture import (
     PostureEstimate,
@@ -18,19 +16,13 @@ from perception.posture import (
     PostureNetwork,
     Training,
     TrainingRecord,
-    fit_bend,
 )
 from studies.models.soft_finger.finger import SoftFinger
-from studies.models.soft_finger.odd import KINDS
-from studies.models.soft_finger.samples import MARKERS, marker_places
-from studies.object_size import odd, tables
-from studies.object_size.estimates import Estimates, Reader, estimated
-from studies.object_size.found import Curve, Found
-from studies.object_size.grasp import CLOSED, Hand, bend_around, diameter_of, touched
-from studies.object_size.odd import AtBend, Odd, Said, odd_frames, over_bends
-from studies.object_size.spec import ObjectSizeSpec
-from studies.object_size.statements import metrics
-from studies.object_size.trials import Grasps, Measured, designed, drawn
+from studies.models.soft_finger.grasp import CLOSED, Hand, bend_around, diameter_of, touched
+from studies.models.soft_finger.robustness import DISTURBANCES
+from studies.models.soft_finger.samples import marker_places
+from studies.object_size import ObjectSizeSpec, run
+from studies.object_size.trials import Reader, compare, designed_hand, estimate, sample_grasps
 from tests.helpers import central_differences
 
 LENGTH = 100.0
@@ -46,10 +38,9 @@ BROKEN = PostureEstimator(
     PostureNetwork((16, 12), (2,), np.random.default_rng(0)), 0.0, 1.0, np.zeros((3, 2)), 1.0,
     RECORD,
 )  # fmt: skip
-"""Its network takes smaller images than it says."""
+"""Its network takes smaller images than its record has."""
 
 around = jax.jit(bend_around)
-bends_around = jax.jit(jax.vmap(bend_around))
 around_all = jax.jit(jax.vmap(bend_around, in_axes=(None, 0)))
 touch_all = jax.jit(jax.vmap(touched, in_axes=(None, 0)))
 
@@ -83,6 +74,8 @@ def test_the_bend_is_the_first_that_touches_by_brute_force(values):
     solved = around_all(hand, diameters)
     touches = touch_all(hand, solved.value)
     assert solved.ok.all()
+    assert touches.arc[0] == LENGTH  # the tip
+    assert touches.arc[-1] < LENGTH or values == HANDS[3]
     for diameter, bend, arc in zip(diameters, solved.value, touches.arc, strict=True):
         size = float(diameter)
         wanted = brentq(lambda b, size=size: clearance(hand, b, size)[0], 1e-3, CLOSED, xtol=1e-10)
@@ -93,30 +86,6 @@ def test_the_bend_is_the_first_that_touches_by_brute_force(values):
         # Opened a little the finger is clear, closed a little it is in the bottle.
         assert clearance(hand, float(bend) - 1e-3, size)[0] > 0
         assert clearance(hand, float(bend) + 1e-3, size)[0] < 0
-
-
-def test_bottles_touch_the_finger_and_its_tip():
-    hand = hand_of(HANDS[0])
-    arcs = [
-        float(touched(hand, around(hand, jnp.asarray(size)).value).arc) for size in (48.0, 92.0)
-    ]
-    assert arcs[0] == LENGTH
-    assert 50 < arcs[1] < 90
-
-
-def test_the_closed_form_is_what_an_iteration_finds():
-    hand = hand_of(HANDS[0])
-
-    def off(bend: jax.Array, size: jax.Array) -> jax.Array:
-        return (touched(hand, bend).diameter - size) / LENGTH
-
-    for size in (45.0, 62.0, 92.0):
-        bracket = (jnp.asarray(0.0), jnp.asarray(CLOSED))
-        root = find_root(
-            off, jnp.asarray(1.0), jnp.asarray(size), method="bisection", bracket=bracket
-        )
-        bend = around(hand, jnp.asarray(size)).value
-        assert float(bend) == pytest.approx(float(root.value), abs=1e-10)
 
 
 @pytest.mark.parametrize("values", HANDS)
@@ -211,21 +180,13 @@ def test_gradients_are_central_differences(size):
         np.testing.assert_allclose(got, wanted, atol=GRADIENT, rtol=GRADIENT)
 
 
-@pytest.fixture(scope="module")
-def done(tmp_path_factory):
-    out = tmp_path_factory.mktemp("quick") / "out"
-    quick = ["samples=300", "epochs=25", "grasps=8", "random_grasps=24", "columns=48", "rows=36"]
-    quick += ["other_lamp_grasps=8", "stability_images=1", "largest_residual=5"]
-    sets = [part for setting in quick for part in ("--set", setting)]
-    code = command(["run", "object-size", *sets, "--out", str(out)])
-    return code, json.loads((out / "results.json").read_text(encoding="utf-8")), out
-
-
 @pytest.mark.slow
-def test_a_quick_run_tells_bottles_apart(done):
-    code, document, out = done
-    measured = {name: metric["value"] for name, metric in document["metrics"].items()}
-    assert code == 0
+def test_a_quick_run_tells_bottles_apart():
+    quick = {"samples": 300, "epochs": 25, "grasps": 8, "random_grasps": 24, "columns": 48}
+    quick |= {"rows": 36, "other_lamp_grasps": 8, "stability_images": 1, "largest_residual": 5}
+    results = run_study("object-size", quick)
+    measured = {metric.name: metric.value for metric in results.metrics}
+    assert all(metric.met is None for metric in results.metrics)
     assert measured["undefined"] == 0
     assert measured["redrawn"] == 0
     # So little training may take a finger that is closed for one that holds something.
@@ -236,47 +197,34 @@ def test_a_quick_run_tells_bottles_apart(done):
     assert measured["mean_absolute_error_mm"] < 4
     assert measured["tip_error_mm"] < 4
     assert 0.5 < measured["least_mm_per_deg"] < measured["largest_mm_per_deg"] < 1
-    assert all(metric["target"] is None for metric in document["metrics"].values())
-    for name in ("grasps", "pictures", "estimates", "confusion", "curve"):
-        assert (out / "figures" / f"{name}.png").stat().st_size > 5000
 
-
-@pytest.mark.slow
-def test_tables_of_the_quick_run_agree(done):
-    _, document, out = done
-
-    def rows(name: str) -> list[dict[str, str]]:
-        text = (out / "tables" / f"{name}.csv").read_text(encoding="utf-8")
-        return list(csv.DictReader(text.splitlines()))
-
-    confusion = [list(row.values()) for row in rows("confusion")]
-    assert [sum(map(int, row[1:])) for row in confusion] == [8] * 4
-    right = sum(int(row[number + 1]) for number, row in enumerate(confusion))
-    assert document["metrics"]["told_apart"]["value"] == pytest.approx(right / 32)
-    bends = [float(row["bend_deg"]) for row in rows("bottles")]
+    tables = {
+        table.name: [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+        for table in results.tables
+    }
+    confusion = [list(row.values())[1:] for row in tables["confusion"]]
+    assert np.sum(confusion, axis=1).tolist() == [8] * 4
+    assert measured["told_apart"] == pytest.approx(np.trace(confusion) / 32)
+    bends = [row["bend_deg"] for row in tables["bottles"]]
     assert bends == sorted(bends, reverse=True)
-    assert len(rows("budget")) == 9
-    frames = rows("odd_frames")
-    assert len(frames) == len(KINDS)
-    for row, kind in zip(frames, KINDS, strict=True):
+    assert len(tables["budget"]) == 9
+    for row, kind in zip(tables["odd_frames"], DISTURBANCES, strict=True):
         assert row["sights"] == kind.status.name.lower().replace("_", " ")
-        assert int(row["with_diameter"]) == 0 or kind.usable
+        assert row["with_diameter"] == 0 or kind.usable
     # The finger is hardly bent, and one bend is wherever the network puts it.
-    at_bends = rows("bends")
-    assert [float(row["bend_deg"]) for row in at_bends] == list(odd.BENDS_DEG)
-    held = {float(row["bend_deg"]): row for row in at_bends}
+    held = {row["bend_deg"]: row for row in tables["bends"]}
+    assert tuple(held) == run.BENDS_DEG
     for bend in (30.0, 60.0, 90.0):
-        said, true = (float(held[bend][name]) for name in ("least_estimate_mm", "held_mm"))
-        assert said == pytest.approx(true, abs=12)
+        assert held[bend]["least_estimate_mm"] == pytest.approx(held[bend]["held_mm"], abs=12)
 
 
 def test_grasps_are_off_as_the_settings_say():
     spec = ObjectSizeSpec()
     finger = SoftFinger.of(spec)
     diameters = np.full(2000, 82.0)
-    grasps = drawn(spec, finger, diameters, np.random.default_rng(3))
-    mean = designed(spec, finger.length)
-    assert grasps.redrawn == 0
+    grasps = sample_grasps(spec, finger, diameters, np.random.default_rng(3))
+    mean = designed_hand(spec, finger.length)
+    assert not grasps.redrawn.any()
     for off in (grasps.hands.palm - mean.palm, grasps.hands.gap - mean.gap):
         assert float(off.std()) == pytest.approx(spec.place, rel=0.1)
     assert grasps.depths.min() >= spec.squeeze_least
@@ -293,8 +241,8 @@ def test_bottles_that_the_finger_misses_are_put_in_anew_and_counted():
     """Whatever is handed on is held, by brute force, and what was missed is said."""
     spec = ObjectSizeSpec(place=8.0)
     finger = SoftFinger.of(spec)
-    grasps = drawn(spec, finger, np.full(60, 106.0), np.random.default_rng(3))
-    assert 10 < grasps.redrawn < 200
+    grasps = sample_grasps(spec, finger, np.full(60, 106.0), np.random.default_rng(3))
+    assert 10 < grasps.redrawn.sum() < 200
     for number in range(0, 60, 12):
         hand = jax.tree.map(lambda leaf, number=number: leaf[number], grasps.hands)
         least, place = clearance(hand, grasps.bends[number], 106.0)
@@ -307,14 +255,7 @@ def test_bottles_that_the_finger_misses_are_put_in_anew_and_counted():
 def test_a_bottle_that_is_always_missed_is_refused():
     spec = ObjectSizeSpec(place=0.0)
     with pytest.raises(UserError, match=r"misses a bottle of 112\.0 mm"):
-        drawn(spec, SoftFinger.of(spec), np.array([82.0, 112.0]), np.random.default_rng(0))
-
-
-def test_labels_of_the_studies_have_their_bends():
-    bends = np.deg2rad(np.linspace(0, 120, 25))
-    first, second, third, last = (part * LENGTH for part in MARKERS)
-    fit = fit_bend(marker_places(bends, LENGTH), (first, second, third, last), LENGTH)
-    np.testing.assert_allclose(fit.bend, bends, atol=1e-8)
+        sample_grasps(spec, SoftFinger.of(spec), np.array([82.0, 112.0]), np.random.default_rng(0))
 
 
 def test_estimates_follow_from_what_is_seen_alone():
@@ -328,184 +269,184 @@ def test_estimates_follow_from_what_is_seen_alone():
         PostureEstimate(ChamberStatus.TOO_DARK, None),
         PostureEstimate(ChamberStatus.CHAMBER, 1e6 * places[0]),
     ]
-    found = estimated(postures, Reader(BROKEN, hand, 1.0))
-    assert found.seen.tolist() == [True, True, False, False, True, True, True]
-    assert found.known.tolist() == [True, False, False, False, False, True, False]
-    np.testing.assert_allclose(found.bends[[0, 1, 4, 5]], bends, atol=1e-8)
-    assert 1.0 < found.residuals[6] < 1.6
-    assert estimated(postures, Reader(BROKEN, hand, 1.6)).known.tolist()[-1]
-    assert np.isnan(found.markers[2]).all()
-    assert (found.diameters[~found.known] == 0).all()
+    found = estimate(postures, Reader(BROKEN, hand, 1.0))
+    assert found["seen"].tolist() == [True, True, False, False, True, True, True]
+    assert found["known"].tolist() == [True, False, False, False, False, True, False]
+    np.testing.assert_allclose(
+        found["estimated_bend_deg"][[0, 1, 4, 5]], np.rad2deg(bends), atol=1e-6
+    )
+    assert 1.0 < found["residual_mm"][6] < 1.6
+    assert estimate(postures, Reader(BROKEN, hand, 1.6))["known"][-1]
+    np.testing.assert_array_equal(np.isfinite(found["estimate_mm"]), found["known"])
     for number, bend in ((0, bends[0]), (5, bends[3])):
-        assert clearance(hand, bend, found.diameters[number])[0] == pytest.approx(0, abs=1e-6)
+        size = found["estimate_mm"][number]
+        assert clearance(hand, bend, size)[0] == pytest.approx(0, abs=1e-6)
 
 
-def said_to_be(truth: np.ndarray, said: np.ndarray, known: np.ndarray) -> Measured:
-    """Grasps of which this is said; bends are read a degree off, and tips 2 mm."""
-    count = len(truth)
-    hands = jax.tree.map(lambda leaf: jnp.full(count, leaf), hand_of(HANDS[0]))
-    bends = np.asarray(bends_around(hands, jnp.asarray(truth)).value)
-    postures = SoftFinger.of(ObjectSizeSpec()).postures(bends, np.zeros(count))
-    nothing = np.zeros(count)
-    grasps = Grasps(truth, hands, nothing, bends, nothing, postures, redrawn=3)
-    markers = marker_places(bends, LENGTH) + np.array([2.0, 0.0])
-    markers[~known] = np.nan
-    estimates = Estimates(
-        markers, known, np.where(known, bends + np.deg2rad(1), 0), nothing, known,
-        np.where(known, said, 0.0),
-    )  # fmt: skip
-    return Measured(grasps, estimates, truth + 1.0, truth - 2.0)
+def test_errors_are_those_of_the_image_and_of_the_grasp():
+    """With the true markers nothing is off in the image; what is left follows by brute force."""
+    spec = ObjectSizeSpec()
+    finger = SoftFinger.of(spec)
+    reader = Reader(BROKEN, designed_hand(spec, LENGTH), 1.0)
+    grasps = sample_grasps(spec, finger, np.array([50.0, 70.0, 90.0]), np.random.default_rng(1))
+    postures = [
+        PostureEstimate(ChamberStatus.CHAMBER, one) for one in marker_places(grasps.bends, LENGTH)
+    ]
+    rows = compare(estimate(postures, reader), grasps, reader)
+    np.testing.assert_allclose(rows["image_error_mm"], 0, atol=1e-6)
+    np.testing.assert_allclose(rows["error_mm"], rows["grasp_error_mm"], atol=1e-6)
+    assert np.abs(rows["error_mm"]).min() > 0.01
+    for bend, size in zip(grasps.bends, grasps.diameters + rows["error_mm"], strict=True):
+        assert clearance(reader.hand, bend, size)[0] == pytest.approx(0, abs=1e-6)
 
 
-def found_by_hand(
-    *, told: float = 0.0, random: float = 1.0, unknown: int = 0, odd: tuple[Odd, ...] = ()
-) -> Found:
-    """Everything as it is found when bottles and random diameters are off by so much, mm."""
-    hand = hand_of(HANDS[0])
+def grasps_of(name: str, truth: np.ndarray, estimates: np.ndarray) -> Records:
+    """Grasps with these estimates; bends are a degree off, and tips 2 mm."""
+    known, errors = np.isfinite(estimates), estimates - truth
+    return Records(
+        {
+            "diameters": name,
+            "diameter_mm": truth,
+            "bend_deg": 50.0,
+            "contact_mm": 90.0,
+            "redrawn": 0,
+            "estimate_mm": estimates,
+            "error_mm": errors,
+            "known": known,
+            "grasp_error_mm": errors,
+            "image_error_mm": errors,
+            "seen": known,
+            "estimated_bend_deg": np.where(known, 51.0, np.nan),
+            "bend_error_deg": np.where(known, 1.0, np.nan),
+            "residual_mm": np.where(known, 0.5, np.nan),
+            "tip_error_mm": np.where(known, 2.0, np.nan),
+        }
+    )
+
+
+def measured_by_hand(*, told: float = 0.0, random: float = 1.0, unknown: int = 0, failed=False):
+    """Metrics where bottles and random diameters are off by so much, mm."""
     spec = ObjectSizeSpec()
     bottles = np.repeat(spec.bottles, spec.grasps)
     sizes = np.linspace(spec.least, spec.largest, spec.random_grasps)
-    known = np.arange(len(sizes)) >= unknown
-    curve = Curve(sizes, sizes / 100, sizes, np.full(len(sizes), -0.5), monotone=True)
-    every = np.ones(len(bottles), bool)
-    return Found(
-        hand, curve, RECORD, 7, said_to_be(bottles, bottles + told, every),
-        said_to_be(sizes, sizes + random, known),
-        said_to_be(sizes[:50], sizes[:50] + 4, every[:50]),
-        [AtBend(60.0, 70.0, [Said(ChamberStatus.CHAMBER, d) for d in (69.0, None)])], list(odd), [],
-        0.001,
-    )  # fmt: skip
-
-
-def judged(spec: ObjectSizeSpec, found: Found) -> dict[str, bool | None]:
-    """Whether each metric's target is met; None without one."""
-    return {
-        metric.name: None if metric.target is None else metric.target.met_by(metric.value)
-        for metric in metrics(spec, found)
-    }
+    estimates = np.where(np.arange(len(sizes)) >= unknown, sizes + random, np.nan)
+    sets = (bottles, bottles + told), (sizes, estimates), (sizes[:50], sizes[:50] + 4)
+    rows = Records()
+    for name, (truth, found) in zip(run.ALL, sets, strict=True):
+        rows.add(**grasps_of(name, truth, found))
+    bends = {"bend_deg": 60.0, "held_mm": 70.0, "known": True, "estimate_mm": 69.0}
+    disturbed = {"kind": "dark", "usable": False, "in_view": False, "given": failed}
+    sights = {"expected_sight": "too dark", "sight": "too dark"}
+    out = Report(spec, package="studies.object_size")
+    run.add_grasps(out, rows)
+    run.add_robustness(
+        out, Records(bends | {"failed": False}), Records(disturbed | sights | {"failed": failed})
+    )
+    return {metric.name: metric for metric in out.results().metrics}
 
 
 def test_targets_are_met_and_missed_by_what_was_found():
-    spec = ObjectSizeSpec()
-    good = judged(spec, found_by_hand())
+    good = measured_by_hand()
     asked = {"mean_absolute_error_mm", "told_apart", "undefined", "odd_failures"}
-    assert {name for name, met in good.items() if met is not None} == asked
-    assert all(good[name] for name in asked)
+    assert {name for name, metric in good.items() if metric.met is not None} == asked
+    assert all(good[name].met for name in asked)
 
-    numbers = {metric.name: metric.value for metric in metrics(spec, found_by_hand(unknown=5))}
+    numbers = {name: metric.value for name, metric in measured_by_hand(unknown=5).items()}
     assert numbers["mean_absolute_error_mm"] == pytest.approx(1.0)
-    assert (numbers["undefined"], numbers["redrawn"]) == (5, 9)
+    assert numbers["undefined"] == 5
     assert numbers["tip_error_mm"] == pytest.approx(2.0)
     assert numbers["bend_error_deg"] == pytest.approx(1.0)
     assert numbers["other_lamp_error_mm"] == pytest.approx(4.0)
 
-    def missed(found: Found) -> set[str]:
-        return {name for name, met in judged(spec, found).items() if met is False}
+    def missed(**found) -> set[str]:
+        return {name for name, one in measured_by_hand(**found).items() if one.met is False}
 
-    assert missed(found_by_hand(random=3.1)) == {"mean_absolute_error_mm"}
+    assert missed(random=3.1) == {"mean_absolute_error_mm"}
     # 62 mm is then nearer to 82 than to 62, and 82 nearer to 92.
-    assert missed(found_by_hand(told=10.5)) == {"told_apart"}
-    assert missed(found_by_hand(unknown=1)) == {"undefined"}
-    dark = next(kind for kind in KINDS if kind.status is ChamberStatus.TOO_DARK)
-    assert missed(found_by_hand(odd=(Odd(dark, Said(ChamberStatus.TOO_DARK, None)),))) == set()
-    assert missed(found_by_hand(odd=(Odd(dark, Said(ChamberStatus.TOO_DARK, 60.0)),))) == {
-        "odd_failures"
-    }
+    assert missed(told=10.5) == {"told_apart"}
+    assert missed(unknown=1) == {"undefined"}
+    assert missed(failed=True) == {"odd_failures"}
 
 
 @pytest.mark.parametrize(
-    ("settings", "asked"),
+    ("settings", "apply"),
     [
-        ({"other_lamp_grasps": 3}, True),
-        ({"stability_images": 6}, True),
+        ({"other_lamp_grasps": 3, "stability_images": 6, "random_grasps": 201}, True),
         ({"stability_images": 4}, False),
+        ({"random_grasps": 199}, False),
         ({"place": 0.9}, False),
         ({"samples": 1600}, False),
     ],
 )
-def test_targets_are_asked_of_the_stated_study(settings, asked):
-    met = judged(ObjectSizeSpec(**settings), found_by_hand())
-    assert (met["mean_absolute_error_mm"] is not None) == asked
+def test_targets_apply_to_the_stated_study(settings, apply):
+    assert (not targets_waived(ObjectSizeSpec(**settings))) == apply
 
 
-def test_more_grasps_keep_the_targets_and_fewer_drop_them():
-    found = found_by_hand()
-    random = found.random
-    assert judged(ObjectSizeSpec(random_grasps=201), found)["undefined"] is True
-    assert judged(ObjectSizeSpec(random_grasps=199), found)["undefined"] is None
-    assert len(random.diameters) == 200
+def test_disturbed_frames_fail_where_their_answer_is_not_the_defined_one():
+    usable = next(kind for kind in DISTURBANCES if kind.usable)
+    dark = next(kind for kind in DISTURBANCES if kind.status is ChamberStatus.TOO_DARK)
+    for kind, known, diameter, right in (
+        (usable, True, 60.0, True),
+        (usable, False, np.nan, True),
+        (usable, True, np.inf, False),
+        (usable, True, -1.0, False),
+        (dark, False, np.nan, True),
+        (dark, True, 60.0, False),
+    ):
+        one = run.judge_disturbed(kind, kind.status, known, diameter)
+        assert (one.right, one.given) == (right, known)
 
 
-def test_odd_frames_fail_where_their_answer_is_not_the_defined_one():
-    usable = next(kind for kind in KINDS if kind.usable)
-    dark = next(kind for kind in KINDS if kind.status is ChamberStatus.TOO_DARK)
-    answers = [
-        (usable, Said(usable.status, 60.0), False),
-        (usable, Said(usable.status, None), False),
-        (usable, Said(usable.status, np.inf), True),
-        (usable, Said(usable.status, -1.0), True),
-        (usable, Said(ChamberStatus.TOO_DARK, None), True),
-        (usable, Said(None, None), True),
-        (dark, Said(dark.status, None), False),
-        (dark, Said(dark.status, 60.0), True),
-        (dark, Said(ChamberStatus.CHAMBER, 60.0), True),
+def test_bends_fail_where_a_diameter_is_far_off_or_of_nothing():
+    known, estimates = np.array([True, False, True, True, True, False]), np.full(6, 60.0)
+    estimates[[2, 3]] = np.inf, -1.0
+    usable = np.array([True, True, True, True, False, False])
+    failed = [
+        run.is_other_answer(usable, known, estimates, np.full(6, held))
+        for held in (62.0, 70.0, np.nan)
     ]
-    for kind, said, failed in answers:
-        assert Odd(kind, said).failed is failed
-    said = [said for _, said, _ in answers]
-    assert AtBend(60.0, 62.0, said).failures == 6
-    assert AtBend(60.0, 70.0, said).failures == 8  # two that are finite are 10 mm off
-    closed = AtBend(
-        120.0, None, [Said(ChamberStatus.CHAMBER, 60.0), Said(ChamberStatus.NO_YELLOW, None)]
-    )
-    assert closed.failures == 1
+    assert failed[0].tolist() == [False, False, True, True, True, True]
+    assert failed[1].tolist() == failed[2].tolist() == [True, False, True, True, True, True]
 
 
 def test_what_is_raised_is_a_failure():
     """The network takes smaller images: every frame that shows the chamber raises, and no other."""
     spec = ObjectSizeSpec()
     finger = SoftFinger.of(spec)
-    reader = Reader(BROKEN, designed(spec, finger.length), spec.largest_residual)
-    found = odd_frames(finger, reader, seed=0)
-    assert [one.failed for one in found] == [one.kind.usable for one in found]
-    bent = over_bends(finger, reader, 1, seed=0)
-    assert [one.failures for one in bent] == [1] * len(odd.BENDS_DEG)
+    reader = Reader(BROKEN, designed_hand(spec, finger.length), spec.largest_residual)
+    found = run.answer_disturbed(finger, reader, seed=0)
+    np.testing.assert_array_equal(found["failed"], found["usable"])
+    assert set(found["sight"][found["usable"]]) == {"exception"}
+    bent = run.answer_bends(finger, reader, 1, seed=0)
+    assert bent["failed"].all()
+    assert bent["bend_deg"].tolist() == list(run.BENDS_DEG)
     # What a finger so bent holds, against brute force; bent by 120° it is closed.
-    for one in bent[:-1]:
-        assert one.diameter is not None
-        least, _ = clearance(reader.hand, np.deg2rad(one.bend_deg), one.diameter)
-        assert least == pytest.approx(0, abs=1e-6)
+    assert np.isnan(bent["held_mm"][-1])
+    for bend, held in zip(bent["bend_deg"][:-1], bent["held_mm"], strict=False):
+        assert clearance(reader.hand, np.deg2rad(bend), held)[0] == pytest.approx(0, abs=1e-6)
 
 
 def test_no_answer_is_no_right_answer():
-    spec = ObjectSizeSpec(bottles=[48.0, 92.0], grasps=2)
-    said = np.array([50.0, 0.0, 91.0, 49.0])
-    one = said_to_be(np.repeat(spec.bottles, 2), said, np.array([True, False, True, True]))
-    assert one.told(spec.bottles).tolist() == [0, 2, 1, 0]
-    assert tables.told_apart(spec, one) == 0.5
-    np.testing.assert_allclose(one.errors(said), [2.0, -1.0, -43.0])
+    bottles = [48.0, 92.0]
+    own = grasps_of("", np.repeat(bottles, 2), np.array([50.0, np.nan, 91.0, 49.0]))
+    assert run.nearest_bottle(own, bottles).tolist() == [0, 2, 1, 0]
 
 
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        (["palm=50"], "leaves room for 72 mm"),
-        (["squeeze_most=0.2"], "must not be less than squeeze_least"),
-        (["bottles=[62, 48]"], "from the least to the largest"),
-        (["least=100"], "must be more than least"),
-        (["bottles=[20, 48]"], "too narrow"),
+        ({"palm": 50}, "leaves room for 72 mm"),
+        ({"squeeze_most": 0.2}, "must not be less than squeeze_least"),
+        ({"bottles": [62, 48]}, "from the least to the largest"),
+        ({"least": 100}, "must be more than least"),
     ],
 )
-def test_nonsense_is_refused_in_one_line(tmp_path, capsys, settings, words):
-    out = tmp_path / "out"
-    sets = [part for setting in settings for part in ("--set", setting)]
-    assert command(["run", "object-size", *sets, "--out", str(out)]) == 2
-    error = capsys.readouterr().err
-    assert words in " ".join(error.split())
-    assert "Traceback" not in error
+def test_settings_that_contradict_each_other_are_refused(settings, words):
+    with pytest.raises(pydantic.ValidationError, match=words):
+        ObjectSizeSpec(**settings)
 
 
-def test_float32_is_refused(tmp_path, capsys):
-    out = tmp_path / "out"
-    assert command(["run", "object-size", "--dtype", "float32", "--out", str(out)]) == 2
-    assert "float64" in capsys.readouterr().err
+def test_a_bottle_that_the_closed_finger_does_not_touch_is_refused():
+    spec = ObjectSizeSpec(bottles=[20, 48])
+    with pytest.raises(UserError, match="too narrow"):
+        run.curve_of(designed_hand(spec, LENGTH), spec)

@@ -51,7 +51,7 @@ class GraspResult(eqx.Enumeration):
 
 
 class BendResult(eqx.Enumeration):
-    """Whether a bend says which bottle there is."""
+    """Whether a finger with a bend holds a bottle."""
 
     successful = ""
     beyond = "The finger is bent farther than it closes around a bottle."
