@@ -83,19 +83,17 @@ def run(spec: BendingDirectionSpec, context: Context) -> Results:
         with context.step("The chamber whose image moves most"):
             finger = SoftFinger.of(spec)
             designs, held_by = best.find_best_chamber(finger, seed)
-        with context.step("Pictures and run time"):
             out.figure("pictures", draw_pictures(finger, seed + 4))
-            seconds = time_frame(finger, spec, seed)
         with context.step(f"{spec.images} images in every direction"):
             bends = spec.images, spec.largest_bend_deg, spec.scatter_deg
             answers = answer_random(finger, *bends, (*THRESHOLDS, spec.threshold), (seed, 3))
             add_directions(out, answers)
-            out.metrics(frame_ms=1e3 * seconds)
         with context.step("Bending from nothing to 120°"):
-            add_curves(out, [
+            curves = [
                 render(finger, truth, CURVE_DEG, seed=seed + 1, first=i * len(CURVE_DEG))
                 for i, truth in enumerate(TOWARDS)
-            ])  # fmt: skip
+            ]
+            add_curves(out, curves)
         small, bends = Records(), (spec.small_images, spec.small_bend_deg, spec.scatter_deg)
         for design in designs:
             with context.step(f"Small bends, chamber {design.name}"):
@@ -108,8 +106,9 @@ def run(spec: BendingDirectionSpec, context: Context) -> Results:
         with context.step("Frames that are no proper images"):
             disturbed = answer_disturbed(finger, spec.threshold, seed + 3)
             add_robustness(out, perfect, usual, disturbed)
-        with context.step("Outlines, error against run time"):
+        with context.step("Run times"):
             rows = rings.measure_rings(finger)
+            out.metrics(frame_ms=1e3 * time_frame(finger, spec, seed))
     evidence, holds = rings.fit_powers(rows)
     claim = out.claim("rings", [evidence], holds)
     reference = f"{rings.REFERENCE} rings per region"

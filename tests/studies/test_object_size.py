@@ -1,5 +1,7 @@
 """The study ``object-size``: grasps against brute force, and a quick run end to end."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -198,7 +200,7 @@ def test_a_quick_run_tells_bottles_apart():
     assert measured["tip_error_mm"] < 4
     assert 0.5 < measured["least_mm_per_deg"] < measured["largest_mm_per_deg"] < 1
 
-    tables = {
+    tables: dict[str, list[dict[str, Any]]] = {
         table.name: [dict(zip(table.columns, row, strict=True)) for row in table.rows]
         for table in results.tables
     }
