@@ -46,8 +46,8 @@ class Samples:
     usable: Bool[np.ndarray, " samples"]
     markers: Float[np.ndarray, "samples 3 2"]
 
-    def part(self, which: slice) -> Samples:
-        """Some of them."""
+    def part(self, which: slice | Bool[np.ndarray, " samples"]) -> Samples:
+        """Some of them, by their numbers or by a mask."""
         images = {size: stack[which] for size, stack in self.images.items()}
         return Samples(self.bends[which], images, self.usable[which], self.markers[which])
 

@@ -1,0 +1,157 @@
+"""The study's figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from designopt.plot.figures import PALETTE, label_plainly, new_figure, share_limits
+from designopt.plot.typesetting import as_mathtext
+from designopt.study import plots
+from designopt.study.records import Records
+from perception.chamber import find_regions
+from perception.posture import PostureEstimator, make_boundary_image, shrink
+from studies.bending_posture.trainings import EQUAL, OURS, Data, Trained
+from studies.models.soft_finger.chamber_spec import CLEARANCE
+from studies.models.soft_finger.finger import DOWN, SoftFinger
+from studies.models.soft_finger.samples import Size
+
+BLUE, VERMILION, GREEN = PALETTE[:3]
+MARKERS = ("marker 1", "marker 2", "tip")
+COMPARED = {EQUAL: "without loss weights", OURS: "with loss weights"}
+REGIONS = ListedColormap(["white", "#C0392B", BLUE, "#E0A800", "#555555"])
+SHOWN_DEG = (0.0, 30.0, 60.0, 100.0)
+
+
+def draw_pictures(finger: SoftFinger, size: Size, seed: int) -> Figure:
+    """From pictures to what enters the network."""
+    drawing, grid = new_figure(3, len(SHOWN_DEG), height=4.6)
+    bends = np.deg2rad(SHOWN_DEG)
+    images = finger.renderer(seed).render(finger.postures(bends, np.full(len(bends), DOWN)))
+    for column, bend, image in zip(grid.T, SHOWN_DEG, images, strict=True):
+        labels = find_regions(image.pixels).nested()
+        column[0].imshow(image.pixels)
+        column[0].set_title(f"{bend:g}°")
+        column[1].imshow(labels, cmap=REGIONS, vmin=0, vmax=4, interpolation="nearest")
+        small = shrink(make_boundary_image(labels), size)
+        column[2].imshow(small, cmap="gray_r", interpolation="nearest")
+        for axes in column:
+            axes.set(xticks=[], yticks=[])
+            axes.grid(visible=False)
+    for axes, name in zip(grid[:, 0], ("picture", "regions", "boundaries"), strict=True):
+        axes.set_ylabel(name)
+    return drawing
+
+
+def draw_dots(networks: Mapping[str, Sequence[Trained]], data: Data) -> Figure:
+    """The paper's Fig. 10: predicted dots on true ones."""
+    drawing, [row] = new_figure(1, 2, height=4.0)
+    for axes, (way, title) in zip(row, COMPARED.items(), strict=True):
+        predicted = networks[way][0].predicted
+        axes.plot(*data.unseen.markers.reshape(-1, 2).T, "o", color="0.75", label="true")
+        for i, (name, color) in enumerate(zip(MARKERS, (GREEN, BLUE, VERMILION), strict=True)):
+            axes.plot(*predicted[:, i].T, ".", color=color, markersize=2.5, label=name)
+        axes.plot(0, 0, "s", color="black", markersize=5)
+        axes.set(title=title, xlabel="across (mm)", ylabel="along (mm)", aspect="equal")
+    share_limits(row)
+    return drawing
+
+
+def draw_markers(errors: Records) -> Figure:
+    """The paper's Fig. 11: errors by marker."""
+    drawing, [[axes]] = new_figure(height=3.2)
+    for i, (way, title) in enumerate(COMPARED.items()):
+        style = {"color": (BLUE, VERMILION)[i]}
+        axes.boxplot(
+            [own["error_mm"] for own in errors.where(way=way).group("marker").values()],
+            positions=np.arange(3) + 0.36 * i - 0.18,
+            widths=0.28,
+            whis=(5, 95),
+            showfliers=False,
+            patch_artist=True,
+            manage_ticks=False,
+            boxprops={"facecolor": "white", "edgecolor": style["color"], "hatch": i * "///"},
+            **{f"{part}props": style for part in ("whisker", "cap", "median")},
+        )
+        axes.plot([], [], "s", **style, markerfacecolor="white", label=title)
+    axes.set(xticks=range(3), xticklabels=MARKERS, ylabel="error (mm)", ylim=(0, None))
+    axes.legend(loc="upper left")
+    return drawing
+
+
+def draw_learning(estimators: Sequence[PostureEstimator], mean: float) -> Figure:
+    """Loss and tip error, epoch by epoch."""
+    drawing, [[left, right]] = new_figure(1, 2, height=3.2)
+    for i, record in enumerate(one.record for one in estimators):
+        style = {"color": PALETTE[i % len(PALETTE)], "linestyle": plots.DASHES[i % 3]}
+        style["label"] = f"seed {record.settings.seed}"
+        left.semilogy(np.arange(1, len(record.loss) + 1), record.loss, **style)
+        right.semilogy(record.seconds, record.tip_error, **style)
+    right.axhline(mean, color="0.4", linestyle=":", label="mean of the labels")
+    label_plainly(left.yaxis)
+    label_plainly(right.yaxis)
+    left.xaxis.set_major_locator(MaxNLocator(integer=True))
+    left.set(xlabel="epoch", ylabel="weighted loss, Eq. 4 (mm²)", title="Training")
+    right.set(xlabel="time (s)", ylabel="mean tip error (mm)", title="Unseen images")
+    right.set_xlim(0, None)
+    return drawing
+
+
+def draw_ways(tips: Records, mean: float) -> Figure:
+    """Ways of training against each other."""
+    drawing, [[axes]] = new_figure(height=3.2)
+    of = {way: own["tip_mean_mm"] for way, own in tips.group("way").items()}
+    for number, own in enumerate(of.values()):
+        axes.plot(own, np.full(len(own), number), "o", color=BLUE, alpha=0.7)
+        axes.plot(own.mean(), number, "|", color="black", markersize=14)
+    axes.axvline(mean, color="0.4", linestyle=":", label="mean of the labels")
+    axes.set(xscale="log", yticks=range(len(of)), yticklabels=list(of))
+    label_plainly(axes.xaxis)
+    axes.set(xlabel="mean tip error on unseen images (mm)", ylim=(len(of) - 0.5, -0.5))
+    return drawing
+
+
+def draw_bends(errors: Records) -> Figure:
+    """Errors over the bend."""
+    drawing, [[axes]] = new_figure(height=3.0)
+    own = errors.where(way=OURS, marker="tip", seed=errors["seed"][0])
+    axes.plot(own["bend_deg"], own["error_mm"], ".", color=BLUE, markersize=4)
+    axes.set(xlabel="bend (°)", ylabel="tip error (mm)", ylim=(0, None))
+    return drawing
+
+
+def draw_regularisation(sweep: Records, paper: Mapping[str, float]) -> Figure:
+    """Tip error over the weight of the L2 regularisation, and where the paper's may lie."""
+    drawing, [[axes]] = new_figure(height=3.2)
+    axes.loglog(sweep["regularisation"], sweep["tip_mean_mm"], "-o", color=BLUE)
+    for i, (unit, value) in enumerate(paper.items(), 1):
+        label = f"the paper's 0.01, {unit if unit == 'standardised' else 'in ' + unit}"
+        axes.axvline(value, color=PALETTE[i], linestyle=plots.DASHES[i], label=label)
+    label_plainly(axes.yaxis)
+    axes.set(xlabel="L2 regularisation, of standardised labels")
+    axes.set(ylabel="mean tip error on unseen images (mm)")
+    return drawing
+
+
+def draw_etas(etas: Records) -> Figure:
+    """Chambers of different η."""
+    drawing, [[left, middle, right]] = new_figure(1, 3, height=3.0)
+    rows = etas.summary("eta", **{name: f"mean {name}" for name in list(dict(etas))[1:]})
+    left.plot(rows["eta"], rows["tip_mm"], "-o", color=BLUE)
+    left.plot(etas["eta"], etas["tip_mm"], ".", color="0.5", label="one seed")
+    left.set(title="Posture", ylabel="mean tip error (mm)")
+    left.set_ylim(0, 1.1 * etas.stat("max tip_mm"))
+    middle.plot(rows["eta"], rows["blue_px"], "-o", color=BLUE, label="blue ring")
+    middle.plot(rows["eta"], rows["yellow_px"], "--s", color="#C79A00", label="yellow ring")
+    middle.set(title="Image, straight", ylabel="width (px)", ylim=(0, None))
+    right.plot(rows["eta"], rows["clearance_mm"], "-o", color=VERMILION)
+    right.axhline(0, color="0.4", linewidth=0.9)
+    right.axhline(CLEARANCE, color="0.4", linestyle=":", label=f"{CLEARANCE:g} mm")
+    right.set(title="Room at D", ylabel=as_mathtext("Δl_A − |Δl_D| (mm)"))
+    for axes in (left, middle, right):
+        axes.set_xlabel("η, yellow over blue")
+    return drawing
