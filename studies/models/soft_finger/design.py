@@ -11,12 +11,6 @@ from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.spec import ChamberImagesSpec
 
 
-def soft_finger_design(name: str, spec: ChamberImagesSpec, folder: Path | None) -> DesignedChamber:
-    """`chamber_design` without its kind."""
-    del folder
-    return DesignedChamber(name, SoftFinger.of(spec).chamber)
-
-
 def chamber_design(name: str, spec: ChamberImagesSpec, folder: Path | None) -> Design:
     """The chamber whose images a study analyzes.
 
@@ -31,4 +25,5 @@ def chamber_design(name: str, spec: ChamberImagesSpec, folder: Path | None) -> D
     Raises:
         UserError: no chamber follows from them.
     """
-    return Design(CHAMBER, soft_finger_design(name, spec, folder))
+    del folder
+    return Design(CHAMBER, DesignedChamber(name, SoftFinger.of(spec).chamber))
