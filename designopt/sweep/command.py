@@ -90,7 +90,7 @@ def sweep(
     from designopt.study.study import load_study
 
     chosen = load_study(study)
-    from designopt.sweep.points import grid_points, sobol_points
+    from designopt.sweep.points import Sweep, grid_points, sobol_points
 
     vary, ranges, shared = vary or [], ranges or [], tuple(settings or ())
     if bool(vary) == (sobol is not None):
@@ -110,24 +110,13 @@ def sweep(
     # Code that is loaded may swallow an interrupt.
     with interruptible() as check:
         keep_programs()
-        from designopt.sweep.running import Request, run_sweep, versions_of
+        from designopt.sweep.running import run_sweep, versions_of
 
         check()
     folder = out if out is not None else Path("out") / f"sweep-{study}"
-    outcomes = run_sweep(
-        Request(
-            study=chosen,
-            points=points,
-            settings=shared,
-            seed=seed,
-            dtype=dtype.value,
-            out=folder,
-            workers=workers or _cores(),
-            scheduler=scheduler,
-            force=force,
-            versions=versions_of(study),
-        )
-    )
+    asked = Sweep(chosen, points, shared, seed, dtype.value, versions_of(study))
+    cores = workers or _cores()
+    outcomes = run_sweep(asked, folder, workers=cores, scheduler=scheduler, force=force)
     print(f"report: {folder / 'result' / 'report.html'}")
     failures = {index: one.failure for index, one in outcomes.items() if one.failure}
     if not failures:

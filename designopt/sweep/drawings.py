@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,20 +23,19 @@ WRITTEN = {"°": "deg", "mm²": "mm2", "%": "percent"}
 """Units as names of metrics end in them, where that is not the unit itself."""
 
 
-@dataclass(frozen=True)
-class Series:
+class Series(NamedTuple):
     """A metric over the points of a sweep.
 
     Attributes:
         name: of the metric.
         unit: of its values; empty for a pure number.
-        values: one per point; ``None`` where there is none.
+        values: one per point; NaN where there is none.
         target: the figure asked for, if all points have the same.
     """
 
     name: str
     unit: str
-    values: Sequence[float | None]
+    values: np.ndarray
     target: Target | None
 
     @property
@@ -46,11 +44,6 @@ class Series:
         ending = "_" + WRITTEN.get(self.unit, self.unit.lower())
         name = as_mathtext(spell_out(self.name.removesuffix(ending)))
         return f"{name} ({self.unit})" if self.unit else name
-
-    @property
-    def numbers(self) -> np.ndarray:
-        """The values, NaN where there is none."""
-        return np.array([np.nan if value is None else value for value in self.values], float)
 
 
 def draw(points: Points, series: Series) -> Figure:
@@ -65,17 +58,15 @@ def _panels(points: Points, series: Series) -> Figure:
     columns = min(3, len(points.keys))
     rows = -(-len(points.keys) // columns)
     figure, all_axes = new_figure(rows, columns, height=3.6 if rows == 1 else None)
-    numbers = series.numbers
+    numbers, missing = series.values, np.isnan(series.values)
+    curve = points.grid is not None and len(points.keys) == 1
     settings = np.array(points.rows, float)
     for axes in all_axes.flat[len(points.keys) :]:
         axes.set_axis_off()
     for axes, label, column in zip(all_axes.flat, points.labels, settings.T, strict=False):
         order = np.argsort(column, kind="stable")
-        curve = points.grid is not None and len(points.keys) == 1
-        axes.plot(
-            column[order], numbers[order], "o-" if curve else "o", color=PALETTE[0], clip_on=False
-        )
-        missing = np.isnan(numbers)
+        marks = "o-" if curve else "o"
+        axes.plot(column[order], numbers[order], marks, color=PALETTE[0], clip_on=False)
         if missing.any():
             axes.plot(
                 column[missing],
@@ -110,7 +101,7 @@ def _map(points: Points, series: Series) -> Figure:
     assert points.grid is not None
     upwards, across = points.grid
     shape = len(upwards), len(across)
-    cells = np.ma.masked_invalid(series.numbers.reshape(shape))
+    cells = np.ma.masked_invalid(series.values.reshape(shape))
     figure, ((axes,),) = new_figure(height=min(7.0, 1.6 + 0.45 * shape[0]) if shape[0] > 4 else 3.4)
     axes.grid(visible=False)
     axes.set_facecolor("0.85")
@@ -121,21 +112,9 @@ def _map(points: Points, series: Series) -> Figure:
     image = axes.pcolormesh(cells, cmap=COLORS, norm=scale, **edges)
     bar = figure.colorbar(image, ax=axes, label=series.label)
     bar.ax.ticklabel_format(useOffset=False)
-    if series.target is not None and low < series.target.value < high:
-        bar.ax.axhline(series.target.value, color="white", linewidth=2)
-    _label(axes, points, written, cells, scale, series.target)
-    return figure
-
-
-def _label(
-    axes: Axes,
-    points: Points,
-    written: bool,
-    cells: np.ma.MaskedArray,
-    scale: Normalize,
-    target: Target | None,
-) -> None:
-    assert points.grid is not None
+    target = series.target
+    if target is not None and low < target.value < high:
+        bar.ax.axhline(target.value, color="white", linewidth=2)
     for axis, label, values in zip(
         (axes.yaxis, axes.xaxis), points.labels, points.grid, strict=True
     ):
@@ -143,23 +122,20 @@ def _label(
         axis.set_ticks(np.arange(0, len(values), step) + 0.5, [f"{v:.4g}" for v in values[::step]])
         axis.set_label_text(label)
     axes.tick_params(length=0)
-    short_of = 0
+    missed = written and _write(axes, cells, scale, target)
+    notes = [f"target {target}" + " (* missed)" * missed] if target is not None else []
+    axes.set_title("; ".join(notes + ["grey: no value"] * np.ma.is_masked(cells)))
+    return figure
+
+
+def _write(axes: Axes, cells: np.ma.MaskedArray, scale: Normalize, target: Target | None) -> bool:
+    """Write every cell's number, starred where it misses the target; whether any number does."""
+    any_missed = False
     for (row, column), value in np.ndenumerate(cells.filled(np.nan)):
-        nothing = np.isnan(value)
-        text = "–" if nothing else f"{value:.4g}"
-        if target is not None and not nothing and not target.met_by(float(value)):
-            text, short_of = f"{text}*", short_of + 1
-        if written:
-            dark = not nothing and scale(value) < 0.5
-            axes.text(
-                column + 0.5,
-                row + 0.5,
-                text,
-                ha="center",
-                va="center",
-                color="white" if dark else "black",
-            )
-    notes = ["grey: no value"] if np.ma.is_masked(cells) else []
-    if target is not None:
-        notes.insert(0, f"target {target}" + (" (* missed)" if short_of and written else ""))
-    axes.set_title("; ".join(notes))
+        known = not np.isnan(value)
+        missed = target is not None and known and not target.met_by(float(value))
+        any_missed |= missed
+        text = f"{value:.4g}" + "*" * missed if known else "–"
+        color = "white" if known and scale(value) < 0.5 else "black"
+        axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", color=color)
+    return any_missed

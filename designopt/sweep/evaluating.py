@@ -12,10 +12,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from contextlib import nullcontext, suppress
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import Any, NamedTuple
 
 from designopt.errors import UserError
 from designopt.io.spec import Spec
@@ -36,8 +35,7 @@ ONE_THREAD = {
 _ALONE = threading.Lock()
 
 
-@dataclass(frozen=True)
-class Task:
+class Task(NamedTuple):
     """Some points for a worker.
 
     Attributes:
@@ -77,13 +75,10 @@ def evaluate(task: Task) -> list[Outcome]:
         programs = compiled()  # listens from now on
         study = _loaded(task.study, tuple(task.versions.items()))
         specs = [spec_with(study.spec, settings, study=task.study) for settings in task.settings]
-        context = Context(task.seed, task.dtype, _no_step)
+        context = Context(task.seed, task.dtype, lambda _: nullcontext())
         with jax.enable_x64(task.dtype == "float64"):
             device = f"{jax.devices()[0].device_kind} ({platform.machine()}), one thread a worker"
-            if study.batch is None:
-                outcomes = [_point(study.run, spec, context, device) for spec in specs]
-            else:
-                outcomes = _batch(study, study.batch, specs, task.width, context, device)
+            outcomes = _outcomes(study, specs, task.width, context, device)
             programs.task_is_done()
             return outcomes
 
@@ -122,29 +117,20 @@ def _point(
     return failed(reason, final=final, seconds=time.perf_counter() - start, device=device)
 
 
-def _batch(
-    study: Study,
-    batch: Callable[[Sequence[Any], Context], Sequence[Results | UserError]],
-    specs: Sequence[Spec],
-    width: int,
-    context: Context,
-    device: str,
+def _outcomes(
+    study: Study, specs: Sequence[Spec], width: int, context: Context, device: str
 ) -> list[Outcome]:
-    filled = [*specs, *[specs[-1]] * (width - len(specs))]
-    start = time.perf_counter()
-    try:
-        answers = batch(filled, context)
-        seconds = (time.perf_counter() - start) / len(specs)
-        outcomes = [
-            failed(str(answer), final=True, seconds=seconds, device=device)
-            if isinstance(answer, UserError)
-            else found(answer.metrics, seconds, device)
-            for answer, _ in zip(answers, filled, strict=True)
-        ]
-    except BaseException:  # which point raised is known from single points only
-        return [_point(study.run, spec, context, device) for spec in specs]
-    return outcomes[: len(specs)]
-
-
-def _no_step(_: str) -> AbstractContextManager[None]:
-    return nullcontext()
+    """What becomes of points: as one batch, if the study has it, or one after another."""
+    if study.batch is not None:
+        filled = [*specs, *[specs[-1]] * (width - len(specs))]
+        start = time.perf_counter()
+        with suppress(BaseException):  # which point raised is known from single points only
+            answers = study.batch(filled, context)
+            seconds = (time.perf_counter() - start) / len(specs)
+            return [
+                failed(str(answer), final=True, seconds=seconds, device=device)
+                if isinstance(answer, UserError)
+                else found(answer.metrics, seconds, device)
+                for answer, _ in zip(answers, filled, strict=True)
+            ][: len(specs)]
+    return [_point(study.run, spec, context, device) for spec in specs]

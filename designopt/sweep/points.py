@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast, get_args
+from typing import Any, NamedTuple, cast, get_args
 
 import numpy as np
 from scipy.stats import qmc
@@ -17,6 +17,7 @@ from designopt.errors import UserError
 from designopt.io.ranges import ends_of, split_name, values_of
 from designopt.io.spec import Spec
 from designopt.study.settings import fields
+from designopt.study.study import Study
 
 MOST_POINTS = 100_000
 """More are more likely a slip of the pen than a wish: every point is kept in a file of its own."""
@@ -55,6 +56,30 @@ class Points:
         return tuple(f"{key}={value!r}" for key, value in self.settings(index).items())
 
 
+class Sweep(NamedTuple):
+    """A sweep, as asked for: all that its numbers depend on.
+
+    Attributes:
+        study: which.
+        points: over what.
+        settings: ``key=value`` texts that all points share.
+        seed: seed of every random draw.
+        dtype: float type to compute in.
+        versions: of Python and of the packages that shape the numbers.
+    """
+
+    study: Study
+    points: Points
+    settings: tuple[str, ...]
+    seed: int
+    dtype: str
+    versions: Mapping[str, str]
+
+    def settings_of(self, index: int) -> tuple[str, ...]:
+        """All settings of one point, as they would be written after ``--set``."""
+        return (*self.settings, *self.points.assignments(index))
+
+
 def grid_points(model: type[Spec], texts: Sequence[str]) -> Points:
     """All combinations of the values of several settings, the last one's changing fastest.
 
@@ -76,11 +101,9 @@ def grid_points(model: type[Spec], texts: Sequence[str]) -> Points:
             "vary fewer values"
         )
     grid = tuple(ranges.values())
+    definition = {"grid": {key: list(values) for key, values in ranges.items()}}
     rows = tuple(itertools.product(*grid))
-    labels = _labels(model, ranges)
-    return Points(
-        tuple(ranges), labels, rows, grid, {"grid": {key: [*ranges[key]] for key in ranges}}
-    )
+    return Points(tuple(ranges), _labels(model, ranges), rows, grid, definition)
 
 
 def sobol_points(model: type[Spec], count: int, texts: Sequence[str], seed: int) -> Points:
@@ -112,10 +135,9 @@ def sobol_points(model: type[Spec], count: int, texts: Sequence[str], seed: int)
     unit = sampler.random_base2(max(count - 1, 0).bit_length())[:count]
     columns = []
     for (key, (low, high)), column in zip(bounds.items(), unit.T, strict=True):
-        if _is_integer(model, key):
-            columns.append(_whole(model, key, np.floor(low + column * (high - low + 1))))
-        else:
-            columns.append(_whole(model, key, low + column * (high - low)))
+        whole = _is_integer(model, key)
+        values = np.floor(low + column * (high - low + 1)) if whole else low + column * (high - low)
+        columns.append(_whole(model, key, values))
     rows = tuple(zip(*columns, strict=True))
     definition = {"sobol": count, "bounds": {key: list(ends) for key, ends in bounds.items()}}
     return Points(tuple(bounds), _labels(model, bounds), rows, None, definition)

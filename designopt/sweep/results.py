@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from designopt.errors import UserError
 from designopt.plot import figures
@@ -15,153 +16,101 @@ from designopt.study.page import RunRecord
 from designopt.study.result_folders import result_folder
 from designopt.study.results import Cell, Figure, Metric, Results, Table, Target
 from designopt.study.runner import write_results
-from designopt.study.study import Study
 from designopt.sweep.drawings import MOST_WRITTEN, Series, draw
 from designopt.sweep.outcomes import Outcome
-from designopt.sweep.points import Points, Value
+from designopt.sweep.points import Points, Sweep, Value
 
 TIMES = ("s", "ms")
 """A metric in one of these is a run time: the studies' mechanics and optics have no time. It is not
 the same twice, and stays out of the tables that are."""
 
+Columns = Sequence[tuple[str, Sequence[Any]]]
+"""Names with what every point has there."""
+
 ALL_FOUND = Target("=", 0)
 
 
-@dataclass(frozen=True)
-class Swept:
-    """A finished sweep.
-
-    Attributes:
-        study: which.
-        points: over what.
-        outcomes: what became of every point.
-        settings: ``key=value`` texts that all points share.
-        seed: seed of every random draw.
-        dtype: float type computed in.
-        versions: of the packages that shape the numbers.
-    """
-
-    study: Study
-    points: Points
-    outcomes: tuple[Outcome, ...]
-    settings: tuple[str, ...]
-    seed: int
-    dtype: str
-    versions: Mapping[str, str]
-
-    @property
-    def failures(self) -> list[int]:
-        """The points that failed."""
-        return [index for index, outcome in enumerate(self.outcomes) if outcome.failure]
-
-    def metrics(self) -> dict[str, list[Metric | None]]:
-        """Every metric's name with what each point found for it, in the order of appearance."""
-        found: dict[str, list[Metric | None]] = {}
-        for index, outcome in enumerate(self.outcomes):
-            for metric in outcome.metrics:
-                column = found.setdefault(metric.name, [None] * len(self.outcomes))
-                column[index] = metric
-        return found
-
-    def columns(self, *, timed: bool) -> dict[str, list[Value | None]]:
-        """The values of every metric that is a run time, or of every one that is none."""
-        return {
-            name: [_number(metric) for metric in column]
-            for name, column in self.metrics().items()
-            if (_shared(column).unit in TIMES) == timed
-        }
-
-
-def write_result(swept: Swept, out: Path) -> None:
+def write_result(sweep: Sweep, outcomes: Sequence[Outcome], out: Path) -> None:
     """Write tables, figures and the report, complete or not at all, over an earlier result.
 
     Args:
-        swept: the sweep.
+        sweep: what was asked for.
+        outcomes: what became of every point.
         out: the folder to make.
 
     Raises:
         UserError: it cannot be written.
     """
-    points, study = swept.points, swept.study
+    points, study = sweep.points, sweep.study
     record = RunRecord(
         study=study.name,
         purpose=f"A sweep of {len(points)} points over {', '.join(points.keys)}: {study.purpose}",
-        spec={
-            "vary": _told(points),
-            "set": {
-                key: value for key, _, value in (text.partition("=") for text in swept.settings)
-            },
-        },
-        seed=swept.seed,
-        dtype=swept.dtype,
-        device=", ".join(sorted({one.device for one in swept.outcomes if one.device})),
-        versions=dict(swept.versions),
-        seconds=sum(outcome.seconds for outcome in swept.outcomes),
+        spec={"vary": _told(points), "set": dict(text.split("=", 1) for text in sweep.settings)},
+        seed=sweep.seed,
+        dtype=sweep.dtype,
+        device=", ".join(sorted({one.device for one in outcomes if one.device})),
+        versions=dict(sweep.versions),
+        seconds=sum(outcome.seconds for outcome in outcomes),
     )
     with result_folder(out, force=True) as folder, figures.style():
         try:
-            write_results(record, results(swept), folder)
+            write_results(record, results(points, outcomes), folder)
         except OSError as error:
             raise UserError(f"{out}: cannot be written ({error.strerror})") from error
 
 
-def results(swept: Swept) -> Results:
-    """The sweep's tables and figures."""
-    failures = swept.failures
-    tables = [points_table(swept), extremes(swept), run_times(swept)]
-    if failures:
-        tables.insert(1, failed_table(swept))
+def results(points: Points, outcomes: Sequence[Outcome]) -> Results:
+    """A sweep's tables and figures; all tables but that of run times are the same every time."""
+    metrics = metrics_of(outcomes)
+    units = {name: _shared(column).unit for name, column in metrics.items()}
+    values = {name: [_number(metric) for metric in column] for name, column in metrics.items()}
+    steady = [(name, column) for name, column in values.items() if units[name] not in TIMES]
+    timed = [(name, column) for name, column in values.items() if units[name] in TIMES]
+    failures = [index for index, outcome in enumerate(outcomes) if outcome.failure]
+
+    def table(name: str, title: str, columns: Columns, which: Iterable[int]) -> Table:
+        rows = [(i, *points.rows[i], *(column[i] for _, column in columns)) for i in which]
+        return Table(name, title, ["point", *points.keys, *(one for one, _ in columns)], rows)
+
+    every, reasons = range(len(points)), [outcome.failure for outcome in outcomes]
+    times = [("seconds", [outcome.seconds for outcome in outcomes]), *timed]
+    cells = "Every point; empty cells where a point failed or a metric has no value"
+    shares = "Run time of every point, shared evenly within a batch, and metrics that are run times"
+    tables = [
+        table("points", cells, steady, every),
+        table("failed", "Points that failed", [("reason", reasons)], failures),
+        _extremes(steady, units),
+        table("run_times", shares, times, every),
+    ]
+    drawn = [metric_figure(points, name, column) for name, column in metrics.items()]
     return Results(
-        findings=_findings(swept),
+        findings=[_finding(points, len(failures))],
         metrics=[
-            Metric("points", len(swept.points), "", "points of the sweep"),
+            Metric("points", len(points), "", "points of the sweep"),
             Metric("failed_points", len(failures), "", "points without an answer", None, ALL_FOUND),
         ],
-        tables=tables,
-        figures=[
-            figure
-            for name, column in swept.metrics().items()
-            if (figure := metric_figure(swept.points, name, column)) is not None
-        ],
+        tables=[one for one in tables if one.name != "failed" or failures],
+        figures=[figure for figure in drawn if figure is not None],
     )
 
 
-def points_table(swept: Swept) -> Table:
-    """Every point with its settings and metrics; empty cells where there is no number."""
-    columns = swept.columns(timed=False)
-    return Table(
-        "points",
-        "Every point; empty cells where a point failed or a metric has no value",
-        ["point", *swept.points.keys, *columns],
-        [
-            (index, *row, *(column[index] for column in columns.values()))
-            for index, row in enumerate(swept.points.rows)
-        ],
-    )
+def metrics_of(outcomes: Sequence[Outcome]) -> dict[str, list[Metric | None]]:
+    """Every metric's name with what each point found for it, in the order of appearance."""
+    found: dict[str, list[Metric | None]] = {}
+    for index, outcome in enumerate(outcomes):
+        for metric in outcome.metrics:
+            found.setdefault(metric.name, [None] * len(outcomes))[index] = metric
+    return found
 
 
-def failed_table(swept: Swept) -> Table:
-    """The points that failed, with the reason."""
-    return Table(
-        "failed",
-        "Points that failed",
-        ["point", *swept.points.keys, "reason"],
-        [
-            (index, *swept.points.rows[index], swept.outcomes[index].failure)
-            for index in swept.failures
-        ],
-    )
-
-
-def extremes(swept: Swept) -> Table:
+def _extremes(columns: Columns, units: Mapping[str, str]) -> Table:
     """The least and the greatest value of every metric, and the points that have them."""
     rows: list[tuple[Cell, ...]] = []
-    metrics = swept.metrics()
-    for name, column in swept.columns(timed=False).items():
+    for name, column in columns:
         numbers = [(value, index) for index, value in enumerate(column) if value is not None]
         if numbers:
             least, greatest = min(numbers), max(numbers, key=lambda one: (one[0], -one[1]))
-            rows.append((name, _shared(metrics[name]).unit, *least, *greatest))
+            rows.append((name, units[name], *least, *greatest))
     return Table(
         "extremes",
         "Least and greatest value of every metric, and the first point that has it",
@@ -170,29 +119,11 @@ def extremes(swept: Swept) -> Table:
     )
 
 
-def run_times(swept: Swept) -> Table:
-    """How long every point took; apart from the other tables, which are the same every time."""
-    columns = swept.columns(timed=True)
-    return Table(
-        "run_times",
-        "Run time of every point, shared evenly within a batch, and metrics that are run times",
-        ["point", *swept.points.keys, "seconds", *columns],
-        [
-            (
-                index,
-                *row,
-                swept.outcomes[index].seconds,
-                *(column[index] for column in columns.values()),
-            )
-            for index, row in enumerate(swept.points.rows)
-        ],
-    )
-
-
 def metric_figure(points: Points, name: str, column: list[Metric | None]) -> Figure | None:
     """A metric over what is varied; ``None`` if no point has a finite number."""
-    values = [metric.value if metric and math.isfinite(metric.value) else None for metric in column]
-    if all(value is None for value in values):
+    values = np.array([metric.value if metric else math.nan for metric in column], float)
+    values[~np.isfinite(values)] = math.nan
+    if np.isnan(values).all():
         return None
     shared = _shared(column)
     series = Series(name, shared.unit, values, shared.target)
@@ -201,17 +132,15 @@ def metric_figure(points: Points, name: str, column: list[Metric | None]) -> Fig
     return Figure(re.sub(r"[^\w.-]", "_", name), title, caption, draw(points, series))
 
 
-def _findings(swept: Swept) -> list[str]:
-    points, count = swept.points, len(swept.points)
+def _finding(points: Points, failures: int) -> str:
     if points.grid is None:
-        where = f"{count} Sobol points over {', '.join(points.keys)}"
+        where = f"{len(points)} Sobol points over {', '.join(points.keys)}"
     else:
-        where = f"{count} points: " + " × ".join(
+        where = f"{len(points)} points: " + " × ".join(
             f"{len(values)} of {key}" for key, values in zip(points.keys, points.grid, strict=True)
         )
-    failures = len(swept.failures)
     ending = f"{failures} failed, and a table says why" if failures else "every point has an answer"
-    return [f"{where}; {ending}."]
+    return f"{where}; {ending}."
 
 
 def _told(points: Points) -> dict[str, Any]:
@@ -236,11 +165,6 @@ def _shared(column: list[Metric | None]) -> Metric:
     found = [metric for metric in column if metric is not None]
     first = found[0]
     same = all(metric.description == first.description for metric in found)
-    asked = all(metric.target == first.target for metric in found)
-    return Metric(
-        first.name,
-        first.value,
-        first.unit,
-        first.description if same else "",
-        target=first.target if asked else None,
-    )
+    target = first.target if all(metric.target == first.target for metric in found) else None
+    words = first.description if same else ""
+    return Metric(first.name, first.value, first.unit, words, target=target)

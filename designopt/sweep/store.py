@@ -9,7 +9,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -123,16 +123,12 @@ class Folder:
         if not other:
             return
         if other == ["versions"]:
-            versions = kept.get("versions") or {}
-            package = next(
-                name
-                for name in wanted["versions"]
-                if wanted["versions"][name] != versions.get(name)
-            )
+            before, now = kept.get("versions") or {}, wanted["versions"]
+            package = next(name for name in now if now[name] != before.get(name))
             raise UserError(
-                f"--out {self.path}: its points were made with {package} "
-                f"{versions.get(package)}, and this is {wanted['versions'][package]}: they would "
-                "not fit together; name another folder, or begin anew with --force"
+                f"--out {self.path}: its points were made with {package} {before.get(package)}, "
+                f"and this is {now[package]}: they would not fit together; name another folder, or "
+                "begin anew with --force"
             )
         raise UserError(
             f"--out {self.path}: it holds another sweep (other {' and '.join(other)}); name "
@@ -176,7 +172,7 @@ class Folder:
         Raises:
             UserError: it cannot be written.
         """
-        path = self.path / POINTS / _file_name(index)
+        path = self.path / POINTS / f"{index:06d}.json"
         try:
             path.parent.mkdir(exist_ok=True)
         except OSError as error:
@@ -196,23 +192,17 @@ def _own_point(path: Path) -> dict[str, Any] | None:
         if path.is_symlink() or not path.is_file():
             return None
         document = json.loads(path.read_text(encoding="utf-8"))
-        if not checksum_holds(document, required=False):
-            return None
-        if document["point"] < 0 or document["settings"] is None:
-            return None
         from_json(document)
+        whole = checksum_holds(document, required=False)
+        ours = whole and document["point"] >= 0 and document["settings"] is not None
+        return document if ours else None
     except (OSError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
         return None
-    return document
 
 
 def _set_aside(path: Path) -> None:
     names = (path.with_name(f"{path.name}.other-{n}") for n in itertools.count(1))
     path.rename(next(name for name in names if not os.path.lexists(name)))
-
-
-def _file_name(index: int) -> str:
-    return f"{index:06d}.json"
 
 
 def _cannot_write(path: Path, error: OSError) -> UserError:
@@ -221,14 +211,13 @@ def _cannot_write(path: Path, error: OSError) -> UserError:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        with suppress(ValueError):
+            document = json.loads(path.read_text(encoding="utf-8"))
+            if isinstance(document, dict):
+                return document
     except OSError as error:
         raise UserError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise UserError(f"{path}: it is damaged; delete it, or begin anew with --force") from error
-    if not isinstance(document, dict):
-        raise UserError(f"{path}: it is damaged; delete it, or begin anew with --force")
-    return document
+    raise UserError(f"{path}: it is damaged; delete it, or begin anew with --force")
 
 
 def _write(path: Path, document: Mapping[str, Any]) -> None:

@@ -88,4 +88,4 @@ def test_outcomes_survive_their_file():
     lost = failed("a\n b", final=False, seconds=2.0, device="cpu")
     assert lost.failure == "a b"
     assert from_json(to_json(lost)) == lost
-    assert from_json(to_json(dataclasses.replace(lost, final=True))).final
+    assert from_json(to_json(lost._replace(final=True))).final

@@ -9,8 +9,8 @@ import pytest
 from designopt.study.results import Metric, Target
 from designopt.sweep.outcomes import failed, found
 from designopt.sweep.points import grid_points, sobol_points
-from designopt.sweep.results import Swept, metric_figure, results
-from tests.designopt.sweep.plugin import SWEPT, SweptSpec
+from designopt.sweep.results import metric_figure, metrics_of, results
+from tests.designopt.sweep.plugin import SweptSpec
 
 
 def metric(name, value, target=None):
@@ -19,17 +19,17 @@ def metric(name, value, target=None):
 
 def swept(points, *areas, target=None):
     """Points with these areas; where there is none, it failed."""
-    outcomes = tuple(
+    outcomes = [
         failed("no area", final=True)
         if area is None
         else found([metric("area", area, target), metric("none", float("nan"))], 2.0, "cpu")
         for area in areas
-    )
-    return Swept(SWEPT, points, outcomes, ("count=3",), 0, "float64", {"designopt": "0"})
+    ]
+    return points, outcomes
 
 
-def drawn(sweep, name="area") -> Any:
-    figure = metric_figure(sweep.points, name, sweep.metrics()[name])
+def drawn(points, outcomes, name="area") -> Any:
+    figure = metric_figure(points, name, metrics_of(outcomes)[name])
     assert figure is not None
     return figure.drawing
 
@@ -38,7 +38,7 @@ GRID = grid_points(SweptSpec, ["x=1:2:2", "wait=0,5"])
 
 
 def test_tables():
-    tables = {table.name: table for table in results(swept(GRID, 4.0, None, -1.0, 4.0)).tables}
+    tables = {table.name: table for table in results(*swept(GRID, 4.0, None, -1.0, 4.0)).tables}
     assert tables["points"].columns == ["point", "x", "wait", "area", "none"]
     assert tables["points"].rows == [
         (0, 1.0, 0.0, 4.0, None),
@@ -54,9 +54,8 @@ def test_tables():
 def test_metrics_that_are_run_times_are_in_the_table_of_run_times_alone():
     points = grid_points(SweptSpec, ["x=1,2"])
     timed = [metric("area", 5.0), Metric("search_seconds", 0.25, "s", "of the search")]
-    outcomes = (found(timed, 2.0, "cpu"), failed("no", final=True))
-    sweep = Swept(SWEPT, points, outcomes, (), 0, "float64", {"designopt": "0"})
-    tables = {table.name: table for table in results(sweep).tables}
+    outcomes = [found(timed, 2.0, "cpu"), failed("no", final=True)]
+    tables = {table.name: table for table in results(points, outcomes).tables}
     assert tables["points"].columns == ["point", "x", "area"]
     assert [row[0] for row in tables["extremes"].rows] == ["area"]
     assert tables["run_times"].columns == ["point", "x", "seconds", "search_seconds"]
@@ -64,23 +63,23 @@ def test_metrics_that_are_run_times_are_in_the_table_of_run_times_alone():
 
 
 def test_a_sweep_without_failures_has_no_table_of_them():
-    found_all = results(swept(GRID, 1.0, 2.0, 3.0, 4.0))
+    found_all = results(*swept(GRID, 1.0, 2.0, 3.0, 4.0))
     assert [table.name for table in found_all.tables] == ["points", "extremes", "run_times"]
     assert [(one.name, one.met) for one in found_all.metrics] == [
         ("points", None),
         ("failed_points", True),
     ]
     assert [figure.name for figure in found_all.figures] == ["area"]  # of nothing there is none
-    assert results(swept(GRID, 1.0, None, 3.0, 4.0)).unmet
-    endless = results(swept(GRID, math.inf, 2.0, 3.0, 4.0))
+    assert results(*swept(GRID, 1.0, None, 3.0, 4.0)).unmet
+    endless = results(*swept(GRID, math.inf, 2.0, 3.0, 4.0))
     assert endless.tables[0].rows[0][3] == math.inf
     assert [figure.name for figure in endless.figures] == ["area"]
-    assert not results(swept(GRID, *4 * [math.inf])).figures
+    assert not results(*swept(GRID, *4 * [math.inf])).figures
 
 
 def test_a_grid_of_two_settings_is_a_map_with_its_numbers():
     target = Target(">=", 2.0)
-    axes, bar = drawn(swept(GRID, 4.0, None, -1.0, 3.0, target=target)).axes
+    axes, bar = drawn(*swept(GRID, 4.0, None, -1.0, 3.0, target=target)).axes
     (mesh,) = axes.collections
     cells = np.ma.masked_invalid(mesh.get_array())
     np.testing.assert_array_equal(cells.mask, [[False, True], [False, False]])
@@ -94,7 +93,7 @@ def test_a_grid_of_two_settings_is_a_map_with_its_numbers():
 
 def test_one_setting_is_a_curve_that_shows_where_points_failed():
     points = grid_points(SweptSpec, ["x=3,1,2"])
-    (axes,) = drawn(swept(points, 30.0, 10.0, None, target=Target("=", 20.0, 1.0))).axes
+    (axes,) = drawn(*swept(points, 30.0, 10.0, None, target=Target("=", 20.0, 1.0))).axes
     curve, missing, asked = axes.lines
     assert curve.get_xdata().tolist() == [1.0, 2.0, 3.0]
     np.testing.assert_array_equal(curve.get_ydata(), [10.0, np.nan, 30.0])
@@ -107,7 +106,7 @@ def test_one_setting_is_a_curve_that_shows_where_points_failed():
 def test_sobol_points_are_a_panel_per_setting(count):
     texts = ["x=0:1", "wait=0:9", "count=1:8", "fatal=0:1"][:count]
     points = sobol_points(SweptSpec, 8, texts, seed=0)
-    panels = [one for one in drawn(swept(points, *map(float, range(8)))).axes if one.lines]
+    panels = [one for one in drawn(*swept(points, *map(float, range(8)))).axes if one.lines]
     assert [axes.get_xlabel() for axes in panels] == list(points.labels)
     for axes, column in zip(panels, np.transpose(points.rows), strict=True):
         (dots,) = axes.lines
