@@ -19,37 +19,33 @@ with warnings.catch_warnings():
 Residual = Callable[[Float[Array, ""], Any], Float[Array, ""]]
 
 
-def bisection(
-    residual: Residual,
-    bracket: tuple[Any, Any],
-    args: Any,
-    *,
-    tolerance: Any,
-    max_steps: int,
-) -> Float[Array, ""]:
-    """Root of a scalar residual by jaxopt's Bisection, with its implicit derivative.
-
-    The bracket is not checked here (jaxopt raises, which a batch cannot): check the residual
-    at the root.
-    """
-    lower, upper = bracket
-    solver = jaxopt.Bisection(
-        residual, lower, upper, maxiter=max_steps, tol=tolerance, check_bracket=False
-    )
-    return solver.run(None, args).params
-
-
-def gauss_newton(
+def root(
     residual: Residual,
     guess: Float[Array, ""],
     args: Any,
+    method: str,
+    bracket: tuple[Any, Any],
     *,
     tolerance: Any,
     max_steps: int,
 ) -> Float[Array, ""]:
-    """Root of a scalar residual by jaxopt's GaussNewton, with its implicit derivative."""
-    solver = jaxopt.GaussNewton(residual, maxiter=max_steps, tol=tolerance)
-    return solver.run(guess, args).params
+    """Root of a scalar residual by jaxopt's Bisection or GaussNewton, with its implicit derivative.
+
+    Args:
+        residual: from a number and ``args`` to a number.
+        guess: where GaussNewton starts.
+        args: what the residual depends on beside the number.
+        method: ``"jaxopt-bisection"`` or ``"jaxopt-gauss-newton"``.
+        bracket: where Bisection starts; it is not checked (jaxopt raises, which a batch cannot):
+            check the residual at the root.
+        tolerance: of the residual.
+        max_steps: cap on iterations.
+    """
+    caps: Any = {"maxiter": max_steps, "tol": tolerance}
+    if method == "jaxopt-bisection":
+        solver = jaxopt.Bisection(residual, *bracket, check_bracket=False, **caps)
+        return solver.run(None, args).params
+    return jaxopt.GaussNewton(residual, **caps).run(guess, args).params
 
 
 def minimize_in_box(
@@ -73,25 +69,16 @@ def minimize_in_box(
         tolerance: of jaxopt's optimality error.
         max_steps: cap on iterations.
     """
+    options: Any = {"maxiter": max_steps, "tol": tolerance, "implicit_diff": False}
     # jaxopt mixes ranks and types within itself.
     with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
         if method == "jaxopt-lbfgsb":
-            solver = jaxopt.LBFGSB(
-                objective,
-                maxiter=max_steps,
-                tol=tolerance,
-                linesearch="backtracking",  # its default compiles for minutes
-                implicit_diff=False,
-            )
+            # The default line search compiles for minutes.
+            solver = jaxopt.LBFGSB(objective, linesearch="backtracking", **options)
             found = solver.run(guess, bounds, args)
         else:
-            solver = jaxopt.ProjectedGradient(
-                objective,
-                jaxopt.projection.projection_box,
-                maxiter=max_steps,
-                tol=tolerance,
-                implicit_diff=False,
-            )
+            box = jaxopt.projection.projection_box
+            solver = jaxopt.ProjectedGradient(objective, box, **options)
             found = solver.run(guess, hyperparams_proj=bounds, args=args)
         return found.params, found.state.iter_num
 

@@ -84,7 +84,11 @@ def find_root(
     else:
         lower = upper = guess  # nobody looks at them
     if method.startswith("jaxopt"):
-        root = _jaxopt(residual, guess, args, method, (lower, upper), tolerance, max_steps)
+        # Imported on first use: jaxopt takes half a second, and few solves need it.
+        from designopt import jaxopt_adapter
+
+        caps = {"tolerance": tolerance, "max_steps": max_steps}
+        root = jaxopt_adapter.root(residual, guess, args, method, (lower, upper), **caps)
         converged = jnp.abs(residual(root, args)) <= tolerance
         result = optx.RESULTS.where(
             converged, optx.RESULTS.successful, optx.RESULTS.nonlinear_max_steps_reached
@@ -101,6 +105,19 @@ def find_root(
         jnp.where(known, jnp.abs(value), 1.0),
         optx.RESULTS.where(known, result, optx.RESULTS.nonfinite),
     )
+
+
+def check_default_float(method: str, guess: Array) -> None:
+    """Refuse a start in another float type than JAX's default.
+
+    Raises:
+        ValueError: the method would mix the two.
+    """
+    if guess.dtype != jnp.result_type(float):
+        raise ValueError(
+            f"{method} computes in JAX's default float type: "
+            "call it with that, or under jax.enable_x64(False) for float32"
+        )
 
 
 def _optimistix(
@@ -132,11 +149,7 @@ def _optimistix(
             equation = rising
             solver = optx.Bisection(tolerance, tolerance, flip=False)
         case _:
-            if guess.dtype != jnp.result_type(float):
-                raise ValueError(
-                    f"{method} computes in JAX's default float type: "
-                    "call it with that, or under jax.enable_x64(False) for float32"
-                )
+            check_default_float(method, guess)
             kind = {"dogleg": optx.Dogleg, "levenberg-marquardt": optx.LevenbergMarquardt}[method]
             solver = kind(tolerance, tolerance)
     return optx.root_find(
@@ -149,25 +162,4 @@ def _optimistix(
         # The pseudo-inverse keeps the derivative finite (zero) where the slope vanishes.
         adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False)),
         throw=False,
-    )
-
-
-def _jaxopt(
-    residual: Residual,
-    guess: Float[Array, ""],
-    args: Any,
-    method: str,
-    bracket: tuple[Float[Array, ""], Float[Array, ""]],
-    tolerance: Any,  # annotated float by the libraries, which take a traced array all the same
-    max_steps: int,
-) -> Float[Array, ""]:
-    # Imported on first use: jaxopt takes half a second, and few solves need it.
-    from designopt import jaxopt_adapter
-
-    if method == "jaxopt-bisection":
-        return jaxopt_adapter.bisection(
-            residual, bracket, args, tolerance=tolerance, max_steps=max_steps
-        )
-    return jaxopt_adapter.gauss_newton(
-        residual, guess, args, tolerance=tolerance, max_steps=max_steps
     )

@@ -24,7 +24,7 @@ from jaxtyping import Array, Bool, Float, Int
 from designopt.fitting import with_jacobian
 from designopt.optimize.flat import Flat, Point
 from designopt.optimize.problem import Evaluation
-from designopt.roots import ROUNDING_UNITS
+from designopt.roots import ROUNDING_UNITS, check_default_float
 
 Inner = Literal["bfgs", "levenberg-marquardt", "jaxopt-lbfgsb", "jaxopt-projected-gradient"]
 
@@ -143,18 +143,11 @@ def first_state(flat: Flat, inner: Inner, start: Point, updates: int) -> State:
     dtype = start.dtype
     _, h, g = jax.eval_shape(lambda point: _evaluated(flat, inner, point), start)
     none = (jnp.zeros(h.shape, dtype), jnp.zeros(g.shape, dtype))
-    infinite = jnp.asarray(jnp.inf, dtype)
+    penalty, infinite = jnp.asarray(FIRST_PENALTY, dtype), jnp.asarray(jnp.inf, dtype)
     zeros = jnp.zeros(updates, dtype)
-    return State(
-        start,
-        none,
-        jnp.asarray(FIRST_PENALTY, dtype),
-        infinite,
-        infinite,
-        jnp.zeros((), int),
-        jnp.zeros((), bool),
-        Trace(zeros, zeros, jnp.zeros(updates, int)),
-    )
+    trace = Trace(zeros, zeros, jnp.zeros(updates, int))
+    number, done = jnp.zeros((), int), jnp.zeros((), bool)
+    return State(start, none, penalty, infinite, infinite, number, done, trace)
 
 
 def updated(
@@ -197,16 +190,10 @@ def updated(
         jnp.where(later, violation, before.violation),
         jnp.where(later, total, before.steps),
     )
-    return State(
-        point,
-        (mu + penalty * h, jnp.maximum(0.0, lam - penalty * g)),
-        jnp.where(better, penalty, jnp.minimum(GROWTH * penalty, LARGEST_PENALTY)),
-        gap,
-        objective,
-        at + 1,
-        (gap <= tolerance) & settled,
-        trace,
-    )
+    multipliers = (mu + penalty * h, jnp.maximum(0.0, lam - penalty * g))
+    penalty = jnp.where(better, penalty, jnp.minimum(GROWTH * penalty, LARGEST_PENALTY))
+    done = (gap <= tolerance) & settled
+    return State(point, multipliers, penalty, gap, objective, at + 1, done, trace)
 
 
 def _evaluated(
@@ -261,46 +248,29 @@ def _inner(
             raise ValueError("levenberg-marquardt needs residuals, or a floor of the objective")
         return jnp.concatenate([wanted, jnp.sqrt(args[2]) * short])
 
-    match inner:
-        case "bfgs":
+    # Normal equations: their matrix is as small as the number of parameters, and a factorisation
+    # of the tall matrix takes far longer to compile and to run.
+    normal = lx.Normal(lx.Cholesky())
+    marquardt = optx.LevenbergMarquardt(tolerance, tolerance, linear_solver=normal)
+    options: Any = {"max_steps": steps, "throw": False}
 
-            def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
-                bfgs = optx.BFGS(tolerance, tolerance / args[2])
-                found = optx.minimise(
-                    merit, bfgs, point, (*args, data), max_steps=steps, throw=False
-                )
-                return found.value, found.stats["num_steps"]
+    def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
+        given, absolute = (*args, data), tolerance / args[2]
+        match inner:
+            case "bfgs":
+                bfgs = optx.BFGS(tolerance, absolute)
+                found = optx.minimise(merit, bfgs, point, given, **options)
+            case "levenberg-marquardt":
+                check_default_float(inner, point)
+                found = optx.least_squares(residuals, marquardt, point, given, **options)
+            case _:
+                from designopt import jaxopt_adapter  # half a second, and few solves need it
 
-        case "levenberg-marquardt":
-            # Normal equations: their matrix is as small as the number of parameters, and a
-            # factorisation of the tall matrix takes far longer to compile and to run.
-            marquardt = optx.LevenbergMarquardt(
-                tolerance, tolerance, linear_solver=lx.Normal(lx.Cholesky())
-            )
-
-            def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
-                if point.dtype != jnp.result_type(float):
-                    raise ValueError(
-                        f"{inner} computes in JAX's default float type: "
-                        "call it with that, or under jax.enable_x64(False) for float32"
-                    )
-                found = optx.least_squares(
-                    residuals, marquardt, point, (*args, data), max_steps=steps, throw=False
-                )
-                return found.value, found.stats["num_steps"]
-
-        case _:
-            from designopt import jaxopt_adapter  # half a second, and few solves need it
-
-            def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
+                box = jnp.asarray(flat.lower), jnp.asarray(flat.upper)
+                caps: Any = {"tolerance": absolute, "max_steps": steps}
                 return jaxopt_adapter.minimize_in_box(
-                    merit,
-                    flat.clipped(point),
-                    (jnp.asarray(flat.lower), jnp.asarray(flat.upper)),
-                    (*args, data),
-                    method=inner,
-                    tolerance=tolerance / args[2],
-                    max_steps=steps,
+                    merit, flat.clipped(point), box, given, method=inner, **caps
                 )
+        return found.value, found.stats["num_steps"]
 
     return solve

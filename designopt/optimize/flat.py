@@ -81,6 +81,17 @@ class Flat:
         equalities = _joined(terms.equalities, point.dtype)
         return terms, equalities, _joined(terms.inequalities, point.dtype)
 
+    def refuse_least(self, caller: str) -> None:
+        """Refuse a problem of max–min as it is, for a solver of smooth problems.
+
+        Raises:
+            ValueError: the terms have ``least``.
+        """
+        if jax.eval_shape(self.terms, jnp.asarray(self.units)).least is not None:
+            raise ValueError(
+                f"{caller}: bring `least` into a form with make_epigraph() or make_soft_minimum()"
+            )
+
     def bounds(self, point: Point) -> Float[Array, " bounds"]:
         """How far the vector is inside its finite bounds: the lower ones, then the upper ones."""
         low, high = self.limited

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -29,8 +28,7 @@ INNER_STEPS = 30
 """Cap on steps between two updates of the multipliers."""
 
 
-@dataclass(frozen=True)
-class Iterate:
+class Iterate(NamedTuple):
     """Where a solve is after an iteration.
 
     Attributes:
@@ -88,10 +86,7 @@ class Iteration:
         """
         self._flat = flat = Flat.of(problem)
         point = jnp.zeros(flat.units.size, flat.units.dtype)
-        if jax.eval_shape(flat.terms, point).least is not None:
-            raise ValueError(
-                "iterating: bring `least` into a form with make_epigraph() or make_soft_minimum()"
-            )
+        flat.refuse_least("iterating")
         self._begin, self._advance = _programs(flat, achievable(tolerance, point), steps)
 
     def run(

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Literal, cast, get_args
+from functools import partial
+from typing import Any, Literal, NamedTuple, cast, get_args
 
 import jax
 import jax.numpy as jnp
@@ -27,8 +26,7 @@ Method = Literal[
 ]
 
 
-@dataclass(frozen=True)
-class Optima:
+class Optima(NamedTuple):
     """What all starts led to.
 
     Attributes:
@@ -95,51 +93,23 @@ class Minimizer:
         self.flat = flat = Flat.of(problem)
         self._check = make_optimality_check(flat)
         points = jnp.zeros((count, flat.units.size), flat.units.dtype)
-        if jax.eval_shape(flat.terms, points[0]).least is not None:
-            raise ValueError(
-                "minimize: bring `least` into a form with make_epigraph() or make_soft_minimum()"
-            )
+        flat.refuse_least("minimize")
         begin = time.perf_counter()
-        self._solve = self._compiled(method, points, floor, tolerance, updates, steps)
-        self.compile_seconds = time.perf_counter() - begin
-
-    def _compiled(
-        self, method: Method, points: Any, floor: float | None, tolerance: float, *caps: int
-    ) -> Callable[[Any, tuple[Any, ...]], tuple[Any, list[Trace]]]:
-        updates, steps = caps
         if method in get_args(Reference):
-            one = compile_reference(self.flat, cast(Reference, method), tolerance, updates * steps)
+            reference = cast(Reference, method)
+            one = compile_reference(flat, reference, tolerance, updates * steps)
+            self._solve = partial(_one_by_one, one)
+        else:
+            caps: Any = {"tolerance": tolerance, "updates": updates, "steps": steps}
 
-            def in_turn(starts: Any, data: tuple[Any, ...]) -> tuple[Any, list[Trace]]:
-                solved = [one(np.asarray(start), data) for start in starts]
-                return [jnp.asarray(point, starts.dtype) for point, _ in solved], [
-                    trace for _, trace in solved
-                ]
+            def local(start: Any, data: tuple[Any, ...]) -> tuple[Any, Trace]:
+                given, inner = flat.given(data), cast(Inner, method)
+                return augmented_lagrangian(given, inner, start, floor=floor, **caps)
 
-            return in_turn
-
-        def local(start: Any, data: tuple[Any, ...]) -> tuple[Any, Trace]:
-            return augmented_lagrangian(
-                self.flat.given(data),
-                cast(Inner, method),
-                start,
-                floor=floor,
-                tolerance=tolerance,
-                updates=updates,
-                steps=steps,
-            )
-
-        # Compiled ahead, so that its time is apart from the solves', and the same for every data.
-        program = jax.jit(jax.vmap(local, (0, None))).lower(points, self.flat.problem.data)
-        program = program.compile()
-
-        def together(starts: Any, data: tuple[Any, ...]) -> tuple[Any, list[Trace]]:
-            found, traces = jax.block_until_ready(program(starts, data))
-            return found, [
-                jax.tree.map(lambda leaf, i=i: leaf[i], traces) for i in range(len(found))
-            ]
-
-        return together
+            # Compiled ahead, so that its time is apart from the solves', and the same for all data.
+            program = jax.jit(jax.vmap(local, (0, None))).lower(points, problem.data).compile()
+            self._solve = partial(_together, program)
+        self.compile_seconds = time.perf_counter() - begin
 
     def solve(self, starts: Parameters, data: tuple[Any, ...] | None = None) -> Optima:
         """Solve from every start.
@@ -153,10 +123,20 @@ class Minimizer:
         begin = time.perf_counter()
         found, traces = self._solve(points, data)
         seconds = time.perf_counter() - begin
-        optima = [
-            self._check(point, data, trace) for point, trace in zip(found, traces, strict=True)
-        ]
+        judged = zip(found, traces, strict=True)
+        optima = (self._check(point, data, trace) for point, trace in judged)
         return Optima(tuple(optima), seconds, self.compile_seconds)
+
+
+def _one_by_one(one: Any, starts: Any, data: tuple[Any, ...]) -> tuple[list[Any], list[Trace]]:
+    solved = [one(np.asarray(start), data) for start in starts]
+    points = [jnp.asarray(point, starts.dtype) for point, _ in solved]
+    return points, [trace for _, trace in solved]
+
+
+def _together(program: Any, starts: Any, data: tuple[Any, ...]) -> tuple[Any, list[Trace]]:
+    found, traces = jax.block_until_ready(program(starts, data))
+    return found, [jax.tree.map(lambda leaf, i=i: leaf[i], traces) for i in range(len(found))]
 
 
 def minimize(

@@ -124,39 +124,27 @@ def make_optimality_check(flat: Flat) -> Callable[[Point, tuple[Any, ...], Trace
 
     def check(point: Point, data: tuple[Any, ...], history: Trace) -> Optimum:
         (value, h, g), slopes = jax.tree.map(np.asarray, values_and_slopes(point, data))
-        numbers = (value, h, g, *slopes)
-        if not all(np.all(np.isfinite(part)) for part in numbers):
-            return _without_numbers(flat, point, history)
+        if not all(np.all(np.isfinite(part)) for part in (value, h, g, *slopes)):
+            place = jnp.where(jnp.isfinite(point), point, 0.0)
+            solution = _solution(flat, place, -1.0, 1.0, OptimumResult.no_number)
+            return Optimum(solution, math.inf, {}, {}, history, {})
         mu, lam, residual = _multipliers(value, h, g, slopes)
-        unmet = dict(_named(equalities, np.abs(h))) | dict(
-            _named(inequalities, np.maximum(-g, 0.0))
-        )
+        unmet = _named(equalities, np.abs(h)) | _named(inequalities, np.maximum(-g, 0.0))
         violations = {name: float(np.max(part)) for name, part in unmet.items()}
-        result = (
-            OptimumResult.successful if residual <= STATIONARY else OptimumResult.not_stationary
-        )
+        at_rest, elsewhere = OptimumResult.successful, OptimumResult.not_stationary
         if max(violations.values(), default=0.0) > FEASIBLE:
             residual = _conflict(h, g, slopes, *inequalities[BOUND])
-            result = OptimumResult.infeasible if residual <= STATIONARY else OptimumResult.not_met
+            at_rest, elsewhere = OptimumResult.infeasible, OptimumResult.not_met
+        result = at_rest if residual <= STATIONARY else elsewhere
         margin = min(float(np.min(g, initial=np.inf)), -float(np.max(np.abs(h), initial=-np.inf)))
-        solution = Solution(
-            flat.parameters(point),
-            jnp.asarray(margin, point.dtype),
-            jnp.asarray(residual, point.dtype),
-            result,
-        )
-        return Optimum(
-            solution,
-            float(value),
-            violations,
-            dict(_named(equalities, mu)) | dict(_named(inequalities, lam)),
-            history,
-            {
-                name: tuple(int(i) for i in np.unravel_index(np.argmax(part), part.shape))
-                for name, part in unmet.items()
-                if violations[name] > FEASIBLE
-            },
-        )
+        multipliers = _named(equalities, mu) | _named(inequalities, lam)
+        worst = {
+            name: tuple(int(i) for i in np.unravel_index(np.argmax(part), part.shape))
+            for name, part in unmet.items()
+            if violations[name] > FEASIBLE
+        }
+        solution = _solution(flat, point, margin, residual, result)
+        return Optimum(solution, float(value), violations, multipliers, history, worst)
 
     return check
 
@@ -213,22 +201,16 @@ def _balanced(
     return found, float(left)
 
 
-def _named(shapes: dict[str, tuple[int, ...]], flat: np.ndarray) -> list[tuple[str, np.ndarray]]:
+def _named(shapes: dict[str, tuple[int, ...]], flat: np.ndarray) -> dict[str, np.ndarray]:
     """The arrays that were joined, by name; those that are empty left out."""
     sizes = [int(np.prod(shape)) for shape in shapes.values()]
     parts = np.split(flat, np.cumsum(sizes)[:-1]) if sizes else []
-    return [
-        (name, part.reshape(shape))
-        for (name, shape), part in zip(shapes.items(), parts, strict=True)
-        if part.size
-    ]
+    named = zip(shapes.items(), parts, strict=True)
+    return {name: part.reshape(shape) for (name, shape), part in named if part.size}
 
 
-def _without_numbers(flat: Flat, point: Point, history: Trace) -> Optimum:
-    solution = Solution(
-        flat.parameters(jnp.where(jnp.isfinite(point), point, 0.0)),
-        jnp.asarray(-1.0, point.dtype),
-        jnp.asarray(1.0, point.dtype),
-        OptimumResult.no_number,
-    )
-    return Optimum(solution, math.inf, {}, {}, history, {})
+def _solution(
+    flat: Flat, point: Point, margin: float, residual: float, result: Any
+) -> Solution[Parameters]:
+    inside, left = jnp.asarray(margin, point.dtype), jnp.asarray(residual, point.dtype)
+    return Solution(flat.parameters(point), inside, left, result)

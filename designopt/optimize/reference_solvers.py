@@ -6,8 +6,7 @@ import contextlib
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -52,15 +51,15 @@ def compile_reference(
     value_and_slope = compiled(jax.value_and_grad(lambda z, d: flat.given(d).terms(z).value))
     levels = compiled(lambda z, d: jnp.concatenate(flat.given(d).evaluated(z)[1:]))
     slopes = compiled(jax.jacfwd(lambda z, d: jnp.concatenate(flat.given(d).evaluated(z)[1:])))
+
+    def part_of(function: Callable[[Any], Any], part: slice) -> Callable[[Any], Any]:
+        return lambda x: function(x)[part]
+
     constraints: Any = ()
     if method == "slsqp":
         kinds = {"eq": slice(None, equalities), "ineq": slice(equalities, None)}
         constraints = [
-            {
-                "type": kind,
-                "fun": lambda x, part=part: levels(x)[part],
-                "jac": lambda x, part=part: slopes(x)[part],
-            }
+            {"type": kind, "fun": part_of(levels, part), "jac": part_of(slopes, part)}
             for kind, part in kinds.items()
         ]
         options: dict[str, Any] = {"maxiter": steps, "ftol": tolerance}
@@ -74,12 +73,8 @@ def compile_reference(
             )
         # Its test of the gradient leaves out the barrier, so that on its own it would end
         # far inside the bounds; steps that are too small end the search where the barrier is gone.
-        options = {
-            "maxiter": steps,
-            "xtol": tolerance,
-            "barrier_tol": tolerance,
-            "gtol": 1e-4 * tolerance,
-        }
+        least = {"xtol": tolerance, "barrier_tol": tolerance, "gtol": 1e-4 * tolerance}
+        options = {"maxiter": steps, **least}
 
     def solve(start: np.ndarray, given: tuple[Any, ...]) -> tuple[np.ndarray, Trace]:
         nonlocal data
@@ -88,11 +83,10 @@ def compile_reference(
         known = (value_and_slope(visited[0]), levels(visited[0]), slopes(visited[0]))
         if all(np.all(np.isfinite(part)) for part in jax.tree.leaves(known)):
             visited += searched(visited[0])
-        values = np.array([value_and_slope(x)[0] for x in visited])
+        values = jnp.asarray(np.array([value_and_slope(x)[0] for x in visited]))
         violations = np.array([_violation(levels(x), equalities) for x in visited])
-        return visited[-1], Trace(
-            jnp.asarray(values), jnp.asarray(violations), jnp.arange(len(visited))
-        )
+        trace = Trace(values, jnp.asarray(violations), jnp.arange(len(visited)))
+        return visited[-1], trace
 
     def searched(start: np.ndarray) -> list[np.ndarray]:
         visited: list[np.ndarray] = []
@@ -123,8 +117,7 @@ on it (the convention of comparisons of such methods; J. J. Liang et al. 2006, P
 for the CEC 2006 Special Session)."""
 
 
-@dataclass(frozen=True)
-class Evolution:
+class Evolution(NamedTuple):
     """How differential evolution went, one row per generation.
 
     Attributes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -51,8 +51,7 @@ def draw_sobol_starts(problem: Problem, count: int, seed: int) -> Parameters:
     return jax.vmap(lambda point: unravel(lower + point * (upper - lower)))(points)
 
 
-@dataclass(frozen=True)
-class Starts:
+class Starts(NamedTuple):
     """The most promising of many points.
 
     Attributes:
