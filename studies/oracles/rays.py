@@ -88,7 +88,7 @@ class Fans:
     def of_rows(structure: Structure, rows: np.ndarray) -> Fans:
         """The scenes of rows of numbers (`Structure.camera`), shape (scenes, inputs)."""
         first = structure.camera.stop
-        ends = rows[:, : structure.camera.start].reshape(len(rows), -1, 2, 2)
+        ends = rows[:, : structure.camera.start].reshape(-1, len(structure.sides), 2, 2)
         camera = rows[:, structure.camera]
         return Fans(ends, camera, rows[:, first], rows[:, first + 1], rows[:, first + 2 :])
 

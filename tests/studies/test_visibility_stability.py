@@ -155,6 +155,7 @@ def test_sound_answers_agree(random):
     for name in ("worst_landing_rad", "worst_distance", "worst_reflection"):
         assert landed[name] < 1e-10
     assert landed["worst_resolution"] < 1e-6  # of differences
+    assert landings(rows[:0], answers.part(slice(0)), 1)["landings"] == 0
 
 
 def test_mirrors_that_are_seen_aside_are_caught(random):
