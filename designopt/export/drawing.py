@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Container, Sequence
+from typing import Literal, NamedTuple
 
 Place = tuple[float, float]
 """x and y, mm; y upwards."""
@@ -13,8 +13,7 @@ Place = tuple[float, float]
 Kind = Literal["body", "mirror", "pad", "blocker", "camera", "construction"]
 
 
-@dataclass(frozen=True)
-class Layer:
+class Layer(NamedTuple):
     """Lines that belong together.
 
     Attributes:
@@ -30,8 +29,7 @@ class Layer:
     color: str = ""
 
 
-@dataclass(frozen=True)
-class Polyline:
+class Polyline(NamedTuple):
     """A line through places, closed or not."""
 
     layer: str
@@ -39,8 +37,7 @@ class Polyline:
     closed: bool = False
 
 
-@dataclass(frozen=True)
-class Circle:
+class Circle(NamedTuple):
     """A circle, such as a pin; ``name`` is that of what it stands for."""
 
     layer: str
@@ -49,8 +46,7 @@ class Circle:
     radius: float
 
 
-@dataclass(frozen=True)
-class Label:
+class Label(NamedTuple):
     """A text beside a place."""
 
     layer: str
@@ -58,16 +54,14 @@ class Label:
     text: str
 
 
-@dataclass(frozen=True)
-class LinearDimension:
+class LinearDimension(NamedTuple):
     """A dimension line between two places; the text is their distance."""
 
     start: Place
     end: Place
 
 
-@dataclass(frozen=True)
-class Drawing:
+class Drawing(NamedTuple):
     """A drawing of a design in one pose.
 
     Attributes:
@@ -106,3 +100,9 @@ def round_down(value: float) -> float:
     # A number that is one of them but for rounding is not taken for less.
     figure = max(n for n in (1, 2, 5, 10) if n <= value / 10.0**decade * (1 + 1e-9))
     return float(f"{figure}e{decade}")
+
+
+def unused_name(stem: str, taken: Container[str]) -> str:
+    """The stem, or with the first number from 2 on that makes it a name that is not taken."""
+    numbered = (f"{stem}_{number}" for number in itertools.count(2))
+    return next(name for name in itertools.chain([stem], numbered) if name not in taken)

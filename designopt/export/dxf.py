@@ -131,29 +131,19 @@ def _draw_design(space: Modelspace, sheet: Drawing, layers: Mapping[str, str]) -
 def _annotate(space: Modelspace, sheet: Drawing, paper: Paper) -> None:
     """Dimensions, then names, each where it covers least."""
     looks, scale = line_styles_of(sheet.layers), paper.scale
-    low, high = paper.shown()
-    clutter = Clutter.of(
-        sheet, scale, ((low[0] * scale, low[1] * scale), (high[0] * scale, high[1] * scale))
-    )
+    low, high = ((x * scale, y * scale) for x, y in paper.shown())
+    clutter = Clutter.of(sheet, scale, (low, high))
     for measure in sorted(map(readable, sheet.dimensions), key=_length):  # short ones inside
         distance = _length(measure)
         words = f"{distance:.{paper.decimals}f}".rstrip("0").rstrip(".")
         offset = clutter.place_dimension(measure, words, TEXT) / scale
-        space.add_aligned_dim(
-            measure.start,
-            measure.end,
-            offset,
-            dimstyle=STYLE,
-            dxfattribs={"layer": DIMENSIONS},
-        ).render()
+        style = {"dimstyle": STYLE, "dxfattribs": {"layer": DIMENSIONS}}
+        space.add_aligned_dim(measure.start, measure.end, offset, **style).render()
     for label in sheet.labels:
         x, y = (clutter.place_label(label, TEXT) / scale).tolist()
         color = colors.rgb2int(colors.RGB.from_hex(looks[label.layer].color))
-        text = space.add_text(
-            coded(label.text),
-            height=TEXT / scale,
-            dxfattribs={"layer": NAMES, "style": STYLE, "true_color": color},
-        )
+        attributes = {"layer": NAMES, "style": STYLE, "true_color": color}
+        text = space.add_text(coded(label.text), height=TEXT / scale, dxfattribs=attributes)
         text.set_placement((x, y), align=TextEntityAlignment.MIDDLE_CENTER)
 
 

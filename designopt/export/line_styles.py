@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from designopt.export.drawing import Layer
 
@@ -15,8 +15,7 @@ THIN, MIDDLE, THICK = 0.18, 0.35, 0.5
 """Widths of lines on paper, mm; ISO 128 has them."""
 
 
-@dataclass(frozen=True)
-class LineStyle:
+class LineStyle(NamedTuple):
     """How a layer is drawn.
 
     Attributes:
@@ -47,5 +46,5 @@ def line_styles_of(layers: Sequence[Layer]) -> Mapping[str, LineStyle]:
     for layer in layers:
         look = KINDS[layer.kind]
         color = layer.color or (next(colors) if layer.kind == "body" else look.color)
-        looks[layer.name] = replace(look, color=color)
+        looks[layer.name] = look._replace(color=color)
     return looks

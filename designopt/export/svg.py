@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 import xml.etree.ElementTree as ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from designopt.export.drawing import Drawing
+from designopt.export.drawing import Drawing, unused_name
 from designopt.export.line_styles import LineStyle, line_styles_of
 from designopt.export.placing import Clutter
 
@@ -73,8 +72,7 @@ def _group(root: Element, name: str, taken: set[str]) -> Element:
     """A layer in Inkscape's extension of SVG."""
     stem = re.sub(r"[^\w.-]", "_", name)
     stem = stem if re.match(r"[^\W\d]", stem) else f"_{stem}"
-    numbered = (f"{stem}_{number}" for number in itertools.count(2))
-    unique = next(n for n in itertools.chain([stem], numbered) if n not in taken)
+    unique = unused_name(stem, taken)
     taken.add(unique)
     group = _child(root, "g", id=unique)
     group.set(f"{{{INKSCAPE}}}groupmode", "layer")
@@ -83,10 +81,9 @@ def _group(root: Element, name: str, taken: set[str]) -> Element:
 
 
 def _paint(group: Element, look: LineStyle, unit: float) -> None:
-    group.set("fill", "none")
-    group.set("stroke", look.color)
-    group.set("stroke-width", f"{look.width * unit:.6g}")
-    group.set("stroke-linejoin", "round")
+    width = f"{look.width * unit:.6g}"
+    looks = {"stroke-width": width, "stroke-linejoin": "round"}
+    group.attrib |= {"fill": "none", "stroke": look.color, **looks}
     if look.dashed:
         group.set("stroke-dasharray", f"{3 * unit:.6g} {1.5 * unit:.6g}")
 

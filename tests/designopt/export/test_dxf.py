@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -73,7 +72,7 @@ def test_geometry_is_where_the_sheet_has_it():
 def test_texts_hold_nothing_that_is_read_as_a_code():
     """%%d would be shown as a degree sign, %%%%% as signs of percent, ^J as a new line."""
     names = ["90%%d", "a%%%%%b", "x^J", "50%"]
-    sheet = replace(PLATE, labels=[Label("plate", (40.0, 30.0), name) for name in names])
+    sheet = PLATE._replace(labels=[Label("plate", (40.0, 30.0), name) for name in names])
     texts = [text.dxf.text for text in opened(sheet).modelspace().query("TEXT")]
     assert not any("%%" in text for text in texts)
     assert [plain_text(text).replace(" ", "") for text in texts] == names
