@@ -140,11 +140,7 @@ def _result_in(folder: Path) -> tuple[str, Any]:
 
 def _designed(study: Study) -> Callable[..., Design]:
     if study.design is None:
-        offered = [
-            name
-            for name, entry in installed_studies()
-            if isinstance(entry, Study) and entry.design is not None
-        ]
+        offered = [name for name, one in installed_studies() if getattr(one, "design", None)]
         raise UserError(
             f"study '{study.name}' measures and designs nothing that could be shown; "
             f"these design: {', '.join(offered)}"

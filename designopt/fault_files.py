@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 import traceback
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -25,20 +26,12 @@ def kept_traceback(error: BaseException) -> Path | None:
         The file, in the user's folder for such or, if that cannot be written, in the one for
         temporary files; ``None`` where neither can be.
     """
-    text = "".join(
-        [
-            f"designopt {version('designopt')}, Python {sys.version}\n",
-            f"{platform.platform()}\n",
-            f"{shlex.join(sys.argv)}\n\n",
-            *traceback.format_exception(error),
-        ]
-    )
-    for folder in (
-        lambda: user_folder("XDG_STATE_HOME", ".local/state"),
-        lambda: Path(tempfile.gettempdir()),
-    ):
+    python = f"designopt {version('designopt')}, Python {sys.version}\n{platform.platform()}"
+    calls = "".join(traceback.format_exception(error))
+    text = f"{python}\n{shlex.join(sys.argv)}\n\n{calls}"
+    for folder in (partial(user_folder, "XDG_STATE_HOME", ".local/state"), tempfile.gettempdir):
         try:
-            place = folder()
+            place = Path(folder())
             place.mkdir(parents=True, exist_ok=True)
             number, name = tempfile.mkstemp(".txt", time.strftime("fault-%Y%m%d-%H%M%S-"), place)
             with os.fdopen(number, "w", encoding="utf-8", errors="backslashreplace") as file:

@@ -61,10 +61,8 @@ def _table(table: Mapping[str, Any], path: str) -> list[str]:
         if isinstance(value, Mapping):
             body = _table(value, name)
             # A table of tables alone needs no heading of its own.
-            heading = (
-                [] if value and all(_is_table(part) for part in value.values()) else [f"[{name}]"]
-            )
-            nested += ["", *heading, *body] if heading else body
+            holds_tables = value and all(_is_table(part) for part in value.values())
+            nested += body if holds_tables else ["", f"[{name}]", *body]
         elif _is_table(value):
             for part in value:
                 nested += ["", f"[[{name}]]", *_table(part, name)]

@@ -95,11 +95,8 @@ def select_starts(
 
     def merit(parameters: Parameters) -> Float[Array, ""]:
         terms = problem.terms(parameters, *problem.data)
-        unmet = 0.0
-        for part in terms.inequalities.values():
-            unmet = unmet + jnp.sum(jnp.minimum(part, 0.0) ** 2)
-        for part in terms.equalities.values():
-            unmet = unmet + jnp.sum(part**2)
+        short = (jnp.minimum(part, 0.0) for part in terms.inequalities.values())
+        unmet = sum((jnp.sum(part**2) for part in (*short, *terms.equalities.values())), 0.0)
         value = terms.value / scale + FIRST_PENALTY / 2 * unmet
         return jnp.where(jnp.isfinite(value), value, jnp.inf)
 
