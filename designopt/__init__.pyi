@@ -37,6 +37,8 @@ from .study.stability import Family, assess
 from .study.study import Context, Study, lazily
 from .vectors import Vector, direction_to_meeting, fold_angle
 
+__version__: str
+
 __all__ = [
     "BenchmarkMethod",
     "Claim",

@@ -32,7 +32,7 @@ class CrankSpec(Spec):
 
 def run(spec: CrankSpec, context: Context) -> Results:
     """Draw errors, propagate them through poses and through the slope, compare."""
-    linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+    linkage = read_linkage(str(files("studies") / "gallery/linkages/four-bar.toml"))
 
     def rocker(angle: jax.Array) -> jax.Array:
         return jnp.rad2deg(solve_poses(linkage, angle[None]).value.angle("rocker"))
