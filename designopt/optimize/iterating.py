@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -28,7 +29,8 @@ INNER_STEPS = 30
 """Cap on steps between two updates of the multipliers."""
 
 
-class Iterate(NamedTuple):
+@dataclass(frozen=True)
+class Iterate:
     """Where a solve is after an iteration.
 
     Attributes:

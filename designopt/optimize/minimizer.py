@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, NamedTuple, cast, get_args
+from typing import Any, Literal, cast, get_args
 
 import jax
 import jax.numpy as jnp
@@ -26,7 +27,8 @@ Method = Literal[
 ]
 
 
-class Optima(NamedTuple):
+@dataclass(frozen=True)
+class Optima:
     """What all starts led to.
 
     Attributes:

@@ -6,7 +6,8 @@ import contextlib
 import time
 import warnings
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -117,7 +118,8 @@ on it (the convention of comparisons of such methods; J. J. Liang et al. 2006, P
 for the CEC 2006 Special Session)."""
 
 
-class Evolution(NamedTuple):
+@dataclass(frozen=True)
+class Evolution:
     """How differential evolution went, one row per generation.
 
     Attributes:

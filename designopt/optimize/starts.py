@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -51,7 +51,8 @@ def draw_sobol_starts(problem: Problem, count: int, seed: int) -> Parameters:
     return jax.vmap(lambda point: unravel(lower + point * (upper - lower)))(points)
 
 
-class Starts(NamedTuple):
+@dataclass(frozen=True)
+class Starts:
     """The most promising of many points.
 
     Attributes:
