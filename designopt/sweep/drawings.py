@@ -68,15 +68,9 @@ def _panels(points: Points, series: Series) -> Figure:
         marks = "o-" if curve else "o"
         axes.plot(column[order], numbers[order], marks, color=PALETTE[0], clip_on=False)
         if missing.any():
-            axes.plot(
-                column[missing],
-                np.full(missing.sum(), 0.03),
-                "x",
-                color=PALETTE[1],
-                transform=axes.get_xaxis_transform(),
-                clip_on=False,
-                label="no value",
-            )
+            crosses = {"color": PALETTE[1], "clip_on": False, "label": "no value"}
+            above, along = np.full(missing.sum(), 0.03), axes.get_xaxis_transform()
+            axes.plot(column[missing], above, "x", transform=along, **crosses)
         _draw_target(axes, series.target)
         axes.ticklabel_format(useOffset=False)
         axes.set_xlabel(label)
