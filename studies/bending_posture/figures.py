@@ -9,7 +9,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from designopt.plot.figures import PALETTE, label_plainly, new_figure, share_limits
+from designopt.plot.figures import PALETTE, label_plainly, legend_below, new_figure, share_limits
 from designopt.plot.typesetting import as_mathtext
 from designopt.study import plots
 from designopt.study.records import Records
@@ -58,6 +58,7 @@ def draw_dots(networks: Mapping[str, Sequence[Trained]], data: Data) -> Figure:
         axes.plot(0, 0, "s", color="black", markersize=5)
         axes.set(title=title, xlabel="across (mm)", ylabel="along (mm)", aspect="equal")
     share_limits(row)
+    legend_below(drawing, most=4, markerscale=2)
     return drawing
 
 
@@ -126,7 +127,7 @@ def draw_bends(errors: Records) -> Figure:
 
 def draw_regularisation(sweep: Records, paper: Mapping[str, float]) -> Figure:
     """Tip error over the weight of the L2 regularisation, and where the paper's may lie."""
-    drawing, [[axes]] = new_figure(height=3.2)
+    drawing, [[axes]] = new_figure(height=3.8)
     axes.loglog(sweep["regularisation"], sweep["tip_mean_mm"], "-o", color=BLUE)
     for i, (unit, value) in enumerate(paper.items(), 1):
         label = f"the paper's 0.01, {unit if unit == 'standardised' else 'in ' + unit}"
@@ -150,7 +151,7 @@ def draw_etas(etas: Records) -> Figure:
     middle.set(title="Image, straight", ylabel="width (px)", ylim=(0, None))
     right.plot(rows["eta"], rows["clearance_mm"], "-o", color=VERMILION)
     right.axhline(0, color="0.4", linewidth=0.9)
-    right.axhline(CLEARANCE, color="0.4", linestyle=":", label=f"{CLEARANCE:g} mm")
+    right.axhline(CLEARANCE, color="0.4", linestyle=":", label=f"room of {CLEARANCE:g} mm")
     right.set(title="Room at D", ylabel=as_mathtext("Δl_A − |Δl_D| (mm)"))
     for axes in (left, middle, right):
         axes.set_xlabel("η, yellow over blue")

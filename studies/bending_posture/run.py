@@ -52,8 +52,12 @@ SPREAD = {"mean": "mean", "least": "min", "most": "max"}
 
 SURE = 0.95
 
-OTHERS = {"another lamp": "other_lamp", "finger as made": "made_finger", "both": "both_other"}
-"""What is other than in training, and how its metric begins."""
+OTHERS = {
+    "another lamp": "other_lamp_tip_mm",
+    "finger as made": "made_finger_tip_mm",
+    "both": "both_other_tip_mm",
+}
+"""What is other than in training, and its metric."""
 
 DRAWS, FRAMES = 10, 20
 """Lamps or fingers, and frames of each."""
@@ -136,7 +140,7 @@ def run(spec: BendingPostureSpec, context: Context) -> Results:
     add_robustness(out, bends, disturbed)
     out.metrics(unusable=data.unusable, frame_ms=1e3 * seconds)
     out.figure("pictures", pictures, size="{} × {}".format(*size_of(spec.width)))
-    out.figure("dots", figures.draw_dots(networks, data), most=4)
+    out.figure("dots", figures.draw_dots(networks, data))
     out.figure("markers", figures.draw_markers(errors))
     out.figure("learning", figures.draw_learning(estimators, data.mean_error))
     out.figure("ways", figures.draw_ways(tips, data.mean_error))
@@ -355,8 +359,12 @@ def add_trainings(
         kept_rate_ratio=of[by.KEPT]["least_ratio"][0],
         raw_images_ratio=of[by.RAW]["least_ratio"][0],
     )
-    for unit, ratio in zip(paper, readings["least_ratio"], strict=True):
-        out.metric(f"regularisation_{unit.replace(' ', '_')}_ratio", ratio)
+    in_mm, standardised, in_lengths = readings["least_ratio"]
+    out.metrics(
+        regularisation_mm_ratio=in_mm,
+        regularisation_standardised_ratio=standardised,
+        regularisation_finger_lengths_ratio=in_lengths,
+    )
     out.values(ours=of[by.OURS], equal=of[by.EQUAL], kept=of[by.KEPT], raw=of[by.RAW])
     out.values(**{unit.split()[-1]: own for unit, own in readings.group("unit").items()})
     spread = {"times": _spread(times, 0 if times.min() > 10 else 1)}
@@ -434,7 +442,7 @@ def add_others(out: Report, ours: Records, others: Records) -> None:
     )
     rows = table.where(other=list(OTHERS))
     for name, tip, usable in zip(OTHERS.values(), rows["tip_mean_mm"], rows["usable"], strict=True):
-        out.metric(f"{name}_tip_mm", tip, images=usable, draws=DRAWS)
+        out.metric(name, tip, images=usable, draws=DRAWS)
     if np.isfinite(rows["tip_mean_mm"]).all():
         out.say("others")
     out.table("elsewhere", table)

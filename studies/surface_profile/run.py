@@ -36,6 +36,9 @@ from studies.surface_profile.surfaces import KINDS
 WAYS = {"": "b, e and g", "e_": "e", "whole_": "e, whole pixels"}
 """Points that heights are from, by the beginning of their columns; the last are the paper's."""
 
+AS_CALIBRATED = ("whole_median_mm", "whole_p90_mm", "full_p90_mm", "pad_p90_mm", "bare_p90_mm")
+"""Metrics that are columns of the table of calibrations, too."""
+
 SIZES = {
     "sagitta": ("curved", CURVED, ["convex", "concave"]),
     "roughness": ("rough", ROUGH, ["rough"]),
@@ -232,13 +235,13 @@ def add_numbers(out: Report, test: SlidingTest, frames: Records, sizes: Records)
     middle = np.array([(spec.preload + highest(spec)) / 2])
     blue, yellow, _ = test.design.resolution(middle)[0]
     out.values(surfaces=len(shapes), heights=spec.frames * len(shapes))
-    out.metrics(told_apart=shapes.stat("share told"))
-    for name, way in {"profile": "", "yellow": "e_", "whole": "whole_"}.items():
-        out.metric(f"{name}_median_mm", stated[f"{way}median_mm"][0])
-        out.metric(f"{name}_p90_mm", stated[f"{way}p90_mm"][0])
-    for name in ("full_p90_mm", "pad_p90_mm", "bare_p90_mm"):
-        out.metric(name, stated[name][0])
     out.metrics(
+        told_apart=shapes.stat("share told"),
+        profile_median_mm=stated["median_mm"][0],
+        profile_p90_mm=stated["p90_mm"][0],
+        yellow_median_mm=stated["e_median_mm"][0],
+        yellow_p90_mm=stated["e_p90_mm"][0],
+        **{name: stated[name][0] for name in AS_CALIBRATED},
         resolution_mm_per_px=yellow,
         blue_resolution_mm_per_px=blue,
         whole_told_apart=shapes.stat("share whole_told"),
@@ -259,16 +262,17 @@ def add_numbers(out: Report, test: SlidingTest, frames: Records, sizes: Records)
         level=shapes.where(surface=["flat", "rough"]).stat("max_abs sagitta_mm"),
         **{f"{called}_limit": limit for called, limit, _ in SIZES.values()},
     )
-    by_quantity = sizes.group("quantity") if len(sizes) else {}
-    for quantity, (called, limit, _) in SIZES.items():
-        rows = by_quantity.get(quantity)
-        out.metric(f"{called}_from_mm", find_limits(rows, "told")[1] if rows else np.nan)
-        if rows:
-            out.values(quantity=quantity, called=called, limit=limit)
-            number = _many(int(rows["slides"][0]), "surface")
-            found = "; ".join(_describe_limits(rows, way) for way in ("", "whole_"))
-            least, largest = rows["size_mm"][[0, -1]]
-            out.say("limits", number=number, least=least, largest=largest, found=found)
+    by_quantity, least = sizes.group("quantity") if len(sizes) else {}, {}
+    for quantity, rows in by_quantity.items():
+        called, limit, _ = SIZES[quantity]
+        least[called] = find_limits(rows, "told")[1]
+        out.values(quantity=quantity, called=called, limit=limit)
+        number = _many(int(rows["slides"][0]), "surface")
+        found = "; ".join(_describe_limits(rows, way) for way in ("", "whole_"))
+        first, last = rows["size_mm"][[0, -1]]
+        out.say("limits", number=number, least=first, largest=last, found=found)
+    curved, rough = (least.get(called, np.nan) for called, *_ in SIZES.values())
+    out.metrics(curved_from_mm=curved, rough_from_mm=rough)
     if 0 in frames["frames"]:
         out.say("calibration", first=frames.where(frames=0), last=stated)
 
