@@ -1,5 +1,6 @@
 """Settings of every installed study, and the words of its report, read from their schemas."""
 
+import ast
 import json
 import math
 import re
@@ -93,10 +94,27 @@ def test_defaults_are_valid_have_a_meaning_and_targets(name):
             assert spec_with(model, [f"{key}={json.dumps(default)}"], study=name) == model()
 
 
-@pytest.mark.parametrize("words", WORDS, ids=lambda path: path.parent.name)
+def written_names() -> re.Pattern[str]:
+    """A pattern of all names and texts in the studies' code; what braces hold may be anything."""
+    patterns = set()
+    for path in (ROOT / "studies").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            match node:
+                case ast.Constant(value=str(text)) if re.fullmatch(r"[\w-]+", text):
+                    patterns.add(text)
+                case ast.keyword(arg=str(name)):
+                    patterns.add(name)
+                case ast.JoinedStr(values=parts):
+                    fixed = [part.value if isinstance(part, ast.Constant) else "" for part in parts]
+                    if len("".join(map(str, fixed))) > 3:
+                        patterns.add(".+".join(re.escape(str(part)) for part in fixed))
+    return re.compile("|".join(f"(?:{pattern})" for pattern in sorted(patterns)))
+
+
+@pytest.mark.parametrize("words", WORDS, ids=lambda path: "/".join(path.parts[-3:-1]))
 def test_every_entry_of_a_report_is_used(words):
-    code = "".join(path.read_text(encoding="utf-8") for path in words.parent.glob("*.py"))
+    used = written_names()
     for section in re.split(r"^# ", words.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
         names = re.findall(r"^([\w-]+)(?: \[.*\])?: ", section, flags=re.MULTILINE)
         assert names, section
-        assert [name for name in names if not re.search(rf"\b{re.escape(name)}\b", code)] == []
+        assert [name for name in names if not used.fullmatch(name)] == []
