@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import jinja2
 from markupsafe import Markup
+from PIL import Image
 
 from designopt.plot import figures
 from designopt.plot.typesetting import as_html, heading
@@ -21,8 +22,8 @@ from designopt.study.results import Cell, Claim, Figure, Results, Table
 MOST_ROWS, NOTEBOOK_ROWS = 200, 20
 """Rows of a table in a report and in a notebook; the others are in its file."""
 
-LARGEST_SVG = 300_000
-"""Bytes of a drawing in a report; a larger one is shown by its pixels."""
+LARGEST_FILE = 300_000
+"""Bytes of a figure in a report: a larger drawing is shown by its pixels, which are compressed."""
 
 
 PRECISION_COLUMNS = (
@@ -153,9 +154,14 @@ def render_report(
 
     def source(figure: Figure) -> str:
         svg = folder / "figures" / f"{figure.name}.svg"
-        if svg.stat().st_size <= LARGEST_SVG:
+        if svg.stat().st_size <= LARGEST_FILE:
             return _data("svg+xml", svg.read_bytes())
-        return _data("png", svg.with_suffix(".png").read_bytes())
+        png = svg.with_suffix(".png")
+        if png.stat().st_size <= LARGEST_FILE:
+            return _data("png", png.read_bytes())
+        compressed = io.BytesIO()
+        Image.open(png).convert("RGB").save(compressed, "JPEG", quality=90)
+        return _data("jpeg", compressed.getvalue())
 
     return (
         _environment(source, MOST_ROWS)

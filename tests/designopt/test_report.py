@@ -1,7 +1,10 @@
 """The report: one file, complete, and honest about what was missed."""
 
+import base64
 import re
 
+import cv2
+import numpy as np
 import pytest
 
 from designopt import (
@@ -116,3 +119,24 @@ def test_figures_have_the_scale_of_the_text(page):
 
 def test_a_long_table_is_folded(page):
     assert "<summary>50 rows in <code>tables/precision.csv</code>: Error against run" in page
+
+
+def test_long_tables_and_large_pictures_are_cut(tmp_path):
+    def run_large(spec, context):
+        drawing, [[axes]] = new_figure(height=4.0)
+        noise = np.random.default_rng(0).uniform(size=(900, 900))
+        axes.imshow(noise, cmap="gray", interpolation="nearest")
+        table = Table("long", "Long", ["row"], [(i,) for i in range(2000)])
+        figures = [Figure("noise", "Noise", "", drawing)]
+        return Results(findings=[], metrics=[], tables=[table], figures=figures)
+
+    study = Study("large", "Large parts", SquareSpec, run_large)
+    run(study, SquareSpec(side=1), seed=0, dtype="float64", out=tmp_path / "out", force=False)
+    shown = (tmp_path / "out/report.html").read_text(encoding="utf-8")
+    assert shown.count("<td") < 300
+    assert 'The first 200 of 2000 rows; all are in <a href="tables/long.csv">' in shown
+    [data] = re.findall(r'src="data:image/jpeg;base64,([^"]*)"', shown)
+    picture = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)
+    written = tmp_path / "out/figures/noise.png"
+    assert len(data) < written.stat().st_size
+    assert np.mean(np.abs(picture.astype(int) - cv2.imread(str(written)))) < 8
