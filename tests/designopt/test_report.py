@@ -137,6 +137,7 @@ def test_long_tables_and_large_pictures_are_cut(tmp_path):
     assert 'The first 200 of 2000 rows; all are in <a href="tables/long.csv">' in shown
     [data] = re.findall(r'src="data:image/jpeg;base64,([^"]*)"', shown)
     picture = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
     written = tmp_path / "out/figures/noise.png"
     assert len(data) < written.stat().st_size
     assert np.mean(np.abs(picture.astype(int) - cv2.imread(str(written)))) < 8
