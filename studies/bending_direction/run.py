@@ -379,7 +379,7 @@ def add_chambers(
 
 
 def add_robustness(out: Report, perfect: Records, usual: Records, disturbed: Records) -> None:
-    """Answers from hardly bent to far, and to frames that are no proper images."""
+    """Answers from nearly straight to far bent, and to frames that are no proper images."""
     failures = count_true("failed")(disturbed)
     kinds = robustness.summarize_disturbances(disturbed)
     out.metric("odd_failures", failures, frames=len(disturbed))

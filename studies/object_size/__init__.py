@@ -48,7 +48,7 @@ class ObjectSizeSpec(ChamberImagesSpec):
     )
     bottles: Annotated[list[Diameter], AfterValidator(_rising)] = setting(
         [48.0, 62.0, 82.0, 92.0],
-        "diameters of the bottles that are told apart (mm); the paper's four",
+        "diameters of the bottles that are distinguished (mm); the paper's four",
         min_length=2,
         max_length=12,
     )
@@ -76,8 +76,7 @@ class ObjectSizeSpec(ChamberImagesSpec):
     rows: int = setting(48, "likewise", ge=12, le=480)
     largest_residual: float = setting(
         1.5,
-        "markers farther than this from every arc are no finger's that the network knows (root "
-        "mean square, mm)",
+        "markers farther than this from every arc belong to no posture (root mean square, mm)",
         gt=0,
         le=100,
     )

@@ -358,7 +358,7 @@ def add_curve(out: Report, curve: Records, length: float) -> None:
 
 
 def add_robustness(out: Report, bends: Records, disturbed: Records) -> None:
-    """Answers from hardly bent to far, and to frames that are no proper images."""
+    """Answers from nearly straight to far bent, and to frames that are no proper images."""
     failures, frames = count_true("failed"), len(bends) + len(disturbed)
     failed = failures(bends) + failures(disturbed)
     out.metric("odd_failures", failed, frames=frames)

@@ -1,4 +1,4 @@
-"""Everything the study knows of its design."""
+"""A designed linkage: its search, its verdict, and draws with errors of fabrication."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class SoftFinger(eqx.Module):
         severity: float | None = None,
         colors: Float[np.ndarray, "4 3"] = COLORS,
     ) -> ChamberRenderer:
-        """A camera in this finger, its pictures as bad as the study's unless told otherwise."""
+        """A camera in this finger, its pictures as bad as the study's by default."""
         severity = self.severity if severity is None else severity
         effects = ChamberEffects.graded(severity, gain)
         return ChamberRenderer(self.chamber, self.endoscope, effects, seed=seed, colors=colors)
@@ -119,7 +119,7 @@ class SoftFinger(eqx.Module):
         directions: Float[np.ndarray, " frames"],
         pressed: Float[np.ndarray, "frames rings"] | None = None,
     ) -> Posture:
-        """Postures of this finger, not pressed unless told otherwise; angles in radians."""
+        """Postures of this finger, not pressed by default; angles in radians."""
         if pressed is None:
             pressed = np.zeros((len(bends), len(self.arc)))
         return Posture(jnp.asarray(bends), jnp.asarray(directions), jnp.asarray(pressed))

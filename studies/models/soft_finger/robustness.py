@@ -1,4 +1,4 @@
-"""Disturbed frames of the soft finger, and bends from hardly any to far: each has a defined answer.
+"""Disturbed frames of the soft finger, and bends from 0.01° to far: each has a defined answer.
 
 A study gives the function that answers a picture; the sweeps take it through every kind of frame or
 every bend, and `summarize_disturbances` counts what was answered otherwise::
