@@ -82,7 +82,7 @@ def find_root(
         lower, upper = (as_float(end).astype(dtype) for end in bracket)
         guess = (lower + upper) / 2
     else:
-        lower = upper = guess  # nobody looks at them
+        lower = upper = guess  # not used by these methods
     if method.startswith("jaxopt"):
         # Imported on first use: jaxopt takes half a second, and few solves need it.
         from designopt import jaxopt_adapter

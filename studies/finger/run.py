@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 
 from designopt.design_kind import Design
 from designopt.plot.figures import PALETTE
-from designopt.progress import step_display
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.results import Results
@@ -28,7 +27,7 @@ from studies.finger import FingerSpec, SpringSpec
 from studies.finger.bench import FingerBench
 from studies.finger.kind import FINGER
 from studies.models.finger import PHALANGES, Finger, FingerSpring, camera_of, spring_of
-from studies.models.finger_file import packaged_finger, read_finger
+from studies.models.finger_file import packaged_or_designed, read_finger
 from studies.models.grasp.analysis import Analysis, analyze
 from studies.models.grasp.check import GraspCheck, summary
 from studies.models.grasp.figures import draw_sequences
@@ -55,7 +54,7 @@ DECIDING = {"body", "linkage", "mirrors"}
 MIRROR, PAD, CAMERA = PALETTE[4], PALETTE[5], PALETTE[1]
 
 
-class Found(NamedTuple):
+class FingerDesign(NamedTuple):
     """A finger that was designed.
 
     Attributes:
@@ -120,16 +119,14 @@ def finger_design(spec: FingerSpec, folder: Path | None) -> Finger:
     Raises:
         UserError: the folder lacks its files, or they have been spoilt.
     """
-    if folder is not None:
-        finger = read_finger(folder)
-    elif spec.model_dump(include=DECIDING) == FingerSpec().model_dump(include=DECIDING):
-        finger = packaged_finger()
-    else:
-        with step_display() as step:
-            context = Context(0, "float64", step)
-            with context.step("Linkage"):
-                finger = design_linkage(spec.linkage_spec(), context.seed).finger
-            finger = design_mirrors(finger, spec.mirrors, context).finger
+
+    def designed(context: Context) -> Finger:
+        with context.step("Linkage"):
+            linkage = design_linkage(spec.linkage_spec(), context.seed)
+        return design_mirrors(linkage.finger, spec.mirrors, context).finger
+
+    known = folder is not None
+    finger = read_finger(folder) if known else packaged_or_designed(spec, DECIDING, designed)
     return replace(finger, spring=spring_from(spec.spring))
 
 
@@ -138,7 +135,7 @@ def spring_from(spec: SpringSpec) -> FingerSpring:
     return FingerSpring(spec.stiffness, spec.preload, spec.servo)
 
 
-def find(spec: FingerSpec, context: Context) -> Found:
+def find(spec: FingerSpec, context: Context) -> FingerDesign:
     """Linkage, mirrors and grasp of a finger for its requirements."""
     with context.step("Linkage"):
         linkage = design_linkage(spec.linkage_spec(), context.seed)
@@ -148,7 +145,7 @@ def find(spec: FingerSpec, context: Context) -> Found:
         errors = spec.mirrors.tolerances
         share = monte_carlo(finger, errors, draws=spec.yield_draws, seed=context.seed)
     if not linkage.verdict.assembles:
-        return Found(finger, linkage, mirrors, share, None, None)
+        return FingerDesign(finger, linkage, mirrors, share, None, None)
     body = spec.body
     settings = GraspSpec(
         body=body,
@@ -158,10 +155,10 @@ def find(spec: FingerSpec, context: Context) -> Found:
     )
     with context.step("Grasp"):
         closings = analyze(finger, settings, polygon=False)
-    return Found(finger, linkage, mirrors, share, closings, summary(closings))
+    return FingerDesign(finger, linkage, mirrors, share, closings, summary(closings))
 
 
-def requirements(spec: FingerSpec, found: Found) -> Records:
+def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
     """Table 3.1 line by line with this project's resolution, then the requirements of §3.1.2."""
     end, limits, floor = spec.body.range_deg, spec.linkage.limits, spec.mirrors.floor
     linkage, room, unmet = found.linkage.verdict, found.linkage.room, found.linkage.unmet
@@ -244,7 +241,7 @@ def dimensions(finger: Finger) -> Records:
     return Records({"part": parts, "dimension": names, "value": numbers, "unit": units})
 
 
-def add_metrics(out: Report, found: Found, lines: Records) -> None:
+def add_metrics(out: Report, found: FingerDesign, lines: Records) -> None:
     """The numbers; targets are the requirements."""
     mirrors, grasp = found.mirrors.verdict, found.grasp
     out.values(lines=len(lines), share=found.share)
@@ -264,7 +261,7 @@ def add_metrics(out: Report, found: Found, lines: Records) -> None:
         )
 
 
-def add_findings(out: Report, spec: FingerSpec, found: Found, lines: Records) -> None:
+def add_findings(out: Report, spec: FingerSpec, found: FingerDesign, lines: Records) -> None:
     """What was found, most important first."""
     missed, search = lines.where(met="no"), found.linkage.search
     if len(missed):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,10 +16,11 @@ from designopt.study.results import LeftOutRow, Results
 from designopt.study.study import Context
 from kinematics.design import LINKAGE
 from kinematics.io.designed import DesignedLinkage
+from studies.benchmarks.measuring import listed
 from studies.finger_linkage.solvers import add_comparison, compare
 from studies.models.body import BodySpec
 from studies.models.designed import designed_linkage
-from studies.models.finger_file import packaged_finger
+from studies.models.finger_file import packaged_or_designed
 from studies.models.linkage_design.analysis import LinkageDesign, design_linkage
 from studies.models.linkage_design.figures import add_figures
 from studies.models.linkage_design.judging import everywhere
@@ -41,9 +41,6 @@ ELSEWHERE = {25.0: 49.6, 22.0: 47.0, 20.0: 43.1}
 
 SAME_DEG = 0.02
 """Starts that end within this of the best count as having reached it, degrees."""
-
-SEED = 0
-"""Of a design without a run; that of ``designopt run``."""
 
 DECIDING = {"body", "limits", "search"}
 """The settings on which the design depends; the others decide how it is judged."""
@@ -85,10 +82,7 @@ def design(spec: FingerLinkageSpec, folder: Path | None) -> Design:
     """
     if folder is not None:
         return Design(LINKAGE, DesignedLinkage.read(folder / "linkage.toml"))
-    if spec.model_dump(include=DECIDING) == FingerLinkageSpec().model_dump(include=DECIDING):
-        finger = packaged_finger()
-    else:
-        finger = search(spec, SEED).finger
+    finger = packaged_or_designed(spec, DECIDING, lambda context: search(spec, context.seed).finger)
     return Design(LINKAGE, designed_linkage(finger, "finger-linkage"))
 
 
@@ -130,12 +124,12 @@ def add_findings(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> 
         less = f", less than the {required:g}° required: this requirement gave way"
         out.say("met", gave="" if least > required else less)
     elif conflict:
-        out.say("conflict", conflict=_listed(conflict))
+        out.say("conflict", conflict=listed(conflict))
     else:
         reached = "{0.name} ({0.achieved:.3g} for {0.required:g} {0.unit}"
-        out.say("unmet", unmet=_listed([f"{reached.format(one).strip()})" for one in found.unmet]))
+        out.say("unmet", unmet=listed([f"{reached.format(one).strip()})" for one in found.unmet]))
     if held := [one.words for one in found.search.held_by()[:6]]:
-        out.say("held", held=_listed(held))
+        out.say("held", held=listed(held))
     if reached := found.search.rounds[0].feasible_deg:
         best = max(reached)
         same = sum(level >= best - SAME_DEG for level in reached)
@@ -145,10 +139,6 @@ def add_findings(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> 
     out.say("postures", pip=pip, dip=dip, postures=found.verdict.crank_deg.size)
     if spec.precision:
         out.say("time")
-
-
-def _listed(parts: Sequence[str]) -> str:
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
 def operations(spec: FingerLinkageSpec, found: LinkageDesign) -> list[LeftOutRow]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from designopt.design_kind import Design
 from designopt.plot.typesetting import heading
-from designopt.progress import step_display
 from designopt.study.left_out import count_operations
 from designopt.study.records import Records
 from designopt.study.report import Report
@@ -26,7 +25,7 @@ from studies.finger_mirrors import solvers
 from studies.models.body import BodySpec
 from studies.models.designed import designed_scene
 from studies.models.finger import PHALANGES, Body, Finger, camera_of
-from studies.models.finger_file import packaged_finger
+from studies.models.finger_file import packaged_or_designed
 from studies.models.mirror_design import errors, figures, judging
 from studies.models.mirror_design.design import MirrorDesign, design_mirrors
 from studies.models.mirror_design.placement import poor_layout, reference_layout
@@ -41,9 +40,6 @@ THIN_STARTS = 8
 
 ROW_ROUNDING = 1e-12
 """A larger deviation of all pairs of angles from the row for them is no rounding."""
-
-SEED = 0
-"""Of a design without a run; that of ``designopt run``."""
 
 DECIDING = {"body", *MirrorSpec.model_fields}
 """The settings on which the design depends; the others decide how it is judged."""
@@ -76,7 +72,7 @@ class Case(NamedTuple):
         return f"{value:.1f} % ({low:.1f} to {high:.1f} %)"
 
 
-class Found(NamedTuple):
+class JudgedMirrors(NamedTuple):
     """What is measured of the layouts, by `START`, `OPTIMUM`, `GIVEN` and `THIN`.
 
     Attributes:
@@ -134,16 +130,15 @@ def design(spec: FingerMirrorsSpec, folder: Path | None) -> Design:
     """
     if folder is not None:
         return Design(SCENE, DesignedScene.read(folder / "scene.toml"))
-    if spec.model_dump(include=DECIDING) == FingerMirrorsSpec().model_dump(include=DECIDING):
-        finger = packaged_finger()
-    else:
-        with step_display() as step:
-            context = Context(SEED, "float64", step)
-            finger = design_mirrors(Finger.of(Body.of(spec.body)), spec, context).finger
+
+    def designed(context: Context) -> Finger:
+        return design_mirrors(Finger.of(Body.of(spec.body)), spec, context).finger
+
+    finger = packaged_or_designed(spec, DECIDING, designed)
     return Design(SCENE, designed_scene(finger, "finger-mirrors"))
 
 
-def find(spec: FingerMirrorsSpec, context: Context) -> Found:
+def find(spec: FingerMirrorsSpec, context: Context) -> JudgedMirrors:
     """Everything that is measured."""
     finger = Finger.of(Body.of(spec.body))
     found = design_mirrors(finger, spec, context)
@@ -160,8 +155,8 @@ def find(spec: FingerMirrorsSpec, context: Context) -> Found:
     cases = {}
     for key, layout in layouts.items():
         name = f"{OPTIMUM}, T = {spec.thin:g} mm" if key == THIN else key
-        # Of what does not even show everything without errors, a tenth is enough. The search has
-        # not seen these draws: its errors come from another generator.
+        # Of what does not even show everything without errors, a tenth is enough. These
+        # draws are not those of the search, whose errors come from another generator.
         draws = max(spec.draws // 10, 10) if key == START else spec.draws
         with context.step(f"Yield: {name}"):
             share = monte_carlo(layout, spec.tolerances, draws=draws, seed=context.seed)
@@ -176,7 +171,7 @@ def find(spec: FingerMirrorsSpec, context: Context) -> Found:
     with context.step("Sensitivity to each tolerance"):
         draws, seed = max(spec.draws // 5, 10), context.seed + 1
         tolerances = sensitivity(found.finger, spec.tolerances, draws=draws, seed=seed)
-    return Found(found, cases, squares, rays, tolerances)
+    return JudgedMirrors(found, cases, squares, rays, tolerances)
 
 
 def _by_rays(case: Case, poses: int, rays: int) -> dict[str, Any]:
@@ -211,7 +206,7 @@ def operations(scene: Scene) -> list[LeftOutRow]:
     return [LeftOutRow(asked, spared, coverage(1), coverage(2))]
 
 
-def add_metrics(out: Report, spec: FingerMirrorsSpec, found: Found) -> None:
+def add_metrics(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> None:
     """The study's numbers."""
     after, square, cases = found.cases[OPTIMUM], found.squares[OPTIMUM], found.cases
     reached = [verdict.meets(spec.floor) for verdict in found.design.verdicts]
@@ -252,7 +247,7 @@ def add_metrics(out: Report, spec: FingerMirrorsSpec, found: Found) -> None:
         )
 
 
-def add_findings(out: Report, spec: FingerMirrorsSpec, found: Found) -> None:
+def add_findings(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> None:
     """Plain sentences, most important first."""
     cases, worst = found.cases, found.cases[OPTIMUM].verdict.worst_coverage
     shown = "all of every pad" if worst == 1 else f"{judging.percent_at_least(worst)} or more"
@@ -280,7 +275,7 @@ def add_findings(out: Report, spec: FingerMirrorsSpec, found: Found) -> None:
     out.say("definitions")
 
 
-def add_tables(out: Report, spec: FingerMirrorsSpec, found: Found) -> None:
+def add_tables(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> None:
     """Where camera and mirrors are, what that is worth, degrees, starts, single errors, rays."""
     places = {case.name: _numbers(case.finger) for case in found.cases.values()}
     names = ["camera_x_mm", "camera_y_mm", "camera_tilt_deg"]
@@ -349,7 +344,7 @@ def _numbers(finger: Finger) -> list[float]:
     return [*place, *ends.ravel().tolist()]
 
 
-def add_figures(out: Report, found: Found) -> None:
+def add_figures(out: Report, found: JudgedMirrors) -> None:
     """Views, coverage and resolution before and after, yields and sensitivity."""
     before, after = found.cases[START], found.cases[OPTIMUM]
     degrees = after.verdict.degrees

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Callable
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -22,6 +23,8 @@ from designopt.io.files import printable, replaced_when_complete
 from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT, Format, Length, Number, Point, Title, validated
 from designopt.io.toml_writing import degrees_of, format_toml
+from designopt.progress import step_display
+from designopt.study.study import Context
 from kinematics.io.designed import DesignedLinkage
 from optics.scene.designed import DesignedScene
 from studies.models.body import BodyTable
@@ -109,7 +112,8 @@ def read_finger(path: str | Path) -> Finger:
         UserError: it cannot be read, or contradicts itself; one line names where and the cure.
 
     Example:
-        >>> from importlib.resources import files
+        >>> from collections.abc import Callable
+    from importlib.resources import files
         >>> finger = read_finger(files("studies") / "models/finger.toml")
         >>> [mirror.phalanx for mirror in finger.mirrors]
         ['distal', 'proximal']
@@ -131,6 +135,22 @@ def packaged_finger() -> Finger:
     """
     with as_file(files("studies.models") / "finger.toml") as path:
         return read_finger(path)
+
+
+def packaged_or_designed(
+    spec: Spec, deciding: set[str], design: Callable[[Context], Finger]
+) -> Finger:
+    """The packaged finger where the deciding settings are the defaults, otherwise a designed one.
+
+    Args:
+        spec: a study's settings.
+        deciding: names of those on which the design depends.
+        design: designs the finger, with the seed that ``designopt run`` has by default.
+    """
+    if spec.model_dump(include=deciding) == type(spec)().model_dump(include=deciding):
+        return packaged_finger()
+    with step_display() as step:
+        return design(Context(0, "float64", step))
 
 
 def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> Finger:

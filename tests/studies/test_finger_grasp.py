@@ -3,7 +3,7 @@
 import math
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import equinox as eqx
 import jax
@@ -19,7 +19,7 @@ from studies.models.grasp import cases
 from studies.models.grasp.analysis import CLOSED, formula_error, retrace_error, touching_dip
 from studies.models.grasp.closing import LARGEST_MOVE, STEPS, close_all, there_and_back
 from studies.models.grasp.comparing import compare, compare_exactly, setting_of
-from studies.models.grasp.conditions import Unknowns, conditions, energy, gaps_of, touches
+from studies.models.grasp.conditions import Problem, Unknowns, conditions, energy, touches
 from studies.models.grasp.equilibrium import GRASP, solve
 from studies.models.grasp.objects import Circle, Polygon
 from studies.models.grasp.pinch import bracket, least_place, loading, predict, ratio_map
@@ -112,7 +112,12 @@ def test_gaps_are_distances():
     center, shapes = np.array([3.0, -30.0]), {1: corners, 2: corners[:3]}
     things = (Circle(center, 7.0), Polygon(corners), Polygon(corners[:3]))
     problems = [cases.problem_of(FINGER, thing) for thing in things]
-    gaps = [jax.jit(lambda q, p=p: (gaps_of(p, q), touches(p, q).slopes)) for p in problems]
+
+    def gaps_and_slopes(problem: Problem, q: jax.Array) -> tuple[jax.Array, jax.Array]:
+        touch = touches(problem, q)
+        return touch.gaps * problem.length_unit, touch.slopes
+
+    gaps = [partial(jax.jit(gaps_and_slopes), problem) for problem in problems]
     faced = 0
     for joints in np.random.default_rng(1).uniform(0, 1.2, (12, 2)):
         segments = []
@@ -331,9 +336,11 @@ def test_the_energys_slope_is_what_stops_and_contacts_bear():
     slope = scipy.optimize.approx_fprime(
         path.joints[state], lambda q: unit * float(energy(problem, jnp.asarray(q))), 1e-7
     )
-    lifts = scipy.optimize.approx_fprime(
-        path.joints[state], lambda q: np.asarray(gaps_of(problem, jnp.asarray(q))), 1e-7
-    )
+
+    def gaps(q: np.ndarray) -> np.ndarray:
+        return np.asarray(touches(problem, jnp.asarray(q)).gaps * problem.length_unit)
+
+    lifts = scipy.optimize.approx_fprime(path.joints[state], gaps, 1e-7)
     np.testing.assert_allclose(
         np.asarray(slope), np.asarray(lifts).T @ path.forces[state], rtol=1e-4
     )

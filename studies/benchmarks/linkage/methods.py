@@ -118,7 +118,7 @@ class Workload(NamedTuple):
 def methods(work: Workload, *, peers: bool, optimistix: bool) -> Iterator[BenchmarkMethod]:
     """Every method at its settings on one workload.
 
-    Keep the surrounding `jax.enable_x64` as the workload's float type wants it until the methods
+    Keep the surrounding `jax.enable_x64` as the workload's float type needs it until the methods
     are timed (`studies.benchmarks.linkage.iterations.find_roots`).
     """
     double = work.dtype == "float64"

@@ -1,7 +1,7 @@
 """The finger's equilibrium: complementarity equations beside minimisers of the same energy.
 
-The minimisers are jaxopt's QP and box solvers and SciPy's SLSQP; they never see the complementarity
-equations, so that agreement means that those describe a minimum. Circles only.
+The minimisers are jaxopt's QP and box solvers and SciPy's SLSQP; they do not use the
+complementarity equations: where both agree, these describe a minimum. Circles only.
 """
 
 from __future__ import annotations

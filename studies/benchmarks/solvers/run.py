@@ -70,9 +70,8 @@ def run(spec: SolverPrecisionSpec, context: Context) -> Results:
     )
     out.say("main")
     out.table("closest", table)
-    evidence, _ = find_undominated(special, OURS)
     structured = [row for row in special if row.panel != box.PANEL]
-    claim = out.claim("structure", evidence, find_undominated(structured, OURS)[1])
+    claim = out.claim("structure", *find_undominated(structured, OURS))
     out.precision(rows, "worst error", REFERENCE, claim)
     return out.results()
 

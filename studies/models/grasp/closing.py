@@ -182,7 +182,7 @@ def _item(found: Any, index: int) -> Any:
 def _path(problem: Problem, commands: np.ndarray, found: Solution[State]) -> Path:
     state = jax.tree.map(np.asarray, found.value)
     ok = np.asarray(found.ok)
-    # Reading messages costs a call each, so only those are read that say something.
+    # Reading messages costs a call each, so only those of failed states are read.
     bad = np.flatnonzero(~ok)
     texts = {int(i): _item(found, int(i)).messages()[0] for i in bad}
     return Path(

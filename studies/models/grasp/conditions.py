@@ -170,11 +170,6 @@ def touches(problem: Problem, joints: Joints) -> Touch:
     )
 
 
-def gaps_of(problem: Problem, joints: Joints) -> Float[Array, " contacts"]:
-    """Gaps of all contacts in mm, those of the intermediate pad first."""
-    return touches(problem, joints).gaps * problem.length_unit
-
-
 def energy(problem: Problem, joints: Joints) -> Float[Array, ""]:
     """U(q) over `Problem.moment_unit`."""
     found, contrast = transfer(problem.finger, joints), problem.contrast

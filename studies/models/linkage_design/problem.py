@@ -97,7 +97,7 @@ def linkage_problem(
 
     Returns:
         A problem in `Pins`, with ``least`` in rad by the symbols of the angles, inequalities by
-        names that say what is asked, and the turns of the postures as its data.
+        the requirements' names, and the turns of the postures as its data.
     """
 
     def terms(pins: Pins, knuckle: Vector, flexion: Vector) -> Evaluation:

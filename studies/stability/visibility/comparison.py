@@ -71,9 +71,9 @@ def compare(spec: StabilitySpec, context: Context) -> tuple[Records, Records]:
     with context.step(f"{spec.fine_rays} rays in each of {len(again)} scenes"):
         fans = Fans.of_rows(STRUCTURE, rows[again])
         closer = bounds(STRUCTURE, fans, spec.fine_rays, spec.bounces, BETWEEN)
-    for bounces, said in answers.items():
-        fine = gaps(closer, said.part(again), bounces)
-        non_finite, single = said.non_finite, np.full(len(rows), np.nan)
+    for bounces, own_answers in answers.items():
+        fine = gaps(closer, own_answers.part(again), bounces)
+        non_finite, single = own_answers.non_finite, np.full(len(rows), np.nan)
         with context.step(f"Gradients, {bounces} bounces at most"):
             slopes = gradients(bounces, rows[: spec.gradient_scenes])
         if spec.float32:
@@ -95,8 +95,8 @@ def compare(spec: StabilitySpec, context: Context) -> tuple[Records, Records]:
             worst_excess_again=largest(fine["excess"]),
             worst_error_again=largest(fine["off"]),
             worst_step_again=largest(fine["step"]),
-            wrong_verdicts=wrong_verdicts(found, said),
-            **landings(rows, said, bounces),
+            wrong_verdicts=wrong_verdicts(found, own_answers),
+            **landings(rows, own_answers, bounces),
             **slopes,
         )
     return table, scenes
