@@ -34,6 +34,15 @@ def test_sharp_corners_of_every_pad_are_found_to_a_few_pixels(pads):
         np.testing.assert_allclose(corners, EYE.places(pad.corners()), atol=NEAR)
 
 
+def test_round_corners_are_found_inside_of_the_true_ones():
+    pad = Pad((20, -14), (24, 12), radius=2.0)
+    (corners,) = ROUTE.corners(seen(pad))
+    true = EYE.places(pad.corners())
+    inward = np.sum((corners - true) * (true.mean(axis=0) - true), axis=-1)
+    assert (inward > 0).all()
+    assert np.hypot(*(corners - true).T).max() > 1
+
+
 @pytest.mark.parametrize("level", [0, 90, 255])
 def test_an_even_image_shows_at_most_itself(level):
     image = np.full((EYE.rows, EYE.columns, 3), level, np.uint8)

@@ -140,6 +140,13 @@ NEAR_AND_FLAT = exact_view(EYE, Pad((12, -14), (4, -36)), path="flat", area=9000
 FAR_AND_STRAIGHT = exact_view(EYE, Pad((30, -12), (30, 11.4)), path="straight", area=8000.0)
 
 
+def test_the_scale_straight_before_a_pinhole_is_focal_length_over_distance():
+    eye = Eye(540, 720, focal=400.0, pinhole=True)
+    pad = Pad((50, -8), (50, 8))
+    scale = least_scale(exact_view(eye, pad), eye.lens(), pad.length, pad.width)
+    assert scale == pytest.approx(400 / 50, rel=1e-4)
+
+
 @pytest.mark.parametrize(("by", "path"), [("area", "flat"), ("scale", "straight")])
 def test_the_best_view_is_the_largest_or_the_one_of_the_greatest_least_scale(by, path):
     views = [NEAR_AND_FLAT, FAR_AND_STRAIGHT]

@@ -69,7 +69,13 @@ def test_a_finger_that_is_too_thin_names_what_gave_way():
     assert not any("k₂ = -" in line for line in results.findings)
 
 
-@pytest.mark.parametrize("name", ["finger", "finger-linkage", "finger-mirrors", "finger-grasp"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("finger", "finger-linkage", "finger-mirrors", "finger-grasp"),
+        *("object-size", "surface-profile"),
+    ],
+)
 def test_fewer_digits_are_refused_at_once(tmp_path, capsys, name):
     assert command(["run", name, "--dtype", "float32", "--out", str(tmp_path / "out")]) == 2
     assert "needs float64; leave --dtype out" in capsys.readouterr().err

@@ -18,6 +18,7 @@ from designopt.study.report import Report
 from designopt.study.runner import run_study
 from optics import Pieces, find_coverage, find_views, parse_scene, read_scene
 from studies.finger_mirrors import solvers
+from studies.models.finger import camera_of
 from studies.models.mirror_design import design as designing
 from studies.models.mirror_design import problem, seeing, yields
 from studies.models.mirror_design.errors import (
@@ -28,7 +29,7 @@ from studies.models.mirror_design.errors import (
     sample_errors,
     spread_evenly,
 )
-from studies.models.mirror_design.judging import judged, seen_by_rays
+from studies.models.mirror_design.judging import judged, percent_at_least, seen_by_rays
 from studies.models.mirror_design.placement import PROXIMAL, bounds, free_part, poor_layout, scale
 from studies.models.mirror_design.searching import Stage, lagrangian
 from studies.models.mirror_design.spec import MirrorSpec
@@ -361,3 +362,23 @@ def test_the_study_end_to_end(monkeypatch):
     scene = parse_scene(tomllib.loads(str(file.content)))
     (place,) = [row for row in tables["arrangements"].rows if row[0] == "camera x (mm)"]
     assert float(scene.camera.position[0]) == pytest.approx(place[2])
+
+
+def test_random_starts_are_drawn_by_their_heights():
+    """The seed's Sobol points over heights above the axes, whatever a finger stores."""
+    task = problem.Task.of(POOR, SMALL, 0)
+    least, greatest = bounds(POOR, SMALL)
+    (start,) = designing._random(SMALL, task, 0)
+    points = draw_sobol_starts(problem.problem_of(SMALL, task), 1, 0)
+    first, low, high, point = map(camera_of, (start, least, greatest, points))
+    assert (first.along, first.tilt) == (point.along[0], point.tilt[0])
+    np.testing.assert_allclose(first.depth, low.depth + high.depth - point.depth[0])
+    for mirror, low, high, point in zip(
+        start.mirrors, least.mirrors, greatest.mirrors, points.mirrors, strict=True
+    ):
+        np.testing.assert_array_equal(mirror.ends[:, 0], point.ends[0, :, 0])
+        np.testing.assert_allclose(mirror.ends[:, 1], (low.ends + high.ends - point.ends[0])[:, 1])
+
+
+def test_a_share_is_rounded_down():
+    assert (percent_at_least(1.0), percent_at_least(0.99999)) == ("100 %", "99.99 %")

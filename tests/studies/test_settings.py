@@ -84,6 +84,26 @@ def test_what_a_setting_rules_out_is_one_line_that_names_it(name):
             assert len(message) < 1500
 
 
+@pytest.mark.parametrize(
+    ("name", "setting", "words"),
+    [
+        ("finger", "body.thickness=9", "no room for the camera"),
+        ("finger-mirrors", "thin=9", "no room for the camera"),
+        ("finger-mirrors", "camera.width=30", "must be smaller than body.intermediate"),
+        ("finger-grasp", "pinch_at=[40.0]", "pinch_at"),
+        ("finger-grasp", "body.range_deg=45", "beyond body.range_deg"),
+        ("bending-posture", "widths=[32,32]", "differ from each other"),
+        ("surface-profile", "calibrations=[3,3]", "differ from each other"),
+        ("surface-profile", "sagittas=[3.0,3.0]", "differ from each other"),
+    ],
+)
+def test_settings_that_contradict_each_other_are_one_line(name, setting, words):
+    with pytest.raises(UserError) as caught:
+        spec_with(load_study(name).spec, [setting], study=name)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize("name", STUDIES)
 def test_defaults_are_valid_have_a_meaning_and_targets(name):
     model = load_study(name).spec

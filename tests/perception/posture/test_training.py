@@ -93,6 +93,7 @@ def test_a_seed_gives_the_same_network_again():
         (IMAGES[:9] * np.float32(0), MARKERS[:9], "all the same"),
         (IMAGES[:9], np.full((9, 3, 2), 12.3), "all the same"),
         (np.repeat(IMAGES[:1], 9, axis=0), MARKERS[:9], "all the same"),
+        (IMAGES[:0], MARKERS[:0], "no pixels"),
     ],
 )
 def test_samples_that_teach_nothing_are_refused(images, markers, message):

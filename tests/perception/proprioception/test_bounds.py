@@ -92,6 +92,24 @@ def test_the_bound_is_that_of_all_unknowns_at_once(case, label_deviation):
     assert (bound.finger_known <= bound.calibrated * (1 + 1e-12)).all()
 
 
+def test_labels_at_which_nothing_is_seen_are_the_prior():
+    one, dark = frame(MADE, POSE), several(*[NOTHING] * FRAMES)
+    bounds = [
+        compute_information_bound(
+            MODEL, MADE, (one, POSE), (dark, SPREAD_OUT), deviation
+        ).calibrated
+        for deviation in (1e-3, None)
+    ]
+    np.testing.assert_allclose(*bounds, rtol=1e-12)
+
+
+def test_a_joint_that_is_not_seen_is_as_good_as_unknown():
+    one = frame(MADE, POSE, without=(2,))
+    bound = compute_information_bound(MODEL, MADE, (one, POSE), (several(), SPREAD_OUT), LABELS)
+    assert bound.finger_known[1] == pytest.approx(LOOSE)
+    assert bound.calibrated[1] == pytest.approx(LOOSE)
+
+
 def test_with_the_finger_known_exact_corners_are_said_to_reach_it():
     one = frame(MADE, POSE)
     bound = compute_information_bound(MODEL, MADE, (one, POSE), (several(), SPREAD_OUT), LABELS)

@@ -9,6 +9,7 @@ from tests.perception.proprioception.toy import (
     ERRORS,
     JOINTS,
     LIMITS,
+    LOW,
     MODEL,
     NOISE,
     VIEWS,
@@ -158,6 +159,15 @@ def test_what_nothing_is_seen_of_stays_as_it_was(deviation):
     np.testing.assert_allclose(covariance_of(found.value), np.eye(ERRORS), atol=1e-12)
     expected = np.nan_to_num(labels, nan=MIDDLE)
     np.testing.assert_allclose(found.value.angles, expected, atol=1e-12)
+
+
+def test_a_joint_that_is_never_seen_leaves_its_zero_as_it_was():
+    found = calibrate(MODEL, watched(MADE, without=LOW), SPREAD_OUT, LABELS, constant=0.0)
+    assert found.ok
+    np.testing.assert_allclose(found.value.errors.mean[ZERO], 0, atol=1e-9)
+    row = np.eye(ERRORS)[ZERO]
+    np.testing.assert_allclose(covariance_of(found.value)[ZERO], row, atol=1e-9)
+    np.testing.assert_allclose(found.value.angles[:, 0], SPREAD_OUT[:, 0], atol=1e-9)
 
 
 def test_corners_that_are_no_numbers_are_no_calibration():

@@ -148,6 +148,9 @@ def test_softened_deviations_are_those_of_the_pseudo_huber_loss():
     # The closed loss loses half its digits where deviations are small.
     np.testing.assert_allclose(found**2, loss, rtol=1e-9)
     np.testing.assert_array_equal(np.sign(found), np.sign(left))
+    small = np.array([-1e-9, 0.0, 1e-9])
+    np.testing.assert_allclose(softened(jnp.asarray(small)), small, rtol=1e-12)
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(softened))(jnp.zeros(3)), np.eye(3))
 
 
 @pytest.mark.parametrize("seed", range(3))
