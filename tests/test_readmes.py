@@ -102,3 +102,9 @@ def test_cheap_commands_run(readme, folder):
     for words in pasted(readme):
         if words[0] == "designopt" and words[1] in CHEAP:
             assert cli.run(words[1:]) == 0, words
+
+
+@pytest.mark.parametrize("readme", READMES, ids=lambda path: path.parent.name)
+def test_links_lead_to_files(readme):
+    links = re.findall(r"\]\(([^):#]+)\)", readme.read_text(encoding="utf-8"))
+    assert [link for link in links if not (readme.parent / link).exists()] == []

@@ -40,6 +40,17 @@ def setting(
     return pydantic.Field(default=default, description=meaning, json_schema_extra=marks, **bounds)  # type: ignore[call-overload]
 
 
+def distinct(values: list[Any]) -> list[Any]:
+    """The values of a setting, if they differ from each other; for pydantic's `AfterValidator`.
+
+    Raises:
+        ValueError: two are the same.
+    """
+    if len(set(values)) < len(values):
+        raise ValueError("values must differ from each other")
+    return values
+
+
 def targets_waived(spec: Spec, default: Spec | None = None, prefix: str = "") -> str:
     """Why the targets of a study do not apply to a run with these settings; empty if they do.
 

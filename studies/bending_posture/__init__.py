@@ -7,9 +7,9 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from designopt.study.settings import setting
+from designopt.study.settings import distinct, setting
 from designopt.study.study import Study, lazily
-from studies.models.soft_finger.spec import ChamberImagesSpec, distinct
+from studies.models.soft_finger.spec import ChamberImagesSpec
 
 Count = Annotated[int, Field(ge=50, le=100_000)]
 Eta = Annotated[float, Field(ge=0.3, le=1.2)]

@@ -141,7 +141,7 @@ def draw_regularisation(sweep: Records, paper: Mapping[str, float]) -> Figure:
 def draw_etas(etas: Records) -> Figure:
     """Chambers of different η."""
     drawing, [[left, middle, right]] = new_figure(1, 3, height=3.0)
-    rows = etas.summary("eta", **{name: f"mean {name}" for name in list(dict(etas))[1:]})
+    rows = etas.summary("eta", **{name: f"mean {name}" for name in etas.keys()[1:]})
     left.plot(rows["eta"], rows["tip_mm"], "-o", color=BLUE)
     left.plot(etas["eta"], etas["tip_mm"], ".", color="0.5", label="one seed")
     left.set(title="Posture", ylabel="mean tip error (mm)")

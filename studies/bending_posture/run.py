@@ -48,8 +48,6 @@ REFERENCE = (
 MARGIN = 1.2
 """A tip error that is larger by this at every seed is called worse."""
 
-SPREAD = {"mean": "mean", "least": "min", "most": "max"}
-
 SURE = 0.95
 
 OTHERS = {
@@ -473,7 +471,8 @@ def summarize_chambers(etas: Records) -> Records:
     """A row for every chamber."""
     same = ("blue_px", "yellow_px", "yellow_px_per_deg", "clearance_mm")
     whats = {name: f"max {name}" for name in same}
-    whats |= {f"tip_{short}_mm": f"{stat} tip_mm" for short, stat in SPREAD.items()}
+    whats |= {"tip_mean_mm": "mean tip_mm", "tip_least_mm": "min tip_mm"}
+    whats |= {"tip_most_mm": "max tip_mm"}
     return etas.summary("eta", "unusable", **whats)
 
 

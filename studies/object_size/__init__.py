@@ -68,7 +68,7 @@ class ObjectSizeSpec(ChamberImagesSpec):
     samples: int = setting(
         1500, "labelled images that the network is trained on", ge=64, le=100_000
     )
-    epochs: int = setting(60, "how often the network sees them", ge=1, le=1000)
+    epochs: int = setting(60, "passes of the training over all of them", ge=1, le=1000)
     largest_bend_deg: float = setting(
         110.0, "their bends are spread evenly from 0 to this (degrees)", ge=10, le=120
     )

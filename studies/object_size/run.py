@@ -27,7 +27,7 @@ from perception.posture import USABLE, PostureEstimate, PostureEstimator
 from studies.models.one_thread import one_thread
 from studies.models.soft_finger import robustness
 from studies.models.soft_finger.finger import DOWN, SoftFinger
-from studies.models.soft_finger.grasp import Hand, bend_around, diameter_of, touched
+from studies.models.soft_finger.grasp import Hand, bend_around, touched
 from studies.models.soft_finger.robustness import count_true
 from studies.models.soft_finger.samples import boundaries, random_postures, samples
 from studies.object_size import ObjectSizeSpec, trials
@@ -188,9 +188,7 @@ def answer_bends(finger: SoftFinger, reader: Reader, frames: int, seed: int) -> 
             return PostureEstimate(ChamberStatus.NO_CHAMBER, None)
 
     seen = robustness.view_bends(finger, BENDS_DEG, frames, look, seed=seed)
-    true = jax.vmap(diameter_of, in_axes=(None, 0))(
-        reader.hand, jnp.deg2rad(jnp.asarray(BENDS_DEG))
-    )
+    true = trials.diameters_of(reader.hands(len(BENDS_DEG)), jnp.deg2rad(jnp.asarray(BENDS_DEG)))
     held = np.repeat(np.where(true.ok, true.value, np.nan), frames)
     rows = estimate(seen, reader)
     usable = np.array([one.status in USABLE for one in seen])
@@ -216,9 +214,8 @@ def answer_disturbed(finger: SoftFinger, reader: Reader, seed: int) -> Records:
     """Diameters from frames of every disturbance, at a few bends."""
 
     def answer(
-        picture: robustness.Picture, kind: robustness.Disturbance, number: int
+        picture: robustness.Picture, kind: robustness.Disturbance, _: int
     ) -> robustness.Answer:
-        del number
         seen = posture.find_posture(picture, reader.estimator)
         own = estimate([seen], reader)
         known, diameter = bool(own["known"][0]), float(own["estimate_mm"][0])

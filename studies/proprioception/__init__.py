@@ -22,7 +22,7 @@ class ProprioceptionSpec(FingerImagesSpec):
         1.0, "of every corner, when the gap is tried without images (px)", gt=0, le=20
     )
     gap_fingers: int = setting(
-        100, "fingers on which the gap is tried without images", free=True, ge=1, le=10_000
+        100, "fingers on which the gap is tried without images", scales=True, ge=1, le=10_000
     )
     cost_fingers: int = setting(
         6, "fingers rendered again with smooth edges", free=True, ge=0, le=1000

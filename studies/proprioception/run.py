@@ -53,14 +53,14 @@ def run(spec: ProprioceptionSpec, context: Context) -> Results:
     with context.step("The finger, its views and its gaps"):
         estimators = by.Estimators.of(spec)
         finger, gaps = estimators.finger, estimators.gaps
+    with context.step("The gap without images"):
+        for number in range(spec.gap_fingers):
+            estimators.estimate_gap_alone(number, spec, seed)
     fingers: list[tuple[FingerFrames, by.FingerEstimates]] = []
     for number in range(spec.fingers):
         with context.step(f"Finger {number + 1} of {spec.fingers}"):
             seen = render_finger(finger, gaps, spec, number, seed)
             fingers.append((seen, estimators.estimate(seen)))
-    with context.step("The gap without images"):
-        for number in range(spec.gap_fingers):
-            estimators.estimate_gap_alone(number, spec, seed)
     for number in range(min(spec.cost_fingers, spec.fingers)):
         with context.step(f"Finger {number + 1} with smooth edges"):
             seen = render_finger(finger, gaps, spec, number, seed, smooth=True)
@@ -172,6 +172,8 @@ def add_findings(out: Report, errors: Records, gaps: list[GapTable], finger: Fin
         out.say(name)
     if len(costs := edge_costs(errors)) > 1:
         out.say("edges", cost_fingers=len(costs))
+    elif costs:
+        out.say("edges-one")
     if out["labelled_defined"] < 1:
         out.say("undefined", missing=1 - out["labelled_defined"])
 

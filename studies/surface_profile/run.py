@@ -109,7 +109,7 @@ def run(spec: SurfaceProfileSpec, context: Context) -> Results:
 def measure_severities(test: SlidingTest, slides: Sequence[Slide]) -> Records:
     """A row for every severity, the stated one by all fingers, others by the first one."""
     spec = test.spec
-    heights = Records(test.heights.where(frames=spec.calibration))
+    heights = test.heights.where(frames=spec.calibration)
     test = replace(test, heights=heights, shapes=Records(test.shapes), fingers=Records())
     for severity in (one for one in spec.severities if one != spec.severity):
         test.slide(0, slides, severity, [spec.calibration])
@@ -394,7 +394,7 @@ def draw_kinds(shapes: Records) -> Figure:
     sagittas = np.array([CURVED, CURVED, end])
     for side in (-1, 1):
         axes.plot(side * sagittas, np.array([0, CURVED, end]) / CURVED_OVER_ROUGH, **line)
-    reach = max(*np.abs(shapes["sagitta_mm"]), 2 * CURVED)
+    reach = max(2 * CURVED, shapes.stat("max_abs sagitta_mm"))  # NaN last: then it is the first
     axes.set(xlabel="sagitta (mm)", ylabel="roughness (mm)", ylim=(0, high))
     axes.set_xlim(-1.05 * reach, 1.05 * reach)
     return drawing

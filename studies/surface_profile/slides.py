@@ -166,6 +166,7 @@ class SlidingTest:
                 off = {
                     way: np.where(one.known, one.mm - spec.preload - slide.ridden, np.nan)
                     for way, one in found.items()
+                    if way != "exact_"
                 }
                 self.heights.add(
                     **names,

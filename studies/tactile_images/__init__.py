@@ -6,9 +6,9 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from designopt.study.settings import setting
+from designopt.study.settings import distinct, setting
 from designopt.study.study import Study, lazily
-from studies.models.sensor.spec import FingerImagesSpec, Rows, refuse_repeats
+from studies.models.sensor.spec import FingerImagesSpec, Rows
 
 Gain = Annotated[float, Field(gt=0, le=10)]
 Severity = Annotated[float, Field(ge=0, le=2)]
@@ -19,10 +19,10 @@ class TactileImagesSpec(FingerImagesSpec):
 
     fingers: int = setting(3, "fingers with errors of fabrication", scales=True, ge=1, le=100)
     grid: int = setting(6, "values of each joint angle", scales=True, ge=2, le=31)
-    gains: Annotated[list[Gain], Field(min_length=1), AfterValidator(refuse_repeats)] = setting(
+    gains: Annotated[list[Gain], Field(min_length=1), AfterValidator(distinct)] = setting(
         [0.6, 1.0, 1.5], "exposures at the stated severity"
     )
-    severities: Annotated[list[Severity], AfterValidator(refuse_repeats)] = setting(
+    severities: Annotated[list[Severity], AfterValidator(distinct)] = setting(
         [0.0, 0.5, 1.5, 2.0], "other severities, at gain 1 with one finger", free=True
     )
     independent: int = setting(

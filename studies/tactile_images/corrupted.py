@@ -125,8 +125,8 @@ def analyze_corrupted(spec: TactileImagesSpec, angles: np.ndarray, seed: int) ->
         # A pad that is not seen twice has no gap.
         with suppress(ValueError):
             table = gap_table(finger.scene, finger.catalog, pad)
-            gap = table, 0.0, 1.0, np.zeros((2, 2)), DEVIATIONS["edge_deviation"]
-            gaps.append(GapEstimator(*gap))
+            deviation = DEVIATIONS["edge_deviation"]
+            gaps.append(GapEstimator(table, 0.0, 1.0, np.zeros((2, 2)), deviation))
 
     def analyze(frame: Image) -> tuple[bool, bool]:
         sighting = finger.detect(frame)

@@ -37,8 +37,16 @@ MARGIN, NARROWEST = 0.02, 0.8
 """Beside the pads that are seen in an image, as a part of its width; and the least width of what is
 shown of it, as a part of its height: titles have room above it."""
 
-COLORS = (*(PALETTE[i] for i in (5, 6, 0)), "white", *(PALETTE[i] for i in (3, 2, 1)), "0.6")
-OF_QUALITY = dict(zip(Quality, COLORS, strict=False))
+OF_QUALITY = {
+    Quality.COMPLETE: PALETTE[5],
+    Quality.CLIPPED: PALETTE[6],
+    Quality.FLAT: PALETTE[0],
+    Quality.GHOST: "white",
+    Quality.MERGED: PALETTE[3],
+    Quality.AMBIGUOUS: PALETTE[2],
+    Quality.BLURRED: PALETTE[1],
+    Quality.LOW_CONTRAST: "0.6",
+}
 """Colors of views as they were found; those that were not found have none."""
 
 IMPRINTS = ("sphere", "ball array", "studded brick", "edge", "screw thread")

@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
 from designopt.io.spec import Spec
-from designopt.study.settings import setting
+from designopt.study.settings import distinct, setting
 from studies.models.mirror_design.spec import Error, Length, ToleranceSpec
 
 LEAST_ROWS, MOST_ROWS = 200, 4000
 """Heights of images that can be analysed, px."""
 
 Rows = Annotated[int, Field(ge=LEAST_ROWS, le=MOST_ROWS)]
-
-
-def refuse_repeats(values: list[Any]) -> list[Any]:
-    """The values of a setting, if they differ from each other.
-
-    Raises:
-        ValueError: two are the same.
-    """
-    if len(set(values)) < len(values):
-        raise ValueError("values must differ from each other")
-    return values
 
 
 class MadeSpec(ToleranceSpec):
@@ -48,7 +37,7 @@ class FingerImagesSpec(Spec):
         1.0, "of light, blur, noise, rough edges: 0 none, 1 good, 2 poor", ge=0, le=2
     )
     range_deg: float = setting(90.0, "range of both joints (degrees)", gt=0, le=90)
-    sizes: Annotated[list[Rows], AfterValidator(refuse_repeats)] = setting(
+    sizes: Annotated[list[Rows], AfterValidator(distinct)] = setting(
         [360, 540, 810, 1080], "heights of images, error over run time (px)", free=True
     )
     tolerances: MadeSpec = MadeSpec()

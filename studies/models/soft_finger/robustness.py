@@ -219,7 +219,6 @@ def view_bends(
     seed: int,
     direction: float = DOWN,
     severity: float | None = None,
-    first: int = 0,
 ) -> list[Looked]:
     """What is found on some frames at each of some bends.
 
@@ -231,7 +230,6 @@ def view_bends(
         seed: of the pictures.
         direction: of bending, radians.
         severity: of the pictures; by default the finger's.
-        first: number of the first frame.
 
     Returns:
         As many at the first bend, then at the second, in the order of
@@ -239,4 +237,4 @@ def view_bends(
     """
     bends = np.repeat(np.deg2rad(bends_deg), frames)
     postures = finger.postures(bends, np.full(len(bends), direction))
-    return looked_at(finger.renderer(seed, severity=severity), postures, look, first)
+    return looked_at(finger.renderer(seed, severity=severity), postures, look)

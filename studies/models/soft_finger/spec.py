@@ -16,17 +16,6 @@ WIDEST_DEG = 80.0
 """Widest field of view, with all distortions that are allowed, whose rays are all followed."""
 
 
-def distinct(values: list) -> list:
-    """Settings that must differ from each other.
-
-    Raises:
-        ValueError: two are the same.
-    """
-    if len(set(values)) < len(values):
-        raise ValueError("values must differ from each other")
-    return values
-
-
 class EndoscopeSpec(Spec):
     """The camera; the paper gives its pixels, 640 × 480, and no angle."""
 
