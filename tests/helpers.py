@@ -22,6 +22,23 @@ def load_toml(name: str) -> dict[str, Any]:
     return tomllib.loads((DATA / name).read_text(encoding="utf-8"))
 
 
+def published_cases(name: str) -> dict[str, tuple[dict[str, Any], dict[str, Any], Any]]:
+    """Inputs, expected numbers and tolerance of every published case in a file, by its id."""
+    return {
+        case["id"]: (case["inputs"], case["expected"], case["tolerance"])
+        for case in load_json(name)["cases"]
+    }
+
+
+def close(found: Any, wanted: Any, tolerance: float) -> None:
+    np.testing.assert_allclose(np.asarray(found), np.asarray(wanted), rtol=0, atol=tolerance)
+
+
+def readings(shown: Any) -> dict[str, Any]:
+    """Values that a bench shows, by name."""
+    return {reading.name: reading.value for reading in shown.readings}
+
+
 def central_differences(function: Callable[..., Any], design: Any) -> list[float]:
     """Slope of a scalar function with respect to every leaf of a design, in the leaves' order.
 

@@ -48,12 +48,15 @@ def refusals(file: str, base: Callable[[str], dict[str, Any]] | None = None) -> 
     return found
 
 
-def check_refused(read: Callable[[Any, str], Any], data: dict[str, Any], words: list[str]) -> None:
-    """One line that begins with the file's name and has all the words."""
+def check_refused(read: Callable[[Any, str], Any], data: dict[str, Any], words: list[str]) -> str:
+    """One line that begins with the file's name and has all the words; returned."""
     with pytest.raises(UserError) as raised:
         read(data, "f.toml")
     message = str(raised.value)
     assert message.startswith("f.toml: ")
     assert message.isprintable()
+    assert "pydantic" not in message
+    assert message.count("cannot hold each other") <= 1
     for word in words:
         assert word in message
+    return message

@@ -18,6 +18,7 @@ from kinematics.explore.bench import LinkageBench
 from kinematics.explore.optimising import PATIENCE, UPDATES
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
+from tests.helpers import readings
 from tests.kinematics.gallery import (
     FOLDER,
     NAMES,
@@ -49,11 +50,6 @@ def start(bench, **changed):
     values = {knob.name: knob.value for knob in bench.knobs}
     assert changed.keys() <= values.keys()
     return values | changed
-
-
-def readings(shown):
-    found: dict[str, Any] = {one.name: one.value for one in shown.readings}
-    return found
 
 
 def inputs_of(linkage, values):
@@ -197,12 +193,28 @@ def test_limits_of_a_watt():
     for limit, value in zip(np.degrees(limits), (knob.low, knob.high), strict=True):
         message = bench.show(start(bench, crank=value)).message
         assert message.endswith(f"crank locks at {limit:.2f}°.")
+        survey = bench._surveyor.survey(
+            bench.distances(start(bench)), np.radians([value]), 0, bench._spans[0]
+        )
+        nearest = min(np.abs(np.degrees([edge.value for edge in survey.edges]) - limit))
+        assert nearest < 1e-5
     inset = 0.02 * (limits[1] - limits[0])
     cranks = jnp.linspace(limits[0] + inset, limits[1] - inset, 1201)[:, None]
     wanted = least_of(gallery("watt"), cranks)
     for crank in (-80.0, 100.0):
         least = readings(bench.show(start(bench, crank=crank)))["least μ"]
         np.testing.assert_allclose(least, wanted, rtol=0, atol=0.02)
+
+
+def test_the_traced_curve_is_the_joints_path():
+    bench = bench_of("four-bar")
+    values = start(bench, **{"coupler A-B": 110.0})
+    path: Any
+    (path,) = [one for one in bench.show(values).artists if one.get_gid() == "path:B"]
+    places = np.asarray(path.get_xydata())
+    poses = poses_of(bench.linkage(values), jnp.linspace(0, 2 * jnp.pi, len(places))[:, None])
+    wanted = np.where(poses.ok[:, None], poses.value.position("B"), np.nan)
+    np.testing.assert_allclose(places, wanted, rtol=0, atol=1e-9)
 
 
 def test_a_slide_in_millimetres():
@@ -320,3 +332,30 @@ def test_without_transmission_angles_there_is_no_aim():
     assert bench.aim == ""
     with pytest.raises(UserError, match="no pin with a transmission angle"):
         bench.optimise(start(bench))
+
+
+def test_no_move_compiles_anything():
+    """The first one that locks, or that no triangle allows, is no exception."""
+    jax.clear_caches()
+    bench = drawn(DesignedLinkage.read(FOLDER / "four-bar.toml"))
+    bench.show(start(bench))
+    moves = [{knob.name: end} for knob in bench.knobs for end in (knob.high, knob.low)]
+    moves.append({knob.name: knob.low for knob in bench.knobs if knob.kind == "dimension"})
+    moves.append(
+        moves[-1] | {knob.name: knob.high for knob in bench.knobs if "ground" in knob.name}
+    )
+    compiled = []
+
+    def heard(event: str, *_: Any, **__: Any) -> None:
+        if event == "/jax/core/compile/backend_compile_duration":
+            compiled.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(heard)
+    try:
+        messages = [bench.show(start(bench, **move)).message for move in moves]
+        assert any("locks at" in message or "gives a pose" in message for message in messages)
+        assert not compiled
+        jax.jit(lambda number: number + len(moves))(1.0)
+        assert compiled
+    finally:
+        jax.monitoring.unregister_event_duration_listener(heard)

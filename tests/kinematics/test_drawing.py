@@ -17,6 +17,7 @@ from designopt.solution import Solution
 from designopt.vectors import Vector
 from kinematics import Pose, PoseResult
 from kinematics.io.sketch import load_sketch
+from kinematics.plot import animation
 from kinematics.plot.animation import save_animation
 from kinematics.plot.drawing import draw_pose
 from kinematics.plot.label_layout import label_offsets
@@ -217,6 +218,23 @@ def test_a_gif_has_a_frame_for_every_pose_that_is(tmp_path):
         assert film.n_frames == int(poses.ok.sum()) < len(inputs)
         assert film.info["duration"] == 100
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_interrupted_animation_leaves_the_old_file(tmp_path, monkeypatch):
+    linkage, inputs, poses = sketched("four-bar")
+    path = tmp_path / "four-bar.gif"
+    path.write_text("old", encoding="utf-8")
+    calls = []
+
+    def interrupted(self, index):
+        calls.append(index)
+        if len(calls) > 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(animation._Film, "show", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        save_animation(path, linkage, inputs, poses)
+    assert [found.read_text(encoding="utf-8") for found in tmp_path.iterdir()] == ["old"]
 
 
 @pytest.mark.parametrize(

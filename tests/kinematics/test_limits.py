@@ -115,7 +115,7 @@ def test_beyond_the_lock_nothing_is_found_and_the_reason_is_told():
     assert "locks before it comes here" in poses.messages()[1]
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_limits_of_a_triad_do_not_depend_on_where_the_search_starts():
     linkage = gallery("double-butterfly")
     here = limits_of("double-butterfly")

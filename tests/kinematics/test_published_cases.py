@@ -10,7 +10,6 @@ from __future__ import annotations
 import csv
 import io
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +19,7 @@ import pytest
 from designopt.cli import run
 from designopt.io.toml_writing import format_toml
 from kinematics import classify_grashof, find_limits, parse_linkage, solve_poses
-from tests.helpers import load_json
+from tests.helpers import close, published_cases
 from tests.kinematics.gallery import (
     ends,
     four_bar,
@@ -31,12 +30,7 @@ from tests.kinematics.gallery import (
     transmission_of,
 )
 
-CASES = {case["id"]: case for case in load_json("linkage_cases.json")["cases"]}
-
-
-def case(name: str) -> tuple[dict[str, Any], dict[str, Any], Any]:
-    chosen = CASES[name]
-    return chosen["inputs"], chosen["expected"], chosen["tolerance"]
+CASES = published_cases("linkage_cases.json")
 
 
 @pytest.fixture
@@ -55,16 +49,12 @@ def solve(tmp_path, capsys):
     return rows
 
 
-def close(found, wanted, tolerance):
-    np.testing.assert_allclose(np.asarray(found), np.asarray(wanted), rtol=0, atol=tolerance)
-
-
 NORTON = (40.0, 120.0, 80.0, 100.0)
 
 
 @pytest.mark.parametrize(("mode", "side"), [("open", 1), ("crossed", -1)])
 def test_norton_four_bar_positions(mode, side, solve):
-    inputs, expected, tolerance = case("norton-ex4-1-position")
+    inputs, expected, tolerance = CASES["norton-ex4-1-position"]
     tables = four_bar(*NORTON, side=side)
     poses = poses_of(parse_linkage(tables), jnp.deg2rad(jnp.array([inputs["theta2_deg"]])))
     (row,) = solve(tables, "--sweep", f"crank={inputs['theta2_deg']}")
@@ -76,8 +66,8 @@ def test_norton_four_bar_positions(mode, side, solve):
 
 
 def test_norton_four_bar_velocities_and_accelerations(solve):
-    inputs, velocity, near = case("norton-ex6-7-velocity")
-    given, acceleration, near_2 = case("norton-ex7-2-acceleration")
+    inputs, velocity, near = CASES["norton-ex6-7-velocity"]
+    given, acceleration, near_2 = CASES["norton-ex7-2-acceleration"]
     tables = four_bar(*NORTON)
     motion = rates_of(
         parse_linkage(tables),
@@ -111,7 +101,7 @@ def test_norton_four_bar_velocities_and_accelerations(solve):
 
 @pytest.mark.parametrize(("mode", "sign"), [("open", 1), ("crossed", -1)])
 def test_norton_offset_slider_crank(mode, sign, solve):
-    inputs, expected, tolerance = case("norton-ex4-2-offset-slider-crank")
+    inputs, expected, tolerance = CASES["norton-ex4-2-offset-slider-crank"]
     tables = slider_crank(inputs["a_crank"], inputs["b_conrod"], inputs["c_offset"], sign=sign)
     angle = inputs["theta2_deg"]
     pose = poses_of(parse_linkage(tables), jnp.deg2rad(jnp.array([angle]))).value
@@ -126,7 +116,7 @@ def test_norton_offset_slider_crank(mode, sign, solve):
 
 @pytest.mark.parametrize(("number", "side"), [(1, 1), (2, -1)])
 def test_ch_toolkit_four_bar_on_inclined_ground(number, side, solve):
-    inputs, expected, tolerance = case("ch-toolkit-fourbar")
+    inputs, expected, tolerance = CASES["ch-toolkit-fourbar"]
     lengths = [inputs[name] for name in ("r2_crank", "r3_coupler", "r4_rocker", "r1_ground")]
     tables = four_bar(*lengths, side=side, ground_deg=inputs["theta1_deg"])
     pose = poses_of(parse_linkage(tables), jnp.deg2rad(jnp.array([inputs["theta2_deg"]]))).value
@@ -147,7 +137,7 @@ def test_inclined_ground_counts_when_the_input_is_relative_to_it():
 
 
 def test_course_sheet_slider_crank(solve):
-    inputs, expected, near = case("coursehero-mathcad-slider-crank")
+    inputs, expected, near = CASES["coursehero-mathcad-slider-crank"]
     tables = slider_crank(inputs["a_crank"], inputs["b_conrod"], inputs["c_offset"])
     linkage = parse_linkage(tables)
     at = jnp.deg2rad(jnp.array([inputs["theta2_deg"]], float))
@@ -164,7 +154,7 @@ def test_course_sheet_slider_crank(solve):
 
 
 def test_golden_slider_crank(solve):
-    inputs, expected, near = case("linkage-sim-golden-slidercrank")
+    inputs, expected, near = CASES["linkage-sim-golden-slidercrank"]
     tables = slider_crank(inputs["a_crank"], inputs["b_conrod"], inputs["c_offset"])
     linkage = parse_linkage(tables)
     at = jnp.deg2rad(jnp.array(inputs["theta2_deg"], float))[:, None]
@@ -189,7 +179,7 @@ def test_golden_slider_crank(solve):
 
 
 def test_exact_transmission_angles(solve):
-    inputs, expected, tolerance = case("linkage-sim-transmission-angle")
+    inputs, expected, tolerance = CASES["linkage-sim-transmission-angle"]
     lengths = [inputs[k] for k in ("a_crank", "b_coupler", "c_rocker", "d_ground")]
     tables = four_bar(*lengths)
     at = jnp.deg2rad(jnp.array(inputs["theta2_deg"], float))[:, None]
@@ -200,7 +190,7 @@ def test_exact_transmission_angles(solve):
 
 
 def test_jansen_leg(solve):
-    inputs, expected, tolerance = case("pyslvs-jansen")
+    inputs, expected, tolerance = CASES["pyslvs-jansen"]
     joints = inputs["joints"]
     crank_lengths = [length or np.hypot(*joints["1"]) for length in inputs["crank_length"]]
     for angle, length, x, y in zip(
@@ -220,7 +210,7 @@ def test_jansen_leg(solve):
 @pytest.mark.parametrize("mirror", [1, -1])
 def test_rhombus_at_its_change_point(mirror, solve):
     """All links in one line and two pins in one place: the pose is what it tends to."""
-    inputs, expected, tolerance = case("pyslvs-parallelogram-change-point")
+    inputs, expected, tolerance = CASES["pyslvs-parallelogram-change-point"]
     tables = four_bar(100, 100, 100, inputs["ground"][1][0], sketch_deg=45)
     for joint in ("A", "B"):  # sketched on either side of the change point
         tables["joints"][joint] = [tables["joints"][joint][0], mirror * tables["joints"][joint][1]]
@@ -234,7 +224,7 @@ def test_rhombus_at_its_change_point(mirror, solve):
 
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_circles_that_meet_and_touch(number, solve):
-    inputs, expected, near = case("pyslvs-dyad-rrr")
+    inputs, expected, near = CASES["pyslvs-dyad-rrr"]
     left, right = inputs["radii"][number]
     (near_x, _), (far_x, _) = inputs["c1"], inputs["c2"]
     # A crank puts the left centre in its place; from there, the circles come apart on one side.
@@ -252,7 +242,7 @@ def test_circles_that_meet_and_touch(number, solve):
 
 
 def test_five_bar_with_coordinated_inputs(solve):
-    inputs, expected, tolerance = case("mechanism-fivebar")
+    inputs, expected, tolerance = CASES["mechanism-fivebar"]
     a, b, c, d, ground = (inputs[k] for k in ("a", "b", "c", "d", "e_ground"))
     # Both inputs are angles of the first two links, against the ground.
     first = inputs["theta_a_rad"][0]
@@ -286,7 +276,7 @@ def test_five_bar_with_coordinated_inputs(solve):
 
 def test_watts_curve(solve):
     """The rod's midpoint lies on the closed-form curve, at the polar angles of the case."""
-    inputs, expected, tolerance = case("watts-curve-polar")
+    inputs, expected, tolerance = CASES["watts-curve-polar"]
     b, a, c = inputs["crank_b"], inputs["half_distance_a"], inputs["half_rod_c"]
     tables = four_bar(b, 2 * c, b, 2 * a)
     for joint in tables["joints"].values():
@@ -328,7 +318,7 @@ def test_watts_curve(solve):
 
 def test_quick_return_time_ratio(solve):
     """The crank's turn between the lever's dead points, found as roots of its angular velocity."""
-    inputs, expected, tolerance = case("quick-return-time-ratio")
+    inputs, expected, tolerance = CASES["quick-return-time-ratio"]
     r, d = inputs["r"], inputs["d"]
     tables = tables_of(
         {"O4": [0, 0], "O2": [0, d], "A": [r, d], "T": [2 * r, 2 * d]},
@@ -357,7 +347,7 @@ def test_quick_return_time_ratio(solve):
 
 
 def test_crank_rocker_with_unit_time_ratio():
-    inputs, expected, near = case("brodell-soni-unit-time-ratio")
+    inputs, expected, near = CASES["brodell-soni-unit-time-ratio"]
     lengths = [inputs[k] for k in ("crank", "coupler", "rocker", "ground")]
     linkage = parse_linkage(four_bar(*lengths))
     angles = np.linspace(0, 2 * np.pi, 36001)[:, None]
@@ -372,7 +362,7 @@ def test_crank_rocker_with_unit_time_ratio():
 
 
 def test_grashof_classes():
-    inputs, expected, _ = case("grashof-classes")
+    inputs, expected, _ = CASES["grashof-classes"]
     turns = zip(expected["crank_full_turn"], expected["rocker_full_turn"], strict=True)
     for lengths, name, (crank, rocker) in zip(
         inputs["lengths"], inputs["classes"], turns, strict=True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import shutil
 import subprocess
 import sys
@@ -205,6 +206,8 @@ def test_a_table_is_written_whole_and_replaced_only_by_force(tmp_path, capsys):
 def test_only_what_is_asked_for_is_solved(capsys):
     assert run(["solve", "four-bar.toml", "--plan"]) == 0
     assert "RRR in closed form" in capsys.readouterr().out
+    assert run(["solve", "stephenson.toml", "--plan"]) == 0
+    assert "iteration, followed from the sketch" in capsys.readouterr().out
     sweeps = ["--sweep", "pip=0:-90:2", "--sweep", "dip=0:-90:2"]
     assert run(["solve", "finger.toml", *sweeps, "--of", "T"]) == 0
     table = table_of(capsys.readouterr().out)
@@ -244,6 +247,21 @@ def test_nonsense_is_one_line_and_exit_code_2(arguments, words, tmp_path, capsys
     for word in words:
         assert word in shown.err
     assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+def test_a_table_without_room_is_one_line_and_leaves_nothing(tmp_path):
+    """A limit of a file's size stands for a disk that becomes full."""
+    command = f"'{sys.executable}' -m designopt solve four-bar.toml --sweep crank=0:360:999"
+    done = subprocess.run(
+        ["bash", "-c", f"ulimit -f 16; {command} --csv t.csv"],
+        env=os.environ | {"JAX_ENABLE_COMPILATION_CACHE": "false"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: t.csv: cannot be written: File too large; choose another\n"
+    assert not [path for path in tmp_path.iterdir() if path.suffix != ".toml"]
 
 
 def test_a_file_that_is_no_mechanism_is_one_line_and_exit_code_2(capsys):

@@ -370,6 +370,11 @@ def mirrored(place: Any, mirror: np.ndarray) -> Any:
     return start + np.conj((place - start) / step) * step
 
 
+def left_by(places: Any, line: np.ndarray) -> Any:
+    """Positive left of the line through two places; all are complex numbers."""
+    return ((places - line[0]) * np.conj(line[1] - line[0])).imag
+
+
 def finger() -> Scene:
     """A finger with pads on its three phalanges, a camera on the middle one and two mirrors."""
     layout = Layout(

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from itertools import pairwise
 from typing import Any
 
 import jax.numpy as jnp
@@ -15,6 +16,7 @@ from optics.chamber.designed import DesignedChamber
 from optics.chamber.file import read_chamber
 from optics.explore.chamber_bench import FIELDS, ChamberBench
 from optics.explore.chamber_improving import narrowest
+from tests.helpers import readings
 
 ROUNDING = 1e-12
 
@@ -42,10 +44,6 @@ def bench_of(chamber=PAPER):
     area: Any = Figure(figsize=(8, 5)).subfigures(1, 1)
     bench.draw(area)
     return bench, {knob.name: knob.value for knob in bench.knobs}
-
-
-def read(shown):
-    return {reading.name: reading.value for reading in shown.readings}
 
 
 def eq_1(values):
@@ -78,12 +76,12 @@ def paper():
 
 
 @pytest.mark.parametrize("moves", MOVES)
-def test_readings_are_those_of_eq_1(paper, moves):
+def test_readings_and_picture_are_those_of_eq_1(paper, moves):
     bench, values = paper
     values = values | moves
     shown = bench.show(values)
     offset_c, offset_d, angle, images = eq_1(values)
-    found = read(shown)
+    found = readings(shown)
     expected = {
         "η, imaging ratio": values["η, imaging ratio"],
         "Δl_D, offset of D": offset_d,
@@ -100,6 +98,28 @@ def test_readings_are_those_of_eq_1(paper, moves):
     assert list(found) == [*expected, "margin"]
     for name, value in expected.items():
         assert found[name] == pytest.approx(value, rel=1e-9, abs=1e-12), name
+    section, line, sensor = shown.artists[0].axes.figure.axes
+    s_b, s_c = values["a, red length"], values["a, red length"] + values["b, blue length"]
+    s_d = s_c + values["c, yellow length"]
+    corners = [
+        (0.0, values["Δl_A, offset of A"]),
+        (s_b, values["Δl_B, offset of B"]),
+        (s_c, offset_c),
+        (s_d, -offset_d),
+        (s_d, -values["h, reference height"]),
+    ]
+    walls = [one.get_xydata() for one in section.lines if one.get_linewidth() > 3]
+    np.testing.assert_allclose(walls, [*pairwise(corners)], atol=1e-9)
+    radii = [patch.radius for patch in sensor.patches if hasattr(patch, "radius")]
+    np.testing.assert_allclose(radii, images, rtol=1e-9)
+    (mark,) = [one for one in line.lines if one.get_marker() == "o"]
+    np.testing.assert_allclose(
+        mark.get_xydata(), [[values["η, imaging ratio"], offset_d]], rtol=1e-9
+    )
+    for x, y in (*corners, (-values["δ, pinhole offset"], -values["h, reference height"])):
+        assert section.get_xlim()[0] <= x <= section.get_xlim()[1]
+        assert section.get_ylim()[0] <= y <= section.get_ylim()[1]
+    assert sensor.get_xlim()[1] > images[0]
 
 
 def test_knobs_begin_at_the_design():
@@ -112,7 +132,7 @@ def test_knobs_begin_at_the_design():
         float(PAPER.imaging_ratio().value), rel=ROUNDING
     )
     assert values["θ_BC, blue wall"] == pytest.approx(2.0, rel=ROUNDING)
-    assert read(bench.show(values))["Δl_D, offset of D"] == pytest.approx(2.55, rel=ROUNDING)
+    assert readings(bench.show(values))["Δl_D, offset of D"] == pytest.approx(2.55, rel=ROUNDING)
 
 
 @pytest.mark.parametrize(
@@ -125,10 +145,10 @@ def test_knobs_begin_at_the_design():
 )
 def test_a_failure_is_told_and_nothing_is_saved(moves, result, margin):
     bench, values = bench_of()
-    names = list(read(bench.show(values)))
+    names = list(readings(bench.show(values)))
     shown = bench.show(values | moves)
     assert shown.message == ChamberResult[result]
-    found = read(shown)
+    found = readings(shown)
     assert list(found) == names
     assert {name for name, value in found.items() if value is not None} == {"margin"}
     if margin is None:
@@ -147,7 +167,7 @@ def test_a_wall_that_leaves_the_chamber_is_told(paper):
     bench, values = paper
     assert bench.show(values).message == ""
     outside = bench.show(values | {"η, imaging ratio": 0.9})
-    room = read(outside)["room of D inside Δl_A"]
+    room = readings(outside)["room of D inside Δl_A"]
     assert room < 0
     assert f"D lies outside the wall at the lens, by {-room:.3g} mm" in outside.message
     assert "the top has no ring" in bench.show(values | {"η, imaging ratio": 1.15}).message
@@ -188,7 +208,7 @@ def test_the_narrowest_ring_becomes_the_widest_there_is(paper):
             assert knobs[name].low - 1e-12 <= value <= knobs[name].high + 1e-12
             if name not in ("η, imaging ratio", "θ_BC, blue wall", "Δl_B, offset of B"):
                 assert value == values[name]
-    shown = read(bench.show(steps[-1].values))
+    shown = readings(bench.show(steps[-1].values))
     rings = [shown[name] for name in ("Δd_b, blue ring", "Δd_c, yellow ring", "Δd_d, top")]
     assert f"{min(rings):.4g} mm" in steps[-1].message
     assert "not converged" not in steps[-1].message
@@ -213,3 +233,15 @@ def test_the_narrowest_ring_does_not_depend_on_which_way_up_the_image_is():
     turned = dataclasses.replace(PAPER, image_distance=jnp.asarray(4.5))
     assert float(narrowest(PAPER)) == pytest.approx(float(jnp.min(PAPER.ring_widths().value)))
     assert float(narrowest(turned)) == pytest.approx(float(narrowest(PAPER)), rel=ROUNDING)
+
+
+def test_showing_compiles_once(paper, monkeypatch):
+    bench, values = paper
+    bench.show(values)
+
+    def traced_again(*arguments):
+        raise AssertionError("it was traced again")
+
+    monkeypatch.setattr("optics.explore.chamber_bench.solve_dimension_for_ratio", traced_again)
+    for moves in MOVES:
+        bench.show(values | moves)

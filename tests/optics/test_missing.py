@@ -17,6 +17,7 @@ from tests.optics.scenes import (
     Posed,
     answers,
     item,
+    left_by,
     mirrored,
     posed_cases,
     random_cases,
@@ -33,16 +34,11 @@ STEP = DIRECTIONS[1] - DIRECTIONS[0]
 faster than the direction, so the best of all is at most half a step better than the best sample."""
 
 
-def left_of(places, line: np.ndarray):
-    """Positive left of the line through two places."""
-    return ((places - line[0]) * np.conj(line[1] - line[0])).imag
-
-
 def part_beside(segment: np.ndarray | None, line: np.ndarray, side: float) -> np.ndarray | None:
     """The part of a segment on one side (+1 left, −1 right) of the line through two places."""
     if segment is None:
         return None
-    start, end = side * left_of(segment, line)
+    start, end = side * left_by(segment, line)
     if max(start, end) <= 0:
         return None
     meeting = segment[0] + (segment[1] - segment[0]) * start / (start - end) if start != end else 0
@@ -79,7 +75,7 @@ class View(NamedTuple):
 
     def side_of(self, order: int) -> float:
         """On which side of a mirror the camera's image is in front of it."""
-        return np.sign(left_of(self.sources()[order], self.ends[self.word[order]]))
+        return np.sign(left_by(self.sources()[order], self.ends[self.word[order]]))
 
     def shown(self, surface: int, leg: int) -> np.ndarray | None:
         """The part of a surface on a leg in front of the mirrors that begin and end that leg."""
@@ -92,13 +88,13 @@ class View(NamedTuple):
     def blockers(self) -> list[np.ndarray]:
         """What of surfaces stands in the way before the pad's line."""
         legs, found = len(self.word), []
-        above = np.sign(left_of(self.sources()[-1], self.surface))
+        above = np.sign(left_by(self.sources()[-1], self.surface))
         for leg, source in enumerate(self.sources()):
             apart = {*self.word[max(leg - 1, 0) : leg + 1]} if self.word else set()
             if leg == legs:
                 apart.add(MIRRORS + self.pad)
             for surface in set(range(SURFACES)) - apart:
-                passes = np.sign(left_of(source, self.ends[surface])) != LAYOUT.sides[surface]
+                passes = np.sign(left_by(source, self.ends[surface])) != LAYOUT.sides[surface]
                 part = self.shown(surface, leg)
                 if part is not None and not (LAYOUT.one_way[surface] and passes):
                     found.append(part_beside(self.behind(part, leg), self.surface, above))
@@ -124,12 +120,12 @@ def elevation(view: View) -> float:
     for order, mirror in enumerate(view.word):
         leg = order + 1
         over = view.behind(view.ends[mirror], leg)
-        beyond = -np.sign(left_of(source, over))
+        beyond = -np.sign(left_by(source, over))
         if leg == len(view.word):
             found.append(rise(view, over, view.surface, beyond))
         else:
             next_one = view.behind(view.ends[view.word[leg]], leg)
-            before = np.sign(left_of(source, next_one))
+            before = np.sign(left_by(source, next_one))
             found += [rise(view, over, next_one, beyond), rise(view, next_one, over, before)]
     return min(found)
 
@@ -137,7 +133,7 @@ def elevation(view: View) -> float:
 def best_sampled(view: View) -> float:
     """The width of the gap about the best of many directions, between all that must not be met."""
     case, pad, source = view.case, view.surface, view.sources()[-1]
-    above = np.sign(left_of(source, pad))
+    above = np.sign(left_by(source, pad))
     side = LAYOUT.sides[MIRRORS + view.pad]
     shown = pad
     if view.word:

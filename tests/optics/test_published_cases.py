@@ -25,19 +25,10 @@ from optics.scene.scene import place
 from optics.visibility.boundaries import Pad
 from optics.visibility.image_scale import look
 from optics.visibility.unfolding import padded, paths_of, unfold, unfold_all
-from tests.helpers import load_json
+from tests.helpers import close, published_cases
 
-CASES = {case["id"]: case for case in load_json("optics.json")["cases"]}
+CASES = published_cases("optics.json")
 STILL = jnp.zeros((1, 0))
-
-
-def case(name: str) -> tuple[dict[str, Any], dict[str, Any], float]:
-    chosen = CASES[name]
-    return chosen["inputs"], chosen["expected"], chosen["tolerance"]
-
-
-def close(found: Any, wanted: Any, tolerance: float) -> None:
-    np.testing.assert_allclose(np.asarray(found), np.asarray(wanted), rtol=0, atol=tolerance)
 
 
 def camera(position: Sequence[float], direction: float, fov: float = 100, **more: Any) -> Any:
@@ -101,7 +92,7 @@ def virtual_camera(scene: Scene, path: str, bounces: int = 1) -> np.ndarray:
 
 
 def test_image_of_a_point_in_a_plane_mirror(trace):
-    inputs, expected, tolerance = case("plane_mirror_image")
+    inputs, expected, tolerance = CASES["plane_mirror_image"]
     target = expected["path_length_to"]
     tables = {
         "camera": camera(inputs["point"], -45),
@@ -129,7 +120,7 @@ def corner(mirrors: Sequence[Sequence[Sequence[float]]]) -> Any:
 
 
 def test_two_mirrors_at_90_degrees_send_every_ray_back(trace):
-    inputs, expected, tolerance = case("retroreflector_90deg_2d")
+    inputs, expected, tolerance = CASES["retroreflector_90deg_2d"]
     assert expected["exit_direction"].startswith("-d")
     tables = corner(inputs["mirrors"])
     # From 6 mm away, half a mm beside the corner, on either side.
@@ -151,7 +142,7 @@ def test_two_mirrors_at_90_degrees_send_every_ray_back(trace):
 
 
 def test_two_mirrors_turn_every_ray_by_twice_their_angle(trace):
-    inputs, _, tolerance = case("two_mirror_deviation")
+    inputs, _, tolerance = CASES["two_mirror_deviation"]
     for angle in inputs["mirror_angle_rad"]:
         end = [10 * math.cos(angle), 10 * math.sin(angle)]
         tables = corner([[[0, 0], [10, 0]], [[0, 0], end]])
@@ -170,7 +161,7 @@ def test_two_mirrors_turn_every_ray_by_twice_their_angle(trace):
 
 @pytest.mark.parametrize(("name", "bounces"), [("image_count_90deg", 4), ("image_count_60deg", 6)])
 def test_number_of_images_in_a_kaleidoscope(name, bounces, trace):
-    inputs, expected, tolerance = case(name)
+    inputs, expected, tolerance = CASES[name]
     assert tolerance == 0
     angle = math.radians(inputs["angle_deg"])
     radius, polar = inputs["object_polar"]
@@ -202,7 +193,7 @@ def bowl(radius: float, half: float, **more: Any) -> Any:
 
 
 def test_a_parabola_gathers_parallel_rays_in_its_focus(trace):
-    inputs, expected, tolerance = case("parabola_focus_gallery")
+    inputs, expected, tolerance = CASES["parabola_focus_gallery"]
     (x, low), (_, high) = inputs["rim"]
     vertex = inputs["vertex"]
     radius = ((high - low) / 2) ** 2 / (2 * (x - vertex[0]))
@@ -222,7 +213,7 @@ def test_a_parabola_gathers_parallel_rays_in_its_focus(trace):
 
 
 def test_a_circle_gathers_rays_near_its_axis_at_half_its_radius(trace):
-    inputs, expected, tolerance = case("circle_paraxial_focus")
+    inputs, expected, tolerance = CASES["circle_paraxial_focus"]
     tables = bowl(inputs["radius"], 40)
     rays = [[90, height, 180] for height in inputs["ray_height"]]
     wanted = expected["focal_distance_from_vertex"]
@@ -236,7 +227,7 @@ def test_a_circle_gathers_rays_near_its_axis_at_half_its_radius(trace):
 
 
 def test_the_mirror_equation(trace):
-    inputs, expected, tolerance = case("mirror_equation")
+    inputs, expected, tolerance = CASES["mirror_equation"]
     distance, height = inputs["object_distance"], 1e-3
     tables = bowl(inputs["radius"], 10)
     to_vertex = math.degrees(math.atan2(-height, -distance))
@@ -266,7 +257,7 @@ def lens_image(focal: float, distance: float, sharp: float) -> tuple[float, floa
 
 
 def test_a_thin_lens_images_two_focal_lengths_onto_two(trace):
-    inputs, expected, tolerance = case("thin_lens_2f")
+    inputs, expected, tolerance = CASES["thin_lens_2f"]
     wanted = [expected["image_distance"], expected["magnification"]]
     close(lens_image(inputs["f"], inputs["s"], wanted[0]), wanted, tolerance)
     tables = {"camera": with_lens(inputs["f"], inputs["s"]), "blockers": [part([9, 0], [9, 1])]}
@@ -276,13 +267,13 @@ def test_a_thin_lens_images_two_focal_lengths_onto_two(trace):
 
 def test_a_thin_lens_magnifies_what_is_within_its_focal_length():
     """No sensor catches a virtual image, so no file has such a camera."""
-    inputs, expected, tolerance = case("thin_lens_virtual")
+    inputs, expected, tolerance = CASES["thin_lens_virtual"]
     wanted = [expected["image_distance"], expected["magnification"]]
     close(lens_image(inputs["f"], inputs["s"], wanted[0]), wanted, tolerance)
 
 
 def test_blur_of_what_is_out_of_focus(trace):
-    inputs, expected, tolerance = case("blur_circle")
+    inputs, expected, tolerance = CASES["blur_circle"]
     focal, number, focus = inputs["f"], inputs["f_number"], inputs["focus"]
     lens = ThinLens(focal, focal / number, 1 / (1 / focal - 1 / focus))
     blur = lens.image(inputs["object"]).value.blur_diameter
@@ -303,7 +294,7 @@ def pixels(tables: Any, trace: Tracer) -> list[np.ndarray]:
 
 
 def test_pinhole_projection(trace):
-    inputs, expected, tolerance = case("pinhole_projection")
+    inputs, expected, tolerance = CASES["pinhole_projection"]
     center, focal = inputs["centre_px"], inputs["focal_px"]
     fov = math.degrees(2 * math.atan(center / focal))
     x, y = inputs["point"]
@@ -316,7 +307,7 @@ def test_pinhole_projection(trace):
 
 
 def test_fisheye_projection(trace):
-    inputs, expected, tolerance = case("fisheye_equidistant")
+    inputs, expected, tolerance = CASES["fisheye_equidistant"]
     half = 480
     fov = math.degrees(2 * half / inputs["focal_px"])
     eye = camera([0, 0], 90, fov, pixels=2 * half, projection="equidistant")
@@ -330,7 +321,7 @@ def test_fisheye_projection(trace):
 
 
 def test_half_a_height_of_mirror_shows_a_whole_body(trace):
-    inputs, expected, tolerance = case("half_height_mirror")
+    inputs, expected, tolerance = CASES["half_height_mirror"]
     x, low, high = inputs["mirror_x"], -1, 3
     tables = {
         "camera": camera(inputs["eye"], 0),
@@ -351,7 +342,7 @@ def test_half_a_height_of_mirror_shows_a_whole_body(trace):
 
 
 def test_a_wall_through_a_window_that_is_a_mirror(trace):
-    inputs, expected, tolerance = case("mirror_window_on_wall")
+    inputs, expected, tolerance = CASES["mirror_window_on_wall"]
     y = inputs["wall_y"]
     tables = {
         "camera": camera(inputs["camera"], -90),
@@ -369,7 +360,7 @@ def test_a_wall_through_a_window_that_is_a_mirror(trace):
 
 
 def test_shadow_of_an_occluder(trace):
-    inputs, expected, tolerance = case("occluder_shadow")
+    inputs, expected, tolerance = CASES["occluder_shadow"]
     (left, y), (right, _) = inputs["occluder"]
 
     def tables(wider: float) -> Any:

@@ -14,12 +14,14 @@ from matplotlib.figure import Figure
 from designopt.errors import UserError
 from designopt.plot.figures import style
 from optics.explore.scene_bench import SceneBench
+from optics.explore.scene_seeing import _coverage, _quickly, _views
 from optics.plot.label_layout import Label, PlacedLabel, moved
 from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
 from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage, find_views
 from optics.visibility.sharpness import find_sharpness
+from tests.helpers import readings
 from tests.optics.brute_force import coverage, shoot
 from tests.optics.scenes import posed
 
@@ -45,10 +47,6 @@ def saved(bench, values):
     (file,) = bench.specs(values)
     assert file.name == "scene.toml"
     return parse_scene(tomllib.loads(file.content))
-
-
-def readings(shown) -> dict[str, Any]:
-    return {reading.name: reading.value for reading in shown.readings}
 
 
 MOVED = {
@@ -132,6 +130,31 @@ def test_readings_are_those_of_the_saved_scene(turned):
         assert found[f"{part.name}: least resolution"] == pytest.approx(sharp[index, 0])
         assert found[f"{part.name}: median resolution"] == pytest.approx(sharp[index, 1])
         assert found[f"{part.name}: missed by"] is None
+
+
+def test_curves_are_coverage_over_the_knob_moved_last():
+    bench, values = opened("finger")
+    bench.show(values)
+    for name, low, high in (("dip", 0.0, 90.0), ("camera tilt", -30.0, 30.0)):
+        values[name] = low + 0.4 * (high - low)
+        drawn: dict[Any, Any] = {one.get_gid(): one for one in bench.show(values).artists}
+        assert drawn["now"].get_xdata() == pytest.approx([0.4, 0.4])
+        for index, part in enumerate(design("finger").scene.layout.pads):
+            share, covered = (column[17] for column in drawn[f"curve:{part.name}"].get_data())
+            there = values | {name: low + share * (high - low)}
+            angles = jnp.radians(jnp.array([there["pip"], there["dip"]]))
+            wanted = find_coverage(saved(bench, there), angles).value[index]
+            assert covered == pytest.approx(100 * float(wanted), abs=1e-9)
+
+
+def test_a_slider_compiles_nothing_anew():
+    bench, values = opened("finger")
+    bench.show(values)
+    programs: list[Any] = [_quickly(function) for function in (_views, _coverage)]
+    before = [program._cache_size() for program in programs]
+    for knob in bench.knobs:
+        bench.show({**values, knob.name: 0.3 * knob.low + 0.7 * knob.high})
+    assert [program._cache_size() for program in programs] == before
 
 
 def test_a_scene_that_cannot_be_is_told_and_leaves_the_picture():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,6 +16,8 @@ from hypothesis import strategies as st
 
 from designopt.vectors import Vector, rotation, vector
 from optics.scene.scene import WORLD, Layout, Surface, place
+from optics.visibility.boundary_codes import CUT_AFTER, CUT_BEFORE, FIRST_END, SECOND_END, label_of
+from optics.visibility.boundary_codes import parts_of as split_label
 from optics.visibility.unfolding import (
     Edges,
     Fold,
@@ -37,6 +39,7 @@ from tests.optics.scenes import (
     SURFACES,
     Case,
     item,
+    left_by,
     mirrored,
     posed_cases,
     random_cases,
@@ -133,12 +136,7 @@ class Reference(NamedTuple):
     def in_front(self, places: np.ndarray, mirror: int) -> np.ndarray:
         """Whether places lie on the side of a mirror's line from which the view comes to it."""
         line = self.mirrors[mirror]
-        return above(places, line) * above(self.sources[mirror], line) > 0
-
-
-def above(places: Any, line: np.ndarray) -> Any:
-    """Positive left of the line through two places."""
-    return ((places - line[0]) * np.conj(line[1] - line[0])).imag
+        return left_by(places, line) * left_by(self.sources[mirror], line) > 0
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +167,7 @@ def test_folds_mirror_places_in_the_mirrors_that_follow(paths):
         np.testing.assert_allclose(numbers(path.source), wanted.sources[-1], atol=ROUNDING)
         # Mirrors are turned away by the side that reflects.
         for i, mirror in enumerate(WORDS[k % len(WORDS)]):
-            side = np.sign(above(wanted.sources[i], wanted.mirrors[i]))
+            side = np.sign(left_by(wanted.sources[i], wanted.mirrors[i]))
             assert path.turned_away[i] == (LAYOUT.sides[mirror] == -side)
 
 
@@ -204,7 +202,7 @@ def test_blockers_are_left_where_they_stand_before_the_next_and_behind_the_last_
                 if 0 <= mirror < 2:
                     front &= wanted.in_front(samples, mirror)
                     front[word[mirror]] = False  # it is the end of the leg
-            left = np.sign(above(wanted.sources[leg], wanted.ends.T))
+            left = np.sign(left_by(wanted.sources[leg], wanted.ends.T))
             front[LAYOUT.one_way & (left != LAYOUT.sides)] = False
             assert_parts(item(path.blockers, leg), moved[leg], front)
             kept += front.sum()
@@ -217,6 +215,46 @@ def test_mirrors_are_left_where_they_stand_in_front_of_each_other(paths):
         for i, other in ((0, 1), (1, 0)):
             front = wanted.in_front(samples_of(wanted.mirrors[i]), other)
             assert_parts(item(path.mirrors, i), moved[i + 1][word[i]], front)
+
+
+def test_labels_say_which_surface_bounds_and_whether_it_is_cut(paths):
+    whole = [label_of(leg, np.arange(SURFACES), 0) for leg in range(3)]
+    cuts = [[CUT_AFTER], [CUT_BEFORE, CUT_AFTER], [CUT_BEFORE]]
+    for _, path, moved in paths:
+        for end, (at, own) in enumerate(
+            zip(parts_of(path.blockers, moved), (FIRST_END, SECOND_END), strict=True)
+        ):
+            kinds = path.blockers.labels[..., end] - whole
+            is_cut = np.abs(at - end) > ROUNDING
+            for leg in range(3):
+                active = path.blockers.active[leg]
+                np.testing.assert_array_equal(kinds[leg][active & ~is_cut[leg]], own)
+                assert np.isin(kinds[leg][active & is_cut[leg]], cuts[leg]).all()
+
+
+def test_ends_of_mirrors_stand_where_the_table_of_all_surfaces_says():
+    # Of three mirrors the middle one may be hidden by that before it and cut by that after it.
+    cases = random_cases(6, 64)
+    words = jnp.asarray([(LEFT, BOTH, RIGHT), (BOTH, LEFT, BOTH)])
+
+    @jax.jit
+    def path_of(case: Case, word: jax.Array) -> Unfolded:
+        return unfold(LAYOUT, place(scene_of(case), case.angles), word)
+
+    found = jax.vmap(jax.vmap(path_of, (None, 0)), (0, None))(cases, words)
+    found, hidden = jax.tree.map(np.asarray, found), 0
+    for i, j in np.ndindex(64, 2):
+        path = item(found, (i, j))
+        hidden += not path.mirrors.active[1]
+        for label, end in zip(
+            path.mirrors.labels.flat, numbers(path.mirrors.ends).flat, strict=True
+        ):
+            leg, surface, _ = split_label(int(label))
+            same = path.blockers.labels[leg, surface] == label
+            assert same.any()
+            places = numbers(path.blockers.ends)[leg, surface][same]
+            np.testing.assert_allclose(places, end, atol=100 * ROUNDING)
+    assert hidden > 10
 
 
 def test_a_pad_hides_itself_on_earlier_legs_only(paths):
