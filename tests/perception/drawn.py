@@ -20,6 +20,8 @@ from perception.quality import Quality
 FINE = 4
 """Rays across a pixel and down it."""
 
+ALL = slice(None), slice(None)
+
 DARK, BRIGHT = 12.0, 150.0
 """Brightness beside pads, and of pads."""
 
@@ -54,10 +56,11 @@ class Eye:
         part = part / np.where(off > 0, off, 1)
         return self.middle + np.stack([part * right, -part * up], axis=-1)
 
-    def grid(self, fine: int = 1) -> np.ndarray:
-        """Places of all pixels' middles, or of as many rays in each."""
+    def grid(self, fine: int = 1, window: tuple[slice, slice] = ALL) -> np.ndarray:
+        """Places of pixels' middles, or of as many rays in each, all or those in a window."""
         rows, columns = (
-            (np.arange(count * fine) + 0.5) / fine - 0.5 for count in (self.rows, self.columns)
+            (np.arange(count * fine)[part] + 0.5) / fine - 0.5
+            for count, part in zip((self.rows, self.columns), window, strict=True)
         )
         return np.stack(np.meshgrid(columns, rows), axis=-1)
 
@@ -139,11 +142,11 @@ def drawn(
     eye: Eye, pads: Sequence[Pad], looks: Sequence[Look] | None = None, dark: float = DARK
 ) -> np.ndarray:
     """Brightness of every pixel, the mean of fine rays; the first pad that a ray meets counts."""
-    grid = eye.grid(FINE)
-    light, free = np.full(grid.shape[:2], dark), np.ones(grid.shape[:2], bool)
+    light = np.full((eye.rows * FINE, eye.columns * FINE), dark)
+    free = np.ones(light.shape, bool)
     for number, pad in enumerate(pads):
         window = _window(eye, pad)
-        places = pad.met(eye.directions(grid[window]))
+        places = pad.met(eye.directions(eye.grid(FINE, window)))
         there = free[window] & pad.holds(places)
         light[window][there] = BRIGHT if looks is None else looks[number](places[there])
         free[window] &= ~there
