@@ -1,12 +1,14 @@
 """Values on the command line: grids in their order, and what is said of faulty ones."""
 
 import itertools
+import re
 
 import numpy as np
 import pytest
 
 from designopt import UserError
 from designopt.io.ranges import ends_of, grid_of, single_values, split_name, values_of
+from tests.commands import refused_cases
 
 ANGLES = {"pip": True, "dip": True, "slide": False}
 
@@ -29,40 +31,17 @@ def test_a_grid_may_have_more_axes_than_an_array():
     grid = grid_of(texts, "--sweep", many, "joint angle")
     assert grid.shape == (4, 100)
     assert grid[:, [3, 70]].tolist() == [[0, 0], [0, 1], [1, 0], [1, 1]]
-    with pytest.raises(UserError, match=r"a grid of 1e700 poses is too large"):
-        grid_of([f"{name}=0:1:10000000" for name in many], "--sweep", many, "joint angle")
+    with pytest.raises(UserError, match=r"a grid of 1e400 poses is too large"):
+        grid_of([f"{name}=0:1:10000" for name in many], "--sweep", many, "joint angle")
 
 
 def test_without_names_there_is_one_pose():
     assert grid_of([], "--sweep", {}, "joint angle").shape == (1, 0)
 
 
-@pytest.mark.parametrize(
-    ("texts", "words"),
-    [
-        (["pip"], "pip: write it as JOINT_ANGLE=START:STOP:COUNT or JOINT_ANGLE=VALUE"),
-        (["pip=1:2"], "pip=1:2: write it as JOINT_ANGLE=START:STOP:COUNT or"),
-        (["pap=1"], "pap=1: no joint angle is named 'pap'; there are: pip, dip, slide"),
-        (["pip=1", "pip=2"], "pip=2: 'pip' is swept twice; once is enough"),
-        (["pip="], "pip=: '' is not a finite number"),
-        (["pip=0-360"], "'0-360' is not a finite number; write it as JOINT_ANGLE=START:STOP:COUNT"),
-        (["pip=0:inf:3"], "pip=0:inf:3: 'inf' is not a finite number"),
-        (["pip=0:1:0"], "COUNT is the number of values, a whole number from 1 to 10,000,000"),
-        (["pip=0:1:2.5"], "COUNT"),
-        (["pip=0:1e13:2"], "values beyond 1e\\+12 have no digits left"),
-        (
-            ["dip=1"],
-            "no values for pip, slide; add for example "
-            "--joint pip=0:360:361 --joint slide=0:10:101$",
-        ),
-        (
-            ["pip=0:1:5000", "dip=0:1:5000", "slide=0"],
-            r"a grid of 25,000,000 poses is too large \(at most 10,000,000\); sweep fewer",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("texts", "words"), refused_cases("grid_of"))
 def test_faulty_sweeps_are_told(texts, words):
-    with pytest.raises(UserError, match=words) as raised:
+    with pytest.raises(UserError, match=re.escape(words)) as raised:
         grid_of(texts, "--joint", ANGLES, "joint angle")
     assert str(raised.value).startswith("--joint")
 
@@ -78,17 +57,9 @@ def test_single_values():
     assert given == {"dip": -2.0, "slide": 0.001}
 
 
-@pytest.mark.parametrize(
-    ("texts", "words"),
-    [
-        (["dip"], "--rate dip: write it as INPUT=VALUE$"),
-        (["dop=1"], "--rate dop=1: no input is named 'dop'; there are: pip, dip, slide"),
-        (["dip=1", "dip=1"], "--rate dip=1: 'dip' is given twice; once is enough"),
-        (["dip=1:2:3"], "--rate dip=1:2:3: '1:2:3' is not a finite number"),
-    ],
-)
+@pytest.mark.parametrize(("texts", "words"), refused_cases("single_values"))
 def test_faulty_single_values_are_told(texts, words):
-    with pytest.raises(UserError, match=words):
+    with pytest.raises(UserError, match=re.escape(words)):
         single_values(texts, "--rate", ANGLES, "input")
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from designopt import Spec, UserError, setting
 from designopt.study.settings import fields, spec_of, spec_with, targets_waived
+from tests.commands import refused_cases
 from tests.designopt.plugin import SquareSpec
 
 
@@ -29,22 +30,9 @@ def test_the_last_of_two_assignments_counts():
 @pytest.mark.parametrize(
     ("assignments", "message"),
     [
-        (["side"], "--set side: a value is missing; write --set side=VALUE"),
-        (["=3"], "--set =3: a key is missing; write --set key=value"),
-        (["side=1", "a..b=3"], "--set a..b=3: a key is missing"),
-        ([], "--set side=…: this key is missing and has no default"),
-        (["side=1", "lable=x"], "--set lable: unknown key; did you mean 'label'?"),
-        (["side=1", "zzz=1"], "unknown key; the keys are side, inner.*, label, asked"),
-        (["side=1", "inner.count=1"], "inner.count: unknown key; the keys of inner are length ("),
-        (["side=1", "length=1"], "--set length: unknown key; did you mean 'inner.length'?"),
-        (["side=1", "iner.length=1"], "--set iner: unknown key; did you mean 'inner'?"),
+        *refused_cases("settings"),
         (["side=1", "inner" + 3000 * ".a" + "=1"], ".a=1: nested too deeply for a setting"),
         (["side=1", "inner=" + 40 * "[" + 40 * "]"], "]: nested too deeply for a setting"),
-        (["side=wide"], "--set side=wide: input should be a valid number"),
-        (["side=inf"], "--set side=inf: input should be a finite number"),
-        (["side=1", "inner.length=-2"], "--set inner.length=-2: input should be greater than 0"),
-        (["side=1", "inner=2"], "--set inner=…: it has keys of its own; the keys of inner are"),
-        (["side=1", "inner=2", "inner.length=2"], "'inner' was already given a value"),
     ],
 )
 def test_faults_name_the_key_and_the_cure(assignments, message):

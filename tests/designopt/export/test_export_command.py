@@ -17,6 +17,7 @@ from designopt.cli import export_files as writing
 from designopt.cli import run
 from designopt.errors import UserError
 from designopt.io.files import replaced_when_complete
+from tests.commands import check_command_refused, refused_cases
 
 STUDIES = Path(__file__).parents[3] / "studies"
 OLD = Path(__file__).parents[2] / "data" / "old_specs"
@@ -152,38 +153,10 @@ def test_a_full_disk_leaves_no_file_behind(monkeypatch, capsys):
     assert files_in("new") == []
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["nothing.toml", "--to", "svg"], r"nothing\.toml: cannot be read"),
-        (["no-study", "--to", "svg"], r"no study is named 'no-study'"),
-        (["linkage-precision", "--to", "svg"], r"measures and designs nothing"),
-        (["four-bar.toml", "--to", "step"], r"step"),
-        (["four-bar.toml"], r"--to"),
-        (["four-bar.toml", "--to", "svg", "--set", "a=1"], r"--set a=1: only a study has settings"),
-        (["finger", "--to", "svg", "--set", "nose=1"], r"nose"),
-        (
-            ["four-bar.toml", "--to", "svg", "--out", "four-bar.toml"],
-            r"four-bar\.toml is no folder",
-        ),
-        (
-            ["four-bar.toml", "--to", "svg", "--out", "x" * 300],
-            r"--out .*x+: File name too long; choose",
-        ),
-        ([".", "--to", "svg"], r"a folder without a result"),
-        (["x" * 300, "--to", "svg"], r"no study is named 'x+'"),
-        (["x" * 300 + ".toml", "--to", "svg"], r"x+\.toml: cannot be read: File name too long"),
-        (["", "--to", "svg"], r"STUDY\|FILE: it is empty; name"),
-        (["four-bar.toml", "--to", "svg", "--out", ""], r"--out: it is empty; name a folder"),
-    ],
-)
-def test_faults_are_one_line_and_nothing_is_written(arguments, words, capsys):
+@pytest.mark.parametrize(("line", "words"), refused_cases("export"))
+def test_faults_are_one_line_and_nothing_is_written(line, words, capsys):
     before = files_in(".")
-    assert run(["export", *arguments]) == 2
-    shown = capsys.readouterr()
-    assert re.search(words, shown.err)
-    assert shown.err.count("\n") == 1
-    assert shown.out == ""
+    check_command_refused(capsys, f"export {line.format(long='x' * 300)}", words)
     assert files_in(".") == before
 
 

@@ -2,14 +2,13 @@
 
 import csv
 import re
-import subprocess
-import sys
 from importlib.metadata import version
 
 import pytest
 
 from designopt import cli
 from designopt.sweep.running import versions_of
+from tests.commands import check_command_refused, python, refused_cases
 
 TABLE = "result/tables/points.csv"
 
@@ -34,37 +33,11 @@ def test_failed_points_are_listed_and_stop_nothing(installed, capsys):
     assert [name for name in sorted(after) if after[name] != before[name]] == ["000001.json"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["swpt", "--vary", "x=1"], ["STUDY", "did you mean 'swept'"]),
-        (["swept"], ["--vary, --sobol: write one of them"]),
-        (["swept", "--vary", "x=1", "--sobol", "4"], ["--vary, --sobol: write one of them"]),
-        (
-            ["swept", "--vary", "x=1", "--vary", "count=1", "wait=0"],
-            ["wait=0: write --vary before"],
-        ),
-        (["swept", "--vary", "y=1:2:3"], ["--vary y=1:2:3", "unknown key 'y'"]),
-        (["swept", "--sobol", "4"], ["--sobol 4", "between which bounds"]),
-        (["swept", "--sobol", "4", "x=1:2:3"], ["--sobol x=1:2:3", "KEY=LOW:HIGH"]),
-        (["swept", "--vary", "x=1:2:3", "--set", "x=1"], ["--set x=1", "'x' is varied"]),
-        (["swept", "--vary", "x=1:2:3", "--set", "y=1"], ["no point can be computed", "--set y"]),
-        (["swept", "--vary", "x=200:300:2"], ["no point can be computed", "less than or equal"]),
-        (["swept", "--vary", "x=1", "--workers", "0"], ["--workers"]),
-        (["swept", "--vary", "x=1", "--workers", "2", "--scheduler", "tcp://x"], ["--workers 2"]),
-        (["swept", "--vary", "x=1", "--out", "there"], ["--out there", "it holds no sweep"]),
-    ],
-)
-def test_faults_are_one_line_and_exit_code_2(installed, capsys, arguments, words):
+@pytest.mark.parametrize(("line", "words"), refused_cases("sweep"))
+def test_faults_are_one_line_and_exit_code_2(installed, capsys, line, words):
     (installed / "there").mkdir()
     (installed / "there" / "mine").touch()
-    assert cli.run(["sweep", *arguments]) == 2
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert shown.err.startswith("error: ")
-    assert shown.err.count("\n") == 1
-    for word in words:
-        assert word in shown.err
+    check_command_refused(capsys, f"sweep {line}", words)
     assert sorted(path.name for path in installed.rglob("*")) == ["mine", "there"]
 
 
@@ -86,9 +59,7 @@ def test_an_address_that_is_none_leaves_nothing_behind(tmp_path):
         "for address in ('nowhere', 'tcp://127.0.0.1:x', 'tcq://127.0.0.1:1'):\n"
         "    assert cli.run([*sweep, address]) == 2\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", probe], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    done = python("-c", probe, cwd=tmp_path)
     lines = done.stderr.splitlines()
     assert (done.returncode, done.stdout, len(lines)) == (0, "", 3)
     for line in lines:

@@ -2,6 +2,7 @@
 
 import collections
 import itertools
+import re
 from typing import Annotated
 
 import numpy as np
@@ -13,6 +14,7 @@ from designopt import UserError
 from designopt.io.spec import Spec
 from designopt.study.study import load_study
 from designopt.sweep.points import grid_points, sobol_points
+from tests.commands import refused_cases
 from tests.designopt.sweep.plugin import SweptSpec
 
 
@@ -63,38 +65,16 @@ def test_sobol_points_are_scipys_between_the_bounds():
     assert points.rows != sobol_points(SweptSpec, 6, ["x=-1:1", "wait=2:6"], seed=4).rows
 
 
-@pytest.mark.parametrize(
-    ("texts", "words"),
-    [
-        (["x"], "--vary x: write it as KEY=START:STOP:COUNT"),
-        (["x=1:2"], "write it as KEY=START:STOP:COUNT or KEY=VALUE,VALUE,…"),
-        (["coutn=1:2:2"], "unknown key 'coutn'; did you mean 'count'"),
-        (["zzz=1:2:2"], "unknown key 'zzz'; the keys are x, count, wait, fatal, marker"),
-        (["x=1", "x=2"], "--vary x=2: 'x' is varied twice"),
-        (["x=1,y"], "'y' is not a finite number"),
-        (["x=0:1:1000", "wait=0:1:1000"], r"a grid of 1,000,000 points is too large"),
-    ],
-)
+@pytest.mark.parametrize(("texts", "words"), refused_cases("grid_points"))
 def test_faulty_grids_are_told(texts, words):
-    with pytest.raises(UserError, match=words):
+    with pytest.raises(UserError, match=re.escape(words)):
         grid_points(SweptSpec, texts)
 
 
-@pytest.mark.parametrize(
-    ("count", "texts", "words"),
-    [
-        (4, [], "--sobol 4: say between which bounds"),
-        (4, ["x=1:2:3"], "--sobol x=1:2:3: write it as KEY=LOW:HIGH"),
-        (4, ["count=1:2.5"], "'count' has whole numbers; so must its bounds be"),
-        (4, ["x=2:1"], "LOW must be smaller than HIGH"),
-        (4, ["x=1:nan"], "'nan' is not a finite number"),
-        (4, ["x=1:2", "x=1:2"], "'x' is varied twice"),
-        (200_000, ["x=1:2"], "at most 100,000 points"),
-    ],
-)
-def test_faulty_bounds_are_told(count, texts, words):
-    with pytest.raises(UserError, match=words):
-        sobol_points(SweptSpec, count, texts, seed=0)
+@pytest.mark.parametrize(("given", "words"), refused_cases("sobol_points"))
+def test_faulty_bounds_are_told(given, words):
+    with pytest.raises(UserError, match=re.escape(words)):
+        sobol_points(SweptSpec, given[0], given[1:], seed=0)
 
 
 def test_an_angle_has_the_sign_of_degrees():
