@@ -6,7 +6,6 @@ import re
 import xml.etree.ElementTree as ElementTree
 from typing import Any
 
-import jax.numpy as jnp
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -15,8 +14,6 @@ from matplotlib.mathtext import MathTextParser
 from designopt.cli import run
 from designopt.plot.figures import style
 from kinematics import design as linkages
-from kinematics import read_linkage, solve_poses, solve_transmission
-from kinematics.plot.margin_figures import margin_figure
 from optics import design as scenes
 
 LINKAGE = r"""
@@ -128,16 +125,6 @@ def test_trace(tmp_path):
     assert run([*command, "--figure", "t.svg", "--chart", "c.svg"]) == 0
     assert {r"mirror:$\frac{$", "$a_{$ 20°, %^b$ 0°"} <= drawn(tmp_path / "t.svg")
     assert {"_$x$<b>", r"a_b^c$\frac{$", "$a_{$ (°)"} <= drawn(tmp_path / "c.svg")
-
-
-def test_margins(tmp_path):
-    linkage = read_linkage(tmp_path / "bar.toml")
-    inputs = jnp.linspace(0.7, 0.9, 3)[:, None]
-    angles = solve_transmission(linkage, inputs).angles
-    figure = margin_figure(linkage, inputs, solve_poses(linkage, inputs), angles)
-    figure.savefig(tmp_path / "m.svg")
-    title = r"$\frac{$ a_b^c <b>&%: distance to each limit"
-    assert {title, "$x$: folded", "-$t$ (°)"} <= drawn(tmp_path / "m.svg")
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,6 @@ from kinematics.plot.drawing import (
     offsets_of,
 )
 from kinematics.plot.label_layout import FONT, turned
-from kinematics.plot.margin_figures import LEAST_TRANSMISSION_DEG
 from kinematics.plot.motion_figures import draw_paths, traced_joints
 from kinematics.plot.symbols import INK, Points
 
@@ -39,6 +38,9 @@ Place = tuple[float, float, float, float]
 
 SPARE = 0.15
 """How much farther than needed axes reach that had to be changed, as a part of what is needed."""
+
+LEAST_TRANSMISSION_DEG = 40.0
+"""A common limit of design: R. L. Norton, Design of Machinery, 6th ed., section 4.10."""
 
 LOCK = "#B00020"
 """Colour of the limits of what can be assembled."""

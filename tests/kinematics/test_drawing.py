@@ -12,7 +12,6 @@ from PIL import Image
 from PIL.GifImagePlugin import GifImageFile
 
 from designopt import UserError
-from designopt.plot.figures import style
 from designopt.solution import Solution
 from designopt.vectors import Vector
 from kinematics import Pose, PoseResult
@@ -21,7 +20,6 @@ from kinematics.plot import animation
 from kinematics.plot.animation import save_animation
 from kinematics.plot.drawing import draw_pose
 from kinematics.plot.label_layout import label_offsets
-from kinematics.plot.margin_figures import failed_stretches, margin_figure
 from kinematics.plot.motion_figures import motion_figure, pose_at, traced_joints
 from kinematics.plot.symbols import hull
 from tests.kinematics.gallery import FOLDER, NAMES, gallery, poses_of
@@ -181,32 +179,6 @@ def test_no_pose_at_all_is_one_clear_message(tmp_path):
     with pytest.raises(UserError, match=r"leg\.gif: no pose of"):
         save_animation(tmp_path / "leg.gif", linkage, inputs, none)
     assert not list(tmp_path.iterdir())
-
-
-def test_margins_are_masked_and_shaded_where_poses_fail():
-    linkage, inputs, poses = gapped()
-    ok = np.asarray(poses.ok)
-    angle = np.linspace(0.3, 1.2, len(ok))
-    with style():
-        figure = margin_figure(linkage, inputs, poses, {"C": angle})
-        figure.draw_without_rendering()
-    upper, lower = figure.axes
-    curves = {line.get_label(): line for line in upper.lines}
-    assert {"P: stretched", "P: folded", "C: folded"} <= set(curves)
-    folded = np.asarray(curves["C: folded"].get_ydata())
-    np.testing.assert_array_equal(folded[ok], np.asarray(poses.value.margins[2][1])[ok])
-    assert np.all(np.isnan(folded[~ok]))
-    drawn_angle = next(line for line in lower.lines if line.get_label() == "C")
-    np.testing.assert_allclose(np.asarray(drawn_angle.get_ydata())[ok], np.degrees(angle[ok]))
-    assert lower.get_xlabel() == "crank (°)"
-    assert any(np.all(np.asarray(line.get_ydata()) == 40) for line in lower.lines)
-    assert len(upper.patches) == len(lower.patches) == 1
-
-
-def test_stretches_reach_half_way_to_the_neighbours():
-    ok = np.array([False, True, True, False, False, True, False])
-    stretches = failed_stretches(np.arange(7.0), ok)
-    assert stretches == [(0.0, 0.5), (2.5, 4.5), (5.5, 6.0)]
 
 
 def test_a_gif_has_a_frame_for_every_pose_that_is(tmp_path):
