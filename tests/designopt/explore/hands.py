@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import jax
@@ -22,6 +27,29 @@ def environment() -> dict[str, str]:
     """For a command that a test starts: what was compiled before is not compiled again."""
     folder = getattr(jax.config, "jax_compilation_cache_dir", None)
     return {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(folder)}
+
+
+@contextmanager
+def served(named: str, folder: Path) -> Iterator[str]:
+    """The command shows a page at an address, until it is interrupted: it ends without a word."""
+    arguments = ["-m", "designopt", "explore", named, "--web", "--port", "0", "--out", str(folder)]
+    with subprocess.Popen(
+        [sys.executable, *arguments],
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        try:
+            assert process.stdout is not None
+            said = process.stdout.readline()
+            address = re.search(r"http://127\.0\.0\.1:\d+/", said)
+            assert address, said + (process.stderr.read() if process.stderr else "")
+            yield address[0]
+        finally:
+            process.send_signal(signal.SIGINT)
+            ended = process.communicate(timeout=60)
+    assert (process.returncode, *ended) == (0, "", "")
 
 
 class Timer(TimerBase):

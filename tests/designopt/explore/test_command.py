@@ -1,7 +1,6 @@
 """The command ``designopt explore``: its faults, its window, its end."""
 
 import os
-import random
 import re
 import shutil
 import signal
@@ -9,44 +8,26 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from designopt import cli
 from designopt.explore import desktop
 from designopt.explore.server import listen
-from tests.designopt.explore.hands import environment
+from tests.commands import check_command_refused, refused_cases
+from tests.designopt.explore.hands import environment, served
 
 FOUR_BAR = str(Path(__file__).parents[3] / "studies" / "gallery" / "linkages" / "four-bar.toml")
-COMMAND = [sys.executable, "-m", "designopt", "explore", FOUR_BAR]
+COMMAND = ["-m", "designopt", "explore", FOUR_BAR]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ([FOUR_BAR, "--port", "0"], ["--port 0", "add --web"]),
-        ([FOUR_BAR, "--web", "--port", "70000"], ["--port", "65535"]),
-        (
-            [FOUR_BAR, "--out", "file/new"],
-            ["--out file/new", "file is no folder", "name a folder that can"],
-        ),
-        ([FOUR_BAR, "--web", "--port", "0", "--set", "a=1"], ["--set a=1", "only a study"]),
-        (["no.toml", "--web", "--port", "0"], ["no.toml", "cannot be read"]),
-        (["sqare", "--web", "--port", "0"], ["STUDY", "'sqare'"]),
-        ([], ["STUDY|FILE"]),
-    ],
-)
-def test_faults_are_one_line(capsys, monkeypatch, tmp_path, arguments, words):
+@pytest.mark.parametrize(("line", "words"), refused_cases("explore"))
+def test_faults_are_one_line(capsys, monkeypatch, tmp_path, line, words):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
-    assert cli.run(["explore", *arguments]) == 2
+    check_command_refused(capsys, f"explore {line.format(four_bar=FOUR_BAR)}", words)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert shown.err.startswith("error: ")
-    assert shown.err.count("\n") == 1
-    for word in words:
-        assert word in shown.err
 
 
 def test_a_port_in_use_is_said(capsys):
@@ -94,57 +75,43 @@ def test_a_window_system_that_does_not_answer_is_the_same(capsys, monkeypatch):
     assert re.fullmatch(NO_WINDOW % "does not answer within 0.01 s", capsys.readouterr().err)
 
 
-@pytest.mark.parametrize("display", [None, ":99999"])
-def test_a_toolkit_that_finds_no_display_is_the_same(display):
-    displays = ("DISPLAY", "WAYLAND_DISPLAY")
-    bare = {name: value for name, value in os.environ.items() if name not in displays}
-    bare |= {"MPLBACKEND": "tkagg"} | ({} if display is None else {"DISPLAY": display})
-    done = subprocess.run(COMMAND, env=bare, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert re.fullmatch(NO_WINDOW % "", done.stderr)
+@pytest.mark.parametrize("display", ["", ":99999"])
+def test_a_toolkit_that_finds_no_display_is_the_same(capsys, monkeypatch, display):
+    monkeypatch.setenv("MPLBACKEND", "tkagg")
+    monkeypatch.setenv("DISPLAY", display)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert cli.run(["explore", FOUR_BAR]) == 2
+    assert re.fullmatch(NO_WINDOW % "", capsys.readouterr().err)
 
 
 def test_an_interrupt_ends_the_page_quietly(tmp_path):
+    with served(FOUR_BAR, tmp_path) as address:
+        assert address.endswith("/")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [1.0, 2.0, 4.0])
+def test_an_interrupt_ends_it_quietly_at_any_moment(tmp_path, seconds):
+    """From the first import of its own on, and while it compiles."""
     with subprocess.Popen(
-        [*COMMAND, "--web", "--port", "0"],
+        [sys.executable, *COMMAND, "--web", "--port", "0", "--no-cache"],
         cwd=tmp_path,
-        env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     ) as process:
-        assert process.stdout is not None
-        assert re.search(r"http://127\.0\.0\.1:\d+/", process.stdout.readline())
+        time.sleep(seconds)
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60)
-    assert (process.returncode, out, err) == (0, "", "")
-
-
-@pytest.mark.slow
-def test_an_interrupt_ends_it_quietly_at_any_moment(tmp_path):
-    """From the first import of its own to the page that is served."""
-    chances, served = random.Random(0), 0
-    while served < 3:
-        with subprocess.Popen(
-            [*COMMAND, "--web", "--port", "0", "--no-cache"],
-            cwd=tmp_path,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        ) as process:
-            time.sleep(chances.uniform(1.0, 4.0 + 4.0 * served))
-            process.send_signal(signal.SIGINT)
-            out, err = process.communicate(timeout=60)
-        assert process.returncode in (0, 130)
-        assert err in ("", "interrupted; no file is half-written\n")
-        served += bool(out)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode in (0, 130)
+    assert err in ("", "interrupted; no file is half-written\n")
 
 
 DESKTOP = """
 import sys
 from matplotlib import pyplot
 from designopt import cli
-from designopt.exploring import desktop
+from designopt.explore import desktop
 
 def close_soon(figure, title, show=desktop.show_window):
     canvas = figure.canvas
@@ -164,14 +131,16 @@ def test_a_window_opens_on_a_desktop(tmp_path):
     if xvfb is None:
         pytest.skip("no xvfb-run here, and so no desktop to open a window on")
     pytest.importorskip("tkinter", reason="Python was built without Tk")
+    command = [xvfb, "-a", sys.executable, "-c", DESKTOP, FOUR_BAR]
+    variables = environment() | {"MPLBACKEND": "tkagg"}
     done = subprocess.run(
-        [xvfb, "-a", sys.executable, "-c", DESKTOP, FOUR_BAR],
+        command,
         cwd=tmp_path,
+        env=variables,
+        timeout=200,
         capture_output=True,
         text=True,
         check=False,
-        timeout=200,
-        env=environment() | {"MPLBACKEND": "tkagg"},
     )
     assert (done.returncode, done.stderr) == (0, "")
     title, width, height = done.stdout.split()
