@@ -28,8 +28,7 @@ from studies.finger.bench import FingerBench
 from studies.finger.kind import FINGER
 from studies.models.finger import PHALANGES, Finger, FingerSpring, camera_of, spring_of
 from studies.models.finger_file import packaged_or_designed, read_finger
-from studies.models.grasp.analysis import Analysis, analyze
-from studies.models.grasp.check import GraspCheck, summary
+from studies.models.grasp.analysis import Analysis, GraspCheck, analyze, summary
 from studies.models.grasp.figures import draw_sequences
 from studies.models.grasp.spec import GraspSpec
 from studies.models.linkage_design.analysis import LinkageDesign, design_linkage
@@ -51,7 +50,7 @@ SHORT_DEG = 2.0
 DECIDING = {"body", "linkage", "mirrors"}
 """The settings on which linkage and mirrors depend."""
 
-MIRROR, PAD, CAMERA = PALETTE[4], PALETTE[5], PALETTE[1]
+MIRROR, CAMERA = PALETTE[4], PALETTE[1]
 
 
 class FingerDesign(NamedTuple):
@@ -254,11 +253,8 @@ def add_metrics(out: Report, found: FingerDesign, lines: Records) -> None:
     )
     if grasp is not None:
         out.values(states=grasp.states)
-        out.metrics(
-            free_closing_pip_deg=grasp.free_closing_pip_deg,
-            virtual_work_error=grasp.virtual_work_error,
-            unconverged=grasp.unconverged,
-        )
+        names = ("free_closing_pip_deg", "virtual_work_error", "unconverged")
+        out.metrics(**{name: getattr(grasp, name) for name in names})
 
 
 def add_findings(out: Report, spec: FingerSpec, found: FingerDesign, lines: Records) -> None:
@@ -303,14 +299,10 @@ def draw_section(finger: Finger) -> Figure:
     """The section of the straight finger, to scale, with everything that was designed."""
     drawing, scene = draw_straight(finger, height=3.4), finger.scene()
     [axis] = drawing.axes
-    for name, surfaces, color, width in (
-        ("pads", scene.pads, PAD, 4.0),
-        ("mirrors", scene.mirrors, MIRROR, 2.5),
-    ):
-        for index, ends in enumerate(np.asarray(surfaces)):
-            axis.plot(*ends.T, color=color, linewidth=width, label=None if index else name)
-    position, towards = np.asarray(scene.camera.position), float(scene.camera.direction)
+    for ends in np.asarray(scene.mirrors):
+        axis.plot(*ends.T, color=MIRROR, linewidth=2.5, label="mirrors")
+    position, direction = np.asarray(scene.camera.position), float(scene.camera.direction)
     axis.plot(*position, "^", color=CAMERA, markersize=8, label="camera")
-    end = position + 5 * np.array([np.cos(towards), np.sin(towards)])
+    end = position + 5 * np.array([np.cos(direction), np.sin(direction)])
     axis.annotate("", tuple(end), tuple(position), arrowprops={"arrowstyle": "->", "color": CAMERA})
     return drawing

@@ -18,8 +18,7 @@ from studies.benchmarks.solvers import grasp as benchmark
 from studies.finger_grasp import figures
 from studies.models.finger import Finger
 from studies.models.grasp import cases
-from studies.models.grasp.analysis import CLOSED, Analysis, analyze, radius_of
-from studies.models.grasp.check import GraspCheck, summary
+from studies.models.grasp.analysis import CLOSED, Analysis, GraspCheck, analyze, radius_of, summary
 from studies.models.grasp.closing import Path
 from studies.models.grasp.conditions import Problem, equations, straight
 from studies.models.grasp.figures import draw_sequences
@@ -71,28 +70,11 @@ def run(spec: GraspSpec, context: Context) -> Results:
 
 def add_numbers(out: Report, found: Analysis, check: GraspCheck) -> None:
     """Metrics, and findings in plain sentences, most important first."""
-    body, pinches = found.finger.body, check.pinches
+    body = found.finger.body
     circle = cases.check_touch(body)
-    out.values(
-        pinches=pinches,
-        circle_mm=2 * circle.radius,
-        circle_pip_deg=math.degrees(circle.pip),
-        circle_at=circle.place,
-    )
-    out.metrics(
-        free_closing_pip_deg=check.free_closing_pip_deg,
-        adaptive_dip_deg=check.adaptive_dip_deg,
-        virtual_work_error=check.virtual_work_error,
-        formula_error=check.formula_error,
-        pinch_violations=check.pinch_violations,
-        states=check.states,
-        unconverged=check.unconverged,
-        worst_residual=check.worst_residual,
-        retrace_error_deg=check.retrace_error_deg,
-        least_f1_n=check.least_f1_n,
-        ratio_low=check.ratio_low,
-        ratio_high=check.ratio_high,
-    )
+    out.values(circle_pip_deg=math.degrees(circle.pip), circle_mm=2 * circle.radius)
+    out.values(circle_at=circle.place, pinches=check.pinches)
+    out.metrics(**{name: value for name, value in vars(check).items() if name != "pinches"})
     touched = f", until the distal pad touches at {check.adaptive_dip_deg:.2f}°"
     out.say(
         "closing",
@@ -115,10 +97,10 @@ def add_numbers(out: Report, found: Analysis, check: GraspCheck) -> None:
             holding=count - len(limits),
             least_limit=min(limits),
             most_limit=max(limits),
-            agreeing=pinches - check.pinch_violations,
+            agreeing=check.pinches - check.pinch_violations,
         )
-    if pinches < count:
-        out.say("unloaded", unloaded=count - pinches)
+    if check.pinches < count:
+        out.say("unloaded", unloaded=count - check.pinches)
     apart = [
         f"{2 * radius_of(path):g} mm ({why})" for path in found.circles if (why := _apart(path))
     ]

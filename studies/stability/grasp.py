@@ -43,61 +43,42 @@ def families(finger: Finger, end: float, seed: int) -> Iterator[Family]:
     body, middle = finger.body, float(finger.body.intermediate)
     height = float(body.axis_height)
     motion = np.tile(there_and_back(end), (LANES, 1))
-    check = cases.touching(body, *cases.check_touch(body))
+    check = [cases.touching(body, *cases.check_touch(body))] * LANES
     decades = np.linspace(-6, 6, LANES)
     random = np.random.default_rng(seed)
     mixed = random.uniform(-6, 6, (LANES, 2))
     diameters = random.uniform(15, 90, LANES)
-    own = spring_of(finger)
+    own, same = spring_of(finger), [finger] * LANES
     usual = [math.log10(float(stiffness)) for stiffness in (own.stiffness, own.servo)]
 
     def stiff(spring: float, servo: float) -> Finger:
         return replace(finger, spring=FingerSpring(10.0**spring, own.preload, 10.0**servo))
 
-    def on(fingers: list[Finger], things: list[Circle]) -> list[Problem]:
-        return [cases.problem_of(f, thing) for f, thing in zip(fingers, things, strict=True)]
+    def family(
+        case: str, fingers: list[Finger], things: list[Circle], commands: np.ndarray = motion
+    ) -> Family:
+        return Family(case, [*map(cases.problem_of, fingers, things)], commands)
 
-    yield Family(
-        "spring of 1e-6 to 1e6 N mm/rad",
-        on([stiff(d, usual[1]) for d in decades], [check] * LANES),
-        motion,
-    )
-    yield Family(
-        "servo of 1e-6 to 1e6 N mm/rad",
-        on([stiff(usual[0], d) for d in decades], [check] * LANES),
-        motion,
-    )
-    yield Family(
-        "both drawn from 1e-6 to 1e6, circles of 15 to 90 mm",
-        on(
-            [stiff(*pair) for pair in mixed],
-            [cases.circle_on_pad(body, d, 11.5) for d in diameters],
-        ),
-        motion,
-    )
+    yield family("spring of 1e-6 to 1e6 N mm/rad", [stiff(d, usual[1]) for d in decades], check)
+    yield family("servo of 1e-6 to 1e6 N mm/rad", [stiff(usual[0], d) for d in decades], check)
+    things = [cases.circle_on_pad(body, diameter, 11.5) for diameter in diameters]
+    fingers = [stiff(*pair) for pair in mixed]
+    yield family("both drawn from 1e-6 to 1e6, circles of 15 to 90 mm", fingers, things)
     # The last place on the intermediate pad, and half a millimetre on either side of it.
-    end_of_pad = middle - height
-    places = end_of_pad + np.concatenate(
-        [-(10.0 ** np.linspace(-0.3, -9, 5)), [0.0], 10.0 ** np.linspace(-9, -0.3, 6)]
-    )
-    yield Family(
-        "contact at a pad's end, within 1e-9 to 0.5 mm",
-        on([finger] * LANES, [cases.touching(body, 0.6, p, 12.0) for p in places]),
-        motion,
-    )
+    short, beyond = -(10.0 ** np.linspace(-0.3, -9, 5)), 10.0 ** np.linspace(-9, -0.3, 6)
+    places = middle - height + np.concatenate([short, [0.0], beyond])
+    things = [cases.touching(body, 0.6, place, 12.0) for place in places]
+    yield family("contact at a pad's end, within 1e-9 to 0.5 mm", same, things)
     # A circle before the DIP axis touches the ends of both pads of the straight finger at once.
-    depths = np.linspace(1.1, 4.0, LANES) * height
-    both = [cases.touching(body, 0.7, middle, d) for d in depths]
-    both = [
-        Circle(c.center + _inward(0.7, d, height), d) for c, d in zip(both, depths, strict=True)
-    ]
-    yield Family("both pads touched at once, at their ends", on([finger] * LANES, both), motion)
-    pinched = [
-        cases.touching(body, 0.5, middle + k, cases.PINCH_RADIUS)
-        for k in np.linspace(4.5, 16, LANES)
-    ]
-    beyond = np.tile(np.linspace(0, 2 * end, STEPS), (LANES, 1))
-    yield Family("pinches loaded beyond their limit", on([finger] * LANES, pinched), beyond)
+    things = []
+    for radius in np.linspace(1.1, 4.0, LANES) * height:
+        under = cases.touching(body, 0.7, middle, radius)
+        things.append(Circle(under.center + _inward(0.7, radius, height), radius))
+    yield family("both pads touched at once, at their ends", same, things)
+    places = middle + np.linspace(4.5, 16, LANES)
+    things = [cases.touching(body, 0.5, place, cases.PINCH_RADIUS) for place in places]
+    further = np.tile(np.linspace(0, 2 * end, STEPS), (LANES, 1))
+    yield family("pinches loaded beyond their limit", same, things, further)
 
 
 def _inward(pip: float, radius: float, height: float) -> np.ndarray:

@@ -14,7 +14,7 @@ import pytest
 import scipy.optimize
 
 from designopt.study.study import Context, load_study
-from studies.models.finger import FingerSpring, spring_of
+from studies.models.finger import FingerSpring
 from studies.models.grasp import cases
 from studies.models.grasp.analysis import CLOSED, formula_error, retrace_error, touching_dip
 from studies.models.grasp.closing import LARGEST_MOVE, STEPS, close_all, there_and_back
@@ -58,10 +58,7 @@ def closings():
 
 
 def test_default_pins_are_design_b():
-    for name in "FEDCGH":
-        np.testing.assert_array_equal(
-            getattr(PinsSpec().design(), name), getattr(reference_pins(), name)
-        )
+    jax.tree.map(np.testing.assert_array_equal, PinsSpec().design(), reference_pins())
 
 
 def test_transfer_is_the_oracles():
@@ -263,69 +260,46 @@ def test_states_agree_with_many_digits_and_with_least_energy():
     np.testing.assert_allclose(least, 0.0, atol=1e-6)  # the motor at 0: straight
 
 
-def slopes_and_differences(thing, commands, guesses, radius=None, max_steps=48):
-    """Gradients of what equilibria sum to, compiled and batched, beside central differences.
+def test_implicit_gradients_against_central_differences():
+    """Of what seven equilibria sum to, compiled and batched, of both stiffnesses' logarithms, so
+    that a step of either is a part of it, of the preload and of the circle's radius.
 
-    With respect to the logarithms of the stiffnesses, so that a step of either is a part of it, to
-    the preload, and to the circle's radius where it is given.
+    Three with the circle out of reach: PIP moving, PIP at its stop and DIP moving, both at their
+    stops. Then one with no contact yet, with one, with two, and one that is not found.
     """
-    spring = spring_of(FINGER)
-    start = [jnp.log(spring.stiffness), jnp.log(spring.servo), spring.preload]
-    start = jnp.stack(start if radius is None else [*start, jnp.asarray(radius)])
+    path, states, unit = closings()[0][0], [10, 25, 60, 60], float(FREE.moment_unit)
+    forces = np.concatenate([np.zeros((3, 2)), path.forces[states] * 23 / unit])
+    forces[-1] = 1e12
+    guesses = Unknowns(
+        jnp.asarray([[0.4, 0.0], [1.57, 0.5], [1.57, 1.57], *path.joints[states]]),
+        jnp.asarray([0.0, 0.5, 2.0, *path.motor[states] / unit]),
+        jnp.asarray(forces),
+    )
+    commands = jnp.asarray([0.5, 1.5, 2.6, *path.commands[states]])
+    centers = jnp.asarray([[-500.0, -500.0]] * 3 + [CHECK.center.tolist()] * 4)
 
-    def value(parameters, command, guess):
+    def value(parameters, command, guess, center):
         stiffness, servo = jnp.exp(parameters[:2])
         finger = replace(FINGER, spring=FingerSpring(stiffness, parameters[2], servo))
-        on = thing if radius is None else replace(thing, radius=parameters[3])
-        problem = eqx.tree_at(lambda p: p.command, cases.problem_of(finger, on), command)
-        found = solve(problem, guess, max_steps=max_steps)
+        problem = cases.problem_of(finger, Circle(center, parameters[3]))
+        found = solve(replace(problem, command=command), guess, max_steps=12)
         state = found.value
         total = jnp.sum(state.joints) + 0.01 * state.motor + jnp.sum(state.forces)
         return jnp.where(found.ok, total, 0.0), found
 
-    run = jax.jit(jax.vmap(jax.value_and_grad(value, has_aux=True), (None, 0, 0)))
-    (_, found), slopes = run(start, commands, guesses)
-    assert bool(jnp.isfinite(slopes).all())
-    steps = 1e-6 * jnp.eye(len(start))
-    values = [[run(start + s * step, commands, guesses)[0][0] for s in (1, -1)] for step in steps]
-    return found, slopes, jnp.stack([(up - down) / 2e-6 for up, down in values], axis=1)
-
-
-def test_implicit_gradients_of_free_closing_against_central_differences():
-    """PIP moving, PIP at its stop and DIP moving, both at their stops."""
-    joints, motors = (
-        jnp.asarray([[0.4, 0.0], [1.57, 0.5], [1.57, 1.57]]),
-        jnp.asarray([0, 0.5, 2.0]),
-    )
-    guesses = Unknowns(joints, motors, jnp.zeros((3, 0)))
-    commands = jnp.asarray([0.5, 1.5, 2.6])
-    found, slopes, differences = slopes_and_differences(None, commands, guesses)
-    assert bool(found.ok.all())
-    np.testing.assert_allclose(slopes, differences, atol=2e-6)
-    assert float(jnp.abs(slopes).max()) > 0.01
-
-
-@pytest.mark.slow
-def test_implicit_gradients_against_central_differences():
-    """A state with two contacts, one with one, a free one, and a failure."""
-    paths, _ = closings()
-    path, states = paths[0], [10, 25, 60, 60]
-    guesses = Unknowns(
-        jnp.asarray(path.joints[states]),
-        jnp.asarray(path.motor[states]) / FREE.moment_unit,
-        jnp.asarray(path.forces[states]) * FREE.length_unit / FREE.moment_unit,
-    )
-    guesses = eqx.tree_at(lambda u: u.forces, guesses, guesses.forces.at[3].set(1e12))
-    commands = jnp.asarray(path.commands[states])
-    found, slopes, differences = slopes_and_differences(
-        CHECK, commands, guesses, radius=CHECK.radius, max_steps=6
-    )
-    np.testing.assert_allclose(slopes[:3], differences[:3], atol=2e-6)
+    batched = jax.vmap(jax.value_and_grad(value, has_aux=True), (None, 0, 0, 0))
+    run = jax.jit(lambda parameters: batched(parameters, commands, guesses, centers))
+    start = np.array([math.log(30.0), math.log(300.0), 0.3, 12.0])
+    (_, found), slopes = run(start)
+    ends = [[run(start + sign * step)[0][0] for sign in (1, -1)] for step in 1e-6 * np.eye(4)]
+    differences = np.stack([np.subtract(*pair) / 2e-6 for pair in ends], axis=1)
+    np.testing.assert_allclose(slopes[:6], differences[:6], atol=2e-6)
+    assert np.abs(slopes[:3]).max() > 0.01
     # Failure is data: finite, with the residual that is left.
-    assert np.asarray(found.ok).tolist() == [True, True, True, False]
-    assert found.messages()[3] == GRASP[GRASP.unconverged]
-    assert float(found.residual[3]) > 1e-6
-    assert all(bool(jnp.isfinite(leaf).all()) for leaf in jax.tree.leaves(found.value))
+    assert np.asarray(found.ok).tolist() == [True] * 6 + [False]
+    assert found.messages()[6] == GRASP[GRASP.unconverged]
+    assert float(found.residual[6]) > 1e-6
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((found.value, slopes)))
 
 
 def test_the_energys_slope_is_what_stops_and_contacts_bear():
@@ -350,26 +324,17 @@ def test_the_energys_slope_is_what_stops_and_contacts_bear():
 @pytest.mark.parametrize("size", [1e-12, 1e-6, 1.0])
 def test_complementarity_keeps_the_digits_of_small_moments(size):
     """Beside a joint of 1 rad, and of either sign."""
-    problem = cases.problem_of(FINGER, None)
-    for sign in (1, -1):
-        found = conditions(
-            problem,
-            Unknowns(jnp.full(2, 0.5), jnp.zeros(()), jnp.zeros(0)),
-            jnp.zeros(()),
-            jnp.full(2, sign * size),
-            jnp.zeros(0),
-        ).joints
-        kappa = float(FREE.contrast)
-        with mpmath.workdps(40):
+    none, moments = jnp.zeros(0), np.array([size, -size])
+    at = Unknowns(jnp.full(2, 0.5), jnp.zeros(()), none)
+    found = conditions(FREE, at, jnp.zeros(()), jnp.asarray(moments), none).joints
 
-            def either(a, b):
-                return a + b - mpmath.sqrt(a * a + b * b)
+    def either(a, b):
+        return a + b - mpmath.sqrt(a * a + b * b)
 
-            for got, weight in zip(found, (1.0, 1.0), strict=True):
-                moment = mpmath.mpf(sign * size) * mpmath.sqrt(kappa) * weight
-                upper = mpmath.mpf(math.radians(90)) - 0.5
-                wanted = either(mpmath.mpf(0.5), -either(upper, -moment))
-                np.testing.assert_allclose(float(got), float(wanted), rtol=1e-14)
+    with mpmath.workdps(40):
+        upper, weight = mpmath.mpf(math.pi / 2) - 0.5, mpmath.sqrt(float(FREE.contrast))
+        wanted = [either(mpmath.mpf(0.5), -either(upper, -m * weight)) for m in moments.tolist()]
+    np.testing.assert_allclose(found, np.array(wanted, float), rtol=1e-14)
 
 
 def test_a_finger_that_snaps_slides_around_the_object_and_not_through_it():

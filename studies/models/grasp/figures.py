@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mpmath
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,11 +9,10 @@ from matplotlib.figure import Figure
 from designopt.plot.figures import PALETTE, legend_below, new_figure, share_limits
 from studies.models.grasp.analysis import CLOSED, Analysis, radius_of
 from studies.models.grasp.closing import Path
-from studies.models.grasp.comparing import setting_of
 from studies.models.grasp.pinch import APPROACH
-from studies.oracles.grasp import pin_places
+from studies.models.section import draw_finger
 
-BLUE, VERMILION, GREEN = PALETTE[:3]
+FORCE = PALETTE[4]
 
 
 def draw_sequences(found: Analysis) -> Figure:
@@ -42,7 +40,7 @@ def draw_sequences(found: Analysis) -> Figure:
         usable = [state for state in states if path.ok[state]]
         for rank, state in enumerate(usable, 1):
             strength = 1.0 if rank == len(usable) else 0.25 + 0.3 * (rank - 1) / len(usable)
-            _draw_finger(axis, path, state, strength)
+            draw_finger(axis, path.problem.finger, path.joints[state], strength=strength)
         if usable:
             _draw_forces(axis, path, usable[-1])
         axis.set(title=title, xlabel="x (mm)", aspect="equal")
@@ -59,35 +57,8 @@ def draw_sequences(found: Analysis) -> Figure:
         axis.set_axis_off()
         axis.legend(named.values(), named.keys(), loc="center")
     if axes.size == len(shown):
-        legend_below(drawing, named.values(), named.keys())
+        legend_below(drawing)
     return drawing
-
-
-def _draw_finger(axis: Axes, path: Path, state: int, strength: float) -> None:
-    body, (pip, dip) = path.problem.finger.body, path.joints[state].tolist()
-    at = pin_places(setting_of(path.problem, 0.0), pip, dip, mpmath.fp)
-
-    def draw(places: np.ndarray, style: str, color: str, width: float, label: str) -> None:
-        line = {"color": color, "linewidth": width, "label": label, "alpha": strength}
-        axis.plot(np.real(places), np.imag(places), style, markersize=2.2, **line)
-
-    palmar, dorsal = 1j * float(body.palmar), 1j * float(body.dorsal)
-    lengths = (body.proximal, body.intermediate, body.distal, body.axis_height, body.rim)
-    proximal, middle, distal, h, rim = map(float, lengths)
-    turns = np.exp(-1j * np.cumsum([0.0, pip, dip]))
-    for origin, turn, (low, high), (start, end) in zip(
-        "AAB",
-        turns,
-        ((-proximal, 0.0), (0.0, middle), (0.0, distal)),
-        ((rim - proximal, -h), (h, middle - h), (h, distal - rim)),
-        strict=True,
-    ):
-        outline = np.array([low + palmar, high + palmar, high + dorsal, low + dorsal, low + palmar])
-        draw(at[origin] + turn * outline, "-", "0.35", 0.7, "phalanges")
-        draw(at[origin] + turn * np.array([start + palmar, end + palmar]), "-", BLUE, 2.5, "pads")
-    for chain in ("FED", "DCHD", "GH"):
-        draw(np.array([at[name] for name in chain]), "-o", VERMILION, 1.1, "linkage")
-    draw(np.array([at["A"], at["B"]]), "-o", "0.2", 1.1, "joints")
 
 
 def _draw_forces(axis: Axes, path: Path, state: int) -> None:
@@ -99,8 +70,8 @@ def _draw_forces(axis: Axes, path: Path, state: int) -> None:
         place = origin + turn * complex(path.along[state, j], float(body.palmar))
         # Drawn along the pad's normal, which it is but for contacts at a pad's end.
         tail = place - 1j * turn * path.forces[state, j]
-        arrow = {"arrowstyle": "-|>", "color": GREEN, "linewidth": 1.6}
+        arrow = {"arrowstyle": "-|>", "color": FORCE, "linewidth": 1.6}
         axis.annotate("", (place.real, place.imag), (tail.real, tail.imag), arrowprops=arrow)
         axis.update_datalim([(tail.real, tail.imag)])
         # An arrow has no entry in a legend of its own.
-        axis.plot([], [], color=GREEN, marker=">", linewidth=1.6, label="contact force")
+        axis.plot([], [], color=FORCE, marker=">", linewidth=1.6, label="contact force")

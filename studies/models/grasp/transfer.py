@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector, rotation
-from kinematics.solve.dyads import solve_rrr
 from studies.models.finger import Body, Finger, pins_of
+from studies.models.linkage_design.postures import turn_dyad
 
 Joints = Float[Array, "2"]
 """Flexion (PIP, DIP), rad, not negative."""
@@ -49,7 +49,7 @@ def transfer(finger: Finger, joints: Joints) -> Transfer:
     axis_b = Vector(finger.body.intermediate, jnp.zeros_like(joints[0]))
     phalanx = (at["C"] - axis_b).turned(rotation(-joints[1]))
     c = axis_b + phalanx
-    bar_turn, plate_turn, reach = _dyad(
+    bar_turn, plate_turn, reach = turn_dyad(
         c - at["G"], at["C"] - at["G"], at["H"] - at["G"], at["C"] - at["H"]
     )
     bar = (at["H"] - at["G"]).turned(bar_turn)
@@ -58,7 +58,7 @@ def transfer(finger: Finger, joints: Joints) -> Transfer:
 
     knuckle = rotation(-joints[0])
     d = (c + plate).turned(knuckle)
-    swing, rod_turn, outer_reach = _dyad(
+    swing, rod_turn, outer_reach = turn_dyad(
         d - at["F"], at["D"] - at["F"], at["E"] - at["F"], at["D"] - at["E"]
     )
     pull = (at["D"] - at["E"]).turned(rod_turn)
@@ -80,15 +80,6 @@ def transfer(finger: Finger, joints: Joints) -> Transfer:
 def transfers(finger: Finger, joints: Float[Array, "postures 2"]) -> Transfer:
     """`transfer` of many postures, compiled."""
     return jax.vmap(transfer, (None, 0))(finger, joints)
-
-
-def _dyad(
-    e: Vector, straight: Vector, a: Vector, b: Vector
-) -> tuple[Vector, Vector, Float[Array, ""]]:
-    """Turns of both links of a dyad from the straight finger, on the side it has there."""
-    side = jnp.where(straight.cross(a) > 0, 1.0, -1.0).astype(a.x.dtype)
-    turn, other, margins = solve_rrr(e, a, b, side, straight)
-    return turn, other, jnp.minimum(*margins)
 
 
 class Pad(eqx.Module):

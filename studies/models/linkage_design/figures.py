@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
@@ -17,88 +16,35 @@ from matplotlib.figure import Figure
 from designopt.plot.figures import MARKERS, PALETTE, angle_ticks, new_figure, share_limits
 from designopt.plot.typesetting import as_mathtext
 from designopt.study.report import Report
-from kinematics.solve.poses import solve_poses
 from studies.models.finger import Finger
 from studies.models.linkage_design.analysis import LinkageDesign
 from studies.models.linkage_design.judging import Verdict
 from studies.models.linkage_design.spec import LimitsSpec
-from studies.models.pins import pin_name
-
-LINK_COLORS = {"crank": "#D55E00", "rod": "#E69F00", "plate": "#009E73", "bar": "#CC79A7"}
-PHALANX = "#0072B2"
+from studies.models.section import draw_finger
 
 
 def draw_straight(finger: Finger, height: float = 3.0) -> Figure:
     """The straight finger with every pin's place: what one builds from."""
     drawing, [[axis]] = new_figure(1, 1, height=height)
-    draw_finger(axis, finger, (0.0, 0.0), named=True)
+    draw_finger(axis, finger, np.zeros(2), named=True)
     axis.set(xlabel="x from the PIP axis, to the tip (mm)", ylabel="y, to the back (mm)")
     return drawing
 
 
 def draw_sequences(finger: Finger) -> Figure:
     """Pinch and adaptive closing, as paper B's Fig. 3.4."""
-    shares = (0.0, 1 / 3, 2 / 3, 1.0)
-    drawing, axes = new_figure(2, len(shares), height=4.2)
-    end = finger.body.range_deg
-    for row, (name, dip) in enumerate((("Pinch", 0.0), ("Adaptive", 1.0))):
-        for column, share in enumerate(shares):
-            axis = axes[row, column]
-            pose = (share * end, dip * share * end)
-            draw_finger(axis, finger, pose)
-            axis.set_title(f"{name}:\nPIP {pose[0]:.0f}°, DIP {pose[1]:.0f}°", fontsize=8)
+    drawing, axes = new_figure(2, 4, height=4.2)
+    for row, name, dip in zip(axes, ("Pinch", "Adaptive"), (0.0, 1.0), strict=True):
+        for axis, pip_deg in zip(row, np.linspace(0.0, finger.body.range_deg, 4), strict=True):
+            draw_finger(axis, finger, np.deg2rad([pip_deg, dip * pip_deg]))
+            title = f"{name}:\nPIP {pip_deg:.0f}°, DIP {dip * pip_deg:.0f}°"
+            axis.set_title(title, fontsize=8)
             axis.tick_params(labelsize=7)
-        axes[row, 0].set_ylabel("y (mm)")
+        row[0].set_ylabel("y (mm)")
     for axis in axes[1]:
         axis.set_xlabel("x (mm)")
     share_limits(axes.ravel())
     return drawing
-
-
-def draw_finger(
-    axis: Axes, finger: Finger, pose_deg: tuple[float, float], *, named: bool = False
-) -> None:
-    """The finger in section in a pose.
-
-    Args:
-        axis: where to draw.
-        finger: its body and pins.
-        pose_deg: flexion of PIP and DIP, degrees.
-        named: write the pins' names, for which the drawing has to be large.
-    """
-    body = finger.body
-    pose = solve_poses(finger.linkage(), -jnp.deg2rad(jnp.asarray(pose_deg))).value
-    at = {name: np.asarray(pose.position(pin_name(name))) for name in "ABCDEFGH"}
-    turns = np.deg2rad(np.cumsum([0.0, *pose_deg]))
-    spans = ((-body.proximal, 0.0), (0.0, body.intermediate), (0.0, body.distal))
-    for number, (origin, turn, (rear, front)) in enumerate(zip("AAB", turns, spans, strict=True)):
-        corners = np.array(
-            [[rear, body.palmar], [front, body.palmar], [front, body.dorsal], [rear, body.dorsal]]
-        )
-        outline = at[origin] + corners @ _turned(turn).T
-        label = None if number else "phalanges"
-        axis.fill(*outline.T, facecolor="0.95", edgecolor=PHALANX, linewidth=1.0, label=label)
-    links = {"crank": "FE", "rod": "ED", "plate": "CDHC", "bar": "GH"}
-    for name, path in links.items():
-        places = np.array([at[pin] for pin in path])
-        axis.plot(*places.T, color=LINK_COLORS[name], linewidth=2.0, label=name)
-    for host, ends in (("A", "F"), ("A", "G"), ("B", "C")):
-        axis.plot(*np.array([at[host], at[ends]]).T, color=PHALANX, linewidth=1.0, linestyle=":")
-    for pin in "ABCDEFGH":
-        axis.plot(
-            *at[pin], "o", color="black", markerfacecolor="white", markersize=4 if named else 2.5
-        )
-        if named:
-            axis.annotate(
-                pin_name(pin), tuple(at[pin]), xytext=(5, 4), textcoords="offset points", fontsize=9
-            )
-    axis.set_aspect("equal")
-    axis.grid(visible=False)
-
-
-def _turned(turn: float) -> Float[np.ndarray, "2 2"]:
-    """The matrix of a clockwise turn, rad."""
-    return np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
 
 
 def draw_maps(verdict: Verdict) -> Figure:

@@ -10,12 +10,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.solution import Solution
-from designopt.vectors import Vector
 from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.solver import Pose
 from studies.models.finger import Body, Finger
-from studies.models.linkage_design.problem import HOSTS, PAIRS, SYMBOLS, grid, pin_places
+from studies.models.linkage_design.problem import HOSTS, PAIRS, SYMBOLS, grid, pin_places, sides
 from studies.models.linkage_design.spec import LimitsSpec
 from studies.models.linkage_design.transmission import finger_transmission
 from studies.models.pins import pin_name
@@ -110,10 +109,11 @@ def judged(finger: Finger, limits: LimitsSpec) -> Verdict:
 
     poses, angles = everywhere(linkage, -jnp.asarray(square))
     pose = poses.value
-    crank = np.unwrap(np.unwrap(np.asarray(_angle(pose.bodies["crank"])), axis=1), axis=0)
-    crank = crank[0, 0] - crank
-    crank_range = float(np.rad2deg(np.ptp(crank)))
-    plate = np.unwrap(_angle(pose.bodies["plate"])[0] - _angle(pose.bodies["distal"])[0])
+    crank, plate, distal = (
+        np.asarray(pose.bodies[name].angle()) for name in ("crank", "plate", "distal")
+    )
+    crank = np.unwrap(np.unwrap(crank, axis=1), axis=0)
+    crank, plate = crank[0, 0] - crank, np.unwrap(plate[0] - distal[0])
     by_pip, by_dip = np.diff(crank, axis=0), np.diff(crank, axis=1)
     step = flexion[1] - flexion[0]
     rates = np.asarray(crank_rates(linkage, -jnp.asarray(square)))
@@ -126,7 +126,7 @@ def judged(finger: Finger, limits: LimitsSpec) -> Verdict:
         Check("turn of the crank per PIP", limits.turn, float(np.min(by_pip) / step), ""),
         Check("turn of the crank per DIP", limits.turn, float(np.min(by_dip) / step), ""),
         Check("turn of the plate per DIP", limits.turn, float(np.min(np.diff(plate)) / step), ""),
-        Check("range of the crank", limits.crank_range_deg, crank_range, "°", False),
+        Check("range of the crank", limits.crank_range_deg, np.rad2deg(np.ptp(crank)), "°", False),
         *(
             Check(f"pins {pin_name(a)} and {pin_name(b)} apart", limits.spacing, apart[a, b])
             for a, b in PAIRS
@@ -175,10 +175,6 @@ def crank_rates(linkage: Linkage, inputs: Float[Array, "pip dip 2"]) -> Float[Ar
     return jax.vmap(jax.vmap(jax.jacfwd(turn)))(inputs)
 
 
-def _angle(direction: Vector) -> np.ndarray:
-    return np.arctan2(np.asarray(direction.y), np.asarray(direction.x))
-
-
 def _inside(pose: Pose, body: Body, limits: LimitsSpec) -> list[Check]:
     checks = []
     for name, host in HOSTS.items():
@@ -186,13 +182,7 @@ def _inside(pose: Pose, body: Body, limits: LimitsSpec) -> list[Check]:
         if host != "proximal":  # whose body points from O to A, and is fixed
             origin = pose.joints["B" if host == "distal" else "A"]
             place = (place - origin).turned(pose.bodies[host].conjugate())
-        own_sides = [place.y - body.palmar, body.dorsal - place.y]
-        if host == "proximal":
-            own_sides.append(place.x + body.proximal)
-        if host == "distal":
-            own_sides.append(body.distal - place.x)
-        inside = min(float(jnp.min(side)) for side in own_sides)
-        checks.append(
-            Check(f"pin {pin_name(name)} inside the {host} phalanx", limits.clearance, inside)
-        )
+        inside = min(float(jnp.min(side)) for side in sides(place, host, body).values())
+        requirement = f"pin {pin_name(name)} inside the {host} phalanx"
+        checks.append(Check(requirement, limits.clearance, inside))
     return checks

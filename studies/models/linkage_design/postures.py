@@ -81,7 +81,7 @@ def postures_at(finger: Finger, knuckle: Vector, flexion: Vector) -> Postures:
     # First dyad, in the intermediate phalanx's frame, one element per DIP angle.
     c = axis_b + distal_c.turned(flexion)
     bar, arm = at["H"] - at["G"], at["C"] - at["H"]
-    turn, plate_turn, reach = _dyad(c - at["G"], at["C"] - at["G"], bar, arm)
+    turn, plate_turn, reach = turn_dyad(c - at["G"], at["C"] - at["G"], bar, arm)
     h = at["G"] + bar.turned(turn)
     d = c + (at["D"] - at["C"]).turned(plate_turn)
     bc, ch, along = c - axis_b, h - c, h - at["G"]
@@ -92,7 +92,7 @@ def postures_at(finger: Finger, knuckle: Vector, flexion: Vector) -> Postures:
     b, g = axis_b.turned(knuckle), at["G"].turned(knuckle)
     c_out, d_out, h_out = (place[None, :].turned(knuckle) for place in (c, d, h))
     crank, rod = at["E"] - at["F"], at["D"] - at["E"]
-    swing, rod_turn, square_reach = _dyad(d_out - at["F"], at["D"] - at["F"], crank, rod)
+    swing, rod_turn, square_reach = turn_dyad(d_out - at["F"], at["D"] - at["F"], crank, rod)
     arm_e, pull = crank.turned(swing), rod.turned(rod_turn)
     e = at["F"] + arm_e
     lever = arm_e.cross(pull)
@@ -123,7 +123,7 @@ def postures_at(finger: Finger, knuckle: Vector, flexion: Vector) -> Postures:
     )
 
 
-def _dyad(
+def turn_dyad(
     e: Vector, straight: Vector, a: Vector, b: Vector
 ) -> tuple[Vector, Vector, Float[Array, "..."]]:
     """Turns of both links of a dyad from where they are in the straight finger, and its reach."""

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.optimize import Evaluation, Problem, Requirement
-from designopt.vectors import Vector, rotation
+from designopt.vectors import Vector, rotation, vector
 from studies.models.finger import Body, Finger, pins_of
 from studies.models.linkage_design.postures import Postures, postures_at
 from studies.models.linkage_design.spec import LimitsSpec
@@ -134,11 +134,11 @@ def inequalities(
         # program would compute anew for every element beside it.
         "range of the crank": jnp.deg2rad(limits.crank_range_deg) - turned - postures.crank,
         "pins apart": (_distances(pins, body) - limits.spacing - allowance) / LENGTH,
-        "|AF|": (vector_length(pins.F) - limits.crank_offset - allowance) / LENGTH,
-        "|EF|": (limits.crank_length - allowance - vector_length(pins.E - pins.F)) / LENGTH,
+        "|AF|": (vector(pins.F).length() - limits.crank_offset - allowance) / LENGTH,
+        "|EF|": (limits.crank_length - allowance - vector(pins.E - pins.F).length()) / LENGTH,
     }
     for name, host in HOSTS.items():
-        for side, distance in _sides(places[name], host, body).items():
+        for side, distance in sides(places[name], host, body).items():
             found[f"pin {pin_name(name)} inside the {side}"] = (distance - keep) / LENGTH
     if limits.force_ratio is not None:
         bound = limits.force_ratio * (1 - turned)
@@ -146,30 +146,24 @@ def inequalities(
     return found
 
 
-def vector_length(step: Float[Array, "*batch 2"]) -> Float[Array, "*batch"]:
-    """Length of plane vectors, mm; 0 with zero slope for the zero vector."""
-    return Vector(step[..., 0], step[..., 1]).length()
-
-
 def _distances(pins: Pins, body: Body) -> Float[Array, " pairs"]:
-    zero = jnp.zeros_like(pins.F)
-    axes = {"A": zero, "B": zero.at[0].set(body.intermediate)}
-    at = axes | {name: getattr(pins, name) for name in HOSTS}
-    return jnp.stack([vector_length(at[first] - at[second]) for first, second in PAIRS])
+    zero = jnp.zeros_like(body.intermediate)
+    at = pins.places() | {"A": Vector(zero, zero), "B": Vector(body.intermediate, zero)}
+    return jnp.stack([(at[first] - at[second]).length() for first, second in PAIRS])
 
 
-def _sides(place: Vector, host: str, body: Body) -> dict[str, Float[Array, "..."]]:
+def sides(place: Vector, host: str, body: Body) -> dict[str, Float[Array, "..."]]:
     """Distances of a pin from the faces of its phalanx, and from the end that is the finger's.
 
     Apart, not in one array: compiled into one, each element would trace the pin anew, and the
     derivatives take a hundred times as long.
     """
-    sides = {"palmar face": place.y - body.palmar, "dorsal face": body.dorsal - place.y}
+    found = {"palmar face": place.y - body.palmar, "dorsal face": body.dorsal - place.y}
     if host == "proximal":
-        sides["rear end"] = place.x + body.proximal
+        found["rear end"] = place.x + body.proximal
     if host == "distal":
-        sides["tip"] = body.distal - place.x
-    return sides
+        found["tip"] = body.distal - place.x
+    return found
 
 
 def _box(body: Body, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
@@ -197,22 +191,14 @@ def _box(body: Body, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
 def _requirements(
     pip_deg: Float[np.ndarray, " pip"], dip_deg: Float[np.ndarray, " dip"]
 ) -> dict[str, Requirement]:
-    length, turn = ("mm", LENGTH), ("", 1.0)
-    amounts = dict.fromkeys(SYMBOLS.values(), ("°", float(np.rad2deg(ANGLE))))
-    amounts |= {
-        "assembly of B-C-G'-G": length,
-        "assembly of A-D-E-F": length,
-        "crank closing with PIP": turn,
-        "crank closing with DIP": turn,
-        "plate turning with DIP": turn,
-        "φ₂/φ₁": turn,
-        "range of the crank": ("°", float(np.rad2deg(1.0))),
-        "|AF|": length,
-        "|EF|": length,
-    }
+    lengths = ["assembly of B-C-G'-G", "assembly of A-D-E-F", "|AF|", "|EF|"]
     for name in HOSTS:
         for side in ("palmar face", "dorsal face", "rear end", "tip"):
-            amounts[f"pin {pin_name(name)} inside the {side}"] = length
+            lengths.append(f"pin {pin_name(name)} inside the {side}")
+    ratios = ["crank closing with PIP", "crank closing with DIP", "plate turning with DIP", "φ₂/φ₁"]
+    amounts = dict.fromkeys(lengths, ("mm", LENGTH)) | dict.fromkeys(ratios, ("", 1.0))
+    amounts |= dict.fromkeys(SYMBOLS.values(), ("°", float(np.rad2deg(ANGLE))))
+    amounts["range of the crank"] = ("°", float(np.rad2deg(1.0)))
 
     def words(name: str, index: tuple[int, ...]) -> str:
         # What one angle decides is a row over DIP.
@@ -228,4 +214,4 @@ def _requirements(
         name: Requirement(functools.partial(words, name), *amount)
         for name, amount in amounts.items()
     }
-    return found | {"pins apart": Requirement(pair, *length)}
+    return found | {"pins apart": Requirement(pair, "mm", LENGTH)}

@@ -190,13 +190,14 @@ def _finalists(optima: Optima, count: int) -> list[EpigraphVariables]:
     ranked = sorted(optima.found, key=lambda one: (one.violation > NEARLY, one.objective))
     chosen: list[EpigraphVariables] = []
     for one in ranked:
-        steps = [
-            jax.tree.map(lambda a, b: jnp.max(jnp.abs(a - b)), one.parameters.design, other.design)
-            for other in chosen
-        ]
-        if all(max(map(float, jax.tree.leaves(step))) > APART for step in steps):
+        place = _coordinates(one.parameters)
+        if all(np.max(np.abs(place - _coordinates(other))) > APART for other in chosen):
             chosen.append(one.parameters)
     return (chosen + [one.parameters for one in ranked])[:count]
+
+
+def _coordinates(found: EpigraphVariables) -> np.ndarray:
+    return np.concatenate(jax.tree.leaves(found.design))
 
 
 def _joined(angles: np.ndarray, more: list[list[float]]) -> np.ndarray:
@@ -226,11 +227,11 @@ def _worst_postures(
         short += [-np.asarray(values) for values in found.inequalities.values()]
         pip, dip = set(), set()
         for values in short:
-            if values.ndim and np.max(values) > 0 and values.shape[-1] == len(flexion):
-                place = np.unravel_index(np.argmax(values), values.shape)
-                dip.add(float(flexion[place[-1]]))
-                if values.ndim > 1 and values.shape[-2] == len(flexion):
-                    pip.add(float(flexion[place[-2]]))
+            # What one angle decides is a row over DIP.
+            if values.shape[-1:] == flexion.shape and np.max(values) > 0:
+                *row, column = np.unravel_index(np.argmax(values), values.shape)
+                pip.update(flexion[place] for place in row)
+                dip.add(flexion[column])
         return sorted(pip), sorted(dip)
 
     return worst

@@ -8,6 +8,7 @@ from designopt.study.records import Records
 from designopt.study.report import Report
 from studies.models.finger import Finger
 from studies.models.linkage_design.analysis import LinkageDesign
+from studies.models.linkage_design.judging import Check
 from studies.models.linkage_design.problem import ANGLE, LINKS, PAIRS, pin_places
 from studies.models.linkage_design.spec import LimitsSpec
 from studies.models.pins import pin_name
@@ -46,15 +47,11 @@ def add_tables(out: Report, limits: LimitsSpec, design: LinkageDesign) -> None:
 
 def pins(finger: Finger) -> Records:
     """Where the pins are, and the links that they join."""
-    at = pin_places(finger)
-    return Records(
-        {
-            "pin": [pin_name(name) for name in at],
-            "x_mm": [place[0] for place in at.values()],
-            "y_mm": [place[1] for place in at.values()],
-            "links": [", ".join(link for link in LINKS if name in LINKS[link]) for name in at],
-        }
-    )
+    found = Records()
+    for name, (x, y) in pin_places(finger).items():
+        links = ", ".join(link for link, pins in LINKS.items() if name in pins)
+        found.add(pin=pin_name(name), x_mm=x, y_mm=y, links=links)
+    return found
 
 
 def lengths(finger: Finger) -> Records:
@@ -63,26 +60,25 @@ def lengths(finger: Finger) -> Records:
     for link, names in LINKS.items():
         for first, second in PAIRS:
             if first in names and second in names:
-                length = np.hypot(*(at[first] - at[second]))
-                name = f"{pin_name(first)}-{pin_name(second)}"
-                found.add(link=link, pins=name, length_mm=length)
+                pins = f"{pin_name(first)}-{pin_name(second)}"
+                found.add(link=link, pins=pins, length_mm=np.hypot(*(at[first] - at[second])))
     return found
 
 
 def requirements(limits: LimitsSpec, design: LinkageDesign) -> Records:
     """Every requirement with what was achieved."""
-    required, least = limits.transmission_deg, design.verdict.least_deg
-    checks = [*design.verdict.checks, design.room]
-    return Records(
-        {
-            "requirement": ["transmission angle", *(one.name for one in checks)],
-            "limit": ["at least", *("at least" if one.at_least else "at most" for one in checks)],
-            "required": [required, *(one.required for one in checks)],
-            "achieved": [least, *(one.achieved for one in checks)],
-            "unit": ["°", *(one.unit for one in checks)],
-            "met": ["yes" if met else "no" for met in (least > required, *(c.met for c in checks))],
-        }
-    )
+    verdict, found = design.verdict, Records()
+    angle = Check("transmission angle", limits.transmission_deg, verdict.least_deg, "°")
+    for one in (angle, *verdict.checks, design.room):
+        found.add(
+            requirement=one.name,
+            limit="at least" if one.at_least else "at most",
+            required=one.required,
+            achieved=one.achieved,
+            unit=one.unit,
+            met="yes" if one.met else "no",
+        )
+    return found
 
 
 def trajectories(design: LinkageDesign) -> Records:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 
 import jax
@@ -38,24 +39,25 @@ def least_angles(
         The least angle over the postures of a square in steps of `STEP_DEG`; 0 where a finger
         cannot be assembled in one of them.
     """
-    pins, angles = pins_of(finger), jnp.asarray(grid(finger.body, STEP_DEG))
-    keys = jax.random.split(jax.random.key(seed), len(jax.tree.leaves(pins)))
-    leaves, structure = jax.tree.flatten(pins)
-    errors = [
-        jax.random.normal(key, (draws, 2), leaf.dtype)
-        for key, leaf in zip(keys, leaves, strict=True)
-    ]
-    drawn = jax.tree.unflatten(
-        structure,
-        [leaf[None, :] + deviation * error for leaf, error in zip(leaves, errors, strict=True)],
-    )
+    pins = pins_of(finger)
+    structure = jax.tree.structure(pins)
+    keys = jax.random.split(jax.random.key(seed), structure.num_leaves)
 
+    def sample(place: Float[Array, "2"], key: Array) -> Float[Array, "draws 2"]:
+        return place[None] + deviation * jax.random.normal(key, (draws, 2), place.dtype)
+
+    drawn = jax.tree.map(sample, pins, jax.tree.unflatten(structure, list(keys)))
+    return np.asarray(_least_of_each(finger, drawn, jnp.asarray(grid(finger.body, STEP_DEG))))
+
+
+@jax.jit
+def _least_of_each(
+    finger: Finger, drawn: Pins, angles: Float[Array, " angles"]
+) -> Float[Array, " draws"]:
     def least(one: Pins) -> Float[Array, ""]:
         found = find_postures(replace(finger, pins=one), angles, angles)
-        reach = jnp.minimum(jnp.min(found.reach[0]), jnp.min(found.reach[1]))
-        angle = jnp.rad2deg(jnp.asarray(jnp.inf))
-        for values in found.angles.values():
-            angle = jnp.minimum(angle, jnp.rad2deg(jnp.min(values)))
-        return jnp.where(reach > 0, angle, 0.0)
+        reach = jnp.minimum(*map(jnp.min, found.reach))
+        angle = functools.reduce(jnp.minimum, map(jnp.min, found.angles.values()))
+        return jnp.where(reach > 0, jnp.rad2deg(angle), 0.0)
 
-    return np.asarray(jax.jit(lambda batch: map_in_chunks(jax.vmap(least), batch, BLOCK))(drawn))
+    return map_in_chunks(jax.vmap(least), drawn, BLOCK)

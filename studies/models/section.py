@@ -1,0 +1,83 @@
+"""The finger in section, in any posture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from matplotlib.axes import Axes
+
+from designopt.plot.figures import PALETTE
+from kinematics.model.linkage import Linkage
+from kinematics.solve.poses import solve_poses
+from studies.models.finger import Finger
+from studies.models.pins import pin_name
+
+BODY, VERMILION, GREEN, PINK, _, PAD, ORANGE = PALETTE
+LINKS = {
+    "crank": ("FE", VERMILION),
+    "rod": ("ED", ORANGE),
+    "plate": ("CDHC", GREEN),
+    "bar": ("GH", PINK),
+}
+"""The pins that a link's line passes, and its color."""
+
+
+@jax.jit
+def _places(linkage: Linkage, inputs: Float[Array, "2"]) -> dict[str, Float[Array, "2"]]:
+    pose = solve_poses(linkage, inputs).value
+    return {name: pose.position(pin_name(name)) for name in "ABCDEFGH"}
+
+
+def draw_finger(
+    axis: Axes,
+    finger: Finger,
+    joints: Sequence[float] | np.ndarray,
+    *,
+    strength: float = 1.0,
+    named: bool = False,
+) -> None:
+    """Phalanges with their pads, links and pins, in the frame of the proximal phalanx.
+
+    Args:
+        axis: where to draw.
+        finger: its body and pins.
+        joints: flexion of PIP and DIP, rad.
+        strength: opacity of everything, such as of one posture among several.
+        named: write the pins' names, for which the drawing has to be large.
+    """
+    body = finger.body
+    places = _places(finger.linkage(), -jnp.asarray(joints))
+    at = {name: complex(*np.asarray(place)) for name, place in places.items()}
+
+    def draw(path: Sequence[complex] | np.ndarray, color: str, label: str, **style: Any) -> None:
+        line = {"color": color, "label": label, "alpha": strength, **style}
+        axis.plot(np.real(path), np.imag(path), **line)
+
+    palmar, dorsal = 1j * float(body.palmar), 1j * float(body.dorsal)
+    turns = np.exp(-1j * np.cumsum([0.0, *joints]))
+    spans = ((-body.proximal, 0.0), (0.0, body.intermediate), (0.0, body.distal))
+    pads = np.asarray(finger.pads())[..., 0] - np.array([[0.0], [0.0], [body.intermediate]])
+    for origin, turn, span, pad in zip("AAB", turns, spans, pads, strict=True):
+        rear, front = map(float, span)
+        corners = np.array([rear + palmar, front + palmar, front + dorsal, rear + dorsal])
+        outline = at[origin] + turn * corners
+        look = {"facecolor": "0.95", "edgecolor": BODY, "linewidth": 1.0, "alpha": strength}
+        axis.fill(outline.real, outline.imag, label="phalanges", **look)
+        draw(at[origin] + turn * (pad + palmar), PAD, "pads", linewidth=2.5)
+    for name, (path, color) in LINKS.items():
+        draw([at[pin] for pin in path], color, name, linewidth=2.0)
+    for host, pin in ("AF", "AG", "BC"):
+        draw([at[host], at[pin]], BODY, "_", linewidth=1.0, linestyle=":")
+    size = 4 if named else 2.5
+    hole = {"marker": "o", "linestyle": "", "markerfacecolor": "white", "markersize": size}
+    draw([*at.values()], "black", "_", **hole)
+    for pin, place in at.items() if named else ():
+        where, above = (place.real, place.imag), {"xytext": (5, 4), "textcoords": "offset points"}
+        axis.annotate(pin_name(pin), where, fontsize=9, **above)
+    axis.set_aspect("equal")
+    axis.grid(visible=False)
