@@ -6,9 +6,7 @@ import functools
 import cv2
 import numpy as np
 import pytest
-import scipy.ndimage
 
-from optics.rendering import Imprint
 from perception.quality import Quality
 from perception.unwarping import (
     PER_MM,
@@ -159,22 +157,3 @@ def test_the_best_view_is_the_largest_or_the_one_of_the_greatest_least_scale(by,
     assert select_view([*poor, FAR_AND_STRAIGHT], LENS, 23.4, 24.0, by=by) is FAR_AND_STRAIGHT
     for nothing in (poor, []):
         assert select_view(nothing, LENS, 23.4, 24.0, by=by) is None
-
-
-@pytest.mark.parametrize(("pad", "pose"), [("proximal", (50, 45)), ("distal", (60, 60))])
-def test_an_imprint_is_at_the_same_place_in_both_views(finger, perfect, pad, pose):
-    true = np.array([0.3 * finger.catalog.lengths[pad], 4.0])
-    pressed = Imprint("sphere", along=true[0], across=true[1], depth=1.0)
-    angles = np.deg2rad(np.array(pose, float))
-    before, after = perfect.render(angles), perfect.render(angles, {pad: [pressed]})
-    views = [view for view in finger.detect(before.pixels).complete() if view.pad == pad]
-    assert sorted(view.reflections for view in views) == [0, 1]
-    for view in views:
-        plain, touched = (finger.unwarp(one.pixels, view).astype(float) for one in (before, after))
-        changed = np.abs(touched - plain).sum(axis=-1)
-        # The sides change by light that is blurred into them, the imprint by much more.
-        weight = np.where(changed > 0.2 * changed.max(), changed, 0)
-        middle = scipy.ndimage.center_of_mass(weight)
-        found = (np.array(middle) + 0.5) / PER_MM - [0, finger.width / 2]
-        # The ball shades an area of 8 mm, seen at a few pixels per mm.
-        np.testing.assert_allclose(found, true, atol=0.5)
