@@ -18,6 +18,7 @@ from designopt import cli
 from designopt.cli import app
 from designopt.errors import Interrupted
 from designopt.study import study as study_module
+from tests.commands import check_command_refused, python, refused_cases
 from tests.designopt.plugin import points
 
 HEAVY = ("cv2", "equinox", "jax", "matplotlib", "mpmath", "numpy", "optimistix", "scipy")
@@ -36,9 +37,7 @@ def test_help_loads_nothing_heavy():
         f"loaded = [name for name in {HEAVY} if name in sys.modules]; "
         "sys.exit(f'loaded {loaded}' if loaded else code)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", probe], capture_output=True, text=True, check=False
-    )
+    done = python("-c", probe)
     assert done.returncode == 0, done.stderr
     for command in ("list", "run"):
         assert command in done.stdout
@@ -63,41 +62,26 @@ def test_what_does_not_exist_is_told_before_jax_is_loaded(tmp_path):
         "import sys; from designopt import cli; "
         "[print(cli.run(line.split()), 'jax' in sys.modules) for line in sys.argv[1:]]"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", probe, *lines],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = python("-c", probe, *lines, cwd=tmp_path)
     assert done.stdout.splitlines() == ["2 False"] * len(lines)
     assert done.stderr.count("error: ") == done.stderr.count("\n") == len(lines)
 
 
-def test_no_arguments_is_help(capsys):
-    assert cli.run([]) == 0
-    assert "Usage: designopt" in capsys.readouterr().out
-
-
-def test_version(capsys):
-    assert cli.run(["--version"]) == 0
-    assert capsys.readouterr().out.startswith("designopt 0.")
-
-
-def test_list_names_studies_and_needs(square, capsys):
-    assert cli.run(["list"]) == 0
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("", ["Usage: designopt"]),
+        ("--version", ["designopt 0."]),
+        ("list", ["square  The area of a square", "needs: peers"]),
+        ("list", ["settings: side, inner.length, label, asked"]),
+        ("list", ["'absent' (no_such_package:STUDY) cannot be loaded"]),
+        ("list square", ["inner.length", "2.0", "a length (mm)", "must be given"]),
+    ],
+)
+def test_what_is_listed(square, capsys, line, words):
+    assert cli.run(line.split()) == 0
     shown = capsys.readouterr().out
-    assert "square  The area of a square" in shown
-    assert "needs: peers" in shown
-    assert "settings: side, inner.length, label, asked" in shown
-    assert "'absent' (no_such_package:STUDY) cannot be loaded" in shown
-
-
-def test_list_shows_the_settings_of_one(square, capsys):
-    assert cli.run(["list", "square"]) == 0
-    shown = capsys.readouterr().out
-    for words in ("inner.length", "2.0", "a length (mm)", "must be given"):
-        assert words in shown
+    assert all(word in shown for word in words)
 
 
 def test_run_summarises_and_succeeds(square, capsys):
@@ -115,44 +99,11 @@ def test_a_missed_target_is_exit_code_1_with_its_results_kept(square, capsys):
     assert (square / "o/report.html").is_file()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["run", "sqare"], ["STUDY", "'sqare'", "did you mean 'square'?"]),
-        (["run", "absent"], ["'absent'", "cannot be loaded", "repair or uninstall"]),
-        (["list", "sqare"], ["STUDY", "did you mean 'square'?"]),
-        (["run"], ["STUDY", "designopt --help"]),
-        (["rum"], ["'rum'", "run", "designopt --help"]),
-        (["run", "square", "--sed", "1"], ["--sed", "--seed"]),
-        (["run", "square", "--set", "side"], ["value is missing", "--set side=VALUE"]),
-        (["run", "square"], ["--set side", "missing"]),
-        (["run", "square", "--set", "side=1", "--set", "sdie=1"], ["--set sdie", "'side'"]),
-        (["run", "square", "--set", "side=x"], ["--set side=x", "valid number"]),
-        (["run", "square", "--set", "side=1", "--set", "inner.length=-1"], ["inner.length", "0"]),
-        (
-            ["run", "square", "--set", "side=1", "--seed", "-1"],
-            ["--seed", "greater than or equal to 0"],
-        ),
-        (["run", "square", "--set", "side=1", "--seed", "x"], ["--seed", "integer"]),
-        (["run", "square", "--set", "side=1", "--dtype", "float16"], ["--dtype", "float32"]),
-        (["run", "square", "--set", "side=1", "--out", "there"], ["--out there", "--force"]),
-        (
-            ["run", "square", "--set", "side=1", "--out", "file/x"],
-            ["--out file/x", "file is no folder", "name a folder"],
-        ),
-        (["run", "square", "--set", "side=1", "--out", "there", "--force"], ["an earlier result"]),
-    ],
-)
-def test_faults_are_one_line_and_exit_code_2(square, capsys, arguments, words):
+@pytest.mark.parametrize(("line", "words"), refused_cases("run"))
+def test_faults_are_one_line_and_exit_code_2(square, capsys, line, words):
     (square / "there").mkdir()
     (square / "file").write_text("")
-    assert cli.run(arguments) == 2
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert shown.err.startswith("error: ")
-    assert shown.err.count("\n") == 1
-    for word in words:
-        assert word in shown.err
+    check_command_refused(capsys, line, words)
     assert sorted(path.name for path in square.rglob("*")) == ["file", "there"]
 
 
@@ -162,14 +113,8 @@ def test_an_interrupted_run_says_so(square, capsys):
     assert list(square.rglob("*.json")) == []
 
 
-def test_an_interrupted_command_that_keeps_something_says_what(monkeypatch, capsys):
-    def sweep() -> None:
-        raise Interrupted("3 of 4 points are kept in out")
-
-    point = EntryPoint("sweep", "absent:sweep", app.COMMAND_GROUP)
-    monkeypatch.setattr(EntryPoint, "load", lambda self: sweep)
-    monkeypatch.setattr(app, "entry_points", lambda group: [point])
-    assert cli.run(["sweep"]) == 130
+def test_an_interrupted_command_that_keeps_something_says_what(broken, capsys):
+    assert broken(ending_in(Interrupted("3 of 4 points are kept in out"))) == 130
     assert capsys.readouterr().err == "interrupted; 3 of 4 points are kept in out\n"
 
 
@@ -184,38 +129,25 @@ def test_a_broken_command_does_not_hurt_the_others(monkeypatch, capsys):
 
 
 def test_the_installed_command_runs():
-    done = subprocess.run(
-        [sys.executable, "-m", "designopt", "list"], capture_output=True, text=True, check=False
-    )
+    done = python("-m", "designopt", "list")
     assert done.returncode == 0
     assert "table1" in done.stdout
 
 
 @pytest.mark.parametrize("arguments", [["list"], ["run", "table1"], ["explore", "x.toml"]])
 def test_an_unknown_backend_of_matplotlib_is_one_line(tmp_path, arguments):
-    done = subprocess.run(
-        [sys.executable, "-m", "designopt", *arguments],
-        env={**os.environ, "MPLBACKEND": "nosuch"},
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    variables = os.environ | {"MPLBACKEND": "nosuch"}
+    done = python("-m", "designopt", *arguments, env=variables, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "error: MPLBACKEND=nosuch: Matplotlib has no such backend; unset it\n"
     assert not list(tmp_path.iterdir())
 
 
 def shell(line: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    line = line.format(f"'{sys.executable}' -m designopt")
-    line = f"exec 3>/dev/full; {line}"
-    return subprocess.run(
-        ["bash", "-o", "pipefail", "-c", line],
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    line = "exec 3>/dev/full; " + line.format(f"'{sys.executable}' -m designopt")
+    command = ["bash", "-o", "pipefail", "-c", line]
+    variables = os.environ | environment
+    return subprocess.run(command, env=variables, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.parametrize(
@@ -259,35 +191,33 @@ def test_keys_are_listed_whole(width):
     assert longest <= 80
 
 
-class Broken:
-    """A command that ends in an exception."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self._patch = monkeypatch
-
-    def run(self, error: BaseException) -> int:
-        def command() -> None:
-            raise error
-
-        return self.load(lambda _: command)
-
-    def load(self, load: Callable[[EntryPoint], Callable[[], None]]) -> int:
-        found = [EntryPoint(name, f"absent:{name}", app.COMMAND_GROUP) for name in ("a", "b")]
-        self._patch.setattr(EntryPoint, "load", load)
-        self._patch.setattr(app, "entry_points", lambda group: found)
-        return cli.run(["a"])
-
-
 @pytest.fixture
 def broken(monkeypatch, tmp_path):
+    """Runs a command that is loaded so."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    return Broken(monkeypatch)
+
+    def run(load: Callable[[EntryPoint], Callable[[], None]]) -> int:
+        found = [EntryPoint(name, f"absent:{name}", app.COMMAND_GROUP) for name in ("a", "b")]
+        monkeypatch.setattr(EntryPoint, "load", load)
+        monkeypatch.setattr(app, "entry_points", lambda group: found)
+        return cli.run(["a"])
+
+    return run
+
+
+def ending_in(error: BaseException) -> Callable[[EntryPoint], Callable[[], None]]:
+    """Loads a command that ends in an exception."""
+
+    def command() -> None:
+        raise error
+
+    return lambda _: command
 
 
 @pytest.mark.parametrize("kind", [KeyError, RecursionError, BaseException, OSError])
 def test_a_fault_of_the_program_is_one_line_and_a_file(broken, tmp_path, capsys, kind):
     for number in (1, 2):
-        assert broken.run(kind(f"key\x1b\n{number}")) == 70
+        assert broken(ending_in(kind(f"key\x1b\n{number}"))) == 70
         shown = capsys.readouterr()
         assert shown.out == ""
         assert shown.err.count("\n") == 1
@@ -307,7 +237,7 @@ def test_a_fault_without_a_place_for_a_file_has_its_calls_in_the_line(
 ):
     (tmp_path / "state").write_text("no folder")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "state" / "tmp"))
-    assert broken.run(ZeroDivisionError("by zero")) == 70
+    assert broken(ending_in(ZeroDivisionError("by zero"))) == 70
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     assert re.search(r"\(ZeroDivisionError: by zero\); .*: test_cli\.py:\d+ command < ", line)
@@ -323,7 +253,7 @@ def test_a_fault_without_a_place_for_a_file_has_its_calls_in_the_line(
     ],
 )
 def test_want_of_the_machine_is_exit_code_2(broken, capsys, error, words):
-    assert broken.run(error) == 2
+    assert broken(ending_in(error)) == 2
     shown = capsys.readouterr().err
     assert shown.startswith(words)
     assert shown.count("\n") == 1
@@ -337,7 +267,7 @@ def test_an_interrupt_that_loading_turns_into_another_fault_is_one(broken, capsy
         finally:
             raise ImportError(f"{point.name} failed to import")  # as compiled modules do
 
-    assert broken.load(load) == 130
+    assert broken(load) == 130
     assert capsys.readouterr().err == "interrupted; no file is half-written\n"
 
 
@@ -354,7 +284,5 @@ def test_an_interrupt_while_modules_are_loaded_is_one_line(module):
         "sys.argv = ['designopt', 'list', 'table1']\n"
         "main()\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", probe], capture_output=True, text=True, check=False
-    )
+    done = python("-c", probe)
     assert (done.returncode, done.stderr) == (130, "interrupted; no file is half-written\n")

@@ -3,7 +3,6 @@
 import errno
 import json
 import os
-import subprocess
 import sys
 import tempfile
 import time
@@ -17,6 +16,7 @@ from jax._src import compilation_cache
 
 from designopt import cli
 from designopt.compilation_cache import ABANDONED, OFF, PARTIAL, VARIABLE, Store, keep_programs
+from tests.commands import python
 
 
 def files(folder):
@@ -190,14 +190,7 @@ def hits(home, **variables):
     """How many programs were not compiled."""
     ours = (VARIABLE, "XDG_CACHE_HOME", "JAX_COMPILATION_CACHE_DIR")
     bare = {name: value for name, value in os.environ.items() if name not in ours}
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
-        env=bare | {"HOME": str(home)} | variables,
-        cwd=home,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = python("-c", PROGRAM, env=bare | {"HOME": str(home)} | variables, cwd=home)
     assert (done.returncode, done.stderr) == (0, "")
     answers, count = json.loads(done.stdout)
     assert answers == ANSWERS

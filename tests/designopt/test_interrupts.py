@@ -2,13 +2,13 @@
 
 import os
 import signal
-import subprocess
 import sys
 import time
 
 import pytest
 
 from designopt.interrupts import deferred, interruptible
+from tests.commands import python
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM]
 
@@ -81,7 +81,5 @@ leave(3)
     ("how", "out"), [("interrupted", "flushed\n"), ("at last", "flushed\ntorn down\n")]
 )
 def test_an_interrupted_process_ends_without_python_being_torn_down(how, out):
-    done = subprocess.run(
-        [sys.executable, "-c", LEAVING, how], capture_output=True, text=True, check=False
-    )
+    done = python("-c", LEAVING, how)
     assert (done.returncode, done.stdout, done.stderr) == (3, out, "")
