@@ -128,7 +128,7 @@ class LinkageBench(Bench):
             fault = survey.message()
             if not survey.ok:
                 continue
-            text = spec_text(self._design.sketch, linkage, self._dimensions, distances, inputs)
+            text = spec_text(linkage, self._dimensions, inputs)
             try:
                 parse_linkage(tomllib.loads(text), self.title)
             except UserError as error:  # such as a pose in which an assembly is not decided

@@ -19,6 +19,8 @@ from kinematics.model.linkage import Linkage, Spring
 from kinematics.model.topology import WORLD, BodyPart, Structure
 from kinematics.solve.poses import solve_poses
 
+HEADING = "A linkage in its assembled configuration: mm."
+
 ENOUGH = 2
 """Joints of a body to which a further one needs exact lengths; the sketch gives its side."""
 
@@ -54,14 +56,14 @@ def linkage_tables(linkage: Linkage) -> dict[str, Any]:
 
 def input_tables(structure: Structure) -> list[dict[str, Any]]:
     """``[[inputs]]`` of a linkage's file."""
-    tables = []
+    tables: list[dict[str, Any]] = []
+    joints: list[str | None] = [slider.joint for slider in structure.sliders]
     for part in structure.inputs:
-        table: dict[str, Any] = {"name": part.name}
-        if part.slider is not None:
-            table["slider"] = structure.sliders[part.slider].joint
-        else:
-            table["body"] = part.body
-            table |= {} if part.relative_to == WORLD else {"relative_to": part.relative_to}
+        joint = None if part.slider is None else structure.sliders[part.slider].joint
+        table = {"name": part.name, **({"body": part.body} if joint is None else {"slider": joint})}
+        # A joint on several lines is driven along that of the body which is named.
+        if part.relative_to != WORLD or joints.count(joint) > 1:
+            table["relative_to"] = part.relative_to
         tables.append(table)
     return tables
 
@@ -88,7 +90,7 @@ def format_linkage(linkage: Linkage) -> str:
         >>> format_linkage(linkage).splitlines()[:2]
         ['# A linkage in its assembled configuration: mm.', '']
     """
-    return format_toml(linkage_tables(linkage), "A linkage in its assembled configuration: mm.")
+    return format_toml(linkage_tables(linkage), HEADING)
 
 
 def write_linkage(linkage: Linkage, path: str | Path) -> None:

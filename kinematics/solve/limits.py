@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -24,10 +25,11 @@ from kinematics.solve.continuation import (
     TURNED,
     Followed,
     group_indices,
-    loop_gaps,
     newton_correct,
 )
 from kinematics.solve.solver import Solver
+
+Targets = tuple[str, ...] | None
 
 SAMPLES = 720
 """Samples of a full turn (or stroke) that bracket the roots and minima of the margins."""
@@ -158,20 +160,67 @@ def solve_turning_point(
     start = linkage.reference.inputs if inputs is None else as_float(inputs)
     guess = jnp.asarray(limit.value, start.dtype)
     targets = None if of is None else tuple(of)
-    solver = Solver.of(linkage, start.dtype, targets)
-    group = next(group for group in solver.plan.groups if group.index == limit.group)
-    if group.kind == "iterated":
-        return _turn(linkage, index, guess, start, targets)
+    return _turning_point(linkage, start, guess, index, limit.group, limit.margin, targets)
 
-    def margin(value: Float[Array, ""], design: Linkage) -> Float[Array, ""]:
-        inputs = start.at[index].set(value)
-        return _margins_at(design, inputs, targets)[limit.group][limit.margin]
 
-    return find_root(margin, guess, linkage, tolerance=1e-15)
+# The three programs of a search: further designs of the same structure compile nothing anew.
+
+
+@partial(jax.jit, static_argnames=("index", "group", "margin", "of"))
+def _turning_point(
+    linkage: Linkage,
+    start: Float[Array, " inputs"],
+    guess: Float[Array, ""],
+    index: int,
+    group: int,
+    margin: int,
+    of: Targets,
+) -> Solution[Float[Array, ""]]:
+    iterated = Solver.of(linkage, start.dtype, of).plan.iterated
+    if any(part.index == group for part in iterated):
+        return _turn(linkage, index, guess, start, of)
+
+    def vanishing(value: Float[Array, ""], design: Linkage) -> Float[Array, ""]:
+        return _margins_at(design, start.at[index].set(value), of)[group][margin]
+
+    return find_root(vanishing, guess, linkage, tolerance=1e-15)
+
+
+@partial(jax.jit, static_argnames=("index", "of"))
+def _margin_table(
+    linkage: Linkage,
+    start: Float[Array, " inputs"],
+    values: Float[Array, " poses"],
+    index: int,
+    of: Targets,
+) -> Float[Array, "poses margins"]:
+    """All margins of the groups in their order."""
+
+    def one(value: Float[Array, ""]) -> Float[Array, " margins"]:
+        found = _margins_at(linkage, start.at[index].set(value), of)
+        return jnp.stack([margin for margins in found.values() for margin in margins])
+
+    return jax.vmap(one)(values)
+
+
+@partial(jax.jit, static_argnames=("index", "of"))
+def _follow(
+    linkage: Linkage,
+    start: Float[Array, " inputs"],
+    end: Float[Array, ""],
+    index: int,
+    of: Targets,
+) -> tuple[Followed, dict[int, Float[Array, ""]]]:
+    """Where the iterated groups come on the way to a value, and their indices there."""
+    solver = Solver.of(linkage, start.dtype, of)
+    followed = _way(solver, start, index, end)
+    value = start[index] + followed.part * (end - start[index])
+    jacobian = solver.jacobian(followed.unknowns, solver.drive(start.at[index].set(value)))
+    return followed, group_indices(solver.plan, jacobian)
 
 
 def _margins_at(
-    linkage: Linkage, inputs: Float[Array, " inputs"], of: tuple[str, ...] | None
+    linkage: Linkage, inputs: Float[Array, " inputs"], of: Targets
 ) -> dict[int, tuple[Float[Array, ""], ...]]:
     solver = Solver.of(linkage, inputs.dtype, of)
     return solver.state(solver.drive(inputs)).margins
@@ -182,14 +231,21 @@ def _turn(
     index: int,
     guess: Float[Array, ""],
     start: Float[Array, " inputs"],
-    of: tuple[str, ...] | None,
+    of: Targets,
 ) -> Solution[Float[Array, ""]]:
     """Turning point of iterated groups: gaps vanish, and so does a direction's change of them.
 
     Source: R. Seydel, Numerical computation of branch points in nonlinear equations, Numer.
     Math. 33, 1979.
     """
-    followed, direction = jax.lax.stop_gradient(_end_of_the_way(linkage, index, guess, start, of))
+    # Where the search begins has no derivative; where it ends does, by the equations.
+    design, held = jax.lax.stop_gradient((linkage, start))
+    solver = Solver.of(design, start.dtype, of)
+    # A little beyond it, so that the way ends at the turn.
+    beyond = guess + jnp.sign(guess - held[index]) * 1e-3
+    followed = _way(solver, held, index, beyond).unknowns
+    jacobian = solver.jacobian(followed, solver.drive(held.at[index].set(beyond)))
+    direction = jnp.linalg.svd(jacobian)[2][-1]  # free to move there
 
     def equations(
         unknowns: Float[Array, " extended"], design: Linkage
@@ -198,12 +254,9 @@ def _turn(
         q, v, value = unknowns[: len(followed)], unknowns[len(followed) : -1], unknowns[-1]
         drive = solver.drive(start.at[index].set(value))
 
-        def gaps(q: Float[Array, " unknowns"]) -> Float[Array, " gaps"]:
-            return loop_gaps(solver.unit, solver.plan, q, drive.values, solver.signs)
-
         # The null vector v is an unknown too, and what normalises it is linear. At a simple turn
         # these equations are regular, which those of the pose alone are not.
-        gap, change = jax.jvp(gaps, (q,), (v,))
+        gap, change = jax.jvp(lambda q: solver.gaps(q, drive), (q,), (v,))
         return jnp.concatenate([gap, change, (v @ direction - 1)[None]])
 
     first = jnp.concatenate([followed, direction, guess[None]])
@@ -227,25 +280,6 @@ def _turn(
     )
 
 
-def _end_of_the_way(
-    linkage: Linkage,
-    index: int,
-    guess: Float[Array, ""],
-    start: Float[Array, " inputs"],
-    of: tuple[str, ...] | None,
-) -> tuple[Float[Array, " unknowns"], Float[Array, " unknowns"]]:
-    """Unknowns near the turning point, and the direction in which they are free to move there."""
-    solver = Solver.of(linkage, start.dtype, of)
-    # A little beyond it, so that the way ends at the turn.
-    beyond = guess + jnp.sign(guess - start[index]) * 1e-3
-    followed = _way(solver, start, index, beyond)
-    drive = solver.drive(start.at[index].set(beyond))
-    jacobian = jax.jacfwd(
-        lambda q: loop_gaps(solver.unit, solver.plan, q, drive.values, solver.signs)
-    )(followed.unknowns)
-    return followed.unknowns, jnp.linalg.svd(jacobian)[2][-1]
-
-
 def _way(
     solver: Solver, start: Float[Array, " inputs"], index: int, end: Float[Array, ""]
 ) -> Followed:
@@ -259,40 +293,26 @@ def _way(
 
 
 class _Search:
-    """Looks for the limits of one input, with programs compiled once."""
+    """Looks for the limits of one input."""
 
     def __init__(
-        self,
-        linkage: Linkage,
-        index: int,
-        start: Float[Array, " inputs"],
-        of: tuple[str, ...] | None,
+        self, linkage: Linkage, index: int, start: Float[Array, " inputs"], of: Targets
     ) -> None:
         self.linkage, self.index, self.start, self.of = linkage, index, start, of
-        self.solver = Solver.of(linkage, start.dtype, of)
+        self.plan = Solver.of(linkage, start.dtype, of).plan
         self.groups = [
             (group, number)
-            for group in self.solver.plan.groups
+            for group in self.plan.groups
             for number in range(2 if group.kind in ("RRR", "iterated") else 1)
         ]
         self.is_angle = linkage.structure.inputs[index].slider is None
-
-        @jax.jit
-        def margins(values: Float[Array, " poses"]) -> Float[Array, "poses margins"]:
-            def one(value: Float[Array, ""]) -> Float[Array, " margins"]:
-                found = _margins_at(linkage, start.at[index].set(value), of)
-                return jnp.stack([found[group.index][number] for group, number in self.groups])
-
-            return jax.vmap(one)(values)
-
-        self._margins = margins
-        self._follow = jax.jit(lambda end: _way(self.solver, start, index, end))
 
     def margins(self, values: np.ndarray) -> np.ndarray:
         """Margins at input values, in units of the linkage's size, shape (poses, margins)."""
         if not self.groups:
             return np.ones((len(values), 1))
-        return np.asarray(self._margins(jnp.asarray(values, self.start.dtype)))
+        poses = jnp.asarray(values, self.start.dtype)
+        return np.asarray(_margin_table(self.linkage, self.start, poses, self.index, self.of))
 
     def ahead(self, sign: int) -> tuple[Limit | None, list[float]]:
         """The first limit in a direction, and the change points before it."""
@@ -331,21 +351,15 @@ class _Search:
         lengths = [self.linkage.anchors, *(link.length for link in self.linkage.links.values())]
         longest = 2 * sum(float(np.sum(np.abs(np.asarray(part)))) for part in lengths)
         stretch = sign * (2 * math.pi if self.is_angle else longest)
-        if not self.solver.plan.iterated:
+        if not self.plan.iterated:
             return stretch, None
-        followed = self._follow(jnp.asarray(first + stretch, self.start.dtype))
+        end = jnp.asarray(first + stretch, self.start.dtype)
+        followed, indices = _follow(self.linkage, self.start, end, self.index, self.of)
         if int(followed.status) == REACHED:
             return stretch, None
         # It turned, or was lost: then it may not be locked, but nothing farther is known.
         stretch *= float(followed.part)
-        drive = self.solver.drive(self.start.at[self.index].set(first + stretch))
-        jacobian = jax.jacfwd(
-            lambda q: loop_gaps(
-                self.solver.unit, self.solver.plan, q, drive.values, self.solver.signs
-            )
-        )(followed.unknowns)
-        indices = group_indices(self.solver.plan, jacobian)
-        group = min(self.solver.plan.iterated, key=lambda group: float(indices[group.index]))
+        group = min(self.plan.iterated, key=lambda group: float(indices[group.index]))
         locks = int(followed.status) == TURNED
         return stretch, Limit(first + stretch, group.index, 0, group.bodies, locks)
 
@@ -359,44 +373,36 @@ class _Search:
         inside = 0  # the last sample that is a pose; touching, or lock-up to rounding, counts
         for k in range(1, len(values)):
             if margins[k] < -TOUCHING:
-                return self._root(margin, values[inside], values[k]), touches
+                return _root(margin, values[inside], values[k]), touches
             inside = k
-            if k > 1 and self._may_dip(*margins[k - 2 : k + 1].tolist()):
-                lowest = self._lowest(margin, values[k - 2], values[k])
-                least = margin(lowest)
+            if k > 1 and _may_dip(*margins[k - 2 : k + 1].tolist()):
+                found: Any = scipy.optimize.minimize_scalar(
+                    margin,
+                    bounds=sorted((values[k - 2], values[k])),
+                    method="bounded",
+                    options={"xatol": 1e-12},
+                )
+                lowest, least = float(found.x), margin(found.x)
                 if least < -TOUCHING:
-                    return self._root(margin, values[k - 2], lowest), touches
-                if self._touches(least):
+                    return _root(margin, values[k - 2], lowest), touches
+                if least <= TOUCHING:
                     touches.append(lowest)
         return None, touches
 
-    @staticmethod
-    def _touches(margin: float) -> bool:
-        return bool(abs(margin) <= TOUCHING)
 
-    @staticmethod
-    def _may_dip(before: float, least: float, after: float) -> bool:
-        """Whether a least margin of three, a step apart, may hide a zero beside it.
+def _may_dip(before: float, least: float, after: float) -> bool:
+    """Whether a least margin of three, a step apart, may hide a zero beside it.
 
-        A parabola through them goes less than the larger rise below the least; four times that
-        leaves room for what is not a parabola.
-        """
-        rise = max(before - least, after - least)
-        return bool(before >= least <= after and least <= 4 * rise + TOUCHING)
+    A parabola through them goes less than the larger rise below the least; four times that
+    leaves room for what is not a parabola.
+    """
+    rise = max(before - least, after - least)
+    return before >= least <= after and least <= 4 * rise + TOUCHING
 
-    @staticmethod
-    def _lowest(margin: Callable[[float], float], low: float, high: float) -> float:
-        found = scipy.optimize.minimize_scalar(
-            margin, bounds=sorted((low, high)), method="bounded", options={"xatol": 1e-12}
-        )
-        return float(found.x)
 
-    @staticmethod
-    def _root(margin: Callable[[float], float], inside: float, outside: float) -> float:
-        # At lock-up to rounding there is no change of sign to bracket: this is the root.
-        if margin(inside) <= 0:
-            return inside
-        root: Any = scipy.optimize.brentq(
-            margin, inside, outside, xtol=1e-15, rtol=np.float64(1e-14)
-        )
-        return float(root)
+def _root(margin: Callable[[float], float], inside: float, outside: float) -> float:
+    # At lock-up to rounding there is no change of sign to bracket: this is the root.
+    if margin(inside) <= 0:
+        return inside
+    root: Any = scipy.optimize.brentq(margin, inside, outside, xtol=1e-15, rtol=np.float64(1e-14))
+    return float(root)

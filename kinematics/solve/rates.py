@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from designopt.numerics import as_float
 from designopt.vectors import Vector
 from kinematics.model.linkage import Linkage
-from kinematics.solve.solver import Solver
+from kinematics.solve.solver import Solver, each_pose
 
 
 class Rates(eqx.Module):
@@ -83,10 +83,7 @@ def solve_rates(
     jerk = jnp.zeros_like(velocity) if jerks is None else as_float(jerks)
     parts = jnp.broadcast_arrays(inputs, velocity, acceleration, jerk)
     solver = Solver.of(linkage, inputs.dtype, of)
-    batch = parts[0].shape[:-1]
-    flat = [part.reshape(-1, part.shape[-1]) for part in parts]
-    motion = jax.vmap(lambda *one: _rates_of_one(solver, *one))(*flat)
-    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), motion)
+    return each_pose(lambda *one: _rates_of_one(solver, *one), *parts)
 
 
 def _rates_of_one(

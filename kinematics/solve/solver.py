@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import equinox as eqx
@@ -17,6 +17,7 @@ from kinematics.solve.continuation import (
     REACHED,
     Followed,
     home_unknowns,
+    loop_gaps,
     newton_correct,
     solve_iterated,
     split,
@@ -49,6 +50,13 @@ class Pose(eqx.Module):
     def angle(self, body: str) -> Float[Array, "*batch"]:
         """Angle of a body, rad, −π to π."""
         return self.bodies[body].angle()
+
+
+def each_pose(function: Callable[..., Any], *inputs: Float[Array, "*batch inputs"]) -> Any:
+    """What a function of one pose's inputs returns for each of a batch of any shape."""
+    batch = inputs[0].shape[:-1]
+    found = jax.vmap(function)(*(part.reshape(-1, part.shape[-1]) for part in inputs))
+    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), found)
 
 
 class Solver(eqx.Module):
@@ -119,6 +127,16 @@ class Solver(eqx.Module):
     ) -> Followed:
         """Where the iterated groups come from known inputs and unknowns, straight to others."""
         return track(self.unit, self.plan, end, self.signs, begin)
+
+    def gaps(self, unknowns: Float[Array, " unknowns"], drive: Drive) -> Float[Array, " gaps"]:
+        """What is missing in the loops of the iterated groups, in units."""
+        return loop_gaps(self.unit, self.plan, unknowns, drive.values, self.signs)
+
+    def jacobian(
+        self, unknowns: Float[Array, " unknowns"], drive: Drive
+    ) -> Float[Array, "gaps unknowns"]:
+        """The derivatives of `gaps` with respect to the unknowns."""
+        return jax.jacfwd(self.gaps)(unknowns, drive)
 
     def state_near(self, drive: Drive, followed: Followed | None) -> State:
         """As `state`, but from iterated groups that were followed already; without margins."""

@@ -12,7 +12,7 @@ from designopt.numerics import as_float, safe_divide
 from designopt.vectors import rotation
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD
-from kinematics.solve.solver import Pose, Solver
+from kinematics.solve.solver import Pose, Solver, each_pose
 
 Output = Callable[[Pose], Float[Array, ""]]
 
@@ -75,20 +75,25 @@ def compute_spring_energy(linkage: Linkage, pose: Pose) -> Float[Array, ""]:
         0.0
     """
     total = jnp.zeros_like(linkage.anchors[0, 0])
-    for spring, (first, second) in zip(linkage.springs, linkage.structure.springs, strict=True):
-        rest = _rest(linkage, second) - _rest(linkage, first)
-        turned = pose.bodies[second].turned(pose.bodies[first].conjugate())
-        # Relative to the sketch before the angle is taken, so that it does not jump by 2π.
-        change = turned.turned(rotation(-rest)).angle()
-        total = total + spring.stiffness / 2 * (change + spring.preload) ** 2
+    for spring, turn in zip(linkage.springs, spring_turns(linkage, pose), strict=True):
+        total = total + spring.stiffness / 2 * (turn + spring.preload) ** 2
     return total
 
 
-def _rest(linkage: Linkage, body: str) -> Float[Array, ""]:
-    """Angle of a body in the assembled sketch."""
-    if linkage.structure.node(body) == WORLD:
-        return linkage.fixed_direction(body).angle()
-    return linkage.home_angle(body)
+def spring_turns(linkage: Linkage, pose: Pose) -> list[Float[Array, ""]]:
+    """By how much each spring is turned from the assembled sketch, rad."""
+
+    def rest(body: str) -> Float[Array, ""]:
+        if linkage.structure.node(body) == WORLD:
+            return linkage.fixed_direction(body).angle()
+        return linkage.home_angle(body)
+
+    turns = []
+    for first, second in linkage.structure.springs:
+        turned = pose.bodies[second].turned(pose.bodies[first].conjugate())
+        # Relative to the sketch before the angle is taken, so that it does not jump by 2π.
+        turns.append(turned.turned(rotation(rest(first) - rest(second))).angle())
+    return turns
 
 
 def solve_input_slopes(
@@ -124,8 +129,7 @@ def solve_input_slopes(
 
     # Pose by pose: outputs of one pose depend on its inputs alone, so the Jacobian of the batch is
     # block-diagonal, and one reverse pass for each block is all of it.
-    slopes = jax.vmap(one)(inputs.reshape(-1, inputs.shape[-1]))
-    return slopes.reshape(inputs.shape)
+    return each_pose(one, inputs)
 
 
 def solve_mechanical_advantage(

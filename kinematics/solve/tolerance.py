@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_sqrt
 from kinematics.model.linkage import Linkage
-from kinematics.solve.solver import Solver
+from kinematics.solve.solver import Solver, each_pose
 from kinematics.solve.statics import Output
 
 
@@ -84,12 +84,9 @@ def propagate_deviations(
 
         nominal, slopes = jax.value_and_grad(value)(linkage)
         variances = jax.tree.map(lambda slope, sigma: (slope * sigma) ** 2, slopes, deviations)
-        parts = [jnp.sum(part) for part in jax.tree.leaves(variances)]
         total = jnp.zeros_like(nominal)
-        for part in parts:
-            total = total + part
+        for part in jax.tree.leaves(variances):
+            total = total + jnp.sum(part)
         return Spread(nominal, safe_sqrt(total), variances)
 
-    found = jax.vmap(one)(inputs.reshape(-1, inputs.shape[-1]))
-    batch = inputs.shape[:-1]
-    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), found)
+    return each_pose(one, inputs)

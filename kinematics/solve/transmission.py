@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -14,7 +13,7 @@ from designopt.vectors import fold_angle
 from kinematics.model.linkage import Linkage
 from kinematics.solve.continuation import smallest_singular_value
 from kinematics.solve.evaluation import group_columns
-from kinematics.solve.solver import Solver
+from kinematics.solve.solver import Solver, each_pose
 
 
 class Transmission(eqx.Module):
@@ -60,7 +59,6 @@ def solve_transmission(
     """
     inputs = as_float(inputs)
     solver = Solver.of(linkage, inputs.dtype, of)
-    batch = inputs.shape[:-1]
 
     def one(values: Float[Array, " inputs"]) -> Transmission:
         state = solver.state(solver.drive(values))
@@ -78,5 +76,4 @@ def solve_transmission(
                 angles[group.pin] = jnp.minimum(angles.get(group.pin, angle), angle)
         return Transmission(angles, indices)
 
-    found = jax.vmap(one)(inputs.reshape(-1, inputs.shape[-1]))
-    return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), found)
+    return each_pose(one, inputs)
