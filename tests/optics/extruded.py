@@ -1,7 +1,8 @@
-"""The packaged finger; and by plain NumPy its camera, images and rays in three dimensions."""
+"""The packaged finger and its views; by plain NumPy its camera, images and rays in space."""
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -10,9 +11,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from designopt.solution import Solution
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
-from optics.visibility.views import Pieces
+from optics.visibility.unfolding import paths_of
+from optics.visibility.views import Pieces, ViewResult, name_paths
 from studies.models import packaged_finger
 from tests.optics.scenes import Posed, mirrored
 
@@ -26,16 +29,53 @@ def finger() -> Scene:
     return packaged_finger().scene()
 
 
+@functools.cache
+def finned() -> Scene:
+    """The same with a fin in place of the intermediate phalanx's shell, that hides a little."""
+    fin = finger().blockers.at[2].set(jnp.array([[9.0, 0.0], [11.0, 2.0]]))
+    return dataclasses.replace(finger(), blockers=fin)
+
+
 POSES = np.radians([[0, 0], [45, 30], [90, 90], [60, 45], [20, 70]])
 """Poses of the finger; straight, bent and curled, whole and cut views by mirrors among them."""
 
 
+LAYOUT = finger().layout
+WORDS = dict(zip(name_paths(LAYOUT), paths_of(LAYOUT, LAYOUT.bounces), strict=True))
+"""The mirrors along every path, by its name."""
+
+MOST = 6
+
+
 @functools.cache
-def views_at_poses() -> Pieces:
-    """What the finger's camera sees in `POSES`."""
+def _compiled() -> Callable[..., Pieces]:
     # Without margins, which take most of the time to compile.
-    views = jax.jit(lambda scene, poses: find_views(scene, poses).value)
-    return jax.tree.map(np.asarray, views(finger(), jnp.asarray(POSES)))
+    return jax.jit(lambda scene, poses: find_views(scene, poses).value)
+
+
+def views_at(poses: np.ndarray, scene: Scene | None = None) -> Solution[Pieces]:
+    """What the finger's camera sees in up to `MOST` poses; margins and results mean nothing."""
+    count = len(poses)
+    # Always of one shape, so that it is compiled once.
+    padded = np.concatenate([poses, np.zeros((MOST - count, 2))])
+    found = _compiled()(scene or finger(), jnp.asarray(padded))
+    pieces, none = jax.tree.map(lambda leaf: np.asarray(leaf)[:count], found), jnp.zeros(count)
+    result = jax.tree.map(lambda code: jnp.full(count, code), ViewResult.successful)
+    return Solution(pieces, none, none, result)
+
+
+@functools.cache
+def views_at_poses(*, fin: bool = False) -> Solution[Pieces]:
+    """What is seen in `POSES`."""
+    return views_at(POSES, finned() if fin else None)
+
+
+def pieces_of(pieces: Pieces, pad: int, path: int | None = None) -> np.ndarray:
+    """Where the pieces of a pad in one pose begin and end, by any path or by one."""
+    chosen = pieces.present[pad]
+    if path is not None:
+        chosen = chosen & (pieces.path[pad] == path)
+    return np.stack([pieces.start[pad], pieces.end[pad]], axis=-1)[chosen]
 
 
 def direction_of(angle: Any, slope: Any) -> np.ndarray:

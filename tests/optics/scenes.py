@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 
 from designopt.solution import Solution
-from optics.scene.camera import Camera, Equidistant, KannalaBrandt
+from optics.scene.camera import Camera, KannalaBrandt
 from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
 from optics.visibility.coverage import find_views
 from optics.visibility.unfolding import paths_of
@@ -136,6 +136,16 @@ def still(
     )
 
 
+def made_pieces(start: Any, end: Any, path: Any, reflections: int = 0, **fields: Any) -> Pieces:
+    """Pieces by hand: where they begin and end (elsewhere there are none), paths, other fields."""
+    start, end = jnp.asarray(start, float), jnp.asarray(end, float)
+    none, pair = jnp.zeros(start.shape, int), jnp.zeros((*start.shape, 2))
+    given = {"present": end > start, "path": jnp.asarray(path), "start": start, "end": end}
+    given |= {"start_label": none, "end_label": none, "pixels": pair, "px_per_mm": pair}
+    given |= {"distance": pair, "spans": jnp.zeros((*start.shape, reflections, 2))}
+    return Pieces(**(given | fields))
+
+
 def random_cases(seed: int, count: int) -> Case:
     """Segments, camera and pose at random; seen and hidden views of every kind occur."""
     rng = np.random.default_rng(seed)
@@ -231,8 +241,8 @@ class Answers(NamedTuple):
         return jax.tree.map(jnp.asarray, self.views).messages()
 
 
-BATCH = 128
-"""Cases per run: a program for every size would be compiled anew."""
+BATCH = 16
+"""Cases per run: a program for every size would be compiled anew, and one case alone is as dear."""
 
 
 def answers(cases: Case, weights: Weights | None = None) -> Answers:
@@ -375,40 +385,38 @@ def left_by(places: Any, line: np.ndarray) -> Any:
     return ((places - line[0]) * np.conj(line[1] - line[0])).imag
 
 
-def finger() -> Scene:
-    """A finger with pads on its three phalanges, a camera on the middle one and two mirrors."""
-    layout = Layout(
-        name="finger",
-        mirrors=(Surface("distal", -1, 1), Surface("proximal", 1, 0)),
-        curved=(),
-        pads=(Surface("proximal", 1, 0), Surface("middle", 1), Surface("distal", 1, 1)),
-        blockers=(
-            Surface("camera body", 0),
-            Surface("proximal shell", 0, 0),
-            Surface("middle shell", 0),
-            Surface("distal shell", 0, 1),
-            Surface("proximal wall", 0, 0),
-            Surface("distal wall", 0, 1),
-        ),
-        frames=(Frame("proximal", WORLD, 0, 1), Frame("distal", WORLD, 1, -1)),
-        angles=("pip", "dip"),
-        camera_frame=WORLD,
-        bounces=1,
-    )
-    mirrors = [[[23.24, 19.04], [53.81, 0.34]], [[4.16, 18.5], [-28.35, 9.3]]]
-    pads = [[[-33.5, -4], [-4, -4]], [[4, -4], [19, -4]], [[27, -4], [53.5, -4]]]
-    body = [[11.8, 17.9], [19.7, 17]]
-    shells = [[[-35, 21], [0, 21]], [[2, 21], [21, 21]], [[23, 21], [55, 21]]]
-    walls = [[[-35, -4], [-35, 21]], [[55, -4], [55, 21]]]
-    direction, field_of_view, grazing = np.radians([-96.3, 160, 2])
-    return Scene(
-        Camera(np.array([15.75, 16.99]), direction, field_of_view, 1080.0, Equidistant()),
-        jnp.array(mirrors),
-        jnp.zeros(0),
-        jnp.zeros(0),
-        jnp.array(pads, float),
-        jnp.full(3, grazing),
-        jnp.array([body, *shells, *walls], float),
-        jnp.array([[0.0, 0.0], [23.0, 0.0]]),
-        layout,
-    )
+class Images(NamedTuple):
+    """One path by mirror images, one after the other; places are complex numbers.
+
+    Attributes:
+        ends: of all surfaces, shape (surfaces, 2).
+        camera: where the camera is.
+        word: the mirrors along the path.
+    """
+
+    ends: np.ndarray
+    camera: complex
+    word: Sequence[int]
+
+    @property
+    def mirrors(self) -> list[np.ndarray]:
+        """Ends of the mirrors along the path."""
+        return [self.ends[mirror] for mirror in self.word]
+
+    @property
+    def sources(self) -> list[complex]:
+        """The camera and its images, one for every leg."""
+        found = [self.camera]
+        for mirror in self.mirrors:
+            found.append(mirrored(found[-1], mirror))
+        return found
+
+    def behind(self, places: Any, leg: int) -> Any:
+        """Places of a leg behind the last mirror."""
+        for mirror in self.mirrors[leg:]:
+            places = mirrored(places, mirror)
+        return places
+
+    def side_of(self, order: int) -> float:
+        """On which side (+1 left, −1 right) of a mirror the view comes to it."""
+        return np.sign(left_by(self.sources[order], self.mirrors[order]))

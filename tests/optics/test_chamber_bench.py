@@ -11,30 +11,18 @@ import pytest
 from matplotlib.figure import Figure
 
 from designopt import UserError
-from optics import Chamber, ChamberResult
+from optics import ChamberResult
 from optics.chamber.designed import DesignedChamber
 from optics.chamber.file import read_chamber
 from optics.explore.chamber_bench import FIELDS, ChamberBench
 from optics.explore.chamber_improving import narrowest
-from tests.helpers import readings
+from tests.helpers import DATA, readings
 
 ROUNDING = 1e-12
 
 LENGTHS = ("a, red length", "b, blue length", "c, yellow length", "h, reference height")
 
-PAPER = Chamber(
-    length_ab=40.0,
-    length_bc=30.0,
-    length_cd=30.0,
-    offset_a=4.1,
-    offset_b=2.0,
-    wall_angle_bc=math.radians(2.0),
-    offset_d=2.55,
-    focal_length=4.0,
-    image_distance=3.5,
-    reference_height=8.616,
-    pinhole_offset=0.844,
-)
+_, PAPER = read_chamber(DATA / "paper_chamber.toml")
 """Paper A's chamber with constants that Table I follows, near η = 0.6."""
 
 

@@ -11,28 +11,19 @@ import numpy as np
 import pytest
 
 from optics import Scene, find_views, parse_scene, read_scene, trace_rays, trace_views
+from tests.helpers import load_toml
+from tests.refusals import changed
 
 GALLERY = Path(__file__).parents[2] / "studies" / "gallery" / "scenes"
+
+CURVED = load_toml("scenes/curved.toml")
 
 SAME = 1e-12
 """Both engines come within a few units of rounding of the truth."""
 
 
 def curved(radius: float = -30.0, conic: float = 0.0) -> Scene:
-    """A camera that sees a pad in a curved mirror, past a blocker, and another directly."""
-    return parse_scene(
-        {
-            "camera": {"position": [0, 0], "direction_deg": 90, "fov_deg": 60, "pixels": 500},
-            "mirrors": [
-                {"name": "m", "from": [-6, 20], "to": [6, 20], "radius": radius, "conic": conic}
-            ],
-            "pads": [
-                {"name": "p", "from": [3, -1], "to": [20, -1], "side": "left"},
-                {"name": "q", "from": [-9, 15], "to": [-7, 15]},
-            ],
-            "blockers": [{"name": "b", "from": [6, 1], "to": [7, 1]}],
-        }
-    )
+    return parse_scene(changed(CURVED, {"mirrors/0/radius": radius, "mirrors/0/conic": conic}))
 
 
 @pytest.mark.slow

@@ -9,20 +9,9 @@ import numpy as np
 import pytest
 
 from optics import ThinLens, find_focus, find_views, parse_scene
-from tests.helpers import central_differences
+from tests.helpers import central_differences, load_toml
 
-SCENE = {
-    "camera": {
-        "position": [0, 12],
-        "direction_deg": -60,
-        "fov_deg": 120,
-        "pixels": 1000,
-        "projection": "pinhole",
-        "lens": {"focal_length": 2.0, "f_number": 2.8, "focus": 20.0},
-    },
-    "mirrors": [{"name": "side", "from": [30, -2], "to": [30, 14], "side": "left"}],
-    "pads": [{"name": "floor", "from": [0, 0], "to": [25, 0]}],
-}
+SCENE = load_toml("scenes/lens.toml")
 
 
 def test_blur_and_sharp_part_agree_with_dense_sampling():

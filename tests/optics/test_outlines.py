@@ -48,7 +48,7 @@ def outlines(index: int) -> Outlines:
 
 
 def test_ends_of_pads_that_are_seen_are_where_views_end():
-    pieces, whole = views_at_poses(), set()
+    pieces, whole = views_at_poses().value, set()
     for pose, pad, piece in np.argwhere(pieces.present):
         at = pose, pad, piece
         path = int(pieces.path[at])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,9 @@ import pytest
 
 from designopt.cli import run
 from designopt.io.toml_writing import format_toml
-from optics import Scene, ThinLens, find_views, name_paths, parse_scene, trace_rays
+from optics import Scene, ThinLens, find_outlines, find_views, parse_scene, trace_rays
 from optics.scene.scene import place
-from optics.visibility.boundaries import Pad
-from optics.visibility.image_scale import look
-from optics.visibility.unfolding import padded, paths_of, unfold, unfold_all
+from optics.visibility.unfolding import paths_of, unfold_all
 from tests.helpers import close, published_cases
 
 CASES = published_cases("optics.json")
@@ -54,10 +53,29 @@ class Tracer:
         assert run(["trace", str(path), *arguments]) == 0
         return json.loads(self.capsys.readouterr().out)
 
-    def rays(self, tables: Any, rays: Any, *arguments: str) -> Any:
-        """The hits of rays, each from x, y and a direction in degrees."""
+    def followed(self, tables: Any, rays: Any, leg: int, bounces: int) -> list[Any]:
+        """Where rays (x, y, degrees) are after a leg, by the public function and by the command.
+
+        Each is places, unit vectors, and the surfaces that every ray has met.
+        """
+        scene, given = parse_scene(tables), jnp.asarray(rays, float)
+        turns = jnp.deg2rad(given[:, 2])
+        hits = trace_rays(scene, scene.pose(), given[:, :2], turns, bounces=bounces)
+        names = [f"mirror:{part.name}" for part in scene.layout.mirrors]
+        met = [tuple(names[i] for i in ray) for ray in hits.surface[:, : leg + 1].tolist()]
         asked = [f"--ray={','.join(map(repr, ray))}" for ray in np.asarray(rays).tolist()]
-        return [ray["hits"] for ray in self(tables, *asked, *arguments)["rays"]]
+        document = self(tables, *asked, "--bounces", str(bounces))
+        shown = [ray["hits"][: leg + 1] for ray in document["rays"]]
+        places = [[ray[leg]["x"], ray[leg]["y"]] for ray in shown]
+        angles = np.radians([ray[leg]["direction_deg"] for ray in shown])
+        return [
+            (np.asarray(hits.place[:, leg]), np.asarray(hits.direction[:, leg]), met),
+            (
+                np.array(places),
+                np.stack([np.cos(angles), np.sin(angles)], axis=-1),
+                [tuple(hit["element"] for hit in ray) for ray in shown],
+            ),
+        ]
 
 
 @pytest.fixture
@@ -65,30 +83,17 @@ def trace(tmp_path, capsys):
     return Tracer(tmp_path, capsys)
 
 
-def follow(tables: Any, rays: Any, bounces: int) -> Any:
-    """The same by the public function, as a list of hits (place, direction) per ray."""
-    scene, given = parse_scene(tables), jnp.asarray(rays, float)
-    hits = trace_rays(scene, scene.pose(), given[:, :2], jnp.deg2rad(given[:, 2]), bounces=bounces)
-    return np.asarray(hits.place), np.asarray(hits.direction)
-
-
-def arrows(hits: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Place and unit vector after the last hit of each ray of the command."""
-    places = [[ray[-1]["x"], ray[-1]["y"]] for ray in hits]
-    angles = np.radians([ray[-1]["direction_deg"] for ray in hits])
-    return np.array(places), np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-
-
 def on_axis(places: np.ndarray, directions: np.ndarray, y: float = 0.0) -> np.ndarray:
     """x at which rays cross a line along x."""
     return places[:, 0] + (y - places[:, 1]) * directions[:, 0] / directions[:, 1]
 
 
-def virtual_camera(scene: Scene, path: str, bounces: int = 1) -> np.ndarray:
+@partial(jax.jit, static_argnames="bounces")
+def virtual_cameras(scene: Scene, bounces: int) -> tuple[jax.Array, jax.Array]:
+    """Where the camera's images are by all paths, and whether all mirrors face them."""
     placed = place(scene, scene.pose())
     paths = unfold_all(scene.layout, placed, paths_of(scene.layout, bounces))
-    index = name_paths(scene.layout, bounces).index(path)
-    return np.asarray(placed.absolute(paths.source).stacked())[index]
+    return placed.absolute(paths.source).stacked(), ~jnp.any(paths.turned_away, axis=-1)
 
 
 def test_image_of_a_point_in_a_plane_mirror(trace):
@@ -100,13 +105,9 @@ def test_image_of_a_point_in_a_plane_mirror(trace):
         "pads": [part(target, [8, 2])],
     }
     scene = parse_scene(tables)
-    placed = place(scene, scene.pose())
-    close(virtual_camera(scene, "mirror:a"), expected["image"], tolerance)
-    start, end = placed.segment(1)
-    pad = Pad(jnp.asarray(1), start, end, jnp.zeros(()), jnp.zeros(()))
-    path = unfold_all(scene.layout, placed, paths_of(scene.layout, 1)).at(jnp.asarray(1))
-    _, _, distance = look(scene.camera, placed.size, path, pad, jnp.zeros(1))
-    close(distance, [expected["path_length"]], tolerance)
+    close(virtual_cameras(scene, 1)[0][1], expected["image"], tolerance)
+    outlines = find_outlines(scene, scene.pose(), bounces=1)
+    close(outlines.distance[1, 0, 0], expected["path_length"], tolerance)
     (pose,) = trace(tables)["poses"]
     image = pose["virtual_cameras"]["mirror:a"]
     close(image, expected["image"], tolerance)
@@ -130,15 +131,11 @@ def test_two_mirrors_at_90_degrees_send_every_ray_back(trace):
     y = 6 * np.sin(along) + beside * np.cos(along)
     rays = np.stack([x, y, degrees + 180], axis=-1)
     sent = -np.stack([np.cos(along), np.sin(along)], axis=-1)
-    _, directions = follow(tables, rays, bounces=2)
-    close(directions[:, 1], -sent, tolerance)
-    hits = trace.rays(tables, rays)
-    orders = {tuple(hit["element"] for hit in ray) for ray in hits}
-    assert orders == {("mirror:a", "mirror:b"), ("mirror:b", "mirror:a")}
-    _, directions = arrows(hits)
-    close(directions, -sent, tolerance)
-    turned = np.arccos(-np.sum(directions * -sent, axis=-1).clip(-1, 1))
-    close(np.degrees(turned), expected["deviation_deg"], 1e-5)  # the root of rounding
+    for _, directions, orders in trace.followed(tables, rays, leg=1, bounces=2):
+        assert {*orders} == {("mirror:a", "mirror:b"), ("mirror:b", "mirror:a")}
+        close(directions, -sent, tolerance)
+        turned = np.arccos(-np.sum(directions * -sent, axis=-1).clip(-1, 1))
+        close(np.degrees(turned), expected["deviation_deg"], 1e-5)  # the root of rounding
 
 
 def test_two_mirrors_turn_every_ray_by_twice_their_angle(trace):
@@ -152,11 +149,9 @@ def test_two_mirrors_turn_every_ray_by_twice_their_angle(trace):
         rays = np.concatenate([[1, 0] - 0.1 * sent, np.degrees(-up)[:, None]], axis=-1)
         cosine, sine = math.cos(2 * angle), math.sin(2 * angle)
         wanted = sent @ np.array([[cosine, sine], [-sine, cosine]])
-        _, directions = follow(tables, rays, bounces=2)
-        close(directions[:, 1], wanted, tolerance)
-        hits = [ray[:2] for ray in trace.rays(tables, rays)]
-        assert {tuple(hit["element"] for hit in ray) for ray in hits} == {("mirror:a", "mirror:b")}
-        close(arrows(hits)[1], wanted, tolerance)
+        for _, directions, orders in trace.followed(tables, rays, leg=1, bounces=2):
+            assert {*orders} == {("mirror:a", "mirror:b")}
+            close(directions, wanted, tolerance)
 
 
 @pytest.mark.parametrize(("name", "bounces"), [("image_count_90deg", 4), ("image_count_60deg", 6)])
@@ -168,16 +163,8 @@ def test_number_of_images_in_a_kaleidoscope(name, bounces, trace):
     seen = [radius * math.cos(math.radians(polar)), radius * math.sin(math.radians(polar))]
     end = [10 * math.cos(angle), 10 * math.sin(angle)]
     tables = {**corner([[[0, 0], [10, 0]], [[0, 0], end]]), "camera": camera(seen, 0)}
-    scene = parse_scene(tables)
-    placed = place(scene, scene.pose())
-
-    @jax.vmap
-    def image(word: jax.Array) -> tuple[jax.Array, jax.Array]:
-        path = unfold(scene.layout, placed, word)
-        return placed.absolute(path.source).stacked(), ~jnp.any(path.turned_away)
-
-    positions, faces = jax.jit(image)(padded(paths_of(scene.layout, bounces)[1:]))
-    images = np.asarray(positions)[np.asarray(faces)].tolist()
+    positions, faces = map(np.asarray, virtual_cameras(parse_scene(tables), bounces))
+    images = positions[1:][faces[1:]].tolist()
     (pose,) = trace(tables, "--bounces", str(bounces))["poses"]
     for found in (images, pose["virtual_cameras"].values()):
         # Odd and even numbers of reflections meet in the last image.
@@ -200,11 +187,7 @@ def test_a_parabola_gathers_parallel_rays_in_its_focus(trace):
     mirror = part([x, high], [x, low], radius=radius, conic=-1)
     tables = {"camera": camera([390, 340], 180), "mirrors": [mirror]}
     rays = [[390, y, 180] for y in (245, 300, 339, 341, 390, 435, vertex[1])]
-    for places, directions in (
-        (leaf[:, 0] for leaf in follow(tables, rays, bounces=1)),
-        # Those from the rim meet the mirror once more behind the focus.
-        arrows([ray[:1] for ray in trace.rays(tables, rays, "--bounces", "1")]),
-    ):
+    for places, directions, _ in trace.followed(tables, rays, leg=0, bounces=1):
         focus = on_axis(places[:-1], directions[:-1], vertex[1])
         close(focus, expected["focus"][0], tolerance)
         close(places[-1], vertex, tolerance)
@@ -217,10 +200,7 @@ def test_a_circle_gathers_rays_near_its_axis_at_half_its_radius(trace):
     tables = bowl(inputs["radius"], 40)
     rays = [[90, height, 180] for height in inputs["ray_height"]]
     wanted = expected["focal_distance_from_vertex"]
-    for places, directions in (
-        (leaf[:, 0] for leaf in follow(tables, rays, bounces=1)),
-        arrows(trace.rays(tables, rays, "--bounces", "1")),
-    ):
+    for places, directions, _ in trace.followed(tables, rays, leg=0, bounces=1):
         # Relative, as the file's own verification error is: at a height h the focus is
         # nearer by (h / R)² R / 4, that is 2.5e-7 mm at the greater one.
         close(on_axis(places, directions) / wanted, 1, tolerance)
@@ -232,10 +212,7 @@ def test_the_mirror_equation(trace):
     tables = bowl(inputs["radius"], 10)
     to_vertex = math.degrees(math.atan2(-height, -distance))
     rays = [[distance, 0, 180 - 1e-3], [distance, height, to_vertex], [distance, height, 180]]
-    for places, directions in (
-        (leaf[:, 0] for leaf in follow(tables, rays, bounces=1)),
-        arrows(trace.rays(tables, rays, "--bounces", "1")),
-    ):
+    for places, directions, _ in trace.followed(tables, rays, leg=0, bounces=1):
         close(on_axis(places[:1], directions[:1]), [expected["image_distance"]], tolerance)
         # Two rays from a point beside the axis meet in its image.
         slopes = directions[:, 1] / directions[:, 0]
@@ -355,7 +332,7 @@ def test_a_wall_through_a_window_that_is_a_mirror(trace):
     (shown,) = pose["pads"]["a"]["views"]["mirror:a"]["intervals"]
     for ends in ([float(views.start[0, 0, 0]), float(views.end[0, 0, 0])], shown):
         close(-5 + 10 * np.array(ends), expected["seen_interval_x"], tolerance)
-    for source in (virtual_camera(scene, "mirror:a"), pose["virtual_cameras"]["mirror:a"]):
+    for source in (virtual_cameras(scene, 1)[0][1], pose["virtual_cameras"]["mirror:a"]):
         close(source, expected["virtual_camera"], tolerance)
 
 

@@ -28,8 +28,8 @@ FAR_AWAY = 100_000_000.0
 GRAIN = 2.0**-20
 """Multiples of this can be moved `FAR_AWAY` without rounding."""
 
-SMALL = 2.0**-498
-"""About 1e-150, and a power of two, so that a scene can be scaled by it without rounding."""
+UNITS = 2.0**-498, 2.0**498
+"""About 1e-150 and its reciprocal: a scene can be scaled by a power of two without rounding."""
 
 LENGTHS = ("ends", "position", "hinges")
 """Fields of a case that are measured in mm."""
@@ -113,12 +113,12 @@ def test_far_away_everything_looks_the_same():
     np.testing.assert_array_equal(found.ok, wanted.ok)
 
 
-def test_the_unit_of_length_does_not_matter():
-    large = random_cases(3, 100)
-    small = changed(large, lambda lengths: SMALL * lengths)
-    found, wanted = answers(small), answers(large)
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_unit_of_length_does_not_matter(unit):
+    cases = random_cases(3, 96)
+    found, wanted = answers(changed(cases, lambda lengths: unit * lengths)), answers(cases)
     assert (wanted.numbers["coverage"] > 0).any()
-    scales = {"distance": SMALL, "px_per_mm": 1 / SMALL}
+    scales = {"distance": unit, "px_per_mm": 1 / unit}
     for name, number in wanted.numbers.items():
         scaled = scales.get(name, 1.0) * number
         np.testing.assert_array_equal(found.numbers[name], scaled, err_msg=name)

@@ -19,40 +19,15 @@ from optics.visibility import scene_trace as sight
 
 GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
 
-# The camera sees 10 mm tan 30° of the floor to either side, but for the shadow of the flap.
-FLAP = """
-scene = { name = "flap" }
-pads = [
-  { name = "floor", from = [-8, 0], to = [8, 0], side = "left" },
-  # away from the camera
-  { name = "wall", from = [9, 0], to = [9, 8], side = "right", body = "door" },
-]
-blockers = [{ name = "flap", from = [2, 5], to = [4, 5], body = "lid" }]
-frames = { lid = { hinge = [2, 5], angle = "tilt" }, door = { hinge = [9, 0], angle = "swing" } }
-[camera]
-position = [0, 10]
-direction_deg = -90
-fov_deg = 60
-pixels = 600
-projection = "pinhole"
-"""
-CORNER = """
-mirrors = [
-  { name = "floor", from = [0, 0], to = [200, 0], side = "left" },
-  { name = "wall", from = [0, 0], to = [0, 200], side = "right" },
-]
-blockers = [{ name = "post", from = [150, 80], to = [150, 120] }]
-camera = { position = [100, 100], direction_deg = 225, fov_deg = 40, pixels = 800 }
-"""
+SCENES = Path(__file__).parents[1] / "data/scenes"
+FLAP = (SCENES / "flap.toml").read_text(encoding="utf-8")
 SEEN = 10 * math.tan(math.radians(30))
 
 
 @pytest.fixture(autouse=True)
 def _in_a_folder_of_scenes(tmp_path, monkeypatch):
-    for path in GALLERY.glob("*.toml"):
+    for path in (*GALLERY.glob("*.toml"), *SCENES.glob("*.toml")):
         shutil.copy(path, tmp_path)
-    (tmp_path / "flap.toml").write_text(FLAP, encoding="utf-8")
-    (tmp_path / "corner.toml").write_text(CORNER, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
 
 

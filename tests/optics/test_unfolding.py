@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from functools import partial
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -38,9 +37,9 @@ from tests.optics.scenes import (
     RIGHT,
     SURFACES,
     Case,
+    Images,
     item,
     left_by,
-    mirrored,
     posed_cases,
     random_cases,
     scene_of,
@@ -114,33 +113,13 @@ def unfolded(cases: Case) -> tuple[Unfolded, Vector, jax.Array]:
     return jax.vmap(jax.vmap(one, (None, 0)), (0, None))(cases, jnp.asarray(WORDS))
 
 
-class Reference(NamedTuple):
-    """One path by mirror images, one after the other.
-
-    Attributes:
-        ends: of all surfaces, complex, shape (surfaces, 2).
-        sources: the camera and its images, one per leg.
-        mirrors: ends of the mirrors along the path.
-    """
-
-    ends: np.ndarray
-    sources: list[complex]
-    mirrors: list[np.ndarray]
-
-    def folded(self, places: np.ndarray, leg: int) -> np.ndarray:
-        """Places of a leg behind the last mirror."""
-        for mirror in self.mirrors[leg:]:
-            places = mirrored(places, mirror)
-        return places
-
-    def in_front(self, places: np.ndarray, mirror: int) -> np.ndarray:
-        """Whether places lie on the side of a mirror's line from which the view comes to it."""
-        line = self.mirrors[mirror]
-        return left_by(places, line) * left_by(self.sources[mirror], line) > 0
+def in_front(path: Images, places: np.ndarray, order: int) -> np.ndarray:
+    """Whether places lie on the side of a mirror's line from which the view comes to it."""
+    return left_by(places, path.mirrors[order]) * path.side_of(order) > 0
 
 
 @pytest.fixture(scope="module")
-def paths() -> list[tuple[Reference, Unfolded, np.ndarray]]:
+def paths() -> list[tuple[Images, Unfolded, np.ndarray]]:
     """Many scenes and all of `WORDS`: by mirror images, from the library, and all ends folded."""
     cases = random_cases(4, 16)
     found = jax.tree.map(np.asarray, unfolded(cases))
@@ -150,25 +129,21 @@ def paths() -> list[tuple[Reference, Unfolded, np.ndarray]]:
             path, moved, size = item(found, (i, j))
             # As the placed scene: relative to the camera in the reference pose.
             origin = cases.position[i] @ [1, 1j]
-            ends = (case.complex_ends - origin) / size
-            sources = [(case.complex_position - origin) / size]
-            for mirror in word:
-                sources.append(mirrored(sources[-1], ends[mirror]))
-            wanted = Reference(ends, sources, [ends[m] for m in word])
+            ends, camera = case.complex_ends - origin, case.complex_position - origin
+            wanted = Images(ends / size, camera / size, word.tolist())
             results.append((wanted, path, numbers(moved)))
     return results
 
 
 def test_folds_mirror_places_in_the_mirrors_that_follow(paths):
-    for k, (wanted, path, moved) in enumerate(paths):
+    for wanted, path, moved in paths:
         for leg in range(3):
-            folded = wanted.folded(wanted.ends, leg)
+            folded = wanted.behind(wanted.ends, leg)
             np.testing.assert_allclose(moved[leg], folded, rtol=0, atol=ROUNDING)
         np.testing.assert_allclose(numbers(path.source), wanted.sources[-1], atol=ROUNDING)
         # Mirrors are turned away by the side that reflects.
-        for i, mirror in enumerate(WORDS[k % len(WORDS)]):
-            side = np.sign(left_by(wanted.sources[i], wanted.mirrors[i]))
-            assert path.turned_away[i] == (LAYOUT.sides[mirror] == -side)
+        for i, mirror in enumerate(wanted.word):
+            assert path.turned_away[i] == (LAYOUT.sides[mirror] == -wanted.side_of(i))
 
 
 def parts_of(edges: Edges, whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -193,15 +168,14 @@ def samples_of(ends: np.ndarray) -> np.ndarray:
 
 def test_blockers_are_left_where_they_stand_before_the_next_and_behind_the_last_mirror(paths):
     kept = 0
-    for k, (wanted, path, moved) in enumerate(paths):
-        word = WORDS[k % len(WORDS)]
+    for wanted, path, moved in paths:
         samples = samples_of(wanted.ends)
         for leg in range(3):
             front = np.ones(samples.shape, bool)
             for mirror in (leg - 1, leg):
                 if 0 <= mirror < 2:
-                    front &= wanted.in_front(samples, mirror)
-                    front[word[mirror]] = False  # it is the end of the leg
+                    front &= in_front(wanted, samples, mirror)
+                    front[wanted.word[mirror]] = False  # it is the end of the leg
             left = np.sign(left_by(wanted.sources[leg], wanted.ends.T))
             front[LAYOUT.one_way & (left != LAYOUT.sides)] = False
             assert_parts(item(path.blockers, leg), moved[leg], front)
@@ -210,11 +184,10 @@ def test_blockers_are_left_where_they_stand_before_the_next_and_behind_the_last_
 
 
 def test_mirrors_are_left_where_they_stand_in_front_of_each_other(paths):
-    for k, (wanted, path, moved) in enumerate(paths):
-        word = WORDS[k % len(WORDS)]
+    for wanted, path, moved in paths:
         for i, other in ((0, 1), (1, 0)):
-            front = wanted.in_front(samples_of(wanted.mirrors[i]), other)
-            assert_parts(item(path.mirrors, i), moved[i + 1][word[i]], front)
+            front = in_front(wanted, samples_of(wanted.mirrors[i]), other)
+            assert_parts(item(path.mirrors, i), moved[i + 1][wanted.word[i]], front)
 
 
 def test_labels_say_which_surface_bounds_and_whether_it_is_cut(paths):

@@ -37,6 +37,7 @@ from tests.optics.scenes import (
     RIGHT,
     WORDS,
     answers,
+    made_pieces,
     random_cases,
 )
 
@@ -59,19 +60,7 @@ def pieces_of(start: np.ndarray, end: np.ndarray, path: np.ndarray) -> Pieces:
         np.take_along_axis(leaf, order, axis=-1) for leaf in (present, start, end, path)
     )
     start, end, path = (np.where(present, leaf, 0) for leaf in (start, end, path))
-    none, two = jnp.zeros(start.shape, int), jnp.zeros((*start.shape, 2))
-    return Pieces(
-        jnp.asarray(present),
-        jnp.asarray(path),
-        jnp.asarray(start),
-        jnp.asarray(end),
-        none,
-        none,
-        two,
-        two,
-        two,
-        jnp.zeros((*start.shape, 0, 2)),
-    )
+    return made_pieces(start, end, path)
 
 
 summary = jax.jit(

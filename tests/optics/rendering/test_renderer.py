@@ -171,7 +171,7 @@ def test_corners_of_whole_views_are_those_of_their_labels(index, errors):
 
 @every_pose
 def test_views_are_whole_and_at_the_border_as_is_found_by_search(index):
-    pieces = views_at_poses()
+    pieces = views_at_poses().value
     here = {}
     for pad, piece in np.argwhere(pieces.present[index]):
         at = index, pad, piece
