@@ -9,13 +9,12 @@ is found to the same digits.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from typing import Any
 
 import mpmath
 import numpy as np
 
-from studies.oracles.linkages import Arithmetic, Exact, Formula
+from studies.oracles.linkages import Exact, Formula, digits, direction, left
 
 INPUTS = (
     *("o2_x", "o2_y", "o4_x", "o4_y", "o6_x", "o6_y"),
@@ -31,7 +30,6 @@ FOLLOWED = 1e-2
 """Distance from lock-up down to which small steps are trusted, rad."""
 
 Number = Any
-Functions = tuple[Callable[[Number], Number], Callable[[Number], Number]]
 
 
 class Follower:
@@ -43,121 +41,84 @@ class Follower:
         lock: angle at which it locks when the crank turns forward, mpmath; none if it turns fully.
     """
 
-    def __init__(self, row: np.ndarray, home: float, sketch: np.ndarray) -> None:
-        self.home = home
-        self._row = row
-        self.poses = [_newton_floats(row, home, sketch)]
-        sign = np.sign(_determinant(row, home, self.poses[0]))
-        turns = True
-        while turns and len(self.poses) * STEP < 2 * np.pi:
-            angle = home + len(self.poses) * STEP
-            pose = _newton_floats(row, angle, self.poses[-1])
+    def __init__(self, row: np.ndarray, sketch: np.ndarray) -> None:
+        self._row, self.home = row, float(row[-1])
+        self.poses = [_newton(row, sketch, 8)]
+        self.lock, sign = None, np.sign(np.linalg.det(_by_pose(row, self.poses[0])))
+        while self.lock is None and len(self.poses) * STEP < 2 * np.pi:
+            there = np.append(row[:-1], self.home + len(self.poses) * STEP)
+            pose = _newton(there, self.poses[-1], 8)
             near = np.max(abs(pose - self.poses[-1])) < 0.2 * row[7]
-            turns = bool(near and np.sign(_determinant(row, angle, pose)) == sign)
-            if turns:
+            if near and np.sign(np.linalg.det(_by_pose(there, pose))) == sign:
                 self.poses.append(pose)
-        self.lock = None
-        if not turns:
-            with mpmath.workdps(PLACES):
-                self.lock, self._locked, self._opening = self._find_lock()
+            else:
+                with mpmath.workdps(PLACES):
+                    self.lock, self._locked, self._opening = self._find_lock()
 
-    def start(self, angle: Number) -> list[Number]:
+    def start(self, angle: Number) -> np.ndarray:
         """A pose near that at an angle (mpmath), from which Newton's method finds it."""
+        remaining = np.inf if self.lock is None else abs(self.lock - angle)
+        if remaining <= FOLLOWED:
+            return self._locked + mpmath.sqrt(remaining) * self._opening
         # A crank that turns fully comes back to the same poses.
-        passed = mpmath.fmod(angle - self.home, 2 * mpmath.pi)
-        if self.lock is None:
-            return list(map(mpmath.mpf, self.poses[int(passed / STEP) % len(self.poses)]))
-        left = abs(self.lock - angle)
-        if left > FOLLOWED:
-            return list(map(mpmath.mpf, self.poses[min(int(passed / STEP), len(self.poses) - 1)]))
-        root = mpmath.sqrt(left)
-        return [at + root * slope for at, slope in zip(self._locked, self._opening, strict=True)]
+        steps, poses = int(mpmath.fmod(angle - self.home, 2 * mpmath.pi) / STEP), len(self.poses)
+        return digits(self.poses[steps % poses if self.lock is None else min(steps, poses - 1)])
 
-    def _find_lock(self) -> tuple[Number, list[Number], list[Number]]:
-        row = [mpmath.mpf(float(value)) for value in self._row]
+    def _find_lock(self) -> tuple[Number, np.ndarray, np.ndarray]:
+        row = digits(self._row)
 
         def equations(*unknowns: Number) -> list[Number]:
-            pose, angle = list(unknowns[:4]), unknowns[4]
-            matrix = _columns(row, angle, pose)
-            return [*_gaps([*row[:-1], angle], pose, _MP), mpmath.det(matrix) / row[7] ** 4]
+            there, pose = np.append(row[:-1], unknowns[4]), np.array(unknowns[:4])
+            determinant = mpmath.det(mpmath.matrix(_by_pose(there, pose).tolist()))
+            return [*_gaps(there, pose), determinant / row[7] ** 4]
 
         last = self.home + (len(self.poses) - 1) * STEP
         with mpmath.workdps(30):
             rough = mpmath.findroot(equations, [*map(mpmath.mpf, self.poses[-1]), last + STEP / 4])
         found = list(mpmath.findroot(equations, list(rough), tol=mpmath.mpf(10) ** (-PLACES + 10)))
-        lock, locked = found[4], found[:4]
+        lock, locked = found[4], np.array(found[:4])
         # Before lock-up the pose differs from the locked one as the root of what is left.
         steps = int((lock - mpmath.mpf(2) * FOLLOWED - self.home) / STEP)
-        left = lock - (self.home + steps * STEP)
-        opening = [
-            (mpmath.mpf(value) - at) / mpmath.sqrt(left)
-            for value, at in zip(self.poses[steps], locked, strict=True)
-        ]
-        return lock, locked, opening
+        opening = digits(self.poses[steps]) - locked
+        return lock, locked, opening / mpmath.sqrt(lock - (self.home + steps * STEP))
 
 
-_FLOATS: Functions = (np.cos, np.sin)
-_MP: Functions = (mpmath.cos, mpmath.sin)
+def _place_p(row: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    way = (pose[2:] - pose[:2]) / row[7]
+    return pose[:2] + row[8] * way + row[9] * left(way)
 
 
-def _place_p(row: Any, pose: Any) -> tuple[Number, Number]:
-    b_x, b_y = pose[2] - pose[0], pose[3] - pose[1]
-    across, up = row[8] / row[7], row[9] / row[7]
-    return pose[0] + across * b_x - up * b_y, pose[1] + across * b_y + up * b_x
+def _rod(row: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    return _place_p(row, pose) - row[4:6] - row[12] * direction(row[13])
 
 
-def _gaps(row: Any, pose: Any, functions: Functions) -> list[Number]:
+def _gaps(row: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """What the four lengths miss, as differences of squares (mm²)."""
-    p_x, p_y = _place_p(row, pose)
-    d_x, d_y = row[4] + row[12] * functions[0](row[13]), row[5] + row[12] * functions[1](row[13])
-    return [
-        (pose[0] - row[0]) ** 2 + (pose[1] - row[1]) ** 2 - row[6] ** 2,
-        (pose[2] - row[2]) ** 2 + (pose[3] - row[3]) ** 2 - row[10] ** 2,
-        (pose[2] - pose[0]) ** 2 + (pose[3] - pose[1]) ** 2 - row[7] ** 2,
-        (p_x - d_x) ** 2 + (p_y - d_y) ** 2 - row[11] ** 2,
-    ]
+    a, b = pose[:2], pose[2:]
+    ways = np.stack([a - row[:2], b - row[2:4], b - a, _rod(row, pose)])
+    return np.sum(ways * ways, axis=1) - row[[6, 10, 7, 11]] ** 2
 
 
-def _rod(row: Any, angle: Number, pose: Any, functions: Functions) -> tuple[Number, Number]:
-    p_x, p_y = _place_p(row, pose)
-    return (
-        p_x - row[4] - row[12] * functions[0](angle),
-        p_y - row[5] - row[12] * functions[1](angle),
-    )
+def _by_pose(row: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Derivatives of `_gaps` by the places of A and B: exact differences, as it is quadratic."""
+    moves = np.eye(4, dtype=int)
+    return np.stack([_gaps(row, pose + m) - _gaps(row, pose - m) for m in moves], axis=1) / 2
 
 
-def _rows_of_slopes(row: Any, angle: Number, pose: Any, functions: Functions) -> list[list[Number]]:
-    """Derivatives of `_gaps` with respect to the places of A and B."""
-    x, y = _rod(row, angle, pose, functions)
-    across, up = row[8] / row[7], row[9] / row[7]
-    a_x, a_y, b_x, b_y = pose
-    return [
-        [2 * (a_x - row[0]), 2 * (a_y - row[1]), 0 * a_x, 0 * a_x],
-        [0 * a_x, 0 * a_x, 2 * (b_x - row[2]), 2 * (b_y - row[3])],
-        [2 * (a_x - b_x), 2 * (a_y - b_y), 2 * (b_x - a_x), 2 * (b_y - a_y)],
-        [
-            2 * (x * (1 - across) - y * up),
-            2 * (x * up + y * (1 - across)),
-            2 * (x * across + y * up),
-            2 * (y * across - x * up),
-        ],
-    ]
-
-
-def _columns(row: Any, angle: Number, pose: Any) -> Any:
-    return mpmath.matrix(_rows_of_slopes(row, angle, pose, _MP))
-
-
-def _determinant(row: np.ndarray, angle: float, pose: np.ndarray) -> float:
-    return float(np.linalg.det(np.array(_rows_of_slopes(row, angle, pose, _FLOATS))))
-
-
-def _newton_floats(row: np.ndarray, angle: float, pose: np.ndarray) -> np.ndarray:
-    given = [*row[:-1], angle]
-    for _ in range(8):
-        slopes = np.array(_rows_of_slopes(row, angle, pose, _FLOATS))
-        pose = pose - np.linalg.solve(slopes, np.array(_gaps(given, pose, _FLOATS)))
+def _newton(row: np.ndarray, pose: np.ndarray, steps: int, reached: Number = 0) -> np.ndarray:
+    """Newton's method, until no gap is larger than what is ``reached``."""
+    for _ in range(steps):
+        gaps = _gaps(row, pose)
+        if np.max(abs(gaps)) <= reached:
+            break
+        pose = pose - _solve(_by_pose(row, pose), gaps)
     return pose
+
+
+def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    if matrix.dtype != object:
+        return np.linalg.solve(matrix, right)
+    return np.array(list(mpmath.lu_solve(mpmath.matrix(matrix.tolist()), mpmath.matrix(right))))
 
 
 class SixBar:
@@ -170,82 +131,59 @@ class SixBar:
 
     def __init__(self, home: float, sketch: np.ndarray) -> None:
         self._home, self._sketch = home, sketch
-        self._starts: dict[tuple[float, ...], list[Number]] = {}
+        self._starts: dict[tuple[float, ...], np.ndarray] = {}
 
     @property
     def formula(self) -> Formula:
         """It, beside those of other linkages."""
-        return Formula(INPUTS, self, six_bar_gaps, (0, 2, 4), closed_form=False)
+        return Formula(INPUTS, self, "o6", "rod", (0, 2, 4), closed_form=False)
 
     @functools.lru_cache  # noqa: B019 - one six-bar lives as long as its study
     def follower(self, dimensions: tuple[float, ...]) -> Follower:
         """The six-bar of these dimensions (a row without its angle), followed once."""
-        row = np.array([*dimensions, self._home])
-        return Follower(row, self._home, self._sketch)
+        return Follower(np.array([*dimensions, self._home]), self._sketch)
 
-    def __call__(self, arithmetic: Arithmetic, inputs: np.ndarray, sides: np.ndarray) -> Exact:
+    def __call__(self, inputs: np.ndarray, sides: np.ndarray) -> Exact:
         """Exact joint P; the margin is how far the crank is from lock-up, in radians.
 
         Args:
-            arithmetic: ignored, as poses are solved in mpmath numbers.
-            inputs: shape (cases, 14), in the order of `INPUTS`.
+            inputs: shape (cases, 14), in the order of `INPUTS`, mpmath numbers.
             sides: ignored, as the sketch chooses the assembly.
         """
         with mpmath.workdps(PLACES):
-            found = [self._one([mpmath.mpf(value) for value in row]) for row in inputs]
-        values, gradients, margins = zip(*found, strict=True)
-        ones = np.array([mpmath.mpf(1)] * len(found), object)
+            values, gradients, margins = zip(*map(self._one, inputs), strict=True)
+            ones = np.full(len(inputs), mpmath.mpf(1))
         return Exact(np.array(values), np.array(gradients), np.array(margins), ones)
 
     def locking(self, row: np.ndarray, crank: float) -> np.ndarray:
         """A row with another crank, and a rod for which the sketch still holds."""
-        pose = self.follower(tuple(row[:-1].tolist())).poses[0]
-        row = row.copy()
+        pose, row = self.follower(tuple(row[:-1].tolist())).poses[0], row.copy()
         row[12] = crank
-        row[11] = np.hypot(*_rod(row, row[13], pose, _FLOATS))
+        row[11] = np.hypot(*_rod(row, pose))
         return row
 
-    def _one(self, row: list[Number]) -> tuple[list[Number], list[list[Number]], Number]:
+    def _one(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray, Number]:
         # Rows that differ only in the last digits share what they start from.
-        near = tuple(float(value) for value in row)
+        near = tuple(row.astype(float).tolist())
         follower = self.follower(near[:-1])
-        margin = 1 * mpmath.mpf(1) if follower.lock is None else follower.lock - row[-1]
+        margin = mpmath.mpf(1) if follower.lock is None else follower.lock - row[-1]
         if margin <= 0:
-            return [row[0] * 0] * 2, [[row[0] * 0] * len(row)] * 2, margin
+            return 0 * row[:2], np.outer(0 * row[:2], row), margin
         pose = self._starts[near] if near in self._starts else follower.start(row[-1])
-        size, reached = row[7] ** 2, mpmath.mpf(10) ** (8 - PLACES)
-        for _ in range(60):
-            gaps = _gaps(row, pose, _MP)
-            if max(map(abs, gaps)) < reached * size:
-                break
-            step = mpmath.lu_solve(_columns(row, row[-1], pose), mpmath.matrix(gaps))
-            pose = [value - change for value, change in zip(pose, step, strict=True)]
+        pose = _newton(row, pose, 60, mpmath.mpf(10) ** (8 - PLACES) * row[7] ** 2)
         self._starts.setdefault(near, pose)
-        slopes = zip(*self._slopes(row, pose), strict=True)
-        return list(_place_p(row, pose)), list(map(list, slopes)), margin
+        return _place_p(row, pose), self._gradient(row, pose), margin
 
     @staticmethod
-    def _slopes(row: list[Number], pose: list[Number]) -> list[list[Number]]:
+    def _gradient(row: np.ndarray, pose: np.ndarray) -> np.ndarray:
         """Derivatives of P with respect to every entry of the row, by implicit differentiation."""
-        inverse = mpmath.inverse(_columns(row, row[-1], pose))
-        step = mpmath.mpf(10) ** (-PLACES // 3)
-        slopes = []
-        for entry in range(len(row)):
-            ends = []
-            for sign in (1, -1):
-                moved = list(row)
-                moved[entry] += sign * step
-                ends.append(mpmath.matrix([*_gaps(moved, pose, _MP), *_place_p(moved, pose)]))
-            change = (ends[0] - ends[1]) / (2 * step)
-            moved_pose = -inverse * change[:4, 0]
+        inverse = mpmath.inverse(mpmath.matrix(_by_pose(row, pose).tolist()))
+        step, columns = mpmath.mpf(10) ** (-PLACES // 3), []
+        for move in np.eye(len(row), dtype=int) * step:
+            ends = row + move, row - move
+            gaps, places = ([function(end, pose) for end in ends] for function in (_gaps, _place_p))
+            change = inverse * mpmath.matrix((gaps[1] - gaps[0]) / (2 * step))
             # P is linear in the places of A and B, so that their change gives its own.
-            by_pose = _place_p(row, list(moved_pose))
-            slopes.append([by_pose[0] + change[4], by_pose[1] + change[5]])
-        return slopes
-
-
-def six_bar_gaps(inputs: np.ndarray, crank_pin: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """How far D misses the crank's length and P the rod's, in units of the rod."""
-    crank = np.hypot(*(crank_pin - inputs[:, 4:6]).T) - inputs[:, 12]
-    rod = np.hypot(*(last - crank_pin).T) - inputs[:, 11]
-    return np.maximum(abs(crank), abs(rod)) / inputs[:, 11]
+            moved = _place_p(row, np.array(list(change)))
+            columns.append(moved + (places[0] - places[1]) / (2 * step))
+        return np.stack(columns, axis=1)

@@ -19,12 +19,13 @@ from studies.benchmarks.linkage.cases import (
     CASES,
     dimensions,
     drawn,
+    gaps,
     linkage_of,
     numbers_of,
     sizes_of,
     with_dimensions,
 )
-from studies.oracles import dyads
+from studies.oracles import linkages as exact
 
 POSES = 90
 each_case = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -46,7 +47,7 @@ def test_the_reference_keeps_every_length_and_the_side(case):
     with mpmath.workdps(DIGITS):
         sizes = numbers_of(case, mpmath.mpf)
         for angle in case.angles(12):
-            found = dyads.pose(case, sizes, mpmath.mpf(float(angle)))
+            found = exact.pose(case, sizes, mpmath.mpf(float(angle)))
             places = sizes.pins | dict(zip(case.joints, found, strict=True))
             places = {name: mpmath.mpc(*place) for name, place in places.items()}
             links = [("O2", "A", "crank")]
@@ -74,7 +75,7 @@ def test_the_reference_gives_nortons_four_bar():
     """R. L. Norton, Design of Machinery, Example 4-1: 20.298° and 57.325° at a crank of 40°."""
     with mpmath.workdps(DIGITS):
         sizes = numbers_of(CASES[0], mpmath.mpf)
-        a, b = (complex(*place) for place in dyads.pose(CASES[0], sizes, mpmath.radians(40)))
+        a, b = (complex(*place) for place in exact.pose(CASES[0], sizes, mpmath.radians(40)))
     np.testing.assert_allclose(np.angle([b - a, b - 100], deg=True), [20.298, 57.325], atol=5e-4)
 
 
@@ -83,9 +84,9 @@ def test_the_mean_of_a_long_sweep_is_that_of_its_poses(case, monkeypatch):
     poses = 450
     with mpmath.workdps(DIGITS):
         sizes = numbers_of(case, mpmath.mpf)
-        integrated = dyads.mean_square(case, poses, sizes)
-        monkeypatch.setattr(dyads, "SUMMED", poses)
-        summed = dyads.mean_square(case, poses, sizes)
+        integrated = exact.mean_square(case, poses, sizes)
+        monkeypatch.setattr(exact, "SUMMED", poses)
+        summed = exact.mean_square(case, poses, sizes)
         # What is left is the next term of the end corrections, of the sixth order in the step,
         # and the rounding of the summed angles.
         assert 0 < abs(integrated / summed - 1) < 1e-12
@@ -108,7 +109,7 @@ def test_the_exact_gradient_is_that_of_the_loop_equations(case):
         unknowns.append(row)
 
     def walk(sizes, unknowns, angle):
-        joints, left = dyads.gaps(jnp, case, sizes, angle, unknowns)
+        joints, left = gaps(jnp, case, sizes, angle, unknowns)
         x, y = joints[case.joints[-1]]
         return jnp.stack([*left, x * x + y * y])
 

@@ -28,7 +28,7 @@ def feasible(request):
     """A mechanism with random cases that can be assembled, well inside their limits."""
     make, _, draw = MECHANISMS[request.param]
     mechanism, (_, inputs, sides) = make(), draw("float64", 400, 1.0, seed=3)
-    found = mechanism.formula.pin(exact.EXTENDED, exact.EXTENDED.number(inputs), sides)
+    found = mechanism.formula.pin(exact.extended(inputs), sides)
     inside = np.flatnonzero(found.margin > 0.05 * found.size)[:12]
     return mechanism, inputs[inside], sides[inside]
 
@@ -36,10 +36,10 @@ def feasible(request):
 def test_pins_satisfy_the_lengths(feasible):
     """The oracle's positions against distances alone, in 50 digits, and in extended floats."""
     mechanism, inputs, sides = feasible
-    fast = mechanism.formula.pin(exact.EXTENDED, exact.EXTENDED.number(inputs), sides)
+    fast = mechanism.formula.pin(exact.extended(inputs), sides)
     with mpmath.workdps(50):
-        x = exact.DIGITS.number(inputs)
-        found = mechanism.formula.pin(exact.DIGITS, x, sides)
+        x = exact.digits(inputs)
+        found = mechanism.formula.pin(x, sides)
         named = dict(zip(mechanism.formula.inputs, x.T, strict=True))
         crank = named["crank"] * np.stack(
             [np.frompyfunc(f, 1, 1)(named["angle"]) for f in (mpmath.cos, mpmath.sin)]
@@ -65,13 +65,11 @@ def test_gradients_are_central_differences(feasible):
     mechanism, inputs, sides = feasible
 
     def pin(*row, axis):
-        return mechanism.formula.pin(exact.DIGITS, np.array([row], object), sides[:1]).value[
-            0, axis
-        ]
+        return mechanism.formula.pin(np.array([row], object), sides[:1]).value[0, axis]
 
     with mpmath.workdps(50):
-        row = exact.DIGITS.number(inputs[:1])
-        found = mechanism.formula.pin(exact.DIGITS, row, sides[:1]).gradient[0]
+        row = exact.digits(inputs[:1])
+        found = mechanism.formula.pin(row, sides[:1]).gradient[0]
         for (axis, entry), slope in np.ndenumerate(found):
             order = tuple(int(entry == other) for other in range(row.size))
             expected = mpmath.diff(functools.partial(pin, axis=axis), list(row[0]), n=order)
@@ -81,16 +79,16 @@ def test_gradients_are_central_differences(feasible):
 def test_gradient_scale_is_that_of_second_derivatives():
     """x₁ sin x₂ has the second derivatives 0, cos x₂ and −x₁ sin x₂."""
 
-    def formula(arithmetic, inputs, _):
+    def pin(inputs, _):
         first, angle = inputs.T
-        slopes = np.stack([arithmetic.sin(angle), first * arithmetic.cos(angle)], axis=1)
-        value = np.stack([first * arithmetic.sin(angle)] * 2, axis=1)
+        slopes = np.stack([exact.sin(angle), first * exact.cos(angle)], axis=1)
+        value = np.stack([first * exact.sin(angle)] * 2, axis=1)
         return exact.Exact(value, np.stack([slopes, slopes], axis=1), first, first)
 
     with mpmath.workdps(50):
-        x, side = exact.DIGITS.number(np.array([[3.0, 0.7]])), np.ones(1)
-        found = formula(exact.DIGITS, x, side)
-        scale = exact.gradient_scale(formula, exact.DIGITS, x, abs(x), side, found)
+        x, side = exact.digits(np.array([[3.0, 0.7]])), np.ones(1)
+        formula = exact.Formula(("first", "angle"), pin, "", "", ())
+        scale = exact.gradient_scale(formula, x, abs(x), side, pin(x, side))
     sine, cosine = np.sin(0.7), np.cos(0.7)
     expected = [sine + 0.7 * cosine, 3 * cosine + 3 * cosine + 0.7 * 3 * sine]
     np.testing.assert_allclose(scale.astype(float)[0], expected, rtol=1e-14)
@@ -119,7 +117,7 @@ def test_the_six_bars_oracle_agrees_with_scipy():
 
     moved = row.copy()
     moved[-1] += 0.3
-    found = oracle(exact.DIGITS, exact.DIGITS.number(moved[None]), np.ones(1))
+    found = oracle(exact.digits(moved[None]), np.ones(1))
     np.testing.assert_allclose(found.value[0].astype(float), place_p(moved), rtol=1e-10)
     for entry in range(len(row)):
         step = 1e-4 * (np.arange(len(row)) == entry)
@@ -136,7 +134,7 @@ def test_the_six_bar_locks_where_its_determinant_vanishes():
     left = np.array([1e-2, 1e-4, 1e-6, 1e-8])
     rows = np.repeat(row[None], len(left), axis=0)
     rows[:, -1] = [float(follower.lock - some) for some in left]
-    found = oracle(exact.DIGITS, exact.DIGITS.number(rows), np.ones(len(left)))
+    found = oracle(exact.digits(rows), np.ones(len(left)))
     np.testing.assert_allclose(found.margin.astype(float), left, rtol=1e-6)
     # A fold: the speed of P grows as the inverse root of what is left.
     speed = np.hypot(*found.gradient[:, :, -1].astype(float).T) * np.sqrt(left)
@@ -155,7 +153,7 @@ def test_margins_of_the_families_are_as_named(name, dtype):
     for case, inputs, sides in families(dtype, 16):
         assert inputs.dtype == dtype
         with mpmath.workdps(50):
-            found = make().formula.pin(exact.DIGITS, exact.DIGITS.number(inputs), sides)
+            found = make().formula.pin(exact.digits(inputs), sides)
         size = np.where(found.size == 0, 1, found.size)
         margin = (found.margin / size).astype(float)
         if "margin 1e-1 to" in case or "margin −1e-1 to" in case:
@@ -185,7 +183,7 @@ def test_a_solve_that_differs_from_the_oracle_fails(feasible, fault):
 
     def pin(*arguments):
         right = mechanism.formula.pin(*arguments)
-        return dataclasses.replace(right, **FAULTS[fault](right))
+        return right._replace(**FAULTS[fault](right))
 
     other = dataclasses.replace(mechanism, formula=mechanism.formula._replace(pin=pin))
     result = judged(mechanism, inputs, sides, oracle=other)

@@ -1,4 +1,9 @@
-"""The linkages of the study, their dimensions, and where iterations start from."""
+"""The linkages of the study, their dimensions and loop equations, and where iterations start from.
+
+The loop equations are those that a person would write down, for whatever computes cosines: `math`
+for one pose in Python, `jax.numpy` for a batch. The oracle's poses share no line with them. The two
+unknowns of a dyad are its link's angle, and its arm's angle or the slide.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kinematics import Linkage, read_linkage
-from studies.oracles.dyads import Case, Dyad, Sizes
+from studies.oracles.linkages import Case, Dyad, Point, Sizes
 
 GALLERY = Path(__file__).parents[2] / "gallery" / "linkages"
 
@@ -116,3 +121,53 @@ def start_of(case: Case, sizes: Sizes) -> list[Any]:
             (x, y), (at_x, at_y, _) = joints[dyad.joint], sizes.line
             unknowns.append(((x - at_x) ** 2 + (y - at_y) ** 2) ** 0.5)
     return unknowns
+
+
+def crank_base(ops: Any, case: Case, sizes: Sizes) -> Any:
+    """The angle from +x that the crank's angle is counted from."""
+    if not case.base:
+        return 0.0
+    (x, y), (end_x, end_y) = sizes.pins["O2"], sizes.pins[case.base]
+    return ops.atan2(end_y - y, end_x - x)
+
+
+def crank_tip(ops: Any, case: Case, sizes: Sizes, angle: Any) -> dict[str, Point]:
+    """Places of all fixed joints and of the crank's tip, ``A``."""
+    x, y = sizes.pins["O2"]
+    angle = angle + crank_base(ops, case, sizes)
+    crank = sizes.lengths["crank"]
+    return {**sizes.pins, "A": (x + crank * ops.cos(angle), y + crank * ops.sin(angle))}
+
+
+def place(
+    ops: Any, dyad: Dyad, sizes: Sizes, joints: dict[str, Point], first: Any, second: Any
+) -> Point:
+    """Adds what a dyad places to ``joints``, from its unknowns, and returns the loop's gap, mm.
+
+    The gap is the way from where arm or line has the joint to where the link has it.
+    """
+    x, y = joints[dyad.start]
+    length = sizes.lengths[dyad.link]
+    here = x + length * ops.cos(first), y + length * ops.sin(first)
+    joints[dyad.joint] = here
+    if dyad.arm:
+        x, y = joints[dyad.end]
+        cosine, sine, length = ops.cos(second), ops.sin(second), sizes.lengths[dyad.arm]
+    else:
+        x, y, angle = sizes.line
+        cosine, sine, length = ops.cos(angle), ops.sin(angle), second
+    if dyad.carries:
+        along, across = sizes.carried[dyad.arm]
+        at = x + cosine * along - sine * across, y + sine * along + cosine * across
+        joints[dyad.carries] = at
+    return here[0] - x - length * cosine, here[1] - y - length * sine
+
+
+def gaps(
+    ops: Any, case: Case, sizes: Sizes, angle: Any, unknowns: Any
+) -> tuple[dict[str, Point], list[Any]]:
+    """All joints and the gaps of all loops, mm, two equations for each pair of unknowns."""
+    joints, left = crank_tip(ops, case, sizes, angle), []
+    for number, dyad in enumerate(case.dyads):
+        left += place(ops, dyad, sizes, joints, *unknowns[2 * number : 2 * number + 2])
+    return joints, left

@@ -16,9 +16,8 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from kinematics import Linkage, solve_poses
-from studies.benchmarks.linkage.cases import size_of, sizes_of, start_of
-from studies.oracles import dyads
-from studies.oracles.dyads import Case, Dyad, Point, Sizes, place
+from studies.benchmarks.linkage.cases import crank_tip, gaps, place, size_of, sizes_of, start_of
+from studies.oracles.linkages import Case, Dyad, Point, Sizes
 
 MAX_STEPS = 32
 """Cap on the iterations of one solve; none of the study's needs ten."""
@@ -88,7 +87,7 @@ def newton(
 
     def block(angles: Float[Array, " block"]) -> Joints:
         sizes = sizes_of(linkage)
-        joints = dyads.crank_tip(jnp, case, sizes, angles)
+        joints = crank_tip(jnp, case, sizes, angles)
         for number, dyad in enumerate(case.dyads):
             first, second = guesses[2 * number : 2 * number + 2]
             start = jnp.full_like(angles, first), jnp.full_like(angles, second)
@@ -149,9 +148,7 @@ def find_roots(
 
     def residual(unknowns: Float[Array, " unknowns"], args: Any) -> Float[Array, " unknowns"]:
         linkage, angle, scale, unit = args
-        return (
-            jnp.stack(dyads.gaps(jnp, case, sizes_of(linkage), angle, unknowns * scale)[1]) / unit
-        )
+        return jnp.stack(gaps(jnp, case, sizes_of(linkage), angle, unknowns * scale)[1]) / unit
 
     enough = jnp.maximum(tolerance, ROUNDING_UNITS * jnp.finfo(angles.dtype).eps)
     adjoint = optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=True))
@@ -160,7 +157,7 @@ def find_roots(
     def solve(angle: Float[Array, ""]) -> Joints:
         args = linkage, angle, scale, unit
         found = root(residual, solver(enough, enough), home, args).value
-        joints, _ = dyads.gaps(jnp, case, sizes_of(linkage), angle, found * scale)
+        joints, _ = gaps(jnp, case, sizes_of(linkage), angle, found * scale)
         return [joints[name] for name in of]
 
     return jax.vmap(solve)(angles), None

@@ -23,8 +23,8 @@ from studies.benchmarks.linkage import cases, walks
 from studies.benchmarks.linkage.cases import drawn, linkage_of, numbers_of
 from studies.benchmarks.linkage.iterations import closed_form, find_roots, newton
 from studies.benchmarks.measuring import gradient_error, installed
-from studies.oracles import dyads
-from studies.oracles.dyads import Case
+from studies.oracles import linkages as exact
+from studies.oracles.linkages import Case
 
 OURS = "closed form"
 VALUE = "value without gradient"
@@ -214,14 +214,14 @@ def exact_places(case: Case, poses: int, part: int) -> np.ndarray:
     """
     with mpmath.workdps(DIGITS):
         sizes, angles = numbers_of(case, mpmath.mpf), case.angles(poses)[checked(part)].tolist()
-        return np.array([dyads.pose(case, sizes, mpmath.mpf(angle)) for angle in angles], object)
+        return np.array([exact.pose(case, sizes, mpmath.mpf(angle)) for angle in angles])
 
 
 @functools.cache
 def exact_gradient(case: Case, poses: int) -> np.ndarray:
     """Derivative of the last joint's mean square over a sweep, for each of the case's sizes."""
     with mpmath.workdps(DIGITS):
-        mean, step = partial(dyads.mean_square, case, poses), mpmath.mpf(10) ** (-DIGITS // 3)
+        mean, step = partial(exact.mean_square, case, poses), mpmath.mpf(10) ** (-DIGITS // 3)
         return cases.central_differences(mean, numbers_of(case, mpmath.mpf), lambda _: step)
 
 
@@ -264,13 +264,12 @@ def _slopes_error(case: Case, poses: int, found: Any) -> float:
 
 def _value_error(work: Workload, found: Any) -> float:
     with mpmath.workdps(DIGITS):
-        exact = dyads.mean_square(work.case, work.poses, numbers_of(work.case, mpmath.mpf))
-        return float(abs(mpmath.mpf(float(found)) / exact - 1))
+        mean = exact.mean_square(work.case, work.poses, numbers_of(work.case, mpmath.mpf))
+        return float(abs(mpmath.mpf(float(found)) / mean - 1))
 
 
 def _sine_error(angles: np.ndarray, found: tuple[Array, Array]) -> float:
     rows = checked(len(angles))
     with mpmath.workdps(DIGITS):
-        turns = [mpmath.expj(angle) for angle in angles[rows].tolist()]
-        exact = np.array([[turn.imag for turn in turns], [turn.real for turn in turns]])
-        return float(np.max(abs(np.asarray(found)[:, rows].astype(object) - exact)))
+        cosine, sine = exact.direction(exact.digits(angles[rows]))
+        return float(np.max(abs(np.asarray(found)[:, rows].astype(object) - [sine, cosine])))

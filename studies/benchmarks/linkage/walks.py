@@ -15,8 +15,7 @@ import numpy as np
 import scipy.optimize
 
 from studies.benchmarks.linkage import cases
-from studies.oracles import dyads
-from studies.oracles.dyads import Case, Sizes
+from studies.oracles.linkages import Case, Sizes
 
 Walker = tuple[Callable[[], Any], Callable[[Any], np.ndarray]]
 """What solves a sweep; and its answer as an array of shape (poses, joints, 2), mm."""
@@ -30,7 +29,7 @@ def fsolve_walk(case: Case, sizes: Sizes, angles: np.ndarray, tolerance: float) 
     home = cases.start_of(case, sizes)
 
     def residual(unknowns: np.ndarray, angle: float) -> list[float]:
-        return dyads.gaps(math, case, sizes, angle, unknowns.tolist())[1]
+        return cases.gaps(math, case, sizes, angle, unknowns.tolist())[1]
 
     def call() -> list[list[tuple[float, float]]]:
         unknowns: Any = np.array(home)
@@ -40,7 +39,7 @@ def fsolve_walk(case: Case, sizes: Sizes, angles: np.ndarray, tolerance: float) 
             warnings.simplefilter("ignore", RuntimeWarning)
             for angle in angles.tolist():
                 unknowns = scipy.optimize.fsolve(residual, unknowns, args=angle, xtol=tolerance)
-                joints, _ = dyads.gaps(math, case, sizes, angle, unknowns.tolist())
+                joints, _ = cases.gaps(math, case, sizes, angle, unknowns.tolist())
                 found.append([joints[name] for name in case.joints])
         return found
 
@@ -99,7 +98,7 @@ def mechanism_walk(case: Case, sizes: Sizes, angles: np.ndarray, _: float) -> Wa
         )
 
     # The way from the origin to the joint that the next dyad starts from.
-    way = driven(link("O2", "A", sizes.lengths["crank"]), dyads.crank_base(math, case, sizes))
+    way = driven(link("O2", "A", sizes.lengths["crank"]), cases.crank_base(math, case, sizes))
     for number, dyad in enumerate(case.dyads):
         rod = link(dyad.start, dyad.joint, sizes.lengths[dyad.link])
         if dyad.arm:
@@ -143,7 +142,7 @@ def pylinkage_walk(fast: bool, case: Case, sizes: Sizes, angles: np.ndarray, _: 
     from pylinkage.simulation import Linkage as Simulated  # pyright: ignore[reportMissingImports]
 
     step = float(angles[1] - angles[0]) if len(angles) > 1 else 0.0
-    start = float(angles[0]) + dyads.crank_base(math, case, sizes) - step
+    start = float(angles[0]) + cases.crank_base(math, case, sizes) - step
     parts: dict[str, Any] = {name: Ground(x, y, name=name) for name, (x, y) in sizes.pins.items()}
     parts["A"] = Crank(
         parts["O2"], sizes.lengths["crank"], angular_velocity=step, initial_angle=start

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from studies.oracles.linkages import EXTENDED
+from studies.oracles.linkages import extended
 from studies.stability.linkage.mechanisms import six_bar
 
 SIZE = 100.0
@@ -90,7 +90,7 @@ def four_bars(dtype: str, count: int) -> Iterator[Cases]:
     def triangle(case: str, stretched: bool, margins: np.ndarray) -> Cases:
         # The last length is chosen for the margin that the rounded others leave.
         start = cases(case, tilted=tilt, rocker=0.55 * SIZE)
-        inputs = EXTENDED.number(start.inputs)
+        inputs = extended(start.inputs)
         arm = inputs[:, 2:4] - inputs[:, :2]
         arm = arm - inputs[:, 4:5] * np.stack([np.cos(inputs[:, 7]), np.sin(inputs[:, 7])], axis=1)
         apart, rocker = np.hypot(arm[:, 0], arm[:, 1]), inputs[:, 6]
@@ -155,7 +155,7 @@ def slider_cranks(dtype: str, count: int) -> Iterator[Cases]:
 
     def reaching(case: str, margins: np.ndarray) -> Cases:
         start = cases(case, tilted=tilt, crank=SIZE)
-        o2_x, o2_y, crank, _, point_x, point_y, direction, angle = EXTENDED.number(start.inputs).T
+        o2_x, o2_y, crank, _, point_x, point_y, direction, angle = extended(start.inputs).T
         a_x, a_y = o2_x + crank * np.cos(angle) - point_x, o2_y + crank * np.sin(angle) - point_y
         across = abs(np.cos(direction) * a_y - np.sin(direction) * a_x)
         start.inputs[:, 3] = abs(across + margins * SIZE).astype(dtype)

@@ -103,7 +103,7 @@ def judge(mechanism: Mechanism, inputs: np.ndarray, sides: np.ndarray, solved: S
     size = np.max(abs(inputs[:, :-1]), axis=1)
     effect = np.max(abs(solved.gradient.astype(float)), axis=1) * abs(inputs.astype(float))
     residual = solved.residual.astype(float)
-    wide = exact.EXTENDED.number(inputs)
+    wide = exact.extended(inputs)
     gap = mechanism.formula.gaps(wide, solved.crank_pin, solved.value).astype(float)
     columns = {
         "margin": margin,
