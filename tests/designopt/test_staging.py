@@ -46,7 +46,8 @@ def test_killed_at_every_step_there_is_a_whole_result(tmp_path, way):
     assert missing == 0 if way == "exchange" else missing > 0
 
 
-def kill_at_random_moments(tmp_path: Path, count: int) -> None:
+@pytest.mark.parametrize("count", [5, pytest.param(50, marks=pytest.mark.nightly)])
+def test_killed_at_random_moments_there_is_a_whole_result(tmp_path, count):
     out, generator = tmp_path / "out", random.Random(0)
     killed.write(out, 0)
     for _ in range(count):
@@ -60,15 +61,6 @@ def kill_at_random_moments(tmp_path: Path, count: int) -> None:
         number = killed.number_of(out)
         killed.write(out, number + 1)
         assert leftovers(tmp_path) == []
-
-
-def test_killed_at_random_moments_there_is_a_whole_result(tmp_path):
-    kill_at_random_moments(tmp_path, 5)
-
-
-@pytest.mark.slow
-def test_killed_at_50_random_moments_there_is_a_whole_result(tmp_path):
-    kill_at_random_moments(tmp_path, 50)
 
 
 def keep(folder: Path, place: Path) -> None:

@@ -1,14 +1,13 @@
-"""A study and a kind of design offered by a package outside the project, from its wheel."""
+"""A study and a kind of design offered by an installed package outside the project."""
 
-import base64
-import hashlib
 import json
-import os
-import subprocess
-import sys
-import zipfile
 
+import matplotlib.figure
 import pytest
+
+from designopt import cli
+from designopt.designs import load_design
+from designopt.plot.figures import style
 
 MODULE = """
 from dataclasses import dataclass
@@ -83,85 +82,45 @@ STUDY = Study(
 FILES = {
     "crates.py": MODULE,
     "crates-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: crates\nVersion: 1.0\n",
-    "crates-1.0.dist-info/WHEEL": (
-        "Wheel-Version: 1.0\nGenerator: by hand\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
-    ),
     "crates-1.0.dist-info/entry_points.txt": (
         "[designopt.studies]\ncrate-area = crates:STUDY\n\n"
         "[designopt.designs]\ncrate = crates:KIND\n"
     ),
 }
 
-SHOWN = """
-import matplotlib.figure
-from designopt.designs import load_design
-bench = load_design("box.toml").explorer()
-bench.draw(matplotlib.figure.Figure().subfigures(1, 1))
-print(bench.title, [(one.name, one.value) for one in bench.show({"side": 4.0}).readings])
-"""
+
+@pytest.fixture
+def work(tmp_path, monkeypatch):
+    """A folder with a file of the package's kind; the package is installed."""
+    (tmp_path / "installed" / "crates-1.0.dist-info").mkdir(parents=True)
+    for name, text in FILES.items():
+        (tmp_path / "installed" / name).write_text(text)
+    monkeypatch.syspath_prepend(tmp_path / "installed")
+    (tmp_path / "box.toml").write_text("[crate]\nside = 3.0\n")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
-@pytest.fixture(scope="module")
-def environment(tmp_path_factory):
-    """Where the package's wheel is installed, and a file of its kind."""
-    folder = tmp_path_factory.mktemp("foreign")
-    wheel = folder / "crates-1.0-py3-none-any.whl"
-    record = "".join(
-        f"{name},sha256={_digest(text)},{len(text.encode())}\n" for name, text in FILES.items()
-    )
-    with zipfile.ZipFile(wheel, "w") as archive:
-        for name, text in (FILES | {"crates-1.0.dist-info/RECORD": record}).items():
-            archive.writestr(name, text)
-    installed = folder / "installed"
-    subprocess.run(
-        [
-            *(sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index"),
-            *("--disable-pip-version-check", "--target", str(installed), str(wheel)),
-        ],
-        check=True,
-    )
-    work = folder / "work"
-    work.mkdir()
-    (work / "box.toml").write_text("[crate]\nside = 3.0\n")
-    paths = os.pathsep.join(filter(None, [str(installed), os.environ.get("PYTHONPATH")]))
-    return work, {**os.environ, "PYTHONPATH": paths}
-
-
-def _digest(text: str) -> str:
-    digest = hashlib.sha256(text.encode()).digest()
-    return base64.urlsafe_b64encode(digest).rstrip(b"=").decode()
-
-
-def ran(environment, *words: str) -> str:
-    folder, variables = environment
-    done = subprocess.run(
-        [sys.executable, *words],
-        cwd=folder,
-        env=variables,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-def test_its_study_is_listed_and_runs(environment):
-    assert "The area of a crate" in ran(environment, "-m", "designopt", "list")
-    ran(environment, "-m", "designopt", "run", "crate-area", "--set", "side=5", "--out", "result")
-    document = json.loads((environment[0] / "result" / "results.json").read_text("utf-8"))
+def test_its_study_is_listed_and_runs(work, capsys):
+    assert cli.run(["list"]) == 0
+    assert "The area of a crate" in capsys.readouterr().out
+    assert cli.run(["run", "crate-area", "--set", "side=5", "--out", "result"]) == 0
+    document = json.loads((work / "result" / "results.json").read_text("utf-8"))
     assert document["metrics"]["area_mm2"]["value"] == 25.0
 
 
-@pytest.mark.parametrize("named", ["box.toml", "crate-area"])
-def test_its_design_is_drawn_and_written(environment, named):
-    words = ("--to", "svg", "--to", "json", "--out", "drawn")
-    ran(environment, "-m", "designopt", "export", named, *words)
+@pytest.mark.parametrize(("named", "side"), [("box.toml", 3.0), ("crate-area", 2.0)])
+def test_its_design_is_drawn_and_written(work, named, side):
+    assert cli.run(["export", named, *["--to", "svg", "--to", "json", "--out", "drawn"]]) == 0
     stem = named.removesuffix(".toml")
-    numbers = json.loads((environment[0] / "drawn" / f"{stem}.json").read_text("utf-8"))
-    assert numbers["quantities"]["side"]["value"] == (3.0 if stem == "box" else 2.0)
-    assert "<svg" in (environment[0] / "drawn" / f"{stem}.svg").read_text("utf-8")
+    numbers = json.loads((work / "drawn" / f"{stem}.json").read_text("utf-8"))
+    assert numbers["quantities"]["side"]["value"] == side
+    assert "<svg" in (work / "drawn" / f"{stem}.svg").read_text("utf-8")
 
 
-def test_its_explorer_shows_it(environment):
-    assert ran(environment, "-c", SHOWN) == "box [('area', 16.0)]\n"
+def test_its_explorer_shows_it(work):
+    bench = load_design("box.toml").explorer()
+    with style():
+        bench.draw(matplotlib.figure.Figure().subfigures(1, 1))
+    assert bench.title == "box"
+    assert [(one.name, one.value) for one in bench.show({"side": 4.0}).readings] == [("area", 16.0)]

@@ -38,7 +38,7 @@ def run(out, *how):
 
 @pytest.fixture(scope="module")
 def undisturbed(plugin, tmp_path_factory):
-    return run(tmp_path_factory.mktemp("sweep") / "undisturbed", "--workers", "2")
+    return run(tmp_path_factory.mktemp("sweep") / "undisturbed", "--workers", "1")
 
 
 def kept(folder):
