@@ -43,6 +43,7 @@ PRESSES = {
     "deep": Press(70.0, 20.0, 12.0),
     "deep outside": Press(80.0, 15.0, -9.0),
 }
+TUBE = Tube.of(finger())
 BENDS_DEG = (0.0, 0.01, 10.0, 30.0, 60.0, 90.0, 120.0)
 DIRECTIONS = (0.0, np.pi / 2, 2.3, -1.0)
 CASES = [
@@ -59,17 +60,23 @@ def rings(per_region: int) -> Rings:
     return Rings.of(finger(), per_region)
 
 
-def look(bend: float, direction: float, press: Press, per_region: int = FINE) -> Apertures:
+@functools.cache
+def look(bend_deg: float, direction: float, press: Press, per_region: int = FINE) -> Apertures:
     values = (jnp.asarray(value) for value in (press.place, press.radius, press.depth))
     pressed = press_wall(rings(per_region).arc, *values)
-    posture = Posture(jnp.asarray(bend), jnp.asarray(direction), pressed)
-    return seen_through(rings(per_region), posture, ANGLES)
+    posture = Posture(jnp.asarray(np.deg2rad(bend_deg)), jnp.asarray(direction), pressed)
+    return jax.tree.map(np.asarray, seen_through(rings(per_region), posture, ANGLES))
 
 
-def at_ends(found: Apertures, per_region: int = FINE) -> tuple[np.ndarray, np.ndarray]:
+def at_ends(found: Apertures) -> tuple[np.ndarray, np.ndarray]:
     """Outlines at B, C and D, and whether anything is seen through them."""
-    ends = np.array(rings(per_region).ends)
-    return np.asarray(found.outline)[ends], np.asarray(found.seen)[ends]
+    count = len(found.seen)
+    ends = np.array([count // 3, 2 * count // 3, count]) - 1
+    return found.outline[ends], found.seen[ends]
+
+
+def cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
 
 
 def depths_inside(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -82,28 +89,20 @@ def depths_inside(outline: np.ndarray, points: np.ndarray) -> np.ndarray:
     off = points[:, None] - start
     along = np.clip(np.sum(off * step, axis=-1) / np.sum(step**2, axis=-1), 0, 1)
     nearest = np.linalg.norm(off - along[..., None] * step, axis=-1).min(axis=1)
-    left = step[:, 0] * off[..., 1] - step[:, 1] * off[..., 0]
-    return np.where((left >= 0).all(axis=1), nearest, -nearest)
-
-
-def scattered(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Evenly over what the field stop lets through."""
-    radius, turn = FIELD_STOP * np.sqrt(rng.random(count)), 2 * np.pi * rng.random(count)
-    return np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
+    return np.where((cross(step, off) >= 0).all(axis=1), nearest, -nearest)
 
 
 @pytest.mark.parametrize(("bend_deg", "direction", "press"), CASES)
 def test_rays_meet_the_region_between_the_outlines_that_they_are_between(
     bend_deg, direction, press
 ):
-    bend = float(np.deg2rad(bend_deg))
-    outlines, seen = at_ends(look(bend, direction, PRESSES[press]))
+    outlines, seen = at_ends(look(bend_deg, direction, PRESSES[press]))
     rng = np.random.default_rng(int(10 * abs(bend_deg)))
     near = outlines[:, ::16].reshape(-1, 2)
     near = near + rng.normal(0, 0.01, near.shape)
-    rays = np.concatenate([scattered(rng, 300), near])
+    rays = np.concatenate([rng.uniform(-FIELD_STOP, FIELD_STOP, (400, 2)), near])
     rays = rays[np.hypot(*rays.T) < FIELD_STOP]
-    met = regions_met(Tube.of(finger()), rays, bend, direction, PRESSES[press])
+    met = regions_met(TUBE, rays, np.deg2rad(bend_deg), direction, PRESSES[press])
     for region, outline in enumerate(outlines):
         inside = depths_inside(outline, rays)
         assert seen[region] or (met <= region).all()
@@ -114,8 +113,7 @@ def test_rays_meet_the_region_between_the_outlines_that_they_are_between(
 
 @pytest.mark.parametrize(("bend_deg", "direction", "press"), CASES)
 def test_points_of_outlines_are_where_the_region_changes(bend_deg, direction, press):
-    bend = float(np.deg2rad(bend_deg))
-    outlines, seen = at_ends(look(bend, direction, PRESSES[press]))
+    outlines, seen = at_ends(look(bend_deg, direction, PRESSES[press]))
     for region in np.flatnonzero(seen):
         points = outlines[region, 3::8]
         outward = points - outlines[seen][-1].mean(axis=0)
@@ -124,43 +122,36 @@ def test_points_of_outlines_are_where_the_region_changes(bend_deg, direction, pr
             moved = points + move * outward / size[:, None]
             # Beyond the field stop nothing is followed, and across the pole is the other side.
             compared = (np.hypot(*moved.T) < FIELD_STOP - STOPPED) & (size > 2 * OUTLINE)
-            met = regions_met(Tube.of(finger()), moved[compared], bend, direction, PRESSES[press])
+            rays, bend = moved[compared], np.deg2rad(bend_deg)
+            met = regions_met(TUBE, rays, bend, direction, PRESSES[press])
             assert ((met > region) == (move < 0)).all()
 
 
 def test_all_that_is_bounded_and_all_that_is_hidden_is_among_the_cases():
-    seen = [
-        at_ends(look(float(np.deg2rad(bend)), direction, PRESSES[press]))[1].tolist()
-        for bend, direction, press in CASES
-    ]
-    assert {tuple(row) for row in seen} == {
-        (True, True, True), (True, True, False), (True, False, False)
-    }  # fmt: skip
+    seen = {
+        tuple(at_ends(look(bend, direction, PRESSES[press]))[1]) for bend, direction, press in CASES
+    }
+    assert seen == {(True, True, True), (True, True, False), (True, False, False)}
 
 
 @pytest.mark.parametrize("bend_deg", BENDS_DEG)
 @pytest.mark.parametrize("press", ["none", "inside", "outside"])
 def test_few_rings_do_as_well_as_many(bend_deg, press):
-    bend = float(np.deg2rad(bend_deg))
-    few, seen = at_ends(look(bend, 0.4, PRESSES[press], 20), 20)
-    many, really = at_ends(look(bend, 0.4, PRESSES[press]), FINE)
+    few, seen = at_ends(look(bend_deg, 0.4, PRESSES[press], 20))
+    many, really = at_ends(look(bend_deg, 0.4, PRESSES[press]))
     np.testing.assert_array_equal(seen, really)
     for one, other in zip(few[seen], many[seen], strict=True):
-        deviation = FOCAL * np.abs(depths_inside(other, one)).max()
-        assert deviation < COARSE
+        assert FOCAL * np.abs(depths_inside(other, one)).max() < COARSE
 
 
-@pytest.mark.parametrize("chamber_press", ["none", "inside"])
-def test_a_straight_finger_has_round_outlines_cut_by_the_press(chamber_press):
-    press = PRESSES[chamber_press]
+@pytest.mark.parametrize("press", [NONE, PRESSES["inside"]])
+def test_a_straight_finger_has_round_outlines_cut_by_the_press(press):
     outlines, _ = at_ends(look(0.0, 0.0, press))
-    tube = Tube.of(finger())
-    arcs = np.arange(1, 3 * FINE + 1) / FINE
-    arcs = np.interp(arcs, range(4), tube.arcs)
-    cuts = (np.interp(arcs, tube.arcs, tube.radii) - press.at(arcs)) / (arcs + tube.pinhole)
+    arcs = np.interp(np.arange(1, 3 * FINE + 1) / FINE, range(4), TUBE.arcs)
+    cuts = (np.interp(arcs, TUBE.arcs, TUBE.radii) - press.at(arcs)) / (arcs + TUBE.pinhole)
     for outline, end in zip(outlines, (1, 2, 3), strict=True):
-        radius = tube.radii[end] / (tube.arcs[end] + tube.pinhole)
-        cut = cuts[arcs <= tube.arcs[end] + 1e-9].min()
+        radius = TUBE.radii[end] / (TUBE.arcs[end] + TUBE.pinhole)
+        cut = cuts[arcs <= TUBE.arcs[end] + 1e-9].min()
         on_circle = np.abs(np.hypot(*outline.T) - radius) < 1e-12
         on_chord = np.abs(outline[:, 0] - cut) < 1e-12
         assert (on_circle | on_chord).all()
@@ -171,12 +162,11 @@ def test_a_straight_finger_has_round_outlines_cut_by_the_press(chamber_press):
 @pytest.mark.parametrize("bend_deg", [0.0, 10.0, 60.0, 170.0])
 @pytest.mark.parametrize("press", PRESSES)
 def test_outlines_are_convex_and_lie_in_each_other(bend_deg, press):
-    found = look(float(np.deg2rad(bend_deg)), 0.7, PRESSES[press])
-    outlines, seen = np.asarray(found.outline), np.asarray(found.seen)
+    found = look(bend_deg, 0.7, PRESSES[press])
+    outlines, seen = found.outline, found.seen
     step = np.roll(outlines, -1, axis=1) - outlines
-    following = np.roll(step, -1, axis=1)
-    turning = step[..., 0] * following[..., 1] - step[..., 1] * following[..., 0]
-    assert turning.min() > -1e-14  # from right to down, that is from x to y
+    # From right to down, that is from x to y.
+    assert cross(step, np.roll(step, -1, axis=1)).min() > -1e-14
     # What is seen is an unbroken row of rings, and what is not is a point.
     assert (np.diff(seen.astype(int)) <= 0).all()
     assert not np.ptp(outlines[~seen], axis=1).any()
@@ -187,17 +177,15 @@ def test_outlines_are_convex_and_lie_in_each_other(bend_deg, press):
 
 @pytest.mark.parametrize("bend_deg", [0.0, 30.0, 120.0])
 def test_outlines_turn_with_the_side_that_the_finger_bends_to(bend_deg):
-    bend, press, turn = float(np.deg2rad(bend_deg)), PRESSES["inside"], 1.1
-    before = np.asarray(look(bend, 0.4, press).outline)
-    after = np.asarray(look(bend, 0.4 + turn, press).outline)
-    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    np.testing.assert_allclose(after, before @ rotation.T, atol=1e-12)
+    press, turn = PRESSES["inside"], 1.1
+    before, after = (look(bend_deg, 0.4 + by, press).outline @ [1, 1j] for by in (0, turn))
+    np.testing.assert_allclose(after, before * np.exp(1j * turn), atol=1e-12)
 
 
 def test_a_finger_bends_to_the_right_and_down():
     # The far end is seen on the side that it bends to.
     for direction, ahead in ((0.0, (1, 0)), (np.pi / 2, (0, 1))):
-        top = at_ends(look(float(np.deg2rad(20)), direction, NONE))[0][2].mean(axis=0)
+        top = at_ends(look(20.0, direction, NONE))[0][2].mean(axis=0)
         assert top @ ahead > 0.1
         assert abs(top @ ahead[::-1]) < 1e-3
 
@@ -205,18 +193,17 @@ def test_a_finger_bends_to_the_right_and_down():
 @pytest.mark.parametrize("bend_deg", [0.01, 10.0, 60.0, 170.0])
 @pytest.mark.parametrize("press", ["none", "inside", "outside"])
 def test_a_negative_bend_is_one_to_the_other_side(bend_deg, press):
-    bend, pressed = float(np.deg2rad(bend_deg)), PRESSES[press]
+    pressed = PRESSES[press]
     other = Press(pressed.place, pressed.radius, -pressed.depth)
-    negative = look(-bend, 0.4, pressed)
-    opposite = look(bend, 0.4 + np.pi, other)
+    negative, opposite = look(-bend_deg, 0.4, pressed), look(bend_deg, 0.4 + np.pi, other)
     np.testing.assert_array_equal(negative.seen, opposite.seen)
     # Outlines begin on the side that ``direction`` names.
-    turned = np.roll(np.asarray(opposite.outline), ANGLES // 2, axis=1)
+    turned = np.roll(opposite.outline, ANGLES // 2, axis=1)
     np.testing.assert_allclose(negative.outline, turned, atol=1e-12)
 
 
 def test_nothing_is_seen_past_a_wall_that_is_pressed_to_the_other_side():
-    found = look(0.1, 0.0, Press(60.0, 30.0, 25.0))
+    found = look(np.rad2deg(0.1), 0.0, Press(60.0, 30.0, 25.0))
     _, seen = at_ends(found)
     assert not seen[1:].any()
     assert np.isfinite(found.outline).all()
@@ -239,8 +226,7 @@ def test_a_ring_that_is_imaged_as_a_hyperbola_leaves_its_outline_to_the_object_t
     # Bent to a radius below its own, a ring reaches behind the camera but for what is pressed in.
     rings = Rings.of(finger(length_ab=10.0, length_bc=10.0, length_cd=10.0))
     posture = Posture(jnp.asarray(np.deg2rad(200.0)), jnp.asarray(0.0), jnp.full(60, 3.0))
-    found = find_apertures(rings, posture, 64)
-    seen = np.asarray(found.seen)
-    assert seen.any()
-    outermost = np.asarray(found.outline)[seen, 0, 0]
-    np.testing.assert_allclose(outermost, np.asarray(found.spans.seen_high)[seen], atol=1e-9)
+    found = jax.tree.map(np.asarray, seen_through(rings, posture, 64))
+    assert found.seen.any()
+    outermost = found.outline[found.seen, 0, 0]
+    np.testing.assert_allclose(outermost, found.spans.seen_high[found.seen], atol=1e-9)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-
 import jax
 import jax.numpy as jnp
 import mpmath
@@ -23,7 +21,17 @@ GRADIENT = 1e-7  # mm per radian, of some 1e2; what central differences can tell
 KINDS = ("across", "along", "turned")
 
 
-@functools.cache
+@jax.jit
+def slopes(arcs: jax.Array, bends: jax.Array) -> dict[str, tuple[jax.Array, ...]]:
+    """Of every kind by arc, bend and length, batched."""
+
+    def of(kind: str) -> tuple[jax.Array, ...]:
+        slope = jax.grad(lambda *at: getattr(bend_center_line(*at), kind), (0, 1, 2))
+        return jax.vmap(slope, (0, 0, None))(arcs, bends, jnp.asarray(LENGTH))
+
+    return {kind: of(kind) for kind in KINDS}
+
+
 def integrated(bend: float, arc: float) -> tuple[float, float]:
     """The tangent (sin κs, cos κs) integrated by Gauss and Legendre's rule, in 40 digits."""
     with mpmath.workdps(40):
@@ -44,45 +52,31 @@ def test_centre_line_is_its_tangent_integrated(bend):
     np.testing.assert_allclose(line.turned, bend * ARCS / LENGTH, rtol=ROUNDING, atol=0)
 
 
-def slope(kind: str, bend: float, arc: float) -> float:
-    """By the bend, compiled and batched."""
-
-    def place(bend: jax.Array, arc: jax.Array) -> jax.Array:
-        return getattr(bend_center_line(arc, bend, jnp.asarray(LENGTH)), kind)
-
-    slopes = jax.jit(jax.vmap(jax.grad(place)))
-    return float(slopes(jnp.asarray([bend, 1.0]), jnp.asarray([arc, 1.0]))[0])
-
-
-@pytest.mark.parametrize("arc", [1.0, 35.0, LENGTH])
-def test_a_straight_finger_begins_to_bend_as_a_parabola(arc):
-    assert slope("across", 0.0, arc) == pytest.approx(arc**2 / (2 * LENGTH), rel=ROUNDING)
-    assert slope("along", 0.0, arc) == 0
-    assert slope("turned", 0.0, arc) == pytest.approx(arc / LENGTH, rel=ROUNDING)
+def test_a_straight_finger_begins_to_bend_as_a_parabola():
+    arcs = np.array([1.0, 35.0, LENGTH])
+    across, along, turned = (slopes(jnp.asarray(arcs), jnp.zeros(3))[kind][1] for kind in KINDS)
+    np.testing.assert_allclose(across, arcs**2 / (2 * LENGTH), rtol=ROUNDING)
+    np.testing.assert_array_equal(along, 0)
+    np.testing.assert_allclose(turned, arcs / LENGTH, rtol=ROUNDING)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_gradients_are_central_differences(kind):
+    @jax.jit
     def place(values: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
         return getattr(bend_center_line(*values), kind)
 
     bends = [bend for bend in BENDS if bend == 0 or abs(bend) > 1e-6]
-    arcs = [arc for arc in ARCS if arc > 0]
-    points = np.array([(arc, bend, LENGTH) for arc in arcs for bend in bends])
-    batch = tuple(jnp.asarray(column) for column in points.T)
-    found = np.transpose(jax.jit(jax.vmap(jax.grad(place)))(batch))
-    compiled = jax.jit(place)
-    wanted = [
-        central_differences(compiled, tuple(jnp.asarray(value) for value in point))
-        for point in points
-    ]
+    points = np.array([(arc, bend, LENGTH) for arc in ARCS if arc > 0 for bend in bends])
+    found = np.transpose(slopes(*jnp.asarray(points[:, :2].T))[kind])
+    wanted = [central_differences(place, tuple(map(jnp.asarray, point))) for point in points]
     np.testing.assert_allclose(found, wanted, atol=GRADIENT, rtol=GRADIENT)
 
 
-@pytest.mark.parametrize("bend", [1e-300, 1e-12, 1e-10, 1e-6, 0.09, 0.11])
-def test_slopes_of_tiny_bends_do_not_cancel(bend):
+def test_slopes_of_tiny_bends_do_not_cancel():
     # cos(κs) integrated: s − s³ κ²/6 + s⁵ κ⁴/120, κ in the bend over the length.
-    arc = 70.0
-    series = -(arc**3) * bend / (3 * LENGTH**2) + arc**5 * bend**3 / (30 * LENGTH**4)
-    seventh = arc**7 * bend**5 / (840 * LENGTH**6)  # the next term, with its factor
-    assert slope("along", bend, arc) == pytest.approx(series - seventh, rel=1e-7, abs=1e-13)
+    bends, arc = np.array([1e-300, 1e-12, 1e-10, 1e-6, 0.09, 0.11]), 70.0
+    series = -(arc**3) * bends / (3 * LENGTH**2) + arc**5 * bends**3 / (30 * LENGTH**4)
+    seventh = arc**7 * bends**5 / (840 * LENGTH**6)  # the next term, with its factor
+    found = slopes(jnp.full(6, arc), jnp.asarray(bends))["along"][1]
+    np.testing.assert_allclose(found, series - seventh, rtol=1e-7, atol=1e-13)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 
@@ -12,10 +11,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.optimize
 
 from designopt.errors import UserError
 from optics.chamber import Endoscope, Posture, press_wall
-from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
+from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer, chamber_renderer
 from optics.rendering.chamber_renderer import BRIGHTEST
 from tests.optics.soft_finger.marched import Tube, finger
 
@@ -55,6 +55,14 @@ FRAMES = 288
 PER_REGION, ANGLES = 20, 192
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _small_chunks():
+    """Most of a frame's time is that of the whole chunk that it is worked out in."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(chamber_renderer, "CHUNK", 8)
+        yield
+
+
 def postures(*rows: tuple[float, float, float], per_region: int = PER_REGION) -> Posture:
     """Bends and directions in degrees, and depths of a press at 70 mm by an object of 20 mm."""
     chamber = finger()
@@ -71,13 +79,16 @@ def postures(*rows: tuple[float, float, float], per_region: int = PER_REGION) ->
 
 @functools.cache
 def renderer(
-    effects: ChamberEffects = EVEN, *, colors: str = "masks", seed: int = 0
+    effects: ChamberEffects = EVEN, *, colors: str = "masks", seed: int | tuple[int, int] = 0
 ) -> ChamberRenderer:
     chosen = {"masks": MASKS, "white": WHITE}[colors]
     camera = Endoscope(np.pi / 2, columns=COLUMNS, rows=ROWS, distortion=-0.05)
-    return ChamberRenderer(
-        finger(), camera, effects, seed=seed, colors=chosen, per_region=PER_REGION, angles=ANGLES
-    )
+    return ChamberRenderer(finger(), camera, effects, seed=seed, colors=chosen, angles=ANGLES)
+
+
+def straight(effects: ChamberEffects, colors: str = "masks") -> np.ndarray:
+    """Pixels of a straight finger."""
+    return renderer(effects, colors=colors).render(STRAIGHT)[0].pixels.astype(float)
 
 
 STRAIGHT = postures((0, 0, 0))
@@ -91,6 +102,11 @@ def shown() -> list[ChamberImage]:
 
 def take(some: Posture, start: int, stop: int) -> Posture:
     return jax.tree.map(lambda leaf: leaf[start:stop], some)
+
+
+def assert_same(image: ChamberImage, other: ChamberImage) -> None:
+    for each in fields(ChamberImage):
+        np.testing.assert_array_equal(getattr(image, each.name), getattr(other, each.name))
 
 
 def covered(image: ChamberImage, region: int) -> np.ndarray:
@@ -130,12 +146,12 @@ def _inside(image: ChamberImage, region: int) -> bool:
 @pytest.mark.parametrize("case", range(len(SHOWN)))
 def test_areas_and_centroids_are_those_of_the_outlines(case, region):
     image = shown()[case]
+    outline = image.outlines[region]
     if not image.seen[region]:
-        assert not covered_at_all(image, region)
+        assert not image.pixels[..., region].any()
         return
     assert _inside(image, region)
     part = covered(image, region)
-    outline = image.outlines[region]
     area, centroid = area_and_centroid(outline)
     step = np.roll(outline, -1, axis=0) - outline
     perimeter = np.hypot(*step.T).sum()
@@ -143,10 +159,6 @@ def test_areas_and_centroids_are_those_of_the_outlines(case, region):
     row, column = np.mgrid[:ROWS, :COLUMNS]
     found = np.array([(part * column).sum(), (part * row).sum()]) / part.sum()
     assert np.abs(found - centroid).max() < CENTROID
-
-
-def covered_at_all(image: ChamberImage, region: int) -> bool:
-    return bool(image.pixels[..., region].any())
 
 
 def edge_errors(image: ChamberImage, region: int) -> np.ndarray:
@@ -191,30 +203,20 @@ def test_margins_are_widths_in_the_plane_of_bending():
     assert hidden.margins[2] < 0
 
 
-def test_shapes_of_what_is_rendered():
-    image = shown()[0]
-    assert image.pixels.shape == (ROWS, COLUMNS, 3)
-    assert image.outlines.shape == (3, ANGLES, 2)
-    assert image.pixels.dtype == np.uint8
-
-
-MANY = postures(*[(i % 7 * 9.0, 37.0 * i % 360, i % 5 - 2.0) for i in range(37)])
+MANY = postures(*[(i % 7 * 9.0, 37.0 * i % 360, i % 5 - 2.0) for i in range(11)])
 """More than are worked out at once."""
 
 
 def test_frames_are_the_same_however_they_are_asked_for():
     whole = renderer(TYPICAL).render(MANY)
-    assert len(whole) == 37
-    for start, stop in ((5, 6), (30, 37), (36, 37)):
-        for i, image in enumerate(renderer(TYPICAL).render(take(MANY, start, stop), first=start)):
-            same = whole[start + i]
-            np.testing.assert_array_equal(image.pixels, same.pixels)
-            np.testing.assert_array_equal(image.outlines, same.outlines)
-            np.testing.assert_array_equal(image.margins, same.margins)
-    again = ChamberRenderer(
-        finger(), renderer(TYPICAL).endoscope, TYPICAL, colors=MASKS, angles=ANGLES
-    ).render(take(MANY, 0, 1))[0]
-    np.testing.assert_array_equal(again.pixels, whole[0].pixels)
+    assert len(whole) == 11
+    assert whole[0].pixels.shape == (ROWS, COLUMNS, 3)
+    for start, stop in ((5, 6), (6, 11), (10, 11)):
+        images = renderer(TYPICAL).render(take(MANY, start, stop), first=start)
+        for image, same in zip(images, whole[start:stop], strict=True):
+            assert_same(image, same)
+    # The same by a renderer that is made anew.
+    assert_same(renderer.__wrapped__(TYPICAL).render(take(MANY, 0, 1))[0], whole[0])
 
 
 def test_frames_and_seeds_differ():
@@ -227,14 +229,9 @@ def test_frames_and_seeds_differ():
 
 
 def test_effects_without_size_change_nothing():
-    plain = shown()[1].pixels
-    still = take(postures(*SHOWN), 1, 2)
-    for first, seed in ((0, 0), (9, 5)):
-        same = renderer(EVEN, seed=seed).render(still, first)[0]
-        np.testing.assert_array_equal(same.pixels, plain)
-    off = replace(ChamberEffects.graded(0.0), gain=0.8, falloff=0.0)
-    assert off == EVEN
-    np.testing.assert_array_equal(renderer(off, seed=3).render(still)[0].pixels, plain)
+    same = renderer(EVEN, seed=5).render(postures(SHOWN[1]), 9)[0]
+    np.testing.assert_array_equal(same.pixels, shown()[1].pixels)
+    assert replace(ChamberEffects.graded(0.0), gain=0.8, falloff=0.0) == EVEN
 
 
 @pytest.mark.parametrize(
@@ -242,8 +239,7 @@ def test_effects_without_size_change_nothing():
 )
 def test_each_effect_does_something(effect):
     size = {"falloff": 1.0, "shake": 3.0, "roll_deg": 3.0}.get(effect, 0.3)
-    still = take(postures(*SHOWN), 1, 2)
-    changed = renderer(replace(EVEN, **{effect: size})).render(still)[0]
+    changed = renderer(replace(EVEN, **{effect: size})).render(postures(SHOWN[1]))[0]
     assert (changed.pixels != shown()[1].pixels).any()
     moved = (changed.outlines != shown()[1].outlines).any()
     assert moved == (effect in ("shake", "roll_deg"))
@@ -261,9 +257,7 @@ def test_severity_grades_all_effects():
             ChamberEffects.graded(severity)
 
 
-UPRIGHT = {
-    "bend": np.zeros(2), "direction": np.zeros(2), "pressed": np.zeros((2, 3 * PER_REGION))
-}  # fmt: skip
+UPRIGHT = {"bend": np.zeros(2), "direction": np.zeros(2), "pressed": np.zeros((2, 60))}
 
 
 @pytest.mark.parametrize(
@@ -273,7 +267,7 @@ UPRIGHT = {
         ({"direction": [0.0, -90.0]}, r"directions are in radians, .* -90 is more; did you mean"),
         ({"bend": [np.nan, 0.0]}, "bends have values that are not finite"),
         ({"direction": [0.0, np.inf]}, "directions have values that are not finite"),
-        ({"pressed": np.full((2, 3 * PER_REGION), np.nan)}, "pressed have values that are not"),
+        ({"pressed": np.full((2, 60), np.nan)}, "pressed have values that are not"),
         ({"bend": 0.0}, r"bends have the shape \(postures\), not \(\); give arrays with one axis"),
         ({"direction": np.zeros(3)}, r"directions have the shape \(2\), not \(3,\)"),
         ({"pressed": np.zeros((2, 5))}, r"shape \(2, 60\), not \(2, 5\); give one in mm"),
@@ -293,49 +287,41 @@ def test_postures_that_are_none_are_refused(change, words):
 
 
 def test_postures_within_a_turn_are_imaged():
-    turn = 2 * np.pi
-    bends, none = jnp.asarray([turn, -turn]), jnp.zeros((2, 3 * PER_REGION))
-    around = renderer().render(Posture(0 * bends, jnp.asarray([turn, -turn]), none))
+    around = renderer().render(postures((0, 360, 0), (0, -360, 0)))
     np.testing.assert_array_equal(around[0].pixels, around[1].pixels)
-    assert len(renderer().render(Posture(bends, 0 * bends, none))) == 2
+    assert len(renderer().render(postures((360, 0, 0), (-360, 0, 0)))) == 2
 
 
-@pytest.mark.parametrize("degrees", [0.0, -20.0, 100.5, 170.0, 200.0])
-def test_a_field_of_view_that_is_not_followed_is_refused(degrees):
-    with pytest.raises(ValueError, match="field of view"):
-        ChamberRenderer(finger(), Endoscope(np.deg2rad(degrees)), EVEN)
-
-
-def root(function: Callable[[float], float], low: float, high: float) -> float:
-    """By halving."""
-    rising = function(high) > 0
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (low, middle) if (function(middle) > 0) == rising else (middle, high)
-    return (low + high) / 2
+@pytest.mark.parametrize(
+    ("degrees", "distortion", "pointing", "words"),
+    [*((degrees, 0.0, 0.0, "field of view") for degrees in (0.0, -20.0, 100.5, 170.0, 200.0)),
+     (90.0, -0.3, 0.0, "distortion"), (60.0, 0.0, 0.6, "turned"), (60.0, 0.0, 1.2, "turned")],
+)  # fmt: skip
+def test_cameras_whose_rays_are_not_followed_are_refused(degrees, distortion, pointing, words):
+    camera = Endoscope(np.deg2rad(degrees), distortion).turned(np.array([pointing, 0.0]), 0.0)
+    with pytest.raises(ValueError, match=words):
+        ChamberRenderer(finger(), camera, EVEN)
 
 
 def test_light_falls_with_the_distance_from_the_lens():
     # A straight finger of white walls; along a row the wall's distance follows from its slope.
     power = 1.5
-    effects = ChamberEffects(gain=0.7, falloff=power)
-    image = renderer(effects, colors="white").render(STRAIGHT)[0]
+    pixels = straight(ChamberEffects(gain=0.7, falloff=power), "white")[ROWS // 2]
     tube = Tube.of(finger())
 
-    def ahead(slope: float) -> float:
-        return root(
-            lambda s: np.interp(s, tube.arcs, tube.radii) - slope * (s + tube.pinhole), 0, 101
-        )
+    def above(arc: float, slope: float) -> float:
+        return np.interp(arc, tube.arcs, tube.radii) - slope * (arc + tube.pinhole)
 
     depth_b = 40.0 + tube.pinhole
     for column in range(175, 231, 5):
         off = (column - (COLUMNS - 1) / 2) / FOCAL
-        slope = root(lambda r, off=off: r * (1 - 0.05 * r**2) - off, 0, 1)
-        depth = min(ahead(slope), 100.0) + tube.pinhole
+        slope = scipy.optimize.brentq(lambda r, off=off: r * (1 - 0.05 * r**2) - off, 0, 1)
+        hit = above(100.0, slope) < 0
+        depth = scipy.optimize.brentq(above, 0, 100, slope) if hit else 100.0
+        depth += tube.pinhole
         # From one ring to the next, some 2 mm or 5 % away, the light is the same.
         wanted = 255 * 0.7 * min((depth_b / depth) ** power, BRIGHTEST)
-        pixel = image.pixels[ROWS // 2, column].astype(float)
-        np.testing.assert_allclose(pixel, wanted, rtol=power * 2.0 / depth, atol=ROUNDED)
+        np.testing.assert_allclose(pixels[column], wanted, rtol=power * 2 / depth, atol=ROUNDED)
 
 
 def test_full_gain_images_a_white_wall_at_b_at_full_scale():
@@ -355,19 +341,18 @@ def test_gain_scales_the_light():
     for one, other in zip(bright, dim, strict=True):
         assert one.pixels.max() == pytest.approx(255 * 0.9, abs=ROUNDED)
         np.testing.assert_allclose(one.pixels / 3.0, other.pixels, atol=2 / 3 + 1e-6)  # roundings
-    over = renderer(replace(EVEN, gain=3.0)).render(STRAIGHT)[0]
-    assert over.pixels.max() == 255
-    assert set(np.unique(over.pixels[0])) == {0}
+    over = straight(replace(EVEN, gain=3.0))
+    assert over.max() == 255
+    assert not over[0].any()
 
 
 def test_light_is_lost_in_the_corners_and_away_from_the_lamp():
-    vignetted = renderer(replace(EVEN, vignetting=0.3), colors="white").render(STRAIGHT)[0]
+    vignetted = straight(replace(EVEN, vignetting=0.3), "white")
     y, x = np.mgrid[:ROWS, :COLUMNS] - np.array([(ROWS - 1) / 2, (COLUMNS - 1) / 2])[:, None, None]
     corner = (x**2 + y**2) / (COLUMNS**2 + ROWS**2) * 4
     wanted = 255 * 0.8 * (1 - 0.3 * corner)
-    assert np.abs(vignetted.pixels - wanted[..., None]).max() < ROUNDED
-    uneven = renderer(replace(EVEN, uneven=0.4), colors="white").render(STRAIGHT)[0]
-    light = uneven.pixels[..., 0].astype(float)
+    assert np.abs(vignetted - wanted[..., None]).max() < ROUNDED
+    light = straight(replace(EVEN, uneven=0.4), "white")[..., 0]
     # A slope from full light at the rim near the lamp to 60 % at the other: a plane.
     plane = np.stack([np.ones(x.size), x.ravel(), y.ravel()], axis=1)
     (middle, right, down), *_ = np.linalg.lstsq(plane, light.ravel(), rcond=None)
@@ -378,18 +363,16 @@ def test_light_is_lost_in_the_corners_and_away_from_the_lamp():
 
 
 def test_glare_is_a_spot_of_its_brightness():
-    glare = renderer(replace(EVEN, gain=0.5, glare=0.4)).render(STRAIGHT)[0].pixels.astype(float)
-    without = renderer(replace(EVEN, gain=0.5)).render(STRAIGHT)[0].pixels
-    added = glare[..., 2] - without[..., 2]
+    dim = replace(EVEN, gain=0.5)
+    added = (straight(replace(dim, glare=0.4)) - straight(dim))[..., 2]
     assert added.max() == pytest.approx(255 * 0.5 * 0.4, abs=ROUNDED)
     assert (added > 1).mean() < 0.05
 
 
 def test_blur_spreads_an_edge_by_its_standard_deviation():
     def spread(effects: ChamberEffects) -> float:
-        image = renderer(effects).render(STRAIGHT)[0]
         # The middle rows cross the outline of B at a right angle.
-        rows = image.pixels[ROWS // 2 - 4 : ROWS // 2 + 4, COLUMNS // 2 :, 0].astype(float)
+        rows = straight(effects)[ROWS // 2 - 4 : ROWS // 2 + 4, COLUMNS // 2 :, 0]
         weights = -np.diff(rows.mean(axis=0))
         place = np.arange(len(weights))
         mean = (weights * place).sum() / weights.sum()
@@ -420,8 +403,7 @@ def test_noise_is_that_of_photons_and_of_reading(gain):
 
 
 def test_noise_in_the_dark_is_a_fifth_of_that_at_full_scale():
-    effects = ChamberEffects(gain=0.8, falloff=0.0, noise=0.05)
-    dark = renderer(effects).render(STRAIGHT)[0].pixels[:20, :, 0].astype(float)  # of red: black
+    dark = straight(replace(EVEN, noise=0.05))[:20, :, 0]  # of red: black
     # Half of it is below zero and cut off; the 90th percentile is left.
     assert np.quantile(dark, 0.9) == pytest.approx(0.05 * 255 * 0.2 * 1.2816, abs=0.5)
 
@@ -454,53 +436,35 @@ def test_roll_turns_outlines_by_its_standard_deviation():
     assert np.abs(turned).max() < 1e-9
 
 
-def test_a_lens_that_folds_its_image_is_refused():
-    with pytest.raises(ValueError, match="distortion"):
-        ChamberRenderer(finger(), Endoscope(np.deg2rad(90.0), distortion=-0.3), EVEN)
-
-
 def test_more_rings_than_a_byte_can_number_are_refused():
+    camera = Endoscope(np.pi / 3, columns=COLUMNS, rows=ROWS)
     for number in (0, 86):
         with pytest.raises(ValueError, match="per_region"):
-            ChamberRenderer(finger(), Endoscope(np.deg2rad(60.0)), EVEN, per_region=number)
-    most = ChamberRenderer(finger(), Endoscope(np.deg2rad(60.0)), EVEN, per_region=85)
-    posture = Posture(jnp.zeros(1), jnp.zeros(1), jnp.zeros((1, 255)))
-    pixels = most.render(posture)[0].pixels
-    assert pixels[240, 320].max() < pixels[240, 260].max()  # the top, the last to be painted
+            ChamberRenderer(finger(), camera, EVEN, per_region=number)
+    most = ChamberRenderer(finger(), camera, EVEN, per_region=85, angles=32)
+    row = most.render(postures((0, 0, 0), per_region=85))[0].pixels[120]
+    assert row[160].max() < row[130].max()  # the top, the last to be painted
 
 
 def test_a_camera_that_is_mounted_askew_stays_so():
     camera = Endoscope(np.deg2rad(60.0))
-    posture = Posture(jnp.zeros(1), jnp.zeros(1), jnp.zeros((1, 60)))
-    straight, askew = (
-        ChamberRenderer(finger(), one, EVEN).render(posture)[0].outlines[0].mean(axis=0)
+    ahead, askew = (
+        ChamberRenderer(finger(), one, EVEN).render(STRAIGHT)[0].outlines[0].mean(axis=0)
         for one in (camera, camera.turned(np.array([0.1, 0.0]), 0.0))
     )
     # Turned to the right by 0.1, the camera images what was ahead at a tangent to its left.
     shift = float(camera.focal_px) * np.tan(0.1)
-    assert straight[0] - askew[0] == pytest.approx(shift, rel=0.05)
-    assert askew[1] == pytest.approx(straight[1], abs=1e-6)
-
-
-@pytest.mark.parametrize("pointing", [0.6, 1.2])
-def test_a_camera_turned_beyond_what_is_followed_is_refused(pointing):
-    camera = Endoscope(np.deg2rad(60.0)).turned(np.array([pointing, 0.0]), 0.0)
-    with pytest.raises(ValueError, match="turned"):
-        ChamberRenderer(finger(), camera, EVEN)
+    assert ahead[0] - askew[0] == pytest.approx(shift, rel=0.05)
+    assert askew[1] == pytest.approx(ahead[1], abs=1e-6)
 
 
 def test_frames_are_the_same_from_several_threads():
-    renderer = ChamberRenderer(finger(), Endoscope(np.deg2rad(60.0)), TYPICAL, seed=(3, 1))
-    bends = jnp.linspace(0.0, 1.5, 4)
-    postures = Posture(bends, jnp.ones(4), jnp.zeros((4, 60)))
-    one_by_one = [
-        jax.tree.map(lambda leaf, i=i: leaf[i : i + 1], postures) for i in range(len(bends))
-    ]
+    several = renderer(TYPICAL, seed=(3, 1))
+    one_by_one = [take(MANY, i, i + 1) for i in range(4)]
     with ThreadPoolExecutor(4) as pool:
-        threaded = pool.map(renderer.render, one_by_one, range(4))
-        for image, (other,) in zip(renderer.render(postures), threaded, strict=True):
-            np.testing.assert_array_equal(image.pixels, other.pixels)
-            np.testing.assert_array_equal(image.outlines, other.outlines)
+        threaded = list(pool.map(several.render, one_by_one, range(4)))
+    for image, (other,) in zip(several.render(take(MANY, 0, 4)), threaded, strict=True):
+        assert_same(image, other)
 
 
 def test_single_precision_is_good_to_a_hundredth_of_a_pixel():
