@@ -22,8 +22,10 @@ from tests.perception.proprioception.toy import (
     ERRORS,
     FOCAL,
     LIMITS,
+    MADE,
     MODEL,
     NOISE,
+    POSE,
     corners_of,
     differences,
     frame,
@@ -33,8 +35,6 @@ from tests.perception.proprioception.toy import (
 )
 
 NONE = np.zeros(ERRORS)
-MADE = np.array([0.8, -1.1, 0.6, -0.5])
-POSE = np.array([0.7, 0.4])
 MIDDLE = np.array([320.0, 240.0])
 EXACT = 1e-6
 """Angles that are as good as unknown draw an answer to the guess by far less, rad."""

@@ -31,6 +31,10 @@ NOISE = 0.3
 """Standard deviation of a column and of a row, px."""
 
 FOCAL = 150.0
+MADE = np.array([0.8, -1.1, 0.6, -0.5])
+"""Errors of a finger."""
+
+POSE = np.array([0.7, 0.4])
 
 
 class Toy(eqx.Module):
