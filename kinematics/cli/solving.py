@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,10 +17,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.errors import UserError
+from designopt.io.csv_text import csv_text, numbers_text
 from designopt.io.files import check_figure_ending, check_targets, replaced_when_complete
 from designopt.io.ranges import grid_of, single_values
 from designopt.solution import Solution
-from kinematics.cli.table import Solved, columns_of, table_at, table_text
 from kinematics.io.reading import read_linkage
 from kinematics.model.linkage import Linkage
 from kinematics.solve.limits import find_limits
@@ -61,6 +63,88 @@ class Request:
     figure: Path | None = None
     animation: Path | None = None
     force: bool = False
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Some of the poses, with everything that was computed of them.
+
+    Attributes:
+        asked: inputs as asked for, in degrees or mm, shape (poses, inputs).
+        inputs: the same in radians or mm.
+        poses: the poses.
+        velocity: first derivatives; none if neither rates nor accelerations were asked for.
+        acceleration: second derivatives; none if accelerations were not asked for.
+        transmission: their transmission.
+    """
+
+    asked: np.ndarray
+    inputs: np.ndarray
+    poses: Solution[Pose]
+    velocity: Rates | None
+    acceleration: Rates | None
+    transmission: Transmission
+
+
+def columns_of(linkage: Linkage, solved: Solved) -> dict[str, np.ndarray]:
+    """Columns by name, one entry per pose; NaN stands for an empty cell.
+
+    Inputs in degrees or mm, ``ok``, ``margin`` (mm), ``closure`` (mm), positions (mm), angles
+    (degrees), rates (mm/s, rad/s and so on), transmission angles (degrees).
+    """
+    ok = np.asarray(solved.poses.ok)
+    columns = {name: solved.asked[:, i] for i, name in enumerate(linkage.input_names)}
+    columns["ok"] = ok.astype(int)
+    columns["margin"] = np.asarray(solved.poses.margin)
+    columns["closure"] = _where(ok, np.asarray(solved.poses.residual * linkage.size()))
+    pose = solved.poses.value
+    joints = [name for name in linkage.structure.joints if name in pose.joints]
+    bodies = [body.name for body in linkage.structure.bodies if body.name in pose.bodies]
+    for name in joints:
+        columns[f"{name}.x"] = _where(ok, pose.joints[name].x)
+        columns[f"{name}.y"] = _where(ok, pose.joints[name].y)
+    for name in bodies:
+        columns[f"{name}.angle_deg"] = _where(ok, np.rad2deg(pose.angle(name)))
+    for rates, letter, turn in (
+        (solved.velocity, "v", "omega"),
+        (solved.acceleration, "a", "alpha"),
+    ):
+        if rates is None:
+            continue
+        for name in joints:
+            columns[f"{name}.{letter}x"] = _where(ok, rates.joints[name].x)
+            columns[f"{name}.{letter}y"] = _where(ok, rates.joints[name].y)
+        for name in bodies:
+            columns[f"{name}.{turn}"] = _where(ok, rates.bodies[name])
+    for name, angle in solved.transmission.angles.items():
+        columns[f"{name}.mu_deg"] = _where(ok, np.rad2deg(angle))
+    return columns
+
+
+def _where(ok: np.ndarray, values: object) -> np.ndarray:
+    return np.where(ok, np.broadcast_to(np.asarray(values), ok.shape), np.nan)
+
+
+def table_text(columns: dict[str, np.ndarray], *, head: bool) -> str:
+    """Rows as CSV, by their columns, below the columns' names if there is to be a head."""
+    return (csv_text([columns]) if head else "") + numbers_text(list(columns.values()))
+
+
+@contextmanager
+def table_at(target: str) -> Iterator[Callable[[str], object]]:
+    """What writes a table's text, to standard output for ``-``; a file appears when it is complete.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
+    if target == "-":
+        yield sys.stdout.write
+        return
+    with (
+        replaced_when_complete(Path(target)) as partial,
+        partial.open("w", encoding="utf-8", newline="") as stream,
+    ):
+        yield stream.write
 
 
 def print_plan(file: Path, of: Sequence[str] | None) -> None:
@@ -219,7 +303,7 @@ def _draw(linkage: Linkage, request: Request, tally: Tally) -> list[str]:
     from kinematics.plot.motion_figures import motion_figure
 
     inputs = np.concatenate(tally.inputs)
-    poses = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *tally.poses)
+    poses = jax.tree.map(lambda *leaves: np.concatenate(leaves), *tally.poses)
     if not np.any(np.asarray(poses.ok)):
         return ["nothing is drawn: no pose to show can be assembled"]
     if request.figure is not None:
