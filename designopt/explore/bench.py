@@ -6,6 +6,7 @@ Like everything that is drawn, a bench knows Matplotlib's figures and nothing of
 from __future__ import annotations
 
 import abc
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -54,6 +55,11 @@ class Reading:
     name: str
     value: float | None
     unit: str = ""
+
+
+def number_text(value: float | None) -> str:
+    """A reading's value to six significant digits; a dash where there is none."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.6g}"
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,8 @@ from jaxtyping import Float
 from matplotlib.transforms import Bbox, ScaledTranslation, Transform, TransformedBbox
 from matplotlib.widgets import Button, Slider
 
-from designopt.explore.bench import Knob, Reading
+from designopt.explore.bench import Knob, Reading, number_text
 from designopt.explore.painting import Painter, Patch
-from designopt.explore.words import number_text
 from designopt.plot.figures import PALETTE
 from designopt.plot.quick_text import QuickText
 

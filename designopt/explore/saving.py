@@ -45,8 +45,7 @@ def save_specs(specs: Sequence[SpecFile], folder: Path) -> list[Path]:
     paths = numbered(folder, [spec.name for spec in specs])
     with _all_or_none(paths) as partials:
         for spec, partial in zip(specs, partials, strict=True):
-            content = spec.content
-            partial.write_bytes(content.encode() if isinstance(content, str) else content)
+            partial.write_bytes(spec.data)
     return paths
 
 

@@ -24,12 +24,11 @@ from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from designopt.errors import UserError
-from designopt.explore.bench import Bench, Reading
+from designopt.explore.bench import Bench, Reading, number_text
 from designopt.explore.face import DPI, HEIGHT, WIDTH
 from designopt.explore.frames import SIDE, Pixels, change, pixels_of, png
 from designopt.explore.messages import LONGEST, Message, PixelRatio, Pointer, Signal, read_message
 from designopt.explore.window import Window
-from designopt.explore.words import number_text
 
 ADDRESS = "127.0.0.1"
 HOSTS = (ADDRESS, "localhost")

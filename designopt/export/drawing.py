@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from typing import Literal, NamedTuple
 
 Place = tuple[float, float]
@@ -102,7 +102,15 @@ def round_down(value: float) -> float:
     return float(f"{figure}e{decade}")
 
 
-def unused_name(stem: str, taken: Container[str]) -> str:
-    """The stem, or with the first number from 2 on that makes it a name that is not taken."""
+def unused_name(
+    stem: str, taken: Container[str], written: Callable[[str], str] = lambda name: name
+) -> str:
+    """The stem, or with the first number from 2 on that makes it a name that is not taken.
+
+    Args:
+        stem: the name that is wanted.
+        taken: names that there are.
+        written: how these are written, such as `str.lower` where a format ignores case.
+    """
     numbered = (f"{stem}_{number}" for number in itertools.count(2))
-    return next(name for name in itertools.chain([stem], numbered) if name not in taken)
+    return next(name for name in itertools.chain([stem], numbered) if written(name) not in taken)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import itertools
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -15,7 +14,7 @@ from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 from ezdxf.layouts.layout import Modelspace
 
-from designopt.export.drawing import Drawing, LinearDimension
+from designopt.export.drawing import Drawing, LinearDimension, unused_name
 from designopt.export.layout import Paper, coded, draw_paper
 from designopt.export.line_styles import THIN, line_styles_of
 from designopt.export.placing import Clutter, readable
@@ -77,9 +76,7 @@ def _add_layers(document: DxfDocument, sheet: Drawing) -> Mapping[str, str]:
     names = {}
     for name, look in line_styles_of(sheet.layers).items():
         stem = "".join("_" if char in FORBIDDEN else char for char in name)
-        numbered = (f"{stem}_{number}" for number in itertools.count(2))
-        choices = itertools.chain([stem], numbered)
-        names[name] = next(choice for choice in choices if choice.lower() not in taken)
+        names[name] = unused_name(stem, taken, str.lower)
         taken.add(names[name].lower())
         document.layers.add(
             names[name],

@@ -28,3 +28,8 @@ class SpecFile:
     name: str
     title: str
     content: str | bytes
+
+    @property
+    def data(self) -> bytes:
+        """What is written."""
+        return self.content.encode() if isinstance(self.content, str) else self.content

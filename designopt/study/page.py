@@ -26,17 +26,6 @@ LARGEST_FILE = 300_000
 """Bytes of a figure in a report: a larger drawing is shown by its pixels, which are compressed."""
 
 
-PRECISION_COLUMNS = (
-    "method",
-    "setting",
-    "error",
-    "seconds",
-    "seconds_low",
-    "seconds_high",
-    "compile_seconds",
-)
-
-
 class RunRecord(NamedTuple):
     """How a study was run, beside what it found.
 
@@ -96,7 +85,7 @@ def measurements(results: Results) -> list[Measurement]:
             f"{benchmark.timing(study)}"
         )
         caption = f"Error against run time; reference: {study.reference}"
-        table = _table("precision", caption, study.rows, *PRECISION_COLUMNS, workload="panel")
+        table = _table("precision", caption, study.rows, workload="panel")
         parts.append(Measurement("Error against run time", lead, study.claims, [figure], [table]))
     if results.stability:
         figure = Figure(
@@ -130,10 +119,11 @@ def measurements(results: Results) -> list[Measurement]:
     return parts
 
 
-def _table(name: str, title: str, rows: Sequence[Any], *columns: str, **renamed: str) -> Table:
-    """Rows of a dataclass: columns under another name, then those named, by default all."""
-    named = columns or [field.name for field in dataclasses.fields(rows[0])]
-    fields = renamed | {column: column for column in named}
+def _table(name: str, title: str, rows: Sequence[Any], **renamed: str) -> Table:
+    """Rows of a dataclass: columns under another name, then the others but for single samples."""
+    left_out = {*renamed.values(), "samples"}
+    named = [field.name for field in dataclasses.fields(rows[0])]
+    fields = renamed | {column: column for column in named if column not in left_out}
     cells = [[getattr(row, field) for field in fields.values()] for row in rows]
     return Table(name, title, list(fields), cells)
 

@@ -61,7 +61,7 @@ class Records:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A column, shape (rows,)."""
-        parts = self._columns[name]
+        parts = self._columns[name] if self._columns else [np.zeros(0, object)]
         if len(parts) > 1:
             parts[:] = [np.concatenate(parts)]
         return parts[0]
@@ -116,9 +116,9 @@ class Records:
             KeyError: there is no such statistic, or no such column.
         """
         measure, column = what.split()
-        values = np.zeros(0) if not self._columns else np.asarray(self[column], float)
+        values = np.asarray(self[column], float)
         if measure in ("count", "sum"):
-            return len(values) if measure == "count" else float(np.sum(values))
+            return len(values) if measure == "count" else np.asarray(np.sum(self[column])).item()
         if measure in ("share", "defined"):
             counted = values if measure == "share" else np.isfinite(values)
             return float(np.mean(counted)) if len(counted) else float("nan")

@@ -24,7 +24,7 @@ from designopt.plot import figures
 from designopt.progress import step_display
 from designopt.study.page import RunRecord, measurements, render_report
 from designopt.study.result_folders import cannot_write, result_folder, write_document
-from designopt.study.results import Metric, PrecisionRow, Results, Table
+from designopt.study.results import Metric, PrecisionRow, Results
 from designopt.study.settings import spec_of_tables
 from designopt.study.study import Context, Study, load_study
 
@@ -139,14 +139,14 @@ def write_results(record: RunRecord, results: Results, folder: Path) -> None:
     for name in ("tables", "figures"):
         (folder / name).mkdir()
     for table in tables:
-        _write_table(table, folder / "tables" / f"{table.name}.csv")
+        text = csv_text([table.columns, *table.rows])
+        (folder / "tables" / f"{table.name}.csv").write_text(text, encoding="utf-8", newline="")
     for figure in drawn:
         figures.save(figure.drawing, folder / "figures", figure.name)
     if results.specs:
         (folder / "specs").mkdir()
     for spec in results.specs:
-        content = spec.content.encode() if isinstance(spec.content, str) else spec.content
-        (folder / "specs" / spec.name).write_bytes(content)
+        (folder / "specs" / spec.name).write_bytes(spec.data)
     precision = results.precision
     document = {
         "format": FORMAT,
@@ -166,10 +166,6 @@ def write_results(record: RunRecord, results: Results, folder: Path) -> None:
     page = render_report(record, results, measured, folder)
     (folder / "report.html").write_text(page, encoding="utf-8")
     write_document(folder, _strict(document))
-
-
-def _write_table(table: Table, path: Path) -> None:
-    path.write_text(csv_text([table.columns, *table.rows]), encoding="utf-8", newline="")
 
 
 def _metric(metric: Metric) -> dict[str, Any]:

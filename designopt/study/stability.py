@@ -18,7 +18,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import mpmath
@@ -82,9 +82,9 @@ def assess(family: Family, dtypes: Sequence[str]) -> list[StabilityRow]:
         inputs = cases.astype(dtype)
         with jax.enable_x64(dtype == "float64"):
             gradients, solved = solve(inputs)
-            parts = (solved.value, solved.ok, gradients, solved.margin, solved.residual)
-            answers = _Answers(*map(np.asarray, parts))
-        rows.append(_judge(family, dtype, inputs, answers))
+            answers = jax.device_get((gradients, solved.value, solved.margin, solved.residual))
+            ok = np.asarray(solved.ok)
+        rows.append(_judge(family, dtype, inputs, ok, answers))
     return rows
 
 
@@ -99,43 +99,30 @@ def _gradient_and_solution(
     return jax.jit(jax.vmap(jax.grad(value_and_solution, has_aux=True)))
 
 
-class _Answers(NamedTuple):
-    values: np.ndarray
-    ok: np.ndarray
-    gradients: np.ndarray
-    margins: np.ndarray
-    residuals: np.ndarray
-
-
 def _judge(
-    family: Family,
-    dtype: str,
-    inputs: np.ndarray,
-    answers: _Answers,
+    family: Family, dtype: str, inputs: np.ndarray, ok: np.ndarray, answers: Sequence[np.ndarray]
 ) -> StabilityRow:
+    """The row of a family; the answers are gradients, values, margins and residuals."""
     rounding = float(np.finfo(dtype).eps)
     failures = infeasible = 0
     worst = worst_gradient = worst_relative = 0.0
-    for case, value, ok, gradient in zip(
-        inputs, answers.values.tolist(), answers.ok, answers.gradients, strict=True
-    ):
+    for case, found, gradient, value in zip(inputs, ok, *answers[:2], strict=True):
         with mpmath.workdps(DIGITS):
             exact = {
                 name: mpmath.mpf(float(x)) for name, x in zip(family.inputs, case, strict=True)
             }
             feasible = bool(family.exact_margin(**exact) > 0)
             infeasible += not feasible
-            if not (feasible and ok):
-                failures += feasible != bool(ok)
+            if not (feasible and found):
+                failures += feasible != bool(found)
                 continue
-            error, gradient_error, relative_error = _errors(family, exact, value, gradient)
+            error, gradient_error, relative_error = _errors(family, exact, float(value), gradient)
         worst, worst_gradient = max(worst, error), max(worst_gradient, gradient_error)
         worst_relative = max(worst_relative, relative_error)
         failures += (
             error > VALUE_TOLERANCE * rounding or gradient_error > GRADIENT_TOLERANCE * rounding
         )
-    numbers = (answers.values, answers.gradients, answers.margins, answers.residuals)
-    non_finite = sum(int(np.sum(~np.isfinite(part))) for part in numbers)
+    non_finite = sum(int(np.sum(~np.isfinite(part))) for part in answers)
     return StabilityRow(
         case=family.case,
         dtype=dtype,
@@ -150,10 +137,7 @@ def _judge(
 
 
 def _errors(
-    family: Family,
-    case: Mapping[str, Any],
-    value: float,
-    gradient: np.ndarray,
+    family: Family, case: Mapping[str, Any], value: float, gradient: np.ndarray
 ) -> tuple[float, float, float]:
     point = list(case.values())
 

@@ -16,7 +16,7 @@ from typing import Any
 from designopt.errors import UserError
 from designopt.io.checksums import checksum_holds, with_checksum
 from designopt.io.files import remove_partials, replaced_when_complete
-from designopt.study.result_folders import check_replaceable, recover_result
+from designopt.study.result_folders import cannot_write, check_replaceable, recover_result
 from designopt.sweep.outcomes import Outcome, from_json, to_json
 
 DEFINITION = "sweep.json"
@@ -41,7 +41,7 @@ def only_one(path: Path) -> Iterator[None]:
         path.mkdir(parents=True, exist_ok=True)
         place = os.open(path, os.O_RDONLY)
     except OSError as error:
-        raise _cannot_write(path, error) from error
+        raise cannot_write(path, error) from error
     try:
         try:
             fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -94,7 +94,7 @@ class Folder:
                 self._forget(names)
             _write(path / DEFINITION, with_checksum(definition))
         except OSError as error:
-            raise _cannot_write(path, error) from error
+            raise cannot_write(path, error) from error
 
     def _forget(self, names: set[str]) -> None:
         """Remove another sweep's points, unless there is a file that it did not write.
@@ -203,10 +203,6 @@ def _own_point(path: Path) -> dict[str, Any] | None:
 def _set_aside(path: Path) -> None:
     names = (path.with_name(f"{path.name}.other-{n}") for n in itertools.count(1))
     path.rename(next(name for name in names if not os.path.lexists(name)))
-
-
-def _cannot_write(path: Path, error: OSError) -> UserError:
-    return UserError(f"--out {path}: cannot be written ({error.strerror}); name a folder that can")
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -12,14 +12,15 @@ from designopt import as_float, safe_arctan2, safe_divide, safe_quadratic_roots,
 moderate = st.floats(-1e6, 1e6).filter(lambda x: abs(x) > 1e-6)
 
 
+quotient = jax.jit(jax.value_and_grad(lambda n, d: safe_divide(n, d)[0], argnums=(0, 1)))
+arctan2 = jax.jit(safe_arctan2)
+roots_of = jax.jit(safe_quadratic_roots)
+
+
 @given(numerator=moderate, denominator=moderate)
 def test_division_is_division_in_value_and_slope(numerator, denominator):
-    def quotient(n, d):
-        return safe_divide(n, d)[0]
-
-    arguments = jnp.asarray(numerator), jnp.asarray(denominator)
-    np.testing.assert_allclose(quotient(*arguments), numerator / denominator, rtol=1e-15)
-    slopes = jax.grad(quotient, argnums=(0, 1))(*arguments)
+    value, slopes = quotient(numerator, denominator)
+    np.testing.assert_allclose(value, numerator / denominator, rtol=1e-15)
     np.testing.assert_allclose(slopes, [1 / denominator, -numerator / denominator**2], rtol=1e-14)
 
 
@@ -30,12 +31,9 @@ def test_division_is_division_in_value_and_slope(numerator, denominator):
 )
 def test_division_beyond_the_range_is_reported(dtype, numerator, denominator):
     with jax.enable_x64(dtype == "float64"):
-        n, d = (
-            jnp.asarray(min(x, float(jnp.finfo(dtype).max)), dtype)
-            for x in (numerator, denominator)
-        )
-        value, valid = safe_divide(n, d)
-        slopes = jax.grad(lambda n, d: safe_divide(n, d)[0], argnums=(0, 1))(n, d)
+        n, d = np.minimum([numerator, denominator], np.finfo(dtype).max).astype(dtype)
+        _, valid = jax.jit(safe_divide)(n, d)
+        value, slopes = quotient(n, d)
         assert np.all(np.isfinite([value, *slopes]))
         # float64 holds 1/1e-30 and its slope.
         assert bool(valid) == (dtype == "float64" and denominator == 1e-30)
@@ -71,7 +69,7 @@ def test_square_root_has_finite_slopes_of_several_orders_where_it_is_zero(dtype)
 
 @given(y=moderate, x=moderate)
 def test_arctan2_is_the_plain_one(y, x):
-    np.testing.assert_allclose(safe_arctan2(jnp.asarray(y), jnp.asarray(x)), np.arctan2(y, x))
+    np.testing.assert_allclose(arctan2(y, x), np.arctan2(y, x))
 
 
 def test_arctan2_at_the_origin_is_finite():
@@ -82,7 +80,7 @@ def test_arctan2_at_the_origin_is_finite():
 @given(first=moderate, second=moderate, lead=moderate)
 def test_quadratic_roots_are_those_it_was_made_of(first, second, lead):
     coefficients = [lead, -lead * (first + second), lead * first * second]
-    roots, exist, discriminant = safe_quadratic_roots(*map(jnp.asarray, coefficients))
+    roots, exist, discriminant = roots_of(*coefficients)
     found = sorted(root for root, real in zip(roots.tolist(), exist.tolist(), strict=True) if real)
     if abs(first - second) > 1e-4 * max(abs(first), abs(second)):
         assert float(discriminant) > 0
@@ -96,6 +94,9 @@ def test_quadratic_keeps_the_small_root():
     np.testing.assert_allclose(sorted(roots.tolist()), [1e-8, 1e8], rtol=1e-15)
 
 
+root_slopes = jax.jit(jax.jacrev(lambda *c: safe_quadratic_roots(*c)[0], argnums=(0, 1, 2)))
+
+
 @pytest.mark.parametrize(
     ("coefficients", "expected"),
     [
@@ -107,12 +108,11 @@ def test_quadratic_keeps_the_small_root():
     ],
 )
 def test_degenerate_quadratics_are_finite(coefficients, expected):
-    arguments = tuple(map(jnp.asarray, coefficients))
-    roots, exist, discriminant = safe_quadratic_roots(*arguments)
+    roots, exist, discriminant = map(np.asarray, roots_of(*coefficients))
     assert roots[exist].tolist() == expected
     assert np.all(np.isfinite(roots))
     assert float(discriminant) >= -1
-    slopes = jax.jacrev(lambda *c: safe_quadratic_roots(*c)[0], argnums=(0, 1, 2))(*arguments)
+    slopes = root_slopes(*coefficients)
     assert np.all(np.isfinite(slopes))
 
 

@@ -14,6 +14,9 @@ METHODS = get_args(RootMethod)
 NEEDS_DEFAULT_FLOAT = ("dogleg", "levenberg-marquardt")
 
 
+found_by = jax.jit(find_root, static_argnums=0, static_argnames=("method", "bracket"))
+
+
 def cubic(y, a):
     """One real root for a > 0: y³ + a y = 1 has y(a) with dy/da = −y / (3y² + a)."""
     return y**3 + a * y - 1
@@ -27,8 +30,8 @@ def true_root(a: float) -> float:
 @pytest.mark.parametrize("method", METHODS)
 def test_root_margin_and_residual(method, dtype):
     with jax.enable_x64(dtype == "float64"):
-        a = jnp.asarray(2.0, dtype)
-        found = find_root(cubic, jnp.asarray(0.7, dtype), a, method=method, bracket=(-1, 2))
+        guess, a = np.asarray([0.7, 2.0], dtype)
+        found = found_by(cubic, guess, a, method=method, bracket=(-1, 2))
         assert bool(found.ok), found.messages()
         assert found.value.dtype == dtype
     # The residual's slope is about 2.6, so its tolerance of 8 units bounds the root's error.
@@ -43,11 +46,13 @@ def test_derivative_is_the_implicit_one(method):
     def root(a):
         return find_root(cubic, jnp.asarray(0.7), a, method=method, bracket=(-1, 2)).value
 
-    a = jnp.asarray(2.0)
     y = true_root(2.0)
     expected = -y / (3 * y**2 + 2)
-    np.testing.assert_allclose(jax.grad(root)(a), expected, rtol=1e-9)
-    np.testing.assert_allclose((root(a + 1e-5) - root(a - 1e-5)) / 2e-5, expected, rtol=1e-6)
+    (_, high, low), (slope, *_) = jax.jit(jax.vmap(jax.value_and_grad(root)))(
+        np.array([2.0, 2.0 + 1e-5, 2.0 - 1e-5])
+    )
+    np.testing.assert_allclose(slope, expected, rtol=1e-9)
+    np.testing.assert_allclose((high - low) / 2e-5, expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -74,20 +79,17 @@ def test_a_flat_residual_fails_with_finite_derivative():
     def root(a):
         return find_root(lambda y, a: 0 * y + a, jnp.asarray(0.5), a).value
 
-    assert np.isfinite(root(jnp.asarray(1.0)))
-    assert np.isfinite(jax.grad(root)(jnp.asarray(1.0)))
+    assert np.all(np.isfinite(jax.jit(jax.value_and_grad(root))(1.0)))
 
 
 def test_a_falling_residual_is_bisected_too():
-    found = find_root(lambda y, _: 1 - y, jnp.asarray(0.0), method="bisection", bracket=(0, 3))
+    found = found_by(lambda y, _: 1 - y, jnp.asarray(0.0), method="bisection", bracket=(0, 3))
     assert bool(found.ok)
     np.testing.assert_allclose(found.value, 1.0, rtol=1e-11)
 
 
 def test_a_tolerance_below_rounding_is_raised_to_it():
-    steps = jnp.asarray(2.0)
-    found = find_root(cubic, jnp.asarray(0.7), steps, tolerance=0.0)
-    assert bool(found.ok)
+    assert bool(found_by(cubic, jnp.asarray(0.7), jnp.asarray(2.0), tolerance=0.0).ok)
 
 
 @pytest.mark.parametrize("method", ["bisection", "jaxopt-bisection"])
@@ -105,6 +107,6 @@ def test_methods_that_mix_float_types_say_so(method):
 
 @pytest.mark.parametrize("method", ["newton", "chord", "jaxopt-gauss-newton"])
 def test_a_residual_outside_its_domain_is_reported_and_stays_finite(method):
-    found = find_root(lambda y, _: jnp.sqrt(y) + 0.1, jnp.asarray(0.5), method=method)
+    found = found_by(lambda y, _: jnp.sqrt(y) + 0.1, jnp.asarray(0.5), method=method)
     assert not bool(found.ok)
     assert all(np.isfinite(part) for part in (found.value, found.margin, found.residual))

@@ -10,9 +10,9 @@ import pytest
 from PIL import Image
 
 from designopt.designs import load_design
+from designopt.explore.bench import number_text
 from designopt.explore.face import HEIGHT
 from designopt.explore.window import OPTIMISE, PICTURE, RESET, SPEC
-from designopt.explore.words import number_text
 from kinematics import read_linkage, solve_poses
 from tests.designopt.explore.hands import Hands, on_button, on_track, served
 

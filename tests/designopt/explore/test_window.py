@@ -9,9 +9,9 @@ import pytest
 from matplotlib.backend_bases import ResizeEvent
 from PIL import Image
 
+from designopt.explore.bench import number_text
 from designopt.explore.face import DPI, HEIGHT, WIDTH, round_step, stops, with_unit
 from designopt.explore.window import OPTIMISE, PICTURE, RESET, SPEC, STOP
-from designopt.explore.words import number_text
 from designopt.plot.quick_text import QuickText
 from designopt.plot.ruling import Ruling
 from tests.designopt.explore import toy

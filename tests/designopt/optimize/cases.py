@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -136,6 +137,15 @@ def case(name: str, dtype: str = "float64") -> Case:
         unit,
         entry.get("multipliers", {}),
     )
+
+
+def inside(problem: Problem, parameters: Any) -> bool:
+    """Whether parameters are within a problem's bounds."""
+    between = jax.tree.map(
+        lambda low, at, high: bool(np.all((low <= at) & (at <= high))),
+        *(jax.device_get(part) for part in (problem.lower, parameters, problem.upper)),
+    )
+    return all(jax.tree.leaves(between))
 
 
 def rosenbrock(*limits: float) -> Problem:

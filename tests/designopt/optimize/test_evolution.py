@@ -3,7 +3,6 @@
 import itertools
 from types import SimpleNamespace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from designopt.optimize import Evaluation, Problem, run_differential_evolution
 from designopt.optimize import reference_solvers as references
 from designopt.optimize.reference_solvers import EQUALITY
-from tests.designopt.optimize.cases import case
+from tests.designopt.optimize.cases import case, inside
 
 
 @pytest.fixture(autouse=True)
@@ -30,13 +29,7 @@ def checked(evolution, problem, generations):
     assert np.all(evolution.violation >= 0)
     at = problem.terms(evolution.parameters)
     np.testing.assert_allclose(evolution.objective[-1], at.value, rtol=1e-12)
-    inside = jax.tree.map(
-        lambda low, x, high: bool(jnp.all((low <= x) & (x <= high))),
-        problem.lower,
-        evolution.parameters,
-        problem.upper,
-    )
-    assert all(jax.tree.leaves(inside))
+    assert inside(problem, evolution.parameters)
 
 
 def test_max_min_as_it_is():

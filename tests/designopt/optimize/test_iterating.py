@@ -16,38 +16,26 @@ from designopt.optimize import (
     make_epigraph_starts,
     minimize,
 )
-from tests.designopt.optimize.cases import apart, case, rosenbrock
+from tests.designopt.optimize.cases import apart, case, inside, rosenbrock
 
 POINT = 1e-3
 """A minimum is flat: its place is known to the square root of its value."""
 
 
-def inside(problem, parameters):
-    between = jax.tree.map(
-        lambda low, at, high: bool(jnp.all((low <= at) & (at <= high))),
-        problem.lower,
-        parameters,
-        problem.upper,
-    )
-    return all(jax.tree.leaves(between))
-
-
 def solved(problem, start, *, steps=5, updates=60):
     """All iterates, each checked for what every one of them promises."""
-    return checked(Iteration(problem, steps=steps), problem, start, updates)
-
-
-def checked(iteration, problem, start, updates=60):
+    iteration = Iteration(problem, steps=steps)
     iterates = list(iteration.run(start, problem.data, updates=updates))
+    evaluate = jax.jit(lambda *given: problem.terms(*given))
     assert [one.done for one in iterates[:-1]] == [False] * (len(iterates) - 1)
     assert iterates[-1].done
     assert iterates[-1].converged or len(iterates) == updates
     for one in iterates:
         assert inside(problem, one.parameters)
-        terms = problem.terms(one.parameters, *problem.data)
+        terms = evaluate(one.parameters, *problem.data)
         np.testing.assert_allclose(one.objective, terms.value, rtol=1e-12, atol=1e-15)
-        unmet = [-jnp.min(part) for part in terms.inequalities.values()]
-        unmet += [jnp.max(jnp.abs(part)) for part in terms.equalities.values()]
+        unmet = [-np.min(part) for part in terms.inequalities.values()]
+        unmet += [np.max(np.abs(part)) for part in terms.equalities.values()]
         np.testing.assert_allclose(one.violation, max([0.0, *map(float, unmet)]), atol=1e-12)
     return iterates
 
