@@ -118,6 +118,13 @@ def _halve(
     return jax.lax.fori_loop(0, HALVINGS, halved, (inside, outside))[0]
 
 
+@partial(jax.jit, static_argnames="dimensions")
+def _shaped(
+    linkage: Linkage, distances: Float[Array, " distances"], dimensions: Dimensions
+) -> Linkage:
+    return dimensions.linkage(linkage, distances)
+
+
 @dataclass(frozen=True)
 class Edge:
     """An end of what an input can do.
@@ -264,7 +271,7 @@ class SweepEvaluator:
 
     def shaped(self, distances: np.ndarray) -> Linkage:
         """The linkage with these distances, mm."""
-        return self.dimensions.linkage(self.linkage, jnp.asarray(distances, float))
+        return _shaped(self.linkage, distances, self.dimensions)
 
     def warm_up(self, distances: np.ndarray, inputs: np.ndarray) -> None:
         """Compile what only a sweep with a limit runs, so that the first one is as fast."""

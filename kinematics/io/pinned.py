@@ -11,12 +11,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.io.spec_files import FORMAT
-from designopt.vectors import Vector, vector
+from designopt.vectors import vector
 from kinematics.io.assembling import Configuration, Dimensions
 from kinematics.io.assembly_mode import group_sines
-from kinematics.io.writer import input_tables, spring_tables
-from kinematics.model.linkage import Line, Link, Linkage, ReferenceConfiguration, Spring
+from kinematics.io.writer import sketch_tables
+from kinematics.model.linkage import (
+    Line,
+    Link,
+    Linkage,
+    ReferenceConfiguration,
+    Spring,
+    direction_of,
+)
 from kinematics.model.topology import WORLD, Structure
 from kinematics.solve.plan import make_plan
 
@@ -53,10 +59,7 @@ def pinned_linkage(
 
     def link(name: str, names: Sequence[str]) -> Link:
         step = steps[name]
-        length = step.length()
-        apart = length > 0
-        inverse = jnp.where(apart, 1 / jnp.where(apart, length, 1.0), 0.0)
-        along = Vector(jnp.where(apart, step.x * inverse, 1.0), step.y * inverse)
+        length, along = step.length(), direction_of(step)
         rest = [(at[j] - at[names[0]]).turned(along.conjugate()).stacked() for j in names[2:]]
         return Link(length, jnp.stack(rest) if rest else jnp.zeros((0, 2), length.dtype))
 
@@ -95,17 +98,11 @@ def pinned_tables(
         joints: place of every joint, mm; plain numbers, which come back as they are.
         springs: one for every pair of bodies in the structure.
     """
-    tables: dict[str, Any] = {
-        "linkage": {"name": structure.name, "format": FORMAT},
-        "joints": {name: np.asarray(joints[name], float).tolist() for name in structure.joints},
-        "bodies": {
-            body.name: {"joints": list(body.joints), **({"fixed": True} if body.fixed else {})}
-            for body in structure.bodies
-        },
-        "inputs": input_tables(structure),
-        "springs": spring_tables(structure, springs),
+    bodies = {
+        body.name: {"joints": list(body.joints), **({"fixed": True} if body.fixed else {})}
+        for body in structure.bodies
     }
-    return {name: table for name, table in tables.items() if table}
+    return sketch_tables(structure, joints, bodies, springs)
 
 
 def assembly_signs(structure: Structure, joints: Mapping[str, np.ndarray]) -> tuple[int, ...]:

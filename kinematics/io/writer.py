@@ -15,6 +15,7 @@ from designopt.errors import UserError
 from designopt.io.files import replaced_when_complete
 from designopt.io.spec_files import FORMAT
 from designopt.io.toml_writing import format_toml
+from kinematics.model.assembled import own_places
 from kinematics.model.linkage import Linkage, Spring
 from kinematics.model.topology import WORLD, BodyPart, Structure
 from kinematics.solve.poses import solve_poses
@@ -40,22 +41,51 @@ def linkage_tables(linkage: Linkage) -> dict[str, Any]:
         if not bool(found.ok):
             raise UserError(f"{structure.name}: it cannot be written: {found.messages()[0]}")
         pose = found.value
-    joints = {name: [float(at.x), float(at.y)] for name, at in pose.joints.items()}
-    anchors = np.asarray(linkage.anchors, float).tolist()
+    anchors = np.asarray(linkage.anchors, float)
+    joints = {name: np.array([at.x, at.y], float) for name, at in pose.joints.items()}
     joints |= dict(zip(structure.fixed_joints, anchors, strict=True))
+    bodies = {body.name: _body(linkage, body) for body in structure.bodies}
+    sliders = [
+        _slider(linkage, index, joints, pose.bodies) for index in range(len(structure.sliders))
+    ]
+    return sketch_tables(structure, joints, bodies, linkage.springs, sliders)
+
+
+def sketch_tables(
+    structure: Structure,
+    joints: Mapping[str, Any],
+    bodies: Mapping[str, Any],
+    springs: Sequence[Spring],
+    sliders: Sequence[Any] = (),
+) -> dict[str, Any]:
+    """The tables of a linkage's file.
+
+    Args:
+        structure: who is joined to whom.
+        joints: place of every joint, mm; plain numbers.
+        bodies: their tables by name.
+        springs: one for every pair of bodies in the structure.
+        sliders: their tables.
+    """
     tables: dict[str, Any] = {
         "linkage": {"name": structure.name, "format": FORMAT},
-        "joints": {name: joints[name] for name in structure.joints},
-        "bodies": {body.name: _body(linkage, body) for body in structure.bodies},
-        "sliders": [_slider(linkage, index, joints, pose.bodies) for index in _sliders(linkage)],
-        "inputs": input_tables(structure),
-        "springs": spring_tables(structure, linkage.springs),
+        "joints": {name: np.asarray(joints[name], float).tolist() for name in structure.joints},
+        "bodies": bodies,
+        "sliders": list(sliders),
+        "inputs": _input_tables(structure),
+        "springs": [
+            {
+                "between": list(between),
+                "stiffness": float(spring.stiffness),
+                "preload": float(spring.preload),
+            }
+            for between, spring in zip(structure.springs, springs, strict=True)
+        ],
     }
     return {name: table for name, table in tables.items() if table}
 
 
-def input_tables(structure: Structure) -> list[dict[str, Any]]:
-    """``[[inputs]]`` of a linkage's file."""
+def _input_tables(structure: Structure) -> list[dict[str, Any]]:
     tables: list[dict[str, Any]] = []
     joints: list[str | None] = [slider.joint for slider in structure.sliders]
     for part in structure.inputs:
@@ -66,18 +96,6 @@ def input_tables(structure: Structure) -> list[dict[str, Any]]:
             table["relative_to"] = part.relative_to
         tables.append(table)
     return tables
-
-
-def spring_tables(structure: Structure, springs: Sequence[Spring]) -> list[dict[str, Any]]:
-    """``[[springs]]`` of a linkage's file, one for every pair of bodies in the structure."""
-    return [
-        {
-            "between": list(between),
-            "stiffness": float(spring.stiffness),
-            "preload": float(spring.preload),
-        }
-        for between, spring in zip(structure.springs, springs, strict=True)
-    ]
 
 
 def format_linkage(linkage: Linkage) -> str:
@@ -119,28 +137,21 @@ def write_linkage(linkage: Linkage, path: str | Path) -> None:
         partial.write_text(text, encoding="utf-8")
 
 
-def _sliders(linkage: Linkage) -> range:
-    return range(len(linkage.structure.sliders))
-
-
 def _body(linkage: Linkage, body: BodyPart) -> dict[str, Any]:
     table: dict[str, Any] = {"joints": list(body.joints)}
     if body.fixed:
         return table | {"fixed": True}
-    link = linkage.links[body.name]
-    places = np.zeros((len(body.joints), 2))
-    places[1, 0] = link.length
-    places[2:] = link.places
+    pairs = itertools.combinations(own_places(linkage, body).items(), 2)
     lengths = {
-        f"{body.joints[i]}-{body.joints[j]}": float(np.hypot(*(places[j] - places[i])))
-        for i, j in itertools.combinations(range(len(body.joints)), 2)
-        if i < ENOUGH
+        f"{first}-{second}": abs(end - start)
+        for (first, start), (second, end) in pairs
+        if first in body.joints[:ENOUGH]
     }
     return table | {"lengths": lengths}
 
 
 def _slider(
-    linkage: Linkage, index: int, joints: Mapping[str, list[float]], bodies: Mapping[str, Any]
+    linkage: Linkage, index: int, joints: Mapping[str, np.ndarray], bodies: Mapping[str, Any]
 ) -> dict[str, Any]:
     part, line = linkage.structure.sliders[index], linkage.lines[index]
     point, angle = complex(*np.asarray(line.point, float)), float(line.angle)

@@ -7,8 +7,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from designopt.numerics import safe_divide
 from designopt.vectors import Vector, rotation, vector
 from kinematics.model.topology import WORLD, Structure
+
+
+def direction_of(step: Vector) -> Vector:
+    """The unit vector along a step; +x, without derivative, for the zero vector."""
+    inverse, apart = safe_divide(jnp.ones_like(step.x), step.length())
+    return Vector(jnp.where(apart, step.x * inverse, 1.0), step.y * inverse)
 
 
 class Link(eqx.Module):
@@ -130,11 +137,7 @@ class Linkage(eqx.Module):
         if len(joints) == 1:
             one = jnp.ones_like(self.anchors[..., 0, 0])
             return Vector(one, jnp.zeros_like(one))
-        step = self.anchor(joints[1]) - self.anchor(joints[0])
-        length = step.length()
-        apart = length > 0
-        inverse = jnp.where(apart, 1 / jnp.where(apart, length, 1.0), 0.0)
-        return Vector(jnp.where(apart, step.x * inverse, 1.0), step.y * inverse)
+        return direction_of(self.anchor(joints[1]) - self.anchor(joints[0]))
 
     def place(self, body: str, joint: str) -> Vector:
         """Coordinates of a joint in the frame of its body (`WORLD`: relative to `origin`), mm."""
