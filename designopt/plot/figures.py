@@ -135,11 +135,12 @@ def angle_ticks(last_deg: float, most: int = 4) -> np.ndarray:
 def label_plainly(axis: Axis) -> None:
     """Label a logarithmic axis in plain numbers, not in powers of ten.
 
-    At 1, 2 and 5 of every decade; where it spans less than one, at a few round numbers. Call it
-    when the axis has its limits.
+    At 1, 2 and 5 of every decade; where it spans less than one, at a few round numbers, and where
+    it spans three or more, at decades. Call it when the axis has its limits.
     """
     low, high = axis.get_view_interval()
-    few, usual = MaxNLocator(6, steps=[1, 2, 5, 10]), LogLocator(subs=(1, 2, 5))
+    few = MaxNLocator(6, steps=[1, 2, 5, 10])
+    usual = LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1,))  # too many would be none
     axis.set_major_locator(few if high < 10 * low else usual)
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())

@@ -128,9 +128,11 @@ def test_ticks_of_angles(last, most, ticks):
     assert angle_ticks(last, most).tolist() == ticks
 
 
-@pytest.mark.parametrize("limits", [(0.03, 4), (4.3, 9.2), (470, 800), (2e-16, 5e-16), (1, 1e4)])
+@pytest.mark.parametrize(
+    "limits", [(0.03, 4), (4.3, 9.2), (470, 800), (2e-16, 5e-16), (1, 2e4), (1e-8, 1)]
+)
 def test_a_logarithmic_axis_has_several_plain_numbers(limits):
-    drawing, grid = new_figure()
+    drawing, grid = new_figure(height=2.0)
     axis = grid[0, 0].yaxis
     grid[0, 0].set(yscale="log", ylim=limits)
     label_plainly(axis)
