@@ -92,9 +92,7 @@ def _interrupt_main_thread() -> None:
 
 
 @contextmanager
-def _handled_by(
-    action: Callable[[int, FrameType | None], None],
-) -> Iterator[dict[int, Any]]:
+def _handled_by(action: Callable[[int, FrameType | None], None]) -> Iterator[dict[int, Any]]:
     """Let signals do something else; yields what handled them before, by their number."""
 
     def handle(number: int, frame: FrameType | None) -> None:

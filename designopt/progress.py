@@ -73,10 +73,7 @@ def point_display(
         TextColumn("left"),
     )
     with Progress(
-        *columns,
-        console=console,
-        disable=not console.is_terminal,
-        speed_estimate_period=REMEMBERED,
+        *columns, console=console, disable=not console.is_terminal, speed_estimate_period=REMEMBERED
     ) as progress:
         task = progress.add_task("", total=total, completed=done, failed=failed)
 

@@ -151,12 +151,7 @@ def first_state(flat: Flat, inner: Inner, start: Point, updates: int) -> State:
 
 
 def updated(
-    flat: Flat,
-    inner: Inner,
-    state: State,
-    point: Point,
-    count: Int[Array, ""],
-    tolerance: float,
+    flat: Flat, inner: Inner, state: State, point: Point, count: Int[Array, ""], tolerance: float
 ) -> State:
     """The next state: multipliers updated after one inner solve.
 

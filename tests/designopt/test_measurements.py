@@ -3,6 +3,7 @@
 import os
 import threading
 import time
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -98,9 +99,8 @@ def test_one_core_holds_every_thread_and_lets_go():
         with one_core() as pinned:
             assert pinned
             assert len(os.sched_getaffinity(ids[0])) == 1
-            assert {
-                one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"
-            } == {1}
+            threads = [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]
+            assert set(threads) == {1}
             assert os.sched_getaffinity(ids[0]) == os.sched_getaffinity(0)
         assert os.sched_getaffinity(ids[0]) == before
     finally:
@@ -159,6 +159,11 @@ def test_precision_figure_has_a_panel_per_workload_and_a_line_per_method():
     assert [record[:3] for record in table.rows] == [["a", "m", ""], ["a", "n", ""], ["b", "n", ""]]
 
 
+def successful(value, margin):
+    code = Outcome.where(margin == margin, Outcome.successful, Outcome.negative)
+    return Solution(value, margin, jnp.zeros_like(margin), code)
+
+
 def good_root(x):
     safe = jnp.where(x > 0, x, 1.0)
     result = Outcome.where(x > 0, Outcome.successful, Outcome.negative)
@@ -166,34 +171,25 @@ def good_root(x):
 
 
 def wrong_gradient(x):
-    found = good_root(x)
-    # The value stays, the slope doubles.
-    doubled = 2 * found.value - jax.lax.stop_gradient(found.value)
-    return Solution(doubled, found.margin, found.residual, found.result)
+    value = good_root(x).value
+    # It stays, and its slope doubles.
+    return replace(good_root(x), value=2 * value - jax.lax.stop_gradient(value))
 
 
 def off_by_a_millionth(x):
-    found = good_root(x)
-    return Solution(found.value * (1 + 1e-6), found.margin, found.residual, found.result)
+    return replace(good_root(x), value=good_root(x).value * (1 + 1e-6))
 
 
 def never_fails(x):
-    return Solution(
-        jnp.sqrt(jnp.abs(x)),
-        x,
-        jnp.zeros_like(x),
-        Outcome.where(x == x, Outcome.successful, Outcome.negative),
-    )
+    return successful(jnp.sqrt(jnp.abs(x)), x)
 
 
 def not_a_number(x):
-    found = good_root(x)
-    return Solution(jnp.sqrt(x), found.margin, found.residual, found.result)
+    return replace(good_root(x), value=jnp.sqrt(x))
 
 
 def nan_called_ok(x):
-    found = good_root(x)
-    return Solution(jnp.where(x > 1, jnp.nan, found.value), x, found.residual, found.result)
+    return replace(good_root(x), value=jnp.where(x > 1, jnp.nan, good_root(x).value))
 
 
 def family(solve):
@@ -227,19 +223,12 @@ def test_a_bad_solver_is_found_out(solve, failures, non_finite):
 
 
 def test_an_input_of_zero_is_still_judged():
-    def square(x, y):
-        return Solution(
-            x * y,
-            x + 1,
-            jnp.zeros_like(x),
-            Outcome.where(x == x, Outcome.successful, Outcome.negative),
-        )
+    inputs = {"x": np.array([0.0]), "y": np.array([2.0])}
+    for fault, failures in ((0.0, 0), (1e-3, 1)):
 
-    def bad(x, y):
-        return Solution(x * y + 1e-3 * x, x + 1, jnp.zeros_like(x), square(x, y).result)
+        def solve(x, y, fault=fault):
+            return successful(x * y + fault * x, x + 1)
 
-    for solve, failures in ((square, 0), (bad, 1)):
-        inputs = {"x": np.array([0.0]), "y": np.array([2.0])}
         zero = Family("zero", inputs, solve, lambda x, y: x * y, lambda x, y: x + 1)
         [found] = assess(zero, ("float64",))
         assert found.failures == failures

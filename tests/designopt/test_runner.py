@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import pytest
 
 from designopt import Results, Study, UserError
-from designopt.study.runner import result_folder, run
+from designopt.study.runner import run
 from tests.designopt.plugin import SQUARE, SquareSpec
 
 
@@ -57,29 +57,18 @@ def test_an_existing_folder_is_not_touched(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
-def test_force_replaces_an_earlier_result(tmp_path):
-    run_square(tmp_path / "out")
-    run_square(tmp_path / "out", side=4.0, force=True)
-    document = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
-    assert document["metrics"]["area_mm2"]["value"] == 16.0
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
-
-
-def test_force_never_removes_what_the_run_did_not_write(tmp_path):
-    out = tmp_path / "out"
-    run_square(out)
-    (out / "tables" / "thesis.csv").write_text("mine")
-    before = sorted(path.name for path in out.rglob("*"))
-    with pytest.raises(UserError, match=r"tables/thesis\.csv is not of the earlier result"):
-        run_square(out, force=True)
-    assert sorted(path.name for path in out.rglob("*")) == before
-
-
-@pytest.mark.parametrize("path", ["n1/n2/" + 300 * "x", "loop/x", "file/x"])
-def test_odd_paths_are_one_line_and_leave_nothing(tmp_path, path):
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("n1/n2/" + 300 * "x", "--out"),
+        ("loop/x", "--out"),
+        ("file/x", r"--out .*file/x: cannot be written \(File exists: .*file\)"),
+    ],
+)
+def test_odd_paths_are_one_line_and_leave_nothing(tmp_path, path, words):
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     (tmp_path / "file").write_text("")
-    with pytest.raises(UserError, match="--out"):
+    with pytest.raises(UserError, match=words):
         run_square(tmp_path / path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "loop"]
 
@@ -137,14 +126,6 @@ def test_no_file_of_a_run_overwrites_another(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(
-        UserError, match=r"--out .*file/out: cannot be written \(File exists: .*file\)"
-    ):
-        run_square(tmp_path / "file" / "out")
-
-
 def test_a_full_disk_is_a_users_fault_too(tmp_path, monkeypatch):
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
@@ -153,17 +134,6 @@ def test_a_full_disk_is_a_users_fault_too(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="No space left on device"):
         run_square(tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_made_meanwhile_is_not_overwritten(tmp_path):
-    def write_meanwhile():
-        with result_folder(tmp_path / "out", force=False):
-            (tmp_path / "out").mkdir()
-
-    with pytest.raises(UserError, match="made by somebody else meanwhile"):
-        write_meanwhile()
-    assert list((tmp_path / "out").iterdir()) == []
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])

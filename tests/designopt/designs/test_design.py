@@ -107,17 +107,7 @@ def test_a_study_is_meant_where_a_folder_has_its_name():
 
 
 @pytest.mark.parametrize(
-    "text",
-    [
-        None,
-        "{",
-        "[1, 2]",
-        '{"study": "box"}',
-        '{"spec": {}}',
-        "\xff",
-        "[" * 100_000,
-        "null",
-    ],
+    "text", [None, "{", "[1, 2]", '{"study": "box"}', '{"spec": {}}', "\xff", "[" * 100_000, "null"]
 )
 def test_a_foreign_folder_is_refused(tmp_path, text):
     folder = tmp_path / "foreign"

@@ -102,8 +102,7 @@ def test_published_optima(name, method):
     ("name", "method"),
     [
         pytest.param(
-            *each,
-            marks=pytest.mark.as_users if each == ("hs71", "bfgs") else pytest.mark.nightly,
+            *each, marks=pytest.mark.as_users if each == ("hs71", "bfgs") else pytest.mark.nightly
         )
         for each in itertools.product(SMOOTH, get_args(Method))
     ],

@@ -28,10 +28,7 @@ def test_every_point_has_its_metrics_or_its_reason(installed):
         "bytes": 8,
     }
     assert good.device.startswith("cpu")
-    assert (refused.failure, refused.final) == (
-        "x: a length is not negative; make it larger",
-        True,
-    )
+    assert (refused.failure, refused.final) == ("x: a length is not negative; make it larger", True)
     assert (broken.failure, broken.final) == ("ZeroDivisionError: float division by zero", False)
 
 
