@@ -229,7 +229,6 @@ def used():
     ("platform", "variables", "place"),
     [
         ("linux", {}, ".cache/designopt/programs"),
-        ("linux", {"XDG_CACHE_HOME": "relative"}, ".cache/designopt/programs"),
         ("linux", {"XDG_CACHE_HOME": "{home}/mine"}, "mine/designopt/programs"),
         ("darwin", {}, "Library/Caches/designopt/programs"),
         ("linux", {VARIABLE: "{home}/named"}, "named"),

@@ -1,43 +1,40 @@
 """Progress on a terminal, silence elsewhere."""
 
 import io
+from functools import partial
 
+import pytest
 from rich.console import Console
 
 from designopt.progress import point_display, step_display
 
 
-def shown(terminal: bool) -> str:
+def shown(display, use, terminal: bool) -> str:
     stream = io.StringIO()
     console = Console(file=stream, force_terminal=terminal, width=80)
-    with step_display(console) as step, step("Fitting"):
+    with display(console=console) as found:
+        use(found)
+    return stream.getvalue()
+
+
+def fit(step):
+    with step("Fitting"):
         pass
-    return stream.getvalue()
 
 
-def test_steps_are_shown_on_a_terminal():
-    assert "Fitting" in shown(terminal=True)
+def count(show):
+    show(True)
+    show(False)
 
 
-def test_nothing_is_written_elsewhere():
-    assert shown(terminal=False) == ""
+POINTS = partial(point_display, total=24, done=12, failed=1)
 
 
-def shown_points(terminal):
-    stream = io.StringIO()
-    console = Console(file=stream, force_terminal=terminal, width=80)
-    with point_display(total=24, done=12, failed=1, console=console) as show:
-        show(True)
-        show(False)
-    return stream.getvalue()
-
-
-def test_points_are_counted_on_a_terminal():
-    shown = shown_points(terminal=True)
-    assert "14/24" in shown  # 12 of them before
-    assert "2 failed" in shown
-    assert "left" in shown
-
-
-def test_no_point_is_counted_elsewhere():
-    assert shown_points(terminal=False) == ""
+@pytest.mark.parametrize(
+    ("display", "use", "words"),
+    [(step_display, fit, ["Fitting"]), (POINTS, count, ["14/24", "2 failed", "left"])],
+)
+def test_progress_is_shown_on_a_terminal_and_nowhere_else(display, use, words):
+    written = shown(display, use, terminal=True)
+    assert all(word in written for word in words)
+    assert shown(display, use, terminal=False) == ""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from designopt import Study, UserError
+from designopt import UserError
 from designopt.study import study as study_module
 from tests.designopt.plugin import SQUARE, points
 
@@ -42,9 +42,3 @@ def test_listing_survives_broken_plug_ins(installed):
     assert list(found) == ["absent", "square", "string"]
     assert found["square"] is SQUARE
     assert isinstance(found["absent"], UserError)
-
-
-def test_the_package_offers_its_own():
-    study = study_module.load_study("table1")
-    assert isinstance(study, Study)
-    assert study.name == "table1"

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 from designopt.explore.bench import Bench
 from designopt.explore.face import DPI, HEIGHT, WIDTH, KnobRow
+from designopt.explore.frames import SIDE
 from designopt.explore.window import Window
 from designopt.plot.figures import style
 
@@ -156,3 +157,12 @@ def on_button(window: Window, name: str) -> tuple[float, float]:
     """The middle of a button, pixels from the lower left."""
     box = window.buttons[name].button.ax.bbox
     return float(box.x0 + box.width / 2), float(box.y0 + box.height / 2)
+
+
+def put_squares(
+    picture: np.ndarray, image: np.ndarray, places: list[list[int]], across: int
+) -> None:
+    """Put the squares of an image where they have changed a picture, as a page's script does."""
+    for number, (left, top) in enumerate(places):
+        x, y = number % across * SIDE, number // across * SIDE
+        picture[top : top + SIDE, left : left + SIDE] = image[y : y + SIDE, x : x + SIDE]

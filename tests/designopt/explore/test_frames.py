@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 
 from designopt.explore.frames import SIDE, change, pixels_of, png
+from tests.designopt.explore.hands import put_squares
 
 TALL, WIDE = 2 * SIDE + 7, 3 * SIDE + 5  # no multiples of the squares
 
@@ -20,10 +21,7 @@ def picture(seed):
 def put_together(old, found):
     """What a browser makes of the squares, one by one."""
     new, image = old.copy(), Image.open(io.BytesIO(png(found.pixels))).convert("RGBA")
-    for number, (left, top) in enumerate(found.places.tolist()):
-        x, y = number % found.across * SIDE, number // found.across * SIDE
-        square = image.crop((x, y, x + SIDE, y + SIDE))
-        new[top : top + SIDE, left : left + SIDE] = np.array(square)
+    put_squares(new, np.array(image), found.places.tolist(), found.across)
     return new
 
 
