@@ -114,6 +114,7 @@ def judged(finger: Finger, limits: LimitsSpec) -> Verdict:
     )
     crank = np.unwrap(np.unwrap(crank, axis=1), axis=0)
     crank, plate = crank[0, 0] - crank, np.unwrap(plate[0] - distal[0])
+    crank_range = float(np.rad2deg(np.ptp(crank)))
     by_pip, by_dip = np.diff(crank, axis=0), np.diff(crank, axis=1)
     step = flexion[1] - flexion[0]
     rates = np.asarray(crank_rates(linkage, -jnp.asarray(square)))
@@ -126,7 +127,7 @@ def judged(finger: Finger, limits: LimitsSpec) -> Verdict:
         Check("turn of the crank per PIP", limits.turn, float(np.min(by_pip) / step), ""),
         Check("turn of the crank per DIP", limits.turn, float(np.min(by_dip) / step), ""),
         Check("turn of the plate per DIP", limits.turn, float(np.min(np.diff(plate)) / step), ""),
-        Check("range of the crank", limits.crank_range_deg, np.rad2deg(np.ptp(crank)), "°", False),
+        Check("range of the crank", limits.crank_range_deg, crank_range, "°", False),
         *(
             Check(f"pins {pin_name(a)} and {pin_name(b)} apart", limits.spacing, apart[a, b])
             for a, b in PAIRS
