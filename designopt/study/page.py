@@ -6,7 +6,9 @@ import base64
 import dataclasses
 import io
 import math
-from collections.abc import Callable, Sequence
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -72,60 +74,39 @@ def measurements(results: Results) -> list[Measurement]:
     """The measurements among ``results``: run time, stability and what was left out."""
     parts, study = [], results.precision
     if study:
-        figure = Figure(
-            "precision",
-            "Error against run time",
-            "Each point is one setting of one method at its median run time; the bar spans its "
-            "fastest to slowest repeat. Lower left is better. An error of exactly 0 is drawn at "
-            f"half the least other one, one above {plots.LARGEST_ERROR:g} there.",
-            plots.precision(study),
-        )
-        lead = (
-            f"{study.error[0].upper()}{study.error[1:]}, against {study.reference}. "
-            f"{benchmark.timing(study)}"
-        )
-        caption = f"Error against run time; reference: {study.reference}"
-        table = _table("precision", caption, study.rows, workload="panel")
-        parts.append(Measurement("Error against run time", lead, study.claims, [figure], [table]))
+        error = study.error[0].upper() + study.error[1:]
+        words = {"error": error, "reference": study.reference, "largest": plots.LARGEST_ERROR}
+        table = _table("precision", study.rows, workload="panel")
+        words["timing"] = benchmark.timing(study)
+        parts.append(_measurement(table, words, plots.precision(study), study.claims))
     if results.stability:
-        figure = Figure(
-            "stability",
-            "Worst error in stiff and extreme cases",
-            "Errors are scaled by the conditioning of each case. The dotted lines mark the "
-            "rounding of each float type, below which nothing can be asked; an error far below it "
-            "is drawn at an eighth of it. Inputs are rounded to the float type first, so the "
-            "cases of the two differ.",
-            plots.stability(results.stability),
-        )
-        lead = (
-            "Stiff and extreme cases, each judged against the exact answer for the same "
-            f"floating-point inputs in {stability.DIGITS} digits. A case fails if feasibility "
-            f"is misjudged, if its value is off by more than {stability.VALUE_TOLERANCE:g} "
-            f"units of rounding, or a gradient by more than {stability.GRADIENT_TOLERANCE:g}, "
-            "on the scale of the case's conditioning."
-        )
-        caption = f"Stiff and extreme cases against {stability.DIGITS}-digit arithmetic"
-        table = _table("stability", caption, results.stability)
-        parts.append(Measurement("Stability", lead, [], [figure], [table]))
+        tolerances = {"value": stability.VALUE_TOLERANCE, "gradient": stability.GRADIENT_TOLERANCE}
+        table, words = _table("stability", results.stability), {"digits": stability.DIGITS}
+        parts.append(_measurement(table, words | tolerances, plots.stability(results.stability)))
     if results.left_out:
-        lead = (
-            "Structure is analysed before compiling, so what a scene does not use is never part "
-            "of its program. Operations are those of the optimised program; a loop's body counts "
-            "once."
-        )
-        caption = "Operations in the compiled programs: for this scene, and in general"
-        table = _table("left_out", caption, results.left_out)
-        parts.append(Measurement("What was left out", lead, [], [], [table]))
+        parts.append(_measurement(_table("left_out", results.left_out), {}))
     return parts
 
 
-def _table(name: str, title: str, rows: Sequence[Any], **renamed: str) -> Table:
+def _measurement(
+    table: Table, values: Mapping[str, Any], drawing: Any = None, claims: Sequence[Claim] = ()
+) -> Measurement:
+    """A table and its figure, with their words, in which values are filled."""
+    text = (files("designopt") / "templates" / "measurements.toml").read_text(encoding="utf-8")
+    words = tomllib.loads(text)[table.name]
+    words = {key: part.format(**values) for key, part in words.items()}
+    drawn = [Figure(table.name, words["figure"], words["caption"], drawing)] if drawing else []
+    titled = dataclasses.replace(table, title=words["table"])
+    return Measurement(words["title"], words["lead"], claims, drawn, [titled])
+
+
+def _table(name: str, rows: Sequence[Any], **renamed: str) -> Table:
     """Rows of a dataclass: columns under another name, then the others but for single samples."""
     left_out = {*renamed.values(), "samples"}
     named = [field.name for field in dataclasses.fields(rows[0])]
     fields = renamed | {column: column for column in named if column not in left_out}
     cells = [[getattr(row, field) for field in fields.values()] for row in rows]
-    return Table(name, title, list(fields), cells)
+    return Table(name, "", list(fields), cells)
 
 
 def render_report(
