@@ -1,7 +1,13 @@
-from .formatting import Active, explain_conflict, find_active_set
 from .iterating import Iterate, Iteration
 from .minimizer import Method, Minimizer, Optima, minimize
-from .optimality import FEASIBLE, Optimum, OptimumResult
+from .optimality import (
+    FEASIBLE,
+    Active,
+    Optimum,
+    OptimumResult,
+    explain_conflict,
+    find_active_set,
+)
 from .problem import (
     BOUND,
     EpigraphVariables,
