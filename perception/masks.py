@@ -26,14 +26,6 @@ def global_mask(gray: Gray, threshold: float) -> Mask:
     return cv2.threshold(gray, threshold, 255, cv2.THRESH_BINARY)[1]
 
 
-def otsu_mask(gray: Gray) -> Mask:
-    """What is brighter than the threshold that parts the histogram best.
-
-    Source: N. Otsu, IEEE Trans. Syst. Man Cybern. 9 (1979) 62.
-    """
-    return cv2.threshold(gray, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)[1]
-
-
 def adaptive_mask(gray: Gray, block: int, share: float) -> Mask:
     """What is brighter than a share of the mean of a box around it.
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import ast
-import importlib
 import inspect
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-import perception
+import perception.chamber
+import perception.posture
+import perception.proprioception
 from designopt.errors import UserError
 from perception import (
     PaperRoute,
@@ -25,8 +24,7 @@ from perception import (
     unwarp,
 )
 from perception.chamber import find_points, find_regions
-from perception.lens import Lens
-from perception.matching import View, ViewCatalog
+from perception.matching import ViewCatalog
 from perception.posture import (
     PostureEstimator,
     PostureNetwork,
@@ -37,30 +35,21 @@ from perception.posture import (
     shrink,
     train,
 )
-from perception.quality import Quality
+from tests.perception.drawn import Eye, Pad, exact_view
 
 ROWS, COLUMNS = 24, 32
 COLORED = np.random.default_rng(0).integers(0, 256, (ROWS, COLUMNS, 3), np.uint8)
 GRAY = COLORED[..., 0].copy()
 
-_DOWN, _RIGHT = np.mgrid[:ROWS, :COLUMNS].astype(float)
-LENS = Lens(
-    np.stack([(ROWS / 2 - _DOWN) / 40, (_RIGHT - COLUMNS / 2) / 40], axis=-1),
-    lambda rays: np.stack([40 * rays[:, 1] + COLUMNS / 2, ROWS / 2 - 40 * rays[:, 0]], axis=-1),
-)
-CORNERS = np.array([[8.0, 18.0], [8.0, 6.0], [24.0, 6.0], [24.0, 18.0]])
-VIEW = View(
-    "pad", "direct", 0, Quality.COMPLETE, (True, True), CORNERS, LENS.rays(CORNERS),
-    np.tile(np.eye(2), (4, 1, 1)), 200.0,
-)  # fmt: skip
-CONTOUR = np.round(CORNERS).astype(int)
+EYE = Eye(ROWS, COLUMNS, focal=40.0, pinhole=True)
+LENS = EYE.lens()
+VIEW = exact_view(EYE, Pad((40, -6), (40, 6), width=16.0))
+CONTOUR = np.round(VIEW.corners).astype(int)
 REGIONS = find_regions(COLORED)
 SETTINGS = Training(channels=(2, 2))
 RECORD = TrainingRecord((1.0,), (), (1.0,), 4, (COLUMNS, ROWS), SETTINGS, {})
-ESTIMATOR = PostureEstimator(
-    PostureNetwork((COLUMNS, ROWS), SETTINGS.channels, np.random.default_rng(0)),
-    0.0, 1.0, np.zeros((3, 2)), 1.0, RECORD,
-)  # fmt: skip
+NETWORK = PostureNetwork((COLUMNS, ROWS), SETTINGS.channels, np.random.default_rng(0))
+ESTIMATOR = PostureEstimator(NETWORK, 0.0, 1.0, np.zeros((3, 2)), 1.0, RECORD)
 MARKERS = np.random.default_rng(1).normal(size=(4, 3, 2))
 REFERENCES = References({("pad", "direct"): COLORED})
 
@@ -107,30 +96,25 @@ def refusal(take: Callable[[Any], Any], image: Any) -> str:
     return line
 
 
-def public_functions() -> dict[str, Any]:
-    """All functions and classes that the packages of perception list."""
-    found = {}
-    for stub in Path(perception.__file__).parent.rglob("__init__.pyi"):
-        package = ".".join(["perception", *stub.parent.parts[stub.parts.index("perception") + 1 :]])
-        names = ast.literal_eval(
-            next(n.value for n in ast.parse(stub.read_text()).body if isinstance(n, ast.Assign))
-        )
-        module = importlib.import_module(package.split("perception.perception")[-1] or package)
-        found |= {name: getattr(module, name) for name in names}
-    return found
+def routines(public: Any) -> list[Any]:
+    """A function; of a class its public methods."""
+    own = [public]
+    if inspect.isclass(public):
+        own = [getattr(public, name) for name in vars(public) if name[0] != "_"]
+    return [one for one in own if inspect.isroutine(one)]
 
 
 def test_every_public_function_with_an_image_is_here():
-    """By the names of their parameters, those of their methods too."""
-    taking = set()
-    for name, public in public_functions().items():
-        own = [public]
-        if inspect.isclass(public):
-            own = [getattr(public, method) for method in vars(public) if method[0] != "_"]
-        for function in filter(inspect.isroutine, own):
-            parameters = set(inspect.signature(function).parameters)
-            if parameters & {"image", "images", "picture", "gray", "labels", "boundary"}:
-                taking.add(name)
+    """By the names of their parameters."""
+    images = {"image", "images", "picture", "gray", "labels", "boundary"}
+    packages = (perception, perception.chamber, perception.posture, perception.proprioception)
+    public = {name: getattr(package, name) for package in packages for name in package.__all__}
+    taking = {
+        name
+        for name, one in public.items()
+        for routine in routines(one)
+        if images & set(inspect.signature(routine).parameters)
+    }
     # The rulers' and the meters' labels are joint angles.
     assert taking - {"fit_edges"} == set(TAKING) | set(OF_FLOATS)
 

@@ -10,7 +10,6 @@ from perception.masks import (
     cleaned,
     combined_mask,
     global_mask,
-    otsu_mask,
     seam_mask,
 )
 
@@ -34,18 +33,6 @@ def test_brightness_is_the_brightest_channel():
 @pytest.mark.parametrize("threshold", [0, 99, 99.5, 254])
 def test_the_global_mask_is_what_is_brighter(threshold):
     np.testing.assert_array_equal(global_mask(RANDOM, threshold), 255 * (threshold < RANDOM))
-
-
-def test_no_threshold_parts_a_histogram_better_than_otsus():
-    generator = np.random.default_rng(2)
-    dark, bright = generator.normal(60, 20, 3000), generator.normal(150, 30, 1000)
-    gray = np.clip(np.concatenate([dark, bright]), 0, 255).astype(np.uint8).reshape(50, 80)
-
-    def within(mask: np.ndarray) -> float:
-        return sum(gray[part].size * gray[part].var() for part in (mask, ~mask))
-
-    least = min(within(gray > level) for level in range(gray.min(), gray.max()))
-    assert within(otsu_mask(gray) > 0) <= least * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(("block", "share"), [(5, 0.8), (21, 1.1)])

@@ -1,50 +1,45 @@
 """Edges of drawn pads, and lines through edges against least squares and repeats."""
 
-import functools
-
 import cv2
 import numpy as np
 import pytest
+import scipy.ndimage
 
-from perception.lens import Lens, TangentPlane
+from perception.lens import TangentPlane
 from perception.sides import DEEP, POINTS, SEAM, TRIMMED, Edges, Line, Side, find_edges, fit_lines
 from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, defocused, drawn, rays_of, stored
 
 EYE = Eye()
+LENS = EYE.lens()
 PAD = Pad((20, -14), (22, 12))
 SHARES = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
 SCALE = 150.0
 """Pixels per unit of the tangent plane."""
 
-ROUGH = 0.01 * np.array(
-    [-66, -71, -87, -79, -72, -60, -40, -28, -20, 10, 23, 27, 34, 44, 44, 46, 42, 39, 31, 28, 24,
-     21, 20, 20, 30, 25, 24, 16, 14, 7, 7, 5, -6, 0, -1, 9, 12, 13, 14, 10, 2, -9, -18, -30, -50,
-     -61, -69, -73]
-)  # fmt: skip
+ROUGH = 0.01 * np.fromstring(
+    "-66 -71 -87 -79 -72 -60 -40 -28 -20 10 23 27 34 44 44 46 42 39 31 28 24 21 20 20 30 25 24 16 "
+    "14 7 7 5 -6 0 -1 9 12 13 14 10 2 -9 -18 -30 -50 -61 -69 -73",
+    sep=" ",
+)
 """A rough side as it was rendered, px: its ends lie apart from its middle."""
 
 
-@functools.cache
-def lens() -> Lens:
-    return EYE.lens()
-
-
-def line_of(offsets: np.ndarray, found: np.ndarray | None = None, doubt: float = 0.0) -> Line:
-    """Of offsets in pixels; beside it a side that is straight, which must not matter."""
-    there = np.ones(POINTS, bool) if found is None else found
-    edges = Edges(
-        SHARES,
-        np.stack([offsets / SCALE, 3 * SHARES]),
-        np.full((2, POINTS), SCALE),
-        np.stack([there, np.ones(POINTS, bool)]),
-        np.full(2, 100.0),
-        np.ones(2),
-        np.ones(2),
-        np.array([doubt, 0.0]),
-    )
-    line, beside = fit_lines(edges)
+def lines_of(
+    offsets: np.ndarray, found: np.ndarray | bool = True, doubt: float = 0.0
+) -> list[Line]:
+    """Of sides by offsets in pixels; beside them one that is straight, which must not matter."""
+    rows = np.vstack([offsets / SCALE, 3 * SHARES])
+    there, ones = np.broadcast_to(found, rows.shape).copy(), np.ones(len(rows))
+    there[-1] = True
+    doubts = doubt * (np.arange(len(rows)) < len(rows) - 1)
+    scale = np.full(rows.shape, SCALE)
+    *lines, beside = fit_lines(Edges(SHARES, rows, scale, there, 100 * ones, ones, ones, doubts))
     assert beside.turn == pytest.approx(3)
-    return line
+    return lines
+
+
+def line_of(offsets: np.ndarray, found: np.ndarray | bool = True, doubt: float = 0.0) -> Line:
+    return lines_of(offsets, found, doubt)[0]
 
 
 def sides_of(pad: Pad, moved: float = 0.0) -> tuple[TangentPlane, list[Side]]:
@@ -58,20 +53,11 @@ def sides_of(pad: Pad, moved: float = 0.0) -> tuple[TangentPlane, list[Side]]:
     ]
 
 
-def test_normals_point_out_of_the_view():
-    _, sides = sides_of(PAD)
-    middle = np.mean([side.start for side in sides], axis=0)
-    for side in sides:
-        assert side.outward @ (side.start - middle) > 0
-        assert side.outward @ (side.end - side.start) == pytest.approx(0, abs=1e-12)
-        np.testing.assert_allclose(side.places(np.array([0.0, 1.0])), [side.start, side.end])
-
-
 @pytest.mark.parametrize("pixels", [-4.0, 0.0, 5.0])
 def test_edges_are_found_where_the_pad_ends(pixels):
     light = cv2.GaussianBlur(drawn(EYE, [PAD]), (0, 0), 0.7)
     plane, sides = sides_of(PAD, pixels / EYE.focal)
-    edges = find_edges(stored(light).astype(np.float32), lens(), plane, sides)
+    edges = find_edges(stored(light).astype(np.float32), LENS, plane, sides)
     assert edges.found.all()
     # With the edge well inside, few samples tell how bright the pad is.
     np.testing.assert_allclose(edges.contrast, BRIGHT - DARK, rtol=0.02)
@@ -82,9 +68,9 @@ def test_edges_are_found_where_the_pad_ends(pixels):
     np.testing.assert_allclose(off.mean(axis=1), 0, atol=0.1)
     for side, scale in zip(sides, edges.scale, strict=True):
         places = side.places(edges.shares)
-        at, out = (lens().project(plane.rays(p)) for p in (places, places + 1e-3 * side.outward))
+        at, out = (LENS.project(plane.rays(p)) for p in (places, places + 1e-3 * side.outward))
         np.testing.assert_allclose(scale, np.hypot(*(out - at).T) / 1e-3, rtol=0.01)
-    dark = find_edges(np.full((360, 480), BRIGHT, np.float32), lens(), plane, sides)
+    dark = find_edges(np.full((360, 480), BRIGHT, np.float32), LENS, plane, sides)
     assert not dark.found.any()
     assert dark.contrast.tolist() == [0, 0, 0, 0]
 
@@ -97,7 +83,7 @@ def test_an_edge_that_does_not_fall_to_the_dark_is_doubted(beside):
     looks = [lambda places, level=level: np.full(len(places), level) for level in (BRIGHT, level)]
     plane, sides = sides_of(PAD)
     gray = stored(drawn(EYE, [PAD, other], looks)).astype(np.float32)
-    edges = find_edges(gray, lens(), plane, sides)
+    edges = find_edges(gray, LENS, plane, sides)
     assert edges.doubt[1] == pytest.approx(SEAM * (DEEP - (1 - beside)), abs=0.1)
     assert edges.contrast[1] == pytest.approx((1 - beside) * (BRIGHT - DARK), abs=1)
     assert edges.doubt[[0, 2, 3]].tolist() == [0, 0, 0]
@@ -113,7 +99,7 @@ def test_an_edge_is_as_wide_as_the_spread_of_its_light(spread, quarters, size):
     plane, sides = sides_of(PAD)
     light = drawn(EYE, [PAD])
     gray = stored(spread(light, size) if size else light).astype(np.float32)
-    edges = find_edges(gray, lens(), plane, sides)
+    edges = find_edges(gray, LENS, plane, sides)
     # Pixels, values between them and the mean of three samples spread it by about one pixel.
     np.testing.assert_allclose(edges.width, np.hypot(quarters * size, 1.0), rtol=0.1)
 
@@ -122,7 +108,7 @@ def test_edges_of_other_sides_are_near_at_a_thin_view_s_ends():
     thin = Pad((12, -20), (40, -62))
     plane, sides = sides_of(thin)
     sharp, blurred = (
-        find_edges(defocused(drawn(EYE, [thin]), r).astype(np.float32), lens(), plane, sides)
+        find_edges(defocused(drawn(EYE, [thin]), r).astype(np.float32), LENS, plane, sides)
         for r in (1.0, 3.0)
     )
     assert (blurred.clear < sharp.clear).any()
@@ -142,11 +128,11 @@ def test_a_line_through_good_edges_is_that_of_least_squares():
 
 @pytest.mark.parametrize(("alike", "within"), [(False, 0.3), (True, 0.5)])
 def test_the_variance_of_a_line_is_the_scatter_of_repeats(alike, within):
-    generator, lines = np.random.default_rng(1), []
-    for _ in range(400):
-        rough = generator.normal(0, 0.3, POINTS + 4)
+    rough = np.random.default_rng(1).normal(0, 0.3, (400, POINTS + 4))
+    if alike:
         # How alike neighbours err is estimated from these few; ignored, it would be a fifth.
-        lines.append(line_of(np.convolve(rough, np.ones(5) / 5, "valid") if alike else rough[4:]))
+        rough = scipy.ndimage.uniform_filter1d(rough, 5, axis=1)
+    lines = lines_of(rough[:, 2:-2])
     for share in (0.0, 0.5, 1.0):
         scatter = np.var([line.at(share) for line in lines])
         expected = np.mean([line.variance(share) for line in lines])

@@ -1,4 +1,4 @@
-"""One end's curve against the curve it was made from, and against repeats."""
+"""One end's curve against the curve it was made from, and against repeats; answers in general."""
 
 import math
 
@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from perception.matching import Sighting
-from perception.proprioception import EdgeCurve, EdgeEstimator, fit_edges
+from perception.proprioception import (
+    EdgeCurve,
+    EdgeEstimator,
+    Estimate,
+    fit_edges,
+    make_undefined,
+    select_defined,
+)
 from perception.proprioception.edge import BEYOND, PARABOLA
 from perception.quality import Quality
 from tests.perception.proprioception.toy import missing, sighting_of, view_of
@@ -14,6 +21,7 @@ from tests.perception.proprioception.toy import missing, sighting_of, view_of
 VIEW = ("low", "direct")
 OTHER = ("low", "mirror:low")
 NOISE, LABELS = 0.004, 0.01
+DEVIATIONS = {"label_deviation": LABELS, "edge_deviation": NOISE}
 LOW, HIGH = -0.6, 0.4
 """Labelled section angles of an end, rad."""
 
@@ -34,24 +42,12 @@ def first_end(section: float) -> Sighting:
 
 
 def ruler_of(sections: np.ndarray, labels: np.ndarray) -> EdgeEstimator:
-    return fit_edges(
-        [first_end(float(section)) for section in sections],
-        labels,
-        [VIEW],
-        label_deviation=LABELS,
-        edge_deviation=NOISE,
-    )
+    return fit_edges([first_end(one) for one in sections.tolist()], labels, [VIEW], **DEVIATIONS)
 
 
 @pytest.mark.parametrize(
     ("count", "curve", "terms"),
-    [
-        (2, line, 2),
-        (3, line, 2),
-        (PARABOLA - 1, line, 2),
-        (PARABOLA, parabola, 3),
-        (9, parabola, 3),
-    ],
+    [(2, line, 2), (PARABOLA - 1, line, 2), (PARABOLA, parabola, 3), (9, parabola, 3)],
 )
 def test_exact_frames_give_back_their_curve(count, curve, terms):
     sections = np.linspace(LOW, HIGH, count)
@@ -104,14 +100,11 @@ def full(section: float) -> Sighting:
     )
 
 
-def full_ruler(views: list[tuple[str, str]] | None = None) -> EdgeEstimator:
+def full_ruler(views: tuple[tuple[str, str], ...] = (VIEW, OTHER)) -> EdgeEstimator:
     sections = np.linspace(LOW, HIGH, 7)
+    frames = [full(one) for one in sections.tolist()]
     return fit_edges(
-        [full(float(section)) for section in sections],
-        line(sections),
-        [VIEW, OTHER] if views is None else views,
-        label_deviation=LABELS,
-        edge_deviation=NOISE,
+        frames, line(sections), [VIEW, OTHER] if views is None else views, **DEVIATIONS
     )
 
 
@@ -148,7 +141,7 @@ def test_an_end_that_is_not_seen_or_beyond_its_range_gives_way_to_another():
     ids=["nothing", "missing", "another pad", "cut off at both ends"],
 )
 def test_without_a_labelled_end_there_is_no_angle(sighting):
-    estimate = full_ruler([VIEW]).estimate(sighting)
+    estimate = full_ruler((VIEW,)).estimate(sighting)
     assert not estimate.defined
     assert math.isinf(estimate.deviation)
     assert estimate.reason == "no labelled end is seen"
@@ -160,9 +153,8 @@ def test_a_curve_is_of_the_frames_that_show_its_end_and_have_a_label():
     spoilt = [first_end(float(section)) for section in (*sections, 0.0)]
     spoilt += [sighting_of(missing(*VIEW)), sighting_of(), sighting_of(hidden)]
     labels = np.append(parabola(sections), [np.nan, 5.0, 6.0, 7.0])
-    deviations = {"label_deviation": LABELS, "edge_deviation": NOISE}
     ruler, expected = (
-        fit_edges(spoilt, labels, [VIEW], **deviations),
+        fit_edges(spoilt, labels, [VIEW], **DEVIATIONS),
         ruler_of(sections, labels[:6]),
     )
     for name in ("coefficients", "covariance"):
@@ -191,12 +183,12 @@ def test_through_two_frames_an_angle_errs_as_between_two_points():
 def test_what_is_said_of_an_angle_is_the_scatter_of_repeats(count, curve, asked):
     generator, off = np.random.default_rng(1), []
     sections = np.linspace(LOW, HIGH, count)
-    for _ in range(400):
+    for _ in range(200):
         labels = curve(sections) + generator.normal(0, LABELS, count)
         ruler = ruler_of(sections + generator.normal(0, NOISE, count), labels)
         estimate = ruler.estimate(first_end(asked + generator.normal(0, NOISE)))
         off.append((estimate.angle - float(curve(asked))) / estimate.deviation)
-    # 400 draws know a deviation to 3.5 % (1 σ). With frames to spare the larger of the stated and
+    # 200 draws know a deviation to 5 % (1 σ). With frames to spare the larger of the stated and
     # the found scatter is said, which is too much.
     assert np.sqrt(np.mean(np.square(off))) == pytest.approx(0.97, abs=0.12)
 
@@ -211,3 +203,14 @@ def test_frames_that_scatter_more_than_stated_are_believed_less():
         said.append(estimate.deviation)
     # 200 draws know a deviation to 5 % (1 σ); the end's own noise is a small part of it.
     assert np.mean(said) == pytest.approx(np.std(found), rel=0.15)
+
+
+def test_only_finite_angles_are_defined_and_the_first_of_these_counts():
+    nothing, found = make_undefined("the pad is covered"), Estimate(1e-300, 0.1, "found")
+    assert math.isnan(nothing.angle)
+    assert math.isinf(nothing.deviation)
+    assert (nothing.reason, nothing.defined) == ("the pad is covered", False)
+    for angle, defined in ((math.inf, False), (-math.inf, False), (0.0, True), (1e-300, True)):
+        assert Estimate(angle, 0.1, "found").defined is defined
+    assert select_defined(nothing, found, Estimate(0.0, 0.1, "later")) is found
+    assert select_defined(nothing, make_undefined("later")) is nothing

@@ -216,27 +216,21 @@ def test_the_line_is_that_of_weighted_least_squares(table):
 OFFSET, SCALE, ASKED = 0.03, 1.05, 0.8
 
 
-def repeats(table: GapTable, count: int = 1000) -> list[tuple[GapEstimator, float]]:
-    """Meters from noisy frames and labels, each with one more noisy gap at a known angle."""
-    generator, found = np.random.default_rng(0), []
-    for _ in range(count):
-        gaps = OFFSET + SCALE * table.gap(LABELLED) + generator.normal(0, NOISE, len(LABELLED))
-        labels = LABELLED + generator.normal(0, LABELS, len(LABELLED))
-        meter = calibrated(gaps, labels, table)
-        one = OFFSET + SCALE * float(table.gap(ASKED)) + generator.normal(0, NOISE)
-        found.append((meter, one))
-    return found
-
-
 @both
 def test_what_is_said_of_offset_scale_and_angle_is_the_scatter_of_repeats(table):
-    found = repeats(table)
-    values = np.array([(meter.offset, meter.scale) for meter, _ in found])
-    stated = np.mean([meter.covariance for meter, _ in found], axis=0)
+    """Noisy frames and labels, and one more noisy gap at a known angle."""
+    generator, meters, estimates = np.random.default_rng(0), [], []
+    for _ in range(1000):
+        gaps = OFFSET + SCALE * table.gap(LABELLED) + generator.normal(0, NOISE, len(LABELLED))
+        labels = LABELLED + generator.normal(0, LABELS, len(LABELLED))
+        meters.append(calibrated(gaps, labels, table))
+        one = OFFSET + SCALE * float(table.gap(ASKED)) + generator.normal(0, NOISE)
+        estimates.append(meters[-1].estimate(one))
+    values = np.array([(meter.offset, meter.scale) for meter in meters])
+    stated = np.mean([meter.covariance for meter in meters], axis=0)
     # 1000 draws know a variance to 4.5 % (1 σ); labels weigh as if the scale were 1, not 1.05.
     np.testing.assert_allclose(np.cov(values.T), stated, rtol=0.25)
     np.testing.assert_allclose(values.mean(axis=0), [OFFSET, SCALE], atol=0.002)
-    estimates = [meter.estimate(gap) for meter, gap in found]
     off = np.array([(e.angle - ASKED) / e.deviation for e in estimates])
     # 1000 draws know a deviation to 2.2 %.
     assert np.sqrt(np.mean(off**2)) == pytest.approx(1, abs=0.1)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from perception.matching import View
 from perception.proprioception import Observation, observe, stack_observations
-from perception.proprioception.observation import FLOOR, WORST, inverse_root
+from perception.proprioception.observation import FLOOR, WORST
 from perception.quality import Quality
 from tests.perception.proprioception.toy import VIEWS, missing, sighting_of, view_of
 
@@ -22,22 +22,8 @@ def covariance_of(first: float, second: float, share: float) -> np.ndarray:
     return np.array([[first**2, both], [both, second**2]])
 
 
-def inverse_of(covariance: np.ndarray) -> np.ndarray:
-    (a, b), (c, d) = covariance
-    return np.array([[d, -b], [-c, a]]) / (a * d - b * c)
-
-
 def view_with(covariances: list[np.ndarray], pad: str = "low", path: str = "direct") -> View:
     return dataclasses.replace(view_of(pad, path, (-0.5, -0.1)), covariance=np.stack(covariances))
-
-
-@given(deviation, deviation, correlation)
-def test_the_square_of_an_inverse_root_is_the_inverse(first, second, share):
-    covariance = covariance_of(first, second, share)
-    root, inverse = inverse_root(covariance), inverse_of(covariance)
-    scale = np.sqrt(np.outer(np.diag(inverse), np.diag(inverse)))
-    # The condition number is up to 1e10, of which half the digits of rounding remain.
-    np.testing.assert_allclose((root.T @ root - inverse) / scale, 0, atol=1e-6)
 
 
 @given(
@@ -100,13 +86,9 @@ def test_a_view_with_a_corner_known_very_unevenly_is_not_used(share, used):
 
 
 def test_frames_are_stacked_along_a_first_axis():
-    several = [
-        observe(sighting_of(view_of(*VIEWS[index], (0.1, 0.2))), VIEWS) for index in (0, 1, 3)
-    ]
+    several = [observe(sighting_of(view_of(*VIEWS[i], (0.1, 0.2))), VIEWS) for i in (0, 1, 3)]
     stacked = stack_observations(several)
     assert isinstance(stacked, Observation)
-    assert np.shape(stacked.corners) == (3, 4, 4, 2)
-    assert np.shape(stacked.whitening) == (3, 4, 4, 2, 2)
     assert stacked.seen.tolist() == [[i == index for i in range(4)] for index in (0, 1, 3)]
     for number, one in enumerate(several):
         np.testing.assert_array_equal(np.asarray(stacked.corners)[number], one.corners)
