@@ -41,8 +41,8 @@ def _flat(color: np.ndarray) -> np.ndarray:
 
 def _ellipse(image: np.ndarray, place: np.ndarray, half: np.ndarray, color: np.ndarray, turn=0.0):
     center, axes = (np.round(16 * np.asarray(part)).astype(int).tolist() for part in (place, half))
-    cv2.ellipse(image, center, axes, turn, 0, 360, np.minimum(color, 255).tolist(), -1,
-                cv2.LINE_AA, 4)  # fmt: skip
+    fill = np.minimum(color, 255).tolist()
+    cv2.ellipse(image, center, axes, turn, 0, 360, fill, -1, cv2.LINE_AA, 4)
 
 
 def dead_leaves(random: Random) -> np.ndarray:
@@ -77,48 +77,6 @@ def clouds(random: Random) -> np.ndarray:
     noise = np.moveaxis(noise / noise.std(axis=(1, 2), keepdims=True), 0, -1)
     level = random.uniform(60, 160) + random.uniform(-60, 60, 3)
     return _picture(level + random.uniform(30, 110) * noise, random, 0)
-
-
-def _across(random: Random) -> np.ndarray:
-    """A coordinate in any direction, px."""
-    y, x = np.mgrid[:ROWS, :COLUMNS]
-    turn = random.uniform(0, 2 * np.pi)
-    return x * np.cos(turn) + y * np.sin(turn)
-
-
-def plaid(random: Random) -> np.ndarray:
-    image = np.zeros(SHAPE)
-    for _ in range(random.integers(1, 4)):
-        colors = _colors(random)
-        stripe = np.floor(_across(random) / random.uniform(8, 200)).astype(int)
-        image += colors[stripe % len(colors)] * random.uniform(0.3, 1)
-    return _picture(image, random, 0)
-
-
-def text(random: Random) -> np.ndarray:
-    colors = _colors(random)
-    image = _flat(WALLS[0] if random.random() < 0.5 else colors[0])
-    for _ in range(random.integers(3, 25)):
-        word = "".join(map(chr, random.integers(65, 91, random.integers(1, 9))))
-        place = random.integers([-20, 10], [250, 250]).tolist()
-        color = colors[random.integers(len(colors))].tolist()
-        size, thick = random.uniform(0.5, 6), int(random.integers(1, 20))
-        cv2.putText(image, word, place, cv2.FONT_HERSHEY_SIMPLEX, size, color, thick)
-    return _picture(image, random, 0)
-
-
-def on_black(random: Random) -> np.ndarray:
-    """Coloured discs and letters in the dark."""
-    image = _flat(np.zeros(3))
-    for _ in range(random.integers(3, 12)):
-        color = WALLS[random.integers(3)] * random.uniform(0.3, 1.2)
-        place = random.integers(20, [COLUMNS - 20, ROWS - 20])
-        if random.random() < 0.5:
-            _ellipse(image, place, np.full(2, random.uniform(5, 60)), color)
-        else:
-            letter, size = chr(random.integers(65, 91)), random.uniform(1, 6)
-            cv2.putText(image, letter, place.tolist(), 0, size, color.tolist(), 9)
-    return _picture(image, random, 2)
 
 
 def corners(random: Random) -> np.ndarray:
@@ -182,25 +140,10 @@ def photograph(random: Random) -> np.ndarray:
     return cv2.cvtColor(other, cv2.COLOR_HSV2RGB)
 
 
-def color_wheel(random: Random) -> np.ndarray:
-    y, x = np.mgrid[:ROWS, :COLUMNS] - random.uniform([60, 50], [190, 260])[:, None, None]
-    far = np.hypot(x, y) / random.uniform(60, 250)
-    around = np.arctan2(y, x) / (2 * np.pi) + random.random()
-    hue = 180 * (around if random.random() < 0.5 else far * random.uniform(0.5, 3)) % 180
-    full = far if random.random() < 0.5 else np.full_like(far, random.uniform(0.5, 1))
-    parts = [hue, 255 * np.clip(full, 0, 1), np.full_like(hue, random.uniform(80, 255))]
-    return cv2.cvtColor(np.stack(parts, axis=-1).astype(np.uint8), cv2.COLOR_HSV2RGB)
-
-
-def blobs(random: Random) -> np.ndarray:
-    coarse = random.integers(0, 256, (*random.integers(3, 20, 2), 3), np.uint8)
-    return cv2.resize(coarse, (COLUMNS, ROWS), interpolation=cv2.INTER_CUBIC)
-
-
 KINDS: dict[str, Callable[[Random], np.ndarray]] = {
     make.__name__: make
     for make in (
-        *(dead_leaves, leaves_on_red, clouds, plaid, blobs, color_wheel, text, on_black, corners),
+        *(dead_leaves, leaves_on_red, clouds, corners),
         *(other_orders, side_by_side, crescent, photograph),
     )
 }

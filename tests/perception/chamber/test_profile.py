@@ -220,7 +220,7 @@ def test_a_parabola_is_all_sagitta():
     [(0.25, (0.9, 1.1)), (0.5, (0.8, 1.1)), (1.0, (0.47, 0.53)), (3.0, (0, 0.1))],
 )
 def test_the_cutoff_parts_form_and_roughness(part, left):
-    fine = np.linspace(-200, 200, 1601)
+    fine = np.linspace(-200, 200, 801)
     waves = np.sin(2 * np.pi * fine / (part * CUTOFF))
     found = measure_shape(fine, known(waves))
     assert found is not None
