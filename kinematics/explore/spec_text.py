@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -31,7 +30,7 @@ def spec_text(linkage: Linkage, dimensions: Dimensions, inputs: np.ndarray) -> s
         inputs: of the pose, which is one, rad or mm.
     """
     structure, values = linkage.structure, jnp.asarray(inputs, float)
-    pose = jax.jit(solve_poses)(linkage, values).value
+    pose = solve_poses(linkage, values).value
     springs = [
         replace(spring, preload=spring.preload + jnp.where(abs(turn) > SAME, turn, 0.0))
         for spring, turn in zip(linkage.springs, spring_turns(linkage, pose), strict=True)

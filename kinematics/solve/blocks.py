@@ -5,7 +5,6 @@ Source: A. L. Dulmage, N. S. Mendelsohn, Coverings of bipartite graphs, Canad. J
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 import networkx as nx
@@ -28,8 +27,7 @@ def tie_angles(structure: Structure) -> dict[str, Orientation]:
         if nx.has_path(graph, base, body):
             raise PlanError(
                 f"{name} fixes the angle of '{body}' relative to '{base}', which others fix "
-                "already; remove one of them",
-                (body,),
+                "already; remove one of them"
             )
         graph.add_edge(base, body)
         ties.setdefault(base, []).append((body, turn))
@@ -115,7 +113,10 @@ def find_blocks(
             variables.setdefault(("angle", body.name))
             graph.add_node(("angle", body.name))
     matching = nx.bipartite.hopcroft_karp_matching(graph, equations)
-    _check_matching(structure, graph, equations, list(variables), matching)
+    if any(variable not in matching for variable in variables):
+        raise PlanError("the inputs leave something free to move")
+    if any(equation not in matching for equation in equations):
+        raise PlanError("more is prescribed than can move")
     order: dict[Any, int] = {variable: i for i, variable in enumerate(variables)}
     needs = nx.DiGraph()
     needs.add_nodes_from(order)
@@ -130,35 +131,3 @@ def find_blocks(
         for node in nx.lexicographical_topological_sort(condensed, key=first.__getitem__)
         for members in [set(condensed.nodes[node]["members"])]
     ]
-
-
-def _check_matching(
-    structure: Structure,
-    graph: nx.Graph,
-    equations: list[Any],
-    variables: list[Any],
-    matching: dict[Any, Any],
-) -> None:
-    def bodies_near(start: Iterable[Any]) -> list[str]:
-        # Everything that alternating paths reach from what is left unmatched.
-        seen, pending = set(start), list(start)
-        while pending:
-            node = pending.pop()
-            for near in graph[node]:
-                other = matching.get(near)
-                for reached in (near, other):
-                    if reached is not None and reached not in seen:
-                        seen.add(reached)
-                        if reached == other:
-                            pending.append(reached)
-        names = {node[1] for node in seen if node[0] == "angle"}
-        names |= {node[2] for node in seen if node[0] in "xy" and node[1] == "body"}
-        return [body.name for body in structure.moving if body.name in names]
-
-    free = [variable for variable in variables if variable not in matching]
-    if free:
-        bodies = bodies_near(free)
-        raise PlanError("the inputs leave something free to move", bodies)
-    extra = [equation for equation in equations if equation not in matching]
-    if extra:
-        raise PlanError("more is prescribed than can move", bodies_near(extra))

@@ -75,8 +75,8 @@ def compute_spring_energy(linkage: Linkage, pose: Pose) -> Float[Array, ""]:
         0.0
     """
     total = jnp.zeros_like(linkage.anchors[0, 0])
-    for spring, turn in zip(linkage.springs, spring_turns(linkage, pose), strict=True):
-        total = total + spring.stiffness / 2 * (turn + spring.preload) ** 2
+    for spring, change in zip(linkage.springs, spring_turns(linkage, pose), strict=True):
+        total = total + spring.stiffness / 2 * (change + spring.preload) ** 2
     return total
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from kinematics.model.loops import Loop
@@ -103,8 +102,4 @@ class Plan:
 
 
 class PlanError(ValueError):
-    """The equations do not determine the pose of ``bodies``."""
-
-    def __init__(self, message: str, bodies: Iterable[str] = ()) -> None:
-        super().__init__(message)
-        self.bodies = tuple(bodies)
+    """The equations do not determine the pose, or a name in a plan's targets is unknown."""
