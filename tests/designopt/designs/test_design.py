@@ -138,10 +138,6 @@ def test_a_study_that_designs_nothing_is_refused(tmp_path):
     assert refused(str(result_of(RULER, BoxSpec(), tmp_path / "measured"))) == message
 
 
-def test_an_unknown_study_is_refused():
-    assert refused("bix") == "STUDY: no study is named 'bix'; did you mean 'box'?"
-
-
 def test_a_file_is_read_by_its_kind(tmp_path):
     Path("crate.toml").write_text('[box]\nname = "crate"\n')
     assert load_design("crate.toml") == Design(FILE, Box("crate"))
@@ -166,7 +162,8 @@ def test_a_file_that_is_none_is_refused(text, message):
     assert message in refused("thing.toml")
 
 
-def test_a_name_that_is_too_long_is_refused_like_any_other():
+def test_names_of_nothing_are_refused_however_long():
+    assert refused("bix") == "STUDY: no study is named 'bix'; did you mean 'box'?"
     assert "File name too long" in refused(f"{'x' * 5000}.toml")
     assert "no study is named" in refused("x" * 5000)
 

@@ -39,8 +39,18 @@ PLATE = Drawing(
 )
 
 
-def test_nothing_is_amiss_and_units_are_mm():
-    document = opened(PLATE)
+def bar(start, end):
+    """A line and its dimension."""
+    line, measure = Polyline("bar", [start, end]), LinearDimension(start, end)
+    return Drawing("bar", [Layer("bar", "body")], polylines=[line], dimensions=[measure])
+
+
+@pytest.fixture(scope="module")
+def document():
+    return opened(PLATE)
+
+
+def test_nothing_is_amiss_and_units_are_mm(document):
     audit = document.audit()
     assert not audit.errors
     assert not audit.fixes
@@ -49,16 +59,14 @@ def test_nothing_is_amiss_and_units_are_mm():
     assert document.dxfversion >= "AC1024"  # R2010
 
 
-def test_geometry_is_where_the_sheet_has_it():
-    document = opened(PLATE)
+def test_geometry_is_where_the_sheet_has_it(document):
     space = document.modelspace()
     (line,) = polylines(document, "plate")
     assert [tuple(point) for point in line.get_points("xy")] == list(PLATE.polylines[0].places)
     assert line.closed
     (mirror,) = space.query("LINE[layer=='mirrors']")
-    assert [tuple(mirror.dxf.start)[:2], tuple(mirror.dxf.end)[:2]] == list(
-        PLATE.polylines[1].places
-    )
+    ends = [tuple(mirror.dxf.start)[:2], tuple(mirror.dxf.end)[:2]]
+    assert ends == list(PLATE.polylines[1].places)
     (open_line,) = polylines(document, "axes")
     assert not open_line.closed
     circles = {
@@ -78,8 +86,7 @@ def test_texts_hold_nothing_that_is_read_as_a_code():
     assert [plain_text(text).replace(" ", "") for text in texts] == names
 
 
-def test_layers_differ_by_kind_and_what_is_not_the_design_lies_on_others():
-    document = opened(PLATE)
+def test_layers_differ_by_kind_and_what_is_not_the_design_lies_on_others(document):
     layers = document.layers
     assert layers.get("mirrors").dxf.lineweight > layers.get("plate").dxf.lineweight
     assert layers.get("axes").dxf.linetype != layers.get("plate").dxf.linetype
@@ -108,8 +115,8 @@ def test_layers_keep_their_names_as_far_as_the_format_has_them(names, wanted):
     assert all(name in document.layers for name in wanted)
 
 
-def test_dimensions_measure_what_they_stand_at():
-    found = dimensions(opened(PLATE))
+def test_dimensions_measure_what_they_stand_at(document):
+    found = dimensions(document)
     assert sorted(part.get_measurement() for part in found) == pytest.approx([30, 40, 50], abs=1e-9)
     for part in found:
         assert {part.dxf.layer, part.dxf.dimstyle} == {"dimensions", "SHEET"}
@@ -122,18 +129,11 @@ def test_dimensions_measure_what_they_stand_at():
 
 def test_dimensions_are_as_large_on_paper_as_the_standard_has_them():
     for factor in (1.0, 0.01, 1000.0):
-        sheet = Drawing(
-            "bar",
-            [Layer("bar", "body")],
-            polylines=[Polyline("bar", [(0.0, 0.0), (150.0 * factor, 0.0)])],
-            dimensions=[LinearDimension((0.0, 0.0), (150.0 * factor, 0.0))],
-        )
-        paper = Paper.of(sheet)
+        sheet = bar((0.0, 0.0), (150.0 * factor, 0.0))
+        scale = Paper.of(sheet).scale
         (dimension,) = dimensions(opened(sheet))
-        words = words_of(dimension)
-        assert words.dxf.char_height * paper.scale == pytest.approx(2.5)
-        offset = abs(dimension.dxf.defpoint.y) * paper.scale
-        assert offset == pytest.approx(7.0)
+        assert words_of(dimension).dxf.char_height * scale == pytest.approx(2.5)
+        assert abs(dimension.dxf.defpoint.y) * scale == pytest.approx(7.0)
 
 
 @pytest.mark.parametrize(
@@ -147,10 +147,7 @@ def test_dimensions_are_as_large_on_paper_as_the_standard_has_them():
     ],
 )
 def test_the_view_shows_the_design_at_a_standard_scale(width, scale, words):
-    sheet = Drawing(
-        "bar", [Layer("bar", "body")], polylines=[Polyline("bar", [(7.0, 3.0), (7.0 + width, 3.0)])]
-    )
-    document = opened(sheet)
+    document = opened(bar((7.0, 3.0), (7.0 + width, 3.0))._replace(dimensions=[]))
     space = document.paperspace("Sheet")
     _, view = space.viewports()  # the first stands for the paper itself
     assert view.dxf.height / view.dxf.view_height == pytest.approx(scale, rel=1e-12)
@@ -166,8 +163,7 @@ def test_the_view_shows_the_design_at_a_standard_scale(width, scale, words):
     assert document.header["$INSUNITS"] == 4
 
 
-def test_the_frame_is_made_for_what_belongs_into_it():
-    document = opened(PLATE)
+def test_the_frame_is_made_for_what_belongs_into_it(document):
     space = document.paperspace("Sheet")
     _, view = space.viewports()
     left = view.dxf.view_center_point.x - view.dxf.width / view.get_scale() / 2
