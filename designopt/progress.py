@@ -4,17 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from typing import Any
 
+from rich import progress as bars
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 REMEMBERED = 3600.0
 """Seconds over which the speed is measured, for the time left: points may take minutes."""
@@ -31,12 +24,9 @@ def step_display(
             end, where it is not a terminal.
     """
     console = console or Console(stderr=True)
-    columns = (
-        SpinnerColumn(finished_text="✓"),
-        TextColumn("{task.description}"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+    spinner, elapsed = bars.SpinnerColumn(finished_text="✓"), bars.TimeElapsedColumn()
+    columns = (spinner, "{task.description}", elapsed)
+    with bars.Progress(*columns, console=console, disable=not console.is_terminal) as progress:
 
         @contextmanager
         def step(description: str) -> Iterator[None]:
@@ -64,17 +54,10 @@ def point_display(
         A function that is called once per point with whether it failed.
     """
     console = console or Console(stderr=True)
-    columns = (
-        MofNCompleteColumn(),
-        TextColumn("points"),
-        BarColumn(),
-        TextColumn("{task.fields[failed]} failed"),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-    )
-    with Progress(
-        *columns, console=console, disable=not console.is_terminal, speed_estimate_period=REMEMBERED
-    ) as progress:
+    counted = (bars.MofNCompleteColumn(), "points", bars.BarColumn())
+    columns = (*counted, "{task.fields[failed]} failed", bars.TimeRemainingColumn(), "left")
+    shown: Any = {"disable": not console.is_terminal, "speed_estimate_period": REMEMBERED}
+    with bars.Progress(*columns, console=console, **shown) as progress:
         task = progress.add_task("", total=total, completed=done, failed=failed)
 
         def show(has_failed: bool) -> None:
