@@ -6,22 +6,15 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from perception.blobs import LEAST_AREA, Blob, stable_blobs
+from tests.perception.drawn import BRIGHT, DARK, stored
 
 ROWS, COLUMNS = 540, 720
-DARK, BRIGHT = 12.0, 150.0
 ACROSS, DOWN = np.meshgrid(np.arange(COLUMNS), np.arange(ROWS))
 SEAM = 3
 """A narrow seam of such an image, px."""
 
 PAD = (100, 200)
 BELOW = (200 + SEAM, 320)
-
-
-def seen(light: np.ndarray, *, gain: float = 1.0, noise: float = 0.0) -> np.ndarray:
-    """As a camera stores it, a little blurred."""
-    blurred = gain * cv2.GaussianBlur(light, (0, 0), 0.7)
-    noisy = blurred + noise * np.random.default_rng(0).standard_normal(light.shape)
-    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
 def box(top: int, bottom: int, left: int = 200, right: int = 500) -> np.ndarray:
@@ -32,9 +25,10 @@ def background(level: float = DARK) -> np.ndarray:
     return np.full((ROWS, COLUMNS), level)
 
 
-def found(light: np.ndarray, **options: float) -> list[Blob]:
-    """From the top down."""
-    return sorted(stable_blobs(seen(light, **options)), key=lambda blob: blob.contour[:, 1].min())
+def found(light: np.ndarray, *, gain: float = 1.0, noise: float = 0.0) -> list[Blob]:
+    """From the top down, in an image that is a little blurred."""
+    blobs = stable_blobs(stored(gain * cv2.GaussianBlur(light, (0, 0), 0.7), noise))
+    return sorted(blobs, key=lambda blob: blob.contour[:, 1].min())
 
 
 def check(blobs: list[Blob], *boxes: tuple[int, int], atol: float = 2.0) -> None:
@@ -101,7 +95,7 @@ def test_outline_and_area_stay_within_a_pixel_over_exposures():
 
 @pytest.mark.parametrize(("gray", "noise"), [(0.0, 0.0), (12.0, 0.0), (255.0, 0.0), (40.0, 10.0)])
 def test_an_even_image_has_no_blobs(gray, noise):
-    assert stable_blobs(seen(background(gray), noise=noise)) == []
+    assert found(background(gray), noise=noise) == []
 
 
 def test_specks_are_no_blobs():

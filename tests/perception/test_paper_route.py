@@ -18,14 +18,10 @@ def seen(*pads: Pad) -> np.ndarray:
     return colored(stored(drawn(EYE, pads), noise=1.0))
 
 
-@pytest.mark.parametrize(
-    "pads",
-    [
-        [Pad((20, -14), (24, 12))],
-        [Pad((30, 5), (18, 16))],
-        [Pad((20, -20), (24, -4)), Pad((24, 4), (18, 16))],
-    ],
-)
+TWO = Pad((20, -20), (24, -4)), Pad((24, 4), (18, 16))
+
+
+@pytest.mark.parametrize("pads", [[Pad((20, -14), (24, 12))], [Pad((30, 5), (18, 16))], TWO])
 def test_sharp_corners_of_every_pad_are_found_to_a_few_pixels(pads):
     found = ROUTE.corners(seen(*pads))
     found = sorted(found, key=lambda corners: -corners[:, 1].mean())

@@ -18,13 +18,12 @@ from perception.chamber import (
     find_points,
     find_regions,
 )
+from perception.posture import USABLE
 from studies.bending_direction.frames import TOWARDS
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.spec import ChamberImagesSpec
 
-BENDS_DEG = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 120.0)
-
-NIGHTLY = pytest.mark.nightly
+BENDS_DEG = (0.0, 15.0, 35.0, 60.0, 90.0, 120.0)
 
 STEEP = 4.0
 """A power of the light's falling off at which yellow is a twentieth as bright as red."""
@@ -53,28 +52,17 @@ def points_of(pixels: np.ndarray) -> Points:
     return find_points(pixels, find_regions(pixels))
 
 
-@pytest.mark.parametrize(
-    ("severity", "gain"),
-    [
-        (0.0, 0.4),
-        (2.0, 2.0),
-        pytest.param(2.0, 0.4, marks=NIGHTLY),
-        pytest.param(1.0, 1.0, marks=NIGHTLY),
-    ],
-)
+@pytest.mark.parametrize(("severity", "gain"), [(0.0, 0.4), (2.0, 2.0)])
 def test_every_frame_shows_the_chamber(finger, severity, gain):
     effects = ChamberEffects.graded(severity, gain)
     for towards, pressed in ((0.0, 0.0), (2.0, 3.0), (4.0, -3.0)):
         for image in bent(finger, effects, towards, pressed):
-            assert find_regions(image.pixels).status in (
-                ChamberStatus.CHAMBER,
-                ChamberStatus.NO_YELLOW,
-            )
+            assert find_regions(image.pixels).status in USABLE
 
 
 def test_yellow_is_found_far_in_the_dark(finger):
     effects = replace(ChamberEffects.graded(1.0), falloff=STEEP)
-    for image in bent(finger, effects, 2.0)[:4]:
+    for image in bent(finger, effects, 2.0)[:3]:
         regions = find_regions(image.pixels)
         assert regions.status is ChamberStatus.CHAMBER
         points, (x, y) = find_points(image.pixels, regions), image.outlines[1].T
@@ -88,20 +76,19 @@ def speckled(pixels: np.ndarray, share: float, random: np.random.Generator) -> n
     changed = pixels.copy()
     where = random.random(pixels.shape[:2]) < share
     count = int(where.sum())
-    colors = np.stack([np.zeros((count, 3)), np.full((count, 3), 255),
-                        random.integers(0, 256, (count, 3))])  # fmt: skip
+    any_of = random.integers(0, 256, (count, 3))
+    colors = np.stack([np.zeros_like(any_of), np.full_like(any_of, 255), any_of])
     changed[where] = colors[random.integers(0, 3, count), np.arange(count)]
     return changed
 
 
-@pytest.mark.parametrize("share", [0.1, pytest.param(0.01, marks=NIGHTLY)])
-def test_speckles_turn_no_direction_and_move_no_point(finger, share):
+def test_speckles_turn_no_direction_and_move_no_point(finger):
     effects = replace(ChamberEffects.graded(1.0), falloff=STEEP)
     random = np.random.default_rng(1)
     for truth, towards in TOWARDS.items():
         images = [image.pixels for image in bent(finger, effects, towards)[:-1]]
         clean = [points_of(pixels) for pixels in images]
-        found = [points_of(speckled(pixels, share, random)) for pixels in images]
+        found = [points_of(speckled(pixels, 0.1, random)) for pixels in images]
         for points, usual in zip(found[1:], clean[1:], strict=True):
             assert estimate_bending_direction(points, found[0], use="all") is truth
             across = (points.xy - usual.xy)[np.arange(7), [0, 1, 0, 0, 1, 0, 0]]
