@@ -20,8 +20,8 @@ import mpmath
 import numpy as np
 from jaxtyping import Array, Float
 
-from studies.oracles.scenes import DIGITS, Number, Plain, entries, plain
-from studies.oracles.tracer import followed, number_of
+from studies.oracles.rays import Word, words
+from studies.oracles.scenes import DIGITS, Number, Plain, entries, in_floats, plain
 
 STEP = 1e-20
 """Of the central differences, mm or rad; their error is of the order of its square."""
@@ -29,7 +29,6 @@ STEP = 1e-20
 NEAR = 1e-9
 """A ray ends where it was sent if it meets the pad so near to it, in pad coordinates."""
 
-Word = tuple[int, ...]
 Segment = tuple[Number, Number]
 
 
@@ -70,15 +69,8 @@ def gradient(scene: Any, angles: Float[Array, " joints"]) -> np.ndarray:
 
 
 def _coverage(scene: Plain) -> list[Number]:
-    layout, rounded = scene.layout, scene.rounded()
-    mirrors = range(len(layout.mirrors))
-    words = [
-        word
-        for length in range(layout.bounces + 1)
-        for word in itertools.product(mirrors, repeat=length)
-        if all(a != b for a, b in itertools.pairwise(word))
-    ]
-    views = [_view(scene, word) for word in words]
+    rounded, surfaces = in_floats(scene), scene.surfaces
+    views = [_view(scene, word) for word in words(surfaces.mirrors, scene.bounces)]
     found = []
     for pad in range(len(scene.pads)):
         cuts = {at for view in views for at in _cuts(scene, view, pad) if 0 < at < 1}
@@ -93,8 +85,8 @@ def _view(scene: Plain, word: Word) -> View:
     eye, ahead = (_unfolded(scene, word, z) for z in (scene.camera, scene.camera + scene.axis))
     lines = [(eye, eye + (ahead - eye) * mpmath.expj(k * scene.half)) for k in (-1, 1)]
     for leg in range(len(word) + 1):
-        mirrors = [scene.ends[index] for index in word[max(leg - 1, 0) : leg + 1]]
-        for start, end in scene.ends:
+        mirrors = [scene.surfaces.ends[index] for index in word[max(leg - 1, 0) : leg + 1]]
+        for start, end in scene.surfaces.ends:
             meetings = [at for mirror in mirrors for at in _met((start, end), mirror)]
             places = [start, end, *(start + at * (end - start) for at in meetings)]
             unfolded = [_unfolded(scene, word[leg:], place) for place in places]
@@ -104,10 +96,10 @@ def _view(scene: Plain, word: Word) -> View:
 
 def _cuts(scene: Plain, view: View, pad: int) -> Iterator[Number]:
     """Pad coordinates at which a view may begin or end."""
-    start, end = scene.ends[scene.pads[pad]]
+    start, end = scene.pads[pad]
     for line in view.lines:
         yield from _met((start, end), line)
-    foot, slope = (view.eye - start) / (end - start), mpmath.tan(scene.grazing[pad])
+    foot, slope = (view.eye - start) / (end - start), mpmath.tan(scene.surfaces.grazing[pad])
     if slope:
         yield from (foot.real + k * abs(foot.imag) / slope for k in (-1, 1))
 
@@ -115,7 +107,7 @@ def _cuts(scene: Plain, view: View, pad: int) -> Iterator[Number]:
 def _unfolded(scene: Plain, word: Word, place: Number) -> Number:
     """A place mirrored in one mirror after the other."""
     for index in word:
-        start, end = scene.ends[index]
+        start, end = scene.surfaces.ends[index]
         place = start + (end - start) * mpmath.conj((place - start) / (end - start))
     return place
 
@@ -130,13 +122,14 @@ def _met(segment: Segment, line: Segment) -> Iterator[Number]:
 
 def _seen(scene: Plain, view: View, pad: int, coordinates: np.ndarray) -> np.ndarray:
     """Which points of a pad are seen over a path, in double precision: by rays sent to them."""
-    start, end = scene.ends[scene.pads[pad]]
+    start, end = scene.pads[pad]
     heading = start + coordinates * (end - start) - complex(view.eye)
     for index in reversed(view.word):
-        first, last = scene.ends[index]
+        first, last = scene.surfaces.ends[index]
         heading = (last - first) * np.conj(heading / (last - first))
     heading /= np.abs(heading)
     inside = np.abs(np.angle(heading / scene.axis)) <= scene.half
-    label, along = followed(scene, heading)
-    arrives = (label == number_of(scene, view.word, pad)) & (np.abs(along - coordinates) < NEAR)
+    label, along = scene.follow(heading)
+    number = scene.surfaces.number(view.word, pad)
+    arrives = (label == number) & (np.abs(along - coordinates) < NEAR)
     return inside & arrives

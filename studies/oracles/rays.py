@@ -25,6 +25,10 @@ LIFT = 1e-9
 """A ray from a curved mirror meets it again no nearer than this part of its half chord."""
 
 
+Word = tuple[int, ...]
+"""Indices of the mirrors along a path."""
+
+
 @dataclass(frozen=True)
 class Structure:
     """What all scenes of a batch have in common: mirrors, then pads, then blockers.
@@ -56,14 +60,19 @@ class Structure:
         """
         return slice(4 * len(self.sides), 4 * len(self.sides) + 2)
 
-    def words(self, bounces: int) -> list[tuple[int, ...]]:
-        """Mirrors along every path, shortest paths first; no mirror follows itself."""
-        return [
-            word
-            for length in range(bounces + 1)
-            for word in itertools.product(range(self.mirrors), repeat=length)
-            if all(a != b for a, b in itertools.pairwise(word))
-        ]
+    def words(self, bounces: int) -> list[Word]:
+        """Mirrors along every path (`words`)."""
+        return words(self.mirrors, bounces)
+
+
+def words(mirrors: int, bounces: int) -> list[Word]:
+    """Mirrors along every path, shortest paths first; no mirror follows itself."""
+    return [
+        word
+        for length in range(bounces + 1)
+        for word in itertools.product(range(mirrors), repeat=length)
+        if all(a != b for a, b in itertools.pairwise(word))
+    ]
 
 
 @dataclass(frozen=True)
@@ -194,7 +203,7 @@ def bounds(structure: Structure, fans: Fans, rays: int, bounces: int, between: i
 
 
 def follow(
-    structure: Structure, fans: Fans, turn: np.ndarray, word: tuple[int, ...], pad: int
+    structure: Structure, fans: Fans, turn: np.ndarray, word: Word, pad: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rays over the lines of given mirrors to that of a pad, whatever else is in their way.
 
@@ -293,7 +302,7 @@ class Surfaces(NamedTuple):
     ends: Sequence[tuple[complex, complex]]
     sides: Sequence[int]
     mirrors: int
-    grazing: Sequence[float]
+    grazing: Sequence[Any]
     arcs: Mapping[int, tuple[float, float]]
 
     def number(self, word: Sequence[int], pad: int) -> int:

@@ -22,8 +22,7 @@ from studies.benchmarks.measuring import gradient_error
 from studies.benchmarks.visibility import sampling
 from studies.benchmarks.visibility.cases import REACH_MM, Parts, parts_of, with_parts
 from studies.oracles import coverage as exact
-from studies.oracles.scenes import rounded
-from studies.oracles.tracer import seen_by_fan
+from studies.oracles.scenes import rounded, seen_by_fan
 
 OURS = "exact intervals"
 HARD = "pad points, hard test"

@@ -25,8 +25,7 @@ from studies.benchmarks.measuring import measure, ratio, say_cores, spans
 from studies.benchmarks.visibility import VisibilityPrecisionSpec, cases, grid, tracers
 from studies.benchmarks.visibility import methods as by
 from studies.oracles import coverage as exact
-from studies.oracles.scenes import rounded
-from studies.oracles.tracer import seen_by_fan
+from studies.oracles.scenes import rounded, seen_by_fan
 
 ACCURACY = 5e-4
 """Gradient error at which run times are compared."""

@@ -18,8 +18,7 @@ from optics.visibility.sharpness import find_sharpness
 from optics.visibility.views import Pieces
 from studies.models.finger import Finger
 from studies.models.mirror_design.seeing import together
-from studies.oracles.scenes import rounded
-from studies.oracles.tracer import seen_by_fan
+from studies.oracles.scenes import rounded, seen_by_fan
 
 ROUNDING = 1e-9
 """A smaller part of a pad that is not seen is rounding."""
