@@ -9,8 +9,10 @@ that it meets; if it does not before the tube ends, it meets the top.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
+import jax
 import numpy as np
 
 from optics import Chamber
@@ -63,16 +65,11 @@ class Tube:
 
     @classmethod
     def of(cls, chamber: Chamber) -> Tube:
-        height, fall = float(chamber.reference_height), float(np.tan(chamber.wall_angle_bc))
-        lengths = [chamber.length_ab, chamber.length_bc, chamber.length_cd]
-        radii = [
-            height + float(chamber.offset_a),
-            height + float(chamber.offset_b),
-            height + float(chamber.offset_b) - float(chamber.length_bc) * fall,
-            height - float(chamber.offset_d),
-        ]
-        arcs = np.concatenate([[0.0], np.cumsum([float(length) for length in lengths])])
-        return cls(arcs, np.array(radii), float(chamber.pinhole_offset))
+        one = jax.tree.map(float, chamber)
+        fall = one.length_bc * np.tan(one.wall_angle_bc)
+        offsets = np.array([one.offset_a, one.offset_b, one.offset_b - fall, -one.offset_d])
+        arcs = np.cumsum([0.0, one.length_ab, one.length_bc, one.length_cd])
+        return cls(arcs, one.reference_height + offsets, one.pinhole_offset)
 
 
 def regions_met(
@@ -81,14 +78,14 @@ def regions_met(
     """0 red, 1 blue, 2 yellow, 3 top: what each of some rays (x, y, 1) from the pinhole meets."""
     heading = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
     heading /= np.linalg.norm(heading, axis=1, keepdims=True)
+    leaves = functools.partial(_leaves, tube, bend, direction, press)
     way = np.zeros(len(rays))
     met = np.full(len(rays), -1)
     going = np.arange(len(rays))
     while len(going):
         # Several steps at once; the first outside counts.
         ahead = way[going, None] + STEP * np.arange(1, 33)
-        inside, ended, _ = _looked(tube, heading[going, None], ahead, bend, direction, press)
-        stopped = ~inside | ended
+        stopped, _, _ = leaves(heading[going, None], ahead)
         first = np.argmax(stopped, axis=1)
         stops = stopped.any(axis=1)
         stopping = going[stops]
@@ -96,10 +93,9 @@ def regions_met(
         low = high - STEP
         for _ in range(HALVINGS):
             middle = (low + high) / 2
-            inside, ended, _ = _looked(tube, heading[stopping], middle, bend, direction, press)
-            out = ~inside | ended
+            out, _, _ = leaves(heading[stopping], middle)
             low, high = np.where(out, low, middle), np.where(out, middle, high)
-        _, ended, arc = _looked(tube, heading[stopping], high, bend, direction, press)
+        _, ended, arc = leaves(heading[stopping], high)
         # A wall is met within its region; where the tube ends there is the top.
         met[stopping] = np.where(ended, 3, np.searchsorted(tube.arcs[1:3], arc, side="right"))
         going = going[~stops]
@@ -107,15 +103,10 @@ def regions_met(
     return met
 
 
-def _looked(
-    tube: Tube,
-    heading: np.ndarray,
-    way: np.ndarray,
-    bend: float,
-    direction: float,
-    press: Press,
+def _leaves(
+    tube: Tube, bend: float, direction: float, press: Press, heading: np.ndarray, way: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of places along rays: whether inside the tube's wall, whether beyond its end; and where."""
+    """Of places along rays: whether outside of the tube, whether beyond its end; and where."""
     x, y, z = np.moveaxis(heading * way[..., None], -1, 0)
     z = z - tube.pinhole
     side = 1.0 if bend >= 0 else -1.0
@@ -136,4 +127,5 @@ def _looked(
     # The pressed side is that of the bend as it is signed.
     pressed = side * offset if press.depth >= 0 else -side * offset
     inside = (offset**2 + beside**2 <= wall**2) & (pressed <= flat)
-    return inside | (arc < 0), arc >= tube.arcs[-1], arc
+    ended = arc >= tube.arcs[-1]
+    return ended | ~(inside | (arc < 0)), ended, arc

@@ -14,10 +14,10 @@ import pytest
 import scipy.optimize
 
 from designopt.errors import UserError
-from optics.chamber import Endoscope, Posture, press_wall
+from optics.chamber import Endoscope, Posture
 from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer, chamber_renderer
 from optics.rendering.chamber_renderer import BRIGHTEST
-from tests.optics.soft_finger.marched import Tube, finger
+from tests.optics.soft_finger.marched import Press, Tube, finger
 
 COLUMNS, ROWS = 320, 240
 FOCAL = 200.0
@@ -53,6 +53,7 @@ FRAMES = 288
 """For statistics: the standard deviation of twice as many numbers is known to 1/√1152 = 3 %."""
 
 PER_REGION, ANGLES = 20, 192
+TUBE = Tube.of(finger())
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -65,16 +66,10 @@ def _small_chunks():
 
 def postures(*rows: tuple[float, float, float], per_region: int = PER_REGION) -> Posture:
     """Bends and directions in degrees, and depths of a press at 70 mm by an object of 20 mm."""
-    chamber = finger()
-    arc = np.interp(np.arange(1, 3 * per_region + 1) / per_region, range(4), Tube.of(chamber).arcs)
+    arc = np.interp(np.arange(1, 3 * per_region + 1) / per_region, range(4), TUBE.arcs)
     bend, direction, depth = np.transpose(np.array(rows, float))
-    pressed = [
-        press_wall(jnp.asarray(arc), jnp.asarray(70.0), jnp.asarray(20.0), jnp.asarray(each))
-        for each in depth
-    ]
-    return Posture(
-        jnp.asarray(np.deg2rad(bend)), jnp.asarray(np.deg2rad(direction)), jnp.stack(pressed)
-    )
+    pressed = [np.sign(each) * Press(70.0, 20.0, each).at(arc) for each in depth]
+    return Posture(*map(jnp.asarray, (np.deg2rad(bend), np.deg2rad(direction), np.array(pressed))))
 
 
 @functools.cache
@@ -194,8 +189,7 @@ def test_rows_become_light_where_they_cross_the_outlines(region):
 def test_margins_are_widths_in_the_plane_of_bending():
     # Straight and unpressed, twice the radius; the distortion is apart from it.
     margins = renderer().render(STRAIGHT)[0].margins
-    tube = Tube.of(finger())
-    wanted = 2 * FOCAL * tube.radii[1:] / (tube.arcs[1:] + tube.pinhole)
+    wanted = 2 * FOCAL * TUBE.radii[1:] / (TUBE.arcs[1:] + TUBE.pinhole)
     np.testing.assert_allclose(margins, wanted, rtol=1e-12)
     for image in shown():
         np.testing.assert_array_equal(image.seen, image.margins > 0)
@@ -307,18 +301,17 @@ def test_light_falls_with_the_distance_from_the_lens():
     # A straight finger of white walls; along a row the wall's distance follows from its slope.
     power = 1.5
     pixels = straight(ChamberEffects(gain=0.7, falloff=power), "white")[ROWS // 2]
-    tube = Tube.of(finger())
 
     def above(arc: float, slope: float) -> float:
-        return np.interp(arc, tube.arcs, tube.radii) - slope * (arc + tube.pinhole)
+        return np.interp(arc, TUBE.arcs, TUBE.radii) - slope * (arc + TUBE.pinhole)
 
-    depth_b = 40.0 + tube.pinhole
+    depth_b = 40.0 + TUBE.pinhole
     for column in range(175, 231, 5):
         off = (column - (COLUMNS - 1) / 2) / FOCAL
         slope = scipy.optimize.brentq(lambda r, off=off: r * (1 - 0.05 * r**2) - off, 0, 1)
         hit = above(100.0, slope) < 0
         depth = scipy.optimize.brentq(above, 0, 100, slope) if hit else 100.0
-        depth += tube.pinhole
+        depth += TUBE.pinhole
         # From one ring to the next, some 2 mm or 5 % away, the light is the same.
         wanted = 255 * 0.7 * min((depth_b / depth) ** power, BRIGHTEST)
         np.testing.assert_allclose(pixels[column], wanted, rtol=power * 2 / depth, atol=ROUNDED)
