@@ -152,14 +152,7 @@ def _optimistix(
             check_default_float(method, guess)
             kind = {"dogleg": optx.Dogleg, "levenberg-marquardt": optx.LevenbergMarquardt}[method]
             solver = kind(tolerance, tolerance)
-    return optx.root_find(
-        equation,
-        solver,
-        guess,
-        args,
-        options=options,
-        max_steps=max_steps,
-        # The pseudo-inverse keeps the derivative finite (zero) where the slope vanishes.
-        adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False)),
-        throw=False,
-    )
+    # The pseudo-inverse keeps the derivative finite (zero) where the slope vanishes.
+    adjoint = optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False))
+    how: Any = {"options": options, "max_steps": max_steps, "adjoint": adjoint, "throw": False}
+    return optx.root_find(equation, solver, guess, args, **how)

@@ -181,18 +181,10 @@ class _Clock:
         self.samples.append(seconds / self.calls)
 
     def row(self) -> PrecisionRow:
-        samples = tuple(self.method.scale * one for one in self.samples)
-        return PrecisionRow(
-            self.method.method,
-            self.method.setting,
-            self.method.panel,
-            self.error,
-            statistics.median(samples),
-            min(samples),
-            max(samples),
-            self.method.compile_seconds,
-            samples,
-        )
+        of, samples = self.method, tuple(self.method.scale * one for one in self.samples)
+        seconds = statistics.median(samples), min(samples), max(samples)
+        times = (*seconds, of.compile_seconds, samples)
+        return PrecisionRow(of.method, of.setting, of.panel, self.error, *times)
 
 
 @contextmanager

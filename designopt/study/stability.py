@@ -105,7 +105,7 @@ def _judge(
     """The row of a family; the answers are gradients, values, margins and residuals."""
     rounding = float(np.finfo(dtype).eps)
     failures = infeasible = 0
-    worst = worst_gradient = worst_relative = 0.0
+    errors = [(0.0, 0.0, 0.0)]
     for case, found, gradient, value in zip(inputs, ok, *answers[:2], strict=True):
         with mpmath.workdps(DIGITS):
             exact = {
@@ -116,24 +116,14 @@ def _judge(
             if not (feasible and found):
                 failures += feasible != bool(found)
                 continue
-            error, gradient_error, relative_error = _errors(family, exact, float(value), gradient)
-        worst, worst_gradient = max(worst, error), max(worst_gradient, gradient_error)
-        worst_relative = max(worst_relative, relative_error)
+            errors.append(_errors(family, exact, float(value), gradient))
+        error, gradient_error, _ = errors[-1]
         failures += (
             error > VALUE_TOLERANCE * rounding or gradient_error > GRADIENT_TOLERANCE * rounding
         )
     non_finite = sum(int(np.sum(~np.isfinite(part))) for part in answers)
-    return StabilityRow(
-        case=family.case,
-        dtype=dtype,
-        cases=len(inputs),
-        infeasible=infeasible,
-        failures=failures,
-        worst_error=worst,
-        worst_gradient_error=worst_gradient,
-        worst_gradient_relative_error=worst_relative,
-        non_finite=non_finite,
-    )
+    worst, counts = map(max, zip(*errors, strict=True)), (len(inputs), infeasible, failures)
+    return StabilityRow(family.case, dtype, *counts, *worst, non_finite)
 
 
 def _errors(

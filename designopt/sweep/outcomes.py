@@ -62,23 +62,15 @@ def from_json(tables: Mapping[str, Any]) -> Outcome:
     Raises:
         KeyError, TypeError, ValueError: they are none.
     """
-    metrics = tuple(
-        Metric(
-            one["name"],
-            one["value"] if isinstance(one["value"], int | float) else float(one["value"]),
-            one["unit"],
-            one["description"],
-            target=None if one["target"] is None else Target(*one["target"]),
-        )
-        for one in tables.get("metrics", ())
-    )
-    return Outcome(
-        metrics,
-        tables.get("failure", ""),
-        tables.get("final", True),
-        tables["seconds"],
-        tables["device"],
-    )
+    metrics = tuple(map(_metric_of, tables.get("metrics", ())))
+    failure, final = tables.get("failure", ""), tables.get("final", True)
+    return Outcome(metrics, failure, final, tables["seconds"], tables["device"])
+
+
+def _metric_of(one: Mapping[str, Any]) -> Metric:
+    value = one["value"] if isinstance(one["value"], int | float) else float(one["value"])
+    target = None if one["target"] is None else Target(*one["target"])
+    return Metric(one["name"], value, one["unit"], one["description"], target=target)
 
 
 def _metric(metric: Metric) -> dict[str, Any]:
