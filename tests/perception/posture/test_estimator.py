@@ -1,53 +1,207 @@
-"""A trained estimator after a journey through a file, and files that are none."""
+"""Networks trained on a toy chamber: against who always answers the mean, and in a file.
 
+The chamber is rings along an arc of constant curvature, drawn as a pinhole would see them.
+"""
+
+import dataclasses
 import functools
 import hashlib
 import json
+import math
 import tracemalloc
 from pathlib import Path
 
+import cv2
+import jax
 import numpy as np
 import pytest
 
 from designopt.errors import UserError
-from perception.posture import PostureEstimator, Training, train
+from perception.posture import (
+    EQUAL_WEIGHTS,
+    PostureEstimator,
+    Training,
+    compute_marker_errors,
+    compute_mean_predictor_error,
+    make_boundary_image,
+    shrink,
+    train,
+)
 from perception.posture.estimator import BLOCK
-from tests.perception.posture.toy import samples
 
-SIZE = (16, 12)
-IMAGES, MARKERS = samples(64, SIZE, seed=1)
+LENGTH, RADIUS = 100.0, 12.0
+"""Of the chamber, mm."""
+
+BEND = math.radians(100)
+RINGS = (0.2, 0.4, 0.65)
+"""Where along the chamber a region ends."""
+
+
+def markers_of(bend: float, length: float) -> np.ndarray:
+    """Markers at thirds of the chamber, mm."""
+    return np.array([along(bend, length * part) for part in (1 / 3, 2 / 3, 1.0)])
+
+
+def along(bend: float, distance: float) -> tuple[float, float]:
+    """A point of the arc that bends by ``bend`` over ``LENGTH``."""
+    curvature = max(bend, 1e-6) / LENGTH
+    turned = curvature * distance
+    return (1 - math.cos(turned)) / curvature, math.sin(turned) / curvature
+
+
+def regions(bend: float, length: float, shift: np.ndarray) -> np.ndarray:
+    """Labels 0 to 3 from the camera inwards; a ring is seen only through those before it."""
+    focal, labels = 384.0, np.zeros((480, 640), np.uint8)
+    seen_through = np.full_like(labels, 255)
+    for ring, part in enumerate(RINGS, 1):
+        aside, ahead = along(bend, length * part)
+        center = np.array([224.0, 240.0]) + focal * (shift + np.array([aside, 0.0])) / ahead
+        axes = 2 * focal * RADIUS / ahead * np.array([max(math.cos(bend * part), 0.1), 1.0])
+        inside = np.zeros_like(labels)
+        cv2.ellipse(inside, (center.tolist(), axes.tolist(), 0.0), 255, cv2.FILLED)
+        seen_through &= inside
+        labels[seen_through > 0] = ring
+    return labels
+
+
+def samples(count: int, size: tuple[int, int], seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Shrunk boundary images and markers: any bend, and a length and a shift of the camera, mm."""
+    generator = np.random.default_rng(seed)
+    images, markers = [], []
+    for _ in range(count):
+        bend, length = generator.uniform(0, BEND), LENGTH * generator.uniform(0.95, 1.05)
+        labels = regions(bend, length, generator.uniform(-1, 1, 2))
+        images.append(shrink(make_boundary_image(labels), size))
+        markers.append(markers_of(bend, length))
+    return np.stack(images), np.stack(markers)
+
+
+SIZE = (32, 24)
+QUICK = Training(epochs=30, batch=32, channels=(4, 8, 8, 16))
+IMAGES, MARKERS = samples(288, SIZE, seed=1)
+OTHERS = samples(100, SIZE, seed=2)
+MEAN_PREDICTOR = compute_mean_predictor_error(MARKERS, OTHERS[1])
+
+
+def tip_error(estimator: PostureEstimator) -> float:
+    return float(compute_marker_errors(estimator.predict(OTHERS[0]), OTHERS[1])[:, -1].mean())
 
 
 @pytest.fixture(scope="module")
-def estimator() -> PostureEstimator:
-    settings = Training(epochs=2, batch=32, channels=(2, 3, 4, 3))
-    return train(IMAGES, MARKERS, settings, (IMAGES[:5], MARKERS[:5]))
+def trained() -> PostureEstimator:
+    return train(IMAGES, MARKERS, QUICK, OTHERS)
+
+
+def test_errors_by_hand():
+    train_markers, markers = np.zeros((2, 2, 3, 2))
+    train_markers[1, 2] = (0.0, 8.0)
+    markers[0, 2], markers[1, 2] = (3.0, 0.0), (0.0, 4.0)
+    assert compute_mean_predictor_error(train_markers, markers) == 2.5  # (3, 4) and (0, 0) off
+    errors = compute_marker_errors(np.full((2, 3, 2), [3.0, 4.0]), np.zeros((2, 3, 2)))
+    np.testing.assert_array_equal(errors, np.full((2, 3), 5.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "worse"), [({"standardise": False}, 1.2), ({"regularisation": 10.0}, 2.0)]
+)
+def test_raw_images_and_strong_regularisation_are_worse(trained, change, worse):
+    assert tip_error(trained) < MEAN_PREDICTOR / 5
+    other = train(IMAGES, MARKERS, dataclasses.replace(QUICK, **change))
+    assert np.isfinite(other.record.loss).all()
+    assert tip_error(other) > worse * tip_error(trained)
+
+
+def test_the_record(trained):
+    record = trained.record
+    assert len(record.loss) == len(record.tip_error) == len(record.seconds) == QUICK.epochs
+    assert record.tip_error[-1] == pytest.approx(tip_error(trained), rel=1e-6)
+    assert record.loss[-1] < record.loss[0] / 10
+    assert record.seconds == tuple(sorted(record.seconds))
+    assert record.total_seconds == record.seconds[-1]
+    assert (record.samples, record.image_size, record.settings) == (288, SIZE, QUICK)
+    assert set(record.versions) == {"python", "jax", "equinox", "optax", "numpy"}
+
+
+def test_the_loss_is_equation_4_in_mm():
+    """A step so small that the network stays as it was: the epoch's loss is that of its answers."""
+    still = dataclasses.replace(QUICK, epochs=1, learning_rate=1e-12)
+    estimator = train(IMAGES, MARKERS, still)
+    squares = compute_marker_errors(estimator.predict(IMAGES), MARKERS) ** 2
+    expected = (squares @ np.array(QUICK.loss_weights)).mean()
+    assert estimator.record.loss[0] == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_seed_gives_the_same_network_again():
+    few = dataclasses.replace(QUICK, epochs=2, loss_weights=EQUAL_WEIGHTS)
+    # Fewer samples than a batch.
+    one, same, other = (
+        train(IMAGES[:20], MARKERS[:20], dataclasses.replace(few, seed=seed)) for seed in (3, 3, 4)
+    )
+    assert one.record.samples == 20
+    leaves = (jax.tree.leaves(each.network) for each in (one, same))
+    for a, b in zip(*leaves, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert not np.array_equal(one.network.weight, other.network.weight)
+
+
+@pytest.mark.parametrize(
+    ("images", "markers", "message"),
+    [
+        (IMAGES[:9] * np.float32(np.nan), MARKERS[:9], "finite"),
+        (IMAGES[:9], MARKERS[:9] * np.inf, "finite"),
+        (IMAGES[:9] * np.float32(0), MARKERS[:9], "all the same"),
+        (IMAGES[:9], np.full((9, 3, 2), 12.3), "all the same"),
+        (np.repeat(IMAGES[:1], 9, axis=0), MARKERS[:9], "all the same"),
+        (IMAGES[:0], MARKERS[:0], "no pixels"),
+    ],
+)
+def test_samples_that_teach_nothing_are_refused(images, markers, message):
+    with pytest.raises(UserError, match=message):
+        train(images, markers, QUICK)
+
+
+SETTINGS = {
+    "epochs is at least 1, not 0": {"epochs": 0},
+    "batch is at least 1, not 0": {"batch": 0},
+    "learning_rate is positive": {"learning_rate": 0.0},
+    "learning_rate is positive and": {"learning_rate": float("nan")},
+    "regularisation is finite and at least 0": {"regularisation": -1.0},
+    "3 positive finite numbers": {"loss_weights": (1.0, 0.0, 1.0)},
+    "seed is at least 0": {"seed": -1},
+    "channels are one or more": {"channels": ()},
+    "channels are one or more numbers": {"channels": (4, 0)},
+}
+
+
+@pytest.mark.parametrize("message", SETTINGS)
+def test_settings_out_of_range_are_refused(message):
+    with pytest.raises(ValueError, match=message):
+        Training(**SETTINGS[message])
 
 
 @pytest.fixture
-def file(estimator, tmp_path) -> Path:
+def file(trained, tmp_path) -> Path:
     path = tmp_path / "finger.posture"
-    estimator.save(path)
+    trained.save(path)
     return path
 
 
-def test_a_file_predicts_the_same_to_the_last_bit(estimator, file):
+def test_a_file_predicts_the_same_to_the_last_bit(trained, file):
     loaded = PostureEstimator.load(file)
-    np.testing.assert_array_equal(loaded.predict(IMAGES), estimator.predict(IMAGES))
-    assert loaded.record == estimator.record
+    np.testing.assert_array_equal(loaded.predict(IMAGES), trained.predict(IMAGES))
+    assert loaded.record == trained.record
     assert [path.name for path in file.parent.iterdir()] == [file.name]
 
 
-def test_blocks_of_images_as_one_by_one(estimator):
-    many = np.concatenate([IMAGES] * (BLOCK // 64 + 1))[: BLOCK + 7]
-    found = estimator.predict(many.astype(np.float64))
-    single = np.concatenate([estimator.predict(image[None]) for image in IMAGES[:7]])
+def test_blocks_of_images_as_one_by_one(trained):
+    found = trained.predict(np.concatenate([IMAGES[:BLOCK], IMAGES[:7]]).astype(np.float64))
+    single = np.concatenate([trained.predict(image[None]) for image in IMAGES[:7]])
     # Rounding in float32 may depend on the number of images.
     np.testing.assert_allclose(found[:7], single, atol=1e-4)
     np.testing.assert_allclose(found[BLOCK:], single, atol=1e-4)
-    assert estimator.predict(IMAGES[:0]).shape == (0, 3, 2)
-    with pytest.raises(UserError, match=r"shape \(number, 12, 16\), not \(2, 16, 12\); make"):
-        estimator.predict(np.zeros((2, 16, 12), np.float32))
+    assert trained.predict(IMAGES[:0]).shape == (0, 3, 2)
+    with pytest.raises(UserError, match=r"shape \(number, 24, 32\), not \(2, 32, 24\); make"):
+        trained.predict(np.zeros((2, 32, 24), np.float32))
 
 
 def damaged(content: bytes, place: int) -> bytes:
@@ -70,16 +224,16 @@ def test_a_damaged_or_another_file_is_refused(file, change):
         PostureEstimator.load(file)
 
 
-OTHERS = {
+HEADERS = {
     "format": "posture estimator 0",
     "label_scale": None,
-    "record.settings.channels": [2, 3, 4, 5],
+    "record.settings.channels": [4, 8, 8, 17],
     "record.settings.momentum": 0.9,
     "record.settings.channels huge": [10**6] * 4,
-    "record.settings.channels many": [1] * 10**4,
-    "record.settings.channels broken": [2.0, 3, 4, 3],
+    "record.settings.channels many": [1] * 10**3,
+    "record.settings.channels broken": [4.0, 8, 8, 16],
     "record.image_size": [10**9, 10**9],
-    "record.image_size short": [16],
+    "record.image_size short": [32],
     "label_scale enormous": 10**400,
     "image_mean": "grey",
 }
@@ -96,13 +250,13 @@ def parts_of(file: Path) -> tuple[dict, bytes]:
     return json.loads(line), weights
 
 
-@pytest.mark.parametrize("key", OTHERS)
+@pytest.mark.parametrize("key", HEADERS)
 def test_a_file_of_another_version_is_refused(file, key):
     header, weights = parts_of(file)
     *path, last = key.split(" ")[0].split(".")
     table = functools.reduce(dict.__getitem__, path, header)
-    table[last] = OTHERS[key]
-    if OTHERS[key] is None:
+    table[last] = HEADERS[key]
+    if HEADERS[key] is None:
         del table[last]
     written(file, header, weights)
     tracemalloc.start()
@@ -117,7 +271,7 @@ def test_a_file_of_another_version_is_refused(file, key):
 
 def test_weights_that_claim_another_shape_or_type_are_refused(file):
     header, weights = parts_of(file)
-    claims = [(b"(3, 3, 1, 2)", other) for other in (b"(9**9, 9**9)", b"(3, 3, 2, 1)")]
+    claims = [(b"(3, 3, 1, 4)", other) for other in (b"(9**9, 9**9)", b"(3, 3, 4, 1)")]
     claims += [(b"'<f4'", b"'|O8'"), (b"'<f4'", b"'<f2'"), (b"\x93NUMPY\x01", b"\x93NUMPY\x02")]
     changed = [weights.replace(claim, other, 1) for claim, other in claims]
     for other in (*changed, weights[:-4], weights + bytes(4)):
@@ -153,8 +307,8 @@ def test_weights_and_scales_that_no_training_gives_are_refused(file):
             PostureEstimator.load(file)
 
 
-def test_places_that_are_not_there(estimator, tmp_path):
+def test_places_that_are_not_there(trained, tmp_path):
     with pytest.raises(UserError, match=r"none: cannot be read: No such file .*; choose another"):
         PostureEstimator.load(tmp_path / "none")
     with pytest.raises(UserError, match="cannot be written"):
-        estimator.save(tmp_path / "nowhere" / "finger.posture")
+        trained.save(tmp_path / "nowhere" / "finger.posture")
