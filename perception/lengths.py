@@ -33,16 +33,14 @@ def measured_length(quad: Quad, width: float, lens: Lens) -> tuple[float, float]
         width: of the pad across the section, mm.
         lens: of the camera.
     """
-    base = _length(quad.rays, width)
-    moved = [quad.corners[i] + STEP * np.eye(2)[axis] for i in range(4) for axis in range(2)]
-    rays, unmoved = lens.rays(np.stack(moved)), lens.rays(quad.corners)
-    variance = 0.0
-    for number, ray in enumerate(rays):
-        i, axis = divmod(number, 2)
-        changed = quad.rays.copy()
-        changed[i] += ray - unmoved[i]
-        slope = (_length(changed, width) - base) / STEP
-        variance += slope**2 * (quad.covariance[i, axis, axis] + LEAST_DEVIATION**2)
+    base, variance = _length(quad.rays, width), 0.0
+    unmoved = lens.rays(quad.corners)
+    for axis, step in enumerate(STEP * np.eye(2)):
+        steps = lens.rays(quad.corners + step) - unmoved
+        for i, own in enumerate(np.eye(4)):
+            changed = quad.rays + own[:, None] * steps
+            slope = (_length(changed, width) - base) / STEP
+            variance += slope**2 * (quad.covariance[i, axis, axis] + LEAST_DEVIATION**2)
     return base, float(np.sqrt(variance))
 
 

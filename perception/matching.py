@@ -6,7 +6,7 @@ of the one joint that moves it. For each joint the value is taken that explains 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -213,8 +213,8 @@ def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sigh
         if number not in assigned.values() and i not in assigned:
             assigned[i] = number
     known = {families[i].joint for i in assigned}
-    rest = [number for number, quad in enumerate(quads)
-            if quad.quality is Quality.COMPLETE and number not in assigned.values()]  # fmt: skip
+    whole = {number for number, quad in enumerate(quads) if quad.quality is Quality.COMPLETE}
+    rest = whole.difference(assigned.values())
     twice = _seen_twice(families, best, distances, rest, cap)
     angles[list(twice)] = np.nan
     views = []
@@ -239,9 +239,8 @@ def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sigh
 
 def _canonical(corners: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 4 2"]:
     """A pad's corners in the order of a `Quad`: its lower end first."""
-    return np.where(
-        _first_is_lower(corners)[..., None, None], corners, corners[..., [1, 0, 3, 2], :]
-    )
+    lower = _first_is_lower(corners)[..., None, None]
+    return np.where(lower, corners, corners[..., [1, 0, 3, 2], :])
 
 
 def _first_is_lower(corners: Float[np.ndarray, "*values 4 2"]) -> Bool[np.ndarray, "*values"]:
@@ -278,7 +277,7 @@ def _seen_twice(
     families: Sequence[ViewFamily],
     best: Mapping[int, int],
     distances: Mapping[int, Float[np.ndarray, "quads values"]],
-    rest: Sequence[int],
+    rest: Collection[int],
     cap: float,
 ) -> set[int]:
     """Joints of which the rest of the image shows a pad at another angle than what was matched.
@@ -320,17 +319,9 @@ def _found(
         ends &= not ends.all()
     elif quad.quality is not Quality.COMPLETE:
         ends = np.zeros(2, bool)
-    return View(
-        family.pad,
-        family.path,
-        family.reflections,
-        quad.quality,
-        (bool(ends[0]), bool(ends[1])),
-        quad.corners[order],
-        quad.rays[order],
-        quad.covariance[order],
-        quad.area,
-    )
+    granted = bool(ends[0]), bool(ends[1])
+    where = quad.corners[order], quad.rays[order], quad.covariance[order]
+    return View(*_name(family), quad.quality, granted, *where, quad.area)
 
 
 def _judged(catalog: ViewCatalog, index: int, value: int, quad: Quad, lens: Lens) -> Quad:
@@ -391,16 +382,10 @@ def _beside(
     return found
 
 
+def _name(family: ViewFamily) -> tuple[str, str, int]:
+    return family.pad, family.path, family.reflections
+
+
 def _missing(family: ViewFamily) -> View:
-    nothing = np.full((4, 2), np.nan)
-    return View(
-        family.pad,
-        family.path,
-        family.reflections,
-        Quality.MISSING,
-        (False, False),
-        nothing,
-        nothing,
-        np.full((4, 2, 2), np.nan),
-        0.0,
-    )
+    nothing, unknown = np.full((4, 2), np.nan), np.full((4, 2, 2), np.nan)
+    return View(*_name(family), Quality.MISSING, (False, False), nothing, nothing, unknown, 0.0)

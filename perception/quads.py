@@ -50,6 +50,10 @@ NEAR_BORDER = 3
 """A blob within so many pixels of the image's border is cut off by it."""
 
 
+Brightness = Float[np.ndarray, "rows columns"]
+Corners = Float[np.ndarray, "4 2"]
+
+
 @dataclass(frozen=True)
 class Quad:
     """The view of a pad, or of what looks like one.
@@ -76,9 +80,7 @@ class Quad:
     quality: Quality
 
 
-def fit_quad(
-    gray: Float[np.ndarray, "rows columns"], lens: Lens, contour: Int[np.ndarray, "_ 2"]
-) -> Quad | None:
+def fit_quad(gray: Brightness, lens: Lens, contour: Int[np.ndarray, "_ 2"]) -> Quad | None:
     """The view whose blob has a given contour.
 
     Args:
@@ -125,6 +127,7 @@ def fit_quad(
     rows, columns = gray.shape
     border = (contour <= NEAR_BORDER) | (contour >= np.array([columns, rows]) - 1 - NEAR_BORDER)
     contrast = float(found.edges.contrast.min())
+    scatter = max(line.scatter for line in found.lines)
     quality = Quality.COMPLETE
     if border.any():
         quality = Quality.CLIPPED
@@ -132,17 +135,10 @@ def fit_quad(
         quality = Quality.LOW_CONTRAST
     elif found.edges.width.max() > WIDEST or found.edges.clear.min() < CLEAR:
         quality = Quality.BLURRED
-    elif not all(np.isfinite(line.scatter) for line in found.lines):
+    elif not np.isfinite(scatter):
         quality = Quality.LOW_CONTRAST
-    return Quad(
-        rays,
-        lens.project(rays),
-        _covariances(lens, plane, found),
-        float(cv2.contourArea(contour)),
-        contrast,
-        max(line.scatter for line in found.lines),
-        quality,
-    )
+    covariances, area = _covariances(lens, plane, found), float(cv2.contourArea(contour))
+    return Quad(rays, lens.project(rays), covariances, area, contrast, scatter, quality)
 
 
 def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | None:
@@ -213,10 +209,7 @@ class _Outline(NamedTuple):
 
 
 def _refined(
-    gray: Float[np.ndarray, "rows columns"],
-    lens: Lens,
-    plane: TangentPlane,
-    corners: Float[np.ndarray, "4 2"],
+    gray: Brightness, lens: Lens, plane: TangentPlane, corners: Corners
 ) -> _Outline | None:
     """One round of finding edges and fitting lines; ``None`` where these do not meet."""
     sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
@@ -229,10 +222,7 @@ def _refined(
 def _meeting(sides: list[Side], lines: list[Line]) -> Float[np.ndarray, "4 2"] | None:
     """Where neighbouring sides meet when they have moved onto their lines."""
     ends = [
-        (
-            side.start + line.at(0.0) * side.outward,
-            side.end + line.at(1.0) * side.outward,
-        )
+        (side.start + line.at(0.0) * side.outward, side.end + line.at(1.0) * side.outward)
         for side, line in zip(sides, lines, strict=True)
     ]
     corners = []

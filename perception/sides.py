@@ -148,7 +148,6 @@ def find_edges(
     crossings = [_falling(profile, start, inside - part * contrast) for part in (0.25, 0.5, 0.75)]
     begins, middle, ends = (reach[0] + (reach[1] - reach[0]) * place for place, _ in crossings)
     found = np.all([there for _, there in crossings], axis=0)
-    offsets = middle / scale
     shape = (len(sides), POINTS)
     width = _median((ends - begins).reshape(shape), found.reshape(shape))
     # Where a view is too thin, as at its acute corners, another side's edge is in the way.
@@ -160,16 +159,12 @@ def find_edges(
     dark = float(np.median(outside.reshape(shape), axis=1).min())
     depth = contrast / np.maximum(inside - dark, 1.0)
     deep = _median(depth.reshape(shape), there)
-    return Edges(
-        shares,
-        offsets.reshape(shape),
-        scale.reshape(shape),
-        there,
-        _median(contrast.reshape(shape), there),
-        width,
-        clear.reshape(shape).mean(axis=1),
-        SEAM * np.maximum(DEEP - deep, 0.0),
+    doubt = SEAM * np.maximum(DEEP - deep, 0.0)
+    offsets, scale, contrast, clear = (
+        part.reshape(shape) for part in (middle / scale, scale, contrast, clear)
     )
+    step, free = _median(contrast, there), clear.mean(axis=1)
+    return Edges(shares, offsets, scale, there, step, width, free, doubt)
 
 
 def _falling(
@@ -195,10 +190,7 @@ def fit_lines(edges: Edges) -> list[Line]:
     so the covariance counts fewer of them: n (1 − r) / (1 + r) for the correlation r of neighbours.
     """
     found, offsets = edges.found, edges.offsets * edges.scale
-    design = np.stack(
-        [np.ones_like(edges.scale), np.broadcast_to(edges.shares, found.shape)], axis=-1
-    )
-    design *= edges.scale[..., None]
+    design = np.stack([edges.scale, edges.scale * edges.shares], axis=-1)
     left = offsets - np.sum(design * _repeated_medians(edges)[:, None], axis=-1)
     solution, normal, weights = _weighted(design, offsets, left, found)
     for _ in range(ROUNDS - 1):
@@ -249,9 +241,8 @@ def _repeated_medians(edges: Edges) -> Float[np.ndarray, "sides 2"]:
     turns = (edges.offsets[:, None, :] - edges.offsets[..., None]) / run
     others = edges.found[:, None, :] & ~np.eye(len(edges.shares), dtype=bool)
     turn = _median(_median(turns, others), edges.found)
-    return np.stack(
-        [_median(edges.offsets - turn[:, None] * edges.shares, edges.found), turn], axis=-1
-    )
+    offset = _median(edges.offsets - turn[:, None] * edges.shares, edges.found)
+    return np.stack([offset, turn], axis=-1)
 
 
 def _deviation(

@@ -15,13 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from perception.chamber.colors import (
-    DIM,
-    OPENING,
-    Colors,
-    colors_of,
-    not_above,
-)
+from perception.chamber.colors import DIM, OPENING, Colors, colors_of, not_above
 from perception.chamber.outlines import NOWHERE, Course, Outline, convex_outline, filled
 from perception.images import checked_image
 from perception.masks import Gray, Image, Mask, cleaned, global_mask

@@ -50,9 +50,7 @@ class Bends:
 
 
 def fit_bend(
-    markers: Float[np.ndarray, "images 3 2"],
-    arcs: tuple[float, float, float, float],
-    length: float,
+    markers: Float[np.ndarray, "images 3 2"], arcs: tuple[float, float, float, float], length: float
 ) -> Bends:
     """Least squares of an arc of constant curvature, of known length, through three markers.
 
@@ -116,9 +114,7 @@ def fit_bend(
 
 
 def _arc_markers(
-    bends: Float[np.ndarray, " images"],
-    arcs: tuple[float, float, float, float],
-    length: float,
+    bends: Float[np.ndarray, " images"], arcs: tuple[float, float, float, float], length: float
 ) -> Float[np.ndarray, "images 3 2"]:
     """Where three markers of an arc are, relative to the first of four, mm.
 

@@ -24,6 +24,9 @@ from perception.posture.settings import Training, TrainingRecord
 FORMAT = "posture estimator 1"
 DIGEST = hashlib.sha256().digest_size
 
+NOT_AS_SAVED = ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError
+"""What a file raises whose digest is right and whose content is another."""
+
 SCALES = ("image_mean", "image_deviation", "label_scale")
 
 NPY_HEADER = 64
@@ -138,14 +141,7 @@ class PostureEstimator:
             like = PostureNetwork(size, channels, np.random.default_rng())
             network = jax.tree.unflatten(jax.tree.structure(like), map(jnp.asarray, weights))
             loaded = cls(network, **header)
-        except (
-            ArithmeticError,
-            AttributeError,
-            LookupError,
-            RuntimeError,
-            TypeError,
-            ValueError,
-        ) as error:
+        except NOT_AS_SAVED as error:
             raise UserError(
                 f"{path}: written by another version of this program; train and save it anew"
             ) from error

@@ -101,13 +101,9 @@ def train(
     count, (rows, columns) = len(images), images.shape[1:]
     batch = min(settings.batch, count)
     steps = count // batch
-    rates = Rates(
-        jnp.asarray(settings.learning_rate, jnp.float32),
-        jnp.asarray(float(settings.decay), jnp.float32),
-        jnp.asarray(settings.regularisation, jnp.float32),
-        jnp.asarray(settings.loss_weights, jnp.float32),
-        jnp.asarray(settings.epochs * steps, jnp.int32),
-    )
+    given = (getattr(settings, name) for name in Rates._fields[:-1])
+    singles = (jnp.asarray(one, jnp.float32) for one in given)
+    rates = Rates(*singles, jnp.asarray(settings.epochs * steps, jnp.int32))
     generator = np.random.default_rng(settings.seed)
     network = PostureNetwork((columns, rows), settings.channels, generator)
     state = _first(network)
@@ -115,26 +111,17 @@ def train(
 
     for _ in range(settings.epochs):
         order = generator.permutation(count)[: steps * batch].astype(np.int32)
-        state, loss = _epoch(
-            state, inputs, targets, jnp.asarray(order.reshape(steps, batch)), rates
-        )
+        batches = jnp.asarray(order.reshape(steps, batch))
+        state, loss = _epoch(state, inputs, targets, batches, rates)
         losses.append(float(loss) * scale**2)
         if validation is not None:
-            predicted = label_mean + scale * answered(
-                state.network, standardised(validation[0], mean, deviation)
-            )
+            others = standardised(validation[0], mean, deviation)
+            predicted = label_mean + scale * answered(state.network, others)
             errors = compute_marker_errors(predicted, validation[1])
             tip_errors.append(float(errors[:, -1].mean()))
         seconds.append(time.perf_counter() - began)
-    record = TrainingRecord(
-        tuple(losses),
-        tuple(tip_errors),
-        tuple(seconds),
-        count,
-        (columns, rows),
-        settings,
-        _versions(),
-    )
+    history = tuple(losses), tuple(tip_errors), tuple(seconds)
+    record = TrainingRecord(*history, count, (columns, rows), settings, _versions())
     return PostureEstimator(state.network, mean, deviation, label_mean, scale, record)
 
 

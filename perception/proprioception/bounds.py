@@ -61,46 +61,32 @@ def compute_information_bound(
         True
     """
     spread = LOOSE if label_deviation is None else label_deviation
-    one, several = (Observation(*map(jnp.asarray, part)) for part in (frame[0], frames[0]))
-    known, total = _bound(
-        model,
-        jnp.asarray(errors),
-        one,
-        jnp.asarray(frame[1]),
-        several,
-        jnp.asarray(frames[1]),
-        jnp.asarray(spread),
-    )
-    return Bound(*(np.sqrt(np.diagonal(np.asarray(part))) for part in (known, total)))
+    bounds = _bound(model, *jax.tree.map(jnp.asarray, (errors, frame, frames, spread)))
+    return Bound(*(np.sqrt(np.diagonal(np.asarray(bound))) for bound in bounds))
 
 
 @eqx.filter_jit
 def _bound(
     model: CornerModel,
     errors: Float[Array, " errors"],
-    frame: Observation,
-    angles: Float[Array, " joints"],
-    frames: Observation,
-    all_angles: Float[Array, "frames joints"],
+    frame: tuple[Observation, Float[Array, " joints"]],
+    frames: tuple[Observation, Float[Array, "frames joints"]],
     spread: Float[Array, ""],
 ) -> tuple[Array, Array]:
-    def slopes(pose: Array, seen: Observation) -> tuple[Array, Array]:
-        return jax.jacfwd(lambda e, p: deviations(model, e, p, seen), (0, 1))(errors, pose)
-
-    def about_errors(pose: Array, seen: Observation) -> Array:
-        """Information of a frame on the errors when its own angles are not asked for."""
-        by_error, by_angle = slopes(pose, seen)
+    def information(
+        seen: Observation, pose: Array, spread: Array | float
+    ) -> tuple[Array, Array, Array]:
+        """Of a frame on its own angles, on both, and on the errors."""
+        slopes = jax.jacfwd(lambda e, p: deviations(model, e, p, seen), (0, 1))
+        by_error, by_angle = slopes(errors, pose)
         own = by_angle.T @ by_angle + jnp.eye(len(pose)) / spread**2
-        both = by_angle.T @ by_error
-        return by_error.T @ by_error - both.T @ jnp.linalg.solve(own, both)
+        return own, by_angle.T @ by_error, by_error.T @ by_error
 
-    prior = jnp.eye(model.errors)
-    earlier = jnp.sum(jax.vmap(about_errors)(all_angles, frames), axis=0)
-    by_error, by_angle = slopes(angles, frame)
-    own = by_angle.T @ by_angle + jnp.eye(len(angles)) / LOOSE**2
-    both = by_angle.T @ by_error
-    rest = prior + earlier + by_error.T @ by_error
-    return (
-        jnp.linalg.inv(own),
-        jnp.linalg.inv(own - both @ jnp.linalg.solve(rest, both.T)),
-    )
+    def about_errors(seen: Observation, pose: Array) -> Array:
+        """Information of a frame on the errors when its own angles are not asked for."""
+        own, both, rest = information(seen, pose, spread)
+        return rest - both.T @ jnp.linalg.solve(own, both)
+
+    own, both, rest = information(*frame, LOOSE)
+    rest = rest + jnp.eye(model.errors) + jnp.sum(jax.vmap(about_errors)(*frames), axis=0)
+    return jnp.linalg.inv(own), jnp.linalg.inv(own - both @ jnp.linalg.solve(rest, both.T))

@@ -114,14 +114,8 @@ def calibrate(
     labelled = np.isfinite(angles) & (deviation is not None)
     spread = np.where(labelled, LOOSE if deviation is None else deviation, LOOSE)
     start = np.where(np.isfinite(angles), angles, np.mean(model.limits))
-    return _calibrated(
-        model,
-        Observation(*map(jnp.asarray, seen)),
-        jnp.asarray(start),
-        jnp.asarray(spread),
-        jnp.asarray(labelled),
-        jnp.asarray(constant, float),
-    )
+    arrays = jax.tree.map(jnp.asarray, (seen, start, spread, labelled, np.float64(constant)))
+    return _calibrated(model, *arrays)
 
 
 @eqx.filter_jit
@@ -141,16 +135,14 @@ def _calibrated(
         offsets = constant * values[model.errors : drawn].reshape(seen.corners[0].shape)
 
         def frame(pose: Array, one: Observation) -> Array:
-            return deviations(
-                model, errors, pose, Observation(one.corners - offsets, one.whitening)
-            )
+            own = Observation(one.corners - offsets, one.whitening)
+            return deviations(model, errors, pose, own)
 
         return jax.vmap(frame)(angles, seen).reshape(-1)
 
     def prior_part(values: Float[Array, " values"]) -> Float[Array, " values"]:
-        return jnp.concatenate(
-            [values[:drawn], ((values[drawn:].reshape(start.shape) - start) / spread).reshape(-1)]
-        )
+        off = (values[drawn:] - start.reshape(-1)) / spread.reshape(-1)
+        return jnp.concatenate([values[:drawn], off])
 
     def residuals(values: Float[Array, " values"], _: None) -> Float[Array, " data"]:
         return jnp.concatenate([softened(corner_part(values)), prior_part(values)])

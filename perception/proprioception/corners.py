@@ -8,16 +8,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.linalg
 from jaxtyping import Array, Bool, Float
 
 from designopt.fitting import Fit, least_squares
 from designopt.solution import Solution
-from perception.proprioception.misfit import (
-    SIGNIFICANCE,
-    Misfit,
-    chi_squared_limits,
-    find_misfit,
-)
+from perception.proprioception.misfit import SIGNIFICANCE, Misfit, chi_squared_limits, find_misfit
 from perception.proprioception.observation import Observation
 
 Predict = Callable[[Float[Array, " errors"], Float[Array, " joints"]], Float[Array, "views 4 2"]]
@@ -95,14 +91,11 @@ class FingerErrors(eqx.Module):
             covariance: of the errors; the identity by default, and 0 if they are known exactly.
             constant: standard deviation of what a corner is off by in all frames alike, px.
         """
-        corners = 8 * len(model.views)
-        own = jnp.eye(model.errors) if covariance is None else jnp.asarray(covariance)
-        return cls(
-            jnp.zeros(model.errors) if mean is None else jnp.asarray(mean),
-            jnp.zeros((len(model.views), 4, 2)),
-            jax.scipy.linalg.block_diag(own, constant**2 * jnp.eye(corners)),
-            jnp.ones(()),
-        )
+        mean = np.zeros(model.errors) if mean is None else mean
+        own = np.eye(model.errors) if covariance is None else covariance
+        offsets = np.zeros((len(model.views), 4, 2))
+        both = scipy.linalg.block_diag(own, constant**2 * np.eye(offsets.size))
+        return cls(*map(jnp.asarray, (mean, offsets, both, np.ones(()))))
 
 
 class JointAngles(eqx.Module):
@@ -204,14 +197,9 @@ def find_pose(
         (True, 0.4)
     """
     limits, usual = (chi_squared_limits(8 * len(model.views), p) for p in (significance, USUAL))
-    return _solve(
-        model,
-        Observation(*map(jnp.asarray, seen)),
-        jnp.asarray(np.where(np.isfinite(guess), guess, np.mean(model.limits))),
-        FingerErrors.of(model) if errors is None else errors,
-        jnp.asarray(limits),
-        jnp.asarray(usual),
-    )
+    start = np.where(np.isfinite(guess), guess, np.mean(model.limits))
+    errors = FingerErrors.of(model) if errors is None else errors
+    return _solve(model, *jax.tree.map(jnp.asarray, (seen, start, errors, limits, usual)))
 
 
 @eqx.filter_jit
@@ -283,12 +271,8 @@ def _solve(
 
     margin = jnp.where(shown & found, jnp.minimum(agreement, room), -1.0)
     residual = jnp.broadcast_to(fit.solution.residual, margin.shape)
-    return Solution(
-        JointAngles(angles, covariance, misfit, own_misfit),
-        margin,
-        residual,
-        jax.vmap(ended)(shown, agreement, room),
-    )
+    pose = JointAngles(angles, covariance, misfit, own_misfit)
+    return Solution(pose, margin, residual, jax.vmap(ended)(shown, agreement, room))
 
 
 def _excess(misfit: Misfit, usual: Float[Array, " counts"]) -> Float[Array, "*joints"]:

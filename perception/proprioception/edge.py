@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from perception.matching import Sighting
 from perception.proprioception.estimate import Estimate, make_undefined
-from perception.proprioception.gap import end_angle, end_is_seen
+from perception.proprioception.gap import end_angle
 
 PARABOLA = 5
 """Frames from which on a parabola is fitted; fewer carry a straight line only."""
@@ -71,14 +71,10 @@ class EdgeEstimator:
 
     def estimate(self, sighting: Sighting) -> Estimate:
         """The joint angle by the end with the least deviation."""
-        answers = []
-        for curve in self.curves:
-            view = sighting.view(curve.pad, curve.path)
-            if end_is_seen(view, curve.end):
-                answers.append(curve.estimate(end_angle(view, curve.end)))
-        if not answers:
-            return make_undefined("no labelled end is seen")
-        return min(answers, key=lambda answer: answer.deviation)
+        nothing = make_undefined("no labelled end is seen")
+        ends = [(c, end_angle(sighting.view(c.pad, c.path), c.end)) for c in self.curves]
+        answers = [curve.estimate(angle) for curve, angle in ends if angle is not None]
+        return min(answers, key=lambda answer: answer.deviation, default=nothing)
 
 
 def fit_edges(
@@ -107,14 +103,10 @@ def fit_edges(
     curves = []
     for pad, path in views:
         for end in range(2):
-            found = [sighting.view(pad, path) for sighting in sightings]
-            there = np.array([end_is_seen(view, end) for view in found], bool)
-            there &= np.isfinite(labels)
-            if there.sum() < 2:
-                continue
-            angles = np.array([end_angle(v, end) for v, t in zip(found, there, strict=True)
-                               if t and v is not None])  # fmt: skip
-            curve = _fitted(angles, labels[there], label_deviation, edge_deviation)
+            found = [end_angle(sighting.view(pad, path), end) for sighting in sightings]
+            angles = np.array(found, float)  # NaN where the end is not seen
+            there = np.isfinite(angles) & np.isfinite(labels)
+            curve = _fitted(angles[there], labels[there], label_deviation, edge_deviation)
             if curve is not None:
                 curves.append(EdgeCurve(pad, path, end, *curve))
     return EdgeEstimator(tuple(curves))
@@ -126,9 +118,9 @@ def _fitted(
     label_deviation: float,
     edge_deviation: float,
 ) -> tuple[np.ndarray, np.ndarray, float, float, tuple[float, float]] | None:
-    low, high = float(angles.min()), float(angles.max())
-    if high - low < 4 * edge_deviation:
+    if len(angles) < 2 or np.ptp(angles) < 4 * edge_deviation:
         return None
+    low, high = float(angles.min()), float(angles.max())
     middle = (low + high) / 2
     terms = 3 if len(angles) >= PARABOLA else 2
     design = (angles - middle)[:, None] ** np.arange(terms)

@@ -65,13 +65,8 @@ def split_estimates(solution: Solution[JointAngles]) -> list[Estimate]:
         >>> [round(one.angle, 4) for one in split_estimates(find_pose(model, seen, np.zeros(1)))]
         [0.4]
     """
+    numbers = map(np.asarray, (solution.ok, solution.value.angles, solution.value.deviations))
     return [
         Estimate(float(angle), float(deviation), "all corners") if ok else make_undefined(message)
-        for ok, angle, deviation, message in zip(
-            np.asarray(solution.ok),
-            np.asarray(solution.value.angles),
-            np.asarray(solution.value.deviations),
-            solution.messages(),
-            strict=True,
-        )
+        for ok, angle, deviation, message in zip(*numbers, solution.messages(), strict=True)
     ]

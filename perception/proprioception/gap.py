@@ -8,7 +8,6 @@ frames tell. Where one of the two ends is not seen there is no gap, and no angle
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeGuard
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -89,8 +88,8 @@ class GapTable:
     def measured(self, sighting: Sighting) -> float:
         """The gap in an image, rad; NaN where there is none."""
         views = [sighting.view(self.pad, path) for path in ("direct", self.mirror)]
-        ends = [_end(view, end) for view, end in zip(views, self.ends, strict=True)]
-        return abs(ends[0] - ends[1])
+        direct, mirrored = map(end_angle, views, self.ends)
+        return np.nan if direct is None or mirrored is None else abs(direct - mirrored)
 
 
 @dataclass(frozen=True)
@@ -172,18 +171,11 @@ def calibrate_gap(
     return GapEstimator(table, float(solution[0]), float(solution[1]), covariance, noise)
 
 
-def end_angle(view: View, end: int) -> float:
-    """Section angle of one end of a pad in a view, rad: the mean of its two corners."""
+def end_angle(view: View | None, end: int) -> float | None:
+    """Section angle of one end of a pad, rad: the mean of its two corners; ``None`` if not seen."""
+    if view is None or not view.ends[end]:
+        return None
     return float(view.rays[[end, 3 - end], 0].mean())
-
-
-def end_is_seen(view: View | None, end: int) -> TypeGuard[View]:
-    """Whether a view shows an end of its pad."""
-    return view is not None and view.ends[end]
-
-
-def _end(view: View | None, end: int) -> float:
-    return end_angle(view, end) if end_is_seen(view, end) else np.nan
 
 
 def _monotone(

@@ -18,9 +18,6 @@ saturation and compression move edges, and lenses are not quite as they are thou
 WORST = 1e12
 """A view with a corner that is known so unevenly is not used: a side of it was not found."""
 
-NOWHERE = 0.0
-"""What stands for the corners of views that were not found; they have no weight."""
-
 
 class Observation(NamedTuple):
     """Corners of complete views, at ends that are surely those of their pads.
@@ -61,7 +58,8 @@ def observe(
         >>> seen.seen.tolist()  # the view was not found
         [False]
     """
-    corners = np.full((len(views), 4, 2), NOWHERE)
+    # What is not found has no weight, wherever its corners are.
+    corners = np.zeros((len(views), 4, 2))
     whitening = np.zeros((len(views), 4, 2, 2))
     for index, (pad, path) in enumerate(views):
         view = sighting.view(pad, path)
