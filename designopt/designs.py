@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from designopt.design_kind import Design, DesignKind
-from designopt.errors import UserError
+from designopt.errors import UserError, load_plug_in
 from designopt.io.files import check_toml, read_toml
 from designopt.study.settings import spec_of, spec_with
 from designopt.study.study import STUDY_GROUP, Study, installed_studies, load_study
@@ -105,17 +105,7 @@ def _kind_of(tables: Mapping[str, Any]) -> DesignKind | None:
 
 
 def _kinds() -> list[DesignKind]:
-    kinds = []
-    for point in entry_points(group=DESIGN_GROUP):
-        try:
-            kinds.append(point.load())
-        except Exception as error:  # as for a study: a plug-in is anyone's code
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise UserError(
-                f"the kind of file '{point.name}' ({point.value}) cannot be loaded: {reason}; "
-                "repair or uninstall the package that offers it"
-            ) from error
-    return kinds
+    return [load_plug_in(one, "the kind of file") for one in entry_points(group=DESIGN_GROUP)]
 
 
 def _of_result(folder: Path) -> Design:

@@ -1,5 +1,8 @@
 """The one error a user can cause, an end that a user asked for, and texts for their messages."""
 
+from importlib.metadata import EntryPoint
+from typing import Any
+
 
 class UserError(Exception):
     """A fault in what a person wrote; its text names the place, the key and the cure in one line.
@@ -19,3 +22,27 @@ def shortened(text: str, most: int = 60) -> str:
     """A text for a message; of one that is longer than ``most`` characters only its ends."""
     half = (most - 3) // 2
     return text if len(text) <= most else f"{text[:half]}...{text[-half:]}"
+
+
+def load_plug_in(point: EntryPoint, what: str) -> Any:
+    """What an installed package offers at an entry point.
+
+    Args:
+        point: of the package.
+        what: a plug-in of this kind is, for the message.
+
+    Raises:
+        UserError: it cannot be imported.
+    """
+    try:
+        return point.load()
+    except Exception as error:  # a plug-in is anyone's code: whatever it raises, name its package
+        raise UserError(
+            f"{what} '{point.name}' ({point.value}) cannot be loaded: {reason_of(error)}; "
+            "repair or uninstall the package that offers it"
+        ) from error
+
+
+def reason_of(error: Exception) -> str:
+    """What an exception of somebody else's code says, in one line."""
+    return " ".join(str(error).split()) or type(error).__name__

@@ -13,7 +13,7 @@ import typer
 
 from designopt import __version__
 from designopt.compilation_cache import NoCache
-from designopt.errors import UserError
+from designopt.errors import UserError, reason_of
 
 COMMAND_GROUP = "designopt.commands"
 
@@ -59,8 +59,8 @@ def _app(check: Callable[[], None]) -> typer.Typer:
             command = point.load()
         except Exception as error:  # a plug-in is anyone's code; the other commands must not suffer
             check()
-            reason = " ".join(str(error).split()) or type(error).__name__
-            print(f"warning: command '{point.name}' cannot be loaded: {reason}", file=sys.stderr)
+            warning = f"command '{point.name}' cannot be loaded: {reason_of(error)}"
+            print(f"warning: {warning}", file=sys.stderr)
             continue
         app.command(point.name, help=_help(command))(command)
     return app

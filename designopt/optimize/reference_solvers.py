@@ -77,6 +77,9 @@ def compile_reference(
         least = {"xtol": tolerance, "barrier_tol": tolerance, "gtol": 1e-4 * tolerance}
         options = {"maxiter": steps, **least}
 
+    how: Any = {"method": method, "options": options, "jac": True}
+    how |= {"bounds": _box(flat), "constraints": constraints}
+
     def solve(start: np.ndarray, given: tuple[Any, ...]) -> tuple[np.ndarray, Trace]:
         nonlocal data
         data = given
@@ -97,14 +100,7 @@ def compile_reference(
             warnings.simplefilter("ignore")
             with contextlib.suppress(ValueError, np.linalg.LinAlgError):
                 found = scipy.optimize.minimize(
-                    value_and_slope,
-                    start,
-                    method=method,
-                    jac=True,
-                    bounds=_box(flat),
-                    constraints=constraints,
-                    callback=lambda x, *_: visited.append(np.copy(x)),
-                    options=options,
+                    value_and_slope, start, callback=lambda x, *_: visited.append(x.copy()), **how
                 )
                 visited.append(np.clip(found.x, flat.lower, flat.upper))
         return visited
@@ -219,18 +215,11 @@ def run_differential_evolution(
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that it was stopped, and how it changes its members
+        ends: Any = {"maxiter": 10**9, "tol": 0.0, "polish": False, "callback": record}
+        at_once: Any = {"updating": "deferred", "vectorized": True, "popsize": population}
+        draws, box = np.random.default_rng(seed), _box(flat)
         found = scipy.optimize.differential_evolution(
-            lambda x: evaluate(x)[0],
-            _box(flat),
-            constraints=constraints,
-            popsize=population,
-            maxiter=10**9,
-            tol=0.0,
-            polish=False,
-            updating="deferred",
-            vectorized=True,
-            callback=record,
-            rng=np.random.default_rng(seed),
+            lambda x: evaluate(x)[0], box, constraints=constraints, rng=draws, **ends, **at_once
         )
     return Evolution(
         np.array(seconds_so_far),

@@ -11,7 +11,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from designopt.errors import UserError
+from designopt.errors import UserError, load_plug_in
 from designopt.io.spec import Spec
 from designopt.study.results import Results
 
@@ -109,14 +109,7 @@ def load_study(name: str) -> Study:
         close = difflib.get_close_matches(name, points, n=1)
         hint = f"did you mean '{close[0]}'?" if close else f"there are: {', '.join(sorted(points))}"
         raise UserError(f"STUDY: no study is named '{name}'; {hint}")
-    try:
-        study = points[name].load()
-    except Exception as error:  # a plug-in is anyone's code: whatever it raises, name its package
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise UserError(
-            f"study '{name}' ({points[name].value}) cannot be loaded: {reason}; "
-            "repair or uninstall the package that offers it"
-        ) from error
+    study = load_plug_in(points[name], "study")
     if not isinstance(study, Study):
         raise UserError(
             f"study '{name}' ({points[name].value}) is a {type(study).__name__}, not a "
