@@ -235,8 +235,7 @@ def still_of_length(share: float, *, kept: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("share", "quality"),
-    [(0.9, Quality.CLIPPED), (1.0, Quality.COMPLETE), (1.1, Quality.MERGED)],
+    ("share", "quality"), [(0.9, Quality.CLIPPED), (1.0, Quality.COMPLETE), (1.1, Quality.MERGED)]
 )
 def test_a_view_that_is_not_as_long_as_its_pad_is_not_all_of_it(share, quality):
     # Nothing is beside it that it could have run into.

@@ -89,15 +89,6 @@ def test_yellow_out_of_view():
     assert np.abs(points.xy - whole.points)[MEASURED & points.seen[:, None]].max() < NOISY
 
 
-@pytest.mark.parametrize(
-    "image", [np.zeros((5, 7, 3), np.uint8), np.full((1, 1, 3), 255, np.uint8)]
-)
-def test_no_chamber(image: np.ndarray):
-    points = points_of(image)
-    assert not points.seen.any()
-    assert not points.xy.any()
-
-
 def test_the_centre_of_what_the_border_leaves():
     scene = HALF.moved(0, 60)
     y, x = np.mgrid[:240, :320]
