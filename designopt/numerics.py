@@ -100,11 +100,8 @@ def safe_quadratic_roots(
     second, second_exists = safe_divide(q, c2)
     real = squared >= product
     # c0 = 0 = q happens only at a double root in 0, where the second quotient is the root.
-    return (
-        jnp.stack([first, second], axis=-1),
-        jnp.stack([real & first_exists, real & second_exists], axis=-1),
-        discriminant,
-    )
+    exist = jnp.stack([real & first_exists, real & second_exists], axis=-1)
+    return jnp.stack([first, second], axis=-1), exist, discriminant
 
 
 def as_float(value: ArrayLike) -> Float[Array, "..."]:

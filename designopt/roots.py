@@ -99,12 +99,9 @@ def find_root(
     root = jnp.where(jnp.isfinite(root), root, jax.lax.stop_gradient(guess))
     value, slope = jax.value_and_grad(residual)(root, args)
     known = jnp.isfinite(value) & jnp.isfinite(slope)
-    return Solution(
-        root,
-        jnp.where(known, jnp.abs(slope), 0.0),
-        jnp.where(known, jnp.abs(value), 1.0),
-        optx.RESULTS.where(known, result, optx.RESULTS.nonfinite),
-    )
+    margin = jnp.where(known, jnp.abs(slope), 0.0)
+    left = jnp.where(known, jnp.abs(value), 1.0)
+    return Solution(root, margin, left, optx.RESULTS.where(known, result, optx.RESULTS.nonfinite))
 
 
 def check_default_float(method: str, guess: Array) -> None:

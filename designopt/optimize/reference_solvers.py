@@ -221,12 +221,8 @@ def run_differential_evolution(
         found = scipy.optimize.differential_evolution(
             lambda x: evaluate(x)[0], box, constraints=constraints, rng=draws, **ends, **at_once
         )
-    return Evolution(
-        np.array(seconds_so_far),
-        np.array(objectives),
-        np.array(violations),
-        flat.parameters(jnp.asarray(found.x, sample.dtype)),
-    )
+    rows = map(np.array, (seconds_so_far, objectives, violations))
+    return Evolution(*rows, flat.parameters(jnp.asarray(found.x, sample.dtype)))
 
 
 def _box(flat: Flat) -> scipy.optimize.Bounds:

@@ -237,13 +237,8 @@ def find_dominating(row: PrecisionRow, rows: Iterable[PrecisionRow]) -> list[Pre
         >>> [row.method for row in find_dominating(rows[0], rows)]
         ['b']
     """
-    return [
-        other
-        for other in rows
-        if other.panel == row.panel
-        and other.error < row.error
-        and other.seconds_high < row.seconds_low
-    ]
+    closer = (other for other in rows if other.panel == row.panel and other.error < row.error)
+    return [other for other in closer if other.seconds_high < row.seconds_low]
 
 
 def find_undominated(rows: Sequence[PrecisionRow], ours: str) -> tuple[list[str], bool]:

@@ -134,13 +134,9 @@ def render_report(
         Image.open(png).convert("RGB").save(compressed, "JPEG", quality=90)
         return _data("jpeg", compressed.getvalue())
 
-    return (
-        _environment(source, MOST_ROWS)
-        .get_template("report.html.j2")
-        .render(
-            record=record, results=results, measured=measured, settings=list(_flat(record.spec))
-        )
-    )
+    template = _environment(source, MOST_ROWS).get_template("report.html.j2")
+    settings = list(_flat(record.spec))
+    return template.render(record=record, results=results, measured=measured, settings=settings)
 
 
 def render_results(results: Results) -> str:
@@ -152,26 +148,23 @@ def render_results(results: Results) -> str:
             figure.drawing.savefig(picture, format="png", dpi=110)
         return _data("png", picture.getvalue())
 
-    measured = measurements(results)
-    return (
-        _environment(source, NOTEBOOK_ROWS)
-        .get_template("results.html.j2")
-        .render(
-            results=results,
-            drawn=[*results.figures, *(figure for part in measured for figure in part.figures)],
-            tables=[*results.tables, *(table for part in measured for table in part.tables)],
-        )
-    )
+    tables, drawn = tables_and_figures(results, measurements(results))
+    template = _environment(source, NOTEBOOK_ROWS).get_template("results.html.j2")
+    return template.render(results=results, drawn=drawn, tables=tables)
+
+
+def tables_and_figures(
+    results: Results, measured: Sequence[Measurement]
+) -> tuple[list[Table], list[Figure]]:
+    """Those of a study, and those of its measurements."""
+    tables = [*results.tables, *(table for part in measured for table in part.tables)]
+    return tables, [*results.figures, *(figure for part in measured for figure in part.figures)]
 
 
 def _environment(source: Callable[[Figure], str], most: int) -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("designopt"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    strict: Any = {"autoescape": True, "undefined": jinja2.StrictUndefined}
+    blocks: Any = {"trim_blocks": True, "lstrip_blocks": True}
+    environment = jinja2.Environment(loader=jinja2.PackageLoader("designopt"), **strict, **blocks)
     environment.globals["most"] = most
     environment.filters |= {
         "typeset": lambda text: Markup(as_html(text)),

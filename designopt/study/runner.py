@@ -22,7 +22,7 @@ from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT
 from designopt.plot import figures
 from designopt.progress import step_display
-from designopt.study.page import RunRecord, measurements, render_report
+from designopt.study.page import RunRecord, measurements, render_report, tables_and_figures
 from designopt.study.result_folders import cannot_write, result_folder, write_document
 from designopt.study.results import Metric, PrecisionRow, Results
 from designopt.study.settings import spec_of_tables
@@ -130,8 +130,7 @@ def run(study: Study, spec: Spec, *, seed: int, dtype: str, out: Path, force: bo
 def write_results(record: RunRecord, results: Results, folder: Path) -> None:
     """Write ``results.json``, ``tables/``, ``figures/`` and ``report.html`` into ``folder``."""
     measured = measurements(results)
-    tables = [*results.tables, *(table for part in measured for table in part.tables)]
-    drawn = [*results.figures, *(figure for part in measured for figure in part.figures)]
+    tables, drawn = tables_and_figures(results, measured)
     for name, parts in (("tables", tables), ("figures", drawn), ("specs", results.specs)):
         twice = [one for one, of in Counter(part.name for part in parts).items() if of > 1]
         if twice:
