@@ -65,19 +65,19 @@ def trace(
     check_toml(file, "scene")
     # Loaded here, so that neither listing the commands nor a file that cannot be read loads JAX.
     keep_programs()
-    from optics.cli.tracing import Request, trace_file
+    from optics.cli.tracing import trace_file
 
-    request = Request(
-        file=file,
-        poses=tuple(pose or ()),
-        sweeps=tuple(sweep or ()),
-        rays=tuple(ray or ()),
+    remarks = trace_file(
+        file,
+        poses=pose or (),
+        sweeps=sweep or (),
+        rays=ray or (),
         bounces=bounces,
         json=json,
         figure=figure,
         chart=chart,
         force=force,
     )
-    for line in trace_file(request):
+    for line in remarks:
         print(line, file=sys.stderr)
     return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -12,9 +12,10 @@ import numpy as np
 
 from designopt.numerics import safe_divide
 from optics.scene.scene import Layout, Scene
+from optics.visibility.intervals import union
 from optics.visibility.scene_trace import SceneTrace
 from optics.visibility.tracing import NOTHING, Hits
-from optics.visibility.views import describe_end
+from optics.visibility.views import REASONS, describe_end
 
 WIDTH = 100
 """What fits in so many characters is written on one line."""
@@ -127,7 +128,7 @@ def _view(trace: SceneTrace, view: Any, pad: int, path: int, pieces: Sequence[in
     """One pad by one path."""
     found, layout = view.found.value, trace.scene.layout
     margin = math.degrees(view.found.margin[path][pad])
-    message = trace.reasons[view.codes[path][pad]]
+    message = REASONS[view.codes[path][pad]]
     if not pieces:
         return {"intervals": [], "margin_deg": margin, "why_not": message}
 
@@ -171,17 +172,6 @@ def _mirrors(trace: SceneTrace, view: Any) -> Entry:
     return {name: {"used": union(parts)} for name, parts in zip(names, used, strict=True)}
 
 
-def union(parts: Iterable[tuple[float, float]]) -> list[list[float]]:
-    """The union of intervals as intervals that do not meet, in order."""
-    joined: list[list[float]] = []
-    for start, end in sorted(parts):
-        if joined and start <= joined[-1][1]:
-            joined[-1][1] = max(joined[-1][1], end)
-        else:
-            joined.append([start, end])
-    return joined
-
-
 def _rays(trace: SceneTrace) -> Iterator[Entry]:
     """Rays pose by pose."""
     if trace.hits is None:
@@ -202,24 +192,15 @@ def _hits(layout: Layout, ray: Hits) -> list[Entry]:
     return [
         {
             "element": f"{layout.kind(surface)}:{layout.surfaces[surface].name}",
-            "x": place[0],
-            "y": place[1],
-            "coordinate": coordinate,
-            "direction_deg": math.degrees(math.atan2(direction[1], direction[0])),
-            "path_length_mm": length,
-            "grazing_deg": math.degrees(math.asin(min(sine, 1.0))),
-            "reflected": reflected,
+            "x": ray.place[leg][0],
+            "y": ray.place[leg][1],
+            "coordinate": ray.coordinate[leg],
+            "direction_deg": math.degrees(math.atan2(*reversed(ray.direction[leg]))),
+            "path_length_mm": ray.length[leg],
+            "grazing_deg": math.degrees(math.asin(min(ray.sine[leg], 1.0))),
+            "reflected": ray.reflected[leg],
         }
-        for surface, place, coordinate, direction, length, sine, reflected in zip(
-            ray.surface,
-            ray.place,
-            ray.coordinate,
-            ray.direction,
-            ray.length,
-            ray.sine,
-            ray.reflected,
-            strict=True,
-        )
+        for leg, surface in enumerate(ray.surface)
         if surface != NOTHING
     ]
 

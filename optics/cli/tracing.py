@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import jax
@@ -19,17 +18,27 @@ from optics.scene.file import MOST_BOUNCES
 from optics.scene.reading import read_scene
 from optics.scene.scene import Scene
 from optics.visibility.remarks import remarks_on
-from optics.visibility.scene_trace import SceneTrace, trace_sweep
+from optics.visibility.scene_trace import trace_sweep
 
 MOST_POSES = 250_000
 """A larger grid makes gigabytes of JSON."""
 
 
-@dataclass(frozen=True)
-class Request:
-    """What was asked for, as it was written on the command line.
+def trace_file(
+    file: Path,
+    *,
+    poses: Sequence[str] = (),
+    sweeps: Sequence[str] = (),
+    rays: Sequence[str] = (),
+    bounces: int | None = None,
+    json: str = "-",
+    figure: Path | None = None,
+    chart: Path | None = None,
+    force: bool = False,
+) -> list[str]:
+    """Trace, write what was asked for, and return the remarks.
 
-    Attributes:
+    Args:
         file: the scene file.
         poses: ``angle=value``, several divided by commas, degrees.
         sweeps: ``angle=start:stop:count`` or ``angle=value``, degrees.
@@ -39,63 +48,59 @@ class Request:
         figure: where a drawing of the section in the poses goes.
         chart: where curves or maps over the swept angles go.
         force: whether existing files are replaced.
-    """
-
-    file: Path
-    poses: tuple[str, ...] = ()
-    sweeps: tuple[str, ...] = ()
-    rays: tuple[str, ...] = ()
-    bounces: int | None = None
-    json: str = "-"
-    figure: Path | None = None
-    chart: Path | None = None
-    force: bool = False
-
-
-def trace_file(request: Request) -> list[str]:
-    """Trace, write what was asked for, and return the remarks.
 
     Raises:
         UserError: something in the file or in the request is wrong; nothing is written.
     """
-    figures = {"--figure": request.figure, "--chart": request.chart}
-    target = None if request.json == "-" else Path(request.json)
-    check_targets({"--json": target, **figures}, force=request.force)
+    figures = {"--figure": figure, "--chart": chart}
+    target = None if json == "-" else Path(json)
+    check_targets({"--json": target, **figures}, force=force)
     for option, path in figures.items():
         if path is not None:
             check_figure_ending(option, path)
-    if request.bounces is not None and not 0 <= request.bounces <= MOST_BOUNCES:
+    if bounces is not None and not 0 <= bounces <= MOST_BOUNCES:
         raise UserError(
-            f"--bounces {request.bounces}: that many reflections cannot be followed; "
+            f"--bounces {bounces}: that many reflections cannot be followed; "
             f"ask for 0 to {MOST_BOUNCES}"
         )
     with jax.enable_x64(True):
-        scene = read_scene(request.file)
-        angles = _angles(scene, request)
-        rays = np.array([_ray(text) for text in request.rays]).reshape(-1, 3)
-        _check_drawable(scene, angles, request)
-        bounces = scene.layout.bounces if request.bounces is None else request.bounces
-        trace = trace_sweep(scene, angles, bounces, rays)
+        scene = read_scene(file)
+        angles = _angles(scene, poses, sweeps)
+        starts = np.array([_ray(text) for text in rays]).reshape(-1, 3)
+        if chart is not None:
+            _check_drawable(scene, angles, chart)
+        trace = trace_sweep(
+            scene, angles, scene.layout.bounces if bounces is None else bounces, starts
+        )
         # The document last: what fails in drawing leaves none behind.
-        _draw(trace, request)
+        if figure is not None or chart is not None:
+            # Imported here: Matplotlib takes a second.
+            from optics.plot.trace_figures import save_chart, save_section
+
+            if figure is not None:
+                save_section(trace, figure)
+            if chart is not None:
+                save_chart(trace, chart)
         _write(lines_of(document_of(trace)), target)
         return remarks_on(trace)
 
 
-def _angles(scene: Scene, request: Request) -> Float[np.ndarray, "poses joints"]:
+def _angles(
+    scene: Scene, poses: Sequence[str], sweeps: Sequence[str]
+) -> Float[np.ndarray, "poses joints"]:
     """Joint angles of all poses, degrees."""
-    texts = [part for text in request.poses for part in text.split(",")]
+    texts = [part for text in poses for part in text.split(",")]
     named = dict.fromkeys(scene.angle_names, 0.0)
     posed = single_values(texts, "--pose", named, "joint angle")
     for name, value in posed.items():
         if abs(value) > LARGEST_INPUT:
             raise UserError(f"--pose {name}={value:g}: so large an angle has no digits left")
-    for text in request.sweeps:
+    for text in sweeps:
         name = text.partition("=")[0]
         if name in posed:
             raise UserError(f"--sweep {text}: --pose gives '{name}' too; leave out one of them")
     swept = dict.fromkeys(scene.angle_names, True)
-    grid = grid_of(request.sweeps, "--sweep", swept, "joint angle", named | posed)
+    grid = grid_of(sweeps, "--sweep", swept, "joint angle", named | posed)
     if len(grid) > MOST_POSES:
         raise UserError(
             f"--sweep: a grid of {len(grid):,} poses is too large (at most {MOST_POSES:,}); "
@@ -117,32 +122,16 @@ def _ray(text: str) -> list[float]:
     return numbers
 
 
-def _check_drawable(
-    scene: Scene, angles: Float[np.ndarray, "poses joints"], request: Request
-) -> None:
+def _check_drawable(scene: Scene, angles: Float[np.ndarray, "poses joints"], chart: Path) -> None:
     """Refuse charts that cannot be drawn, before anything is computed for them."""
-    if request.chart is None:
-        return
     varying = int(np.sum(np.ptp(angles, axis=0) > 0))
     if not scene.layout.pads:
-        raise UserError(f"--chart {request.chart}: the scene has no pads, so there is no coverage")
+        raise UserError(f"--chart {chart}: the scene has no pads, so there is no coverage")
     if varying not in (1, 2):
         raise UserError(
-            f"--chart {request.chart}: it shows one or two swept angles, not {varying}; "
+            f"--chart {chart}: it shows one or two swept angles, not {varying}; "
             "use --sweep ANGLE=START:STOP:COUNT once or twice"
         )
-
-
-def _draw(trace: SceneTrace, request: Request) -> None:
-    if request.figure is None and request.chart is None:
-        return
-    # Imported here: Matplotlib takes a second.
-    from optics.plot.trace_figures import save_chart, save_section
-
-    if request.figure is not None:
-        save_section(trace, request.figure)
-    if request.chart is not None:
-        save_chart(trace, request.chart)
 
 
 def _write(lines: Iterator[str], target: Path | None) -> None:

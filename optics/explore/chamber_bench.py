@@ -185,13 +185,13 @@ class ChamberBench(Bench):
         chamber = self._buildable(values, "nothing to improve")
         if float(chamber.focal_length) == float(chamber.image_distance):
             raise UserError("nothing to improve: at f = v no ring has a width; change f or v")
-        for step in self._improver.steps(chamber, values[ETA]):
+        for walls, message in self._improver.steps(chamber, values[ETA]):
             turned = {
-                ETA: step.ratio,
-                THETA_BC: math.degrees(step.wall_angle_bc),
-                OFFSET_B: step.offset_b,
+                ETA: float(walls.ratio),
+                THETA_BC: math.degrees(float(walls.wall_angle_bc)),
+                OFFSET_B: float(walls.offset_b),
             }
-            yield Step({**values, **turned}, step.message)
+            yield Step({**values, **turned}, message)
 
     @functools.cached_property
     def _improver(self) -> Improver:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import equinox as eqx
 import jax
@@ -52,23 +51,6 @@ class Walls(eqx.Module):
         )
         offset_d = solve_dimension_for_ratio(changed, "offset_d", self.ratio).value
         return dataclasses.replace(changed, offset_d=offset_d)
-
-
-@dataclass(frozen=True)
-class Improved:
-    """Where an iteration has come to.
-
-    Attributes:
-        ratio: η.
-        offset_b: Δl_B, mm.
-        wall_angle_bc: θ_BC, radians.
-        message: what it reached, in one line.
-    """
-
-    ratio: float
-    offset_b: float
-    wall_angle_bc: float
-    message: str
 
 
 def narrowest(chamber: Chamber) -> Float[Array, ""]:
@@ -126,8 +108,8 @@ class Improver:
         self._iteration = Iteration(make_epigraph(problem, scale=scale))
         self._narrowest = jax.jit(lambda walls, chamber: narrowest(walls.turned(chamber)))
 
-    def steps(self, chamber: Chamber, ratio: float) -> Iterator[Improved]:
-        """Iterations from a chamber on.
+    def steps(self, chamber: Chamber, ratio: float) -> Iterator[tuple[Walls, str]]:
+        """Iterations from a chamber on: where each has come to, and that in one line.
 
         Args:
             chamber: where to begin.
@@ -146,6 +128,4 @@ class Improver:
                     message += f"; not converged after {UPDATES} iterations"
                 if found.violation > FEASIBLE:
                     message += "; B, C and D do not all fit inside Δl_A"
-            yield Improved(
-                float(walls.ratio), float(walls.offset_b), float(walls.wall_angle_bc), message
-            )
+            yield walls, message

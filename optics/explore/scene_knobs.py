@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +14,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.explore.bench import Knob, Values
-from designopt.io.spec_files import FORMAT, validated
+from designopt.io.spec_files import validated
 from designopt.io.toml_writing import format_toml
 from optics.scene.camera import Pinhole
 from optics.scene.designed import DesignedScene
+from optics.scene.fabrication import turned
 from optics.scene.file import SceneFile
 from optics.scene.scene import Scene
+from optics.scene.writer import scene_tables
 
 CAMERA_BODY = "camera body"
 """A blocker of this name in the camera's frame is the camera's own: it moves and turns with it."""
@@ -41,8 +43,6 @@ NARROWER, WIDER = 0.5, 1.5
 
 WIDEST, WIDEST_PINHOLE = 360.0, 170.0
 """Largest fields of view, degrees."""
-
-Address = tuple[str | int, ...]
 
 
 class Dimensions(eqx.Module):
@@ -66,12 +66,10 @@ class Dimensions(eqx.Module):
 def apply_parameters(scene: Scene, dimensions: Dimensions) -> Scene:
     """A scene with other dimensions; traced by JAX. See `CAMERA_BODY`."""
     camera, layout = scene.camera, scene.layout
-    turn = dimensions.direction - camera.direction
-    cosine, sine = jnp.cos(turn), jnp.sin(turn)
-    x, y = jnp.moveaxis(scene.blockers - camera.position[None, None], -1, 0)
-    turned = jnp.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
     own = np.array([_is_body(part.name, part.frame, layout) for part in layout.blockers], bool)
-    moved = turned + jnp.asarray(dimensions.position)[None, None]
+    turn = jnp.broadcast_to(dimensions.direction - camera.direction, own.shape)
+    arms = turned(scene.blockers - camera.position[None, None], turn)
+    moved = arms + jnp.asarray(dimensions.position)[None, None]
     return eqx.tree_at(
         lambda scene: (
             scene.camera.position,
@@ -106,14 +104,12 @@ class Handle:
 
     Attributes:
         knob: the knob.
-        address: in the tables of the scene file.
         field: of `Dimensions`.
         place: in that field's array.
         zero: the file's number where the knob stands at 0.
     """
 
     knob: Knob
-    address: Address
     field: str
     place: tuple[int, ...] = ()
     zero: float = 0.0
@@ -122,10 +118,6 @@ class Handle:
     def unit(self) -> float:
         """Of the field, for one unit of the knob."""
         return math.radians(1.0) if self.knob.unit == "°" else 1.0
-
-    def told(self, values: Values) -> float:
-        """The file's number."""
-        return float(values[self.knob.name]) + self.zero
 
 
 @dataclass(frozen=True)
@@ -196,8 +188,8 @@ class ParameterMap:
             for name, leaf in fields.items()
         }
         for handle in self.handles:
-            turned = [handle.told(values) * handle.unit for values in states]
-            arrays[handle.field][(slice(None), *handle.place)] = turned
+            numbers = [(values[handle.knob.name] + handle.zero) * handle.unit for values in states]
+            arrays[handle.field][(slice(None), *handle.place)] = numbers
         if with_one_axis:
             return Dimensions(**arrays)
         return Dimensions(**{name: np.asarray(leaf[0]) for name, leaf in arrays.items()})
@@ -221,19 +213,8 @@ class ParameterMap:
         Raises:
             UserError: these values describe no scene, and why.
         """
-        design = self.design
-        tables = design.file.model_dump(by_alias=True, exclude_unset=True)
-        tables = {"scene": {}, **tables}
-        tables["scene"].setdefault("name", design.name)
-        tables["scene"]["format"] = FORMAT
-        for handle in self.handles:
-            _put(tables, handle.address, handle.told(values))
-        blockers = np.asarray(self.scene(values).blockers)
-        for index, part in enumerate(design.scene.layout.blockers):
-            if _is_body(part.name, part.frame, design.scene.layout):
-                start, end = blockers[index].tolist()
-                tables["blockers"][index] |= {"from": start, "to": end}
-        validated(SceneFile, tables, design.name)
+        tables = scene_tables(self.scene(values))
+        validated(SceneFile, tables, self.design.name)
         return tables
 
     def text(self, values: Values) -> str:
@@ -254,7 +235,7 @@ def _of_camera(design: DesignedScene, straight_deg: float | None) -> list[Handle
     straight = file.direction_deg if straight is None else straight
     tilt = file.direction_deg - straight
     turn = min(TILT, field / 2)
-    turned = Knob("camera tilt", tilt, tilt - turn, tilt + turn, "°", "dimension")
+    tilted = Knob("camera tilt", tilt, tilt - turn, tilt + turn, "°", "dimension")
     seen = Knob(
         "field of view",
         field,
@@ -264,18 +245,13 @@ def _of_camera(design: DesignedScene, straight_deg: float | None) -> list[Handle
         "dimension",
     )
     places = [
-        Handle(
-            _around(f"camera {axis}", file.position[at], reach),
-            ("camera", "position", at),
-            "position",
-            (at,),
-        )
+        Handle(_around(f"camera {axis}", file.position[at], reach), "position", (at,))
         for at, axis in enumerate("xy")
     ]
     return [
-        Handle(turned, ("camera", "direction_deg"), "direction", zero=straight),
+        Handle(tilted, "direction", zero=straight),
         *places,
-        Handle(seen, ("camera", "fov_deg"), "field_of_view"),
+        Handle(seen, "field_of_view"),
     ]
 
 
@@ -287,7 +263,6 @@ def _of_mirror(design: DesignedScene, index: int) -> list[Handle]:
     handles = [
         Handle(
             _around(f"{name}: {end} {axis}", place[at], reach),
-            ("mirrors", index, end, at),
             "mirrors",
             (index, which, at),
         )
@@ -297,9 +272,7 @@ def _of_mirror(design: DesignedScene, index: int) -> list[Handle]:
     if table.radius is not None:
         low, high = sorted((NARROWER * table.radius, WIDER * table.radius))
         radius = Knob(f"{name}: radius", table.radius, low, high, "mm", "dimension")
-        handles.append(
-            Handle(radius, ("mirrors", index, "radius"), "radii", (curved.index(index),))
-        )
+        handles.append(Handle(radius, "radii", (curved.index(index),)))
     return handles
 
 
@@ -312,17 +285,3 @@ def _reach(design: DesignedScene) -> float:
     scene = design.scene
     ends = np.concatenate([np.asarray(s) for s in (scene.mirrors, scene.pads, scene.blockers)])
     return float(f"{REACH * float(np.max(np.ptp(ends.reshape(-1, 2), axis=0))):.0e}")
-
-
-def _put(tables: Mapping[str, Any], address: Address, value: float) -> None:
-    """Set a number in tables; the list it stands in is a new one, as tuples cannot change."""
-    *before, last = address
-    table: Any = tables
-    for key in before[:-1] if isinstance(last, int) else before:
-        table = table[key]
-    if isinstance(last, int):
-        place = list(table[before[-1]])
-        place[last] = value
-        table[before[-1]] = place
-    else:
-        table[last] = value

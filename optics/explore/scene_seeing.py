@@ -23,7 +23,7 @@ from optics.visibility.remarks import remarks_on
 from optics.visibility.scene_trace import SceneTrace, Views
 from optics.visibility.sharpness import ROUNDING, Sharpness, find_sharpness
 from optics.visibility.unfolding import paths_of
-from optics.visibility.views import Pieces, ViewResult, name_paths
+from optics.visibility.views import Pieces, name_paths
 
 QUICK = {"xla_cpu_use_fusion_emitters": False}
 """Has XLA make code for the CPU in another way, which takes a fraction of the time and runs as
@@ -31,19 +31,6 @@ fast."""
 
 ROOM = 8
 """Pieces of a pad of which resolution is asked; more only where there are more."""
-
-REASONS = {
-    int(jax.tree.leaves(result)[0]): ViewResult[result]
-    for result in (
-        ViewResult.successful,
-        ViewResult.behind_mirror,
-        ViewResult.behind_pad,
-        ViewResult.missed,
-        ViewResult.blocked,
-        ViewResult.unseen,
-        ViewResult.too_many,
-    )
-}
 
 
 @dataclass(frozen=True)
@@ -83,7 +70,6 @@ def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
         paths_of(scene.layout, bounces),
         np.degrees(angles)[None],
         Views(several, codes, coverage[None], redundancy[None], sharpness, None),
-        REASONS,
         None,
         np.zeros((0, 3)),
         None,

@@ -23,6 +23,7 @@ from designopt.solution import Solution
 from optics.plot.label_layout import Label, draw_labels
 from optics.plot.section import Angles, Point, Points, Section, rays_to
 from optics.scene.scene import Scene
+from optics.visibility.intervals import union
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, path_name
 
@@ -236,13 +237,7 @@ def seen_pieces(views: Solution[Pieces], pad: int) -> list[tuple[float, float]]:
     view = views.value
     there = np.asarray(view.present)[pad]
     starts, ends = np.asarray(view.start)[pad][there], np.asarray(view.end)[pad][there]
-    merged: list[tuple[float, float]] = []
-    for start, end in sorted(zip(starts.tolist(), ends.tolist(), strict=True)):
-        if merged and start <= merged[-1][1]:
-            merged[-1] = (merged[-1][0], max(merged[-1][1], end))
-        else:
-            merged.append((start, end))
-    return merged
+    return union(zip(starts.tolist(), ends.tolist(), strict=True))
 
 
 def _joined(lines: Sequence[Points]) -> Points:

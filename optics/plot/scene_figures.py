@@ -31,10 +31,6 @@ MOST_POSES, COLUMNS = 6, 3
 TALLEST = 6.5
 """Height of all panels together, in inches, so that a figure fits on a page."""
 
-PLACES, BLOCK = 9, 1000
-"""Places between neighbouring ends of pieces at which resolution is compared, and how many poses
-at once: memory grows with both."""
-
 UNSEEN: dict[str, Any] = {"facecolor": "white", "edgecolor": "0.6", "hatch": "////"}
 COLORS = "cividis"
 """J. R. Nuñez, C. R. Anderton, R. S. Renslow, PLoS ONE 13 (2018) e0199239: made for all eyes."""
@@ -91,16 +87,22 @@ def poses_figure(
     return figure
 
 
-def sweep_figure(scene: Scene, poses: Poses, views: Solution[Pieces]) -> Figure:
+def sweep_figure(
+    scene: Scene,
+    poses: Poses,
+    views: Solution[Pieces],
+    px_per_mm: Float[np.ndarray, "poses pads 3"],
+) -> Figure:
     """Coverage, redundancy and resolution of every pad over joint angles.
 
     Over a sweep of one angle (others may be swept with it) curves; over a grid of two angles
-    maps of coverage and least resolution. For the resolutions see `resolution`.
+    maps of coverage and least resolution.
 
     Args:
         scene: the scene.
         poses: joint angles in the order of ``scene.angle_names``, rad; in any order.
         views: what is seen in each of them.
+        px_per_mm: resolution of what is seen; see `Sharpness`.
 
     Raises:
         UserError: the poses are neither a sweep of one angle nor a grid of two.
@@ -108,7 +110,7 @@ def sweep_figure(scene: Scene, poses: Poses, views: Solution[Pieces]) -> Figure:
     poses = np.degrees(np.asarray(poses))
     varying = np.flatnonzero(np.ptp(poses, axis=0) > 0) if len(poses) else np.zeros(0, int)
     coverage = 100 * np.asarray(views.value.coverage())
-    least, greatest = resolution(scene, views.value)
+    least, _, greatest = np.moveaxis(np.where(px_per_mm > 0, px_per_mm, np.nan), -1, 0)
     if varying.size:
         first = poses[:, varying[0]]
         if len(np.unique(first)) == len(first):
@@ -125,66 +127,6 @@ def sweep_figure(scene: Scene, poses: Poses, views: Solution[Pieces]) -> Figure:
             names = [scene.angle_names[column] for column in varying]
             return _maps(scene, names, columns, maps)
     raise UserError("poses: a figure shows a sweep of one joint angle or a grid of two")
-
-
-def resolution(scene: Scene, view: Pieces) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest resolution along each pad, each place in the view that shows it best.
-
-    Between the ends of a piece the distance is taken as in a straight mirror (Stewart's theorem),
-    and resolution times squared distance as linear, which it is for an `Equidistant` lens.
-
-    Args:
-        scene: the scene.
-        view: its views, with any batch axes.
-
-    Returns:
-        Two arrays of px/mm, shape (*batch, pads); NaN where nothing of a pad is seen.
-    """
-    lengths = np.linalg.norm(np.diff(np.asarray(scene.pads), axis=1)[:, 0], axis=-1)
-    batch, pads = view.start.shape[:-2], view.start.shape[-2]
-    count = math.prod(batch)
-    flat = jax.tree.map(
-        lambda leaf: np.asarray(leaf).reshape(count, *leaf.shape[len(batch) :]), view
-    )
-    blocks = np.array_split(np.arange(count), count // BLOCK + 1)
-    parts = [
-        _extremes(jax.tree.map(lambda leaf, block=block: leaf[block], flat), lengths)
-        for block in blocks
-    ]
-    least, greatest = np.concatenate(parts, axis=1).reshape(2, *batch, pads)
-    return least, greatest
-
-
-def _extremes(view: Any, lengths: np.ndarray) -> np.ndarray:
-    """Least and greatest resolution of pads of given lengths, mm, for one batch axis of views."""
-    # Shapes are poses, pads, pieces, stretches between neighbouring ends, places on a stretch.
-    most = max(int(np.max(np.sum(view.present, axis=-1), initial=0)), 1)
-    # There is room for more pieces than there are.
-    kept = np.argsort(~view.present, axis=-1, kind="stable")[..., :most]
-
-    def pieces(leaf: np.ndarray) -> np.ndarray:
-        return np.take_along_axis(leaf, kept, axis=-1)[..., None, None]
-
-    there, start, end = (pieces(leaf) for leaf in (view.present, view.start, view.end))
-    ends = np.sort(np.concatenate([start, end], axis=2)[..., 0, 0], axis=-1)
-    low, high = ends[:, :, None, :-1, None], ends[:, :, None, 1:, None]
-    places = low + np.linspace(0, 1, PLACES) * (high - low)
-    covered = there & (start <= low) & (high <= end) & (high > low)
-    part = (places - start) / np.where(there, end - start, 1)
-    first, last = (pieces(view.distance[..., i]) ** 2 for i in (0, 1))
-    length = (end - start) * lengths[:, None, None, None]
-    squared = _mixed(first, last, part) - part * (1 - part) * length**2
-    at_ends = [pieces(view.px_per_mm[..., i]) for i in (0, 1)]
-    scaled = _mixed(at_ends[0] * first, at_ends[1] * last, part)
-    best = np.max(np.where(covered, scaled / np.where(covered, squared, 1), -np.inf), axis=2)
-    seen = np.isfinite(best)
-    least = np.min(np.where(seen, best, np.inf), axis=(2, 3))
-    greatest = np.max(best, axis=(2, 3))
-    return np.where(np.any(seen, axis=(2, 3)), [least, greatest], np.nan)
-
-
-def _mixed(first: np.ndarray, last: np.ndarray, part: np.ndarray) -> np.ndarray:
-    return first + part * (last - first)
 
 
 def _curves(scene: Scene, poses: np.ndarray, varying: np.ndarray, measures: list[Curves]) -> Figure:

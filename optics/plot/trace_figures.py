@@ -50,8 +50,8 @@ def save_chart(trace: SceneTrace, path: Path) -> None:
     """
     assert trace.views is not None
     with style():
-        poses = np.deg2rad(trace.angles_deg)
-        _save(sweep_figure(trace.scene, poses, trace.views.found), path)
+        poses, views = np.deg2rad(trace.angles_deg), trace.views
+        _save(sweep_figure(trace.scene, poses, views.found, views.sharpness.px_per_mm), path)
 
 
 def _save(figure: Figure, path: Path) -> None:

@@ -23,17 +23,8 @@ from designopt.numerics import safe_divide
 from designopt.vectors import Vector, rotation, stack, where
 from optics.scene.camera import Camera
 from optics.scene.scene import Placed, Scene
-from optics.visibility.boundary_codes import (
-    CROSSING,
-    FIRST_PAD_END,
-    HIGH_GRAZING,
-    LEFT_LIMIT,
-    LOW_GRAZING,
-    RIGHT_LIMIT,
-    SECOND_PAD_END,
-    parts_of,
-    with_kind,
-)
+from optics.visibility import boundary_codes as codes
+from optics.visibility.boundary_codes import parts_of, with_kind
 from optics.visibility.unfolding import Unfolded, unit
 
 
@@ -70,10 +61,10 @@ class Pad(eqx.Module):
 PER_SEGMENT = 3
 """How many of the `conditions` are those of one segment."""
 
-LIMITS = (LEFT_LIMIT, RIGHT_LIMIT, LOW_GRAZING, HIGH_GRAZING)
+LIMITS = (codes.LEFT_LIMIT, codes.RIGHT_LIMIT, codes.LOW_GRAZING, codes.HIGH_GRAZING)
 """Labels of the last `conditions`, which are not of a segment."""
 
-PAD_ENDS = (FIRST_PAD_END, SECOND_PAD_END)
+PAD_ENDS = (codes.FIRST_PAD_END, codes.SECOND_PAD_END)
 """Labels of the last `meetings`."""
 
 
@@ -115,7 +106,7 @@ def meetings(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, " bounds"
 def labels_of(path: Unfolded) -> Int[Array, " bounds"]:
     """Labels of all `meetings`."""
     first, last = path.blockers.labels[..., 0], path.blockers.labels[..., 1]
-    segments = jnp.stack([first, last, with_kind(first, CROSSING)]).reshape(-1)
+    segments = jnp.stack([first, last, with_kind(first, codes.CROSSING)]).reshape(-1)
     return jnp.concatenate([segments, jnp.array([*LIMITS, *PAD_ENDS])])
 
 
@@ -128,10 +119,14 @@ def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> V
     along = last - first
     met, _ = safe_divide(along.cross(pad.start - first), -along.cross(step))
     edge = where(edges.labels[0] == label, first, last)
-    edge = where(kind == CROSSING, pad.start + step.scaled(met), edge)
+    edge = where(kind == codes.CROSSING, pad.start + step.scaled(met), edge)
 
     # The labels below 0 come in pairs, of which one has the sign 1.
-    second = (label == SECOND_PAD_END) | (label == LEFT_LIMIT) | (label == HIGH_GRAZING)
+    second = (
+        (label == codes.SECOND_PAD_END)
+        | (label == codes.LEFT_LIMIT)
+        | (label == codes.HIGH_GRAZING)
+    )
     sign = jnp.where(second, 1.0, -1.0).astype(source.x.dtype)
     half = rotation(camera.field_of_view / 2)
     limit = axis.scaled(half.x) + axis.perpendicular().scaled(sign * half.y)
@@ -140,6 +135,6 @@ def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> V
     drop = along_pad.perpendicular().scaled(-above * jnp.sin(pad.grazing))
     flattest = drop + along_pad.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
     end = where(label >= 0, edge, where(second, pad.end, pad.start))
-    is_limit = (label == LEFT_LIMIT) | (label == RIGHT_LIMIT)
-    is_grazing = (label == LOW_GRAZING) | (label == HIGH_GRAZING)
+    is_limit = (label == codes.LEFT_LIMIT) | (label == codes.RIGHT_LIMIT)
+    is_grazing = (label == codes.LOW_GRAZING) | (label == codes.HIGH_GRAZING)
     return where(is_limit, limit, where(is_grazing, flattest, end - source))

@@ -111,15 +111,8 @@ def _views(fan: Fan, rays: int, max_pieces: int) -> Solution[Pieces]:
 class _Run(eqx.Module):
     """Neighbouring rays that see one pad by one path, between refined edges."""
 
-    present: Bool[Array, "*runs"]
+    piece: Pieces
     pad: Int[Array, "*runs"]
-    path: Int[Array, "*runs"]
-    ends: Float[Array, "*runs 2"]
-    labels: Int[Array, "*runs 2"]
-    pixels: Float[Array, "*runs 2"]
-    px_per_mm: Float[Array, "*runs 2"]
-    distance: Float[Array, "*runs 2"]
-    spans: Float[Array, "*runs reflections 2"]
     width: Float[Array, "*runs"]
     residual: Float[Array, "*runs"]
 
@@ -134,47 +127,37 @@ def _run(fan: Fan, present: Bool[Array, ""], label: Int[Array, ""], edges: Edge)
     length = (end - start).length() * fan.placed.size
     density = fan.camera.pixels_per_radian(pair.angle)
     per_mm, _ = safe_divide(density, jnp.abs(pair.slope) * length)
-    return _Run(
+    first, last = jnp.clip(pair.coordinate, 0, 1)
+    piece = Pieces(
         present,
-        pad,
         path,
-        jnp.clip(pair.coordinate, 0, 1),
-        pair.label,
+        first,
+        last,
+        pair.label[0],
+        pair.label[1],
         fan.camera.pixel(pair.angle),
         per_mm,
         pair.length * fan.placed.size,
         pair.spans.T,
-        jnp.abs(pair.angle[1] - pair.angle[0]),
-        jnp.max(pair.step),
     )
+    return _Run(piece, pad, jnp.abs(pair.angle[1] - pair.angle[0]), jnp.max(pair.step))
 
 
 def _collected(fan: Fan, runs: _Run, crowded: Bool[Array, ""]) -> Solution[Pieces]:
     """All runs, by pad and in the order in which they begin on it."""
 
     def of_pad(pad: Int[Array, ""]) -> Pieces:
-        present = runs.present & (runs.pad == pad)
-        order = jnp.argsort(jnp.where(present, runs.ends[:, 0], 2.0))
-        mine, present = jax.tree.map(lambda leaf: leaf[order], (runs, present))
+        present = runs.piece.present & (runs.pad == pad)
+        order = jnp.argsort(jnp.where(present, runs.piece.start, 2.0))
 
         def kept(leaf: Array) -> Array:
-            return jnp.where(present.reshape(-1, *(1,) * (leaf.ndim - 1)), leaf, 0)
+            there = present[order].reshape(-1, *(1,) * (leaf.ndim - 1))
+            return jnp.where(there, leaf[order], jnp.zeros_like(leaf))
 
-        return Pieces(
-            present,
-            kept(mine.path),
-            kept(mine.ends[:, 0]),
-            kept(mine.ends[:, 1]),
-            kept(mine.labels[:, 0]),
-            kept(mine.labels[:, 1]),
-            kept(mine.pixels),
-            kept(mine.px_per_mm),
-            kept(mine.distance),
-            kept(mine.spans),
-        )
+        return jax.tree.map(kept, runs.piece)
 
     def judged(path: Int[Array, ""], pad: Int[Array, ""]) -> tuple[Array, Array, Any]:
-        mine = runs.present & (runs.pad == pad) & (runs.path == path)
+        mine = runs.piece.present & (runs.pad == pad) & (runs.piece.path == path)
         result = ViewResult.where(jnp.any(mine), ViewResult.successful, ViewResult.unseen)
         result = ViewResult.where(crowded, ViewResult.too_many, result)
         margin = jnp.max(jnp.where(mine, runs.width, 0.0))

@@ -22,19 +22,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
 from optics.scene.scene import Layout
-from optics.visibility.boundary_codes import (
-    CROSSING,
-    FIRST_END,
-    FIRST_PAD_END,
-    FOLD,
-    HIGH_GRAZING,
-    HORIZON,
-    LEFT_LIMIT,
-    RIGHT_LIMIT,
-    SECOND_END,
-    SECOND_PAD_END,
-    label_of,
-)
+from optics.visibility import boundary_codes as codes
+from optics.visibility.boundary_codes import label_of
 from optics.visibility.fan import Fan
 from optics.visibility.tracing import NOTHING, Leg
 
@@ -128,7 +117,7 @@ def find_edge(
         along,
         jnp.where(
             at_limit,
-            jnp.where(outside > 0, LEFT_LIMIT, RIGHT_LIMIT),
+            jnp.where(outside > 0, codes.LEFT_LIMIT, codes.RIGHT_LIMIT),
             _labels(fan.layout, pad, leg, where, surfaces)[which],
         ),
         steep,
@@ -218,14 +207,14 @@ def _labels(
     own = (where == leg) & (mine == len(layout.mirrors) + pad)
     return jnp.stack(
         [
-            jnp.where(own, FIRST_PAD_END, named(mine, FIRST_END)),
-            jnp.where(own, SECOND_PAD_END, named(mine, SECOND_END)),
-            named(theirs, FIRST_END),
-            named(theirs, SECOND_END),
-            named(theirs, CROSSING),
-            named(mine, HORIZON),
-            named(theirs, HORIZON),
-            jnp.asarray(HIGH_GRAZING),
-            jnp.asarray(FOLD),
+            jnp.where(own, codes.FIRST_PAD_END, named(mine, codes.FIRST_END)),
+            jnp.where(own, codes.SECOND_PAD_END, named(mine, codes.SECOND_END)),
+            named(theirs, codes.FIRST_END),
+            named(theirs, codes.SECOND_END),
+            named(theirs, codes.CROSSING),
+            named(mine, codes.HORIZON),
+            named(theirs, codes.HORIZON),
+            jnp.asarray(codes.HIGH_GRAZING),
+            jnp.asarray(codes.FOLD),
         ]
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -120,3 +122,14 @@ def measure_of_union(
     earlier = (order[:, None] > order[None]).reshape((1,) * (end.ndim - 1) + (-1, order.size))
     begin = jnp.maximum(start, jnp.max(jnp.where(earlier, end[..., None, :], 0.0), axis=-1))
     return jnp.sum(jnp.where(end > begin, end - begin, 0.0), axis=-1)
+
+
+def union(parts: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The union of intervals as intervals that do not meet, in order."""
+    joined: list[tuple[float, float]] = []
+    for start, end in sorted(parts):
+        if joined and start <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(joined[-1][1], end))
+        else:
+            joined.append((start, end))
+    return joined

@@ -7,7 +7,7 @@ import numpy as np
 
 from optics.scene.scene import Layout
 from optics.visibility.scene_trace import SceneTrace, Views
-from optics.visibility.views import ViewResult, describe_end
+from optics.visibility.views import REASONS, ViewResult, describe_end
 
 ROUNDING = 1e-9
 """A smaller part of a pad that is not seen is rounding."""
@@ -19,8 +19,7 @@ def remarks_on(sight: SceneTrace) -> list[str]:
     if views is None:
         hint = "" if len(sight.rays) else "; --ray X,Y,DEG follows a ray"
         return [f"{layout.name}: there are no pads to be seen{hint}"]
-    crowding = ViewResult[ViewResult.too_many]
-    crowded = np.isin(views.codes, [code for code, why in sight.reasons.items() if why == crowding])
+    crowded = views.codes == jax.tree.leaves(ViewResult.too_many)[0]
     lines = []
     for pad, part in enumerate(layout.pads):
         hidden = 1 - views.coverage[:, pad]
@@ -64,7 +63,7 @@ def _why(sight: SceneTrace, view: Views, pad: int) -> str:
     if np.any(view.found.value.present[pad]):
         return "all rays to it meet it in single points"
     nearest = int(np.argmax(view.found.margin[:, pad]))
-    why = sight.reasons[int(view.codes[nearest, pad])]
+    why = REASONS[int(view.codes[nearest, pad])]
     return f"nearest to showing any of it is {sight.paths[nearest]}: {why}"
 
 

@@ -21,7 +21,7 @@ from optics.visibility.edge_refined import RAYS, trace_views
 from optics.visibility.focus import Focus, find_focus
 from optics.visibility.sharpness import PARTS, ROUNDING, Sharpness, find_sharpness
 from optics.visibility.tracing import Hits, trace_rays
-from optics.visibility.unfolding import padded, paths_of, unfold
+from optics.visibility.unfolding import paths_of, unfold_all
 from optics.visibility.views import Pieces, name_paths
 
 MEMORY = 2**28
@@ -41,7 +41,7 @@ class Views(eqx.Module):
 
     Attributes:
         found: pieces, margins (rad) and results, with no more room than the poses need.
-        codes: number of the result, shape (poses, paths, pads); messages in `SceneTrace.reasons`.
+        codes: number of the result, shape (poses, paths, pads); messages in `REASONS`.
         coverage: part of each pad that is seen, shape (poses, pads).
         redundancy: mean number of paths that show a point of it, shape (poses, pads).
         sharpness: resolution of what is seen.
@@ -80,7 +80,6 @@ class SceneTrace:
         words: the mirrors along them.
         angles_deg: joint angles as they were asked for, degrees, shape (poses, joints).
         views: what is seen; none if the scene has no pads.
-        reasons: why a pad is not seen, by code.
         images: the virtual cameras; none if a mirror is curved.
         rays: starts (mm) and directions (degrees) of the rays.
         hits: where the rays go, shape (poses, rays, legs); none if there are no rays.
@@ -92,7 +91,6 @@ class SceneTrace:
     words: list[tuple[int, ...]]
     angles_deg: Poses
     views: Views | None
-    reasons: dict[int, str]
     images: Images | None
     rays: Float[np.ndarray, "rays 3"]
     hits: Hits | None
@@ -122,10 +120,8 @@ def trace_sweep(
         )
     block, poses = max(MEMORY // size, 1), np.deg2rad(angles_deg)
     views = images = hits = None
-    reasons: dict[int, str] = {}
     if layout.pads:
         views = _views(scene, poses, bounces, block)
-        reasons = _reasons(views)
     if not layout.curved:
         shown = partial(_images, scene, bounces=bounces)
         images = Images(*_joined(_in_blocks(shown, block, poses)))
@@ -136,7 +132,7 @@ def trace_sweep(
         hits = _joined(_in_blocks(follow, block, poses))
     names = name_paths(layout, bounces)
     words = paths_of(layout, bounces)
-    return SceneTrace(scene, bounces, names, words, angles_deg, views, reasons, images, rays, hits)
+    return SceneTrace(scene, bounces, names, words, angles_deg, views, images, rays, hits)
 
 
 def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:
@@ -173,17 +169,6 @@ def _totals(pieces: Pieces) -> tuple[Float[Array, "poses pads"], Float[Array, "p
     return jnp.where(coverage > ROUNDING, coverage, 0.0), pieces.redundancy()
 
 
-def _reasons(views: Views) -> dict[int, str]:
-    """The messages of all results that occur, each looked up once."""
-    codes, first = np.unique(views.codes, return_index=True)
-    margin, residual, result = jax.tree.map(
-        lambda leaf: jnp.asarray(leaf.reshape(-1)[first]),
-        (views.found.margin, views.found.residual, views.found.result),
-    )
-    messages = Solution((), margin, residual, result).messages()
-    return dict(zip(codes.tolist(), messages, strict=True))
-
-
 def _most_pieces(found: Solution[Pieces]) -> int:
     return int(np.max(np.sum(found.value.present, axis=-1)))
 
@@ -207,12 +192,8 @@ def _images(
 
     def in_pose(angles: Float[Array, " joints"]) -> tuple[Array, Array]:
         placed = place(scene, angles)
-
-        def along(word: Int[Array, " reflections"]) -> tuple[Array, Array]:
-            path = unfold(scene.layout, placed, word)
-            return placed.absolute(path.source).stacked(), ~jnp.any(path.turned_away)
-
-        return jax.vmap(along)(jnp.asarray(padded(paths_of(scene.layout, bounces))))
+        paths = unfold_all(scene.layout, placed, paths_of(scene.layout, bounces))
+        return placed.absolute(paths.source).stacked(), ~jnp.any(paths.turned_away, axis=-1)
 
     return jax.vmap(in_pose)(poses)
 

@@ -5,26 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from optics.scene.scene import Layout
-from optics.visibility.boundary_codes import (
-    CROSSING,
-    CUT_AFTER,
-    CUT_BEFORE,
-    FIRST_END,
-    FIRST_PAD_END,
-    FOLD,
-    HIGH_GRAZING,
-    HORIZON,
-    LEFT_LIMIT,
-    LOW_GRAZING,
-    RIGHT_LIMIT,
-    SECOND_END,
-    SECOND_PAD_END,
-    parts_of,
-)
+from optics.visibility import boundary_codes as codes
+from optics.visibility.boundary_codes import parts_of
 from optics.visibility.intervals import measure_of_union
 from optics.visibility.unfolding import paths_of
 
@@ -51,6 +38,21 @@ class ViewResult(eqx.Enumeration):
         "way; a narrow view may be found with more rays."
     )
     too_many = "The pad is seen in more pieces than there is room for: raise max_pieces."
+
+
+REASONS = {
+    int(jax.tree.leaves(result)[0]): ViewResult[result]
+    for result in (
+        ViewResult.successful,
+        ViewResult.behind_mirror,
+        ViewResult.behind_pad,
+        ViewResult.missed,
+        ViewResult.blocked,
+        ViewResult.unseen,
+        ViewResult.too_many,
+    )
+}
+"""Messages of the results by their codes, the leaves of results."""
 
 
 class Pieces(eqx.Module):
@@ -131,26 +133,27 @@ def describe_end(layout: Layout, label: int) -> str:
         >>> from importlib.resources import files
         >>> from optics import read_scene
         >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
-        >>> describe_end(scene.layout, FIRST_PAD_END)
+        >>> describe_end(scene.layout, codes.FIRST_PAD_END)
         'end of the pad'
     """
     if label < 0:
-        return {
-            FIRST_PAD_END: "end of the pad",
-            SECOND_PAD_END: "end of the pad",
-            LEFT_LIMIT: "limit of the field of view",
-            RIGHT_LIMIT: "limit of the field of view",
-            LOW_GRAZING: "least grazing angle",
-            HIGH_GRAZING: "least grazing angle",
-            FOLD: "fold of the image",
-        }[label]
+        return _ENDS[label]
     _, surface, kind = map(int, parts_of(label))
-    what = {
-        FIRST_END: "its end 'from'",
-        SECOND_END: "its end 'to'",
-        CROSSING: "where another surface meets it",
-        CUT_BEFORE: "where it meets the line of a mirror",
-        CUT_AFTER: "where it meets the line of a mirror",
-        HORIZON: "where it turns away from the ray",
-    }[kind]
-    return f"{layout.kind(surface)} '{layout.surfaces[surface].name}': {what}"
+    return f"{layout.kind(surface)} '{layout.surfaces[surface].name}': {_ENDS[kind]}"
+
+
+_ENDS = {
+    codes.FIRST_PAD_END: "end of the pad",
+    codes.SECOND_PAD_END: "end of the pad",
+    codes.LEFT_LIMIT: "limit of the field of view",
+    codes.RIGHT_LIMIT: "limit of the field of view",
+    codes.LOW_GRAZING: "least grazing angle",
+    codes.HIGH_GRAZING: "least grazing angle",
+    codes.FOLD: "fold of the image",
+    codes.FIRST_END: "its end 'from'",
+    codes.SECOND_END: "its end 'to'",
+    codes.CROSSING: "where another surface meets it",
+    codes.CUT_BEFORE: "where it meets the line of a mirror",
+    codes.CUT_AFTER: "where it meets the line of a mirror",
+    codes.HORIZON: "where it turns away from the ray",
+}

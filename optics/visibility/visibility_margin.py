@@ -9,24 +9,18 @@ passes through 0 where a view opens. Nothing of it is shared with the pad coordi
 
 from __future__ import annotations
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from designopt.numerics import safe_arctan2
 from designopt.vectors import Vector, stack
 from optics.scene.camera import Camera
+from optics.visibility import boundary_codes as codes
 from optics.visibility.boundaries import PAD_ENDS, Pad, toward
-from optics.visibility.boundary_codes import (
-    CROSSING,
-    CUT_BEFORE,
-    HIGH_GRAZING,
-    LEFT_LIMIT,
-    LOW_GRAZING,
-    RIGHT_LIMIT,
-    label_of,
-    with_kind,
-)
+from optics.visibility.boundary_codes import label_of, with_kind
 from optics.visibility.intervals import FAR, Interval, gaps
 from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, unit
 
@@ -83,17 +77,14 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     wide = half > jnp.pi / 2
     axis, back, foot = turned(axis), turned(back), turned(foot)
     max_obliquity = jnp.pi / 2 - pad.grazing
-    low, high = (
-        jnp.where(sense > 0, one, other)
-        for one, other in ((RIGHT_LIMIT, LEFT_LIMIT), (LEFT_LIMIT, RIGHT_LIMIT))
-    )
+    low = jnp.where(sense > 0, codes.RIGHT_LIMIT, codes.LEFT_LIMIT)
+    high = jnp.where(sense > 0, codes.LEFT_LIMIT, codes.RIGHT_LIMIT)
     # From behind, the pad's second end comes first.
-    toward_first, toward_second = (
-        jnp.where(sense * above > 0, one, other)
-        for one, other in ((LOW_GRAZING, HIGH_GRAZING), (HIGH_GRAZING, LOW_GRAZING))
-    )
+    in_front = sense * above > 0
+    toward_first = jnp.where(in_front, codes.LOW_GRAZING, codes.HIGH_GRAZING)
+    toward_second = jnp.where(in_front, codes.HIGH_GRAZING, codes.LOW_GRAZING)
     side = jnp.where(above < 0, -1.0, 1.0)
-    crossing = with_kind(path.blockers.labels[..., 0], CROSSING)
+    crossing = with_kind(path.blockers.labels[..., 0], codes.CROSSING)
     blockers = cut(path.blockers, pad.ends(), side, crossing)
     # Mirrors first, then what may hide the pad.
     both = jax.tree.map(
@@ -104,24 +95,17 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     found, away, there = spans(both), path.turned_away, path.reflects
     mirrors = jax.tree.map(lambda leaf: leaf[: len(there)], found)
     hidden = jax.tree.map(lambda leaf: leaf[len(there) :], found)
-    lower = [
-        (first, shown.labels[0]),
-        (foot - max_obliquity, toward_first),
-        (jnp.where(wide, -FAR, axis - half), low),
-    ]
-    upper = [
-        (last, shown.labels[1]),
-        (foot + max_obliquity, toward_second),
-        (jnp.where(wide, FAR, axis + half), high),
-    ]
-    from_mirrors = jnp.where(away, mirrors.end, mirrors.start)
-    to_mirrors = jnp.where(away, mirrors.start, mirrors.end)
-    start = jnp.append(_values(lower), jnp.where(there, from_mirrors, -FAR))
-    start_labels = jnp.append(
-        _labels(lower), jnp.where(away, mirrors.end_label, mirrors.start_label)
-    )
-    end = jnp.append(_values(upper), jnp.where(there, to_mirrors, FAR))
-    end_labels = jnp.append(_labels(upper), jnp.where(away, mirrors.start_label, mirrors.end_label))
+    lower = jnp.stack([first, foot - max_obliquity, jnp.where(wide, -FAR, axis - half)])
+    upper = jnp.stack([last, foot + max_obliquity, jnp.where(wide, FAR, axis + half)])
+    lower_labels = jnp.stack([shown.labels[0], toward_first, low])
+    upper_labels = jnp.stack([shown.labels[1], toward_second, high])
+    # From behind, a mirror begins where it ends.
+    turned_round = Interval(mirrors.end, mirrors.start, mirrors.end_label, mirrors.start_label)
+    open_ = jax.tree.map(partial(jnp.where, away), turned_round, mirrors)
+    start = jnp.append(lower, jnp.where(there, open_.start, -FAR))
+    start_labels = jnp.append(lower_labels, open_.start_label)
+    end = jnp.append(upper, jnp.where(there, open_.end, FAR))
+    end_labels = jnp.append(upper_labels, open_.end_label)
     at, to = jnp.argmax(start), jnp.argmin(end)
     # Nothing is left of a pad or mirror that lies in the line of the mirror beside it.
     left = shown.active & jnp.all(path.mirrors.active | ~there)
@@ -140,14 +124,6 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     return Interval(widest.start, end, widest.start_label, widest.end_label)
 
 
-def _values(bounds: list[tuple[Array, Array]]) -> Float[Array, " bounds"]:
-    return jnp.stack([value for value, _ in bounds])
-
-
-def _labels(bounds: list[tuple[Array, Array]]) -> Int[Array, " bounds"]:
-    return jnp.stack([label for _, label in bounds])
-
-
 def _shown(path: Unfolded, pad: Pad) -> Edges:
     """The part of a pad that lies in front of the last mirror."""
     whole = Edges(pad.ends(), jnp.array(PAD_ENDS), jnp.asarray(True))
@@ -155,7 +131,7 @@ def _shown(path: Unfolded, pad: Pad) -> Edges:
     leg = jnp.sum(path.reflects)
     behind = jnp.where(left_of(path.source, start, along) < 0, 1.0, -1.0)
     side = jnp.where(leg > 0, behind, 0.0)
-    return cut(whole, path.last, side, label_of(leg, pad.index, CUT_BEFORE))
+    return cut(whole, path.last, side, label_of(leg, pad.index, codes.CUT_BEFORE))
 
 
 def elevation(path: Unfolded, pad: Pad) -> Float[Array, ""]:

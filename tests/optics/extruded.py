@@ -139,8 +139,8 @@ def followed(
     """
     place = np.array([*posed.position, beside])
     ahead = direction_of(angle + posed.direction, slope)
-    for surface in [*word, posed.surfaces.mirrors + pad]:
-        (x0, y0), (x1, y1) = posed.surfaces.ends[surface]
+    for surface in [*word, len(LAYOUT.mirrors) + pad]:
+        (x0, y0), (x1, y1) = posed.ends[surface]
         normal = np.cross([x1 - x0, y1 - y0, 0.0], [0.0, 0.0, 1.0])
         normal /= np.linalg.norm(normal)
         place = place + ahead * ((np.array([x0, y0, 0.0]) - place) @ normal / (ahead @ normal))

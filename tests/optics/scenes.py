@@ -21,7 +21,7 @@ from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
 from optics.visibility.coverage import find_views
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces
-from tests.optics.brute_force import Surfaces
+from studies.oracles.rays import Fans, Structure
 
 LAYOUT = Layout(
     name="test",
@@ -309,24 +309,26 @@ _answers = jax.jit(answers_traced)
 
 
 class Posed(NamedTuple):
-    """A scene in a pose, for methods that are not the library's.
+    """A scene in a pose, for methods that are not the library's; its fields are those of `Fans`.
 
     Attributes:
-        surfaces: all surfaces.
+        ends: of all surfaces, shape (surfaces, 2, 2).
         position: of the camera.
         direction: of its axis, rad.
         field_of_view: of the camera, rad.
+        grazing: least grazing angles of the pads, rad.
     """
 
-    surfaces: Surfaces
+    ends: np.ndarray
     position: np.ndarray
     direction: float
     field_of_view: float
+    grazing: np.ndarray
 
     @property
     def complex_ends(self) -> np.ndarray:
         """Ends of all surfaces as complex numbers, shape (surfaces, 2)."""
-        return self.surfaces.ends @ [1, 1j]
+        return self.ends @ [1, 1j]
 
     @property
     def complex_position(self) -> complex:
@@ -353,17 +355,22 @@ def posed(scene: Scene, angles: Any) -> Posed:
     ahead = np.array([0, np.exp(1j * float(camera.direction))])
     position, ahead = moved(np.asarray(camera.position) @ [1, 1j] + ahead, layout.camera_frame)
     return Posed(
-        Surfaces(
-            np.stack([np.real(places), np.imag(places)], axis=-1),
-            layout.sides,
-            len(layout.mirrors),
-            len(layout.pads),
-            np.asarray(scene.grazing),
-        ),
+        np.stack([np.real(places), np.imag(places)], axis=-1),
         np.array([position.real, position.imag]),
         float(np.angle(ahead - position)),
         float(camera.field_of_view),
+        np.asarray(scene.grazing),
     )
+
+
+def structure_of(layout: Layout) -> Structure:
+    """What a layout is to the oracle that shoots rays."""
+    return Structure(len(layout.mirrors), len(layout.pads), tuple(layout.sides.tolist()))
+
+
+def fans_of(scenes: Sequence[Posed]) -> Fans:
+    """Scenes in their poses, for the oracle that shoots rays."""
+    return Fans(*(np.stack(parts) for parts in zip(*scenes, strict=True)))
 
 
 def posed_cases(cases: Case) -> list[Posed]:

@@ -118,7 +118,7 @@ def best_sampled(view: View) -> float:
     middle, half = seen_from(source, shown)
     must = [(middle, half if side in (0, above) else -half)]
     foot = -1j * above * (pad[1] - pad[0])
-    must.append((foot, np.pi / 2 - case.surfaces.grazing[view.pad]))
+    must.append((foot, np.pi / 2 - case.grazing[view.pad]))
     avoid = []
     axis = path.behind(case.complex_position + np.exp(1j * case.direction), 0) - source
     if case.field_of_view <= np.pi:

@@ -101,7 +101,7 @@ def test_a_ray_is_as_far_beside_the_section_as_its_slope_times_the_path(index):
                 float(part[path, pad, end]) for part in (found.angle, found.distance)
             )
             place = followed(section, word, pad, angle, slope)
-            wanted = [*section.surfaces.ends[2 + pad, end], slope * distance]
+            wanted = [*section.ends[2 + pad, end], slope * distance]
             np.testing.assert_allclose(place, wanted, atol=100 * ROUNDING)
 
 
@@ -117,7 +117,7 @@ def test_rays_through_imaged_corners_meet_the_corners(index):
             angle, slope = rays[path, pad, corner]
             end, side = CORNERS[corner]
             place = followed(section, word, pad, angle, slope, LATERAL)
-            wanted = [*section.surfaces.ends[2 + pad, end], side * WIDTH / 2]
+            wanted = [*section.ends[2 + pad, end], side * WIDTH / 2]
             np.testing.assert_allclose(place, wanted, atol=1000 * ROUNDING)
 
 

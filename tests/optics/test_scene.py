@@ -55,7 +55,7 @@ def test_surfaces_and_camera_go_where_complex_numbers_turn_them():
     cases = random_cases(1, 20)
     ends, position, axis = placed(cases)
     for i, case in enumerate(posed_cases(cases)):
-        np.testing.assert_allclose(ends[i], case.surfaces.ends, atol=ROUNDING)
+        np.testing.assert_allclose(ends[i], case.ends, atol=ROUNDING)
         np.testing.assert_allclose(position[i], case.position, atol=ROUNDING)
         ahead = cmath.rect(1, case.direction)
         np.testing.assert_allclose(axis[i], [ahead.real, ahead.imag], atol=ROUNDING)

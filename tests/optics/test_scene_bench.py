@@ -21,9 +21,9 @@ from optics.scene.file import SceneFile
 from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage, find_views
 from optics.visibility.sharpness import find_sharpness
+from studies.oracles.rays import bounds
 from tests.helpers import readings
-from tests.optics.brute_force import coverage, shoot
-from tests.optics.scenes import posed
+from tests.optics.scenes import fans_of, posed, structure_of
 
 GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
 
@@ -33,9 +33,9 @@ def design(name):
     return DesignedScene.read(GALLERY / f"{name}.toml")
 
 
-def opened(name, **options):
+def opened(name):
     """A bench drawn into a figure, and the values it begins with."""
-    bench = SceneBench(design(name), **options)
+    bench = SceneBench(design(name))
     with style():
         area: Any = Figure(figsize=(12, 6)).subfigures(1, 1)
         bench.draw(area)
@@ -115,9 +115,8 @@ def test_readings_are_those_of_the_saved_scene(turned):
     direction = np.degrees(float(scene.camera.direction))
     assert found["camera direction"] == pytest.approx(direction)
     # Many rays, traced by a program of its own, enclose what is seen.
-    ray = posed(scene, angles)
-    runs = shoot(ray.surfaces, ray.position, ray.direction, ray.field_of_view, 4001, 1)
-    inner, outer = coverage(runs, 3)
+    shot = bounds(structure_of(scene.layout), fans_of([posed(scene, angles)]), 4001, 1)
+    inner, outer = shot.coverage[:, 0, 0]
     for index, part in enumerate(scene.layout.pads):
         covered = found[f"{part.name}: coverage"]
         assert covered == pytest.approx(100 * seen[index], abs=1e-9)

@@ -36,13 +36,12 @@ def check(label, clutter, taken):
 @pytest.mark.parametrize("count", [3, 30, 300])
 def test_the_best_place_is_found_in_any_crowd(count, back):
     draw = np.random.default_rng([count, back + 1])
-    for _ in range(3):
-        clutter = draw.uniform(-60, 60, (count, 2))
-        label = Label("a name", draw.uniform(-30, 30, (2, 2)), back, 4.0)
-        check(label, clutter, int(draw.integers(0, count)))
+    clutter = draw.uniform(-60, 60, (count, 2))
+    label = Label("a name", draw.uniform(-30, 30, (2, 2)), back, 4.0)
+    check(label, clutter, int(draw.integers(0, count)))
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(4))
 def test_of_places_that_are_as_good_the_first_is_taken(seed):
     """Two sides of a mirrored crowd, for a name that may stand on either."""
     draw = np.random.default_rng(seed)

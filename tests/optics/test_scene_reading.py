@@ -57,7 +57,7 @@ def test_numbers_arrive_in_mm_and_radians():
             mirrors=[wall("flat", 1), bowl, wall("arc", 3, radius=9)],
             pads=[wall("a", 4, min_grazing_deg=30), wall("b", 5)],
             blockers=[wall("c", 6)],
-            frames={"f": frame("t") | {"hinge": [7, 8]}},
+            frames={"f": frame("t", hinge=[7, 8])},
         )
     )
     for array, x in ((found.mirrors, [1, 2, 3]), (found.pads, [4, 5]), (found.blockers, [6])):
@@ -145,12 +145,13 @@ def test_sides_and_frames_of_surfaces():
 
 def test_parents_come_before_children_and_angles_as_in_the_file():
     frames = {
-        "tip": frame("third", "middle"),
-        "middle": frame("second", "base"),
-        "other": frame("third"),
-        "base": frame("first"),
+        "tip": frame("third", "middle", hinge=[3, 0]),
+        "middle": frame("second", "base", hinge=[2, 0]),
+        "other": frame("third", hinge=[0, 4]),
+        "base": frame("first", hinge=[1, 0]),
     }
     found = parse_scene(scene(frames=frames))
+    np.testing.assert_array_equal(found.hinges, [[0, 4], [1, 0], [2, 0], [3, 0]])
     assert found.angle_names == ("third", "second", "first")
     assert [part.name for part in found.layout.frames] == ["other", "base", "middle", "tip"]
     assert [part.parent for part in found.layout.frames] == [WORLD, WORLD, 1, 2]
@@ -168,34 +169,6 @@ def test_a_flexed_finger_is_where_rotations_put_it():
         hinge, degrees = turns[part.get("body")]
         wanted.append([turned(part[end], hinge, math.radians(degrees)) for end in ("from", "to")])
     np.testing.assert_allclose(placed_ends(finger, pip=70, dip=40), wanted, atol=1e-12)
-
-
-def test_a_chain_of_frames_and_a_shared_angle():
-    frames = {
-        "tip": {"hinge": [20, 5], "angle": "a", "parent": "base"},
-        "base": {"hinge": [10, 0], "angle": "a", "positive": "clockwise"},
-        "third": {"hinge": [20, 5], "angle": "b", "parent": "tip"},
-    }
-    camera = CAMERA | {"body": "third"}
-    pads = [wall("base", body="base"), wall("tip", body="tip"), wall("third", body="third")]
-    found = parse_scene(scene(camera=camera, pads=pads, frames=frames))
-    a, b = math.radians(25), math.radians(-60)
-
-    def moved(point: Any, turns: int) -> np.ndarray:
-        """Turned about the hinges of the first frames of the chain, the innermost first."""
-        chain = [([10, 0], -a), ([20, 5], a), ([20, 5], b)][:turns]
-        for hinge, angle in reversed(chain):
-            point = turned(point, hinge, angle)
-        return point
-
-    wanted = [[moved([10, 0], i), moved([10, 8], i)] for i in (1, 2, 3)]
-    np.testing.assert_allclose(placed_ends(found, a=25, b=-60), wanted, atol=1e-12)
-    placed = place(found, found.pose({"a": a, "b": b}))
-    np.testing.assert_allclose(
-        placed.absolute(placed.camera).stacked(), moved([3, 4], 3), atol=1e-12
-    )
-    # The first two turns cancel, so the optical axis turns by the third alone.
-    assert float(placed.axis.angle()) == pytest.approx(-math.pi / 2 + b)
 
 
 def test_names_are_unique_within_a_kind_only():
@@ -242,6 +215,10 @@ def test_only_the_camera_must_be_in_a_file():
     assert (file.scene.name, file.scene.bounces) == (None, None)
 
 
+CURVES = (-4.001, 0), (5.7, 1), (2.83, -0.5), (0.1, -1), (-0.1, -3)
+"""Radius and conic constant of curves that exist between ends 8 mm apart."""
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -253,6 +230,7 @@ def test_only_the_camera_must_be_in_a_file():
         {"pads/0/name": "upper pad, inner side"},
         {"scene": {"bounces": 0}},
         {"scene": {"bounces": 6, "name": "Fräser, 2. Lage"}},
+        *({"mirrors": [wall("m", radius=radius, conic=conic)]} for radius, conic in CURVES),
     ],
 )
 def test_what_is_possible_is_read(change):
@@ -277,11 +255,3 @@ def test_an_image_has_to_grow_over_all_of_the_field_of_view(coefficients, limit_
     parse_scene(with_view(1.9999 * limit_deg), "f.toml")
     words = [f"grows only up to {limit_deg:.4g}°", f"keep fov_deg below {2 * limit_deg:.4g}"]
     check_refused(parse_scene, with_view(2.0001 * limit_deg), words)
-
-
-@pytest.mark.parametrize(
-    ("radius", "conic"), [(-4.001, 0), (5.7, 1), (2.83, -0.5), (0.1, -1), (-0.1, -3)]
-)
-def test_curves_that_exist_are_read(radius, conic):
-    found = parse_scene(scene(mirrors=[wall("m", radius=radius, conic=conic)]), "f.toml")
-    np.testing.assert_allclose([found.radii[0], found.conics[0]], [radius, conic])

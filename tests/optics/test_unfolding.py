@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from functools import partial
 
 import equinox as eqx
 import jax
@@ -13,13 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from designopt.vectors import Vector, rotation, vector
+from designopt.vectors import Vector, rotation
 from optics.scene.scene import WORLD, Layout, Surface, place
 from optics.visibility.boundary_codes import CUT_AFTER, CUT_BEFORE, FIRST_END, SECOND_END, label_of
 from optics.visibility.boundary_codes import parts_of as split_label
 from optics.visibility.unfolding import (
     Edges,
-    Fold,
     Unfolded,
     cut,
     folds_of,
@@ -62,40 +60,6 @@ def arrows(complex_numbers: list[complex]) -> Vector:
 def numbers(place: Vector) -> np.ndarray:
     """Places as complex numbers."""
     return np.asarray(place.x) + 1j * np.asarray(place.y)
-
-
-def still() -> Fold:
-    return Fold(arrow(0), arrow(1), jnp.asarray(1.0))
-
-
-@partial(jax.jit, static_argnums=2)
-def images(ends: jax.Array, point: Vector, count: int) -> list[Vector]:
-    """A point mirrored in two mirrors by turns, ``count`` times; first in the first mirror."""
-    fold, found = still(), []
-    for i in range(count):
-        start, end = vector(ends[i % 2, 0]), vector(ends[i % 2, 1])
-        fold = fold.mirrored(start, unit(end - start))
-        found.append(fold.place(point))
-    return found
-
-
-def mirrors_at(degrees: float) -> np.ndarray:
-    turn = np.radians(degrees)
-    return np.array([[[0, 0], [1, 0]], [[0, 0], [np.cos(turn), np.sin(turn)]]])
-
-
-@pytest.mark.parametrize(("degrees", "count"), [(45, 7), (30, 11)])
-def test_a_kaleidoscope_shows_as_many_images_as_the_textbook_says(degrees, count):
-    # 360°/angle − 1 images, by whichever mirror first; the next one is the point itself.
-    ends, point = mirrors_at(degrees), np.exp(0.23j)
-    found = [
-        numbers(image)
-        for order in (ends, ends[::-1])
-        for image in images(jnp.asarray(order), arrow(point), count + 1)
-    ]
-    distinct = np.unique(np.round(found, 9))
-    assert len(distinct) == count + 1
-    assert np.round(point, 9) in distinct
 
 
 @jax.jit
