@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import copy
 import tomllib
+from collections.abc import Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
+import pytest
 
 from kinematics import (
     Limit,
@@ -24,6 +26,18 @@ from tests.refusals import changed
 
 FOLDER = Path(__file__).parents[2] / "studies" / "gallery" / "linkages"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+def nightly(*cases: Any) -> list[Any]:
+    """Cases that repeat others which run by default."""
+    return [pytest.param(case, marks=pytest.mark.nightly) for case in cases]
+
+
+def each_linkage(quick: Sequence[str]) -> pytest.MarkDecorator:
+    """A test of each linkage of the gallery, of which the quick ones run by default."""
+    others = [name for name in NAMES if name not in quick]
+    return pytest.mark.parametrize("name", [*quick, *nightly(*others)])
+
 
 poses_of = partial(jax.jit, static_argnames=("of",))(solve_poses)
 rates_of = partial(jax.jit, static_argnames=("of",))(solve_rates)

@@ -74,7 +74,7 @@ def assert_home_is_the_pose(linkage: Linkage, lengths: dict[str, float]) -> Any:
 
 @given(LENGTH, LENGTH, LENGTH, LENGTH, ANGLE, SIDE, st.tuples(OFF, OFF, OFF, OFF))
 @example(47.0, 14.0, 14.0, 60.0, 0.0, -1, (0.21875, -0.09375, -0.1875, 0.0))  # many attempts
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_a_four_bar_sketched_badly_is_assembled_on_its_side(
     crank, coupler, rocker, ground, angle, side, off
 ):
@@ -94,7 +94,7 @@ def test_a_four_bar_sketched_badly_is_assembled_on_its_side(
 
 
 @given(LENGTH, LENGTH, st.floats(-60, 60), ANGLE, SIDE, st.tuples(OFF, OFF, OFF, OFF))
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_a_slider_crank_sketched_badly_is_assembled_on_its_side(
     crank, rod, offset, angle, side, off
 ):
@@ -122,7 +122,7 @@ def test_a_slider_crank_sketched_badly_is_assembled_on_its_side(
 
 
 @given(ANGLE, SIDE, SIDE, st.tuples(*(OFF,) * 8))
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_a_six_bar_sketched_badly_keeps_both_sides(angle, first, second, off):
     lengths = {"O-A": 20.0, "A-B": 70.0, "Q-B": 60.0, "C-D": 55.0, "W-D": 60.0}
     q, w = np.array([80.0, 0.0]), np.array([190.0, 0.0])

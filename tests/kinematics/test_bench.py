@@ -20,10 +20,12 @@ from kinematics.io.sketch import parse_sketch
 from tests.helpers import readings
 from tests.kinematics.gallery import (
     FOLDER,
-    NAMES,
     PUSHED,
+    each_linkage,
     ends,
     gallery,
+    gallery_tables,
+    nightly,
     poses_of,
     tables_of,
     transmission_of,
@@ -107,13 +109,7 @@ def check_saved(bench, values):
         )
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=() if name == "quick-return" else pytest.mark.nightly)
-        for name in NAMES
-    ],
-)
+@each_linkage(quick=("quick-return",))
 def test_every_knob_shows_what_the_library_computes(name):
     """At the start and at both ends of every knob."""
     bench = bench_of(name)
@@ -229,14 +225,7 @@ def test_a_slide_in_millimetres():
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "four-bar",
-        pytest.param("watt", marks=pytest.mark.nightly),
-        pytest.param("five-bar", marks=pytest.mark.nightly),
-        pytest.param("slider-crank", marks=pytest.mark.nightly),
-        pytest.param("finger", marks=pytest.mark.nightly),
-    ],
+    "name", ["four-bar", *nightly("watt", "five-bar", "slider-crank", "finger")]
 )
 def test_lengths_found_transmit_better(name):
     """What is told is what is read; joints stay, and dimensions stay within their knobs."""
@@ -296,8 +285,8 @@ def test_without_transmission_angles_there_is_no_aim():
 
 def test_no_move_compiles_anything():
     """The first one that locks, or that no triangle allows, is no exception."""
-    jax.clear_caches()
-    bench = drawn(DesignedLinkage.read(FOLDER / "four-bar.toml"))
+    tables = gallery_tables("four-bar", {"linkage/name": "compiled by no other test"})
+    bench = drawn(DesignedLinkage.of(parse_sketch(tables, "x"), "x"))
     bench.show(start(bench))
     moves = [{knob.name: end} for knob in bench.knobs for end in (knob.high, knob.low)]
     moves.append({knob.name: knob.low for knob in bench.knobs if knob.kind == "dimension"})

@@ -13,16 +13,16 @@ from PIL.GifImagePlugin import GifImageFile
 
 from designopt import UserError
 from designopt.solution import Solution
-from designopt.vectors import Vector
+from designopt.vectors import rotation, vector
 from kinematics import Pose, PoseResult
-from kinematics.io.sketch import load_sketch
+from kinematics.model.assembled import assembled_joints
 from kinematics.plot import animation
 from kinematics.plot.animation import save_animation
 from kinematics.plot.drawing import draw_pose
 from kinematics.plot.label_layout import label_offsets
 from kinematics.plot.motion_figures import motion_figure, pose_at, traced_joints
 from kinematics.plot.symbols import hull
-from tests.kinematics.gallery import FOLDER, NAMES, gallery, poses_of
+from tests.kinematics.gallery import NAMES, gallery, poses_of
 
 
 @functools.cache
@@ -45,24 +45,21 @@ def picked(motion, chosen):
 
 
 def sketched(name, count=3):
-    """Poses as sketched, each a little farther to the right: nothing has to be solved for them."""
-    linkage, sketch = gallery(name), load_sketch(FOLDER / f"{name}.toml")
-    shift = jnp.arange(float(count))
-    still = jnp.zeros(count)
-    fixed = linkage.structure.fixed_joints
+    """Poses as sketched: nothing has to be solved for them."""
+    linkage = gallery(name)
+    structure = linkage.structure
+    every, still = np.ones(count), jnp.zeros(count)
     joints = {
-        joint: Vector(x + (still if joint in fixed else shift), y + still)
-        for joint, (x, y) in sketch.joints.items()
+        joint: vector(jnp.asarray(np.outer(every, (place.real, place.imag))))
+        for joint, place in assembled_joints(linkage).items()
     }
-    bodies = {}
-    for part in linkage.structure.bodies:
-        first, second = (joints[joint] for joint in (*part.joints, *part.joints)[:2])
-        step = second - first
-        bodies[part.name] = step.scaled(1 / jnp.maximum(step.length(), 1e-9))
-    slides = dict.fromkeys(range(len(linkage.structure.sliders)), shift)
+    bodies = {part.name: rotation(still) for part in structure.bodies}
+    bodies |= {
+        part.name: rotation(still + linkage.home_angle(part.name)) for part in structure.moving
+    }
+    slides = {index: still + slide for index, slide in enumerate(linkage.reference.slides)}
     good = jax.tree.map(lambda code: jnp.full(count, code), PoseResult.successful)
-    inputs = np.tile(np.array(linkage.reference.inputs), (count, 1))
-    inputs[:, 0] += 0.1 * np.arange(count)
+    inputs = np.outer(every, linkage.reference.inputs)
     return linkage, inputs, Solution(Pose(joints, bodies, slides, {}), still + 1.0, still, good)
 
 
@@ -108,7 +105,7 @@ def test_bodies_and_pins_are_at_their_joints(name):
 
 def test_every_sign_has_its_place():
     def count(name, gid):
-        axes = drawn(name)[2]
+        axes = drawn(name, labels=False)[2]
         return sum(child.get_gid() == gid for child in axes.get_children())
 
     assert count("four-bar", "ground") == 2

@@ -14,11 +14,12 @@ from ezdxf.document import Drawing as DxfDocument
 
 from designopt.export.drawing import Drawing
 from designopt.export.dxf import dxf_text
+from kinematics import solve_poses
 from kinematics.export.drawing import linkage_quantities, make_linkage_drawing
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
 from tests.designopt.export.reading import dimensions, opened
-from tests.kinematics.gallery import FOLDER, NAMES, gallery_tables, poses_of, tables_of
+from tests.kinematics.gallery import FOLDER, NAMES, gallery_tables, tables_of
 
 MAKER = 1e-6
 """What the distances between pins have to keep, mm."""
@@ -137,10 +138,10 @@ def test_numbers_hold_every_number_of_the_file(name):
         assert (value, unit) == (pytest.approx(wanted, rel=1e-12), "mm")
     home = design(name).linkage
     if name in ("quick-return", "scotch-yoke", "slider-crank"):
-        pose = poses_of(home, home.reference.inputs[None]).value
+        pose = solve_poses(home, home.reference.inputs).value
         for joint in home.structure.joints:
             place = [found[f"joints.{joint}.{axis}"][0] for axis in "xy"]
-            np.testing.assert_allclose(place, pose.position(joint)[0], atol=1e-9)
+            np.testing.assert_allclose(place, pose.position(joint), atol=1e-9)
     for spring in data.get("springs", []):
         name = f"springs.{'-'.join(spring['between'])}"
         assert found[f"{name}.stiffness"] == (spring["stiffness"], "N mm/rad")

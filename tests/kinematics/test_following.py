@@ -6,7 +6,7 @@ import pytest
 import scipy.optimize
 
 from kinematics import find_assemblies
-from tests.kinematics.gallery import gallery, poses_of
+from tests.kinematics.gallery import gallery, nightly, poses_of
 
 
 def tracked(name, angles):
@@ -41,30 +41,25 @@ def tracked(name, angles):
     return [end, *free], np.array(rows)
 
 
-@pytest.mark.parametrize(
-    ("name", "turn"),
-    [
-        ("stephenson", 2 * np.pi),
-        pytest.param("double-butterfly", 0.5, marks=pytest.mark.nightly),
-    ],
-)
-def test_sweeps_agree_with_small_steps_of_scipy(name, turn):
-    linkage = gallery(name)
+@pytest.mark.parametrize("name", ["stephenson", *nightly("double-butterfly")])
+def test_sweeps_agree_with_small_steps_of_scipy(name):
+    linkage, turn = gallery(name), 0.5 if name == "double-butterfly" else 2 * np.pi
     angles = float(linkage.reference.inputs[0]) + np.linspace(0, turn, 61)
     joints, expected = tracked(name, angles)
-    poses = poses_of(linkage, jnp.asarray(angles)[::6, None])
+    poses = poses_of(linkage, angles[::20, None])
     assert bool(jnp.all(poses.ok))
     for i, joint in enumerate(joints):
         np.testing.assert_allclose(
-            poses.value.position(joint), expected[::6, 2 * i : 2 * i + 2], atol=1e-7
+            poses.value.position(joint), expected[::20, 2 * i : 2 * i + 2], atol=1e-7
         )
 
 
 def test_whole_turns_change_nothing():
     linkage = gallery("stephenson")
-    once = poses_of(linkage, jnp.array([[2.5], [-1.0]]))
+    angles = np.array([[2.5], [-1.0], [0.3], [5.0]])
+    once = poses_of(linkage, angles)
     for turns in (1, -3, 1000):
-        again = poses_of(linkage, jnp.array([[2.5], [-1.0]]) + 2 * np.pi * turns)
+        again = poses_of(linkage, angles + 2 * np.pi * turns)
         assert bool(jnp.all(again.ok))
         gap = np.abs(again.value.position("P") - once.value.position("P"))
         assert gap.max() < 1e-9
@@ -72,10 +67,10 @@ def test_whole_turns_change_nothing():
 
 def test_followed_poses_are_among_the_assemblies_and_stay_the_same_one():
     """The sign of the Jacobian's determinant cannot change on the way: no other assembly's does."""
-    linkage, angles = gallery("stephenson"), jnp.linspace(0.0, 6.0, 4)
+    linkage, angles = gallery("stephenson"), np.linspace(0.0, 6.0, 4)
     followed = poses_of(linkage, angles[:, None]).value.position("P")
-    for angle, own in zip(angles, followed, strict=True):
-        every = find_assemblies(linkage, angle[None])
+    for angle, own in list(zip(angles, followed, strict=True))[1::2]:
+        every = find_assemblies(linkage, jnp.asarray([angle]))
         assert every.complete
         distances = [np.hypot(*(pose.position("P") - own)) for pose in every.poses]
         assert min(distances) < 1e-9

@@ -15,6 +15,7 @@ from tests.kinematics.gallery import (
     four_bar,
     gallery,
     gallery_tables,
+    nightly,
     pin_in_two_slots,
     poses_of,
     slider_crank,
@@ -34,7 +35,7 @@ def crank_angle(crank, ground, diagonal):
     return np.arccos((crank**2 + ground**2 - diagonal**2) / (2 * crank * ground))
 
 
-@pytest.mark.parametrize("count", [2, pytest.param(12, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("count", [2, *nightly(12)])
 def test_a_four_bar_locks_where_its_dyad_is_straight(count):
     random = np.random.default_rng(2)
     checked = 0
@@ -177,19 +178,15 @@ def test_turning_points_of_a_triad():
     limits = find_limits(linkage, "crank")
     assert not limits.full_turn
     for limit, outward in zip(ends(limits), (-1, 1), strict=True):
-        steps = np.array([1e-4, 1e-6, 1e-8])
-        poses = poses_of(linkage, jnp.asarray(limit.value - outward * steps)[:, None])
-        assert bool(jnp.all(poses.ok))
+        steps = np.array([1e-4, 1e-6, 1e-8, -1e-9])
+        poses = poses_of(linkage, limit.value - outward * steps[:, None])
+        assert poses.ok.tolist() == [True, True, True, False]
         # The margin, a singular value, vanishes as the root of what is left.
-        ratios = np.asarray(poses.margin) / np.sqrt(steps)
+        ratios = np.asarray(poses.margin)[:3] / np.sqrt(steps[:3])
         np.testing.assert_allclose(ratios, ratios[-1], rtol=0.05)
-        beyond = poses_of(linkage, jnp.array([[limit.value + outward * 1e-9]]))
-        assert not bool(beyond.ok[0])
 
 
-@pytest.mark.parametrize(
-    "name", ["watt", pytest.param("double-butterfly", marks=pytest.mark.nightly)]
-)
+@pytest.mark.parametrize("name", ["watt", *nightly("double-butterfly")])
 def test_turning_points_are_differentiable(name):
     linkage = gallery(name)
     _, limit = ends(limits_of(name))

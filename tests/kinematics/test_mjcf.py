@@ -19,8 +19,10 @@ from tests.kinematics.gallery import (
     NAMES,
     PUSHED,
     SKETCHED_FOUR_BAR,
+    each_linkage,
     gallery,
     gallery_tables,
+    nightly,
     poses_of,
     tables_of,
 )
@@ -39,7 +41,7 @@ YIELDS = 1e-3
 REST = 1e-4
 """How far from where it should a linkage with strong springs may rest, as a part of its size."""
 
-LONG_TO_COMPILE = ("stephenson", "double-butterfly")
+LONG_TO_COMPILE = {"stephenson", "double-butterfly"}
 """Iterated poses compile for half a minute."""
 
 LOCKS = "double-butterfly"
@@ -102,13 +104,7 @@ def follows(linkage: Linkage, *, near: float, closed: float, back: bool = True) 
             assert np.abs(places[:, 2]).max() == 0
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.nightly if name in LONG_TO_COMPILE else ())
-        for name in NAMES
-    ],
-)
+@each_linkage(quick=sorted({*NAMES} - LONG_TO_COMPILE))
 def test_the_gallery_moves_as_it_is_solved(name):
     follows(gallery(name), near=NEAR, closed=CLOSED, back=name != LOCKS)
 
@@ -260,18 +256,8 @@ STRONG = {
 }
 
 
-@pytest.mark.parametrize(
-    ("size", "stiffness"),
-    [
-        (3.0, 300.0),
-        *(
-            pytest.param(size, stiffness, marks=pytest.mark.nightly)
-            for size in (3.0, 10.0, 100.0)
-            for stiffness in (0.3, 30.0, 300.0)
-            if (size, stiffness) != (3.0, 300.0)
-        ),
-    ],
-)
+@pytest.mark.parametrize("size", [3.0, *nightly(10.0, 100.0)])
+@pytest.mark.parametrize("stiffness", [300.0, *nightly(0.3, 30.0)])
 @pytest.mark.parametrize("name", STRONG)
 def test_strong_springs_do_not_pull_small_linkages_apart(name, size, stiffness):
     table, between = STRONG[name]

@@ -15,7 +15,7 @@ from kinematics.solve.evaluation import evaluate
 from kinematics.solve.plan import make_plan
 from kinematics.solve.solver import Solver
 from kinematics.solve.steps import Plan
-from tests.kinematics.gallery import NAMES, gallery, gallery_tables, poses_of
+from tests.kinematics.gallery import each_linkage, gallery, gallery_tables, poses_of
 
 CLOSED = 1e-12  # what the project promises, in units of the linkage's size
 
@@ -27,13 +27,7 @@ def near_home(name, count, spread=0.3):
     return home + random.uniform(-spread, spread, (count, len(home)))
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=() if name in ("jansen", "stephenson") else pytest.mark.nightly)
-        for name in NAMES
-    ],
-)
+@each_linkage(quick=("jansen", "stephenson"))
 def test_every_gallery_linkage_closes(name):
     poses = poses_of(gallery(name), near_home(name, 4, 0.05))
     assert bool(jnp.all(poses.ok))

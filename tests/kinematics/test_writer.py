@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from designopt import UserError
 from kinematics import format_linkage, parse_linkage, read_linkage, write_linkage
-from tests.kinematics.gallery import NAMES, gallery
+from tests.kinematics.gallery import NAMES, each_linkage, gallery
 
-ITERATED = ("double-butterfly", "stephenson")
+ITERATED = {"double-butterfly", "stephenson"}
 """Compile for ten and for thirty seconds."""
 
 
@@ -33,10 +33,7 @@ def assert_same(one, other):
         np.testing.assert_allclose(first, second, rtol=1e-10, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=pytest.mark.nightly if name in ITERATED else ()) for name in NAMES],
-)
+@each_linkage(quick=sorted({*NAMES} - ITERATED))
 def test_the_gallery_is_read_back(name, tmp_path):
     linkage = gallery(name)
     write_linkage(linkage, tmp_path / "again.toml")
