@@ -13,11 +13,13 @@ from tests.helpers import central_differences, load_toml
 
 SCENE = load_toml("scenes/lens.toml")
 
+focused = jax.jit(find_focus)
+
 
 def test_blur_and_sharp_part_agree_with_dense_sampling():
     scene = parse_scene(SCENE)
     pieces = find_views(scene, scene.pose()).value
-    found = find_focus(scene, pieces, accepted=2.0)
+    found = focused(scene, pieces, accepted=2.0)
     pitch = (1 / (1 / 2.0 - 1 / 20.0)) / float(scene.camera.focal_pixels)
     assert int(pieces.present.sum()) == 2
     for piece in range(2):
@@ -37,7 +39,7 @@ def test_everything_is_sharp_beyond_the_hyperfocal_distance():
     pieces = find_views(scene, scene.pose()).value
     lens = ThinLens(2.0, 1e-3, 1 / (1 / 2.0 - 1 / 20.0))
     scene = eqx.tree_at(lambda scene: scene.camera.lens, scene, lens)
-    found = find_focus(scene, pieces)
+    found = focused(scene, pieces, accepted=1.0)
     assert np.isinf(found.limits[1])
     np.testing.assert_allclose(found.sharp[pieces.present], 1.0)
 

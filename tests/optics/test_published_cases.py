@@ -106,7 +106,7 @@ def test_image_of_a_point_in_a_plane_mirror(trace):
     }
     scene = parse_scene(tables)
     close(virtual_cameras(scene, 1)[0][1], expected["image"], tolerance)
-    outlines = find_outlines(scene, scene.pose(), bounces=1)
+    outlines = jax.jit(find_outlines, static_argnames="bounces")(scene, scene.pose(), bounces=1)
     close(outlines.distance[1, 0, 0], expected["path_length"], tolerance)
     (pose,) = trace(tables)["poses"]
     image = pose["virtual_cameras"]["mirror:a"]
