@@ -20,6 +20,7 @@ from designopt.errors import Interrupted
 from designopt.study import study as study_module
 from tests.commands import check_command_refused, python, refused_cases
 from tests.designopt.plugin import points
+from tests.designopt.tables import cases
 
 HEAVY = ("cv2", "equinox", "jax", "matplotlib", "mpmath", "numpy", "optimistix", "scipy")
 
@@ -45,18 +46,7 @@ def test_help_loads_nothing_heavy():
 
 def test_what_does_not_exist_is_told_before_jax_is_loaded(tmp_path):
     (tmp_path / "there").mkdir()
-    lines = (
-        "solve no.toml",
-        "trace no.toml",
-        "explore no.toml",
-        "explore there --web",
-        "export no.toml --to svg",
-        "export linkage-precision --to svg",
-        "sweep nosuch --vary x=1:2:3",
-        "run finger --out there",
-        "run finger --out file/new",
-        "run finger --set nosuch=1",
-    )
+    lines = cases("before_jax")
     (tmp_path / "file").touch()
     probe = (
         "import sys; from designopt import cli; "
@@ -67,17 +57,7 @@ def test_what_does_not_exist_is_told_before_jax_is_loaded(tmp_path):
     assert done.stderr.count("error: ") == done.stderr.count("\n") == len(lines)
 
 
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("", ["Usage: designopt"]),
-        ("--version", ["designopt 0."]),
-        ("list", ["square  The area of a square", "needs: peers"]),
-        ("list", ["settings: side, inner.length, label, asked"]),
-        ("list", ["'absent' (no_such_package:STUDY) cannot be loaded"]),
-        ("list square", ["inner.length", "2.0", "a length (mm)", "must be given"]),
-    ],
-)
+@pytest.mark.parametrize(("line", "words"), cases("listed"))
 def test_what_is_listed(square, capsys, line, words):
     assert cli.run(line.split()) == 0
     shown = capsys.readouterr().out
@@ -150,31 +130,13 @@ def shell(line: str, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=variables, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        "PYTHONIOENCODING=ascii {} list table1",
-        "{} list | true",
-        "{} list table1 | true",
-        "PYTHONUNBUFFERED=1 {} list table1 | true",
-    ],
-)
+@pytest.mark.parametrize("command", cases("harmless_output"))
 def test_poor_terminals_and_closed_pipes_are_no_faults(command):
     done = shell(command)
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize(
-    ("command", "words"),
-    [
-        ("{} --version >&3", "error: output: No space left on device; make room there"),
-        ("PYTHONUNBUFFERED=1 {} --version >&3", "error: output: No space left on device; make"),
-        ("PYTHONUNBUFFERED=1 {} list table1 >&3", "error: output: No space left on device; make"),
-        ("{} --version >&-", "error: standard output is closed; send it"),
-        ("{} lisst 2>&3", ""),
-        ("{} lisst 2>&-", ""),
-    ],
-)
+@pytest.mark.parametrize(("command", "words"), cases("faulty_output"))
 def test_output_that_cannot_be_written_is_exit_code_2(command, words):
     done = shell(command, PYTHONUNBUFFERED="")
     assert done.returncode == 2

@@ -16,6 +16,7 @@ from designopt.plot.figures import (
     style,
     trim,
 )
+from tests.designopt.tables import cases
 
 
 def test_style_comes_and_goes():
@@ -98,16 +99,7 @@ def test_shared_limits_hold_what_is_drawn_anywhere():
     drawing.clear()
 
 
-@pytest.mark.parametrize(
-    ("last", "most", "ticks"),
-    [
-        (90, 4, [0, 30, 60, 90]),
-        (70, 4, [0, 30, 60]),
-        (90, 6, [0, 15, 30, 45, 60, 75, 90]),
-        (20, 4, [0, 5, 10, 15, 20]),
-        (360, 4, [0, 90, 180, 270, 360]),
-    ],
-)
+@pytest.mark.parametrize(("last", "most", "ticks"), cases("angle_ticks"))
 def test_ticks_of_angles(last, most, ticks):
     assert angle_ticks(last, most).tolist() == ticks
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from designopt import as_float, safe_arctan2, safe_divide, safe_quadratic_roots, safe_sqrt
+from tests.designopt.tables import cases
 
 moderate = st.floats(-1e6, 1e6).filter(lambda x: abs(x) > 1e-6)
 
@@ -97,16 +98,7 @@ def test_quadratic_keeps_the_small_root():
 root_slopes = jax.jit(jax.jacrev(lambda *c: safe_quadratic_roots(*c)[0], argnums=(0, 1, 2)))
 
 
-@pytest.mark.parametrize(
-    ("coefficients", "expected"),
-    [
-        ((0.0, 2.0, -6.0), [3.0]),  # a line
-        ((1.0, 0.0, 0.0), [0.0]),  # a double root in 0
-        ((1.0, 0.0, 1.0), []),  # complex
-        ((0.0, 0.0, 1.0), []),  # nothing to solve
-        ((0.0, 0.0, 0.0), []),
-    ],
-)
+@pytest.mark.parametrize(("coefficients", "expected"), cases("quadratics"))
 def test_degenerate_quadratics_are_finite(coefficients, expected):
     roots, exist, discriminant = map(np.asarray, roots_of(*coefficients))
     assert roots[exist].tolist() == expected

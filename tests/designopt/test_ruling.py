@@ -14,6 +14,7 @@ from matplotlib.transforms import Bbox
 from designopt.plot.figures import style
 from designopt.plot.quick_text import QuickText
 from designopt.plot.ruling import Ruling, hold, numbers, ticks
+from tests.designopt.tables import cases
 
 MOST = 6
 SIZE = 9
@@ -102,18 +103,9 @@ def test_outside_its_part_of_the_figure_nothing_is_drawn():
     assert changed[0] >= halves[0].bbox.x1
 
 
-@pytest.mark.parametrize(
-    ("limits", "words"),
-    [
-        ((0.0, 1.0), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]),
-        ((-3.0, 9.0), ["−2", "0", "2", "4", "6", "8"]),
-        ((0.0, 1.5), ["0.00", "0.25", "0.50", "0.75", "1.00", "1.25", "1.50"]),
-        ((0.0, 2.9e-5), ["0", "5e−06", "1e−05", "1.5e−05", "2e−05", "2.5e−05"]),
-        ((0.0, 4.1e7), ["0", "1e+07", "2e+07", "3e+07", "4e+07"]),
-    ],
-)
+@pytest.mark.parametrize(("limits", "words"), cases("tick_numbers"))
 def test_numbers_in_words(limits, words):
-    found = ticks(MaxNLocator(MOST, steps=[1, 2, 2.5, 5, 10]), limits)
+    found = ticks(MaxNLocator(MOST, steps=[1, 2, 2.5, 5, 10]), (limits[0], limits[1]))
     assert numbers(found) == words
     np.testing.assert_allclose([float(word.replace("−", "-")) for word in words], found, rtol=1e-9)
 

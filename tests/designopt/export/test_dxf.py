@@ -13,6 +13,7 @@ from designopt.export.drawing import Circle, Drawing, Label, Layer, LinearDimens
 from designopt.export.dxf import dxf_text
 from designopt.export.layout import SIZES, Paper
 from tests.designopt.export.reading import dimensions, opened, polylines, words_of
+from tests.designopt.tables import cases
 
 PLATE = Drawing(
     title="plate",
@@ -95,14 +96,7 @@ def test_layers_differ_by_kind_and_what_is_not_the_design_lies_on_others(documen
     assert sorted(entity.dxftype() for entity in on_plate) == ["CIRCLE", "CIRCLE", "LWPOLYLINE"]
 
 
-@pytest.mark.parametrize(
-    ("names", "wanted"),
-    [
-        (["a/b", "a:b", "A_B"], ["a_b", "a_b_2", "A_B_3"]),
-        (["0", "dimensions", "Sheet"], ["0_2", "dimensions_2", "Sheet_2"]),
-        (["Glied 1", "ß→", 'x|"\\'], ["Glied 1", "ß→", "x___"]),
-    ],
-)
+@pytest.mark.parametrize(("names", "wanted"), cases("dxf_layers"))
 def test_layers_keep_their_names_as_far_as_the_format_has_them(names, wanted):
     sheet = Drawing(
         "names",
