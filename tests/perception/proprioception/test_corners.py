@@ -1,5 +1,7 @@
 """Joint angles of a toy finger by all corners: exact ones, brute force, and repeats."""
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -171,9 +173,7 @@ def test_an_outlier_moves_the_answer_less_than_least_squares(view, corner):
 
 def test_deviations_of_errors_are_added_as_they_move_the_answer():
     seen = frame(MADE, POSE)
-    root = np.array(
-        [[0.5, 0, 0, 0], [0.2, 0.6, 0, 0], [-0.3, 0.1, 0.4, 0], [0.1, 0.2, 0.3, 0.3]]
-    )  # fmt: skip
+    root = np.tril([[0.5] * 4, [0.2, 0.6, 0, 0], [-0.3, 0.1, 0.4, 0], [0.1, 0.2, 0.3, 0.3]])
     spread = root @ root.T
     # How the answer moves is seen by solving again for another finger.
     guess = POSE + 0.01
@@ -249,31 +249,37 @@ def test_corners_far_off_slow_the_search_down_and_do_not_end_it():
         assert found.value.misfit.chi_squared > (off / NOISE) ** 2 / 2
 
 
+def linearised(
+    seen: Observation, errors: np.ndarray, angles: np.ndarray, of: Callable = np.asarray
+) -> tuple[np.ndarray, ...]:
+    """Deviations of corners, and their slopes by errors, by angles and by every corner's offset."""
+
+    def left(values: np.ndarray) -> np.ndarray:
+        own, pose, offsets = np.split(values, [ERRORS, ERRORS + 2])
+        return of(whitened(corners_of(own, pose) + offsets.reshape(seen.corners.shape), seen))
+
+    at = np.concatenate([errors, angles, np.zeros(seen.corners.size)])
+    return left(at), *np.split(differences(left, at), [ERRORS, ERRORS + 2], axis=1)
+
+
 def test_the_covariance_is_the_inverse_of_the_information():
     seen, spread = correlated(13), 0.2 * np.eye(ERRORS) + 0.1
     constant = 0.2
     found = solved(seen, POSE, MADE, spread, constant=constant)
-    angles = angles_of(found)
 
-    def left(values: np.ndarray) -> np.ndarray:
-        errors, pose, offsets = np.split(values, [ERRORS, ERRORS + 2])
-        corners = corners_of(errors, pose) + offsets.reshape(seen.corners.shape)
-        all_of_it = whitened(corners, seen)
-        return all_of_it * np.sqrt(2 / (1 + np.hypot(1, all_of_it / ROBUST)))
+    def soft(left: np.ndarray) -> np.ndarray:
+        return left * np.sqrt(2 / (1 + np.hypot(1, left / ROBUST)))
 
-    offsets = np.zeros(seen.corners.size)
-    slopes = differences(left, np.concatenate([MADE, angles, offsets]))
-    by_error, by_angle, by_offset = np.split(slopes, [ERRORS, ERRORS + 2], axis=1)
+    _, by_error, by_angle, by_offset = linearised(seen, MADE, angles_of(found), soft)
     own = np.linalg.inv(by_angle.T @ by_angle)
     moved, shifted = own @ by_angle.T @ by_error, own @ by_angle.T @ by_offset
     # That the angles may be anywhere within 10 rad tells next to nothing.
     expected = own + moved @ spread @ moved.T + constant**2 * shifted @ shifted.T
-    own, both = (
-        1 + np.maximum(misfit.chi_squared - chi2.isf(0.05, misfit.degrees_of_freedom), 0)
-        / misfit.degrees_of_freedom
-        for misfit in (found.value.own_misfit, found.value.misfit)
-    )  # fmt: skip
-    times = np.sqrt(np.maximum(own, both))
+    times = 1.0
+    for misfit in (found.value.own_misfit, found.value.misfit):
+        usual = chi2.isf(0.05, misfit.degrees_of_freedom)
+        excess = (misfit.chi_squared - usual) / misfit.degrees_of_freedom
+        times = np.maximum(times, np.sqrt(1 + np.maximum(excess, 0)))
     np.testing.assert_allclose(found.value.covariance, np.outer(times, times) * expected, rtol=1e-4)
 
 
@@ -281,16 +287,8 @@ def test_the_misfit_is_that_of_generalised_least_squares():
     """χ² with the inverse of the whole covariance, less what a step of the angles takes away."""
     seen, spread, constant = correlated(14, without=(3,)), 0.2 * np.eye(ERRORS) + 0.1, 0.2
     found = solved(seen, POSE, NONE, spread, constant=constant)
-    angles = angles_of(found)
-    left = whitened(corners_of(NONE, angles), seen)
     kept = np.repeat(np.any(np.asarray(seen.whitening) != 0, axis=(-1, -2)), 2)
-    by_error = differences(lambda e: whitened(corners_of(e, angles), seen), NONE)
-    by_angle = differences(lambda a: whitened(corners_of(NONE, a), seen), angles)
-
-    def offset(values: np.ndarray) -> np.ndarray:
-        return whitened(corners_of(NONE, angles) + values.reshape(seen.corners.shape), seen)
-
-    alike = differences(offset, np.zeros(seen.corners.size))
+    left, by_error, by_angle, alike = linearised(seen, NONE, angles_of(found))
     covariance = np.eye(left.size) + by_error @ spread @ by_error.T + constant**2 * alike @ alike.T
     left, by_angle = left[kept], by_angle[kept]
     weight = np.linalg.inv(covariance[np.ix_(kept, kept)])
@@ -313,8 +311,7 @@ def test_an_error_of_one_joint_alone_is_found_in_its_own_views():
     assert codes_of(found) == ["successful", "contradicted"]
     own, both = found.value.own_misfit, found.value.misfit
     np.testing.assert_array_equal(own.degrees_of_freedom, [15, 7])
-    left = whitened(corners_of(NONE, angles_of(found)), Observation(corners, seen.whitening))
-    slopes = differences(lambda a: whitened(corners_of(NONE, a), seen), angles_of(found))
+    left, _, slopes, _ = linearised(Observation(corners, seen.whitening), NONE, angles_of(found))
     left, slopes = left.reshape(4, 8)[2], slopes.reshape(4, 8, 2)[2, :, 1]
     left = left - slopes * (slopes @ left) / (slopes @ slopes)
     assert float(own.chi_squared[1]) == pytest.approx(left @ left, rel=1e-6)
