@@ -27,11 +27,11 @@ from designopt.optimize.flat import Flat
 from designopt.optimize.reference_solvers import compile_reference
 from designopt.study.records import Records
 from designopt.study.report import Report
-from studies.models.mirror_design import searching
+from studies.models.mirror_design import design as designing
 from studies.models.mirror_design.design import MirrorDesign
-from studies.models.mirror_design.placement import Placement, bounds, scale
+from studies.models.mirror_design.placement import Placement, bounds
 from studies.models.mirror_design.problem import Task, problem_of, terms_of
-from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
+from studies.models.mirror_design.spec import FingerMirrorsSpec
 from studies.models.single_runs import single_runs
 
 OURS = "graduated BFGS"
@@ -65,6 +65,9 @@ SHARES = (0.25, 0.5, 1.0)
 HELD = 0.01
 """Largest scaled violation at which the inequalities count as held; `problem.RESERVE` is more."""
 
+Solve = Callable[[np.ndarray], Any]
+"""From a vector of scaled numbers to the one where a solve ends."""
+
 GAP, VIOLATION = "objective gap", "violation"
 
 
@@ -86,7 +89,7 @@ def compare(design: MirrorDesign, spec: FingerMirrorsSpec, seed: int) -> Records
     task, runs = design.task.first(copies), Records()
 
     def graduated(tasks: Sequence[Task]) -> Callable[[Placement], Placement]:
-        return lambda start: searching.search(start, limits, tasks, copies=copies).placement
+        return lambda start: designing.search(start, limits, tasks, copies=copies).placement
 
     def add(name: str, solve: Callable[[Placement], Placement], compile_seconds: float) -> None:
         best, seconds = (True, np.inf, np.inf), 0.0
@@ -95,7 +98,7 @@ def compare(design: MirrorDesign, spec: FingerMirrorsSpec, seed: int) -> Records
             placement = solve(start)
             seconds += time.perf_counter() - begin
             # By the program for all copies, which is there already.
-            objective, violation = searching.measured(placement, design.task, copies)
+            objective, violation = designing.measured(placement, design.task, copies)
             best = min(best, (violation > HELD, objective, violation))
             runs.add(
                 method=name,
@@ -107,28 +110,26 @@ def compare(design: MirrorDesign, spec: FingerMirrorsSpec, seed: int) -> Records
             )
 
     add(OURS, graduated(design.tasks), 0.0)
-    add(UNGRADED, graduated([design.task] * len(searching.STAGES)), 0.0)
+    add(UNGRADED, graduated([design.task] * len(designing.STAGES)), 0.0)
+    flat = Flat.of(problem_of(spec, task))
     for method in CHOICES[spec.solvers]:
         begin = time.perf_counter()
-        if method == "slsqp":
-            solve = _slsqp(spec, design.task, copies)
-        else:
-            solve = _solver(method, spec, task)
-        add(NAMES[method], solve, time.perf_counter() - begin)
+        solve = _solver(method, flat) if method != "slsqp" else _slsqp(flat, design.task, copies)
+        compile_seconds = time.perf_counter() - begin
+
+        def from_placement(start: Placement, solve: Solve = solve) -> Placement:
+            return flat.parameters(jnp.asarray(solve(np.asarray(flat.point(start)))))
+
+        add(NAMES[method], from_placement, compile_seconds)
     runs.add(**_evolution(spec, task, seed))
     return runs
 
 
-def _solver(method: str, spec: MirrorSpec, task: Task) -> Callable[[Placement], Placement]:
-    """A compiled solve from a start."""
-    flat = Flat.of(problem_of(spec, task))
-
-    def from_placements(solve: Callable[[np.ndarray], Any]) -> Any:
-        return lambda start: flat.parameters(jnp.asarray(solve(np.asarray(flat.point(start)))))
-
+def _solver(method: str, flat: Flat) -> Solve:
+    """A compiled solve."""
     if method == "trust-constr":
         one = compile_reference(flat, method, TOLERANCE, UPDATES * STEPS)
-        return from_placements(lambda point: one(point, (task,))[0])
+        return lambda point: one(point, flat.problem.data)[0]
     inner: Inner = method  # type: ignore[assignment]
 
     def local(point: jax.Array) -> jax.Array:
@@ -137,17 +138,15 @@ def _solver(method: str, spec: MirrorSpec, task: Task) -> Callable[[Placement], 
         )[0]
 
     program = jax.jit(local).lower(jnp.zeros(flat.units.size)).compile()
-    return from_placements(lambda point: program(jnp.asarray(point)))
+    return lambda point: program(jnp.asarray(point))
 
 
-def _slsqp(spec: MirrorSpec, task: Task, copies: int) -> Callable[[Placement], Placement]:
+def _slsqp(flat: Flat, task: Task, copies: int) -> Solve:
     """SciPy's solver; all but the inequalities' slopes by the search's program, which is there."""
-    flat = Flat.of(problem_of(spec, task))
-    plain = jnp.asarray(copies), jnp.asarray(0.0), searching.no_multipliers(task)
-    units, build = ravel_pytree(scale(task.finger))
+    plain = jnp.asarray(copies), jnp.asarray(0.0), designing.no_multipliers(task)
 
     def levels_of(point: jax.Array, task: Task) -> jax.Array:
-        return ravel_pytree(terms_of(build(point * units), task).inequalities)[0]
+        return ravel_pytree(terms_of(flat.parameters(point), task).inequalities)[0]
 
     slopes = jax.jit(jax.jacfwd(levels_of))
     slopes = slopes.lower(jnp.zeros(flat.units.size), task.first(0)).compile()
@@ -155,17 +154,17 @@ def _slsqp(spec: MirrorSpec, task: Task, copies: int) -> Callable[[Placement], P
 
     def values(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         if last[0] != x.tobytes():
-            (_, terms), slope = searching.lagrangian(jnp.asarray(x), task, *plain)
+            (_, terms), slope = designing.lagrangian(jnp.asarray(x), task, *plain)
             levels = np.asarray(ravel_pytree(terms.inequalities)[0])
             last[:] = x.tobytes(), (float(terms.value), np.asarray(slope), levels)
         return last[1]
 
-    def solve(start: Placement) -> Placement:
+    def solve(start: np.ndarray) -> np.ndarray:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # steps that it clips to the bounds
             found = scipy.optimize.minimize(
                 lambda x: values(x)[0],
-                np.clip(np.asarray(flat.point(start)), flat.lower, flat.upper),
+                np.clip(start, flat.lower, flat.upper),
                 jac=lambda x: values(x)[1],
                 method="SLSQP",
                 bounds=list(zip(flat.lower.tolist(), flat.upper.tolist(), strict=True)),
@@ -176,7 +175,7 @@ def _slsqp(spec: MirrorSpec, task: Task, copies: int) -> Callable[[Placement], P
                 },
                 options={"maxiter": UPDATES * STEPS, "ftol": TOLERANCE},
             )
-        return flat.parameters(jnp.asarray(np.clip(found.x, flat.lower, flat.upper)))
+        return np.clip(found.x, flat.lower, flat.upper)
 
     return solve
 

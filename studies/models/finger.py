@@ -131,6 +131,12 @@ class FingerCamera(eqx.Module):
     width: Number = eqx.field(converter=as_float)
     grazing: Number = eqx.field(converter=as_float)
 
+    @classmethod
+    def of(cls, lens: Any, along: Any, depth: Any, tilt_deg: float) -> FingerCamera:
+        """One at a place; its lens from ``[camera]`` of a file or from settings, in degrees."""
+        tilt, view, grazing = np.deg2rad([tilt_deg, lens.fov_deg, lens.min_grazing_deg])
+        return cls(along, depth, tilt, view, lens.pixels, lens.width, grazing)
+
 
 class FingerMirror(eqx.Module):
     """A straight mirror in the proximal or the distal phalanx; it is named after it.

@@ -6,9 +6,9 @@ No number in it follows from another. Lengths in mm, coordinates of the straight
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Callable
+from dataclasses import fields
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -33,6 +33,12 @@ from studies.models.pins import Pins, pin_name
 
 SAME = 1e-6
 """Two statements of one number contradict each other where they differ by more, mm and rad."""
+
+IN_DEGREES = {
+    "flexion": "range_deg", "tilt": "tilt_deg", "field_of_view": "fov_deg",
+    "grazing": "min_grazing_deg",
+}  # fmt: skip
+"""Keys of what files give in degrees."""
 
 Angle = Annotated[Number, Field(ge=-180, le=180)]
 
@@ -112,8 +118,7 @@ def read_finger(path: str | Path) -> Finger:
         UserError: it cannot be read, or contradicts itself; one line names where and the cure.
 
     Example:
-        >>> from collections.abc import Callable
-    from importlib.resources import files
+        >>> from importlib.resources import files
         >>> finger = read_finger(files("studies") / "models/finger.toml")
         >>> [mirror.phalanx for mirror in finger.mirrors]
         ['distal', 'proximal']
@@ -170,24 +175,12 @@ def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> F
         'finger'
     """
     file = validated(FingerFile, tables, source)
-    pins, camera = file.pins, file.camera
+    pins, spring, camera = file.pins, file.spring, file.camera
     return Finger.of(
         Body.of(file.body),
-        None
-        if pins is None
-        else Pins(**{pin: np.array(place) for pin, place in pins.model_dump().items()}),
-        None if file.spring is None else FingerSpring(**file.spring.model_dump()),
-        None
-        if camera is None
-        else FingerCamera(
-            along=camera.along,
-            depth=camera.depth,
-            tilt=math.radians(camera.tilt_deg),
-            field_of_view=math.radians(camera.fov_deg),
-            pixels=camera.pixels,
-            width=camera.width,
-            grazing=math.radians(camera.min_grazing_deg),
-        ),
+        pins and Pins(**{pin: np.array(place) for pin, place in pins.model_dump().items()}),
+        spring and FingerSpring(**spring.model_dump()),
+        camera and FingerCamera.of(camera, camera.along, camera.depth, camera.tilt_deg),
         [FingerMirror(np.array([part.start, part.end]), part.phalanx) for part in file.mirrors],
         name=file.finger.name or name,
     )
@@ -195,40 +188,31 @@ def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> F
 
 def finger_tables(finger: Finger) -> dict[str, Any]:
     """The tables of a finger's file; `parse_finger` makes the same finger of them."""
-    body, camera = finger.body, finger.camera
-    lengths = ("proximal", "intermediate", "distal", "thickness", "axis_height")
-    tables: dict[str, Any] = {
-        "finger": {"name": finger.name, "format": FORMAT},
-        "body": {
-            **{name: float(getattr(body, name)) for name in lengths},
-            "range_deg": body.range_deg,
-            "rim": float(body.rim),
-        },
-    }
+    head = {"name": finger.name, "format": FORMAT}
+    tables: dict[str, Any] = {"finger": head, "body": _table_of(finger.body)}
     if finger.pins is not None:
         places = {pin: np.asarray(getattr(finger.pins, pin)) for pin in "FEDCGH"}
         tables["pins"] = {pin_name(pin): place.tolist() for pin, place in places.items()}
     if finger.spring is not None:
-        spring = finger.spring
-        tables["spring"] = {
-            name: float(getattr(spring, name)) for name in ("stiffness", "preload", "servo")
-        }
-    if camera is not None:
-        tables["camera"] = {
-            "along": float(camera.along),
-            "depth": float(camera.depth),
-            "tilt_deg": degrees_of(float(camera.tilt)),
-            "fov_deg": degrees_of(float(camera.field_of_view)),
-            "pixels": round(float(camera.pixels)),
-            "width": float(camera.width),
-            "min_grazing_deg": degrees_of(float(camera.grazing)),
-        }
+        tables["spring"] = _table_of(finger.spring)
+    if finger.camera is not None:
+        pixels = round(float(finger.camera.pixels))
+        tables["camera"] = _table_of(finger.camera) | {"pixels": pixels}
     if finger.mirrors:
         tables["mirrors"] = []
         for mirror in finger.mirrors:
             start, end = np.asarray(mirror.ends).tolist()
             tables["mirrors"].append({"phalanx": mirror.phalanx, "from": start, "to": end})
     return tables
+
+
+def _table_of(part: Body | FingerSpring | FingerCamera) -> dict[str, float]:
+    """The numbers of a part of the finger by their keys in files."""
+    numbers = {field.name: float(getattr(part, field.name)) for field in fields(part)}
+    return {
+        IN_DEGREES.get(name, name): degrees_of(value) if name in IN_DEGREES else value
+        for name, value in numbers.items()
+    }
 
 
 def format_finger(finger: Finger) -> str:
@@ -286,8 +270,9 @@ def _from_specs(folder: Path) -> Finger:
     settings = _settings_beside(folder)
     axes = {"proximal": 0.0, "distal": middle}
 
-    def below(place: tuple[float, float], phalanx: str) -> list[float]:
-        return [place[0] - axes[phalanx], dorsal - place[1]]
+    def mirror(phalanx: str, *ends: tuple[float, float]) -> dict[str, Any]:
+        start, end = ([x - axes[phalanx], dorsal - y] for x, y in ends)
+        return {"phalanx": phalanx, "from": start, "to": end}
 
     tables: dict[str, Any] = {
         "finger": {"name": scene.name},
@@ -310,14 +295,7 @@ def _from_specs(folder: Path) -> Finger:
             "width": float(np.hypot(*(body_ends[1] - body_ends[0]))),
             "min_grazing_deg": pads["proximal"].min_grazing_deg,
         },
-        "mirrors": [
-            {
-                "phalanx": part.name,
-                "from": below(part.start, part.name),
-                "to": below(part.end, part.name),
-            }
-            for part in scene.file.mirrors
-        ],
+        "mirrors": [mirror(part.name, part.start, part.end) for part in scene.file.mirrors],
     }
     if "spring" in settings:
         names = SpringTable.model_fields

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
 from studies.models import Body, Finger, FingerSpring, Pins
 from studies.models.body import BodySpec
 from studies.models.mirror_design.placement import reference_layout
@@ -9,6 +15,8 @@ from studies.models.mirror_design.spec import MirrorSpec
 from studies.models.pins import reference_pins
 
 LENS = MirrorSpec().camera
+OLD = Path(__file__).parents[1] / "data" / "old_specs"
+"""Of a result that was written before fingers had files."""
 
 
 def finger_of(pins: Pins | None = None, **body: float) -> Finger:
@@ -20,3 +28,10 @@ def finger_of(pins: Pins | None = None, **body: float) -> Finger:
 def seeing_finger(**body: float) -> Finger:
     """The same with camera and mirrors of the reference layout."""
     return reference_layout(finger_of(None, **body), LENS)
+
+
+def assert_same(found: Any, wanted: Any, rtol: float = 1e-13, atol: float = 1e-12) -> None:
+    """Two designs of one structure: their numbers within rounding."""
+    assert jax.tree.structure(found) == jax.tree.structure(wanted)
+    for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+        np.testing.assert_allclose(one, other, rtol=rtol, atol=atol)

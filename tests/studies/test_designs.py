@@ -2,8 +2,8 @@
 
 import json
 import math
-from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 from unittest.mock import Mock
 
 import jax.numpy as jnp
@@ -20,16 +20,19 @@ from optics.chamber.designed import DesignedChamber
 from optics.scene.designed import DesignedScene
 from studies.finger import FingerSpec
 from studies.finger.run import finger_design
+from studies.finger_linkage.run import design as linkage_design
+from studies.finger_mirrors.run import design as mirrors_design
 from studies.models import Finger, write_finger
 from studies.models.body import BodySpec
 from studies.models.linkage_design.judging import everywhere
+from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.mirror_design.spec import FingerMirrorsSpec
 from studies.models.soft_finger import paper
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.spec import ChamberImagesSpec
 from studies.models.spec_files import scene_file
 from studies.table1 import Table1Spec
-from tests.studies.fingers import finger_of, seeing_finger
+from tests.studies.fingers import OLD, finger_of, seeing_finger
 
 KINDS = {
     "bending-direction": DesignedChamber,
@@ -46,8 +49,6 @@ KINDS = {
 }
 SOFT = ("bending-direction", "bending-posture", "object-size", "surface-profile")
 IMAGED = ("proprioception", "tactile-images")
-OLD = Path(__file__).parents[1] / "data" / "old_specs"
-"""Of a result that was written before fingers had files."""
 
 
 @pytest.fixture
@@ -90,44 +91,12 @@ def test_settings_come_back_from_a_result(name):
     assert spec_of(type(spec), tables, source=name) == spec
 
 
-def linkage_design(name: str, *settings: str) -> DesignedLinkage:
-    design = load_design(name, settings)
-    assert isinstance(design.model, DesignedLinkage)
-    return design.model
-
-
-def scene_design(name: str, *settings: str) -> DesignedScene:
-    design = load_design(name, settings)
-    assert isinstance(design.model, DesignedScene)
-    return design.model
+def designed(name: str, *settings: str) -> Any:
+    return load_design(name, settings).model
 
 
 def chamber_of(name: str, *settings: str) -> Chamber:
-    design = load_design(name, settings)
-    assert isinstance(design.model, DesignedChamber)
-    return design.model.chamber
-
-
-def finger() -> Finger:
-    design = load_design("finger")
-    assert isinstance(design.model, Finger)
-    return design.model
-
-
-def assert_same(found, expected, tolerance=1e-6):
-    """Two nested tables: their numbers within a tolerance, all else equal."""
-    if isinstance(expected, dict):
-        assert set(found) == set(expected)
-        for key, value in expected.items():
-            assert_same(found[key], value, tolerance)
-    elif isinstance(expected, list | tuple):
-        assert len(found) == len(expected)
-        for one, other in zip(found, expected, strict=True):
-            assert_same(one, other, tolerance)
-    elif isinstance(expected, float):
-        assert found == pytest.approx(expected, abs=tolerance)
-    else:
-        assert found == expected
+    return designed(name, *settings).chamber
 
 
 # --- linkages
@@ -135,7 +104,7 @@ def assert_same(found, expected, tolerance=1e-6):
 
 def test_the_packaged_linkage_has_the_transmission_angle_that_is_told(unsearched):
     """49.61°, as the READMEs have it, by the general solver on the 1° grid."""
-    linkage = linkage_design("finger-linkage").linkage
+    linkage = designed("finger-linkage").linkage
     flexion = np.deg2rad(np.arange(0.0, 91.0))
     square = np.stack(np.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
     poses, angles = everywhere(linkage, -jnp.asarray(square))
@@ -145,10 +114,11 @@ def test_the_packaged_linkage_has_the_transmission_angle_that_is_told(unsearched
 
 
 def test_settings_that_only_judge_the_linkage_leave_it(unsearched):
-    default = linkage_design("finger-linkage")
-    same = linkage_design("finger-linkage", "precision=false", "draws=10", "tolerance=0.2")
+    default = designed("finger-linkage")
+    same = designed("finger-linkage", "precision=false", "draws=10", "tolerance=0.2")
     assert same.sketch == default.sketch
-    assert finger().linkage_tables()["joints"]["E"] == list(default.sketch.joints["E"])
+    tables = designed("finger").linkage_tables()
+    assert tables["joints"]["E"] == list(default.sketch.joints["E"])
 
 
 def test_another_body_is_searched_for(monkeypatch):
@@ -159,7 +129,7 @@ def test_another_body_is_searched_for(monkeypatch):
         return SimpleNamespace(finger=finger_of(None, distal=spec.body.distal))
 
     monkeypatch.setattr("studies.finger_linkage.run.search", search)
-    design = linkage_design("finger-linkage", "body.thickness=22", "body.distal=30")
+    design = designed("finger-linkage", "body.thickness=22", "body.distal=30")
     assert seen == [(22.0, 0)]
     assert design.sketch.joints["E"] == pytest.approx((-21.27, 14.06))
     assert design.sketch.joints["T"] == (53.0, 0.0)
@@ -167,20 +137,16 @@ def test_another_body_is_searched_for(monkeypatch):
 
 
 def test_the_linkage_of_an_earlier_result_is_its_file(unsearched, tmp_path):
-    from studies.finger_linkage.run import design
-    from studies.models.linkage_design.spec import FingerLinkageSpec
-
     text = (OLD / "linkage.toml").read_text(encoding="utf-8")
     spec = FingerLinkageSpec(body=BodySpec(thickness=22.0))
     with pytest.raises(UserError, match=r"linkage\.toml: cannot be read"):
-        design(spec, tmp_path)
+        linkage_design(spec, tmp_path)
     (tmp_path / "linkage.toml").write_text(text.replace("-7.77, -1.98", "-7.5, -2.0"))
-    assert design(spec, tmp_path).model.sketch.joints["F"] == (-7.5, -2.0)
+    assert linkage_design(spec, tmp_path).model.sketch.joints["F"] == (-7.5, -2.0)
 
 
 def test_the_grasping_finger_is_driven_by_its_crank_and_has_its_spring():
-    design = linkage_design("finger-grasp", "spring_stiffness=12", "pins.G=[11.0, 2.0]")
-    linkage = design.linkage
+    linkage = designed("finger-grasp", "spring_stiffness=12", "pins.G=[11.0, 2.0]").linkage
     assert linkage.input_names == ("theta", "gamma")
     (spring,) = linkage.springs
     assert (float(spring.stiffness), float(spring.preload)) == (12.0, 0.3)
@@ -195,15 +161,15 @@ def test_the_grasping_finger_is_driven_by_its_crank_and_has_its_spring():
 
 @pytest.mark.parametrize("name", ["finger-mirrors", *IMAGED])
 def test_the_packaged_scene_shows_every_pad(unsearched, name):
-    design = scene_design(name)
-    angles = jnp.deg2rad(jnp.array([[0.0, 0.0], [30.0, 60.0], [90.0, 90.0]]))
-    np.testing.assert_allclose(find_coverage(design.scene, angles).value, 1.0, atol=1e-9)
-    np.testing.assert_array_equal(design.scene.mirrors, finger().scene().mirrors)
+    scene = designed(name).scene
+    angles = jnp.asarray(np.deg2rad([[0.0, 0.0], [30.0, 60.0], [90.0, 90.0]]))
+    np.testing.assert_allclose(find_coverage(scene, angles).value, 1.0, atol=1e-9)
+    np.testing.assert_array_equal(scene.mirrors, designed("finger").scene().mirrors)
 
 
 def test_settings_that_only_judge_the_mirrors_leave_them(unsearched):
-    same = scene_design("finger-mirrors", "thin=0", "draws=10", "solvers=none")
-    assert same.file == scene_design("finger-mirrors").file
+    same = designed("finger-mirrors", "thin=0", "draws=10", "solvers=none")
+    assert same.file == designed("finger-mirrors").file
 
 
 def test_other_mirrors_are_searched_for(monkeypatch):
@@ -212,7 +178,7 @@ def test_other_mirrors_are_searched_for(monkeypatch):
         return SimpleNamespace(finger=seeing_finger())
 
     monkeypatch.setattr("studies.finger_mirrors.run.design_mirrors", search)
-    design = scene_design("finger-mirrors", "floor=3.0")
+    design = designed("finger-mirrors", "floor=3.0")
     assert [mirror.name for mirror in design.file.mirrors] == ["distal", "proximal"]
     np.testing.assert_allclose(design.file.camera.position, [15.75, 16.99])
 
@@ -232,14 +198,12 @@ def test_another_finger_is_searched_for(monkeypatch):
 
 
 def test_the_mirrors_of_an_earlier_result_are_its_file(unsearched, tmp_path):
-    from studies.finger_mirrors.run import design
-
     spec = FingerMirrorsSpec(floor=3.0)
     with pytest.raises(UserError, match=r"scene\.toml: cannot be read"):
-        design(spec, tmp_path)
+        mirrors_design(spec, tmp_path)
     file = scene_file(seeing_finger())
     (tmp_path / file.name).write_text(str(file.content), encoding="utf-8")
-    found = design(spec, tmp_path).model
+    found = mirrors_design(spec, tmp_path).model
     np.testing.assert_allclose(found.file.camera.position, [15.75, 16.99])
     np.testing.assert_allclose(found.scene.mirrors[1], [[4.16, 18.5], [-28.35, 9.3]])
 
@@ -249,9 +213,9 @@ def test_the_scene_that_is_imaged_may_be_a_file(tmp_path, name):
     path = tmp_path / "mine.toml"
     text = (OLD / "scene.toml").read_text(encoding="utf-8")
     path.write_text(text.replace("fov_deg = 160.0", "fov_deg = 150.0"), encoding="utf-8")
-    assert scene_design(name, f"scene={path}").file.camera.fov_deg == 150.0
+    assert designed(name, f"scene={path}").file.camera.fov_deg == 150.0
     write_finger(seeing_finger(), path)
-    assert scene_design(name, f"scene={path}").file.camera.fov_deg == 160.0
+    assert designed(name, f"scene={path}").file.camera.fov_deg == 160.0
     with pytest.raises(UserError, match=r"none\.toml: cannot be read"):
         load_design(name, [f"scene={tmp_path / 'none.toml'}"])
 

@@ -18,12 +18,11 @@ from designopt import UserError, format_toml
 from designopt.io.toml_writing import degrees_of
 from kinematics import read_linkage
 from optics import read_scene
-from studies.models import Finger, format_finger, parse_finger, read_finger, write_finger
+from studies.models import format_finger, parse_finger, read_finger, write_finger
+from studies.models.finger import camera_of, pins_of, spring_of
 from studies.models.finger_file import packaged_finger
 from studies.models.spec_files import finger_files
-
-OLD = Path(__file__).parents[1] / "data" / "old_specs"
-"""Of a result that was written before fingers had files."""
+from tests.studies.fingers import OLD, assert_same
 
 TEXT = format_finger(packaged_finger()).replace('name = "finger"', 'name = "mine"')
 
@@ -32,21 +31,12 @@ def table() -> dict:
     return tomllib.loads(TEXT)
 
 
-def assert_identical(one: Finger, other: Finger):
-    assert jax.tree.structure(one) == jax.tree.structure(other)
-    for first, second in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
-        np.testing.assert_array_equal(first, second)
-
-
 def test_every_number_is_where_it_belongs():
     finger, written = parse_finger(table(), "mine.toml"), table()
     assert finger.name == "mine"
-    assert finger.pins is not None
-    assert finger.camera is not None
-    assert float(finger.body.proximal) == 35.0
-    assert float(finger.body.flexion) == math.pi / 2
-    assert finger.pins.H.tolist() == [3.04, 13.23]
-    assert float(finger.camera.tilt) == math.radians(written["camera"]["tilt_deg"])
+    assert (float(finger.body.proximal), float(finger.body.flexion)) == (35.0, math.pi / 2)
+    assert pins_of(finger).H.tolist() == [3.04, 13.23]
+    assert float(camera_of(finger).tilt) == math.radians(written["camera"]["tilt_deg"])
     for mirror, own in zip(finger.mirrors, written["mirrors"], strict=True):
         assert (mirror.phalanx, mirror.ends.tolist()) == (own["phalanx"], [own["from"], own["to"]])
     # The distal one's ends from PIP, and above the axes.
@@ -79,7 +69,7 @@ def test_what_is_written_is_read_back(drawn):
     finger = parse_finger(drawn, "drawn")
     text = format_finger(finger)
     again = parse_finger(tomllib.loads(text), "again")
-    assert_identical(finger, again)
+    assert_same(finger, again, rtol=0, atol=0)
     assert format_finger(again) == text
 
 
@@ -96,7 +86,7 @@ def test_a_file_is_written_and_read(tmp_path):
     finger = read_finger(path)
     assert finger.name == "finger"
     write_finger(finger, tmp_path / "again.toml")
-    assert_identical(finger, read_finger(tmp_path / "again.toml"))
+    assert_same(finger, read_finger(tmp_path / "again.toml"), rtol=0, atol=0)
 
 
 @pytest.mark.parametrize(
@@ -134,50 +124,43 @@ def specs(tmp_path) -> Path:
 
 def test_an_earlier_result_is_a_finger(specs):
     finger = read_finger(specs)
-    for made, read in (
-        (finger.scene(), read_scene(specs / "scene.toml")),
-        (finger.linkage(), read_linkage(specs / "linkage.toml")),
-    ):
-        assert jax.tree.structure(made) == jax.tree.structure(read)
-        for one, other in zip(jax.tree.leaves(made), jax.tree.leaves(read), strict=True):
-            np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-12)
+    assert_same(finger.scene(), read_scene(specs / "scene.toml"))
+    assert_same(finger.linkage(), read_linkage(specs / "linkage.toml"))
     assert finger.spring is None
     assert degrees_of(float(finger.body.flexion)) == 90.0
-    spec = {"body": {"range_deg": 80.0}, "spring": {"stiffness": 1, "preload": 2, "servo": 3}}
-    spec["spring"]["diameters"] = [20.0]
+    spring = {"stiffness": 1, "preload": 2, "servo": 3, "diameters": [20.0]}
+    spec = {"body": {"range_deg": 80.0}, "spring": spring}
     (specs.parent / "results.json").write_text(json.dumps({"study": "finger", "spec": spec}))
     finger = read_finger(specs)
-    assert finger.spring is not None
-    assert float(finger.spring.servo) == 3.0
+    assert float(spring_of(finger).servo) == 3.0
     assert degrees_of(float(finger.body.flexion)) == 80.0
 
 
 def test_what_contradicts_itself_is_named(specs):
     path = specs / "scene.toml"
     scene = tomllib.loads(path.read_text(encoding="utf-8"))
+
+    def refused(message: str) -> None:
+        path.write_text(format_toml(scene))
+        with pytest.raises(UserError, match=message):
+            read_finger(specs)
+
     scene["pads"][1]["to"][0] += 1.0
-    path.write_text(format_toml(scene))
-    with pytest.raises(UserError, match=r"scene\.toml: pads differs by 1 from what body, pins, "):
-        read_finger(specs)
+    refused(r"scene\.toml: pads differs by 1 from what body, pins, ")
     scene["pads"][1]["to"][0] -= 1.0
     scene["frames"]["distal"]["hinge"][0] += 0.5
-    path.write_text(format_toml(scene))
-    with pytest.raises(UserError, match=r"scene\.toml: hinges differs by 0\.5 from what body, "):
-        read_finger(specs)
+    refused(r"scene\.toml: hinges differs by 0\.5 from what body, ")
     scene["pads"].pop(0)
-    path.write_text(format_toml(scene))
-    with pytest.raises(UserError, match=r"it lacks 'proximal', so that it is no finger; name the "):
-        read_finger(specs)
+    refused("it lacks 'proximal', so that it is no finger; name the ")
 
 
 def test_the_packaged_finger_is_that_of_the_old_result():
     old, new = read_finger(OLD), packaged_finger()
-    for one, other in ((old.scene(), new.scene()), (old.linkage(), new.linkage())):
-        for first, second in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
-            np.testing.assert_allclose(first, second, rtol=1e-13, atol=1e-12)
+    assert_same(jax.tree.leaves(old.scene()), jax.tree.leaves(new.scene()))
+    assert_same(jax.tree.leaves(old.linkage()), jax.tree.leaves(new.linkage()))
 
 
 def test_a_new_result_is_read_by_its_finger_file(tmp_path):
     for file in finger_files(packaged_finger()):
         (tmp_path / file.name).write_text(str(file.content), encoding="utf-8")
-    assert_identical(read_finger(tmp_path), packaged_finger())
+    assert_same(read_finger(tmp_path), packaged_finger(), rtol=0, atol=0)

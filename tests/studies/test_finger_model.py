@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import io
 import json
 import runpy
-import subprocess
-import sys
 from pathlib import Path
 
 import equinox as eqx
@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 
 from designopt import UserError
 from kinematics import parse_linkage, solve_poses, solve_transmission
@@ -21,7 +22,7 @@ from optics import find_coverage, parse_scene
 from optics.scene.writer import scene_tables
 from studies.models import Finger
 from studies.models.finger import pins_of
-from tests.studies.fingers import seeing_finger
+from tests.studies.fingers import assert_same, seeing_finger
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "finger_gradient.py"
 
@@ -49,19 +50,9 @@ ALSO_ZERO = {
 
 @functools.cache
 def example() -> dict:
-    return runpy.run_path(str(EXAMPLE))
-
-
-@functools.cache
-def slopes_of_example() -> tuple[dict, dict]:
-    figures, finger = example()["figures"], example()["FINGER"]
-    return jax.jit(figures)(finger), jax.jit(jax.jacrev(figures))(finger)
-
-
-def assert_same(found, wanted):
-    assert jax.tree.structure(found) == jax.tree.structure(wanted)
-    for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-14, atol=1e-12)
+    """What the example has made when it is through, and what it has printed."""
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        return runpy.run_path(str(EXAMPLE), run_name="__main__") | {"printed": printed.getvalue()}
 
 
 BODIES = [{}, {"thickness": 22.0, "axis_height": 5.0, "distal": 30.0, "range_deg": 80.0}]
@@ -115,81 +106,63 @@ def test_a_finger_without_a_camera_has_no_scene():
     assert not blind.linkage("crank").springs
 
 
-def named(slopes) -> dict[str, np.ndarray]:
-    return {
-        jax.tree_util.keystr(path)[1:]: np.asarray(leaf)
-        for path, leaf in jax.tree.leaves_with_path(slopes)
-    }
+def test_the_example_runs():
+    assert "coverage of the distal pad: 0.5475" in example()["printed"]
+    assert example()["printed"].count(".body.thickness") == 4
 
 
 def test_pads_of_the_example_are_seen_in_part():
-    finger, poses = example()["FINGER"], jnp.stack([example()["PIP"], example()["DIP"]])
-    coverage = np.asarray(jax.jit(lambda one: find_coverage(one.scene(), poses).value)(finger))
+    @jax.jit
+    def shown(finger: Finger) -> tuple[jax.Array, jax.Array]:
+        pose = jnp.stack([example()["PIP"], example()["DIP"]])
+        return find_coverage(finger.scene(), pose).value, solve_poses(finger.linkage(), -pose).ok
+
+    coverage, closed = map(np.asarray, shown(example()["FINGER"]))
     assert np.all((coverage > 0.2) & (coverage < 0.9))
-    assert bool(solve_poses(finger.linkage(), -poses).ok)
+    assert closed
 
 
 def test_slopes_are_central_differences():
     """A step of 1e-5 errs by 1e-10 of a third derivative and by rounding's 1e-11 of the value."""
-    figures, finger = jax.jit(example()["figures"]), example()["FINGER"]
-    values, slopes = slopes_of_example()
-    leaves, structure = jax.tree.flatten(finger)
-    for number, leaf in enumerate(leaves):
-        for index in np.ndindex(leaf.shape):
-            step = 1e-5 * max(1.0, abs(float(leaf[index])))
-            ends = [
-                figures(
-                    jax.tree.unflatten(
-                        structure,
-                        [*leaves[:number], leaf.at[index].add(move), *leaves[number + 1 :]],
-                    )
-                )
-                for move in (step, -step)
-            ]
-            for name, value in values.items():
-                wanted = float(ends[0][name] - ends[1][name]) / (2 * step)
-                found = float(jax.tree.leaves(slopes[name])[number][index])
-                scale = max(1.0, abs(wanted), abs(float(value)) / 100)
-                assert abs(found - wanted) < 1e-6 * scale, (name, number, index)
+    point, build = ravel_pytree(example()["FINGER"])
+    sizes = 1e-5 * np.maximum(1.0, np.abs(point))
+    points = np.asarray(point) + np.concatenate([np.diag(sizes), -np.diag(sizes)])
+    ends = jax.jit(jax.vmap(lambda flat: example()["figures"](build(flat))))(jnp.asarray(points))
+    for name, value in example()["values"].items():
+        high, low = np.split(np.asarray(ends[name]), 2)
+        found, wanted = ravel_pytree(example()["slopes"][name])[0], (high - low) / (2 * sizes)
+        scale = np.maximum(np.maximum(1.0, np.abs(wanted)), abs(float(value)) / 100)
+        np.testing.assert_array_less(np.abs(found - wanted), 1e-6 * scale, name)
 
 
 def test_a_slope_is_not_zero_but_where_nothing_depends_on_a_dimension():
-    _, slopes = slopes_of_example()
-    for figure, of_figure in slopes.items():
-        scale = max(float(np.abs(leaf).max()) for leaf in jax.tree.leaves(of_figure))
-        for name, slope in named(of_figure).items():
+    for figure, of_figure in example()["slopes"].items():
+        scale = np.abs(ravel_pytree(of_figure)[0]).max()
+        for path, slope in jax.tree.leaves_with_path(of_figure):
+            name = jax.tree_util.keystr(path)[1:]
             depends = name.startswith(STRUCTURAL_ZEROS[figure])
             depends &= name not in ALSO_ZERO.get(figure, ())
             assert (np.abs(slope).max() > 1e-9 * scale) == depends, (figure, name)
 
 
 def test_slopes_of_a_batch_are_those_of_each():
-    figures, finger = example()["figures"], example()["FINGER"]
-    other = eqx.tree_at(lambda one: one.body.thickness, finger, finger.body.thickness + 0.1)
-    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), finger, other)
-
-    def coverage(one: Finger) -> jax.Array:
-        return figures(one)["coverage of the distal pad"]
-
-    found = jax.jit(jax.vmap(jax.grad(coverage)))(batch)
-    for number, one in enumerate((finger, other)):
-        wanted = jax.jit(jax.grad(coverage))(one)
-        for leaf, its in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
-            np.testing.assert_allclose(leaf[number], its, rtol=1e-9, atol=1e-12)
+    finger, figure = example()["FINGER"], "coverage of the distal pad"
+    other = eqx.tree_at(lambda one: one.body.thickness, finger, finger.body.thickness + 1)
+    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), other, finger)
+    found = jax.jit(jax.vmap(jax.grad(lambda one: example()["figures"](one)[figure])))(batch)
+    for leaf, its in zip(*map(jax.tree.leaves, (found, example()["slopes"][figure])), strict=True):
+        np.testing.assert_allclose(leaf[1], its, rtol=1e-9, atol=1e-12)
+    assert found.body.thickness[0] != found.body.thickness[1]
 
 
 def test_slopes_in_single_precision():
     """1e-3 of the largest slope of their kind."""
-    figures, finger = example()["figures"], example()["FINGER"]
-    _, exact = slopes_of_example()
-    single = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), finger)
+    single = jax.tree.map(lambda leaf: np.asarray(leaf, np.float32), example()["FINGER"])
     with jax.enable_x64(False):
-        found = jax.jit(jax.jacrev(figures))(single)
-    for name, of_figure in exact.items():
-        scale = max(float(jnp.abs(leaf).max()) for leaf in jax.tree.leaves(of_figure))
-        for one, other in zip(
-            jax.tree.leaves(found[name]), jax.tree.leaves(of_figure), strict=True
-        ):
+        found = jax.jit(jax.jacrev(example()["figures"]))(single)
+    for name, of_figure in example()["slopes"].items():
+        for one, other in zip(*map(jax.tree.leaves, (found[name], of_figure)), strict=True):
+            scale = np.abs(ravel_pytree(of_figure)[0]).max()
             assert one.dtype == jnp.float32
             np.testing.assert_allclose(one, other, rtol=1e-3, atol=1e-3 * scale)
 
@@ -205,22 +178,13 @@ def test_each_side_of_a_switch_has_its_own_slope():
         return jnp.stack(list(solve_transmission(moved.linkage(), posture).angles.values()))
 
     every = jax.jit(jax.vmap(angles))
-    slope = jax.jit(jax.grad(lambda x: jnp.min(angles(x))))
-    low, high = float(before.E[0]) - 6, float(before.E[0]) + 6
-    least = np.argmin(every(jnp.linspace(low, high, 200)), axis=1)
+    slope = jax.jit(jax.vmap(jax.grad(lambda x: jnp.min(angles(x)))))
+    grid = float(before.E[0]) + np.linspace(-6, 6, 200)
+    least = np.argmin(every(jnp.asarray(grid)), axis=1)
     at = int(np.flatnonzero(least[1:] != least[:-1])[0])
-    places = np.linspace(low, high, 200)[[at, at + 1]]
-    for place in places:
-        ends = [float(jnp.min(angles(jnp.asarray(place + move)))) for move in (1e-5, -1e-5)]
-        assert float(slope(jnp.asarray(place))) == pytest.approx(
-            (ends[0] - ends[1]) / 2e-5, abs=1e-7
-        )
-    assert abs(float(slope(jnp.asarray(places[0])) - slope(jnp.asarray(places[1])))) > 1e-3
-
-
-def test_the_example_runs():
-    done = subprocess.run(
-        [sys.executable, str(EXAMPLE)], capture_output=True, text=True, check=True
-    )
-    assert "coverage of the distal pad: 0.5475" in done.stdout
-    assert done.stdout.count(".body.thickness") == 4
+    places = grid[[at, at + 1]]
+    ends = np.resize(np.concatenate([places + 1e-5, places - 1e-5]), len(grid))
+    high, low = np.min(every(jnp.asarray(ends)), axis=1)[:4].reshape(2, 2)
+    found = slope(jnp.asarray(places))
+    np.testing.assert_allclose(found, (high - low) / 2e-5, atol=1e-7)
+    assert abs(found[1] - found[0]) > 1e-3

@@ -1,23 +1,89 @@
-"""Designing the mirrors of a body: several starts, each judged degree by degree, and the best."""
+"""Designing the mirrors of a body: several starts, each judged degree by degree, and the best.
+
+Each start leads through the problem with large errors first, then with smaller ones. With errors
+many times the stated ones, some copy sees something from almost every start, so the objective has a
+slope where the exact problem has none; shrunk step by step they lead to the optimum (the idea of
+graduated optimisation: A. Blake, A. Zisserman, *Visual Reconstruction*, 1987). Between the stages
+only numbers change, so all stages, starts and bodies share one compiled program. Every stage is one
+search by Optimistix' BFGS of the augmented Lagrangian, as between two updates of the multipliers in
+`designopt.optimize.augmented_lagrangian`. It is written out here because that program needs the
+slope of all looks at once: kept apart, look by look, they compile and run several times faster.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+import optimistix as optx
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float, Int
 
-from designopt.optimize import draw_sobol_starts
+from designopt.optimize import Evaluation, draw_sobol_starts
 from designopt.study.study import Context
-from studies.models.finger import Finger
+from studies.models.finger import PHALANGES, Finger
 from studies.models.mirror_design.judging import Verdict, judged
-from studies.models.mirror_design.placement import Placement, bounds, free_part, poor_layout
-from studies.models.mirror_design.problem import Task, problem_of
-from studies.models.mirror_design.searching import STAGES, Trial, search
+from studies.models.mirror_design.placement import Placement, bounds, free_part, poor_layout, scale
+from studies.models.mirror_design.problem import Look, Task, cost_and_clearance, look, problem_of
 from studies.models.mirror_design.spec import MirrorSpec
+
+Multipliers = dict[str, Float[Array, "..."]]
+"""Of the inequalities, by name."""
+
+
+class Stage(NamedTuple):
+    """One stage.
+
+    Attributes:
+        growth: of the copies' errors, over those at the end.
+        penalty: on the square of a violation; 0 leaves the inequalities out, for early ones would
+            hold on to whatever glimpse is sharp.
+    """
+
+    growth: float
+    penalty: float
+
+
+STAGES = (Stage(4.0, 0.0), Stage(2.0, 1.0), Stage(1.0, 10.0), Stage(1.0, 100.0))
+
+STEPS = 60
+"""Cap on steps of a stage, each of them one evaluation of the slope."""
+
+SHARE = 0.1
+"""Of the Lagrangian, which is what the solver sees: its first steps, for it begins with the
+identity as curvature, are then of a few mm."""
+
+WALL = 10.0
+"""Weight on the square of what a point is outside its bounds, beside the value at the nearest point
+inside them."""
+
+TOLERANCE = 1e-6
+"""Relative and absolute, of the solver."""
+
+
+class Trial(NamedTuple):
+    """What one start led to.
+
+    Attributes:
+        start: where it began.
+        placement: where it ended.
+        objective: there, of the last stage.
+        violation: largest violation of an inequality there, scaled.
+        steps: of the solver, in all.
+        seconds: its run time; the first search of a process compiles, too.
+    """
+
+    start: Placement
+    placement: Placement
+    objective: float
+    violation: float
+    steps: int
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -104,3 +170,153 @@ def _turned_over(low: Array, high: Array, point: Array) -> Array:
     """A depth, or the depths of two ends, as far from the other bound."""
     turned = low + high - point
     return turned if point.ndim == 0 else point.at[:, 1].set(turned[:, 1])
+
+
+def search(
+    start: Placement,
+    bounds: tuple[Placement, Placement],
+    tasks: Sequence[Task],
+    stages: Sequence[Stage] = STAGES,
+    copies: int | None = None,
+) -> Trial:
+    """Search from one start through all stages.
+
+    Args:
+        start: it need not be inside the bounds.
+        bounds: least and greatest values.
+        tasks: one per stage, all of one size.
+        stages: as many as tasks.
+        copies: the first so many of a task count; all of them by default.
+    """
+    begin = time.perf_counter()
+    units, build = ravel_pytree(scale(tasks[0].finger))
+    low, high, point = (ravel_pytree(one)[0] / units for one in (*bounds, start))
+    multipliers = no_multipliers(tasks[0])
+    count = jnp.asarray(tasks[0].copies if copies is None else copies)
+    terms: Evaluation | None = None
+    steps = 0
+    for task, stage in zip(tasks, stages, strict=True):
+        penalty = jnp.asarray(stage.penalty)
+        given = task, count, penalty, multipliers
+        point, taken = _stage(point, (low, high), given)
+        (_, reached), _ = lagrangian(point, *given)
+        multipliers = jax.tree.map(
+            lambda m, g, penalty=penalty: jnp.maximum(m - penalty * g, 0.0),
+            multipliers,
+            reached.inequalities,
+        )
+        terms, steps = reached, steps + int(taken)
+    assert terms is not None
+    return Trial(
+        start,
+        build(point * units),
+        float(terms.value),
+        _violation(terms),
+        steps,
+        time.perf_counter() - begin,
+    )
+
+
+@jax.jit
+def _stage(
+    point: Float[Array, " parameters"],
+    bounds: tuple[Float[Array, " parameters"], Float[Array, " parameters"]],
+    given: tuple[Task, Int[Array, ""], Float[Array, ""], Multipliers],
+) -> tuple[Float[Array, " parameters"], Int[Array, ""]]:
+    """One stage: where it ends, inside the bounds, and its number of steps."""
+
+    def walled(point: Float[Array, " parameters"], given: Any) -> Float[Array, ""]:
+        inside = jnp.clip(point, *bounds)
+        return SHARE * _value(inside, given) + WALL * jnp.sum((point - inside) ** 2)
+
+    solver = optx.BFGS(TOLERANCE, TOLERANCE)
+    found = optx.minimise(
+        walled, solver, jnp.clip(point, *bounds), given, max_steps=STEPS, throw=False
+    )
+    return jnp.clip(found.value, *bounds), found.stats["num_steps"]
+
+
+@jax.custom_jvp
+def _value(point: Float[Array, " parameters"], given: Any) -> Float[Array, ""]:
+    """The value of `lagrangian`, whose derivative is the slope that it gives."""
+    (value, _), _ = lagrangian(point, *given)
+    return value
+
+
+@_value.defjvp
+def _with_slope(at: Any, towards: Any) -> Any:
+    (value, _), slope = lagrangian(at[0], *at[1])
+    return value, slope @ towards[0]
+
+
+def measured(placement: Placement, task: Task, copies: int | None = None) -> tuple[float, float]:
+    """Objective and largest scaled violation of a placement, by the search's own program."""
+    point = ravel_pytree(jax.tree.map(jnp.divide, placement, scale(task.finger)))[0]
+    count = jnp.asarray(task.copies if copies is None else copies)
+    none = no_multipliers(task)
+    (_, terms), _ = lagrangian(point, task, count, jnp.asarray(0.0), none)
+    return float(terms.value), _violation(terms)
+
+
+def _violation(terms: Evaluation) -> float:
+    return max(0.0, *(float(jnp.max(-leaf)) for leaf in terms.inequalities.values()))
+
+
+def no_multipliers(task: Task) -> Multipliers:
+    """Zeros: nothing is known of the inequalities yet."""
+    places = task.plain * task.angles.shape[1]
+    return {"resolution": jnp.zeros((places, len(PHALANGES))), "clearance": jnp.zeros(2)}
+
+
+@jax.jit
+def lagrangian(
+    point: Float[Array, " parameters"],
+    task: Task,
+    copies: Int[Array, ""],
+    penalty: Float[Array, ""],
+    multipliers: Multipliers,
+) -> tuple[tuple[Float[Array, ""], Evaluation], Float[Array, " parameters"]]:
+    """Augmented Lagrangian of `problem.terms_of`, the terms, and its slope.
+
+    It is a sum over looks, so each look's slope is found by itself: nothing of the other looks is
+    kept for it, and how many copies count is a number, not a shape.
+    """
+    units, build = ravel_pytree(scale(task.finger))
+    plain, poses = task.plain, task.angles.shape[1]
+    sharp = multipliers["resolution"].reshape(plain, poses, -1)
+
+    def of_look(
+        point: Float[Array, " parameters"], number: Int[Array, ""]
+    ) -> tuple[Float[Array, ""], Look]:
+        seen = look(build(point * units), task, number)
+        unmet = _unmet(seen.resolution, sharp[jnp.minimum(number, plain - 1)], penalty)
+        with_errors = number >= plain
+        value = jnp.where(with_errors, 100 / copies, 100 / plain) * seen.missing
+        return value + jnp.where(with_errors, 0.0, unmet), seen._replace(missing=value)
+
+    def of_rest(
+        point: Float[Array, " parameters"],
+    ) -> tuple[Float[Array, ""], tuple[Float[Array, ""], Float[Array, "2"]]]:
+        price, clearance = cost_and_clearance(build(point * units), task)
+        return price + _unmet(clearance, multipliers["clearance"], penalty), (price, clearance)
+
+    def add(number: Int[Array, ""], so_far: Any) -> Any:
+        total, value, levels, slope = so_far
+        (part, seen), of_part = jax.value_and_grad(of_look, has_aux=True)(point, number)
+        levels = levels.at[number].set(seen.resolution)
+        return total + part, value + seen.missing, levels, slope + of_part
+
+    (total, (price, clearance)), slope = jax.value_and_grad(of_rest, has_aux=True)(point)
+    levels = jnp.zeros((len(task.angles), *sharp.shape[1:]))
+    first = (total, price, levels, slope)
+    total, value, levels, slope = jax.lax.fori_loop(0, plain + copies, add, first)
+    resolution = levels[:plain].reshape(multipliers["resolution"].shape)
+    inequalities = {"resolution": resolution, "clearance": clearance}
+    return (total, Evaluation(objective=value, inequalities=inequalities)), slope
+
+
+def _unmet(
+    levels: Float[Array, "*all"], multipliers: Float[Array, "*all"], penalty: Float[Array, ""]
+) -> Float[Array, ""]:
+    squares = jnp.maximum(multipliers - penalty * levels, 0.0) ** 2 - multipliers * multipliers
+    return jnp.sum(squares) / jnp.maximum(2 * penalty, 1e-9)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import scipy.stats
 from jaxtyping import Array, Float
 
-from designopt.numerics import as_float
 from optics.scene.fabrication import displaced
 from studies.models.finger import Finger, camera_of
 from studies.models.mirror_design.spec import ToleranceSpec
@@ -24,28 +22,8 @@ NAMES = (
     "distal mirror offset",
     "proximal mirror offset",
 )
-"""Of the entries of `Errors.of`, in order."""
-
-
-class Errors(eqx.Module):
-    """Errors of one assembled finger, or of many along the first axes.
-
-    Attributes:
-        camera: of its position, mm.
-        camera_tilt: rad, counter-clockwise.
-        mirror_tilt: of the distal and the proximal mirror about their middles, rad.
-        mirror_offset: of both along their normals (to the left of their direction), mm.
-    """
-
-    camera: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
-    camera_tilt: Float[Array, "*batch"] = eqx.field(converter=as_float)
-    mirror_tilt: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
-    mirror_offset: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
-
-    @classmethod
-    def of(cls, entries: Float[Array | np.ndarray, "*batch 7"]) -> Errors:
-        """From seven numbers in the order of `NAMES`, mm and rad."""
-        return cls(entries[..., :2], entries[..., 2], entries[..., 3:5], entries[..., 5:])
+"""What the entries of a row of errors are, in mm and rad. Tilts are counter-clockwise, those of
+mirrors about their middles; offsets are along a mirror's normal, to the left of its direction."""
 
 
 def deviations(tolerances: ToleranceSpec) -> Float[np.ndarray, "7"]:
@@ -75,22 +53,18 @@ def spread_evenly(
     return deviations(tolerances) * scipy.stats.norm.ppf(even)
 
 
-def perturb(finger: Finger, errors: Errors) -> Finger:
-    """The finger as it is assembled with given errors; a single one, its mirrors as in `NAMES`."""
-    camera = camera_of(finger)
+def perturb(finger: Finger, errors: Float[Array, "7"]) -> Finger:
+    """The finger as it is assembled with errors in the order of `NAMES`, as its mirrors are."""
+    camera, (x, y, tilt) = camera_of(finger), errors[:3]
     # Errors are those of a plane whose y points up, and depths point down.
     ends = jnp.stack([mirror.ends for mirror in finger.mirrors])
     up = jnp.array([[[1.0, -1.0]]], ends.dtype)
-    moved = up * displaced(up * ends, errors.mirror_tilt, errors.mirror_offset)
+    moved = up * displaced(up * ends, errors[3:5], errors[5:])
+    mirrors = zip(finger.mirrors, moved, strict=True)
     return replace(
         finger,
         camera=replace(
-            camera,
-            along=camera.along + errors.camera[0],
-            depth=camera.depth - errors.camera[1],
-            tilt=camera.tilt + errors.camera_tilt,
+            camera, along=camera.along + x, depth=camera.depth - y, tilt=camera.tilt + tilt
         ),
-        mirrors=tuple(
-            replace(mirror, ends=its) for mirror, its in zip(finger.mirrors, moved, strict=True)
-        ),
+        mirrors=tuple(replace(mirror, ends=its) for mirror, its in mirrors),
     )

@@ -9,17 +9,16 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import ArrayLike
 
-from studies.models.finger import Body, Finger, FingerCamera, FingerMirror
+from studies.models.finger import Finger, FingerCamera, FingerMirror, Phalanx
 from studies.models.mirror_design.spec import CameraSpec, MirrorSpec
 
 Placement = Finger
 """A finger of which only the places of camera and mirrors are left, also as a bound or a scale; all
 other leaves are ``None``."""
 
-Place = tuple[ArrayLike, ArrayLike, ArrayLike]
+Place = tuple[ArrayLike, ArrayLike, float]
 Ends = Sequence[Sequence[ArrayLike]]
 
 DISTAL, PROXIMAL = 0, 1
@@ -34,31 +33,20 @@ def with_layout(
     Args:
         finger: its own camera and mirrors are replaced.
         lens: the camera's settings.
-        place: of the camera: along from the PIP axis and depth of the pinhole, mm, and tilt, rad;
-            see `FingerCamera`.
+        place: of the camera: along from the PIP axis and depth of the pinhole, mm, and tilt,
+            degrees; see `FingerCamera`.
         distal: ends of the mirror; see `FingerMirror`.
         proximal: ends of the other.
     """
-    along, depth, tilt = place
-    camera = FingerCamera(
-        along=along,
-        depth=depth,
-        tilt=tilt,
-        field_of_view=np.deg2rad(lens.fov_deg),
-        pixels=lens.pixels,
-        width=lens.width,
-        grazing=np.deg2rad(lens.min_grazing_deg),
-    )
-    first = FingerMirror(jnp.asarray(distal), "distal")
-    return replace(
-        finger, camera=camera, mirrors=(first, FingerMirror(jnp.asarray(proximal), "proximal"))
-    )
+    ends: dict[Phalanx, Ends] = {"distal": distal, "proximal": proximal}
+    mirrors = tuple(FingerMirror(jnp.asarray(own), phalanx) for phalanx, own in ends.items())
+    return replace(finger, camera=FingerCamera.of(lens, *place), mirrors=mirrors)
 
 
 def reference_layout(finger: Finger, lens: CameraSpec) -> Finger:
     """The layout that an earlier, independent search with errors found for T = 25, h = 4 mm."""
-    place, distal = (15.75, 4.01, np.deg2rad(-6.3)), [[0.24, 1.96], [30.81, 20.66]]
-    return with_layout(finger, lens, place, distal, [[4.16, 2.5], [-28.35, 11.7]])
+    distal, proximal = [[0.24, 1.96], [30.81, 20.66]], [[4.16, 2.5], [-28.35, 11.7]]
+    return with_layout(finger, lens, (15.75, 4.01, -6.3), distal, proximal)
 
 
 def poor_layout(finger: Finger, lens: CameraSpec) -> Finger:
@@ -67,9 +55,9 @@ def poor_layout(finger: Finger, lens: CameraSpec) -> Finger:
     The camera sits 5 mm over the middle of the intermediate pad and looks straight at it.
     """
     body = finger.body
-    place, distal = (body.intermediate / 2, body.thickness - 5, 0.0), body.distal - 4
-    proximal = [[-2.0, 2.0], [4 - body.proximal, 2.0]]
-    return with_layout(finger, lens, place, [[2.0, 2.0], [distal, 2.0]], proximal)
+    place = (body.intermediate / 2, body.thickness - 5, 0.0)
+    distal = [[2.0, 2.0], [body.distal - 4, 2.0]]
+    return with_layout(finger, lens, place, distal, [[-2.0, 2.0], [4 - body.proximal, 2.0]])
 
 
 def free_part(finger: Finger) -> Placement:
@@ -102,24 +90,15 @@ def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
     Returns:
         The least and the greatest placement, mm and rad.
     """
-    body: Body = finger.body
-    clear, over = spec.room.clearance, spec.room.overhang
-    low, high = clear, body.thickness - clear
-    half = spec.camera.width / 2
+    body, clear, over = finger.body, spec.room.clearance, spec.room.overhang
+    low, high, half = clear, body.thickness - clear, spec.camera.width / 2
     outer, inner = body.distal, body.proximal
-    least = _placement(
-        finger,
-        (half, spec.camera.depth, -0.6),
-        [[-over, low], [outer / 2, low]],
-        [[-inner / 2, low], [clear - inner, low]],
-    )
-    greatest = _placement(
-        finger,
-        (body.intermediate - half, body.thickness - 2 * clear, 0.6),
-        [[outer / 2, high], [outer - clear, high]],
-        [[over, high], [-inner / 2, high]],
-    )
-    return least, greatest
+    camera = (half, spec.camera.depth, -0.6)
+    distal = [[-over, low], [outer / 2, low]]
+    least = _placement(finger, camera, distal, [[-inner / 2, low], [clear - inner, low]])
+    camera = (body.intermediate - half, body.thickness - 2 * clear, 0.6)
+    distal = [[outer / 2, high], [outer - clear, high]]
+    return least, _placement(finger, camera, distal, [[over, high], [-inner / 2, high]])
 
 
 def scale(finger: Finger) -> Placement:

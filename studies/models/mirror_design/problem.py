@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -15,7 +16,7 @@ from designopt.numerics import as_float
 from designopt.optimize import Evaluation, Problem, Requirement
 from optics.visibility.coverage import find_views
 from studies.models.finger import PHALANGES, Finger
-from studies.models.mirror_design.errors import Errors, perturb, spread_evenly
+from studies.models.mirror_design.errors import perturb, spread_evenly
 from studies.models.mirror_design.placement import DISTAL, PROXIMAL, Placement, bounds, scale
 from studies.models.mirror_design.seeing import (
     hidden_penalty,
@@ -45,7 +46,7 @@ class Task(eqx.Module):
 
     Attributes:
         finger: whose camera and mirrors are placed.
-        errors: of the finger of every look; none in the first ones.
+        errors: of the finger of every look, in the order of `errors.NAMES`; 0 in the first ones.
         angles: joint angles of every look's postures, rad.
         floor: least resolution, px/mm.
         mirror_weight: price of 10 mm of mirror, in % of a pad that is not seen.
@@ -54,7 +55,7 @@ class Task(eqx.Module):
     """
 
     finger: Finger
-    errors: Errors
+    errors: Float[Array, "looks 7"]
     angles: Float[Array, "looks poses"]
     floor: Float[Array, ""] = eqx.field(converter=as_float)
     mirror_weight: Float[Array, ""] = eqx.field(converter=as_float)
@@ -76,10 +77,9 @@ class Task(eqx.Module):
         even = np.linspace(0.0, range_deg, plain * search.poses).reshape(plain, -1)
         own = copies_angles_deg(range_deg, search.copies, search.poses)
         errors = spread_evenly(spec.tolerances, search.copies, seed) * search.spread * growth
-        none = np.zeros((plain, errors.shape[1]))
         return cls(
             finger=finger,
-            errors=Errors.of(jnp.asarray(np.concatenate([none, errors]))),
+            errors=jnp.asarray(np.pad(errors, ((plain, 0), (0, 0)))),
             angles=jnp.asarray(np.deg2rad(np.concatenate([even, own]))),
             floor=spec.floor,
             mirror_weight=spec.search.mirror_weight,
@@ -95,8 +95,7 @@ class Task(eqx.Module):
     def first(self, copies: int) -> Task:
         """The same with the first copies only."""
         looks = self.plain + copies
-        kept = jax.tree.map(lambda leaf: leaf[:looks], (self.errors, self.angles))
-        return eqx.tree_at(lambda task: (task.errors, task.angles), self, kept)
+        return replace(self, errors=self.errors[:looks], angles=self.angles[:looks])
 
 
 def copies_angles_deg(
@@ -127,8 +126,7 @@ class Look(NamedTuple):
 
 def look(placement: Placement, task: Task, number: Int[Array, ""]) -> Look:
     """One look of a task at a placement."""
-    errors = jax.tree.map(lambda leaf: leaf[number], task.errors)
-    scene = perturb(eqx.combine(placement, task.finger), errors).scene()
+    scene = perturb(eqx.combine(placement, task.finger), task.errors[number]).scene()
     views = find_views(scene, together(task.angles[number]))
     sharp = least_resolution(views.value, pad_lengths(scene))
     hidden = jnp.mean(jnp.sum(hidden_penalty(views), axis=-1))

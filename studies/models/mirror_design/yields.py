@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from optics.visibility.coverage import find_coverage
 from studies.models.finger import Finger
-from studies.models.mirror_design.errors import NAMES, Errors, deviations, perturb, sample_errors
+from studies.models.mirror_design.errors import NAMES, deviations, perturb, sample_errors
 from studies.models.mirror_design.judging import ROUNDING, whole_degrees
 from studies.models.mirror_design.seeing import together
 from studies.models.mirror_design.spec import ToleranceSpec
@@ -81,7 +81,7 @@ def _coverages(
     finger: Finger, errors: Float[Array, "draws 7"], poses: Float[Array, "poses joints"]
 ) -> Float[Array, "draws poses pads"]:
     def of_draw(entries: Float[Array, "7"]) -> Float[Array, "poses pads"]:
-        return find_coverage(perturb(finger, Errors.of(entries)).scene(), poses).value
+        return find_coverage(perturb(finger, entries).scene(), poses).value
 
     return jax.lax.map(of_draw, errors)
 
@@ -128,9 +128,9 @@ def sensitivity(finger: Finger, tolerances: ToleranceSpec, *, draws: int, seed: 
 
 def _limits(whole: np.ndarray) -> tuple[float, float]:
     """How far to either side of 0 nothing is hidden."""
-    middle = len(STEPS) // 2
-    below, above = ~whole[middle::-1], ~whole[middle:]
-    last = [(int(np.argmax(side)) if side.any() else len(side)) - 1 for side in (below, above)]
-    if last[0] < 0:
+    middle, hidden = len(STEPS) // 2, np.flatnonzero(~whole)
+    if not whole[middle]:
         return 0.0, 0.0
-    return float(STEPS[middle - last[0]]), float(STEPS[middle + last[1]])
+    low = np.max(hidden[hidden < middle], initial=-1) + 1
+    high = np.min(hidden[hidden > middle], initial=len(STEPS)) - 1
+    return float(STEPS[low]), float(STEPS[high])

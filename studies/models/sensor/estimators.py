@@ -85,58 +85,36 @@ def catalog_of(
     spread = np.sqrt(np.mean(rms_of_ends(all_corners - corners) ** 2, axis=0))
     families = []
     names, words = name_paths(layout), paths_of(layout, layout.bounces)
-    for path, word in enumerate(words):
-        for pad, surface in enumerate(layout.pads):
-            if not np.any(seen[..., path, pad] > 0):
-                continue
-            moved = [
-                j for j in range(joints) if np.ptp(corners[j, :, path, pad], axis=0).max() > 1e-6
-            ]
-            own = all(layout.mirrors[mirror].frame == surface.frame for mirror in word)
-            if len(moved) > 1 and own:
+    for path, pad in np.argwhere(seen.max(axis=(0, 1)) > 0).tolist():
+        surface, own_corners = layout.pads[pad], corners[:, :, path, pad]
+        moved = np.flatnonzero(np.ptp(own_corners, axis=1).max(axis=(1, 2)) > 1e-6).tolist()
+        own = all(layout.mirrors[mirror].frame == surface.frame for mirror in words[path])
+        if len(moved) > 1:
+            if own:
                 raise ValueError(
                     f"the view of pad '{surface.name}' by {names[path]} moves with several joints; "
                     "a catalogue holds views that one joint moves"
                 )
-            if len(moved) > 1:
-                continue
-            joint = moved[0] if moved else 0
-            values = slice(None) if moved else slice(0, 1)
-            at = (joint, values, path, pad)
-            visible, complete, ends = seen[at] > 0, whole[at], always[at]
-            anywhere = possible[at]
-            if not moved:
-                # Whatever the joints are: what is hidden in some poses is still seen in others.
-                visible = np.asarray(np.any(seen[..., path, pad] > 0))[None]
-                anywhere = np.asarray(np.any(possible[..., path, pad]))[None]
-                complete = np.max(whole[..., path, pad])[None]
-                ends = np.any(always[:, :, path, pad], axis=(0, 1))[None]
-            families.append(
-                ViewFamily(
-                    surface.name,
-                    names[path],
-                    len(word),
-                    joint if moved else None,
-                    ANGLES[values],
-                    corners[at],
-                    visible,
-                    anywhere,
-                    complete,
-                    ends,
-                    spread[at],
-                    own,
-                )
-            )
-    pads = np.asarray(scene.pads)
-    lengths = np.hypot(*(pads[:, 1] - pads[:, 0]).T)
-    by_name = [pad.name for pad in layout.pads]
-    return ViewCatalog(
-        families,
-        dict(zip(by_name, lengths.tolist(), strict=True)),
-        dict(zip(by_name, np.asarray(scene.grazing).tolist(), strict=True)),
-        width,
-        joints,
-    )
+            continue
+        joint, values = (moved[0], slice(None)) if moved else (None, slice(0, 1))
+        at = (joint or 0, values, path, pad)
+        view = (surface.name, names[path], len(words[path]), joint)
+        visible, anywhere, complete, ends = (
+            _of_joint(part[:, :, path, pad], joint) for part in (seen > 0, possible, whole, always)
+        )
+        moving = ANGLES[values], corners[at], visible, anywhere, complete, ends, spread[at]
+        families.append(ViewFamily(*view, *moving, own))
+    pads, by_name = np.asarray(scene.pads), [pad.name for pad in layout.pads]
+    lengths = np.hypot(*(pads[:, 1] - pads[:, 0]).T).tolist()
+    grazing = np.asarray(scene.grazing).tolist()
+    lengths, grazing = (dict(zip(by_name, own, strict=True)) for own in (lengths, grazing))
+    return ViewCatalog(families, lengths, grazing, width, joints)
+
+
+def _of_joint(part: np.ndarray, joint: int | None) -> np.ndarray:
+    """What is seen over the values of a joint, from that over the joints and their values."""
+    # Where no joint moves a view, what is hidden in some poses is still seen in others.
+    return part.max(axis=(0, 1))[None] if joint is None else part[joint]
 
 
 def _made(
@@ -170,14 +148,10 @@ def _looked_at(
 def _corners_of(
     scene: Scene, imaging: Imaging, poses: Float[Array, "*batch joints"], width: float
 ) -> Float[Array, "*batch paths pads 4 2"]:
-    one = partial(_corners_in, scene, imaging, width)
+    def one(pose: Float[Array, " joints"]) -> Float[Array, "paths pads 4 2"]:
+        return find_corners(imaging, find_outlines(scene, pose), width)
+
     return jax.vmap(jax.vmap(one))(poses)
-
-
-def _corners_in(
-    scene: Scene, imaging: Imaging, width: float, pose: Float[Array, " joints"]
-) -> Float[Array, "paths pads 4 2"]:
-    return find_corners(imaging, find_outlines(scene, pose), width)
 
 
 def wanted_views(catalog: ViewCatalog) -> list[ViewFamily]:

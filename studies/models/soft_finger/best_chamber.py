@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.errors import UserError
+from designopt.numerics import as_float
 from designopt.optimize import (
     Evaluation,
     Problem,
@@ -27,11 +28,8 @@ from designopt.study.records import Records
 from optics.chamber import Endoscope, find_extreme_points, solve_image_rates
 from optics.chamber.chamber import Chamber
 from studies.models.soft_finger import imaging, paper
-from studies.models.soft_finger.chamber_spec import ChamberSpec
 from studies.models.soft_finger.finger import DOWN, SoftFinger
-
-RATIOS = (min(paper.ETA), max(paper.ETA))
-"""Table I's range of η."""
+from studies.models.soft_finger.spec import ChamberSpec
 
 WALL_ANGLES_DEG = (1.0, 2.0)
 """Range of θ_BC in the paper's text (§II.A)."""
@@ -56,9 +54,9 @@ class Dimensions(eqx.Module):
         wall_angle_bc: θ_BC in radians.
     """
 
-    eta: Float[Array, ""]
-    offset_b: Float[Array, ""]
-    wall_angle_bc: Float[Array, ""]
+    eta: Float[Array, ""] = eqx.field(converter=as_float)
+    offset_b: Float[Array, ""] = eqx.field(converter=as_float)
+    wall_angle_bc: Float[Array, ""] = eqx.field(converter=as_float)
 
     @classmethod
     def of(cls, chamber: Chamber) -> Dimensions:
@@ -146,13 +144,9 @@ def problem(finger: SoftFinger) -> Problem:
     and Δl_A, and |Δl_D| as far inside Δl_A as in the paper's own choice, η = 0.6 in its chamber.
     Besides, the straight chamber's blue outline stays inside the image.
     """
-    paper_spec = ChamberSpec()
-    paper_chamber = dataclasses.replace(
-        finger.chamber,
-        offset_b=jnp.asarray(paper_spec.offset_b),
-        wall_angle_bc=jnp.deg2rad(jnp.asarray(paper_spec.wall_angle_bc_deg)),
-    )
-    least = imaging.clearance_at(paper_chamber, jnp.asarray(paper.CHOSEN_ETA))
+    printed = ChamberSpec()
+    chosen = Dimensions(paper.CHOSEN_ETA, printed.offset_b, np.deg2rad(printed.wall_angle_bc_deg))
+    least = clearance(chosen.applied_to(finger.chamber))
 
     def terms(
         dimensions: Dimensions, chamber: Chamber, endoscope: Endoscope, least: Float[Array, ""]
@@ -167,12 +161,12 @@ def problem(finger: SoftFinger) -> Problem:
             },
         )
 
-    angles = jnp.deg2rad(jnp.asarray(WALL_ANGLES_DEG))
+    flattest, steepest = np.deg2rad(WALL_ANGLES_DEG)
     rows = finger.endoscope.rows
     return Problem(
         terms,
-        lower=Dimensions(jnp.asarray(RATIOS[0]), jnp.zeros_like(least), angles[0]),
-        upper=Dimensions(jnp.asarray(RATIOS[1]), finger.chamber.offset_a, angles[1]),
+        lower=Dimensions(min(paper.ETA), 0.0, flattest),
+        upper=Dimensions(max(paper.ETA), finger.chamber.offset_a, steepest),
         requirements={
             "room": Requirement(lambda _: "|Δl_D| inside Δl_A as in the paper's choice", "mm"),
             "image": Requirement(lambda _: "blue's outline inside the image", "px", rows),

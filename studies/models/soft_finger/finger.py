@@ -22,8 +22,7 @@ from optics.chamber.chamber import Chamber
 from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
 from optics.rendering.chamber_renderer import CHUNK, COLORS
 from studies.models.soft_finger import imaging
-from studies.models.soft_finger.chamber_spec import ChamberSpec
-from studies.models.soft_finger.spec import WIDEST_DEG, ChamberImagesSpec, MadeSpec
+from studies.models.soft_finger.spec import WIDEST_DEG, ChamberImagesSpec, ChamberSpec, MadeSpec
 
 Looked = TypeVar("Looked")
 
@@ -136,13 +135,9 @@ class SoftFinger(eqx.Module):
             return deviation * float(generator.standard_normal())
 
         chamber = self.chamber
-        changed = {
-            name: getattr(chamber, name) + off(errors.length)
-            for name in ("length_ab", "length_bc", "length_cd")
-        } | {
-            name: getattr(chamber, name) + off(errors.offset)
-            for name in ("offset_a", "offset_b", "offset_d")
-        }
+        deviations = dict.fromkeys(("length_ab", "length_bc", "length_cd"), errors.length)
+        deviations |= dict.fromkeys(("offset_a", "offset_b", "offset_d"), errors.offset)
+        changed = {name: getattr(chamber, name) + off(size) for name, size in deviations.items()}
         view = self.endoscope.field_of_view + math.radians(off(errors.field_of_view_deg))
         view = jnp.minimum(view, math.radians(WIDEST_DEG))
         return dataclasses.replace(

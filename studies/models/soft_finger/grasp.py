@@ -150,13 +150,8 @@ def bend_around(hand: Hand, diameter: Float[Array, ""]) -> Solution[Float[Array,
         return (_tip(hand, bend) - radius) / hand.length
 
     closed = jnp.asarray(CLOSED, diameter.dtype)
-    tip = find_root(
-        off,
-        closed,
-        (hand, radius),
-        method="bisection",
-        bracket=(jnp.zeros_like(closed), closed),
-    )
+    between = jnp.zeros_like(closed), closed
+    tip = find_root(off, closed, (hand, radius), method="bisection", bracket=between)
     bend = jnp.where(at_tip, tip.value, within)
     widest = touched(hand, jnp.zeros_like(bend)).diameter
     narrowest = touched(hand, closed).diameter

@@ -16,7 +16,7 @@ from designopt.solution import Solution
 from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import solve_dimension_for_ratio
 from studies.models.soft_finger import paper
-from studies.models.soft_finger.chamber_spec import ChamberSpec
+from studies.models.soft_finger.spec import ChamberSpec
 
 
 class Columns(NamedTuple):
