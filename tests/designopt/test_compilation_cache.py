@@ -17,6 +17,7 @@ from jax._src import compilation_cache
 from designopt import cli
 from designopt.compilation_cache import ABANDONED, OFF, PARTIAL, VARIABLE, Store, keep_programs
 from tests.commands import python
+from tests.designopt.tables import cases
 
 
 def files(folder):
@@ -225,15 +226,7 @@ def used():
 
 
 @pytest.mark.usefixtures("unset")
-@pytest.mark.parametrize(
-    ("platform", "variables", "place"),
-    [
-        ("linux", {}, ".cache/designopt/programs"),
-        ("linux", {"XDG_CACHE_HOME": "{home}/mine"}, "mine/designopt/programs"),
-        ("darwin", {}, "Library/Caches/designopt/programs"),
-        ("linux", {VARIABLE: "{home}/named"}, "named"),
-    ],
-)
+@pytest.mark.parametrize(("platform", "variables", "place"), cases("cache_folders"))
 def test_the_folder_is_the_systems_or_the_users(monkeypatch, tmp_path, platform, variables, place):
     monkeypatch.setattr(sys, "platform", platform)
     for name, value in variables.items():

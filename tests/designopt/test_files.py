@@ -7,6 +7,7 @@ import pytest
 
 from designopt import UserError
 from designopt.io.files import check_figure_ending, check_targets, read_toml, replaced_when_complete
+from tests.designopt.tables import cases
 
 
 def test_tables_are_read_whatever_the_editor(tmp_path):
@@ -42,23 +43,13 @@ def test_new_files_in_a_folder_are_fine(tmp_path):
     check_targets({"--csv": old, "--figure": None}, force=True)
 
 
-@pytest.mark.parametrize(
-    ("csv", "figure", "words"),
-    [
-        (".", None, r"--csv \.: that is a folder; name a file in it"),
-        ("", None, "--csv : that is a folder"),
-        (None, "no/f.png", "--figure no/f.png: there is no folder no; make it first"),
-        ("a.svg", Path("./a.svg"), "--figure a.svg: --csv names it too; use two files"),
-        ("pipe", None, "--csv pipe: that is no ordinary file; choose another"),
-        ("old", None, "--csv old: exists already; .* --force"),
-    ],
-)
-def test_files_that_could_not_be_written_are_refused(tmp_path, monkeypatch, csv, figure, words):
+@pytest.mark.parametrize(("named", "words"), cases("unwritable_targets"))
+def test_files_that_could_not_be_written_are_refused(tmp_path, monkeypatch, named, words):
     monkeypatch.chdir(tmp_path)
     Path("old").touch()
     os.mkfifo("pipe")
     with pytest.raises(UserError, match=f"^{words}"):
-        check_targets({"--csv": csv, "--figure": figure}, force=False)
+        check_targets({"--absent": None} | named, force=False)
 
 
 def test_figures_end_as_their_kind():

@@ -4,18 +4,12 @@ import numpy as np
 import pytest
 
 from designopt import Metric, Results, Table, Target
+from tests.designopt.tables import cases
 
 
-@pytest.mark.parametrize(
-    ("target", "met", "missed", "text"),
-    [
-        (Target("=", 18), 18, 17, "18"),
-        (Target("=", 8.616, 0.005), 8.62, 8.63, "8.616 ± 0.005"),
-        (Target("<=", 1e-6), 1e-6, 2e-6, "≤ 1e-06"),
-        (Target(">=", 40), 40.0, 39.9, "≥ 40"),
-    ],
-)
-def test_targets(target, met, missed, text):
+@pytest.mark.parametrize(("written", "met", "missed", "text"), cases("targets"))
+def test_targets(written, met, missed, text):
+    target = Target.parse(written)
     assert target.met_by(met)
     assert not target.met_by(missed)
     assert str(target) == text

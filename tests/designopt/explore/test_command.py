@@ -16,6 +16,7 @@ from designopt.explore import desktop
 from designopt.explore.server import listen
 from tests.commands import check_command_refused, refused_cases
 from tests.designopt.explore.hands import environment, served
+from tests.designopt.tables import cases
 
 FOUR_BAR = str(Path(__file__).parents[3] / "studies" / "gallery" / "linkages" / "four-bar.toml")
 COMMAND = ["-m", "designopt", "explore", FOUR_BAR]
@@ -37,30 +38,11 @@ def test_a_port_in_use_is_said(capsys):
 
 
 NO_WINDOW = r"error: no window can be opened here; use --web and a browser \(.*%s.*\)\n"
-TOOLKITS = {
-    "aborts": "import os; os.write(2, b'Could not load it.'); os.abort()",
-    "dies": "import os; os._exit(3)",
-    "exits": "raise SystemExit('Unable to access the X Display')",
-    "fails": "raise AttributeError('no display')",
-    "without_canvas": "",
-}
 
 
-@pytest.mark.parametrize(
-    ("backend", "reason"),
-    [
-        ("agg", "no window system"),
-        ("webagg", "no window system"),
-        ("module://nosuch", "No module named 'nosuch'"),
-        ("module://aborts", "Could not load it"),
-        ("module://dies", "with code 3"),
-        ("module://exits", "X Display"),
-        ("module://fails", "no display"),
-        ("module://without_canvas", "FigureCanvas"),
-    ],
-)
+@pytest.mark.parametrize(("backend", "reason"), cases("no_window"))
 def test_where_no_window_opens_the_page_is_named(capsys, monkeypatch, tmp_path, backend, reason):
-    for name, content in TOOLKITS.items():
+    for name, content in cases("toolkits"):
         (tmp_path / f"{name}.py").write_text(content)
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
     monkeypatch.setenv("MPLBACKEND", backend)

@@ -130,16 +130,7 @@ def test_dimensions_are_as_large_on_paper_as_the_standard_has_them():
         assert abs(dimension.dxf.defpoint.y) * scale == pytest.approx(7.0)
 
 
-@pytest.mark.parametrize(
-    ("width", "scale", "words"),
-    [
-        (200.0, 1.0, "scale 1:1"),
-        (150.0, 1.0, "scale 1:1"),
-        (90.0, 2.0, "scale 2:1"),
-        (3000.0, 0.05, "scale 1:20"),
-        (0.4, 500.0, "scale 500:1"),
-    ],
-)
+@pytest.mark.parametrize(("width", "scale", "words"), cases("sheet_scales"))
 def test_the_view_shows_the_design_at_a_standard_scale(width, scale, words):
     document = opened(bar((7.0, 3.0), (7.0 + width, 3.0))._replace(dimensions=[]))
     space = document.paperspace("Sheet")

@@ -26,6 +26,7 @@ from designopt.optimize import (
     minimize,
 )
 from tests.designopt.optimize.cases import PUBLISHED, apart, case, rosenbrock
+from tests.designopt.tables import cases
 
 VALUE = 1e-6
 """Relative to 1 + |value|: constraints are met to about 1e-7, and multipliers are of order one."""
@@ -79,17 +80,7 @@ def check(published, optimum):
         np.testing.assert_allclose(found, multiplier, rtol=0, atol=POINT)
 
 
-@pytest.mark.parametrize(
-    ("name", "method"),
-    [
-        ("hs71", "bfgs"),
-        ("hs65", "levenberg-marquardt"),
-        ("hs43", "jaxopt-lbfgsb"),
-        ("hs35", "jaxopt-projected-gradient"),
-        ("hs71", "slsqp"),
-        ("hs43", "trust-constr"),
-    ],
-)
+@pytest.mark.parametrize(("name", "method"), cases("published_optima"))
 def test_published_optima(name, method):
     published, optima = solved(name, method)
     check(published, optima.best)
