@@ -3,11 +3,13 @@
 import ast
 import importlib
 import inspect
+import itertools
 import re
 import shutil
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Literal, get_origin
@@ -21,18 +23,11 @@ from optics import Chamber
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("designopt", "kinematics", "optics", "perception", "studies")
-PUBLIC = (
-    "designopt",
-    "designopt.optimize",
-    "kinematics",
-    "optics",
-    "optics.chamber",
-    "optics.rendering",
-    "perception",
-    "perception.chamber",
-    "perception.posture",
-    "perception.proprioception",
-)
+STUBS = {
+    ".".join(stub.parent.relative_to(ROOT).parts): stub
+    for package in PACKAGES
+    for stub in sorted((ROOT / package).rglob("__init__.pyi"))
+}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
@@ -45,17 +40,23 @@ def test_imports_point_one_way():
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("package", PUBLIC)
-def test_every_public_name_exists_and_is_documented(package):
-    module = importlib.import_module(package)
-    folder = ROOT / package.replace(".", "/")
-    stub = ast.parse((folder / "__init__.pyi").read_text(encoding="utf-8"))
-    listed = next(
-        ast.literal_eval(node.value) for node in stub.body if isinstance(node, ast.Assign)
-    )
+@pytest.mark.parametrize("package", STUBS)
+def test_public_names_are_what_the_stub_imports_with_words_and_examples(package):
+    stub, module = ast.parse(STUBS[package].read_text()), importlib.import_module(package)
+    imports = [part for part in stub.body if isinstance(part, ast.ImportFrom)]
+    imported = [alias.asname or alias.name for part in imports for alias in part.names]
+    [listed] = (ast.literal_eval(part.value) for part in stub.body if isinstance(part, ast.Assign))
+    assert sorted(imported) == sorted(listed) == sorted(module.__all__)
     for name in listed:
         public = getattr(module, name)
-        assert public.__doc__ or get_origin(public) is Literal, name  # a Literal cannot carry one
+        words = public.__doc__ or ""
+        assert words or get_origin(public) is Literal, name  # a Literal cannot carry any
+        assert ">>>" in words or not inspect.isfunction(inspect.unwrap(public)), name
+
+
+def test_no_name_is_public_twice():
+    names = Counter(name for one in STUBS for name in importlib.import_module(one).__all__)
+    assert [name for name, count in names.items() if count > 1] == []
 
 
 def test_every_package_is_typed_and_in_the_wheel():
@@ -66,12 +67,10 @@ def test_every_package_is_typed_and_in_the_wheel():
 
 def test_every_dependency_has_a_reason():
     reasons = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    wanted = PROJECT["project"]["dependencies"] + [
-        requirement
-        for extra in PROJECT["project"]["optional-dependencies"].values()
-        for requirement in extra
-    ]
-    for requirement in wanted:
+    wanted = PROJECT["project"]["dependencies"]
+    for requirement in itertools.chain(
+        wanted, *PROJECT["project"]["optional-dependencies"].values()
+    ):
         name = re.split(r"[\[>=]", requirement)[0]
         assert re.search(rf"^\|.*\b{re.escape(name)}\b.*\|", reasons, re.MULTILINE), name
 
