@@ -32,6 +32,7 @@ CLOSED_FORM = "closed form"
 REFERENCE = f"Eqs. 1-3 as printed, in {DIGITS} digits, for θ_CD and dimensions in double precision"
 CHECKED = 300
 """At most so many problems of a batch are compared with the reference, evenly spaced through it."""
+BRENTQ = "SciPy brentq"
 BRENTQ_SHARE = 50
 """SciPy has no batched brentq: it solves one problem in so many of a batch; the time is scaled."""
 
@@ -64,12 +65,8 @@ class Workload(NamedTuple):
     def error(self, found: Any) -> float:
         """Largest relative error of the η found."""
         with mpmath.workdps(DIGITS):
-            return max(
-                float(abs(mpmath.mpf(float(ratio)) / reference - 1))
-                for ratio, reference in zip(
-                    np.asarray(found)[self.checked], self.exact, strict=True
-                )
-            )
+            pairs = zip(np.asarray(found)[self.checked].tolist(), self.exact, strict=True)
+            return max(float(abs(ratio / reference - 1)) for ratio, reference in pairs)
 
 
 def workloads(fields: dict[str, float], problems: int, seed: int) -> Iterator[Workload]:
@@ -159,23 +156,16 @@ def _brentq(fields: dict[str, float], work: Workload) -> list[BenchmarkMethod]:
 
     def call(tolerance: float) -> np.ndarray:
         relative = np.float64(max(tolerance, 4 * np.finfo(float).eps))
-        solve = partial(
-            scipy.optimize.brentq, residual, *work.bracket, xtol=tolerance, rtol=relative
-        )
+        settings = {"xtol": tolerance, "rtol": relative}
+        solve = partial(scipy.optimize.brentq, residual, *work.bracket, **settings)
         return np.array([solve(args=(angle,)) for angle in part])
 
     scaled = f", 1 problem in {share} solved and the time scaled" if share > 1 else ""
-    shared = {"error": checked.error, "scale": len(work.angles) / len(part)}
-    return [
-        BenchmarkMethod(
-            "SciPy brentq",
-            f"tolerance {value:.0e}{scaled}",
-            work.panel,
-            partial(call, value),
-            **shared,
-        )
-        for value in TOLERANCES
-    ]
+    shared, made = {"error": checked.error, "scale": len(work.angles) / len(part)}, []
+    for value in TOLERANCES:
+        words = f"tolerance {value:.0e}{scaled}"
+        made.append(BenchmarkMethod(BRENTQ, words, work.panel, partial(call, value), **shared))
+    return made
 
 
 def _exact_ratios(fields: dict[str, float], angles: np.ndarray) -> list[Any]:

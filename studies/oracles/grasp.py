@@ -105,6 +105,13 @@ def winding(setting: Setting, dip: Any, ctx: Any = mpmath.mp) -> Any:
     return ctx.arg((at["D"] - at["C"]) / (ctx.mpc(was["D"]) - was["C"]) * ctx.expj(dip))
 
 
+def energy(setting: Setting, pip: Any, dip: Any, ctx: Any = mpmath.mp) -> Any:
+    """What the springs at plate and motor hold, N mm."""
+    wound = winding(setting, dip, ctx) + setting.preload
+    lag = setting.command - crank(setting, pip, dip, ctx)
+    return (setting.spring * wound**2 + setting.servo * lag**2) / 2
+
+
 def gaps(setting: Setting, pip: Any, dip: Any, ctx: Any = mpmath.mp) -> tuple[Any, Any]:
     """Gaps of the circle to both pads, mm."""
     assert setting.circle is not None
@@ -123,30 +130,23 @@ def gaps(setting: Setting, pip: Any, dip: Any, ctx: Any = mpmath.mp) -> tuple[An
 
 def minimize(setting: Setting, guess: np.ndarray) -> np.ndarray:
     """Joints of least energy by SciPy's SLSQP (D. Kraft 1988) in double precision, rad."""
-    ctx, size = mpmath.fp, setting.spring + setting.servo
-
-    def energy(joints: np.ndarray) -> float:
-        pip, dip = joints.tolist()
-        wound = winding(setting, dip, ctx) + setting.preload
-        lag = setting.command - crank(setting, pip, dip, ctx)
-        return (setting.spring * wound**2 + setting.servo * lag**2) / (2 * size)
-
-    def clearances(joints: np.ndarray) -> np.ndarray:
-        pip, dip = joints.tolist()
-        return np.array(gaps(setting, pip, dip, ctx))
-
+    size = setting.spring + setting.servo
     found = scipy.optimize.minimize(
-        energy,
+        lambda joints: energy(setting, *joints.tolist(), ctx=mpmath.fp) / size,
         guess,
         method="SLSQP",
         jac="3-point",
         bounds=[(0.0, setting.limit)] * 2,
-        constraints={"type": "ineq", "fun": clearances},
+        constraints={
+            "type": "ineq",
+            "fun": lambda joints: np.array(gaps(setting, *joints.tolist(), ctx=mpmath.fp)),
+        },
         options={"ftol": 1e-15, "maxiter": 200},
     )
     return found.x
 
 
+@mpmath.workdps(DIGITS)
 def solve(
     setting: Setting,
     near: np.ndarray,
@@ -165,70 +165,57 @@ def solve(
         The equilibrium, or ``None`` where the choice leaves it undetermined (more than two holds)
         or its equations were not solved.
     """
-    with mpmath.workdps(DIGITS):
-        return _solve(setting, near, held, closed)
-
-
-def _solve(
-    setting: Setting,
-    near: np.ndarray,
-    held: tuple[float | None, float | None],
-    closed: tuple[bool, bool],
-) -> Exact | None:
     free = [i for i in range(2) if held[i] is None]
     shut = [i for i in range(2) if closed[i]]
     if len(shut) > len(free):
         return None
-    stiffness, servo = mpmath.mpf(setting.spring), mpmath.mpf(setting.servo)
-    step = mpmath.mpf(10) ** (-mpmath.mp.dps // 3)
-
-    def joints_of(unknown: Sequence[Any]) -> list[Any]:
-        rest = iter(unknown[: len(free)])
-        return [next(rest) if held[i] is None else mpmath.mpf(held[i]) for i in range(2)]
-
-    def slopes(function: Callable[..., Any], joints: list[Any]) -> list[Any]:
-        moves = ([joints[0] + s * step, joints[1]] for s in (1, -1))
-        others = ([joints[0], joints[1] + s * step] for s in (1, -1))
-        return [(function(*a) - function(*b)) / (2 * step) for a, b in (moves, others)]
-
-    def motor_of(joints: list[Any]) -> Any:
-        return servo * (setting.command - crank(setting, *joints))
-
-    def pulls(joints: list[Any], forces: list[Any]) -> list[Any]:
-        motor, wound = motor_of(joints), winding(setting, joints[1]) + setting.preload
-        ratio = slopes(lambda p, d: crank(setting, p, d), joints)
-        winds = slopes(lambda _, d: winding(setting, d), joints)
-        out = [stiffness * wound * w - motor * r for r, w in zip(ratio, winds, strict=True)]
-        for force, i in zip(forces, shut, strict=True):
-            slope = slopes(lambda p, d, i=i: gaps(setting, p, d)[i], joints)
-            out = [a - force * b for a, b in zip(out, slope, strict=True)]
-        return out
-
+    context: Any = mpmath.mp
     # Forces in the servo's unit and moments in both stiffnesses' sum: all near one.
-    unit = stiffness + servo
+    servo, unit = mpmath.mpf(setting.servo), mpmath.mpf(setting.spring) + setting.servo
+    step, tiny = mpmath.mpf(10) ** (-DIGITS // 3), mpmath.mpf(10) ** (-DIGITS // 4)
 
-    def equations(unknown: list[Any]) -> list[Any]:
-        joints, forces = joints_of(unknown), [servo * f for f in unknown[len(free) :]]
-        moment = pulls(joints, forces)
-        touching = gaps(setting, *joints) if shut else ()
-        return [moment[i] / unit for i in free] + [touching[i] for i in shut]
+    def slopes(function: Callable[..., Any], joints: Sequence[Any]) -> list[Any]:
+        pip, dip = joints
+        ends = ((pip + step, dip), (pip - step, dip)), ((pip, dip + step), (pip, dip - step))
+        return [(function(*a) - function(*b)) / (2 * step) for a, b in ends]
 
-    unknown = _converged(equations, [mpmath.mpf(float(near[i])) for i in free], len(shut))
-    if unknown is None:
+    def state(unknown: Sequence[Any]) -> tuple[list[Any], list[Any], list[Any], tuple[Any, Any]]:
+        """Joints, forces of both contacts, and what they leave of moments and gaps."""
+        rest = iter(unknown)
+        joints = [next(rest) if stop is None else mpmath.mpf(stop) for stop in held]
+        forces = [servo * next(rest) if touches else mpmath.mpf(0) for touches in closed]
+        moments = slopes(lambda *q: energy(setting, *q), joints)
+        for i in shut:
+            pushed = slopes(lambda *q, i=i: gaps(setting, *q)[i], joints)
+            moments = [a - forces[i] * b for a, b in zip(moments, pushed, strict=True)]
+        return joints, forces, moments, gaps(setting, *joints)
+
+    def equations(*unknown: Any) -> list[Any]:
+        _, _, moments, gap = state(unknown)
+        return [*(moments[i] / unit for i in free), *(gap[i] for i in shut)]
+
+    unknown = [mpmath.mpf(float(near[i])) for i in free] + [mpmath.mpf(0)] * len(shut)
+    for _ in range(8):
+        left = equations(*unknown)
+        if max(map(abs, left), default=0) < mpmath.mpf(10) ** (-DIGITS // 2 - 4):
+            break
+        try:
+            slope = context.jacobian(equations, unknown)
+            change = mpmath.lu_solve(slope, mpmath.matrix(left))
+        except ZeroDivisionError:
+            return None
+        unknown = [x - d for x, d in zip(unknown, change, strict=True)]
+    else:
         return None
-    joints, forces = joints_of(unknown), [servo * f for f in unknown[len(free) :]]
-    moment, gap = pulls(joints, forces), gaps(setting, *joints)
-    tiny = mpmath.mpf(10) ** (-mpmath.mp.dps // 4)
+    joints, forces, moments, gap = state(unknown)
     right = all(force >= -tiny * servo for force in forces)
     right &= all(closed[i] or gap[i] >= -tiny for i in range(2))
-    for i in range(2):
-        if held[i] is not None:
-            right &= (moment[i] >= -tiny * unit) if held[i] == 0 else (moment[i] <= tiny * unit)
-        right &= -tiny <= joints[i] <= setting.limit + tiny
-    whole = [mpmath.mpf(0)] * 2
-    for i, force in zip(shut, forces, strict=True):
-        whole[i] = force
-    return Exact((joints[0], joints[1]), motor_of(joints), (whole[0], whole[1]), bool(right))
+    for angle, stop, moment in zip(joints, held, moments, strict=True):
+        if stop is not None:
+            right &= (moment >= -tiny * unit) if stop == 0 else (moment <= tiny * unit)
+        right &= -tiny <= angle <= setting.limit + tiny
+    motor = servo * (setting.command - crank(setting, *joints))
+    return Exact((joints[0], joints[1]), motor, (forces[0], forces[1]), bool(right))
 
 
 class Push(NamedTuple):
@@ -298,37 +285,6 @@ def balance(
     size = max(np.max(np.abs(found[:first])), np.max(np.abs(sides)), 1e-300)
     left = float(np.max(np.abs(rows @ found - sides)) / size)
     return Balance(found[first:-2], found[-2:], left)
-
-
-def _converged(
-    equations: Callable[[list[Any]], list[Any]], joints: list[Any], forces: int
-) -> list[Any] | None:
-    """Newton's iteration that keeps its slopes once the start is good.
-
-    From a start good to 1e-15 it gains as many digits in every step, when the forces, in which
-    the equations are linear, are there.
-    """
-    unknown = joints + [mpmath.mpf(0)] * forces
-    if not unknown:
-        return []
-    size, step = len(unknown), mpmath.mpf(10) ** (-mpmath.mp.dps // 2)
-    enough = mpmath.mpf(10) ** (-mpmath.mp.dps // 2 - 5)
-    slopes = mpmath.matrix(size)
-    for fresh in (True, True, False, False, False):
-        value = equations(unknown)
-        if fresh:
-            for j in range(size):
-                moved = equations([x + step * (i == j) for i, x in enumerate(unknown)])
-                for i in range(size):
-                    slopes[i, j] = (moved[i] - value[i]) / step
-        try:
-            change = mpmath.lu_solve(slopes, mpmath.matrix(value))
-        except ZeroDivisionError:
-            return None
-        unknown = [x - d for x, d in zip(unknown, change, strict=True)]
-        if max(abs(d) for d in change) < enough:
-            return unknown
-    return None
 
 
 def _meet(first: Any, second: Any, a: Any, b: Any, c: Any, ctx: Any) -> Any:

@@ -135,26 +135,24 @@ class Formula(NamedTuple):
         """How far pins miss the lengths, and the line, that hold them.
 
         Args:
-            inputs: shape (cases, inputs), in extended floats.
+            inputs: shape (cases, inputs), in extended floats or mpmath numbers.
             crank_pin: the crank's pin, shape (cases, 2), mm.
             last: the last pin, shape (cases, 2), mm.
 
         Returns:
             The largest gap in units of the largest dimension or coordinate given, shape (cases,).
         """
-        of = dict(zip(self.inputs, inputs.T, strict=True))
+        of, tip = dict(zip(self.inputs, inputs.T, strict=True)), crank_pin.T
 
-        def away(pin: np.ndarray, fixed: str) -> np.ndarray:
-            return pin.T - np.stack([of[f"{fixed}_x"], of[f"{fixed}_y"]])
+        def fixed(name: str) -> np.ndarray:
+            return np.stack([of[f"{name}_x"], of[f"{name}_y"]])
 
-        gaps = [
-            np.hypot(*away(crank_pin, self.crank)) - of["crank"],
-            np.hypot(*(last - crank_pin).T) - of[self.link],
-        ]
+        held = [(tip - fixed(self.crank), "crank"), (last.T - tip, self.link)]
         if "rocker" in of:
-            gaps.append(np.hypot(*away(last, "o4")) - of["rocker"])
+            held.append((last.T - fixed("o4"), "rocker"))
+        gaps = [sqrt(dot(way, way)) - of[name] for way, name in held]
         if "direction" in of:
-            gaps.append(dot(left(direction(of["direction"])), away(last, "point")))
+            gaps.append(dot(left(direction(of["direction"])), last.T - fixed("point")))
         lengths = [abs(of[name]) for name in self.inputs if name not in ("direction", "angle")]
         largest = np.max(lengths, axis=0)
         return np.max(np.abs(gaps), axis=0) / np.where(largest > 0, largest, 1)

@@ -221,27 +221,23 @@ def follow(
         The pad coordinate at which each ray arrives; the length of its way, parts that it goes
         backwards subtracted; and its coordinates on the mirrors, shape (scenes, mirrors of path).
     """
-    place, angle = fans.position, fans.direction + turn
-    heading = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    place, heading = fans.position @ [1, 1j], np.exp(1j * (fans.direction + turn))
     length, met = np.zeros(len(turn)), []
     for index in [*word, structure.mirrors + pad]:
-        start, step = fans.ends[:, index, 0], fans.ends[:, index, 1] - fans.ends[:, index, 0]
+        start, end = (fans.ends[:, index] @ [1, 1j]).T
+        step = end - start
         with np.errstate(divide="ignore", invalid="ignore"):
             cross = _cross(heading, step)
             distance = _cross(start - place, step) / cross
             met.append(_cross(start - place, heading) / cross)
-        length = length + distance
-        place = place + distance[:, None] * heading
-        normal = np.stack([-step[:, 1], step[:, 0]], axis=1)
-        square = np.sum(step * step, axis=1)
-        along = np.sum(heading * normal, axis=1) / np.where(square > 0, square, 1.0)
-        heading = heading - 2 * along[:, None] * normal
+            length, place = length + distance, place + distance * heading
+            heading = step * np.conj(heading / step)
     reflections = np.stack(met[:-1], axis=1) if word else np.zeros((len(turn), 0))
     return met[-1], length, reflections
 
 
 def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    return np.imag(np.conj(first) * second)
 
 
 def _labels(

@@ -1,18 +1,17 @@
 """The study ``visibility-stability``: its oracles by other means, and faults that it must catch."""
 
-import json
-
 import mpmath
 import numpy as np
 import pytest
 
-from designopt import Records, cli
+from designopt import Records
 from designopt.study.report import Report
+from designopt.study.runner import run_study
 from studies.oracles import rays
 from studies.oracles.extreme_scenes import degenerate, families
 from studies.oracles.rays import Fans, Structure
 from studies.oracles.visibility import ExactScene, digits, shown, slopes
-from studies.stability.visibility import StabilitySpec, comparison, run
+from studies.stability.visibility import StabilitySpec, comparison, run, scenes
 from studies.stability.visibility.comparison import gaps, gradients, landings, wrong_verdicts
 from studies.stability.visibility.scenes import CAMERA, MIRRORS, PADS, STRUCTURE, ask, random_rows
 
@@ -30,10 +29,8 @@ SHOWN = {
 
 
 def fans(*ends, camera=(0.0, 0.0), direction=0.0, width=3.0, grazing=0.0):
-    whole = [
-        np.full(shape, value) for shape, value in ((1, direction), (1, width), ((1, 1), grazing))
-    ]
-    return Fans(np.array([ends], float), np.array([camera], float), *whole)
+    angles = np.array([direction]), np.array([width]), np.array([[grazing]])
+    return Fans(np.array([ends], float), np.array([camera], float), *angles)
 
 
 @pytest.mark.parametrize("name", SHOWN)
@@ -135,6 +132,14 @@ def test_places_of_degenerate_scenes_are_exactly_on_lines():
             cross = arrows[:, 0, 0] * arrows[:, 1, 1] - arrows[:, 0, 1] * arrows[:, 1, 0]
             long = np.any(arrows[:, 0] != arrows[:, 1], axis=1)
             assert np.any((cross == 0) & long), family.case
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _small_blocks():
+    """Families of eight scenes are not filled up to hundreds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scenes, "BLOCK", 50)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -240,51 +245,34 @@ def test_faults_in_extreme_scenes_fail(monkeypatch):
 
 def test_findings_name_what_failed(monkeypatch):
     family = family_of("a mirror, seen")._replace(case="the bad one")
-    spec = StabilitySpec(float32=False)
-    table = Records(
-        {
-            "bounces": 1,
-            "shot_again": 3,
-            "derivatives": 10,
-            "left_out": 0,
-            "landings": 4,
-            "wrong_verdicts": 0,
-            "worst_landing_rad": 0.0,
-            "worst_gradient: a": 1e-9,
-        }
-    )
-    scenes = Records(
-        {
-            "fine": False,
-            "scene": [0, 1, 2],
-            "off": 0.0,
-            "differ": False,
-            "disagree": False,
-            "non_finite": 0,
-        }
-    )
-    fine = {"fine": [True] * 3, "disagree": [False, False, True]}
-    scenes.add(**(scenes | fine))
-    out = Report(spec, package="studies.stability.visibility")
-    run.report(out, table, scenes, judged(family, monkeypatch, coverage=0.5))
+    none = dict.fromkeys(("left_out", "wrong_verdicts", "worst_landing_rad"), 0)
+    some = {"bounces": 1, "shot_again": 3, "derivatives": 10, "landings": 4}
+    table = Records({**none, **some, "worst_gradient: a": 1e-9})
+    sound = dict.fromkeys(("fine", "off", "differ", "disagree", "non_finite"), False)
+    found = Records({"scene": [0, 1, 2], **sound})
+    found.add(**(found | {"fine": [True] * 3, "disagree": [False, False, True]}))
+    out = Report(StabilitySpec(float32=False), package="studies.stability.visibility")
+    run.report(out, table, found, judged(family, monkeypatch, coverage=0.5))
     results = out.results()
     assert results.findings[-1].startswith("the bad one (float64, 8 scenes): 8 value")
     missed = {metric.name for metric in results.metrics if metric.met is False}
     assert missed == {"random_disagreements", "worst_value_error_float64", "stability_failures"}
 
 
+FEW = {
+    "scenes": 60,
+    "bounces": 1,
+    "float32": False,
+    "family_cases": 8,
+    "gradient_scenes": 5,
+    "reference_scenes": 5,
+    "fine_rays": 200_000,
+}
+
+
 @pytest.mark.slow
 def test_the_study_end_to_end(tmp_path):
-    out, settings = (
-        tmp_path / "out",
-        (
-            *("scenes=200", "bounces=1", "float32=false", "family_cases=8"),
-            *("gradient_scenes=5", "reference_scenes=5", "fine_rays=400000"),
-        ),
-    )
-    words = [f"--set={setting}" for setting in settings]
-    assert cli.run(["run", "visibility-stability", "--out", str(out), *words]) == 0
-    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    assert all(metric["met"] for metric in document["metrics"].values())
-    for row in document["stability"]:
-        assert (row["failures"], row["non_finite"]) == (0, 0), row
+    results = run_study("visibility-stability", FEW, out=tmp_path / "out")
+    assert all(metric.met for metric in results.metrics)
+    for row in results.stability:
+        assert (row.failures, row.non_finite) == (0, 0), row

@@ -7,8 +7,8 @@ unknowns of a dyad are its link's angle, and its arm's angle or the slide.
 
 from __future__ import annotations
 
+import cmath
 import functools
-import math
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -106,20 +106,16 @@ def sketch_of(case: Case) -> dict[str, tuple[float, float]]:
 
 def start_of(case: Case, sizes: Sizes) -> list[Any]:
     """The unknowns in the sketch, two for each dyad: every iteration starts from them."""
-    joints = sketch_of(case)
-
-    def bearing(start: str, end: str) -> float:
-        (x, y), (end_x, end_y) = joints[start], joints[end]
-        return math.atan2(end_y - y, end_x - x)
-
+    joints = {name: complex(*place) for name, place in sketch_of(case).items()}
     unknowns: list[Any] = []
     for dyad in case.dyads:
-        unknowns.append(bearing(dyad.start, dyad.joint))
+        there = joints[dyad.joint]
+        unknowns.append(cmath.phase(there - joints[dyad.start]))
         if dyad.arm:
-            unknowns.append(bearing(dyad.end, dyad.joint))
+            unknowns.append(cmath.phase(there - joints[dyad.end]))
         else:
-            (x, y), (at_x, at_y, _) = joints[dyad.joint], sizes.line
-            unknowns.append(((x - at_x) ** 2 + (y - at_y) ** 2) ** 0.5)
+            x, y, _ = sizes.line
+            unknowns.append(((there.real - x) ** 2 + (there.imag - y) ** 2) ** 0.5)
     return unknowns
 
 

@@ -15,6 +15,7 @@ import lineax as lx
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from designopt.batching import map_in_chunks
 from kinematics import Linkage, solve_poses
 from studies.benchmarks.linkage.cases import crank_tip, gaps, place, size_of, sizes_of, start_of
 from studies.oracles.linkages import Case, Dyad, Point, Sizes
@@ -98,7 +99,8 @@ def newton(
             place(jnp, dyad, sizes, joints, *_corrected(dyad, *known, change, pair))
         return [joints[name] for name in of]
 
-    return in_blocks(block, angles), None
+    whole = len(angles) <= BLOCK
+    return map_in_chunks(block if whole else jax.checkpoint(block), angles, BLOCK), None
 
 
 def _corrected(dyad: Dyad, sizes: Sizes, joints: dict[str, Point], gap: Point, pair: Pair) -> Pair:
@@ -112,18 +114,6 @@ def _corrected(dyad: Dyad, sizes: Sizes, joints: dict[str, Point], gap: Point, p
     determinant = a * d - b * c
     first, second = gap[0] * d - gap[1] * c, a * gap[1] - b * gap[0]
     return pair[0] - first / determinant, pair[1] - second / determinant
-
-
-def in_blocks(
-    solve: Callable[[Float[Array, " block"]], Joints], angles: Float[Array, " poses"]
-) -> Joints:
-    """``solve`` on blocks of equal size one after the other, where the sweep divides into such."""
-    poses = angles.shape[0]
-    block = next((size for size in range(BLOCK, BLOCK // 4, -1) if poses % size == 0), poses)
-    if block == poses:
-        return solve(angles)
-    found = jax.lax.map(jax.checkpoint(solve), angles.reshape(-1, block))
-    return jax.tree.map(lambda part: part.reshape(-1), found)
 
 
 def find_roots(

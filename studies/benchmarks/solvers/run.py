@@ -16,8 +16,8 @@ from studies.benchmarks.solvers import SolverPrecisionSpec, box, grasp
 from studies.models.grasp import cases
 from studies.models.grasp.closing import close_all, there_and_back
 from studies.models.grasp.spec import GraspSpec
-from studies.models.soft_finger.chamber_spec import ChamberSpec
 from studies.models.soft_finger.imaging import printed_chamber
+from studies.models.soft_finger.spec import ChamberSpec
 
 OURS = "designopt"
 OWN = (chamber.CLOSED_FORM, grasp.OURS, box.OURS)
@@ -51,15 +51,9 @@ def run(spec: SolverPrecisionSpec, context: Context) -> Results:
         near = [row.seconds for row in closest.values() if row.error <= NEAR * ours.error]
         error[name], speedup[name] = ours.error, min(near, default=math.nan) / ours.seconds
         for row in (ours, *closest.values()):
-            ratio = row.seconds / ours.seconds
-            table.add(
-                problem=panel,
-                method=row.method,
-                setting=row.setting,
-                error=row.error,
-                seconds=row.seconds,
-                times_ours=ratio,
-            )
+            columns = {"problem": panel, "method": row.method, "setting": row.setting}
+            columns |= {"error": row.error, "seconds": row.seconds}
+            table.add(**columns, times_ours=row.seconds / ours.seconds)
     out.metrics(
         grasp_error=error["grasp"],
         grasp_speedup=speedup["grasp"],

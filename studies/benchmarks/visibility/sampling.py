@@ -72,10 +72,10 @@ def coverage(
     """
 
     def of_pose(pose: Float[Array, " joints"]) -> Float[Array, " pads"]:
-        def of_block(at: Float[Array, " points"]) -> Float[Array, " pads"]:
+        def mean(at: Float[Array, " points"]) -> Float[Array, " pads"]:
             return jnp.mean(step(margins(scene, pose, at), steepness), axis=1)
 
-        return _mean_of_blocks(of_block, block, blocks)
+        return _mean_of_blocks(mean, block, blocks)
 
     return jax.lax.map(of_pose, poses)
 
