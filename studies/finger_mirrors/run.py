@@ -10,17 +10,12 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from designopt import Context, LeftOutRow, Records, Report, Results, count_operations
 from designopt.design_kind import Design
 from designopt.plot.typesetting import heading
-from designopt.study.left_out import count_operations
-from designopt.study.records import Records
-from designopt.study.report import Report
-from designopt.study.results import LeftOutRow, Results
-from designopt.study.study import Context
+from optics import Scene, find_coverage
 from optics.design import SCENE
 from optics.scene.designed import DesignedScene
-from optics.scene.scene import Scene
-from optics.visibility.coverage import find_coverage
 from studies.finger_mirrors import solvers
 from studies.models.body import BodySpec
 from studies.models.designed import designed_scene

@@ -21,12 +21,11 @@ import numpy as np
 import scipy.optimize
 from jax.flatten_util import ravel_pytree
 
+from designopt import Records, Report
 from designopt.optimize import run_differential_evolution
 from designopt.optimize.augmented_lagrangian import Inner, augmented_lagrangian
 from designopt.optimize.flat import Flat
 from designopt.optimize.reference_solvers import compile_reference
-from designopt.study.records import Records
-from designopt.study.report import Report
 from studies.models.mirror_design import design as designing
 from studies.models.mirror_design.design import MirrorDesign
 from studies.models.mirror_design.placement import Placement, bounds

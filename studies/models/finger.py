@@ -16,9 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.errors import UserError
+from designopt import UserError, as_float
 from designopt.io.toml_writing import degrees_of
-from designopt.numerics import as_float
 from kinematics.io.pinned import assembly_signs, pinned_linkage, pinned_tables
 from kinematics.model.linkage import Linkage
 from kinematics.model.linkage import Spring as LinkageSpring

@@ -17,14 +17,12 @@ import jax
 import numpy as np
 from pydantic import Field, PositiveInt, model_validator
 
+from designopt import Context, Spec, UserError
 from designopt.designs import read_tables
-from designopt.errors import UserError
 from designopt.io.files import printable, replaced_when_complete
-from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT, Format, Length, Number, Point, Title, validated
 from designopt.io.toml_writing import degrees_of, format_toml
 from designopt.progress import step_display
-from designopt.study.study import Context
 from kinematics.io.designed import DesignedLinkage
 from optics.scene.designed import DesignedScene
 from studies.models.body import BodyTable

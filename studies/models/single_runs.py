@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from designopt.study.records import Records
-from designopt.study.results import PrecisionRow
+from designopt import PrecisionRow, Records
 
 
 def single_runs(runs: Records, panel: str, error: str) -> list[PrecisionRow]:

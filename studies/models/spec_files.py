@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from designopt.io.spec import SpecFile
-from designopt.io.toml_writing import format_toml
+from designopt import SpecFile, format_toml
 from optics.scene.writer import scene_tables
 from studies.models.finger import Finger
 from studies.models.finger_file import format_finger

@@ -12,10 +12,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.solution import Solution
-from optics.scene.scene import Scene
-from optics.visibility.coverage import find_coverage, find_views
+from optics import Pieces, Scene, find_coverage, find_views
 from optics.visibility.sharpness import find_sharpness
-from optics.visibility.views import Pieces
 from studies.models.finger import Finger
 from studies.models.mirror_design.seeing import together
 from studies.oracles.scenes import rounded, seen_by_fan

@@ -6,8 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from designopt.solution import Solution
-from optics.scene.scene import Scene
-from optics.visibility.views import Pieces
+from optics import Pieces, Scene
 
 PLACES = 17
 """Places along a pad at which the search asks for resolution, besides the ends of pieces."""

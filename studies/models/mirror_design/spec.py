@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from designopt.io.spec import Spec
-from designopt.study.settings import setting
+from designopt import Spec, setting
 from studies.models.body import BodySpec
 
 Length = Annotated[float, Field(gt=0, le=1e3)]

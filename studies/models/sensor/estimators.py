@@ -11,10 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from optics.scene.fabrication import Fabrication, perturb, scale_errors
-from optics.scene.imaging import Imaging
-from optics.scene.scene import Scene
-from optics.visibility.coverage import find_views
+from optics import Fabrication, Imaging, Scene, find_views, perturb, scale_errors
 from optics.visibility.outlines import find_corners, find_outlines
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, name_paths

@@ -16,17 +16,10 @@ from jaxtyping import Float
 
 from designopt.errors import UserError
 from designopt.io.files import read_toml
+from optics import Fabrication, Imaging, Layout, Pinhole, Scene, read_scene, scale_errors
 from optics.rendering import Effects, Imprint, Renderer, TactileImage
-from optics.scene.camera import Pinhole
-from optics.scene.fabrication import Fabrication, scale_errors
-from optics.scene.imaging import Imaging
-from optics.scene.reading import read_scene
-from optics.scene.scene import Layout, Scene
-from perception.detection import detect_views
-from perception.lens import Lens
-from perception.matching import Sighting, View, ViewCatalog
+from perception import Lens, Sighting, View, ViewCatalog, detect_views, select_view, unwarp
 from perception.proprioception import CornerModel
-from perception.unwarping import select_view, unwarp
 from studies.models.finger_file import packaged_finger, read_finger
 from studies.models.one_thread import one_thread
 from studies.models.sensor.estimators import catalog_of, corner_model, lens_of

@@ -13,8 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.errors import UserError
-from designopt.numerics import as_float
+from designopt import Records, UserError, as_float
 from designopt.optimize import (
     Evaluation,
     Problem,
@@ -24,7 +23,6 @@ from designopt.optimize import (
     find_active_set,
     minimize,
 )
-from designopt.study.records import Records
 from optics.chamber import Endoscope, find_extreme_points, solve_image_rates
 from optics.chamber.chamber import Chamber
 from studies.models.soft_finger import imaging, paper

@@ -28,9 +28,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from designopt.numerics import safe_arctan2
-from designopt.roots import find_root
-from designopt.solution import Solution, combine_checks
+from designopt import Solution, combine_checks, find_root, safe_arctan2
 from optics.chamber import bend_center_line
 
 CLOSED = math.radians(120)

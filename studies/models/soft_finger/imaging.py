@@ -11,10 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.fitting import Fit, least_squares
-from designopt.solution import Solution
-from optics.chamber.chamber import Chamber
-from optics.chamber.ratio import solve_dimension_for_ratio
+from designopt import Fit, Solution, least_squares
+from optics import Chamber, solve_dimension_for_ratio
 from studies.models.soft_finger import paper
 from studies.models.soft_finger.spec import ChamberSpec
 

@@ -6,8 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from designopt.io.spec import Spec
-from designopt.study.settings import setting
+from designopt import Spec, setting
 
 CLEARANCE = 1.5
 """How far |Δl_D| stays inside Δl_A where η is chosen, mm."""
