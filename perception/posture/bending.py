@@ -87,9 +87,6 @@ def fit_bend(
         )
     sane = np.isfinite(markers) & (np.abs(markers) <= FAR * length)
     known = np.all(sane, axis=(1, 2), keepdims=True)[:, 0, 0]
-    if not known.any():
-        nothing = np.zeros(len(markers))
-        return Bends(nothing, nothing.copy(), known)
     wanted = np.where(known[:, None, None], markers, 0.0)
 
     grid = np.linspace(SMALLEST, LARGEST, STARTS)
