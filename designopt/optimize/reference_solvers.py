@@ -221,8 +221,8 @@ def run_differential_evolution(
         found = scipy.optimize.differential_evolution(
             lambda x: evaluate(x)[0], box, constraints=constraints, rng=draws, **ends, **at_once
         )
-    rows = map(np.array, (seconds_so_far, objectives, violations))
-    return Evolution(*rows, flat.parameters(jnp.asarray(found.x, sample.dtype)))
+    best = flat.parameters(jnp.asarray(found.x, sample.dtype))
+    return Evolution(*map(np.array, (seconds_so_far, objectives, violations)), parameters=best)
 
 
 def _box(flat: Flat) -> scipy.optimize.Bounds:

@@ -122,8 +122,9 @@ def _judge(
             error > VALUE_TOLERANCE * rounding or gradient_error > GRADIENT_TOLERANCE * rounding
         )
     non_finite = sum(int(np.sum(~np.isfinite(part))) for part in answers)
-    worst, counts = map(max, zip(*errors, strict=True)), (len(inputs), infeasible, failures)
-    return StabilityRow(family.case, dtype, *counts, *worst, non_finite)
+    counts = len(inputs), infeasible, failures
+    worst, of_gradient, relative = map(max, zip(*errors, strict=True))
+    return StabilityRow(family.case, dtype, *counts, worst, of_gradient, relative, non_finite)
 
 
 def _errors(

@@ -77,7 +77,8 @@ def test_a_quick_text_covers_what_a_text_covers(style):
     assert quick.sum() == pytest.approx(slow.sum(), rel=0.1)  # as much ink
     for axis in (0, 1):  # and in the same place, but for the rounding of each glyph's width
         inked = [np.flatnonzero(image.max(axis=(2, 1 - axis)) > 60) for image in (quick, slow)]
-        np.testing.assert_allclose(*[rows[[0, -1]] for rows in inked], atol=2)
+        ours, theirs = (rows[[0, -1]] for rows in inked)
+        np.testing.assert_allclose(ours, theirs, atol=2)
     assert not text_drawn(QuickText, visible=False).any()
 
 

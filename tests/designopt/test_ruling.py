@@ -21,7 +21,7 @@ SIZE = 9
 WIDE = [(0.0, 10.0), (-0.37, 0.41), (-130.0, 55.0), (7.0, -3.0), (-1000.0, 1000.0)]
 
 
-def ruled(limits, along: Any, **options):
+def ruled(limits, along: Any, **options) -> tuple[Any, Ruling]:
     """Axes with quick ticks along one of its axes, and those."""
     with style():
         figure = Figure(figsize=(5, 4), dpi=100)
@@ -68,7 +68,7 @@ def test_numbers_stand_where_matplotlib_draws_them(along, limits):
 def test_they_follow_the_limits_and_leave_room_for_the_name(along):
     axes, ruling = ruled((0.0, 1.0), along)
     axes.set(**{f"{along}lim": (-200.0, 100.0)})
-    axes.figure.draw_artist(ruling)
+    ruling.draw(axes.figure.canvas.get_renderer())
     _, wanted = ruled((-200.0, 100.0), along)
     [lines], [marks] = shown(ruling, LineCollection), shown(ruling, Line2D)
     [other_lines], [other_marks] = shown(wanted, LineCollection), shown(wanted, Line2D)

@@ -1,6 +1,7 @@
 """A study and a kind of design offered by an installed package outside the project."""
 
 import json
+from typing import Any
 
 import matplotlib.figure
 import pytest
@@ -121,6 +122,7 @@ def test_its_design_is_drawn_and_written(work, named, side):
 def test_its_explorer_shows_it(work):
     bench = load_design("box.toml").explorer()
     with style():
-        bench.draw(matplotlib.figure.Figure().subfigures(1, 1))
+        area: Any = matplotlib.figure.Figure().subfigures(1, 1)
+        bench.draw(area)
     assert bench.title == "box"
     assert [(one.name, one.value) for one in bench.show({"side": 4.0}).readings] == [("area", 16.0)]
