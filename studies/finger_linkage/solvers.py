@@ -14,24 +14,15 @@ from designopt.optimize import (
     FEASIBLE,
     Evolution,
     Method,
-    Minimizer,
     Optima,
-    make_epigraph,
     make_epigraph_starts,
     run_differential_evolution,
 )
 from designopt.plot.figures import MARKERS, PALETTE, new_figure
 from designopt.study.records import Records
 from designopt.study.report import Report
-from studies.models.linkage_design.problem import ANGLE, grid
-from studies.models.linkage_design.searching import (
-    FLOOR,
-    STEPS,
-    UPDATES,
-    Search,
-    least_angles_deg,
-    over,
-)
+from studies.models.linkage_design.problem import grid
+from studies.models.linkage_design.searching import Search, least_angles_deg, minimizer, over
 from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.single_runs import single_runs
 
@@ -107,7 +98,6 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> Comparison:
     """All solvers on the problem of the search's first round, from its starts."""
     flexion = grid(found.finger.body, spec.search.step_deg)
     problem = over(found.finger, spec, flexion, flexion)
-    exact = make_epigraph(problem, scale=ANGLE)
     starts, runs = found.starts, Records()
     every = make_epigraph_starts(problem, starts.parameters)
 
@@ -122,24 +112,17 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> Comparison:
         )
 
     add("bfgs", spec.search.starts, found.rounds[0].optima)
-    for method, (_, counts) in METHODS.items():
-        for count in counts:
-            if count > spec.search.starts or (method, count) == ("bfgs", spec.search.starts):
-                continue
-            minimizer = Minimizer(exact, count, method, floor=FLOOR, updates=UPDATES, steps=STEPS)
-            add(method, count, minimizer.solve(jax.tree.map(lambda leaf, n=count: leaf[:n], every)))
+    others = [(method, count) for method, (_, counts) in METHODS.items() for count in counts]
+    for method, count in others:
+        if count <= spec.search.starts and (method, count) != ("bfgs", spec.search.starts):
+            own = jax.tree.map(lambda leaf, n=count: leaf[:n], every)
+            add(method, count, minimizer(problem, count, method).solve(own))
     evolution = run_differential_evolution(problem, seconds=spec.evolution_seconds, seed=seed)
     for share in SHARES:
         until = share * spec.evolution_seconds
         least = evolution_at(evolution, until * (1 + 1e-9) if share < 1 else np.inf)
-        runs.add(
-            method=EVOLUTION,
-            setting=f"{until:.3g} s",
-            least_deg=least,
-            violation=0.0 if least else 1.0,
-            seconds=until,
-            compile_seconds=0.0,
-        )
+        run = {"method": EVOLUTION, "setting": f"{until:.3g} s", "seconds": until}
+        runs.add(**run, least_deg=least, violation=0.0 if least else 1.0, compile_seconds=0.0)
     return Comparison(runs, evolution)
 
 
@@ -148,14 +131,10 @@ def add_comparison(out: Report, compared: Comparison) -> None:
     runs, evolution, near = compared.runs, compared.evolution, compared.near
     (least, seconds), end = compared.own, float(evolution.seconds[-1])
     then = evolution_at(evolution, runs["seconds"][0])
-    out.values(
-        near_deg=NEAR_DEG,
-        bound="" if near is not None else ", which it did not reach: an upper bound",
-    )
-    out.metrics(
-        ahead_of_evolution_deg=least - then,
-        time_over_evolution=seconds / (end if near is None else near),
-    )
+    bound = "" if near is not None else ", which it did not reach: an upper bound"
+    out.values(near_deg=NEAR_DEG, bound=bound)
+    over_evolution = seconds / (end if near is None else near)
+    out.metrics(ahead_of_evolution_deg=least - then, time_over_evolution=over_evolution)
     errors = np.where(compared.feasible, np.maximum(compared.gap_deg, 1e-6), np.nan)
     shown = runs | {"gap_deg": compared.gap_deg, "error": errors}
     out.table("solvers", shown)

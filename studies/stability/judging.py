@@ -34,11 +34,6 @@ def largest(errors: np.ndarray) -> float:
     return float(np.fmax.reduce(errors, axis=None, initial=0.0))
 
 
-def total(column: str) -> Callable[[Records], int]:
-    """The sum of a column of counts or truth values, as a whole number."""
-    return lambda own: int(own.stat(f"sum {column}"))
-
-
 def failed(columns: Mapping[str, np.ndarray], dtype: Any) -> np.ndarray:
     """Cases whose verdict, numbers or errors are wrong, shape (cases,)."""
     over = [columns[name] > limit * rounding(dtype) for name, limit in LIMITS.items()]
@@ -51,12 +46,12 @@ def row(own: Records) -> StabilityRow:
         case=own["case"][0],
         dtype=own["dtype"][0],
         cases=len(own),
-        infeasible=total("infeasible")(own),
-        failures=total("failed")(own),
+        infeasible=int(own.stat("sum infeasible")),
+        failures=int(own.stat("sum failed")),
         worst_error=largest(own["value_error"]),
         worst_gradient_error=largest(own["gradient_error"]),
         worst_gradient_relative_error=largest(own["gradient_relative_error"]),
-        non_finite=total("non_finite")(own),
+        non_finite=int(own.stat("sum non_finite")),
     )
 
 
@@ -83,7 +78,7 @@ def say_failures(out: Report, cases: Records, verdicts: Callable[[Records], Iter
     """
     for (case, dtype), own in cases.group("case", "dtype").items():
         faults, unit = [*verdicts(own)], rounding(dtype)
-        if count := total("non_finite")(own):
+        if count := own.stat("sum non_finite"):
             faults.append(f"{count} numbers are not finite")
         for name, limit in LIMITS.items():
             if count := np.sum(own[name] > limit * unit):

@@ -129,13 +129,11 @@ def report(out: Report, judged: Records) -> None:
     """Put down metrics, findings and the table."""
     double = judged.where(dtype="float64")
     out.values(cases=len(judged), undecided=UNDECIDED, closure=CLOSURE)
-    out.metrics(non_finite=judging.total("non_finite")(judged))
+    out.metrics(non_finite=judged.stat("sum non_finite"))
     for dtype in judging.DTYPES:
-        wrong = judging.total("wrong_verdict")(judged.where(dtype=dtype))
+        wrong = judged.where(dtype=dtype).stat("sum wrong_verdict")
         out.metrics(**{f"wrong_verdicts_{dtype}": wrong})
-    out.metrics(
-        open_poses_float64=judging.total("open")(double), worst_closure_float64=_closure(double)
-    )
+    out.metrics(open_poses_float64=double.stat("sum open"), worst_closure_float64=_closure(double))
     judging.report_cases(out, judged)
     out.say("wrong" if out["bad"] else "sound")
     _say_random(out, _random(judged))
@@ -143,14 +141,14 @@ def report(out: Report, judged: Records) -> None:
     verdicts = judged.summary(
         *("case", "dtype"),
         cases="count ok",
-        infeasible=judging.total("infeasible"),
-        marked_ok=judging.total("ok"),
-        undecided=judging.total("undecided"),
-        wrong_verdicts=judging.total("wrong_verdict"),
-        open_poses=judging.total("open"),
+        infeasible="sum infeasible",
+        marked_ok="sum ok",
+        undecided="sum undecided",
+        wrong_verdicts="sum wrong_verdict",
+        open_poses="sum open",
         worst_residual=lambda own: judging.largest(own["residual"][own["ok"]]),
         worst_gap=lambda own: judging.largest(own["gap"][own["ok"]]),
-        non_finite=judging.total("non_finite"),
+        non_finite="sum non_finite",
     )
     out.table("verdicts", verdicts)
 
@@ -173,8 +171,8 @@ def _say_random(out: Report, random: Records) -> None:
     out.say(
         "random",
         shares=" and ".join(shares),
-        wrong=judging.total("wrong_verdict")(random),
-        numbers=judging.total("non_finite")(random),
+        wrong=random.stat("sum wrong_verdict"),
+        numbers=random.stat("sum non_finite"),
         gap=_closure(double),
     )
     parts = []
@@ -190,12 +188,12 @@ def _say_random(out: Report, random: Records) -> None:
 def _verdict_faults(own: Records) -> Iterator[str]:
     wrong = own.where(own["wrong_verdict"])
     if len(wrong):
-        accepted, margins = judging.total("ok")(wrong), abs(wrong["margin"])
+        accepted, margins = wrong.stat("sum ok"), abs(wrong["margin"])
         yield (
             f"{len(wrong) - accepted} poses that exist are refused and {accepted} that do not are "
             f"marked ok, at margins from {np.min(margins):.1e} to {np.max(margins):.1e}"
         )
-    if count := judging.total("open")(own):
+    if count := own.stat("sum open"):
         yield f"{count} poses marked ok leave gaps of up to {_closure(own):.1e} of the size"
 
 

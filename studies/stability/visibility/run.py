@@ -118,16 +118,15 @@ def report(out: Report, table: Records, scenes: Records, judged: Records) -> Non
         shot_again=table["shot_again"][0],
         most=" and ".join(map(str, table["bounces"])),
         differ=len(set(coarse["scene"][coarse["differ"]])),
-        derivatives=judging.total("derivatives")(table),
-        left_out=judging.total("left_out")(table),
-        landings=judging.total("landings")(table),
+        derivatives=table.stat("sum derivatives"),
+        left_out=table.stat("sum left_out"),
+        landings=table.stat("sum landings"),
     )
     out.metrics(
         random_disagreements=len(set(fine["scene"][fine["disagree"]])),
         worst_coverage_error=judging.largest(fine["off"]),
-        wrong_verdicts=judging.total("wrong_verdicts")(table)
-        + judging.total("wrong_verdict")(judged),
-        non_finite=judging.total("non_finite")(scenes) + judging.total("non_finite")(judged),
+        wrong_verdicts=table.stat("sum wrong_verdicts") + judged.stat("sum wrong_verdict"),
+        non_finite=scenes.stat("sum non_finite") + judged.stat("sum non_finite"),
         worst_gradient_error=judging.largest(np.array(slopes)),
         worst_landing=judging.largest(table["worst_landing_rad"]),
     )
@@ -145,16 +144,16 @@ def report(out: Report, table: Records, scenes: Records, judged: Records) -> Non
     verdicts = judged.summary(
         *("case", "dtype"),
         scenes="count failed",
-        show_nothing=judging.total("infeasible"),
+        show_nothing="sum infeasible",
         judged=lambda own: int(np.sum(~np.isnan(own["value_error"]))),
-        wrong_verdicts=judging.total("wrong_verdict"),
-        non_finite=judging.total("non_finite"),
+        wrong_verdicts="sum wrong_verdict",
+        non_finite="sum non_finite",
     )
     out.table("verdicts", verdicts)
 
 
 def _verdict_faults(own: Records) -> Iterator[str]:
-    if count := judging.total("wrong_verdict")(own):
+    if count := own.stat("sum wrong_verdict"):
         yield f"{count} verdicts or signs of margins are wrong"
 
 
