@@ -114,7 +114,11 @@ def test_derivatives_of_hits_through_straight_and_curved_mirrors():
 def test_random_rays_agree_with_plain_numpy(dtype: type, wrong: int, tolerance: float):
     generator = np.random.default_rng(5)
     ends = generator.uniform(-1, 1, (6, 2, 2)).astype(dtype).astype(float)
-    parts = [{"name": str(i), "from": a, "to": b} for i, (a, b) in enumerate(ends.tolist())]
+    sides, keys = (1, -1, 0, 1, -1, 0), ("both", "left", "right")
+    parts = [
+        {"name": str(i), "from": a, "to": b, "side": keys[sides[i]]}
+        for i, (a, b) in enumerate(ends.tolist())
+    ]
     room = scene(mirrors=parts[:3], pads=parts[3:])
     room = jax.tree.map(lambda leaf: leaf.astype(dtype), room)
     starts = generator.uniform(-1, 1, (2000, 2)).astype(dtype)
@@ -123,12 +127,13 @@ def test_random_rays_agree_with_plain_numpy(dtype: type, wrong: int, tolerance: 
         room, jnp.zeros(0, dtype), jnp.asarray(starts), jnp.asarray(angles), bounces=2
     )
     assert hits.coordinate.dtype == dtype
-    surfaces = Surfaces([(a, b) for a, b in (ends @ [1, 1j]).tolist()], (0,) * 6, 3, [0.0] * 3, {})
+    surfaces = Surfaces([(a, b) for a, b in (ends @ [1, 1j]).tolist()], sides, 3, [0.0] * 3, {})
     heading = np.cos(angles.astype(float)), np.sin(angles.astype(float))
     wanted, along = cast(surfaces, starts.astype(float) @ [1, 1j], heading, 2)
-    surface, coordinate = np.asarray(hits.surface), np.asarray(hits.coordinate)
+    surface, active = np.asarray(hits.surface), np.asarray(hits.active)
+    coordinate = np.asarray(hits.coordinate)
     for ray, met in enumerate(surface.tolist()):
-        leg = next((leg for leg, index in enumerate(met) if index >= 3), None)
+        leg = next((leg for leg, index in enumerate(met) if index >= 3 and active[ray, leg]), None)
         found = 0 if leg is None else surfaces.number(met[:leg], met[leg] - 3)
         if found == wanted[ray] > 0:
             assert coordinate[ray, leg] == pytest.approx(along[ray], abs=tolerance)
