@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from pydantic import model_validator
 
-from designopt.io.spec import Spec
-from designopt.study.settings import setting
-from designopt.study.study import Study, lazily
-from studies.models.soft_finger.chamber_spec import CLEARANCE, ChamberSpec
+from designopt import Spec, Study, lazily, setting
+from studies.models.soft_finger.spec import CLEARANCE, ChamberSpec
 
 
 class Table1Spec(Spec):

@@ -13,15 +13,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt import UserError
 from designopt.design_kind import Design
-from designopt.errors import UserError
 from optics.chamber.chamber import Chamber
 from optics.chamber.designed import DesignedChamber
 from optics.design import CHAMBER
 from optics.scene.thin_lens import LensImage, ThinLens
 from studies.models.soft_finger import imaging
-from studies.models.soft_finger.chamber_spec import ChamberSpec
 from studies.models.soft_finger.imaging import Imaging
+from studies.models.soft_finger.spec import ChamberSpec
 from studies.table1 import Table1Spec
 
 OTHER_READING = ChamberSpec(length_ab=30, length_bc=40, length_cd=30, wall_angle_bc_deg=1.5)
@@ -70,13 +70,12 @@ def analyze(spec: Table1Spec) -> Analysis:
     """
     clearance = jnp.asarray(spec.clearance)
     printed = imaging.printed_chamber(spec.chamber)
-    solved = imaging.solve(printed, clearance)
+    solved, other = imaging.solve(printed, clearance), None
     if not bool(solved.fit.solution.ok):
         raise UserError(
             "--set chamber: no camera constants bring this chamber near Table I (the fit did not "
             "converge); choose dimensions nearer to the paper's"
         )
-    other = None
     if spec.chamber == ChamberSpec():
         other = imaging.solve(imaging.printed_chamber(OTHER_READING), clearance)
     lens = real_lens(printed, jnp.asarray(spec.f_number), jnp.asarray(spec.blur))

@@ -6,7 +6,7 @@ import pytest
 
 from designopt import UserError
 from designopt.study.study import Context, load_study
-from studies.models.soft_finger.chamber_spec import ChamberSpec
+from studies.models.soft_finger.spec import ChamberSpec
 from studies.table1 import Table1Spec
 from studies.table1.run import run, run_batch
 
