@@ -430,25 +430,26 @@ class Sizes(NamedTuple):
     line: tuple[Any, ...]
 
 
-def pose(case: Case, sizes: Sizes, angle: Any) -> np.ndarray:
-    """Places of a case's moving joints at one crank angle, shape (joints, 2), mm.
+def poses(case: Case, sizes: Sizes, angles: np.ndarray) -> np.ndarray:
+    """Places of a case's moving joints, shape (poses, joints, 2), mm.
 
     Args:
         case: the linkage.
         sizes: its dimensions, mpmath numbers.
-        angle: of the crank, rad, an mpmath number.
+        angles: of the crank, rad, mpmath numbers, shape (poses,).
     """
-    joints, lengths = {name: np.array(pin) for name, pin in sizes.pins.items()}, sizes.lengths
+    joints = {name: np.array([[x], [y]]) for name, (x, y) in sizes.pins.items()}
+    lengths = sizes.lengths
     if case.base:
-        x, y = joints[case.base] - joints["O2"]
-        angle = angle + mpmath.atan2(y, x)
-    joints["A"] = joints["O2"] + lengths["crank"] * direction(angle)
+        (x,), (y,) = joints[case.base] - joints["O2"]
+        angles = angles + mpmath.atan2(y, x)
+    joints["A"] = joints["O2"] + lengths["crank"] * direction(angles)
     for dyad in case.dyads:
         start, link = joints[dyad.start], lengths[dyad.link]
         if not dyad.arm:
             x, y, turn = sizes.line
-            rod, _ = meet_line(start - np.array([x, y]), direction(turn), link, dyad.side)
-            joints[dyad.joint] = start + rod
+            away, line = start - np.array([[x], [y]]), direction(np.array([turn]))
+            joints[dyad.joint] = start + meet_line(away, line, link, dyad.side)[0]
             continue
         end, arm = joints[dyad.end], lengths[dyad.arm]
         joint = start + meet_circles(end - start, link, arm, dyad.side)[0]
@@ -456,24 +457,27 @@ def pose(case: Case, sizes: Sizes, angle: Any) -> np.ndarray:
         if dyad.carries:
             (along, across), way = sizes.carried[dyad.arm], (joint - end) / arm
             joints[dyad.carries] = end + along * way + across * left(way)
-    return np.stack([joints[name] for name in case.joints])
+    return np.stack([joints[name].T for name in case.joints], axis=1)
 
 
-def mean_square(case: Case, poses: int, sizes: Sizes) -> Any:
-    """Mean over a sweep of the squared distance of the last joint from the origin, mm².
+def mean_square(case: Case, count: int, sizes: Sizes) -> Any:
+    """Mean of the last joint's squared distance from the origin over ``count`` poses, mm².
 
     That of a long sweep is the integral over the crank's angle, with the end corrections of Euler
     and Maclaurin, which make it that of equal steps that count the start and not the end.
     """
 
-    def square(angle: Any) -> Any:
-        last = pose(case, sizes, mpmath.mpf(angle))[-1]
+    def squares(angles: np.ndarray) -> np.ndarray:
+        last = poses(case, sizes, angles)[:, -1].T
         return dot(last, last)
 
-    if poses <= SUMMED:
-        return mpmath.fsum(map(square, case.angles(poses).tolist())) / poses
+    def square(angle: Any) -> Any:
+        return squares(np.array([angle]))[0]
+
+    if count <= SUMMED:
+        return mpmath.fsum(squares(digits(case.angles(count)))) / count
     start, end = map(mpmath.mpf, np.deg2rad(case.sweep_deg).tolist())
-    width = (end - start) / poses
+    width = (end - start) / count
     total = mpmath.quad(square, [start, end], method="gauss-legendre", maxdegree=5)
     for order, weight in ((0, -width / 2), (1, width**2 / 12), (3, -(width**4) / 720)):
         total += weight * (mpmath.diff(square, end, order) - mpmath.diff(square, start, order))

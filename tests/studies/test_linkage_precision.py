@@ -45,8 +45,7 @@ def test_the_reference_keeps_every_length_and_the_side(case):
     """In 50 digits; the lengths are read from the linkage, the sides from its sketch."""
     with mpmath.workdps(DIGITS):
         sizes = numbers_of(case, mpmath.mpf)
-        for angle in case.angles(12):
-            found = exact.pose(case, sizes, mpmath.mpf(float(angle)))
+        for found in exact.poses(case, sizes, exact.digits(case.angles(12))):
             places = sizes.pins | dict(zip(case.joints, found, strict=True))
             places = {name: mpmath.mpc(*place) for name, place in places.items()}
             links = [("O2", "A", "crank")]
@@ -74,7 +73,8 @@ def test_the_reference_gives_nortons_four_bar():
     """R. L. Norton, Design of Machinery, Example 4-1: 20.298° and 57.325° at a crank of 40°."""
     with mpmath.workdps(DIGITS):
         sizes = numbers_of(CASES[0], mpmath.mpf)
-        a, b = (complex(*place) for place in exact.pose(CASES[0], sizes, mpmath.radians(40)))
+        [places] = exact.poses(CASES[0], sizes, np.array([mpmath.radians(40)]))
+    a, b = (complex(*place) for place in places)
     np.testing.assert_allclose(np.angle([b - a, b - 100], deg=True), [20.298, 57.325], atol=5e-4)
 
 

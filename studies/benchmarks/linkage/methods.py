@@ -213,8 +213,8 @@ def exact_places(case: Case, poses: int, part: int) -> np.ndarray:
         Shape (checked, joints, 2), mm.
     """
     with mpmath.workdps(DIGITS):
-        sizes, angles = numbers_of(case, mpmath.mpf), case.angles(poses)[checked(part)].tolist()
-        return np.array([exact.pose(case, sizes, mpmath.mpf(angle)) for angle in angles])
+        angles = exact.digits(case.angles(poses)[checked(part)])
+        return exact.poses(case, numbers_of(case, mpmath.mpf), angles)
 
 
 @functools.cache
