@@ -52,18 +52,13 @@ def test_flexion_comes_first_and_the_body_has_no_knobs(finger):
     assert "mirrors" in bench.aim
 
 
-def test_both_are_true_to_scale_in_a_window_of_any_shape():
-    bench = FingerBench(finger_design(FingerSpec(), None))
-    figure = Figure(figsize=(12, 6))
-    area: Any = figure.subfigures()
-    with style():
-        bench.draw(area)
-    values = {knob.name: knob.value for knob in bench.knobs}
-    for size in ((12, 6), (8, 9)):
-        figure.set_size_inches(*size)
+def test_both_are_true_to_scale_in_a_window_of_any_shape(finger):
+    bench, values, canvas = finger
+    left, right = canvas.figure.subfigs[0].subfigs
+    for size in ((8, 9), (12, 6)):
+        canvas.figure.set_size_inches(*size)
         bench.show(values)
-        for half in area.subfigs:
-            axes = half.axes[-1] if half is area.subfigs[1] else half.axes[0]
+        for axes in (left.axes[0], right.axes[-1]):
             across, up = np.diff(axes.transData.transform([(0, 0), (1, 1)]), axis=0)[0]
             assert across == pytest.approx(up, rel=1e-9)
 
@@ -167,7 +162,7 @@ def test_the_linkage_is_improved_before_camera_and_mirrors(finger, monkeypatch):
         list(bench.optimise(values))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_finger_is_improved(finger):
     bench, values, _ = finger
     values = values | {"camera tilt": values["camera tilt"] + 15}

@@ -53,15 +53,13 @@ def test_dip_depends_on_gamma_alone():
         pose = poses_of(linkage, inputs).value
         return pose.bodies["distal"].turned(pose.bodies["intermediate"].conjugate()).angle()
 
-    slopes = jax.jacfwd(dip)(linkage.reference.inputs + jnp.array([0.0, 0.2]))
+    slopes = jax.jit(jax.grad(dip))(linkage.reference.inputs + np.array([0.0, 0.2]))
     assert abs(float(slopes[0])) < 1e-14
     assert abs(float(slopes[1])) > 0.1
 
 
 def test_transmission_stays_finite_where_lines_are_parallel():
-    slopes = jax.jacfwd(
-        lambda u: jnp.stack(
-            list(finger_transmission(poses_of(gallery("finger"), u).value).values())
-        )
-    )(jnp.array([-0.3, -0.4]))
-    assert bool(jnp.all(jnp.isfinite(slopes)))
+    slopes = jax.jit(
+        jax.jacfwd(lambda inputs: finger_transmission(poses_of(gallery("finger"), inputs).value))
+    )(np.array([-0.3, -0.4]))
+    assert np.isfinite(list(slopes.values())).all()
