@@ -1,6 +1,5 @@
 """The one error a user can cause, an end that a user asked for, and texts for their messages."""
 
-from importlib.metadata import EntryPoint
 from typing import Any
 
 
@@ -24,11 +23,11 @@ def shortened(text: str, most: int = 60) -> str:
     return text if len(text) <= most else f"{text[:half]}...{text[-half:]}"
 
 
-def load_plug_in(point: EntryPoint, what: str) -> Any:
+def load_plug_in(point: Any, what: str) -> Any:
     """What an installed package offers at an entry point.
 
     Args:
-        point: of the package.
+        point: of the package; where the backport ``importlib_metadata`` is loaded, one of its own.
         what: a plug-in of this kind is, for the message.
 
     Raises:
