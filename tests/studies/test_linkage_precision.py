@@ -55,14 +55,14 @@ def test_the_reference_keeps_every_length_and_the_side(case):
                 assert abs(abs(places[end] - places[start]) / sizes.lengths[body] - 1) < 1e-45
             for dyad in case.dyads:
                 way = places[dyad.joint] - places[dyad.start]
-                if dyad.arm:
-                    base = places[dyad.end]
-                    assert dyad.side * (way / (base - places[dyad.start])).imag > 0
-                else:
+                if not dyad.arm:
                     x, y, along = sizes.line
                     off = (places[dyad.joint] - mpmath.mpc(x, y)) * mpmath.expj(-along)
                     assert abs(off.imag) < 1e-45
                     assert way.real > 0
+                    continue
+                base = places[dyad.end]
+                assert dyad.side * (way / (base - places[dyad.start])).imag > 0
                 if dyad.carries:
                     frame = (places[dyad.joint] - base) / sizes.lengths[dyad.arm]
                     carried = (places[dyad.carries] - base) / frame
