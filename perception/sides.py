@@ -160,10 +160,8 @@ def find_edges(
     depth = contrast / np.maximum(inside - dark, 1.0)
     deep = _median(depth.reshape(shape), there)
     doubt = SEAM * np.maximum(DEEP - deep, 0.0)
-    offsets, scale, contrast, clear = (
-        part.reshape(shape) for part in (middle / scale, scale, contrast, clear)
-    )
-    step, free = _median(contrast, there), clear.mean(axis=1)
+    offsets, scale, contrast = (part.reshape(shape) for part in (middle / scale, scale, contrast))
+    step, free = _median(contrast, there), clear.reshape(shape).mean(axis=1)
     return Edges(shares, offsets, scale, there, step, width, free, doubt)
 
 

@@ -103,7 +103,7 @@ def train(
     steps = count // batch
     given = (getattr(settings, name) for name in Rates._fields[:-1])
     singles = (jnp.asarray(one, jnp.float32) for one in given)
-    rates = Rates(*singles, jnp.asarray(settings.epochs * steps, jnp.int32))
+    rates = Rates._make([*singles, jnp.asarray(settings.epochs * steps, jnp.int32)])
     generator = np.random.default_rng(settings.seed)
     network = PostureNetwork((columns, rows), settings.channels, generator)
     state = _first(network)
