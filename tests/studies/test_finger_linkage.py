@@ -24,11 +24,17 @@ from studies.models.linkage_design.analysis import sensor_room
 from studies.models.linkage_design.figures import draw_sequences
 from studies.models.linkage_design.judging import judged
 from studies.models.linkage_design.postures import find_postures
-from studies.models.linkage_design.problem import SYMBOLS, grid, inequalities, linkage_problem
+from studies.models.linkage_design.problem import (
+    HOSTS,
+    SYMBOLS,
+    grid,
+    inequalities,
+    linkage_problem,
+)
 from studies.models.linkage_design.searching import least_angles_deg, over, rounded, search
 from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec, SearchSpec, SensorSpec
 from studies.models.linkage_design.tolerance import least_angles
-from studies.models.pins import Pins, reference_pins
+from studies.models.pins import Pins, pin_name, reference_pins
 from studies.oracles.grasp import Setting, pin_places
 from tests.studies.fingers import finger_of
 from tests.studies.stopped import stopped_at
@@ -174,11 +180,19 @@ def test_judgement_is_that_of_circles_that_meet(kind):
         np.testing.assert_allclose(verdict.angles_deg[SYMBOLS[name]][every], values, atol=1e-9)
     np.testing.assert_allclose(verdict.crank_deg[every], np.rad2deg(crank), atol=1e-9)
     checks = {check.name: check for check in verdict.checks}
-    inside = min(
-        min(at["E"].imag - BODY.palmar, BODY.dorsal - at["E"].imag, at["E"].real + BODY.proximal)
-        for at in places.values()
-    )
-    assert abs(checks["pin E inside the proximal phalanx"].achieved - inside) < 0.02
+    turns = np.exp(1j * COARSE)
+    for pin, host in HOSTS.items():
+        own = {
+            "proximal": [at[pin] for at in places.values()],
+            "intermediate": [at[pin] * turns[i] for (i, _), at in places.items()],
+            "distal": [(at[pin] - at["B"]) * turns[i] * turns[j] for (i, j), at in places.items()],
+        }[host]
+        sides = [np.imag(own) - float(BODY.palmar), float(BODY.dorsal) - np.imag(own)]
+        sides += [np.real(own) + float(BODY.proximal)] if host == "proximal" else []
+        sides += [float(BODY.distal) - np.real(own)] if host == "distal" else []
+        inside = checks[f"pin {pin_name(pin)} inside the {host} phalanx"].achieved
+        # The judgement has postures in between.
+        assert np.min(sides) - 0.1 < inside < np.min(sides) + 1e-9
     assert checks["|AF|"].achieved == pytest.approx(abs(complex(*np.asarray(pins.F))))
     assert not verdict.unmet
 
@@ -187,6 +201,10 @@ def test_judgement_finds_what_is_not_met():
     tight = LimitsSpec(clearance=2.5, crank_length=20.0, force_ratio=0.4, crank_range_deg=80.0)
     unmet = {check.name for check in judged(REFERENCE, tight).unmet}
     assert {"|EF|", "φ₂/φ₁", "range of the crank", "pin F inside the proximal phalanx"} <= unmet
+    # In a short finger the tip is the nearest side.
+    short = {check.name: check for check in judged(finger_of(distal=6.0), LIMITS).checks}
+    tip = short["pin C inside the distal phalanx"].achieved
+    assert tip == pytest.approx(23 + 6 - reference_pins().C[0])
 
 
 def test_inequalities_and_judgement_agree():
