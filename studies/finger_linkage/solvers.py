@@ -112,7 +112,9 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> Comparison:
         )
 
     add("bfgs", spec.search.starts, found.rounds[0].optima)
-    others = [(method, count) for method, (_, counts) in METHODS.items() for count in counts]
+    others: list[tuple[Method, int]] = [
+        (m, n) for m, (_, counts) in METHODS.items() for n in counts
+    ]
     for method, count in others:
         if count <= spec.search.starts and (method, count) != ("bfgs", spec.search.starts):
             own = jax.tree.map(lambda leaf, n=count: leaf[:n], every)

@@ -14,6 +14,7 @@ from kinematics import parse_linkage, solve_poses
 from optics import find_coverage, parse_scene
 from studies.finger import run as study
 from studies.models import Finger
+from studies.models.finger import pins_of
 from studies.models.linkage_design.analysis import LinkageDesign, sensor_room
 from studies.models.linkage_design.judging import judged
 from studies.models.linkage_design.searching import Round, Search, over
@@ -61,10 +62,9 @@ def test_degrees_of_freedom_by_kutzbach():
 def unsearched_linkage(spec: FingerLinkageSpec, seed: int) -> LinkageDesign:
     """Design B in the body of the settings, judged in place of what a search would find."""
     finger, flexion = seeing_finger(thickness=spec.body.thickness), np.array([0.0, 1.5])
-    first = Round(
-        over(finger, spec, flexion, flexion), Optima((stopped_at(finger.pins, 0.4),), 0, 0)
-    )
-    found = Search(finger, Starts(finger.pins, 0.0, 0.0), (first,))
+    pins = pins_of(finger)
+    first = Round(over(finger, spec, flexion, flexion), Optima((stopped_at(pins, 0.4),), 0, 0))
+    found = Search(finger, Starts(pins, 0.0, 0.0), (first,))
     verdict, room = judged(finger, spec.limits), sensor_room(spec.sensor)
     return LinkageDesign(finger, found, verdict, room, least_angles(finger, 0.1, spec.draws, seed))
 
