@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -61,14 +62,15 @@ def rings(per_region: int) -> Rings:
 
 
 @functools.cache
-def look(bend_deg: float, direction: float, press: Press, per_region: int = FINE) -> Apertures:
+def look(bend_deg: float, direction: float, press: Press, per_region: int = FINE) -> Any:
+    """What is seen through the rings (`Apertures`), in NumPy arrays."""
     values = (jnp.asarray(value) for value in (press.place, press.radius, press.depth))
     pressed = press_wall(rings(per_region).arc, *values)
     posture = Posture(jnp.asarray(np.deg2rad(bend_deg)), jnp.asarray(direction), pressed)
     return jax.tree.map(np.asarray, seen_through(rings(per_region), posture, ANGLES))
 
 
-def at_ends(found: Apertures) -> tuple[np.ndarray, np.ndarray]:
+def at_ends(found: Any) -> tuple[np.ndarray, np.ndarray]:
     """Outlines at B, C and D, and whether anything is seen through them."""
     count = len(found.seen)
     ends = np.array([count // 3, 2 * count // 3, count]) - 1

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scipy.optimize
+from scipy.optimize import root_scalar as root
 
 from designopt.errors import UserError
 from optics.chamber import Endoscope, Posture
@@ -308,9 +308,9 @@ def test_light_falls_with_the_distance_from_the_lens():
     depth_b = 40.0 + TUBE.pinhole
     for column in range(175, 231, 5):
         off = (column - (COLUMNS - 1) / 2) / FOCAL
-        slope = scipy.optimize.brentq(lambda r, off=off: r * (1 - 0.05 * r**2) - off, 0, 1)
+        slope = root(lambda r, off=off: r * (1 - 0.05 * r**2) - off, bracket=(0, 1)).root
         hit = above(100.0, slope) < 0
-        depth = scipy.optimize.brentq(above, 0, 100, slope) if hit else 100.0
+        depth = root(above, args=(slope,), bracket=(0, 100)).root if hit else 100.0
         depth += TUBE.pinhole
         # From one ring to the next, some 2 mm or 5 % away, the light is the same.
         wanted = 255 * 0.7 * min((depth_b / depth) ** power, BRIGHTEST)
