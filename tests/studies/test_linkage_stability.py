@@ -43,6 +43,10 @@ def test_pins_satisfy_the_lengths(feasible):
         crank = x[:, mechanism.formula.inputs.index("crank")]
         a = x[:, :2] + crank[:, None] * exact.direction(x[:, -1]).T
         assert np.max(mechanism.formula.gaps(x, a, found.value)) < 1e-40
+        # Turned about A, the pin misses only what holds it at its other end.
+        u, (cosine, sine) = (found.value - a).T, exact.direction(mpmath.mpf("1e-3"))
+        turned = a + (cosine * u + sine * exact.left(u)).T
+        assert np.min(mechanism.formula.gaps(x, a, turned)) > 1e-8
     for name in ("value", "gradient", "margin", "size"):
         slow, quick = (getattr(one, name).astype(float) for one in (found, fast))
         np.testing.assert_allclose(quick, slow, rtol=1e-14, atol=1e-14)
