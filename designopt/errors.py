@@ -27,8 +27,8 @@ def load_plug_in(point: Any, what: str) -> Any:
     """What an installed package offers at an entry point.
 
     Args:
-        point: of the package; where the backport ``importlib_metadata`` is loaded, one of its own.
-        what: a plug-in of this kind is, for the message.
+        point: an ``EntryPoint``, also that of the backport ``importlib_metadata``.
+        what: the kind of plug-in, for the message.
 
     Raises:
         UserError: it cannot be imported.
@@ -43,5 +43,5 @@ def load_plug_in(point: Any, what: str) -> Any:
 
 
 def reason_of(error: Exception) -> str:
-    """What an exception of somebody else's code says, in one line."""
+    """The text of an exception of somebody else's code in one line, or its type if it has none."""
     return " ".join(str(error).split()) or type(error).__name__

@@ -117,10 +117,16 @@ def least_squares(
         # A factorisation of the tall matrix takes far longer to compile.
         normal = lx.Normal(lx.Cholesky())
         solver = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance, linear_solver=normal)
-    # The pseudo-inverse keeps the derivative finite where parameters have the same effect.
-    adjoint = optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False))
-    how: Any = {"max_steps": max_steps, "adjoint": adjoint, "throw": False}
-    found = optx.least_squares(function, solver, guess, args, **how)
+    found = optx.least_squares(
+        function,
+        solver,
+        guess,
+        args,
+        max_steps=max_steps,
+        # The pseudo-inverse keeps the derivative finite where parameters have the same effect.
+        adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False)),
+        throw=False,
+    )
     best = found.value if differentiable else jax.lax.stop_gradient(found.value)
     value = jnp.where(jnp.isfinite(best), best, jax.lax.stop_gradient(guess))
     left = residuals(value, args)

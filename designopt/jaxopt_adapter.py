@@ -97,7 +97,11 @@ def quadratic_program(
     Convergence is not reported: check the answer.
     """
     with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
-        caps: Any = {"maxiter": max_steps, "tol": tolerance, "implicit_diff": False}
-        solver = jaxopt.BoxOSQP(check_primal_dual_infeasability=False, **caps)
+        solver = jaxopt.BoxOSQP(
+            maxiter=max_steps,
+            tol=tolerance,
+            check_primal_dual_infeasability=False,
+            implicit_diff=False,
+        )
         found = solver.run(params_obj=(hessian, slope), params_eq=rows, params_ineq=bounds)
         return found.params.primal[0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from typing import Any
 
 from rich import progress as bars
 from rich.console import Console
@@ -24,8 +23,8 @@ def step_display(
             end, where it is not a terminal.
     """
     console = console or Console(stderr=True)
-    spinner, elapsed = bars.SpinnerColumn(finished_text="✓"), bars.TimeElapsedColumn()
-    columns = (spinner, "{task.description}", elapsed)
+    spinner = bars.SpinnerColumn(finished_text="✓")
+    columns = (spinner, "{task.description}", bars.TimeElapsedColumn())
     with bars.Progress(*columns, console=console, disable=not console.is_terminal) as progress:
 
         @contextmanager
@@ -54,10 +53,20 @@ def point_display(
         A function that is called once per point with whether it failed.
     """
     console = console or Console(stderr=True)
-    counted = (bars.MofNCompleteColumn(), "points", bars.BarColumn())
-    columns = (*counted, "{task.fields[failed]} failed", bars.TimeRemainingColumn(), "left")
-    shown: Any = {"disable": not console.is_terminal, "speed_estimate_period": REMEMBERED}
-    with bars.Progress(*columns, console=console, **shown) as progress:
+    columns = (
+        bars.MofNCompleteColumn(),
+        "points",
+        bars.BarColumn(),
+        "{task.fields[failed]} failed",
+        bars.TimeRemainingColumn(),
+        "left",
+    )
+    with bars.Progress(
+        *columns,
+        console=console,
+        disable=not console.is_terminal,
+        speed_estimate_period=REMEMBERED,
+    ) as progress:
         task = progress.add_task("", total=total, completed=done, failed=failed)
 
         def show(has_failed: bool) -> None:

@@ -99,9 +99,12 @@ def find_root(
     root = jnp.where(jnp.isfinite(root), root, jax.lax.stop_gradient(guess))
     value, slope = jax.value_and_grad(residual)(root, args)
     known = jnp.isfinite(value) & jnp.isfinite(slope)
-    margin = jnp.where(known, jnp.abs(slope), 0.0)
-    left = jnp.where(known, jnp.abs(value), 1.0)
-    return Solution(root, margin, left, optx.RESULTS.where(known, result, optx.RESULTS.nonfinite))
+    return Solution(
+        root,
+        margin=jnp.where(known, jnp.abs(slope), 0.0),
+        residual=jnp.where(known, jnp.abs(value), 1.0),
+        result=optx.RESULTS.where(known, result, optx.RESULTS.nonfinite),
+    )
 
 
 def check_default_float(method: str, guess: Array) -> None:
@@ -149,7 +152,14 @@ def _optimistix(
             check_default_float(method, guess)
             kind = {"dogleg": optx.Dogleg, "levenberg-marquardt": optx.LevenbergMarquardt}[method]
             solver = kind(tolerance, tolerance)
-    # The pseudo-inverse keeps the derivative finite (zero) where the slope vanishes.
-    adjoint = optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False))
-    how: Any = {"options": options, "max_steps": max_steps, "adjoint": adjoint, "throw": False}
-    return optx.root_find(equation, solver, guess, args, **how)
+    return optx.root_find(
+        equation,
+        solver,
+        guess,
+        args,
+        options=options,
+        max_steps=max_steps,
+        # The pseudo-inverse keeps the derivative finite (zero) where the slope vanishes.
+        adjoint=optx.ImplicitAdjoint(linear_solver=lx.AutoLinearSolver(well_posed=False)),
+        throw=False,
+    )

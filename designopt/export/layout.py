@@ -102,8 +102,13 @@ def draw_paper(
     space.page_setup((width, height), (0, 0, 0, 0), "mm", scale=(1, 1), name=f"ISO_{paper.size}")
     across, up = paper.view()
     foot = MARGIN + paper.block()
-    middle, shown = (MARGIN + across / 2, foot + up / 2), up / paper.scale
-    space.add_viewport(middle, paper.view(), paper.center, shown, dxfattribs={"layer": border})
+    space.add_viewport(
+        (MARGIN + across / 2, foot + up / 2),
+        (across, up),
+        paper.center,
+        up / paper.scale,
+        dxfattribs={"layer": border},
+    )
     left, right = width - MARGIN - BLOCK, width - MARGIN
     for (x, y), (x_end, y_end) in (
         ((MARGIN, MARGIN), (right, height - MARGIN)),

@@ -163,9 +163,13 @@ def make_epigraph(problem: Problem, *, scale: float = 1.0) -> Problem:
         dtype = jax.tree.leaves(design)[0].dtype
         return EpigraphVariables(design, jnp.asarray(level, dtype))
 
-    lower, upper = variables(problem.lower, -jnp.inf), variables(problem.upper, jnp.inf)
-    units = variables(problem.units, scale)
-    return replace(problem, terms=terms, lower=lower, upper=upper, scale=units)
+    return replace(
+        problem,
+        terms=terms,
+        lower=variables(problem.lower, -jnp.inf),
+        upper=variables(problem.upper, jnp.inf),
+        scale=variables(problem.units, scale),
+    )
 
 
 def make_epigraph_starts(problem: Problem, starts: Parameters) -> EpigraphVariables:

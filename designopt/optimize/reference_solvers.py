@@ -77,9 +77,6 @@ def compile_reference(
         least = {"xtol": tolerance, "barrier_tol": tolerance, "gtol": 1e-4 * tolerance}
         options = {"maxiter": steps, **least}
 
-    how: Any = {"method": method, "options": options, "jac": True}
-    how |= {"bounds": _box(flat), "constraints": constraints}
-
     def solve(start: np.ndarray, given: tuple[Any, ...]) -> tuple[np.ndarray, Trace]:
         nonlocal data
         data = given
@@ -100,7 +97,14 @@ def compile_reference(
             warnings.simplefilter("ignore")
             with contextlib.suppress(ValueError, np.linalg.LinAlgError):
                 found = scipy.optimize.minimize(
-                    value_and_slope, start, callback=lambda x, *_: visited.append(x.copy()), **how
+                    value_and_slope,
+                    start,
+                    method=method,
+                    jac=True,
+                    bounds=_box(flat),
+                    constraints=constraints,
+                    callback=lambda x, *_: visited.append(np.copy(x)),
+                    options=options,
                 )
                 visited.append(np.clip(found.x, flat.lower, flat.upper))
         return visited
@@ -215,14 +219,25 @@ def run_differential_evolution(
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that it was stopped, and how it changes its members
-        ends: Any = {"maxiter": 10**9, "tol": 0.0, "polish": False, "callback": record}
-        at_once: Any = {"updating": "deferred", "vectorized": True, "popsize": population}
-        draws, box = np.random.default_rng(seed), _box(flat)
         found = scipy.optimize.differential_evolution(
-            lambda x: evaluate(x)[0], box, constraints=constraints, rng=draws, **ends, **at_once
+            lambda x: evaluate(x)[0],
+            _box(flat),
+            constraints=constraints,
+            popsize=population,
+            maxiter=10**9,
+            tol=0.0,
+            polish=False,
+            updating="deferred",
+            vectorized=True,
+            callback=record,
+            rng=np.random.default_rng(seed),
         )
-    best = flat.parameters(jnp.asarray(found.x, sample.dtype))
-    return Evolution(*map(np.array, (seconds_so_far, objectives, violations)), parameters=best)
+    return Evolution(
+        seconds=np.array(seconds_so_far),
+        objective=np.array(objectives),
+        violation=np.array(violations),
+        parameters=flat.parameters(jnp.asarray(found.x, sample.dtype)),
+    )
 
 
 def _box(flat: Flat) -> scipy.optimize.Bounds:

@@ -23,12 +23,16 @@ UNITS = {
     "mm_per_px": "mm/px",
     "n_mm": "N mm",
     "mm2": "mm²",
+    "mm": "mm",
+    "cm": "cm",
     "um": "µm",
+    "px": "px",
     "deg": "°",
     "percent": "%",
     "us": "µs",
+    "ms": "ms",
+    "s": "s",
     "n": "N",
-    **{unit: unit for unit in ("mm", "cm", "px", "ms", "s")},
 }
 """Units as a column's name ends in them, and as people write them; longer ones come first."""
 

@@ -181,10 +181,18 @@ class _Clock:
         self.samples.append(seconds / self.calls)
 
     def row(self) -> PrecisionRow:
-        of, samples = self.method, tuple(self.method.scale * one for one in self.samples)
-        seconds = statistics.median(samples), min(samples), max(samples)
-        times = (*seconds, of.compile_seconds, samples)
-        return PrecisionRow(of.method, of.setting, of.panel, self.error, *times)
+        samples = tuple(self.method.scale * one for one in self.samples)
+        return PrecisionRow(
+            method=self.method.method,
+            setting=self.method.setting,
+            panel=self.method.panel,
+            error=self.error,
+            seconds=statistics.median(samples),
+            seconds_low=min(samples),
+            seconds_high=max(samples),
+            compile_seconds=self.method.compile_seconds,
+            samples=samples,
+        )
 
 
 @contextmanager

@@ -162,9 +162,13 @@ def tables_and_figures(
 
 
 def _environment(source: Callable[[Figure], str], most: int) -> jinja2.Environment:
-    strict: Any = {"autoescape": True, "undefined": jinja2.StrictUndefined}
-    blocks: Any = {"trim_blocks": True, "lstrip_blocks": True}
-    environment = jinja2.Environment(loader=jinja2.PackageLoader("designopt"), **strict, **blocks)
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("designopt"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     environment.globals["most"] = most
     environment.filters |= {
         "typeset": lambda text: Markup(as_html(text)),

@@ -117,8 +117,11 @@ class Records:
         """
         measure, column = what.split()
         values = np.asarray(self[column], float)
-        if measure in ("count", "sum"):
-            return len(values) if measure == "count" else np.asarray(np.sum(self[column])).item()
+        if measure == "count":
+            return len(values)
+        if measure == "sum":  # of whole numbers a whole one
+            whole = not self._columns or self[column].dtype.kind in "biu"
+            return int(np.sum(self[column])) if whole else float(np.sum(values))
         if measure in ("share", "defined"):
             counted = values if measure == "share" else np.isfinite(values)
             return float(np.mean(counted)) if len(counted) else float("nan")

@@ -122,9 +122,18 @@ def _judge(
             error > VALUE_TOLERANCE * rounding or gradient_error > GRADIENT_TOLERANCE * rounding
         )
     non_finite = sum(int(np.sum(~np.isfinite(part))) for part in answers)
-    counts = len(inputs), infeasible, failures
-    worst, of_gradient, relative = map(max, zip(*errors, strict=True))
-    return StabilityRow(family.case, dtype, *counts, worst, of_gradient, relative, non_finite)
+    worst, worst_gradient, worst_relative = map(max, zip(*errors, strict=True))
+    return StabilityRow(
+        case=family.case,
+        dtype=dtype,
+        cases=len(inputs),
+        infeasible=infeasible,
+        failures=failures,
+        worst_error=worst,
+        worst_gradient_error=worst_gradient,
+        worst_gradient_relative_error=worst_relative,
+        non_finite=non_finite,
+    )
 
 
 def _errors(

@@ -62,9 +62,13 @@ def from_json(tables: Mapping[str, Any]) -> Outcome:
     Raises:
         KeyError, TypeError, ValueError: they are none.
     """
-    metrics = tuple(map(_metric_of, tables.get("metrics", ())))
-    failure, final = tables.get("failure", ""), tables.get("final", True)
-    return Outcome(metrics, failure, final, tables["seconds"], tables["device"])
+    return Outcome(
+        metrics=tuple(_metric_of(one) for one in tables.get("metrics", ())),
+        failure=tables.get("failure", ""),
+        final=tables.get("final", True),
+        seconds=tables["seconds"],
+        device=tables["device"],
+    )
 
 
 def _metric_of(one: Mapping[str, Any]) -> Metric:

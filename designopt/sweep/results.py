@@ -83,13 +83,15 @@ def results(points: Points, outcomes: Sequence[Outcome]) -> Results:
         table("run_times", shares, times, every),
     ]
     drawn = [metric_figure(points, name, column) for name, column in metrics.items()]
-    counts = [
-        Metric("points", len(points), "", "points of the sweep"),
-        Metric("failed_points", len(failures), "", "points without an answer", None, ALL_FOUND),
-    ]
-    tables = [one for one in tables if one.name != "failed" or failures]
-    found = [figure for figure in drawn if figure is not None]
-    return Results([_finding(points, len(failures))], counts, tables, found)
+    return Results(
+        findings=[_finding(points, len(failures))],
+        metrics=[
+            Metric("points", len(points), "", "points of the sweep"),
+            Metric("failed_points", len(failures), "", "points without an answer", None, ALL_FOUND),
+        ],
+        tables=[one for one in tables if one.name != "failed" or failures],
+        figures=[figure for figure in drawn if figure is not None],
+    )
 
 
 def metrics_of(outcomes: Sequence[Outcome]) -> dict[str, list[Metric | None]]:
