@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from designopt.study.settings import setting
-from designopt.study.study import Study, lazily
+from designopt import Study, lazily, setting
 from studies.models.soft_finger.spec import ChamberImagesSpec
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,13 +12,8 @@ from jaxtyping import Float
 
 from designopt.study.records import Records
 from optics.rendering import ChamberImage, ChamberRenderer
-from perception.chamber import (
-    Direction,
-    Points,
-    estimate_bending_direction,
-    find_points,
-    find_regions,
-)
+from perception import chamber
+from perception.chamber import Direction, Points
 from perception.chamber.directions import Use
 from studies.models.soft_finger.finger import SoftFinger, looked_at
 
@@ -47,12 +41,10 @@ class Frame(NamedTuple):
     Attributes:
         points: the seven.
         areas: of what is blue and of what is yellow, px.
-        seconds: that regions and points took.
     """
 
     points: Points
     areas: tuple[int, int]
-    seconds: float
 
 
 @dataclass(frozen=True)
@@ -90,19 +82,13 @@ class Series:
         rows = Records()
         for use in uses:
             for threshold in dict.fromkeys(thresholds):
+                how = {"threshold": threshold, "use": use}
                 answers = [
-                    estimate_bending_direction(
-                        frame.points, self.initial, threshold=threshold, use=use
-                    )
-                    for frame in self.frames
+                    chamber.estimate_bending_direction(one.points, self.initial, **how).name.lower()
+                    for one in self.frames
                 ]
-                rows.add(
-                    direction=self.name,
-                    points=use,
-                    threshold_px=threshold,
-                    bend_deg=self.bends_deg,
-                    answer=[answer.name.lower() for answer in answers],
-                )
+                names = {"direction": self.name, "points": use, "threshold_px": threshold}
+                rows.add(**names, bend_deg=self.bends_deg, answer=answers)
         return judge(rows)
 
 
@@ -115,12 +101,9 @@ def judge(rows: Records) -> Records:
 
 def analyze(_: int, image: ChamberImage) -> Frame:
     """Regions and points of one picture."""
-    start = time.perf_counter()
-    regions = find_regions(image.pixels)
-    points = find_points(image.pixels, regions)
-    seconds = time.perf_counter() - start
+    regions = chamber.find_regions(image.pixels)
     blue, yellow = (int(np.count_nonzero(regions.labels == region)) for region in (2, 3))
-    return Frame(points, (blue, yellow), seconds)
+    return Frame(chamber.find_points(image.pixels, regions), (blue, yellow))
 
 
 def before_bending(renderer: ChamberRenderer, finger: SoftFinger) -> Points:

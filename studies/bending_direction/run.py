@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,11 +22,12 @@ from studies.benchmarks import rings
 from studies.bending_direction import BendingDirectionSpec
 from studies.bending_direction.frames import TOWARDS, Series, analyze, before_bending, judge
 from studies.bending_direction.frames import render_series as render
-from studies.models.one_thread import one_thread
+from studies.models.one_thread import median_seconds, one_thread
 from studies.models.soft_finger import best_chamber as best
 from studies.models.soft_finger import robustness
 from studies.models.soft_finger.finger import SoftFinger
-from studies.models.soft_finger.robustness import count_true
+from studies.models.soft_finger.robustness import Answer, Disturbance, Picture, count_true
+from studies.models.words import spread
 
 ANSWERS = ("initial", "up", "down", "left", "right", "undefined")
 """Columns of Table II, and the answer that it does not have."""
@@ -165,16 +166,12 @@ def answer_disturbed(finger: SoftFinger, threshold: float, seed: int) -> Records
     truths, directions = list(TOWARDS), np.array(list(TOWARDS.values()))
     initial = before_bending(finger.renderer(seed), finger)
 
-    def answer(
-        picture: robustness.Picture, kind: robustness.Disturbance, number: int
-    ) -> robustness.Answer:
-        regions = perception.find_regions(picture)
+    def answer(picture: Picture, kind: Disturbance, number: int) -> Answer:
+        regions, how = perception.find_regions(picture), {"threshold": threshold}
         points = perception.find_points(picture, regions)
-        found = perception.estimate_bending_direction(
-            points, initial, threshold=threshold, use="all"
-        )
+        found = perception.estimate_bending_direction(points, initial, use="all", **how)
         wanted = truths[number] if kind.in_view else Direction.UNDEFINED
-        return robustness.Answer(regions.status, found is not Direction.UNDEFINED, found is wanted)
+        return Answer(regions.status, found is not Direction.UNDEFINED, found is wanted)
 
     postures = finger.postures(np.full(len(truths), np.deg2rad(DISTURBED_DEG)), directions)
     return robustness.answer_disturbances(finger, postures, seed, answer)
@@ -185,7 +182,7 @@ def time_frame(finger: SoftFinger, spec: BendingDirectionSpec, seed: int) -> flo
     bends = np.deg2rad(np.linspace(0, spec.largest_bend_deg, TIMED))
     angles = np.resize(np.array(list(TOWARDS.values())), TIMED)
     images = finger.renderer(seed).render(finger.postures(bends, angles))
-    return statistics.median(analyze(i, image).seconds for i, image in enumerate(images))
+    return median_seconds(partial(analyze, 0), images)
 
 
 def percent(mask: np.ndarray) -> float:
@@ -240,31 +237,24 @@ def add_directions(out: Report, answers: Records) -> None:
         return table.where(threshold=threshold, source=source)[rule]
 
     strict, decided, abstained = list(RULES)[1:]
-    shown = {"right_percent": (strict, "no"), decided: (decided, "yes")}
-    shown[abstained] = abstained, "yes"
+    shown = {"right_percent": (strict, "no")}
+    shown |= {rule: (rule, "yes") for rule in (decided, abstained)}
     for i, name in enumerate(TABLE_II):
         for entry, rule in shown.items():
             values = {"direction": name, "paper": of(*rule, PAPER)[i]}
             out.metric(entry.replace("_", f"_{name}_"), of(*rule)[i], entry, **values)
     blue = of(strict, "no", "ours, blue")
     out.metrics(least_right_blue_percent=min(blue))
-    without, kept = (spread(of(strict, word, PAPER)) for word in ("no", "yes"))
-    out.say("right", right=spread(of(strict, "no")), blue=spread(blue), paper=without)
-    undecided = spread(of(abstained, "yes"))
-    out.say("decided", right=spread(of(decided, "yes")), undecided=undecided)
+    percents = partial(spread, places=1, unit=" %")
+    without, kept = (percents(of(strict, word, PAPER)) for word in ("no", "yes"))
+    out.say("right", right=percents(of(strict, "no")), blue=percents(blue), paper=without)
+    undecided = percents(of(abstained, "yes"))
+    out.say("decided", right=percents(of(decided, "yes")), undecided=undecided)
     out.say("strict", without=without, kept=kept)
-    over = answers.where(threshold_px=THRESHOLDS).summary(
-        "points",
-        "threshold_px",
-        "direction",
-        **{rule: RULES[rule] for rule in (decided, abstained)},
-    )
-    over = over.summary(
-        "points",
-        "threshold_px",
-        least_decided_percent=f"min {decided}",
-        most_abstained_percent=f"max {abstained}",
-    )
+    both, keys = {rule: RULES[rule] for rule in (decided, abstained)}, ("points", "threshold_px")
+    over = answers.where(threshold_px=THRESHOLDS).summary(*keys, "direction", **both)
+    worst = {f"least_{decided}": f"min {decided}", f"most_{abstained}": f"max {abstained}"}
+    over = over.summary(*keys, **worst)
     good = over["least_decided_percent"] >= LEAST_DECIDED
     good &= over["most_abstained_percent"] <= MOST_ABSTAINED
     if np.any(good & (over["points"] == "all")):
@@ -274,15 +264,6 @@ def add_directions(out: Report, answers: Records) -> None:
     out.table("thresholds", over)
     out.figure("rules", draw_rules(table))
     out.figure("thresholds", draw_thresholds(over, out["threshold"]))
-
-
-def spread(parts: np.ndarray) -> str:
-    """The least and the largest of some percentages, of those that are numbers."""
-    parts = parts[np.isfinite(parts)]
-    if not len(parts):
-        return "none"
-    low, high = f"{parts.min():.1f}", f"{parts.max():.1f}"
-    return f"{low} %" if low == high else f"{low}–{high} %"
 
 
 def add_curves(out: Report, curves: Sequence[Series]) -> None:
@@ -344,11 +325,9 @@ def add_chambers(
 ) -> None:
     """How fast outlines move with every chamber, and what that changes at small bends."""
     own, most = designs[0], designs[-1]
-    kept = small.where(threshold_px=out["threshold"])
+    kept, plain = (small.where(threshold_px=least) for least in (out["threshold"], 0.0))
     table = compare_chambers(kept)
-    plain = small.where(threshold_px=0.0).summary(
-        "chamber", "points", right=RULES["strict_percent"]
-    )
+    plain = plain.summary("chamber", "points", right=RULES["strict_percent"])
     out.metrics(rate_spec_px_per_deg=own.rates.mean(), rate_best_px_per_deg=most.rates.mean())
     moved = []
     for word, slopes in zip(("η", "Δl_B", "θ_BC"), own.slopes.T, strict=True):
@@ -364,11 +343,9 @@ def add_chambers(
         before, *between, after = rows["undecided"].tolist()
         values = {"points": words, "before": before, "after": after, "fewer": before - 1}
         values |= {name: rows[name][-1] for name in ("images", "gained", "lost", "p_value")}
-        for name, value in (
-            ("undecided_small_spec", before),
-            ("undecided_small_best", after),
-            ("fewer_undecided_p_value", values["p_value"]),
-        ):
+        numbers = {"undecided_small_spec": before, "undecided_small_best": after}
+        numbers["fewer_undecided_p_value"] = values["p_value"]
+        for name, value in numbers.items():
             out.metric(f"{name}_{use}", value, name, **values)
         alone = zip(between, rows["chamber"][1:-1], strict=True)
         out.say("small", **values, alone=", ".join(f"{count} with {one}" for count, one in alone))
@@ -441,11 +418,10 @@ def draw_curves(curves: Sequence[Series]) -> Figure:
         axes.set_ylabel(f"displacement along {'x' if sideways else 'y'} (px)")
     for axes, series in zip(grid[2], curves[1::2], strict=True):  # down, right
         areas = 1e-3 * np.array([frame.areas for frame in series.frames]).T
-        for area, name, color, style in zip(
-            areas, ("blue", "yellow"), (BLUE, YELLOW), ("--", "-."), strict=True
-        ):
-            label = f"below: area of {name}"
-            axes.plot(series.bends_deg, area, style, color=color, linewidth=2.2, label=label)
+        kinds = (("blue", BLUE, "--"), ("yellow", YELLOW, "-."))
+        for area, (name, color, style) in zip(areas, kinds, strict=True):
+            line = {"color": color, "linewidth": 2.2, "label": f"below: area of {name}"}
+            axes.plot(series.bends_deg, area, style, **line)
         axes.set(title=f"What is seen, bending {series.name}", xlim=(0, 120), ylim=(0, None))
         axes.set(xlabel="bend (°)", ylabel="area (1000 px)")
     legend_below(drawing, handlelength=3.5)
@@ -454,12 +430,8 @@ def draw_curves(curves: Sequence[Series]) -> Figure:
 
 def draw_rules(table: Records) -> Figure:
     """Table II and ours, rule by rule."""
-    titles = [
-        'the paper\'s rule: "initial" is correct',
-        "strict",
-        "of the decided ones, right",
-        "undecided",
-    ]
+    titles = ['the paper\'s rule: "initial" is correct', "strict"]
+    titles += ["of the decided ones, right", "undecided"]
     sources = {PAPER: "0.6", "ours, blue": BLUE, OURS: GREEN}
     drawing, grid = new_figure(2, 2, height=5.6)
     for axes, rule, title in zip(grid.flat, RULES, titles, strict=True):
@@ -471,9 +443,8 @@ def draw_rules(table: Records) -> Figure:
             style = {"color": sources[source], "hatch": "///" if word == "yes" else ""}
             places = np.arange(len(heights)) + (i - 2.5) * 0.14
             axes.bar(places, heights, 0.13, edgecolor="white", label=label, **style)
-        axes.set(
-            xticks=range(len(TABLE_II)), xticklabels=TABLE_II, ylabel="images (%)", title=title
-        )
+        axes.set(xticks=range(len(TABLE_II)), xticklabels=TABLE_II)
+        axes.set(ylabel="images (%)", title=title)
         if rule == "abstained_percent":
             axes.set_ylim(0, None)
         else:
@@ -512,10 +483,8 @@ def draw_small_bends(largest_deg: float, designs: Sequence[best.Design], kept: R
             images = np.histogram(own["bend_deg"], edges)[0]
             undecided = np.histogram(own.where(own["undecided"])["bend_deg"], edges)[0]
             share = 100 * undecided / np.maximum(images, 1)
-            label = f"{design.name}, {use} points"
-            left.plot(
-                edges[:-1] + edges[1] / 2, share, style, color=color, marker=marker, label=label
-            )
+            line = {"color": color, "marker": marker, "label": f"{design.name}, {use} points"}
+            left.plot(edges[:-1] + edges[1] / 2, share, style, **line)
         bar = {"color": color, "hatch": hatch, "edgecolor": "white"}
         places = np.arange(3) + (i - 0.5) * 0.36
         right.bar(places, design.rates, 0.34, label=f"chamber {design.name}", **bar)

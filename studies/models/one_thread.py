@@ -1,11 +1,16 @@
-"""OpenCV on one core, for run times that can be compared."""
+"""OpenCV on one core, and run times that can be compared."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import statistics
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 import cv2
+
+Taken = TypeVar("Taken")
 
 
 @contextmanager
@@ -17,3 +22,13 @@ def one_thread() -> Iterator[None]:
         yield
     finally:
         cv2.setNumThreads(before)
+
+
+def median_seconds(call: Callable[[Taken], object], arguments: Iterable[Taken]) -> float:
+    """Median run time of a function, from its arguments one after the other."""
+    seconds = []
+    for argument in arguments:
+        start = time.perf_counter()
+        call(argument)
+        seconds.append(time.perf_counter() - start)
+    return statistics.median(seconds)

@@ -8,8 +8,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
-from designopt.study.settings import setting
-from designopt.study.study import Study, lazily
+from designopt import Study, lazily, setting
 from studies.models.soft_finger.spec import ChamberImagesSpec
 
 Diameter = Annotated[float, Field(ge=20, le=150)]

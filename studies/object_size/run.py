@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import statistics
-import time
 from collections.abc import Sequence
 
 import jax
@@ -24,11 +22,11 @@ from optics.rendering import ChamberImage
 from perception import posture
 from perception.chamber import ChamberStatus
 from perception.posture import USABLE, PostureEstimate, PostureEstimator
-from studies.models.one_thread import one_thread
+from studies.models.one_thread import median_seconds, one_thread
 from studies.models.soft_finger import robustness
 from studies.models.soft_finger.finger import DOWN, SoftFinger
 from studies.models.soft_finger.grasp import Hand, bend_around, touched
-from studies.models.soft_finger.robustness import count_true
+from studies.models.soft_finger.robustness import Answer, Disturbance, Picture, count_true
 from studies.models.soft_finger.samples import boundaries, random_postures, samples
 from studies.object_size import ObjectSizeSpec, trials
 from studies.object_size.trials import Reader, estimate
@@ -63,6 +61,8 @@ WAYS = {
     "image alone (true place)": "image_error_mm",
 }
 """What may be off in a diameter, and the column of its errors."""
+
+solve_bends = jax.jit(jax.vmap(bend_around, in_axes=(None, 0)))
 
 BLUE, VERMILION, GREEN = PALETTE[:3]
 GLASS, SKIN = "#D8E6EE", "#F3D9C8"
@@ -103,8 +103,7 @@ def run(spec: ObjectSizeSpec, context: Context) -> Results:
             disturbed = answer_disturbed(finger, reader, seed)
         with context.step("Pictures and run time"):
             # The bottles in their places, pressed as in the mean.
-            around = jax.vmap(bend_around, in_axes=(None, 0))(hand, jnp.asarray(spec.bottles)).value
-            around = np.asarray(around)
+            around = np.asarray(solve_bends(hand, jnp.asarray(spec.bottles)).value)
             postures = finger.postures(around, np.full(len(around), DOWN))
             images = finger.renderer(seed).render(postures, numbers[2])
             seconds = time_frame(finger, reader, seed, numbers[2] + len(images))
@@ -130,7 +129,7 @@ def curve_of(hand: Hand, spec: ObjectSizeSpec) -> Records:
     """
     ends = min(spec.least, *spec.bottles), max(spec.largest, *spec.bottles)
     diameters = jnp.linspace(*ends, PLACES)
-    solved = jax.jit(jax.vmap(bend_around, in_axes=(None, 0)))(hand, diameters)
+    solved = solve_bends(hand, diameters)
     if not bool(jnp.all(solved.ok)):
         number = int(jnp.argmin(solved.ok))
         message = jax.tree.map(lambda leaf: leaf[number], solved).messages()[0]
@@ -138,16 +137,10 @@ def curve_of(hand: Hand, spec: ObjectSizeSpec) -> Records:
             f"a bottle of {float(diameters[number]):.1f} mm: {message} Change palm, gap, "
             "finger_radius or the diameters"
         )
-    slopes = jax.vmap(jax.grad(lambda bend: touched(hand, bend).diameter))
-    touches = jax.vmap(touched, in_axes=(None, 0))
-    return Records(
-        {
-            "diameter_mm": diameters,
-            "bend_deg": np.rad2deg(solved.value),
-            "contact_mm": jax.jit(touches)(hand, solved.value).arc,
-            "mm_per_deg": np.asarray(jax.jit(slopes)(solved.value)) * np.pi / 180,
-        }
-    )
+    slopes = jax.jit(jax.vmap(jax.grad(lambda bend: touched(hand, bend).diameter)))
+    curve = {"diameter_mm": diameters, "bend_deg": np.rad2deg(solved.value)}
+    curve["contact_mm"] = jax.jit(jax.vmap(touched, in_axes=(None, 0)))(hand, solved.value).arc
+    return Records(curve | {"mm_per_deg": np.deg2rad(slopes(solved.value))})
 
 
 def train_network(spec: ObjectSizeSpec, finger: SoftFinger, seed: int) -> PostureEstimator:
@@ -213,9 +206,7 @@ def is_other_answer(
 def answer_disturbed(finger: SoftFinger, reader: Reader, seed: int) -> Records:
     """Diameters from frames of every disturbance, at a few bends."""
 
-    def answer(
-        picture: robustness.Picture, kind: robustness.Disturbance, _: int
-    ) -> robustness.Answer:
+    def answer(picture: Picture, kind: Disturbance, _: int) -> Answer:
         seen = posture.find_posture(picture, reader.estimator)
         own = estimate([seen], reader)
         known, diameter = bool(own["known"][0]), float(own["estimate_mm"][0])
@@ -227,27 +218,26 @@ def answer_disturbed(finger: SoftFinger, reader: Reader, seed: int) -> Records:
 
 
 def judge_disturbed(
-    kind: robustness.Disturbance, status: ChamberStatus, known: bool, diameter: float
-) -> robustness.Answer:
+    kind: Disturbance, status: ChamberStatus, known: bool, diameter: float
+) -> Answer:
     """The answer to one disturbed frame.
 
     Where the chamber is no longer seen there is no diameter. Where it is there is one, or the
     markers lie on no arc, or on one that holds nothing.
     """
     sound = kind.usable and math.isfinite(diameter) and diameter > 0
-    return robustness.Answer(status, known, right=not known or sound)
+    return Answer(status, known, right=not known or sound)
 
 
 def time_frame(finger: SoftFinger, reader: Reader, seed: int, first: int) -> float:
     """Median seconds from one picture to a diameter, one after the other."""
     bends = np.deg2rad(np.linspace(10, 100, TIMED))
     images = finger.renderer(seed).render(finger.postures(bends, np.full(TIMED, DOWN)), first)
-    seconds = []
-    for image in images:
-        start = time.perf_counter()
-        estimate([posture.find_posture(image.pixels, reader.estimator)], reader)
-        seconds.append(time.perf_counter() - start)
-    return statistics.median(seconds)
+
+    def measure(image: ChamberImage) -> Records:
+        return estimate([posture.find_posture(image.pixels, reader.estimator)], reader)
+
+    return median_seconds(measure, images)
 
 
 def nearest_bottle(rows: Records, bottles: Sequence[float]) -> Int[np.ndarray, " grasps"]:
@@ -267,9 +257,8 @@ def add_grasps(out: Report, rows: Records) -> None:
     usual, right = rows.where(diameters=ALL[:2]), int(np.trace(counts))
     known = {name: count_true("known")(part) for name, part in sets.items()}
     undefined = len(usual) - count_true("known")(usual)
-    out.values(
-        largest_error=ERROR_MM, trials=len(usual), bottle_grasps=len(told), all_grasps=len(rows)
-    )
+    out.values(largest_error=ERROR_MM, trials=len(usual))
+    out.values(bottle_grasps=len(told), all_grasps=len(rows))
     out.metrics(
         mean_absolute_error_mm=random.stat("mean_abs error_mm"),
         told_apart=right / len(told),
@@ -344,12 +333,9 @@ def add_curve(out: Report, curve: Records, length: float) -> None:
     out.metrics(least_mm_per_deg=slopes.min(), largest_mm_per_deg=slopes.max())
     tip = curve["contact_mm"] >= length
     values = {"sizes": curve["diameter_mm"][[0, -1]], "bends": curve["bend_deg"][[0, -1]]}
-    if np.any(curve["mm_per_deg"] >= 0):
-        out.say("not-unique", **values)
-    elif tip.any() and not tip.all():
-        out.say("curve-tip", **values, tip=curve["diameter_mm"][tip][-1])
-    else:
-        out.say("curve", **values)
+    both = tip.any() and not tip.all()
+    entry = "not-unique" if np.any(curve["mm_per_deg"] >= 0) else "curve-tip" if both else "curve"
+    out.say(entry, **values, tip=max(curve["diameter_mm"][tip], default=math.nan))
     out.table("curve", curve.where(np.arange(PLACES) % LISTED == 0))
     out.figure("curve", draw_curve(curve, tip, out["bottles"]))
 
@@ -359,9 +345,8 @@ def add_robustness(out: Report, bends: Records, disturbed: Records) -> None:
     failures, frames = count_true("failed"), len(bends) + len(disturbed)
     failed = failures(bends) + failures(disturbed)
     out.metric("odd_failures", failed, frames=frames)
-    answered = (
-        f"{failed} answers not defined for them" if failed else "the answer defined for them, each"
-    )
+    wrong = f"{failed} answers not defined for them"
+    answered = wrong if failed else "the answer defined for them, each"
     out.say("disturbed", frames=frames, answered=answered)
     table = bends.summary(
         "bend_deg",
@@ -442,7 +427,7 @@ def draw_estimates(random: Records, sizes: tuple[float, float]) -> Figure:
     drawing, [[left, right]] = new_figure(1, 2, height=3.9)
     known = random.where(random["known"])
     truth, estimates = known["diameter_mm"], known["estimate_mm"]
-    shown = np.concatenate([truth, estimates, sizes])
+    shown = np.concatenate([truth, estimates, np.array(sizes)])
     ends = np.array([shown.min() - 3, shown.max() + 3])
     band = ends - ERROR_MM, ends + ERROR_MM
     left.fill_between(ends, *band, color="0.9", label=f"± {ERROR_MM:g} mm")
@@ -463,17 +448,14 @@ def draw_estimates(random: Records, sizes: tuple[float, float]) -> Figure:
     return drawing
 
 
-def draw_confusion(
-    told: Records, bottles: Sequence[float], counts: Int[np.ndarray, "bottles answers"]
-) -> Figure:
+def draw_confusion(told: Records, bottles: Sequence[float], counts: np.ndarray) -> Figure:
     """Which bottle was taken for which."""
     names = [f"{diameter:g}" for diameter in bottles]
     drawing, [[left, right]] = new_figure(1, 2, height=3.4, width_ratios=(1, 1.25))
     heat(left, counts, names, [*names, "none"])
     left.set(xlabel="taken for (mm)", ylabel="bottle (mm)", title="Grasps by answer")
-    for number, (diameter, own) in enumerate(
-        told.where(told["known"]).group("diameter_mm").items()
-    ):
+    known = told.where(told["known"]).group("diameter_mm")
+    for number, (diameter, own) in enumerate(known.items()):
         # Spread downwards by their order, so that points do not hide each other.
         height = number + np.linspace(-0.3, 0.3, len(own))
         style = {"color": PALETTE[number % len(PALETTE)], "markersize": 3}

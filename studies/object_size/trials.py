@@ -13,6 +13,7 @@ from jaxtyping import ArrayLike, Float, Int
 from designopt.errors import UserError
 from designopt.study.records import Records
 from optics.chamber import Posture, press_wall
+from optics.rendering import ChamberImage
 from perception import posture
 from perception.posture import PostureEstimate, PostureEstimator
 from studies.models.soft_finger.finger import DOWN, SoftFinger, looked_at
@@ -63,15 +64,9 @@ def estimate(postures: Sequence[PostureEstimate], reader: Reader) -> Records:
     fit = posture.fit_bend(stack_markers(postures), (first, second, third, last), length)
     found = diameters_of(reader.hands(len(postures)), jnp.asarray(fit.bend))
     known = fit.known & (fit.residual <= reader.largest_residual) & np.asarray(found.ok)
-    return Records(
-        {
-            "seen": fit.known,
-            "estimated_bend_deg": np.where(fit.known, np.rad2deg(fit.bend), np.nan),
-            "residual_mm": np.where(fit.known, fit.residual, np.nan),
-            "known": known,
-            "estimate_mm": np.where(known, found.value, np.nan),
-        }
-    )
+    bends, residuals = np.where(fit.known, (np.rad2deg(fit.bend), fit.residual), np.nan)
+    rows = Records({"seen": fit.known, "estimated_bend_deg": bends, "residual_mm": residuals})
+    return rows | {"known": known, "estimate_mm": np.where(known, found.value, np.nan)}
 
 
 def stack_markers(postures: Sequence[PostureEstimate]) -> Float[np.ndarray, "pictures 3 2"]:
@@ -177,19 +172,14 @@ def measure(reader: Reader, finger: SoftFinger, grasps: Grasps, seed: int, first
         A row for each grasp, with the columns of `estimate`, those of `compare` and
         ``tip_error_mm`` of the fingertip's marker, NaN where the chamber is not seen.
     """
-    seen = looked_at(
-        finger.renderer(seed),
-        grasps.postures,
-        lambda _, image: posture.find_posture(image.pixels, reader.estimator),
-        first,
-    )
-    tips = posture.compute_marker_errors(
-        stack_markers(seen), marker_places(grasps.bends, finger.length)
-    )
-    rows = estimate(seen, reader)
-    return compare(
-        rows | {"tip_error_mm": np.where(rows["seen"], tips[:, -1], np.nan)}, grasps, reader
-    )
+
+    def look(_: int, image: ChamberImage) -> PostureEstimate:
+        return posture.find_posture(image.pixels, reader.estimator)
+
+    seen = looked_at(finger.renderer(seed), grasps.postures, look, first)
+    rows, places = estimate(seen, reader), marker_places(grasps.bends, finger.length)
+    tips = posture.compute_marker_errors(stack_markers(seen), places)[:, -1]
+    return compare(rows | {"tip_error_mm": np.where(rows["seen"], tips, np.nan)}, grasps, reader)
 
 
 def compare(rows: Records, grasps: Grasps, reader: Reader) -> Records:

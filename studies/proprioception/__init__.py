@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from designopt.study.settings import setting
-from designopt.study.study import Study, lazily
+from designopt import Study, lazily, setting
 from studies.models.sensor.spec import FingerImagesSpec
 
 

@@ -12,9 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from designopt.errors import UserError
-from designopt.solution import Solution
-from designopt.study.records import Records
+from designopt import Records, Solution, UserError
 from perception.proprioception import (
     Bound,
     Calibration,

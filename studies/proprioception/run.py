@@ -12,13 +12,10 @@ import jax
 import numpy as np
 from matplotlib.figure import Figure
 
+from designopt import Context, PrecisionRow, Records, Report, Results
 from designopt.plot.figures import PALETTE, angle_ticks, new_figure
 from designopt.plot.typesetting import drawn_name
 from designopt.study import plots
-from designopt.study.records import Records
-from designopt.study.report import Report
-from designopt.study.results import PrecisionRow, Results
-from designopt.study.study import Context
 from optics.scene.fabrication import name_fabrication_errors
 from perception.proprioception import GapTable
 from studies.models.sensor.finger_sensor import FingerSensor
@@ -69,11 +66,8 @@ def run(spec: ProprioceptionSpec, context: Context) -> Results:
     for size in spec.sizes:
         with context.step(f"Images {size} px high"):
             rows += _measure_size(spec, size, seed)
-    claim = out.claim(
-        "corners",
-        *compare_at_sizes(rows, by.LABELLED, by.GAP, AT_SIZE, MORE_TIME),
-        more_time=MORE_TIME,
-    )
+    shown = compare_at_sizes(rows, by.LABELLED, by.GAP, AT_SIZE, MORE_TIME)
+    claim = out.claim("corners", *shown, more_time=MORE_TIME)
     out.precision(rows, "mean absolute error (°)", "the joint angles that were rendered", claim)
     errors = estimators.records
     add_metrics(out, errors, fingers)
@@ -240,7 +234,9 @@ def add_figures(
     )
     name = {"error_deg": "mean absolute error (°)"}
     drawing = over_range(usual, by="method", stat="mean_abs", names=name)
-    for axes, (low, high) in zip(drawing.axes, np.rad2deg(ranges(estimators.gaps)), strict=True):
+    for axes, (low, high) in zip(
+        drawing.axes, np.rad2deg(np.array(ranges(estimators.gaps))), strict=True
+    ):
         left, right = axes.get_xlim()
         axes.axvspan(left, low, color="0.9", zorder=0)
         axes.axvspan(high, right, color="0.9", zorder=0, label="no gap (finger as designed)")
@@ -266,22 +262,18 @@ def draw_gaps(estimators: by.Estimators, seen: FingerFrames, found: by.FingerEst
     """The gap by the optics, and as measured on one finger before and after calibration."""
     gaps = estimators.gaps
     drawing, [row] = new_figure(1, len(gaps), height=3.0)
-    kinds = (
-        ("labelled frames", seen.in_gap, "s", PALETTE[2]),
-        ("other frames", seen.frames, "o", "none"),
-    )
+    shown = seen.in_gap, seen.frames
+    kinds = [("labelled frames", "s", PALETTE[2]), ("other frames", "o", "none")]
     for joint, (axes, table) in enumerate(zip(row, gaps, strict=True)):
         angles, gap = np.rad2deg(table.angles), found.gaps[joint]
         axes.plot(angles, np.rad2deg(table.gaps), color=PALETTE[0], label="optics, as designed")
         if gap is not None:
             calibrated = np.rad2deg(gap.offset + gap.scale * table.gaps)
             axes.plot(angles, calibrated, "--", color=PALETTE[1], label="calibrated")
-        for label, frames, marker, face in kinds:
+        for frames, (label, marker, face) in zip(shown, kinds, strict=True):
             measured = np.rad2deg([table.measured(one) for one in frames.sightings])
-            axes.plot(
-                np.rad2deg(frames.angles[:, joint]), measured, marker, color=PALETTE[2],
-                markerfacecolor=face, label=label,
-            )  # fmt: skip
+            style = {"color": PALETTE[2], "markerfacecolor": face, "label": label}
+            axes.plot(np.rad2deg(frames.angles[:, joint]), measured, marker, **style)
         name = estimators.finger.model.names[joint].upper()
         axes.set(title=drawn_name(f"{table.pad} pad"), xlabel=drawn_name(f"{name} (°)"))
         axes.set_xticks(angle_ticks(float(np.rad2deg(seen.frames.angles.max())), 6))

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from designopt.study.settings import distinct, setting
-from designopt.study.study import Study, lazily
+from designopt import Study, lazily, setting
+from designopt.study.settings import distinct
 from studies.models.soft_finger.spec import ChamberImagesSpec, MadeSpec, Severity
 
 Counts = Annotated[list[Annotated[int, Field(ge=0, le=200)]], AfterValidator(distinct)]

@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
-import statistics
-import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.figure import Figure
 
+from designopt import Context, Records, Report, Results
 from designopt.plot.figures import MARKERS, PALETTE, new_figure
 from designopt.study import plots
-from designopt.study.records import Records
-from designopt.study.report import Report
-from designopt.study.results import Results
-from designopt.study.study import Context
+from designopt.study.records import Summary
 from optics.chamber import bend_center_line
 from perception import chamber
 from perception.chamber import ChamberMap, Heights, SurfaceKind, compute_movements
 from perception.chamber.heights import TRACKED
 from perception.chamber.points import NAMES
 from perception.chamber.surfaces import CURVED, CURVED_OVER_ROUGH, ROUGH
-from studies.models.one_thread import one_thread
+from studies.models.one_thread import median_seconds, one_thread
 from studies.models.soft_finger import robustness
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.robustness import Answer, Disturbance, Picture, count_true
+from studies.models.words import many
 from studies.surface_profile import SurfaceProfileSpec
 from studies.surface_profile.sensor import UP, designed_map, highest, postures_on
 from studies.surface_profile.slides import Slide, SlidingTest, look
@@ -189,20 +189,15 @@ def measure_bends(test: SlidingTest, seed: int) -> Records:
     for severity in dict.fromkeys((0.0, test.spec.severity)):
         frames = BEND_FRAMES if severity else 1
         bends = np.repeat(BENDS_DEG, frames)
-        lines = [bend_center_line(contact, jnp.asarray(b), length) for b in np.deg2rad(bends)]
-        truth = np.array([float(line.across) for line in lines])
+        each = jax.vmap(bend_center_line, in_axes=(None, 0, None))
+        truth = np.asarray(each(contact, jnp.asarray(np.deg2rad(bends)), length).across)
         rest, fitted = test.rest(finger, severity, seed, first=len(bends))
         look_up = {"seed": seed, "direction": UP, "severity": severity}
         points = robustness.view_bends(finger, BENDS_DEG, frames, look, **look_up)
         found = fitted.height(compute_movements(points, rest))
-        rows.add(
-            severity=severity,
-            bend_deg=bends,
-            deflection_mm=truth,
-            known=found.known,
-            off_mm=np.where(found.known, found.mm - truth, np.nan),
-            failed=is_wrong(fitted, found, truth),
-        )
+        off = {"known": found.known, "off_mm": np.where(found.known, found.mm - truth, np.nan)}
+        off["failed"] = is_wrong(fitted, found, truth)
+        rows.add(severity=severity, bend_deg=bends, deflection_mm=truth, **off)
     return rows
 
 
@@ -220,12 +215,9 @@ def summarize_heights(heights: Records, by: str) -> Records:
         for column in errors
         for part in ("median", "p90")
     }
-    return heights.summary(
-        by,
-        slides=lambda own: len(own.group("slide")),
-        heights_unknown=count_true("unknown"),
-        **statistics_of,
-    )
+    counts: dict[str, Summary] = {"slides": lambda own: len(own.group("slide"))}
+    counts["heights_unknown"] = count_true("unknown")
+    return heights.summary(by, **counts, **statistics_of)
 
 
 def add_numbers(out: Report, test: SlidingTest, frames: Records, sizes: Records) -> None:
@@ -249,7 +241,7 @@ def add_numbers(out: Report, test: SlidingTest, frames: Records, sizes: Records)
     )
     own = shapes.group("surface")
     told = [f"{count_true('told')(rows)} of {len(rows)} {name}" for name, rows in own.items()]
-    out.say("kinds", used=_many(len(fingers), "finger"), told=", ".join(told))
+    out.say("kinds", used=many(len(fingers), "finger"), told=", ".join(told))
     shake, noise = fingers.stat("median shake_px"), fingers.stat("median noise_px")
     out.say("ways", shake=shake, shake_mm=shake * yellow, noise=noise)
     rough = test.heights.where(frames=spec.calibration, surface="rough")
@@ -267,7 +259,7 @@ def add_numbers(out: Report, test: SlidingTest, frames: Records, sizes: Records)
         called, limit, _ = SIZES[quantity]
         least[called] = find_limits(rows, "told")[1]
         out.values(quantity=quantity, called=called, limit=limit)
-        number = _many(int(rows["slides"][0]), "surface")
+        number = many(int(rows["slides"][0]), "surface")
         found = "; ".join(_describe_limits(rows, way) for way in ("", "whole_"))
         first, last = rows["size_mm"][[0, -1]]
         out.say("limits", number=number, least=first, largest=last, found=found)
@@ -275,10 +267,6 @@ def add_numbers(out: Report, test: SlidingTest, frames: Records, sizes: Records)
     out.metrics(curved_from_mm=curved, rough_from_mm=rough)
     if 0 in frames["frames"]:
         out.say("calibration", first=frames.where(frames=0), last=stated)
-
-
-def _many(count: int, word: str) -> str:
-    return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 
 def _describe_limits(sizes: Records, way: str) -> str:
@@ -297,13 +285,11 @@ def add_tables(out: Report, test: SlidingTest, frames: Records) -> None:
         confusion.add(surface=surface, **{name: list(own["called"]).count(name) for name in called})
     out.table("confusion", confusion)
     out.table("kinds", summarize_heights(heights, "surface"))
-    out.table(
-        "ways",
-        points=list(WAYS.values()),
-        median_mm=[stated[f"{way}median_mm"][0] for way in WAYS],
-        p90_mm=[stated[f"{way}p90_mm"][0] for way in WAYS],
-        told_apart=[test.shapes.stat(f"share {way}told") for way in WAYS],
-    )
+    ways = Records()
+    for way, points in WAYS.items():
+        errors = {name: stated[f"{way}{name}"] for name in ("median_mm", "p90_mm")}
+        ways.add(points=points, **errors, told_apart=test.shapes.stat(f"share {way}told"))
+    out.table("ways", ways)
     out.table("calibration", frames)
     out.table("fingers", test.fingers | {"p90_mm": summarize_heights(heights, "finger")["p90_mm"]})
 
@@ -313,7 +299,7 @@ def add_robustness(out: Report, test: SlidingTest, disturbed: Records, bends: Re
     failures = count_true("failed")(disturbed) + count_true("failed")(bends)
     out.values(odd=len(disturbed) + len(bends), within=WITHIN, map_end=test.design.heights[-1])
     out.metrics(odd_failures=failures)
-    wrong = f"have {_many(failures, 'wrong answer')}"
+    wrong = f"have {many(failures, 'wrong answer')}"
     out.say("odd", answered=wrong if failures else "have the answer defined for them, each")
     answers = robustness.summarize_disturbances(disturbed)
     height = np.where(answers["in_view"], f"within {WITHIN:g} mm", "not known")
@@ -330,19 +316,16 @@ def draw_profiles(test: SlidingTest, slides: Sequence[Slide]) -> Figure:
     for (above, below), slide in zip(grid.T, slides, strict=False):
         own = heights.where(slide=slide.number)
         above.set_title(slide.surface.kind.name.lower())
-        above.step(
-            slide.x, own["whole_px"], where="mid", color=PALETTE[4], label="e in whole pixels"
-        )
+        coarse = {"where": "mid", "color": PALETTE[4], "label": "e in whole pixels"}
+        above.step(slide.x, own["whole_px"], **coarse)
         above.plot(slide.x, own["e_px"], color=PALETTE[6], label="e finer than a pixel")
         x = np.linspace(slide.x[0], slide.x[-1], 401)
         lowest = slide.surface.ridden(slide.x, spec.tip_radius).min()
         below.plot(x, slide.surface.height(x) - lowest, color="0.6", label="surface")
         ridden = slide.surface.ridden(x, spec.tip_radius) - lowest
         below.plot(x, ridden, "--", color="black", linewidth=1, label="ridden by the pad")
-        found = slide.ridden + own["error_mm"]
-        below.plot(
-            slide.x, found, ".", color=PALETTE[0], markersize=3.5, label="found by b, e and g"
-        )
+        dots = {"color": PALETTE[0], "markersize": 3.5, "label": "found by b, e and g"}
+        below.plot(slide.x, slide.ridden + own["error_mm"], ".", **dots)
         low, high = below.get_ylim()
         more = max(LEAST_RANGE - (high - low), 0) / 2
         below.set(xlabel="along the slide (mm)", ylim=(low - more, high + more))
@@ -353,7 +336,7 @@ def draw_profiles(test: SlidingTest, slides: Sequence[Slide]) -> Figure:
 
 def draw_pictures(test: SlidingTest, slides: Sequence[Slide]) -> tuple[Figure, float]:
     """The first finger at rest and on the first convex surface; seconds for a picture's points."""
-    finger, seconds = test.finger(0), []
+    finger = test.finger(0)
     renderer = finger.renderer(test.seed)
     slide = slides[KINDS.index(SurfaceKind.CONVEX)]
     order = np.argsort(slide.ridden)
@@ -363,12 +346,9 @@ def draw_pictures(test: SlidingTest, slides: Sequence[Slide]) -> tuple[Figure, f
     titles = ["at rest", *(f"deflected by {one:.1f} mm" for one in deflections)]
     drawing, [row] = new_figure(1, len(titles), height=2.0)
     images = [*still, *renderer.render(postures, 1)]
+    with one_thread():
+        seconds = median_seconds(partial(look, 0), TIMED * images)
     for axes, title, image in zip(row, titles, images, strict=True):
-        with one_thread():
-            for _ in range(TIMED):
-                start = time.perf_counter()
-                look(0, image)
-                seconds.append(time.perf_counter() - start)
         points = look(0, image)
         axes.imshow(np.clip(BRIGHTER * image.pixels.astype(float), 0, 255).astype(np.uint8))
         axes.set_axis_off()
@@ -378,7 +358,7 @@ def draw_pictures(test: SlidingTest, slides: Sequence[Slide]) -> tuple[Figure, f
                 style = {"color": "white", "markeredgecolor": "black", "linestyle": "none"}
                 place = points.xy[NAMES.index(name)]
                 axes.plot(*place, marker, markersize=5, label=name, **style)
-    return drawing, statistics.median(seconds)
+    return drawing, seconds
 
 
 def draw_kinds(shapes: Records) -> Figure:
@@ -400,6 +380,11 @@ def draw_kinds(shapes: Records) -> Figure:
     return drawing
 
 
+def line_style(i: int) -> dict[str, Any]:
+    """Color, marker and dashes of one of several lines."""
+    return {"color": PALETTE[i], "marker": MARKERS[i], "linestyle": plots.DASHES[i]}
+
+
 def draw_errors(test: SlidingTest, frames: Records, severities: Records) -> Figure:
     """Distribution of errors; errors over the number of calibration frames and severity."""
     heights = test.heights.where(frames=test.spec.calibration)
@@ -415,8 +400,7 @@ def draw_errors(test: SlidingTest, frames: Records, severities: Records) -> Figu
         others, (frames, severities), ("frames", "severity"), (parts, WAYS), (3, 0), strict=True
     ):
         for i, (way, name) in enumerate(lines.items(), first):
-            style = {"color": PALETTE[i], "marker": MARKERS[i], "linestyle": plots.DASHES[i]}
-            axes.plot(rows[x], rows[f"{way}p90_mm"], label=name, **style)
+            axes.plot(rows[x], rows[f"{way}p90_mm"], label=name, **line_style(i))
         axes.set(xlabel=x, ylabel="90 % are below (mm)", ylim=(0, None))
     others[0].set_xlabel("calibration frames")
     return drawing
@@ -431,8 +415,8 @@ def draw_limits(sizes: Records) -> Figure:
         exact = {"color": "0.6", "linewidth": 3, "label": "by the ridden heights, exactly"}
         axes.plot(rows["size_mm"], 100 * rows["exact_told"], **exact)
         for i, way in ((0, ""), (2, "whole_")):
-            style = {"color": PALETTE[i], "marker": MARKERS[i], "linestyle": plots.DASHES[i]}
-            axes.plot(rows["size_mm"], 100 * rows[f"{way}told"], label=f"by {WAYS[way]}", **style)
+            style = line_style(i) | {"label": f"by {WAYS[way]}"}
+            axes.plot(rows["size_mm"], 100 * rows[f"{way}told"], **style)
         axes.axvline(limit, color="black", linewidth=1, linestyle="-.", label="limit")
         axes.set(xlabel=f"true {quantity} (mm)", ylabel=f"called {called} (%)")
         axes.set(xlim=(0, None), ylim=(-3, 103))

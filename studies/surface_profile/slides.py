@@ -157,16 +157,12 @@ class SlidingTest:
             names = {"severity": severity, "finger": number + 1, "slide": slide.number}
             names |= {"surface": kind.name.lower()}
             for count, (fine, coarse) in zip(counts, maps, strict=True):
-                found = {
-                    "": fine.height(subpixel),
-                    "e_": fine.height(subpixel, use="e"),
-                    "whole_": coarse.height(whole, use="e"),
-                    "exact_": Heights(spec.preload + slide.ridden, np.ones(len(slide.x), bool)),
-                }
+                exact = Heights(spec.preload + slide.ridden, np.ones(len(slide.x), bool))
+                found = {"": fine.height(subpixel), "e_": fine.height(subpixel, use="e")}
+                found["whole_"] = coarse.height(whole, use="e")
                 off = {
-                    way: np.where(one.known, one.mm - spec.preload - slide.ridden, np.nan)
+                    way: np.where(one.known, one.mm - exact.mm, np.nan)
                     for way, one in found.items()
-                    if way != "exact_"
                 }
                 self.heights.add(
                     **names,
@@ -180,6 +176,7 @@ class SlidingTest:
                     pad_error_mm=up_to_a_constant(pad),
                 )
                 if count == counts[0]:
+                    found["exact_"] = exact
                     shapes = {way: chamber.measure_shape(slide.x, h) for way, h in found.items()}
                     kinds = {way: chamber.classify_surface(one) for way, one in shapes.items()}
                     self.shapes.add(
@@ -191,13 +188,9 @@ class SlidingTest:
                         roughness_mm=getattr(shapes[""], "roughness", math.nan),
                     )
         scales = np.ptp(maps[0][0].moved, axis=0) / np.ptp(self.design.moved, axis=0)
-        self.fingers.add(
-            finger=number + 1,
-            severity=severity,
-            **{f"scale_{name}": one for name, one in zip(TRACKED, scales, strict=True)},
-            shake_px=prior.shake,
-            noise_px=prior.noise,
-        )
+        scatter = {"shake_px": prior.shake, "noise_px": prior.noise}
+        scaled = {f"scale_{name}": one for name, one in zip(TRACKED, scales, strict=True)}
+        self.fingers.add(finger=number + 1, severity=severity, **scaled, **scatter)
 
 
 def up_to_a_constant(errors: Float[np.ndarray, " frames"]) -> Float[np.ndarray, " frames"]:

@@ -4,29 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from designopt.errors import UserError
+from designopt import Context, LeftOutRow, Report, Results, StabilityRow, UserError, assess
 from designopt.plot.figures import PALETTE, new_figure
 from designopt.plot.typesetting import as_mathtext
 from designopt.study.benchmark import find_undominated
 from designopt.study.left_out import count_operations
-from designopt.study.report import Report
-from designopt.study.results import LeftOutRow, Results, StabilityRow
-from designopt.study.stability import assess
-from designopt.study.study import Context
 from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import SolveMethod, solve_dimension_for_ratio
 from optics.plot.chamber_drawing import REGIONS
 from optics.scene.thin_lens import ThinLens
 from studies.benchmarks import chamber as benchmark
 from studies.models.soft_finger import paper
-from studies.models.soft_finger.imaging import Constants, Imaging
+from studies.models.soft_finger.imaging import PRINTED, Columns, Constants, Imaging
 from studies.stability import chamber as stability
 from studies.table1 import Table1Spec
 from studies.table1.analysis import Analysis, analyze, analyze_batch
@@ -51,7 +46,7 @@ def run(spec: Table1Spec, context: Context) -> Results:
             measure(out, analysis.imaging.identified.chamber, spec, context.seed)
     with context.step("Operations left out"):
         out.left_out(operations(analysis.imaging.chosen))
-    add_metrics(out, spec, analysis, rows)
+    add_metrics(out, analysis, rows)
     add_findings(out, spec, analysis)
     add_tables(out, analysis)
     out.figure("line", draw_lines(analysis.imaging, spec.clearance), most=2)
@@ -78,7 +73,7 @@ def run_batch(specs: Sequence[Table1Spec], context: Context) -> list[Results | U
         for spec, analysis in zip(together, analyze_batch(together), strict=True):
             if bool(analysis.imaging.fit.solution.ok):
                 out = Report(spec, package=__package__)
-                add_metrics(out, spec, analysis, rows)
+                add_metrics(out, analysis, rows)
                 solved[id(spec)] = out.results()
     return [solved.get(id(spec)) or _run_alone(spec, context) for spec in specs]
 
@@ -93,12 +88,9 @@ def _run_alone(spec: Table1Spec, context: Context) -> Results | UserError:
 def measure(out: Report, chamber: Chamber, spec: Table1Spec, seed: int) -> None:
     """Error against run time of solving for η from θ_CD."""
     rows = benchmark.measure(chamber, spec.precision_problems, spec.precision_repeats, seed)
-    out.precision(
-        rows,
-        "worst relative error of η",
-        f"{benchmark.REFERENCE} (so float32 answers for the rounding of its inputs, too)",
-        out.claim("closed-form", *find_undominated(rows, benchmark.CLOSED_FORM)),
-    )
+    claim = out.claim("closed-form", *find_undominated(rows, benchmark.CLOSED_FORM))
+    reference = f"{benchmark.REFERENCE} (so float32 answers for the rounding of its inputs, too)"
+    out.precision(rows, "worst relative error of η", reference, claim)
 
 
 def operations(chamber: Chamber) -> list[LeftOutRow]:
@@ -111,12 +103,8 @@ def operations(chamber: Chamber) -> list[LeftOutRow]:
         )(ratios)
 
     def everything(chamber: Chamber, lens: ThinLens) -> tuple:
-        return (
-            chamber.imaging_ratio(),
-            chamber.image_heights(),
-            chamber.ring_widths(),
-            jax.vmap(lens.image)(chamber.depths),
-        )
+        images = chamber.image_heights(), jax.vmap(lens.image)(chamber.depths)
+        return chamber.imaging_ratio(), chamber.ring_widths(), *images
 
     lens = ThinLens(chamber.focal_length, chamber.focal_length, chamber.image_distance)
     return [
@@ -135,9 +123,7 @@ def operations(chamber: Chamber) -> list[LeftOutRow]:
     ]
 
 
-def add_metrics(
-    out: Report, spec: Table1Spec, analysis: Analysis, rows: Sequence[StabilityRow]
-) -> None:
+def add_metrics(out: Report, analysis: Analysis, rows: Sequence[StabilityRow]) -> None:
     """The study's numbers."""
     printed, identified = analysis.imaging.printed, analysis.imaging.identified
     fit, choice = analysis.imaging.fit, analysis.imaging.choice
@@ -215,35 +201,24 @@ def _line(constants: Constants) -> str:
     return f"{float(constants.slope):.3f} η {sign} {abs(intercept):.3f}"
 
 
+def _columns(name: str, **tables: Columns) -> dict[str, np.ndarray]:
+    """One column of several tables, under the tables' names."""
+    return {f"{whose}_{name}": getattr(table, name) for whose, table in tables.items()}
+
+
 def add_tables(out: Report, analysis: Analysis) -> None:
     """Table I three times, its deviations, the identification, the readings, the real lens."""
     printed, identified = analysis.imaging.printed, analysis.imaging.identified
-    mine, theirs = printed.table, identified.table
-    out.table(
-        "table1",
-        eta=paper.ETA,
-        paper_delta_l_d_cm=paper.DELTA_L_D_CM,
-        printed_delta_l_d_cm=mine.delta_l_d_cm,
-        identified_delta_l_d_cm=theirs.delta_l_d_cm,
-        paper_theta_cd_deg=paper.THETA_CD_DEG,
-        printed_theta_cd_deg=mine.theta_cd_deg,
-        identified_theta_cd_deg=theirs.theta_cd_deg,
-        eta_from_theta=theirs.eta,
-    )
-    mine, theirs = mine.deviations(), theirs.deviations()
-    out.table(
-        "deviations",
-        eta=paper.ETA,
-        printed_delta_l_d_cm=mine.delta_l_d_cm,
-        identified_delta_l_d_cm=theirs.delta_l_d_cm,
-        printed_theta_cd_deg=mine.theta_cd_deg,
-        identified_theta_cd_deg=theirs.theta_cd_deg,
-        printed_eta_from_theta=mine.eta,
-        identified_eta_from_theta=theirs.eta,
-    )
-    fit = analysis.imaging.fit
+    tables = {"printed": printed.table, "identified": identified.table}
+    every = {"paper": Columns(*map(jnp.asarray, PRINTED))} | tables
+    cells = _columns("delta_l_d_cm", **every) | _columns("theta_cd_deg", **every)
+    out.table("table1", eta=paper.ETA, **cells, eta_from_theta=identified.table.eta)
+    off = {whose: table.deviations() for whose, table in tables.items()}
+    cells = _columns("delta_l_d_cm", **off) | _columns("theta_cd_deg", **off)
+    ratios = {f"{name}_from_theta": column for name, column in _columns("eta", **off).items()}
+    out.table("deviations", eta=paper.ETA, **cells, **ratios)
+    fit, as_printed = analysis.imaging.fit, printed.chamber
     values, covariance = np.asarray(fit.solution.value), np.asarray(fit.covariance)
-    as_printed = printed.chamber
     out.table(
         "identification",
         constant=["h, reference height", "δ, pinhole offset"],
@@ -260,7 +235,7 @@ def add_tables(out: Report, analysis: Analysis) -> None:
         readings["red and blue lengths exchanged"] = analysis.other_reading
     chambers = [one.identified.chamber for one in readings.values()]
 
-    def of(field: str) -> list[Any]:
+    def of(field: str) -> list[jax.Array]:
         return [getattr(chamber, field) for chamber in chambers]
 
     out.table(
@@ -319,13 +294,8 @@ def draw_lines(imaging: Imaging, clearance: float) -> Figure:
     axis.set(title="Table I is a line", xlim=ratios)
 
     half_unit = 5.0  # half a unit in the last printed digit of Δl_D, in µm
-    residual.axhspan(
-        -half_unit,
-        half_unit,
-        color="0.92",
-        zorder=0,
-        label="right, grey: rounding of the printed digits",
-    )
+    rounding = "right, grey: rounding of the printed digits"
+    residual.axhspan(-half_unit, half_unit, color="0.92", zorder=0, label=rounding)
     residual.axhline(0, color="0.4", linewidth=0.9)
     line = float(imaging.identified.slope) * eta + float(imaging.identified.intercept)
     left = 1e3 * (line - table)
@@ -355,18 +325,13 @@ def draw_section(chamber: Chamber) -> Figure:
     section.axhline(0, color="0.55", linewidth=0.8, linestyle="-.", label="centre line")
     section.axhline(-height, color="0.55", linewidth=0.8, linestyle=":", label="reference ray")
     section.plot(-offset, -height, "o", color="black")
+    pinhole, off = (-offset, -height), {"textcoords": "offset points"}
     for name in "BCD":
-        section.plot(
-            *zip((-offset, -height), points[name], strict=True), color="0.3", linewidth=0.9
-        )
+        section.plot(*zip(pinhole, points[name], strict=True), color="0.3", linewidth=0.9)
     places = {"D": (7, -2), "E": (-7, -2)}  # above D E may be
     for name, place in (points | {"E": end}).items():
-        section.annotate(
-            name, place, places.get(name, (0, 7)), textcoords="offset points", ha="center"
-        )
-    section.annotate(
-        "pinhole", (-offset, -height), (6, -11), textcoords="offset points", fontsize=8
-    )
+        section.annotate(name, place, places.get(name, (0, 7)), ha="center", **off)
+    section.annotate("pinhole", pinhole, (6, -11), fontsize=8, **off)
     section.set(xlabel="distance s along the centre line (mm)", ylabel="height (mm)")
     lowest = min(-height, *offsets)
     section.set(title=f"Section at η = {float(chamber.imaging_ratio().value):.3f}")

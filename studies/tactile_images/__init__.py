@@ -6,8 +6,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from designopt.study.settings import distinct, setting
-from designopt.study.study import Study, lazily
+from designopt import Study, lazily, setting
+from designopt.study.settings import distinct
 from studies.models.sensor.spec import FingerImagesSpec, Rows
 
 Gain = Annotated[float, Field(gt=0, le=10)]

@@ -9,8 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from designopt.errors import UserError
-from designopt.study.records import Records
+from designopt import Records, UserError
 from optics.rendering import Effects
 from perception.paper_route import PaperRoute
 from perception.proprioception import GapEstimator, find_pose, observe, split_estimates

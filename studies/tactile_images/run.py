@@ -10,13 +10,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from designopt import BenchmarkMethod, Context, PrecisionRow, Records, Report, Results, benchmark
 from designopt.plot.typesetting import spell_out
 from designopt.study import plots
-from designopt.study.benchmark import BenchmarkMethod, benchmark
-from designopt.study.records import Records
-from designopt.study.report import Report
-from designopt.study.results import PrecisionRow, Results
-from designopt.study.study import Context
 from optics.rendering import Effects, Renderer, TactileImage, TrueView
 from perception.detection import detect_quads
 from perception.lens import Lens
@@ -279,12 +275,10 @@ def add_metrics(
         own = independent.corners
         out.metric("found_independent", own.stat("defined error_px"), views=len(own) // 4)
     out.metrics(**{name: usual.corners.stat(CORNERS[name]) for name in list(CORNERS)[1:]})
-    out.metrics(
-        unwarp_p90_mm=usual.places.stat("p90 error_mm"),
-        affine_unwarp_p90_mm=usual.places.stat("p90 affine_error_mm"),
-        view_scale_p10=pads.stat("p10 scale"),
-        area_view_scale_p10=pads.stat("p10 area_scale"),
-    )
+    for way in ("", "affine_"):
+        out.metric(f"{way}unwarp_p90_mm", usual.places.stat(f"p90 {way}error_mm"))
+    for way in ("", "area_"):
+        out.metric(f"{way}view_scale_p10", pads.stat(f"p10 {way}scale"))
     detection = 1e3 * usual.frames.stat("median seconds")
     out.metric("detection_ms", detection, image_size=finger.image_size)
     if len(trials):

@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt import Records, Report, run_study
-from designopt.errors import UserError
+from designopt import Records, Report, UserError
 from perception.chamber import Direction, Points
 from studies.bending_direction import BendingDirectionSpec, run
 from studies.bending_direction.frames import TOWARDS, Frame, Series, judge
@@ -16,7 +15,8 @@ from studies.models.soft_finger import best_chamber
 from studies.models.soft_finger.best_chamber import Design, Dimensions
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.spec import ChamberImagesSpec, MadeSpec
-from tests.helpers import load_toml
+from tests.helpers import central_differences, load_toml
+from tests.studies.quick import quick_run
 
 
 @pytest.fixture(scope="module")
@@ -30,19 +30,15 @@ def found(finger):
 
 
 @pytest.mark.slow
-def test_a_quick_run_estimates_directions():
-    quick = {"images": 12, "small_images": 12, "stability_images": 1}
-    results = run_study("bending-direction", quick)
-    assert all(metric.met is None for metric in results.metrics)  # so few images meet no target
-    measured = {metric.name: metric.value for metric in results.metrics}
+def test_a_quick_run_estimates_directions(tmp_path):
+    _, document, measured = quick_run("bending-direction", tmp_path)
     for direction in run.TABLE_II:
         assert measured[f"decided_{direction}_percent"] == 100
         assert measured[f"right_{direction}_percent"] >= 80  # 2 of 12 may be bent by hardly any
-    assert measured["odd_failures"] == 0
-    assert measured["wrong_with_threshold"] == 0
+    assert measured["odd_failures"] == measured["wrong_with_threshold"] == 0
     assert measured["rate_best_px_per_deg"] > measured["rate_spec_px_per_deg"]
     assert measured["undecided_small_best_blue"] <= measured["undecided_small_spec_blue"]
-    [stages] = [line for line in results.findings if "Yellow shrinks until it is gone" in line]
+    [stages] = [line for line in document["findings"] if "Yellow shrinks until it is gone" in line]
     assert "and then blue shrinks" in stages
 
 
@@ -73,15 +69,10 @@ def test_rules_on_answers_counted_by_hand():
 @pytest.mark.slow
 def test_the_best_chamber_beats_every_one_of_a_grid(finger, found):
     posed = best_chamber.problem(finger)
-    designs, held_by = found
-    best = designs[-1]
-    axes = [
-        jnp.linspace(low, high, 9)
-        for low, high in zip(
-            jax.tree.leaves(posed.lower), jax.tree.leaves(posed.upper), strict=True
-        )
-    ]
-    grid = jnp.stack(jnp.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    (*_, best), held_by = found
+    lower, upper = (np.stack(jax.tree.leaves(one)) for one in (posed.lower, posed.upper))
+    steps = np.stack(np.meshgrid(*[np.linspace(0, 1, 9)] * 3, indexing="ij"), axis=-1)
+    grid = lower + steps.reshape(-1, 3) * (upper - lower)
 
     def evaluate(values):
         terms = posed.terms(Dimensions(*values), *posed.data)
@@ -93,11 +84,8 @@ def test_the_best_chamber_beats_every_one_of_a_grid(finger, found):
     assert -best.rates.mean() <= np.asarray(objectives)[allowed].min() + 1e-9
     own_clearance = float(best_chamber.clearance(finger.chamber))
     assert float(best_chamber.clearance(best.finger.chamber)) >= own_clearance - 1e-6
-    assert held_by == [
-        "Δl_B at its upper bound",
-        "η at its lower bound",
-        "θ_BC at its lower bound",
-    ]
+    bounds = {"Δl_B": "upper", "η": "lower", "θ_BC": "lower"}
+    assert held_by == [f"{name} at its {bound} bound" for name, bound in bounds.items()]
 
 
 @pytest.mark.slow
@@ -124,15 +112,16 @@ def series_of(moves: str) -> Series:
     for move in moves:
         xy, seen = np.zeros((7, 2)), np.full(7, move != ".")
         xy[:, 0] = 0 if move == "." else int(move)
-        frames.append(Frame(Points(xy, seen), (1, 1), 0.0))
+        frames.append(Frame(Points(xy, seen), (1, 1)))
     return Series(Direction.RIGHT, np.arange(float(len(moves))), frames, initial)
 
 
 def test_answers_follow_from_the_largest_displacement():
     rows = series_of("135.").estimate([0.0, 4.0], ["blue"])
-    without, kept = (own["answer"].tolist() for own in rows.group("threshold_px").values())
-    assert without == ["right", "right", "right", "undefined"]
-    assert kept == ["initial", "initial", "right", "undefined"]
+    assert [own["answer"].tolist() for own in rows.group("threshold_px").values()] == [
+        ["right", "right", "right", "undefined"],
+        ["initial", "initial", "right", "undefined"],
+    ]
     np.testing.assert_array_equal(rows["undecided"], ~rows["right"])
     assert not rows["wrong"].any()
 
@@ -165,19 +154,14 @@ def test_targets_are_missed_where_the_numbers_are_worse(right):
 
 
 def test_slopes_of_a_design_are_differences(finger):
-    design = Design.of("as it is", finger)
-    steps = (1e-5, 1e-5, math.radians(1e-4))
-    units = (1e-5, 1e-5, 1e-4)
-    for i, (step, unit) in enumerate(zip(steps, units, strict=True)):
-        ends = []
-        for sign in (1, -1):
-            values = list(jax.tree.leaves(design.dimensions))
-            values[i] = values[i] + sign * step
-            own = Dimensions(*values)
-            ends.append(np.asarray(best_chamber.rates(own, finger.chamber, finger.endoscope)))
-        np.testing.assert_allclose(
-            design.slopes[:, i], (ends[0] - ends[1]) / (2 * unit), rtol=1e-5, atol=1e-7
+    design, rates = Design.of("as it is", finger), jax.jit(best_chamber.rates)
+    for outline, slopes in enumerate(design.slopes):
+        wanted = central_differences(
+            lambda own, i=outline: rates(own, finger.chamber, finger.endoscope)[i],
+            design.dimensions,
         )
+        per_radian = [1, 1, 180 / math.pi]
+        np.testing.assert_allclose(slopes * per_radian, wanted, rtol=1e-5, atol=1e-7)
 
 
 def test_dimensions_come_back_from_the_chamber_they_were_applied_to(finger):
@@ -187,13 +171,9 @@ def test_dimensions_come_back_from_the_chamber_they_were_applied_to(finger):
 
 
 def test_directions_point_where_their_names_say():
-    pointing = {truth: (round(math.cos(a)), round(math.sin(a))) for truth, a in TOWARDS.items()}
-    assert pointing == {
-        Direction.UP: (0, -1),
-        Direction.DOWN: (0, 1),
-        Direction.LEFT: (-1, 0),
-        Direction.RIGHT: (1, 0),
-    }
+    ways = {"UP": (0, -1), "DOWN": (0, 1), "LEFT": (-1, 0), "RIGHT": (1, 0)}
+    for truth, angle in TOWARDS.items():
+        assert (round(math.cos(angle)), round(math.sin(angle))) == ways[truth.name]
 
 
 @pytest.mark.parametrize(
@@ -206,17 +186,16 @@ def test_a_region_is_gone_from_where_it_does_not_come_back(areas, gone):
 
 def test_a_made_finger_differs_by_its_deviations(finger):
     made = [finger.made(MadeSpec(), np.random.default_rng(seed)) for seed in range(200)]
-    lengths = [float(one.chamber.length_bc - finger.chamber.length_bc) for one in made]
-    offsets = [float(one.chamber.offset_b - finger.chamber.offset_b) for one in made]
-    views = [math.degrees(one.endoscope.field_of_view) - 60 for one in made]
+    lengths, offsets = (
+        np.std([float(getattr(one.chamber, name)) for one in made])
+        for name in ("length_bc", "offset_b")
+    )
+    views = np.std([math.degrees(one.endoscope.field_of_view) for one in made])
     # 200 numbers: a standard deviation is known to 5 %.
-    assert np.std(lengths) == pytest.approx(0.3, rel=0.2)
-    assert np.std(offsets) == pytest.approx(0.15, rel=0.2)
-    assert np.std(views) == pytest.approx(0.5, rel=0.2)
+    np.testing.assert_allclose([lengths, offsets, views], [0.3, 0.15, 0.5], rtol=0.2)
 
 
 def test_a_chamber_that_cannot_be_is_refused():
+    spec = {"eta": 1.2, "chamber": {"wall_angle_bc_deg": 30.0}}
     with pytest.raises(UserError, match="eta"):
-        SoftFinger.of(
-            ChamberImagesSpec.model_validate({"eta": 1.2, "chamber": {"wall_angle_bc_deg": 30.0}})
-        )
+        SoftFinger.of(ChamberImagesSpec.model_validate(spec))
