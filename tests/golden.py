@@ -35,66 +35,19 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 from designopt import cli
+from tests.helpers import DATA, load_toml
 
 ROOT = Path(__file__).parent.parent
-FOLDER = ROOT / "tests" / "data" / "golden"
+FOLDER = DATA / "golden"
 
-REDUCED: dict[str, tuple[str, ...]] = {
-    "bending-direction": ("images=12", "small_images=12", "stability_images=1"),
-    "bending-posture": (
-        *("samples=300", "unseen=60", "epochs=30", "seeds=1", "width=32", "widths=[32]"),
-        *("counts=[300]", "etas=[]", "sweep=false"),
-    ),
-    "finger": (
-        *("linkage.search.starts=4", "linkage.search.among=4096", "linkage.search.exchanges=1"),
-        *("linkage.draws=100", "mirrors.search.starts=1", "mirrors.search.copies=4"),
-        *("mirrors.search.poses=4", "yield_draws=100", "spring.diameters=[40]"),
-    ),
-    "finger-grasp": ("diameters=[40]", "precision=false", "stability=false"),
-    "finger-linkage": (
-        *("search.starts=4", "search.among=4096", "search.exchanges=1", "search.step_deg=30"),
-        *("draws=100", "precision=false"),
-    ),
-    "finger-mirrors": (
-        *("search.starts=1", "search.copies=2", "search.poses=2", "thin=0", "draws=12"),
-        *("rays=5000", "ray_poses=2", "solvers=none", "left_out=false"),
-    ),
-    "linkage-precision": (
-        *("poses=20", "repeats=3", "peers=false", "first_call=false", "float32=false"),
-        *("linkage=slider-crank", "optimistix=false"),
-    ),
-    "linkage-stability": ("random_cases=2000", "family_cases=16", "triad=false"),
-    "object-size": (
-        *("samples=300", "epochs=25", "grasps=8", "random_grasps=24", "columns=48", "rows=36"),
-        *("other_lamp_grasps=8", "stability_images=1", "largest_residual=5"),
-    ),
-    "proprioception": ("fingers=2", "frames=5", "gap_fingers=8", "cost_fingers=1", "sizes=[]"),
-    "solver-precision": ("angles=300", "repeats=3", "minimizers=false"),
-    "surface-profile": (
-        *("trials=1", "fingers=2", "frames=21", "calibration=5", "calibrations=[0]"),
-        *("severities=[0.0]", "severity_trials=1", "rest_frames=6", "sagittas=[4.0]"),
-        *("roughnesses=[0.05]", "size_slides=2"),
-    ),
-    "table1": ("precision=false",),
-    "tactile-images": (
-        *("fingers=1", "grid=2", "gains=[1.0]", "severities=[]", "independent=3", "corrupted=13"),
-        *("corrupted_rows=360", "sizes=[360]", "size_frames=2"),
-    ),
-    "visibility-precision": (
-        *("samples=64", "reference_rays=20000", "repeats=3", "flexion=false", "gallery=false"),
-        *("edge_refined=false", "grid=false", "peers=false", "left_out=false"),
-    ),
-    "visibility-stability": (
-        *("scenes=200", "bounces=1", "float32=false", "family_cases=8", "gradient_scenes=5"),
-        *("reference_scenes=5", "fine_rays=400000"),
-    ),
-}
+REDUCED: dict[str, list[str]] = load_toml("quick_runs.toml")
+"""Settings of short runs."""
 
 WHOLE_TABLES = {
     "table1": ("table1", "deviations", "identification"),
@@ -287,7 +240,7 @@ def defaults(runs: Path, studies: list[str]) -> dict[str, Any]:
     return {study: outcome(study, (), runs) for study in studies}
 
 
-def outcome(study: str, settings: tuple[str, ...], runs: Path) -> dict[str, Any]:
+def outcome(study: str, settings: Sequence[str], runs: Path) -> dict[str, Any]:
     """Metrics, heads of the tables, and some tables in full, of a study's result."""
     folder = runs / study
     if not folder.exists():

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from designopt.study.settings import distinct, setting
-from designopt.study.study import Study, lazily
+from designopt import Study, lazily, setting
+from designopt.study.settings import distinct
 from studies.models.soft_finger.spec import ChamberImagesSpec
 
 Count = Annotated[int, Field(ge=50, le=100_000)]

@@ -9,16 +9,16 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from designopt import Records
 from designopt.plot.figures import PALETTE, label_plainly, legend_below, new_figure, share_limits
 from designopt.plot.typesetting import as_mathtext
 from designopt.study import plots
-from designopt.study.records import Records
 from perception.chamber import find_regions
 from perception.posture import PostureEstimator, make_boundary_image, shrink
 from studies.bending_posture.trainings import EQUAL, OURS, Data, Trained
-from studies.models.soft_finger.chamber_spec import CLEARANCE
 from studies.models.soft_finger.finger import DOWN, SoftFinger
 from studies.models.soft_finger.samples import Size
+from studies.models.soft_finger.spec import CLEARANCE
 
 BLUE, VERMILION, GREEN = PALETTE[:3]
 MARKERS = ("marker 1", "marker 2", "tip")
@@ -65,19 +65,14 @@ def draw_dots(networks: Mapping[str, Sequence[Trained]], data: Data) -> Figure:
 def draw_markers(errors: Records) -> Figure:
     """The paper's Fig. 11: errors by marker."""
     drawing, [[axes]] = new_figure(height=3.2)
+    how = {"widths": 0.28, "whis": (5, 95), "showfliers": False, "patch_artist": True}
     for i, (way, title) in enumerate(COMPARED.items()):
         style = {"color": (BLUE, VERMILION)[i]}
-        axes.boxplot(
-            [own["error_mm"] for own in errors.where(way=way).group("marker").values()],
-            positions=np.arange(3) + 0.36 * i - 0.18,
-            widths=0.28,
-            whis=(5, 95),
-            showfliers=False,
-            patch_artist=True,
-            manage_ticks=False,
-            boxprops={"facecolor": "white", "edgecolor": style["color"], "hatch": i * "///"},
-            **{f"{part}props": style for part in ("whisker", "cap", "median")},
-        )
+        own = [own["error_mm"] for own in errors.where(way=way).group("marker").values()]
+        props = {f"{part}props": style for part in ("whisker", "cap", "median")}
+        props["boxprops"] = {"facecolor": "white", "edgecolor": style["color"], "hatch": i * "///"}
+        places = np.arange(3) + 0.36 * i - 0.18
+        axes.boxplot(own, positions=places, manage_ticks=False, **how, **props)
         axes.plot([], [], "s", **style, markerfacecolor="white", label=title)
     axes.set(xticks=range(3), xticklabels=MARKERS, ylabel="error (mm)", ylim=(0, None))
     axes.legend(loc="upper left")

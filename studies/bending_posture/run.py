@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import statistics
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -15,25 +14,21 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import studentized_range
 
-from designopt.errors import UserError
-from designopt.io.spec import SpecFile
-from designopt.study.records import Records
-from designopt.study.report import Report
-from designopt.study.results import PrecisionRow, Results
-from designopt.study.study import Context
+from designopt import Context, PrecisionRow, Records, Report, Results, SpecFile, UserError
 from optics.chamber import solve_image_rates
 from optics.rendering import ChamberImage
 from perception.posture import PostureEstimator, Training, compute_marker_errors, find_posture
 from studies.bending_posture import BendingPostureSpec, figures
 from studies.bending_posture import trainings as by
 from studies.bending_posture.trainings import Data, Trained, size_of, train_network
-from studies.models.one_thread import one_thread
+from studies.models.one_thread import median_seconds, one_thread
 from studies.models.soft_finger import robustness
-from studies.models.soft_finger.chamber_spec import CLEARANCE
+from studies.models.soft_finger.best_chamber import clearance
 from studies.models.soft_finger.finger import DOWN, SoftFinger
 from studies.models.soft_finger.robustness import Answer, Disturbance, Picture, count_true
 from studies.models.soft_finger.samples import marker_places, random_postures, samples
-from studies.models.soft_finger.spec import MadeSpec
+from studies.models.soft_finger.spec import CLEARANCE, MadeSpec
+from studies.models.words import many, spread
 
 MEAN = "mean of the labels"
 """What every network is compared with."""
@@ -93,11 +88,9 @@ def run(spec: BendingPostureSpec, context: Context) -> Results:
         data, networks = everything.first(spec.samples), {}
         for way, settings in by.ways(spec, data, finger.length).items():
             with context.step(f"Trainings: {way}"):
+                seeds = (replace(settings, seed=seed + i) for i in range(spec.seeds))
                 networks[way] = [
-                    train_network(
-                        replace(settings, seed=one), data, spec.width, watch=way == by.OURS
-                    )
-                    for one in range(seed, seed + spec.seeds)
+                    train_network(one, data, spec.width, watch=way == by.OURS) for one in seeds
                 ]
         estimators = [one.estimator for one in networks[by.OURS]]
         sweep = Records()
@@ -124,7 +117,7 @@ def run(spec: BendingPostureSpec, context: Context) -> Results:
             pictures = figures.draw_pictures(finger, size_of(spec.width), seed + 3)
             seconds = _time_frames(finger, estimators[0], spec.largest_bend_deg, seed + 4)
     out.file(_save(estimators[0]))
-    cores = _many(_cores(), "core") + ", OpenCV on one thread"
+    cores = many(_cores(), "core") + ", OpenCV on one thread"
     out.values(cores=cores, margin=MARGIN, labels=len(data.labels))
     paper = by.regularisations(data, finger.length)
     errors = collect_errors(networks, data)
@@ -165,10 +158,6 @@ def _cores() -> int:
     return os.cpu_count() or 1
 
 
-def _many(count: int, word: str) -> str:
-    return f"one {word}" if count == 1 else f"{count} {word}s"
-
-
 def _save(estimator: PostureEstimator) -> SpecFile:
     words = "the trained network with its preprocessing and its training record, for "
     with tempfile.TemporaryDirectory() as folder:
@@ -205,12 +194,9 @@ def _time_frames(
     finger: SoftFinger, estimator: PostureEstimator, largest_deg: float, seed: int
 ) -> float:
     """Median time from a picture to markers, one after the other."""
-    bends, taken = np.deg2rad(np.linspace(0, largest_deg, TIMED)), []
-    for image in finger.renderer(seed).render(finger.postures(bends, np.full(TIMED, DOWN))):
-        start = time.perf_counter()
-        find_posture(image.pixels, estimator)
-        taken.append(time.perf_counter() - start)
-    return statistics.median(taken)
+    bends = np.deg2rad(np.linspace(0, largest_deg, TIMED))
+    images = finger.renderer(seed).render(finger.postures(bends, np.full(TIMED, DOWN)))
+    return median_seconds(lambda image: find_posture(image.pixels, estimator), images)
 
 
 def measure_chamber(spec: BendingPostureSpec, finger: SoftFinger, seed: int) -> Records:
@@ -227,16 +213,11 @@ def measure_chamber(spec: BendingPostureSpec, finger: SoftFinger, seed: int) -> 
             "blue_px": blue - yellow,
             "yellow_px": yellow - top,
             "yellow_px_per_deg": float(rates.value[1]) * np.pi / 180 if rates.ok else math.nan,
-            "clearance_mm": measure_clearance(finger),
+            "clearance_mm": float(clearance(finger.chamber)),
             "unusable": data.unusable,
             "tip_mm": [train_network(one, data, spec.width).tip_error for one in settings],
         }
     )
-
-
-def measure_clearance(finger: SoftFinger) -> float:
-    """Δl_A − |Δl_D|: how far the wall at D stays inside that at A, mm."""
-    return float(finger.chamber.offset_a) - abs(float(finger.chamber.offset_d))
 
 
 def measure_others(
@@ -324,11 +305,6 @@ def compare_ratios(ratios: Float[np.ndarray, " seeds"]) -> str:
     return "better" if ratios.max() <= 1 / MARGIN else "no different"
 
 
-def _spread(values: Float[np.ndarray, " _"], places: int = 2) -> str:
-    low, high = (f"{value:.{places}f}" for value in (values.min(), values.max()))
-    return low if low == high else f"{low}–{high}"
-
-
 def add_trainings(
     out: Report, errors: Records, tips: Records, sweep: Records, paper: Mapping[str, float]
 ) -> None:
@@ -339,8 +315,8 @@ def add_trainings(
         least_ratio="min ratio",
         largest_ratio="max ratio",
         shown_to_be=lambda own: compare_ratios(own["ratio"]),
-        ratios=lambda own: _spread(own["ratio"]),
-        tips=lambda own: _spread(own["tip_mean_mm"]),
+        ratios=lambda own: spread(own["ratio"], 2),
+        tips=lambda own: spread(own["tip_mean_mm"], 2),
     )
     units = {"unit": list(paper), "regularisation": list(paper.values())}
     readings = ways.where(way=list(by.READINGS.values())) | units
@@ -357,16 +333,13 @@ def add_trainings(
         kept_rate_ratio=of[by.KEPT]["least_ratio"][0],
         raw_images_ratio=of[by.RAW]["least_ratio"][0],
     )
-    in_mm, standardised, in_lengths = readings["least_ratio"]
-    out.metrics(
-        regularisation_mm_ratio=in_mm,
-        regularisation_standardised_ratio=standardised,
-        regularisation_finger_lengths_ratio=in_lengths,
-    )
+    for unit, ratio in zip(paper, readings["least_ratio"], strict=True):
+        out.metric(f"regularisation_{unit.replace(' ', '_')}_ratio", ratio)
     out.values(ours=of[by.OURS], equal=of[by.EQUAL], kept=of[by.KEPT], raw=of[by.RAW])
     out.values(**{unit.split()[-1]: own for unit, own in readings.group("unit").items()})
-    spread = {"times": _spread(times, 0 if times.min() > 10 else 1)}
-    out.say("trained", number=_many(len(ours), "seed"), seconds=_spread(ours["seconds"]), **spread)
+    values = {"times": spread(times, 0 if times.min() > 10 else 1)}
+    values |= {"number": many(len(ours), "seed"), "seconds": spread(ours["seconds"], 2)}
+    out.say("trained", **values)
     effect = {"worse": "help the tip, as in the paper", "better": "harm the tip here"}
     shown = effect.get(of[by.EQUAL]["shown_to_be"][0], "make no difference that is shown here")
     out.say("weights", shown=shown)
@@ -382,8 +355,7 @@ def add_trainings(
     out.table("trainings", table)
     compared = errors.where(way=by.EQUAL)
     compared.add(**errors.where(way=by.OURS))
-    whats = {"mean_mm": "mean", "deviation_mm": "sd", "p95_mm": "p95"}
-    whats = {name: f"{stat} error_mm" for name, stat in whats.items()}
+    whats = {"mean_mm": "mean error_mm", "deviation_mm": "sd error_mm", "p95_mm": "p95 error_mm"}
     out.table("markers", compared.summary("way", "marker", **whats))
     out.table("readings", readings)
     if len(sweep):
@@ -423,20 +395,21 @@ def compare_counts(rows: Sequence[PrecisionRow], mean: float) -> tuple[list[str]
 def add_others(out: Report, ours: Records, others: Records) -> None:
     """Tip errors where something is other than in training."""
     tips, networks = ours.where(marker="tip"), len(ours.group("seed"))
-    unseen = len(tips) // networks
-    table = Records({"other": "nothing", "lamps_or_fingers": 1, "frames": unseen})
-    table |= {"usable": unseen, "tip_mean_mm": tips.stat("mean error_mm")}
-    table |= {"tip_p95_mm": tips.stat("p95 error_mm"), "worst_mean_mm": math.nan}
-    table.add(
-        **others.summary(
-            "other",
-            lamps_or_fingers=lambda own: len(own.group("draw")),
-            frames=lambda own: len(own) // networks,
-            usable=lambda own: int(np.isfinite(own["tip_mm"]).sum()) // networks,
-            tip_mean_mm="mean tip_mm",
-            tip_p95_mm="p95 tip_mm",
-            worst_mean_mm=lambda own: own.summary("draw", mm="mean tip_mm").stat("max mm"),
-        )
+    every = Records({"other": "nothing", "draw": 0, "tip_mm": tips["error_mm"]})
+    every.add(**{name: others[name] for name in ("other", "draw", "tip_mm")})
+
+    def worst(own: Records) -> float:
+        known = own["other"][0] in OTHERS
+        return own.summary("draw", mm="mean tip_mm").stat("max mm") if known else math.nan
+
+    table = every.summary(
+        "other",
+        lamps_or_fingers=lambda own: len(own.group("draw")),
+        frames=lambda own: len(own) // networks,
+        usable=lambda own: int(np.isfinite(own["tip_mm"]).sum()) // networks,
+        tip_mean_mm="mean tip_mm",
+        tip_p95_mm="p95 tip_mm",
+        worst_mean_mm=worst,
     )
     rows = table.where(other=list(OTHERS))
     for name, tip, usable in zip(OTHERS.values(), rows["tip_mean_mm"], rows["usable"], strict=True):

@@ -9,14 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from designopt.errors import UserError
-from perception.posture import (
-    EQUAL_WEIGHTS,
-    PostureEstimator,
-    Training,
-    compute_marker_errors,
-    compute_mean_predictor_error,
-    train,
-)
+from perception import posture
 from studies.bending_posture import BendingPostureSpec
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.samples import Samples, Size, random_postures, samples
@@ -52,7 +45,7 @@ class Data:
     @property
     def mean_error(self) -> float:
         """Tip error of always answering the mean of the labels, mm."""
-        return compute_mean_predictor_error(self.labels, self.unseen.markers)
+        return posture.compute_mean_predictor_error(self.labels, self.unseen.markers)
 
     @property
     def label_scale(self) -> float:
@@ -74,7 +67,7 @@ class Trained:
         errors: distances of these from the true ones, mm; the tip's are the last.
     """
 
-    estimator: PostureEstimator
+    estimator: posture.PostureEstimator
     predicted: Float[np.ndarray, "unseen 3 2"]
     errors: Float[np.ndarray, "unseen 3"]
 
@@ -129,19 +122,21 @@ def regularisations(data: Data, length: float) -> dict[str, float]:
     }
 
 
-def ways(spec: BendingPostureSpec, data: Data, length: float) -> dict[str, Training]:
+def ways(spec: BendingPostureSpec, data: Data, length: float) -> dict[str, posture.Training]:
     """Ways of training, by name."""
-    ours, paper = Training(epochs=spec.epochs), regularisations(data, length)
+    ours, paper = posture.Training(epochs=spec.epochs), regularisations(data, length)
     return {
         OURS: ours,
-        EQUAL: replace(ours, loss_weights=EQUAL_WEIGHTS),
+        EQUAL: replace(ours, loss_weights=posture.EQUAL_WEIGHTS),
         KEPT: replace(ours, decay=False),
         **{way: replace(ours, regularisation=paper[unit]) for unit, way in READINGS.items()},
         RAW: replace(ours, standardise=False),
     }
 
 
-def train_network(settings: Training, data: Data, width: int, *, watch: bool = False) -> Trained:
+def train_network(
+    settings: posture.Training, data: Data, width: int, *, watch: bool = False
+) -> Trained:
     """A network trained on all of the data, tested on the unseen images.
 
     Args:
@@ -152,6 +147,7 @@ def train_network(settings: Training, data: Data, width: int, *, watch: bool = F
     """
     images, unseen = (part.images[size_of(width)] for part in (data.train, data.unseen))
     watched = (unseen, data.unseen.markers) if watch else None
-    estimator = train(images, data.labels, settings, watched)
+    estimator = posture.train(images, data.labels, settings, watched)
     predicted = estimator.predict(unseen)
-    return Trained(estimator, predicted, compute_marker_errors(predicted, data.unseen.markers))
+    errors = posture.compute_marker_errors(predicted, data.unseen.markers)
+    return Trained(estimator, predicted, errors)

@@ -1,56 +1,24 @@
 """The study ``bending-posture``: a quick run end to end, and its pieces."""
 
 import dataclasses
-import json
 import math
 
 import numpy as np
 import pytest
 
+from designopt import PrecisionRow, Records, Report, UserError
 from designopt.cli import run as command
-from designopt.errors import UserError
-from designopt.study.records import Records
-from designopt.study.report import Report
-from designopt.study.results import PrecisionRow
 from perception.chamber import ChamberStatus
 from perception.posture import PostureEstimator, find_posture
-from studies.bending_posture import BendingPostureSpec, figures, trainings
-from studies.bending_posture import run as running
-from studies.bending_posture.run import (
-    add_chambers,
-    add_others,
-    add_robustness,
-    add_sizes,
-    add_trainings,
-    compare_chambers,
-    compare_ratios,
-    measure_clearance,
-    summarize_trainings,
-)
-from studies.bending_posture.trainings import (
-    EQUAL,
-    KEPT,
-    L2_LENGTHS,
-    L2_MM,
-    L2_STANDARDISED,
-    OURS,
-    RAW,
-    regularisations,
-    sample_data,
-    size_of,
-    train_network,
-    ways,
-)
+from studies.bending_posture import BendingPostureSpec, figures, run
+from studies.bending_posture import trainings as by
+from studies.models.soft_finger.best_chamber import clearance
 from studies.models.soft_finger.finger import DOWN, SoftFinger
 from studies.models.soft_finger.robustness import DISTURBANCES, disturbed_frames
 from studies.models.soft_finger.samples import MARKERS, Samples, marker_places
+from tests.studies.quick import quick_run
 
 SPEC = BendingPostureSpec(unseen=50)
-
-QUICK = [
-    *("samples=300", "unseen=60", "epochs=30", "seeds=1", "width=32", "widths=[32]"),
-    *("counts=[100,300]", "etas=[0.6]", "eta_samples=100"),
-]
 
 
 @pytest.fixture(scope="module")
@@ -60,32 +28,28 @@ def finger():
 
 @pytest.fixture(scope="module")
 def data(finger):
-    return sample_data(SPEC, finger, 50, [32], seed=3)
+    return by.sample_data(SPEC, finger, 50, [32], seed=3)
 
 
 @pytest.fixture(scope="module")
 def network(data):
-    settings = dataclasses.replace(ways(SPEC, data, 100.0)[OURS], epochs=3)
-    return train_network(settings, data, 32).estimator
+    settings = dataclasses.replace(by.ways(SPEC, data, 100.0)[by.OURS], epochs=3)
+    return by.train_network(settings, data, 32).estimator
 
 
 @pytest.mark.as_users
 def test_a_quick_run_reads_postures(tmp_path, finger, monkeypatch):
-    out = tmp_path / "out"
-    monkeypatch.setattr(running, "DRAWS", 2)
-    monkeypatch.setattr(running, "REGULARISATIONS", (1e-4, 0.01, 1.0))
-    monkeypatch.setattr(running, "REPEATED", 5)
-    sets = [part for setting in QUICK for part in ("--set", setting)]
-    assert command(["run", "bending-posture", *sets, "--out", str(out)]) == 0
-    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    measured = {name: metric["value"] for name, metric in document["metrics"].items()}
+    monkeypatch.setattr(run, "DRAWS", 2)
+    monkeypatch.setattr(run, "REGULARISATIONS", (1e-4, 0.01, 1.0))
+    monkeypatch.setattr(run, "REPEATED", 5)
+    more = ("counts=[100,300]", "etas=[0.6]", "eta_samples=100", "sweep=true")
+    out, document, measured = quick_run("bending-posture", tmp_path, *more)
     assert measured["tip_seed_0_mm"] < measured["mean_predictor_mm"] / 8
     assert measured["odd_failures"] == measured["unanswered"] == measured["unusable"] == 0
     assert measured["raw_images_ratio"] > 1
     assert measured["regularisation_finger_lengths_ratio"] > 1
-    for name in ("other_lamp_tip_mm", "made_finger_tip_mm", "both_other_tip_mm"):
+    for name in run.OTHERS.values():
         assert 0 < measured[name] < measured["mean_predictor_mm"]
-    assert not any(metric["target"] for metric in document["metrics"].values())
     assert len(document["claims"]) == 1
     # The network of a run is loaded, and reads a new frame.
     assert document["specs"] == ["specs/posture.network"]
@@ -109,24 +73,22 @@ def test_frames_without_a_chamber_have_no_posture(network, finger):
     assert {kind.status for kind in DISTURBANCES} == set(ChamberStatus)
 
 
-@pytest.mark.parametrize("degrees", [0.0, 0.01, 60.0, 120.0])
-def test_markers_lie_on_a_circle_of_the_bend(degrees):
-    bend, length = math.radians(degrees), 100.0
-    found = marker_places(np.array([bend]), length)[0]
+def test_markers_lie_on_a_circle_of_the_bend():
+    bends, length = np.deg2rad([0.0, 0.01, 60.0, 120.0]), 100.0
     # The tangent summed over a thousand pieces, by the rule of midpoints.
-    pieces = np.arange(1000) / 1000 * length + length / 2000
-    tangents = np.stack([np.sin(bend * pieces / length), np.cos(bend * pieces / length)], axis=1)
-    places = np.concatenate([[[0, 0]], np.cumsum(tangents * length / 1000, axis=0)])
-    at = places[[round(1000 * share) for share in MARKERS]]
-    np.testing.assert_allclose(found, at[1:] - at[0], atol=1e-4)
+    turned = bends[:, None] * (np.arange(1000) + 0.5) / 1000
+    tangents = np.stack([np.sin(turned), np.cos(turned)], axis=-1)
+    places = np.cumsum(np.insert(tangents, 0, 0.0, axis=1) * length / 1000, axis=1)
+    at = places[:, [round(1000 * share) for share in MARKERS]]
+    np.testing.assert_allclose(marker_places(bends, length), at[:, 1:] - at[:, :1], atol=1e-4)
 
 
 def test_samples_are_the_same_for_every_finger_but_for_the_picture(data):
     other = SoftFinger.of(BendingPostureSpec(eta=0.9))
-    one, two = data, sample_data(SPEC, other, 50, [32], seed=3)
+    one, two = data, by.sample_data(SPEC, other, 50, [32], seed=3)
     np.testing.assert_array_equal(one.labels, two.labels)
     np.testing.assert_array_equal(one.unseen.markers, two.unseen.markers)
-    size = size_of(32)
+    size = by.size_of(32)
     assert not np.array_equal(one.train.images[size], two.train.images[size])
     off = one.labels - one.train.markers
     assert np.std(off) == pytest.approx(SPEC.label_noise, rel=0.15)  # of 300 numbers
@@ -141,18 +103,18 @@ def test_samples_are_the_same_for_every_finger_but_for_the_picture(data):
 def test_the_papers_regularisation_goes_with_the_square_of_its_unit(data):
     scale = data.label_scale
     assert scale == pytest.approx(np.sqrt(np.mean(np.var(data.labels, axis=0))))
-    readings = {L2_MM: 1.0, L2_STANDARDISED: scale, L2_LENGTHS: 100.0}
-    made = ways(SPEC, data, 100.0)
+    readings = {by.L2_MM: 1.0, by.L2_STANDARDISED: scale, by.L2_LENGTHS: 100.0}
+    made = by.ways(SPEC, data, 100.0)
     for way, unit in readings.items():
         assert made[way].regularisation == pytest.approx(0.01 * (unit / scale) ** 2)
     longer = dataclasses.replace(data, labels=2 * data.labels)
-    again = regularisations(longer, 200.0)
-    assert again["finger lengths"] == pytest.approx(made[L2_LENGTHS].regularisation)
-    assert again["mm"] == pytest.approx(made[L2_MM].regularisation / 4)
+    again = by.regularisations(longer, 200.0)
+    assert again["finger lengths"] == pytest.approx(made[by.L2_LENGTHS].regularisation)
+    assert again["mm"] == pytest.approx(made[by.L2_MM].regularisation / 4)
 
 
 def test_frames_that_show_no_chamber_are_left_out(finger, data, monkeypatch):
-    size, both = size_of(32), (data.train, data.unseen)
+    size, both = by.size_of(32), (data.train, data.unseen)
     usable = np.arange(100) % 5 != 0
 
     def joined(*_, **__):
@@ -162,8 +124,8 @@ def test_frames_that_show_no_chamber_are_left_out(finger, data, monkeypatch):
         )
         return Samples(bends, {size: images}, usable, markers)
 
-    monkeypatch.setattr(trainings, "samples", joined)
-    part = sample_data(SPEC, finger, 50, [32], seed=3)
+    monkeypatch.setattr(by, "samples", joined)
+    part = by.sample_data(SPEC, finger, 50, [32], seed=3)
     assert part.unusable == 20
     np.testing.assert_array_equal(part.labels, data.labels[usable[:50]])
     np.testing.assert_array_equal(part.unseen.markers, data.unseen.markers[usable[50:]])
@@ -172,39 +134,39 @@ def test_frames_that_show_no_chamber_are_left_out(finger, data, monkeypatch):
         usable = np.ones(100, bool)
         usable[hidden] = False
         with pytest.raises(UserError, match=r"^η = 0.6: hardly any picture.*$"):
-            sample_data(SPEC, finger, 50, [32], seed=3)
+            by.sample_data(SPEC, finger, 50, [32], seed=3)
 
 
 TIPS = {
-    OURS: (0.5, 0.6, 0.5),
-    EQUAL: (0.5, 0.6, 0.6),
-    KEPT: (0.6, 0.6, 0.6),
-    L2_MM: (0.5, 0.6, 0.55),
-    L2_STANDARDISED: (0.3, 0.4, 0.4),
-    L2_LENGTHS: (1.5, 2.0, 1.8),
-    RAW: (1.0, 1.2, 1.0),
+    by.OURS: (0.5, 0.6, 0.5),
+    by.EQUAL: (0.5, 0.6, 0.6),
+    by.KEPT: (0.6, 0.6, 0.6),
+    by.L2_MM: (0.5, 0.6, 0.55),
+    by.L2_STANDARDISED: (0.3, 0.4, 0.4),
+    by.L2_LENGTHS: (1.5, 2.0, 1.8),
+    by.RAW: (1.0, 1.2, 1.0),
 }
 """Tip errors of three seeds, mm, as they may be."""
 
 
-def reported(add, *args, mean=30.0, **settings):
+def reported(add, *args, mean=30.0):
     """The results of a run that has found no more than one part adds to its report."""
-    out = Report(BendingPostureSpec(**settings), package="studies.bending_posture")
+    out = Report(BendingPostureSpec(), package="studies.bending_posture")
     out.values(cores="2 cores", labels=2, margin=1.2)
     out.metrics(mean_predictor_mm=mean)
     add(out, *args)
     return out.results()
 
 
-def report_trainings(tips=None, **settings):
+def report_trainings(tips=None):
     errors = Records()
     for way, known in (TIPS | (tips or {})).items():
         for seed, tip in enumerate(known):
             for marker in figures.MARKERS:
                 errors.add(way=way, seed=seed, seconds=4.0, marker=marker, error_mm=[tip, tip])
     paper = {"mm": 6e-5, "standardised": 0.01, "finger lengths": 0.6}
-    trained = summarize_trainings(errors, 30.0)
-    return reported(add_trainings, errors, trained, Records(), paper, **settings)
+    trained = run.summarize_trainings(errors, 30.0)
+    return reported(run.add_trainings, errors, trained, Records(), paper)
 
 
 def missed(results):
@@ -220,21 +182,17 @@ def test_targets_are_missed_by_what_they_forbid():
         *("times_better_than_mean", "regularisation_finger_lengths_ratio", "raw_images_ratio"),
     }
     assert not no
-    assert missed(report_trainings({OURS: (0.5, 1.6, 0.5)}))[1] >= {
+    assert missed(report_trainings({by.OURS: (0.5, 1.6, 0.5)}))[1] >= {
         "tip_seed_1_mm",
         "times_better_than_mean",
     }
     # As good as the study's own from one seed: nothing is shown to be worse.
     for way, name in (
-        (L2_LENGTHS, "regularisation_finger_lengths_ratio"),
-        (RAW, "raw_images_ratio"),
+        (by.L2_LENGTHS, "regularisation_finger_lengths_ratio"),
+        (by.RAW, "raw_images_ratio"),
     ):
-        same = (*TIPS[way][:2], TIPS[OURS][2])
+        same = (*TIPS[way][:2], TIPS[by.OURS][2])
         assert missed(report_trainings({way: same}))[1] == {name}
-    for settings in ({"samples": 1000}, {"unseen": 100}, {"seeds": 1}, {"eta": 0.7}):
-        assert not missed(report_trainings(**settings))[0]
-    for settings in ({"unseen": 800}, {"seeds": 4}, {"etas": []}, {"sweep": False}):
-        assert missed(report_trainings(**settings))[0] == asked
 
 
 def test_readings_of_the_paper_are_worse_or_better_at_every_seed():
@@ -246,7 +204,7 @@ def test_readings_of_the_paper_are_worse_or_better_at_every_seed():
     words = {(1.2, 3.0): "worse", (0.8, 0.5): "better"}
     words |= dict.fromkeys([(1.19, 3.0), (0.9, 0.5), (0.5, 2.0)], "no different")
     for ratios, word in words.items():
-        assert compare_ratios(np.array(ratios)) == word
+        assert run.compare_ratios(np.array(ratios)) == word
 
 
 def test_bends_without_an_answer_and_wrong_answers_are_counted():
@@ -255,7 +213,7 @@ def test_bends_without_an_answer_and_wrong_answers_are_counted():
     def report(tips, failed=0):
         bends = Records({"bend_deg": [1.0, 1.0, 10.0, 10.0], "tip_mm": tips})
         disturbed = Records(frame | {"given": False, "failed": np.arange(3) < failed})
-        return reported(add_robustness, bends, disturbed)
+        return reported(run.add_robustness, bends, disturbed)
 
     assert missed(report([0.1, 0.2, 0.4, 0.5])) == ({"unanswered", "odd_failures"}, set())
     silent = report([math.nan, math.nan, 0.4, math.nan], failed=1)
@@ -268,13 +226,13 @@ def test_bends_without_an_answer_and_wrong_answers_are_counted():
 def test_errors_elsewhere_are_those_of_usable_frames():
     # Two networks; the third frame of one lamp, and all of another, are unusable.
     others = Records()
-    for other in running.OTHERS:
+    for other in run.OTHERS:
         known = {0: ([1.0, 2.0, math.nan], [3.0, 6.0, math.nan]), 1: ([math.nan],) * 2}
         for draw, tips in (known | {2: ([8.0], [4.0])}).items():
             for number, errors in enumerate(tips):
                 others.add(other=other, draw=draw, network=number, tip_mm=errors)
     ours = Records({"marker": "tip", "seed": [0, 0, 1, 1], "error_mm": [0.1, 0.2, 0.3, 0.6]})
-    results = reported(add_others, ours, others)
+    results = reported(run.add_others, ours, others)
     nothing, lamp, *_ = results.tables[0].rows
     assert nothing[1:5] == (1, 2, 2, pytest.approx(0.3))
     assert lamp[1:5] == (3, 5, 3, pytest.approx(4.0))
@@ -294,32 +252,32 @@ def test_chambers_differ_if_their_seeds_do_not_explain_it():
     # Printed tables of the studentised range at 5 %: 4.339 for three groups and six degrees of
     # freedom; for two groups and four it is √2 times Student's 2.776.
     tips = (0.8, 0.9, 1.0)
-    alike = compare_chambers(chambers(dict.fromkeys((0.5, 0.6, 0.7), tips)))
+    alike = run.compare_chambers(chambers(dict.fromkeys((0.5, 0.6, 0.7), tips)))
     assert alike == pytest.approx((0, 0, 4.339), abs=1e-3)
     # 4.339 standard errors of 0.1 mm / √3 are 0.2505 mm.
     for more, entry in ((0.24, "does not choose η"), (0.26, "read best at η = 0.5")):
         other = chambers({0.5: tips, 0.6: tips, 0.8: [tip + more for tip in tips]})
-        difference, errors, limit = compare_chambers(other) or (0, 0, 0)
+        difference, errors, limit = run.compare_chambers(other) or (0, 0, 0)
         assert (difference, errors) == pytest.approx((more, more * math.sqrt(3) / 0.1))
         assert (errors > limit) == (more > 0.25)
-        assert entry in reported(add_chambers, other).findings[0]
-    two = compare_chambers(chambers({0.5: tips, 0.6: tips}))
+        assert entry in reported(run.add_chambers, other).findings[0]
+    two = run.compare_chambers(chambers({0.5: tips, 0.6: tips}))
     assert two is not None
     assert two[2] == pytest.approx(math.sqrt(2) * 2.776, abs=1e-3)
     for few in ({0.5: tips}, {0.5: (0.8,), 0.6: (0.8,)}):
-        assert compare_chambers(chambers(few)) is None
-        assert len(reported(add_chambers, chambers(few, 0.3)).metrics) == 1
+        assert run.compare_chambers(chambers(few)) is None
+        assert len(reported(run.add_chambers, chambers(few, 0.3)).metrics) == 1
 
 
 def test_the_papers_choice_leaves_the_room_that_is_asked_for():
     # Table I of the paper prints Δl_D: 1.29, 2.55 and 3.81 mm; Δl_A is 4.1 mm.
     rows, spaces = Records(), {0.5: 2.81, 0.6: 1.55, 0.7: 0.29}
     for eta, space in spaces.items():
-        clearance = measure_clearance(SoftFinger.of(BendingPostureSpec(eta=eta)))
-        assert clearance == pytest.approx(space, abs=2e-3)
-        rows.add(**chambers({eta: (1.0,)}, clearance))
-    assert "0.6 is the largest η" in reported(add_chambers, rows).findings[1]
-    none = reported(add_chambers, rows.where(eta=0.7)).findings[1]
+        left = float(clearance(SoftFinger.of(BendingPostureSpec(eta=eta)).chamber))
+        assert left == pytest.approx(space, abs=2e-3)
+        rows.add(**chambers({eta: (1.0,)}, left))
+    assert "0.6 is the largest η" in reported(run.add_chambers, rows).findings[1]
+    none = reported(run.add_chambers, rows.where(eta=0.7)).findings[1]
     assert "none of these chambers leaves 1.5 mm" in none
 
 
@@ -331,7 +289,7 @@ def test_the_claim_compares_the_most_samples_with_the_fewest():
     def claims(tips, counts=(300, 100, 200)):
         spec = BendingPostureSpec(counts=list(counts))
         rows = [row(method, n, part) for method, errors in tips.items() for n, part in errors]
-        study = reported(add_sizes, spec, [row(running.MEAN, 0, 1.0), *rows]).precision
+        study = reported(run.add_sizes, spec, [row(run.MEAN, 0, 1.0), *rows]).precision
         assert study is not None
         return study.claims
 
@@ -352,7 +310,7 @@ def test_an_eta_without_a_chamber_is_said_before_anything_is_rendered(
     def no_data(*_):
         raise AssertionError("rendered")
 
-    monkeypatch.setattr(trainings, "sample_data", no_data)
+    monkeypatch.setattr(by, "sample_data", no_data)
     out = tmp_path / "out"
     assert command(["run", "bending-posture", "--set", "etas=[0.6,1.1]", "--out", str(out)]) == 2
     said = capsys.readouterr().err

@@ -1,0 +1,45 @@
+"""Short runs of studies as commands, with the settings of ``tests/data/quick_runs.toml``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from designopt.cli import run
+from tests.golden import table_of
+from tests.helpers import load_toml
+
+
+class QuickRun(NamedTuple):
+    """What a study has written."""
+
+    folder: Path
+    document: dict[str, Any]
+    measured: dict[str, Any]
+
+    def table(self, name: str) -> dict[str, list[Any]]:
+        """The columns of a table."""
+        text = (self.folder / "tables" / f"{name}.csv").read_text(encoding="utf-8")
+        return table_of(text)
+
+    def rows(self, name: str) -> list[tuple]:
+        """The rows of a table."""
+        return list(zip(*self.table(name).values(), strict=True))
+
+
+def quick_run(study: str, folder: Path, *more: str) -> QuickRun:
+    """Run a study, to which no target applies: it has so few cases.
+
+    Args:
+        study: its name.
+        folder: an empty one.
+        more: further settings.
+    """
+    settings = [*load_toml("quick_runs.toml")[study], *more]
+    sets = [word for setting in settings for word in ("--set", setting)]
+    assert run(["run", study, *sets, "--out", str(folder / "out")]) == 0
+    document = json.loads((folder / "out" / "results.json").read_text(encoding="utf-8"))
+    assert not any(metric["target"] for metric in document["metrics"].values())
+    measured = {name: metric["value"] for name, metric in document["metrics"].items()}
+    return QuickRun(folder / "out", document, measured)
