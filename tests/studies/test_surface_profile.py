@@ -1,95 +1,56 @@
 """The study ``surface-profile``: a quick run end to end, and its pieces."""
 
 import dataclasses
-import json
 import math
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.errors import UserError
-from designopt.study import runner
-from designopt.study.records import Records
-from designopt.study.report import Report
+from designopt import Records, Report, UserError
 from optics.chamber import bend_center_line
 from perception.chamber import ChamberMap, Heights, SurfaceKind, compute_movements
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.robustness import DISTURBANCES
-from studies.surface_profile import STUDY, SurfaceProfileSpec
-from studies.surface_profile.run import (
-    WITHIN,
-    add_numbers,
-    add_robustness,
-    find_limits,
-    is_wrong,
-    sort_rows,
-    summarize_heights,
-)
+from studies.surface_profile import SurfaceProfileSpec, run, surfaces
 from studies.surface_profile.sensor import UP, bends_at, designed_map, highest, postures_on
 from studies.surface_profile.slides import Slide, SlidingTest, up_to_a_constant, view_points
-from studies.surface_profile.surfaces import (
-    FLAT_RMS,
-    KINDS,
-    ROUGH_RMS,
-    SAGITTA,
-    TILT_DEG,
-    Surface,
-    sample_surface,
-)
+from studies.surface_profile.surfaces import KINDS, Surface, sample_surface
+from tests.studies.quick import quick_run
 
 STATED = SurfaceProfileSpec()
-
-QUICK = SurfaceProfileSpec(
-    trials=1,
-    fingers=2,
-    frames=21,
-    calibration=5,
-    calibrations=[0],
-    severities=[0.0],
-    severity_trials=1,
-    rest_frames=6,
-    sagittas=[4.0],
-    roughnesses=[0.05],
-    size_slides=2,
-)
 
 
 @pytest.mark.slow
 def test_a_quick_run_tells_surfaces_apart(tmp_path):
-    out = tmp_path / "out"
-    results = runner.run(STUDY, QUICK, seed=0, dtype="float64", out=out, force=False)
-    document = json.loads((out / "results.json").read_text(encoding="utf-8"))
-    measured = {name: metric["value"] for name, metric in document["metrics"].items()}
+    done = quick_run("surface-profile", tmp_path)
+    measured = done.measured
     assert measured["told_apart"] == 1
-    assert measured["heights_unknown"] == 0
+    assert measured["heights_unknown"] == measured["odd_failures"] == 0
     # A third of a pixel, where a pixel is a sixth of a millimetre.
     assert measured["profile_median_mm"] <= 0.05
     assert measured["profile_p90_mm"] <= 0.1
     assert measured["profile_median_mm"] < measured["whole_median_mm"]
     assert measured["profile_p90_mm"] < measured["bare_p90_mm"]
-    assert measured["odd_failures"] == 0
     assert measured["curved_from_mm"] == 4
     assert measured["rough_from_mm"] is None
-    # Fewer frames are another slide than the stated one.
-    assert all(metric.target is None for metric in results.metrics)
-    tables = {table.name: table for table in results.tables}
-    confusion = np.array([row[1:] for row in tables["confusion"].rows])
-    np.testing.assert_array_equal(confusion, np.eye(4, 5))
-    assert [row[0] for row in tables["calibration"].rows] == [0, 5]
-    assert [row[:2] for row in tables["severities"].rows] == [(0.0, 4), (1.0, 4)]
+    confusion = np.array(list(done.table("confusion").values())[1:])
+    np.testing.assert_array_equal(confusion, np.eye(5, 4))
+    assert done.table("calibration")["frames"] == [0, 5]
     # The second finger has no slides.
-    assert [row[0] for row in tables["fingers"].rows] == [1]
-    assert [row[:5] for row in tables["sizes"].rows] == [
+    assert done.table("fingers")["finger"] == [1]
+    assert [row[:5] for row in done.rows("sizes")] == [
         ("sagitta", 1.2, 4.0, 2, 1.0),
         ("roughness", 0.15, 0.05, 2, 0.0),
     ]
-    assert [row[1] for row in tables["odd_frames"].rows] == [3] * len(DISTURBANCES)
-    known = {row[1]: row[4] for row in tables["bends"].rows if row[0] == 0}
+    assert done.table("odd_frames")["frames"] == [3] * len(DISTURBANCES)
+    known = {row[1]: row[4] for row in done.rows("bends") if row[0] == 0}
     assert known[0.01] == known[15.0] == 1
     assert known[20.0] == known[120.0] == 0
     # What e alone is off by is the camera's shaking.
-    perfect, usual = np.array([row[5] for row in tables["severities"].rows], float)
+    severities = done.table("severities")
+    assert (severities["severity"], severities["slides"]) == ([0, 1], [4, 4])
+    perfect, usual = severities["e_p90_mm"]
     assert perfect < usual
 
 
@@ -177,16 +138,16 @@ def test_drawn_surfaces_are_of_their_kind():
     for _ in range(40):
         flat, concave, convex, rough = (sample_surface(kind, 60.0, generator) for kind in KINDS)
         waves = flat.height(x) - flat.slope * x
-        assert waves.std() <= FLAT_RMS[1] + 1e-9
+        assert waves.std() <= surfaces.FLAT_RMS[1] + 1e-9
         roughness = (rough.height(x) - rough.slope * x).std()
-        assert ROUGH_RMS[0] - 1e-9 <= roughness <= ROUGH_RMS[1] + 1e-9
+        assert surfaces.ROUGH_RMS[0] - 1e-9 <= roughness <= surfaces.ROUGH_RMS[1] + 1e-9
         for surface, sign in ((concave, -1), (convex, 1)):
-            assert SAGITTA[0] <= sign * surface.sagitta <= SAGITTA[1]
+            assert surfaces.SAGITTA[0] <= sign * surface.sagitta <= surfaces.SAGITTA[1]
             level = surface.height(x) - surface.slope * x
             at = np.argmin(np.abs(x - surface.middle))
-            assert level[at] * sign >= SAGITTA[0] - 4 * FLAT_RMS[1]
+            assert level[at] * sign >= surfaces.SAGITTA[0] - 4 * surfaces.FLAT_RMS[1]
             assert abs(level[0]) < 1 + abs(surface.sagitta) / 3
-        assert abs(math.degrees(math.atan(flat.slope))) <= TILT_DEG
+        assert abs(math.degrees(math.atan(flat.slope))) <= surfaces.TILT_DEG
 
 
 @pytest.fixture(scope="module")
@@ -195,10 +156,9 @@ def chamber():
     return ChamberMap(heights, np.array([3.7, 6.1, 3.8]) * heights[:, None])
 
 
-def reported(chamber, confused=0, taken_for="rough", unknown=0, failed=0, **settings):
+def reported(chamber, confused=0, taken_for="rough", unknown=0, failed=0):
     """Metrics of 200 slides, of which some flat ones are taken for another kind."""
-    spec = SurfaceProfileSpec(**settings)
-    out, test = Report(spec, package="studies.surface_profile"), SlidingTest(spec, 0, chamber)
+    out, test = Report(STATED, package="studies.surface_profile"), SlidingTest(STATED, 0, chamber)
     number, shapes = np.arange(4 * STATED.trials), test.shapes
     surface = np.array([kind.name.lower() for kind in KINDS])[number % 4]
     called = np.where((number % 4 == 0) & (number // 4 < confused), taken_for, surface)
@@ -208,13 +168,13 @@ def reported(chamber, confused=0, taken_for="rough", unknown=0, failed=0, **sett
     off = np.where(number < unknown, np.nan, 0.1 * (number % 3))
     errors = [f"{way}error_mm" for way in ("", "e_", "whole_", "full_", "pad_", "bare_")]
     rows = {"slide": number, "surface": surface, "unknown": np.isnan(off)}
-    test.heights.add(frames=spec.calibration, **rows, **dict.fromkeys(errors, off))
+    test.heights.add(frames=STATED.calibration, **rows, **dict.fromkeys(errors, off))
     test.fingers.add(shake_px=[0.4, 0.5, 0.7], noise_px=0.1)
-    add_numbers(out, test, summarize_heights(test.heights, "frames"), Records())
+    run.add_numbers(out, test, run.summarize_heights(test.heights, "frames"), Records())
     disturbed = {"kind": "black", "expected_sight": "", "usable": False, "in_view": False}
     disturbed |= {"sight": "", "given": False, "failed": np.arange(3) < failed}
     bends = {"severity": 1.0, "bend_deg": 1.0, "deflection_mm": 1.0, "known": True, "off_mm": 0.1}
-    add_robustness(out, test, Records(disturbed), Records(bends | {"failed": [failed > 3]}))
+    run.add_robustness(out, test, Records(disturbed), Records(bends | {"failed": [failed > 3]}))
     results = out.results()
     return {one.name: one for one in results.metrics}, results.findings
 
@@ -223,6 +183,8 @@ def test_targets_are_missed_by_what_they_forbid(chamber):
     def unmet(**changes):
         return [name for name, one in reported(chamber, **changes)[0].items() if one.met is False]
 
+    asked = {name for name, one in reported(chamber)[0].items() if one.target}
+    assert asked == {"told_apart", "heights_unknown", "odd_failures"}
     assert unmet(confused=10) == []  # 95 %
     assert unmet(confused=11) == ["told_apart"]
     # What is not known is not told.
@@ -236,22 +198,6 @@ def test_targets_are_missed_by_what_they_forbid(chamber):
     assert metrics["profile_median_mm"].value == pytest.approx(0.1)
 
 
-@pytest.mark.parametrize(
-    ("change", "asked"),
-    [
-        ({"trials": 51, "fingers": 6}, True),
-        ({"severities": [], "sagittas": [], "roughnesses": [], "size_slides": 1}, True),
-        ({"trials": 49}, False),
-        ({"fingers": 4}, False),
-        ({"severity": 0.5}, False),
-        ({"calibration": 33}, False),
-    ],
-)
-def test_targets_are_asked_of_the_stated_run_and_larger_ones(chamber, change, asked):
-    targets = {name for name, one in reported(chamber, **change)[0].items() if one.target}
-    assert targets == ({"told_apart", "heights_unknown", "odd_failures"} if asked else set())
-
-
 def test_errors_are_up_to_a_constant_and_unknown_ones_stay():
     off = up_to_a_constant(np.array([1.0, np.nan, 2.0]))
     np.testing.assert_array_equal(off, [-0.5, np.nan, 0.5])
@@ -260,10 +206,10 @@ def test_errors_are_up_to_a_constant_and_unknown_ones_stay():
 
 def test_sizes_from_which_on_surfaces_are_told():
     sizes = Records({"size_mm": [0.3, 0.1, 0.5, 0.2, 0.4], "told": [0.5, 0.0, 1.0, 0.0, 1.0]})
-    sizes = sort_rows(sizes, "size_mm")
-    assert find_limits(sizes, "told") == (0.2, 0.4)
-    assert np.isnan(find_limits(sizes.where(sizes["size_mm"] > 0.2), "told")[0])
-    assert np.isnan(find_limits(sizes.where(sizes["size_mm"] < 0.4), "told")[1])
+    sizes = run.sort_rows(sizes, "size_mm")
+    assert run.find_limits(sizes, "told") == (0.2, 0.4)
+    assert np.isnan(run.find_limits(sizes.where(sizes["size_mm"] > 0.2), "told")[0])
+    assert np.isnan(run.find_limits(sizes.where(sizes["size_mm"] < 0.4), "told")[1])
 
 
 def test_surfaces_of_a_size_have_it():
@@ -284,12 +230,12 @@ def test_surfaces_of_a_size_have_it():
 
 
 def test_what_is_to_be_answered_of_a_height(chamber):
-    far, near = 1.1 * WITHIN, 0.9 * WITHIN
+    far, near = 1.1 * run.WITHIN, 0.9 * run.WITHIN
     truth = np.array([6.0, 6.0, 6.0, 6.0, 12 + near, 12 + near, 40.0, 40.0, near])
     mm = np.array([6 + near, 6 + far, 0.0, np.nan, 12.0, 0.0, 0.0, 12.0, 0.0])
     known = np.array([1, 1, 0, 1, 1, 0, 0, 1, 0], bool)
     expected = np.array([0, 1, 1, 1, 0, 0, 0, 1, 0], bool)
-    np.testing.assert_array_equal(is_wrong(chamber, Heights(mm, known), truth), expected)
+    np.testing.assert_array_equal(run.is_wrong(chamber, Heights(mm, known), truth), expected)
 
 
 def test_slides_do_not_depend_on_how_many_there_are():
