@@ -195,7 +195,7 @@ def _hits(layout: Layout, ray: Hits) -> list[Entry]:
             "x": ray.place[leg][0],
             "y": ray.place[leg][1],
             "coordinate": ray.coordinate[leg],
-            "direction_deg": math.degrees(math.atan2(*reversed(ray.direction[leg]))),
+            "direction_deg": math.degrees(math.atan2(ray.direction[leg][1], ray.direction[leg][0])),
             "path_length_mm": ray.length[leg],
             "grazing_deg": math.degrees(math.asin(min(ray.sine[leg], 1.0))),
             "reflected": ray.reflected[leg],

@@ -214,6 +214,10 @@ class ParameterMap:
             UserError: these values describe no scene, and why.
         """
         tables = scene_tables(self.scene(values))
+        lens = self.design.file.camera.lens
+        if lens is not None:
+            # No knob turns it, and of the scene its numbers would come back with rounding.
+            tables["camera"]["lens"] = lens.model_dump()
         validated(SceneFile, tables, self.design.name)
         return tables
 

@@ -31,12 +31,6 @@ COLORS = ("#C0392B", "#0072B2", "#E0A800", "#8A8A8A")
 LINES, CAMERA = "construction", "camera"
 """Layers of the centre line and the reference ray, and of the pinhole."""
 
-LENGTHS = (
-    *("length_ab", "length_bc", "length_cd", "offset_a", "offset_b", "offset_c", "offset_d"),
-    *("focal_length", "image_distance", "reference_height", "pinhole_offset"),
-)
-"""Attributes of a chamber that are lengths."""
-
 SIGN = 0.01
 """Radius of the pinhole's circle, as a part of the chamber's length."""
 
@@ -95,9 +89,22 @@ def chamber_quantities(design: DesignedChamber) -> list[Quantity]:
     Where there is no image, its numbers are left out.
     """
     chamber = design.chamber
-    found = [Quantity(name, float(getattr(chamber, name)), "mm") for name in LENGTHS]
-    for name in ("wall_angle_bc", "wall_angle_cd"):
-        found.append(Quantity(name, math.degrees(float(getattr(chamber, name))), "°"))
+    lengths = {
+        "length_ab": chamber.length_ab,
+        "length_bc": chamber.length_bc,
+        "length_cd": chamber.length_cd,
+        "offset_a": chamber.offset_a,
+        "offset_b": chamber.offset_b,
+        "offset_c": chamber.offset_c,
+        "offset_d": chamber.offset_d,
+        "focal_length": chamber.focal_length,
+        "image_distance": chamber.image_distance,
+        "reference_height": chamber.reference_height,
+        "pinhole_offset": chamber.pinhole_offset,
+    }
+    angles = {"wall_angle_bc": chamber.wall_angle_bc, "wall_angle_cd": chamber.wall_angle_cd}
+    found = [Quantity(name, float(value), "mm") for name, value in lengths.items()]
+    found += [Quantity(name, math.degrees(float(value)), "°") for name, value in angles.items()]
     ratio, rings = chamber.imaging_ratio(), chamber.ring_widths()
     if bool(ratio.ok):
         found.append(Quantity("imaging_ratio", float(ratio.value), ""))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from designopt.io.files import replaced_when_complete
-from designopt.io.spec_files import FORMAT
+from designopt.io.spec_files import FORMAT, LARGEST
 from designopt.io.toml_writing import degrees_of, format_toml
 from optics.scene.camera import Camera, KannalaBrandt, Pinhole
 from optics.scene.file import FIXED
@@ -115,7 +115,8 @@ def _camera(camera: Camera) -> dict[str, Any]:
         table["lens"] = {
             "focal_length": focal,
             "f_number": focal / float(camera.lens.aperture),
-            "focus": focal / (1 - focal / sensor),
+            # A sensor in the focal plane: focused at infinity, for which a file has no number.
+            "focus": LARGEST if sensor == focal else focal / (1 - focal / sensor),
         }
     return table
 

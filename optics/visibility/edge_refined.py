@@ -129,16 +129,16 @@ def _run(fan: Fan, present: Bool[Array, ""], label: Int[Array, ""], edges: Edge)
     per_mm, _ = safe_divide(density, jnp.abs(pair.slope) * length)
     first, last = jnp.clip(pair.coordinate, 0, 1)
     piece = Pieces(
-        present,
-        path,
-        first,
-        last,
-        pair.label[0],
-        pair.label[1],
-        fan.camera.pixel(pair.angle),
-        per_mm,
-        pair.length * fan.placed.size,
-        pair.spans.T,
+        present=present,
+        path=path,
+        start=first,
+        end=last,
+        start_label=pair.label[0],
+        end_label=pair.label[1],
+        pixels=fan.camera.pixel(pair.angle),
+        px_per_mm=per_mm,
+        distance=pair.length * fan.placed.size,
+        spans=pair.spans.T,
     )
     return _Run(piece, pad, jnp.abs(pair.angle[1] - pair.angle[0]), jnp.max(pair.step))
 

@@ -54,6 +54,23 @@ REASONS = {
 }
 """Messages of the results by their codes, the leaves of results."""
 
+_ENDS = {
+    codes.FIRST_PAD_END: "end of the pad",
+    codes.SECOND_PAD_END: "end of the pad",
+    codes.LEFT_LIMIT: "limit of the field of view",
+    codes.RIGHT_LIMIT: "limit of the field of view",
+    codes.LOW_GRAZING: "least grazing angle",
+    codes.HIGH_GRAZING: "least grazing angle",
+    codes.FOLD: "fold of the image",
+    codes.FIRST_END: "its end 'from'",
+    codes.SECOND_END: "its end 'to'",
+    codes.CROSSING: "where another surface meets it",
+    codes.CUT_BEFORE: "where it meets the line of a mirror",
+    codes.CUT_AFTER: "where it meets the line of a mirror",
+    codes.HORIZON: "where it turns away from the ray",
+}
+"""What bounds a piece: by the label where it is negative, otherwise by the label's kind."""
+
 
 class Pieces(eqx.Module):
     """The pieces of each pad that are seen, in the order in which they begin.
@@ -140,20 +157,3 @@ def describe_end(layout: Layout, label: int) -> str:
         return _ENDS[label]
     _, surface, kind = map(int, parts_of(label))
     return f"{layout.kind(surface)} '{layout.surfaces[surface].name}': {_ENDS[kind]}"
-
-
-_ENDS = {
-    codes.FIRST_PAD_END: "end of the pad",
-    codes.SECOND_PAD_END: "end of the pad",
-    codes.LEFT_LIMIT: "limit of the field of view",
-    codes.RIGHT_LIMIT: "limit of the field of view",
-    codes.LOW_GRAZING: "least grazing angle",
-    codes.HIGH_GRAZING: "least grazing angle",
-    codes.FOLD: "fold of the image",
-    codes.FIRST_END: "its end 'from'",
-    codes.SECOND_END: "its end 'to'",
-    codes.CROSSING: "where another surface meets it",
-    codes.CUT_BEFORE: "where it meets the line of a mirror",
-    codes.CUT_AFTER: "where it meets the line of a mirror",
-    codes.HORIZON: "where it turns away from the ray",
-}

@@ -104,6 +104,10 @@ def test_readings_and_picture_are_those_of_eq_1(paper, moves):
     np.testing.assert_allclose(
         mark.get_xydata(), [[values["η, imaging ratio"], offset_d]], rtol=1e-9
     )
+    for x, y in (*corners, (-values["δ, pinhole offset"], -values["h, reference height"])):
+        assert section.get_xlim()[0] <= x <= section.get_xlim()[1]
+        assert section.get_ylim()[0] <= y <= section.get_ylim()[1]
+    assert sensor.get_xlim()[1] > images[0]
 
 
 def test_knobs_begin_at_the_design():

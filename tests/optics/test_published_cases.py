@@ -61,7 +61,7 @@ class Tracer:
         scene, given = parse_scene(tables), jnp.asarray(rays, float)
         turns = jnp.deg2rad(given[:, 2])
         hits = trace_rays(scene, scene.pose(), given[:, :2], turns, bounces=bounces)
-        names = [f"mirror:{part.name}" for part in scene.layout.mirrors]
+        names = {i: f"mirror:{part.name}" for i, part in enumerate(scene.layout.mirrors)}
         met = [tuple(names[i] for i in ray) for ray in hits.surface[:, : leg + 1].tolist()]
         asked = [f"--ray={','.join(map(repr, ray))}" for ray in np.asarray(rays).tolist()]
         document = self(tables, *asked, "--bounces", str(bounces))

@@ -22,7 +22,7 @@ from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage, find_views
 from optics.visibility.sharpness import find_sharpness
 from studies.oracles.rays import bounds
-from tests.helpers import readings
+from tests.helpers import load_toml, readings
 from tests.optics.scenes import fans_of, posed, structure_of
 
 GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
@@ -189,6 +189,13 @@ def test_a_point_that_all_rays_meet_has_no_resolution():
     assert shown.message == (
         "pad 'target': none of it is seen; all rays to it meet it in single points"
     )
+
+
+def test_the_saved_lens_is_that_of_the_file():
+    tables = load_toml("scenes/lens.toml")
+    bench = SceneBench(DesignedScene.of(SceneFile.model_validate(tables), "lens"))
+    (file,) = bench.specs({knob.name: knob.value for knob in bench.knobs})
+    assert tomllib.loads(file.content)["camera"]["lens"] == tables["camera"]["lens"]
 
 
 def test_a_curved_mirror_has_a_radius_that_its_ends_allow():

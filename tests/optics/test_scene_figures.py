@@ -1,4 +1,4 @@
-"""Figures of a scene show the numbers of its views."""
+"""Figures of a scene show the numbers of its views, and the legend stands on nothing else."""
 
 import jax
 import numpy as np
@@ -30,7 +30,8 @@ def test_poses_stand_side_by_side_at_one_scale_with_one_legend(count, shape):
     poses, views = some(slice(count))
     with style():
         figure = poses_figure(finned(), poses, views)
-        FigureCanvasAgg(figure).draw()
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
     assert len(figure.axes) == count
     place = figure.axes[0].get_subplotspec()
     assert place is not None
@@ -40,6 +41,11 @@ def test_poses_stand_side_by_side_at_one_scale_with_one_legend(count, shape):
     np.testing.assert_allclose(scales, scales[0][0, 0], rtol=1e-3)
     (legend,) = figure.legends
     assert all(axes.get_legend() is None for axes in figure.axes)
+    boxes = [axes.get_tightbbox(canvas.get_renderer()) for axes in figure.axes]
+    frame = legend.get_window_extent()
+    assert not any(box is None or frame.overlaps(box) for box in boxes)
+    assert figure.bbox.x0 <= frame.x0
+    assert frame.x1 <= figure.bbox.x1
     words = {text.get_text() for text in legend.get_texts()}
     seeing = np.unique(views.value.path[views.value.present])
     assert {*WORDS} & words == {[*WORDS][path] for path in seeing}

@@ -171,6 +171,34 @@ def test_a_flexed_finger_is_where_rotations_put_it():
     np.testing.assert_allclose(placed_ends(finger, pip=70, dip=40), wanted, atol=1e-12)
 
 
+def test_a_chain_of_frames_and_a_shared_angle():
+    frames = {
+        "tip": {"hinge": [20, 5], "angle": "a", "parent": "base"},
+        "base": {"hinge": [10, 0], "angle": "a", "positive": "clockwise"},
+        "third": {"hinge": [20, 5], "angle": "b", "parent": "tip"},
+    }
+    camera = CAMERA | {"body": "third"}
+    pads = [wall("base", body="base"), wall("tip", body="tip"), wall("third", body="third")]
+    found = parse_scene(scene(camera=camera, pads=pads, frames=frames))
+    a, b = math.radians(25), math.radians(-60)
+
+    def moved(point: Any, turns: int) -> np.ndarray:
+        """Turned about the hinges of the first frames of the chain, the innermost first."""
+        chain = [([10, 0], -a), ([20, 5], a), ([20, 5], b)][:turns]
+        for hinge, angle in reversed(chain):
+            point = turned(point, hinge, angle)
+        return point
+
+    wanted = [[moved([10, 0], i), moved([10, 8], i)] for i in (1, 2, 3)]
+    np.testing.assert_allclose(placed_ends(found, a=25, b=-60), wanted, atol=1e-12)
+    placed = place(found, found.pose({"a": a, "b": b}))
+    np.testing.assert_allclose(
+        placed.absolute(placed.camera).stacked(), moved([3, 4], 3), atol=1e-12
+    )
+    # The first two turns cancel, so the optical axis turns by the third alone.
+    assert float(placed.axis.angle()) == pytest.approx(-math.pi / 2 + b)
+
+
 def test_names_are_unique_within_a_kind_only():
     found = parse_scene(scene(mirrors=[wall("a")], pads=[wall("a")], blockers=[wall("a")]))
     assert [part.name for part in found.layout.surfaces] == ["a", "a", "a"]

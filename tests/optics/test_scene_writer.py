@@ -90,8 +90,9 @@ def test_what_is_written_is_read_back(drawn):
     assert format_scene(again) == text
 
 
-def test_a_lens_comes_back_to_rounding():
-    lens = {"focal_length": 1.7, "f_number": 2.8, "focus": 21.0}
+@pytest.mark.parametrize("focus", [21.0, 1e30])  # of the latter, the sensor is in the focal plane
+def test_a_lens_comes_back_to_rounding(focus):
+    lens = {"focal_length": 1.7, "f_number": 2.8, "focus": focus}
     camera = {"position": [0.0, 0.0], "direction_deg": 0.0, "fov_deg": 90.0, "pixels": 100}
     pads = [{"name": "pad", "from": [10.0, -1.0], "to": [10.0, 1.0]}]
     scene = parse_scene({"camera": camera | {"lens": lens}, "pads": pads}, "lens")

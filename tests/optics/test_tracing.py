@@ -109,9 +109,9 @@ def test_derivatives_of_hits_through_straight_and_curved_mirrors():
 
 
 @pytest.mark.parametrize(
-    ("dtype", "wrong", "tolerance"), [(np.float32, 4, 2e-3), (np.float64, 0, 1e-10)]
+    ("dtype", "most_wrong", "tolerance"), [(np.float32, 4, 2e-3), (np.float64, 0, 1e-10)]
 )
-def test_random_rays_agree_with_plain_numpy(dtype: type, wrong: int, tolerance: float):
+def test_random_rays_agree_with_plain_numpy(dtype: type, most_wrong: int, tolerance: float):
     generator = np.random.default_rng(5)
     ends = generator.uniform(-1, 1, (6, 2, 2)).astype(dtype).astype(float)
     sides, keys = (1, -1, 0, 1, -1, 0), ("both", "left", "right")
@@ -132,11 +132,13 @@ def test_random_rays_agree_with_plain_numpy(dtype: type, wrong: int, tolerance: 
     wanted, along = cast(surfaces, starts.astype(float) @ [1, 1j], heading, 2)
     surface, active = np.asarray(hits.surface), np.asarray(hits.active)
     coordinate = np.asarray(hits.coordinate)
+    wrong = 0
     for ray, met in enumerate(surface.tolist()):
         leg = next((leg for leg, index in enumerate(met) if index >= 3 and active[ray, leg]), None)
         found = 0 if leg is None else surfaces.number(met[:leg], met[leg] - 3)
-        if found == wanted[ray] > 0:
+        if found != wanted[ray]:
+            wrong += 1
+        elif leg is not None:
             assert coordinate[ray, leg] == pytest.approx(along[ray], abs=tolerance)
-        wrong -= found != wanted[ray]
-    assert wrong >= 0  # rays through corners, in single precision
+    assert wrong <= most_wrong  # rays through corners, in single precision
     assert np.mean(wanted > 0) > 0.1

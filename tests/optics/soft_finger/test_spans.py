@@ -159,7 +159,8 @@ def test_gradients_are_central_differences():
             slope[compared], wanted[compared], atol=GRADIENT * np.abs(wanted).max()
         )
     # Both where tops are seen and where they are hidden.
-    assert np.ptp(np.sign(widths[:ORDINARY, 2])) == 2
+    assert (widths[:ORDINARY, 2] > 0).any()
+    assert (widths[:ORDINARY, 2] < 0).any()
 
 
 def test_values_and_gradients_are_finite_however_a_finger_is_bent():
