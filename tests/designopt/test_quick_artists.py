@@ -80,6 +80,13 @@ def test_a_quick_text_covers_what_a_text_covers(style):
         ours, theirs = (rows[[0, -1]] for rows in inked)
         np.testing.assert_allclose(ours, theirs, atol=2)
     assert not text_drawn(QuickText, visible=False).any()
+    assert text_drawn(QuickText, color="#ff0000")[:, :, 0].max() == 0  # red stays red
+
+
+def inked(canvas):
+    """How many pixels are not of the ground."""
+    image = pixels(canvas)
+    return np.count_nonzero((image != image[0, 0]).any(axis=-1))
 
 
 def counted(monkeypatch):
@@ -110,17 +117,21 @@ def test_what_is_drawn_once_has_the_pixels_of_its_artist(monkeypatch):
     assert (wanted != blank).any()
     assert len(draws) == 2
     assert kept.get_window_extent().bounds == legend.get_window_extent().bounds
+    whole = inked(canvas)
     kept.set(clip_box=Bbox([[0, 0], [200, 200]]), clip_on=True)
     canvas.draw()
     np.testing.assert_array_equal(pixels(canvas)[:, 201:], blank[:, 201:])
+    assert 0 < inked(canvas) < whole
+    kept.set_clip_on(False)
     figure.dpi = 200  # at another size it is drawn anew
     canvas.draw()
     assert len(draws) == 3
+    assert 2.5 < inked(canvas) / whole < 5
     kept.set_visible(False)
     canvas.draw()
-    assert (pixels(canvas) == blank[0, 0]).all()
     legend.set_visible(False)  # of nothing there are no pixels
     DrawnOnce(legend).draw(canvas.get_renderer())
+    assert (pixels(canvas) == blank[0, 0]).all()
 
 
 def test_quick_artists_stay_what_they_are_where_no_pixels_are_drawn(monkeypatch, tmp_path):
@@ -179,11 +190,11 @@ def test_other_words_and_places(axes):
         assert box.y0 < y < box.y1
 
 
-@pytest.mark.parametrize("size", [6.0, 8.5])
-def test_every_bar_of_a_small_letter_is_drawn_wherever_it_stands(size):
+@pytest.mark.parametrize(("size", "rim"), [(6.0, 0.0), (8.5, 1.6)])
+def test_every_bar_of_a_small_letter_is_drawn_wherever_it_stands(size, rim):
     figure, canvas = canvas_of(0.3, 0.3)
     figure.set_facecolor("white")
-    made = Lettering("", size, figure.transFigure, figure.dpi_scale_trans, color="black")
+    made = Lettering("", size, figure.transFigure, figure.dpi_scale_trans, rim=rim, color="black")
     figure.add_artist(made)
     grid = (np.arange(30 * FINE) + 0.5) / FINE
     samples = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)

@@ -74,8 +74,12 @@ def test_they_follow_the_limits_and_leave_room_for_the_name(along):
     [other_lines], [other_marks] = shown(wanted, LineCollection), shown(wanted, Line2D)
     np.testing.assert_array_equal(lines.get_segments(), other_lines.get_segments())
     np.testing.assert_array_equal(marks.get_xydata(), other_marks.get_xydata())
-    assert marks.get_xydata()[:, "xy".index(along)].tolist() == [-200, -150, -100, -50, 0, 50, 100]
-    assert len(lines.get_segments()) == 6  # none at the first limit, where the spine is
+    own = "xy".index(along)
+    assert marks.get_xydata()[:, own].tolist() == [-200, -150, -100, -50, 0, 50, 100]
+    # None at the first limit, where the spine is; the others cross the axes.
+    segments = np.array(lines.get_segments())
+    assert segments[:, :, own].tolist() == [[place] * 2 for place in (-150, -100, -50, 0, 50, 100)]
+    assert segments[:, :, 1 - own].tolist() == [[0, 1]] * 6
     covered = ruling.get_window_extent()
     assert covered.bounds == wanted.get_window_extent().bounds
     name: Any = (axes.xaxis if along == "x" else axes.yaxis).label

@@ -106,13 +106,17 @@ def test_in_a_window_of_another_shape_circles_stay_round(tmp_path):
     hands = Hands(SliderCrank(), tmp_path)
     bench: Any = hands.bench
     resized: Any = ResizeEvent("resize_event", hands.canvas)
-    for size in ((WIDTH / DPI, HEIGHT / DPI), (9, 6), (8, 9)):
+    for size in ((WIDTH / DPI, HEIGHT / DPI), (9.37, 6.11), (8, 9)):
         hands.canvas.figure.set_size_inches(*size)
         resized._process()
         hands.redrawn()
         scales = np.diff(bench.axes.transData.transform([(0, 0), (1, 1)]), axis=0)[0]
         assert scales[0] == pytest.approx(scales[1], rel=1e-9)
-        hands.window.present()
+        for row in hands.window.rows:  # nothing of the last move is left
+            row.slider.set_val(0.7 * row.knob.low + 0.3 * row.knob.high)
+            hands.run_until_still()
+            row.slider.set_val(0.2 * row.knob.low + 0.8 * row.knob.high)
+            hands.run_until_still()
         np.testing.assert_array_equal(hands.canvas.pixels(), hands.redrawn())
 
 
@@ -174,6 +178,8 @@ def test_pictures_are_numbered_and_never_replaced(tmp_path):
     first, second = (np.array(Image.open(folder / f"toy-{n}.png")) for n in (1, 3))
     assert first.shape == second.shape == (2 * HEIGHT, 2 * WIDTH, 4)
     assert (first != second).any()
+    x, y = on_button(hands.window, RESET)  # which is not in the picture
+    assert first[round(2 * (HEIGHT - y)), round(2 * x), :3].min() == 255
     assert ElementTree.parse(folder / "toy-3.svg").getroot().tag.endswith("svg")
 
 
@@ -223,7 +229,10 @@ def test_optimising_shows_each_iteration(hands):
 def test_optimising_can_be_stopped_and_taken_up_again(hands, name):
     hands.press(OPTIMISE)
     hands.run()
-    _ = hands.drag(name, 0.9) if name == "crank" else hands.press(name)
+    if name == "crank":
+        hands.drag(name, 0.9)
+    else:
+        hands.press(name)
     stopped = hands.window.values
     hands.run_until_still()
     assert hands.window.values == stopped
