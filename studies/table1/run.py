@@ -201,7 +201,7 @@ def _line(constants: Constants) -> str:
     return f"{float(constants.slope):.3f} η {sign} {abs(intercept):.3f}"
 
 
-def _columns(name: str, **tables: Columns) -> dict[str, np.ndarray]:
+def _columns(name: str, **tables: Columns) -> dict[str, jax.Array]:
     """One column of several tables, under the tables' names."""
     return {f"{whose}_{name}": getattr(table, name) for whose, table in tables.items()}
 

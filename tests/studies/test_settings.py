@@ -1,6 +1,7 @@
 """Settings of every installed study, and the words of its report, read from their schemas."""
 
 import ast
+import functools
 import json
 import math
 import re
@@ -114,6 +115,32 @@ def test_defaults_are_valid_have_a_meaning_and_targets(name):
             assert spec_with(model, [f"{key}={json.dumps(default)}"], study=name) == model()
 
 
+STATED = {
+    "bending-posture": (
+        "unseen=800 seeds=4 etas=[] sweep=false",
+        "samples=1000 unseen=100 seeds=1 eta=0.7",
+    ),
+    "object-size": (
+        "other_lamp_grasps=3 stability_images=6 random_grasps=201",
+        "stability_images=4 random_grasps=199 place=0.9 samples=1600",
+    ),
+    "surface-profile": (
+        "trials=51 fingers=6 severities=[] sagittas=[] roughnesses=[] size_slides=1",
+        "trials=49 fingers=4 severity=0.5 calibration=33",
+    ),
+}
+"""Settings to which targets apply as to the defaults, and settings to which they do not."""
+
+
+@pytest.mark.parametrize("name", STATED)
+def test_targets_apply_to_the_stated_study_and_to_more_of_it(name):
+    for settings, apply in zip(STATED[name], (True, False), strict=True):
+        for setting in settings.split():
+            spec = spec_with(load_study(name).spec, [setting], study=name)
+            assert (targets_waived(spec) == "") == apply, setting
+
+
+@functools.cache
 def written_names() -> re.Pattern[str]:
     """A pattern of all names and texts in the studies' code; what braces hold may be anything."""
     patterns = set()

@@ -1,18 +1,15 @@
 """The study ``tactile-images``: a quick run end to end, and its pieces."""
 
-import csv
 import dataclasses
-import json
+import re
 from importlib.resources import files
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from designopt import Records, Report
 from designopt.cli import run as command
-from designopt.study.records import Records
-from designopt.study.report import Report
 from optics import read_scene
 from optics.rendering import Effects
 from studies.models.one_thread import one_thread
@@ -22,46 +19,27 @@ from studies.tactile_images import TactileImagesSpec
 from studies.tactile_images.corrupted import ANSWERS, CORRUPTIONS, is_wrong
 from studies.tactile_images.figures import draw_imprints
 from studies.tactile_images.run import Measured, add_tables, independent_effects, nearest_errors
+from tests.helpers import DATA
+from tests.studies.quick import quick_run
 
-OLD = Path(__file__).parents[1] / "data" / "old_specs" / "scene.toml"
+OLD = DATA / "old_specs" / "scene.toml"
 """The packaged finger's scene, as a result of an earlier version has it."""
 
-QUICK = [
-    "fingers=1",
-    "grid=2",
-    "gains=[1.0]",
-    "severities=[]",
-    "independent=3",
-    "corrupted=13",
-    "corrupted_rows=360",
-    "sizes=[360]",
-    "size_frames=2",
-]
-
-
-def run(out, *settings):
-    """A quick run's exit code and its results."""
-    sets = [part for setting in (*QUICK, *settings) for part in ("--set", setting)]
-    code = command(["run", "tactile-images", *sets, "--out", str(out)])
-    return code, json.loads((out / "results.json").read_text(encoding="utf-8"))
-
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory):
-    out = tmp_path_factory.mktemp("quick") / "out"
-    return *run(out), out
-
-
-@pytest.fixture(scope="module")
-def finger():
-    return FingerSensor.of(FingerImagesSpec(), 360)
+def finger(tmp_path_factory):
+    """A finger whose distal pad has an odd name and is in no mirror."""
+    text, path = OLD.read_text(encoding="utf-8"), tmp_path_factory.mktemp("scene") / "odd.toml"
+    start, end = (match.start() for match in re.finditer(r"\[\[mirrors\]\]", text))
+    text = text[:start] + text[end:].replace('name = "distal"', r"name = '$\frac{$'")
+    path.write_text(text, encoding="utf-8")
+    return FingerSensor.of(FingerImagesSpec(scene=str(path)), 360)
 
 
 @pytest.mark.slow
-def test_a_quick_run_finds_what_can_be_found(done):
-    code, document, _ = done
-    measured = {name: metric["value"] for name, metric in document["metrics"].items()}
-    assert code == 0  # targets do not apply to a run this small
+def test_a_quick_run_finds_what_can_be_found(tmp_path):
+    done = quick_run("tactile-images", tmp_path)
+    measured, corrupted = done.measured, done.table("corrupted")
     assert measured["found_at_gain_1"] >= 0.95
     assert measured["found_independent"] >= 0.9
     assert measured["corner_median_px"] <= 2
@@ -69,15 +47,8 @@ def test_a_quick_run_finds_what_can_be_found(done):
     assert measured["unwarp_p90_mm"] <= 0.3 < measured["affine_unwarp_p90_mm"]
     assert measured["corner_median_px"] < measured["paper_corner_median_px"]
     assert measured["corrupted_failures"] == 0
-
-
-@pytest.mark.slow
-def test_no_frame_of_the_quick_run_raised(done):
-    _, _, out = done
-    with (out / "tables" / "corrupted.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["kind"] for row in rows] == list(CORRUPTIONS)
-    assert all(float(row["exceptions"]) == 0 for row in rows)
+    assert corrupted["kind"] == list(CORRUPTIONS)
+    assert not any(corrupted["exceptions"])
 
 
 @pytest.mark.parametrize(
@@ -104,22 +75,10 @@ def test_the_packaged_scene_is_the_default():
     assert scene.angle_names == ("pip", "dip")
 
 
-def test_a_scene_without_an_outer_mirror_still_has_views(tmp_path):
-    text = OLD.read_text(encoding="utf-8")
-    start = text.index("[[mirrors]]")
-    end = text.index("[[mirrors]]", start + 1)
-    path = tmp_path / "one-mirror.toml"
-    path.write_text(text[:start] + text[end:], encoding="utf-8")
-    finger = FingerSensor.of(FingerImagesSpec(scene=str(path)), 360)
-    assert ("distal", "mirror:distal") not in finger.model.views
+def test_a_scene_with_an_odd_name_and_without_an_outer_mirror_still_has_views(finger, tmp_path):
+    assert (r"$\frac{$", "direct") in finger.model.views
+    assert not any(path == "mirror:distal" for _, path in finger.model.views)
     assert ("proximal", "mirror:proximal") in finger.model.views
-
-
-def test_names_of_pads_are_drawn_as_text(tmp_path):
-    text = OLD.read_text(encoding="utf-8")
-    path = tmp_path / "odd.toml"
-    path.write_text(text.replace('name = "distal"', r"name = '$\frac{$'"), encoding="utf-8")
-    finger = FingerSensor.of(FingerImagesSpec(scene=str(path)), 360)
     draw_imprints(finger, {"untouched": {}}).savefig(tmp_path / "imprints.svg")
     assert r"<!-- $\frac{$ -->" in (tmp_path / "imprints.svg").read_text(encoding="utf-8")
 
@@ -134,13 +93,7 @@ def test_sampled_fingers_are_the_same_in_every_run(finger):
 
 
 def test_a_scene_that_is_no_finger_is_refused(tmp_path, capsys):
-    gallery = files("studies") / "gallery" / "scenes"
-    curved = next(
-        str(path)
-        for path in gallery.iterdir()
-        if path.name.endswith(".toml") and "radius" in path.read_text(encoding="utf-8")
-    )
-    out = tmp_path / "out"
+    curved, out = files("studies") / "gallery" / "scenes" / "circle.toml", tmp_path / "out"
     assert command(["run", "proprioception", "--set", f"scene={curved}", "--out", str(out)]) == 2
     error = capsys.readouterr().err
     assert "scene" in error
@@ -171,22 +124,17 @@ def test_nearest_errors_bear_any_order_of_corners():
 
 
 def test_tables_count_views_and_frames():
-    measured, times = (
-        Measured(),
-        Records({"effect": ["none"], "milliseconds": 1.0, "more_than_none_ms": 0.0}),
-    )
+    measured = Measured()
+    times = Records({"effect": ["none"], "milliseconds": 1.0, "more_than_none_ms": 0.0})
     name = {"severity": 1.0, "pad": "distal", "path": "direct", "paper_error_px": np.nan}
     measured.corners.add(gain=1.0, error_px=np.repeat([1.0, np.nan], 4), **name)
     measured.corners.add(gain=0.6, error_px=np.repeat(3.0, 4), **name)
     measured.frames.add(gain=[1.0, 0.6], severity=1.0, wrong=[1, 0], shown=1, seconds=0.05)
     out = Report(TactileImagesSpec(), package="studies.tactile_images")
     add_tables(out, measured, Records(), times)
-    rows = out.results().tables[0].rows
-    assert [tuple(row[:6]) for row in rows] == [
-        (0.6, 1.0, 1, 1, 1.0, 3.0),
-        (1.0, 1.0, 1, 2, 0.5, 1.0),
-    ]
-    assert [row[-1] for row in rows] == [0, 1]
+    [first, second] = out.results().tables[0].rows
+    assert (*first[:6], first[-1]) == (0.6, 1.0, 1, 1, 1.0, 3.0, 0)
+    assert (*second[:6], second[-1]) == (1.0, 1.0, 1, 2, 0.5, 1.0, 1)
 
 
 def test_one_thread_is_given_back():
