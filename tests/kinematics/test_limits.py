@@ -75,10 +75,10 @@ def test_a_slide_has_a_stroke():
 
 
 def test_a_narrow_gap_between_samples_is_found():
-    """The crank can almost turn: it is locked for a hundredth of a degree."""
+    """The crank can almost turn: it is locked for a hundredth of a degree, far from any sample."""
     half = np.deg2rad(0.005)
     reach = np.sqrt(2**2 + 5**2 + 2 * 2 * 5 * np.cos(half))
-    limits = find_limits(parse_linkage(four_bar(2, reach - 4, 4, 5)), "crank")
+    limits = find_limits(parse_linkage(four_bar(2, reach - 4, 4, 5, sketch_deg=20.2)), "crank")
     assert ends(limits)[1].value == pytest.approx(np.pi - half, abs=1e-9)
     assert ends(limits)[0].value == pytest.approx(-np.pi + half, abs=1e-9)
 
