@@ -193,6 +193,9 @@ def test_any_shape_of_batch_and_batches_of_designs():
     flat = poses_of(linkage, inputs)
     assert grid.value.position("B").shape == (2, 3, 2)
     np.testing.assert_array_equal(grid.margin.reshape(-1), flat.margin)
+    diagonal = np.sqrt(40**2 + 100**2 - 2 * 40 * 100 * np.cos(inputs[:, 0]))  # law of cosines
+    margin = np.minimum(120 + 80 - diagonal, diagonal - abs(120 - 80))
+    np.testing.assert_allclose(flat.margin, margin, rtol=0, atol=1e-11)
     longer = jax.tree.map(lambda leaf: np.stack([leaf, 1.01 * leaf]), linkage)
     designs = jax.jit(jax.vmap(solve_poses, (0, None)))(longer, inputs)
     np.testing.assert_allclose(designs.value.joints["B"].x[0], flat.value.joints["B"].x, atol=1e-13)
