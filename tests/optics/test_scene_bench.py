@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from designopt.errors import UserError
 from designopt.plot.figures import style
 from optics.explore.scene_bench import SceneBench
+from optics.explore.scene_knobs import ParameterMap
 from optics.explore.scene_seeing import _coverage, _quickly, _views
 from optics.plot.label_layout import Label, PlacedLabel, moved
 from optics.scene.designed import DesignedScene
@@ -193,9 +194,9 @@ def test_a_point_that_all_rays_meet_has_no_resolution():
 
 def test_the_saved_lens_is_that_of_the_file():
     tables = load_toml("scenes/lens.toml")
-    bench = SceneBench(DesignedScene.of(SceneFile.model_validate(tables), "lens"))
-    (file,) = bench.specs({knob.name: knob.value for knob in bench.knobs})
-    assert tomllib.loads(file.content)["camera"]["lens"] == tables["camera"]["lens"]
+    turned = ParameterMap.of(DesignedScene.of(SceneFile.model_validate(tables), "lens"))
+    same = turned.tables({knob.name: knob.value for knob in turned.knobs})
+    assert same["camera"]["lens"] == tables["camera"]["lens"]
 
 
 def test_a_curved_mirror_has_a_radius_that_its_ends_allow():
