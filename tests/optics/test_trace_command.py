@@ -15,6 +15,7 @@ import pytest
 
 from designopt.cli import run
 from optics import find_views, read_scene
+from optics.plot import trace_figures
 from optics.visibility import scene_trace as sight
 
 GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
@@ -253,6 +254,18 @@ def test_files_are_written_whole_and_replaced_only_by_force(tmp_path, capsys):
     last = json.loads((tmp_path / "t.json").read_text())["poses"][2]
     assert last["angles_deg"]["tilt"] == 90
     assert {path.name for path in tmp_path.iterdir()} == before | names
+
+
+def test_a_chart_shows_the_documents_resolution(monkeypatch):
+    figures = []
+    monkeypatch.setattr(trace_figures, "_save", lambda figure, path: figures.append(figure))
+    command = ["trace", "flap.toml", "--sweep", "tilt=0:180:3", "--json", "t.json"]
+    assert run([*command, "--chart", "t.svg"]) == 0
+    poses = json.loads(Path("t.json").read_text())["poses"]
+    lines = {line.get_gid(): line for axes in figures[0].axes for line in axes.lines}
+    for kind, name in (("least", "min"), ("greatest", "max")):
+        wanted = [pose["pads"]["floor"]["px_per_mm"][name] for pose in poses]
+        np.testing.assert_array_equal(lines[f"{kind}:floor"].get_ydata(), wanted)
 
 
 @pytest.mark.parametrize(
