@@ -1,8 +1,11 @@
 """The page in a real browser, over the real command and real designs."""
 
+import base64
+import io
 import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -39,6 +42,11 @@ NUMBERS = """(wanted) => {
   const cells = [...document.querySelectorAll('#readings td.number')].map((c) => c.textContent);
   return cells.length === wanted.length && wanted.every((number, i) => number === null
     ? cells[i] === '–' : Math.abs(Number(cells[i]) - number) <= 1e-5 * Math.abs(number) + 1e-7);
+}"""
+STILL = """() => {
+  const picture = () => document.querySelector('canvas.mpl-canvas').toDataURL();
+  const before = picture();
+  return new Promise((tell) => setTimeout(() => tell(picture() === before), 500));
 }"""
 OTHER = "(before) => document.querySelector('canvas.mpl-canvas').toDataURL() !== before"
 SAID = "(words) => new RegExp(words).test(document.querySelector('#message').textContent)"
@@ -94,13 +102,21 @@ class Visitor:
     def picture(self):
         return self.page.evaluate("document.querySelector('canvas.mpl-canvas').toDataURL()")
 
+    def pixels(self):
+        """Those of the page's picture, when it has come to rest."""
+        self.wait(STILL)
+        data = base64.b64decode(self.picture().partition(",")[2])
+        return np.array(Image.open(io.BytesIO(data)).convert("RGBA"), float)
+
 
 def tour(browser, named, folder, check=lambda saved, numbers, joint: None, ratio=1.0):
     """Move every slider and press every button of a design's page, on a screen of so many pixels.
 
     At some ratios Matplotlib's script makes the canvas a pixel or two too small.
     """
-    window = Hands(load_design(named).explorer(), folder)
+    window, sharp = (Hands(load_design(named).explorer(), folder) for _ in range(2))
+    canvas: Any = sharp.canvas
+    canvas._set_device_pixel_ratio(ratio)
     page = browser.new_page(viewport={"width": 1340, "height": 1000}, device_scale_factor=ratio)
     faults = []
     page.on("pageerror", lambda error: faults.append(str(error)))
@@ -110,6 +126,8 @@ def tour(browser, named, folder, check=lambda saved, numbers, joint: None, ratio
         visitor = Visitor(page, window)
         first = visitor.expected
         visitor.wait(NUMBERS, first)
+        # The same picture, but for what another compiler's rounding does to an edge.
+        assert np.abs(visitor.pixels() - sharp.redrawn()).mean() < 0.5
         names = page.locator("#readings th").all_inner_texts()
         assert names == [each.name for each in window.window.readings]
         for row in window.window.rows:
