@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import subprocess
@@ -11,7 +10,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import jax
 import numpy as np
 from matplotlib.backend_bases import MouseEvent, TimerBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -24,19 +22,12 @@ from designopt.explore.window import Window
 from designopt.plot.figures import style
 
 
-def environment() -> dict[str, str]:
-    """For a command that a test starts: what was compiled before is not compiled again."""
-    folder = getattr(jax.config, "jax_compilation_cache_dir", None)
-    return {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(folder)}
-
-
 @contextmanager
 def served(named: str, folder: Path) -> Iterator[str]:
     """The command shows a page at an address, until it is interrupted: it ends without a word."""
     arguments = ["-m", "designopt", "explore", named, "--web", "--port", "0", "--out", str(folder)]
     with subprocess.Popen(
         [sys.executable, *arguments],
-        env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

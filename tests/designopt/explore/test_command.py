@@ -15,7 +15,7 @@ from designopt import cli
 from designopt.explore import desktop
 from designopt.explore.server import listen
 from tests.commands import check_command_refused, refused_cases
-from tests.designopt.explore.hands import environment, served
+from tests.designopt.explore.hands import served
 from tests.designopt.tables import cases
 
 FOUR_BAR = str(Path(__file__).parents[3] / "studies" / "gallery" / "linkages" / "four-bar.toml")
@@ -113,7 +113,7 @@ def test_a_window_opens_on_a_desktop(tmp_path):
         pytest.skip("no xvfb-run here, and so no desktop to open a window on")
     pytest.importorskip("tkinter", reason="Python was built without Tk")
     command = [xvfb, "-a", sys.executable, "-c", DESKTOP, FOUR_BAR]
-    variables = environment() | {"MPLBACKEND": "tkagg"}
+    variables = os.environ | {"MPLBACKEND": "tkagg"}
     done = subprocess.run(
         command,
         cwd=tmp_path,
