@@ -161,11 +161,17 @@ def _brentq(fields: dict[str, float], work: Workload) -> list[BenchmarkMethod]:
         return np.array([solve(args=(angle,)) for angle in part])
 
     scaled = f", 1 problem in {share} solved and the time scaled" if share > 1 else ""
-    shared, made = {"error": checked.error, "scale": len(work.angles) / len(part)}, []
-    for value in TOLERANCES:
-        words = f"tolerance {value:.0e}{scaled}"
-        made.append(BenchmarkMethod(BRENTQ, words, work.panel, partial(call, value), **shared))
-    return made
+    shared = {"error": checked.error, "scale": len(work.angles) / len(part)}
+    return [
+        BenchmarkMethod(
+            BRENTQ,
+            f"tolerance {value:.0e}{scaled}",
+            work.panel,
+            partial(call, value),
+            **shared,
+        )
+        for value in TOLERANCES
+    ]
 
 
 def _exact_ratios(fields: dict[str, float], angles: np.ndarray) -> list[Any]:

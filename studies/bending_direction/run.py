@@ -167,9 +167,11 @@ def answer_disturbed(finger: SoftFinger, threshold: float, seed: int) -> Records
     initial = before_bending(finger.renderer(seed), finger)
 
     def answer(picture: Picture, kind: Disturbance, number: int) -> Answer:
-        regions, how = perception.find_regions(picture), {"threshold": threshold}
+        regions = perception.find_regions(picture)
         points = perception.find_points(picture, regions)
-        found = perception.estimate_bending_direction(points, initial, use="all", **how)
+        found = perception.estimate_bending_direction(
+            points, initial, threshold=threshold, use="all"
+        )
         wanted = truths[number] if kind.in_view else Direction.UNDEFINED
         return Answer(regions.status, found is not Direction.UNDEFINED, found is wanted)
 

@@ -20,7 +20,9 @@ Diameter = Annotated[float, Field(ge=1, le=500)]
 class SpringSpec(Spec):
     """What closes the finger and what keeps it straight."""
 
-    stiffness: Stiffness = setting(30.0, "spring of distal phalanx and plate (N mm/rad)")
+    stiffness: Stiffness = setting(
+        30.0, "torsion spring between distal phalanx and plate (N mm/rad)"
+    )
     preload: float = setting(0.3, "how far it is wound in the straight finger (rad)", ge=0, le=3)
     servo: Stiffness = setting(300.0, "stiffness of the motor (N mm/rad)")
     diameters: list[Diameter] = setting(

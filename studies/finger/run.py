@@ -253,8 +253,11 @@ def add_metrics(out: Report, found: FingerDesign, lines: Records) -> None:
     )
     if grasp is not None:
         out.values(states=grasp.states)
-        names = ("free_closing_pip_deg", "virtual_work_error", "unconverged")
-        out.metrics(**{name: getattr(grasp, name) for name in names})
+        out.metrics(
+            free_closing_pip_deg=grasp.free_closing_pip_deg,
+            virtual_work_error=grasp.virtual_work_error,
+            unconverged=grasp.unconverged,
+        )
 
 
 def add_findings(out: Report, spec: FingerSpec, found: FingerDesign, lines: Records) -> None:

@@ -138,9 +138,15 @@ def curve_of(hand: Hand, spec: ObjectSizeSpec) -> Records:
             "finger_radius or the diameters"
         )
     slopes = jax.jit(jax.vmap(jax.grad(lambda bend: touched(hand, bend).diameter)))
-    curve = {"diameter_mm": diameters, "bend_deg": np.rad2deg(solved.value)}
-    curve["contact_mm"] = jax.jit(jax.vmap(touched, in_axes=(None, 0)))(hand, solved.value).arc
-    return Records(curve | {"mm_per_deg": np.deg2rad(slopes(solved.value))})
+    touches = jax.jit(jax.vmap(touched, in_axes=(None, 0)))(hand, solved.value)
+    return Records(
+        {
+            "diameter_mm": diameters,
+            "bend_deg": np.rad2deg(solved.value),
+            "contact_mm": touches.arc,
+            "mm_per_deg": np.deg2rad(slopes(solved.value)),
+        }
+    )
 
 
 def train_network(spec: ObjectSizeSpec, finger: SoftFinger, seed: int) -> PostureEstimator:
@@ -333,9 +339,12 @@ def add_curve(out: Report, curve: Records, length: float) -> None:
     out.metrics(least_mm_per_deg=slopes.min(), largest_mm_per_deg=slopes.max())
     tip = curve["contact_mm"] >= length
     values = {"sizes": curve["diameter_mm"][[0, -1]], "bends": curve["bend_deg"][[0, -1]]}
-    both = tip.any() and not tip.all()
-    entry = "not-unique" if np.any(curve["mm_per_deg"] >= 0) else "curve-tip" if both else "curve"
-    out.say(entry, **values, tip=max(curve["diameter_mm"][tip], default=math.nan))
+    if np.any(curve["mm_per_deg"] >= 0):
+        out.say("not-unique", **values)
+    elif tip.any() and not tip.all():
+        out.say("curve-tip", **values, tip=curve["diameter_mm"][tip][-1])
+    else:
+        out.say("curve", **values)
     out.table("curve", curve.where(np.arange(PLACES) % LISTED == 0))
     out.figure("curve", draw_curve(curve, tip, out["bottles"]))
 

@@ -64,9 +64,15 @@ def estimate(postures: Sequence[PostureEstimate], reader: Reader) -> Records:
     fit = posture.fit_bend(stack_markers(postures), (first, second, third, last), length)
     found = diameters_of(reader.hands(len(postures)), jnp.asarray(fit.bend))
     known = fit.known & (fit.residual <= reader.largest_residual) & np.asarray(found.ok)
-    bends, residuals = np.where(fit.known, (np.rad2deg(fit.bend), fit.residual), np.nan)
-    rows = Records({"seen": fit.known, "estimated_bend_deg": bends, "residual_mm": residuals})
-    return rows | {"known": known, "estimate_mm": np.where(known, found.value, np.nan)}
+    return Records(
+        {
+            "seen": fit.known,
+            "estimated_bend_deg": np.where(fit.known, np.rad2deg(fit.bend), np.nan),
+            "residual_mm": np.where(fit.known, fit.residual, np.nan),
+            "known": known,
+            "estimate_mm": np.where(known, found.value, np.nan),
+        }
+    )
 
 
 def stack_markers(postures: Sequence[PostureEstimate]) -> Float[np.ndarray, "pictures 3 2"]:

@@ -70,12 +70,13 @@ def analyze(spec: Table1Spec) -> Analysis:
     """
     clearance = jnp.asarray(spec.clearance)
     printed = imaging.printed_chamber(spec.chamber)
-    solved, other = imaging.solve(printed, clearance), None
+    solved = imaging.solve(printed, clearance)
     if not bool(solved.fit.solution.ok):
         raise UserError(
             "--set chamber: no camera constants bring this chamber near Table I (the fit did not "
             "converge); choose dimensions nearer to the paper's"
         )
+    other = None
     if spec.chamber == ChamberSpec():
         other = imaging.solve(imaging.printed_chamber(OTHER_READING), clearance)
     lens = real_lens(printed, jnp.asarray(spec.f_number), jnp.asarray(spec.blur))

@@ -21,7 +21,7 @@ from optics.plot.chamber_drawing import REGIONS
 from optics.scene.thin_lens import ThinLens
 from studies.benchmarks import chamber as benchmark
 from studies.models.soft_finger import paper
-from studies.models.soft_finger.imaging import PRINTED, Columns, Constants, Imaging
+from studies.models.soft_finger.imaging import Columns, Constants, Imaging
 from studies.stability import chamber as stability
 from studies.table1 import Table1Spec
 from studies.table1.analysis import Analysis, analyze, analyze_batch
@@ -210,9 +210,15 @@ def add_tables(out: Report, analysis: Analysis) -> None:
     """Table I three times, its deviations, the identification, the readings, the real lens."""
     printed, identified = analysis.imaging.printed, analysis.imaging.identified
     tables = {"printed": printed.table, "identified": identified.table}
-    every = {"paper": Columns(*map(jnp.asarray, PRINTED))} | tables
-    cells = _columns("delta_l_d_cm", **every) | _columns("theta_cd_deg", **every)
-    out.table("table1", eta=paper.ETA, **cells, eta_from_theta=identified.table.eta)
+    out.table(
+        "table1",
+        eta=paper.ETA,
+        paper_delta_l_d_cm=paper.DELTA_L_D_CM,
+        **_columns("delta_l_d_cm", **tables),
+        paper_theta_cd_deg=paper.THETA_CD_DEG,
+        **_columns("theta_cd_deg", **tables),
+        eta_from_theta=identified.table.eta,
+    )
     off = {whose: table.deviations() for whose, table in tables.items()}
     cells = _columns("delta_l_d_cm", **off) | _columns("theta_cd_deg", **off)
     ratios = {f"{name}_from_theta": column for name, column in _columns("eta", **off).items()}

@@ -251,26 +251,33 @@ def operations() -> list[LeftOutRow]:
     finger = cases.gallery("finger")
     bare = cases.changed_finger(lambda data: data.pop("mirrors"))
     bent = cases.changed_finger(lambda data: data["mirrors"][0].update(radius=RADIUS_MM))
-    none, once, twice = (partial(find_coverage, bounces=bounces) for bounces in (0, 1, 2))
-    asked = {
-        "coverage of a finger without mirrors": (
-            "unfolding and apertures: a finger with mirrors, one reflection",
-            *((none, bare), (once, finger)),
-        ),
-        "coverage of the finger by one reflection": (
-            "paths over two mirrors, which cut each other's views",
-            *((once, finger), (twice, finger)),
-        ),
-        "coverage of the finger by edge-refined rays, its mirrors straight": (
-            "conic sections, their quadratic equations and horizons: the same with a curved mirror",
-            *((refined, finger), (refined, bent)),
-        ),
-        "coverage of the finger, and nothing else": (
-            "pixels, resolution, distances, margins and reasons: all that `find_views` answers",
-            *((once, finger), (find_views, finger)),
-        ),
-    }
+    none = count(partial(find_coverage, bounces=0), bare)
+    once, twice = (count(partial(find_coverage, bounces=bounces), finger) for bounces in (1, 2))
+    straight, curved = count(refined, finger), count(refined, bent)
+    views = count(find_views, finger)
     return [
-        LeftOutRow(what, left_out, count(*without), count(*whole))
-        for what, (left_out, without, whole) in asked.items()
+        LeftOutRow(
+            "coverage of a finger without mirrors",
+            "unfolding and apertures: a finger with mirrors, one reflection",
+            none,
+            once,
+        ),
+        LeftOutRow(
+            "coverage of the finger by one reflection",
+            "paths over two mirrors, which cut each other's views",
+            once,
+            twice,
+        ),
+        LeftOutRow(
+            "coverage of the finger by edge-refined rays, its mirrors straight",
+            "conic sections, their quadratic equations and horizons: the same with a curved mirror",
+            straight,
+            curved,
+        ),
+        LeftOutRow(
+            "coverage of the finger, and nothing else",
+            "pixels, resolution, distances, margins and reasons: all that `find_views` answers",
+            once,
+            views,
+        ),
     ]

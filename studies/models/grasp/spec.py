@@ -45,15 +45,25 @@ class GraspSpec(Spec):
 
     body: BodySpec = BodySpec()
     pins: PinsSpec = PinsSpec()
-    spring_stiffness: Stiffness = setting(30.0, "k, spring of distal phalanx and plate (N mm/rad)")
-    preload: float = setting(0.3, "γ_p, its angle in the straight finger (rad)", ge=0, le=3)
-    servo_stiffness: Stiffness = setting(300.0, "k_s, of the motor at the crank (N mm/rad)")
-    motor_end_deg: float = setting(160.0, "to which the motor closes (degrees)", ge=10, le=360)
+    spring_stiffness: Stiffness = setting(
+        30.0, "k, torsion spring between distal phalanx and plate (N mm/rad)"
+    )
+    preload: float = setting(
+        0.3, "γ_p, how far that spring is wound in the straight finger (rad)", ge=0, le=3
+    )
+    servo_stiffness: Stiffness = setting(
+        300.0, "k_s, stiffness of the motor at the crank (N mm/rad)"
+    )
+    motor_end_deg: float = setting(
+        160.0, "angle to which the motor closes (degrees)", ge=10, le=360
+    )
     diameters: list[Diameter] = setting(
         [10.0 * i for i in range(1, 10)], "circles to close on (mm)", free=True, min_length=1
     )
     grip_at: PositiveFloat = setting(
-        11.5, "from the PIP axis to the circles on the proximal pad, at most (mm)", free=True
+        11.5,
+        "the circles lie on the proximal pad so far from the PIP axis, smaller ones nearer (mm)",
+        free=True,
     )
     opening_load: tuple[float, float] = setting(
         (15.0, 5.0), "moments that pull PIP and DIP open in the loaded sequence (N mm)", free=True

@@ -16,7 +16,9 @@ Positive = Annotated[float, Field(gt=0, le=1e3)]
 class LimitsSpec(Spec):
     """What every posture must leave. Lengths in mm."""
 
-    clearance: float = setting(2.0, "pins to faces and ends of their phalanx (mm)", ge=0, le=100)
+    clearance: float = setting(
+        2.0, "pin axes to the faces and ends of their phalanx (mm)", ge=0, le=100
+    )
     spacing: Positive = setting(6.0, "least distance of two pins on a link (mm)")
     crank_offset: Positive = setting(8.0, "least |AF| (mm); at 0 the crank turns about PIP")
     crank_length: Positive = setting(22.0, "greatest |EF| (mm)")
@@ -49,8 +51,8 @@ class SearchSpec(Spec):
     starts: int = setting(16, "local solves, from the most promising Sobol points", ge=1, le=256)
     among: int = setting(16384, "Sobol points looked at", ge=1, le=2**20)
     step_deg: float = setting(15.0, "step of the first solve's postures (degrees)", ge=1, le=45)
-    exchanges: int = setting(4, "further solves, with the worst postures added", ge=0, le=20)
-    finalists: int = setting(4, "optima of the first solve that are solved on", ge=1, le=64)
+    exchanges: int = setting(4, "most further solves, with the worst postures added", ge=0, le=20)
+    finalists: int = setting(4, "different optima of the first solve, solved on", ge=1, le=64)
     allowance: float = setting(
         0.02, "kept beyond every length, for rounding and between postures (mm)", ge=0, le=1
     )

@@ -22,7 +22,7 @@ class StabilitySpec(Spec):
         2.0, "decades over which the lengths of random linkages spread", ge=0.1, le=6
     )
     family_cases: int = free(
-        40, "cases in a family, half of them in each assembly", ge=16, le=2000, multiple_of=2
+        40, "cases in each extreme family, half in each assembly", ge=16, le=2000, multiple_of=2
     )
     triad: bool = free(True, "follow a Stephenson six-bar through large steps of its input")
 
