@@ -37,8 +37,9 @@ def measured_length(quad: Quad, width: float, lens: Lens) -> tuple[float, float]
     unmoved = lens.rays(quad.corners)
     for axis, step in enumerate(STEP * np.eye(2)):
         steps = lens.rays(quad.corners + step) - unmoved
-        for i, own in enumerate(np.eye(4)):
-            changed = quad.rays + own[:, None] * steps
+        for i in range(4):
+            changed = quad.rays.copy()
+            changed[i] += steps[i]
             slope = (_length(changed, width) - base) / STEP
             variance += slope**2 * (quad.covariance[i, axis, axis] + LEAST_DEVIATION**2)
     return base, float(np.sqrt(variance))

@@ -319,9 +319,17 @@ def _found(
         ends &= not ends.all()
     elif quad.quality is not Quality.COMPLETE:
         ends = np.zeros(2, bool)
-    granted = bool(ends[0]), bool(ends[1])
-    where = quad.corners[order], quad.rays[order], quad.covariance[order]
-    return View(*_name(family), quad.quality, granted, *where, quad.area)
+    return View(
+        pad=family.pad,
+        path=family.path,
+        reflections=family.reflections,
+        quality=quad.quality,
+        ends=(bool(ends[0]), bool(ends[1])),
+        corners=quad.corners[order],
+        rays=quad.rays[order],
+        covariance=quad.covariance[order],
+        area=quad.area,
+    )
 
 
 def _judged(catalog: ViewCatalog, index: int, value: int, quad: Quad, lens: Lens) -> Quad:
@@ -382,10 +390,16 @@ def _beside(
     return found
 
 
-def _name(family: ViewFamily) -> tuple[str, str, int]:
-    return family.pad, family.path, family.reflections
-
-
 def _missing(family: ViewFamily) -> View:
-    nothing, unknown = np.full((4, 2), np.nan), np.full((4, 2, 2), np.nan)
-    return View(*_name(family), Quality.MISSING, (False, False), nothing, nothing, unknown, 0.0)
+    nothing = np.full((4, 2), np.nan)
+    return View(
+        pad=family.pad,
+        path=family.path,
+        reflections=family.reflections,
+        quality=Quality.MISSING,
+        ends=(False, False),
+        corners=nothing,
+        rays=nothing,
+        covariance=np.full((4, 2, 2), np.nan),
+        area=0.0,
+    )

@@ -50,10 +50,6 @@ NEAR_BORDER = 3
 """A blob within so many pixels of the image's border is cut off by it."""
 
 
-Brightness = Float[np.ndarray, "rows columns"]
-Corners = Float[np.ndarray, "4 2"]
-
-
 @dataclass(frozen=True)
 class Quad:
     """The view of a pad, or of what looks like one.
@@ -80,7 +76,9 @@ class Quad:
     quality: Quality
 
 
-def fit_quad(gray: Brightness, lens: Lens, contour: Int[np.ndarray, "_ 2"]) -> Quad | None:
+def fit_quad(
+    gray: Float[np.ndarray, "rows columns"], lens: Lens, contour: Int[np.ndarray, "_ 2"]
+) -> Quad | None:
     """The view whose blob has a given contour.
 
     Args:
@@ -137,8 +135,9 @@ def fit_quad(gray: Brightness, lens: Lens, contour: Int[np.ndarray, "_ 2"]) -> Q
         quality = Quality.BLURRED
     elif not np.isfinite(scatter):
         quality = Quality.LOW_CONTRAST
-    covariances, area = _covariances(lens, plane, found), float(cv2.contourArea(contour))
-    return Quad(rays, lens.project(rays), covariances, area, contrast, scatter, quality)
+    covariance = _covariances(lens, plane, found)
+    area = float(cv2.contourArea(contour))
+    return Quad(rays, lens.project(rays), covariance, area, contrast, scatter, quality)
 
 
 def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | None:
@@ -209,7 +208,10 @@ class _Outline(NamedTuple):
 
 
 def _refined(
-    gray: Brightness, lens: Lens, plane: TangentPlane, corners: Corners
+    gray: Float[np.ndarray, "rows columns"],
+    lens: Lens,
+    plane: TangentPlane,
+    corners: Float[np.ndarray, "4 2"],
 ) -> _Outline | None:
     """One round of finding edges and fitting lines; ``None`` where these do not meet."""
     sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]

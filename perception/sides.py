@@ -159,10 +159,16 @@ def find_edges(
     dark = float(np.median(outside.reshape(shape), axis=1).min())
     depth = contrast / np.maximum(inside - dark, 1.0)
     deep = _median(depth.reshape(shape), there)
-    doubt = SEAM * np.maximum(DEEP - deep, 0.0)
-    offsets, scale, contrast = (part.reshape(shape) for part in (middle / scale, scale, contrast))
-    step, free = _median(contrast, there), clear.reshape(shape).mean(axis=1)
-    return Edges(shares, offsets, scale, there, step, width, free, doubt)
+    return Edges(
+        shares=shares,
+        offsets=(middle / scale).reshape(shape),
+        scale=scale.reshape(shape),
+        found=there,
+        contrast=_median(contrast.reshape(shape), there),
+        width=width,
+        clear=clear.reshape(shape).mean(axis=1),
+        doubt=SEAM * np.maximum(DEEP - deep, 0.0),
+    )
 
 
 def _falling(

@@ -101,9 +101,13 @@ def train(
     count, (rows, columns) = len(images), images.shape[1:]
     batch = min(settings.batch, count)
     steps = count // batch
-    given = (getattr(settings, name) for name in Rates._fields[:-1])
-    singles = (jnp.asarray(one, jnp.float32) for one in given)
-    rates = Rates._make([*singles, jnp.asarray(settings.epochs * steps, jnp.int32)])
+    rates = Rates(
+        learning_rate=jnp.asarray(settings.learning_rate, jnp.float32),
+        decay=jnp.asarray(settings.decay, jnp.float32),
+        regularisation=jnp.asarray(settings.regularisation, jnp.float32),
+        loss_weights=jnp.asarray(settings.loss_weights, jnp.float32),
+        steps=jnp.asarray(settings.epochs * steps, jnp.int32),
+    )
     generator = np.random.default_rng(settings.seed)
     network = PostureNetwork((columns, rows), settings.channels, generator)
     state = _first(network)
@@ -120,8 +124,15 @@ def train(
             errors = compute_marker_errors(predicted, validation[1])
             tip_errors.append(float(errors[:, -1].mean()))
         seconds.append(time.perf_counter() - began)
-    history = tuple(losses), tuple(tip_errors), tuple(seconds)
-    record = TrainingRecord(*history, count, (columns, rows), settings, _versions())
+    record = TrainingRecord(
+        loss=tuple(losses),
+        tip_error=tuple(tip_errors),
+        seconds=tuple(seconds),
+        samples=count,
+        image_size=(columns, rows),
+        settings=settings,
+        versions=_versions(),
+    )
     return PostureEstimator(state.network, mean, deviation, label_mean, scale, record)
 
 

@@ -95,7 +95,12 @@ class FingerErrors(eqx.Module):
         own = np.eye(model.errors) if covariance is None else covariance
         offsets = np.zeros((len(model.views), 4, 2))
         both = scipy.linalg.block_diag(own, constant**2 * np.eye(offsets.size))
-        return cls(*map(jnp.asarray, (mean, offsets, both, np.ones(()))))
+        return cls(
+            mean=jnp.asarray(mean),
+            offsets=jnp.asarray(offsets),
+            covariance=jnp.asarray(both),
+            scale=jnp.asarray(1.0, float),
+        )
 
 
 class JointAngles(eqx.Module):

@@ -146,6 +146,20 @@ def test_a_seed_gives_the_same_network_again():
     assert np.abs(one.network.weight).max() == pytest.approx(few.learning_rate, rel=1e-3)
 
 
+def test_of_two_steps_the_second_goes_by_half_of_the_rate_if_it_decays():
+    start, steady, decayed = (
+        np.asarray(train(IMAGES[:20], MARKERS[:20], settings).network.weight)
+        for settings in (
+            dataclasses.replace(QUICK, epochs=1),
+            dataclasses.replace(QUICK, epochs=2, decay=False),
+            dataclasses.replace(QUICK, epochs=2),
+        )
+    )
+    assert np.abs(steady - start).max() > QUICK.learning_rate / 10
+    # Weights of 0.003 are stored in single precision, to 2e-10.
+    np.testing.assert_allclose(decayed - start, (steady - start) / 2, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("images", "markers", "message"),
     [
@@ -162,23 +176,23 @@ def test_samples_that_teach_nothing_are_refused(images, markers, message):
         train(images, markers, QUICK)
 
 
-SETTINGS = {
-    "epochs is at least 1, not 0": {"epochs": 0},
-    "batch is at least 1, not 0": {"batch": 0},
-    "learning_rate is positive": {"learning_rate": 0.0},
-    "learning_rate is positive and": {"learning_rate": float("nan")},
-    "regularisation is finite and at least 0": {"regularisation": -1.0},
-    "3 positive finite numbers": {"loss_weights": (1.0, 0.0, 1.0)},
-    "seed is at least 0": {"seed": -1},
-    "channels are one or more": {"channels": ()},
-    "channels are one or more numbers": {"channels": (4, 0)},
-}
-
-
-@pytest.mark.parametrize("message", SETTINGS)
-def test_settings_out_of_range_are_refused(message):
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"epochs": 0}, "epochs is at least 1, not 0"),
+        ({"batch": 0}, "batch is at least 1, not 0"),
+        ({"learning_rate": 0.0}, "learning_rate is positive"),
+        ({"learning_rate": float("nan")}, "learning_rate is positive"),
+        ({"regularisation": -1.0}, "regularisation is finite and at least 0"),
+        ({"loss_weights": (1.0, 0.0, 1.0)}, "3 positive finite numbers"),
+        ({"seed": -1}, "seed is at least 0"),
+        ({"channels": ()}, "channels are one or more"),
+        ({"channels": (4, 0)}, "channels are one or more"),
+    ],
+)
+def test_settings_out_of_range_are_refused(settings, message):
     with pytest.raises(ValueError, match=message):
-        Training(**SETTINGS[message])
+        Training(**settings)
 
 
 @pytest.fixture

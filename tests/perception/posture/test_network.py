@@ -86,8 +86,13 @@ def test_gradient_against_central_differences():
     made = jax.tree.map(lambda leaf: leaf.astype(jnp.float64), network())
     shown = jnp.asarray(images(4), jnp.float64)
     markers = jnp.asarray(np.random.default_rng(3).normal(size=(4, 3, 2)))
-    numbers = np.float32(0.003), np.float32(1), 0.3, [0.5, 1.0, 1.5], np.int32(1)
-    rates = Rates(*map(jnp.asarray, numbers))
+    rates = Rates(
+        learning_rate=jnp.asarray(0.003, jnp.float32),
+        decay=jnp.asarray(1.0, jnp.float32),
+        regularisation=jnp.asarray(0.3),
+        loss_weights=jnp.asarray([0.5, 1.0, 1.5]),
+        steps=jnp.asarray(1, jnp.int32),
+    )
 
     @eqx.filter_jit
     def value(at: PostureNetwork) -> jax.Array:

@@ -103,9 +103,7 @@ def full(section: float) -> Sighting:
 def full_ruler(views: tuple[tuple[str, str], ...] = (VIEW, OTHER)) -> EdgeEstimator:
     sections = np.linspace(LOW, HIGH, 7)
     frames = [full(one) for one in sections.tolist()]
-    return fit_edges(
-        frames, line(sections), [VIEW, OTHER] if views is None else views, **DEVIATIONS
-    )
+    return fit_edges(frames, line(sections), views, **DEVIATIONS)
 
 
 def test_of_several_ends_the_best_is_taken():
@@ -153,10 +151,8 @@ def test_a_curve_is_of_the_frames_that_show_its_end_and_have_a_label():
     spoilt = [first_end(float(section)) for section in (*sections, 0.0)]
     spoilt += [sighting_of(missing(*VIEW)), sighting_of(), sighting_of(hidden)]
     labels = np.append(parabola(sections), [np.nan, 5.0, 6.0, 7.0])
-    ruler, expected = (
-        fit_edges(spoilt, labels, [VIEW], **DEVIATIONS),
-        ruler_of(sections, labels[:6]),
-    )
+    ruler = fit_edges(spoilt, labels, [VIEW], **DEVIATIONS)
+    expected = ruler_of(sections, labels[:6])
     for name in ("coefficients", "covariance"):
         found, wanted = (getattr(one.curves[0], name) for one in (ruler, expected))
         np.testing.assert_allclose(found, wanted, atol=1e-12)
