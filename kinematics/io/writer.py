@@ -15,6 +15,7 @@ from designopt.errors import UserError
 from designopt.io.files import replaced_when_complete
 from designopt.io.spec_files import FORMAT
 from designopt.io.toml_writing import format_toml
+from kinematics.io.shapes import CONSISTENT
 from kinematics.model.assembled import own_places
 from kinematics.model.linkage import Linkage, Spring
 from kinematics.model.topology import WORLD, BodyPart, Structure
@@ -141,11 +142,13 @@ def _body(linkage: Linkage, body: BodyPart) -> dict[str, Any]:
     table: dict[str, Any] = {"joints": list(body.joints)}
     if body.fixed:
         return table | {"fixed": True}
-    pairs = itertools.combinations(own_places(linkage, body).items(), 2)
+    places = own_places(linkage, body)
+    # Joints in one place have no length between them; the sketch keeps them together.
+    together = CONSISTENT * max(abs(place) for place in places.values())
     lengths = {
         f"{first}-{second}": abs(end - start)
-        for (first, start), (second, end) in pairs
-        if first in body.joints[:ENOUGH]
+        for (first, start), (second, end) in itertools.combinations(places.items(), 2)
+        if first in body.joints[:ENOUGH] and abs(end - start) > together
     }
     return table | {"lengths": lengths}
 

@@ -13,7 +13,14 @@ from hypothesis import strategies as st
 
 from designopt import UserError
 from kinematics import format_linkage, parse_linkage, read_linkage, write_linkage
-from tests.kinematics.gallery import NAMES, each_linkage, gallery
+from tests.kinematics.gallery import (
+    FOUR_BAR,
+    NAMES,
+    each_linkage,
+    gallery,
+    pin_in_two_slots,
+    tables_of,
+)
 
 ITERATED = {"double-butterfly", "stephenson"}
 """Compile for ten and for thirty seconds."""
@@ -94,6 +101,25 @@ def test_what_is_written_is_read_back(drawn):
     linkage = parse_linkage(drawn, "drawn")
     text = format_linkage(linkage)
     assert_same(linkage, parse_linkage(tomllib.loads(text), "again"))
+
+
+@pytest.mark.parametrize("line", ["arm", "ground", "world"])
+def test_a_joint_on_two_lines_is_driven_along_the_same_one(line):
+    tables = pin_in_two_slots(20.0)
+    tables["inputs"] = [{"name": "push", "slider": "P", "relative_to": line}]
+    linkage = parse_linkage(tables, "slots")
+    assert_same(linkage, parse_linkage(tomllib.loads(format_linkage(linkage)), "again"))
+
+
+@pytest.mark.parametrize("pin", ["A", "B"])
+def test_joints_of_a_body_in_one_place_stay_together(pin):
+    joints = {"O2": [0, 0], "A": [30, 26], "B": [143, 67], "O4": [100, 0]}
+    bodies = FOUR_BAR | {"coupler": "A B M"}
+    linkage = parse_linkage(tables_of(joints | {"M": joints[pin]}, "O2 O4", bodies), "twin")
+    for _ in range(2):  # what is read back has them in one place to rounding only
+        again = parse_linkage(tomllib.loads(format_linkage(linkage)), "again")
+        assert_same(linkage, again)
+        linkage = again
 
 
 def test_other_lengths_are_written():
