@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from designopt.numerics import as_float, safe_divide, safe_sqrt
-from designopt.vectors import rotation, vector
 from optics.scene.camera import Equidistant, KannalaBrandt, Projection
 from optics.scene.scene import Layout, Scene
 
@@ -190,7 +189,14 @@ def turned(
     arms: Float[Array, "segments 2 2"], angle: Float[Array, " segments"]
 ) -> Float[Array, "segments 2 2"]:
     """Arrows to the ends of segments, turned counter-clockwise by an angle (rad) for each."""
-    return vector(arms).turned(rotation(angle)[:, None]).stacked()
+    cosine, sine = jnp.cos(angle)[:, None], jnp.sin(angle)[:, None]
+    return jnp.stack(
+        [
+            cosine * arms[..., 0] - sine * arms[..., 1],
+            sine * arms[..., 0] + cosine * arms[..., 1],
+        ],
+        axis=-1,
+    )
 
 
 def _directions(ends: Float[Array, "segments 2 2"]) -> Float[Array, "segments 2"]:
@@ -214,5 +220,7 @@ def displaced(
     """
     middle = jnp.mean(ends, axis=1, keepdims=True)
     arms = turned(ends - middle, tilt)
-    normal = vector(_directions(arms)).perpendicular().scaled(offset)
-    return middle + arms + normal.stacked()[:, None]
+    along = arms[:, 1] - arms[:, 0]
+    length = jnp.sqrt(jnp.sum(along * along, axis=-1, keepdims=True))
+    normal = jnp.stack([-along[:, 1], along[:, 0]], axis=-1) / length
+    return middle + arms + (offset[:, None] * normal)[:, None]
