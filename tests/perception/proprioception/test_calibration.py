@@ -107,19 +107,22 @@ def test_of_a_straight_finger_the_posterior_is_the_closed_one(labelling, constan
     weighted = (slopes * there[..., None]).reshape(-1, prior.size)
     data = ((np.asarray(seen.corners) - STRAIGHT[0]) * there).ravel()
     covariance = np.linalg.inv(weighted.T @ weighted + np.diag(prior))
-    expected = (covariance @ (weighted.T @ data + prior * mean))[: -zero.size]
-    covariance = covariance[: -zero.size, : -zero.size]
+    expected = covariance @ (weighted.T @ data + prior * mean)
 
     assert found.ok
     scale = np.sqrt(np.diag(covariance))
     # What softening is left moves an answer by less than a hundredth of its deviation.
-    answer = np.concatenate([found.value.errors.mean, found.value.angles.ravel()])
+    errors = found.value.errors
+    offsets = np.ravel(errors.offsets) / (constant or 1)
+    answer = np.concatenate([errors.mean, found.value.angles.ravel(), offsets])
     np.testing.assert_allclose((answer - expected) / scale, 0, atol=0.01)
     # The straight frames scatter less than stated, so that nothing is scaled.
-    assert float(found.value.errors.scale) == 1
-    units = np.outer(scale, scale)[:ERRORS, :ERRORS]
-    own = covariance[:ERRORS, :ERRORS] / units
-    np.testing.assert_allclose(covariance_of(found.value) / units, own, atol=0.005)
+    assert float(errors.scale) == 1
+    causes = np.r_[:ERRORS, ERRORS + EVERY.size : prior.size]
+    unit = np.where(causes < ERRORS, 1, constant)
+    own = np.outer(unit, unit) * covariance[np.ix_(causes, causes)]
+    units = np.outer(scale[causes], scale[causes])
+    np.testing.assert_allclose(errors.covariance / units, own / units, atol=0.005)
 
 
 def covariance_of(calibration: Calibration) -> np.ndarray:
