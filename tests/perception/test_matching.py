@@ -153,6 +153,15 @@ def test_in_any_order_corners_rays_and_covariances_are_those_of_a_pad():
             np.testing.assert_allclose(LENS.project(view.rays), view.corners, atol=1e-6)
 
 
+def test_what_stays_shows_how_the_camera_is_out_of_place():
+    moved = corners_in(BOTH) + np.array([20.0, -15.0])
+    sighting = match_views([quad_of(corners) for corners in moved], KNOWN, LENS)
+    np.testing.assert_allclose(sighting.angles, BOTH, atol=STEP)
+    assert [(view.pad, view.path) for view in sighting.views] == list(VIEWS)
+    for view, corners in zip(sighting.views, moved, strict=True):
+        np.testing.assert_allclose(view.corners, corners, atol=1e-6)
+
+
 @pytest.mark.parametrize(("pad", "path"), VIEWS)
 def test_a_view_flatter_than_its_pads_limit_is_flat(pad, path):
     quads = quads_of(corners_in(BOTH))
