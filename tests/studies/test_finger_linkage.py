@@ -144,6 +144,11 @@ def test_design_b_has_the_figures_of_the_independent_search():
     exact = least_angles(REFERENCE, 0.0, 600, 0)
     np.testing.assert_allclose(exact, exact[0])
     assert abs(exact[0] - 46.3) < 0.1
+    # With errors of 5 mm many fingers cannot be assembled everywhere.
+    broken = least_angles(REFERENCE, 5.0, 600, 0)
+    assert np.isfinite(broken).all()
+    assert 0.1 < np.mean(broken == 0) < 0.99
+    assert broken.min() == 0
 
 
 def mixed(pins):

@@ -43,10 +43,11 @@ def test_pins_satisfy_the_lengths(feasible):
         crank = x[:, mechanism.formula.inputs.index("crank")]
         a = x[:, :2] + crank[:, None] * exact.direction(x[:, -1]).T
         assert np.max(mechanism.formula.gaps(x, a, found.value)) < 1e-40
-        # Turned about A, the pin misses only what holds it at its other end.
-        u, (cosine, sine) = (found.value - a).T, exact.direction(mpmath.mpf("1e-3"))
-        turned = a + (cosine * u + sine * exact.left(u)).T
-        assert np.min(mechanism.formula.gaps(x, a, turned)) > 1e-8
+        # Other dimensions are missed by these pins, whichever it is; A has the angle in it.
+        for column, name in enumerate(mechanism.formula.inputs[:-1]):
+            other = x.copy()
+            other[:, column] = x[:, column] + mpmath.mpf("1e-4")
+            assert np.min(mechanism.formula.gaps(other, a, found.value)) > 1e-10, name
     for name in ("value", "gradient", "margin", "size"):
         slow, quick = (getattr(one, name).astype(float) for one in (found, fast))
         np.testing.assert_allclose(quick, slow, rtol=1e-14, atol=1e-14)
