@@ -123,8 +123,14 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> Comparison:
     for share in SHARES:
         until = share * spec.evolution_seconds
         least = evolution_at(evolution, until * (1 + 1e-9) if share < 1 else np.inf)
-        run = {"method": EVOLUTION, "setting": f"{until:.3g} s", "seconds": until}
-        runs.add(**run, least_deg=least, violation=0.0 if least else 1.0, compile_seconds=0.0)
+        runs.add(
+            method=EVOLUTION,
+            setting=f"{until:.3g} s",
+            least_deg=least,
+            violation=0.0 if least else 1.0,
+            seconds=until,
+            compile_seconds=0.0,
+        )
     return Comparison(runs, evolution)
 
 

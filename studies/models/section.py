@@ -76,8 +76,9 @@ def draw_finger(
     size = 4 if named else 2.5
     hole = {"marker": "o", "linestyle": "", "markerfacecolor": "white", "markersize": size}
     draw([*at.values()], "black", "_", **hole)
-    for pin, place in at.items() if named else ():
-        where, above = (place.real, place.imag), {"xytext": (5, 4), "textcoords": "offset points"}
-        axis.annotate(pin_name(pin), where, fontsize=9, **above)
+    if named:
+        above = {"xytext": (5, 4), "textcoords": "offset points", "fontsize": 9}
+        for pin, place in at.items():
+            axis.annotate(pin_name(pin), (place.real, place.imag), **above)
     axis.set_aspect("equal")
     axis.grid(visible=False)

@@ -195,9 +195,14 @@ def measure_bends(test: SlidingTest, seed: int) -> Records:
         look_up = {"seed": seed, "direction": UP, "severity": severity}
         points = robustness.view_bends(finger, BENDS_DEG, frames, look, **look_up)
         found = fitted.height(compute_movements(points, rest))
-        off = {"known": found.known, "off_mm": np.where(found.known, found.mm - truth, np.nan)}
-        off["failed"] = is_wrong(fitted, found, truth)
-        rows.add(severity=severity, bend_deg=bends, deflection_mm=truth, **off)
+        rows.add(
+            severity=severity,
+            bend_deg=bends,
+            deflection_mm=truth,
+            known=found.known,
+            off_mm=np.where(found.known, found.mm - truth, np.nan),
+            failed=is_wrong(fitted, found, truth),
+        )
     return rows
 
 

@@ -51,9 +51,14 @@ def run(spec: SolverPrecisionSpec, context: Context) -> Results:
         near = [row.seconds for row in closest.values() if row.error <= NEAR * ours.error]
         error[name], speedup[name] = ours.error, min(near, default=math.nan) / ours.seconds
         for row in (ours, *closest.values()):
-            columns = {"problem": panel, "method": row.method, "setting": row.setting}
-            columns |= {"error": row.error, "seconds": row.seconds}
-            table.add(**columns, times_ours=row.seconds / ours.seconds)
+            table.add(
+                problem=panel,
+                method=row.method,
+                setting=row.setting,
+                error=row.error,
+                seconds=row.seconds,
+                times_ours=row.seconds / ours.seconds,
+            )
     out.metrics(
         grasp_error=error["grasp"],
         grasp_speedup=speedup["grasp"],
