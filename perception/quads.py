@@ -21,7 +21,7 @@ from perception.quality import Quality
 from perception.sides import FEET, REACH, SMALL, Edges, Line, Side, find_edges, fit_lines
 
 INNER, HEIGHTS = (0.15, 0.85), 12
-"""Heights at which a contour's outermost points tell its sides at first, and how many."""
+"""Heights at which a contour's outermost points give its sides at first, and how many."""
 
 LEAST_RISE = 0.01
 """A side that rises less over its length is none."""

@@ -1,8 +1,8 @@
 """Paper B's way (§4.2): the gap between a pad's direct view and its mirror view, looked up.
 
 The gap is the section angle between the two ends that face each other in the image. Its table
-comes from the optics; errors of the finger change the gap by an offset and a scale, which labelled
-frames tell. Where one of the two ends is not seen there is no gap, and no angle.
+comes from the optics; errors of the finger change the gap by an offset and a scale, which are
+fitted to labelled frames. Where one of the two ends is not seen there is no gap, and no angle.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from perception.matching import Sighting
 from perception.quality import Quality
 
 FLOOR = 0.25
-"""Standard deviation of a corner that its covariance does not tell of, px of any image: blur,
+"""Standard deviation of a corner that its covariance does not contain, px of any image: blur,
 saturation and compression move edges, and lenses are not quite as they are thought."""
 
 WORST = 1e12

@@ -65,7 +65,7 @@ class Eye:
         return np.stack(np.meshgrid(columns, rows), axis=-1)
 
     def lens(self) -> Lens:
-        """What perception is told of it."""
+        """What perception is given of it."""
         rays = rays_of(self.directions(self.grid()))
 
         def project(rays: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Quadrilaterals told apart, on a finger with two hinged pads, their mirrors, and one that stays.
+"""Quadrilaterals matched to views of two hinged pads, their mirrors, and a pad that stays.
 
 All of it is written out in the camera's own axes (forward, up), mm: a phalanx, with what its mirror
 shows, turns about its hinge as one body. The camera is that of `drawn`.
@@ -216,12 +216,12 @@ def test_what_is_far_from_every_view_is_a_ghost():
     np.testing.assert_allclose(sighting.angles, BOTH, atol=STEP)
 
 
-def test_views_that_are_not_asked_for_explain_and_are_not_told():
+def test_views_that_are_not_asked_for_explain_and_are_not_returned():
     families = [dataclasses.replace(f, wanted=f.path == "direct") for f in KNOWN.families]
     known = dataclasses.replace(KNOWN, families=families)
     sighting = match_views(without(("low", "direct")), known, LENS)
     assert names(sighting) == {("still", "direct"), ("high", "direct")}
-    # The mirror's view alone has told the angle, and so that the direct view is missing.
+    # The mirror's view alone gives the angle, by which the direct view is missing.
     assert sighting.angles[0] == pytest.approx(BOTH[0], abs=STEP)
     assert found_in(sighting, "low", "direct").quality is Quality.MISSING
     assert len(sighting.views) == 3

@@ -59,7 +59,7 @@ def test_edges_are_found_where_the_pad_ends(pixels):
     plane, sides = sides_of(PAD, pixels / EYE.focal)
     edges = find_edges(stored(light).astype(np.float32), LENS, plane, sides)
     assert edges.found.all()
-    # With the edge well inside, few samples tell how bright the pad is.
+    # With the edge well inside, few samples show how bright the pad is.
     np.testing.assert_allclose(edges.contrast, BRIGHT - DARK, rtol=0.02)
     assert edges.doubt.tolist() == [0, 0, 0, 0]
     off = (edges.offsets + pixels / EYE.focal) * edges.scale

@@ -53,7 +53,7 @@ def test_places_are_imaged_where_the_camera_images_them_and_back(name):
 
 @pytest.mark.parametrize("name", PADS)
 def test_single_samples_are_where_they_should_be(name):
-    # The brightness tells the place: 4 levels for a sample of 0.1 mm, and half of one for rounding.
+    # The brightness gives the place: 4 levels for a sample of 0.1 mm, and half of one for rounding.
     pad = dataclasses.replace(PADS[name], width=6.0)
     for axis, slope in ((0, 40.0), (1, 40.0)):
         steep = 255 / slope

@@ -11,7 +11,7 @@ ARCS = (10.0, 40.0, 70.0, 100.0)
 BENDS = np.deg2rad([-179.0, -90.0, -1e-6, 0.0, 1e-6, 0.5, 30.0, 92.0, 120.0, 179.0])
 
 NUDGED = 1e-8  # radians: slopes by differences are off by 1e-9 of themselves
-SEARCHED = 2e-5  # radians: what a search for a least value can tell, the root of rounding
+SEARCHED = 2e-5  # radians: how well a search finds a least value, the root of rounding
 
 
 def integrated(bend: float) -> np.ndarray:

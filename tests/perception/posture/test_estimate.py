@@ -1,4 +1,4 @@
-"""The posture in one frame: what is said is what its parts say, and nothing where none is seen."""
+"""The posture in one frame is that of its parts, and there is none where no chamber is seen."""
 
 from dataclasses import replace
 

@@ -144,7 +144,7 @@ def watched(
 
 
 @pytest.mark.parametrize("off", [0.0, 0.2])
-def test_exact_unlabelled_frames_tell_all_but_the_zero_of_a_joint(off):
+def test_exact_unlabelled_frames_give_all_but_the_zero_of_a_joint(off):
     found = calibrate(MODEL, watched(MADE), SPREAD_OUT + off, constant=0.0)
     assert found.ok
     # What is known before draws the mean of a posterior to zero by its covariance's share; the
@@ -163,7 +163,7 @@ def test_exact_unlabelled_frames_tell_all_but_the_zero_of_a_joint(off):
 def test_exact_labelled_frames_give_the_errors_and_the_angles_without_a_label(hidden):
     labels = SPREAD_OUT.copy()
     labels.flat[hidden] = np.nan
-    found = calibrate(MODEL, watched(MADE, said=NOISE / 100), labels, LABELS / 100, constant=0.0)
+    found = calibrate(MODEL, watched(MADE, stated=NOISE / 100), labels, LABELS / 100, constant=0.0)
     assert found.ok
     # The prior draws them to zero by a part of what is left to be known, 1e-4 of it.
     np.testing.assert_allclose(found.value.errors.mean, MADE, atol=1e-3)
@@ -195,7 +195,7 @@ def test_corners_that_are_no_numbers_are_no_calibration():
 
 
 @pytest.mark.slow
-def test_what_is_said_of_errors_and_angles_is_the_scatter_of_repeats():
+def test_deviations_of_errors_and_angles_are_the_scatter_of_repeats():
     """Fingers are drawn from what is known of them before."""
     generator, units, zeros, off = np.random.default_rng(6), [], [], []
     for _ in range(60):
@@ -209,12 +209,12 @@ def test_what_is_said_of_errors_and_angles_is_the_scatter_of_repeats():
         zeros.append(covariance[ZERO, ZERO] / scale**2)
         one = frame(errors, POSE, generator=generator)
         off.append(find_pose(MODEL, one, POSE, found.value.errors).value.angles - POSE)
-    # 60 draws know a variance to 18 % (1 σ), and a correlation to 13 %; softening says up to
+    # 60 draws know a variance to 18 % (1 σ), and a correlation to 13 %; softening gives up to
     # 8 % too much of a variance.
     squares = np.transpose(units) @ np.array(units) / len(units)
     np.testing.assert_allclose(squares, np.eye(ERRORS), atol=0.5)
     assert np.mean(np.square(units)) == pytest.approx(0.95, abs=0.2)
-    # Six labels tell it to a fifth of what was known before.
+    # Six labels give it to a fifth of what was known before.
     assert np.mean(zeros) < 0.2
     # 60 draws know a deviation to 9 %. Calibrated first and solved then, not at once, and softened,
     # an answer is a little worse than it could be.
@@ -226,7 +226,7 @@ def test_what_is_said_of_errors_and_angles_is_the_scatter_of_repeats():
 @pytest.mark.parametrize("times", [0.5, 2.0])
 def test_the_scatter_is_how_much_worse_corners_are_than_stated(times):
     generator = np.random.default_rng(7)
-    frames = [watched(MADE, generator, said=NOISE / times) for _ in range(10)]
+    frames = [watched(MADE, generator, stated=NOISE / times) for _ in range(10)]
     found = [calibrate(MODEL, one, SPREAD_OUT, constant=0.0) for one in frames]
     scatters = np.array([float(one.value.scatter) for one in found])
     # 10 calibrations of 180 degrees of freedom give it to 1.7 % (1 σ).
@@ -317,7 +317,7 @@ def test_the_bound_is_that_of_all_unknowns_at_once(case, label_deviation):
     assert (bound.finger_known <= bound.calibrated * (1 + 1e-12)).all()
 
 
-def test_with_the_finger_known_exact_corners_are_said_to_reach_it():
+def test_with_the_finger_known_exact_corners_reach_it():
     one = frame(MADE, POSE)
     bound = compute_information_bound(MODEL, MADE, (one, POSE), (watched(MADE), SPREAD_OUT), LABELS)
     known = FingerErrors.of(MODEL, MADE, np.zeros((ERRORS, ERRORS)), constant=0.0)

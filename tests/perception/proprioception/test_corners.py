@@ -193,7 +193,7 @@ def test_the_deviation_is_the_scatter_of_noisy_frames_of_unknown_fingers():
         seen = frame(errors, pose, generator=generator)
         found = solved(seen, pose + generator.normal(0, 0.1, 2), NONE, root @ root.T)
         off.append((angles_of(found) - pose) / deviations_of(found))
-    # 300 draws know a deviation to 4 % (1 σ); the softened loss says some 3 % too much.
+    # 300 draws know a deviation to 4 % (1 σ); the softened loss gives some 3 % too much.
     np.testing.assert_allclose(np.sqrt(np.mean(np.square(off), axis=0)), 0.97, atol=0.12)
 
 
@@ -273,7 +273,7 @@ def test_the_covariance_is_the_inverse_of_the_information():
     _, by_error, by_angle, by_offset = linearised(seen, MADE, angles_of(found), soft)
     own = np.linalg.inv(by_angle.T @ by_angle)
     moved, shifted = own @ by_angle.T @ by_error, own @ by_angle.T @ by_offset
-    # That the angles may be anywhere within 10 rad tells next to nothing.
+    # That the angles may be anywhere within 10 rad is next to no information.
     expected = own + moved @ spread @ moved.T + constant**2 * shifted @ shifted.T
     times = 1.0
     for misfit in (found.value.own_misfit, found.value.misfit):

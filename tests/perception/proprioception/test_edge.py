@@ -93,7 +93,7 @@ def test_far_beyond_the_labelled_range_nothing_is_said(count):
 
 
 def full(section: float) -> Sighting:
-    """Both ends of both views; the last moves most, and tells a joint angle best."""
+    """Both ends of both views; the last moves most, and gives a joint angle best."""
     angle = float(line(section))
     return sighting_of(
         view_of(*VIEW, (0.2 * angle, 0.5 * angle)), view_of(*OTHER, (0.8 * angle, -2.0 * angle))
@@ -175,7 +175,7 @@ def test_through_two_frames_an_angle_errs_as_between_two_points():
         assert ruler.estimate(first_end(asked)).deviation == pytest.approx(expected)
 
 
-def test_what_is_said_of_an_angle_is_the_scatter_of_repeats():
+def test_the_deviation_of_an_angle_is_the_scatter_of_repeats():
     generator, off, asked = np.random.default_rng(1), [], -0.1
     sections = np.linspace(LOW, HIGH, 8)
     for _ in range(200):
@@ -184,20 +184,20 @@ def test_what_is_said_of_an_angle_is_the_scatter_of_repeats():
         estimate = ruler.estimate(first_end(asked + generator.normal(0, NOISE)))
         off.append((estimate.angle - float(parabola(asked))) / estimate.deviation)
     # 200 draws know a deviation to 5 % (1 σ). With frames to spare the larger of the stated and
-    # the found scatter is said, which is too much.
+    # the found scatter is stated, which is too much.
     assert np.sqrt(np.mean(np.square(off))) == pytest.approx(0.97, abs=0.12)
 
 
 def test_frames_that_scatter_more_than_stated_are_believed_less():
-    generator, found, said = np.random.default_rng(2), [], []
+    generator, found, stated = np.random.default_rng(2), [], []
     sections = np.linspace(LOW, HIGH, 10)
     for _ in range(200):
         labels = parabola(sections) + generator.normal(0, 5 * LABELS, len(sections))
         estimate = ruler_of(sections, labels).estimate(first_end(0.5))
         found.append(estimate.angle)
-        said.append(estimate.deviation)
+        stated.append(estimate.deviation)
     # 200 draws know a deviation to 5 % (1 σ); the end's own noise is a small part of it.
-    assert np.mean(said) == pytest.approx(np.std(found), rel=0.15)
+    assert np.mean(stated) == pytest.approx(np.std(found), rel=0.15)
 
 
 def test_only_finite_angles_are_defined_and_the_first_of_these_counts():

@@ -217,7 +217,7 @@ OFFSET, SCALE, ASKED = 0.03, 1.05, 0.8
 
 
 @both
-def test_what_is_said_of_offset_scale_and_angle_is_the_scatter_of_repeats(table):
+def test_deviations_of_offset_scale_and_angle_are_the_scatter_of_repeats(table):
     """Noisy frames and labels, and one more noisy gap at a known angle."""
     generator, meters, estimates = np.random.default_rng(0), [], []
     for _ in range(1000):
@@ -240,8 +240,8 @@ def test_what_is_said_of_offset_scale_and_angle_is_the_scatter_of_repeats(table)
 def test_a_known_meter_errs_by_the_noise_over_the_rate():
     meter = GapEstimator(RISING, OFFSET, SCALE, np.zeros((2, 2)), NOISE)
     angles = np.array([0.1, 0.6, 1.2])
-    said = [meter.estimate(float(gap)).deviation for gap in OFFSET + SCALE * RISING.gap(angles)]
-    np.testing.assert_allclose(said, NOISE / (SCALE * rate_at(angles)), rtol=1e-6)
+    stated = [meter.estimate(float(gap)).deviation for gap in OFFSET + SCALE * RISING.gap(angles)]
+    np.testing.assert_allclose(stated, NOISE / (SCALE * rate_at(angles)), rtol=1e-6)
 
 
 def test_where_the_gap_is_not_in_the_table_there_is_no_angle():

@@ -24,7 +24,7 @@ LOW = (0, 1)
 
 JOINTS, ERRORS = 2, 4
 ZERO = 3
-"""Which of the errors only labels tell: the zero of the low joint."""
+"""Which of the errors only labels give: the zero of the low joint."""
 
 LIMITS = (-0.2, 1.2)
 NOISE = 0.3
@@ -110,13 +110,13 @@ def frame(
     *,
     generator: np.random.Generator | None = None,
     without: tuple[int, ...] = (),
-    said: float = NOISE,
+    stated: float = NOISE,
 ) -> Observation:
     """What is seen of a finger in a pose; with a generator its corners have `NOISE`."""
     corners = corners_of(errors, angles)
     if generator is not None:
         corners = corners + generator.normal(0, NOISE, corners.shape)
-    whitening = np.broadcast_to(np.eye(2) / said, (*corners.shape, 2)).copy()
+    whitening = np.broadcast_to(np.eye(2) / stated, (*corners.shape, 2)).copy()
     whitening[list(without)] = 0
     return Observation(corners, whitening)
 
