@@ -128,8 +128,8 @@ class LinkageBench(Bench):
             fault = survey.message()
             if not survey.ok:
                 continue
+            text = spec_text(linkage, self._dimensions, inputs)
             try:
-                text = spec_text(linkage, self._dimensions, inputs)
                 parse_linkage(tomllib.loads(text), self.title)
             except UserError as error:  # such as a pose in which an assembly is not decided
                 fault = str(error)

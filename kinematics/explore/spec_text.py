@@ -9,8 +9,8 @@ import numpy as np
 
 from designopt.io.toml_writing import format_toml
 from kinematics.explore.dimensions import Dimensions
-from kinematics.io.writer import HEADING, linkage_tables
-from kinematics.model.linkage import Linkage, ReferenceConfiguration
+from kinematics.io.writer import HEADING, pose_tables
+from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.statics import spring_turns
 
@@ -29,18 +29,12 @@ def spec_text(linkage: Linkage, dimensions: Dimensions, inputs: np.ndarray) -> s
         dimensions: which these are.
         inputs: of the pose, which is one, rad or mm.
     """
-    structure, values = linkage.structure, jnp.asarray(inputs, float)
-    pose = solve_poses(linkage, values).value
-    springs = [
+    pose = solve_poses(linkage, jnp.asarray(inputs, float)).value
+    springs = tuple(
         replace(spring, preload=spring.preload + jnp.where(abs(turn) > SAME, turn, 0.0))
         for spring, turn in zip(linkage.springs, spring_turns(linkage, pose), strict=True)
-    ]
-    reference = ReferenceConfiguration(
-        values,
-        jnp.stack([pose.angle(part.name) for part in structure.moving]),
-        jnp.asarray([pose.slides[index] for index in range(len(structure.sliders))]),
     )
-    tables = linkage_tables(replace(linkage, springs=tuple(springs), reference=reference))
+    tables = pose_tables(replace(linkage, springs=springs), pose)
     for tie in dimensions.ties:
         line = tables["sliders"][tie.slider]["line"]
         for number, joint in enumerate((tie.start, tie.end)):

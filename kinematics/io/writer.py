@@ -20,6 +20,7 @@ from kinematics.model.assembled import own_places
 from kinematics.model.linkage import Linkage, Spring
 from kinematics.model.topology import WORLD, BodyPart, Structure
 from kinematics.solve.poses import solve_poses
+from kinematics.solve.solver import Pose
 
 HEADING = "A linkage in its assembled configuration: mm."
 
@@ -36,12 +37,22 @@ def linkage_tables(linkage: Linkage) -> dict[str, Any]:
     Raises:
         UserError: the linkage cannot be assembled in its reference configuration.
     """
-    structure = linkage.structure
     with jax.enable_x64(True):
         found = solve_poses(linkage, linkage.reference.inputs)
         if not bool(found.ok):
-            raise UserError(f"{structure.name}: it cannot be written: {found.messages()[0]}")
-        pose = found.value
+            name = linkage.structure.name
+            raise UserError(f"{name}: it cannot be written: {found.messages()[0]}")
+    return pose_tables(linkage, found.value)
+
+
+def pose_tables(linkage: Linkage, pose: Pose) -> dict[str, Any]:
+    """The tables of a linkage's file, sketched in a pose of it.
+
+    Args:
+        linkage: a single one; springs are written with the preload that they have here.
+        pose: a single one, which was found.
+    """
+    structure = linkage.structure
     anchors = np.asarray(linkage.anchors, float)
     joints = {name: np.array([at.x, at.y], float) for name, at in pose.joints.items()}
     joints |= dict(zip(structure.fixed_joints, anchors, strict=True))
