@@ -16,7 +16,7 @@ from studies.finger.run import finger_design
 from studies.models import packaged_finger
 from studies.models.linkage_design.judging import judged as judge_linkage
 from studies.models.mirror_design.judging import judged as judge_mirrors
-from tests.studies.test_tactile_images import run as make_images
+from tests.studies.quick import quick_run
 
 pytestmark = pytest.mark.as_users
 
@@ -55,8 +55,8 @@ def test_the_packaged_finger_is_as_good(result, metrics):
 
 def test_the_finger_is_found_on_its_images(result, tmp_path):
     """Designs follow rounding from machine to machine; whichever comes out must be found."""
-    _, document = make_images(tmp_path / "images", f"scene={result / 'specs' / 'scene.toml'}")
-    measured = {name: metric["value"] for name, metric in document["metrics"].items()}
+    scene = result / "specs" / "scene.toml"
+    measured = quick_run("tactile-images", tmp_path, f"scene={scene}").measured
     assert measured["found_at_gain_1"] >= 0.95
     assert measured["corner_p90_px"] <= 5
     assert measured["unwarp_p90_mm"] <= 0.3

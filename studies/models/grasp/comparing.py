@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -126,7 +126,9 @@ def reference(path: Path, state: int) -> exact.Exact | None:
     """One state in many digits; ``None`` where it is undetermined or was not found."""
     held, closed = holds(path, state)
     setting = setting_of(path.problem, float(path.commands[state]))
-    return exact.solve(setting, path.joints[state], held, (bool(closed[0]), bool(closed[1])))
+    shut = bool(closed[0]), bool(closed[1])
+    found: Any = exact.solve(setting, path.joints[state], held, shut)  # mpmath drops its type
+    return found
 
 
 def compare_exactly(path: Path, state: int) -> ExactComparison:
