@@ -95,17 +95,34 @@ def catalog_of(
             continue
         joint, values = (moved[0], slice(None)) if moved else (None, slice(0, 1))
         at = (joint or 0, values, path, pad)
-        view = (surface.name, names[path], len(words[path]), joint)
         visible, anywhere, complete, ends = (
             _of_joint(part[:, :, path, pad], joint) for part in (seen > 0, possible, whole, always)
         )
-        moving = ANGLES[values], corners[at], visible, anywhere, complete, ends, spread[at]
-        families.append(ViewFamily(*view, *moving, own))
+        families.append(
+            ViewFamily(
+                pad=surface.name,
+                path=names[path],
+                reflections=len(words[path]),
+                joint=joint,
+                angles=ANGLES[values],
+                corners=corners[at],
+                visible=visible,
+                possible=anywhere,
+                complete=complete,
+                ends=ends,
+                spread=spread[at],
+                wanted=own,
+            )
+        )
     pads, by_name = np.asarray(scene.pads), [pad.name for pad in layout.pads]
     lengths = np.hypot(*(pads[:, 1] - pads[:, 0]).T).tolist()
-    grazing = np.asarray(scene.grazing).tolist()
-    lengths, grazing = (dict(zip(by_name, own, strict=True)) for own in (lengths, grazing))
-    return ViewCatalog(families, lengths, grazing, width, joints)
+    return ViewCatalog(
+        families,
+        lengths=dict(zip(by_name, lengths, strict=True)),
+        grazing=dict(zip(by_name, np.asarray(scene.grazing).tolist(), strict=True)),
+        width=width,
+        joints=joints,
+    )
 
 
 def _of_joint(part: np.ndarray, joint: int | None) -> np.ndarray:
