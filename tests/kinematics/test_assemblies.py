@@ -48,10 +48,10 @@ def brute_force(residual, is_angle, reach, starts=3000, seed=0):
             gaps = residual(unknowns)
             return np.concatenate([gaps.real, gaps.imag])
 
-        solved = scipy.optimize.root(real, start, tol=1e-13)
-        if not solved.success or np.max(np.abs(solved.fun)) > 1e-9:
+        x, how, status, _ = scipy.optimize.fsolve(real, start, xtol=1e-13, full_output=True)
+        if status != 1 or np.max(np.abs(how["fvec"])) > 1e-9:
             continue
-        x = np.where(is_angle, np.angle(np.exp(1j * solved.x)), solved.x)
+        x = np.where(is_angle, np.angle(np.exp(1j * x)), x)
         step = [
             np.max(np.where(is_angle, np.abs(np.exp(1j * x) - np.exp(1j * y)), np.abs(x - y)))
             for y in found
