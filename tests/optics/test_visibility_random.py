@@ -84,7 +84,6 @@ def misses(drawn: Sample, scenes: np.ndarray, rays: int) -> np.ndarray:
     [
         (0, 128),
         *(pytest.param(seed, 2048, marks=pytest.mark.nightly) for seed in range(1, 5)),
-        pytest.param(5, 128, marks=pytest.mark.as_users),
     ],
 )
 def test_what_is_seen_lies_between_the_bounds_of_shot_rays(seed, count):
