@@ -20,7 +20,7 @@ from optics import Pieces, find_coverage, find_views, parse_scene, read_scene
 from studies.finger_mirrors import solvers
 from studies.models.finger import camera_of
 from studies.models.mirror_design import design as designing
-from studies.models.mirror_design import problem, seeing, yields
+from studies.models.mirror_design import judging, problem, seeing, yields
 from studies.models.mirror_design.design import Stage, lagrangian
 from studies.models.mirror_design.errors import deviations, perturb, sample_errors, spread_evenly
 from studies.models.mirror_design.judging import judged, percent_at_least, seen_by_rays
@@ -196,7 +196,14 @@ def off_kinks(finger):
     return np.asarray(point), lambda point: build(jnp.asarray(point) * units)
 
 
+@pytest.fixture
+def few_looks(monkeypatch):
+    """Two without errors, for every look runs the same program."""
+    monkeypatch.setattr(problem, "PLAIN", 4)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_looks")
 def test_the_searchs_function_is_the_problems():
     """Its value in NumPy from `terms_of`, its slope by central differences; fewer copies too."""
     task, penalty = problem.Task.of(POOR, SMALL, 0), 10.0
@@ -226,7 +233,8 @@ def test_the_searchs_function_is_the_problems():
     assert np.max(np.abs(slope)) > 1
 
 
-@pytest.mark.as_users
+@pytest.mark.nightly
+@pytest.mark.usefixtures("few_looks")
 def test_gradients_of_the_whole_problem_are_central_differences():
     """Compiled and batched, against differences from the same program."""
     task, (point, build) = problem.Task.of(POOR, SMALL, 0), off_kinks(GIVEN)
@@ -329,9 +337,12 @@ QUICK = {"draws": 12, "rays": 5000, "ray_poses": 2, "solvers": "none", "thin": 0
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_looks")
 def test_the_study_end_to_end(monkeypatch):
-    """All of it but the solvers, after a search that is cut short."""
+    """All of it but the solvers, after a search that is cut short, at every tenth degree."""
     monkeypatch.setattr(designing, "STAGES", (Stage(2.0, 0.0), Stage(1.0, 100.0)))
+    for module in (judging, yields):
+        monkeypatch.setattr(module, "whole_degrees", lambda end: np.arange(0.0, end + 1, 10.0))
     how = {"starts": 1, "copies": 2, "poses": 2}
     results = run_study("finger-mirrors", {**QUICK, "search": how, "left_out": False})
     metrics = {metric.name: metric for metric in results.metrics}
