@@ -105,6 +105,9 @@ def test_gradients_through_edges_of_curved_views():
 
 @pytest.mark.slow
 def test_too_many_pieces_are_told():
-    scene = curved()
+    """Of a pad with a post before its middle, without a mirror."""
+    pad = {"name": "pad", "from": [-5, 10], "to": [5, 10]}
+    post = {"name": "post", "from": [-1, 5], "to": [1, 5]}
+    scene = parse_scene({"camera": CURVED["camera"], "pads": [pad], "blockers": [post]})
     found = trace_views(scene, scene.pose(), max_pieces=1)
     assert any("max_pieces" in message for message in found.messages())
