@@ -32,7 +32,7 @@ from tests.kinematics.gallery import (
         "quick-return",
         "scotch-yoke",
         *nightly("stephenson"),
-        pytest.param("finger-crank", marks=pytest.mark.as_users),
+        pytest.param("finger-crank", marks=pytest.mark.slow),
     ],
 )
 def test_rates_are_the_derivatives_of_poses(name):
