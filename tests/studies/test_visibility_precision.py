@@ -200,8 +200,8 @@ def test_sweeps_suffice_where_each_joint_moves_its_own_pad():
 
 @pytest.mark.slow
 def test_the_sweeps_of_the_finger_suffice():
-    for scene in (gallery("finger"), spoilt_finger()):
-        assert grid.disagreement(scene, 10) < 1e-12
+    """It is the gallery's with a cable, shorter mirrors and a narrower lens: more can hide."""
+    assert grid.disagreement(spoilt_finger(), 6) < 1e-12
 
 
 @pytest.mark.parametrize("legs", [1, tracers.MIRRORS])
