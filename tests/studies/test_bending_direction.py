@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from designopt import Records, Report, UserError
+from designopt.optimize.minimizer import Minimizer
 from perception.chamber import Direction, Points
+from studies.benchmarks import rings
 from studies.bending_direction import BendingDirectionSpec, run
 from studies.bending_direction.frames import TOWARDS, Frame, Series, judge
 from studies.models.soft_finger import best_chamber
@@ -25,13 +27,25 @@ def finger():
 
 
 @pytest.fixture(scope="module")
-def found(finger):
-    return best_chamber.find_best_chamber(finger, seed=0)
+def search(finger):
+    """One compiled search for the chambers of all cameras, which differ in numbers alone."""
+    compiled = Minimizer(best_chamber.problem(finger), best_chamber.STARTS)
+    with pytest.MonkeyPatch.context() as patch:
+        solve = lambda posed, starts: compiled.solve(starts, posed.data)  # noqa: E731
+        patch.setattr(best_chamber, "minimize", solve)
+        yield best_chamber.find_best_chamber
+
+
+@pytest.fixture(scope="module")
+def found(finger, search):
+    return search(finger, seed=0)
 
 
 @pytest.mark.slow
-def test_a_quick_run_estimates_directions(tmp_path, monkeypatch):
-    monkeypatch.setattr(run, "CURVE_DEG", np.arange(0.0, 121.0, 5))
+def test_a_quick_run_estimates_directions(tmp_path, monkeypatch, search):
+    monkeypatch.setattr(run, "CURVE_DEG", np.arange(0.0, 121.0, 10))
+    monkeypatch.setattr(run, "TIMED", 8)
+    monkeypatch.setattr(rings, "PER_REGION", (5, 10, 20))
     _, document, measured = quick_run("bending-direction", tmp_path)
     for direction in run.TABLE_II:
         assert measured[f"decided_{direction}_percent"] == 100
@@ -99,11 +113,11 @@ def test_designs_between_differ_in_one_dimension(found):
 
 
 @pytest.mark.slow
-def test_a_camera_that_cannot_show_blue_whole_is_refused():
+def test_a_camera_that_cannot_show_blue_whole_is_refused(search):
     narrow = {"endoscope": {"field_of_view_deg": 30.0}}
     finger = SoftFinger.of(ChamberImagesSpec.model_validate(narrow))
     with pytest.raises(UserError, match="field of view"):
-        best_chamber.find_best_chamber(finger, seed=0)
+        search(finger, seed=0)
 
 
 def series_of(moves: str) -> Series:
