@@ -29,6 +29,7 @@ PIP, DIP = jnp.deg2rad(40.0), jnp.deg2rad(10.0)
 DISTAL, DIRECT, PAD_WIDTH = 2, 0, 24.0
 
 
+@jax.jit
 def figures(finger: Finger) -> dict[str, jax.Array]:
     """The figures of one posture; flexion is positive in the scene and negative in the linkage."""
     scene, pose = finger.scene(), jnp.stack([PIP, DIP])
@@ -45,7 +46,7 @@ def figures(finger: Finger) -> dict[str, jax.Array]:
 
 
 if __name__ == "__main__":
-    values, slopes = jax.jit(lambda one: (figures(one), jax.jacrev(figures)(one)))(FINGER)
+    slopes, values = jax.jit(jax.jacrev(lambda one: 2 * (figures(one),), has_aux=True))(FINGER)
     for name, value in values.items():
         print(f"{name}: {float(value):.4g}")
         for path, slope in jax.tree.leaves_with_path(slopes[name]):

@@ -18,7 +18,7 @@ from jax.flatten_util import ravel_pytree
 
 from designopt import UserError
 from kinematics import parse_linkage, solve_poses, solve_transmission
-from optics import find_coverage, parse_scene
+from optics import parse_scene
 from optics.scene.writer import scene_tables
 from studies.models import Finger
 from studies.models.finger import pins_of
@@ -111,15 +111,10 @@ def test_the_example_runs():
     assert example()["printed"].count(".body.thickness") == 4
 
 
-def test_pads_of_the_example_are_seen_in_part():
-    @jax.jit
-    def shown(finger: Finger) -> tuple[jax.Array, jax.Array]:
-        pose = jnp.stack([example()["PIP"], example()["DIP"]])
-        return find_coverage(finger.scene(), pose).value, solve_poses(finger.linkage(), -pose).ok
-
-    coverage, closed = map(np.asarray, shown(example()["FINGER"]))
-    assert np.all((coverage > 0.2) & (coverage < 0.9))
-    assert closed
+def test_the_linkage_of_the_example_closes():
+    pose = jnp.stack([example()["PIP"], example()["DIP"]])
+    closes = jax.jit(lambda finger: solve_poses(finger.linkage(), -pose).ok)
+    assert closes(example()["FINGER"])
 
 
 def test_slopes_are_central_differences():
@@ -156,10 +151,10 @@ def test_slopes_of_a_batch_are_those_of_each():
 
 
 def test_slopes_in_single_precision():
-    """1e-3 of the largest slope of their kind."""
+    """1e-3 of the largest slope of their kind; forwards, which compiles faster."""
     single = jax.tree.map(lambda leaf: np.asarray(leaf, np.float32), example()["FINGER"])
     with jax.enable_x64(False):
-        found = jax.jit(jax.jacrev(example()["figures"]))(single)
+        found = jax.jit(jax.jacfwd(example()["figures"]))(single)
     for name, of_figure in example()["slopes"].items():
         for one, other in zip(*map(jax.tree.leaves, (found[name], of_figure)), strict=True):
             scale = np.abs(ravel_pytree(of_figure)[0]).max()
@@ -177,14 +172,16 @@ def test_each_side_of_a_switch_has_its_own_slope():
         moved = eqx.tree_at(lambda one: one.pins, finger, pins)
         return jnp.stack(list(solve_transmission(moved.linkage(), posture).angles.values()))
 
-    every = jax.jit(jax.vmap(angles))
-    slope = jax.jit(jax.vmap(jax.grad(lambda x: jnp.min(angles(x)))))
+    def least_angle(x: jax.Array) -> tuple[jax.Array, jax.Array]:
+        every = angles(x)
+        return jnp.min(every), jnp.argmin(every)
+
+    slopes = jax.jit(jax.vmap(jax.value_and_grad(least_angle, has_aux=True)))
     grid = float(before.E[0]) + np.linspace(-6, 6, 200)
-    least = np.argmin(every(jnp.asarray(grid)), axis=1)
+    (_, least), slope = slopes(jnp.asarray(grid))
     at = int(np.flatnonzero(least[1:] != least[:-1])[0])
-    places = grid[[at, at + 1]]
+    places, found = grid[[at, at + 1]], slope[at : at + 2]
     ends = np.resize(np.concatenate([places + 1e-5, places - 1e-5]), len(grid))
-    high, low = np.min(every(jnp.asarray(ends)), axis=1)[:4].reshape(2, 2)
-    found = slope(jnp.asarray(places))
+    high, low = np.asarray(slopes(jnp.asarray(ends))[0][0])[:4].reshape(2, 2)
     np.testing.assert_allclose(found, (high - low) / 2e-5, atol=1e-7)
     assert abs(found[1] - found[0]) > 1e-3
