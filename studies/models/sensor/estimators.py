@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from optics import Fabrication, Imaging, Scene, find_views, perturb, scale_errors
+from optics.scene.camera import Equidistant
 from optics.visibility.outlines import find_corners, find_outlines
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, name_paths
@@ -147,7 +148,9 @@ def _looked_at(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of every pose, path and pad: corners, the part that is seen, and which ends are."""
     corners = _corners_of(scene, imaging, poses, width)
-    pieces: Pieces = jax.tree.map(np.asarray, find_views(scene, poses).value)
+    # Where views end does not depend on the lens: one program is compiled for all lenses.
+    plain = eqx.tree_at(lambda scene: scene.camera.projection, scene, Equidistant())
+    pieces: Pieces = jax.tree.map(np.asarray, _pieces_of(plain, poses))
     shares, ends = [], []
     for path in range(len(paths_of(scene.layout, scene.layout.bounces))):
         there = pieces.present & (pieces.path == path)
@@ -156,6 +159,12 @@ def _looked_at(
         second = (there & (pieces.end >= 1 - WHOLE)).any(axis=-1)
         ends.append(np.stack([first, second], axis=-1))
     return np.asarray(corners), np.stack(shares, axis=-2), np.stack(ends, axis=-3)
+
+
+@eqx.filter_jit
+def _pieces_of(scene: Scene, poses: Float[Array, "*batch joints"]) -> Pieces:
+    # Compiled without margins, which take long.
+    return find_views(scene, poses).value
 
 
 @eqx.filter_jit
