@@ -48,11 +48,11 @@ def test_solve(tmp_path):
 
 def test_trace_one_angle_and_two(tmp_path):
     command = ["trace", "scene.toml", "--json", "t.json", "--chart", "c.svg", "--force"]
-    command += ["--sweep", "$a_{$=0:40:3"]
-    assert run([*command, "--figure", "t.svg"]) == 0
+    # Four poses each: they share what is compiled.
+    assert run([*command, "--sweep", "$a_{$=0:60:4", "--figure", "t.svg"]) == 0
     assert {r"mirror:$\frac{$", "$a_{$ 20°, %^b$ 0°"} <= drawn(tmp_path / "t.svg")
     assert {"_$x$<b>", r"a_b^c$\frac{$", "$a_{$ (°)"} <= drawn(tmp_path / "c.svg")
-    assert run([*command, "--sweep", "%^b$=0:40:3"]) == 0
+    assert run([*command, "--sweep", "$a_{$=0:40:2", "--sweep", "%^b$=0:40:2"]) == 0
     texts = drawn(tmp_path / "c.svg")
     assert {"$a_{$ (°)", "%^b$ (°)"} <= texts
     assert any(text.startswith(r"a_b^c$\frac{$: ") for text in texts)

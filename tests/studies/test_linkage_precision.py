@@ -26,7 +26,7 @@ from studies.benchmarks.linkage.cases import (
 )
 from studies.oracles import linkages as exact
 
-POSES = 60
+POSES = 48
 each_case = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 
 
