@@ -103,7 +103,7 @@ def solve_poses(
         >>> from importlib.resources import files
         >>> from kinematics import read_linkage
         >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
-        >>> poses = solve_poses(linkage, jnp.deg2rad(jnp.array([[40.0], [90.0]])))
+        >>> poses = jax.jit(solve_poses)(linkage, jnp.deg2rad(jnp.array([[40.0], [90.0]])))
         >>> (
         ...     poses.ok.tolist(),
         ...     np.rad2deg(poses.value.angle("rocker")).astype(float).round(2).tolist(),

@@ -43,7 +43,7 @@ def solve_input_efforts(
         >>> from importlib.resources import files
         >>> from kinematics import read_linkage
         >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
-        >>> efforts = solve_input_efforts(
+        >>> efforts = jax.jit(solve_input_efforts)(
         ...     linkage, jnp.array([0.7]), moments={"rocker": jnp.array(100.0)}
         ... )
         >>> [round(effort, 2) for effort in efforts.tolist()]  # N mm
@@ -69,9 +69,8 @@ def compute_spring_energy(linkage: Linkage, pose: Pose) -> Float[Array, ""]:
         >>> from importlib.resources import files
         >>> from kinematics import read_linkage, solve_poses
         >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
-        >>> float(
-        ...     compute_spring_energy(linkage, solve_poses(linkage, jnp.array([0.7])).value)
-        ... )  # no springs
+        >>> poses = jax.jit(solve_poses)(linkage, jnp.array([0.7]))
+        >>> float(compute_spring_energy(linkage, poses.value))  # no springs
         0.0
     """
     total = jnp.zeros_like(linkage.anchors[0, 0])
@@ -110,7 +109,7 @@ def solve_input_slopes(
         >>> from importlib.resources import files
         >>> from kinematics import read_linkage
         >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
-        >>> slopes = solve_input_slopes(
+        >>> slopes = jax.jit(solve_input_slopes, static_argnums=2)(
         ...     linkage, jnp.array([0.7]), lambda pose: pose.angle("rocker")
         ... )
         >>> [round(slope, 4) for slope in slopes.tolist()]
@@ -147,7 +146,7 @@ def solve_mechanical_advantage(
         >>> from importlib.resources import files
         >>> from kinematics import read_linkage
         >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
-        >>> found = solve_mechanical_advantage(
+        >>> found = jax.jit(solve_mechanical_advantage, static_argnums=2)(
         ...     linkage, jnp.array([0.7]), lambda pose: pose.angle("rocker")
         ... )
         >>> [round(value, 3) for value in found.tolist()]

@@ -68,7 +68,7 @@ def propagate_deviations(
         >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
         >>> crank = lambda linkage: linkage.links["crank"].length
         >>> deviations = eqx.tree_at(crank, make_zero_deviations(linkage), jnp.array(0.1))
-        >>> spread = propagate_deviations(
+        >>> spread = jax.jit(propagate_deviations, static_argnums=2)(
         ...     linkage, jnp.array([0.7]), lambda pose: pose.angle("rocker"), deviations
         ... )
         >>> round(float(spread.deviation), 5)  # rad, for a crank known to 0.1 mm

@@ -182,7 +182,7 @@ def find_spans(rings: Rings, bend: Float[Array, ""], pressed: Float[Array, " rin
 
     Example:
         >>> rings = Rings.of(Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84))
-        >>> spans = find_spans(rings, jnp.zeros(()), jnp.zeros(len(rings.arc)))
+        >>> spans = jax.jit(find_spans)(rings, jnp.zeros(()), jnp.zeros(len(rings.arc)))
         >>> bool(jnp.allclose(spans.low, -spans.high))  # a straight finger is symmetric
         True
     """
@@ -228,7 +228,8 @@ def find_apertures(rings: Rings, posture: Posture, angles: int = 256) -> Apertur
     Example:
         >>> rings = Rings.of(Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84))
         >>> straight = Posture(jnp.zeros(()), jnp.zeros(()), jnp.zeros(len(rings.arc)))
-        >>> find_apertures(rings, straight, 16).outline.shape
+        >>> find = jax.jit(find_apertures, static_argnames="angles")
+        >>> find(rings, straight, angles=16).outline.shape
         (60, 16, 2)
     """
     ring = _bent_rings(rings, posture.bend, posture.pressed)

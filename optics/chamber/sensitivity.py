@@ -31,7 +31,7 @@ def find_extreme_points(
 
     Example:
         >>> chamber = Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84)
-        >>> found = find_extreme_points(chamber, Endoscope(jnp.pi / 2), 0.0, 0.0)
+        >>> found = jax.jit(find_extreme_points)(chamber, Endoscope(jnp.pi / 2), 0.0, 0.0)
         >>> [round(row, 2) for row in found.value[:, 1].tolist()]  # all in the image's middle row
         [239.5, 239.5, 239.5]
     """
@@ -64,7 +64,8 @@ def solve_image_rates(
 
     Example:
         >>> chamber = Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84)
-        >>> bool((solve_image_rates(chamber, Endoscope(jnp.pi / 2), 0.0).value > 0).all())
+        >>> rates = jax.jit(solve_image_rates)(chamber, Endoscope(jnp.pi / 2), 0.0).value
+        >>> bool((rates > 0).all())
         True
     """
     angle = as_float(direction).astype(chamber.length_ab.dtype)

@@ -127,7 +127,7 @@ def find_coverage(
     Example:
         >>> from importlib.resources import files
         >>> from optics import read_scene
-        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> scene = read_scene(files("studies") / "gallery/scenes/half-height-mirror.toml")
         >>> found = find_coverage(scene, jnp.zeros(0))
         >>> bool(found.ok.all()), [round(value, 4) for value in found.value.tolist()]
         (True, [1.0])

@@ -64,7 +64,7 @@ def trace_views(
     Example:
         >>> from importlib.resources import files
         >>> from optics import read_scene
-        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> scene = read_scene(files("studies") / "gallery/scenes/half-height-mirror.toml")
         >>> bool(trace_views(scene, jnp.zeros(0), rays=64).value.present.any())
         True
     """

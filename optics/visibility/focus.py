@@ -53,8 +53,8 @@ def find_focus(scene: Scene, pieces: Pieces, *, accepted: ArrayLike = 1.0) -> Fo
         >>> scene = eqx.tree_at(
         ...     lambda s: s.camera.lens, scene, lens, is_leaf=lambda leaf: leaf is None
         ... )
-        >>> views = find_views(scene, jnp.zeros(0)).value
-        >>> find_focus(scene, views).sharp.shape == views.present.shape
+        >>> views = find_views(scene, jnp.zeros(0), bounces=0).value
+        >>> jax.jit(find_focus)(scene, views).sharp.shape == views.present.shape
         True
     """
     lens = scene.camera.lens

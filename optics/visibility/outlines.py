@@ -54,7 +54,7 @@ def find_outlines(
         >>> from importlib.resources import files
         >>> from optics import read_scene
         >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
-        >>> find_outlines(scene, jnp.zeros(0)).angle.shape  # paths, pads, both ends
+        >>> jax.jit(find_outlines)(scene, jnp.zeros(0)).angle.shape  # paths, pads, both ends
         (5, 1, 2)
     """
     if scene.layout.curved:
@@ -91,7 +91,8 @@ def find_corners(
         >>> from importlib.resources import files
         >>> from optics import Imaging, read_scene
         >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
-        >>> find_corners(Imaging.of(scene.camera), find_outlines(scene, jnp.zeros(0)), 20.0).shape
+        >>> outlines = jax.jit(find_outlines)(scene, jnp.zeros(0))
+        >>> find_corners(Imaging.of(scene.camera), outlines, 20.0).shape
         (5, 1, 4, 2)
     """
     at = [end for end, _ in CORNERS]
