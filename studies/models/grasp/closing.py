@@ -33,6 +33,10 @@ STEPS = 121
 """Motor angles of every closing, for the same reason."""
 
 
+# Traced once, though its shapes are asked for before the loop.
+_solve = jax.jit(solve)
+
+
 def solve_closing(problem: Problem, commands: Float[Array, " steps"]) -> Solution[State]:
     """Equilibria along a motion of the motor, each solved from the last one that was found.
 
@@ -67,7 +71,7 @@ def solve_closing(problem: Problem, commands: Float[Array, " steps"]) -> Solutio
                 problem,
                 (there, state.drag, state.good.joints),
             )
-            found = solve(now, state.good)
+            found = _solve(now, state.good)
             moved = jnp.max(jnp.abs(found.value.joints - state.good.joints))
             ok = found.ok & (moved <= LARGEST_MOVE)
             new = unknowns_of(now, found.value)
@@ -87,7 +91,7 @@ def solve_closing(problem: Problem, commands: Float[Array, " steps"]) -> Solutio
                 found,
             )
 
-        shape = jax.eval_shape(solve, problem, last)
+        shape = jax.eval_shape(_solve, problem, last)
         nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
         zero, one = jnp.zeros_like(command), jnp.ones_like(command)
         done = jax.lax.while_loop(

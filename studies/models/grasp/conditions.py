@@ -117,6 +117,7 @@ class Linear(eqx.Module):
     lifts: Float[Array, "contacts 2"]
 
 
+@jax.jit  # traced once, though its shapes are asked for before the iteration
 def linear_at(problem: Problem, unknowns: Unknowns) -> Linear:
     """The mechanism in one posture, seen once for values and derivatives."""
 
