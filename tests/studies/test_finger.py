@@ -20,6 +20,7 @@ from studies.models.linkage_design.judging import judged
 from studies.models.linkage_design.searching import Round, Search, over
 from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.linkage_design.tolerance import least_angles
+from studies.models.mirror_design import judging, yields
 from studies.models.mirror_design.design import MirrorDesign
 from studies.models.mirror_design.judging import judged as judge_mirrors
 from studies.models.mirror_design.spec import MirrorSpec
@@ -76,7 +77,9 @@ def given_mirrors(finger: Finger, _: MirrorSpec, context: Context) -> MirrorDesi
 
 @pytest.mark.slow
 def test_a_finger_that_is_too_thin_names_what_gave_way(monkeypatch):
-    """Nothing is searched: `test_main_job` has the whole of the study."""
+    """Nothing is searched: `test_main_job` has the whole of the study, and every degree."""
+    for module in (judging, yields):
+        monkeypatch.setattr(module, "whole_degrees", lambda end: np.arange(0.0, end + 1, 10.0))
     monkeypatch.setattr(study, "design_linkage", unsearched_linkage)
     monkeypatch.setattr(study, "design_mirrors", given_mirrors)
     limits = {"transmission_deg": 48, "clearance": 2.5}

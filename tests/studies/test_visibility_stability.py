@@ -260,13 +260,13 @@ def test_findings_name_what_failed(monkeypatch):
 
 
 FEW = {
-    "scenes": 60,
+    "scenes": 40,
     "bounces": 1,
     "float32": False,
     "family_cases": 8,
-    "gradient_scenes": 5,
-    "reference_scenes": 5,
-    "fine_rays": 200_000,
+    "gradient_scenes": 2,
+    "reference_scenes": 2,
+    "fine_rays": 100_000,
 }
 
 
