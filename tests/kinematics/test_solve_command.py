@@ -82,12 +82,12 @@ def test_rows_beyond_lock_up_are_empty_and_say_why(capsys):
 
 
 def test_no_pose_at_all_is_exit_code_1(tmp_path, capsys):
-    command = ["solve", "rocker.toml", "--sweep", "crank=0:10:3", "--csv", "t.csv"]
+    command = ["solve", "rocker.toml", "--sweep", "crank=0:10:4", "--csv", "t.csv"]
     assert run([*command, "--figure", "t.png"]) == 1
     told = capsys.readouterr().err.splitlines()
     assert told[0] == "no pose can be assembled; their rows have ok = 0 and empty cells"
-    assert told[1].startswith("  3 poses: Two pins are nearer to each other than")
-    assert table_of((tmp_path / "t.csv").read_text())["ok"] == ["0", "0", "0"]
+    assert told[1].startswith("  4 poses: Two pins are nearer to each other than")
+    assert table_of((tmp_path / "t.csv").read_text())["ok"] == ["0"] * 4
     assert told[-1] == "nothing is drawn: no pose to show can be assembled"
     assert not (tmp_path / "t.png").exists()
 
@@ -254,7 +254,7 @@ def test_nonsense_is_one_line_and_exit_code_2(arguments, words, tmp_path, capsys
 def test_a_table_without_room_is_one_line_and_leaves_nothing(tmp_path, capsys):
     """A limit of a file's size stands for a disk that becomes full."""
     resource = pytest.importorskip("resource")
-    command = ["solve", "four-bar.toml", "--sweep", "crank=0:360:999"]
+    command = ["solve", "four-bar.toml", "--sweep", "crank=0:360:2000"]
     assert run(command) == 0  # from here on, nothing compiled is written
     capsys.readouterr()
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
