@@ -144,7 +144,7 @@ def faults(known: Kind, numbers: range, folder: Path) -> list[str]:
     return found
 
 
-FEW = {"linkage": range(40), "scene": range(16), "chamber": range(30)}
+FEW = {"linkage": range(25), "scene": range(9), "chamber": range(30)}
 MANY = {"linkage": range(1000, 2000), "scene": range(1000, 1500), "chamber": range(1000, 1500)}
 
 

@@ -140,10 +140,13 @@ def disturbed_frames(
     finger: SoftFinger, postures: Posture, seed: int
 ) -> Iterator[tuple[Disturbance, int, Picture]]:
     """Pictures of every disturbance in every posture, with the posture's number."""
+    taken: dict[tuple, list[Picture]] = {}  # by what the camera and the walls are like
     for kind in DISTURBANCES:
-        renderer = finger.renderer(seed, gain=kind.gain, colors=kind.colors)
-        pictures = looked_at(renderer, postures, lambda _, image: image.pixels)
-        for number, picture in enumerate(pictures):
+        light = (kind.gain, kind.walls, kind.inner)
+        if light not in taken:
+            renderer = finger.renderer(seed, gain=kind.gain, colors=kind.colors)
+            taken[light] = looked_at(renderer, postures, lambda _, image: image.pixels)
+        for number, picture in enumerate(taken[light]):
             yield kind, number, kind.change(picture) if kind.change else picture
 
 
