@@ -32,6 +32,7 @@ from tests.kinematics.gallery import (
 )
 
 NO_POSE = {"rocker O4-B": 40.0, "coupler A-B": 204.0}
+LOCKS = {"ground O2-O4": 170.0, "coupler A-B": 100.0, "rocker O4-B": 90.0}
 
 
 @functools.cache
@@ -172,12 +173,11 @@ def test_what_is_saved_is_the_linkage_as_it_stands():
 
 
 def test_what_is_saved_where_it_locks_is_in_the_first_pose():
-    bench = bench_of("watt")
-    values = start(bench, crank=189.0)
+    bench = bench_of("four-bar")
+    values = start(bench, crank=180.0, **LOCKS)
     assert bench.show(values).message
     check_saved(bench, values)
     assert "in its first pose" in bench.specs(values)[0].title
-    bench = bench_of("four-bar")
     with pytest.raises(UserError, match="cannot be sketched"):
         bench.specs(start(bench, **NO_POSE))
 
@@ -201,8 +201,7 @@ def test_the_transmission_angle_of_a_four_bar():
     crank = bench.knobs[0]
     assert (crank.low, crank.high, crank.unit, crank.kind) == (0.0, 360.0, "°", "joint")
     # A crank that locks around 180° has one range, wherever its turn is cut.
-    locks = start(bench, **{"ground O2-O4": 170.0, "coupler A-B": 100.0, "rocker O4-B": 90.0})
-    found = [readings(bench.show({**locks, "crank": crank}))["least μ"] for crank in (5, 355)]
+    found = [readings(bench.show(start(bench, crank=at, **LOCKS)))["least μ"] for at in (5, 355)]
     limit = math.acos((40**2 + 170**2 - 190**2) / (2 * 40 * 170))
     least = least_of_four_bar((40, 100, 90, 170), 0.96 * limit)  # 2 % of twice the limit
     np.testing.assert_allclose(found, [least, least], atol=1e-4)

@@ -170,10 +170,10 @@ def test_margins_in_many_scenes_are_those_of_the_best_of_many_directions():
 
 
 def test_margins_are_positive_where_a_view_succeeds():
-    found = answers(random_cases(32, 128))
+    found = answers(random_cases(32, 64))
     clear = np.abs(found.views.margin) > ROUNDING
     np.testing.assert_array_equal(found.ok[clear], found.views.margin[clear] > 0)
-    assert found.ok.sum() > 100
+    assert found.ok.sum() > 50
 
 
 GOAL, STEPS, VIEWS = 0.1, 20, 64
@@ -193,18 +193,21 @@ def test_the_derivative_of_the_margin_leads_to_a_view():
     cases, rng = random_cases(40, 64), np.random.default_rng(40)
     hidden = np.argwhere(~answers(cases).ok)
     hidden = hidden[rng.choice(len(hidden), VIEWS, replace=False)]
-    cases, views = item(cases, hidden[:, 0]), (np.arange(VIEWS), hidden[:, 1], hidden[:, 2])
-    weights = np.zeros((VIEWS, len(WORDS), PADS))
-    weights[views] = 1
-    opened = np.zeros(VIEWS, bool)
+    cases, left = item(cases, hidden[:, 0]), hidden
     for _ in range(STEPS):
+        views = np.arange(len(left)), left[:, 1], left[:, 2]
+        weights = np.zeros((len(left), len(WORDS), PADS))
+        weights[views] = 1
         found = answers(cases, {"margin": weights})
         assert all(np.isfinite(slope).all() for slope in found.slopes)
-        opened |= found.ok[views]
-        cases = stepped(cases, found.slopes, np.where(opened, 0, GOAL - found.views.margin[views]))
-    lengths = np.array([len(word) for word in WORDS])[hidden[:, 1]]
-    shares = [opened[lengths == length].mean() for length in range(3)]
-    assert (np.array(shares) >= OPENED).all(), shares
+        closed = ~found.ok[views]
+        wanted = GOAL - np.asarray(found.views.margin[views])
+        cases = item(stepped(cases, found.slopes, wanted), closed)
+        left = left[closed]
+    lengths = np.array([len(word) for word in WORDS])
+    first, last = (np.bincount(lengths[paths], minlength=3) for paths in (hidden[:, 1], left[:, 1]))
+    shares = 1 - last / first
+    assert (shares >= OPENED).all(), shares
 
 
 def stepped(cases: Case, slopes: Case, wanted: np.ndarray) -> Case:
