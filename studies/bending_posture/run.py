@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import jax
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import studentized_range
@@ -68,6 +69,8 @@ REPEATED = 20
 
 TIMED = 40
 """Pictures in which markers are found one after the other, for the time it takes."""
+
+solve_rates = jax.jit(solve_image_rates)
 
 
 def run(spec: BendingPostureSpec, context: Context) -> Results:
@@ -206,7 +209,7 @@ def measure_chamber(spec: BendingPostureSpec, finger: SoftFinger, seed: int) -> 
     straight = finger.postures(np.zeros(1), np.zeros(1))
     [image] = finger.renderer(seed, severity=0.0).render(straight)
     blue, yellow, top = (float(np.ptp(outline[:, 0])) / 2 for outline in image.outlines)
-    rates = solve_image_rates(finger.chamber, finger.endoscope, DOWN)
+    rates = solve_rates(finger.chamber, finger.endoscope, DOWN)
     return Records(
         {
             "eta": spec.eta,
