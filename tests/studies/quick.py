@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from designopt.cli import run
 from tests.golden import table_of
-from tests.helpers import load_toml
+from tests.helpers import DATA, load_toml
 
 
 class QuickRun(NamedTuple):
@@ -43,3 +43,15 @@ def quick_run(study: str, folder: Path, *more: str) -> QuickRun:
     assert not any(metric["target"] for metric in document["metrics"].values())
     measured = {name: metric["value"] for name, metric in document["metrics"].items()}
     return QuickRun(folder / "out", document, measured)
+
+
+def half_as_high(folder: Path) -> list[str]:
+    """Settings by which the images of the packaged finger are 540 px high, not 1080.
+
+    Args:
+        folder: where its scene is written.
+    """
+    path, text = folder / "scene.toml", (DATA / "old_specs" / "scene.toml").read_text("utf-8")
+    assert text.count("pixels = 1080") == 1
+    path.write_text(text.replace("pixels = 1080", "pixels = 540"), encoding="utf-8")
+    return [f"scene={path}"]

@@ -8,12 +8,12 @@ import pytest
 from designopt import Records
 from studies.proprioception.frames import spread_angles
 from studies.proprioception.run import variance_over_predicted
-from tests.studies.quick import quick_run
+from tests.studies.quick import half_as_high, quick_run
 
 
 @pytest.mark.as_users
 def test_a_quick_run_estimates_angles_by_every_method(tmp_path):
-    done = quick_run("proprioception", tmp_path)
+    done = quick_run("proprioception", tmp_path, *half_as_high(tmp_path))
     measured, ladder = done.measured, done.rows("ladder")
     assert measured["labelled_mean_deg"] <= 0.5
     assert measured["unlabelled_mean_deg"] <= 0.75
