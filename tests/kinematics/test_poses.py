@@ -15,7 +15,6 @@ from kinematics.solve.evaluation import evaluate
 from kinematics.solve.plan import make_plan
 from kinematics.solve.solver import Solver
 from kinematics.solve.steps import Plan
-from tests.helpers import slopes_and_differences
 from tests.kinematics.gallery import each_linkage, gallery, gallery_tables, poses_of
 
 CLOSED = 1e-12  # what the project promises, in units of the linkage's size
@@ -63,15 +62,19 @@ def test_compiled_batched_gradients(name):
     linkage = gallery(name)
     flat, rebuilt = leaves_of(linkage)
 
-    def value(numbers):
+    def value(design):
         """A number to which the last joint and the last body contribute."""
-        design = jnp.stack(numbers)
         pose = solve_poses(rebuilt(design[: len(flat)]), design[len(flat) :]).value
         last = pose.joints[linkage.structure.joints[-1]]
         return last.x + 0.3 * last.y + 20 * pose.bodies[linkage.structure.moving[-1].name].x
 
     designs = np.array([np.concatenate([flat, row]) for row in near_home(name, 3, 0.1)])
-    slopes, wanted = slopes_and_differences(value, [*designs.T])
+    values = jax.jit(jax.vmap(jax.vmap(value)))
+    steps = np.finfo(float).eps ** (1 / 3) * np.maximum(1.0, np.abs(designs))[:, None]
+    moves = steps * np.eye(designs.shape[1])
+    ends = [values(designs[:, None] + move) for move in (moves, -moves)]
+    wanted = np.asarray(ends[0] - ends[1]) / (2 * steps[:, 0])
+    slopes = jax.jit(jax.vmap(jax.grad(value)))(designs)
     np.testing.assert_allclose(slopes, wanted, rtol=1e-6, atol=2e-7)
 
 
