@@ -48,10 +48,12 @@ def brute_force(residual, is_angle, reach, starts=3000, seed=0):
             gaps = residual(unknowns)
             return np.concatenate([gaps.real, gaps.imag])
 
-        x, how, status, _ = scipy.optimize.fsolve(real, start, xtol=1e-13, full_output=True)
-        if status != 1 or np.max(np.abs(how["fvec"])) > 1e-9:
+        at, _, status, _ = map(
+            np.asarray, scipy.optimize.fsolve(real, start, xtol=1e-13, full_output=True)
+        )
+        if status != 1 or np.max(np.abs(real(at))) > 1e-9:
             continue
-        x = np.where(is_angle, np.angle(np.exp(1j * x)), x)
+        x = np.where(is_angle, np.angle(np.exp(1j * at)), at)
         step = [
             np.max(np.where(is_angle, np.abs(np.exp(1j * x) - np.exp(1j * y)), np.abs(x - y)))
             for y in found

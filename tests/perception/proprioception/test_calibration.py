@@ -215,7 +215,7 @@ def test_deviations_of_errors_and_angles_are_the_scatter_of_repeats():
     assert np.mean(np.square(units)) == pytest.approx(0.95, abs=0.2)
     # Six labels give it to a fifth of what was known before.
     assert np.mean(zeros) < 0.2
-    # 40 draws know a deviation to 11 %. Calibrated first and solved then, not at once, and softened,
+    # 40 draws give a deviation to 11 %. Calibrated first and solved then, not at once, and soft,
     # an answer is a little worse than it could be.
     own, others = (frame(np.zeros(ERRORS), POSE), POSE), (watched(np.zeros(ERRORS)), SPREAD_OUT)
     bound = compute_information_bound(MODEL, np.zeros(ERRORS), own, others, LABELS)
