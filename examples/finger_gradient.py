@@ -46,7 +46,7 @@ def figures(finger: Finger) -> dict[str, jax.Array]:
 
 
 if __name__ == "__main__":
-    slopes, values = jax.jit(jax.jacrev(lambda one: 2 * (figures(one),), has_aux=True))(FINGER)
+    values, slopes = jax.jit(lambda one: (figures(one), jax.jacrev(figures)(one)))(FINGER)
     for name, value in values.items():
         print(f"{name}: {float(value):.4g}")
         for path, slope in jax.tree.leaves_with_path(slopes[name]):

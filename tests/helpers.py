@@ -59,30 +59,3 @@ def central_differences(function: Callable[..., Any], design: Any) -> list[float
         ]
         slopes.append((ends[0] - ends[1]) / (2 * step))
     return slopes
-
-
-def slopes_and_differences(function: Callable[..., Any], designs: Any) -> tuple[Any, Any]:
-    """Slopes of a scalar function of several designs with respect to every leaf, found twice.
-
-    Args:
-        function: of one design.
-        designs: the designs along the leaves' only axis.
-
-    Returns:
-        Derivatives, and `central_differences` from values of the same program: compiling it is
-        most of the time. Both are of the shape (designs, leaves).
-    """
-    leaves, structure = jax.tree.flatten(designs)
-    at = np.stack([np.asarray(leaf, float) for leaf in leaves], axis=-1)
-    steps = np.finfo(float).eps ** (1 / 3) * np.maximum(1.0, np.abs(at))
-    moves = steps[:, None] * np.eye(len(leaves))
-    beside = np.concatenate([np.zeros_like(steps)[:, None], moves, -moves], axis=1)
-
-    def both(numbers: jax.Array) -> tuple[jax.Array, Any]:
-        return jax.value_and_grad(function)(jax.tree.unflatten(structure, [*numbers]))
-
-    rows = at[:, None] + beside
-    values, slopes = jax.jit(jax.vmap(both))(rows.reshape(-1, len(leaves)))
-    ahead, behind = np.split(np.reshape(values, rows.shape[:2])[:, 1:], 2, axis=1)
-    found = np.stack(jax.tree.leaves(slopes), axis=-1).reshape(rows.shape)[:, 0]
-    return found, (ahead - behind) / (2 * steps)

@@ -30,9 +30,12 @@ def finger():
 def search(finger):
     """One compiled search for the chambers of all cameras, which differ in numbers alone."""
     compiled = Minimizer(best_chamber.problem(finger), best_chamber.STARTS)
+
+    def minimize(posed, starts):
+        return compiled.solve(starts, posed.data)
+
     with pytest.MonkeyPatch.context() as patch:
-        solve = lambda posed, starts: compiled.solve(starts, posed.data)  # noqa: E731
-        patch.setattr(best_chamber, "minimize", solve)
+        patch.setattr(best_chamber, "minimize", minimize)
         yield best_chamber.find_best_chamber
 
 

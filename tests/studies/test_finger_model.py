@@ -18,7 +18,7 @@ from jax.flatten_util import ravel_pytree
 
 from designopt import UserError
 from kinematics import parse_linkage, solve_poses, solve_transmission
-from optics import parse_scene
+from optics import find_coverage, parse_scene
 from optics.scene.writer import scene_tables
 from studies.models import Finger
 from studies.models.finger import pins_of
@@ -111,10 +111,15 @@ def test_the_example_runs():
     assert example()["printed"].count(".body.thickness") == 4
 
 
-def test_the_linkage_of_the_example_closes():
-    pose = jnp.stack([example()["PIP"], example()["DIP"]])
-    closes = jax.jit(lambda finger: solve_poses(finger.linkage(), -pose).ok)
-    assert closes(example()["FINGER"])
+def test_pads_of_the_example_are_seen_in_part():
+    @jax.jit
+    def shown(finger: Finger) -> tuple[jax.Array, jax.Array]:
+        pose = jnp.stack([example()["PIP"], example()["DIP"]])
+        return find_coverage(finger.scene(), pose).value, solve_poses(finger.linkage(), -pose).ok
+
+    coverage, closed = map(np.asarray, shown(example()["FINGER"]))
+    assert np.all((coverage > 0.2) & (coverage < 0.9))
+    assert closed
 
 
 def test_slopes_are_central_differences():

@@ -208,7 +208,7 @@ def test_deviations_of_errors_and_angles_are_the_scatter_of_repeats():
         zeros.append(covariance[ZERO, ZERO] / scale**2)
         one = frame(errors, POSE, generator=generator)
         off.append(find_pose(MODEL, one, POSE, found.value.errors).value.angles - POSE)
-    # 40 draws know a variance to 22 % (1 σ), and a correlation to 16 %; softening gives up to
+    # 40 draws give a variance to 22 % (1 σ), and a correlation to 16 %; softening gives up to
     # 8 % too much of a variance.
     squares = np.transpose(units) @ np.array(units) / len(units)
     np.testing.assert_allclose(squares, np.eye(ERRORS), atol=0.5)
