@@ -126,12 +126,15 @@ class Pad:
         inside = np.where(beyond > 0, beyond, from_middle.max(axis=-1))
         return inside <= self.radius
 
+    def lattice(self, count: int) -> np.ndarray:
+        """Places on the pad, mm along and across it: so many each way, shape (count, count, 2)."""
+        along = np.linspace(0, self.length, count)
+        across = self.width * np.linspace(-0.5, 0.5, count)
+        return np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1)
+
     def corners(self) -> np.ndarray:
         """Corners of the sharp rectangle in the pad's own order."""
-        half = self.width / 2
-        return self.points(
-            np.array([[0, -half], [self.length, -half], [self.length, half], [0, half]])
-        )
+        return self.points(self.lattice(2)[[0, 1, 1, 0], [0, 0, 1, 1]])
 
 
 Look = Callable[[np.ndarray], np.ndarray]
@@ -155,8 +158,7 @@ def drawn(
 
 def _window(eye: Eye, pad: Pad) -> tuple[slice, slice]:
     """Fine rays among which are all that meet a pad."""
-    along, across = np.linspace(0, pad.length, 17), pad.width * np.linspace(-0.5, 0.5, 17)
-    around = eye.places(pad.points(np.stack(np.meshgrid(along, across), axis=-1).reshape(-1, 2)))
+    around = eye.places(pad.points(pad.lattice(17).reshape(-1, 2)))
     low, high = FINE * (around.min(axis=0) - 4), FINE * (around.max(axis=0) + 4)
     (left, top), (right, bottom) = np.maximum(low, 0).astype(int), np.maximum(high, 0).astype(int)
     return slice(top, bottom), slice(left, right)
@@ -180,18 +182,22 @@ def colored(gray: np.ndarray) -> np.ndarray:
     return np.repeat(gray[..., None], 3, axis=-1)
 
 
+def quad_at(eye: Eye, corners: np.ndarray, *, deviation: float = 0.0) -> Quad:
+    """A complete one with these corners, the lower end first."""
+    covariance = np.tile(deviation**2 * np.eye(2), (4, 1, 1))
+    numbers = covariance, 1.0, 100.0, 0.1, Quality.COMPLETE
+    return Quad(rays_of(eye.directions(corners)), corners, *numbers)
+
+
 def exact_quad(eye: Eye, pad: Pad, *, deviation: float = 0.0) -> Quad:
     """What a perfect image shows of a pad whose first end is the lower one."""
-    points = pad.corners()
-    covariance = np.broadcast_to(deviation**2 * np.eye(2), (4, 2, 2)).copy()
-    numbers = covariance, 1.0, 100.0, 0.1, Quality.COMPLETE
-    return Quad(rays_of(points), eye.places(points), *numbers)
+    return quad_at(eye, eye.places(pad.corners()), deviation=deviation)
 
 
 def exact_view(
     eye: Eye, pad: Pad, *, name: str = "pad", path: str = "direct", area: float = 1.0
 ) -> View:
     """A view with the true corners of a pad."""
-    points, complete = pad.corners(), (Quality.COMPLETE, (True, True))
-    places = eye.places(points)
-    return View(name, path, 0, *complete, places, rays_of(points), np.zeros((4, 2, 2)), area)
+    quad = exact_quad(eye, pad)
+    granted = quad.quality, (True, True)
+    return View(name, path, 0, *granted, quad.corners, quad.rays, quad.covariance, area)

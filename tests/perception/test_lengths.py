@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from perception.detection import detect_quads
 from perception.lengths import LEAST_DEVIATION, measured_grazing, measured_length, shortened
-from tests.perception.drawn import Eye, Pad, drawn, exact_quad, rays_of, stored
+from tests.perception.drawn import Eye, Pad, drawn, exact_quad, quad_at, stored
 
 EYE = Eye()
 LENS = EYE.lens()
@@ -51,8 +51,8 @@ def test_the_deviation_is_that_of_noisy_corners(name, scatter):
     size = np.hypot(scatter, LEAST_DEVIATION)
     for _ in range(100):
         corners = quad.corners + size * generator.standard_normal((4, 2))
-        rays = rays_of(EYE.directions(corners))
-        lengths.append(measured_length(dataclasses.replace(quad, rays=rays), pad.width, LENS)[0])
+        noisy = quad_at(EYE, corners, deviation=scatter)
+        lengths.append(measured_length(noisy, pad.width, LENS)[0])
     # 100 draws know a deviation to 7 % (1 σ); the length is not quite linear in the corners.
     assert deviation == pytest.approx(np.std(lengths), rel=0.2)
 

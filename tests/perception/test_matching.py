@@ -16,7 +16,7 @@ from perception.lengths import measured_grazing
 from perception.matching import Sighting, View, ViewCatalog, ViewFamily, match_views
 from perception.quads import Quad
 from perception.quality import Quality
-from tests.perception.drawn import Eye, Pad, rays_of
+from tests.perception.drawn import Eye, Pad, quad_at
 
 EYE = Eye(540, 720, focal=193.0)
 LENS = EYE.lens()
@@ -87,9 +87,7 @@ def quad_of(corners: np.ndarray, *, deviation: float = 0.1) -> Quad:
     """A quadrilateral, its corners in the pad's order or the other way up."""
     lower_first = corners[0, 1] + corners[3, 1] >= corners[1, 1] + corners[2, 1]
     ordered = corners if lower_first else corners[[1, 0, 3, 2]]
-    covariance = np.broadcast_to(deviation**2 * np.eye(2), (4, 2, 2)).copy()
-    rays = rays_of(EYE.directions(ordered))
-    return Quad(rays, ordered, covariance, 5000.0, 100.0, 0.1, Quality.COMPLETE)
+    return quad_at(EYE, ordered, deviation=deviation)
 
 
 def quads_of(corners: np.ndarray) -> list[Quad]:

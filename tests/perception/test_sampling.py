@@ -9,6 +9,7 @@ from perception.sampling import sampled
 
 @pytest.mark.parametrize("channels", [(), (2,)])
 def test_values_are_those_of_scipy(channels):
+    """Beyond the border as well, where they are those on it."""
     generator = np.random.default_rng(0)
     image = generator.uniform(0, 1, (30, 40, *channels)).astype(np.float32)
     places = generator.uniform(-3, 42, (20, 25, 2))
@@ -21,9 +22,3 @@ def test_values_are_those_of_scipy(channels):
     found = sampled(image, places).reshape(20, 25, -1)
     # Places are in single precision.
     np.testing.assert_allclose(found, np.stack(exact, axis=-1), atol=1e-5)
-
-
-def test_beyond_the_border_values_are_those_on_it():
-    image = np.arange(12, dtype=np.float32).reshape(3, 4)
-    places = np.array([[[-5.0, -5.0], [99.0, -1.0], [-1.0, 99.0], [99.0, 99.0]]])
-    np.testing.assert_array_equal(sampled(image, places), [[0, 3, 8, 11]])

@@ -26,16 +26,11 @@ PADS = {
 }
 
 
-def lattice(pad: Pad, count: int = 9) -> np.ndarray:
-    along = np.linspace(0, pad.length, count)
-    across = pad.width * np.linspace(-0.5, 0.5, count)
-    return np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
-
-
 @pytest.mark.parametrize("name", PADS)
 def test_places_are_imaged_where_the_camera_images_them_and_back(name):
     pad = PADS[name]
-    view, places, size = exact_view(EYE, pad), lattice(pad), (pad.length, pad.width)
+    view, places = exact_view(EYE, pad), pad.lattice(9).reshape(-1, 2)
+    size = pad.length, pad.width
     there = EYE.places(pad.points(places))
     # The homography is found in single precision.
     np.testing.assert_allclose(map_to_image(view, LENS, places, *size), there, atol=1e-3)
@@ -74,10 +69,7 @@ def test_single_samples_are_where_they_should_be(name):
 @pytest.mark.parametrize("name", PADS)
 def test_the_least_scale_is_that_of_the_camera(name):
     pad = PADS[name]
-    along = np.linspace(0, pad.length, 41)
-    across = pad.width * np.linspace(-0.5, 0.5, 41)
-    places = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1)
-    small = 1e-4
+    places, small = pad.lattice(41), 1e-4
     steps = [
         (EYE.places(pad.points(places + move)) - EYE.places(pad.points(places - move)))
         / (2 * small)

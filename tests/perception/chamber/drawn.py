@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from perception.chamber import Points, Region, find_points, find_regions
+
 FINE = 4
 """Finer pixels across a pixel and down it."""
 
@@ -82,6 +84,16 @@ class Scene:
             out += part[..., None] * albedo
         return out
 
+    def labels(self) -> np.ndarray:
+        """The `Region` of every pixel's middle."""
+        y, x = np.mgrid[: self.rows, : self.columns]
+        drawn = np.full((self.rows, self.columns), Region.RED, np.uint8)
+        ellipses = (self.blue, self.yellow, self.top)
+        for ellipse, region in zip(ellipses, (Region.BLUE, Region.YELLOW, Region.TOP), strict=True):
+            assert ellipse is not None
+            drawn[ellipse.holds(x, y)] = region
+        return drawn
+
     def light(self) -> np.ndarray:
         """Falls off with depth, towards the middle."""
         y, x = np.mgrid[: self.rows, : self.columns]
@@ -108,3 +120,8 @@ class Scene:
 _BLUE, _YELLOW, _TOP = (Ellipse(159.5, 119.5, radius, radius) for radius in (90, 47, 21))
 HALF = Scene(240, 320, _BLUE, _YELLOW, _TOP)
 """The straight chamber in half as many pixels."""
+
+
+def points_of(image: np.ndarray) -> Points:
+    """Points of whatever regions an image shows."""
+    return find_points(image, find_regions(image))

@@ -10,11 +10,9 @@ from perception.chamber import (
     Points,
     compute_displacements,
     estimate_bending_direction,
-    find_points,
-    find_regions,
 )
 from perception.chamber.directions import Use
-from tests.perception.chamber.drawn import HALF, Ellipse, Scene
+from tests.perception.chamber.drawn import HALF, Ellipse, Scene, points_of
 
 NUMBERS = Direction.INITIAL, Direction.UP, Direction.DOWN, Direction.LEFT, Direction.RIGHT
 """The paper's numbers 0 to 4."""
@@ -96,17 +94,16 @@ def test_displacements_of_what_both_frames_show():
     assert moved.tolist() == [[2, -3], [0, 0], *[[2, -3]] * 5]
 
 
-def points_of(scene: Scene, seed: int = 0) -> Points:
-    image = scene.image(noise=4, seed=seed)
-    return find_points(image, find_regions(image))
+def points_in(scene: Scene, seed: int) -> Points:
+    return points_of(scene.image(noise=4, seed=seed))
 
 
 @pytest.mark.parametrize("far", [0.8, 15, 50, 100, 140])
 def test_drawn_bends(far: float):
     straight = HALF
-    initial = points_of(straight, seed=1)
+    initial = points_in(straight, seed=1)
     for direction, x, y in zip(NUMBERS[1:], (0, 0, -far, far), (-far, far, 0, 0), strict=True):
-        frame = points_of(straight.moved(x, y), seed=2)
+        frame = points_in(straight.moved(x, y), seed=2)
         for use in ("blue", "all", "centre"):
             assert estimate_bending_direction(frame, initial, use=use) is direction
 
@@ -124,6 +121,6 @@ def test_a_bend_down_behind_a_nearer_wall(x: int, y: int, literal: Direction, ce
     straight = replace(HALF, yellow=None)
     opening = Ellipse(159.5 - 45 * x, 119.5 - 45 * y, 90, 90)
     hidden = replace(straight.moved(60 * x, 60 * y), opening=opening)
-    initial, frame = points_of(straight, seed=1), points_of(hidden, seed=2)
+    initial, frame = points_in(straight, seed=1), points_in(hidden, seed=2)
     assert estimate_bending_direction(frame, initial) is literal
     assert estimate_bending_direction(frame, initial, use="centre") is center

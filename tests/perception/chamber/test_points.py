@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.chamber import ChamberStatus, Points, find_points, find_regions
-from tests.perception.chamber.drawn import HALF, Ellipse, Scene
+from perception.chamber import ChamberStatus, find_points, find_regions
+from tests.perception.chamber.drawn import HALF, Ellipse, Scene, points_of
 
 MEASURED = np.array([(1, 0), (0, 1), (1, 0), (1, 0), (0, 1), (1, 0), (1, 1)], bool)
 """The coordinates that the points are for; along the edge they are found far less well."""
@@ -17,10 +17,6 @@ NOISY = 0.3
 """px, for noise of 6 grey levels: three standard deviations in the darkest of these images."""
 
 PLACES = [(0.0, 0.0), (13.27, -8.61), (-21.4, 17.9), (4.83, 24.35)]
-
-
-def points_of(image: np.ndarray) -> Points:
-    return find_points(image, find_regions(image))
 
 
 @pytest.mark.parametrize("place", PLACES)

@@ -31,16 +31,6 @@ def overlap(outline: np.ndarray, ellipse: Ellipse | None, shape: tuple[int, int]
     return (found & true).sum() / (found | true).sum()
 
 
-def labels_drawn(scene: Scene) -> np.ndarray:
-    drawn = np.full((scene.rows, scene.columns), Region.RED, np.uint8)
-    y, x = np.mgrid[: scene.rows, : scene.columns]
-    ellipses = (scene.blue, scene.yellow, scene.top)
-    for ellipse, region in zip(ellipses, (Region.BLUE, Region.YELLOW, Region.TOP), strict=True):
-        assert ellipse is not None
-        drawn[ellipse.holds(x, y)] = region
-    return drawn
-
-
 AT_BLUE = Ellipse(150.3, 119.5, 47, 47)
 TOUCHING = replace(STRAIGHT, yellow=AT_BLUE, top=replace(AT_BLUE, x=120.0, wide=22, high=22))
 """The top lies at blue: yellow's outline holds it all the same."""
@@ -54,7 +44,7 @@ def test_outlines_and_labels_are_those_drawn(gain: float, noise: float):
     assert overlap(regions.blue, BENT.blue, regions.labels.shape) > 0.98
     assert overlap(regions.yellow, BENT.yellow, regions.labels.shape) > 0.96
     # Colours mix within 3 px of an edge; everywhere else the labels are those drawn.
-    drawn = labels_drawn(BENT)
+    drawn = BENT.labels()
     near = cv2.morphologyEx(drawn, cv2.MORPH_GRADIENT, np.ones((7, 7), np.uint8)) > 0
     # An opening leaves a few noisy pixels of the dark top unlabelled.
     assert (regions.labels == drawn)[~near].mean() > 0.999
@@ -199,7 +189,7 @@ def test_labels_by_outlines_are_those_drawn_without_highlights_between():
     cv2.circle(image, (int(BENT.blue.x) - 70, int(BENT.blue.y)), 5, (255, 255, 255), -1)
     regions = find_regions(image)
     assert np.any(regions.labels[25:36, 35:46] == Region.OTHER)
-    drawn = labels_drawn(BENT)
+    drawn = BENT.labels()
     # Outlines are whole pixels: labels differ on edges alone, by a pixel or two.
     wrong = (regions.nested() != drawn).astype(np.uint8)
     assert not cv2.erode(wrong, np.ones((3, 3), np.uint8)).any()

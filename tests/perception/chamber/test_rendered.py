@@ -13,7 +13,6 @@ from optics.rendering import ChamberEffects, ChamberImage, ChamberRenderer
 from perception.chamber import (
     ChamberStatus,
     Direction,
-    Points,
     estimate_bending_direction,
     find_points,
     find_regions,
@@ -22,6 +21,7 @@ from perception.posture import USABLE
 from studies.bending_direction.frames import TOWARDS
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.spec import ChamberImagesSpec
+from tests.perception.chamber.drawn import points_of
 
 BENDS_DEG = (0.0, 15.0, 35.0, 60.0, 90.0, 120.0)
 
@@ -46,10 +46,6 @@ def bent(
         np.deg2rad(BENDS_DEG), np.full(count, towards), np.tile(press, (count, 1))
     )
     return renderer.render(postures)
-
-
-def points_of(pixels: np.ndarray) -> Points:
-    return find_points(pixels, find_regions(pixels))
 
 
 @pytest.mark.parametrize(("severity", "gain"), [(0.0, 0.4), (2.0, 2.0)])

@@ -56,18 +56,6 @@ def test_noisy_markers_as_by_brute_force():
         assert residual == pytest.approx(np.sqrt(squares(bend) / 3), rel=1e-9)
 
 
-def test_residual_is_the_distance_of_markers_off_across_the_arc():
-    """Moved across a straight finger so that the bend does not change."""
-    off = np.array([1.0, 2.0, 0.0])
-    slope = (integrated(1e-6) - integrated(-1e-6))[:, 0]
-    off[2] = -(off[:2] @ slope[:2]) / slope[2]
-    markers = integrated(0.0)
-    markers[:, 0] += off
-    fit = found(markers[None])
-    assert fit.bend[0] == pytest.approx(0, abs=1e-6)
-    assert fit.residual[0] == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-6)
-
-
 @pytest.mark.parametrize("place", [(0, 0), (1, 1), (2, 0)])
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300, -1001.0])
 def test_markers_that_are_none_are_not_known_and_finite(bad, place):

@@ -30,14 +30,9 @@ def test_shrunk_averages_blocks_of_thicker_lines():
     thick = np.zeros(boundary.shape)
     thick[:, 8:11] = 255
     blocks = thick.reshape(3, 4, 5, 4).mean(axis=(1, 3))
-    np.testing.assert_allclose(shrink(boundary, (5, 3)), blocks, rtol=1e-6)
-
-
-def test_thin_lines_survive():
-    boundary = make_boundary_image(np.tri(480, 640, dtype=np.uint8))
-    small = shrink(boundary, (64, 48))
+    small = shrink(boundary, (5, 3))
     assert small.dtype == np.float32
-    assert np.all(small[np.arange(48), np.arange(48)] > 30)
+    np.testing.assert_allclose(small, blocks, rtol=1e-6)
 
 
 @pytest.mark.parametrize("size", [(0, 3), (21, 3), (5, 13)])

@@ -6,6 +6,7 @@ A straight toy has a closed posterior, and all unknowns of a bent one an informa
 import numpy as np
 import pytest
 
+from designopt.solution import Solution
 from perception.proprioception import (
     Calibration,
     FingerErrors,
@@ -31,7 +32,9 @@ from tests.perception.proprioception.toy import (
     differences,
     frame,
     model_of,
+    off_by,
     straight,
+    uneven,
     whitened,
 )
 
@@ -143,9 +146,16 @@ def watched(
     )
 
 
+def calibrated(
+    seen: Observation, labels: np.ndarray = SPREAD_OUT, deviation: float | None = None
+) -> Solution[Calibration]:
+    """Where corners err in every frame anew."""
+    return calibrate(MODEL, seen, labels, deviation, constant=0.0)
+
+
 @pytest.mark.parametrize("off", [0.0, 0.2])
 def test_exact_unlabelled_frames_give_all_but_the_zero_of_a_joint(off):
-    found = calibrate(MODEL, watched(MADE), SPREAD_OUT + off, constant=0.0)
+    found = calibrated(watched(MADE), SPREAD_OUT + off)
     assert found.ok
     # What is known before draws the mean of a posterior to zero by its covariance's share; the
     # corners' bend within a deviation adds a little.
@@ -163,7 +173,7 @@ def test_exact_unlabelled_frames_give_all_but_the_zero_of_a_joint(off):
 def test_exact_labelled_frames_give_the_errors_and_the_angles_without_a_label(hidden):
     labels = SPREAD_OUT.copy()
     labels.flat[hidden] = np.nan
-    found = calibrate(MODEL, watched(MADE, stated=NOISE / 100), labels, LABELS / 100, constant=0.0)
+    found = calibrated(watched(MADE, stated=NOISE / 100), labels, LABELS / 100)
     assert found.ok
     # The prior draws them to zero by a part of what is left to be known, 1e-4 of it.
     np.testing.assert_allclose(found.value.errors.mean, MADE, atol=1e-3)
@@ -175,8 +185,7 @@ def test_exact_labelled_frames_give_the_errors_and_the_angles_without_a_label(hi
 def test_what_nothing_is_seen_of_stays_as_it_was(deviation):
     labels = SPREAD_OUT.copy()
     labels[0] = np.nan
-    dark = watched(MADE, without=(NOTHING,) * FRAMES)
-    found = calibrate(MODEL, dark, labels, deviation, constant=0.0)
+    found = calibrated(watched(MADE, without=(NOTHING,) * FRAMES), labels, deviation)
     assert found.ok
     assert found.value.scatter == 0
     np.testing.assert_allclose(found.value.errors.mean, 0, atol=1e-12)
@@ -186,10 +195,7 @@ def test_what_nothing_is_seen_of_stays_as_it_was(deviation):
 
 
 def test_corners_that_are_no_numbers_are_no_calibration():
-    seen = watched(MADE)
-    corners = np.array(seen.corners)
-    corners[0, 0, 0, 0] = np.nan
-    found = calibrate(MODEL, Observation(corners, seen.whitening), SPREAD_OUT, LABELS, constant=0.0)
+    found = calibrated(off_by(watched(MADE), (0, 0, 0, 0), np.nan), deviation=LABELS)
     assert not found.ok
     assert np.isfinite(found.value.errors.mean).all()
 
@@ -200,7 +206,7 @@ def test_deviations_of_errors_and_angles_are_the_scatter_of_repeats():
     for _ in range(40):
         errors = generator.standard_normal(ERRORS)
         labels = SPREAD_OUT + LABELS * generator.standard_normal(SPREAD_OUT.shape)
-        found = calibrate(MODEL, watched(errors, generator), labels, LABELS, constant=0.0)
+        found = calibrated(watched(errors, generator), labels, LABELS)
         assert found.ok
         covariance, scale = covariance_of(found.value), float(found.value.errors.scale)
         root = np.linalg.cholesky(np.linalg.inv(covariance))
@@ -225,8 +231,7 @@ def test_deviations_of_errors_and_angles_are_the_scatter_of_repeats():
 @pytest.mark.parametrize("times", [0.5, 2.0])
 def test_the_scatter_is_how_much_worse_corners_are_than_stated(times):
     generator = np.random.default_rng(7)
-    frames = [watched(MADE, generator, stated=NOISE / times) for _ in range(10)]
-    found = [calibrate(MODEL, one, SPREAD_OUT, constant=0.0) for one in frames]
+    found = [calibrated(watched(MADE, generator, stated=NOISE / times)) for _ in range(10)]
     scatters = np.array([float(one.value.scatter) for one in found])
     # 10 calibrations of 180 degrees of freedom give it to 1.7 % (1 σ).
     assert np.mean(scatters) == pytest.approx(times, rel=0.05)
@@ -238,14 +243,11 @@ def test_the_scatter_is_how_much_worse_corners_are_than_stated(times):
 
 
 def test_a_scatter_above_1_enlarges_deviations_by_it():
-    generator = np.random.default_rng(8)
-    corners = watched(MADE, generator).corners
-    answers = []
-    for times in (0.9, 1.3):
-        whitening = np.broadcast_to(times * np.eye(2) / NOISE, (*corners.shape, 2))
-        seen = Observation(corners, np.array(whitening))
-        answers.append(calibrate(MODEL, seen, SPREAD_OUT, LABELS, constant=0.0).value)
-    too_poor, too_good = answers
+    too_poor, too_good = (
+        calibrated(watched(MADE, np.random.default_rng(8), stated=NOISE / times), deviation=LABELS)
+        for times in (0.9, 1.3)
+    )
+    too_poor, too_good = too_poor.value, too_good.value
     scale = float(too_good.scatter)
     assert scale > 1.1
     assert float(too_poor.scatter) < 1
@@ -257,15 +259,8 @@ def test_a_scatter_above_1_enlarges_deviations_by_it():
 
 @pytest.mark.parametrize("deviation", [0.0, -0.1, np.nan])
 def test_labels_without_a_deviation_are_refused(deviation):
-    seen = stack_observations([frame(np.zeros(ERRORS), np.zeros(2))])
     with pytest.raises(ValueError, match="positive deviation"):
-        calibrate(MODEL, seen, np.zeros((1, 2)), deviation, constant=0.0)
-
-
-def uneven(seen: Observation) -> Observation:
-    """The same with weights that are full matrices."""
-    turn = np.array([[1.0, 0.4], [-0.3, 0.8]])
-    return Observation(seen.corners, np.asarray(seen.whitening) @ turn)
+        calibrated(watched(MADE), deviation=deviation)
 
 
 def brute_force(

@@ -6,6 +6,7 @@ All that is compared with what perception makes of it is done here in NumPy alon
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -119,6 +120,19 @@ def frame(
     whitening = np.broadcast_to(np.eye(2) / stated, (*corners.shape, 2)).copy()
     whitening[list(without)] = 0
     return Observation(corners, whitening)
+
+
+def off_by(seen: Observation, place: Any, pixels: Any) -> Observation:
+    """The same with some corners moved."""
+    corners = np.array(seen.corners)
+    corners[place] += pixels
+    return seen._replace(corners=corners)
+
+
+def uneven(seen: Observation, scales: np.ndarray | float = 1.0) -> Observation:
+    """The same with weights that are full matrices."""
+    turn = np.array([[1.0, 0.4], [-0.3, 0.8]])
+    return seen._replace(whitening=np.asarray(seen.whitening) @ turn * scales)
 
 
 def whitened(corners: np.ndarray, seen: Observation) -> np.ndarray:
