@@ -38,6 +38,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from designopt import cli
@@ -116,7 +117,7 @@ def interface(*_: Any) -> dict[str, Any]:
             point.name: fields_of(point.load().spec)
             for point in entry_points(group="designopt.studies")
         },
-        "files": {name: fields_of(load(where)) for name, where in FILES.items()},
+        "files": {name: fields_of(resolve_name(where)) for name, where in FILES.items()},
         "names": {name: signatures_of(name) for name in PUBLIC},
     }
 
@@ -129,30 +130,34 @@ FILES = {
 """The model that a file of each kind is read with."""
 
 
-def load(where: str) -> Any:
-    module, name = where.split(":")
-    return getattr(importlib.import_module(module), name)
-
-
 def fields_of(model: Any) -> dict[str, str]:
     """Every key of a file or a spec with its type, default and bounds."""
+    found = {}
+    for key, schema in schemas(model).items():
+        kept = {name: value for name, value in schema.items() if name not in NOT_KEPT}
+        found[key] = json.dumps(kept, sort_keys=True)
+    return found
+
+
+def schemas(model: Any) -> dict[str, dict[str, Any]]:
+    """The JSON schema of every key, nested keys joined by dots."""
     schema = model.model_json_schema(by_alias=True)
-    return dict(_fields(schema, schema.get("$defs", {}), ""))
+    return dict(_schemas(schema, schema.get("$defs", {}), ""))
 
 
-def _fields(part: Any, parts: dict[str, Any], at: str) -> Iterator[tuple[str, str]]:
-    if isinstance(part, dict) and "$ref" in part:
+def _schemas(
+    part: dict[str, Any], parts: dict[str, Any], at: str
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    if "$ref" in part:
         part = {**parts[part["$ref"].rsplit("/", 1)[1]], **part}
-    if isinstance(part, dict) and "properties" in part:
-        for key, field in part["properties"].items():
-            yield from _fields(field, parts, f"{at}.{key}".lstrip("."))
-        return
-    inner = [part.get("items"), part.get("additionalProperties")] if isinstance(part, dict) else []
-    for within in filter(lambda one: isinstance(one, dict) and "$ref" in one, inner):
-        yield from _fields(within, parts, f"{at}[]")
-        return
-    kept = {key: value for key, value in part.items() if key not in NOT_KEPT}
-    yield at, json.dumps(kept, sort_keys=True)
+    for within in (part.get("items"), part.get("additionalProperties")):
+        if isinstance(within, dict) and "$ref" in within:
+            yield from _schemas(within, parts, f"{at}[]")
+            return
+    if "properties" not in part:
+        yield at, part
+    for key, field in part.get("properties", {}).items():
+        yield from _schemas(field, parts, f"{at}.{key}".lstrip("."))
 
 
 NOT_KEPT = ("title", "description", "scales", "free")
@@ -177,7 +182,7 @@ def solutions(*_: Any) -> dict[str, Any]:
     for name, path, words in (*solves(), *traces()):
         text = command(name, str(path), *words)
         key = " ".join((name, path.name, *words))
-        found[key] = table_of(text) if name == "solve" else rounded(json.loads(text))
+        found[key] = table_of(text) if name == "solve" else json.loads(text, parse_float=rounded)
     return found
 
 
@@ -219,17 +224,13 @@ def table_of(text: str) -> dict[str, list[float | str]]:
 
 def number(cell: str) -> float | str:
     try:
-        return float(f"{float(cell):.12g}")
+        return rounded(cell)
     except ValueError:
         return cell
 
 
-def rounded(part: Any) -> Any:
-    if isinstance(part, dict):
-        return {key: rounded(value) for key, value in part.items()}
-    if isinstance(part, list):
-        return [rounded(value) for value in part]
-    return float(f"{part:.12g}") if isinstance(part, float) else part
+def rounded(number: str) -> float:
+    return float(f"{float(number):.12g}")
 
 
 def reduced(runs: Path, studies: list[str]) -> dict[str, Any]:

@@ -82,16 +82,9 @@ class Simulated:
 
     def freedoms(self) -> int:
         """Coordinates less the constraints on them."""
-        matrix = np.zeros((self.data.nefc, self.model.nv))
-        if mujoco.mj_isSparse(self.model):
-            mujoco.mju_sparse2dense(
-                matrix,
-                self.data.efc_J,
-                self.data.efc_J_rownnz,
-                self.data.efc_J_rowadr,
-                self.data.efc_J_colind,
-            )
-        else:
-            matrix[:] = self.data.efc_J.reshape(matrix.shape)
+        stored, self.model.opt.jacobian = self.model.opt.jacobian, mujoco.mjtJacobian.mjJAC_DENSE
+        mujoco.mj_forward(self.model, self.data)
+        self.model.opt.jacobian = stored
+        matrix = self.data.efc_J.reshape(self.data.nefc, self.model.nv)
         rank = int(np.linalg.matrix_rank(matrix)) if self.data.nefc else 0
         return self.model.nv - rank

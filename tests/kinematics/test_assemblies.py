@@ -65,24 +65,18 @@ def brute_force(residual, is_angle, reach, starts=3000, seed=0):
 
 def triad(links, platform, pivots):
     """Three links from fixed pivots to the corners of a platform: unknowns links 1-3, platform."""
-    (p2, p3), (o1, o2, o3) = platform, pivots
 
     def residual(unknowns):
-        t1, t2, t3, psi = unknowns
-        corner = o1 + links[0] * np.exp(1j * t1)
-        return np.array(
-            [
-                corner + p2 * np.exp(1j * psi) - o2 - links[1] * np.exp(1j * t2),
-                corner + p3 * np.exp(1j * psi) - o3 - links[2] * np.exp(1j * t3),
-            ]
-        )
+        first, second, third = pivots + links * np.exp(1j * unknowns[:3])
+        corners = first + platform * np.exp(1j * unknowns[3])
+        return corners - [second, third]
 
     return residual
 
 
 # The bound of the sextic is attained.
 SIX = (
-    [1.09, 0.86, 1.37],
+    np.array([1.09, 0.86, 1.37]),
     np.array([0.54 + 0.61j, -0.88 + 0.61j]),
     np.array([0, -0.71 + 0.6j, -0.57 - 0.53j]),
 )
@@ -109,18 +103,12 @@ def test_random_triads_have_the_solutions_that_brute_force_finds():
 
 def test_a_triad_with_a_slide():
     """One link replaced by a slide along a fixed line."""
-    o1, o2, line, along = 0.0, 1.0 + 0.2j, 0.3 + 0.9j, np.exp(0.4j)
-    p2, p3, links = 0.7, 0.4 + 0.5j, (0.8, 0.9)
+    pivots, links, platform = np.array([0, 1 + 0.2j]), [0.8, 0.9], np.array([0.7, 0.4 + 0.5j])
 
     def residual(unknowns):
-        t1, t2, psi, s = unknowns
-        corner = o1 + links[0] * np.exp(1j * t1)
-        return np.array(
-            [
-                corner + p2 * np.exp(1j * psi) - o2 - links[1] * np.exp(1j * t2),
-                corner + p3 * np.exp(1j * psi) - line - s * along,
-            ]
-        )
+        first, second = pivots + links * np.exp(1j * unknowns[:2])
+        corners = first + platform * np.exp(1j * unknowns[2])
+        return corners - [second, 0.3 + 0.9j + unknowns[3] * np.exp(0.4j)]
 
     kinds = (True, True, True, False)
     found = solve_two_loops(residual, kinds, 5.0)

@@ -8,13 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from designopt.vectors import Vector, vector
-from kinematics.solve.dyads import (
-    apart,
-    solve_rpr,
-    solve_rrp,
-    solve_rrr,
-    solve_two_slides,
-)
+from kinematics.solve.dyads import apart, solve_rpr, solve_rrp, solve_rrr, solve_two_slides
 
 number = st.floats(-10, 10).map(lambda x: x or 1.0)
 plane = st.tuples(number, number).filter(lambda p: np.hypot(*p) > 1e-3)

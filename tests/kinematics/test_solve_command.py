@@ -15,7 +15,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from designopt.cli import run
-from tests.kinematics.gallery import FOLDER, each_linkage, gallery
+from tests.commands import check_command_refused, refused_cases
+from tests.kinematics.gallery import FOLDER
 
 
 @pytest.fixture(autouse=True)
@@ -164,31 +165,6 @@ def test_memory_does_not_grow_with_a_sweep(monkeypatch):
     assert alive[-1] - alive[1] < 8 * 2000 * 4  # half a number of each pose in between
 
 
-@each_linkage(quick=("finger", "scotch-yoke", "slider-crank"))
-def test_every_gallery_file_solves_at_its_sketch_and_keeps_its_lengths(name, capsys):
-    linkage = gallery(name)
-    structure = linkage.structure
-    sweeps = []
-    for part, value in zip(structure.inputs, np.asarray(linkage.reference.inputs), strict=True):
-        shown = value if part.slider is not None else np.degrees(value)
-        sweeps += ["--sweep", f"{part.name}={shown}"]
-    assert run(["solve", f"{name}.toml", *sweeps]) == 0
-    shown = capsys.readouterr()
-    assert shown.err == ""
-    table = {key: column[0] for key, column in table_of(shown.out).items() if column[0] != ""}
-    assert table["ok"] == "1"
-    assert float(table["closure"]) < 1e-11
-    for body in structure.moving:
-        first, second = (
-            np.array([float(table[f"{joint}.{axis}"]) for axis in "xy"])
-            for joint in body.joints[:2]
-        )
-        length = float(linkage.links[body.name].length)
-        assert np.hypot(*(second - first)) == pytest.approx(length, rel=1e-11)
-        angle = np.degrees(np.arctan2(*(second - first)[::-1]))
-        assert (angle - float(table[f"{body.name}.angle_deg"]) + 180) % 360 == pytest.approx(180)
-
-
 def test_a_table_is_written_whole_and_replaced_only_by_force(tmp_path, capsys):
     before = {path.name for path in tmp_path.iterdir()}
     command = ["solve", "four-bar.toml", "--sweep", "crank=10:20:2", "--of", "A", "--csv", "t.csv"]
@@ -220,34 +196,10 @@ def test_only_what_is_asked_for_is_solved(capsys):
     assert "C.x" not in table
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("none.toml --sweep crank=1", ["none.toml", "cannot be read"]),
-        ("four-bar.toml", ["--sweep", "no values for crank", "--sweep crank=0:360:361"]),
-        ("four-bar.toml --sweep crank", ["--sweep crank", "INPUT=VALUE"]),
-        ("four-bar.toml --sweep crank=1:2", ["INPUT=START:STOP:COUNT"]),
-        ("four-bar.toml --sweep crnk=1", ["no input is named 'crnk'", "there are: crank"]),
-        ("four-bar.toml --sweep crank=1 --rate x=1", ["--rate x=1", "no input is named 'x'"]),
-        ("four-bar.toml --sweep crank=1 --accel crank=inf", ["--accel", "not a finite number"]),
-        ("four-bar.toml --sweep crank=1 --of Q", ["--of", "named Q"]),
-        ("four-bar.toml --sweep crank=1 --csv four-bar.toml", ["exists already", "--force"]),
-        ("four-bar.toml --sweep crank=1 --csv a.svg --figure a.svg", ["--figure", "two files"]),
-        ("four-bar.toml --plan --sweep crank=1", ["--plan", "leave out"]),
-        ("--sweep crank=1", ["LINKAGE.toml"]),
-        ("four-bar.toml --sweep crank=1 --csv /dev/full --force", ["--csv", "no ordinary"]),
-        ("four-bar.toml --sweep crank=1 --animation a.avi", ["a.avi", "ends with .gif or .mp4"]),
-    ],
-)
-def test_nonsense_is_one_line_and_exit_code_2(arguments, words, tmp_path, capsys):
+@pytest.mark.parametrize(("line", "words"), refused_cases("solve"))
+def test_nonsense_is_one_line_and_exit_code_2(line, words, tmp_path, capsys):
     before = sorted(path.name for path in tmp_path.iterdir())
-    assert run(["solve", *arguments.split()]) == 2
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert shown.err.startswith("error: ")
-    assert shown.err.count("\n") == 1
-    for word in words:
-        assert word in shown.err
+    check_command_refused(capsys, f"solve {line}", words)
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
@@ -278,9 +230,5 @@ def test_a_file_that_is_no_mechanism_is_one_line_and_exit_code_2(capsys):
     ):
         old = "[joints]" if new == "[camera]" else "A = [30, 26]"
         Path("bad.toml").write_text(text.replace(old, new), encoding="utf-8")
-        assert run(["solve", "bad.toml", "--sweep", "crank=0:360:361"]) == 2
-        shown = capsys.readouterr()
-        assert shown.out == ""
-        assert shown.err.startswith("error: bad.toml: ")
-        assert shown.err.count("\n") == 1
-        assert words in shown.err
+        line = "solve bad.toml --sweep crank=0:360:361"
+        check_command_refused(capsys, line, ["error: bad.toml: ", words])

@@ -22,7 +22,9 @@ from studies.models import format_finger, parse_finger, read_finger, write_finge
 from studies.models.finger import camera_of, pins_of, spring_of
 from studies.models.finger_file import packaged_finger
 from studies.models.spec_files import finger_files
-from tests.studies.fingers import OLD, assert_same
+from tests.commands import refused_cases
+from tests.helpers import assert_same
+from tests.studies.fingers import OLD
 
 TEXT = format_finger(packaged_finger()).replace('name = "finger"', 'name = "mine"')
 
@@ -89,22 +91,10 @@ def test_a_file_is_written_and_read(tmp_path):
     assert_same(finger, read_finger(tmp_path / "again.toml"), rtol=0, atol=0)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("thickness", "thikness", "body.thikness: no such key; did you mean 'thickness'?"),
-        ("rim = 1.5", "", "body.rim: missing; add it"),
-        ("range_deg = 90.0", "range_deg = 0.5", "body.range_deg"),
-        ("axis_height = 4.0", "axis_height = 26", "must be smaller than thickness (25 mm)"),
-        ("intermediate = 23.0", "intermediate = 7", "intermediate (7 mm) leaves no room for a pad"),
-        ('phalanx = "proximal"', 'phalanx = "distal"', "mirrors: 2 are distal; a phalanx has one"),
-        ("pixels = 1080", "pixels = 0", "camera.pixels"),
-        ("format = 1", "format = 2", "finger.format"),
-    ],
-)
-def test_faults_are_one_line(tmp_path, old, new, message):
+@pytest.mark.parametrize(("change", "message"), refused_cases("finger_files"))
+def test_faults_are_one_line(tmp_path, change, message):
     path = tmp_path / "finger.toml"
-    path.write_text(TEXT.replace(old, new))
+    path.write_text(TEXT.replace(*change))
     with pytest.raises(UserError) as caught:
         read_finger(path)
     assert message in str(caught.value)

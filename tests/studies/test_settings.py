@@ -12,28 +12,15 @@ from typing import Any
 
 import pytest
 
-from designopt import Spec, UserError
+from designopt import UserError
 from designopt.study.settings import fields, spec_with, targets_waived
 from designopt.study.study import load_study
+from tests.commands import refused_cases
+from tests.golden import schemas
 
 ROOT = Path(__file__).parents[2]
 STUDIES = sorted(entry_points(group="designopt.studies").names)
 WORDS = sorted((ROOT / "studies").rglob("report.md"))
-
-
-def schemas(model: type[Spec]) -> dict[str, dict[str, Any]]:
-    """The JSON schema of every key, nested keys joined by dots."""
-    schema = model.model_json_schema()
-    parts = schema.get("$defs", {})
-
-    def walk(part: dict[str, Any], at: str) -> Iterator[tuple[str, dict[str, Any]]]:
-        part = {**parts[part["$ref"].rsplit("/", 1)[1]], **part} if "$ref" in part else part
-        if "properties" not in part:
-            yield at, part
-        for key, inner in part.get("properties", {}).items():
-            yield from walk(inner, f"{at}.{key}".lstrip("."))
-
-    return dict(walk(schema, ""))
 
 
 def values_out_of_bounds(schema: dict[str, Any]) -> Iterator[Any]:
@@ -85,20 +72,9 @@ def test_what_a_setting_rules_out_is_one_line_that_names_it(name):
             assert len(message) < 1500
 
 
-@pytest.mark.parametrize(
-    ("name", "setting", "words"),
-    [
-        ("finger", "body.thickness=9", "no room for the camera"),
-        ("finger-mirrors", "thin=9", "no room for the camera"),
-        ("finger-mirrors", "camera.width=30", "must be smaller than body.intermediate"),
-        ("finger-grasp", "pinch_at=[40.0]", "pinch_at"),
-        ("finger-grasp", "body.range_deg=45", "beyond body.range_deg"),
-        ("bending-posture", "widths=[32,32]", "differ from each other"),
-        ("surface-profile", "calibrations=[3,3]", "differ from each other"),
-        ("surface-profile", "sagittas=[3.0,3.0]", "differ from each other"),
-    ],
-)
-def test_settings_that_contradict_each_other_are_one_line(name, setting, words):
+@pytest.mark.parametrize(("given", "words"), refused_cases("settings_of_studies"))
+def test_settings_that_contradict_each_other_are_one_line(given, words):
+    name, setting = given.split()
     with pytest.raises(UserError) as caught:
         spec_with(load_study(name).spec, [setting], study=name)
     assert words in str(caught.value)
