@@ -51,17 +51,9 @@ def count(path: Path) -> Count:
 
 
 def _formatted(text: str) -> str:
-    command = [
-        sys.executable,
-        "-m",
-        "ruff",
-        "format",
-        "--config",
-        str(ROOT / "pyproject.toml"),
-        "-",
-    ]
-    done = subprocess.run(command, input=text, capture_output=True, text=True, check=True)
-    return done.stdout
+    settings = str(ROOT / "pyproject.toml")
+    command = [sys.executable, "-m", "ruff", "format", "--config", settings, "-"]
+    return subprocess.check_output(command, input=text, text=True)
 
 
 def _docstrings(node: ast.AST) -> Iterable[ast.Expr]:

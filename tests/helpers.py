@@ -5,13 +5,29 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from designopt.plot.figures import style
 
 DATA = Path(__file__).parent / "data"
+SCENES = DATA.parents[1] / "studies/gallery/scenes"
+
+
+def marked(mark: str, *cases: Any) -> list[Any]:
+    """Cases of a test that run where tests with a mark are selected."""
+    return [pytest.param(case, marks=getattr(pytest.mark, mark)) for case in cases]
+
+
+nightly = partial(marked, "nightly")
+"""Cases that repeat others which run by default."""
 
 
 def load_json(name: str) -> Any:
@@ -34,6 +50,22 @@ def close(found: Any, wanted: Any, tolerance: float) -> None:
     np.testing.assert_allclose(np.asarray(found), np.asarray(wanted), rtol=0, atol=tolerance)
 
 
+def assert_same(found: Any, wanted: Any, rtol: float = 1e-13, atol: float = 1e-12) -> None:
+    """Two pytrees of one structure: their numbers within rounding."""
+    assert jax.tree.structure(found) == jax.tree.structure(wanted)
+    for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+        np.testing.assert_allclose(one, other, rtol=rtol, atol=atol)
+
+
+def figure_of(bench: Any) -> Figure:
+    """A figure with a bench drawn into it."""
+    figure = Figure(figsize=(12, 6))
+    FigureCanvasAgg(figure)
+    with style():
+        bench.draw(figure.subfigures(1, 1))
+    return figure
+
+
 def readings(shown: Any) -> dict[str, Any]:
     """Values that a bench shows, by name."""
     return {reading.name: reading.value for reading in shown.readings}
@@ -49,13 +81,28 @@ def central_differences(function: Callable[..., Any], design: Any) -> list[float
     slopes = []
     for i, leaf in enumerate(leaves):
         step = np.finfo(float).eps ** (1 / 3) * max(1.0, abs(float(leaf)))
-        ends = [
-            float(
-                function(
-                    jax.tree.unflatten(structure, [*leaves[:i], leaf + move, *leaves[i + 1 :]])
-                )
-            )
-            for move in (step, -step)
-        ]
+        moved = [[*leaves[:i], leaf + move, *leaves[i + 1 :]] for move in (step, -step)]
+        ends = [float(function(jax.tree.unflatten(structure, one))) for one in moved]
         slopes.append((ends[0] - ends[1]) / (2 * step))
     return slopes
+
+
+def check_gradients(
+    function: Callable[..., Any], designs: Any, *, of_largest: float = 0.0, **tolerance: Any
+) -> None:
+    """Gradients of a scalar function, compiled and batched, are its central differences.
+
+    Args:
+        function: of a design.
+        designs: a batch of them: all leaves have a first axis more.
+        of_largest: what may be between the two, over the largest slope of a design.
+        tolerance: or ``rtol`` and ``atol`` of `numpy.testing.assert_allclose`.
+    """
+    found = jax.tree.leaves(jax.jit(jax.vmap(jax.grad(function)))(designs))
+    compiled = jax.jit(function)
+    for index in range(len(found[0])):
+        design = jax.tree.map(lambda leaf, index=index: leaf[index], designs)
+        wanted = central_differences(compiled, design)
+        if of_largest:
+            tolerance["atol"] = of_largest * float(np.max(np.abs(wanted)))
+        np.testing.assert_allclose([leaf[index] for leaf in found], wanted, **tolerance)

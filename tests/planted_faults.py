@@ -18,6 +18,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from tests.commands import python
+
 ROOT = Path(__file__).parent.parent
 FAULTS = ROOT / "tests" / "data" / "planted_faults.toml"
 FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+::\S.*?)(?: - .*)?$", re.MULTILINE)
@@ -48,10 +50,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 def copied(place: Path) -> Path:
     """Every file of the project that is under version control, in another folder."""
-    listed = subprocess.run(
-        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    for name in filter(None, listed.stdout.split("\0")):
+    listed = subprocess.check_output(["git", "ls-files", "-z"], cwd=ROOT, text=True)
+    for name in filter(None, listed.split("\0")):
         if (ROOT / name).is_file():
             (place / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, place / name)
@@ -66,17 +66,9 @@ def caught_by(copy: Path, fault: dict[str, Any], tests: list[str]) -> str | None
         raise SystemExit(f"{fault['name']}: {fault['file']} has its line not exactly once")
     file.write_text(sound.replace(fault["old"], fault["new"]), encoding="utf-8")
     try:
-        done = subprocess.run(
-            [
-                *(sys.executable, "-m", "pytest", "-q", "-x", "-n0", "--tb=no", "-rfE"),
-                *("-o", f"cache_dir={ROOT / '.pytest_cache'}", *tests),
-            ],
-            cwd=copy,
-            env={**os.environ, "PYTHONPATH": str(copy), "COLUMNS": "1000"},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        how = ("-q", "-x", "-n0", "--tb=no", "-rfE", "-o", f"cache_dir={ROOT / '.pytest_cache'}")
+        environment = {**os.environ, "PYTHONPATH": str(copy), "COLUMNS": "1000"}
+        done = python("-m", "pytest", *how, *tests, cwd=copy, env=environment)
     finally:
         file.write_text(sound, encoding="utf-8")
     if done.returncode == 0:

@@ -5,18 +5,15 @@ import html
 import re
 import shutil
 import xml.etree.ElementTree as ElementTree
-from typing import Any
 
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 
 from designopt.cli import run
 from designopt.plot.figures import style
 from kinematics import design as linkages
 from optics import design as scenes
-from tests.helpers import DATA
+from tests.helpers import DATA, figure_of
 
 
 @pytest.fixture(autouse=True)
@@ -76,12 +73,8 @@ def test_export(file, kinds, name, tmp_path):
 )
 def test_explore(kind, file, tmp_path):
     bench = kind.explorer(kind.read(tmp_path / file))
-    figure = Figure(figsize=(12, 6))
-    canvas = FigureCanvasAgg(figure)
-    area: Any = figure.subfigures(1, 1)
+    figure = figure_of(bench)
+    for artist in bench.show({knob.name: knob.value for knob in bench.knobs}).artists:
+        artist.set_animated(False)
     with style():
-        bench.draw(area)
-        shown = bench.show({knob.name: knob.value for knob in bench.knobs})
-        for artist in shown.artists:
-            artist.set_animated(False)
-        canvas.draw()
+        figure.canvas.draw()

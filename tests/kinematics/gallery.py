@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import tomllib
+from collections import Counter
 from collections.abc import Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -22,15 +24,11 @@ from kinematics import (
     solve_rates,
     solve_transmission,
 )
+from tests.helpers import nightly
 from tests.refusals import changed
 
 FOLDER = Path(__file__).parents[2] / "studies" / "gallery" / "linkages"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))
-
-
-def nightly(*cases: Any) -> list[Any]:
-    """Cases that repeat others which run by default."""
-    return [pytest.param(case, marks=pytest.mark.nightly) for case in cases]
 
 
 def each_linkage(quick: Sequence[str]) -> pytest.MarkDecorator:
@@ -57,6 +55,14 @@ def _read(name: str) -> dict[str, Any]:
 def gallery_tables(name: str, changes: dict[str, Any] | None = None) -> dict[str, Any]:
     """A gallery file's tables, with entries changed as in ``tests.refusals``."""
     return changed(_read(name), changes or {})
+
+
+def bodies_at(tables: dict[str, Any]) -> Counter[str]:
+    """How many bodies meet in each joint of a file's tables; all fixed ones are one."""
+    bodies = tables["bodies"].values()
+    moving = [body["joints"] for body in bodies if not body.get("fixed")]
+    fixed = {joint for body in bodies if body.get("fixed") for joint in body["joints"]}
+    return Counter(itertools.chain(fixed, *moving))
 
 
 def ends(limits: Limits) -> tuple[Limit, Limit]:

@@ -8,16 +8,14 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from designopt import UserError
-from designopt.plot.figures import style
 from kinematics import compute_spring_energy, find_limits, parse_linkage
 from kinematics.explore.bench import LinkageBench
 from kinematics.explore.optimising import PATIENCE, UPDATES
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
-from tests.helpers import readings
+from tests.helpers import assert_same, figure_of, nightly, readings
 from tests.kinematics.gallery import (
     FOLDER,
     PUSHED,
@@ -25,7 +23,6 @@ from tests.kinematics.gallery import (
     ends,
     gallery,
     gallery_tables,
-    nightly,
     poses_of,
     tables_of,
     transmission_of,
@@ -43,9 +40,7 @@ def bench_of(name):
 
 def drawn(design):
     bench = LinkageBench(design)
-    area: Any = Figure(figsize=(12, 6)).subfigures(1, 1)
-    with style():
-        bench.draw(area)
+    figure_of(bench)
     return bench
 
 
@@ -94,12 +89,7 @@ def check_saved(bench, values):
     if not bool(poses_of(linkage, inputs).ok):
         inputs = bench._design.linkage.reference.inputs
     again = saved(bench, values)
-    for one, other in zip(
-        jax.tree.leaves((linkage.anchors, linkage.links)),
-        jax.tree.leaves((again.anchors, again.links)),
-        strict=True,
-    ):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
+    assert_same((again.anchors, again.links), (linkage.anchors, linkage.links), rtol=0, atol=1e-9)
     np.testing.assert_allclose(np.cos(again.reference.inputs - inputs), 1.0, atol=1e-12)
     assert again.assembly == linkage.assembly
     here, there = poses_of(linkage, inputs), poses_of(again, inputs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from functools import cache
 from typing import Any
 
@@ -19,7 +20,7 @@ from kinematics.export.drawing import linkage_quantities, make_linkage_drawing
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
 from tests.designopt.export.reading import dimensions, opened
-from tests.kinematics.gallery import FOLDER, NAMES, gallery_tables, tables_of
+from tests.kinematics.gallery import FOLDER, NAMES, bodies_at, gallery_tables, tables_of
 
 MAKER = 1e-6
 """What the distances between pins have to keep, mm."""
@@ -98,15 +99,7 @@ def test_pins_in_the_file_are_as_far_apart_as_the_linkage_says(name):
     assert sorted(measured) == pytest.approx(sorted(by_joints.values()), abs=MAKER)
 
     # Every joint that joins is a circle, and the others are not.
-    partners = dict.fromkeys(data["joints"], 0)
-    for part in data["bodies"].values():
-        if not part.get("fixed"):
-            partners |= {joint: partners[joint] + 1 for joint in part["joints"]}
-    fixed = [part["joints"] for part in data["bodies"].values() if part.get("fixed")]
-    for joint in set().union(*fixed):
-        partners[joint] += 1
-    for slider in data.get("sliders", []):
-        partners[slider["joint"]] += 1
+    partners = bodies_at(data) + Counter(slider["joint"] for slider in data.get("sliders", []))
     circles = {circle.name for circle in sheet(name).circles}
     assert circles == {joint for joint, count in partners.items() if count > 1}
     assert {label.text for label in sheet(name).labels} == set(data["joints"])

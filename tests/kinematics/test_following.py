@@ -6,7 +6,8 @@ import pytest
 import scipy.optimize
 
 from kinematics import find_assemblies
-from tests.kinematics.gallery import gallery, nightly, poses_of
+from tests.helpers import nightly
+from tests.kinematics.gallery import gallery, poses_of
 
 
 def tracked(name, angles):

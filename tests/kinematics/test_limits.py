@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from kinematics import classify_grashof, find_limits, parse_linkage, solve_turning_point
-from tests.helpers import central_differences
+from tests.helpers import central_differences, nightly
 from tests.kinematics.gallery import (
     ends,
     four_bar,
     gallery,
     gallery_tables,
-    nightly,
     pin_in_two_slots,
     poses_of,
     slider_crank,

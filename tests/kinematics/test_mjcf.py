@@ -15,6 +15,7 @@ from designopt.errors import UserError
 from kinematics import Linkage, parse_linkage, solve_input_efforts
 from kinematics.export.mjcf import Stop, linkage_mjcf
 from kinematics.export.mjcf_bodies import Disc, Pad
+from tests.helpers import nightly
 from tests.kinematics.gallery import (
     NAMES,
     PUSHED,
@@ -22,7 +23,6 @@ from tests.kinematics.gallery import (
     each_linkage,
     gallery,
     gallery_tables,
-    nightly,
     poses_of,
     tables_of,
 )

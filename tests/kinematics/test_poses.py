@@ -15,8 +15,10 @@ from kinematics.solve.evaluation import evaluate
 from kinematics.solve.plan import make_plan
 from kinematics.solve.solver import Solver
 from kinematics.solve.steps import Plan
+from tests.helpers import check_gradients, marked
 from tests.kinematics.gallery import each_linkage, gallery, gallery_tables, poses_of
 
+GROUPS = ("slider-crank", "quick-return", "scotch-yoke", "finger-crank")  # one of each kind
 CLOSED = 1e-12  # what the project promises, in units of the linkage's size
 
 
@@ -49,13 +51,7 @@ def leaves_of(linkage):
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "slider-crank",
-        "quick-return",
-        "scotch-yoke",
-        "finger-crank",
-        pytest.param("stephenson", marks=pytest.mark.as_users),
-    ],
+    [*GROUPS, *marked("as_users", "stephenson")],
 )
 def test_compiled_batched_gradients(name):
     """Of every dimension and input, under jit(vmap(grad)), against central differences."""
@@ -64,18 +60,13 @@ def test_compiled_batched_gradients(name):
 
     def value(design):
         """A number to which the last joint and the last body contribute."""
-        pose = solve_poses(rebuilt(design[: len(flat)]), design[len(flat) :]).value
+        dimensions, inputs = jnp.split(jnp.stack(design), [len(flat)])
+        pose = solve_poses(rebuilt(dimensions), inputs).value
         last = pose.joints[linkage.structure.joints[-1]]
         return last.x + 0.3 * last.y + 20 * pose.bodies[linkage.structure.moving[-1].name].x
 
     designs = np.array([np.concatenate([flat, row]) for row in near_home(name, 3, 0.1)])
-    values = jax.jit(jax.vmap(jax.vmap(value)))
-    steps = np.finfo(float).eps ** (1 / 3) * np.maximum(1.0, np.abs(designs))[:, None]
-    moves = steps * np.eye(designs.shape[1])
-    ends = [values(designs[:, None] + move) for move in (moves, -moves)]
-    wanted = np.asarray(ends[0] - ends[1]) / (2 * steps[:, 0])
-    slopes = jax.jit(jax.vmap(jax.grad(value)))(designs)
-    np.testing.assert_allclose(slopes, wanted, rtol=1e-6, atol=2e-7)
+    check_gradients(value, [*jnp.asarray(designs.T)], rtol=1e-6, atol=2e-7)
 
 
 @pytest.mark.parametrize("name", ["slider-crank", "quick-return", "jansen"])

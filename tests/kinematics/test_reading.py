@@ -14,7 +14,7 @@ from kinematics.io.assembling import Equations
 from kinematics.io.mobility import Mobility
 from kinematics.io.sketch import load_sketch, parse_sketch
 from kinematics.io.sketch_geometry import measure_sketch
-from tests.kinematics.gallery import FOLDER, NAMES, gallery_tables
+from tests.kinematics.gallery import FOLDER, NAMES, bodies_at, gallery_tables
 from tests.refusals import check_refused, refusals
 
 
@@ -72,15 +72,10 @@ def test_mobility_of_the_gallery(name):
     assert (found.free, found.redundant) == (0, 0)
     # Independently, 3 (L − 1) − 2 J, a pin in a slot being two freedoms, one joint and a half.
     data = gallery_tables(name)
-    moving = [body for body in data["bodies"].values() if not body.get("fixed")]
-    sliders = data.get("sliders", [])
-    fixed = {j for body in data["bodies"].values() if body.get("fixed") for j in body["joints"]}
-    pins = sum(
-        max(0, sum(joint in body["joints"] for body in moving) + (joint in fixed) - 1)
-        for joint in data["joints"]
-    )
-    slots = sum(2 if "keeps" in slider else 1 for slider in sliders)
-    assert 3 * len(moving) - 2 * pins - slots == mobility
+    moving = sum(not body.get("fixed") for body in data["bodies"].values())
+    pins = sum(count - 1 for count in bodies_at(data).values())
+    slots = sum(2 if "keeps" in slider else 1 for slider in data.get("sliders", []))
+    assert 3 * moving - 2 * pins - slots == mobility
 
 
 def distance(pose: Any, a: str, b: str) -> float:

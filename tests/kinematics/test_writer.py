@@ -5,7 +5,6 @@ from __future__ import annotations
 import tomllib
 
 import equinox as eqx
-import jax
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -13,6 +12,7 @@ from hypothesis import strategies as st
 
 from designopt import UserError
 from kinematics import format_linkage, parse_linkage, read_linkage, write_linkage
+from tests.helpers import assert_same
 from tests.kinematics.gallery import (
     FOUR_BAR,
     NAMES,
@@ -26,25 +26,19 @@ ITERATED = {"double-butterfly", "stephenson"}
 """Compile for ten and for thirty seconds."""
 
 
-def assert_same(one, other):
-    assert one.structure == other.structure
-    assert one.assembly == other.assembly
-    assert jax.tree.structure(one) == jax.tree.structure(other)
-    turns = (one.reference.angles - other.reference.angles) / (2 * np.pi)
-    one = eqx.tree_at(  # an angle of π may come back as −π
-        lambda linkage: linkage.reference.angles,
-        one,
-        one.reference.angles - 2 * np.pi * np.round(turns),
-    )
-    for first, second in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
-        np.testing.assert_allclose(first, second, rtol=1e-10, atol=1e-9)
+def assert_read_back(linkage, again):
+    """But an angle of π may come back as −π."""
+    angles = again.reference.angles
+    turns = np.round((linkage.reference.angles - angles) / (2 * np.pi))
+    turned = eqx.tree_at(lambda one: one.reference.angles, again, angles + 2 * np.pi * turns)
+    assert_same(linkage, turned, rtol=1e-10, atol=1e-9)
 
 
 @each_linkage(quick=sorted({*NAMES} - ITERATED))
 def test_the_gallery_is_read_back(name, tmp_path):
     linkage = gallery(name)
     write_linkage(linkage, tmp_path / "again.toml")
-    assert_same(linkage, read_linkage(tmp_path / "again.toml"))
+    assert_read_back(linkage, read_linkage(tmp_path / "again.toml"))
 
 
 places = st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
@@ -100,7 +94,7 @@ def sketches(draw) -> dict:
 def test_what_is_written_is_read_back(drawn):
     linkage = parse_linkage(drawn, "drawn")
     text = format_linkage(linkage)
-    assert_same(linkage, parse_linkage(tomllib.loads(text), "again"))
+    assert_read_back(linkage, parse_linkage(tomllib.loads(text), "again"))
 
 
 @pytest.mark.parametrize("line", ["arm", "ground", "world"])
@@ -108,7 +102,7 @@ def test_a_joint_on_two_lines_is_driven_along_the_same_one(line):
     tables = pin_in_two_slots(20.0)
     tables["inputs"] = [{"name": "push", "slider": "P", "relative_to": line}]
     linkage = parse_linkage(tables, "slots")
-    assert_same(linkage, parse_linkage(tomllib.loads(format_linkage(linkage)), "again"))
+    assert_read_back(linkage, parse_linkage(tomllib.loads(format_linkage(linkage)), "again"))
 
 
 @pytest.mark.parametrize("pin", ["A", "B"])
@@ -118,15 +112,8 @@ def test_joints_of_a_body_in_one_place_stay_together(pin):
     linkage = parse_linkage(tables_of(joints | {"M": joints[pin]}, "O2 O4", bodies), "twin")
     for _ in range(2):  # what is read back has them in one place to rounding only
         again = parse_linkage(tomllib.loads(format_linkage(linkage)), "again")
-        assert_same(linkage, again)
+        assert_read_back(linkage, again)
         linkage = again
-
-
-def test_other_lengths_are_written():
-    linkage = gallery("four-bar")
-    longer = eqx.tree_at(lambda one: one.links["coupler"].length, linkage, 121.5)
-    again = parse_linkage(tomllib.loads(format_linkage(longer)), "again")
-    assert float(again.links["coupler"].length) == pytest.approx(121.5, abs=1e-12)
 
 
 def test_a_linkage_that_cannot_be_assembled_is_not_written(tmp_path):

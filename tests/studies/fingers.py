@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
-
-import jax
-import numpy as np
 
 from studies.models import Body, Finger, FingerSpring, Pins
 from studies.models.body import BodySpec
@@ -28,10 +24,3 @@ def finger_of(pins: Pins | None = None, **body: float) -> Finger:
 def seeing_finger(**body: float) -> Finger:
     """The same with camera and mirrors of the reference layout."""
     return reference_layout(finger_of(None, **body), LENS)
-
-
-def assert_same(found: Any, wanted: Any, rtol: float = 1e-13, atol: float = 1e-12) -> None:
-    """Two designs of one structure: their numbers within rounding."""
-    assert jax.tree.structure(found) == jax.tree.structure(wanted)
-    for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
-        np.testing.assert_allclose(one, other, rtol=rtol, atol=atol)

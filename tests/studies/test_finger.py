@@ -2,7 +2,6 @@
 
 import tomllib
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -10,8 +9,8 @@ from designopt.cli import run as command
 from designopt.optimize import Optima, Starts
 from designopt.study.runner import run_study
 from designopt.study.study import Context
-from kinematics import parse_linkage, solve_poses
-from optics import find_coverage, parse_scene
+from kinematics import parse_linkage
+from optics import parse_scene
 from studies.finger import run as study
 from studies.models import Finger
 from studies.models.finger import pins_of
@@ -25,34 +24,17 @@ from studies.models.mirror_design.design import MirrorDesign
 from studies.models.mirror_design.judging import judged as judge_mirrors
 from studies.models.mirror_design.spec import MirrorSpec
 from studies.models.spec_files import finger_files
+from tests.helpers import assert_same
 from tests.studies.fingers import finger_of, seeing_finger
 from tests.studies.stopped import stopped_at
 
 
-@pytest.fixture(scope="module")
-def files():
-    made = finger_files(seeing_finger())
-    return {file.name: tomllib.loads(str(file.content)) for file in made}
-
-
-def test_the_files_are_the_finger(files):
-    joints = parse_linkage(files["linkage.toml"])
-    crank = parse_linkage(files["linkage-crank.toml"])
-    assert joints.input_names == ("pip", "dip")
-    assert crank.input_names == ("theta", "gamma")
-    assert float(crank.springs[0].stiffness) == 30.0
-    there = solve_poses(joints, -jnp.deg2rad(jnp.array([50.0, 30.0]))).value
-    theta = there.angle("crank")
-    gamma = there.bodies["plate"].turned(there.bodies["distal"].conjugate()).angle()
-    back = solve_poses(crank, jnp.stack([theta, gamma]))
-    assert bool(back.ok)
-    np.testing.assert_allclose(back.value.position("T"), there.position("T"), atol=1e-9)
-
-
-def test_the_scene_file_shows_every_pad(files):
-    scene = parse_scene(files["scene.toml"])
-    poses = jnp.deg2rad(jnp.array([[0.0, 0.0], [45.0, 45.0], [90.0, 90.0]]))
-    np.testing.assert_allclose(find_coverage(scene, poses).value, 1.0, atol=1e-9)
+def test_the_files_are_the_finger():
+    finger = seeing_finger()
+    files = {file.name: tomllib.loads(str(file.content)) for file in finger_files(finger)}
+    assert_same(parse_scene(files["scene.toml"]), finger.scene())
+    assert_same(parse_linkage(files["linkage.toml"]), finger.linkage())
+    assert_same(parse_linkage(files["linkage-crank.toml"]), finger.linkage("crank"))
 
 
 def test_degrees_of_freedom_by_kutzbach():
@@ -106,8 +88,12 @@ def test_a_finger_that_is_too_thin_names_what_gave_way(monkeypatch):
 @pytest.mark.parametrize(
     "name",
     [
-        *("finger", "finger-linkage", "finger-mirrors", "finger-grasp"),
-        *("object-size", "surface-profile"),
+        "finger",
+        "finger-linkage",
+        "finger-mirrors",
+        "finger-grasp",
+        "object-size",
+        "surface-profile",
     ],
 )
 def test_fewer_digits_are_refused_at_once(tmp_path, capsys, name):

@@ -2,16 +2,12 @@
 
 import tomllib
 from itertools import pairwise
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from designopt.errors import UserError
-from designopt.plot.figures import style
 from kinematics.io.reading import parse_linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.transmission import solve_transmission
@@ -20,20 +16,17 @@ from optics.visibility.coverage import find_coverage
 from studies.finger import FingerSpec
 from studies.finger.bench import FingerBench
 from studies.finger.run import finger_design
+from tests.helpers import figure_of, readings
 
 
 @pytest.fixture(scope="module")
 def finger():
     """A bench drawn into a figure, the values it begins with, and the figure's canvas."""
     bench = FingerBench(finger_design(FingerSpec(), None))
-    with style():
-        figure = Figure(figsize=(12, 6))
-        canvas = FigureCanvasAgg(figure)
-        area: Any = figure.subfigures()
-        bench.draw(area)
+    figure = figure_of(bench)
     values = {knob.name: knob.value for knob in bench.knobs}
     bench.show(values)
-    return bench, values, canvas
+    return bench, values, figure.canvas
 
 
 MOVED = {"pip": 50.0, "dip": 35.0, "crank F-E": 21.5, "camera tilt": 5.0, "camera x": 12.0}
@@ -67,7 +60,7 @@ def test_both_are_shown_in_one_pose(finger):
     bench, values, canvas = finger
     values = values | MOVED
     shown = bench.show(values)
-    found = {reading.name: reading.value for reading in shown.readings}
+    found = readings(shown)
     assert len(found) == len(shown.readings)
     assert (found["pip"], found["dip"]) == (50.0, 35.0)
     files = {file.name: tomllib.loads(file.content) for file in bench.specs(values)}
@@ -112,16 +105,14 @@ def test_messages_of_both_are_told(finger):
     assert scene.startswith("'proximal': ")
 
 
-class Steps:
-    """In place of a bench: its steps, or why there are none."""
+def refusing(fault):
+    """In place of the steps of a bench: why there are none."""
 
-    def __init__(self, steps, fault=""):
-        self.steps, self.fault = steps, fault
+    def steps(_):
+        yield from ()
+        raise UserError(fault)
 
-    def __call__(self, values):
-        yield from self.steps(values)
-        if self.fault:
-            raise UserError(self.fault)
+    return steps
 
 
 def test_the_linkage_is_improved_before_camera_and_mirrors(finger, monkeypatch):
@@ -137,8 +128,8 @@ def test_the_linkage_is_improved_before_camera_and_mirrors(finger, monkeypatch):
     def turned(given):
         yield Step({**given, "camera tilt": 0.0}, "turned")
 
-    monkeypatch.setattr(bench._linkage, "optimise", Steps(longer))
-    monkeypatch.setattr(bench._scene, "optimise", Steps(turned))
+    monkeypatch.setattr(bench._linkage, "optimise", longer)
+    monkeypatch.setattr(bench._scene, "optimise", turned)
     values = values | {"pip": 20.0}
     steps = list(bench.optimise(values))
     assert [step.message for step in steps] == [
@@ -154,10 +145,10 @@ def test_the_linkage_is_improved_before_camera_and_mirrors(finger, monkeypatch):
     ]
     assert changed == [{"crank F-E"}, {"camera tilt"}]
 
-    monkeypatch.setattr(bench._linkage, "optimise", Steps(lambda _: (), "it locks"))
+    monkeypatch.setattr(bench._linkage, "optimise", refusing("it locks"))
     first, second = bench.optimise(values)
     assert (first.message, second.message) == ("linkage: it locks", "camera and mirrors: turned")
-    monkeypatch.setattr(bench._scene, "optimise", Steps(lambda _: (), "it is bent"))
+    monkeypatch.setattr(bench._scene, "optimise", refusing("it is bent"))
     with pytest.raises(UserError, match="linkage: it locks; camera and mirrors: it is bent"):
         list(bench.optimise(values))
 

@@ -22,7 +22,8 @@ from optics import find_coverage, parse_scene
 from optics.scene.writer import scene_tables
 from studies.models import Finger
 from studies.models.finger import pins_of
-from tests.studies.fingers import assert_same, seeing_finger
+from tests.helpers import assert_same
+from tests.studies.fingers import seeing_finger
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "finger_gradient.py"
 
@@ -34,16 +35,14 @@ STRUCTURAL_ZEROS = {
 }
 """By figure, what it depends on at all; its slopes with respect to all else are 0."""
 
+ELSEWHERE = (
+    *("body.proximal", "body.distal", "body.flexion", "body.rim"),
+    *("camera.width", "camera.grazing"),
+)
 ALSO_ZERO = {
     "coverage of the distal pad": ("body.proximal", "body.flexion"),
-    "px/mm where it begins": (
-        *("body.proximal", "body.distal", "body.flexion", "body.rim"),
-        *("camera.tilt", "camera.width", "camera.grazing"),
-    ),
-    "row of its corner": (
-        *("body.proximal", "body.distal", "body.flexion", "body.rim"),
-        *("camera.width", "camera.grazing"),
-    ),
+    "px/mm where it begins": (*ELSEWHERE, "camera.tilt"),
+    "row of its corner": ELSEWHERE,
 }
 """What of that they do not depend on: a pad begins at its joint, wherever it ends, …"""
 

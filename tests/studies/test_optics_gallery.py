@@ -153,22 +153,15 @@ HAND_OVER = [0.0, 41.0, 42.0, 44.0, 45.0, 52.0, 53.0, 74.0, 75.0, 90.0]
 
 @functools.cache
 def finger_views() -> Pieces:
-    """A grid of 10 × 10 postures, then PIP alone, then DIP alone in the angles of `HAND_OVER`."""
-    steps, alone = np.linspace(0, 90, 10), np.array(HAND_OVER)
-    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    poses = np.concatenate([grid, np.outer(alone, [1, 0]), np.outer(alone, [0, 1])])
+    """PIP alone, then DIP alone in the angles of `HAND_OVER`."""
+    poses = np.concatenate([np.outer(HAND_OVER, [1, 0]), np.outer(HAND_OVER, [0, 1])])
     assert gallery("finger").angle_names == ("pip", "dip")
     return views_of(gallery("finger"), jnp.asarray(np.radians(poses)))
 
 
-def test_the_finger_sees_all_of_every_pad_in_every_posture():
-    coverage = np.asarray(finger_views().coverage())
-    np.testing.assert_allclose(coverage, np.ones((120, 3)), atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("poses", "pad", "mirror", "direct_up_to", "mirror_from"),
-    [(slice(100, 110), 0, 2, 52, 45), (slice(110, 120), 2, 1, 74, 42)],
+    [(slice(10), 0, 2, 52, 45), (slice(10, 20), 2, 1, 74, 42)],
     ids=["pip", "dip"],
 )
 def test_the_finger_hands_over_from_the_direct_view_to_the_mirror(

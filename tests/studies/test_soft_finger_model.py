@@ -61,21 +61,6 @@ def test_a_straight_fingers_outlines_are_circles_of_known_radius(distortion):
     np.testing.assert_allclose(np.hypot(*np.moveaxis(found, -1, 0)), wanted + np.zeros(32), 1e-6)
 
 
-def test_slopes_of_the_top_are_those_of_similar_triangles():
-    finger = dataclasses.replace(FINGER, endoscope=Endoscope(1.6))
-
-    def column(one: SoftFinger) -> jax.Array:
-        return one.outlines(STRAIGHT, 4)[-1, 0, 0]
-
-    slope = jax.jit(jax.grad(column))(finger).chamber
-    focal, depth, radius = 400.0 / np.tan(0.8), 100.84, 8.6 - 2.5
-    wanted = {"reference_height": 1, "offset_d": -1} | dict.fromkeys(
-        ("length_ab", "length_bc", "length_cd", "pinhole_offset"), -radius / depth
-    )
-    for name, factor in wanted.items():
-        np.testing.assert_allclose(getattr(slope, name), factor * focal / depth, rtol=1e-6)
-
-
 def test_slopes_are_central_differences():
     point, build = ravel_pytree(FINGER)
     steps = 1e-5 * np.eye(len(point))
