@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 
@@ -37,3 +38,27 @@ def map_in_chunks(function: Callable[[Any], Any], batch: Any, max_chunk_size: in
 
     done = jax.lax.map(function, jax.tree.map(fold, batch))
     return jax.tree.map(lambda leaf: leaf.reshape(chunks * size, *leaf.shape[2:])[:count], done)
+
+
+def map_blocks(program: Callable[..., Any], size: int, *batch: Any) -> Any:
+    """A compiled function of a batch of one size, applied to a batch of any other.
+
+    Args:
+        program: takes batches of ``size`` elements and returns one; it treats each by itself.
+        size: elements. The last block is filled up with the last element.
+        batch: arguments, with the batch along the first axis of their arrays.
+
+    Returns:
+        What the function returns for the whole batch, as NumPy arrays.
+
+    Example:
+        >>> map_blocks(jax.jit(jnp.add), 2, np.arange(3.0), np.ones(3)).tolist()
+        [1.0, 2.0, 3.0]
+    """
+    count = len(jax.tree.leaves(batch)[0])
+    blocks = []
+    for start in range(0, count, size):
+        chosen = np.minimum(np.arange(start, start + size), count - 1)
+        block = jax.tree.map(lambda array, chosen=chosen: jnp.asarray(array[chosen]), batch)
+        blocks.append(jax.tree.map(np.asarray, program(*block)))
+    return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *blocks)

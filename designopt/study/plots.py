@@ -6,6 +6,7 @@ the legend.
 
 from __future__ import annotations
 
+import itertools
 import math
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
@@ -48,7 +49,7 @@ NONE: Mapping[str, Any] = MappingProxyType({})
 def lines(
     records: Records,
     x: str,
-    y: str,
+    y: str | Sequence[str],
     *,
     by: str | None = None,
     panel: str | None = None,
@@ -63,9 +64,9 @@ def lines(
     Args:
         records: rows.
         x: column of the abscissae; one that ends in ``_deg`` has ticks in usual steps.
-        y: column of the ordinates.
+        y: column of the ordinates; of several columns each has axes of its own.
         by: column of the groups.
-        panel: column whose values have axes of their own, which share their limits.
+        panel: column whose values have axes of their own, which share their limits; for one ``y``.
         step: width of the classes of ``x``; by default each value is one.
         stat: of the ordinates in a class, as `Records.stat` takes it.
         log: axes with a logarithmic scale, ``"x"``, ``"y"`` or ``"xy"``.
@@ -78,8 +79,9 @@ def lines(
         >>> axes.get_xlabel(), axes.lines[0].get_ydata().tolist()
         ('angle (°)', [1.5, 4.0])
     """
-    drawing, parts = _panels(records, panel, height)
-    for axes, part in parts:
+    columns = [y] if isinstance(y, str) else y
+    drawing, parts = _panels(records, panel, height, len(columns))
+    for (axes, part), y in zip(parts, itertools.cycle(columns), strict=False):
         for i, (label, own) in enumerate(_groups(part, by, records)):
             if not len(own):
                 continue
@@ -93,7 +95,8 @@ def lines(
         _finish(axes, x, y, log, names)
         if x.endswith("_deg") and "x" not in log:
             axes.set_xticks(angle_ticks(float(np.nanmax(records[x], initial=1.0)), 6))
-    _share([axes for axes, _ in parts], log)
+    if len(columns) == 1:
+        _share([axes for axes, _ in parts], log)
     return drawing
 
 
@@ -301,16 +304,16 @@ def stability(rows: Sequence[StabilityRow]) -> Figure:
 
 
 def _panels(
-    records: Records, panel: str | None, height: float
+    records: Records, panel: str | None, height: float, count: int = 1
 ) -> tuple[Figure, list[tuple[Axes, Records]]]:
-    parts = {None: records} if panel is None else records.group(panel)
+    parts = [("", records)] * count if panel is None else list(records.group(panel).items())
     columns = min(3, len(parts))
     drawing, grid = new_figure(-(-len(parts) // columns), columns, height=height)
-    for axes, title in zip(grid.flat, parts, strict=False):
-        axes.set_title("" if title is None else as_mathtext(spell_out(str(title))))
+    for axes, (title, _) in zip(grid.flat, parts, strict=False):
+        axes.set_title(as_mathtext(spell_out(str(title))))
     for axes in grid.flat[len(parts) :]:
         axes.set_axis_off()
-    return drawing, list(zip(grid.flat, parts.values(), strict=False))
+    return drawing, [(axes, part) for axes, (_, part) in zip(grid.flat, parts, strict=False)]
 
 
 def _groups(part: Records, by: str | None, whole: Records) -> Iterator[tuple[str, Records]]:

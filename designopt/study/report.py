@@ -49,10 +49,11 @@ class Entry(NamedTuple):
 class Report:
     """The results of one run in the making; numbers come from the study, words from a text.
 
-    The text has the sections ``# Metrics``, ``# Findings``, ``# Tables``, ``# Figures`` and
-    ``# Claims``, with an entry for each part, ``name: text`` or ``name [notes]: text``, whose
-    further lines are indented. Numbers stand in braces as in ``str.format``: metrics, settings, and
-    what the study gives (`values`); ``{share:.0%}`` becomes ``34 %``, what is no number ``none``.
+    The text has the sections ``# Metrics``, ``# Findings``, ``# Tables``, ``# Figures``,
+    ``# Claims`` and ``# Operations``, with an entry for each part, ``name: text`` or
+    ``name [notes]: text``, whose further lines are indented. Numbers stand in braces as in
+    ``str.format``: metrics, settings, and what the study gives (`values`); ``{share:.0%}`` becomes
+    ``34 %``, what is no number ``none``.
 
     * A metric's text is its description, its name ends in its unit. Its notes are, each after a
       semicolon, a target as `Target.parse` reads it, ``always`` if it applies to all settings,
@@ -61,6 +62,8 @@ class Report:
       decimals in the report after a colon; ``*`` is all of them, such as in ``[*:4 eta:1]``.
     * A figure's first line is its title, the others are its caption.
     * A claim's first paragraph is its statement; the second one is why it should hold.
+    * The first paragraph of an entry of operations is what is computed; the second one is what the
+      general program has and this one does not.
 
     Args:
         spec: the run's settings, which decide whether targets apply
@@ -214,6 +217,17 @@ class Report:
     def stability(self, rows: Sequence[StabilityRow]) -> None:
         """Stiff and extreme cases (`designopt.study.stability`)."""
         self._stability += rows
+
+    def operations(self, name: str, scene: int, general: int) -> None:
+        """What a scene did not need: its words, and the operations of both programs.
+
+        Args:
+            name: of its words.
+            scene: operations (`designopt.count_operations`) of the program for this scene.
+            general: those of the general one.
+        """
+        asked, _, left_out = self._words["Operations", name].text.partition("\n\n")
+        self._left_out.append(LeftOutRow(self._fill(asked), self._fill(left_out), scene, general))
 
     def left_out(self, rows: Sequence[LeftOutRow]) -> None:
         """What a scene did not need (`designopt.study.left_out`)."""

@@ -59,12 +59,11 @@ class FingerBench(Bench):
         )
         self._shown: dict[Bench, tuple[object, Shown]] = {}
         self._joints = tuple(knob.name for knob in joints)
-        self._lengths = tuple(knob for knob in self._linkage.knobs if knob.kind == "dimension")
         self.title = finger.name
+        others = [*self._linkage.knobs, *self._scene.knobs]
         self.knobs: tuple[Knob, ...] = (
             *joints,
-            *self._lengths,
-            *(knob for knob in self._scene.knobs if knob.kind == "dimension"),
+            *(knob for knob in others if knob.kind == "dimension"),
         )
         aims = (("linkage first", self._linkage.aim), ("then camera and mirrors", self._scene.aim))
         self.aim = "; ".join(f"{what}: {aim}" for what, aim in aims if aim)
@@ -116,22 +115,16 @@ class FingerBench(Bench):
             UserError: neither of them can be improved from here, and why.
         """
         faults = []
-        try:
-            for step in self._linkage.optimise(_own(self._linkage, values)):
-                lengths = {knob.name: step.values[knob.name] for knob in self._lengths}
-                values = {**values, **lengths}
-                yield Step(values, f"linkage: {step.message}")
-        except UserError as error:
-            faults.append(f"linkage: {error}")
-            yield Step(values, faults[0])
-        try:
-            for step in self._scene.optimise(values):
-                yield Step({**values, **step.values}, f"camera and mirrors: {step.message}")
-        except UserError as error:
-            faults.append(f"camera and mirrors: {error}")
-            if len(faults) > 1:
-                raise UserError("; ".join(faults)) from error
-            yield Step(values, faults[0])
+        for part, bench in (("linkage", self._linkage), ("camera and mirrors", self._scene)):
+            try:
+                for step in bench.optimise(_own(bench, values)):
+                    values = {**values, **step.values}
+                    yield Step(values, f"{part}: {step.message}")
+            except UserError as error:
+                faults.append(f"{part}: {error}")
+                if len(faults) > 1:
+                    raise UserError("; ".join(faults)) from error
+                yield Step(values, faults[0])
 
 
 def _own(bench: Bench, values: Values) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from designopt.export.drawing import Drawing, Layer, Polyline
 from designopt.export.json import Quantity
@@ -32,14 +33,8 @@ def make_finger_drawing(finger: Finger) -> Drawing:
             Layer(OUTLINE, "construction"),
         ],
         polylines=[*links.polylines, *optics.polylines, _outline(finger.body)],
-        circles=[
-            *links.circles,
-            *(circle for circle in optics.circles if circle.layer != HINGES),
-        ],
-        labels=[
-            *links.labels,
-            *(label for label in optics.labels if label.layer != HINGES),
-        ],
+        circles=[*links.circles, *_beside_hinges(optics.circles)],
+        labels=[*links.labels, *_beside_hinges(optics.labels)],
         dimensions=[*links.dimensions, *optics.dimensions],
         notes=[
             "straight finger; the links lie at both its sides, the optics between them",
@@ -60,12 +55,16 @@ def finger_quantities(finger: Finger) -> list[Quantity]:
         Quantity("body.range", body.range_deg, "°"),
     ]
     if spring is not None:
+        units = {"stiffness": "N mm/rad", "preload": "rad", "servo": "N mm/rad"}
         found += [
-            Quantity("spring.stiffness", float(spring.stiffness), "N mm/rad"),
-            Quantity("spring.preload", float(spring.preload), "rad"),
-            Quantity("spring.servo", float(spring.servo), "N mm/rad"),
+            Quantity(f"spring.{name}", float(getattr(spring, name)), unit)
+            for name, unit in units.items()
         ]
     return found
+
+
+def _beside_hinges(parts: Sequence[Any]) -> list[Any]:
+    return [part for part in parts if part.layer != HINGES]
 
 
 def _within(part: str, quantities: Sequence[Quantity]) -> list[Quantity]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from designopt.design_kind import Design
 from kinematics.design import LINKAGE
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
-from studies.models.finger import Finger
 from studies.models.grasp.cases import finger_of
 from studies.models.grasp.mjcf import grasp_mjcf
 from studies.models.grasp.spec import GraspSpec
@@ -17,23 +16,10 @@ from studies.models.grasp.spec import GraspSpec
 NAME = "finger-grasp"
 
 
-@dataclass(frozen=True)
-class DesignedGrasp(DesignedLinkage):
-    """The finger's linkage with what closes it.
-
-    Attributes:
-        finger: body, pins and spring.
-    """
-
-    finger: Finger
-
-
-GRASP = replace(LINKAGE, mjcf=lambda model: grasp_mjcf(model.finger))
-"""The linkage with its spring and servo, joint stops and pads as a MuJoCo model."""
-
-
 def design(spec: GraspSpec, folder: Path | None) -> Design:
-    """The linkage of the study's pins, driven by its crank, with its spring.
+    """The linkage of the study's pins, driven by its crank.
+
+    As a MuJoCo model it has its spring and servo, joint stops and pads.
 
     Args:
         spec: the study's settings.
@@ -44,5 +30,6 @@ def design(spec: GraspSpec, folder: Path | None) -> Design:
     """
     del folder
     finger = finger_of(spec)
-    made = DesignedLinkage.of(parse_sketch(finger.linkage_tables("crank"), NAME), NAME)
-    return Design(GRASP, DesignedGrasp(made.name, made.sketch, made.linkage, finger))
+    kind = replace(LINKAGE, mjcf=lambda _: grasp_mjcf(finger))
+    sketch = parse_sketch(finger.linkage_tables("crank"), NAME)
+    return Design(kind, DesignedLinkage.of(sketch, NAME))

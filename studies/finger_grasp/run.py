@@ -8,22 +8,26 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from matplotlib.figure import Figure
 
+from designopt.plot.figures import MARKERS, PALETTE, label_plainly, new_figure
 from designopt.study.left_out import count_operations
+from designopt.study.plots import DASHES, lines
 from designopt.study.records import Records
 from designopt.study.report import Report
-from designopt.study.results import LeftOutRow, Results
+from designopt.study.results import Results
 from designopt.study.study import Context
 from studies.benchmarks.solvers import grasp as benchmark
-from studies.finger_grasp import figures
 from studies.models.finger import Finger
 from studies.models.grasp import cases
 from studies.models.grasp.analysis import CLOSED, Analysis, GraspCheck, analyze, radius_of, summary
 from studies.models.grasp.closing import Path
-from studies.models.grasp.conditions import Problem, equations, straight
+from studies.models.grasp.conditions import equations, straight
 from studies.models.grasp.figures import draw_sequences
+from studies.models.grasp.pinch import APPROACH, least_place
 from studies.models.grasp.spec import GraspSpec
 from studies.models.grasp.transfer import Joints, transfer
+from studies.models.linkage_design.figures import draw_over_postures
 from studies.stability import grasp as stability
 
 PADS = ("intermediate", "distal")
@@ -31,6 +35,13 @@ LEAST_FORCE = 1e-6
 """A pad that presses with less does not touch, N."""
 EVERY = 4
 """Every so many states are tabulated."""
+NAMES = {
+    "motor_deg": "motor angle α (°)",
+    "motor_n_mm": "motor moment (N mm)",
+    "f1_n": "force on the intermediate pad (N)",
+    "f2_n": "force on the distal pad (N)",
+}
+"""What figures write for columns of the tables."""
 
 
 def run(spec: GraspSpec, context: Context) -> Results:
@@ -45,10 +56,10 @@ def run(spec: GraspSpec, context: Context) -> Results:
         found = analyze(cases.finger_of(spec), spec)
     add_numbers(out, found, summary(found))
     if spec.stability:
-        end, rows = float(found.adaptive.commands.max()), []
+        end = float(found.adaptive.commands.max())
         with context.step("Stiff and extreme cases"):
-            for family in stability.families(found.finger, end, context.seed):
-                rows.append(stability.assess(family))
+            extreme = stability.families(found.finger, end, context.seed)
+            rows = [stability.assess(family) for family in extreme]
         out.values(extreme=sum(row.cases for row in rows))
         out.metrics(
             stability_failures=sum(row.failures for row in rows),
@@ -62,9 +73,11 @@ def run(spec: GraspSpec, context: Context) -> Results:
             claim = out.claim("newton", *benchmark.compare_with_minimizers(rows))
             out.precision(rows, "worst error of a joint (rad)", benchmark.REFERENCE, claim)
     with context.step("Operations left out"):
-        out.left_out(operations(found.finger))
-    add_tables(out, found)
-    add_figures(out, found)
+        add_operations(out, found.finger)
+    shown = tables(found)
+    for name, records in shown.items():
+        out.table(name, records)
+    add_figures(out, found, shown)
     return out.results()
 
 
@@ -136,7 +149,7 @@ def states_of(path: Path, states: np.ndarray) -> dict[str, Any]:
     }
 
 
-def add_tables(out: Report, found: Analysis) -> None:
+def tables(found: Analysis) -> dict[str, Records]:
     """Closings, their ends on the circles, pinches, and how all was solved; equilibria only."""
     sequences, circles, pinches, solved = Records(), Records(), Records(), Records()
     for name, path in found.paths().items():
@@ -178,55 +191,69 @@ def add_tables(out: Report, found: Analysis) -> None:
             gave_way_n_mm=shown.high if math.isfinite(shown.high) else math.nan,
             agrees=[shown.agrees],
         )
-    tables = {"sequences": sequences, "circles": circles, "pinches": pinches, "solved": solved}
-    for name, records in tables.items():
-        out.table(name, records)
+    return {"sequences": sequences, "circles": circles, "pinches": pinches, "solved": solved}
 
 
-def add_figures(out: Report, found: Analysis) -> None:
+def add_figures(out: Report, found: Analysis, shown: dict[str, Records]) -> None:
     """The finger in section, its closings, where a grasp holds, circles and pinches."""
     body = found.finger.body
     out.figure("closing", draw_sequences(found))
-    out.figure("paths", figures.draw_closings(found))
+    paths = shown["sequences"].where(closing=list(found.paths())[:3])
+    columns = ("pip_deg", "dip_deg", "motor_n_mm", "f1_n", "f2_n")
+    out.figure("paths", lines(paths, "motor_deg", columns, by="closing", names=NAMES, height=5.6))
+    ratio, middle = found.relative_pull, float(body.intermediate)
+    places = least_place(ratio, found.angles[None, :], middle)
+    maps = {"φ₂/φ₁": ratio, "least k₂ with f₁ > 0 (mm)": places}
     low, high = float(body.axis_height), float(body.distal - body.rim)
-    out.figure("stability_map", figures.draw_stability_map(found), low=low, high=high)
-    out.figure("over_diameter", figures.draw_circles(found))
+    drawing = draw_over_postures(np.degrees(found.angles), maps)
+    out.figure("stability_map", drawing, low=low, high=high)
+    columns = ("pip_deg", "dip_deg", "f1_n", "f2_n")
+    circles = lines(shown["circles"], "diameter_mm", columns, names=NAMES, height=5.6)
+    out.figure("over_diameter", circles)
     if not all(pinch.holds for pinch, _, _ in found.pinches):
-        out.figure("pinches", figures.draw_pinches(found))
+        out.figure("pinches", draw_pinches(found))
 
 
-def operations(finger: Finger) -> list[LeftOutRow]:
+def draw_pinches(found: Analysis) -> Figure:
+    """The limit of every pinch that gives way, by the formula, between what loading showed."""
+    drawing, [[limit, loading]] = new_figure(1, 2, height=3.6)
+    given_way = [part for part in found.pinches if not part[0].holds]
+    for i, pip in enumerate(dict.fromkeys(one.pip for one, _, _ in given_way)):
+        color, label = PALETTE[i % len(PALETTE)], f"PIP {math.degrees(pip):.0f}°"
+        own = [part for part in given_way if part[0].pip == pip]
+        places, limits = [one.place for one, _, _ in own], [one.limit for one, _, _ in own]
+        mark = {"color": color, "markerfacecolor": "none", "label": f"{label}, formula"}
+        limit.plot(places, limits, MARKERS[i % len(MARKERS)], markersize=8, **mark)
+        low, high = np.array([(shown.low, shown.high) for _, _, shown in own]).T
+        bars = {"fmt": "none", "color": color, "capsize": 4, "label": f"{label}, loading"}
+        limit.errorbar(places, (low + high) / 2, (high - low) / 2, **bars)
+        for one, path, _ in own:
+            states = APPROACH + np.flatnonzero(path.ok[APPROACH:])
+            dip = np.degrees(path.joints[states, 1])
+            style = {"color": color, "linewidth": 1, "linestyle": DASHES[i % len(DASHES)]}
+            loading.plot(path.motor[states] / one.limit, dip, **style)
+    limit.set(xlabel="k₂ (mm)", ylabel="largest motor moment (N mm)", yscale="log")
+    limit.set(title="Where a pinch gives way")
+    label_plainly(limit.yaxis)
+    loading.axvline(1.0, color="0.4", linewidth=0.8)
+    loading.set(xlabel="motor moment over the formula's limit", ylabel="DIP flexion (°)")
+    loading.set(title="DIP under load")
+    return drawing
+
+
+def add_operations(out: Report, finger: Finger) -> None:
     """Operation counts of programs that leave something out beside the general ones."""
     body = finger.body
     things = (None, cases.circle_on_pad(body, 40.0, 11.5), cases.box(body))
-    free, circle, square = (_count(cases.problem_of(finger, thing)) for thing in things)
+    problems = [cases.problem_of(finger, thing) for thing in things]
+    free, circle, square = (count_operations(equations, straight(one), one) for one in problems)
+    out.operations("free", free, circle)
+    out.operations("circle", circle, square)
 
     def pull(finger: Finger, joints: Joints) -> jax.Array:
         found = transfer(finger, joints)
         return found.winding * found.slope
 
     joints = jnp.asarray([0.4, 0.3])
-    return [
-        LeftOutRow(
-            "equations of free closing",
-            "pads, object and contact forces: there is nothing to touch",
-            free,
-            circle,
-        ),
-        LeftOutRow(
-            "equations on a circle",
-            "corners, sides and the second contact of a pad: a circle has none",
-            circle,
-            square,
-        ),
-        LeftOutRow(
-            "moment of the spring",
-            "the outer dyad: the spring's winding depends on DIP alone",
-            count_operations(pull, finger, joints),
-            count_operations(transfer, finger, joints),
-        ),
-    ]
-
-
-def _count(problem: Problem) -> int:
-    return count_operations(equations, straight(problem), problem)
+    winding = count_operations(pull, finger, joints)
+    out.operations("spring", winding, count_operations(transfer, finger, joints))

@@ -7,13 +7,13 @@ many numbers of the answer are not finite), ``failed``, and what a study adds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from designopt.plot.figures import MARKERS, PALETTE
+from designopt.plot.figures import MARKERS, PALETTE, new_figure
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.results import StabilityRow
@@ -68,62 +68,42 @@ def report_cases(out: Report, cases: Records) -> None:
     out.metrics(stability_failures=len(bad))
 
 
-def say_failures(out: Report, cases: Records, verdicts: Callable[[Records], Iterable[str]]) -> None:
+def say_failures(out: Report, cases: Records, *further: str) -> None:
     """Put down a sentence for each family with wrong answers.
 
     Args:
-        out: has an entry ``failure``.
+        out: has an entry ``failure``, for the largest errors, in units of rounding, and for sums of
+            other columns, by their names.
         cases: all of them.
-        verdicts: what is wrong with a family's verdicts.
+        further: columns of the study whose sums stand in that entry.
     """
     for (case, dtype), own in cases.group("case", "dtype").items():
-        faults, unit = [*verdicts(own)], rounding(dtype)
-        if count := own.stat("sum non_finite"):
-            faults.append(f"{count} numbers are not finite")
-        for name, limit in LIMITS.items():
-            if count := np.sum(own[name] > limit * unit):
-                worst = largest(own[name]) / unit
-                what = name.replace("_error", "s")
-                faults.append(f"{count} {what} are off by up to {worst:.2g} units of rounding")
         if own["failed"].any():
-            out.say("failure", case=case, dtype=dtype, count=len(own), faults=", ".join(faults))
+            worst = {name: largest(own[name]) / rounding(dtype) for name in LIMITS}
+            counted = ("failed", "wrong_verdict", "non_finite", *further)
+            sums = {name: own.stat(f"sum {name}") for name in counted}
+            out.say("failure", case=case, dtype=dtype, count=len(own), **worst, **sums)
 
 
-def draw_errors(
-    axis: Axes, judged: Records, x: str, name: str, label: str = "", *, hollow: bool = False
-) -> None:
-    """Errors of single cases over a column, beside the rounding of their float types.
+def draw_approach(judged: Records, x: str, columns: Mapping[str, str]) -> Figure:
+    """Single cases on the way to a limit: each a dot, the errors beside what rounding does.
 
     Args:
-        axis: to draw into.
         judged: rows.
-        x: column of the abscissae; those that are not positive and finite are left out.
-        name: column of the errors; below a 64th of rounding they are drawn there.
-        label: what follows the float type in the legend.
-        hollow: whether markers are.
+        x: column of how far they are from it, of which those that are not positive and finite are
+            left out.
+        columns: what is drawn over it, each with its title; errors below a 64th of rounding are
+            drawn there.
     """
-    for index, (dtype, own) in enumerate(judged.group("dtype").items()):
-        own = own.where((own[x] > 0) & np.isfinite(own[x]) & np.isfinite(own[name]))
-        color, unit = PALETTE[index], rounding(dtype)
-        face = "none" if hollow else color
-        style = {"color": color, "markerfacecolor": face, "markersize": 3, "label": dtype + label}
-        axis.plot(own[x], np.maximum(own[name], unit / 64), MARKERS[index], **style)
-        axis.axhline(unit, color=color, linestyle=":")
-    axis.set(xscale="log", yscale="log")
-
-
-Series = tuple[np.ndarray, str, str, str]
-"""Values, what they are called, and color and style of their line."""
-
-
-def draw_counts(axis: Axes, what: str, counted: str, series: Sequence[Series]) -> None:
-    """How many values are how large, in sixths of a decade."""
-    logs = [np.log10(values) for values, *_ in series]
-    low = np.floor(np.min(np.concatenate(logs), initial=0.0))
-    high = np.ceil(np.max(np.concatenate(logs), initial=low))
-    edges = np.arange(6 * low, 6 * high + 1) / 6
-    for values, (_, label, color, style) in zip(logs, series, strict=True):
-        axis.hist(values, edges, histtype="step", color=color, linestyle=style, label=label)
-    axis.set(xlabel=f"log₁₀ of {what}", ylabel=counted, yscale="log")
-    axis.legend(loc="upper left", fontsize=7)
-    axis.set_ylim(0.5, max(10.0, axis.get_ylim()[1]) * 30)
+    drawing, [row] = new_figure(1, len(columns), height=3.6)
+    for axis, (name, title) in zip(row, columns.items(), strict=True):
+        for index, (dtype, own) in enumerate(judged.group("dtype").items()):
+            own = own.where((own[x] > 0) & np.isfinite(own[x]) & np.isfinite(own[name]))
+            style, values = {"color": PALETTE[index], "markersize": 3, "label": dtype}, own[name]
+            if name in LIMITS:
+                values = np.maximum(values, rounding(dtype) / 64)
+                axis.axhline(rounding(dtype), color=PALETTE[index], linestyle=":")
+            axis.plot(own[x], values, MARKERS[index], **style)
+        axis.set(xscale="log", yscale="log", title=title)
+        axis.invert_xaxis()
+    return drawing

@@ -110,31 +110,21 @@ def real_lens(printed: Chamber, f_number: Float[Array, ""], blur: Float[Array, "
     )
 
 
-def analyze_batch(specs: Sequence[Table1Spec]) -> list[Analysis]:
-    """The same of many specs in one program, without the other reading and unchecked."""
+def solve_batch(specs: Sequence[Table1Spec]) -> list[Imaging]:
+    """The `Analysis.imaging` of many specs in one program, unchecked."""
     chambers = [imaging.printed_chamber(spec.chamber) for spec in specs]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *chambers)
-    columns = (
-        jnp.asarray([getattr(spec, name) for spec in specs])
-        for name in ("clearance", "f_number", "blur")
-    )
+    clearances = jnp.asarray([spec.clearance for spec in specs])
     # As NumPy arrays: taking one spec's numbers out of them compiles and copies nothing.
-    solved = jax.tree.map(np.asarray, _solve(stacked, *columns))
-    each = [jax.tree.map(lambda leaf, i=i: leaf[i], solved) for i in range(len(specs))]
-    return [Analysis(one, None, lens) for one, lens in each]
+    solved = jax.tree.map(np.asarray, _solve(stacked, clearances))
+    return [jax.tree.map(lambda leaf, i=i: leaf[i], solved) for i in range(len(specs))]
 
 
 @jax.jit
-def _solve(
-    chambers: Chamber,
-    clearances: Float[Array, " specs"],
-    f_numbers: Float[Array, " specs"],
-    blurs: Float[Array, " specs"],
-) -> tuple[Imaging, RealLens]:
+def _solve(chambers: Chamber, clearances: Float[Array, " specs"]) -> Imaging:
     # One fit after another: side by side, rounding ends some a step earlier than alone, and the
     # constants differ in their eighth digit; a fit is so short that nothing is gained by it.
-    solved = jax.lax.map(lambda one: imaging.solve(*one), (chambers, clearances))
-    return solved, jax.vmap(real_lens)(chambers, f_numbers, blurs)
+    return jax.lax.map(lambda one: imaging.solve(*one), (chambers, clearances))
 
 
 def design(spec: Table1Spec, folder: Path | None) -> Design:

@@ -10,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
-from designopt import Context, LeftOutRow, Report, Results, StabilityRow, UserError, assess
-from designopt.plot.figures import PALETTE, new_figure
+from designopt import Context, Records, Report, Results, StabilityRow, UserError, assess
+from designopt.plot.figures import new_figure
 from designopt.plot.typesetting import as_mathtext
 from designopt.study.benchmark import find_undominated
 from designopt.study.left_out import count_operations
+from designopt.study.plots import lines
 from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import SolveMethod, solve_dimension_for_ratio
 from optics.plot.chamber_drawing import REGIONS
@@ -24,10 +25,9 @@ from studies.models.soft_finger import paper
 from studies.models.soft_finger.imaging import Columns, Constants, Imaging
 from studies.stability import chamber as stability
 from studies.table1 import Table1Spec
-from studies.table1.analysis import Analysis, analyze, analyze_batch
+from studies.table1.analysis import Analysis, analyze, solve_batch
 
 CELLS = 3 * len(paper.ETA)
-BLUE, VERMILION, GREEN = PALETTE[:3]
 
 
 def run(spec: Table1Spec, context: Context) -> Results:
@@ -45,8 +45,8 @@ def run(spec: Table1Spec, context: Context) -> Results:
         with context.step("Error against run time"):
             measure(out, analysis.imaging.identified.chamber, spec, context.seed)
     with context.step("Operations left out"):
-        out.left_out(operations(analysis.imaging.chosen))
-    add_metrics(out, analysis, rows)
+        add_operations(out, analysis.imaging.chosen)
+    add_metrics(out, analysis.imaging, rows)
     add_findings(out, spec, analysis)
     add_tables(out, analysis)
     out.figure("line", draw_lines(analysis.imaging, spec.clearance), most=2)
@@ -70,10 +70,10 @@ def run_batch(specs: Sequence[Table1Spec], context: Context) -> list[Results | U
     solved: dict[int, Results] = {}
     if together:
         rows = assess(stability.nominal(), (context.dtype,))
-        for spec, analysis in zip(together, analyze_batch(together), strict=True):
-            if bool(analysis.imaging.fit.solution.ok):
+        for spec, imaging in zip(together, solve_batch(together), strict=True):
+            if bool(imaging.fit.solution.ok):
                 out = Report(spec, package=__package__)
-                add_metrics(out, analysis, rows)
+                add_metrics(out, imaging, rows)
                 solved[id(spec)] = out.results()
     return [solved.get(id(spec)) or _run_alone(spec, context) for spec in specs]
 
@@ -93,7 +93,7 @@ def measure(out: Report, chamber: Chamber, spec: Table1Spec, seed: int) -> None:
     out.precision(rows, "worst relative error of η", reference, claim)
 
 
-def operations(chamber: Chamber) -> list[LeftOutRow]:
+def add_operations(out: Report, chamber: Chamber) -> None:
     """Operation counts of this scene's programs beside the general ones."""
     ratios = jnp.asarray(paper.ETA)
 
@@ -107,26 +107,17 @@ def operations(chamber: Chamber) -> list[LeftOutRow]:
         return chamber.imaging_ratio(), chamber.ring_widths(), *images
 
     lens = ThinLens(chamber.focal_length, chamber.focal_length, chamber.image_distance)
-    return [
-        LeftOutRow(
-            "Δl_D for the table's six η",
-            "the iteration: a closed form exists",
-            count_operations(lambda c, r: offsets(c, r, "closed form"), chamber, ratios),
-            count_operations(lambda c, r: offsets(c, r, "newton"), chamber, ratios),
-        ),
-        LeftOutRow(
-            "η of the chamber",
-            "image heights, ring widths and the real lens: η needs none of them",
-            count_operations(lambda c, _: c.imaging_ratio(), chamber, lens),
-            count_operations(everything, chamber, lens),
-        ),
-    ]
+    closed = count_operations(lambda c, r: offsets(c, r, "closed form"), chamber, ratios)
+    newton = count_operations(lambda c, r: offsets(c, r, "newton"), chamber, ratios)
+    out.operations("offsets", closed, newton)
+    alone = count_operations(lambda c, _: c.imaging_ratio(), chamber, lens)
+    out.operations("ratio", alone, count_operations(everything, chamber, lens))
 
 
-def add_metrics(out: Report, analysis: Analysis, rows: Sequence[StabilityRow]) -> None:
+def add_metrics(out: Report, imaging: Imaging, rows: Sequence[StabilityRow]) -> None:
     """The study's numbers."""
-    printed, identified = analysis.imaging.printed, analysis.imaging.identified
-    fit, choice = analysis.imaging.fit, analysis.imaging.choice
+    printed, identified = imaging.printed, imaging.identified
+    fit, choice = imaging.fit, imaging.choice
     height, offset = fit.solution.value.tolist()
     height_sd, offset_sd = np.sqrt(np.diag(np.asarray(fit.covariance)))
     worst = printed.table.deviations()
@@ -145,7 +136,7 @@ def add_metrics(out: Report, analysis: Analysis, rows: Sequence[StabilityRow]) -
         line_slope_printed_mm=printed.slope,
         line_intercept_printed_mm=printed.intercept,
         largest_ratio=choice.value if bool(choice.ok) else math.nan,
-        clearance_at_paper_ratio_mm=analysis.imaging.paper_clearance,
+        clearance_at_paper_ratio_mm=imaging.paper_clearance,
         gradient_error=max(row.worst_gradient_error for row in rows),
         gradient_relative_error_float64=max(relative, default=math.nan),
         non_finite=sum(row.non_finite for row in rows),
@@ -278,38 +269,28 @@ def draw_lines(imaging: Imaging, clearance: float) -> Figure:
         clearance: what |Δl_D| is to leave inside Δl_A, in mm.
     """
     offset_a, chosen = float(imaging.chosen.offset_a), float(imaging.choice.value)
-    found = bool(imaging.choice.ok)
-    drawing, [[axis, residual]] = new_figure(1, 2, height=3.9)
     eta, table = np.array(paper.ETA), 10 * np.array(paper.DELTA_L_D_CM)
-    shown = [*paper.ETA, *([chosen] if found else [])]
-    ratios = np.array([min(shown) - 0.12, max(shown) + 0.06])
+    shown = Records()
+    shown.add(of="Table I", eta=eta, offset_mm=table, left_um=math.nan)
+    for name in ("printed", "identified"):
+        constants = getattr(imaging, name)
+        line = float(constants.slope) * eta + float(constants.intercept)
+        left = 1e3 * (line - table) if name == "identified" else math.nan
+        of = f"{name} constants: {_line(constants)}"
+        shown.add(of=of, eta=eta, offset_mm=line, left_um=left)
+    if bool(imaging.choice.ok):
+        of = f"largest η: {chosen:.3f}"
+        shown.add(of=of, eta=chosen, offset_mm=offset_a - clearance, left_um=math.nan)
+    names = {"eta": "η, yellow ring over blue ring", "offset_mm": "Δl_D (mm)"}
+    names["left_um"] = "Δl_D, identified − Table I (µm)"
+    drawing = lines(shown, "eta", ["offset_mm", "left_um"], by="of", names=names, height=3.9)
+    axis, residual = drawing.axes
     room = as_mathtext(f"left, grey: |Δl_D| ≤ Δl_A − {clearance:g} mm")
     axis.axhspan(-offset_a + clearance, offset_a - clearance, color="0.92", zorder=0, label=room)
     axis.axhline(offset_a, color="0.4", linewidth=0.9, label=as_mathtext("Δl_A, wall at the lens"))
-    lines = (
-        (imaging.identified, BLUE, "-", "identified constants"),
-        (imaging.printed, VERMILION, "--", "printed constants"),
-    )
-    for constants, color, style, label in lines:
-        heights = float(constants.slope) * ratios + float(constants.intercept)
-        axis.plot(ratios, heights, style, color=color, label=f"{label}: {_line(constants)}")
-    axis.plot(eta, table, "o", color="black", markerfacecolor="white", label="Table I")
-    if found:
-        axis.plot(chosen, offset_a - clearance, "D", color=GREEN, label=f"largest η: {chosen:.3f}")
-    axis.set(xlabel="η, yellow ring over blue ring", ylabel=as_mathtext("Δl_D (mm)"))
-    axis.set(title="Table I is a line", xlim=ratios)
-
-    half_unit = 5.0  # half a unit in the last printed digit of Δl_D, in µm
+    # Half a unit in the last printed digit of Δl_D.
     rounding = "right, grey: rounding of the printed digits"
-    residual.axhspan(-half_unit, half_unit, color="0.92", zorder=0, label=rounding)
-    residual.axhline(0, color="0.4", linewidth=0.9)
-    line = float(imaging.identified.slope) * eta + float(imaging.identified.intercept)
-    left = 1e3 * (line - table)
-    residual.plot(eta, left, "o", color=BLUE)
-    reach = max(1.6 * half_unit, 1.1 * float(np.max(np.abs(left))))
-    residual.set(xlabel="η, yellow ring over blue ring", ylim=(-reach, reach))
-    residual.set(ylabel=as_mathtext("Δl_D, identified − Table I (µm)"))
-    residual.set(title="What the identified constants leave")
+    residual.axhspan(-5.0, 5.0, color="0.92", zorder=0, label=rounding)
     return drawing
 
 

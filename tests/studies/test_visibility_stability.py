@@ -254,7 +254,7 @@ def test_findings_name_what_failed(monkeypatch):
     out = Report(StabilitySpec(float32=False), package="studies.stability.visibility")
     run.report(out, table, found, judged(family, monkeypatch, coverage=0.5))
     results = out.results()
-    assert results.findings[-1].startswith("the bad one (float64, 8 scenes): 8 value")
+    assert results.findings[-1].startswith("the bad one (float64, 8 scenes): 8 answered wrongly")
     missed = {metric.name for metric in results.metrics if metric.met is False}
     assert missed == {"random_disagreements", "worst_value_error_float64", "stability_failures"}
 

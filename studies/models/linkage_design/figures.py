@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,7 +53,7 @@ def draw_maps(verdict: Verdict) -> Figure:
     levels = np.arange(5 * np.floor(verdict.least_deg / 5), 91, 5)
     for axis, (name, values) in zip(axes.flat, verdict.angles_deg.items(), strict=True):
         full = np.broadcast_to(values, verdict.crank_deg.shape)
-        _contours(axis, verdict, full, levels)
+        _contours(axis, verdict.flexion_deg, full, levels)
         worst = np.unravel_index(np.argmin(full), full.shape)
         place = [verdict.flexion_deg[i] for i in worst]
         axis.plot(*place, "X", color=PALETTE[1], markersize=9, clip_on=False, zorder=5)
@@ -67,21 +67,29 @@ def draw_maps(verdict: Verdict) -> Figure:
     return drawing
 
 
-def draw_ratios(verdict: Verdict) -> Figure:
-    """The crank's turn and the force ratio over all postures."""
-    drawing, [row] = new_figure(1, 2, height=3.4)
-    shown = {"turn of the crank (°)": verdict.crank_deg, "φ₂/φ₁": verdict.ratio}
+def draw_over_postures(
+    degrees: Float[np.ndarray, " angles"], shown: Mapping[str, Float[np.ndarray, "angles angles"]]
+) -> Figure:
+    """Numbers over all postures, side by side.
+
+    Args:
+        degrees: flexion of each joint.
+        shown: by what they are, with the unit, over PIP and DIP.
+    """
+    drawing, [row] = new_figure(1, len(shown), height=3.4)
     for axis, (label, values) in zip(row, shown.items(), strict=True):
-        mesh = _contours(axis, verdict, values, 12)
+        mesh = _contours(axis, degrees, values, 12)
         axis.set(xlabel="PIP (°)", ylabel="DIP (°)")
         drawing.colorbar(mesh, ax=axis, label=label, shrink=0.9)
     return drawing
 
 
 def _contours(
-    axis: Axes, verdict: Verdict, values: Float[np.ndarray, "pip dip"], levels: Any
+    axis: Axes,
+    degrees: Float[np.ndarray, " angles"],
+    values: Float[np.ndarray, "angles angles"],
+    levels: Any,
 ) -> QuadContourSet:
-    degrees = verdict.flexion_deg
     mesh = axis.contourf(degrees, degrees, values.T, levels=levels, cmap="cividis")
     ticks = angle_ticks(degrees[-1])
     axis.set(aspect="equal", xticks=ticks, yticks=ticks)
@@ -117,7 +125,8 @@ def add_figures(out: Report, limits: LimitsSpec, design: LinkageDesign) -> None:
     out.figure("finger", draw_straight(design.finger), most=5)
     out.figure("sequences", draw_sequences(design.finger), most=5)
     out.figure("transmission", draw_maps(verdict))
-    out.figure("ratios", draw_ratios(verdict))
+    ratios = {"turn of the crank (°)": verdict.crank_deg, "φ₂/φ₁": verdict.ratio}
+    out.figure("ratios", draw_over_postures(verdict.flexion_deg, ratios))
     tolerance = draw_tolerance(design.drawn, verdict.least_deg, limits.transmission_deg)
     out.figure("tolerance", tolerance, most=2)
     out.figure("starts", draw_starts([one.feasible_deg for one in design.search.rounds]))

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
+from designopt.study.plots import ecdf
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.results import Results
@@ -37,6 +37,9 @@ library itself counts as touching, as the margin it compares with them is rounde
 
 CLOSURE = {"float64": 1e-12, "float32": 64 * judging.rounding("float32")}
 """Largest gap of a pose that is marked ok, in units of the linkage's size."""
+
+LEAST = 1e-4
+"""Margins and errors of random linkages below it are drawn there."""
 
 APPROACHES = ("stretching: margin 1e-1", "folding: margin 1e-1", "slider-crank, margin 1e-1")
 """Parts of the names of families that approach lock-up from inside."""
@@ -137,7 +140,7 @@ def report(out: Report, judged: Records) -> None:
     judging.report_cases(out, judged)
     out.say("wrong" if out["bad"] else "sound")
     _say_random(out, _random(judged))
-    judging.say_failures(out, judged, _verdict_faults)
+    judging.say_failures(out, judged, "open")
     verdicts = judged.summary(
         *("case", "dtype"),
         cases="count ok",
@@ -175,67 +178,36 @@ def _say_random(out: Report, random: Records) -> None:
         numbers=random.stat("sum non_finite"),
         gap=_closure(double),
     )
-    parts = []
-    for dtype, own in random.group("dtype").items():
-        value, slope = (
-            judging.largest(own[name]) / judging.rounding(dtype)
-            for name in ("value_error", "gradient_error")
-        )
-        parts.append(f"{value:.1f} and {slope:.1f} units of rounding in {dtype}")
-    out.say("accuracy", errors=", ".join(parts))
-
-
-def _verdict_faults(own: Records) -> Iterator[str]:
-    wrong = own.where(own["wrong_verdict"])
-    if len(wrong):
-        accepted, margins = wrong.stat("sum ok"), abs(wrong["margin"])
-        yield (
-            f"{len(wrong) - accepted} poses that exist are refused and {accepted} that do not are "
-            f"marked ok, at margins from {np.min(margins):.1e} to {np.max(margins):.1e}"
-        )
-    if count := own.stat("sum open"):
-        yield f"{count} poses marked ok leave gaps of up to {_closure(own):.1e} of the size"
+    worst = {
+        f"{name}_{dtype}": judging.largest(own[name]) / judging.rounding(dtype)
+        for dtype, own in random.group("dtype").items()
+        for name in judging.LIMITS
+    }
+    out.say("accuracy", **worst)
 
 
 def draw_approach(judged: Records) -> Figure:
     """Errors and gradient sizes of single cases over their exact margin."""
-    drawing, [[errors, sizes]] = new_figure(1, 2, height=3.6)
-    judging.draw_errors(errors, judged, "margin", "value_error", ", positions")
-    judging.draw_errors(errors, judged, "margin", "gradient_error", ", gradients", hollow=True)
-    inside = judged.where(judged["margin"] > 0)
-    for (_, own), color, marker in zip(
-        inside.group("dtype").items(), PALETTE, MARKERS, strict=False
-    ):
-        sizes.plot(own["margin"], own["gradient_size"], marker, color=color, markersize=3)
+    titles = {"value_error": "errors of positions", "gradient_error": "errors of gradients"}
+    titles["gradient_size"] = "largest gradient entry"
+    drawing = judging.draw_approach(judged, "margin", titles)
     line = np.array([1e-16, 1e-1])
+    sizes = drawing.axes[-1]
     sizes.plot(line, line**-0.5, color="0.35", linewidth=0.9, label="margin$^{-1/2}$")
-    for axis in (errors, sizes):
-        axis.set(xscale="log", yscale="log", xlabel="exact margin, of the linkage's size")
-        axis.invert_xaxis()
-    errors.set(ylabel="condition-scaled error")
-    sizes.set(ylabel="largest gradient entry, of the size")
-    sizes.legend(loc="upper left")
-    legend_below(drawing, *errors.get_legend_handles_labels(), most=4)
+    for axis in drawing.axes:
+        axis.set(xlabel="exact margin, of the size")
     return drawing
 
 
 def draw_random(random: Records) -> Figure:
     """Margins of the random linkages, and the errors of those that can be assembled."""
-    drawing, [axes] = new_figure(1, 2, height=3.4)
-    margins: list[judging.Series] = []
-    errors: list[judging.Series] = []
-    for ((case, dtype), own), color in zip(
-        random.group("case", "dtype").items(), PALETTE, strict=False
-    ):
-        kind = case.split(",")[0]
+    shown = Records()
+    for (case, dtype), own in random.group("case", "dtype").items():
+        kind, margin = case.split(",")[0], own["margin"]
         if dtype == "float64":
-            for sign, style, word in ((1, "-", "can be assembled"), (-1, ":", "cannot")):
-                depth = sign * own["margin"][sign * own["margin"] > 0]
-                margins.append((depth, f"{kind}, {word}", color, style))
-        units = own["value_error"][own["ok"] & np.isfinite(own["value_error"])] / judging.rounding(
-            dtype
-        )
-        errors.append((np.maximum(units, 1e-4), f"{kind}, {dtype}", color, "-"))
-    judging.draw_counts(axes[0], "|margin|, of the size", "linkages", margins)
-    judging.draw_counts(axes[1], "error in units of rounding", "linkages", errors)
-    return drawing
+            for word, which in (("can be assembled", margin > 0), ("cannot", margin < 0)):
+                group = f"{kind}, {word}"
+                shown.add(what="margin, of the size", group=group, magnitude=margin[which])
+        errors = own["value_error"][own["ok"]] / judging.rounding(dtype)
+        shown.add(what="error, units of rounding", group=f"{kind}, {dtype}", magnitude=errors)
+    return ecdf(shown, "magnitude", by="group", panel="what", log="x", least=LEAST, height=3.4)

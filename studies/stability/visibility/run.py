@@ -9,24 +9,25 @@ or by what they would do to y. Where surfaces or views just touch there is no de
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import mpmath
 import numpy as np
 from matplotlib.figure import Figure
 
-from designopt.plot.figures import PALETTE, legend_below, new_figure
+from designopt.study.plots import ecdf
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.results import Results
 from designopt.study.stability import DIGITS
 from designopt.study.study import Context
 from studies.oracles.extreme_scenes import STRUCTURE, Family, families
-from studies.oracles.visibility import Views, views
+from studies.oracles.visibility import views
 from studies.stability import judging
 from studies.stability.visibility import StabilitySpec
 from studies.stability.visibility.comparison import compare
-from studies.stability.visibility.scenes import PADS, Answers, ask, uneven
+from studies.stability.visibility.scenes import ask, uneven
 
 UNDECIDED = 64
 """How near to a change of its views, in units of rounding of its size, a scene is not judged."""
@@ -65,47 +66,41 @@ def judge_families(found: Sequence[Family], dtype: str, bounces: int) -> Records
     rows = [family.rows.astype(dtype) for family in found]
     with mpmath.workdps(DIGITS):
         exact = [
-            [views(STRUCTURE, row, family.formula, bounces, family.smooth) for row in some]
+            views(STRUCTURE, row, family.formula, bounces, family.smooth)
             for family, some in zip(found, rows, strict=True)
+            for row in some
         ]
-    seen = np.array([case.views for cases in exact for case in cases])
-    everything = ask(bounces, np.concatenate(rows))
-    weights = {"coverage": 1.0, "seen": 1.0, "margin": seen}
-    answers = ask(bounces, np.concatenate(rows), weights)
-    judged, start = Records(), 0
-    for family, cases in zip(found, exact, strict=True):
-        part = slice(start, start := start + len(cases))
-        columns = _judge(family, dtype, cases, answers.part(part))
-        columns["non_finite"] = everything.part(part).non_finite + answers.part(part).non_finite
-        columns["failed"] = judging.failed(columns, dtype)
-        judged.add(case=family.case, dtype=dtype, **columns)
-    return judged
 
+    def of_scenes(parts: Iterable[Any]) -> np.ndarray:
+        """What families have one of, or one for each scene, for all scenes."""
+        pairs = zip(parts, rows, strict=True)
+        return np.concatenate([np.broadcast_to(part, len(some)) for part, some in pairs])
 
-def _judge(
-    family: Family, dtype: str, exact: list[Views], answers: Answers
-) -> dict[str, np.ndarray]:
-    count, near = len(exact), UNDECIDED * judging.rounding(dtype)
-    parts = [answers.numbers[name].reshape(count, -1) for name in ("coverage", "seen", "margin")]
-    found = np.concatenate(parts, axis=1)
-    seen, margin = np.array([case.views for case in exact]), answers.numbers["margin"]
-    wrong = (answers.ok != seen) | np.where(seen, margin <= 0, margin > near)
-    clear = np.broadcast_to(family.clear, count)
-    errors = np.full((3, count), np.nan)
-    shapes = {"coverage": (PADS,), "seen": seen.shape[1:], "margin": seen.shape[1:]}
-    weights = np.concatenate([uneven(*item).reshape(-1) for item in shapes.items()])
+    seen, inputs = np.array([case.views for case in exact]), np.concatenate(rows)
+    everything = ask(bounces, inputs)
+    answers = ask(bounces, inputs, {"coverage": 1.0, "seen": 1.0, "margin": seen})
+    numbers = {name: answers.numbers[name] for name in ("coverage", "seen", "margin")}
+    values = np.concatenate([part.reshape(len(inputs), -1) for part in numbers.values()], axis=1)
+    weights = [uneven(name, part.shape[1:]).reshape(-1) for name, part in numbers.items()]
+    near, clear = UNDECIDED * judging.rounding(dtype), of_scenes(one.clear for one in found)
+    errors = np.full((3, len(inputs)), np.nan)
     with mpmath.workdps(DIGITS):
         for index in np.flatnonzero(clear > near):
-            answer = found[index], answers.gradient[index]
-            errors[:, index] = exact[index].errors(*answer, weights)
-    return {
+            answer = values[index], answers.gradient[index]
+            errors[:, index] = exact[index].errors(*answer, np.concatenate(weights))
+    margin = numbers["margin"]
+    wrong = (answers.ok != seen) | np.where(seen, margin <= 0, margin > near)
+    columns = {
         "infeasible": ~np.any(seen, axis=(1, 2)),
         "clear": clear,
         "value_error": errors[0],
-        "gradient_error": errors[1] / family.steepness,
+        "gradient_error": errors[1] / of_scenes(one.steepness for one in found),
         "gradient_relative_error": errors[2],
         "wrong_verdict": (clear > near) & np.any(wrong, axis=(1, 2)),
+        "non_finite": everything.non_finite + answers.non_finite,
     }
+    columns["failed"] = judging.failed(columns, dtype)
+    return Records({"case": of_scenes(one.case for one in found), "dtype": dtype, **columns})
 
 
 def report(out: Report, table: Records, scenes: Records, judged: Records) -> None:
@@ -139,7 +134,7 @@ def report(out: Report, table: Records, scenes: Records, judged: Records) -> Non
     if out["float32"]:
         median, rare = np.quantile(coarse["single"], [0.5, 0.999])
         out.say("float32", median=median, rare=rare)
-    judging.say_failures(out, judged, _verdict_faults)
+    judging.say_failures(out, judged)
     out.table("random", table)
     verdicts = judged.summary(
         *("case", "dtype"),
@@ -152,43 +147,25 @@ def report(out: Report, table: Records, scenes: Records, judged: Records) -> Non
     out.table("verdicts", verdicts)
 
 
-def _verdict_faults(own: Records) -> Iterator[str]:
-    if count := own.stat("sum wrong_verdict"):
-        yield f"{count} verdicts or signs of margins are wrong"
-
-
 def draw_rays(spec: StabilitySpec, scenes: Records) -> Figure:
     """Deviations of coverages from the rays' beside what these leave open, and in float32."""
-    drawing, [axes] = new_figure(1, 1 + spec.float32, height=3.6)
+    shown, beside, single = Records(), "coverage beside rays", "coverage and parts in float32"
     most = scenes.where(bounces=spec.bounces)
-    series = [
-        (_deviations(most.where(fine=fine)[name]), f"{what} {rays:,} rays", PALETTE[fine], style)
-        for fine, rays in enumerate((spec.rays, spec.fine_rays))
-        for name, what, style in (("off", "off", "-"), ("step", "step of", ":"))
-    ]
-    judging.draw_counts(axes[0], "the part of a pad", "scenes", series)
+    for fine, rays in enumerate((spec.rays, spec.fine_rays)):
+        own = most.where(fine=fine)
+        shown.add(what=beside, group=f"off {rays:,} rays", part_of_pad=own["off"])
+        shown.add(what=beside, group=f"step of {rays:,} rays", part_of_pad=own["step"])
     if spec.float32:
-        groups = scenes.where(fine=False).group("bounces").items()
-        series = [
-            (_deviations(own["single"]), f"{count} bounce{'s' * (count > 1)}", color, "-")
-            for (count, own), color in zip(groups, PALETTE, strict=False)
-        ]
-        judging.draw_counts(axes[1], "the error in float32", "scenes", series)
-    return drawing
-
-
-def _deviations(values: np.ndarray) -> np.ndarray:
-    return np.maximum(values[values > 0], FLOOR)
+        for count, own in scenes.where(fine=False).group("bounces").items():
+            group = f"{count} bounce{'s' * (count > 1)}"
+            shown.add(what=single, group=group, part_of_pad=own["single"])
+    return ecdf(shown, "part_of_pad", by="group", panel="what", log="x", least=FLOOR, height=3.6)
 
 
 def draw_approach(judged: Records) -> Figure:
     """Errors of single scenes over how far they are from degenerate."""
-    drawing, [axes] = new_figure(1, 2, height=3.6)
     titles = {"value_error": "coverage, parts and margins", "gradient_error": "gradients"}
-    for axis, (name, title) in zip(axes, titles.items(), strict=True):
-        judging.draw_errors(axis, judged, "clear", name)
-        axis.set(title=title, xlabel="distance from a change of views")
-        axis.invert_xaxis()
-    axes[0].set(ylabel="scaled error")
-    legend_below(drawing, *axes[0].get_legend_handles_labels(), most=2)
+    drawing = judging.draw_approach(judged, "clear", titles)
+    for axis in drawing.axes:
+        axis.set(xlabel="distance from a change of views", ylabel="scaled error")
     return drawing

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.batching import map_blocks
 from optics.scene.camera import Camera, Equidistant
 from optics.scene.scene import WORLD, Layout, Scene, Surface
 from optics.visibility.coverage import find_views
@@ -145,14 +146,8 @@ def ask(bounces: int, rows: np.ndarray, weights: Weights | None = None) -> Answe
         )
         for name in NUMBERS
     }
-    blocks = []
     with jax.enable_x64(rows.dtype == np.float64):
-        for start in range(0, count, BLOCK):
-            # The last block is filled up with its last scene.
-            chosen = np.minimum(np.arange(start, start + BLOCK), count - 1)
-            block = jax.tree.map(lambda array, chosen=chosen: array[chosen], (rows, filled))
-            blocks.append(jax.tree.map(np.asarray, _program(bounces)(*block)))
-    return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *blocks)
+        return map_blocks(_program(bounces), BLOCK, rows, filled)
 
 
 @functools.cache
