@@ -3,7 +3,7 @@
 import math
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -23,12 +23,11 @@ from studies.models.grasp.conditions import Problem, Unknowns, conditions, energ
 from studies.models.grasp.equilibrium import GRASP, solve
 from studies.models.grasp.objects import Circle, Polygon
 from studies.models.grasp.pinch import bracket, least_place, loading, predict, ratio_map
-from studies.models.grasp.spec import GraspSpec, PinsSpec
+from studies.models.grasp.spec import GraspSpec
 from studies.models.grasp.transfer import pads, transfer, transfers
-from studies.models.pins import reference_pins
 from studies.oracles import grasp as exact
 from studies.stability.grasp import families
-from tests.studies.fingers import finger_of
+from tests.studies.fingers import finger_of, reference_pins
 
 SPEC = GraspSpec()
 FINGER = cases.finger_of(SPEC)
@@ -38,27 +37,27 @@ CHECK = cases.touching(BODY, math.radians(30.0), 11.5, 12.0)
 END = math.radians(SPEC.motor_end_deg)
 
 
-@cache
-def closings():
+@pytest.fixture(scope="module")
+def pinches():
+    return predict(FINGER, [(0.5, 4.0), (0.5, 14.0), (1.0, 8.0), (1.0, 25.0)])
+
+
+@pytest.fixture(scope="module")
+def paths(pinches):
     """The check's circle, the same under load, circles, and pinches, by one compiled program."""
     problems = [cases.problem_of(FINGER, CHECK), cases.problem_of(FINGER, CHECK, (15, 5))]
     problems += [
         cases.problem_of(FINGER, cases.circle_on_pad(BODY, d, 11.5)) for d in (10.0, 30.0, 90.0)
     ]
-    found = predict(FINGER, [(0.5, 4.0), (0.5, 14.0), (1.0, 8.0), (1.0, 25.0)])
-    motions = [there_and_back(END)] * 5 + [loading(FINGER, pinch) for pinch in found]
-    for pinch in found:
+    motions = [there_and_back(END)] * 5 + [loading(FINGER, pinch) for pinch in pinches]
+    for pinch in pinches:
         thing = cases.touching(BODY, pinch.pip, 23.0 + pinch.place, 8.0)
         problems.append(cases.problem_of(FINGER, thing))
     # Last the one that snaps.
     slipping = list(families(FINGER, END, 0))[4]
     problems.append(slipping.problems[0])
     motions.append(slipping.commands[0])
-    return close_all(problems, np.array(motions)), found
-
-
-def test_default_pins_are_design_b():
-    jax.tree.map(np.testing.assert_array_equal, PinsSpec().design(), reference_pins())
+    return close_all(problems, np.array(motions))
 
 
 def test_transfer_is_the_oracles():
@@ -143,8 +142,7 @@ def test_gaps_are_distances():
     assert faced >= 10
 
 
-def test_the_circle_of_the_check_is_wrapped_at_71_4_degrees():
-    paths, _ = closings()
+def test_the_circle_of_the_check_is_wrapped_at_71_4_degrees(paths):
     dip = math.degrees(touching_dip(paths[0]))
     assert abs(dip - 71.4) <= 0.05
     assert abs(dip - math.degrees(2 * math.atan(11.5 / 16))) < 1e-9
@@ -154,8 +152,7 @@ def test_the_circle_of_the_check_is_wrapped_at_71_4_degrees():
     np.testing.assert_allclose(paths[0].along[first, 0], 11.5, atol=1e-9)
 
 
-def test_every_state_is_an_equilibrium_and_opening_retraces_closing():
-    paths, _ = closings()
+def test_every_state_is_an_equilibrium_and_opening_retraces_closing(paths):
     for path in paths:
         assert path.ok.all(), set(path.messages)
         assert path.residual.max() < 1e-12
@@ -166,8 +163,8 @@ def test_every_state_is_an_equilibrium_and_opening_retraces_closing():
         assert retrace_error(path) < 1e-9
 
 
-def test_a_circle_on_the_proximal_pad_is_touched_at_its_mirrored_place():
-    for path, diameter in zip(closings()[0][2:5], (10.0, 30.0, 90.0), strict=True):
+def test_a_circle_on_the_proximal_pad_is_touched_at_its_mirrored_place(paths):
+    for path, diameter in zip(paths[2:5], (10.0, 30.0, 90.0), strict=True):
         first, thing = int(np.argmax(path.gaps[:, 0] < 1e-7)), path.problem.thing
         assert isinstance(thing, Circle)
         place = -float(thing.center[0])
@@ -176,8 +173,7 @@ def test_a_circle_on_the_proximal_pad_is_touched_at_its_mirrored_place():
         np.testing.assert_allclose(found, (place, pip), atol=1e-9)
 
 
-def test_virtual_work_and_free_body_agree():
-    paths, _ = closings()
+def test_virtual_work_and_free_body_agree(paths):
     for path in paths[:-1]:
         compared = compare(path)
         assert compared.states + compared.undetermined == STEPS
@@ -195,8 +191,7 @@ def test_the_circle_of_the_check_is_the_reference_values_and_fits_any_body():
         assert math.degrees(found.pip) < body.range_deg
 
 
-def test_a_pinch_that_the_motor_cannot_load_is_not_judged():
-    paths, pinches = closings()
+def test_a_pinch_that_the_motor_cannot_load_is_not_judged(paths, pinches):
     pinch = replace(pinches[0], limit=1e6)
     weak = replace(
         paths[5],
@@ -232,22 +227,20 @@ def test_the_study_meets_its_targets():
     assert sum(row.cases for row in results.stability) == 6 * 12 * STEPS
 
 
-def test_pinches_give_way_where_the_formula_says():
-    paths, found = closings()
-    shown = [bracket(FINGER, one, path) for one, path in zip(found, paths[5:9], strict=True)]
-    assert [one.holds for one in found] == [False, False, False, True]
+def test_pinches_give_way_where_the_formula_says(paths, pinches):
+    shown = [bracket(FINGER, one, path) for one, path in zip(pinches, paths[5:9], strict=True)]
+    assert [one.holds for one in pinches] == [False, False, False, True]
     assert all(one.agrees for one in shown)
-    for one, seen in zip(found[:3], shown, strict=False):
+    for one, seen in zip(pinches[:3], shown, strict=False):
         assert seen.low <= one.limit <= seen.high < 1.05 * seen.low
     # The formula written out once more from the transfer functions.
     at = transfer(FINGER, jnp.asarray([0.5, 0.0]))
     first, second = at.ratios.tolist()
     limit = 30 * 0.3 * float(at.slope) / (second - first * 4 / 27)
-    np.testing.assert_allclose(found[0].limit, limit, rtol=1e-12)
+    np.testing.assert_allclose(pinches[0].limit, limit, rtol=1e-12)
 
 
-def test_states_agree_with_many_digits_and_with_least_energy():
-    paths, _ = closings()
+def test_states_agree_with_many_digits_and_with_least_energy(paths):
     for path, state in ((paths[0], 20), (paths[0], 60), (paths[2], 80), (paths[5], 100)):
         found = compare_exactly(path, state)
         assert found.right
@@ -260,14 +253,14 @@ def test_states_agree_with_many_digits_and_with_least_energy():
     np.testing.assert_allclose(least, 0.0, atol=1e-6)  # the motor at 0: straight
 
 
-def test_implicit_gradients_against_central_differences():
+def test_implicit_gradients_against_central_differences(paths):
     """Of what seven equilibria sum to, compiled and batched, of both stiffnesses' logarithms, so
     that a step of either is a part of it, of the preload and of the circle's radius.
 
     Three with the circle out of reach: PIP moving, PIP at its stop and DIP moving, both at their
     stops. Then one with no contact yet, with one, with two, and one that is not found.
     """
-    path, states, unit = closings()[0][0], [10, 25, 60, 60], float(FREE.moment_unit)
+    path, states, unit = paths[0], [10, 25, 60, 60], float(FREE.moment_unit)
     forces = np.concatenate([np.zeros((3, 2)), path.forces[states] * 23 / unit])
     forces[-1] = 1e12
     guesses = Unknowns(
@@ -302,8 +295,7 @@ def test_implicit_gradients_against_central_differences():
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((found.value, slopes)))
 
 
-def test_the_energys_slope_is_what_stops_and_contacts_bear():
-    paths, _ = closings()
+def test_the_energys_slope_is_what_stops_and_contacts_bear(paths):
     path, state = paths[0], 60
     problem = eqx.tree_at(lambda p: p.command, path.problem, jnp.asarray(path.commands[state]))
     unit = float(FREE.moment_unit)
@@ -337,9 +329,8 @@ def test_complementarity_keeps_the_digits_of_small_moments(size):
     np.testing.assert_allclose(found, np.array(wanted, float), rtol=1e-14)
 
 
-def test_a_finger_that_snaps_slides_around_the_object_and_not_through_it():
+def test_a_finger_that_snaps_slides_around_the_object_and_not_through_it(paths):
     """A small circle under the DIP axis, pressed by both pads' ends until one of them slips."""
-    paths, _ = closings()
     path = paths[-1]
     assert path.ok.all(), set(path.messages)
     step = int(np.argmax(np.abs(np.diff(path.joints[: CLOSED + 1], axis=0)).max(axis=1)))

@@ -3,7 +3,6 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pydantic
 import pytest
 from scipy.optimize import brentq
 
@@ -22,7 +21,7 @@ from studies.models.soft_finger.robustness import DISTURBANCES
 from studies.models.soft_finger.samples import marker_places
 from studies.object_size import ObjectSizeSpec, run
 from studies.object_size.trials import Reader, compare, designed_hand, estimate, sample_grasps
-from tests.helpers import central_differences
+from tests.helpers import check_gradients
 from tests.studies.quick import quick_run
 
 LENGTH = 100.0
@@ -150,21 +149,11 @@ def test_bends_that_hold_nothing_are_said_to_do_so():
 def test_gradients_are_central_differences():
     """Of a bottle that touches the tip, and of one that touches before it."""
     hand, sizes = hand_of(HANDS[0]), np.array([48.0, 82.0])
-    functions = (
-        (lambda of: bend_around(*of).value, sizes),
-        (
-            lambda of: diameter_of(*of).value,
-            np.asarray(around_all(hand, sizes).value),
-        ),
-    )
-    for function, places in functions:
-        designs = (jax.tree.map(lambda leaf: jnp.full(2, leaf), hand), jnp.asarray(places))
-        slopes = jax.jit(jax.vmap(jax.grad(function)))(designs)
-        compiled = jax.jit(function)
-        for number, place in enumerate(places):
-            wanted = central_differences(compiled, (hand, jnp.asarray(place)))
-            got = [float(leaf[number]) for leaf in jax.tree.leaves(slopes)]
-            np.testing.assert_allclose(got, wanted, atol=GRADIENT, rtol=GRADIENT)
+    hands = jax.tree.map(lambda leaf: jnp.full(2, leaf), hand)
+    bends = around_all(hand, sizes).value
+    near = {"rtol": GRADIENT, "atol": GRADIENT}
+    check_gradients(lambda of: bend_around(*of).value, (hands, jnp.asarray(sizes)), **near)
+    check_gradients(lambda of: diameter_of(*of).value, (hands, bends), **near)
 
 
 @pytest.mark.slow
@@ -377,20 +366,6 @@ def test_no_answer_is_no_right_answer():
     bottles = [48.0, 92.0]
     own = grasps_of("", np.repeat(bottles, 2), np.array([50.0, np.nan, 91.0, 49.0]))
     assert run.nearest_bottle(own, bottles).tolist() == [0, 2, 1, 0]
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ({"palm": 50}, "leaves room for 72 mm"),
-        ({"squeeze_most": 0.2}, "must not be less than squeeze_least"),
-        ({"bottles": [62, 48]}, "from the least to the largest"),
-        ({"least": 100}, "must be more than least"),
-    ],
-)
-def test_settings_that_contradict_each_other_are_refused(settings, words):
-    with pytest.raises(pydantic.ValidationError, match=words):
-        ObjectSizeSpec(**settings)
 
 
 def test_a_bottle_that_the_closed_finger_does_not_touch_is_refused():
