@@ -24,6 +24,7 @@ from designopt.io.spec_files import validated
 from designopt.study.settings import fields, spec_with
 from designopt.study.study import installed_studies, load_study
 from optics.chamber.file import format_chamber
+from tests.helpers import nightly
 from tests.mutations import UNKNOWN, mutate, mutated, toml
 from tests.optics.test_chamber_bench import PAPER
 
@@ -182,10 +183,7 @@ def fault_of_settings(study: str, number: int, folder: Path) -> str:
     return fault_of_document(json.dumps(made.model_dump(mode="json")))
 
 
-MANY_SETTINGS = pytest.param(range(100, 200), marks=pytest.mark.nightly)
-
-
-@pytest.mark.parametrize("numbers", [range(8), MANY_SETTINGS], ids=["few", "many"])
+@pytest.mark.parametrize("numbers", [range(8), *nightly(range(100, 200))], ids=["few", "many"])
 @pytest.mark.parametrize("study", [name for name, _ in installed_studies()])
 def test_changed_settings_are_finite_or_end_in_one_line(study, numbers, tmp_path):
     assert not [one for number in numbers if (one := fault_of_settings(study, number, tmp_path))]

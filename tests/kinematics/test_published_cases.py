@@ -1,14 +1,11 @@
 """Other people's numbers: a failure here means that the library disagrees with the literature.
 
 The cases, with their sources and tolerances, stand in ``tests/data/linkage_cases.json``. Every one
-runs through the public functions; positions, velocities and accelerations of a four-bar also
-through ``designopt solve`` on a file.
+runs through the public functions, with which `test_solve_command` compares ``designopt solve``.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import itertools
 from pathlib import Path
 from typing import Any
@@ -19,8 +16,6 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from designopt.cli import run
-from designopt.io.toml_writing import format_toml
 from kinematics import classify_grashof, find_limits, parse_linkage, solve_poses
 from tests.helpers import close, published_cases
 from tests.kinematics.gallery import (
@@ -36,22 +31,6 @@ from tests.kinematics.gallery import (
 CASES = published_cases("linkage_cases.json")
 
 
-@pytest.fixture
-def solve(tmp_path, capsys):
-    """``designopt solve`` on tables: rows of numbers by column, None for an empty cell."""
-
-    def rows(tables, *arguments):
-        path = tmp_path / "linkage.toml"
-        path.write_text(format_toml(tables), encoding="utf-8")
-        assert run(["solve", str(path), *arguments]) == 0
-        return [
-            {key: float(value) if value else None for key, value in row.items()}
-            for row in csv.DictReader(io.StringIO(capsys.readouterr().out))
-        ]
-
-    return rows
-
-
 NORTON = (40.0, 120.0, 80.0, 100.0)
 
 
@@ -63,40 +42,31 @@ def pose_at(tables, *degrees):
 
 
 @pytest.mark.parametrize(("mode", "side"), [("open", 1), ("crossed", -1)])
-def test_norton_four_bar_positions(mode, side, solve):
+def test_norton_four_bar_positions(mode, side):
     inputs, expected, tolerance = CASES["norton-ex4-1-position"]
-    tables = four_bar(*NORTON, side=side)
-    pose = pose_at(tables, inputs["theta2_deg"])
-    (row,) = solve(tables, "--sweep", f"crank={inputs['theta2_deg']}")
+    pose = pose_at(four_bar(*NORTON, side=side), inputs["theta2_deg"])
     for body, angle in (("coupler", "theta3"), ("rocker", "theta4")):
-        wanted = expected[f"{angle}_{mode}_deg"]
-        close([np.rad2deg(pose.angle(body)), row[f"{body}.angle_deg"]], [wanted] * 2, tolerance)
+        close(np.rad2deg(pose.angle(body)), expected[f"{angle}_{mode}_deg"], tolerance)
 
 
-def test_norton_four_bar_velocities_and_accelerations(solve):
+def test_norton_four_bar_velocities_and_accelerations():
     inputs, velocity, near = CASES["norton-ex6-7-velocity"]
     given, acceleration, near_2 = CASES["norton-ex7-2-acceleration"]
-    tables = four_bar(*NORTON)
     at = np.radians([inputs["theta2_deg"]])
     rates = np.array([inputs["omega2"]], float), np.array([given["alpha2"]], float)
-    motion = rates_of(parse_linkage(tables), at, *rates)
-    (row,) = solve(tables, "--sweep", "crank=40", "--rate", "crank=25", "--accel", "crank=15")
+    motion = rates_of(parse_linkage(four_bar(*NORTON)), at, *rates)
     for found, turn, letter, wanted, within in (
-        (motion.velocity, "omega", "v", velocity, near),
-        (motion.acceleration, "alpha", "a", acceleration, near_2),
+        (motion.velocity, "omega", "V", velocity, near),
+        (motion.acceleration, "alpha", "A", acceleration, near_2),
     ):
         for body, number in (("coupler", 3), ("rocker", 4)):
-            angles = [found.bodies[body], row[f"{body}.{turn}"]]
-            close(angles, [wanted[f"{turn}{number}"]] * 2, within[f"{turn}{number}"])
-        both: dict[str, Any] = {
-            joint: [found.joints[joint].stacked(), [row[f"{joint}.{letter}{u}"] for u in "xy"]]
-            for joint in "AB"
-        }
-        both["BA"] = np.subtract(both["B"], both["A"])
-        for joint, pair in both.items():
-            name = f"{letter.upper()}{joint}_xy"
+            close(found.bodies[body], wanted[f"{turn}{number}"], within[f"{turn}{number}"])
+        joints = {"A": found.joints["A"], "B": found.joints["B"]}
+        joints["BA"] = joints["B"] - joints["A"]
+        for joint, vector in joints.items():
+            name = f"{letter}{joint}_xy"
             if name in wanted:
-                close(pair, [wanted[name]] * 2, within[name])
+                close(vector.stacked(), wanted[name], within[name])
 
 
 @pytest.mark.parametrize(("mode", "sign"), [("open", 1), ("crossed", -1)])
