@@ -35,10 +35,6 @@ class Frames:
     seconds: list[float]
     labels: Float[np.ndarray, "frames joints"]
 
-    def rough(self) -> Float[np.ndarray, "frames joints"]:
-        """Joint angles of the nearest views in the catalog, rad."""
-        return np.stack([one.angles for one in self.sightings])
-
 
 @dataclass(frozen=True)
 class FingerFrames:

@@ -34,7 +34,7 @@ from perception.proprioception import (
 )
 from perception.proprioception.observation import FLOOR
 from studies.models.sensor.estimators import corner_model, fit_joint_edges, gap_table
-from studies.models.sensor.finger_sensor import FingerSensor
+from studies.models.sensor.finger_sensor import CURE, FingerSensor
 from studies.proprioception import ProprioceptionSpec
 from studies.proprioception.frames import FingerFrames, Frames, ranges, spread_angles
 
@@ -178,10 +178,11 @@ class Estimators:
             for frame in zip(by_gap, by_edge, strict=True)
         ]
         observed, labelled_frames = self.observe(frames), stack_observations(self.observe(spread))
-        rough = frames.rough()
+        # Joint angles of the nearest views in the catalog.
+        rough, near = (np.stack([one.angles for one in of.sightings]) for of in (frames, spread))
         labelled, plain = self.calibrate_labelled(seen), self.calibrate_labelled(seen, self.plain)
         unlabelled = calibrate(model, stack_observations(observed), rough)
-        same = calibrate(model, labelled_frames, np.stack([one.angles for one in spread.sightings]))
+        same = calibrate(model, labelled_frames, near)
         known = FingerErrors.of(model, seen.errors, np.zeros((model.errors, model.errors)))
         pairs, by_labels, seconds = list(zip(observed, rough, strict=True)), [], []
         for pair in pairs:
@@ -280,16 +281,15 @@ def find_gaps(finger: FingerSensor) -> list[GapTable]:
         UserError: a joint has none.
     """
     by_joint: dict[int, GapTable] = {}
-    cure = "give the scene of a finger with --set scene=FILE"
     for (pad, path), joint in zip(finger.model.views, finger.model.joints, strict=True):
         if joint is not None and path != "direct":
             try:
                 by_joint[joint] = gap_table(finger.scene, finger.catalog, pad)
             except ValueError as error:
                 needed = "the gap needs both of every pad that moves"
-                raise UserError(f"scene: {error}; {needed}: {cure}") from error
+                raise UserError(f"scene: {error}; {needed}: {CURE}") from error
     names = enumerate(finger.model.names)
     if missing := ", ".join(name for joint, name in names if joint not in by_joint):
         what = f"no mirror shows a pad that {missing} moves, so it has no gap"
-        raise UserError(f"scene: {what}; {cure}")
+        raise UserError(f"scene: {what}; {CURE}")
     return [by_joint[joint] for joint in sorted(by_joint)]

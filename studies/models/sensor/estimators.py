@@ -45,11 +45,7 @@ def _placed(imaging: Imaging, rays: Float[Array | np.ndarray, "_ 2"]) -> Float[A
 
 
 def catalog_of(
-    scene: Scene,
-    imaging: Imaging,
-    width: float,
-    deviations: Fabrication,
-    carried: Sequence[int],
+    scene: Scene, imaging: Imaging, width: float, deviations: Fabrication, carried: Sequence[int]
 ) -> ViewCatalog:
     """Every view that the finger can show, for all values of the joint that moves it.
 
@@ -72,10 +68,8 @@ def catalog_of(
         poses[joint, :, joint] = ANGLES
     look = partial(_looked_at, poses=jnp.asarray(poses), width=width)
     corners, seen, ends_seen = look(scene, imaging)
-    all_corners, all_seen, all_ends = map(
-        np.array,
-        zip(*(look(*made) for made in _made(scene, imaging, deviations, carried)), strict=True),
-    )
+    others = [look(*made) for made in _made(scene, imaging, deviations, carried)]
+    all_corners, all_seen, all_ends = map(np.array, zip(*others, strict=True))
     all_seen = np.concatenate([seen[None], all_seen])
     whole = np.asarray(np.mean(all_seen >= 1 - WHOLE, axis=0))
     possible = np.asarray(np.any(all_seen > 0, axis=0))
@@ -200,23 +194,14 @@ def corner_model(
     """
     views = wanted_views(catalog)
     names, pads = name_paths(scene.layout), [pad.name for pad in scene.layout.pads]
-    predict = Predictor(
-        scene,
-        imaging,
-        deviations,
-        jnp.asarray(catalog.width),
-        tuple(names.index(view.path) for view in views),
-        tuple(pads.index(view.pad) for view in views),
-        tuple(carried),
-    )
-    return CornerModel(
-        predict,
-        tuple((view.pad, view.path) for view in views),
-        tuple(view.joint for view in views),
-        sum(leaf.size for leaf in jax.tree.leaves(deviations)),
-        scene.angle_names,
-        (float(ANGLES[0]), float(ANGLES[-1])),
-    )
+    of_path = tuple(names.index(view.path) for view in views)
+    of_pad = tuple(pads.index(view.pad) for view in views)
+    finger = scene, imaging, deviations, jnp.asarray(catalog.width)
+    predict = Predictor(*finger, of_path, of_pad, tuple(carried))
+    asked, joints = tuple((view.pad, view.path) for view in views), tuple(v.joint for v in views)
+    limits = float(ANGLES[0]), float(ANGLES[-1])
+    errors = sum(leaf.size for leaf in jax.tree.leaves(deviations))
+    return CornerModel(predict, asked, joints, errors, scene.angle_names, limits)
 
 
 class Predictor(eqx.Module):

@@ -28,6 +28,9 @@ from studies.models.sensor.spec import LEAST_ROWS, MOST_ROWS, FingerImagesSpec, 
 BODY = "camera body"
 """Name of the blocker that moves with the camera."""
 
+CURE = "give the scene of a finger with --set scene=FILE"
+"""What to do about a scene of which no images can be analysed."""
+
 
 @dataclass(frozen=True)
 class FingerSensor:
@@ -67,13 +70,12 @@ class FingerSensor:
         carried = tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
         imaging = Imaging.of(scene.camera)
         if fault := _fault(scene, imaging):
-            raise UserError(f"scene: {fault}; give the scene of a finger with --set scene=FILE")
+            raise UserError(f"scene: {fault}; {CURE}")
         deviations = deviations_of(spec.tolerances, scene.layout)
         try:
             catalog = catalog_of(scene, imaging, spec.width, deviations, carried)
         except ValueError as error:
-            cure = "give the scene of a finger with --set scene=FILE"
-            raise UserError(f"scene: {error}; {cure}") from error
+            raise UserError(f"scene: {error}; {CURE}") from error
         model = corner_model(scene, imaging, catalog, deviations, carried)
         return cls(
             scene, imaging, lens_of(imaging), catalog, model, deviations, carried, spec.width
@@ -167,11 +169,9 @@ def designed(path: str) -> Scene:
     Raises:
         UserError: the file describes neither.
     """
-    if not path:
-        return packaged_finger().scene()
-    if "finger" in read_toml(path, "scene"):
-        return read_finger(path).scene()
-    return read_scene(Path(path))
+    if path and "finger" not in read_toml(path, "scene"):
+        return read_scene(Path(path))
+    return (read_finger(path) if path else packaged_finger()).scene()
 
 
 def deviations_of(tolerances: MadeSpec, layout: Layout) -> Fabrication:
