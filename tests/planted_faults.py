@@ -84,11 +84,9 @@ def recorded(text: str, name: str, test: str) -> str:
     head, *entries = text.split("[[fault]]\n")
     for i, entry in enumerate(entries):
         if tomllib.loads(entry)["name"] == name:
-            kept = [line for line in entry.splitlines() if not line.startswith("caught_by")]
-            while not kept[-1]:
-                kept.pop()
+            kept = re.sub(r"^caught_by.*", "", entry, flags=re.MULTILINE).rstrip("\n")
             quoted = f"'{test}'" if '"' in test else f'"{test}"'
-            entries[i] = "\n".join([*kept, f"caught_by = {quoted}", "", ""])
+            entries[i] = f"{kept}\ncaught_by = {quoted}\n\n"
     return "[[fault]]\n".join([head, *entries]).rstrip("\n") + "\n"
 
 

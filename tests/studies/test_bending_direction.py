@@ -211,9 +211,3 @@ def test_a_made_finger_differs_by_its_deviations(finger):
     views = np.std([math.degrees(one.endoscope.field_of_view) for one in made])
     # 200 numbers: a standard deviation is known to 5 %.
     np.testing.assert_allclose([lengths, offsets, views], [0.3, 0.15, 0.5], rtol=0.2)
-
-
-def test_a_chamber_that_cannot_be_is_refused():
-    spec = {"eta": 1.2, "chamber": {"wall_angle_bc_deg": 30.0}}
-    with pytest.raises(UserError, match="eta"):
-        SoftFinger.of(ChamberImagesSpec.model_validate(spec))

@@ -1,6 +1,4 @@
-"""The study ``finger``: its files, its lines, and the whole of it."""
-
-import tomllib
+"""The study ``finger``: its lines, and the whole of it."""
 
 import numpy as np
 import pytest
@@ -9,8 +7,6 @@ from designopt.cli import run as command
 from designopt.optimize import Optima, Starts
 from designopt.study.runner import run_study
 from designopt.study.study import Context
-from kinematics import parse_linkage
-from optics import parse_scene
 from studies.finger import run as study
 from studies.models import Finger
 from studies.models.finger import pins_of
@@ -23,18 +19,8 @@ from studies.models.mirror_design import judging, yields
 from studies.models.mirror_design.design import MirrorDesign
 from studies.models.mirror_design.judging import judged as judge_mirrors
 from studies.models.mirror_design.spec import MirrorSpec
-from studies.models.spec_files import finger_files
-from tests.helpers import assert_same
 from tests.studies.fingers import finger_of, seeing_finger
 from tests.studies.stopped import stopped_at
-
-
-def test_the_files_are_the_finger():
-    finger = seeing_finger()
-    files = {file.name: tomllib.loads(str(file.content)) for file in finger_files(finger)}
-    assert_same(parse_scene(files["scene.toml"]), finger.scene())
-    assert_same(parse_linkage(files["linkage.toml"]), finger.linkage())
-    assert_same(parse_linkage(files["linkage-crank.toml"]), finger.linkage("crank"))
 
 
 def test_degrees_of_freedom_by_kutzbach():

@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
-import json
 import runpy
+import tomllib
 from pathlib import Path
 
 import equinox as eqx
@@ -19,9 +19,9 @@ from jax.flatten_util import ravel_pytree
 from designopt import UserError
 from kinematics import parse_linkage, solve_poses, solve_transmission
 from optics import find_coverage, parse_scene
-from optics.scene.writer import scene_tables
 from studies.models import Finger
 from studies.models.finger import pins_of
+from studies.models.spec_files import finger_files
 from tests.helpers import assert_same
 from tests.studies.fingers import seeing_finger
 
@@ -58,22 +58,17 @@ BODIES = [{}, {"thickness": 22.0, "axis_height": 5.0, "distal": 30.0, "range_deg
 
 
 @pytest.mark.parametrize("body", BODIES)
-@pytest.mark.parametrize("drive", ["joints", "crank"])
-def test_its_linkage_is_that_of_its_file(body, drive):
-    """The reader of files assembles a sketch, of a finger as of any linkage."""
+def test_its_linkage_and_its_scene_are_those_of_its_files(body):
+    """Their readers assemble a sketch and trace a scene, of a finger as of anything else."""
     finger = seeing_finger(**body)
-    tables = json.loads(json.dumps(finger.linkage_tables(drive)))
-    assert tables["joints"]["T"] == [23.0 + body.get("distal", 32.0), 0.0]
-    assert_same(finger.linkage(drive), parse_linkage(tables))
-
-
-@pytest.mark.parametrize("body", BODIES)
-def test_its_scene_is_that_of_its_file(body):
-    scene = seeing_finger(**body).scene()
-    tables = json.loads(json.dumps(scene_tables(scene)))
-    assert_same(scene, parse_scene(tables))
+    files = {file.name: tomllib.loads(str(file.content)) for file in finger_files(finger)}
+    assert_same(finger.linkage(), parse_linkage(files["linkage.toml"]))
+    assert_same(finger.linkage("crank"), parse_linkage(files["linkage-crank.toml"]))
+    tables = files["scene.toml"]
+    assert_same(finger.scene(), parse_scene(tables))
     height, gap = body.get("thickness", 25.0), body.get("axis_height", 4.0)
     tip = 23.0 + body.get("distal", 32.0)
+    assert files["linkage.toml"]["joints"]["T"] == [tip, 0.0]
     pads = {pad["name"]: [pad["from"], pad["to"]] for pad in tables["pads"]}
     assert pads == {
         "proximal": [[-33.5, -gap], [-gap, -gap]],
