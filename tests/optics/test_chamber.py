@@ -4,8 +4,6 @@ A failure in the first group means that the factored forms no longer are Eqs. 1-
 that the readings of the paper have changed.
 """
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,9 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optics import Chamber, ChamberResult
+from optics import ChamberResult
+from studies.oracles.chamber import image_heights
 from tests.helpers import central_differences, load_toml
-from tests.optics.test_chamber_bench import PAPER
+from tests.optics.chambers import chamber as make
 
 ROUNDING = 1e-12  # relative; Eq. 1 as printed loses up to three digits by its differences
 GRADIENT = 1e-6
@@ -27,33 +26,15 @@ lengths = st.floats(1.0, 100.0)
 offsets = st.floats(-3.0, 3.0)
 
 
-def make(**changes: float) -> Chamber:
-    """Of the float type of the moment."""
-    fields = {field.name: float(getattr(PAPER, field.name)) for field in dataclasses.fields(PAPER)}
-    return Chamber(**(fields | changes))
-
-
-def printed_heights(chamber: Chamber) -> list[float]:
-    """T_B, T_C, T_D from Eq. 1 and its siblings, in plain floats."""
-    c = {field.name: float(getattr(chamber, field.name)) for field in dataclasses.fields(chamber)}
-    offset_c = c["offset_b"] - c["length_bc"] * np.tan(c["wall_angle_bc"])
-    gap, height = c["focal_length"] - c["image_distance"], c["reference_height"]
-    depth_b = c["length_ab"] + c["pinhole_offset"]
-    depth_c = depth_b + c["length_bc"]
-    return [
-        gap * (height + c["offset_b"]) / depth_b,
-        gap * (height + offset_c) / depth_c,
-        gap * (height - c["offset_d"]) / (depth_c + c["length_cd"]),
-    ]
-
-
 @given(a=lengths, b=lengths, c=lengths, offset_b=offsets, offset_d=offsets, angle=st.floats(0, 1.4))
 def test_images_are_those_of_eq_1(a, b, c, offset_b, offset_d, angle):
     chamber = make(
         length_ab=a, length_bc=b, length_cd=c, offset_b=offset_b, offset_d=offset_d,
         wall_angle_bc=angle,
     )  # fmt: skip
-    expected = printed_heights(chamber)
+    plain = {name: float(value) for name, value in vars(chamber).items()}
+    gap = plain["focal_length"] - plain["image_distance"]
+    expected = [float(gap * height) for height in image_heights(**plain)]
     scale = max(map(abs, expected))
     heights, widths = chamber.image_heights(), chamber.ring_widths()
     np.testing.assert_allclose(heights.value, expected, rtol=ROUNDING)
@@ -74,32 +55,12 @@ def test_printed_chamber_is_eq_1_with_its_own_constants():
     np.testing.assert_allclose(chamber.ring_widths().value.sum(), image_b, rtol=ROUNDING)
 
 
-def test_offset_c_is_eq_2():
-    np.testing.assert_allclose(make().offset_c, 2 - 30 * np.tan(np.deg2rad(2)), rtol=ROUNDING)
-
-
 def test_eq_2_continued_to_d_holds_for_every_row_of_the_table():
     for offset_d_cm, angle_deg in zip(
         TABLE["paper"]["delta_l_d_cm"], TABLE["paper"]["theta_cd_deg"], strict=True
     ):
         found = make().with_wall_angle_cd(np.deg2rad(angle_deg)).offset_d
         assert abs(float(found) / 10 - offset_d_cm) < 4.5e-4  # cm; the printed rounding is 5e-4
-
-
-@given(angle=st.floats(-1.5, 1.5))
-def test_wall_angle_round_trip(angle):
-    found = make().with_wall_angle_cd(angle).wall_angle_cd
-    np.testing.assert_allclose(found, angle, atol=1e-12)
-
-
-@given(factor=st.floats(0.1, 10.0))
-def test_ratio_does_not_depend_on_the_unit_of_length(factor):
-    chamber = make()
-    scaled = jax.tree.map(lambda leaf: leaf * factor, chamber)
-    scaled = dataclasses.replace(scaled, wall_angle_bc=chamber.wall_angle_bc)
-    found, expected = scaled.imaging_ratio(), chamber.imaging_ratio()
-    np.testing.assert_allclose(found.value, expected.value, rtol=ROUNDING)
-    np.testing.assert_allclose(found.margin, factor * expected.margin, rtol=ROUNDING)
 
 
 def test_ratio_is_defined_where_f_equals_v():

@@ -3,12 +3,10 @@
 import dataclasses
 import math
 from itertools import pairwise
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from designopt import UserError
 from optics import ChamberResult
@@ -16,21 +14,18 @@ from optics.chamber.designed import DesignedChamber
 from optics.chamber.file import read_chamber
 from optics.explore.chamber_bench import FIELDS, ChamberBench
 from optics.explore.chamber_improving import narrowest
-from tests.helpers import DATA, readings
+from tests.helpers import figure_of, readings
+from tests.optics.chambers import PAPER
 
 ROUNDING = 1e-12
 
 LENGTHS = ("a, red length", "b, blue length", "c, yellow length", "h, reference height")
 
-_, PAPER = read_chamber(DATA / "paper_chamber.toml")
-"""Paper A's chamber with constants that Table I follows, near η = 0.6."""
-
 
 def bench_of(chamber=PAPER):
     """A bench with axes to show in, and where its knobs stand."""
     bench = ChamberBench(DesignedChamber("soft", chamber))
-    area: Any = Figure(figsize=(8, 5)).subfigures(1, 1)
-    bench.draw(area)
+    figure_of(bench)
     return bench, {knob.name: knob.value for knob in bench.knobs}
 
 

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from designopt import UserError
-from designopt.designs import load_design
 from optics import Chamber
 from optics.chamber.designed import DesignedChamber
 from optics.chamber.file import format_chamber, read_chamber, write_chamber
-from tests.optics.test_chamber_bench import PAPER
+from tests.commands import refused_cases
+from tests.optics.chambers import PAPER
 
 TEXT = format_chamber("soft", PAPER)
 
@@ -45,23 +45,6 @@ def test_what_is_written_is_read_back(lengths, angle_deg):
     assert math.radians(table["wall_angle_bc_deg"]) == float(chamber.wall_angle_bc)
 
 
-def test_the_commands_take_the_file(tmp_path):
-    design = load_design(str(written(tmp_path)))
-    assert isinstance(design.model, DesignedChamber)
-    assert float(design.model.chamber.offset_d) == 2.55
-
-
-def test_a_file_has_the_papers_numbers():
-    table = tomllib.loads(TEXT)["chamber"]
-    assert table.pop("name") == "soft"
-    assert table.pop("format") == 1
-    assert table["wall_angle_bc_deg"] == pytest.approx(2.0, rel=1e-12)
-    assert table["length_ab"] == 40.0
-    assert set(table) == {field.name for field in dataclasses.fields(PAPER)} - {"wall_angle_bc"} | {
-        "wall_angle_bc_deg"
-    }
-
-
 def test_without_a_name_it_is_the_files(tmp_path):
     design = DesignedChamber.read(written(tmp_path, TEXT.replace('name = "soft"\n', "")))
     assert design.name == "finger"
@@ -70,21 +53,7 @@ def test_without_a_name_it_is_the_files(tmp_path):
     assert math.degrees(float(design.chamber.wall_angle_bc)) == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("offset_b =", "ofset_b =", "chamber.ofset_b: no such key; did you mean 'offset_b'?"),
-        ("offset_b = 2.0\n", "", "chamber.offset_b: missing; add it"),
-        ("length_bc = 30.0", "length_bc = 0", "chamber.length_bc: a length must be positive"),
-        ("length_bc = 30.0", 'length_bc = "30"', "chamber.length_bc: write a finite number"),
-        ("wall_angle_bc_deg = 2.0", "wall_angle_bc_deg = -90", "less than a right angle"),
-        ('name = "soft"', 'name = " "', "chamber.name: a name must not be blank"),
-        ('name = "soft"', 'name = "a\\u2029"', "chamber.name: a name must not be blank"),
-        ("wall_angle_bc_deg = 2.0", "wall_angle_bc_deg = -20", "looks along the blue wall"),
-        ("pinhole_offset = 0.844", "pinhole_offset = -50", "behind the pinhole plane"),
-        ("[chamber]", "[chambre]", "chambre: no such key; did you mean 'chamber'?"),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "message"), refused_cases("chamber_file"))
 def test_faults_name_the_file_the_key_and_the_cure(tmp_path, old, new, message):
     assert old in TEXT
     path = written(tmp_path, TEXT.replace(old, new))

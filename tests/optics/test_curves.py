@@ -1,7 +1,5 @@
 """Conic arcs: the section equation, meetings with rays, foci."""
 
-from __future__ import annotations
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -78,21 +76,3 @@ def test_meetings_are_where_a_dense_polygon_is_crossed(radius: float, conic: flo
         np.testing.assert_allclose(sorted(distances[on]), expected, atol=2e-4)
         met += len(expected)
     assert met > 5
-
-
-def test_the_point_where_a_ray_starts_is_no_meeting():
-    found = arc(5.0, 0.0)
-    start = found.local(found.place(jnp.asarray(0.2)) - found.vertex)
-    to = found.local(found.place(jnp.asarray(0.9)) - found.vertex) - start
-    distances, on, _ = found.meetings(start, to.scaled(1 / to.length()), jnp.asarray(True))
-    np.testing.assert_allclose(distances[on], [to.length()], rtol=1e-12)
-
-
-def test_normal_is_across_the_tangent():
-    for radius, conic in ((5.0, 0.0), (-4.0, -1.0), (3.0, -2.0)):
-        found = arc(radius, conic)
-        tangent = jax.jacfwd(lambda t, found=found: found.place(t).stacked())(jnp.asarray(0.3))
-        place = found.local(found.place(jnp.asarray(0.3)) - found.vertex)
-        normal = found.left_normal(place).turned(found.along)
-        assert float(normal.x * tangent[0] + normal.y * tangent[1]) == pytest.approx(0, abs=1e-12)
-        assert float(tangent[0] * normal.y - tangent[1] * normal.x) > 0  # to the left

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from optics.visibility import boundary_codes as labels
-from optics.visibility.boundary_codes import CROSSING, HORIZON, label_of, parts_of, with_kind
+from optics.visibility.boundary_codes import HORIZON, label_of, parts_of
 
 LEGS, SURFACES, KINDS = range(4), (0, 1, 10, 65535), range(6)
 
@@ -19,19 +19,6 @@ def test_every_label_is_taken_apart_into_what_it_was_made_of():
     assert [parts_of(label) for label in made] == parts
     for number in (np.array(made, np.int32), jnp.asarray(made)):
         np.testing.assert_array_equal(np.stack(parts_of(number), axis=1), parts)
-
-
-def test_labels_of_arrays_are_those_of_their_numbers():
-    surfaces = jnp.asarray(SURFACES)
-    for leg, kind in itertools.product(LEGS, KINDS):
-        wanted = [label_of(leg, surface, kind) for surface in SURFACES]
-        assert label_of(jnp.asarray(leg), surfaces, kind).tolist() == wanted
-
-
-def test_another_kind_of_the_same_surface():
-    for leg, surface, kind in itertools.product(LEGS, SURFACES, KINDS):
-        other = with_kind(label_of(leg, surface, kind), CROSSING)
-        assert parts_of(other) == (leg, surface, CROSSING)
 
 
 def test_what_is_no_surface_has_labels_of_its_own():

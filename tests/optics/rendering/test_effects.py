@@ -1,41 +1,42 @@
-"""Sizes of the effects and their grades."""
-
-from __future__ import annotations
+"""Sizes of the effects of both renderers and their grades."""
 
 import dataclasses
 
 import pytest
 
-from optics.rendering import Effects
-from optics.rendering.effects import TYPICAL, scaled
+from optics.rendering import ChamberEffects, Effects, chamber_effects, effects
 
-SIZES = [field.name for field in dataclasses.fields(Effects) if field.name != "gain"]
+KINDS = {Effects: effects, ChamberEffects: chamber_effects}
+KEPT = {"gain": 1.0, "falloff": 1.0}
+"""What is no fault of a picture, as it is by default."""
 
-
-def test_by_default_all_is_off():
-    assert dataclasses.asdict(Effects()) == {"gain": 1.0} | dict.fromkeys(SIZES, 0.0)
-
-
-@pytest.mark.parametrize("severity", [0.0, 0.5, 1.0, 2.0])
-def test_grades_are_multiples_of_a_typical_finger(severity):
-    graded = Effects.graded(severity, gain=1.7)
-    for name in SIZES:
-        size = getattr(TYPICAL, name)
-        assert size > 0
-        assert getattr(graded, name) == pytest.approx(severity * size)
-    assert graded.gain == 1.7
+every_kind = pytest.mark.parametrize("kind", KINDS)
 
 
-def test_without_severity_all_is_off():
-    assert Effects.graded(0.0) == Effects()
+@every_kind
+def test_by_default_all_is_off(kind):
+    assert kind.graded(0.0) == kind()
+    assert all(size == KEPT.get(name, 0.0) for name, size in dataclasses.asdict(kind()).items())
 
 
+@every_kind
+@pytest.mark.parametrize("severity", [0.5, 1.0, 2.0])
+def test_grades_are_multiples_of_a_typical_finger(kind, severity):
+    graded = dataclasses.asdict(kind.graded(severity, gain=1.7))
+    assert graded.pop("gain") == 1.7
+    for name, size in graded.items():
+        typical = getattr(KINDS[kind].TYPICAL, name)
+        assert typical > 0
+        assert size == pytest.approx(typical if name in KEPT else severity * typical)
+
+
+@every_kind
 @pytest.mark.parametrize("severity", [-0.1, 2.1, float("nan")])
-def test_other_grades_are_refused(severity):
-    with pytest.raises(ValueError, match=r"give 0 \(perfect\) to 2 \(poor\)"):
-        Effects.graded(severity)
+def test_other_grades_are_refused(kind, severity):
+    with pytest.raises(ValueError, match=r"severity.* give 0 \(perfect\) to 2 \(poor\)"):
+        kind.graded(severity)
 
 
 def test_scaling_leaves_the_gain():
-    half = scaled(Effects(gain=3.0, blur=1.0, jpeg=8.0), 0.5)
+    half = effects.scaled(Effects(gain=3.0, blur=1.0, jpeg=8.0), 0.5)
     assert half == Effects(gain=3.0, blur=0.5, jpeg=4.0)

@@ -1,11 +1,8 @@
 """Height maps of objects against their geometry, and smoothing against SciPy's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
-from scipy.stats import norm
 
 from optics.rendering import Imprint, list_imprints, make_height_map
 from optics.rendering.imprints import SMOOTHING
@@ -13,9 +10,6 @@ from optics.rendering.imprints import SMOOTHING
 STEP = 0.04
 ROUNDING = 1e-6
 """Of depths of about 1 mm in float32."""
-
-SAMPLED = 2e-3
-"""Between a Gaussian and its samples over four standard deviations, of depths of about 1 mm."""
 
 DEPTH = 0.6
 
@@ -124,31 +118,6 @@ def test_the_gel_follows_smoothly(kind):
     assert DEPTH / 2 < smooth(imprint).max() <= DEPTH + ROUNDING
     for depth in (0.0, -1.0):  # what does not touch leaves nothing
         assert not smooth(Imprint(kind, 12.0, depth=depth)).any()
-
-
-def test_a_smooth_edge_is_the_mean_over_a_gaussian():
-    along, _ = grid()
-    x = along[:, 0] - 12.0
-
-    def ramp(x: np.ndarray) -> np.ndarray:
-        """Mean of max(x + Z, 0) over the normal distribution."""
-        share = x / SMOOTHING
-        return x * norm.cdf(share) + SMOOTHING * norm.pdf(share)
-
-    wanted = ramp(x + DEPTH) - 2 * ramp(x) + ramp(x - DEPTH)
-    found = smooth(Imprint("edge", 12.0, 0.0, DEPTH))[:, 0]
-    np.testing.assert_allclose(found, wanted, atol=SAMPLED)
-
-
-def test_a_sphere_loses_little_of_its_depth_and_presses_nowhere_else():
-    along, across = grid()
-    heights = smooth(Imprint("sphere", 12.0, 0.0, DEPTH))
-    # Smoothing takes half the Laplacian, 2/R, times the variance in each direction.
-    assert heights.max() == pytest.approx(DEPTH - SMOOTHING**2 / 8, abs=1e-4)
-    radius = np.sqrt(8**2 - (8 - DEPTH) ** 2)
-    away = np.hypot(along - 12, across) - radius
-    assert (heights[away > 6 * SMOOTHING] == 0).all()
-    assert (heights[away < 0] > 0).all()
 
 
 def test_unknown_objects_are_refused_by_naming_the_known_ones():

@@ -7,8 +7,6 @@ wall's radius and with the flat of the pressed wall. Where the ray first leaves 
 that it meets; if it does not before the tube ends, it meets the top.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 
@@ -22,24 +20,6 @@ STEP = 0.25
 
 HALVINGS = 20
 """Of a step, to find where in it the ray leaves."""
-
-
-def finger(**changes: float) -> Chamber:
-    """A soft finger; the offsets are those of paper A's ratio 1, its angle is chosen."""
-    nominal = {
-        "length_ab": 40.0,
-        "length_bc": 30.0,
-        "length_cd": 30.0,
-        "offset_a": 4.1,
-        "offset_b": 2.0,
-        "wall_angle_bc": np.deg2rad(2.0),
-        "offset_d": 2.55,
-        "focal_length": 4.0,
-        "image_distance": 3.5,
-        "reference_height": 8.616,
-        "pinhole_offset": 0.844,
-    }
-    return Chamber(**(nominal | changes))
 
 
 @dataclass(frozen=True)
@@ -64,7 +44,7 @@ class Tube:
     pinhole: float
 
     @classmethod
-    def of(cls, chamber: Chamber) -> Tube:
+    def of(cls, chamber: Chamber) -> "Tube":
         one = jax.tree.map(float, chamber)
         fall = one.length_bc * np.tan(one.wall_angle_bc)
         offsets = np.array([one.offset_a, one.offset_b, one.offset_b - fall, -one.offset_d])

@@ -1,7 +1,5 @@
 """What is seen through the rings against rays that march to the wall, and its symmetries."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 from typing import Any
@@ -14,7 +12,8 @@ import pytest
 
 from optics.chamber import Apertures, Posture, Rings, find_apertures, press_wall
 from optics.chamber.rings import FIELD_STOP
-from tests.optics.soft_finger.marched import Press, Tube, finger, regions_met
+from tests.optics.chambers import chamber as finger
+from tests.optics.soft_finger.marched import Press, Tube, regions_met
 
 ANGLES = 256
 FINE = 80
@@ -146,21 +145,6 @@ def test_few_rings_do_as_well_as_many(bend_deg, press):
         assert FOCAL * np.abs(depths_inside(other, one)).max() < COARSE
 
 
-@pytest.mark.parametrize("press", [NONE, PRESSES["inside"]])
-def test_a_straight_finger_has_round_outlines_cut_by_the_press(press):
-    outlines, _ = at_ends(look(0.0, 0.0, press))
-    arcs = np.interp(np.arange(1, 3 * FINE + 1) / FINE, range(4), TUBE.arcs)
-    cuts = (np.interp(arcs, TUBE.arcs, TUBE.radii) - press.at(arcs)) / (arcs + TUBE.pinhole)
-    for outline, end in zip(outlines, (1, 2, 3), strict=True):
-        radius = TUBE.radii[end] / (TUBE.arcs[end] + TUBE.pinhole)
-        cut = cuts[arcs <= TUBE.arcs[end] + 1e-9].min()
-        on_circle = np.abs(np.hypot(*outline.T) - radius) < 1e-12
-        on_chord = np.abs(outline[:, 0] - cut) < 1e-12
-        assert (on_circle | on_chord).all()
-        assert on_chord.any()
-        assert outline[:, 0].max() == pytest.approx(cut)
-
-
 @pytest.mark.parametrize("bend_deg", [0.0, 10.0, 60.0, 170.0])
 @pytest.mark.parametrize("press", PRESSES)
 def test_outlines_are_convex_and_lie_in_each_other(bend_deg, press):
@@ -175,40 +159,6 @@ def test_outlines_are_convex_and_lie_in_each_other(bend_deg, press):
     shown = outlines[seen][:: FINE // 8]
     for outer, inner in itertools.pairwise(shown):
         assert depths_inside(outer, inner).min() > -1e-12
-
-
-@pytest.mark.parametrize("bend_deg", [0.0, 30.0, 120.0])
-def test_outlines_turn_with_the_side_that_the_finger_bends_to(bend_deg):
-    press, turn = PRESSES["inside"], 1.1
-    before, after = (look(bend_deg, 0.4 + by, press).outline @ [1, 1j] for by in (0, turn))
-    np.testing.assert_allclose(after, before * np.exp(1j * turn), atol=1e-12)
-
-
-def test_a_finger_bends_to_the_right_and_down():
-    # The far end is seen on the side that it bends to.
-    for direction, ahead in ((0.0, (1, 0)), (np.pi / 2, (0, 1))):
-        top = at_ends(look(20.0, direction, NONE))[0][2].mean(axis=0)
-        assert top @ ahead > 0.1
-        assert abs(top @ ahead[::-1]) < 1e-3
-
-
-@pytest.mark.parametrize("bend_deg", [0.01, 10.0, 60.0, 170.0])
-@pytest.mark.parametrize("press", ["none", "inside", "outside"])
-def test_a_negative_bend_is_one_to_the_other_side(bend_deg, press):
-    pressed = PRESSES[press]
-    other = Press(pressed.place, pressed.radius, -pressed.depth)
-    negative, opposite = look(-bend_deg, 0.4, pressed), look(bend_deg, 0.4 + np.pi, other)
-    np.testing.assert_array_equal(negative.seen, opposite.seen)
-    # Outlines begin on the side that ``direction`` names.
-    turned = np.roll(opposite.outline, ANGLES // 2, axis=1)
-    np.testing.assert_allclose(negative.outline, turned, atol=1e-12)
-
-
-def test_nothing_is_seen_past_a_wall_that_is_pressed_to_the_other_side():
-    found = look(np.rad2deg(0.1), 0.0, Press(60.0, 30.0, 25.0))
-    _, seen = at_ends(found)
-    assert not seen[1:].any()
-    assert np.isfinite(found.outline).all()
 
 
 def test_nothing_is_nan_however_a_finger_is_bent():

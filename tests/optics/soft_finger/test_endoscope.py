@@ -1,7 +1,5 @@
 """The endoscope against OpenCV's projection with rotations composed by SciPy, and by hand."""
 
-from __future__ import annotations
-
 import cv2
 import jax
 import jax.numpy as jnp
@@ -10,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from optics.chamber import Endoscope
-from tests.helpers import central_differences
+from tests.helpers import check_gradients
 
 PIXELS = 1e-9
 GRADIENT = 1e-6  # relative to the largest slope: what central differences can tell
@@ -58,14 +56,6 @@ def test_images_are_those_of_opencv(case):
     np.testing.assert_allclose(camera.image(jnp.asarray(slopes())), wanted[:, 0], atol=PIXELS)
 
 
-def test_the_field_of_view_is_between_opposite_corners():
-    narrow = Endoscope(2 * np.arctan(0.5))
-    assert float(narrow.focal_px) == pytest.approx(800.0)  # the diagonal √(640² + 480²)
-    # A ray at half the field of view, towards a corner: half a pixel beyond its middle.
-    corner = np.asarray(narrow.image(jnp.asarray([0.5 * 0.8, 0.5 * 0.6])))
-    np.testing.assert_allclose(corner, [639.5, 479.5], atol=PIXELS)
-
-
 def test_a_camera_sees_in_the_middle_what_it_points_at():
     pointing = np.array([0.2, -0.1])
     camera = Endoscope(QUARTER).turned(pointing, 0.7)
@@ -75,18 +65,6 @@ def test_a_camera_sees_in_the_middle_what_it_points_at():
     )  # y is down
     place = camera.image(jnp.asarray(ahead[:2] / ahead[2]))
     np.testing.assert_allclose(place, camera.center, atol=PIXELS)
-
-
-def test_places_by_hand():
-    ray = jnp.asarray([0.3, -0.4])
-    barrel = Endoscope(QUARTER, distortion=-0.1, columns=300, rows=400)
-    for camera, column, row in (
-        (Endoscope(QUARTER), 319.5 + 120, 239.5 - 160),
-        (barrel, 149.5 + 75 * 0.975, 199.5 - 100 * 0.975),
-        # A quarter turn of the image: what was to the right is at the top.
-        (barrel.turned(np.zeros(2), np.pi / 2), 149.5 - 100 * 0.975, 199.5 - 75 * 0.975),
-    ):
-        np.testing.assert_allclose(camera.image(ray), [column, row], atol=PIXELS)
 
 
 def test_gradients_are_central_differences():
@@ -101,12 +79,7 @@ def test_gradients_are_central_differences():
         [0.3, -0.2, 1.5, -0.1, 0.1, 0.2, 0.3],
         [-0.5, 0.4, 1.0, 0.1, -0.2, 0.05, -2.0],
     ]
-    batch = [jnp.asarray(column) for column in np.transpose(points)]
-    found = np.transpose(jax.jit(jax.vmap(jax.grad(seen)))(batch))
-    compiled = jax.jit(seen)
-    for point, slope in zip(points, found, strict=True):
-        wanted = central_differences(compiled, [jnp.asarray(value) for value in point])
-        np.testing.assert_allclose(slope, wanted, atol=GRADIENT * np.abs(wanted).max())
+    check_gradients(seen, [*jnp.array(points).T], of_largest=GRADIENT)
 
 
 def test_pointing_comes_before_the_roll():

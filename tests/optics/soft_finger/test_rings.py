@@ -1,16 +1,15 @@
 """The rings of the straight finger against paper A's image heights, and presses against circles."""
 
-from __future__ import annotations
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics import Chamber, solve_dimension_for_ratio
+from optics import Chamber
 from optics.chamber import Rings, compute_wall_radii, press_wall
-from tests.helpers import central_differences
-from tests.optics.soft_finger.marched import Tube, finger
+from tests.helpers import check_gradients
+from tests.optics.chambers import chamber as finger
+from tests.optics.soft_finger.marched import Tube
 
 ROUNDING = 1e-13  # relative
 GRADIENT = 1e-8
@@ -43,12 +42,6 @@ def test_straight_rings_are_imaged_where_the_paper_has_them(chamber: Chamber):
     gap = float(chamber.focal_length) - float(chamber.image_distance)
     np.testing.assert_allclose(gap * slopes, heights.value, rtol=ROUNDING)
     assert ratio == pytest.approx(float(chamber.imaging_ratio().value))
-
-
-@pytest.mark.parametrize("ratio", [0.5, 0.75, 1.0])
-def test_rings_keep_the_imaging_ratio_that_a_finger_is_designed_for(ratio):
-    offset = float(solve_dimension_for_ratio(finger(), "offset_d", ratio).value)
-    assert ends_of(finger(offset_d=offset), per_region=7)[1] == pytest.approx(ratio)
 
 
 @every_chamber
@@ -105,13 +98,7 @@ def test_gradients_of_a_press_are_central_differences():
     def deep(values: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
         return jnp.sum(weights * press_wall(arcs, *values))
 
-    points = np.array([[40.0, 20.0, 3.0], [61.0, 35.0, -4.0], [5.0, 8.0, 0.5], [48.0, 9.0, 1.0]])
-    batch = tuple(jnp.asarray(column) for column in points.T)
-    found = np.transpose(jax.jit(jax.vmap(jax.grad(deep)))(batch))
-    compiled = jax.jit(deep)
-    for point, slope in zip(points, found, strict=True):
-        wanted = central_differences(compiled, tuple(jnp.asarray(value) for value in point))
-        np.testing.assert_allclose(slope, wanted, atol=GRADIENT)
+    points = jnp.array([[40.0, 20.0, 3.0], [61.0, 35.0, -4.0], [5.0, 8.0, 0.5], [48.0, 9.0, 1.0]])
+    check_gradients(deep, tuple(points.T), atol=GRADIENT)
     # An object that does not press at all: finite.
-    still = tuple(jnp.asarray([value]) for value in (40.0, 20.0, 0.0))
-    assert np.isfinite(jax.jit(jax.vmap(jax.grad(deep)))(still)).all()
+    assert np.isfinite(jax.jit(jax.grad(deep))((40.0, 20.0, 0.0))).all()

@@ -1,7 +1,5 @@
 """What the rings span in the plane of bending, in complex numbers, and its gradients."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from typing import NamedTuple
@@ -16,7 +14,8 @@ from optics import solve_dimension_for_ratio
 from optics.chamber import Posture, Rings, Spans, find_apertures, find_spans, press_wall
 from optics.chamber.rings import FIELD_STOP
 from tests.helpers import central_differences
-from tests.optics.soft_finger.marched import Press, finger
+from tests.optics.chambers import chamber as finger
+from tests.optics.soft_finger.marched import Press
 
 ROUNDING = 1e-12
 GRADIENT = 1e-6  # relative to the largest slope: what central differences can tell
