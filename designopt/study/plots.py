@@ -78,6 +78,10 @@ def lines(
         >>> [axes] = lines(rows, "angle_deg", "error_mm").axes
         >>> axes.get_xlabel(), axes.lines[0].get_ydata().tolist()
         ('angle (°)', [1.5, 4.0])
+        >>> several = rows | {"gap_mm": 0.5}
+        >>> both = lines(several, "angle_deg", ["error_mm", "gap_mm"]).axes
+        >>> [axes.get_ylabel() for axes in both]
+        ['error (mm)', 'gap (mm)']
     """
     columns = [y] if isinstance(y, str) else y
     drawing, parts = _panels(records, panel, height, len(columns))
@@ -307,7 +311,7 @@ def _panels(
     records: Records, panel: str | None, height: float, count: int = 1
 ) -> tuple[Figure, list[tuple[Axes, Records]]]:
     parts = [("", records)] * count if panel is None else list(records.group(panel).items())
-    columns = min(3, len(parts))
+    columns = 2 if len(parts) == 4 else min(3, len(parts))
     drawing, grid = new_figure(-(-len(parts) // columns), columns, height=height)
     for axes, (title, _) in zip(grid.flat, parts, strict=False):
         axes.set_title(as_mathtext(spell_out(str(title))))

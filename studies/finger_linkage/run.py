@@ -12,7 +12,7 @@ import numpy as np
 from designopt.design_kind import Design
 from designopt.study.left_out import count_operations
 from designopt.study.report import Report
-from designopt.study.results import LeftOutRow, Results
+from designopt.study.results import Results
 from designopt.study.study import Context
 from kinematics.design import LINKAGE
 from kinematics.io.designed import DesignedLinkage
@@ -63,10 +63,10 @@ def run(spec: FingerLinkageSpec, context: Context) -> Results:
     add_figures(out, spec.limits, found)
     if spec.precision:
         with context.step("Solvers, and differential evolution as the yardstick"):
-            add_comparison(out, compare(spec, found.search, context.seed))
+            add_comparison(out, *compare(spec, found.search, context.seed))
     out.file(linkage_file(found.finger))
     with context.step("Operations left out"):
-        out.left_out(operations(spec, found))
+        add_operations(out, spec, found)
     return out.results()
 
 
@@ -141,25 +141,15 @@ def add_findings(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> 
         out.say("time")
 
 
-def operations(spec: FingerLinkageSpec, found: LinkageDesign) -> list[LeftOutRow]:
+def add_operations(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> None:
     """Operations of the search's problem beside the general solver's, and beside all it asks."""
     last, finger = found.search.rounds[-1].problem, found.finger
     flexion = jnp.asarray(grid(finger.body, spec.search.step_deg))
     square = jnp.stack(jnp.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
-    return [
-        LeftOutRow(
-            "six transmission angles over a square of postures",
-            "what DIP alone decides is a row; no closure, no message, no body but those asked for",
-            count_operations(
-                lambda pins: find_postures(replace(finger, pins=pins), flexion, flexion).angles,
-                finger.pins,
-            ),
-            count_operations(everywhere, finger.linkage(), -square),
-        ),
-        LeftOutRow(
-            "least transmission angle alone",
-            "the requirements: assembly, ratios and places",
-            count_operations(lambda pins: last.terms(pins, *last.data).value, finger.pins),
-            count_operations(lambda pins: last.terms(pins, *last.data), finger.pins),
-        ),
-    ]
+    angles = count_operations(
+        lambda pins: find_postures(replace(finger, pins=pins), flexion, flexion).angles, finger.pins
+    )
+    out.operations("angles", angles, count_operations(everywhere, finger.linkage(), -square))
+    least = count_operations(lambda pins: last.terms(pins, *last.data).value, finger.pins)
+    terms = count_operations(lambda pins: last.terms(pins, *last.data), finger.pins)
+    out.operations("least-angle", least, terms)

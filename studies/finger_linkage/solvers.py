@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
-from matplotlib.figure import Figure
 
 from designopt.optimize import (
     FEASIBLE,
@@ -18,7 +15,7 @@ from designopt.optimize import (
     make_epigraph_starts,
     run_differential_evolution,
 )
-from designopt.plot.figures import MARKERS, PALETTE, new_figure
+from designopt.study.plots import lines
 from designopt.study.records import Records
 from designopt.study.report import Report
 from studies.models.linkage_design.problem import grid
@@ -47,55 +44,19 @@ NEAR_DEG = 0.2
 """How near to the study's optimum the yardstick is asked to come, degrees."""
 
 
-class Comparison(NamedTuple):
-    """Every solver on the problem of the search's first round.
-
-    Attributes:
-        runs: columns ``method``, ``setting``, ``least_deg``, ``violation``, ``seconds`` without
-            compiling and ``compile_seconds``; the study's own solve first.
-        evolution: how differential evolution went.
-    """
-
-    runs: Records
-    evolution: Evolution
-
-    @property
-    def feasible(self) -> Bool[np.ndarray, " runs"]:
-        """Which runs meet the requirements."""
-        return (self.runs["violation"] <= FEASIBLE) & np.isfinite(self.runs["least_deg"])
-
-    @property
-    def gap_deg(self) -> Float[np.ndarray, " runs"]:
-        """By how much each least angle is below the best of a run that meets the requirements."""
-        least = self.runs["least_deg"]
-        return max(least[self.feasible].tolist(), default=math.nan) - least
-
-    @property
-    def own(self) -> tuple[float, float]:
-        """Least angle (degrees) and run time (s) of the study's solve; NaN if it is infeasible."""
-        found = self.runs["least_deg"][0], self.runs["seconds"][0]
-        return found if self.feasible[0] else (np.nan, np.nan)
-
-    @property
-    def near(self) -> float | None:
-        """Seconds after which evolution is within `NEAR_DEG` of it; ``None`` if never."""
-        angles = -np.rad2deg(self.evolution.objective)
-        near = (angles >= self.runs["least_deg"][0] - NEAR_DEG) & _met(self.evolution)
-        return float(self.evolution.seconds[np.argmax(near)]) if near.any() else None
-
-
-def _met(evolution: Evolution) -> Bool[np.ndarray, " generations"]:
-    return evolution.violation <= FEASIBLE
-
-
 def evolution_at(evolution: Evolution, seconds: float) -> float:
     """Least angle that differential evolution has reached by then, degrees; 0 if none."""
-    done = (evolution.seconds <= seconds) & _met(evolution)
+    done = (evolution.seconds <= seconds) & (evolution.violation <= FEASIBLE)
     return float(np.max(-np.rad2deg(evolution.objective[done]), initial=0.0))
 
 
-def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> Comparison:
-    """All solvers on the problem of the search's first round, from its starts."""
+def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> tuple[Records, Evolution]:
+    """All solvers on the problem of the search's first round, from its starts.
+
+    Returns:
+        Columns ``method``, ``setting``, ``least_deg``, ``violation``, ``seconds`` without compiling
+        and ``compile_seconds``, the study's own solve first; and how differential evolution went.
+    """
     flexion = grid(found.finger.body, spec.search.step_deg)
     problem = over(found.finger, spec, flexion, flexion)
     starts, runs = found.starts, Records()
@@ -112,50 +73,57 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> Comparison:
         )
 
     add("bfgs", spec.search.starts, found.rounds[0].optima)
-    others: list[tuple[Method, int]] = [
-        (m, n) for m, (_, counts) in METHODS.items() for n in counts
-    ]
-    for method, count in others:
-        if count <= spec.search.starts and (method, count) != ("bfgs", spec.search.starts):
-            own = jax.tree.map(lambda leaf, n=count: leaf[:n], every)
-            add(method, count, minimizer(problem, count, method).solve(own))
+    for method, (_, counts) in METHODS.items():
+        for count in counts:
+            if count <= spec.search.starts and (method, count) != ("bfgs", spec.search.starts):
+                own = jax.tree.map(lambda leaf, n=count: leaf[:n], every)
+                add(method, count, minimizer(problem, count, method).solve(own))
     evolution = run_differential_evolution(problem, seconds=spec.evolution_seconds, seed=seed)
-    for share in SHARES:
-        until = share * spec.evolution_seconds
-        least = evolution_at(evolution, until * (1 + 1e-9) if share < 1 else np.inf)
-        runs.add(
-            method=EVOLUTION,
-            setting=f"{until:.3g} s",
-            least_deg=least,
-            violation=0.0 if least else 1.0,
-            seconds=until,
-            compile_seconds=0.0,
-        )
-    return Comparison(runs, evolution)
-
-
-def add_comparison(out: Report, compared: Comparison) -> None:
-    """Its metrics, table, figure and claim."""
-    runs, evolution, near = compared.runs, compared.evolution, compared.near
-    (least, seconds), end = compared.own, float(evolution.seconds[-1])
-    then = evolution_at(evolution, runs["seconds"][0])
-    bound = "" if near is not None else ", which it did not reach: an upper bound"
-    out.values(near_deg=NEAR_DEG, bound=bound)
-    over_evolution = seconds / (end if near is None else near)
-    out.metrics(ahead_of_evolution_deg=least - then, time_over_evolution=over_evolution)
-    errors = np.where(compared.feasible, np.maximum(compared.gap_deg, 1e-6), np.nan)
-    shown = runs | {"gap_deg": compared.gap_deg, "error": errors}
-    out.table("solvers", shown)
-    out.figure("run_time", draw_run_times(compared), most=2)
-    reached = f"did not come within {NEAR_DEG:g}° of that in {end:.1f} s"
-    if near is not None:
-        reached = f"came within {NEAR_DEG:g}° of that after {near:.2f} s"
-    evidence = (
-        f"{runs['least_deg'][0]:.2f}° after {runs['seconds'][0]:.2f} s ({runs['setting'][0]}, "
-        "ranking of the Sobol points included, compiling not); differential evolution "
-        f"{reached}; at {runs['seconds'][0]:.2f} s it was at {then:.2f}°."
+    ends = spec.evolution_seconds * np.array(SHARES)
+    least = np.array([evolution_at(evolution, end) for end in [*ends[:-1], np.inf]])
+    runs.add(
+        method=EVOLUTION,
+        setting=[f"{end:.3g} s" for end in ends],
+        least_deg=least,
+        violation=np.where(least > 0, 0.0, 1.0),
+        seconds=ends,
+        compile_seconds=0.0,
     )
-    holds = bool(then <= least and (near is None or seconds <= near / 5))
+    return runs, evolution
+
+
+def add_comparison(out: Report, runs: Records, evolution: Evolution) -> None:
+    """Metrics, table, figure and claim of what `compare` gives."""
+    least, seconds = runs["least_deg"][0], runs["seconds"][0]
+    feasible = (runs["violation"] <= FEASIBLE) & np.isfinite(runs["least_deg"])
+    gap_deg = max(runs["least_deg"][feasible].tolist(), default=math.nan) - runs["least_deg"]
+    then = evolution_at(evolution, seconds)
+    close = -np.rad2deg(evolution.objective) >= least - NEAR_DEG
+    near = evolution.seconds[close & (evolution.violation <= FEASIBLE)].tolist()
+    end = float(evolution.seconds[-1])
+    over_evolution = seconds / (near[0] if near else end)
+    bound = "" if near else ", which it did not reach: an upper bound"
+    out.values(near_deg=NEAR_DEG, bound=bound)
+    out.metrics(
+        ahead_of_evolution_deg=least - then if feasible[0] else math.nan,
+        time_over_evolution=over_evolution if feasible[0] else math.nan,
+    )
+    errors = np.where(feasible, np.maximum(gap_deg, 1e-6), np.nan)
+    shown = runs | {"gap_deg": gap_deg, "error": errors}
+    out.table("solvers", shown)
+    names = {"seconds": "run time without compiling (s)", "least_deg": "least angle (°)"}
+    drawn = shown.where(feasible)
+    drawing = lines(drawn, "seconds", "least_deg", by="method", log="x", names=names, height=3.8)
+    out.figure("run_time", drawing, most=2)
+    reached = f"did not come within {NEAR_DEG:g}° of that in {end:.1f} s"
+    if near:
+        reached = f"came within {NEAR_DEG:g}° of that after {near[0]:.2f} s"
+    evidence = (
+        f"{least:.2f}° after {seconds:.2f} s ({runs['setting'][0]}, "
+        "ranking of the Sobol points included, compiling not); differential evolution "
+        f"{reached}; at {seconds:.2f} s it was at {then:.2f}°."
+    )
+    holds = bool(feasible[0] and then <= least and (not near or seconds <= near[0] / 5))
     out.precision(
         single_runs(shown, PANEL, "error"),
         "gap to the best (°)",
@@ -163,19 +131,3 @@ def add_comparison(out: Report, compared: Comparison) -> None:
         "outside of its solver (gaps below 1e-6 count as that)",
         out.claim("derivatives", [evidence], holds),
     )
-
-
-def draw_run_times(compared: Comparison) -> Figure:
-    """Least angle over run time: the yardstick's way, and where every solver ended."""
-    drawing, [[axis]] = new_figure(1, 1, height=3.8)
-    evolution, runs = compared.evolution, compared.runs.where(compared.feasible)
-    angles = np.where(_met(evolution), -np.rad2deg(evolution.objective), np.nan)
-    axis.plot(evolution.seconds, angles, color="0.4", label=EVOLUTION)
-    others = runs.where(runs["method"] != EVOLUTION)
-    for number, (name, own) in enumerate(others.group("method", "setting").items()):
-        style = {"marker": MARKERS[number % len(MARKERS)], "color": PALETTE[number % len(PALETTE)]}
-        axis.plot(own["seconds"], own["least_deg"], linestyle="", markersize=7,
-                  label=", ".join(name), **style)  # fmt: skip
-    axis.set(xscale="log", xlabel="run time without compiling (s)")
-    axis.set(ylabel="least transmission angle (°)")
-    return drawing

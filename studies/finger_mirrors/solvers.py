@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -18,8 +17,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.optimize
-from jax.flatten_util import ravel_pytree
 
 from designopt import Records, Report
 from designopt.optimize import run_differential_evolution
@@ -113,7 +110,7 @@ def compare(design: MirrorDesign, spec: FingerMirrorsSpec, seed: int) -> Records
     flat = Flat.of(problem_of(spec, task))
     for method in CHOICES[spec.solvers]:
         begin = time.perf_counter()
-        solve = _solver(method, flat) if method != "slsqp" else _slsqp(flat, design.task, copies)
+        solve = _solver(method, flat)
         compile_seconds = time.perf_counter() - begin
 
         def from_placement(start: Placement, solve: Solve = solve) -> Placement:
@@ -126,7 +123,7 @@ def compare(design: MirrorDesign, spec: FingerMirrorsSpec, seed: int) -> Records
 
 def _solver(method: str, flat: Flat) -> Solve:
     """A compiled solve."""
-    if method == "trust-constr":
+    if method in ("slsqp", "trust-constr"):
         one = compile_reference(flat, method, TOLERANCE, UPDATES * STEPS)
         return lambda point: one(point, flat.problem.data)[0]
     inner: Inner = method  # type: ignore[assignment]
@@ -138,45 +135,6 @@ def _solver(method: str, flat: Flat) -> Solve:
 
     program = jax.jit(local).lower(jnp.zeros(flat.units.size)).compile()
     return lambda point: program(jnp.asarray(point))
-
-
-def _slsqp(flat: Flat, task: Task, copies: int) -> Solve:
-    """SciPy's solver; all but the inequalities' slopes by the search's program, which is there."""
-    plain = jnp.asarray(copies), jnp.asarray(0.0), designing.no_multipliers(task)
-
-    def levels_of(point: jax.Array, task: Task) -> jax.Array:
-        return ravel_pytree(terms_of(flat.parameters(point), task).inequalities)[0]
-
-    slopes = jax.jit(jax.jacfwd(levels_of))
-    slopes = slopes.lower(jnp.zeros(flat.units.size), task.first(0)).compile()
-    last: list[Any] = [b"", None]
-
-    def values(x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        if last[0] != x.tobytes():
-            (_, terms), slope = designing.lagrangian(jnp.asarray(x), task, *plain)
-            levels = np.asarray(ravel_pytree(terms.inequalities)[0])
-            last[:] = x.tobytes(), (float(terms.value), np.asarray(slope), levels)
-        return last[1]
-
-    def solve(start: np.ndarray) -> np.ndarray:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # steps that it clips to the bounds
-            found = scipy.optimize.minimize(
-                lambda x: values(x)[0],
-                np.clip(start, flat.lower, flat.upper),
-                jac=lambda x: values(x)[1],
-                method="SLSQP",
-                bounds=list(zip(flat.lower.tolist(), flat.upper.tolist(), strict=True)),
-                constraints={
-                    "type": "ineq",
-                    "fun": lambda x: values(x)[2],
-                    "jac": lambda x: np.asarray(slopes(jnp.asarray(x), task.first(0))),
-                },
-                options={"maxiter": UPDATES * STEPS, "ftol": TOLERANCE},
-            )
-        return np.clip(found.x, flat.lower, flat.upper)
-
-    return solve
 
 
 def _evolution(spec: FingerMirrorsSpec, task: Task, seed: int) -> dict[str, Any]:

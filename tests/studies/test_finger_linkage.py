@@ -17,7 +17,7 @@ from designopt.optimize import Evolution
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.runner import run_study
-from studies.finger_linkage.solvers import Comparison, add_comparison
+from studies.finger_linkage.solvers import add_comparison
 from studies.models.body import BodySpec
 from studies.models.linkage_design import tables
 from studies.models.linkage_design.analysis import sensor_room
@@ -34,9 +34,9 @@ from studies.models.linkage_design.problem import (
 from studies.models.linkage_design.searching import least_angles_deg, over, rounded, search
 from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec, SearchSpec, SensorSpec
 from studies.models.linkage_design.tolerance import least_angles
-from studies.models.pins import Pins, pin_name, reference_pins
+from studies.models.pins import Pins, pin_name
 from studies.oracles.grasp import Setting, pin_places
-from tests.studies.fingers import finger_of
+from tests.studies.fingers import finger_of, reference_pins
 from tests.studies.stopped import stopped_at
 
 REFERENCE, LIMITS = finger_of(), LimitsSpec()
@@ -199,12 +199,12 @@ def test_judgement_is_that_of_circles_that_meet(kind):
         # The judgement has postures in between.
         assert np.min(sides) - 0.1 < inside < np.min(sides) + 1e-9
     assert checks["|AF|"].achieved == pytest.approx(abs(complex(*np.asarray(pins.F))))
-    assert not verdict.unmet
+    assert all(check.met for check in verdict.checks)
 
 
 def test_judgement_finds_what_is_not_met():
     tight = LimitsSpec(clearance=2.5, crank_length=20.0, force_ratio=0.4, crank_range_deg=80.0)
-    unmet = {check.name for check in judged(REFERENCE, tight).unmet}
+    unmet = {check.name for check in judged(REFERENCE, tight).checks if not check.met}
     assert {"|EF|", "φ₂/φ₁", "range of the crank", "pin F inside the proximal phalanx"} <= unmet
     # In a short finger the tip is the nearest side.
     short = {check.name: check for check in judged(finger_of(distal=6.0), LIMITS).checks}
@@ -246,7 +246,7 @@ def test_a_comparison_without_a_feasible_run_has_no_best():
     runs = Records({"method": ["a", "b"], "setting": "1 start", "least_deg": [30.0, -math.inf],
                     "violation": [0.5, 0.0], "seconds": 1.0, "compile_seconds": 0.0})  # fmt: skip
     rows, out = np.zeros(1), Report(package="studies.finger_linkage")
-    add_comparison(out, Comparison(runs, Evolution(rows + 1.0, rows - 0.5, rows, None)))
+    add_comparison(out, runs, Evolution(rows + 1.0, rows - 0.5, rows, None))
     found = out.results()
     assert found.precision is not None
     assert not found.precision.claims[0].holds
@@ -307,7 +307,7 @@ def test_the_search_reaches_what_is_asked(thickness, ratio, asked):
     body, limits = BodySpec(thickness=thickness), LimitsSpec(force_ratio=ratio)
     found = search(FingerLinkageSpec(body=body, limits=limits), 0)
     verdict = judged(found.finger, limits)
-    assert not verdict.unmet
+    assert all(check.met for check in verdict.checks)
     assert verdict.least_deg >= asked
     assert_meets_requirements(found.finger.pins, thickness, ratio, verdict.least_deg)
 

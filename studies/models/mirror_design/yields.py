@@ -10,6 +10,7 @@ import numpy as np
 import scipy.stats
 from jaxtyping import Array, Float
 
+from designopt.batching import map_blocks
 from optics.visibility.coverage import find_coverage
 from studies.models.finger import Finger
 from studies.models.mirror_design.errors import NAMES, deviations, perturb, sample_errors
@@ -68,12 +69,7 @@ def coverages(
 ) -> Float[np.ndarray, "draws poses pads"]:
     """Coverage degree by degree of fingers assembled with errors (in the order of `NAMES`)."""
     poses = together(jnp.deg2rad(jnp.asarray(whole_degrees(finger.body.range_deg))))
-    padded = np.pad(errors, ((0, -len(errors) % BLOCK), (0, 0)))
-    found = [
-        np.asarray(_coverages(finger, jnp.asarray(block), poses))
-        for block in np.split(padded, len(padded) // BLOCK)
-    ]
-    return np.concatenate(found)[: len(errors)]
+    return map_blocks(lambda block: _coverages(finger, block, poses), BLOCK, errors)
 
 
 @jax.jit
