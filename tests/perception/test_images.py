@@ -54,10 +54,8 @@ MARKERS = np.random.default_rng(1).normal(size=(4, 3, 2))
 REFERENCES = References({("pad", "direct"): COLORED})
 
 
-def bare(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function as users have it, without the run-time checks of types."""
-    return inspect.unwrap(function)
-
+bare = inspect.unwrap
+"""A function as users have it, without the run-time checks of types."""
 
 OF_COLORED = {
     "find_regions": bare(find_regions),

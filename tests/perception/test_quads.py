@@ -17,7 +17,7 @@ from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, defocused, drawn, ray
 NEAR = 0.3
 """A corner is found to so many pixels, in the light of a good finger."""
 
-WIDE, PINHOLE = Eye(), Eye(pinhole=True)
+WIDE = Eye()
 LENS = WIDE.lens()
 PADS = {
     "before": Pad((20, -14), (22, 12)),
@@ -25,6 +25,8 @@ PADS = {
     "above": Pad((30, 5), (18, 26)),
     "near": Pad((15, -10), (19, 16), beside=3),
     "far": Pad((40, -8), (40, 12)),
+    "a little round": Pad((20, -14), (22, 12), radius=1.0),
+    "round": Pad((20, -14), (22, 12), radius=2.0),
 }
 FLAT = Pad((10, -22), (33, -62))
 """Its far end is seen at 1.9° from its plane."""
@@ -48,7 +50,7 @@ def contour_of(light: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", PADS)
-def test_corners_are_where_the_pad_is_imaged_at_every_exposure(name):
+def test_corners_are_where_the_sharp_pad_is_imaged_at_every_exposure(name):
     pad = PADS[name]
     calm, quad, dim = (
         only(stored(gain * light_of(pad), noise), LENS)
@@ -59,28 +61,6 @@ def test_corners_are_where_the_pad_is_imaged_at_every_exposure(name):
     # A pixel is 8 mrad here, and slopes change faster than section angles.
     np.testing.assert_allclose(quad.rays, rays_of(pad.corners()), atol=NEAR * 0.02)
     np.testing.assert_allclose(dim.corners, calm.corners, atol=0.1)
-
-
-def test_corners_of_a_straight_trapezium_through_a_pinhole():
-    corners = np.array([[150.3, 261.7], [181.8, 95.2], [322.4, 95.2], [340.1, 261.7]])
-    fine = 16
-    # Filled polygons take in the pixels that their sides meet, half of a fine one too much.
-    middle = corners.mean(axis=0)
-    inner = corners - np.sign(corners - middle) / (2 * fine)
-    large = np.full((360 * fine, 480 * fine), DARK, np.uint8)
-    points = np.rint(((inner + 0.5) * fine - 0.5) * 16).astype(np.int32)
-    cv2.fillPoly(large, [points], (BRIGHT,), shift=4)
-    gray = cv2.resize(large, (480, 360), interpolation=cv2.INTER_AREA)
-    quad = only(gray, PINHOLE.lens())
-    np.testing.assert_allclose(quad.corners, corners, atol=NEAR)
-
-
-@pytest.mark.parametrize("radius", [1.0, 2.0])
-def test_round_corners_do_not_move_them(radius):
-    pad = Pad((20, -14), (22, 12), radius=radius)
-    gray = stored(light_of(pad))
-    true = WIDE.places(pad.corners())
-    np.testing.assert_allclose(only(gray, LENS).corners, true, atol=NEAR)
 
 
 def test_something_dark_at_a_side_does_not_move_its_line():

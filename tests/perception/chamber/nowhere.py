@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import colorsys
 from collections.abc import Callable
-from pathlib import Path
 
 import cv2
-import matplotlib as mpl
-import matplotlib.pyplot as plt
 import numpy as np
 
 ROWS, COLUMNS = 240, 320
@@ -31,8 +28,7 @@ def _colors(random: Random, count: int = 6) -> np.ndarray:
 
 def _picture(values: np.ndarray, random: Random, noise: float = 4.0, blur: float = 0.8):
     smooth = cv2.GaussianBlur(np.asarray(values, float), (0, 0), blur)
-    noisy = smooth + random.normal(0, noise, SHAPE) if noise else smooth
-    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+    return np.clip(np.rint(smooth + random.normal(0, noise, SHAPE)), 0, 255).astype(np.uint8)
 
 
 def _flat(color: np.ndarray) -> np.ndarray:
@@ -55,28 +51,6 @@ def dead_leaves(random: Random) -> np.ndarray:
         color = colors[random.integers(len(colors))] * random.uniform(0.5, 1.1)
         _ellipse(image, random.uniform([-30, -30], [350, 270]), np.full(2, radius), color)
     return _picture(image, random, random.uniform(0, 6), random.uniform(0.3, 1.5))
-
-
-def leaves_on_red(random: Random) -> np.ndarray:
-    image, colors = _flat(WALLS[0]), _colors(random)
-    for _ in range(random.integers(5, 14)):
-        place, half = random.uniform(0, [COLUMNS, ROWS]), random.uniform(8, 90, 2)
-        color = colors[random.integers(len(colors))]
-        _ellipse(image, place, half, color, random.uniform(0, 180))
-    return _picture(image, random, 0)
-
-
-def clouds(random: Random) -> np.ndarray:
-    """Noise whose power falls with the frequency, in every channel."""
-    rows, columns = np.fft.fftfreq(ROWS)[:, None], np.fft.rfftfreq(COLUMNS)
-    frequency = np.hypot(rows, columns)
-    frequency[0, 0] = np.inf
-    shape = (3, *frequency.shape)
-    waves = random.normal(size=shape) + 1j * random.normal(size=shape)
-    noise = np.fft.irfft2(waves / frequency ** random.uniform(0.7, 1.8), (ROWS, COLUMNS))
-    noise = np.moveaxis(noise / noise.std(axis=(1, 2), keepdims=True), 0, -1)
-    level = random.uniform(60, 160) + random.uniform(-60, 60, 3)
-    return _picture(level + random.uniform(30, 110) * noise, random, 0)
 
 
 def corners(random: Random) -> np.ndarray:
@@ -123,27 +97,6 @@ def crescent(random: Random) -> np.ndarray:
     return _picture(image, random)
 
 
-def photograph(random: Random) -> np.ndarray:
-    """Part of the portrait that Matplotlib brings along, turned, and often in other colours."""
-    file = Path(mpl.get_data_path()) / "sample_data" / "grace_hopper.jpg"
-    whole = plt.imread(file)
-    wide = random.uniform(120, min(whole.shape[:2]))
-    place = random.uniform(wide / 2, np.array(whole.shape[1::-1]) - wide / 2)
-    turn = cv2.getRotationMatrix2D(place.tolist(), random.uniform(0, 360), COLUMNS / wide)
-    turn[:, 2] += [COLUMNS / 2, ROWS / 2] - place
-    part = cv2.warpAffine(whole, turn, (COLUMNS, ROWS), borderMode=cv2.BORDER_REFLECT)
-    if random.random() < 0.3:
-        return part
-    hue, full, value = cv2.split(cv2.cvtColor(part, cv2.COLOR_RGB2HSV).astype(int))
-    other = [(hue + random.integers(180)) % 180, full * random.uniform(0.8, 3), value]
-    other = np.clip(np.stack(other, axis=-1), 0, 255).astype(np.uint8)
-    return cv2.cvtColor(other, cv2.COLOR_HSV2RGB)
-
-
 KINDS: dict[str, Callable[[Random], np.ndarray]] = {
-    make.__name__: make
-    for make in (
-        *(dead_leaves, leaves_on_red, clouds, corners),
-        *(other_orders, side_by_side, crescent, photograph),
-    )
+    make.__name__: make for make in (dead_leaves, corners, other_orders, side_by_side, crescent)
 }

@@ -131,11 +131,6 @@ def test_calibration_by_least_squares_is_numpys():
 def test_too_few_frames_calibrate_what_they_can():
     nothing = CHAMBER.calibrated(np.zeros(0), Movements(np.zeros((0, 3)), np.zeros((0, 3), bool)))
     np.testing.assert_array_equal(nothing.moved, CHAMBER.moved)
-    plate = np.array([4.0, 4.0])
-    frames = moved(plate)
-    frames.seen[:, 2] = False
-    once = CHAMBER.calibrated(plate, Movements(frames.px + 0.7, frames.seen))
-    np.testing.assert_allclose(once.moved - CHAMBER.moved, np.full((49, 3), [0.7, 0.7, 0.0]))
     backwards = CHAMBER.calibrated(np.array([2.0, 8.0]), moved(np.array([8.0, 2.0])))
     assert (np.diff(backwards.moved, axis=0) > 0).all()
 
@@ -145,9 +140,10 @@ def test_one_height_gives_an_offset_however_often(count, height):
     # The mean of equal numbers may be off by a rounding error, which is no spread.
     plate = np.full(count, height)
     frames = moved(plate)
+    frames.seen[:, 2] = False
     noise = np.random.default_rng(count).normal(0, 0.5, frames.px.shape)
     found = CHAMBER.calibrated(plate, Movements(frames.px + noise, frames.seen))
-    expected = CHAMBER.moved + noise.mean(axis=0)
+    expected = CHAMBER.moved + noise.mean(axis=0) * [1, 1, 0]
     np.testing.assert_allclose(found.moved, expected, rtol=0, atol=1e-12)
 
 
