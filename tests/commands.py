@@ -13,10 +13,14 @@ from designopt import cli
 from tests.helpers import load_toml
 
 
+def finished(command: list[str], **how: Any) -> subprocess.CompletedProcess[str]:
+    """A process that has ended, with all that it printed."""
+    return subprocess.run(command, capture_output=True, text=True, check=False, **how)
+
+
 def python(*arguments: object, **how: Any) -> subprocess.CompletedProcess[str]:
     """Python in a process of its own, with all that it prints."""
-    command = [sys.executable, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, **how)
+    return finished([sys.executable, *map(str, arguments)], **how)
 
 
 def refused_cases(table: str) -> list[Any]:

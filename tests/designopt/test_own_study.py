@@ -1,7 +1,7 @@
 """The example of a study of one's own: its numbers, and what a notebook shows of them."""
 
-import importlib.util
 import re
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -13,18 +13,8 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "own_study.py"
 
 
 @pytest.fixture(scope="module")
-def study():
-    spec = importlib.util.spec_from_file_location("own_study", EXAMPLE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.STUDY
-
-
-@pytest.fixture(scope="module")
-def results(study):
-    return run_study(study, {"draws": 50})
+def results():
+    return run_study(runpy.run_path(str(EXAMPLE))["STUDY"], {"draws": 50})
 
 
 def rocker_deg(crank_deg: float) -> float:

@@ -4,7 +4,7 @@ import pydantic_core
 import pytest
 
 from designopt import Spec, UserError, setting
-from designopt.study.settings import fields, spec_of, spec_with, targets_waived
+from designopt.study.settings import fields, spec_with, targets_waived
 from tests.commands import refused_cases
 from tests.designopt.plugin import SquareSpec
 
@@ -19,12 +19,9 @@ def test_values_are_toml_and_plain_text():
     spec = make("side=3", "inner.length=0.5", "label=wide angle")
     assert (spec.side, spec.inner.length, spec.label) == (3.0, 0.5, "wide angle")
     assert make("side=1e-3", 'label="a=b"').label == "a=b"
+    assert make("side=1", "side=2").side == 2  # the last one counts
     assert make("side=1", "label=1\nside=2").label == "1\nside=2"
     assert make("side=1", f"label={'[' * 5000}").label == "[" * 5000
-
-
-def test_the_last_of_two_assignments_counts():
-    assert make("side=1", "side=2").side == 2
 
 
 @pytest.mark.parametrize(
@@ -63,17 +60,6 @@ def test_fields_are_listed_with_defaults_and_meanings():
         ("label", "", "free text"),
         ("asked", 9.0, "area asked for (mm²)"),
     ]
-
-
-def test_the_spec_of_a_result_is_the_one_it_was_made_with():
-    spec = make("side=3", "inner.length=0.5", "label=wide angle")
-    assert spec_of(SquareSpec, spec.model_dump(mode="json"), source="out") == spec
-
-
-@pytest.mark.parametrize("tables", [{"side": 3.0, "lable": "x"}, {}, {"side": "wide"}, [], None])
-def test_a_spec_of_other_settings_names_where_it_is_from(tables):
-    with pytest.raises(UserError, match=r"^out/square: made by another version .*; run it again$"):
-        spec_of(SquareSpec, tables, source="out/square")
 
 
 class Lens(Spec):

@@ -17,18 +17,10 @@ from designopt.io import staging
 from designopt.io.files import replaced_when_complete
 from designopt.io.staging import recover, staging_folder
 from designopt.study.result_folders import result_folder, write_document
+from tests.commands import python
 from tests.designopt import killed
 
-ROOT = Path(__file__).parents[2]
-
-
-def start(out: Path, *how: str) -> "subprocess.Popen[bytes]":
-    return subprocess.Popen(
-        [sys.executable, killed.__file__, str(out), *how],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
+VARIABLES = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
 
 
 def leftovers(folder: Path) -> list[str]:
@@ -38,10 +30,9 @@ def leftovers(folder: Path) -> list[str]:
 @pytest.mark.parametrize("way", ["exchange", "rename"])
 def test_killed_at_every_step_there_is_a_whole_result(tmp_path, way):
     """By exchange one is there at once; by renaming twice, after the next run at the latest."""
-    with start(tmp_path / "out", way) as process:
-        told, errors = process.communicate()
-    assert process.returncode == 0, errors.decode()
-    steps, missing = map(int, told.split())
+    done = python(killed.__file__, tmp_path / "out", way, env=VARIABLES)
+    assert done.returncode == 0, done.stderr
+    steps, missing = map(int, done.stdout.split())
     assert steps > 50
     assert missing == 0 if way == "exchange" else missing > 0
 
@@ -52,7 +43,7 @@ def test_killed_at_random_moments_there_is_a_whole_result(tmp_path, count):
     killed.write(out, 0)
     for _ in range(count):
         before = (out / "results.json").read_text()
-        with start(out) as process:
+        with subprocess.Popen([sys.executable, killed.__file__, out], env=VARIABLES) as process:
             while (out / "results.json").read_text() == before:  # until it is at work
                 assert process.poll() is None
                 time.sleep(0.001)
@@ -142,14 +133,6 @@ def test_what_another_user_has_left_is_never_touched(tmp_path, monkeypatch):
 
 def fail(*_: Path) -> None:
     raise PermissionError(1, "not permitted")
-
-
-def test_where_an_exchange_fails_folders_are_renamed(tmp_path, monkeypatch):
-    killed.write(tmp_path / "out", 0)
-    monkeypatch.setattr(staging, "_exchange", fail)
-    killed.write(tmp_path / "out", 1)
-    assert killed.number_of(tmp_path / "out") == 1
-    assert leftovers(tmp_path) == []
 
 
 def test_a_result_that_cannot_be_moved_stays(tmp_path, monkeypatch):

@@ -86,13 +86,13 @@ class Canvas(FigureCanvasAgg):
 class Hands:
     """A window on such a canvas, and what a mouse does to it."""
 
-    def __init__(self, bench: Bench, folder: Path, name: str = "toy") -> None:
+    def __init__(self, bench: Bench, folder: Path) -> None:
         self.told: list[tuple[list[float | None], str]] = []
         self.bench = bench
         with style():
             figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
             self.canvas = Canvas(figure)
-            self.window = Window(bench, figure, name, folder, self._hear)
+            self.window = Window(bench, figure, "toy", folder, self._hear)
 
     def _hear(self, readings, message) -> None:
         self.told.append(([each.value for each in readings], message))

@@ -13,8 +13,7 @@ import pytest
 
 from designopt import cli
 from designopt.explore import desktop
-from designopt.explore.server import listen
-from tests.commands import check_command_refused, refused_cases
+from tests.commands import check_command_refused, finished, refused_cases
 from tests.designopt.explore.hands import served
 from tests.designopt.tables import cases
 
@@ -30,22 +29,17 @@ def test_faults_are_one_line(capsys, monkeypatch, tmp_path, line, words):
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_a_port_in_use_is_said(capsys):
-    with listen(0) as listener:
-        port = str(listener.getsockname()[1])
-        assert cli.run(["explore", FOUR_BAR, "--web", "--port", port]) == 2
-    assert f"--port {port}: " in capsys.readouterr().err
-
-
 NO_WINDOW = r"error: no window can be opened here; use --web and a browser \(.*%s.*\)\n"
 
 
-@pytest.mark.parametrize(("backend", "reason"), cases("no_window"))
-def test_where_no_window_opens_the_page_is_named(capsys, monkeypatch, tmp_path, backend, reason):
+@pytest.mark.parametrize(("variables", "reason"), cases("no_window"))
+def test_where_no_window_opens_the_page_is_named(capsys, monkeypatch, tmp_path, variables, reason):
     for name, content in cases("toolkits"):
         (tmp_path / f"{name}.py").write_text(content)
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
-    monkeypatch.setenv("MPLBACKEND", backend)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
     assert cli.run(["explore", FOUR_BAR]) == 2
     assert re.fullmatch(NO_WINDOW % reason, capsys.readouterr().err)
 
@@ -54,15 +48,6 @@ def test_a_window_system_that_does_not_answer_is_the_same(capsys, monkeypatch):
     monkeypatch.setattr(desktop, "PATIENCE", 0.01)
     assert cli.run(["explore", FOUR_BAR]) == 2
     assert re.fullmatch(NO_WINDOW % "does not answer within 0.01 s", capsys.readouterr().err)
-
-
-@pytest.mark.parametrize("display", ["", ":99999"])
-def test_a_toolkit_that_finds_no_display_is_the_same(capsys, monkeypatch, display):
-    monkeypatch.setenv("MPLBACKEND", "tkagg")
-    monkeypatch.setenv("DISPLAY", display)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert cli.run(["explore", FOUR_BAR]) == 2
-    assert re.fullmatch(NO_WINDOW % "", capsys.readouterr().err)
 
 
 def test_an_interrupt_ends_the_page_quietly(tmp_path):
@@ -114,15 +99,7 @@ def test_a_window_opens_on_a_desktop(tmp_path):
     pytest.importorskip("tkinter", reason="Python was built without Tk")
     command = [xvfb, "-a", sys.executable, "-c", DESKTOP, FOUR_BAR]
     variables = os.environ | {"MPLBACKEND": "tkagg"}
-    done = subprocess.run(
-        command,
-        cwd=tmp_path,
-        env=variables,
-        timeout=200,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = finished(command, cwd=tmp_path, env=variables, timeout=200)
     assert (done.returncode, done.stderr) == (0, "")
     title, width, height = done.stdout.split()
     assert title == "four-bar"

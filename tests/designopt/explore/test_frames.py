@@ -25,12 +25,6 @@ def put_together(old, found):
     return new
 
 
-def test_a_picture_is_packed_without_loss():
-    rgba = picture(0)
-    found = np.array(Image.open(io.BytesIO(png(pixels_of(rgba)))))
-    np.testing.assert_array_equal(found, rgba[:, :, :3])
-
-
 @pytest.mark.parametrize("first", [np.zeros((TALL, WIDE, 4), np.uint8), picture(2)])
 def test_the_first_picture_is_sent_whole(first):
     found = change(pixels_of(picture(1)), None)

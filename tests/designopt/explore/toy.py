@@ -35,21 +35,14 @@ class SliderCrank(Bench):
     title = "slider-crank"
     knobs = KNOBS
     aim = f"slider at {ASKED:g} mm, by the rod"
-
-    def __init__(self, lines: int = 1, more_knobs: int = 0) -> None:
-        """With as many more lines and knobs as a real bench has."""
-        self.shows = 0
-        self._lines = lines
-        self.knobs = KNOBS + tuple(
-            Knob(f"spare.length_{i}", 5.0, 0.0, 10.0, "mm", "dimension") for i in range(more_knobs)
-        )
+    shows = 0
 
     def draw(self, area: SubFigure) -> None:
         self.axes, traced = area.subplots(1, 2)
         self.axes.set_xlabel("x (mm)")
         self.rulings = [Ruling(self.axes, "x", 6, 9), Ruling(self.axes, "y", 6, 9)]
         traced.set(xlim=(0, 360), ylim=(-90, 210), xlabel="crank (°)", ylabel="slider (mm)")
-        self.body = [self.axes.plot([], [], "o-")[0] for _ in range(self._lines)]
+        self.body = self.axes.plot([], [], "o-")[0]
         self.dot = traced.plot([], [], "o")[0]
         self.curve = traced.plot([], [])[0]
         self.words = self.axes.text(0, 100, "")
@@ -60,8 +53,7 @@ class SliderCrank(Bench):
         angle, radius = math.radians(values["crank"]), values["radius"]
         tip = (radius * math.cos(angle), radius * math.sin(angle))
         end = (math.nan, math.nan) if x is None else (x, values["offset"])
-        for i, line in enumerate(self.body):
-            line.set_data([0, tip[0], end[0]], [0, tip[1] + 0.1 * i, end[1] + 0.1 * i])
+        self.body.set_data([0, tip[0], end[0]], [0, tip[1], end[1]])
         swept = np.linspace(0.0, 360.0, 73)
         places = [place({**values, "crank": float(each)}) for each in swept]
         self.curve.set_data(swept, [math.nan if each is None else each for each in places])
@@ -71,7 +63,7 @@ class SliderCrank(Bench):
         hold(self.axes, np.array([-90.0, -110.0]), np.array([right, 110.0]))
         return Shown(
             [Reading("slider's place", x, "mm"), Reading("rod to crank", values["rod"] / radius)],
-            [*self.rulings, *self.body, self.curve, self.dot, self.words],
+            [*self.rulings, self.body, self.curve, self.dot, self.words],
             "" if x is not None else LOCKED,
         )
 
