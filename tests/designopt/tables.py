@@ -1,7 +1,5 @@
 """Cases that stand in a file of data."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from tests.helpers import load_toml

@@ -1,7 +1,5 @@
 """Batches in blocks against the same function of the whole batch."""
 
-from __future__ import annotations
-
 import jax
 import jax.numpy as jnp
 import numpy as np

@@ -25,11 +25,6 @@ def test_style_comes_and_goes():
     assert matplotlib.rcParams["font.size"] == before
 
 
-def test_axes_are_always_two_dimensional():
-    assert new_figure()[1].shape == (1, 1)
-    assert new_figure(2, 3)[1].shape == (2, 3)
-
-
 def test_the_same_drawing_gives_the_same_files(tmp_path):
     def write(name):
         with style():

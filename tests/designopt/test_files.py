@@ -61,26 +61,14 @@ def test_figures_end_as_their_kind():
 def test_a_file_is_replaced_when_the_new_one_is_complete(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("old")
+    with pytest.raises(KeyError), replaced_when_complete(path) as partial:  # noqa: PT012
+        partial.write_text("half")
+        raise KeyError
+    assert (path.read_text(), list(tmp_path.iterdir())) == ("old", [path])
     with replaced_when_complete(path) as partial:
         partial.write_text("new")
         assert path.read_text() == "old"
-    assert path.read_text() == "new"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_what_goes_wrong_leaves_the_old_file(tmp_path):
-    path = tmp_path / "t.csv"
-    path.write_text("old")
-
-    def write_half() -> None:
-        with replaced_when_complete(path) as partial:
-            partial.write_text("half")
-            raise KeyError
-
-    with pytest.raises(KeyError):
-        write_half()
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
+    assert (path.read_text(), list(tmp_path.iterdir())) == ("new", [path])
 
 
 def test_places_that_cannot_be_written_are_told(tmp_path):

@@ -42,22 +42,14 @@ def test_division_beyond_the_range_is_reported(dtype, numerator, denominator):
 
 def test_division_of_arrays_judges_every_element():
     with jax.enable_x64(False):
-        value, valid = safe_divide(jnp.asarray([3e38, 1.0]), jnp.asarray([3e-6, 2.0]))
-    assert valid.tolist() == [False, True]
-    assert value.tolist() == [0.0, 0.5]
-
-
-def test_division_by_infinity_is_zero():
-    value, valid = safe_divide(jnp.asarray(3.0), jnp.asarray(jnp.inf))
-    assert bool(valid)
-    assert float(value) == 0.0
+        value, valid = safe_divide(jnp.asarray([3e38, 1.0, 3.0]), jnp.asarray([3e-6, 2.0, jnp.inf]))
+    assert valid.tolist() == [False, True, True]
+    assert value.tolist() == [0.0, 0.5, 0.0]
 
 
 def test_square_root():
-    np.testing.assert_allclose(safe_sqrt(jnp.asarray([4.0, 0.0, -1.0])), [2, 0, 0])
-    np.testing.assert_allclose(
-        jax.vmap(jax.grad(safe_sqrt))(jnp.asarray([4.0, 0.0, -1.0])), [0.25, 0, 0]
-    )
+    roots = jax.vmap(jax.value_and_grad(safe_sqrt))(jnp.asarray([4.0, 0.0, -1.0]))
+    np.testing.assert_allclose(roots, [[2, 0, 0], [0.25, 0, 0]])
 
 
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
@@ -71,11 +63,6 @@ def test_square_root_has_finite_slopes_of_several_orders_where_it_is_zero(dtype)
 @given(y=moderate, x=moderate)
 def test_arctan2_is_the_plain_one(y, x):
     np.testing.assert_allclose(arctan2(y, x), np.arctan2(y, x))
-
-
-def test_arctan2_at_the_origin_is_finite():
-    slopes = jax.grad(safe_arctan2, argnums=(0, 1))(jnp.asarray(0.0), jnp.asarray(0.0))
-    assert np.all(np.isfinite(slopes))
 
 
 @given(first=moderate, second=moderate, lead=moderate)

@@ -46,11 +46,6 @@ def test_faulty_sweeps_are_told(texts, words):
     assert str(raised.value).startswith("--joint")
 
 
-def test_a_name_where_there_is_none():
-    with pytest.raises(UserError, match="no joint angle is named 'pip'; there are: none"):
-        grid_of(["pip=1"], "--sweep", {}, "joint angle")
-
-
 def test_single_values():
     assert single_values([], "--rate", ANGLES, "input") == {}
     given = single_values(["dip=-2", "slide=1e-3"], "--rate", ANGLES, "input")
@@ -74,6 +69,7 @@ def test_parts_of_a_text():
 @pytest.mark.parametrize(
     ("read", "words"),
     [
+        (lambda: grid_of(["pip=1"], "--sweep", {}, "joint angle"), "'pip'; there are: none$"),
         (lambda: split_name("=1", "--vary =1", "KEY=X"), "--vary =1: write it as KEY=X$"),
         (lambda: values_of("1:2", "--vary", "KEY"), "KEY=START:STOP:COUNT or KEY=VALUE,VALUE,…$"),
         (lambda: values_of("1,", "--vary", "KEY"), "'' is not a finite number"),

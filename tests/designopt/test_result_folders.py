@@ -93,17 +93,13 @@ def test_what_is_no_result_is_not_replaced(out, text):
         check_replaceable(out)
 
 
-def as_older_version(out) -> None:
+def test_a_result_of_an_older_version_is_what_it_names(out):
     document = json.loads((out / "results.json").read_text())
     for key in ("manifest", "checksum"):
         del document[key]
     document |= {"tables": ["tables/a.csv"], "figures": ["figures/a.svg", "figures/odd.svg"]}
     (out / "results.json").write_text(json.dumps(document))
     (out / "report.html").write_text("a report")
-
-
-def test_a_result_of_an_older_version_is_what_it_names(out):
-    as_older_version(out)
     assert {path.as_posix() for path in own_files(out)} == {
         "tables/a.csv",
         "figures/a.svg",

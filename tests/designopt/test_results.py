@@ -31,7 +31,6 @@ def test_unmet_metrics_are_listed():
 
 def test_table_from_columns():
     table = Table.of_columns("t", "title", {"a": [1, 2], "b": ["x", None]})
-    assert table.columns == ["a", "b"]
-    assert table.rows == [(1, "x"), (2, None)]
+    assert (table.columns, table.rows) == (["a", "b"], [(1, "x"), (2, None)])
     with pytest.raises(ValueError, match="shorter"):
         Table.of_columns("t", "title", {"a": [1, 2], "b": [1]})

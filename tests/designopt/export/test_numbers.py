@@ -28,10 +28,6 @@ def test_numbers_do_not_show_that_they_were_computed():
     assert '"value": 1080,' in text
 
 
-def test_a_name_that_cannot_be_printed_spoils_no_file():
-    assert json.loads(json_text("a\a\udcff", []))["name"] == "a  "
-
-
 def test_a_name_twice_is_a_fault_and_no_number_is_lost():
     quantities = [Quantity("a-b-c", 1.0, "mm"), Quantity("a-b-c", 2.0, "mm")]
     with pytest.raises(UserError, match=r"two numbers of crank are called 'a-b-c'; rename"):

@@ -1,7 +1,5 @@
 """A drawing as SVG, measured as a browser would."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
