@@ -176,7 +176,7 @@ def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> F
     pins, spring, camera = file.pins, file.spring, file.camera
     return Finger.of(
         Body.of(file.body),
-        pins and Pins(**{pin: np.array(place) for pin, place in pins.model_dump().items()}),
+        pins and Pins.of(pins),
         spring and FingerSpring(**spring.model_dump()),
         camera and FingerCamera.of(camera, camera.along, camera.depth, camera.tilt_deg),
         [FingerMirror(np.array([part.start, part.end]), part.phalanx) for part in file.mirrors],

@@ -6,6 +6,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.io.spec import Spec
 from designopt.numerics import as_float
 from designopt.vectors import Vector, vector
 
@@ -29,21 +30,14 @@ class Pins(eqx.Module):
     G: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
     H: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
 
+    @classmethod
+    def of(cls, table: Spec) -> Pins:
+        """Those of a file or of settings, whose keys are the pins' names."""
+        return cls(**{pin: np.array(place) for pin, place in table})
+
     def places(self) -> dict[str, Vector]:
         """The six places by the names of their pins."""
         return {name: vector(getattr(self, name)) for name in "FEDCGH"}
-
-
-def reference_pins() -> Pins:
-    """A feasible design for a finger 25 mm thick, the one that checks are made with (design B)."""
-    return Pins(
-        F=np.array([-7.75, -2.0]),
-        E=np.array([-21.27, 14.06]),
-        D=np.array([-2.49, 13.73]),
-        C=np.array([25.88, 5.27]),
-        G=np.array([11.13, 2.01]),
-        H=np.array([15.0, 19.0]),
-    )
 
 
 def pin_name(pin: str) -> str:

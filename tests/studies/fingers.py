@@ -6,13 +6,18 @@ from pathlib import Path
 
 from studies.models import Body, Finger, FingerSpring, Pins
 from studies.models.body import BodySpec
+from studies.models.grasp.spec import PinsSpec
 from studies.models.mirror_design.placement import reference_layout
 from studies.models.mirror_design.spec import MirrorSpec
-from studies.models.pins import reference_pins
 
 LENS = MirrorSpec().camera
 OLD = Path(__file__).parents[1] / "data" / "old_specs"
 """Of a result that was written before fingers had files."""
+
+
+def reference_pins() -> Pins:
+    """Design B, which settings have by default."""
+    return Pins.of(PinsSpec())
 
 
 def finger_of(pins: Pins | None = None, **body: float) -> Finger:

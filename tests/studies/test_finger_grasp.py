@@ -260,7 +260,7 @@ def test_implicit_gradients_against_central_differences(paths):
     Three with the circle out of reach: PIP moving, PIP at its stop and DIP moving, both at their
     stops. Then one with no contact yet, with one, with two, and one that is not found.
     """
-    path, states, unit = paths[0], [10, 25, 60, 60], float(FREE.moment_unit)
+    path, states, unit = paths[0], [10, 25, 60, 60], float(FREE.spring.moment_unit)
     forces = np.concatenate([np.zeros((3, 2)), path.forces[states] * 23 / unit])
     forces[-1] = 1e12
     guesses = Unknowns(
@@ -298,7 +298,7 @@ def test_implicit_gradients_against_central_differences(paths):
 def test_the_energys_slope_is_what_stops_and_contacts_bear(paths):
     path, state = paths[0], 60
     problem = eqx.tree_at(lambda p: p.command, path.problem, jnp.asarray(path.commands[state]))
-    unit = float(FREE.moment_unit)
+    unit = float(FREE.spring.moment_unit)
     slope = scipy.optimize.approx_fprime(
         path.joints[state], lambda q: unit * float(energy(problem, jnp.asarray(q))), 1e-7
     )
@@ -324,7 +324,7 @@ def test_complementarity_keeps_the_digits_of_small_moments(size):
         return a + b - mpmath.sqrt(a * a + b * b)
 
     with mpmath.workdps(40):
-        upper, weight = mpmath.mpf(math.pi / 2) - 0.5, mpmath.sqrt(float(FREE.contrast))
+        upper, weight = mpmath.mpf(math.pi / 2) - 0.5, mpmath.sqrt(float(FREE.spring.contrast))
         wanted = [either(mpmath.mpf(0.5), -either(upper, -m * weight)) for m in moments.tolist()]
     np.testing.assert_allclose(found, np.array(wanted, float), rtol=1e-14)
 

@@ -36,7 +36,7 @@ class Analysis:
         pinches: predictions, loadings and what they showed.
         box: on a square; ``None`` where it was not asked for.
         angles: of the stability map, rad.
-        ratios: φ₁ and φ₂ on their square, PIP in rows.
+        relative_pull: φ₂/φ₁ on their square, PIP in rows.
     """
 
     finger: Finger
@@ -47,7 +47,7 @@ class Analysis:
     pinches: list[tuple[Pinch, Path, Bracket]]
     box: Path | None
     angles: np.ndarray
-    ratios: np.ndarray
+    relative_pull: np.ndarray
 
     def paths(self) -> dict[str, Path]:
         """Every closing by a name for people."""
@@ -63,11 +63,6 @@ class Analysis:
     def compared(self) -> dict[str, Comparison]:
         """Forces both ways, by the names of `paths`."""
         return {name: compare(path) for name, path in self.paths().items()}
-
-    @property
-    def relative_pull(self) -> np.ndarray:
-        """φ₂/φ₁ on the square of `angles`."""
-        return self.ratios[..., 1] / self.ratios[..., 0]
 
 
 def analyze(finger: Finger, spec: GraspSpec, *, polygon: bool = True) -> Analysis:
@@ -99,6 +94,7 @@ def analyze(finger: Finger, spec: GraspSpec, *, polygon: bool = True) -> Analysi
         return close_all([cases.problem_of(finger, thing)], motion[None])[0]
 
     angles = np.linspace(0, float(body.flexion), 46)
+    ratios = ratio_map(finger, angles)
     return Analysis(
         finger=finger,
         free=close(None),
@@ -111,7 +107,7 @@ def analyze(finger: Finger, spec: GraspSpec, *, polygon: bool = True) -> Analysi
         ],
         box=close(cases.box(body)) if polygon else None,
         angles=angles,
-        ratios=ratio_map(finger, angles),
+        relative_pull=ratios[..., 1] / ratios[..., 0],
     )
 
 

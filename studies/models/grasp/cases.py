@@ -11,6 +11,7 @@ from studies.models.finger import Body, Finger, FingerSpring
 from studies.models.grasp.conditions import Problem
 from studies.models.grasp.objects import Circle, Object, Polygon
 from studies.models.grasp.spec import GraspSpec
+from studies.models.pins import Pins
 
 CHECK_RADIUS = 12.0
 """Least radius of the circle that is closed on, mm: that of the reference value."""
@@ -28,7 +29,7 @@ REACH = 0.94
 def finger_of(spec: GraspSpec) -> Finger:
     """The finger of the settings."""
     spring = FingerSpring(spec.spring_stiffness, spec.preload, spec.servo_stiffness)
-    return Finger.of(Body.of(spec.body), spec.pins.design(), spring)
+    return Finger.of(Body.of(spec.body), Pins.of(spec.pins), spring)
 
 
 def problem_of(finger: Finger, thing: Object | None, load: tuple[float, float] = (0, 0)) -> Problem:

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from designopt.batching import map_blocks
 from designopt.solution import Solution
 from studies.models.grasp.conditions import Problem, Unknowns, straight
 from studies.models.grasp.equilibrium import GRASP, State, solve, unknowns_of
@@ -54,7 +55,7 @@ def solve_closing(problem: Problem, commands: Float[Array, " steps"]) -> Solutio
     # which makes every state stable, and the drag fades (implicit Euler steps of a damped motion).
     # A loop, so that all tries share one compiled solve, and no more of them are made than some
     # closing of a batch needs.
-    contrast = problem.contrast
+    contrast = problem.spring.contrast
     drags = 0.1 * (contrast + 1 / contrast) * jnp.asarray([1.0, 1e-4], commands.dtype)
 
     def move(
@@ -82,17 +83,10 @@ def solve_closing(problem: Problem, commands: Float[Array, " steps"]) -> Solutio
             drag = jnp.where(creeping, fading, jnp.where(stuck, drags[0], 0.0))
             faded = creeping & (drag < drags[1])
             done = jnp.where(ok & ~creeping, reach, state.done)
-            return _Attempt(
-                state.count + 1,
-                done,
-                jnp.where(creeping | stuck, 1.0, stride),
-                jnp.where(faded, 0.0, drag),
-                good,
-                found,
-            )
+            stride, drag = jnp.where(creeping | stuck, 1.0, stride), jnp.where(faded, 0.0, drag)
+            return _Attempt(state.count + 1, done, stride, drag, good, found)
 
-        shape = jax.eval_shape(_solve, problem, last)
-        nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
+        nothing = jax.tree.map(jnp.zeros_like, jax.eval_shape(_solve, problem, last))
         zero, one = jnp.zeros_like(command), jnp.ones_like(command)
         done = jax.lax.while_loop(
             lambda state: (state.done < 1) & (state.count < TRIES),
@@ -163,20 +157,10 @@ def close_all(problems: Sequence[Problem], commands: np.ndarray) -> list[Path]:
         problems: with the same body.
         commands: motor angles, shape (problems, `STEPS`), rad.
     """
-    paths = []
-    for start in range(0, len(problems), LANES):
-        block, moves = list(problems[start : start + LANES]), commands[start : start + LANES]
-        count = len(block)
-        fill = 1 if len(problems) == 1 else LANES
-        block += [block[-1]] * (fill - count)
-        moves = np.concatenate([moves, np.repeat(moves[-1:], fill - count, axis=0)])
-        # Through NumPy, so that a Python number and an array make the same program.
-        stacked = jax.tree.map(
-            lambda *leaves: jnp.asarray(np.stack([np.asarray(leaf) for leaf in leaves])), *block
-        )
-        found = _close_batch(stacked, jnp.asarray(moves))
-        paths += [_path(problems[start + i], moves[i], _item(found, i)) for i in range(count)]
-    return paths
+    # Through NumPy, so that a Python number and an array make the same program.
+    stacked = jax.tree.map(lambda *leaves: np.stack([*map(np.asarray, leaves)]), *problems)
+    found = map_blocks(_close_batch, 1 if len(problems) == 1 else LANES, stacked, commands)
+    return [_path(problem, commands[i], _item(found, i)) for i, problem in enumerate(problems)]
 
 
 def _item(found: Any, index: int) -> Any:
@@ -184,7 +168,6 @@ def _item(found: Any, index: int) -> Any:
 
 
 def _path(problem: Problem, commands: np.ndarray, found: Solution[State]) -> Path:
-    state = jax.tree.map(np.asarray, found.value)
     ok = np.asarray(found.ok)
     # Reading messages costs a call each, so only those of failed states are read.
     bad = np.flatnonzero(~ok)
@@ -192,7 +175,7 @@ def _path(problem: Problem, commands: np.ndarray, found: Solution[State]) -> Pat
     return Path(
         problem,
         commands,
-        **vars(state),
+        **vars(found.value),
         residual=np.asarray(found.residual),
         margin=np.asarray(found.margin),
         ok=ok,

@@ -60,11 +60,9 @@ def setting_of(problem: Problem, command: float) -> exact.Setting:
     """A problem in plain numbers, as the oracle takes it; of objects it takes circles."""
     finger, thing = problem.finger, problem.thing
     body, spring = jax.tree.map(float, (finger.body, problem.spring))
-    circle = (
-        (complex(*thing.center.tolist()), float(thing.radius))
-        if isinstance(thing, Circle)
-        else None
-    )
+    circle = None
+    if isinstance(thing, Circle):
+        circle = complex(*thing.center.tolist()), float(thing.radius)
     return exact.Setting(
         pins={name: complex(*getattr(finger.pins, name).tolist()) for name in "CDEFGH"},
         lengths=(body.intermediate, body.distal),

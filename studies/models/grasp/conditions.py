@@ -50,7 +50,10 @@ class Problem(eqx.Module):
 
     @property
     def spring(self) -> FingerSpring:
-        """The finger's spring and servo."""
+        """The finger's spring and servo.
+
+        Moments are computed in its `moment_unit`, forces in that over `length_unit`.
+        """
         return spring_of(self.finger)
 
     @property
@@ -60,7 +63,7 @@ class Problem(eqx.Module):
 
     @property
     def moment_unit(self) -> Float[Array, ""]:
-        """√(k k_s), N mm: moments are computed in this unit, forces in it over `length_unit`."""
+        """√(k k_s), N mm."""
         return self.spring.moment_unit
 
     @property
@@ -68,9 +71,14 @@ class Problem(eqx.Module):
         """Length between the two joints, mm; gaps are computed in this unit."""
         return self.finger.body.intermediate
 
+    @property
+    def limit(self) -> Float[Array, ""]:
+        """Upper stop of both joints, rad."""
+        return self.finger.body.flexion
+
 
 class Unknowns(eqx.Module):
-    """Joints (rad), motor moment in `Problem.moment_unit`, forces in that over `length_unit`."""
+    """Joints (rad), motor moment in the spring's moment unit, forces in that over `length_unit`."""
 
     joints: Float[Array, "*batch 2"]
     motor: Float[Array, "*batch"]
@@ -133,8 +141,8 @@ def parts_at(problem: Problem, unknowns: Unknowns) -> Parts:
     """What all conditions are made of, in one posture."""
     finger, joints = problem.finger, unknowns.joints
     found = transfer(finger, joints)
-    spring = problem.contrast * (found.winding + problem.spring.preload) * found.slope
-    slack = -unknowns.motor * found.ratios - problem.load / problem.moment_unit
+    spring = problem.spring.contrast * (found.winding + problem.spring.preload) * found.slope
+    slack = -unknowns.motor * found.ratios - problem.load / problem.spring.moment_unit
     slack = slack + jnp.stack([jnp.zeros_like(spring), spring])
     slack = slack + problem.drag * (joints - problem.resting)
     touch = touches(problem, joints)
@@ -172,11 +180,11 @@ def touches(problem: Problem, joints: Joints) -> Touch:
 
 
 def energy(problem: Problem, joints: Joints) -> Float[Array, ""]:
-    """U(q) over `Problem.moment_unit`."""
-    found, contrast = transfer(problem.finger, joints), problem.contrast
+    """U(q) over the spring's `moment_unit`."""
+    found, contrast = transfer(problem.finger, joints), problem.spring.contrast
     wound, lag = found.winding + problem.spring.preload, problem.command - found.crank
     work = problem.load[0] * joints[0] + problem.load[1] * joints[1]
-    return (contrast * wound * wound + lag * lag / contrast) / 2 - work / problem.moment_unit
+    return (contrast * wound * wound + lag * lag / contrast) / 2 - work / problem.spring.moment_unit
 
 
 def straight(problem: Problem) -> Unknowns:
@@ -204,20 +212,15 @@ def conditions(
     gaps: Float[Array, " contacts"],
 ) -> Unknowns:
     """`equations`, from what the mechanism does: α − φ, F, and gaps over the length unit."""
-    joints, contrast = unknowns.joints, problem.contrast
+    joints, contrast = unknowns.joints, problem.spring.contrast
     # Weights decide which of two conditions a step believes in. Moments are of order κ or 1/κ
     # where the servo is the stiffer part, and √κ is as far from both.
     soft, stiff = jnp.sqrt(jnp.minimum(contrast, 1.0)), jnp.maximum(contrast, 1.0)
     weights = soft * jnp.stack([stiff, 1 / stiff])
-    box = _either(joints, -_either(limit(problem) - joints, -slack * weights))
+    box = _either(joints, -_either(problem.limit - joints, -slack * weights))
     motor = (contrast * unknowns.motor - lag) / stiff
     touching = _either(gaps, unknowns.forces * soft * stiff)
     return Unknowns(box, motor, touching)
-
-
-def limit(problem: Problem) -> Float[Array, ""]:
-    """Upper stop of both joints, rad."""
-    return problem.finger.body.flexion
 
 
 def _either(first: Float[Array, " n"], second: Float[Array, " n"]) -> Float[Array, " n"]:

@@ -19,7 +19,6 @@ from studies.models.grasp.conditions import (
     Unknowns,
     conditions,
     equations,
-    limit,
     linear_at,
     parts_at,
 )
@@ -112,7 +111,7 @@ def _found(
     Optimistix' Newton compiles to, which evaluates it for its steps and leaves it to the caller to
     evaluate it for the judgement.
     """
-    upper, contrast = limit(problem), problem.contrast
+    upper, contrast = problem.limit, problem.spring.contrast
     least = jnp.minimum(contrast, 1 / contrast)
 
     def turn(state: _Iteration) -> _Iteration:
@@ -136,8 +135,7 @@ def _found(
         return _Iteration(state.count + 1, settled, share, *kept)
 
     one, still = jnp.ones_like(least), jax.tree.map(jnp.zeros_like, guess)
-    shape = jax.eval_shape(linear_at, problem, guess)
-    nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
+    nothing = jax.tree.map(jnp.zeros_like, jax.eval_shape(linear_at, problem, guess))
     last = jax.lax.while_loop(
         lambda state: ~state.settled & (state.count <= max_steps),
         turn,
@@ -228,21 +226,19 @@ def _solved(
 
 def unknowns_of(problem: Problem, state: State) -> Unknowns:
     """A state as the guess for a problem of the same finger and object."""
-    unit = problem.moment_unit
+    unit = problem.spring.moment_unit
     return Unknowns(state.joints, state.motor / unit, state.forces * problem.length_unit / unit)
 
 
 def _judged(problem: Problem, found: Unknowns, linear: Linear) -> Solution[State]:
     joints, parts = found.joints, linear.parts
-    unit = problem.moment_unit
-    state = State(
-        joints,
+    unit, length = problem.spring.moment_unit, problem.length_unit
+    motor, forces, gaps = (
         found.motor * unit,
-        found.forces * unit / problem.length_unit,
-        parts.touch.gaps * problem.length_unit,
-        parts.touch.along,
-        parts.slack * unit,
+        found.forces * unit / length,
+        parts.touch.gaps * length,
     )
+    state = State(joints, motor, forces, gaps, parts.touch.along, parts.slack * unit)
     # Judgements carry no derivative; that of eigenvalues would not be finite where two coincide.
     seen = jax.lax.stop_gradient((problem, found, linear))
     residual, margin = _violation(*seen), _stability(*seen)
@@ -257,11 +253,11 @@ def _judged(problem: Problem, found: Unknowns, linear: Linear) -> Solution[State
 
 def _violation(problem: Problem, found: Unknowns, linear: Linear) -> Float[Array, ""]:
     """The largest violation by plain comparisons, not by the functions that were solved."""
-    contrast, joints, parts = problem.contrast, found.joints, linear.parts
-    upper = limit(problem)
+    contrast, joints, parts = problem.spring.contrast, found.joints, linear.parts
+    upper = problem.limit
     # Moments in play: what the motor gives now, and for the DIP joint what the spring gives.
     motor = jnp.abs(found.motor) * jnp.max(jnp.abs(parts.ratios))
-    load = jnp.max(jnp.abs(problem.load)) / problem.moment_unit
+    load = jnp.max(jnp.abs(problem.load)) / problem.spring.moment_unit
     spring = contrast * jnp.abs(problem.spring.preload) + jnp.zeros_like(motor)
     floor = jnp.minimum(contrast, 1 / contrast)
     largest = jnp.stack([motor + load, motor + load + spring]) + floor
@@ -279,10 +275,10 @@ def _violation(problem: Problem, found: Unknowns, linear: Linear) -> Float[Array
 
 def _stability(problem: Problem, found: Unknowns, linear: Linear) -> Float[Array, ""]:
     """Least curvature of energy − Σ f g along what is free, over the largest; 1 if nothing is."""
-    joints, contrast, parts = found.joints, problem.contrast, linear.parts
+    joints, contrast, parts = found.joints, problem.spring.contrast, linear.parts
     # F with the motor's moment held is the gradient but for what the servo's stiffness adds.
     curvature = linear.curvature + jnp.outer(parts.ratios, parts.ratios) / contrast
-    upper = limit(problem)
+    upper = problem.limit
     moment = jnp.abs(parts.slack)
     held = jnp.minimum(joints, upper - joints) < moment
     normals = jnp.where(held[:, None], jnp.eye(2, dtype=joints.dtype), 0.0)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from designopt.plot.figures import PALETTE, legend_below, new_figure, share_limits
+from designopt.plot.figures import PALETTE, new_figure, share_limits
 from studies.models.grasp.analysis import CLOSED, Analysis, radius_of
 from studies.models.grasp.closing import Path
 from studies.models.grasp.pinch import APPROACH
@@ -47,17 +47,8 @@ def draw_sequences(found: Analysis) -> Figure:
     for axis in axes[:, 0]:
         axis.set_ylabel("y (mm)")
     share_limits(axes.flat[: len(shown)])
-    # Every name once, by what is drawn full: the last of its name.
-    named = {
-        label: handle
-        for axis in axes.flat[: len(shown)]
-        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
-    }
-    for axis in axes.flat[len(shown) :]:  # where no drawing stands the legend does
+    for axis in axes.flat[len(shown) :]:
         axis.set_axis_off()
-        axis.legend(named.values(), named.keys(), loc="center")
-    if axes.size == len(shown):
-        legend_below(drawing)
     return drawing
 
 

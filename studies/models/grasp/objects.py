@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -33,12 +34,13 @@ class Contacts(eqx.Module):
 
 
 class Object(eqx.Module):
-    """What the finger closes on."""
+    """What the finger closes on.
 
-    @property
-    @abc.abstractmethod
-    def count(self) -> int:
-        """Places at which it can touch one pad at once."""
+    Attributes:
+        count: places at which it can touch one pad at once.
+    """
+
+    count: ClassVar[int]
 
     @abc.abstractmethod
     def contacts(self, pad: Pad) -> Contacts:
@@ -59,11 +61,7 @@ class Circle(Object):
 
     center: Float[Array, "2"] = eqx.field(converter=as_float)
     radius: Float[Array, ""] = eqx.field(converter=as_float)
-
-    @property
-    def count(self) -> int:
-        """One."""
-        return 1
+    count: ClassVar[int] = 1
 
     def contacts(self, pad: Pad) -> Contacts:
         """Gap = distance of the centre from the segment − radius.
@@ -82,11 +80,7 @@ class Circle(Object):
             jnp.where(beside, 0.0, to_pad.x * inverse), jnp.where(beside, 1.0, to_pad.y * inverse)
         )
         turned = normal.turned(pad.along)
-        return Contacts(
-            gap=(distance - self.radius)[None],
-            along=(pad.offset + nearest)[None],
-            normal=turned[None],
-        )
+        return Contacts((distance - self.radius)[None], (pad.offset + nearest)[None], turned[None])
 
     def outline(self) -> Float[Array, "points 2"]:
         """A regular polygon of 180 corners."""
@@ -97,18 +91,15 @@ class Circle(Object):
 class Polygon(Object):
     """A convex object with sharp corners.
 
-    A pad can lie flat on a side: that is two contacts at once, the ends of what both share.
+    A pad can lie flat on a side: that is two contacts at once, the ends of what both share. On
+    others one of the two is open.
 
     Attributes:
         corners: counter-clockwise, mm.
     """
 
     corners: Float[Array, "corners 2"] = eqx.field(converter=as_float)
-
-    @property
-    def count(self) -> int:
-        """Two: one of them is open unless the pad lies flat on a side."""
-        return 2
+    count: ClassVar[int] = 2
 
     def contacts(self, pad: Pad) -> Contacts:
         """Gap along the separating axis: the largest over all axes of the least distance along it.
@@ -165,11 +156,7 @@ class Polygon(Object):
         normal = Vector(
             jnp.where(on_side, facing.y, 0.0), jnp.where(on_side, -facing.x, 1.0)
         ).turned(pad.along)
-        return Contacts(
-            gap=gap,
-            along=pad.offset + along,
-            normal=stack(normal, normal),
-        )
+        return Contacts(gap, pad.offset + along, stack(normal, normal))
 
     def outline(self) -> Float[Array, "points 2"]:
         """Its corners, the first once more."""

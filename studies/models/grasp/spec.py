@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import Field, PositiveFloat, model_validator
 
 from designopt.io.spec import Spec
 from designopt.study.settings import setting
 from studies.models.body import BodySpec
-
-if TYPE_CHECKING:
-    from studies.models.pins import Pins
 
 Coordinate = Annotated[float, Field(ge=-1e3, le=1e3)]
 Place = tuple[Coordinate, Coordinate]
@@ -21,7 +18,10 @@ Diameter = Annotated[float, Field(ge=1, le=500)]
 
 
 class PinsSpec(Spec):
-    """Pins in the straight finger, mm, [x, y] from the PIP axis; the default is design B."""
+    """Pins in the straight finger, mm, [x, y] from the PIP axis.
+
+    The default is a feasible design for a finger 25 mm thick (design B).
+    """
 
     F: Place = setting((-7.75, -2.0), "axis of the crank (mm)")
     E: Place = setting((-21.27, 14.06), "crank and rod (mm)")
@@ -29,15 +29,6 @@ class PinsSpec(Spec):
     C: Place = setting((25.88, 5.27), "plate and distal phalanx (mm)")
     G: Place = setting((11.13, 2.01), "bar and intermediate phalanx (mm)")
     H: Place = setting((15.0, 19.0), "bar and plate, the paper's G' (mm)")
-
-    def design(self) -> Pins:
-        """The pins as a design."""
-        # Imported here, so that listing the study does not load JAX.
-        import numpy as np
-
-        from studies.models.pins import Pins
-
-        return Pins(**{name: np.array(getattr(self, name)) for name in "FEDCGH"})
 
 
 class GraspSpec(Spec):
