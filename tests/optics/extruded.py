@@ -1,7 +1,5 @@
 """The packaged finger and its views; by plain NumPy its camera, images and rays in space."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
@@ -17,7 +15,7 @@ from optics.visibility.coverage import find_views
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, ViewResult, name_paths
 from studies.models import packaged_finger
-from tests.optics.scenes import Posed, mirrored
+from tests.optics.scenes import Posed, mirrored, pairs
 
 Lens = Callable[[Any], Any]
 """Heights in focal lengths of rays at angles (rad) from the axis."""
@@ -118,8 +116,8 @@ def unfolded(posed: Posed, word: Sequence[int], places: np.ndarray) -> np.ndarra
     The real axis is the camera's optical axis, the imaginary one is to the left of it.
     """
     for mirror in reversed(word):
-        places = mirrored(places, posed.complex_ends[mirror])
-    return (places - posed.complex_position) * np.exp(-1j * posed.direction)
+        places = mirrored(places, posed.ends[mirror])
+    return (places - posed.position) * np.exp(-1j * posed.direction)
 
 
 def followed(
@@ -137,10 +135,10 @@ def followed(
         slope: way along z per way in the section.
         beside: z of the camera, mm.
     """
-    place = np.array([*posed.position, beside])
+    place = np.array([*pairs(posed.position), beside])
     ahead = direction_of(angle + posed.direction, slope)
     for surface in [*word, len(LAYOUT.mirrors) + pad]:
-        (x0, y0), (x1, y1) = posed.ends[surface]
+        (x0, y0), (x1, y1) = pairs(posed.ends[surface])
         normal = np.cross([x1 - x0, y1 - y0, 0.0], [0.0, 0.0, 1.0])
         normal /= np.linalg.norm(normal)
         place = place + ahead * ((np.array([x0, y0, 0.0]) - place) @ normal / (ahead @ normal))

@@ -4,8 +4,6 @@ All scenes but the finger have one structure, so that the engine is compiled onc
 surface that a scene does not need has no length there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -22,6 +20,7 @@ from optics.visibility.coverage import find_views
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces
 from studies.oracles.rays import Fans, Structure
+from studies.oracles.scenes import rounded
 
 LAYOUT = Layout(
     name="test",
@@ -39,7 +38,6 @@ LAYOUT = Layout(
     camera_frame=0,
     bounces=2,
 )
-"""In reverse order the sides of each kind are swapped and the frames are the same."""
 
 MIRRORS, PADS, SURFACES = len(LAYOUT.mirrors), len(LAYOUT.pads), len(LAYOUT.surfaces)
 LEFT, BOTH, RIGHT = range(3)
@@ -94,45 +92,6 @@ def scene_of(case: Case) -> Scene:
         blockers,
         jnp.asarray(case.hinges),
         LAYOUT,
-    )
-
-
-Named = Mapping[str, tuple[int, Any]]
-
-
-def still(
-    camera: Camera,
-    *,
-    mirrors: Named | None = None,
-    pads: Named | None = None,
-    blockers: Named | None = None,
-    curves: Mapping[str, tuple[float, float]] | None = None,
-    bounces: int | None = None,
-) -> Scene:
-    """A scene without joints: surfaces by name, as (side, ends); curves as (radius, conic)."""
-
-    def ends(known: Named | None) -> Array:
-        return jnp.array([part for _, part in (known or {}).values()], float).reshape(-1, 2, 2)
-
-    def surfaces(known: Named | None) -> tuple[Surface, ...]:
-        return tuple(Surface(name, side) for name, (side, _) in (known or {}).items())
-
-    names, bent = list(mirrors or {}), curves or {}
-    curved = [number for number, name in enumerate(names) if name in bent]
-    numbers = np.array([bent[names[number]] for number in curved], float).reshape(-1, 2)
-    reflections = min(len(names), 1) if bounces is None else bounces
-    kinds = surfaces(mirrors), tuple(curved), surfaces(pads), surfaces(blockers)
-    layout = Layout("test", *kinds, (), (), WORLD, reflections)
-    return Scene(
-        camera,
-        ends(mirrors),
-        jnp.asarray(numbers[:, 0]),
-        jnp.asarray(numbers[:, 1]),
-        ends(pads),
-        jnp.zeros(len(pads or {})),
-        ends(blockers),
-        jnp.zeros((0, 2)),
-        layout,
     )
 
 
@@ -312,55 +271,30 @@ class Posed(NamedTuple):
     """A scene in a pose, for methods that are not the library's; its fields are those of `Fans`.
 
     Attributes:
-        ends: of all surfaces, shape (surfaces, 2, 2).
-        position: of the camera.
+        ends: of all surfaces, complex, shape (surfaces, 2).
+        position: of the camera, complex.
         direction: of its axis, rad.
         field_of_view: of the camera, rad.
         grazing: least grazing angles of the pads, rad.
     """
 
     ends: np.ndarray
-    position: np.ndarray
+    position: complex
     direction: float
     field_of_view: float
     grazing: np.ndarray
 
-    @property
-    def complex_ends(self) -> np.ndarray:
-        """Ends of all surfaces as complex numbers, shape (surfaces, 2)."""
-        return self.ends @ [1, 1j]
-
-    @property
-    def complex_position(self) -> complex:
-        """Position of the camera as a complex number."""
-        return complex(*self.position)
-
 
 def posed(scene: Scene, angles: Any) -> Posed:
-    """A scene in a pose, by complex numbers: frame by frame, the innermost first."""
-    layout, hinges = scene.layout, np.asarray(scene.hinges) @ [1, 1j]
+    """A scene in a pose, placed in 50 digits (`studies.oracles.scenes`)."""
+    plain = rounded(scene, angles)
+    ends, grazing = np.array(plain.surfaces.ends), np.array(plain.surfaces.grazing, float)
+    return Posed(ends, plain.camera, float(np.angle(plain.axis)), 2 * plain.half, grazing)
 
-    def moved(place: np.ndarray, frame: int) -> np.ndarray:
-        while frame != WORLD:
-            joint = layout.frames[frame]
-            turn = np.exp(1j * joint.sign * float(angles[joint.angle]))
-            place = hinges[frame] + turn * (place - hinges[frame])
-            frame = joint.parent
-        return place
 
-    ends = np.concatenate([np.asarray(s) for s in (scene.mirrors, scene.pads, scene.blockers)])
-    parts = zip(ends @ [1, 1j], layout.surfaces, strict=True)
-    places = np.array([moved(end, part.frame) for end, part in parts])
-    camera = scene.camera
-    ahead = np.array([0, np.exp(1j * float(camera.direction))])
-    position, ahead = moved(np.asarray(camera.position) @ [1, 1j] + ahead, layout.camera_frame)
-    return Posed(
-        np.stack([np.real(places), np.imag(places)], axis=-1),
-        np.array([position.real, position.imag]),
-        float(np.angle(ahead - position)),
-        float(camera.field_of_view),
-        np.asarray(scene.grazing),
-    )
+def pairs(places: Any) -> np.ndarray:
+    """The x and y of complex numbers."""
+    return np.stack([np.real(places), np.imag(places)], axis=-1)
 
 
 def structure_of(layout: Layout) -> Structure:
@@ -370,7 +304,8 @@ def structure_of(layout: Layout) -> Structure:
 
 def fans_of(scenes: Sequence[Posed]) -> Fans:
     """Scenes in their poses, for the oracle that shoots rays."""
-    return Fans(*(np.stack(parts) for parts in zip(*scenes, strict=True)))
+    ends, position, *others = (np.stack(parts) for parts in zip(*scenes, strict=True))
+    return Fans(pairs(ends), pairs(position), *others)
 
 
 def posed_cases(cases: Case) -> list[Posed]:
@@ -385,45 +320,3 @@ def mirrored(place: Any, mirror: np.ndarray) -> Any:
     """Image of places in the line through two others; all are complex numbers."""
     start, step = mirror[0], mirror[1] - mirror[0]
     return start + np.conj((place - start) / step) * step
-
-
-def left_by(places: Any, line: np.ndarray) -> Any:
-    """Positive left of the line through two places; all are complex numbers."""
-    return ((places - line[0]) * np.conj(line[1] - line[0])).imag
-
-
-class Images(NamedTuple):
-    """One path by mirror images, one after the other; places are complex numbers.
-
-    Attributes:
-        ends: of all surfaces, shape (surfaces, 2).
-        camera: where the camera is.
-        word: the mirrors along the path.
-    """
-
-    ends: np.ndarray
-    camera: complex
-    word: Sequence[int]
-
-    @property
-    def mirrors(self) -> list[np.ndarray]:
-        """Ends of the mirrors along the path."""
-        return [self.ends[mirror] for mirror in self.word]
-
-    @property
-    def sources(self) -> list[complex]:
-        """The camera and its images, one for every leg."""
-        found = [self.camera]
-        for mirror in self.mirrors:
-            found.append(mirrored(found[-1], mirror))
-        return found
-
-    def behind(self, places: Any, leg: int) -> Any:
-        """Places of a leg behind the last mirror."""
-        for mirror in self.mirrors[leg:]:
-            places = mirrored(places, mirror)
-        return places
-
-    def side_of(self, order: int) -> float:
-        """On which side (+1 left, −1 right) of a mirror the view comes to it."""
-        return np.sign(left_by(self.sources[order], self.mirrors[order]))

@@ -1,9 +1,5 @@
 """Edge-refined views: against the exact engine, dense fans of rays, and central differences."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,10 +7,8 @@ import numpy as np
 import pytest
 
 from optics import Scene, find_views, parse_scene, read_scene, trace_rays, trace_views
-from tests.helpers import load_toml
+from tests.helpers import SCENES, load_toml
 from tests.refusals import changed
-
-GALLERY = Path(__file__).parents[2] / "studies" / "gallery" / "scenes"
 
 CURVED = load_toml("scenes/curved.toml")
 
@@ -28,7 +22,7 @@ def curved(radius: float = -30.0, conic: float = 0.0) -> Scene:
 
 @pytest.mark.slow
 def test_agrees_with_the_exact_engine_on_the_finger():
-    finger = read_scene(GALLERY / "finger.toml")
+    finger = read_scene(SCENES / "finger.toml")
     for pip, dip in ((0.0, 20.0), (47.0, 61.0)):
         angles = jnp.deg2rad(jnp.asarray([pip, dip]))
         exact, traced = find_views(finger, angles), trace_views(finger, angles)

@@ -1,7 +1,5 @@
 """A finger out of place, against the same by complex numbers; names of errors; derivatives."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 
@@ -13,16 +11,9 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 from optics.scene.camera import Equidistant, KannalaBrandt, Pinhole
-from optics.scene.fabrication import (
-    Fabrication,
-    displaced,
-    name_fabrication_errors,
-    perturb,
-    scale_errors,
-    turned,
-)
+from optics.scene.fabrication import Fabrication, name_fabrication_errors, perturb, scale_errors
 from optics.scene.scene import Scene
-from tests.helpers import central_differences
+from tests.helpers import check_gradients
 from tests.optics.extruded import finger
 
 ROUNDING = 1e-13
@@ -118,17 +109,6 @@ def test_errors_move_parts_as_complex_numbers_do(held):
     )
 
 
-def test_random_segments_are_turned_and_displaced():
-    rng = np.random.default_rng(1)
-    ends, (angle, offset) = rng.uniform(-50, 50, (20, 2, 2)), rng.uniform(-3, 3, (2, 20))
-    given = [jnp.asarray(part) for part in (ends, angle, offset)]
-    wanted = numbers(ends) * np.exp(1j * angle)[:, None]
-    np.testing.assert_allclose(numbers(turned(*given[:2])), wanted, rtol=ROUNDING)
-    wanted = tilted(numbers(ends), angle)
-    wanted = wanted + 1j * offset[:, None] * along(wanted)
-    np.testing.assert_allclose(numbers(displaced(*given)), wanted, rtol=100 * ROUNDING)
-
-
 def test_every_error_has_its_name_in_the_order_of_the_entries():
     layout, errors = finger().layout, flawed(distortion=jnp.array(0.0))
     names, entries = name_fabrication_errors(layout, errors), ravel_pytree(errors)[0]
@@ -213,9 +193,4 @@ def test_derivatives_of_what_is_made():
 
     # None at all, and some.
     designs = np.stack([np.zeros(len(start)), rng.uniform(-0.3, 0.3, len(start))])
-    batch = [jnp.asarray(part) for part in designs.T]
-    found = np.stack(jax.jit(jax.vmap(jax.grad(weighed)))(batch), axis=-1)
-    compiled = jax.jit(weighed)
-    for index in range(2):
-        wanted = central_differences(compiled, [part[index] for part in batch])
-        np.testing.assert_allclose(found[index], wanted, atol=SLOPES)
+    check_gradients(weighed, [*jnp.asarray(designs.T)], atol=SLOPES)

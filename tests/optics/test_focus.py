@@ -1,7 +1,5 @@
 """Focus: blur and depth of field along views, against dense sampling of the unfolded path."""
 
-from __future__ import annotations
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp

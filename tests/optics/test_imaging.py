@@ -1,18 +1,16 @@
-"""The image of a camera against directions in space, OpenCV, and central differences."""
+"""The image of a camera against directions in space, and central differences."""
 
-from __future__ import annotations
-
-import cv2
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole, Projection
+from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Projection
 from optics.scene.imaging import Imaging
-from tests.helpers import central_differences
+from tests.helpers import check_gradients
 from tests.optics.extruded import direction_of, imaged
+from tests.optics.test_camera import COEFFICIENTS, PROJECTIONS
 
 ROUNDING = 1e-12
 """Of a few operations, relative; an arc cosine near the axis loses two digits of them."""
@@ -23,15 +21,9 @@ SLOPES = 1e-8
 SINGLE = 5e-7
 """A few units of rounding in float32, of unit vectors; the table behind them errs by 1e-8."""
 
-COEFFICIENTS = [0.05, -0.01, 0.001, 0.0]
 POLYNOMIAL = [1, 0, *np.ravel([[k, 0] for k in COEFFICIENTS])]
 """θ + k₁ θ³ + … over θ, by falling importance of its powers."""
 
-PROJECTIONS = {
-    "pinhole": Pinhole(),
-    "equidistant": Equidistant(),
-    "kannala-brandt": KannalaBrandt(jnp.array(COEFFICIENTS)),
-}
 LENSES = {
     "pinhole": np.tan,
     "equidistant": lambda angle: angle,
@@ -64,36 +56,12 @@ def rays(seed: int, name: str) -> np.ndarray:
     return np.stack([np.radians(rng.uniform(-widest, widest, COUNT)), slopes], axis=-1)
 
 
-def points(seed: int) -> np.ndarray:
-    """Places before the camera: to the right, down and forward."""
-    return np.random.default_rng(seed).uniform([-40, -30, 5], [40, 30, 60], (COUNT, 3))
-
-
-def matrix(name: str) -> np.ndarray:
-    """OpenCV's camera matrix."""
-    focal = ROWS / 2 / LENSES[name](HALF_VIEW)
-    return np.array([[focal, 0, (COLUMNS - 1) / 2], [0, focal, (ROWS - 1) / 2], [0, 0, 1]])
-
-
 @every_lens
 def test_rays_are_imaged_where_their_direction_in_space_says(name):
     angle, slope = rays(0, name).T
     places = place(imaging(PROJECTIONS[name]), jnp.asarray(angle), jnp.asarray(slope))
     wanted = imaged(angle, slope, LENSES[name], HALF_VIEW, ROWS, COLUMNS)
     np.testing.assert_allclose(places, wanted, rtol=ROUNDING, atol=ROWS * ROUNDING)
-
-
-@pytest.mark.parametrize("name", ["pinhole", "kannala-brandt"])
-def test_places_are_those_of_opencv(name):
-    (x, y, z), rest = points(1).T, np.zeros(3)
-    if name == "pinhole":
-        wanted, _ = cv2.projectPoints(points(1), rest, rest, matrix(name), np.zeros(4))
-    else:
-        lens = np.array(COEFFICIENTS)
-        wanted, _ = cv2.fisheye.projectPoints(points(1)[None], rest, rest, matrix(name), lens)
-    angle, slope = jnp.asarray(np.arctan2(-y, z)), jnp.asarray(x / np.hypot(y, z))
-    places = place(imaging(PROJECTIONS[name]), angle, slope)
-    np.testing.assert_allclose(places, wanted.reshape(-1, 2), rtol=ROUNDING, atol=ROWS * ROUNDING)
 
 
 @every_lens
@@ -164,11 +132,7 @@ def test_derivatives_of_places_and_rays(name):
     lens = COEFFICIENTS if isinstance(projection, KannalaBrandt) else []
     constants = [np.full(count, number) for number in (2.0, *lens)]
     designs = [jnp.asarray(part) for part in (angles, slopes, columns, rows, *constants)]
-    found = np.stack(jax.jit(jax.vmap(jax.grad(both)))(designs), axis=-1)
-    compiled = jax.jit(both)
-    for i in range(count):
-        wanted = central_differences(compiled, [part[i] for part in designs])
-        np.testing.assert_allclose(found[i], wanted, atol=10 * SLOPES)
+    check_gradients(both, designs, atol=10 * SLOPES)
 
 
 @every_lens

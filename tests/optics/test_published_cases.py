@@ -4,8 +4,6 @@ The cases, with their sources and tolerances, stand in ``tests/data/optics.json`
 through the public functions, and through ``designopt trace`` on a file wherever one can express it.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence

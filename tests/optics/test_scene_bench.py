@@ -2,17 +2,14 @@
 
 import functools
 import tomllib
-from pathlib import Path
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from designopt.errors import UserError
-from designopt.plot.figures import style
 from optics.explore.scene_bench import SceneBench
 from optics.explore.scene_knobs import ParameterMap
 from optics.explore.scene_seeing import _coverage, _quickly, _views
@@ -23,23 +20,19 @@ from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage, find_views
 from optics.visibility.sharpness import find_sharpness
 from studies.oracles.rays import bounds
-from tests.helpers import load_toml, readings
+from tests.helpers import SCENES, assert_same, figure_of, load_toml, nightly, readings
 from tests.optics.scenes import fans_of, posed, structure_of
-
-GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
 
 
 @functools.cache
 def design(name):
-    return DesignedScene.read(GALLERY / f"{name}.toml")
+    return DesignedScene.read(SCENES / f"{name}.toml")
 
 
 def opened(name):
     """A bench drawn into a figure, and the values it begins with."""
     bench = SceneBench(design(name))
-    with style():
-        area: Any = Figure(figsize=(12, 6)).subfigures(1, 1)
-        bench.draw(area)
+    figure_of(bench)
     return bench, {knob.name: knob.value for knob in bench.knobs}
 
 
@@ -84,18 +77,10 @@ def test_the_saved_file_has_the_knobs_numbers_and_the_camera_takes_its_body_alon
     np.testing.assert_array_equal(after.pads, before.pads)
     # What nobody turned comes back as it was.
     same = saved(bench, values)
-    for one, other in zip(jax.tree.leaves(same), jax.tree.leaves(before), strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-9)
+    assert_same(same, before, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "turned",
-    [
-        MOVED,
-        pytest.param({}, marks=pytest.mark.nightly),
-        pytest.param({"pip": 60.0, "camera tilt": 26.3}, marks=pytest.mark.nightly),
-    ],
-)
+@pytest.mark.parametrize("turned", [MOVED, *nightly({}, {"pip": 60.0, "camera tilt": 26.3})])
 def test_readings_are_those_of_the_saved_scene(turned):
     bench, values = opened("finger")
     assert turned.keys() <= values.keys()
@@ -208,7 +193,7 @@ def test_a_curved_mirror_has_a_radius_that_its_ends_allow():
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", sorted(path.stem for path in GALLERY.glob("*.toml")))
+@pytest.mark.parametrize("name", sorted(path.stem for path in SCENES.glob("*.toml")))
 def test_every_scene_of_the_gallery_bears_its_knobs(name):
     bench, values = opened(name)
     names = readings(bench.show(values)).keys()
@@ -216,10 +201,7 @@ def test_every_scene_of_the_gallery_bears_its_knobs(name):
         assert knob.low <= knob.value <= knob.high
         for end in (knob.low, knob.high):
             assert readings(bench.show({**values, knob.name: end})).keys() == names
-    before, after = design(name).scene, saved(bench, values)
-    assert before.layout == after.layout
-    for one, other in zip(jax.tree.leaves(before), jax.tree.leaves(after), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9)
+    assert_same(saved(bench, values), design(name).scene, rtol=1e-9)
 
 
 def covered_over_range(bench, values):

@@ -13,11 +13,11 @@ from designopt.plot.figures import style
 from designopt.solution import Solution
 from optics.plot.scene_drawing import draw_scene, pose_name, scene_legend, seen_pieces
 from optics.plot.section import INSIDE
-from optics.scene.camera import Camera, Pinhole
-from optics.scene.scene import Surface
+from optics.scene.reading import parse_scene
+from optics.scene.scene import Scene, Surface
 from optics.visibility.views import Pieces, ViewResult
 from tests.optics.extruded import LAYOUT, POSES, WORDS, finned, pieces_of, views_at_poses
-from tests.optics.scenes import made_pieces, posed, still
+from tests.optics.scenes import made_pieces, posed
 
 RAYS = 4
 
@@ -28,7 +28,7 @@ def views_of(pose):
 
 def surfaces(pose):
     """Ends of mirrors, then pads, then blockers, as complex numbers."""
-    return posed(finned(), POSES[pose]).complex_ends
+    return posed(finned(), POSES[pose]).ends
 
 
 def drawn(pose):
@@ -180,15 +180,20 @@ def test_overlapping_pieces_are_drawn_as_one():
     assert seen_pieces(views, 1) == []
 
 
+def seen(position: list[float], direction: float, fov: float, **surfaces: object) -> Scene:
+    """What a pinhole sees of surfaces, by one reflection."""
+    camera = {"position": position, "direction_deg": direction, "fov_deg": fov, "pixels": 1000}
+    table = {"name": "test", "bounces": 1}
+    return parse_scene({"camera": camera | {"projection": "pinhole"}, "scene": table, **surfaces})
+
+
 def test_rays_from_the_focus_of_a_parabola_leave_parallel():
     focal, half = 40.0, 60.0
     depth = half**2 / (4 * focal)
-    scene = still(
-        Camera(jnp.array([focal, 0.0]), np.pi, np.radians(170), 1000.0, Pinhole()),
-        pads={"wall": (1, [[200.0, -30.0], [200.0, 50.0]])},
-        mirrors={"dish": (1, [[depth, half], [depth, -half]])},
-        curves={"dish": (2 * focal, -1.0)},
-    )
+    dish = {"name": "dish", "from": [depth, half], "to": [depth, -half], "side": "left"}
+    wall = {"name": "wall", "from": [200, -30], "to": [200, 50], "side": "left"}
+    mirrors = [dish | {"radius": 2 * focal, "conic": -1}]
+    scene = seen([focal, 0], 180, 170, mirrors=mirrors, pads=[wall])
     # A ray at an angle φ from the axis leaves at the height 2 f tan(φ / 2).
     heights = np.array([-30.0, 50.0])
     pixels = scene.camera.pixel(jnp.asarray(-2 * np.arctan(heights / (2 * focal))))
@@ -211,8 +216,8 @@ def test_rays_from_the_focus_of_a_parabola_leave_parallel():
 @pytest.mark.parametrize("distance", [70.0, 100.0, 1e4])
 def test_a_camera_that_is_far_away_stays_outside(distance):
     # The pad is 10 mm long, so from 80 mm on.
-    camera = Camera(jnp.array([0.0, distance]), -np.pi / 2, 0.01, 1000.0, Pinhole())
-    scene = still(camera, pads={"wall": (1, [[-5.0, 0.0], [5.0, 0.0]])})
+    pad = {"name": "wall", "from": [-5, 0], "to": [5, 0], "side": "left"}
+    scene = seen([0, distance], -90, 0.5, pads=[pad])
     axes = Figure(figsize=(4, 4)).subplots()
     draw_scene(axes, scene, np.zeros(0), by_hand(made_pieces([[0]], [[0]], [[0]])))
     inside = axes.get_ylim()[1] > distance

@@ -8,14 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from designopt import UserError
 from designopt.plot.figures import style
 from optics.plot.scene_figures import poses_figure, sweep_figure
-from tests.optics.extruded import (
-    LAYOUT,
-    POSES,
-    WORDS,
-    finned,
-    views_at,
-    views_at_poses,
-)
+from tests.optics.extruded import LAYOUT, POSES, WORDS, finned, views_at, views_at_poses
 
 NAMES = [part.name for part in LAYOUT.pads]
 

@@ -1,7 +1,5 @@
 """``designopt trace`` as a person meets it: the document, pictures, remarks and faults."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil
@@ -17,17 +15,16 @@ from designopt.cli import run
 from optics import find_views, read_scene
 from optics.plot import trace_figures
 from optics.visibility import scene_trace as sight
+from tests.commands import check_command_refused, refused_cases
+from tests.helpers import DATA, SCENES
 
-GALLERY = Path(__file__).parents[2] / "studies/gallery/scenes"
-
-SCENES = Path(__file__).parents[1] / "data/scenes"
-FLAP = (SCENES / "flap.toml").read_text(encoding="utf-8")
+FLAP = (DATA / "scenes/flap.toml").read_text(encoding="utf-8")
 SEEN = 10 * math.tan(math.radians(30))
 
 
 @pytest.fixture(autouse=True)
 def _in_a_folder_of_scenes(tmp_path, monkeypatch):
-    for path in (*GALLERY.glob("*.toml"), *SCENES.glob("*.toml")):
+    for path in (*SCENES.glob("*.toml"), *DATA.glob("scenes/*.toml")):
         shutil.copy(path, tmp_path)
     monkeypatch.chdir(tmp_path)
 
@@ -268,41 +265,19 @@ def test_a_chart_shows_the_documents_resolution(monkeypatch):
         np.testing.assert_array_equal(lines[f"{kind}:floor"].get_ydata(), wanted)
 
 
-@pytest.mark.parametrize(
-    ("change", "arguments", "words"),
-    [
-        (('body = "lid"', 'body = "lit"'), [], ["blockers.0.body", "did you mean 'lid'?"]),
-        (("[camera]", "[joints]"), [], ["a linkage and no scene; designopt solve takes it"]),
-        (None, ["--pose", "lid=3"], ["--pose lid=3", "joint angle", "tilt"]),
-        (None, ["--pose", "tilt=3,tilt=4"], ["given twice"]),
-        (None, ["--sweep", "tilt=0:90:300000"], ["300,000 poses", "250,000"]),
-        (None, ["--sweep", "tilt=0:1:2", "--pose", "tilt=4"], ["--pose gives 'tilt' too"]),
-        (None, ["--ray", "1,2"], ["--ray 1,2", "X,Y,DEG"]),
-        (None, ["--bounces", "7"], ["--bounces 7", "0 to 6"]),
-        (None, ["--json", "flap.toml"], ["--json flap.toml", "exists already", "--force"]),
-        (None, ["--chart", "t.png"], ["--chart t.png", "--sweep"]),
-    ],
-)
-def test_faults_are_one_line_and_leave_nothing_behind(change, arguments, words, tmp_path, capsys):
-    (tmp_path / "scene.toml").write_text(FLAP.replace(*change) if change else FLAP)
+@pytest.mark.parametrize(("line", "words"), refused_cases("trace"))
+def test_faults_are_one_line_and_leave_nothing_behind(line, words, tmp_path, capsys):
+    (tmp_path / "linkage.toml").write_text(FLAP.replace("[camera]", "[joints]"))
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    assert run(["trace", "scene.toml", *arguments]) == 2
-    shown = capsys.readouterr()
-    assert shown.out == ""
-    assert shown.err.startswith("error: ")
-    assert shown.err.count("\n") == 1
-    for word in words:
-        assert word in shown.err
+    check_command_refused(capsys, line, words)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_too_many_paths_and_charts_without_pads_are_refused(tmp_path, capsys):
+def test_too_many_paths_are_refused(tmp_path, capsys):
     mirrors = "".join(
         f"[[mirrors]]\nname = 'm{i}'\nfrom = [{i}, -5]\nto = [{i + 1}, -5]\n" for i in range(12)
     )
     (tmp_path / "many.toml").write_text(FLAP + mirrors)
-    assert run(["trace", "many.toml", "--bounces", "6"]) == 2
     # 1 + 12 + 12·11 + … + 12·11⁵
-    assert f"{1 + 12 * (11**6 - 1) // 10:,} paths" in capsys.readouterr().err
-    assert run(["trace", "corner.toml", "--chart", "t.png"]) == 2
-    assert "no pads" in capsys.readouterr().err
+    paths = f"{1 + 12 * (11**6 - 1) // 10:,} paths"
+    check_command_refused(capsys, "trace many.toml --bounces 6", [paths])

@@ -1,8 +1,5 @@
 """Pieces of pads taken together against dense sampling; paths and ends of views in words."""
 
-from __future__ import annotations
-
-import dataclasses
 import itertools
 
 import jax
@@ -14,16 +11,7 @@ from hypothesis import strategies as st
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundary_codes import label_of
 from optics.visibility.views import Pieces, describe_end, name_paths, path_name
-from tests.optics.scenes import (
-    BOTH,
-    LAYOUT,
-    LEFT,
-    MIRRORS,
-    PADS,
-    RIGHT,
-    WORDS,
-    made_pieces,
-)
+from tests.optics.scenes import BOTH, LAYOUT, LEFT, MIRRORS, PADS, RIGHT, WORDS, made_pieces
 
 ROOM, PATHS = 5, 3
 GRAIN = 1 / 32
@@ -31,9 +19,6 @@ GRAIN = 1 / 32
 
 SAMPLES = (np.arange(32) + 0.5) * GRAIN
 """As many points as grains: counting them measures exactly."""
-
-ROUNDING = 1e-12
-"""Of sums of a few pieces."""
 
 
 def pieces_of(start: np.ndarray, end: np.ndarray, path: np.ndarray) -> Pieces:
@@ -70,34 +55,6 @@ def test_pieces_together_are_what_samples_say(first, last, path):
     assert redundancy == inside.mean(axis=1).sum()
     for i in range(PATHS):
         assert seen[0, i] == inside[np.array(path) == i].mean(axis=1).sum()
-
-
-def test_every_pad_of_every_batch_is_taken_for_itself():
-    rng = np.random.default_rng(0)
-    shape = (2, 3, PADS, ROOM)
-    start, end = GRAIN * rng.integers(0, 33, shape), GRAIN * rng.integers(0, 33, shape)
-    path = rng.integers(0, PATHS, shape)
-    together = summary(pieces_of(start, end, path))
-    for at in np.ndindex(shape[:-1]):
-        alone = summary(pieces_of(start[at][None], end[at][None], path[at][None]))
-        for many, one in zip(together, alone, strict=True):
-            np.testing.assert_array_equal(many[at], one[0])
-
-
-def test_the_derivative_of_coverage_counts_ends_that_nothing_else_covers():
-    # 0.1 … 0.5, within it 0.2 … 0.3, over its end 0.4 … 0.7, and apart from them 0.8 … 0.9.
-    pieces = pieces_of(
-        np.array([[0.1, 0.2, 0.4, 0.8, 0]]),
-        np.array([[0.5, 0.3, 0.7, 0.9, 0]]),
-        np.zeros((1, ROOM), int),
-    )
-
-    def total(start: jax.Array, end: jax.Array) -> jax.Array:
-        return jnp.sum(dataclasses.replace(pieces, start=start, end=end).coverage())
-
-    begin, finish = jax.jit(jax.grad(total, argnums=(0, 1)))(pieces.start, pieces.end)
-    np.testing.assert_array_equal(begin, [[-1, 0, 0, -1, 0]])
-    np.testing.assert_array_equal(finish, [[0, 0, 1, 1, 0]])
 
 
 def test_paths_are_named_after_their_mirrors():

@@ -1,7 +1,5 @@
 """How views move: derivatives against central differences, and what the labels of ends name."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import jax
@@ -11,7 +9,6 @@ import pytest
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundary_codes import parts_of
 from tests.optics.scenes import (
-    LAYOUT,
     MIRRORS,
     WORDS,
     Case,
@@ -64,7 +61,10 @@ def rich_cases(seed: int, count: int) -> Case:
     return item(cases, order[:count])
 
 
-def assert_slopes(seed: int, count: int) -> None:
+@pytest.mark.parametrize(
+    ("seed", "count"), [(20, 3), pytest.param(21, 96, marks=pytest.mark.nightly)]
+)
+def test_derivatives_of_all_results(seed, count):
     cases = rich_cases(seed, count)
     rng, names, rows = np.random.default_rng(seed), list(shapes()), flat(cases)
     weights = {name: rng.normal(size=(count, *shape)) for name, shape in shapes().items()}
@@ -94,15 +94,6 @@ def assert_slopes(seed: int, count: int) -> None:
         assert np.median(np.abs(slopes).max(axis=1)) > 0.1, name
 
 
-def test_derivatives_of_all_results():
-    assert_slopes(seed=20, count=3)
-
-
-@pytest.mark.nightly
-def test_derivatives_of_all_results_in_many_scenes():
-    assert_slopes(seed=21, count=96)
-
-
 @pytest.mark.as_users
 def test_optimised_programs_say_the_same():
     cases = rich_cases(25, 16)
@@ -120,39 +111,18 @@ def test_optimised_programs_say_the_same():
     np.testing.assert_allclose(flat(found.slopes) / scale, flat(wanted.slopes) / scale, atol=1e-9)
 
 
-def degenerate_cases() -> list[Case]:
-    """Scenes in which something coincides, vanishes or lies on a line with something else."""
-    pad, mirror = [[-1, 0], [1, 0]], [[-1, 2], [1, 2]]
-    every = {surface.name: pad for surface in LAYOUT.blockers}
-
-    def under(position: tuple[float, float], *more: float, grazing: float = 0.0) -> Case:
-        """A pad under a mirror."""
-        return case_of(
-            position, *more, mirrors={"both": mirror}, pads={"both": pad}, grazing=grazing
-        )
-
-    return [
-        case_of((0, 1)),  # nothing
-        case_of((0, 0), pads={"both": pad}),  # the camera on the pad
-        case_of((1, 0), pads={"both": pad}),  # at its end
-        case_of((3, 0), pads={"both": pad}),  # on its line
-        under((0, 2)),  # on a mirror
-        under((3, 2)),  # on its line
-        case_of((0, 1), mirrors={"both": pad}, pads={"both": pad}),  # a pad on a mirror
-        case_of((0, 1), mirrors={"both": [[0, 0], [0, 2]]}, pads={"both": pad}),  # upright on it
-        case_of((0.5, 1), mirrors={"both": [[0, 0], [0, 2]]}, pads={"both": pad}),
-        case_of((0, 1), mirrors={"left": mirror, "right": mirror}, pads={"both": pad}),
-        case_of((0, 1), mirrors={"left": pad, "right": mirror}, pads={"both": [[-2, 1], [2, 1]]}),
-        case_of((0, 3), pads={"both": pad}, blockers=every),  # blockers on the pad
-        case_of((0, 3), pads={"both": pad}, blockers={"wall": [[0, 1], [0, 2]]}),  # edge-on
-        case_of((0, 3), pads={"both": pad}, blockers={"wall": [[-2, 2], [0, 2]], "lid": mirror}),
-        *(under((0, 1), turn, fov) for turn in (0, 2) for fov in (0, np.pi, 2 * np.pi)),
-        *(under((0, 1), 0, 3, grazing=least) for least in (0, np.pi / 4, np.pi / 2)),
-    ]
-
-
 def test_derivatives_are_finite_even_where_scenes_degenerate():
-    cases = batch_of(degenerate_cases())
+    """Surfaces that coincide or lie on lines with others are in ``visibility-stability``."""
+
+    def under(direction: float, field_of_view: float, grazing: float = 0.0) -> Case:
+        """A pad under a mirror."""
+        pad, mirror = {"both": [[-1, 0], [1, 0]]}, {"both": [[-1, 2], [1, 2]]}
+        camera = (0, 1), direction, field_of_view
+        return case_of(*camera, mirrors=mirror, pads=pad, grazing=grazing)
+
+    views = [under(turn, fov) for turn in (0, 2) for fov in (0, np.pi, 2 * np.pi)]
+    limited = [under(0, 3, grazing=least) for least in (0, np.pi / 4, np.pi / 2)]
+    cases = batch_of([case_of((0, 1)), *views, *limited])
     count = len(cases.direction)
     for name, shape in shapes().items():
         found = answers(cases, {name: np.ones((count, *shape))})

@@ -1,7 +1,5 @@
 """Rendered images against rays that are followed through the section, one for every pixel."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 
@@ -16,12 +14,11 @@ from optics.rendering.pads import BRIGHT, GREEN
 from optics.scene.fabrication import Fabrication, perturb
 from optics.scene.scene import Scene
 from optics.visibility.boundary_codes import FIRST_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, SECOND_PAD_END
-from optics.visibility.outlines import CORNERS
 from optics.visibility.tracing import trace_rays
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import name_paths
 from tests.optics.extruded import POSES, finger, imaged, looked, unfolded, views_at_poses
-from tests.optics.scenes import posed
+from tests.optics.scenes import pairs, posed
 
 ROWS, COLUMNS, WIDTH = 240, 320, 20.0
 HALF_VIEW = float(finger().camera.field_of_view) / 2
@@ -97,7 +94,7 @@ def met(scene: Scene, index: int, lateral: float) -> tuple[np.ndarray, np.ndarra
     """The pad that the ray of each pixel meets first and the path there; −1 if none."""
     angle, slope = np.moveaxis(rays().reshape(-1, 2), -1, 0)
     section = posed(scene, POSES[index])
-    positions = jnp.tile(jnp.asarray(section.position), (len(angle), 1))
+    positions = jnp.tile(jnp.asarray(pairs(section.position)), (len(angle), 1))
     directions = jnp.asarray(section.direction + angle)
     hits = trace_rays(scene, jnp.asarray(POSES[index]), positions, directions, bounces=1)
     mirrored = np.asarray(hits.reflected)[:, 0]
@@ -137,14 +134,6 @@ def test_every_pixel_is_labelled_with_the_pad_that_its_ray_meets(index, errors):
     np.testing.assert_array_equal(found.labels[clear], wanted[clear])
     whole = [label for label, view in enumerate(found.views, 1) if view.complete]
     assert len(np.unique(wanted[clear])) >= min(3, len(whole))
-    # Corners are the images of the corners of pads.
-    section = posed(scene, POSES[index])
-    for view in found.views:
-        word = WORDS[PATHS.index(view.path)]
-        ends = unfolded(section, word, section.complex_ends[2 + PADS.index(view.pad)])
-        ends = ends[[end for end, _ in CORNERS]]
-        beside = np.array([side for _, side in CORNERS]) * WIDTH / 2 - lateral
-        np.testing.assert_allclose(view.corners, placed(ends, beside), atol=1e-9)
 
 
 @both_fingers
@@ -194,8 +183,8 @@ def test_what_is_flatter_than_a_design_counts_is_shown_but_not_whole():
     # Of the distal pad all is, of the proximal one its first end.
     for index, pad in ((4, "distal"), (BOTH_WAYS, "proximal")):
         section = posed(finger(), POSES[index])
-        ends = section.complex_ends[2 + PADS.index(pad)]
-        rays_to_ends = (ends - section.complex_position) / (ends[1] - ends[0])
+        ends = section.ends[2 + PADS.index(pad)]
+        rays_to_ends = (ends - section.position) / (ends[1] - ends[0])
         flattest = np.abs(np.angle(rays_to_ends**2) / 2).min()
         assert flattest < float(finger().grazing[PADS.index(pad)])
         view = image(index).view(pad, "direct")
@@ -299,7 +288,7 @@ def test_mirrors_turn_imprints_along_the_pad_and_not_across_it():
     seen = [(view.pad, view.path) for view in image(BOTH_WAYS).views]
     direct, mirrored = (seen.index(("distal", path)) for path in ("direct", "mirror:distal"))
     section = posed(finger(), POSES[BOTH_WAYS])
-    start, end = section.complex_ends[2 + PADS.index("distal")]
+    start, end = section.ends[2 + PADS.index("distal")]
     rows = {}
     for along in (14.0, 22.0):
         for across in (-5.0, 5.0):
@@ -335,11 +324,3 @@ def test_angles_that_are_none_of_the_joints_are_refused(angles, words):
     # As users have it, without the run-time checks of types.
     with pytest.raises(UserError, match=words):
         inspect.unwrap(Renderer.render)(renderer(PLAIN), angles)
-
-
-def test_corners_grow_with_the_image():
-    small = renderer(PLAIN, rows=120).render(POSES[2])
-    assert small.labels.shape == (120, 160)
-    for one, other in zip(small.views, image(2).views, strict=True):
-        assert (one.pad, one.path, one.complete) == (other.pad, other.path, other.complete)
-        np.testing.assert_allclose(2 * (one.corners + 0.5), other.corners + 0.5, rtol=1e-12)
