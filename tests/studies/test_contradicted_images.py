@@ -122,10 +122,14 @@ def either_way(generator: np.random.Generator, low: float, high: float) -> float
     return generator.uniform(low, high) * generator.choice([-1, 1])
 
 
+def turned(finger: FingerSensor, one: Calibrated, pose: np.ndarray, degrees: float) -> np.ndarray:
+    tilt = one.fabrication.tilt + math.radians(degrees)
+    errors = eqx.tree_at(lambda errors: errors.tilt, one.fabrication, tilt)
+    return of_another(finger, one, finger.scene, errors).render(pose).pixels
+
+
 def camera_turned(finger, one, pose, generator) -> Picture:
-    turn = math.radians(either_way(generator, 1, 8))
-    turned = eqx.tree_at(lambda errors: errors.tilt, one.fabrication, one.fabrication.tilt + turn)
-    return Picture(of_another(finger, one, finger.scene, turned).render(pose).pixels, pose)
+    return Picture(turned(finger, one, pose, either_way(generator, 1, 8)), pose)
 
 
 def camera_rolled(finger, one, pose, generator) -> Picture:
@@ -233,11 +237,7 @@ def test_no_wrong_picture_gets_a_confident_angle(finger, fingers, size, kind):
 def test_a_turned_camera_is_refused_after_calibration(finger, fingers):
     """Turned by 8°, a camera that was not calibrated anew made 37 ± 0.1 degrees out of 50."""
     one, pose = fingers[0], np.deg2rad([50.0, 40.0])
-    turned = eqx.tree_at(lambda errors: errors.tilt, one.fabrication, one.fabrication.tilt
-                         + math.radians(8))  # fmt: skip
-    seen, guess = observed(
-        finger, of_another(finger, one, finger.scene, turned).render(pose).pixels
-    )
+    seen, guess = observed(finger, turned(finger, one, pose, 8))
     answer = find_pose(finger.model, seen, guess, one.errors)
     assert not answer.ok.any()
     assert float(answer.value.misfit.tail) < 1e-6
