@@ -134,7 +134,6 @@ def render_series(
         severity: of the pictures; by default the finger's.
     """
     renderer = finger.renderer(seed, severity=severity)
-    directions = np.broadcast_to(TOWARDS[truth] + np.deg2rad(scatter_deg), bends_deg.shape)
-    postures = finger.postures(np.deg2rad(bends_deg), directions)
+    postures = finger.postures(np.deg2rad(bends_deg), TOWARDS[truth] + np.deg2rad(scatter_deg))
     frames = looked_at(renderer, postures, analyze, first)
     return Series(truth, bends_deg, frames, before_bending(renderer, finger))

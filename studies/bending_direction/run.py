@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -13,20 +13,22 @@ from matplotlib.patches import Polygon
 from scipy.stats import binomtest
 
 from designopt import Context, Records, Report, Results
-from designopt.plot.figures import MARKERS, PALETTE, legend_below, new_figure
+from designopt.plot.figures import MARKERS, PALETTE, new_figure
 from designopt.study import plots
+from designopt.study.records import Summary
 from perception import chamber as perception
 from perception.chamber import Direction
+from perception.chamber.directions import Use
 from perception.chamber.points import NAMES
 from studies.benchmarks import rings
 from studies.bending_direction import BendingDirectionSpec
-from studies.bending_direction.frames import TOWARDS, Series, analyze, before_bending, judge
+from studies.bending_direction.frames import TOWARDS, USES, Series, analyze, before_bending, judge
 from studies.bending_direction.frames import render_series as render
 from studies.models.one_thread import median_seconds, one_thread
 from studies.models.soft_finger import best_chamber as best
 from studies.models.soft_finger import robustness
 from studies.models.soft_finger.finger import SoftFinger
-from studies.models.soft_finger.robustness import Answer, Disturbance, Picture, count_true
+from studies.models.soft_finger.robustness import Answer, Disturbance, Picture
 from studies.models.words import spread
 
 ANSWERS = ("initial", "up", "down", "left", "right", "undefined")
@@ -87,23 +89,21 @@ def run(spec: BendingDirectionSpec, context: Context) -> Results:
             out.figure("pictures", draw_pictures(finger, seed + 4))
         with context.step(f"{spec.images} images in every direction"):
             bends = spec.images, spec.largest_bend_deg, spec.scatter_deg
-            answers = answer_random(finger, *bends, (*THRESHOLDS, spec.threshold), (seed, 3))
-            add_directions(out, answers)
+            random = render_random(finger, *bends, (seed, 3))
+            add_directions(out, estimate_all(random, (*THRESHOLDS, spec.threshold)))
         with context.step("Bending from nothing to 120°"):
-            curves = [
-                render(finger, truth, CURVE_DEG, seed=seed + 1, first=i * len(CURVE_DEG))
-                for i, truth in enumerate(TOWARDS)
-            ]
-            add_curves(out, curves)
+            add_curves(out, list(render_straight(finger, CURVE_DEG, seed + 1)))
         small, bends = Records(), (spec.small_images, spec.small_bend_deg, spec.scatter_deg)
         for design in designs:
             with context.step(f"Small bends, chamber {design.name}"):
-                own = answer_random(design.finger, *bends, kept, (seed, 4))
+                own = estimate_all(render_random(design.finger, *bends, (seed, 4)), kept)
                 small.add(**(own | {"chamber": design.name}))
         add_chambers(out, designs, held_by, small)
         with context.step("0.01° to 120° of bend"):
-            perfect = answer_bends(finger, 1, kept[:1], seed + 2, severity=0.0)
-            usual = answer_bends(finger, spec.stability_images, kept, seed + 2)
+            straight = render_straight(finger, np.array(BENDS_DEG), seed + 2, severity=0.0)
+            perfect = estimate_all(straight, kept[:1], ["all"])
+            repeated = np.repeat(BENDS_DEG, spec.stability_images)
+            usual = estimate_all(render_straight(finger, repeated, seed + 2), kept, ["all"])
         with context.step("Frames that are no proper images"):
             disturbed = answer_disturbed(finger, spec.threshold, seed + 3)
             add_robustness(out, perfect, usual, disturbed)
@@ -117,47 +117,34 @@ def run(spec: BendingDirectionSpec, context: Context) -> Results:
     return out.results()
 
 
-def answer_random(
-    finger: SoftFinger,
-    images: int,
-    largest_deg: float,
-    scatter_deg: float,
-    thresholds: Sequence[float],
-    seed: tuple[int, int],
-) -> Records:
-    """Answers to random bends in every direction; the same bends for every finger."""
-    rows = Records()
+def render_random(
+    finger: SoftFinger, images: int, largest_deg: float, scatter_deg: float, seed: tuple[int, int]
+) -> Iterator[Series]:
+    """Random bends in every direction; the same bends for every finger."""
     for number, truth in enumerate(TOWARDS):
         # Every direction is an experiment of its own, with its own lamp and its own initial frame.
         generator = np.random.default_rng([*seed, number])
         bends = generator.uniform(0, largest_deg, images)
         scatter = scatter_deg * generator.standard_normal(images)
-        series = render(finger, truth, bends, scatter, seed=(*seed, number))
-        rows.add(**series.estimate(thresholds))
-    return rows
+        yield render(finger, truth, bends, scatter, seed=(*seed, number))
 
 
-def answer_bends(
-    finger: SoftFinger,
-    images: int,
-    thresholds: Sequence[float],
-    seed: int,
-    severity: float | None = None,
-) -> Records:
-    """Answers of all points from 0.01° to 120° of bend, straight towards every direction.
-
-    Args:
-        finger: its chamber and camera.
-        images: at every bend in every direction.
-        thresholds: a largest displacement below it counts as not bent, px.
-        seed: of the pictures.
-        severity: of the pictures; by default the finger's.
-    """
-    rows, bends = Records(), np.repeat(BENDS_DEG, images)
+def render_straight(
+    finger: SoftFinger, bends_deg: np.ndarray, seed: int, severity: float | None = None
+) -> Iterator[Series]:
+    """The same bends straight towards every direction, in frames that are numbered on."""
     for i, truth in enumerate(TOWARDS):
-        first = i * len(bends)
-        series = render(finger, truth, bends, seed=seed, first=first, severity=severity)
-        rows.add(**series.estimate(thresholds, ["all"]))
+        first = i * len(bends_deg)
+        yield render(finger, truth, bends_deg, seed=seed, first=first, severity=severity)
+
+
+def estimate_all(
+    series: Iterable[Series], thresholds: Sequence[float], uses: Sequence[Use] = USES
+) -> Records:
+    """The answers to all frames of several directions, as `Series.estimate` returns them."""
+    rows = Records()
+    for one in series:
+        rows.add(**one.estimate(thresholds, uses))
     return rows
 
 
@@ -187,21 +174,16 @@ def time_frame(finger: SoftFinger, spec: BendingDirectionSpec, seed: int) -> flo
     return median_seconds(partial(analyze, 0), images)
 
 
-def percent(mask: np.ndarray) -> float:
-    """Part of truth values that are true; NaN of none."""
-    return 100 * float(np.mean(mask)) if len(mask) else math.nan
-
-
 def count_answer(name: str) -> Callable[[Records], int]:
     """The number of answers of that name, as `Records.summary` takes it."""
     return lambda own: int(np.sum(own["answer"] == name))
 
 
 RULES: dict[str, Callable[[Records], float]] = {
-    "paper_percent": lambda own: percent(own["right"] | (own["answer"] == "initial")),
-    "strict_percent": lambda own: percent(own["right"]),
-    "decided_percent": lambda own: percent(own["right"][~own["undecided"]]),
-    "abstained_percent": lambda own: percent(own["undecided"]),
+    "paper_percent": lambda own: 100 * float(np.mean(own["right"] | (own["answer"] == "initial"))),
+    "strict_percent": lambda own: 100 * own.stat("share right"),
+    "decided_percent": lambda own: 100 * own.where(undecided=False).stat("share right"),
+    "abstained_percent": lambda own: 100 * own.stat("share undecided"),
 }
 """What counts as correct: with the paper's rule, "initial" does, too; strictly only the true
 direction does; of the answers that name a direction those that name the true one; and the part that
@@ -317,7 +299,7 @@ def compare_chambers(small: Records) -> Records:
         "chamber",
         "points",
         images="count bend_deg",
-        **{name: count_true(name) for name in ("undecided", "wrong", "gained", "lost")},
+        **{name: f"sum {name}" for name in ("undecided", "wrong", "gained", "lost")},
         p_value=p_value,
     )
 
@@ -359,21 +341,21 @@ def add_chambers(
 
 def add_robustness(out: Report, perfect: Records, usual: Records, disturbed: Records) -> None:
     """Answers from nearly straight to far bent, and to frames that are no proper images."""
-    failures = count_true("failed")(disturbed)
+    failures = disturbed.stat("sum failed")
     kinds = robustness.summarize_disturbances(disturbed)
     out.metric("odd_failures", failures, frames=len(disturbed))
-    wrong = len(perfect) - count_true("right")(perfect)
+    wrong = len(perfect) - perfect.stat("sum right")
     out.metric("wrong_perfect", wrong, images=len(perfect))
     kept = usual.where(usual["threshold_px"] > 0)
     if len(kept):
-        wrong = count_true("wrong")(kept) + count_answer("undefined")(kept)
+        wrong = kept.stat("sum wrong") + count_answer("undefined")(kept)
         out.metric("wrong_with_threshold", wrong, images=len(kept))
     answered = f"{failures} wrong answers" if failures else "the answer defined for them, each"
     out.say("disturbed", frames=len(disturbed), kinds=len(kinds), answered=answered)
     bends = perfect | {"images": "perfect"}
     bends.add(**(usual | {"images": "with all effects"}))
-    counted = {"right": count_true("right"), "not_bent": count_answer("initial")}
-    counted |= {"wrong": count_true("wrong"), "undefined": count_answer("undefined")}
+    counted: dict[str, Summary] = {"right": "sum right", "not_bent": count_answer("initial")}
+    counted |= {"wrong": "sum wrong", "undefined": count_answer("undefined")}
     out.table("bends", bends.summary("images", "threshold_px", "bend_deg", **counted))
     expected = np.where(kinds["in_view"], "the direction", "undefined")
     out.table("odd_frames", kinds | {"expected_direction": expected})
@@ -426,7 +408,6 @@ def draw_curves(curves: Sequence[Series]) -> Figure:
             axes.plot(series.bends_deg, area, style, **line)
         axes.set(title=f"What is seen, bending {series.name}", xlim=(0, 120), ylim=(0, None))
         axes.set(xlabel="bend (°)", ylabel="area (1000 px)")
-    legend_below(drawing, handlelength=3.5)
     return drawing
 
 
@@ -461,14 +442,12 @@ def start_near(axes: Axes, percents: np.ndarray) -> None:
 
 def draw_thresholds(over: Records, threshold: float) -> Figure:
     """Decided and undecided images over the threshold."""
-    rows, least, most = Records(), over["least_decided_percent"], over["most_abstained_percent"]
-    points = [f"{use} points" for use in over["points"]]
-    for part, values in (("of the decided ones, right", least), ("undecided", most)):
-        columns = {"threshold_px": over["threshold_px"], "images_percent": values}
-        rows.add(part=part, points=points, **columns)
-    drawing = plots.lines(rows, "threshold_px", "images_percent", by="points", panel="part")
-    start_near(drawing.axes[0], least)
-    drawing.axes[1].set_ylim(0, 1.05 * max(1.0, np.nanmax(most)))
+    names = {"least_decided_percent": "of the decided ones, right (%)"}
+    names["most_abstained_percent"] = "undecided (%)"
+    rows = over | {"points": [f"{use} points" for use in over["points"]]}
+    drawing = plots.lines(rows, "threshold_px", list(names), by="points", names=names)
+    start_near(drawing.axes[0], over["least_decided_percent"])
+    drawing.axes[1].set_ylim(0, 1.05 * max(1.0, np.nanmax(over["most_abstained_percent"])))
     for axes in drawing.axes:
         axes.axvline(threshold, color="0.5", linestyle=":", linewidth=1)
     return drawing

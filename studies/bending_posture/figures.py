@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from designopt import Records
 from designopt.plot.figures import PALETTE, label_plainly, legend_below, new_figure, share_limits
@@ -30,8 +29,7 @@ SHOWN_DEG = (0.0, 30.0, 60.0, 100.0)
 def draw_pictures(finger: SoftFinger, size: Size, seed: int) -> Figure:
     """From pictures to what enters the network."""
     drawing, grid = new_figure(3, len(SHOWN_DEG), height=4.6)
-    bends = np.deg2rad(SHOWN_DEG)
-    images = finger.renderer(seed).render(finger.postures(bends, np.full(len(bends), DOWN)))
+    images = finger.renderer(seed).render(finger.postures(np.deg2rad(SHOWN_DEG), DOWN))
     for column, bend, image in zip(grid.T, SHOWN_DEG, images, strict=True):
         labels = find_regions(image.pixels).nested()
         column[0].imshow(image.pixels)
@@ -75,25 +73,18 @@ def draw_markers(errors: Records) -> Figure:
         axes.boxplot(own, positions=places, manage_ticks=False, **how, **props)
         axes.plot([], [], "s", **style, markerfacecolor="white", label=title)
     axes.set(xticks=range(3), xticklabels=MARKERS, ylabel="error (mm)", ylim=(0, None))
-    axes.legend(loc="upper left")
     return drawing
 
 
 def draw_learning(estimators: Sequence[PostureEstimator], mean: float) -> Figure:
     """Loss and tip error, epoch by epoch."""
-    drawing, [[left, right]] = new_figure(1, 2, height=3.2)
-    for i, record in enumerate(one.record for one in estimators):
-        style = {"color": PALETTE[i % len(PALETTE)], "linestyle": plots.DASHES[i % 3]}
-        style["label"] = f"seed {record.settings.seed}"
-        left.semilogy(np.arange(1, len(record.loss) + 1), record.loss, **style)
-        right.semilogy(record.seconds, record.tip_error, **style)
-    right.axhline(mean, color="0.4", linestyle=":", label="mean of the labels")
-    label_plainly(left.yaxis)
-    label_plainly(right.yaxis)
-    left.xaxis.set_major_locator(MaxNLocator(integer=True))
-    left.set(xlabel="epoch", ylabel="weighted loss, Eq. 4 (mm²)", title="Training")
-    right.set(xlabel="time (s)", ylabel="mean tip error (mm)", title="Unseen images")
-    right.set_xlim(0, None)
+    rows, names = Records(), {"seconds": "time (s)", "loss": "weighted loss, Eq. 4 (mm²)"}
+    names["tip_mm"] = "mean tip error, unseen (mm)"
+    for record in (one.record for one in estimators):
+        columns = {"seconds": record.seconds, "loss": record.loss, "tip_mm": record.tip_error}
+        rows.add(seed=f"seed {record.settings.seed}", **columns)
+    drawing = plots.lines(rows, "seconds", ["loss", "tip_mm"], by="seed", log="y", names=names)
+    drawing.axes[1].axhline(mean, color="0.4", linestyle=":", label="mean of the labels")
     return drawing
 
 
@@ -122,14 +113,12 @@ def draw_bends(errors: Records) -> Figure:
 
 def draw_regularisation(sweep: Records, paper: Mapping[str, float]) -> Figure:
     """Tip error over the weight of the L2 regularisation, and where the paper's may lie."""
-    drawing, [[axes]] = new_figure(height=3.8)
-    axes.loglog(sweep["regularisation"], sweep["tip_mean_mm"], "-o", color=BLUE)
+    names = {"regularisation": "L2 regularisation, of standardised labels"}
+    names["tip_mean_mm"] = "mean tip error on unseen images (mm)"
+    drawing = plots.lines(sweep, *names, log="xy", names=names, height=3.8)
     for i, (unit, value) in enumerate(paper.items(), 1):
         label = f"the paper's 0.01, {unit if unit == 'standardised' else 'in ' + unit}"
-        axes.axvline(value, color=PALETTE[i], linestyle=plots.DASHES[i], label=label)
-    label_plainly(axes.yaxis)
-    axes.set(xlabel="L2 regularisation, of standardised labels")
-    axes.set(ylabel="mean tip error on unseen images (mm)")
+        drawing.axes[0].axvline(value, color=PALETTE[i], linestyle=plots.DASHES[i], label=label)
     return drawing
 
 

@@ -26,7 +26,7 @@ from studies.models.one_thread import median_seconds, one_thread
 from studies.models.soft_finger import robustness
 from studies.models.soft_finger.best_chamber import clearance
 from studies.models.soft_finger.finger import DOWN, SoftFinger
-from studies.models.soft_finger.robustness import Answer, Disturbance, Picture, count_true
+from studies.models.soft_finger.robustness import Answer, Disturbance, Picture
 from studies.models.soft_finger.samples import marker_places, random_postures, samples
 from studies.models.soft_finger.spec import CLEARANCE, MadeSpec
 from studies.models.words import many, spread
@@ -118,7 +118,9 @@ def run(spec: BendingPostureSpec, context: Context) -> Results:
             disturbed = answer_disturbances(finger, estimators[0], seed + 2)
         with context.step("Pictures and run time"):
             pictures = figures.draw_pictures(finger, size_of(spec.width), seed + 3)
-            seconds = _time_frames(finger, estimators[0], spec.largest_bend_deg, seed + 4)
+            timed = np.deg2rad(np.linspace(0, spec.largest_bend_deg, TIMED))
+            images = finger.renderer(seed + 4).render(finger.postures(timed, DOWN))
+            seconds = median_seconds(lambda one: find_posture(one.pixels, estimators[0]), images)
     out.file(_save(estimators[0]))
     cores = many(_cores(), "core") + ", OpenCV on one thread"
     out.values(cores=cores, margin=MARGIN, labels=len(data.labels))
@@ -193,15 +195,6 @@ def _time_training(
     return PrecisionRow(size, setting, "training", error, total, low, high, compiling)
 
 
-def _time_frames(
-    finger: SoftFinger, estimator: PostureEstimator, largest_deg: float, seed: int
-) -> float:
-    """Median time from a picture to markers, one after the other."""
-    bends = np.deg2rad(np.linspace(0, largest_deg, TIMED))
-    images = finger.renderer(seed).render(finger.postures(bends, np.full(TIMED, DOWN)))
-    return median_seconds(lambda image: find_posture(image.pixels, estimator), images)
-
-
 def measure_chamber(spec: BendingPostureSpec, finger: SoftFinger, seed: int) -> Records:
     """Tip error of every seed's training on images of a chamber, and what its images are like."""
     data = by.sample_data(spec, finger, spec.eta_samples, [spec.width], seed)
@@ -224,10 +217,7 @@ def measure_chamber(spec: BendingPostureSpec, finger: SoftFinger, seed: int) -> 
 
 
 def measure_others(
-    spec: BendingPostureSpec,
-    finger: SoftFinger,
-    networks: Sequence[PostureEstimator],
-    seed: int,
+    spec: BendingPostureSpec, finger: SoftFinger, networks: Sequence[PostureEstimator], seed: int
 ) -> Records:
     """Tip errors in the same random postures, under other lamps and in other fingers.
 
@@ -241,8 +231,7 @@ def measure_others(
             if made:
                 one = finger.made(MadeSpec(), np.random.default_rng([seed, STREAM, draw, 1]))
             generator = np.random.default_rng([seed, STREAM, draw, 0])
-            bends = np.deg2rad(generator.uniform(0, spec.largest_bend_deg, FRAMES))
-            postures = random_postures(one, bends, generator)
+            postures = random_postures(one, FRAMES, spec.largest_bend_deg, generator)
             pictures = {"seed": seed + LAMPS + draw if lamp else seed}
             seen = samples(one, postures, (size,), **pictures, first=FIRST + FRAMES * draw)
             for number, network in enumerate(networks):
@@ -268,14 +257,13 @@ def measure_bends(finger: SoftFinger, estimator: PostureEstimator, seed: int) ->
 
 def answer_disturbances(finger: SoftFinger, estimator: PostureEstimator, seed: int) -> Records:
     """Disturbed frames of every kind, at a few bends."""
-    bends = np.deg2rad(DISTURBED_DEG)
 
     def answer(picture: Picture, kind: Disturbance, _: int) -> Answer:
         found = find_posture(picture, estimator)
         given = found.markers is not None
         return Answer(found.status, given, given is kind.usable)
 
-    postures = finger.postures(bends, np.full(len(bends), DOWN))
+    postures = finger.postures(np.deg2rad(DISTURBED_DEG), DOWN)
     return robustness.answer_disturbances(finger, postures, seed, answer)
 
 
@@ -443,18 +431,12 @@ def compare_chambers(etas: Records) -> tuple[float, float, float] | None:
     return difference, difference / max(error, 1e-12), limit
 
 
-def summarize_chambers(etas: Records) -> Records:
-    """A row for every chamber."""
-    same = ("blue_px", "yellow_px", "yellow_px_per_deg", "clearance_mm")
-    whats = {name: f"max {name}" for name in same}
-    whats |= {"tip_mean_mm": "mean tip_mm", "tip_least_mm": "min tip_mm"}
-    whats |= {"tip_most_mm": "max tip_mm"}
-    return etas.summary("eta", "unusable", **whats)
-
-
 def add_chambers(out: Report, etas: Records) -> None:
     """Whether accuracy chooses η, and the paper's own criterion."""
-    rows, comparison, verdict = summarize_chambers(etas), compare_chambers(etas), "eta-few"
+    tips = {"tip_mean_mm": "mean tip_mm", "tip_least_mm": "min tip_mm", "tip_most_mm": "max tip_mm"}
+    same = ("blue_px", "yellow_px", "yellow_px_per_deg", "clearance_mm")
+    rows = etas.summary("eta", "unusable", **{name: f"max {name}" for name in same}, **tips)
+    comparison, verdict = compare_chambers(etas), "eta-few"
     out.values(room=CLEARANCE, best=rows["eta"][np.argmin(rows["tip_mean_mm"])])
     for name, column in (("means", "tip_mean_mm"), ("rooms", "clearance_mm")):
         each = zip(rows["eta"], rows[column], strict=True)
@@ -479,9 +461,9 @@ def add_robustness(out: Report, bends: Records, disturbed: Records) -> None:
         tip_mean_mm="mean tip_mm",
         tip_most_mm="max tip_mm",
     )
-    failures = count_true("failed")(disturbed)
     out.values(bent=len(bends), odd=len(disturbed))
-    out.metrics(unanswered=len(bends) - int(rows.stat("sum answered")), odd_failures=failures)
+    unanswered = len(bends) - rows.stat("sum answered")
+    out.metrics(unanswered=unanswered, odd_failures=disturbed.stat("sum failed"))
     known = rows.where(rows["answered"] > 0)
     if len(known):
         worst = np.argmax(known["tip_mean_mm"])

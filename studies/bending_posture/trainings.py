@@ -94,8 +94,7 @@ def sample_data(
     """
     generator = np.random.default_rng([seed, 5])
     total = count + spec.unseen
-    bends = np.deg2rad(generator.uniform(0, spec.largest_bend_deg, total))
-    postures = random_postures(finger, bends, generator)
+    postures = random_postures(finger, total, spec.largest_bend_deg, generator)
     sizes = tuple(size_of(width) for width in dict.fromkeys(widths))
     every = samples(finger, postures, sizes, seed=seed)
     noise = spec.label_noise * generator.standard_normal((count, 3, 2))

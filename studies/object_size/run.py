@@ -16,7 +16,7 @@ from matplotlib.patches import Circle, Polygon
 
 from designopt import Context, Records, Report, Results, UserError
 from designopt.plot.figures import MARKERS, PALETTE, new_figure
-from designopt.study.plots import heat
+from designopt.study import plots
 from optics.chamber import bend_center_line
 from optics.rendering import ChamberImage
 from perception import posture
@@ -26,7 +26,7 @@ from studies.models.one_thread import median_seconds, one_thread
 from studies.models.soft_finger import robustness
 from studies.models.soft_finger.finger import DOWN, SoftFinger
 from studies.models.soft_finger.grasp import Hand, bend_around, touched
-from studies.models.soft_finger.robustness import Answer, Disturbance, Picture, count_true
+from studies.models.soft_finger.robustness import Answer, Disturbance, Picture
 from studies.models.soft_finger.samples import boundaries, random_postures, samples
 from studies.object_size import ObjectSizeSpec, trials
 from studies.object_size.trials import Reader, estimate
@@ -34,9 +34,8 @@ from studies.object_size.trials import Reader, estimate
 ERROR_MM = 3.0
 """Largest mean absolute error of a diameter."""
 
-PLACES = 241
-"""Diameters of the curve; every `LISTED`-th is listed."""
-LISTED = 20
+PLACES, LISTED, DRAWN = 241, 20, 8
+"""Diameters of the curve, and every which of them is listed or drawn."""
 
 TIMED = 40
 """Pictures whose way to a diameter is timed."""
@@ -104,8 +103,7 @@ def run(spec: ObjectSizeSpec, context: Context) -> Results:
         with context.step("Pictures and run time"):
             # The bottles in their places, pressed as in the mean.
             around = np.asarray(solve_bends(hand, jnp.asarray(spec.bottles)).value)
-            postures = finger.postures(around, np.full(len(around), DOWN))
-            images = finger.renderer(seed).render(postures, numbers[2])
+            images = finger.renderer(seed).render(finger.postures(around, DOWN), numbers[2])
             seconds = time_frame(finger, reader, seed, numbers[2] + len(images))
     add_grasps(out, rows)
     add_robustness(out, bends, disturbed)
@@ -132,10 +130,9 @@ def curve_of(hand: Hand, spec: ObjectSizeSpec) -> Records:
     solved = solve_bends(hand, diameters)
     if not bool(jnp.all(solved.ok)):
         number = int(jnp.argmin(solved.ok))
-        message = jax.tree.map(lambda leaf: leaf[number], solved).messages()[0]
         raise UserError(
-            f"a bottle of {float(diameters[number]):.1f} mm: {message} Change palm, gap, "
-            "finger_radius or the diameters"
+            f"a bottle of {float(diameters[number]):.1f} mm: {solved.messages()[number]} Change "
+            "palm, gap, finger_radius or the diameters"
         )
     slopes = jax.jit(jax.vmap(jax.grad(lambda bend: touched(hand, bend).diameter)))
     touches = jax.jit(jax.vmap(touched, in_axes=(None, 0)))(hand, solved.value)
@@ -155,10 +152,9 @@ def train_network(spec: ObjectSizeSpec, finger: SoftFinger, seed: int) -> Postur
     Raises:
         UserError: there are none.
     """
-    generator = np.random.default_rng([seed, TRAINING])
-    bends = np.deg2rad(generator.uniform(0, spec.largest_bend_deg, spec.samples))
-    size = (spec.columns, spec.rows)
-    seen = samples(finger, random_postures(finger, bends, generator), (size,), seed=seed)
+    generator, size = np.random.default_rng([seed, TRAINING]), (spec.columns, spec.rows)
+    postures = random_postures(finger, spec.samples, spec.largest_bend_deg, generator)
+    seen = samples(finger, postures, (size,), seed=seed)
     kept = seen.usable
     if np.count_nonzero(kept) < 2:
         raise UserError(f"--set eta={spec.eta:g}: no picture of this chamber can be used")
@@ -218,8 +214,7 @@ def answer_disturbed(finger: SoftFinger, reader: Reader, seed: int) -> Records:
         known, diameter = bool(own["known"][0]), float(own["estimate_mm"][0])
         return judge_disturbed(kind, seen.status, known, diameter)
 
-    bends = np.deg2rad(DISTURBED_DEG)
-    postures = finger.postures(bends, np.full(len(bends), DOWN))
+    postures = finger.postures(np.deg2rad(DISTURBED_DEG), DOWN)
     return robustness.answer_disturbances(finger, postures, seed, answer)
 
 
@@ -238,7 +233,7 @@ def judge_disturbed(
 def time_frame(finger: SoftFinger, reader: Reader, seed: int, first: int) -> float:
     """Median seconds from one picture to a diameter, one after the other."""
     bends = np.deg2rad(np.linspace(10, 100, TIMED))
-    images = finger.renderer(seed).render(finger.postures(bends, np.full(TIMED, DOWN)), first)
+    images = finger.renderer(seed).render(finger.postures(bends, DOWN), first)
 
     def measure(image: ChamberImage) -> Records:
         return estimate([posture.find_posture(image.pixels, reader.estimator)], reader)
@@ -261,8 +256,8 @@ def add_grasps(out: Report, rows: Records) -> None:
         [np.bincount(taken[own == one], minlength=len(bottles) + 1) for one in bottles]
     )
     usual, right = rows.where(diameters=ALL[:2]), int(np.trace(counts))
-    known = {name: count_true("known")(part) for name, part in sets.items()}
-    undefined = len(usual) - count_true("known")(usual)
+    known = {name: part.stat("sum known") for name, part in sets.items()}
+    undefined = len(usual) - usual.stat("sum known")
     out.values(largest_error=ERROR_MM, trials=len(usual))
     out.values(bottle_grasps=len(told), all_grasps=len(rows))
     out.metrics(
@@ -273,7 +268,7 @@ def add_grasps(out: Report, rows: Records) -> None:
         grasp_error_mm=random.stat("mean_abs grasp_error_mm"),
         image_error_mm=random.stat("mean_abs image_error_mm"),
         undefined=undefined,
-        redrawn=int(rows["redrawn"].sum()),
+        redrawn=rows.stat("sum redrawn"),
         other_lamp_error_mm=other.stat("mean_abs error_mm"),
         other_lamp_image_error_mm=other.stat("mean_abs image_error_mm"),
         other_lamp_undefined=len(other) - known[ALL[2]],
@@ -302,7 +297,7 @@ def tabulate_bottles(told: Records) -> Records:
     known = {name: np.where(told["known"], told[name], np.nan) for name in names}
     return (told | known | {"bottle_mm": told["diameter_mm"]}).summary(
         "bottle_mm",
-        answers=count_true("known"),
+        answers="sum known",
         estimate_mm="mean estimate_mm",
         deviation_mm="sd estimate_mm",
         absolute_error_mm="mean_abs error_mm",
@@ -324,8 +319,8 @@ def tabulate_budget(sets: dict[str, Records]) -> Records:
         "diameters",
         "what_is_off",
         grasps="count off_mm",
-        redrawn=lambda own: int(own["redrawn"].sum()),
-        answers=count_true("known"),
+        redrawn="sum redrawn",
+        answers="sum known",
         absolute_error_mm="mean_abs off_mm",
         bias_mm="mean off_mm",
         deviation_mm="sd off_mm",
@@ -351,8 +346,8 @@ def add_curve(out: Report, curve: Records, length: float) -> None:
 
 def add_robustness(out: Report, bends: Records, disturbed: Records) -> None:
     """Answers from nearly straight to far bent, and to frames that are no proper images."""
-    failures, frames = count_true("failed"), len(bends) + len(disturbed)
-    failed = failures(bends) + failures(disturbed)
+    frames = len(bends) + len(disturbed)
+    failed = bends.stat("sum failed") + disturbed.stat("sum failed")
     out.metric("odd_failures", failed, frames=frames)
     wrong = f"{failed} answers not defined for them"
     answered = wrong if failed else "the answer defined for them, each"
@@ -361,10 +356,10 @@ def add_robustness(out: Report, bends: Records, disturbed: Records) -> None:
         "bend_deg",
         held_mm="mean held_mm",
         frames="count known",
-        undefined=lambda own: len(own) - count_true("known")(own),
+        undefined=lambda own: len(own) - own.stat("sum known"),
         least_estimate_mm="min estimate_mm",
         largest_estimate_mm="max estimate_mm",
-        failures=failures,
+        failures="sum failed",
     )
     out.table("bends", table)
     kinds = robustness.summarize_disturbances(disturbed)
@@ -444,7 +439,6 @@ def draw_estimates(random: Records, sizes: tuple[float, float]) -> Figure:
     left.plot(truth, estimates, "o", color=BLUE, markersize=3, label="a grasp")
     left.set(xlim=ends, ylim=ends, aspect="equal", title=f"{len(truth)} grasps")
     left.set(xlabel="diameter (mm)", ylabel="estimate (mm)")
-    left.legend(loc="upper left")
     for (way, column), color, style in zip(WAYS.items(), PALETTE, ("-", "--", "-."), strict=False):
         size = np.sort(np.abs(known[column]))
         part = 100 * np.arange(1, len(size) + 1) / max(len(size), 1)
@@ -452,7 +446,6 @@ def draw_estimates(random: Records, sizes: tuple[float, float]) -> Figure:
     right.axvline(ERROR_MM, color="0.6", linewidth=0.9, linestyle=":")
     right.set(xlabel="absolute error (mm)", ylabel="grasps with no larger error (%)")
     right.set(title="What is off", xlim=(0, None), ylim=(0, 101))
-    right.legend(loc="lower right")
     right.set_box_aspect(1)
     return drawing
 
@@ -461,7 +454,7 @@ def draw_confusion(told: Records, bottles: Sequence[float], counts: np.ndarray) 
     """Which bottle was taken for which."""
     names = [f"{diameter:g}" for diameter in bottles]
     drawing, [[left, right]] = new_figure(1, 2, height=3.4, width_ratios=(1, 1.25))
-    heat(left, counts, names, [*names, "none"])
+    plots.heat(left, counts, names, [*names, "none"])
     left.set(xlabel="taken for (mm)", ylabel="bottle (mm)", title="Grasps by answer")
     known = told.where(told["known"]).group("diameter_mm")
     for number, (diameter, own) in enumerate(known.items()):
@@ -479,21 +472,17 @@ def draw_confusion(told: Records, bottles: Sequence[float], counts: np.ndarray) 
 
 def draw_curve(curve: Records, tip: np.ndarray, bottles: Sequence[float]) -> Figure:
     """Diameter over bend, and the resolution."""
-    drawing, [[left, right]] = new_figure(1, 2, height=3.4)
     diameters, bends = curve["diameter_mm"], curve["bend_deg"]
-    slopes, at = np.abs(curve["mm_per_deg"]), np.interp(bottles, diameters, bends)
-    for axes, values in ((left, diameters), (right, slopes)):
-        axes.plot(bends[~tip], values[~tip], color=BLUE, label="touches before the tip")
-        axes.plot(bends[tip], values[tip], "--", color=VERMILION, label="touches the tip")
-        own = np.interp(bottles, diameters, values)
+    touching = np.where(tip, "touches the tip", "touches before the tip")
+    curve |= {"touching": touching, "mm_per_deg": np.abs(curve["mm_per_deg"])}
+    columns, names = ("diameter_mm", "mm_per_deg"), {"mm_per_deg": "diameter per bend (mm/°)"}
+    drawn = curve.where(np.arange(PLACES) % DRAWN == 0)
+    drawing = plots.lines(drawn, "bend_deg", columns, by="touching", names=names)
+    at = np.interp(bottles, diameters, bends)
+    for axes, column in zip(drawing.axes, columns, strict=True):
+        own = np.interp(bottles, diameters, curve[column])
         axes.plot(at, own, "o", color="black", label="the bottles")
-        axes.set_xlabel("bend (°)")
     for place, size in zip(at, bottles, strict=True):
-        left.annotate(f"{size:g} mm", (place, size), (6, 3), textcoords="offset points")
-    room = 0.15 * (bends.max() - bends.min())
-    left.set(xlim=(bends.min() - room / 3, bends.max() + room))
-    left.set(ylabel="diameter (mm)", title="Diameter over bend")
-    right.set(ylabel="diameter per bend (mm/°)", title="What a degree of bend is worth")
-    right.set_ylim(0, 1.1 * slopes.max())
-    right.legend(loc="lower right")
+        drawing.axes[0].annotate(f"{size:g} mm", (place, size), (6, 3), textcoords="offset points")
+    drawing.axes[1].set_ylim(0, None)
     return drawing

@@ -39,9 +39,7 @@ class SurfaceProfileSpec(ChamberImagesSpec):
     calibration: int = setting(17, "frames of every finger on a flat plate", ge=0, le=200)
     setting_error: float = setting(0.05, "the plate's standard deviation (mm)", ge=0, le=1)
     calibrations: Counts = setting(
-        [0, 1, 2, 3, 5, 9, 17, 33],
-        "other numbers of these, for the error over them",
-        free=True,
+        [0, 1, 2, 3, 5, 9, 17, 33], "other numbers of these, for the error over them", free=True
     )
     severities: Severities = setting(
         [0.0, 0.5, 1.5, 2.0], "other severities, with one finger", free=True

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +15,6 @@ from matplotlib.figure import Figure
 from designopt import Context, Records, Report, Results
 from designopt.plot.figures import MARKERS, PALETTE, new_figure
 from designopt.study import plots
-from designopt.study.records import Summary
 from optics.chamber import bend_center_line
 from perception import chamber
 from perception.chamber import ChamberMap, Heights, SurfaceKind, compute_movements
@@ -26,7 +24,7 @@ from perception.chamber.surfaces import CURVED, CURVED_OVER_ROUGH, ROUGH
 from studies.models.one_thread import median_seconds, one_thread
 from studies.models.soft_finger import robustness
 from studies.models.soft_finger.finger import SoftFinger
-from studies.models.soft_finger.robustness import Answer, Disturbance, Picture, count_true
+from studies.models.soft_finger.robustness import Answer, Disturbance, Picture
 from studies.models.words import many
 from studies.surface_profile import SurfaceProfileSpec
 from studies.surface_profile.sensor import UP, designed_map, highest, postures_on
@@ -220,9 +218,8 @@ def summarize_heights(heights: Records, by: str) -> Records:
         for column in errors
         for part in ("median", "p90")
     }
-    counts: dict[str, Summary] = {"slides": lambda own: len(own.group("slide"))}
-    counts["heights_unknown"] = count_true("unknown")
-    return heights.summary(by, **counts, **statistics_of)
+    statistics_of["heights_unknown"] = "sum unknown"
+    return heights.summary(by, slides=lambda own: len(own.group("slide")), **statistics_of)
 
 
 def add_numbers(out: Report, test: SlidingTest, frames: Records, sizes: Records) -> None:
@@ -245,7 +242,7 @@ def add_numbers(out: Report, test: SlidingTest, frames: Records, sizes: Records)
         heights_unknown=int(stated["heights_unknown"][0]),
     )
     own = shapes.group("surface")
-    told = [f"{count_true('told')(rows)} of {len(rows)} {name}" for name, rows in own.items()]
+    told = [f"{rows.stat('sum told')} of {len(rows)} {name}" for name, rows in own.items()]
     out.say("kinds", used=many(len(fingers), "finger"), told=", ".join(told))
     shake, noise = fingers.stat("median shake_px"), fingers.stat("median noise_px")
     out.say("ways", shake=shake, shake_mm=shake * yellow, noise=noise)
@@ -301,16 +298,16 @@ def add_tables(out: Report, test: SlidingTest, frames: Records) -> None:
 
 def add_robustness(out: Report, test: SlidingTest, disturbed: Records, bends: Records) -> None:
     """Answers to disturbed frames and over the bend."""
-    failures = count_true("failed")(disturbed) + count_true("failed")(bends)
+    failures = disturbed.stat("sum failed") + bends.stat("sum failed")
     out.values(odd=len(disturbed) + len(bends), within=WITHIN, map_end=test.design.heights[-1])
     out.metrics(odd_failures=failures)
-    wrong = f"have {many(failures, 'wrong answer')}"
+    wrong = f"have {many(int(failures), 'wrong answer')}"
     out.say("odd", answered=wrong if failures else "have the answer defined for them, each")
     answers = robustness.summarize_disturbances(disturbed)
     height = np.where(answers["in_view"], f"within {WITHIN:g} mm", "not known")
     out.table("odd_frames", answers | {"expected_height": height})
-    keys, failed = ("severity", "bend_deg", "deflection_mm"), count_true("failed")
-    whats = {"frames": "count failed", "known": count_true("known"), "failures": failed}
+    keys = ("severity", "bend_deg", "deflection_mm")
+    whats = {"frames": "count failed", "known": "sum known", "failures": "sum failed"}
     out.table("bends", bends.summary(*keys, worst_mm="max_abs off_mm", **whats))
 
 
@@ -346,7 +343,7 @@ def draw_pictures(test: SlidingTest, slides: Sequence[Slide]) -> tuple[Figure, f
     slide = slides[KINDS.index(SurfaceKind.CONVEX)]
     order = np.argsort(slide.ridden)
     deflections = test.spec.preload + slide.ridden[order[[0, len(order) // 2, -1]]]
-    still = renderer.render(finger.postures(np.zeros(1), np.full(1, UP)))
+    still = renderer.render(finger.postures(np.zeros(1), UP))
     postures = postures_on(finger, test.spec, deflections, np.full(3, slide.direction))
     titles = ["at rest", *(f"deflected by {one:.1f} mm" for one in deflections)]
     drawing, [row] = new_figure(1, len(titles), height=2.0)
@@ -385,11 +382,6 @@ def draw_kinds(shapes: Records) -> Figure:
     return drawing
 
 
-def line_style(i: int) -> dict[str, Any]:
-    """Color, marker and dashes of one of several lines."""
-    return {"color": PALETTE[i], "marker": MARKERS[i], "linestyle": plots.DASHES[i]}
-
-
 def draw_errors(test: SlidingTest, frames: Records, severities: Records) -> Figure:
     """Distribution of errors; errors over the number of calibration frames and severity."""
     heights = test.heights.where(frames=test.spec.calibration)
@@ -405,7 +397,8 @@ def draw_errors(test: SlidingTest, frames: Records, severities: Records) -> Figu
         others, (frames, severities), ("frames", "severity"), (parts, WAYS), (3, 0), strict=True
     ):
         for i, (way, name) in enumerate(lines.items(), first):
-            axes.plot(rows[x], rows[f"{way}p90_mm"], label=name, **line_style(i))
+            style = {"color": PALETTE[i], "marker": MARKERS[i], "linestyle": plots.DASHES[i]}
+            axes.plot(rows[x], rows[f"{way}p90_mm"], label=name, **style)
         axes.set(xlabel=x, ylabel="90 % are below (mm)", ylim=(0, None))
     others[0].set_xlabel("calibration frames")
     return drawing
@@ -413,15 +406,12 @@ def draw_errors(test: SlidingTest, frames: Records, severities: Records) -> Figu
 
 def draw_limits(sizes: Records) -> Figure:
     """Part called what it is over the true size."""
-    parts = sizes.group("quantity")
-    drawing, [row] = new_figure(1, len(parts), height=2.9)
-    for axes, (quantity, rows) in zip(row, parts.items(), strict=True):
+    rows, own = Records(), {way: WAYS[way] for way in ("", "whole_")}
+    for way, points in {"exact_": "the ridden heights, exactly", **own}.items():
+        rows.add(**(sizes | {"points": f"by {points}", "told_percent": 100 * sizes[f"{way}told"]}))
+    drawing = plots.lines(rows, "size_mm", "told_percent", by="points", panel="quantity")
+    for axes, quantity in zip(drawing.axes, sizes.group("quantity"), strict=True):
         called, limit, _ = SIZES[quantity]
-        exact = {"color": "0.6", "linewidth": 3, "label": "by the ridden heights, exactly"}
-        axes.plot(rows["size_mm"], 100 * rows["exact_told"], **exact)
-        for i, way in ((0, ""), (2, "whole_")):
-            style = line_style(i) | {"label": f"by {WAYS[way]}"}
-            axes.plot(rows["size_mm"], 100 * rows[f"{way}told"], **style)
         axes.axvline(limit, color="black", linewidth=1, linestyle="-.", label="limit")
         axes.set(xlabel=f"true {quantity} (mm)", ylabel=f"called {called} (%)")
         axes.set(xlim=(0, None), ylim=(-3, 103))

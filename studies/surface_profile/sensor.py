@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -38,17 +37,16 @@ def highest(spec: SurfaceProfileSpec) -> float:
     return spec.preload + SAGITTA[1] + tilt + 4 * FLAT_RMS[1]
 
 
-@eqx.filter_jit
-def _bends(
-    part: Float[Array, " frames"], contact: Float[Array, ""], length: Float[Array, ""]
-) -> Float[Array, " frames"]:
+def _bend(
+    part: Float[Array, ""], contact: Float[Array, ""], length: Float[Array, ""]
+) -> Float[Array, ""]:
     def off(bend: Float[Array, ""], part: Float[Array, ""]) -> Float[Array, ""]:
         return bend_center_line(contact, bend, length).across / contact - part
 
-    def one(part: Float[Array, ""]) -> Float[Array, ""]:
-        return find_root(off, 2 * part * length / contact, part).value
+    return find_root(off, 2 * part * length / contact, part).value
 
-    return jax.vmap(one)(part)
+
+_bends = jax.jit(jax.vmap(_bend, in_axes=(0, None, None)))
 
 
 def bends_at(
@@ -61,9 +59,8 @@ def bends_at(
         contact: where along the finger, mm.
         length: of the finger, mm.
     """
-    return np.asarray(
-        _bends(jnp.asarray(deflections / contact), jnp.asarray(contact), jnp.asarray(length))
-    )
+    parts = jnp.asarray(deflections / contact)
+    return np.asarray(_bends(parts, jnp.asarray(contact), jnp.asarray(length)))
 
 
 def postures_on(
@@ -80,17 +77,15 @@ def postures_on(
     return finger.postures(bends, directions, np.asarray(pressed))
 
 
-@eqx.filter_jit
 def _edges(
-    chamber: Chamber, endoscope: Endoscope, bends: Float[Array, " places"]
-) -> tuple[Float[Array, "places 3"], Float[Array, "places 3"]]:
+    chamber: Chamber, endoscope: Endoscope, bend: Float[Array, ""]
+) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
     """Rows of the lowest and of the uppermost points of blue, yellow and the top; bent up."""
+    lowest = find_extreme_points(chamber, endoscope, -bend, DOWN).value
+    return lowest[:, 1], find_extreme_points(chamber, endoscope, bend, UP).value[:, 1]
 
-    def one(bend: Float[Array, ""]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        lowest = find_extreme_points(chamber, endoscope, -bend, DOWN).value
-        return lowest[:, 1], find_extreme_points(chamber, endoscope, bend, UP).value[:, 1]
 
-    return jax.vmap(one)(bends)
+_all_edges = jax.jit(jax.vmap(_edges, in_axes=(None, None, 0)))
 
 
 def designed_map(finger: SoftFinger, spec: SurfaceProfileSpec) -> ChamberMap:
@@ -104,7 +99,7 @@ def designed_map(finger: SoftFinger, spec: SurfaceProfileSpec) -> ChamberMap:
     """
     heights = np.linspace(0.0, RESERVE * highest(spec), PLACES)
     bends = jnp.asarray(bends_at(heights, spec.contact, finger.length))
-    low, high = (np.asarray(rows) for rows in _edges(finger.chamber, finger.endoscope, bends))
+    low, high = (np.asarray(rows) for rows in _all_edges(finger.chamber, finger.endoscope, bends))
     places = np.stack([low[:, 0], low[:, 1], (low[:, 0] + high[:, 0]) / 2], axis=1)
     moved = places[0] - places
     inside = high[:, 0].min() > 0 and places.max() < finger.endoscope.rows - 1

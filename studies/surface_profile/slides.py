@@ -115,8 +115,7 @@ class SlidingTest:
         self, finger: SoftFinger, severity: float, seed: int, first: int = 0
     ) -> tuple[list[Points], ChamberMap]:
         """Points of a finger that touches nothing, and the map as designed with their scatter."""
-        count = self.spec.rest_frames
-        still = finger.postures(np.zeros(count), np.full(count, UP))
+        still = finger.postures(np.zeros(self.spec.rest_frames), UP)
         rest = view_points(finger, still, severity, seed, first)
         shake, noise = chamber.estimate_scatter(compute_movements(rest, rest))
         return rest, replace(self.design, shake=shake, noise=noise)

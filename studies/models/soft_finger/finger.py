@@ -115,12 +115,12 @@ class SoftFinger(eqx.Module):
     def postures(
         self,
         bends: Float[np.ndarray, " frames"],
-        directions: Float[np.ndarray, " frames"],
+        directions: Float[np.ndarray, " frames"] | float,
         pressed: Float[np.ndarray, "frames rings"] | None = None,
     ) -> Posture:
         """Postures of this finger, not pressed by default; angles in radians."""
-        if pressed is None:
-            pressed = np.zeros((len(bends), len(self.arc)))
+        directions = np.broadcast_to(directions, bends.shape)
+        pressed = np.zeros((len(bends), len(self.arc))) if pressed is None else pressed
         return Posture(jnp.asarray(bends), jnp.asarray(directions), jnp.asarray(pressed))
 
     @property

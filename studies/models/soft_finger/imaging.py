@@ -113,19 +113,10 @@ def _tabulated(chamber: Chamber) -> Constants:
 
 def printed_chamber(spec: ChamberSpec) -> Chamber:
     """The chamber with the paper's own camera constants, h = Δl_A and δ = f; Δl_D is left at 0."""
-    return Chamber(
-        length_ab=spec.length_ab,
-        length_bc=spec.length_bc,
-        length_cd=spec.length_cd,
-        offset_a=spec.offset_a,
-        offset_b=spec.offset_b,
-        wall_angle_bc=np.deg2rad(spec.wall_angle_bc_deg),
-        offset_d=0.0,
-        focal_length=spec.focal_length,
-        image_distance=spec.image_distance,
-        reference_height=0.0,
-        pinhole_offset=0.0,
-    ).as_printed()
+    printed = dict(spec)
+    angle = np.deg2rad(printed.pop("wall_angle_bc_deg"))
+    unset = dict.fromkeys(("offset_d", "reference_height", "pinhole_offset"), 0.0)
+    return Chamber(**printed, wall_angle_bc=angle, **unset).as_printed()
 
 
 def with_constants(chamber: Chamber, constants: Float[Array, "2"]) -> Chamber:

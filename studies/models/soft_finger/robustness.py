@@ -10,7 +10,7 @@ every bend, and `summarize_disturbances` counts what was answered otherwise::
 
 
     frames = answer_disturbances(finger, postures, seed, answer)
-    out.metrics(odd_failures=count_true("failed")(frames))
+    out.metrics(odd_failures=frames.stat("sum failed"))
     table = summarize_disturbances(frames)
     expected = np.where(table["usable"], "a posture", "none")
     out.table("odd_frames", table | {"expected": expected, "with_posture": table["given"]})
@@ -203,14 +203,9 @@ def summarize_disturbances(frames: Records) -> Records:
         "in_view",
         frames="count failed",
         sights=lambda own: ", ".join(sorted(set(own["sight"]))),
-        given=count_true("given"),
-        failures=count_true("failed"),
+        given="sum given",
+        failures="sum failed",
     )
-
-
-def count_true(column: str) -> Callable[[Records], int]:
-    """The number of rows whose column is true, as `Records.summary` takes it."""
-    return lambda rows: int(np.count_nonzero(rows[column]))
 
 
 def view_bends(
@@ -238,6 +233,5 @@ def view_bends(
         As many at the first bend, then at the second, in the order of
         ``np.repeat(bends_deg, frames)``.
     """
-    bends = np.repeat(np.deg2rad(bends_deg), frames)
-    postures = finger.postures(bends, np.full(len(bends), direction))
+    postures = finger.postures(np.repeat(np.deg2rad(bends_deg), frames), direction)
     return looked_at(finger.renderer(seed, severity=severity), postures, look)

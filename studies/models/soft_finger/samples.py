@@ -64,12 +64,10 @@ def marker_places(
 
 
 def random_postures(
-    finger: SoftFinger,
-    bends: Float[np.ndarray, " samples"],
-    generator: np.random.Generator,
+    finger: SoftFinger, count: int, largest_bend_deg: float, generator: np.random.Generator
 ) -> Posture:
-    """A finger that bends down by these, not quite straight, sometimes pressed; in radians."""
-    count, arc = len(bends), jnp.asarray(finger.arc)
+    """A finger that bends down by up to so much, not quite straight, sometimes pressed."""
+    bends, arc = np.deg2rad(generator.uniform(0, largest_bend_deg, count)), jnp.asarray(finger.arc)
     directions = DOWN + np.deg2rad(SCATTER_DEG) * generator.standard_normal(count)
     places = generator.uniform(40, 90, count)
     radii = generator.uniform(15, 50, count)
