@@ -47,6 +47,7 @@ class Workload(NamedTuple):
     """Problems to solve: one θ_CD each.
 
     Attributes:
+        fields: the chamber's `FIELDS` by name.
         panel: its name in figures and tables.
         dtype: float type to solve in.
         angles: θ_CD in radians.
@@ -55,6 +56,7 @@ class Workload(NamedTuple):
         exact: their η in many digits.
     """
 
+    fields: dict[str, float]
     panel: str
     dtype: str
     angles: np.ndarray
@@ -69,14 +71,15 @@ class Workload(NamedTuple):
             return max(float(abs(ratio / reference - 1)) for ratio, reference in pairs)
 
 
-def workloads(fields: dict[str, float], problems: int, seed: int) -> Iterator[Workload]:
+def workloads(chamber: Chamber, problems: int, seed: int) -> Iterator[Workload]:
     """One problem and a batch, in float64 and float32.
 
     Args:
-        fields: the chamber's `FIELDS` by name.
+        chamber: gives the constants.
         problems: size of the batch.
         seed: draws the batch's θ_CD, uniform over Table I's range of 4° to 16°.
     """
+    fields = {name: float(getattr(chamber, name)) for name in FIELDS}
     limits = np.deg2rad([4, 16])
     batch = np.random.default_rng(seed).uniform(limits[0], limits[1], problems)
     ends = sorted(float(ratio) for ratio in _exact_ratios(fields, limits))
@@ -85,23 +88,24 @@ def workloads(fields: dict[str, float], problems: int, seed: int) -> Iterator[Wo
         checked = np.unique(np.linspace(0, len(angles) - 1, CHECKED).astype(int))
         ratios = _exact_ratios(fields, angles[checked])
         for dtype in ("float64", "float32"):
-            yield Workload(f"{name}, {dtype}", dtype, angles, bracket, checked, ratios)
+            panel = f"{name}, {dtype}"
+            yield Workload(fields, panel, dtype, angles, bracket, checked, ratios)
 
 
 def measure(chamber: Chamber, problems: int, repeats: int, seed: int) -> list[PrecisionRow]:
     """Error against run time of solving for η from θ_CD, with this chamber's constants."""
-    fields = {name: float(getattr(chamber, name)) for name in FIELDS}
     rows = []
-    for work in workloads(fields, problems, seed):
+    for work in workloads(chamber, problems, seed):
         # Optimistix mixes float types in Levenberg-Marquardt and Dogleg when 64-bit floats are on.
         with jax.enable_x64(work.dtype == "float64"):
-            rows += benchmark(methods(fields, work), repeats=repeats)
+            rows += benchmark(methods(work), repeats=repeats)
     return rows
 
 
-def methods(fields: dict[str, float], work: Workload) -> list[BenchmarkMethod]:
+def methods(work: Workload) -> list[BenchmarkMethod]:
     """Every method at every tolerance on one workload, compiled in JAX's present float type."""
-    chamber = Chamber(**fields, offset_a=0.0, offset_d=0.0, focal_length=0.0, image_distance=0.0)
+    others = dict.fromkeys(("offset_a", "offset_d", "focal_length", "image_distance"), 0.0)
+    chamber = Chamber(**work.fields, **others)
     angles = jnp.asarray(work.angles, work.dtype)
     closed = jax.vmap(_closed_form, (None, 0))
     made = compile_methods(CLOSED_FORM, work.panel, work.error, closed, chamber, angles)
@@ -110,7 +114,7 @@ def methods(fields: dict[str, float], work: Workload) -> list[BenchmarkMethod]:
         solve = jax.vmap(partial(_iterate, method, work.bracket), (None, 0, None))
         shared = (method_name(method), work.panel, work.error, solve, chamber, angles)
         made += compile_methods(*shared, settings=settings)
-    return made + (_brentq(fields, work) if work.dtype == "float64" else [])
+    return made + (_brentq(work) if work.dtype == "float64" else [])
 
 
 def _closed_form(chamber: Chamber, angle: Float[Array, ""]) -> Float[Array, ""]:
@@ -145,11 +149,11 @@ def _printed_angle(
     return xp.atan2(offset_c + offset_d, c)
 
 
-def _brentq(fields: dict[str, float], work: Workload) -> list[BenchmarkMethod]:
+def _brentq(work: Workload) -> list[BenchmarkMethod]:
     share = min(BRENTQ_SHARE, len(work.angles))
     part = work.angles[::share].tolist()
-    first, numbers = np.array(part[:CHECKED]), fields.values()
-    checked = work._replace(checked=np.arange(len(first)), exact=_exact_ratios(fields, first))
+    ratios, numbers = _exact_ratios(work.fields, np.array(part[:CHECKED])), work.fields.values()
+    checked = work._replace(checked=np.arange(len(ratios)), exact=ratios)
 
     def residual(ratio: float, angle: float) -> float:
         return _printed_angle(math, ratio, *numbers) - angle
@@ -161,15 +165,10 @@ def _brentq(fields: dict[str, float], work: Workload) -> list[BenchmarkMethod]:
         return np.array([solve(args=(angle,)) for angle in part])
 
     scaled = f", 1 problem in {share} solved and the time scaled" if share > 1 else ""
-    shared = {"error": checked.error, "scale": len(work.angles) / len(part)}
+    entered = partial(BenchmarkMethod, BRENTQ, panel=work.panel, error=checked.error)
+    scale = len(work.angles) / len(part)
     return [
-        BenchmarkMethod(
-            BRENTQ,
-            f"tolerance {value:.0e}{scaled}",
-            work.panel,
-            partial(call, value),
-            **shared,
-        )
+        entered(f"tolerance {value:.0e}{scaled}", call=partial(call, value), scale=scale)
         for value in TOLERANCES
     ]
 

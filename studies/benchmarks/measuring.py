@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from typing import Any
 
 import jax
@@ -17,10 +19,7 @@ from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.results import PrecisionRow
 
-COLUMNS = (
-    *("method", "setting", "panel", "error", "seconds"),
-    *("seconds_low", "seconds_high", "compile_seconds"),
-)
+COLUMNS = [field.name for field in fields(PrecisionRow) if field.name != "samples"]
 FRESH_PROCESSES = 3
 
 
@@ -42,6 +41,12 @@ def spans(ratios: Records, name: str) -> list[str]:
     columns = [ratios[column] for column in (name, "ratio", "ratio_low", "ratio_high")]
     rows = zip(*columns, strict=True)
     return [f"{who}: {value:.3g} times ({low:.3g} to {high:.3g})" for who, value, low, high in rows]
+
+
+def keep_closest(rows: Sequence[PrecisionRow], method: str) -> list[PrecisionRow]:
+    """A method's row of least error on a workload, then all rows of the others."""
+    closest = min((row for row in rows if row.method == method), key=lambda row: row.error)
+    return [closest, *(row for row in rows if row.method != method)]
 
 
 def gradient_error(expected: np.ndarray, weights: np.ndarray, found: Any) -> float:
@@ -86,6 +91,11 @@ def say_cores(out: Report) -> None:
     """The finding on which cores run times were taken."""
     with one_core() as pinned:
         out.say("one-core" if pinned else "any-core")
+
+
+def key(words: str) -> str:
+    """Words as a part of a metric's name."""
+    return re.sub(r"\W+", "_", words)
 
 
 def listed(parts: Sequence[str]) -> str:

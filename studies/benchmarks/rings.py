@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from designopt.study.benchmark import BenchmarkMethod, benchmark, compile_timed
+from designopt.study.benchmark import benchmark, compile_methods
 from designopt.study.results import PrecisionRow
 from optics.chamber import Apertures, Posture, Rings, find_apertures, press_wall
 from studies.models.soft_finger.finger import DOWN, SoftFinger
@@ -34,36 +35,28 @@ def measure_rings(finger: SoftFinger) -> list[PrecisionRow]:
 
     Errors are of the ends of what is seen of blue, yellow and top in the plane of bending, px.
     """
-    true, shown = _ends(finger, _compiled(finger, REFERENCE)[0]())
-    rows = []
+    outlines, postures = _outlines(finger, REFERENCE)
+    error = functools.partial(_worst, finger, *_ends(finger, jax.jit(outlines)(postures)))
+    name, panel, rows = "rings as apertures", "outlines of one frame", []
     for number in PER_REGION:
-        call, seconds = _compiled(finger, number)
-        method = BenchmarkMethod(
-            "rings as apertures",
-            f"{number} rings per region",
-            "outlines of one frame",
-            call,
-            functools.partial(_worst, finger, true, shown),
-            compile_seconds=seconds,
-            scale=1 / FRAMES,
-        )
-        rows += benchmark([method], repeats=9)
+        [method] = compile_methods(name, panel, error, *_outlines(finger, number))
+        setting = f"{number} rings per region"
+        rows += benchmark([replace(method, setting=setting, scale=1 / FRAMES)], repeats=9)
     return rows
 
 
 def fit_powers(rows: Sequence[PrecisionRow]) -> tuple[str, bool]:
     """The powers of the number of rings with which error and time go, and whether they hold."""
-    numbers = np.log(PER_REGION)
-    order = -float(np.polyfit(numbers, np.log([row.error for row in rows]), 1)[0])
-    cost = float(np.polyfit(numbers, np.log([row.seconds for row in rows]), 1)[0])
+    both = np.log([(row.error, row.seconds) for row in rows])
+    order, cost = np.polyfit(np.log(PER_REGION), both, 1)[0].tolist()
     each = "; ".join(
         f"{row.setting}: {row.error:.2g} px in {1e3 * row.seconds:.2f} ms" for row in rows
     )
     evidence = (
-        f"The error goes with the number to the power of {-order:.2f}, the time to that of "
+        f"The error goes with the number to the power of {order:.2f}, the time to that of "
         f"{cost:.2f}: {each}."
     )
-    return evidence, abs(order - 2) < SLACK and cost < 1 + SLACK
+    return evidence, abs(order + 2) < SLACK and cost < 1 + SLACK
 
 
 def _worst(
@@ -79,18 +72,17 @@ def _worst(
     return float(np.where(seen & shown, off, np.where(seen | shown, width, 0)).max())
 
 
-def _compiled(finger: SoftFinger, number: int) -> tuple[Callable[[], Apertures], float]:
+def _outlines(finger: SoftFinger, number: int) -> tuple[Callable[[Posture], Apertures], Posture]:
+    """What finds outlines with so many rings per region, and the postures."""
     rings = Rings.of(finger.chamber, number)
     bends = jnp.deg2rad(jnp.linspace(0.0, 120.0, FRAMES))
     press = functools.partial(press_wall, rings.arc, jnp.asarray(60.0), jnp.asarray(25.0))
     depths = jnp.asarray(np.tile([0.0, 2.0], FRAMES // 2))
-    postures = Posture(bends, jnp.full(FRAMES, DOWN), jax.vmap(press)(depths))
 
-    def seen(postures: Posture) -> Apertures:
+    def outlines(postures: Posture) -> Apertures:
         return jax.vmap(lambda posture: find_apertures(rings, posture, ANGLES))(postures)
 
-    program, seconds = compile_timed(seen, postures)
-    return lambda: program(postures), seconds
+    return outlines, Posture(bends, jnp.full(FRAMES, DOWN), jax.vmap(press)(depths))
 
 
 def _ends(

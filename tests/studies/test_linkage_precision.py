@@ -1,6 +1,5 @@
 """The study ``linkage-precision``: its reference, its methods, and a short run."""
 
-import json
 import math
 from functools import partial
 
@@ -10,7 +9,6 @@ import mpmath
 import numpy as np
 import pytest
 
-import designopt
 from designopt.study.stability import DIGITS
 from studies.benchmarks import measuring
 from studies.benchmarks.linkage import LinkagePrecisionSpec, iterations, run, walks
@@ -19,12 +17,14 @@ from studies.benchmarks.linkage.cases import (
     CASES,
     dimensions,
     drawn,
+    gaps,
     linkage_of,
     numbers_of,
     sizes_of,
     with_dimensions,
 )
 from studies.oracles import linkages as exact
+from tests.studies.quick import quick_run
 
 POSES = 48
 each_case = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -42,31 +42,26 @@ def solve_all(method, case, *setting):
 
 @each_case
 def test_the_reference_keeps_every_length_and_the_side(case):
-    """In 50 digits; the lengths are read from the linkage, the sides from its sketch."""
+    """In 50 digits, by the loop equations; the sides are read from its sketch."""
     with mpmath.workdps(DIGITS):
-        sizes = numbers_of(case, mpmath.mpf)
-        for found in exact.poses(case, sizes, exact.digits(case.angles(12))):
+        sizes, angles = numbers_of(case, mpmath.mpf), exact.digits(case.angles(12))
+        for angle, found in zip(angles, exact.poses(case, sizes, angles), strict=True):
             places = sizes.pins | dict(zip(case.joints, found, strict=True))
             places = {name: mpmath.mpc(*place) for name, place in places.items()}
-            links = [("O2", "A", "crank")]
-            links += [(dyad.start, dyad.joint, dyad.link) for dyad in case.dyads]
-            links += [(dyad.end, dyad.joint, dyad.arm) for dyad in case.dyads if dyad.arm]
-            for start, end, body in links:
-                assert abs(abs(places[end] - places[start]) / sizes.lengths[body] - 1) < 1e-45
+            unknowns = []
             for dyad in case.dyads:
                 way = places[dyad.joint] - places[dyad.start]
-                if not dyad.arm:
-                    x, y, along = sizes.line
-                    off = (places[dyad.joint] - mpmath.mpc(x, y)) * mpmath.expj(-along)
-                    assert abs(off.imag) < 1e-45
+                unknowns.append(mpmath.arg(way))
+                if dyad.arm:
+                    base = places[dyad.end]
+                    unknowns.append(mpmath.arg(places[dyad.joint] - base))
+                    assert dyad.side * (way / (base - places[dyad.start])).imag > 0
+                else:
+                    unknowns.append(abs(places[dyad.joint] - mpmath.mpc(*sizes.line[:2])))
                     assert way.real > 0
-                    continue
-                base = places[dyad.end]
-                assert dyad.side * (way / (base - places[dyad.start])).imag > 0
-                if dyad.carries:
-                    frame = (places[dyad.joint] - base) / sizes.lengths[dyad.arm]
-                    carried = (places[dyad.carries] - base) / frame
-                    assert abs(carried - mpmath.mpc(*sizes.carried[dyad.arm])) < 1e-43
+            joints, left = gaps(mpmath, case, sizes, angle, unknowns)
+            assert max(map(abs, left)) < 1e-43
+            assert max(abs(mpmath.mpc(*joints[name]) - places[name]) for name in joints) < 1e-43
 
 
 def test_the_reference_gives_nortons_four_bar():
@@ -163,27 +158,16 @@ def test_the_six_bar_is_driven_within_its_limits():
 
 @pytest.mark.slow
 def test_the_study_end_to_end(tmp_path):
-    quick = {"poses": 20, "repeats": 3, "linkage": "slider-crank"}
-    quick |= dict.fromkeys(("peers", "first_call", "float32", "optimistix"), False)
-    results = designopt.run_study(
-        "linkage-precision", LinkagePrecisionSpec(**quick), out=tmp_path / "out"
-    )
-    document = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
-    metrics = document["metrics"]
-    assert metrics["closed_form_worst_error"]["met"]
-    assert metrics["four_bar_over_mechanism"]["value"] is None
-    assert metrics["slider_crank_gradient_over_value"]["value"] > 0
     # The other targets belong to the longest sweep.
-    judged = {name for name, metric in metrics.items() if metric["target"] is not None}
-    assert judged == {"closed_form_worst_error"}
-    panels = {row["panel"] for row in document["precision"]}
+    done = quick_run("linkage-precision", tmp_path, judged={"closed_form_worst_error"})
+    assert done.measured["four_bar_over_mechanism"] is None
+    assert done.measured["slider_crank_gradient_over_value"] > 0
+    panels = {row["panel"] for row in done.document["precision"]}
     assert panels == {"slider-crank, 20 poses", "slider-crank, gradient over 20 poses"}
-    [table] = [table for table in results.tables if table.name == "all_rows"]
-    columns = dict(zip(table.columns, zip(*table.rows, strict=True), strict=True))
-    assert set(columns["poses"]) == {1, 20}
-    for row in document["left_out"]:
+    assert set(done.table("all_rows")["poses"]) == {1, 20}
+    for row in done.document["left_out"]:
         assert 0 < row["scene_operations"] < row["general_operations"]
-    assert len(document["claims"]) == 2
+    assert len(done.document["claims"]) == 2
 
 
 def test_the_first_call_is_timed_in_a_fresh_process(monkeypatch):

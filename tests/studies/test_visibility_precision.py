@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 import math
 
 import equinox as eqx
@@ -12,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import designopt
 from designopt.study.results import PrecisionRow
 from optics import parse_scene
 from studies.benchmarks.measuring import installed
@@ -27,6 +25,7 @@ from studies.benchmarks.visibility.cases import (
 )
 from studies.oracles import coverage as exact
 from studies.oracles.scenes import rounded, seen_by_fan
+from tests.studies.quick import quick_run
 
 RAYS = 200_000
 
@@ -240,27 +239,21 @@ def test_the_rival_is_the_fastest_that_is_accurate_enough():
 
 @pytest.mark.slow
 def test_the_study_end_to_end(tmp_path):
-    quick = {"samples": 64, "reference_rays": 20000, "repeats": 3}
-    left_out = ("flexion", "edge_refined", "gallery", "grid", "peers", "left_out")
-    quick |= dict.fromkeys(left_out, False)
-    results = designopt.run_study("visibility-precision", quick, out=tmp_path / "out")
-    document = json.loads((tmp_path / "out" / "results.json").read_text(encoding="utf-8"))
-    metrics, precision = document["metrics"], document["precision"]
-    assert metrics["exact_error_coverage_1_pose"]["value"] < 1e-3  # 20,000 rays
-    assert metrics["exact_error_gradient_1_pose"]["value"] < 1e-12
+    # The targets belong to the default numbers of points and rays.
+    done = quick_run("visibility-precision", tmp_path)
+    metrics, precision = done.measured, done.document["precision"]
+    assert metrics["exact_error_coverage_1_pose"] < 1e-3  # 20,000 rays
+    assert metrics["exact_error_gradient_1_pose"] < 1e-12
     gradients = [row for row in precision if row["panel"] == "gradient, 1 pose"]
     errors = {row["method"]: row["error"] for row in gradients}
     assert errors[by.HARD] == 1.0  # it is 0
     assert errors[by.CAMERA] > 0.1  # it is that of the hits, not of the edges
     assert errors[by.BEST] <= min(errors[method] for method in by.SOFT.values())
-    assert metrics["gallery_exact_deviation"]["value"] is None
-    assert metrics["sigmoid_over_exact_gradient_1_pose"]["value"] is None  # 64 points are too few
-    assert metrics["tracer_over_numpy_1_leg"]["value"] > 0
-    # The targets belong to the default numbers of points and rays.
-    assert all(metric["target"] is None for metric in metrics.values())
+    assert metrics["gallery_exact_deviation"] is None
+    assert metrics["sigmoid_over_exact_gradient_1_pose"] is None  # 64 points are too few
+    assert metrics["tracer_over_numpy_1_leg"] > 0
     assert {row["panel"] for row in precision} == {"coverage, 1 pose", "gradient, 1 pose"}
-    [table] = [table for table in results.tables if table.name == "tracers"]
-    columns = dict(zip(table.columns, zip(*table.rows, strict=True), strict=True))
+    columns = done.table("tracers")
     assert set(columns["method"]) == {tracers.OURS, tracers.NUMPY}
     assert max(columns["error_mm"]) < 1e-11
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -22,6 +23,7 @@ from studies.benchmarks.linkage import methods as by
 from studies.benchmarks.linkage.cases import CASES, GALLERY, linkage_of
 from studies.benchmarks.measuring import (
     in_fresh_processes,
+    key,
     listed,
     measure,
     ratio,
@@ -169,11 +171,6 @@ def add_speed(out: Report, rows: Records, ratios: Records) -> list[Claim]:
     return [*fast, out.claim("closed-form", *closest)]
 
 
-def key(name: str) -> str:
-    """A linkage's name as a part of a metric's."""
-    return name.replace("-", "_")
-
-
 def add_short_sweeps(out: Report, rows: Records) -> None:
     """The fastest method of each short sweep."""
     for poses, own in rows.group("poses").items():
@@ -214,8 +211,7 @@ def add_first_calls(out: Report, measured: bool) -> list[Claim]:
     calls, parts, evidence, holds = Records(), [], [], True
     for name, (_, most) in FIRST_CALLS.items():
         seconds = first_call(name) if measured else []
-        numbers = list(range(1, len(seconds) + 1))
-        calls.add(linkage=[name] * len(seconds), process=numbers, seconds=seconds)
+        calls.add(linkage=name, process=np.arange(len(seconds)) + 1, seconds=seconds)
         median = statistics.median(seconds) if seconds else None
         out.metric(f"{key(name)}_first_call_s", median, "first_call_s", case=name, most=most)
         out.values(**{f"most_{key(name)}_s": most})
@@ -236,17 +232,9 @@ def add_figures(out: Report, rows: Records) -> None:
     poses = rows.where(dtype="float64", asked="poses")
     close = poses.where(poses["error"] <= CLOSE)
     rates = close | {"rate": close["poses"] / close["seconds"]}
-    drawing = plots.lines(
-        rates,
-        "poses",
-        "rate",
-        by="method",
-        panel="linkage",
-        stat="max",
-        log="xy",
-        names={"poses": "poses of the sweep", "rate": "poses per second"},
-        height=4.4,
-    )
+    columns: dict[str, Any] = {"by": "method", "panel": "linkage", "stat": "max"}
+    names = {"poses": "poses of the sweep", "rate": "poses per second"}
+    drawing = plots.lines(rates, "poses", "rate", **columns, log="xy", names=names, height=4.4)
     for axes in drawing.axes:
         axes.set(xscale="log", yscale="log")  # with powers of ten at their ticks
         for line in (line for line in axes.lines if line.get_label() == by.FLOOR):

@@ -21,7 +21,6 @@ Walker = tuple[Callable[[], Any], Callable[[Any], np.ndarray]]
 """What solves a sweep; and its answer as an array of shape (poses, joints, 2), mm."""
 
 Walk = Callable[[Case, Sizes, np.ndarray, float], Walker]
-Loop = Callable[[np.ndarray, float], np.ndarray]
 
 
 def fsolve_walk(case: Case, sizes: Sizes, angles: np.ndarray, tolerance: float) -> Walker:
@@ -71,51 +70,40 @@ def mechanism_walk(case: Case, sizes: Sizes, angles: np.ndarray, _: float) -> Wa
     from mechanism import Joint, Mechanism, Vector  # pyright: ignore[reportMissingImports]
 
     joints = {name: Joint(name) for name in (*sizes.pins, *case.joints, "P")}
-    vectors, loops = [], []
+    vectors, loops, turned = [], [], cases.crank_base(math, case, sizes)
 
-    def link(start: str, end: str, length: float) -> Any:
-        vectors.append(Vector(joints=(joints[start], joints[end]), r=length))
+    def link(start: str, end: str, **given: float) -> Any:
+        vectors.append(Vector(joints=(joints[start], joints[end]), **given))
         return vectors[-1]
 
     def fixed(end: str, x: float, y: float) -> Any:
         x, y = x - sizes.pins["O2"][0], y - sizes.pins["O2"][1]
-        ends = joints["O2"], joints[end]
-        vectors.append(Vector(joints=ends, r=math.hypot(x, y), theta=math.atan2(y, x)))
-        return vectors[-1]
+        return link("O2", end, r=math.hypot(x, y), theta=math.atan2(y, x))
 
-    def driven(crank: Any, base: float) -> Loop:
-        return lambda unknowns, angle: crank(angle + base)
-
-    def carried(base: Any, side: Any, number: int, turn: float) -> Loop:
-        return lambda unknowns, angle: base() + side(unknowns[2 * number + 1] + turn)
-
-    def loop(way: Loop, rod: Any, base: Any, arm: Any, number: int) -> Loop:
-        return lambda unknowns, angle: (
-            way(unknowns, angle)
-            + rod(unknowns[2 * number])
-            - base()
-            - arm(unknowns[2 * number + 1])
-        )
-
-    # The way from the origin to the joint that the next dyad starts from.
-    way = driven(link("O2", "A", sizes.lengths["crank"]), cases.crank_base(math, case, sizes))
-    for number, dyad in enumerate(case.dyads):
-        rod = link(dyad.start, dyad.joint, sizes.lengths[dyad.link])
+    crank = link("O2", "A", r=sizes.lengths["crank"])
+    for dyad in case.dyads:
+        rod, side, turn = link(dyad.start, dyad.joint, r=sizes.lengths[dyad.link]), None, 0.0
         if dyad.arm:
             base = fixed(dyad.end, *sizes.pins[dyad.end])
-            arm = link(dyad.end, dyad.joint, sizes.lengths[dyad.arm])
+            arm = link(dyad.end, dyad.joint, r=sizes.lengths[dyad.arm])
         else:  # a point of the line is a joint as well
             base = fixed("P", *sizes.line[:2])
-            arm = Vector(joints=(joints["P"], joints[dyad.joint]), theta=sizes.line[2])
-            vectors.append(arm)
-        loops.append(loop(way, rod, base, arm, number))
+            arm = link("P", dyad.joint, theta=sizes.line[2])
         if dyad.carries:
             along, across = sizes.carried[dyad.arm]
-            side = link(dyad.end, dyad.carries, math.hypot(along, across))
-            way = carried(base, side, number, math.atan2(across, along))
+            side = link(dyad.end, dyad.carries, r=math.hypot(along, across))
+            turn = math.atan2(across, along)
+        loops.append((rod, base, arm, side, turn))
 
     def equations(unknowns: np.ndarray, angle: float) -> np.ndarray:
-        return np.concatenate([one(unknowns, angle) for one in loops])
+        # The way from the origin to the joint that the next dyad starts from.
+        way, gaps = crank(angle + turned), []
+        pairs = unknowns.reshape(-1, 2)
+        for (rod, base, arm, side, turn), (first, second) in zip(loops, pairs, strict=True):
+            gaps.append(way + rod(first) - base() - arm(second))
+            if side is not None:
+                way = base() + side(second + turn)
+        return np.concatenate(gaps)
 
     guess = (np.array(cases.start_of(case, sizes)),)
     solver = Mechanism(

@@ -7,6 +7,7 @@ complementarity equations: where both agree, these describe a minimum. Circles o
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -18,8 +19,9 @@ import scipy.optimize
 from jaxtyping import Array, Float
 
 from designopt import jaxopt_adapter
-from designopt.study.benchmark import BenchmarkMethod, benchmark, compile_methods, find_dominating
+from designopt.study.benchmark import BenchmarkMethod, benchmark, compile_methods, find_undominated
 from designopt.study.results import PrecisionRow
+from studies.benchmarks.measuring import keep_closest
 from studies.models.grasp.closing import Path
 from studies.models.grasp.comparing import reference
 from studies.models.grasp.conditions import (
@@ -81,7 +83,7 @@ class Workload(NamedTuple):
         exact = {i: one.joints for i, one in found.items() if one is not None and one.right}
         if not exact:
             return None
-        at, unit = np.array(list(exact)), path.problem.moment_unit
+        at, unit = np.array(list(exact)), path.problem.spring.moment_unit
         forces = jnp.asarray(path.forces[at - 1]) * path.problem.length_unit / unit
         guesses = Unknowns(
             jnp.asarray(path.joints[at - 1]), jnp.asarray(path.motor[at - 1]) / unit, forces
@@ -139,29 +141,18 @@ def energy_minimizers(work: Workload) -> list[BenchmarkMethod]:
     made = work.compile("jaxopt QP, sequential", minimize_by_programs, near, PROGRAMS, "programs")
     made += work.compile("jaxopt LBFGSB, augmented", minimize_penalized, near, TOLERANCES)
     states = list(zip(map(work.at, work.commands), np.asarray(near), strict=True))
-    for value in (1e-4, 1e-8, 1e-15):
 
-        def call(value: float = value) -> np.ndarray:
-            return np.array([minimize_slsqp(*one, value) for one in states])
+    def slsqp(tolerance: float) -> np.ndarray:
+        return np.array([minimize_slsqp(*state, tolerance) for state in states])
 
-        made.append(
-            BenchmarkMethod("SciPy SLSQP", f"tolerance {value:g}", work.panel, call, work.error)
-        )
-    return made
+    entered = partial(BenchmarkMethod, "SciPy SLSQP", panel=work.panel, error=work.error)
+    settings = (1e-4, 1e-8, 1e-15)
+    return made + [entered(f"tolerance {x:g}", call=partial(slsqp, x)) for x in settings]
 
 
 def compare_with_minimizers(rows: Sequence[PrecisionRow]) -> tuple[list[str], bool]:
     """Newton's closest setting against every minimiser's, and whether none is faster and closer."""
-    mine = min((row for row in rows if row.method == OURS), key=lambda row: row.error)
-    others = [row for row in rows if row.method != OURS]
-    evidence = [f"{OURS}, {mine.setting}: {mine.seconds:.2g} s, error {mine.error:.1e} rad"]
-    for method in dict.fromkeys(row.method for row in others):
-        best = min((row for row in others if row.method == method), key=lambda row: row.error)
-        evidence.append(
-            f"{method}, at its best setting ({best.setting}): {best.seconds / mine.seconds:.3g} "
-            f"times its time, error {best.error:.1e} rad"
-        )
-    return evidence, not find_dominating(mine, others)
+    return find_undominated(keep_closest(rows, OURS), OURS)
 
 
 @jax.custom_jvp
@@ -190,7 +181,7 @@ def _optimistix(problem: Problem, guess: Unknowns, tolerance: Any) -> Joints:
 def _posture(problem: Problem, joints: Joints, forces: Gaps) -> Unknowns:
     """A posture with the moment that the motor has in it."""
     lag = problem.command - transfer(problem.finger, joints).crank
-    return Unknowns(joints, lag / problem.contrast, forces)
+    return Unknowns(joints, lag / problem.spring.contrast, forces)
 
 
 def minimize_by_programs(problem: Problem, guess: Joints, count: Array) -> Joints:
@@ -202,7 +193,7 @@ def minimize_by_programs(problem: Problem, guess: Joints, count: Array) -> Joint
         linear = linear_at(problem, _posture(problem, joints, forces))
         touch, ratios = linear.parts.touch, linear.parts.ratios
         slope = linear.parts.slack + touch.slopes.T @ forces
-        hessian = linear.curvature + jnp.outer(ratios, ratios) / problem.contrast
+        hessian = linear.curvature + jnp.outer(ratios, ratios) / problem.spring.contrast
         # A convex program: directions of negative curvature get a small positive one.
         sizes, axes = jnp.linalg.eigh((hessian + hessian.T) / 2)
         least, scale = 1e-3 * jnp.max(jnp.abs(sizes)), jnp.max(sizes)
@@ -230,7 +221,7 @@ def minimize_penalized(problem: Problem, guess: Joints, tolerance: Scalar) -> Jo
     J. Nocedal, S. J. Wright, *Numerical Optimization*, 2nd ed., §17.3; within the stops.
     """
     upper = jnp.broadcast_to(problem.finger.body.flexion, guess.shape)
-    scale = problem.contrast + 1 / problem.contrast
+    scale = problem.spring.contrast + 1 / problem.spring.contrast
 
     def pushed(problem: Problem, joints: Joints, forces: Gaps, penalty: Scalar) -> Gaps:
         return jnp.maximum(forces - penalty * touches(problem, joints).gaps, 0.0)

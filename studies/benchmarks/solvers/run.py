@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from designopt.study.benchmark import BenchmarkMethod, benchmark, find_undominated
 from designopt.study.records import Records
 from designopt.study.report import Report
-from designopt.study.results import PrecisionRow, Results
+from designopt.study.results import Results
 from designopt.study.study import Context
 from studies.benchmarks import chamber
+from studies.benchmarks.measuring import keep_closest
 from studies.benchmarks.solvers import SolverPrecisionSpec, box, grasp
 from studies.models.grasp import cases
 from studies.models.grasp.closing import close_all, there_and_back
@@ -22,6 +23,7 @@ from studies.models.soft_finger.spec import ChamberSpec
 OURS = "designopt"
 OWN = (chamber.CLOSED_FORM, grasp.OURS, box.OURS)
 REFERENCE = "joints in 36 digits (rad); Eqs. 1-3 in 50 digits (relative); the closed form of x₁, x₂"
+COLUMNS = ("method", "setting", "error", "seconds")
 NEAR = 10.0
 """Other methods are compared where their error is at most so many times ours."""
 
@@ -33,52 +35,31 @@ def run(spec: SolverPrecisionSpec, context: Context) -> Results:
         UserError: another float type than float64.
     """
     context.require_float64("solver-precision measures errors of 1e-15")
-    out = Report(spec, package=__package__)
+    out, rows, judged, table = Report(spec, package=__package__), [], [], Records()
     problems: dict[str, Callable[[], Iterable[BenchmarkMethod]]] = {
         "grasp": lambda: _grasp_methods(spec.minimizers),
         "eta": lambda: _chamber_methods(spec.angles, context.seed),
         "box": box.methods,
     }
-    rows, special, table, error, speedup = [], [], Records(), {}, {}
     for name, make in problems.items():
         with context.step(f"Problem {name}"):
             found = benchmark([_named(one) for one in make()], repeats=spec.repeats)
         rows += found
-        panel = found[-1].panel
-        closest = _closest(found, panel)
-        ours = closest.pop(OURS)
-        special += [ours, *(row for row in found if row.panel == panel and row.method != OURS)]
+        ours, *others = keep_closest([row for row in found if row.panel == found[-1].panel], OURS)
+        if name != "box":
+            judged += [ours, *others]
+        closest = {row.method: row for row in sorted(others, key=lambda row: -row.error)}
         near = [row.seconds for row in closest.values() if row.error <= NEAR * ours.error]
-        error[name], speedup[name] = ours.error, min(near, default=math.nan) / ours.seconds
+        speedup = min(near, default=math.nan) / ours.seconds
+        out.metrics(**{f"{name}_error": ours.error, f"{name}_speedup": speedup})
         for row in (ours, *closest.values()):
-            table.add(
-                problem=panel,
-                method=row.method,
-                setting=row.setting,
-                error=row.error,
-                seconds=row.seconds,
-                times_ours=row.seconds / ours.seconds,
-            )
-    out.metrics(
-        grasp_error=error["grasp"],
-        grasp_speedup=speedup["grasp"],
-        eta_error=error["eta"],
-        eta_speedup=speedup["eta"],
-        box_error=error["box"],
-        box_speedup=speedup["box"],
-    )
+            columns = {column: getattr(row, column) for column in COLUMNS}
+            table.add(problem=row.panel, times_ours=row.seconds / ours.seconds, **columns)
     out.say("main")
     out.table("closest", table)
-    structured = [row for row in special if row.panel != box.PANEL]
-    claim = out.claim("structure", *find_undominated(structured, OURS))
+    claim = out.claim("structure", *find_undominated(judged, OURS))
     out.precision(rows, "worst error", REFERENCE, claim)
     return out.results()
-
-
-def _closest(rows: Sequence[PrecisionRow], panel: str) -> dict[str, PrecisionRow]:
-    """Each method's row of least error on a workload."""
-    own = sorted((row for row in rows if row.panel == panel), key=lambda row: -row.error)
-    return {row.method: row for row in own}
 
 
 def _named(one: BenchmarkMethod) -> BenchmarkMethod:
@@ -99,9 +80,7 @@ def _grasp_methods(minimizers: bool) -> list[BenchmarkMethod]:
 
 
 def _chamber_methods(angles: int, seed: int) -> Iterator[BenchmarkMethod]:
-    printed = printed_chamber(ChamberSpec())
-    fields = {name: float(getattr(printed, name)) for name in chamber.FIELDS}
-    for work in chamber.workloads(fields, angles, seed):
+    for work in chamber.workloads(printed_chamber(ChamberSpec()), angles, seed):
         if work.dtype == "float64":
             panel = f"η of the chamber, {work.panel.removesuffix(', float64')}"
-            yield from chamber.methods(fields, work._replace(panel=panel))
+            yield from chamber.methods(work._replace(panel=panel))

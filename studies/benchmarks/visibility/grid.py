@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from designopt.study.benchmark import BenchmarkMethod, compile_timed
 from designopt.study.records import Records
-from optics.scene.scene import WORLD, Layout, Scene
+from optics.scene.scene import WORLD, Scene
 from optics.visibility.coverage import find_views
 from optics.visibility.unfolding import paths_of
 from studies.benchmarks.measuring import in_fresh_processes, measure
@@ -89,22 +89,15 @@ def disagreement(scene: Scene, steps: int) -> float:
     grid, sweeps = np.split(np.asarray(views(scene, poses)), [steps**joints])
     grid = grid.reshape(*[steps] * joints, pads, -1)
     sweeps = sweeps.reshape(joints, steps, pads, -1)
+    moved: dict[int, set[int]] = {WORLD: set()}  # of each frame the joints that move it
+    for index, frame in enumerate(layout.frames):
+        moved[index] = moved[frame.parent] | {frame.angle}
     worst = 0.0
     for pad, surface in enumerate(layout.pads):
         for view, word in enumerate([(), *words]):
-            moving = _joints(layout, [surface.frame, *(layout.mirrors[i].frame for i in word)])
+            moving = moved[surface.frame].union(*(moved[layout.mirrors[i].frame] for i in word))
             if len(moving) == 1:
                 (axis,) = moving
                 off = np.moveaxis(grid[..., pad, view], axis, -1) - sweeps[axis, :, pad, view]
                 worst = max(worst, float(np.max(np.abs(off))))
     return worst
-
-
-def _joints(layout: Layout, frames: list[int]) -> set[int]:
-    """The joints that move any of some frames."""
-    found = set()
-    for frame in frames:
-        while frame != WORLD:
-            found.add(layout.frames[frame].angle)
-            frame = layout.frames[frame].parent
-    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -21,7 +21,7 @@ from designopt.study.study import Context
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_coverage, find_views
 from optics.visibility.edge_refined import trace_views
-from studies.benchmarks.measuring import measure, ratio, say_cores, spans
+from studies.benchmarks.measuring import key, measure, ratio, say_cores, spans
 from studies.benchmarks.visibility import VisibilityPrecisionSpec, cases, grid, tracers
 from studies.benchmarks.visibility import methods as by
 from studies.oracles import coverage as exact
@@ -49,12 +49,14 @@ def run(spec: VisibilityPrecisionSpec, context: Context) -> Results:
     out.values(accuracy=ACCURACY, steps=grid.STEPS, mirrors=tracers.MIRRORS, **TARGETS)
     out.values(tracer_rays=tracers.RAYS)
     with jax.enable_x64(True):
-        for work in workloads(spec):
+        works = workloads(spec)
+        for work in works:
             with context.step(work.panel):
                 entered = by.methods(work, spec.samples, edge_refined=spec.edge_refined)
                 rows.add(**measure(entered, spec.repeats))
         with context.step("Reference in 50 digits"):
-            fan_error = fan_deviation(spec.reference_rays)
+            scene, [pose] = works[0].scene, works[0].poses
+            fan_error = by.coverage_error(works[0])(exact.coverage(scene, pose))
         claims += add_methods(out, rows)
         claims += add_gallery(out, spec, context)
         if spec.grid:
@@ -108,14 +110,7 @@ def deviation(name: str, rays: int) -> dict[str, Any]:
     return {"scene": name, "method": method, "coverage_error": off[0], "redundancy_error": off[1]}
 
 
-def fan_deviation(rays: int) -> float:
-    """How far the reference's rays are from 50 digits, for the spoilt finger."""
-    scene = cases.spoilt_finger()
-    fan = seen_by_fan(rounded(scene, cases.bent(scene)), rays)
-    return float(np.max(np.abs(fan.coverage - exact.coverage(scene, cases.bent(scene)))))
-
-
-def fastest_sigmoid(rows: Sequence[PrecisionRow]) -> PrecisionRow | None:
+def fastest_sigmoid(rows: Iterable[PrecisionRow]) -> PrecisionRow | None:
     """The fastest sigmoid that is accurate enough, if there is one."""
     sigmoids = [row for row in rows if row.method in (*by.SOFT.values(), by.BEST)]
     close = [row for row in sigmoids if row.error <= ACCURACY]
@@ -126,16 +121,16 @@ def add_methods(out: Report, rows: Records) -> list[Claim]:
     """What the methods reach on the spoilt finger, and how long they take."""
     rivals, claims, gradients = Records(), [], []
     for panel, own in rows.group("panel").items():
-        (ours, *others), (asked, name) = own["row"], (panel.split(",")[0], key(panel))
+        ours, asked, name = own["row"][0], panel.split(",")[0], key(panel)
         out.metric(f"exact_error_{name}", ours.error, f"exact_{asked}", panel=panel)
-        methods = own.where(own["method"] != by.OURS).group("method").values()
-        best = {part["row"][0].method: best_of(part["row"]) for part in methods}
-        listing = "; ".join(f"{method} {text}" for method, text in best.items())
-        out.say("beside", panel=panel, ours=best_of([ours]), others=listing)
+        best = {method: best_of(part["row"]) for method, part in own.group("method").items()}
+        mine = best.pop(by.OURS)
+        others = "; ".join(f"{method} {text}" for method, text in best.items())
+        out.say("beside", panel=panel, ours=mine, others=others)
         if asked == "coverage":
             continue
         gradients.append(ours)
-        both, row = {"ratio": None}, fastest_sigmoid(others)
+        both, row = {"ratio": None}, fastest_sigmoid(own["row"])
         if row is None:
             out.say("no-rival", panel=panel)
         else:
@@ -154,11 +149,6 @@ def add_methods(out: Report, rows: Records) -> list[Claim]:
     if len(rivals):
         out.table("rivals", rivals)
     return [*claims, out.claim("undominated", *find_undominated(list(rows["row"]), by.OURS))]
-
-
-def key(words: str) -> str:
-    """Words as a part of a metric's name."""
-    return words.replace(", ", "_").replace(" ", "_")
 
 
 def best_of(rows: Iterable[PrecisionRow]) -> str:
@@ -253,31 +243,15 @@ def operations() -> list[LeftOutRow]:
     bent = cases.changed_finger(lambda data: data["mirrors"][0].update(radius=RADIUS_MM))
     none = count(partial(find_coverage, bounces=0), bare)
     once, twice = (count(partial(find_coverage, bounces=bounces), finger) for bounces in (1, 2))
-    straight, curved = count(refined, finger), count(refined, bent)
-    views = count(find_views, finger)
+    rays, views = (count(refined, finger), count(refined, bent)), count(find_views, finger)
+    straight = "coverage of the finger by edge-refined rays, its mirrors straight"
+    unfolding = "unfolding and apertures: a finger with mirrors, one reflection"
+    paths = "paths over two mirrors, which cut each other's views"
+    conics = "conic sections, their quadratic equations and horizons: the same with a curved mirror"
+    more = "pixels, resolution, distances, margins and reasons: all that `find_views` answers"
     return [
-        LeftOutRow(
-            "coverage of a finger without mirrors",
-            "unfolding and apertures: a finger with mirrors, one reflection",
-            none,
-            once,
-        ),
-        LeftOutRow(
-            "coverage of the finger by one reflection",
-            "paths over two mirrors, which cut each other's views",
-            once,
-            twice,
-        ),
-        LeftOutRow(
-            "coverage of the finger by edge-refined rays, its mirrors straight",
-            "conic sections, their quadratic equations and horizons: the same with a curved mirror",
-            straight,
-            curved,
-        ),
-        LeftOutRow(
-            "coverage of the finger, and nothing else",
-            "pixels, resolution, distances, margins and reasons: all that `find_views` answers",
-            once,
-            views,
-        ),
+        LeftOutRow("coverage of a finger without mirrors", unfolding, none, once),
+        LeftOutRow("coverage of the finger by one reflection", paths, once, twice),
+        LeftOutRow(straight, conics, *rays),
+        LeftOutRow("coverage of the finger, and nothing else", more, once, views),
     ]

@@ -71,13 +71,10 @@ def coverage(
         steepness: α.
     """
 
-    def of_pose(pose: Float[Array, " joints"]) -> Float[Array, " pads"]:
-        def mean(at: Float[Array, " points"]) -> Float[Array, " pads"]:
-            return jnp.mean(step(margins(scene, pose, at), steepness), axis=1)
+    def mean(pose: Array, at: Float[Array, " points"]) -> Float[Array, " pads"]:
+        return jnp.mean(step(margins(scene, pose, at), steepness), axis=1)
 
-        return _mean_of_blocks(mean, block, blocks)
-
-    return jax.lax.map(of_pose, poses)
+    return _mean_of_blocks(mean, block, poses, blocks)
 
 
 def gradient(
@@ -95,26 +92,28 @@ def gradient(
     as all points at once.
     """
 
-    def of_pose(pose: Float[Array, " joints"]) -> tuple[Float[Array, ""], Parts]:
-        def mean(parts: Parts, at: Float[Array, " points"]) -> Float[Array, ""]:
-            return jnp.mean(step(margins(with_parts(scene, parts), pose, at), steepness))
+    def mean(parts: Parts, pose: Array, at: Float[Array, " points"]) -> Float[Array, ""]:
+        return jnp.mean(step(margins(with_parts(scene, parts), pose, at), steepness))
 
-        return _mean_of_blocks(partial(jax.value_and_grad(mean), parts), block, blocks)
-
-    found = jax.lax.map(of_pose, poses)
+    found = _mean_of_blocks(partial(jax.value_and_grad(mean), parts), block, poses, blocks)
     return jax.tree.map(lambda leaf: jnp.mean(leaf, axis=0), found)
 
 
-def _mean_of_blocks(function: Callable[[Array], Any], block: int, blocks: Int[Array, ""]) -> Any:
-    """Mean over blocks of what a function finds of the middles of equal parts of a pad."""
+def _mean_of_blocks(
+    function: Callable[..., Any], block: int, poses: Array, blocks: Int[Array, ""]
+) -> Any:
+    """In each pose the mean over blocks of what is found of the middles of equal parts of a pad."""
 
-    def add(part: Int[Array, ""], total: Any) -> Any:
-        middles = (2 * (part * block + jnp.arange(block)) + 1) / (2 * block * blocks)
-        return jax.tree.map(jnp.add, total, function(middles))
+    def of_pose(pose: Float[Array, " joints"]) -> Any:
+        def add(part: Int[Array, ""], total: Any) -> Any:
+            middles = (2 * (part * block + jnp.arange(block)) + 1) / (2 * block * blocks)
+            return jax.tree.map(jnp.add, total, function(pose, middles))
 
-    shape = jax.eval_shape(function, jnp.zeros(block))
-    total = jax.lax.fori_loop(0, blocks, add, jax.tree.map(jnp.zeros_like, shape))
-    return jax.tree.map(lambda leaf: leaf / blocks.astype(leaf.dtype), total)
+        shape = jax.eval_shape(function, pose, jnp.zeros(block))
+        total = jax.lax.fori_loop(0, blocks, add, jax.tree.map(jnp.zeros_like, shape))
+        return jax.tree.map(lambda leaf: leaf / blocks.astype(leaf.dtype), total)
+
+    return jax.lax.map(of_pose, poses)
 
 
 def margins(
