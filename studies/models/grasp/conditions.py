@@ -57,16 +57,6 @@ class Problem(eqx.Module):
         return spring_of(self.finger)
 
     @property
-    def contrast(self) -> Float[Array, ""]:
-        """κ = √(k / k_s)."""
-        return self.spring.contrast
-
-    @property
-    def moment_unit(self) -> Float[Array, ""]:
-        """√(k k_s), N mm."""
-        return self.spring.moment_unit
-
-    @property
     def length_unit(self) -> Float[Array, ""]:
         """Length between the two joints, mm; gaps are computed in this unit."""
         return self.finger.body.intermediate
