@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from designopt.io.spec import Spec
+from designopt.study.settings import setting
 
 Length = Annotated[float, Field(gt=0, le=1e3)]
 StrictLength = Annotated[Length, Field(strict=True)]
@@ -51,14 +52,10 @@ class BodySpec(BodyTable):
     That pads end 1.5 mm before the ends of the finger is an argument of this project.
     """
 
-    proximal: Length = Field(default=35.0, description="length of the proximal phalanx (mm)")
-    intermediate: Length = Field(default=23.0, description="PIP axis to DIP axis (mm)")
-    distal: Length = Field(default=32.0, description="DIP axis to finger tip (mm)")
-    thickness: Length = Field(default=25.0, description="T, palmar to dorsal face (mm)")
-    axis_height: Length = Field(default=4.0, description="h, palmar face to the axes (mm)")
-    range_deg: Annotated[float, Field(ge=2, le=100)] = Field(
-        default=90.0, description="flexion of each joint from straight (degrees)"
-    )
-    rim: Annotated[float, Field(ge=0, le=1e3)] = Field(
-        default=1.5, description="outer pads to the ends of the finger (mm)"
-    )
+    proximal: Length = setting(35.0, "length of the proximal phalanx (mm)")
+    intermediate: Length = setting(23.0, "PIP axis to DIP axis (mm)")
+    distal: Length = setting(32.0, "DIP axis to finger tip (mm)")
+    thickness: Length = setting(25.0, "T, palmar to dorsal face (mm)")
+    axis_height: Length = setting(4.0, "h, palmar face to the axes (mm)")
+    range_deg: float = setting(90.0, "flexion of each joint from straight (degrees)", ge=2, le=100)
+    rim: float = setting(1.5, "outer pads to the ends of the finger (mm)", ge=0, le=1e3)

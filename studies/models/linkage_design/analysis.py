@@ -48,13 +48,9 @@ def design_linkage(spec: FingerLinkageSpec, seed: int) -> LinkageDesign:
         seed: of the search's starts and of the tolerance study's draws.
     """
     found = search(spec, seed)
-    return LinkageDesign(
-        found.finger,
-        found,
-        judged(found.finger, spec.limits),
-        sensor_room(spec.sensor),
-        least_angles(found.finger, spec.tolerance, spec.draws, seed),
-    )
+    verdict, room = judged(found.finger, spec.limits), sensor_room(spec.sensor)
+    drawn = least_angles(found.finger, spec.tolerance, spec.draws, seed)
+    return LinkageDesign(found.finger, found, verdict, room, drawn)
 
 
 def sensor_room(sensor: SensorSpec) -> Check:

@@ -90,11 +90,6 @@ class Verdict:
         """How far the crank turns over all postures, degrees."""
         return float(np.ptp(self.crank_deg))
 
-    @property
-    def unmet(self) -> list[Check]:
-        """The requirements that are not met."""
-        return [check for check in self.checks if not check.met]
-
 
 def judged(finger: Finger, limits: LimitsSpec) -> Verdict:
     """A design over the whole square of postures, every requirement with what it comes to.
@@ -138,13 +133,8 @@ def judged(finger: Finger, limits: LimitsSpec) -> Verdict:
     ]
     if limits.force_ratio is not None:
         checks.append(Check("φ₂/φ₁", limits.force_ratio, float(np.max(ratio)), "", False))
-    return Verdict(
-        np.rad2deg(flexion),
-        {SYMBOLS[name]: np.rad2deg(np.asarray(values)) for name, values in angles.items()},
-        np.rad2deg(crank),
-        ratio,
-        tuple(checks),
-    )
+    degrees = {SYMBOLS[name]: np.rad2deg(np.asarray(values)) for name, values in angles.items()}
+    return Verdict(np.rad2deg(flexion), degrees, np.rad2deg(crank), ratio, tuple(checks))
 
 
 @jax.jit

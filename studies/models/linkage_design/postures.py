@@ -17,9 +17,6 @@ from designopt.vectors import Vector, direction_to_meeting, fold_angle, rotation
 from kinematics.solve.dyads import solve_rrr
 from studies.models.finger import Finger, pins_of
 
-ANGLES = ("D1", "D2", "C", "H", "E", "P")
-"""The transmission angles that count, as `transmission.finger_transmission` defines them."""
-
 
 class Postures(eqx.Module):
     """A design in the postures of a grid; what DIP alone decides is a row, the rest a square.
@@ -31,7 +28,8 @@ class Postures(eqx.Module):
         outer: E in the proximal phalanx's frame, mm, a square; and F, which does not move there.
         reach: how far the dyads G-H-C (a row) and D-E-F (a square) are from the nearer of
             stretching and folding, mm; negative where they cannot be assembled.
-        angles: transmission angles by name, rad, 0 to π/2; ``C`` and ``H`` are rows.
+        angles: transmission angles by name, rad, 0 to π/2, as `transmission.finger_transmission`
+            defines them; ``C`` and ``H`` are rows.
         crank: turn φ of the crank from straight, rad, positive in the closing direction, a square.
         gamma_slope: dγ/dDIP of the plate's angle γ to the distal phalanx, a row.
         pip_ratio: φ₁ = ∂φ/∂PIP, a square.

@@ -9,8 +9,7 @@ from pydantic import Field, model_validator
 from designopt.io.spec import Spec
 from designopt.study.settings import setting
 from studies.models.body import BodySpec
-
-Positive = Annotated[float, Field(gt=0, le=1e3)]
+from studies.models.body import Length as Positive
 
 
 class LimitsSpec(Spec):

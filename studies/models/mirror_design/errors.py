@@ -61,10 +61,6 @@ def perturb(finger: Finger, errors: Float[Array, "7"]) -> Finger:
     up = jnp.array([[[1.0, -1.0]]], ends.dtype)
     moved = up * displaced(up * ends, errors[3:5], errors[5:])
     mirrors = zip(finger.mirrors, moved, strict=True)
-    return replace(
-        finger,
-        camera=replace(
-            camera, along=camera.along + x, depth=camera.depth - y, tilt=camera.tilt + tilt
-        ),
-        mirrors=tuple(replace(mirror, ends=its) for mirror, its in mirrors),
-    )
+    place = {"along": camera.along + x, "depth": camera.depth - y, "tilt": camera.tilt + tilt}
+    mirrors = tuple(replace(mirror, ends=its) for mirror, its in mirrors)
+    return replace(finger, camera=replace(camera, **place), mirrors=mirrors)

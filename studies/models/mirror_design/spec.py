@@ -7,9 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from designopt import Spec, setting
-from studies.models.body import BodySpec
+from studies.models.body import BodySpec, Length
 
-Length = Annotated[float, Field(gt=0, le=1e3)]
 Error = Annotated[float, Field(gt=0, le=10)]
 
 FLOOR = 2.5
