@@ -21,43 +21,37 @@ def clock(monkeypatch):
     monkeypatch.setattr(references, "time", clock)
 
 
-def checked(evolution, problem, generations):
-    """The parts of an answer that must fit together."""
-    assert len(evolution.seconds) == generations
-    assert evolution.seconds.shape == evolution.objective.shape == evolution.violation.shape
-    np.testing.assert_array_equal(evolution.seconds, 1 + np.arange(len(evolution.seconds)))
-    assert np.all(evolution.violation >= 0)
-    at = problem.terms(evolution.parameters)
-    np.testing.assert_allclose(evolution.objective[-1], at.value, rtol=1e-12)
-    assert inside(problem, evolution.parameters)
-
-
-def test_max_min_as_it_is():
-    """No epigraph, no constraint: the kink of the least value is no trouble to it."""
-    cb2 = case("cb2")
-    found = run_differential_evolution(cb2.problem, seconds=100, seed=0)
-    checked(found, cb2.problem, 100)
-    assert np.all(np.diff(found.objective) <= 0)
-    assert np.all(found.violation == 0)
-    np.testing.assert_allclose(found.objective[-1], cb2.value, rtol=1e-4)
-
-
-def test_inequalities_are_respected():
-    hs65 = case("hs65")
-    found = run_differential_evolution(hs65.problem, seconds=60, seed=1)
-    checked(found, hs65.problem, 60)
-    assert found.violation[-1] == 0
-    np.testing.assert_allclose(found.objective[-1], hs65.value, rtol=1e-2)
-    assert found.objective[-1] >= hs65.value * (1 - 1e-9)
-
-
-def test_equalities_are_met_to_their_tolerance():
-    hs28 = case("hs28")
-    problem = Problem(hs28.problem.terms, jnp.full(3, -5.0), jnp.full(3, 5.0))
-    found = run_differential_evolution(problem, seconds=200, seed=2)
-    checked(found, problem, 200)
-    assert 0 < found.violation[-1] <= EQUALITY
-    np.testing.assert_allclose(found.objective[-1], hs28.value, atol=0.05)
+@pytest.mark.parametrize(
+    ("name", "seconds", "seed", "violation", "tolerance"),
+    [
+        # No epigraph: the kink of the least value is no trouble to it.
+        ("cb2", 100, 0, 0.0, {"rtol": 1e-4}),
+        ("hs65", 60, 1, 0.0, {"rtol": 1e-2}),
+        ("hs28", 200, 2, EQUALITY, {"atol": 0.05}),
+    ],
+)
+def test_published_optima(name, seconds, seed, violation, tolerance):
+    """Without a constraint, with an inequality, and with an equality met to its tolerance."""
+    published = case(name)
+    lower, upper = jnp.clip(published.problem.lower, -5), jnp.clip(published.problem.upper, None, 5)
+    problem = Problem(published.problem.terms, lower, upper)
+    found = run_differential_evolution(problem, seconds=seconds, seed=seed)
+    assert len(found.seconds) == seconds
+    assert found.seconds.shape == found.objective.shape == found.violation.shape
+    np.testing.assert_array_equal(found.seconds, 1 + np.arange(seconds))
+    np.testing.assert_allclose(found.objective[-1], published.value, **tolerance)
+    np.testing.assert_allclose(
+        found.objective[-1], problem.terms(found.parameters).value, rtol=1e-12
+    )
+    assert inside(problem, found.parameters)
+    assert np.all(found.violation >= 0)
+    assert found.violation[-1] <= violation
+    assert (found.violation[-1] > 0) == (violation > 0)
+    if name == "hs65":  # none is better where nothing is violated
+        assert found.objective[-1] >= published.value * (1 - 1e-9)
+    if name == "cb2":
+        assert np.all(np.diff(found.objective) <= 0)
+        assert np.all(found.violation == 0)
 
 
 def test_the_same_seed_the_same_search():

@@ -120,7 +120,7 @@ def scheduler():
         process.kill()
 
 
-def test_a_scheduler_that_is_lost_or_was_never_there_is_one_line(scheduler, capsys, monkeypatch):
+def test_a_scheduler_that_is_lost_is_one_line(scheduler, capsys):
     process, address = scheduler
     lose = threading.Timer(1.0, process.kill)
     lose.start()
@@ -128,8 +128,3 @@ def test_a_scheduler_that_is_lost_or_was_never_there_is_one_line(scheduler, caps
         next(run_on_cluster(tasks(3), address))
     lose.join()
     assert "no workers; waiting" in capsys.readouterr().err
-    monkeypatch.setattr(cluster_module, "PATIENCE", 0.5)
-    with pytest.raises(UserError, match=f"--scheduler {address}: no scheduler answers there"):
-        next(run_on_cluster(tasks(3), address))
-    with pytest.raises(UserError, match="--scheduler tcq://x: no scheduler answers there"):
-        next(run_on_cluster(tasks(3), "tcq://x"))
