@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from designopt import Records
 from designopt.plot.figures import PALETTE, label_plainly, legend_below, new_figure, share_limits
-from designopt.plot.typesetting import as_mathtext
 from designopt.study import plots
 from perception.chamber import find_regions
 from perception.posture import PostureEstimator, make_boundary_image, shrink
@@ -124,19 +123,15 @@ def draw_regularisation(sweep: Records, paper: Mapping[str, float]) -> Figure:
 
 def draw_etas(etas: Records) -> Figure:
     """Chambers of different η."""
-    drawing, [[left, middle, right]] = new_figure(1, 3, height=3.0)
-    rows = etas.summary("eta", **{name: f"mean {name}" for name in etas.keys()[1:]})
-    left.plot(rows["eta"], rows["tip_mm"], "-o", color=BLUE)
-    left.plot(etas["eta"], etas["tip_mm"], ".", color="0.5", label="one seed")
-    left.set(title="Posture", ylabel="mean tip error (mm)")
-    left.set_ylim(0, 1.1 * etas.stat("max tip_mm"))
-    middle.plot(rows["eta"], rows["blue_px"], "-o", color=BLUE, label="blue ring")
-    middle.plot(rows["eta"], rows["yellow_px"], "--s", color="#C79A00", label="yellow ring")
-    middle.set(title="Image, straight", ylabel="width (px)", ylim=(0, None))
-    right.plot(rows["eta"], rows["clearance_mm"], "-o", color=VERMILION)
-    right.axhline(0, color="0.4", linewidth=0.9)
-    right.axhline(CLEARANCE, color="0.4", linestyle=":", label=f"room of {CLEARANCE:g} mm")
-    right.set(title="Room at D", ylabel=as_mathtext("Δl_A − |Δl_D| (mm)"))
-    for axes in (left, middle, right):
-        axes.set_xlabel("η, yellow over blue")
+    names = {
+        "tip_mm": "mean tip error (mm)",
+        "clearance_mm": "room, Δl_A − |Δl_D| (mm)",
+        "blue_px": "width of the blue ring (px)",
+        "yellow_px": "width of the yellow ring (px)",
+    }
+    columns, names = list(names), names | {"eta": "η, yellow over blue"}
+    drawing = plots.lines(etas, "eta", columns, names=names, height=5.0)
+    tips, room, *_ = drawing.axes
+    tips.plot(etas["eta"], etas["tip_mm"], ".", color="0.5", label="one seed")
+    room.axhline(CLEARANCE, color="0.4", linestyle=":", label=f"room of {CLEARANCE:g} mm")
     return drawing
