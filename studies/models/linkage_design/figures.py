@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 
 from designopt.plot.figures import MARKERS, PALETTE, angle_ticks, new_figure, share_limits
 from designopt.plot.typesetting import as_mathtext
+from designopt.study.plots import ecdf
+from designopt.study.records import Records
 from designopt.study.report import Report
 from studies.models.finger import Finger
 from studies.models.linkage_design.analysis import LinkageDesign
@@ -97,16 +99,6 @@ def _contours(
     return mesh
 
 
-def draw_tolerance(least: Float[np.ndarray, " draws"], nominal: float, required: float) -> Figure:
-    """What errors of the pins do to the least angle."""
-    drawing, [[axis]] = new_figure(1, 1, height=3.0)
-    axis.hist(least, bins=50, color=PALETTE[5], edgecolor="white", linewidth=0.3)
-    axis.axvline(nominal, color=PALETTE[0], label=f"without errors {nominal:.1f}°")
-    axis.axvline(required, color=PALETTE[1], linestyle="--", label=f"required {required:g}°")
-    axis.set(xlabel="least transmission angle (°)", ylabel="fingers")
-    return drawing
-
-
 def draw_starts(levels: Sequence[Sequence[float]]) -> Figure:
     """Where every start of every round led to."""
     drawing, [[axis]] = new_figure(1, 1, height=3.0)
@@ -127,6 +119,8 @@ def add_figures(out: Report, limits: LimitsSpec, design: LinkageDesign) -> None:
     out.figure("transmission", draw_maps(verdict))
     ratios = {"turn of the crank (°)": verdict.crank_deg, "φ₂/φ₁": verdict.ratio}
     out.figure("ratios", draw_over_postures(verdict.flexion_deg, ratios))
-    tolerance = draw_tolerance(design.drawn, verdict.least_deg, limits.transmission_deg)
-    out.figure("tolerance", tolerance, most=2)
+    nominal, required = verdict.least_deg, limits.transmission_deg
+    marks = {f"without errors {nominal:.1f}°": nominal, f"required {required:g}°": required}
+    least = Records({"least_transmission_angle_deg": design.drawn})
+    out.figure("tolerance", ecdf(least, "least_transmission_angle_deg", marks=marks), most=2)
     out.figure("starts", draw_starts([one.feasible_deg for one in design.search.rounds]))

@@ -139,7 +139,7 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
     trials, verdicts = [], []
     for number, start in enumerate(starts):
         with context.step(f"T = {thickness:g} mm: start {number + 1} of {len(starts)}"):
-            trials.append(search(start, limits, tasks, STAGES))
+            trials.append(search(start, limits, tasks))
             verdicts.append(judged(eqx.combine(trials[-1].placement, poor)))
 
     def rank(number: int) -> tuple[bool, float]:
@@ -176,7 +176,6 @@ def search(
     start: Placement,
     bounds: tuple[Placement, Placement],
     tasks: Sequence[Task],
-    stages: Sequence[Stage] = STAGES,
     copies: int | None = None,
 ) -> Trial:
     """Search from one start through all stages.
@@ -184,8 +183,7 @@ def search(
     Args:
         start: it need not be inside the bounds.
         bounds: least and greatest values.
-        tasks: one per stage, all of one size.
-        stages: as many as tasks.
+        tasks: one for each of `STAGES`, all of one size.
         copies: the first so many of a task count; all of them by default.
     """
     begin = time.perf_counter()
@@ -195,26 +193,19 @@ def search(
     count = jnp.asarray(tasks[0].copies if copies is None else copies)
     terms: Evaluation | None = None
     steps = 0
-    for task, stage in zip(tasks, stages, strict=True):
+    for task, stage in zip(tasks, STAGES, strict=True):
         penalty = jnp.asarray(stage.penalty)
         given = task, count, penalty, multipliers
         point, taken = _stage(point, (low, high), given)
         (_, reached), _ = lagrangian(point, *given)
-        multipliers = jax.tree.map(
-            lambda m, g, penalty=penalty: jnp.maximum(m - penalty * g, 0.0),
-            multipliers,
-            reached.inequalities,
-        )
+        multipliers = {
+            name: jnp.maximum(multipliers[name] - penalty * level, 0.0)
+            for name, level in reached.inequalities.items()
+        }
         terms, steps = reached, steps + int(taken)
     assert terms is not None
-    return Trial(
-        start,
-        build(point * units),
-        float(terms.value),
-        _violation(terms),
-        steps,
-        time.perf_counter() - begin,
-    )
+    placement, objective, violation = build(point * units), float(terms.value), _violation(terms)
+    return Trial(start, placement, objective, violation, steps, time.perf_counter() - begin)
 
 
 @jax.jit

@@ -29,6 +29,9 @@ PARTS = (0.0, 1 / 3, 2 / 3, 1.0)
 
 PLACES = 161
 
+JOINTS: dict[Phalanx, str] = {"proximal": "PIP", "distal": "DIP"}
+"""The outer pads, and the joints that move them in the image."""
+
 
 def drawn_postures(verdict: Verdict) -> list[int]:
     """Indices of the degrees of both joints at which `draw_views` shows the finger."""
@@ -66,30 +69,26 @@ def _shade(axes: Axes, x: Any, y: Any, values: np.ndarray, colors: ScalarMappabl
 
 def draw_resolution(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
     """Resolution along the outer pads over their joints' angles, before and after."""
-    pads = {"proximal": "PIP", "distal": "DIP"}
-    drawing, grid = new_figure(len(scenes), len(pads), height=2.6 * len(scenes) + 0.5)
-    places = jnp.linspace(0, 1, PLACES)
-    maps: dict[tuple[int, int], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-    for row, (scene, verdict) in enumerate(scenes.values()):
+    drawing, grid = new_figure(len(scenes), len(JOINTS), height=2.6 * len(scenes) + 0.5)
+    places, pads = jnp.linspace(0, 1, PLACES), [PHALANGES.index(pad) for pad in JOINTS]
+    maps = []
+    for scene, verdict in scenes.values():
         views = jax.tree.map(jnp.asarray, verdict.views.value)
-        best = np.asarray(best_resolution(views, pad_lengths(scene), places))
-        for column, pad in enumerate(pads):
-            index = [part.name for part in scene.layout.pads].index(pad)
-            along = float(pad_lengths(scene)[index]) * np.asarray(places)
-            maps[row, column] = verdict.degrees, along, best[:, index]
-    seen = np.concatenate([values[values > 0] for *_, values in maps.values()])
+        best = np.asarray(best_resolution(views, pad_lengths(scene), places))[:, pads]
+        maps.append(np.where(best > 0, best, np.nan))
+    seen = np.concatenate([values[np.isfinite(values)] for values in maps])
     colors = ScalarMappable(LogNorm(max(seen.min(), 0.5), seen.max()), COLORS)
-    for (row, column), (degrees, along, values) in maps.items():
-        axes, name = grid[row, column], list(pads)[column]
-        axes.patch.set(**UNSEEN)
-        shown = np.where(values > 0, values, np.nan)
-        _shade(axes, degrees, along, shown, colors)
-        there = shown[np.isfinite(shown)]
-        note = f"{there.min():.3g} to {there.max():.3g} px/mm" if there.size else "nothing seen"
-        axes.set_title(f"{list(scenes)[row]}, {name}: {note}")
-        axes.set(ylabel="" if column else "along the pad (mm)", xticks=angle_ticks(degrees[-1], 6))
-        if row == len(scenes) - 1:
-            axes.set_xlabel(f"{pads[name]} (°)")
+    for row, values, (name, (scene, verdict)) in zip(grid, maps, scenes.items(), strict=True):
+        for column, (axes, pad) in enumerate(zip(row, JOINTS, strict=True)):
+            along = float(pad_lengths(scene)[pads[column]]) * np.asarray(places)
+            axes.patch.set(**UNSEEN)
+            _shade(axes, verdict.degrees, along, values[:, column], colors)
+            there = values[:, column][np.isfinite(values[:, column])]
+            note = f"{there.min():.3g} to {there.max():.3g} px/mm" if there.size else "nothing seen"
+            axes.set(title=f"{name}, {pad}: {note}", xticks=angle_ticks(verdict.degrees[-1], 6))
+        row[0].set_ylabel("along the pad (mm)")
+    for axes, joint in zip(grid[-1], JOINTS.values(), strict=True):
+        axes.set_xlabel(f"{joint} (°)")
     bar = drawing.colorbar(colors, ax=grid.ravel().tolist(), label="resolution (px/mm)")
     ticks = [tick for tick in (0.5, 1, 2, 5, 10, 20, 50) if seen.min() <= tick <= seen.max()]
     bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
@@ -126,8 +125,7 @@ def _lines(axes: Axes, x: np.ndarray, parts: Mapping[str, np.ndarray]) -> None:
 def draw_yield(yields: Mapping[str, Yield], degrees: np.ndarray) -> Figure:
     """In which postures draws fail, pad by pad."""
     drawing, grid = new_figure(1, 2, height=3.4)
-    joints: dict[Phalanx, str] = {"proximal": "PIP", "distal": "DIP"}
-    for axes, (pad, joint) in zip(grid[0], joints.items(), strict=True):
+    for axes, (pad, joint) in zip(grid[0], JOINTS.items(), strict=True):
         column = PHALANGES.index(pad)
         named = {f"{name}: yield {100 * one.value:.1f} %": one for name, one in yields.items()}
         _lines(axes, degrees, {name: one.by_pose[:, column] for name, one in named.items()})

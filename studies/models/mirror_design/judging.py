@@ -144,6 +144,6 @@ def seen_by_rays(
         degrees: PIP and DIP of every pose.
         rays: over the field of view.
     """
-    poses = [scene.pose(dict(zip(("pip", "dip"), np.deg2rad(pair).tolist(), strict=True)))
-             for pair in degrees]  # fmt: skip
+    angles = np.deg2rad(degrees).tolist()
+    poses = [scene.pose({"pip": pip, "dip": dip}) for pip, dip in angles]
     return np.stack([seen_by_fan(rounded(scene, pose), rays).coverage for pose in poses])
