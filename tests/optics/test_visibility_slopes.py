@@ -94,7 +94,7 @@ def test_derivatives_of_all_results(seed, count):
         assert np.median(np.abs(slopes).max(axis=1)) > 0.1, name
 
 
-@pytest.mark.as_users
+@pytest.mark.nightly  # which compiles as users compile
 def test_optimised_programs_say_the_same():
     cases = rich_cases(25, 16)
     rng = np.random.default_rng(0)
