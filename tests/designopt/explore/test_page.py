@@ -171,7 +171,7 @@ def check_four_bar(saved, numbers, joint):
     assert float(numbers["margin"]) == pytest.approx(float(poses.margin[0]), rel=1e-5)
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_a_linkage_on_the_page_of_a_sharper_screen(browser, tmp_path):
     tour(browser, str(STUDIES / "gallery/linkages/four-bar.toml"), tmp_path, check_four_bar, 1.5)
 
