@@ -56,7 +56,9 @@ def entries(scene: Any) -> list[Number]:
     return [mpmath.mpf(x) for x in row.tolist()]
 
 
-def plain(scene: Any, angles: Float[Array, " joints"], values: Sequence[Number]) -> Plain:
+def plain(
+    scene: Any, angles: Float[Array | np.ndarray, " joints"], values: Sequence[Number]
+) -> Plain:
     """The scene in a pose with given `entries`, in the precision that mpmath works in."""
     layout, count = scene.layout, 4 * len(scene.layout.mirrors)
     turns = np.asarray(angles, float).tolist()
@@ -93,7 +95,7 @@ def plain(scene: Any, angles: Float[Array, " joints"], values: Sequence[Number])
     return Plain(camera, ahead - camera, half, surfaces, layout.bounces)
 
 
-def rounded(scene: Any, angles: Float[Array, " joints"]) -> Plain:
+def rounded(scene: Any, angles: Float[Array | np.ndarray, " joints"]) -> Plain:
     """The scene in a pose in double precision, rounded once."""
     with mpmath.workdps(DIGITS):
         return in_floats(plain(scene, angles, entries(scene)))
