@@ -17,45 +17,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector, rotation, stack, where
+from designopt.vectors import Vector, rotation, stack, vector, where
 from optics.scene.camera import Camera
+from optics.scene.layers import CHANNELS, Layers, Profile
 from optics.scene.scene import Placed, Scene
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundary_codes import parts_of, with_kind
+from optics.visibility.refraction import Stack, least_grazing
 from optics.visibility.unfolding import Unfolded, unit
-
-
-class Pad(eqx.Module):
-    """A pad in a pose.
-
-    Attributes:
-        index: its index among all surfaces.
-        start: its first end.
-        end: its second end.
-        side: +1 if its left side senses, −1 if its right does, 0 if both do.
-        grazing: least angle between it and a ray, rad.
-    """
-
-    index: Int[Array, "*pads"]
-    start: Vector
-    end: Vector
-    side: Float[Array, "*pads"]
-    grazing: Float[Array, "*pads"]
-
-    @classmethod
-    def all_of(cls, scene: Scene, placed: Placed) -> Pad:
-        """All pads of a placed scene, along one axis."""
-        index = len(scene.layout.mirrors) + np.arange(len(scene.layout.pads))
-        start, end = placed.segment(index)
-        sides = jnp.asarray(scene.layout.sides[index], start.x.dtype)
-        return cls(jnp.asarray(index), start, end, sides, scene.grazing)
-
-    def ends(self) -> Vector:
-        """Both ends of one pad, along one axis."""
-        return stack(self.start, self.end)
 
 
 PER_SEGMENT = 3
@@ -66,6 +38,97 @@ LIMITS = (codes.LEFT_LIMIT, codes.RIGHT_LIMIT, codes.LOW_GRAZING, codes.HIGH_GRA
 
 PAD_ENDS = (codes.FIRST_PAD_END, codes.SECOND_PAD_END)
 """Labels of the last `meetings`."""
+
+WALLS, BEZELS = (codes.FIRST_WALL, codes.SECOND_WALL), (codes.FIRST_BEZEL, codes.SECOND_BEZEL)
+DARK = (codes.LOW_TRANSMISSION, codes.HIGH_TRANSMISSION)
+"""Labels with which layers may replace the others."""
+
+
+class Cover(eqx.Module):
+    """What layers add to a pad in a pose; lengths in units of the placed scene.
+
+    Attributes:
+        stack: the layers, places counted from the start of the outermost surface that is free.
+        own: which surfaces are of the pad's own body and hide nothing of it: not those of a bezel.
+        labels: of the four `PAD_LIMITS` in front of the membrane: ends of the outermost surface,
+            least angle towards the pad's two ends.
+    """
+
+    stack: Stack
+    own: Bool[Array, "*pads surfaces"]
+    labels: Int[Array, "*pads 4"]
+
+
+class Pad(eqx.Module):
+    """A pad in a pose, or the outermost surface of its layers, between the lips of its bezel.
+
+    Attributes:
+        index: its index among all surfaces.
+        start: its first end.
+        end: its second end.
+        side: +1 if its left side senses, −1 if its right does, 0 if both do.
+        grazing: least angle between it and a ray, rad; that at which the least transmission is
+            reached, if it is larger.
+        cover: its layers; ``None`` where no pad of the scene has any.
+    """
+
+    index: Int[Array, "*pads"]
+    start: Vector
+    end: Vector
+    side: Float[Array, "*pads"]
+    grazing: Float[Array, "*pads"]
+    cover: Cover | None = None
+
+    @classmethod
+    def all_of(cls, scene: Scene, placed: Placed) -> Pad:
+        """All pads of a placed scene, along one axis."""
+        index = len(scene.layout.mirrors) + np.arange(len(scene.layout.pads))
+        start, end = placed.segment(index)
+        sides = jnp.asarray(scene.layout.sides[index], start.x.dtype)
+        if scene.layers is None:
+            return cls(jnp.asarray(index), start, end, sides, scene.grazing)
+        return _covered(scene, scene.layers, placed, cls(index, start, end, sides, scene.grazing))
+
+    def ends(self) -> Vector:
+        """Both ends of one pad, along one axis."""
+        return stack(self.start, self.end)
+
+    def own(self, surfaces: int) -> Bool[Array, " surfaces"]:
+        """Which of so many surfaces hide nothing of one pad, as they are itself or of its body."""
+        return jnp.arange(surfaces) == self.index if self.cover is None else self.cover.own
+
+    def seen_from(self, source: Vector) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Height of a source over one pad's outermost surface, and the place along it below.
+
+        The height is positive also of a source behind it.
+        """
+        along, toward = unit(self.end - self.start), source - self.start
+        height = jnp.abs(along.cross(toward))
+        return jnp.where(height > 0, height, 1.0), along.dot(toward)
+
+
+def _covered(scene: Scene, layers: Layers, placed: Placed, faces: Pad) -> Pad:
+    """Pads under their layers, from their outermost surfaces."""
+    layout, size = scene.layout, placed.size
+    ends = vector(scene.pads)
+    profile = Profile.of(layers, (ends[:, 1] - ends[:, 0]).length())
+    first, last = profile.face()[:, 0] + layers.lip[:, 0], profile.face()[:, 1] - layers.lip[:, 1]
+    along = unit(faces.end - faces.start)
+    start = faces.start + along.scaled(layers.lip[:, 0] / size)
+    end = faces.end - along.scaled(layers.lip[:, 1] / size)
+    windows = (profile.windows() - first[:, None, None]) / size
+    index = layers.index[..., CHANNELS.index("green")]
+    grazing = jax.vmap(least_grazing)(index, layers.transmission)
+    bezels, bare = np.array(layout.bezels), np.array([not kinds for kinds in layout.layers])
+    edge = np.where(bezels[:, None], BEZELS, np.where(bare[:, None], PAD_ENDS, WALLS))
+    dark = (grazing > faces.grazing)[:, None]
+    limits = jnp.where(dark, jnp.array(DARK), jnp.array(LIMITS[2:]))
+    cover = Cover(
+        Stack(layers.thickness / size, index, windows),
+        jnp.asarray(layout.behind_face == np.arange(len(layout.pads))[:, None]),
+        jnp.concatenate([jnp.asarray(edge), limits], axis=1),
+    )
+    return Pad(faces.index, start, end, faces.side, jnp.maximum(grazing, faces.grazing), cover)
 
 
 def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 bounds"]:
@@ -97,17 +160,37 @@ def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 boun
 
 
 def meetings(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, " bounds"]:
-    """Pad coordinates of all that may bound a view: of `conditions`, and the pad's own ends."""
+    """Where all that may bound a view meets the pad, or the outermost surface of its layers.
+
+    That is of `conditions`, the surface's own ends, and what lines of sight may pass at the lower
+    side of every layer: the coordinate along the surface, 0 at its start and 1 at its end.
+    """
     first, last = conditions(camera, path, pad)
     at, _ = safe_divide(first, first - last)
-    return jnp.concatenate([at, jnp.array([0.0, 1.0], at.dtype)])
+    ends = jnp.array([0.0, 1.0], at.dtype)
+    if pad.cover is None:
+        return jnp.concatenate([at, ends])
+    return jnp.concatenate([at, ends, windows(path, pad).reshape(-1)])
 
 
-def labels_of(path: Unfolded) -> Int[Array, " bounds"]:
+def windows(path: Unfolded, pad: Pad) -> Float[Array, "layers 2"]:
+    """Where the lines of sight to both ends of the windows of all layers enter the outermost."""
+    height, foot = pad.seen_from(path.source)
+    length = (pad.end - pad.start).length()
+    entry = foot + height * pad.cover.stack.slopes(height, foot)
+    return safe_divide(entry, jnp.broadcast_to(length, entry.shape))[0]
+
+
+def labels_of(path: Unfolded, pad: Pad) -> Int[Array, " bounds"]:
     """Labels of all `meetings`."""
     first, last = path.blockers.labels[..., 0], path.blockers.labels[..., 1]
     segments = jnp.stack([first, last, with_kind(first, codes.CROSSING)]).reshape(-1)
-    return jnp.concatenate([segments, jnp.array([*LIMITS, *PAD_ENDS])])
+    if pad.cover is None:
+        return jnp.concatenate([segments, jnp.array([*LIMITS, *PAD_ENDS])])
+    edges, limits = pad.cover.labels[:2], pad.cover.labels[2:]
+    inner = jnp.array(WALLS * (pad.cover.stack.thickness.size - 1), int)
+    sight = jnp.array(LIMITS[:2])
+    return jnp.concatenate([segments, sight, limits, edges, inner, jnp.array(PAD_ENDS)])
 
 
 def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> Vector:
