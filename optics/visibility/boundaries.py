@@ -41,7 +41,7 @@ PAD_ENDS = (codes.FIRST_PAD_END, codes.SECOND_PAD_END)
 
 WALLS, BEZELS = (codes.FIRST_WALL, codes.SECOND_WALL), (codes.FIRST_BEZEL, codes.SECOND_BEZEL)
 DARK = (codes.LOW_TRANSMISSION, codes.HIGH_TRANSMISSION)
-"""Labels with which layers may replace the others."""
+"""Labels with which layers may replace others, at both ends of a pad."""
 
 
 class Cover(eqx.Module):
@@ -50,13 +50,14 @@ class Cover(eqx.Module):
     Attributes:
         stack: the layers, places counted from the start of the outermost surface that is free.
         own: which surfaces are of the pad's own body and hide nothing of it: not those of a bezel.
-        labels: of the four `PAD_LIMITS` in front of the membrane: ends of the outermost surface,
-            least angle towards the pad's two ends.
+        edges: labels of both ends of the surface that is free.
+        flattest: labels of the flattest rays towards both.
     """
 
     stack: Stack
     own: Bool[Array, "*pads surfaces"]
-    labels: Int[Array, "*pads 4"]
+    edges: Int[Array, "*pads 2"]
+    flattest: Int[Array, "*pads 2"]
 
 
 class Pad(eqx.Module):
@@ -93,6 +94,14 @@ class Pad(eqx.Module):
         """Both ends of one pad, along one axis."""
         return stack(self.start, self.end)
 
+    def edges(self) -> Int[Array, "2"]:
+        """Labels of both ends of one pad, or of the surface that is seen of it."""
+        return jnp.array(PAD_ENDS) if self.cover is None else self.cover.edges
+
+    def flattest(self) -> Int[Array, "2"]:
+        """Labels of the flattest rays towards both ends of one pad."""
+        return jnp.array(LIMITS[2:]) if self.cover is None else self.cover.flattest
+
     def own(self, surfaces: int) -> Bool[Array, " surfaces"]:
         """Which of so many surfaces hide nothing of one pad, as they are itself or of its body."""
         return jnp.arange(surfaces) == self.index if self.cover is None else self.cover.own
@@ -122,11 +131,11 @@ def _covered(scene: Scene, layers: Layers, placed: Placed, faces: Pad) -> Pad:
     bezels, bare = np.array(layout.bezels), np.array([not kinds for kinds in layout.layers])
     edge = np.where(bezels[:, None], BEZELS, np.where(bare[:, None], PAD_ENDS, WALLS))
     dark = (grazing > faces.grazing)[:, None]
-    limits = jnp.where(dark, jnp.array(DARK), jnp.array(LIMITS[2:]))
     cover = Cover(
         Stack(layers.thickness / size, index, windows),
         jnp.asarray(layout.behind_face == np.arange(len(layout.pads))[:, None]),
-        jnp.concatenate([jnp.asarray(edge), limits], axis=1),
+        jnp.broadcast_to(jnp.asarray(edge), (len(layout.pads), 2)),
+        jnp.where(dark, jnp.array(DARK), jnp.array(LIMITS[2:])),
     )
     return Pad(faces.index, start, end, faces.side, jnp.maximum(grazing, faces.grazing), cover)
 
@@ -187,10 +196,9 @@ def labels_of(path: Unfolded, pad: Pad) -> Int[Array, " bounds"]:
     segments = jnp.stack([first, last, with_kind(first, codes.CROSSING)]).reshape(-1)
     if pad.cover is None:
         return jnp.concatenate([segments, jnp.array([*LIMITS, *PAD_ENDS])])
-    edges, limits = pad.cover.labels[:2], pad.cover.labels[2:]
-    inner = jnp.array(WALLS * (pad.cover.stack.thickness.size - 1), int)
-    sight = jnp.array(LIMITS[:2])
-    return jnp.concatenate([segments, sight, limits, edges, inner, jnp.array(PAD_ENDS)])
+    sight, inner = jnp.array(LIMITS[:2]), jnp.arange(2, 2 * pad.cover.stack.thickness.size)
+    own = [sight, pad.flattest(), pad.edges(), codes.FIRST_WALL - inner, jnp.array(PAD_ENDS)]
+    return jnp.concatenate([segments, *own])
 
 
 def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> Vector:
@@ -209,6 +217,7 @@ def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> V
         (label == codes.SECOND_PAD_END)
         | (label == codes.LEFT_LIMIT)
         | (label == codes.HIGH_GRAZING)
+        | (label == codes.HIGH_TRANSMISSION)
     )
     sign = jnp.where(second, 1.0, -1.0).astype(source.x.dtype)
     half = rotation(camera.field_of_view / 2)
@@ -217,7 +226,21 @@ def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> V
     above = along_pad.cross(source - pad.start)
     drop = along_pad.perpendicular().scaled(-above * jnp.sin(pad.grazing))
     flattest = drop + along_pad.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
-    end = where(label >= 0, edge, where(second, pad.end, pad.start))
+    end = where(label >= 0, edge, _own_end(path, pad, label))
     is_limit = (label == codes.LEFT_LIMIT) | (label == codes.RIGHT_LIMIT)
     is_grazing = (label == codes.LOW_GRAZING) | (label == codes.HIGH_GRAZING)
+    is_grazing |= (label == codes.LOW_TRANSMISSION) | (label == codes.HIGH_TRANSMISSION)
     return where(is_limit, limit, where(is_grazing, flattest, end - source))
+
+
+def _own_end(path: Unfolded, pad: Pad, label: Int[Array, ""]) -> Vector:
+    """The place on the surface seen, or its line, through which a ray passes an end of the pad."""
+    if pad.cover is None:
+        return where(label == codes.SECOND_PAD_END, pad.end, pad.start)
+    inner = windows(path, pad).reshape(-1)
+    entries = jnp.concatenate([jnp.array([0.0, 1.0], inner.dtype), inner])
+    own = jnp.array([codes.FIRST_BEZEL, codes.SECOND_BEZEL, *PAD_ENDS])
+    at = jnp.array([0, 1, inner.size, inner.size + 1])
+    wall = jnp.clip(codes.FIRST_WALL - label, 0, inner.size + 1)
+    entry = entries[jnp.where(jnp.any(own == label), at[jnp.argmax(own == label)], wall)]
+    return pad.start + (pad.end - pad.start).scaled(entry)
