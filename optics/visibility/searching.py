@@ -76,7 +76,11 @@ def _with_ends(fronts: Any, ends: Any, ends_of: np.ndarray) -> Any:
 
     both = jax.tree.map(joined, fronts[:2], (pieces, present & there))
     seen = jnp.any(present & there, axis=(1, 3))
-    return *both, ViewResult.where(seen, ViewResult.successful, fronts[2])
+
+    def outcome(seen: Bool[Array, ""], by_front: ViewResult) -> ViewResult:
+        return ViewResult.where(seen, ViewResult.successful, by_front)
+
+    return *both, jax.vmap(jax.vmap(outcome))(seen, fronts[2])
 
 
 def _first(
