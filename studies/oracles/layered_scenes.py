@@ -96,13 +96,17 @@ def _tables(rng: np.random.Generator) -> Tables:
 
     camera = _camera(rng, chain, stacks)
     ahead = np.angle(target() - camera) + rng.normal(0, 0.4)
+    middles = [target() + 1j * rng.uniform(5, 40) + rng.uniform(-20, 20) for _ in range(2)]
+    if _chance(rng, 0.5):
+        ways = [(camera, middles[0], middles[1]), (middles[0], middles[1], target())]
+    else:
+        ways = [(camera, middle, target()) for middle in middles[: rng.integers(3)]]
     mirrors = []
-    for _ in range(rng.integers(3)):
-        middle = target() + 1j * rng.uniform(5, 40) + rng.uniform(-20, 20)
-        # Its normal halves the angle between the camera and a place on a pad, more or less.
-        seen, shown = camera - middle, target() - middle
-        normal = seen / abs(seen) + shown / abs(shown)
-        half = normal / abs(normal) * np.exp(1j * rng.normal(0, 0.2)) * -1j * rng.uniform(3, 20)
+    for before, middle, after in ways:
+        # The normal halves the angle of a way over the mirror's middle, more or less.
+        forth, back = (step / abs(step) for step in (after - middle, before - middle))
+        half = -1j * (forth + back) * np.exp(1j * rng.normal(0, 0.1))
+        half *= rng.uniform(3, 20) / abs(half)
         mirrors.append((middle - half, middle + half))
     blockers = []
     for _ in range(rng.integers(4)):
@@ -132,7 +136,7 @@ def _tables(rng: np.random.Generator) -> Tables:
             pad["side"] = "both"
     direction = turn + np.degrees(-ahead if flipped else ahead)
     return {
-        "scene": {"bounces": int(rng.integers(3))},
+        "scene": {"bounces": int(rng.choice(3, p=[0.2, 0.3, 0.5]))},
         "camera": {
             "position": put(camera),
             "direction_deg": float(direction),
@@ -166,12 +170,12 @@ def _camera(
 
 def _stack(rng: np.random.Generator) -> Tables:
     """Limits, layers and bezel of a pad."""
-    stack: Tables = {"min_grazing_deg": rng.choice([0.0, rng.uniform(0, 20)])}
+    stack: Tables = {"min_grazing_deg": float(rng.choice([0.0, rng.uniform(0, 20)]))}
     if _chance(rng, 0.2):
         return stack
     thicknesses = rng.uniform(0, 8) * rng.dirichlet(np.ones(rng.integers(1, 4)))
     stack["layers"] = [_random_layer(rng, thickness) for thickness in thicknesses.tolist()]
-    limit = rng.choice([0.0, 0.3, rng.uniform(0.1, 0.6)])
+    limit = float(rng.choice([0.0, 0.3, rng.uniform(0.1, 0.6)]))
     if limit != 0.3:
         stack["min_transmission"] = limit
     if _chance(rng, 0.4):
@@ -180,7 +184,7 @@ def _stack(rng: np.random.Generator) -> Tables:
 
 
 def _random_layer(rng: np.random.Generator, thickness: float) -> Tables:
-    index = rng.choice([1.0, rng.uniform(1, 1.8)], p=[0.05, 0.95])
+    index = 1.0 if _chance(rng, 0.05) else rng.uniform(1, 1.8)
     layer: Tables = {"thickness": thickness, "index": index}
     if _chance(rng, 0.2):
         layer["index"] = {"red": index, "green": index + 0.01, "blue": index + 0.02}

@@ -38,7 +38,8 @@ Pair = tuple[float, float]
 """Of the ends at ``from`` and at ``to``."""
 
 
-class Layer(NamedTuple):
+@dataclass(frozen=True)
+class Layer:
     """A clear layer.
 
     Attributes:
@@ -241,8 +242,8 @@ class Scene:
         index = np.array([1.0, *(layer.index for layer in layers)])
         step = side * (end - start)
         return Table(
-            np.stack([start.real, start.imag]),
-            np.stack([step.real, step.imag]),
+            np.stack([np.real(start), np.imag(start)]),
+            np.stack([np.real(step), np.imag(step)]),
             side,
             np.array([number[owner] for owner in owners]),
             front,
@@ -400,9 +401,9 @@ def _nearest(
     for which in np.flatnonzero(np.bincount(medium)):
         rays, faces = np.flatnonzero(medium == which), table.looking[which]
         step_x, step_y = table.step[:, faces, None]
-        x, y = heading[rays].real, heading[rays].imag
-        away_x = table.start[0, faces, None] - place[rays].real
-        away_y = table.start[1, faces, None] - place[rays].imag
+        x, y = np.real(heading[rays]), np.imag(heading[rays])
+        away_x = table.start[0, faces, None] - np.real(place[rays])
+        away_y = table.start[1, faces, None] - np.imag(place[rays])
         cross = x * step_y - y * step_x  # positive where a ray meets the front
         gap = away_x * step_y - away_y * step_x
         along = (away_x * y - away_y * x) * table.side[faces, None]
@@ -454,11 +455,10 @@ def runs(scene: Scene, rays: int) -> list[Run]:
         grid = np.column_stack([turn, finer, beyond])
         turn, beyond = grid[every, end], grid[every, end + 1]
         at = np.column_stack([at, there])[every, end]
+    ends = np.concatenate([turn, at]).reshape(4, -1)
     return [
         _run(scene, *numbers)
-        for numbers in zip(
-            label[: len(first)], *turn.reshape(2, -1), *at.reshape(2, -1), strict=True
-        )
+        for numbers in zip(label[: len(first)].tolist(), *ends.tolist(), strict=True)
     ]
 
 
@@ -469,10 +469,10 @@ def _label(scene: Scene, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.where(ray.seen, way, -1 - way), ray.at
 
 
-def _run(scene: Scene, label: int, *ends: float) -> Run:
+def _run(scene: Scene, label: int, first: float, last: float, start: float, end: float) -> Run:
     path, entrance = divmod(label // (len(scene.faces) + 1), len(scene.faces) + 1)
     face = scene.faces[entrance - 1]
-    return Run(scene.word(path), int(face.owner[1:]), face.part, ends[:2], ends[2:])
+    return Run(scene.word(path), int(face.owner[1:]), face.part, (first, last), (start, end))
 
 
 def _between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
