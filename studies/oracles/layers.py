@@ -27,12 +27,15 @@ AIR = 0
 SOLID, MIRROR, MEMBRANE = -1, -2, -3
 """What is behind a face that no ray passes."""
 
+BESIDE = 1e-6
+"""Angle between the ends of faces and the rays that go past them, rad."""
 REFINED = 2
 """How often rays are shot between neighbours that end differently."""
-PARTS = 16
-"""Into how many parts rays divide the angle between two others."""
+PARTS = 15
+"""Into how many parts rays divide the angle between two others: odd, so that none meets a corner
+that both pass."""
 ROUNDS = 10
-"""How often the angle at the end of a run is divided: to 16⁻¹² of that between rays of the fan."""
+"""How often the angle at the end of a run is divided: to 15⁻¹² of that between rays of the fan."""
 
 Pair = tuple[float, float]
 """Of the ends at ``from`` and at ``to``."""
@@ -335,11 +338,11 @@ def _level(
 def _sheet(
     part: str, start: complex, end: complex, left: int, right: int, clear: bool = False
 ) -> Iterator[Part]:
-    """The faces between two media: light gets from air into a layer if it is clear, never out."""
+    """The faces between two media, of which one into a layer from air is shut unless clear."""
     for side, front, behind in ((1, left, right), (-1, right, left)):
         if front >= AIR and front != behind:
-            shut = behind == AIR or (front == AIR and not clear)
-            yield part, start, end, side, front, min(behind, SOLID) if shut else behind
+            shut = front == AIR and not clear
+            yield part, start, end, side, front, SOLID if shut else behind
 
 
 def follow(scene: Scene, angles: np.ndarray) -> Seen:
@@ -366,7 +369,10 @@ def follow(scene: Scene, angles: np.ndarray) -> Seen:
         face, ray = end[on], heading[on]
         behind, normal, ratio = table.behind[face], table.normal[face], table.ratio[face]
         cosine = -np.real(np.conj(normal) * ray)
-        through, senses = behind > AIR, behind == MEMBRANE
+        through, senses = (
+            behind > AIR,
+            behind == MEMBRANE,
+        )  # out of a layer into air nothing goes on
         entering = (table.front[face] == AIR) & (through | senses)
         entrance[on[entering]] = face[entering]
         grazing[on[entering]] = np.arcsin(np.minimum(cosine[entering], 1.0))
@@ -421,24 +427,15 @@ def _nearest(
 def runs(scene: Scene, rays: int) -> list[Run]:
     """What a fan of rays over the field of view shows, in the order of the angles.
 
-    Where neighbours end differently the fan is made finer; then the angle between the last ray of
-    a run and the next one is divided until it is that of rounding. So a run is exact unless it, or
-    a gap in it, is lost between rays.
+    More rays go past the ends of all faces. Where neighbours end differently the fan is made finer;
+    then the angle between the last ray of a run and the next one is divided until it is that of
+    rounding. So a run is exact unless it, or a gap in it, is lost between rays.
 
     Args:
         scene: what is seen.
         rays: in the fan, spread evenly from one limit of the field of view to the other.
     """
-    angles = np.linspace(-scene.half, scene.half, rays)
-    label, at = _label(scene, angles)
-    for _ in range(REFINED):
-        cuts = np.flatnonzero(label[1:] != label[:-1])
-        finer = _between(angles[cuts], angles[cuts + 1]).ravel()
-        places = np.repeat(cuts + 1, PARTS - 1)
-        found = finer, *_label(scene, finer)
-        angles, label, at = (
-            np.insert(old, places, new) for old, new in zip((angles, label, at), found, strict=True)
-        )
+    angles, label, at = _fan(scene, rays)
     cuts = np.flatnonzero(label[1:] != label[:-1])
     first, last = np.append(0, cuts + 1), np.append(cuts, len(label) - 1)
     first, last = first[label[first] >= 0], last[label[first] >= 0]
@@ -460,6 +457,25 @@ def runs(scene: Scene, rays: int) -> list[Run]:
         _run(scene, *numbers)
         for numbers in zip(label[: len(first)].tolist(), *ends.tolist(), strict=True)
     ]
+
+
+def _fan(scene: Scene, rays: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angles in order, and of their rays what `_label` tells."""
+    ends = np.array([place for face in scene.faces for place in (face.start, face.end)])
+    aimed = np.angle((ends - scene.camera) / scene.axis)
+    aimed = np.append(aimed - BESIDE, aimed + BESIDE)
+    even = np.linspace(-scene.half, scene.half, rays)
+    angles = np.sort(np.append(even, aimed[np.abs(aimed) < scene.half]))
+    label, at = _label(scene, angles)
+    for _ in range(REFINED):
+        cuts = np.flatnonzero(label[1:] != label[:-1])
+        finer = _between(angles[cuts], angles[cuts + 1]).ravel()
+        places = np.repeat(cuts + 1, PARTS - 1)
+        found = finer, *_label(scene, finer)
+        angles, label, at = (
+            np.insert(old, places, new) for old, new in zip((angles, label, at), found, strict=True)
+        )
+    return angles, label, at
 
 
 def _label(scene: Scene, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -166,7 +166,7 @@ BENT = np.tan(np.pi / 4 - np.arcsin(np.sqrt(0.5) / 1.5))
             {},
             {"from 0": (0, 2 + 2 * BENT), "outer": (2, 10)},
         ),
-        ([Layer(2, 1.5, (1, 1))], {"lip": (1.5, 3), "height": 1.0}, {"outer": (0.5, 8)}),
+        ([Layer(2, 1.5, (1, 2))], {"lip": (1.5, 3), "height": 1.0}, {"outer": (0.5, 9)}),
         # Where either layer is longer than the other nothing passes, though all ends are clear.
         (
             [
