@@ -369,10 +369,8 @@ def follow(scene: Scene, angles: np.ndarray) -> Seen:
         face, ray = end[on], heading[on]
         behind, normal, ratio = table.behind[face], table.normal[face], table.ratio[face]
         cosine = -np.real(np.conj(normal) * ray)
-        through, senses = (
-            behind > AIR,
-            behind == MEMBRANE,
-        )  # out of a layer into air nothing goes on
+        # Nothing goes on out of a layer into air.
+        through, senses = behind > AIR, behind == MEMBRANE
         entering = (table.front[face] == AIR) & (through | senses)
         entrance[on[entering]] = face[entering]
         grazing[on[entering]] = np.arcsin(np.minimum(cosine[entering], 1.0))
