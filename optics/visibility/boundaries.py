@@ -22,7 +22,7 @@ from designopt.vectors import Vector, rotation, where
 from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundary_codes import parts_of, with_kind
-from optics.visibility.pads import LIMITS, PAD_ENDS, Pad
+from optics.visibility.pads import LIMITS, PAD_ENDS, Pad, Windows
 from optics.visibility.unfolding import Unfolded, unit
 
 PER_SEGMENT = 3
@@ -57,7 +57,9 @@ def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 boun
     return values(pad.ends())
 
 
-def meetings(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, " bounds"]:
+def meetings(
+    camera: Camera, path: Unfolded, pad: Pad, inner: Windows = None
+) -> Float[Array, " bounds"]:
     """Where all that may bound a view meets the pad, or the outermost surface of its layers.
 
     That is of `conditions`, the surface's own ends, and what lines of sight may pass at the lower
@@ -68,7 +70,7 @@ def meetings(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, " bounds"
     ends = jnp.array([0.0, 1.0], at.dtype)
     if pad.cover is None:
         return jnp.concatenate([at, ends])
-    return jnp.concatenate([at, ends, pad.cover.windows(pad.ends(), path.source).reshape(-1)])
+    return jnp.concatenate([at, ends, inner.reshape(-1)])
 
 
 def labels_of(path: Unfolded, pad: Pad) -> Int[Array, " bounds"]:
@@ -81,7 +83,9 @@ def labels_of(path: Unfolded, pad: Pad) -> Int[Array, " bounds"]:
     return jnp.concatenate([segments, jnp.array(LIMITS[:2]), *own])
 
 
-def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> Vector:
+def toward(
+    camera: Camera, path: Unfolded, pad: Pad, inner: Windows, label: Int[Array, ""]
+) -> Vector:
     """From the source along the line of sight that a label stands for, of any length."""
     source, axis, step = path.source, path.axis, pad.end - pad.start
     leg, surface, kind = parts_of(jnp.maximum(label, 0))
@@ -104,16 +108,15 @@ def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> V
     flattest = drop + along_pad.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
     end = where(second, pad.end, pad.start)
     if pad.cover is not None:
-        end = _own_end(path, pad, label)
+        end = _own_end(pad, inner, label)
     end = where(label >= 0, edge, end)
     is_limit = (label == codes.LEFT_LIMIT) | (label == codes.RIGHT_LIMIT)
     is_grazing = (label == low) | (label == high)
     return where(is_limit, limit, where(is_grazing, flattest, end - source))
 
 
-def _own_end(path: Unfolded, pad: Pad, label: Int[Array, ""]) -> Vector:
+def _own_end(pad: Pad, inner: Float[Array, "rows 2"], label: Int[Array, ""]) -> Vector:
     """Where the line of sight to an end of a layered pad meets the surface seen, or its line."""
-    inner = pad.cover.windows(pad.ends(), path.source).reshape(-1)
-    entries = jnp.concatenate([jnp.array([0.0, 1.0], inner.dtype), inner])
+    entries = jnp.concatenate([jnp.array([0.0, 1.0], inner.dtype), inner.reshape(-1)])
     labels = jnp.concatenate([pad.cover.edges, pad.cover.labels.reshape(-1)])
     return pad.start + (pad.end - pad.start).scaled(entries[jnp.argmax(labels == label)])

@@ -9,6 +9,7 @@ of entry, bisected and then polished by one Newton step, which also carries its 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -44,6 +45,25 @@ class Inside(NamedTuple):
     down: Float[Array, "*points"]
     normal: tuple[Float[Array, "*points"], Float[Array, "*points"]]
     length: Float[Array, "*points"]
+
+
+SMALL = 1e-12
+"""Of the square of a cosine: a flatter ray goes on along its layer."""
+
+
+class Sought(eqx.Module):
+    """A ray that is sought by what it meets.
+
+    Attributes:
+        level: the layer whose lower side it passes.
+        place: where, along the pad.
+        brightness: 1 or −1 for the ray that brings just the least transmission instead, beyond
+            which rays bring less, or before which.
+    """
+
+    level: Int[Array, "*rays"]
+    place: Float[Array, "*rays"]
+    brightness: Float[Array, "*rays"]
 
 
 class EndCover(eqx.Module):
@@ -94,11 +114,20 @@ class EndCover(eqx.Module):
 
         And, in a last row, of those that bring just the least transmission.
         """
-        at_level = jax.vmap(jax.vmap(self._entry_of, (None, 0, None)), (0, 0, None))
-        levels = jnp.arange(self.thickness.size)
-        met = at_level(levels, self.places, source)
-        met = jnp.where((levels >= self.layer)[:, None], met, jnp.array([BELOW, BEYOND]))
-        return jnp.concatenate([met, self._bright(source)[None]])
+        best = self._brightest(source)
+        levels, dtype = jnp.arange(self.thickness.size), best.dtype
+        sought = Sought(
+            jnp.append(jnp.repeat(levels, 2), jnp.zeros(2, int)),
+            jnp.concatenate([self.places.reshape(-1), jnp.zeros(2, dtype)]),
+            jnp.concatenate([jnp.zeros(2 * levels.size, dtype), jnp.array([-1.0, 1.0], dtype)]),
+        )
+        zero = jnp.zeros_like(sought.place)
+        low, high = zero.at[-1].set(best), (zero + 1).at[-2].set(best)
+        met = jax.vmap(self._crossing, (0, 0, 0, None))(sought, low, high, source).reshape(-1, 2)
+        free = jnp.array([BELOW, BEYOND], dtype)
+        below = jnp.append(levels >= self.layer, True)[:, None]
+        dark = jax.lax.stop_gradient(self._excess(best, source)) < 0
+        return jnp.where(below, met, free).at[-1].set(jnp.where(dark, free[::-1], met[-1]))
 
     def coordinate(
         self, face: Vector, source: Vector, entries: Float[Array, " points"]
@@ -115,9 +144,11 @@ class EndCover(eqx.Module):
         self, face: Vector, source: Vector, coordinates: Float[Array, " points"]
     ) -> Float[Array, " points"]:
         """Entries of the rays that reach given pad coordinates."""
-        last = jnp.asarray(self.thickness.size - 1)
         places = self.membrane[0] + coordinates * (self.membrane[1] - self.membrane[0])
-        return jax.vmap(self._entry_of, (None, 0, None))(last, places, source)
+        zero = jnp.zeros_like(places)
+        last = jnp.full(places.shape, self.thickness.size - 1)
+        sought = Sought(last, places, zero)
+        return jax.vmap(self._crossing, (0, 0, 0, None))(sought, zero, zero + 1, source)
 
     def scale(
         self, face: Vector, source: Vector, entries: Float[Array, " points"]
@@ -128,7 +159,7 @@ class EndCover(eqx.Module):
         def met(entry: Float[Array, ""]) -> Float[Array, ""]:
             return self.coordinate(face, source, entry[None])[0]
 
-        rise = jax.vmap(jax.grad(met))(entries) * (self.membrane[1] - self.membrane[0])
+        rise = jax.vmap(partial(_slope, met))(entries) * (self.membrane[1] - self.membrane[0])
         arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
         turn, _ = safe_divide(jnp.abs(step.cross(toward)) / arrow.squared(), jnp.abs(rise))
         ray = self._inside(source, entries)
@@ -173,99 +204,69 @@ class EndCover(eqx.Module):
         below = jnp.where(layers > self.layer, self.thickness, 0.0)
         return jnp.where(layers == self.layer, own, below)
 
-    def _entry_of(
-        self, level: Int[Array, ""], place: Float[Array, ""], source: Vector
+    def _short(self, entry: Float[Array, ""], sought: Sought, source: Vector) -> Float[Array, ""]:
+        """By how much a ray falls short of what is sought; it falls with the entry."""
+        ray = self._inside(source, entry)
+        depths, layers = self._depths(ray), jnp.arange(self.thickness.size)
+        # Times how steeply it goes down, so that it is finite for rays that go up or along.
+        ratio = jnp.maximum(ray.down, 0.0) / self._below(ray)[1]
+        ratio = jnp.where(layers == self.layer, 1.0, ratio)
+        passed = jnp.sum(jnp.where(layers <= sought.level, depths * ratio, 0.0))
+        ahead = -self.outward * (sought.place - ray.entry.x)
+        of_place = ahead * ray.down - ray.along * passed
+        bright = sought.brightness * self._excess(entry, source)
+        return jnp.where(sought.brightness == 0, of_place, bright)
+
+    def _crossing(
+        self, sought: Sought, low: Float[Array, ""], high: Float[Array, ""], source: Vector
     ) -> Float[Array, ""]:
-        """Entry of the ray to a place at the lower side of a layer."""
+        """The entry between two at which nothing is short; `BELOW` or `BEYOND` if there is none."""
+        still, wanted, eye = jax.lax.stop_gradient((self, sought, source))
+        first, last = jax.lax.stop_gradient((low, high))
 
-        def short(cover: EndCover, entry: Array, place: Array, source: Vector) -> Array:
-            # By how much a ray falls short of the place, times how steeply it goes down, so that it
-            # is finite for rays that go up or along.
-            ray = cover._inside(source, entry)
-            depths, layers = cover._depths(ray), jnp.arange(cover.thickness.size)
-            ratio = jnp.maximum(ray.down, 0.0) / cover._below(ray)[1]
-            ratio = jnp.where(layers == cover.layer, 1.0, ratio)
-            passed = jnp.where(layers <= level, depths * ratio, 0.0)
-            ahead = -cover.outward * (place - ray.entry.x)
-            return ahead * ray.down - ray.along * jnp.sum(passed)
+        def short(entry: Float[Array, ""]) -> Float[Array, ""]:
+            return still._short(entry, wanted, eye)
 
-        return _crossing(short, self, place, source)
+        def halve(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+            middle = (ends[0] + ends[1]) / 2
+            ahead = short(middle) > 0
+            return jnp.where(ahead, middle, ends[0]), jnp.where(ahead, ends[1], middle)
 
-    def _bright(self, source: Vector) -> Float[Array, "2"]:
-        """Entries between which rays bring at least the least transmission."""
+        root = sum(jax.lax.fori_loop(0, HALVINGS, halve, (first, last))) / 2
+        step, _ = safe_divide(self._short(root, sought, source), _slope(short, root))
+        return jnp.where(short(first) <= 0, BELOW, jnp.where(short(last) > 0, BEYOND, root - step))
 
-        def excess(cover: EndCover, entry: Array, least: Array, source: Vector) -> Array:
-            return cover._transmission(source, entry) - least
-
-        still, least, eye = jax.lax.stop_gradient((self, self.transmission, source))
+    def _brightest(self, source: Vector) -> Float[Array, ""]:
+        """Entry of the ray that brings the most light; without derivatives."""
+        still, eye = jax.lax.stop_gradient((self, source))
 
         def narrow(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
             low, high = ends
-            first, second = low + (high - low) / 3, high - (high - low) / 3
-            rises = still._transmission(eye, first) < still._transmission(eye, second)
-            return jnp.where(rises, first, low), jnp.where(rises, high, second)
+            inner = low + (high - low) / 3, high - (high - low) / 3
+            bright = still._excess(jnp.stack(inner), eye)
+            rises = bright[0] < bright[1]
+            return jnp.where(rises, inner[0], low), jnp.where(rises, high, inner[1])
 
-        zero = jnp.zeros_like(least)
+        zero = jnp.zeros_like(self.transmission)
         low, high = jax.lax.fori_loop(0, HALVINGS, narrow, (zero, zero + 1))
-        best = (low + high) / 2
+        return (low + high) / 2
 
-        def up_to(cover: EndCover, part: Array, least: Array, source: Vector) -> Array:
-            return -excess(cover, part * best, least, source)
-
-        def down_from(cover: EndCover, part: Array, least: Array, source: Vector) -> Array:
-            return excess(cover, best + part * (1 - best), least, source)
-
-        first = best * _crossing(up_to, self, self.transmission, source)
-        last = best + (1 - best) * _crossing(down_from, self, self.transmission, source)
-        enough = still._transmission(eye, best) >= least
-        bright = jnp.stack([first, last])
-        return jnp.where(enough, bright, jnp.array([BEYOND, BELOW]))
-
-    def _transmission(self, source: Vector, entry: Float[Array, ""]) -> Float[Array, ""]:
-        """Part of unpolarised light that comes to the membrane; negative where none does."""
+    def _excess(self, entry: Float[Array, "*points"], source: Vector) -> Float[Array, "*points"]:
+        """Part of unpolarised light that comes to the membrane, above the least."""
         ray = self._inside(source, entry)
         real, cosines = self._below(ray)
         own, layers = self.index[self.layer], jnp.arange(self.thickness.size)
         below = layers >= self.layer
-        cosines = jnp.where(below, cosines, cosines[self.layer])
+        cosines = jnp.where(below, cosines, ray.down[..., None])
         index = jnp.where(below, self.index, own)
         onto, through = ray.normal
-        face = fresnel(jnp.stack([onto, through]), jnp.stack([jnp.ones_like(own), own]))
+        face = fresnel(jnp.stack([onto, through], axis=-1), jnp.stack([jnp.ones_like(own), own]))
         inner = fresnel(cosines, index)
         part = (face[0] * inner[0] + face[1] * inner[1]) / 2
-        dark = jnp.any(below & ~real) | (onto <= 0)
-        return jnp.where(dark, jnp.minimum(ray.down, 0.0) - 1, part)
+        # A ray that brings no light is the worse, the farther it goes up.
+        none = jnp.any(below & ~real, axis=-1) | (onto <= 0)
+        return jnp.where(none, jnp.minimum(ray.down, 0.0) - 1, part) - self.transmission
 
 
-SMALL = 1e-12
-"""Of the square of a cosine: a flatter ray goes on along its layer."""
-
-
-def _crossing(
-    function: Callable[..., Array], cover: EndCover, number: Float[Array, ""], source: Vector
-) -> Float[Array, ""]:
-    """Where from 0 to 1 a falling function of the entry vanishes; `BELOW` or `BEYOND` if nowhere.
-
-    Args:
-        function: of cover, entry, a number and the source.
-        cover: the layers.
-        number: what else it depends on.
-        source: where rays come from.
-    """
-    still, frozen, eye = jax.lax.stop_gradient((cover, number, source))
-
-    def halve(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-        low, high = ends
-        middle = (low + high) / 2
-        ahead = function(still, middle, frozen, eye) > 0
-        return jnp.where(ahead, middle, low), jnp.where(ahead, high, middle)
-
-    zero = jnp.zeros_like(frozen)
-    low, high = jax.lax.fori_loop(0, HALVINGS, halve, (zero, zero + 1))
-    root = (low + high) / 2
-    slope = jax.grad(function, 1)(still, root, frozen, eye)
-    step, _ = safe_divide(function(cover, root, number, source), slope)
-    polished = root - step
-    below = function(still, zero, frozen, eye) <= 0
-    beyond = function(still, zero + 1, frozen, eye) > 0
-    return jnp.where(below, BELOW, jnp.where(beyond, BEYOND, polished))
+def _slope(function: Callable[[Array], Array], at: Float[Array, ""]) -> Float[Array, ""]:
+    return jax.jvp(function, (at,), (jnp.ones_like(at),))[1]

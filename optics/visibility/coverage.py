@@ -24,7 +24,7 @@ from optics.scene.scene import Placed, Scene, place
 from optics.visibility.boundaries import labels_of, meetings
 from optics.visibility.image_scale import look, reflections
 from optics.visibility.intervals import Interval, measure_of_union
-from optics.visibility.pads import PAD_ENDS, Faces, Pad
+from optics.visibility.pads import PAD_ENDS, Faces, Pad, Windows
 from optics.visibility.searching import Found, find
 from optics.visibility.unfolding import Unfolded, paths_of, unfold_all
 from optics.visibility.views import Pieces, ViewResult
@@ -77,7 +77,8 @@ def find_views(
 
     def search(camera: Camera, paths: Unfolded, faces: Faces) -> tuple[Found, list[Interval]]:
         found = find(camera, paths, faces, max_pieces)
-        gaps = [_by_path_and_pad(partial(angular_gap, camera), paths, pads) for pads in faces.all()]
+        gap = partial(angular_gap, camera)
+        gaps = [_by_path_and_pad(gap, paths, pads, inner) for pads, inner in faces.all()]
         return found, gaps
 
     def views(
@@ -102,8 +103,8 @@ def find_views(
         )
         pieces = Pieces(*where, *seen, found.face)
         of_faces = [
-            _by_path_and_pad(partial(margin, camera), paths, pads, gap)
-            for pads, gap in zip(faces.all(), widest, strict=True)
+            _by_path_and_pad(partial(margin, camera), paths, pads, inner, gap)
+            for (pads, inner), gap in zip(faces.all(), widest, strict=True)
         ]
         margins = faces.widest(of_faces)
         result = jax.tree.map(jnp.transpose, found.result)
@@ -191,7 +192,8 @@ def _in_poses(
     @jax.vmap
     def unfolded(angles: Float[Array, " joints"]) -> tuple[Placed, Unfolded, Faces]:
         placed = place(scene, angles)
-        return placed, unfold_all(layout, placed, words), Faces.all_of(scene, placed)
+        paths = unfold_all(layout, placed, words)
+        return placed, paths, Faces.all_of(scene, placed, paths)
 
     placed, paths, faces = unfolded(poses)
     # The search decides by comparisons only: its derivatives would be 0, or those of the ends once
@@ -212,17 +214,17 @@ def _by_path_and_pad(function: Callable[..., Any], paths: Unfolded, pads: Pad, *
 
 
 def _of_bounds(
-    function: Callable[[Unfolded, Pad], Shaped[Array, " bounds"]],
+    function: Callable[[Unfolded, Pad, Windows], Shaped[Array, " bounds"]],
     paths: Unfolded,
     faces: Faces,
     found: Found,
 ) -> Shaped[Array, "pads pieces 2"]:
     """Of what a function gives for all bounds of views, what bounds the pieces."""
     pick = jax.vmap(lambda of_bounds, path, bounds: of_bounds[path[:, None], bounds], (1, 0, 0))
-    picked = pick(_by_path_and_pad(function, paths, faces.fronts), found.path, found.bounds)
+    picked = pick(_by_path_and_pad(function, paths, *faces.all()[0]), found.path, found.bounds)
     if faces.ends is None:
         return picked
-    of_ends = _by_path_and_pad(function, paths, faces.ends)
+    of_ends = _by_path_and_pad(function, paths, *faces.all()[1])
     face = faces.end_of(found.face)[..., None]
     of_end = of_ends[found.path[..., None], face, found.bounds]
     return jnp.where(found.face[..., None] > 0, of_end, picked)
@@ -233,7 +235,7 @@ def _labels(paths: Unfolded, faces: Faces, found: Found) -> Int[Array, "pads pie
     if faces.fronts.cover is None:  # the same bounds for every pad
         of_path = jax.vmap(lambda path: labels_of(path, faces.fronts))(paths)
         return of_path[found.path[..., None], found.bounds]
-    return _of_bounds(labels_of, paths, faces, found)
+    return _of_bounds(lambda path, pad, _: labels_of(path, pad), paths, faces, found)
 
 
 def _of_pieces(function: Callable[..., Any], faces: Faces, found: Found, *of_pieces: Array) -> Any:

@@ -18,7 +18,7 @@ from optics.scene.scene import Placed, Scene
 from optics.visibility import boundary_codes as codes
 from optics.visibility.clear_ends import EndCover
 from optics.visibility.refraction import FrontCover, least_grazing
-from optics.visibility.unfolding import unit
+from optics.visibility.unfolding import Unfolded, unit
 
 LIMITS = (codes.LEFT_LIMIT, codes.RIGHT_LIMIT, codes.LOW_GRAZING, codes.HIGH_GRAZING)
 """Labels of what bounds every view: the field of view, and the flattest rays."""
@@ -67,35 +67,46 @@ class Pad(eqx.Module):
         return jnp.arange(surfaces) == self.index if self.cover is None else self.cover.own
 
 
+Windows = Float[Array, "*views rows 2"] | None
+"""Entries of the rays to both ends of what may be passed behind the surface seen; none in air."""
+
+
 class Faces(eqx.Module):
     """All surfaces of a scene in a pose by which pads are seen.
 
     Attributes:
         fronts: the pads themselves, or the outermost surfaces of their layers.
         ends: clear end faces; ``None`` if there are none.
+        front_windows: what the layers behind the outermost surfaces let through, of every path.
+        end_windows: the same behind the clear end faces.
         ends_of: of every pad, which of the clear end faces are its, filled up with −1.
     """
 
     fronts: Pad
     ends: Pad | None
+    front_windows: Windows
+    end_windows: Windows
     ends_of: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
     @classmethod
-    def all_of(cls, scene: Scene, placed: Placed) -> Faces:
-        """Those of a placed scene."""
+    def all_of(cls, scene: Scene, placed: Placed, paths: Unfolded) -> Faces:
+        """Those of a placed scene, and what each lets through by given paths."""
         layout, fronts = scene.layout, Pad.all_of(scene, placed)
+        passed = _windows(paths, fronts)
         clear = [i for i, face in enumerate(layout.bodies) if face.kind == "clear"]
         if not clear:
-            return cls(fronts, None, ())
+            return cls(fronts, None, passed, None, ())
         pads = [layout.bodies[i].pad for i in clear]
         of = [[i for i, mine in enumerate(pads) if mine == pad] for pad in range(len(layout.pads))]
         most = max(map(len, of))
         ends_of = tuple(tuple(own + [-1] * (most - len(own))) for own in of)
-        return cls(fronts, _clear_ends(scene, scene.layers, placed, fronts, clear), ends_of)
+        ends = _clear_ends(scene, scene.layers, placed, fronts, clear)
+        return cls(fronts, ends, passed, _windows(paths, ends), ends_of)
 
-    def all(self) -> list[Pad]:
-        """Both kinds, if there are both."""
-        return [self.fronts] if self.ends is None else [self.fronts, self.ends]
+    def all(self) -> list[tuple[Pad, Windows]]:
+        """Both kinds with their windows, if there are both."""
+        fronts = self.fronts, self.front_windows
+        return [fronts] if self.ends is None else [fronts, (self.ends, self.end_windows)]
 
     def end_of(self, face: Int[Array, "pads pieces"]) -> Int[Array, "pads pieces"]:
         """Which clear end face shows every piece; any where it is none."""
@@ -110,6 +121,14 @@ class Faces(eqx.Module):
             of_ends = jnp.where(own >= 0, margins[1][:, own], -jnp.inf)
             best = jnp.maximum(best, jnp.max(of_ends, axis=-1))
         return best
+
+
+def _windows(paths: Unfolded, pads: Pad) -> Windows:
+    def passed(path: Unfolded, pad: Pad) -> Float[Array, "rows 2"]:
+        return pad.cover.windows(pad.ends(), path.source)
+
+    of_path = jax.vmap(passed, (None, 0))
+    return None if pads.cover is None else jax.vmap(of_path, (0, None))(paths, pads)
 
 
 def _covered(scene: Scene, layers: Layers, placed: Placed, faces: Pad) -> Pad:

@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 from optics.scene.camera import Camera
 from optics.visibility.boundaries import PER_SEGMENT, conditions
 from optics.visibility.intervals import Interval, common_part, gaps, where_positive
-from optics.visibility.pads import LIMITS, Faces, Pad
+from optics.visibility.pads import LIMITS, Faces, Pad, Windows
 from optics.visibility.unfolding import ROUNDING_UNITS, Unfolded, left_of
 from optics.visibility.views import ViewResult
 
@@ -54,12 +54,14 @@ class Found(eqx.Module):
 def find(camera: Camera, paths: Unfolded, faces: Faces, max_pieces: int | None) -> Found:
     """The pieces of all pads by all paths, both along a first axis."""
 
-    def by_path(pad: Pad) -> tuple[Interval, Bool[Array, "paths gaps"], ViewResult]:
-        return jax.vmap(lambda path: search(camera, path, pad))(paths)
+    def views_of(pads: Pad, inner: Windows) -> tuple[Interval, Bool[Array, "..."], ViewResult]:
+        of_path = jax.vmap(partial(search, camera), (0, None, 0))
+        return jax.vmap(of_path, (None, 0, 1))(paths, pads, inner)
 
-    views = jax.vmap(by_path)(faces.fronts)
+    views = views_of(faces.fronts, faces.front_windows)
     if faces.ends is not None:
-        views = _with_ends(views, jax.vmap(by_path)(faces.ends), np.array(faces.ends_of))
+        ends = views_of(faces.ends, faces.end_windows)
+        views = _with_ends(views, ends, np.array(faces.ends_of))
     room = 8 + 2 * len(paths.reflects) if max_pieces is None else max_pieces
     found = jax.vmap(partial(_first, room))(*views)
     if faces.ends is None:
@@ -109,15 +111,21 @@ def _first(
 
 
 def search(
-    camera: Camera, path: Unfolded, pad: Pad
+    camera: Camera, path: Unfolded, pad: Pad, inner: Windows
 ) -> tuple[Interval, Bool[Array, " gaps"], ViewResult]:
     """One pad by one path.
+
+    Args:
+        camera: the camera.
+        path: the path.
+        pad: the pad.
+        inner: what its layers let through.
 
     Returns:
         Candidates for pieces, which of them are there, and why there are none.
     """
     segments, others, edge_on = _parts(camera, path, pad)
-    window = _window(camera, path, pad, segments, others, edge_on)
+    window = _window(camera, path, inner, segments, others, edge_on)
     shadows, active = _shadows(camera, path, pad, segments, others, edge_on)
     pieces = _limit_met(path, pad, gaps(window, shadows, active))
 
@@ -175,7 +183,7 @@ def _parts(
 def _window(
     camera: Camera,
     path: Unfolded,
-    pad: Pad,
+    inner: Windows,
     segments: Interval,
     others: Interval,
     edge_on: Bool[Array, " segments"],
@@ -184,8 +192,7 @@ def _window(
     dtype, last = segments.start.dtype, PER_SEGMENT * segments.start.size + len(LIMITS)
     # Segments, left and right limit, both grazing limits, the pad itself, windows of its layers.
     first, second = jnp.zeros(1, dtype), jnp.ones(1, dtype)
-    if pad.cover is not None:
-        inner = pad.cover.windows(pad.ends(), path.source)
+    if inner is not None:
         first, second = jnp.append(first, inner[:, 0]), jnp.append(second, inner[:, 1])
     bounds = last + np.arange(2 * len(first)).reshape(-1, 2)
     own = Interval(first, second, jnp.asarray(bounds[:, 0]), jnp.asarray(bounds[:, 1]))

@@ -22,11 +22,11 @@ from optics.visibility import boundary_codes as codes
 from optics.visibility.boundaries import toward
 from optics.visibility.boundary_codes import label_of, with_kind
 from optics.visibility.intervals import FAR, Interval, gaps
-from optics.visibility.pads import LIMITS, PAD_ENDS, Pad
+from optics.visibility.pads import LIMITS, PAD_ENDS, Pad, Windows
 from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, unit
 
 
-def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
+def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Interval:
     """The widest gap between what must not be met, in angles (rad) about the source.
 
     Angles are counted from the middle of the pad, in the sense in which its sensing side shows its
@@ -37,6 +37,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
         camera: the camera.
         path: the path, unfolded.
         pad: the pad.
+        inner: what its layers let through.
     """
     source = path.source
     step = pad.end - pad.start
@@ -102,8 +103,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     lower_labels = jnp.stack([shown.labels[0], toward_first, low])
     upper_labels = jnp.stack([shown.labels[1], toward_second, high])
     if pad.cover is not None:
-        entries, labels = pad.cover.windows(pad.ends(), source), pad.cover.labels
-        passed = angle(step.scaled(entries) + (pad.start - source))
+        labels, passed = pad.cover.labels, angle(step.scaled(inner) + (pad.start - source))
         lower, upper = jnp.append(lower, passed[:, 0]), jnp.append(upper, passed[:, 1])
         lower_labels = jnp.append(lower_labels, labels[:, 0])
         upper_labels = jnp.append(upper_labels, labels[:, 1])
@@ -173,10 +173,12 @@ def elevation(path: Unfolded, pad: Pad) -> Float[Array, ""]:
     return least
 
 
-def margin(camera: Camera, path: Unfolded, pad: Pad, widest: Interval) -> Float[Array, ""]:
+def margin(
+    camera: Camera, path: Unfolded, pad: Pad, inner: Windows, widest: Interval
+) -> Float[Array, ""]:
     """The width (rad) of the gap that was found, with the derivative of the lines that bound it."""
     labels = jnp.stack([widest.start_label, widest.end_label])
-    first, last = jax.vmap(lambda label: toward(camera, path, pad, label))(labels).angle()
+    first, last = jax.vmap(lambda label: toward(camera, path, pad, inner, label))(labels).angle()
     above = (pad.end - pad.start).cross(path.source - pad.start)
     sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
     moving = sense * (last - first)
