@@ -2,36 +2,68 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import safe_arctan2
+from designopt.vectors import Vector
 from optics.scene.imaging import Imaging
 from optics.scene.scene import Scene, place
 from optics.visibility.pads import Pad
-from optics.visibility.unfolding import VirtualCamera, paths_of, virtual_cameras
+from optics.visibility.refraction import slope_to
+from optics.visibility.unfolding import VirtualCamera, paths_of, unit, virtual_cameras
+
+TOUCHING = 1e-9
+"""mm: nearer places along a pad are one, so that a line of sight along its normal has a slope."""
 
 CORNERS = ((0, -1), (1, -1), (1, 1), (0, 1))
 """Corners of a pad in their order: at which end of it, and on which side across the section."""
 
 
+class Behind(eqx.Module):
+    """How membranes lie behind their layers, unfolded; lengths in mm.
+
+    Attributes:
+        along: unit vectors along the pads, in the camera's own axes (forward, up).
+        into: unit vectors from the camera's side towards the pads, in the same.
+        height: of the (virtual) camera over the outermost surfaces.
+        offset: along the pads, from the foot of that height to both ends of the membrane.
+        thickness: of the layers, the outermost first.
+        index: of refraction.
+    """
+
+    along: Vector
+    into: Vector
+    height: Float[Array, "*batch paths pads"]
+    offset: Float[Array, "*batch paths pads 2"]
+    thickness: Float[Array, "*batch paths pads layers"]
+    index: Float[Array, "*batch paths pads layers"]
+
+
 class Outlines(eqx.Module):
     """The ends of pads as the camera sees them, unfolded; axes are (paths, pads, ends).
 
-    Paths are in the order of `name_paths`.
+    Paths are in the order of `name_paths`. Pads under layers are seen through the outermost surface.
 
     Attributes:
         angle: section angle, rad, counter-clockwise from the optical axis.
-        distance: length of the path, mm.
+        distance: length of the path, mm; under layers of the path to the outermost surface.
+        behind: how pads lie behind their layers; ``None`` if no pad has layers.
     """
 
     angle: Float[Array, "*batch paths pads 2"]
     distance: Float[Array, "*batch paths pads 2"]
+    behind: Behind | None = None
 
     def ends(self) -> Float[Array, "*batch paths pads 2 2"]:
-        """The ends as plane points in the camera's own axes (forward, up), mm."""
+        """The ends as plane points in the camera's own axes (forward, up), mm.
+
+        Under layers, the points where lines of sight to them enter.
+        """
         return self.distance[..., None] * jnp.stack(
             [jnp.cos(self.angle), jnp.sin(self.angle)], axis=-1
         )
@@ -64,6 +96,10 @@ def find_outlines(
     pads = Pad.all_of(scene, placed)
     cameras = virtual_cameras(placed, words)
 
+    if scene.layers is not None:
+        behind = jax.vmap(jax.vmap(_behind, (None, 0, None)), (0, None, None))
+        return _through_layers(behind(cameras, pads, placed.size))
+
     def ends(camera: VirtualCamera, pad: Pad) -> tuple[Array, Array]:
         arrow = pad.ends() - camera.source
         angle = safe_arctan2(camera.axis.cross(arrow), camera.axis.dot(arrow))
@@ -71,6 +107,52 @@ def find_outlines(
 
     angle, distance = jax.vmap(jax.vmap(ends, (None, 0)), (0, None))(cameras, pads)
     return Outlines(angle, distance)
+
+
+def _behind(camera: VirtualCamera, pad: Pad, size: Float[Array, ""]) -> Behind:
+    """How the membrane of a pad lies behind its layers, seen from one virtual camera."""
+    step, toward = pad.end - pad.start, camera.source - pad.start
+    along = unit(step)
+    above = along.cross(toward)
+    normal = along.perpendicular().scaled(jnp.where(above < 0, -1.0, 1.0))
+
+    def own(arrow: Vector) -> Vector:
+        return Vector(camera.axis.dot(arrow), camera.handedness * camera.axis.cross(arrow))
+
+    cover, height = pad.cover, jnp.abs(above)
+    return Behind(
+        own(along),
+        own(-normal),
+        jnp.where(height > 0, height, 1.0) * size,
+        (cover.places[-1] - along.dot(toward)) * size,
+        cover.thickness * size,
+        cover.index,
+    )
+
+
+def _entries(
+    behind: Behind, beside: Float[Array, ""] | float, end: int
+) -> tuple[Float[Array, "*batch paths pads"], Float[Array, "*batch paths pads"], Any]:
+    """Section angle and distance (mm) at which the line of sight to a place enters the layers.
+
+    And its lateral slope. The place is at an end of the membrane and so many mm beside the camera's
+    section: the ray stays in the plane through it and the pad's normal, and the flat problem of
+    `optics.visibility.refraction` holds there.
+    """
+    offset = behind.offset[..., end]
+    radius = jnp.sqrt(offset**2 + beside**2 + TOUCHING**2)
+    to_radius = jnp.vectorize(slope_to, signature="(),(k),(k),()->()")
+    slope = to_radius(behind.height, behind.thickness, behind.index, radius)
+    part = behind.height * slope / radius
+    along, into = behind.along.scaled(offset * part), behind.into.scaled(behind.height)
+    entry = along + into
+    distance = entry.length()
+    return safe_arctan2(entry.y, entry.x), distance, beside * part / distance
+
+
+def _through_layers(behind: Behind) -> Outlines:
+    angle, distance = zip(*(_entries(behind, 0.0, end)[:2] for end in range(2)), strict=True)
+    return Outlines(jnp.stack(angle, axis=-1), jnp.stack(distance, axis=-1), behind)
 
 
 def find_corners(
@@ -95,6 +177,10 @@ def find_corners(
         >>> find_corners(Imaging.of(scene.camera), outlines, 20.0).shape
         (5, 1, 4, 2)
     """
+    if outlines.behind is not None:
+        rays = [_entries(outlines.behind, side * width / 2 - lateral, end) for end, side in CORNERS]
+        angles, _, slopes = zip(*rays, strict=True)
+        return imaging.place(jnp.stack(angles, axis=-1), jnp.stack(slopes, axis=-1))
     at = [end for end, _ in CORNERS]
     beside = jnp.asarray([side for _, side in CORNERS], outlines.angle.dtype) * width / 2 - lateral
     beside = beside.reshape((1,) * (outlines.angle.ndim - 1) + (4,))

@@ -67,28 +67,36 @@ def _pair(value: Any) -> Pair:
     return start, end
 
 
-def random_scene(rng: np.random.Generator) -> tuple[Scene, Tables]:
+def random_scene(
+    rng: np.random.Generator, structure: int | None = None
+) -> tuple[Scene, Tables]:
     """A scene the size of a finger: its plain numbers, and its tables.
 
     One to three pads in a chain, most of them under one to three layers of 0 to 8 mm in all; a
     camera over one of them, just above its outermost surface or beside its end; up to two mirrors
     that show it a pad, and up to three blockers on its way. No two pads or mirrors cross, and the
     camera is in air.
+
+    Args:
+        rng: draws all numbers.
+        structure: seed of everything else: how many parts there are, their sides, which ends are
+            clear; ``rng`` draws that too by default.
     """
     while True:
-        tables = _tables(rng)
+        shape = rng if structure is None else np.random.default_rng(structure)
+        tables = _tables(rng, shape)
         scene = read(tables)
         if _buildable(scene):
             return scene, tables
 
 
-def _tables(rng: np.random.Generator) -> Tables:
+def _tables(rng: np.random.Generator, shape: np.random.Generator) -> Tables:
     chain, corner, along = [], 0j, 1 + 0j
-    for _ in range(rng.integers(1, 4)):
+    for _ in range(shape.integers(1, 4)):
         chain.append((corner, corner + along * rng.uniform(10, 40)))
         corner = chain[-1][1] + along * rng.uniform(3, 12)
         along *= np.exp(1j * rng.uniform(-0.9, 0.9))
-    stacks = [_stack(rng) for _ in chain]
+    stacks = [_stack(rng, shape) for _ in chain]
 
     def target() -> complex:
         start, end = chain[rng.integers(len(chain))]
@@ -97,10 +105,10 @@ def _tables(rng: np.random.Generator) -> Tables:
     camera = _camera(rng, chain, stacks)
     ahead = np.angle(target() - camera) + rng.normal(0, 0.4)
     middles = [target() + 1j * rng.uniform(5, 40) + rng.uniform(-20, 20) for _ in range(2)]
-    if _chance(rng, 0.5):
+    if _chance(shape, 0.5):
         ways = [(camera, middles[0], middles[1]), (middles[0], middles[1], target())]
     else:
-        ways = [(camera, middle, target()) for middle in middles[: rng.integers(3)]]
+        ways = [(camera, middle, target()) for middle in middles[: shape.integers(3)]]
     mirrors = []
     for before, middle, after in ways:
         # The normal halves the angle of a way over the mirror's middle, more or less.
@@ -109,12 +117,12 @@ def _tables(rng: np.random.Generator) -> Tables:
         half *= rng.uniform(3, 20) / abs(half)
         mirrors.append((middle - half, middle + half))
     blockers = []
-    for _ in range(rng.integers(4)):
+    for _ in range(shape.integers(4)):
         middle = camera + (target() - camera) * rng.uniform(0.2, 0.9)
         half = rng.uniform(0.3, 4) * np.exp(2j * np.pi * rng.uniform())
         blockers.append((middle - half, middle + half))
 
-    place, turn, flipped = complex(*rng.uniform(-50, 50, 2)), rng.uniform(0, 360), _chance(rng, 0.5)
+    place, turn, flipped = complex(*rng.uniform(-50, 50, 2)), rng.uniform(0, 360), _chance(shape, 0.5)
 
     def put(at: complex) -> list[float]:
         at = place + np.exp(1j * np.radians(turn)) * (at.conjugate() if flipped else at)
@@ -123,8 +131,8 @@ def _tables(rng: np.random.Generator) -> Tables:
     def tables(kind: str, pairs: list[tuple[complex, complex]], both: float) -> list[Tables]:
         found = []
         for i, pair in enumerate(pairs):
-            turned = _chance(rng, 0.5)
-            side = "both" if _chance(rng, both) else ("right" if turned != flipped else "left")
+            turned = _chance(shape, 0.5)
+            side = "both" if _chance(shape, both) else ("right" if turned != flipped else "left")
             start, end = map(put, pair[::-1] if turned else pair)
             found.append({"name": f"{kind}{i}", "from": start, "to": end, "side": side})
         return found
@@ -132,11 +140,11 @@ def _tables(rng: np.random.Generator) -> Tables:
     pads = tables("p", chain, 0.0)
     for pad, stack in zip(pads, stacks, strict=True):
         pad |= stack
-        if "layers" not in stack and _chance(rng, 0.2):
+        if "layers" not in stack and _chance(shape, 0.2):
             pad["side"] = "both"
     direction = turn + np.degrees(-ahead if flipped else ahead)
     return {
-        "scene": {"bounces": int(rng.choice(3, p=[0.2, 0.3, 0.5]))},
+        "scene": {"bounces": int(shape.choice(3, p=[0.2, 0.3, 0.5]))},
         "camera": {
             "position": put(camera),
             "direction_deg": float(direction),
@@ -168,22 +176,24 @@ def _camera(
     return start - along * (rng.uniform(5, 40) - 1j * rng.uniform(0, height))
 
 
-def _stack(rng: np.random.Generator) -> Tables:
+def _stack(rng: np.random.Generator, shape: np.random.Generator) -> Tables:
     """Limits, layers and bezel of a pad."""
     stack: Tables = {"min_grazing_deg": float(rng.choice([0.0, rng.uniform(0, 20)]))}
-    if _chance(rng, 0.2):
+    if _chance(shape, 0.2):
         return stack
-    thicknesses = rng.uniform(0, 8) * rng.dirichlet(np.ones(rng.integers(1, 4)))
-    stack["layers"] = [_random_layer(rng, thickness) for thickness in thicknesses.tolist()]
+    thicknesses = rng.uniform(0, 8) * rng.dirichlet(np.ones(shape.integers(1, 4)))
+    stack["layers"] = [_random_layer(rng, shape, thickness) for thickness in thicknesses.tolist()]
     limit = float(rng.choice([0.0, 0.3, rng.uniform(0.1, 0.6)]))
     if limit != 0.3:
         stack["min_transmission"] = limit
-    if _chance(rng, 0.4):
+    if _chance(shape, 0.4):
         stack["bezel"] = {"lip": _one_or_two(rng, 0, 3), "height": rng.uniform(0, 2)}
     return stack
 
 
-def _random_layer(rng: np.random.Generator, thickness: float) -> Tables:
+def _random_layer(
+    rng: np.random.Generator, shape: np.random.Generator, thickness: float
+) -> Tables:
     index = 1.0 if _chance(rng, 0.05) else rng.uniform(1, 1.8)
     layer: Tables = {"thickness": thickness, "index": index}
     if _chance(rng, 0.2):
@@ -192,9 +202,9 @@ def _random_layer(rng: np.random.Generator, thickness: float) -> Tables:
         layer["overhang"] = _one_or_two(rng, 0, 4)
     if _chance(rng, 0.6):
         layer["bevel_deg"] = _one_or_two(rng, -45, 45)
-    first, second = rng.choice(["clear", "black"], 2).tolist()
-    if _chance(rng, 0.7):
-        layer["sides"] = first if _chance(rng, 0.5) else {"from": first, "to": second}
+    first, second = shape.choice(["clear", "black"], 2).tolist()
+    if _chance(shape, 0.7):
+        layer["sides"] = first if _chance(shape, 0.5) else {"from": first, "to": second}
     return layer
 
 
@@ -210,7 +220,8 @@ def _buildable(scene: Scene) -> bool:
     """Whether all layers have a length, no pads or mirrors cross, and the camera is in air."""
     for pad in scene.pads:
         spans = [layer.spans(abs(pad.end - pad.start))[1] for layer in pad.layers]
-        if any(start >= stop for start, stop in spans):
+        lips = [sum(pad.lip), *[0.0] * len(spans)]
+        if any(stop - start <= lip for (start, stop), lip in zip(spans, lips, strict=False)):
             return False
     faces = [face for face in scene.faces if face.front == AIR and face.owner[0] != "b"]
     names, starts, ends, sides = zip(
