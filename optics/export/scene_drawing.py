@@ -25,14 +25,15 @@ from designopt.export.json import Quantity
 from designopt.io.files import printable
 from designopt.vectors import vector
 from optics.plot.section import Section
-from optics.scene.file import FIXED, CameraTable, MirrorTable, SurfaceTable
+from optics.scene.file import FIXED, CameraTable, LayerTable, MirrorTable, PadTable, SurfaceTable
+from optics.scene.reading import LEAST_TRANSMISSION
 from optics.visibility.curves import arc_between
 
 if TYPE_CHECKING:
     from optics.scene.designed import DesignedScene
 
-HINGES = "hinges"
-"""Layer of the hinges."""
+HINGES, SHEETS = "hinges", "layers"
+"""Layers of the hinges, and of the layers and bezels of pads."""
 
 CHORD = 1e-3
 """A curved mirror's line of chords is nowhere so far from it, mm; nor by a tenth of this part of
@@ -48,8 +49,8 @@ SIGHT, SIGN = 0.35, 0.01
 def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
     """The drawing of a scene in its reference pose.
 
-    Mirrors, pads, blockers, hinges, the camera with its optical axis and the edges of its field of
-    view have layers of their own. Dimensions are the lengths of mirrors and pads and how far a
+    Mirrors, pads, blockers, the pads' layers with their bezels, hinges, the camera with its optical
+    axis and the edges of its field of view have layers of their own. Dimensions are the lengths of mirrors and pads and how far a
     mirror's ends are from the hinge of its frame, or, if it does not move, from the camera; to one
     far away they are left out.
 
@@ -72,6 +73,11 @@ def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
             polylines.append(Polyline(layer, places))
             text = part.name if kind == "blocker" else f"{part.name} {kind}"
             labels.append(Label(layer, _middle(places), text))
+    if design.scene.layers is not None:
+        layers.append(Layer(SHEETS, "body"))
+        outlines = list(_outlines(design))
+        polylines += [Polyline(SHEETS, places, closed=True) for _, places in outlines]
+        labels += [Label(SHEETS, _center(places), text) for text, places in outlines]
     for part in (*file.mirrors, *file.pads):
         measures.append(LinearDimension(part.start, part.end))
     diagonal, far = _extent(design)
@@ -122,6 +128,7 @@ def scene_quantities(design: DesignedScene) -> list[Quantity]:
         name = f"pads.{part.name}"
         found += _surface_quantities(name, part)
         found.append(Quantity(f"{name}.min_grazing", part.min_grazing_deg, "°"))
+        found += _pad_quantities(name, part)
     for part in file.blockers:
         found += _surface_quantities(f"blockers.{part.name}", part)
     for name, frame in file.frames.items():
@@ -147,6 +154,30 @@ def _surface_quantities(name: str, part: SurfaceTable) -> Iterator[Quantity]:
     yield from _place_quantities(f"{name}.from", part.start)
     yield from _place_quantities(f"{name}.to", part.end)
     yield Quantity(f"{name}.length", math.dist(part.start, part.end), "mm")
+
+
+def _pad_quantities(name: str, pad: PadTable) -> Iterator[Quantity]:
+    """What a pad has besides its ends: width, layers and bezel."""
+    if pad.width is not None:
+        yield Quantity(f"{name}.width", pad.width, "mm")
+    if pad.layers:
+        least = LEAST_TRANSMISSION if pad.min_transmission is None else pad.min_transmission
+        yield Quantity(f"{name}.min_transmission", least, "")
+    for number, layer in enumerate(pad.layers, start=1):
+        of_layer = f"{name}.layers.{number}"
+        yield Quantity(f"{of_layer}.thickness", layer.thickness, "mm")
+        for color, index in layer.index:
+            yield Quantity(f"{of_layer}.index.{color}", index, "")
+        yield from _end_quantities(f"{of_layer}.overhang", layer.overhang, "mm")
+        yield from _end_quantities(f"{of_layer}.bevel", layer.bevel_deg, "°")
+    if pad.bezel is not None:
+        yield from _end_quantities(f"{name}.bezel.lip", pad.bezel.lip, "mm")
+        yield Quantity(f"{name}.bezel.height", pad.bezel.height, "mm")
+
+
+def _end_quantities(name: str, values: tuple[float, float], unit: str) -> Iterator[Quantity]:
+    for end, value in zip(("from", "to"), values, strict=True):
+        yield Quantity(f"{name}.{end}", value, unit)
 
 
 def _place_quantities(name: str, place: Place) -> Iterator[Quantity]:
@@ -178,6 +209,24 @@ def _off_chords(places: Float[np.ndarray, "places 2"]) -> float:
     chords, arrows = places[2::2] - places[:-2:2], places[1::2] - places[:-2:2]
     across = chords[:, 0] * arrows[:, 1] - chords[:, 1] * arrows[:, 0]
     return float(np.max(np.abs(across) / np.hypot(*chords.T)))
+
+
+def _outlines(design: DesignedScene) -> Iterator[tuple[str, list[Place]]]:
+    """Layers and bezels with their names."""
+    angles = np.zeros(len(design.scene.angle_names))
+    for pad, stack in zip(design.file.pads, Section.of(design.scene, angles).stacks, strict=True):
+        if stack is None:
+            continue
+        for number, outline in enumerate(stack.layers, start=1):
+            yield f"{pad.name} layer {number}", [(x, y) for x, y in outline.tolist()]
+        for outline in stack.bezel:
+            yield f"{pad.name} bezel", [(x, y) for x, y in outline.tolist()]
+
+
+def _center(places: Sequence[Place]) -> Place:
+    """The mean of the corners of an outline."""
+    x, y = np.mean(places, axis=0).tolist()
+    return x, y
 
 
 def _middle(places: Sequence[Place]) -> Place:
@@ -223,4 +272,20 @@ def _notes(design: DesignedScene, far: bool, *, pose: bool) -> list[str]:
         f"camera at ({x:.6g}, {y:.6g}) mm{', outside the picture' if far else ''}; "
         f"axis {camera.direction_deg:.6g}°, field of view {camera.fov_deg:.6g}°"
     )
+    for pad in design.file.pads:
+        notes += [
+            f"{pad.name} layer {number}: {_material(layer)}"
+            for number, layer in enumerate(pad.layers, start=1)
+        ]
     return notes
+
+
+def _material(layer: LayerTable) -> str:
+    """What a layer is made of, for a line of a title block."""
+    indices = [f"{value:.6g}" for _, value in layer.index]
+    sides = [kind for _, kind in layer.sides]
+    index = indices[0] if len({*indices}) == 1 else f"{'/'.join(indices)} (red/green/blue)"
+    kinds = (
+        f"sides {sides[0]}" if len({*sides}) == 1 else "from {}, to {}, beside {}".format(*sides)
+    )
+    return f"{layer.thickness:.6g} mm, index {index}, {kinds}"

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patches import PathPatch, Wedge
+from matplotlib.patches import Patch, PathPatch, Polygon, Wedge
 from matplotlib.path import Path
 from matplotlib.patheffects import Stroke, withTickedStroke
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
@@ -21,8 +21,9 @@ from designopt.plot.quick_line import QuickLine
 from designopt.plot.typesetting import drawn_name
 from designopt.solution import Solution
 from optics.plot.label_layout import Label, draw_labels
+from optics.plot.layer_section import Stack
 from optics.plot.section import Angles, Point, Points, Section, rays_to
-from optics.scene.scene import Scene
+from optics.scene.scene import Layout, Scene
 from optics.visibility.intervals import union
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, path_name
@@ -42,7 +43,13 @@ REACH = 22.0
 """Length of the limits of the field of view, in points."""
 LARGE, SMALLEST = 200.0, 0.85
 """Width of a drawing, in points, from which on signs have their full size; least part of it."""
-FIELD, BACKS, LIGHT, FRONTS, SIGNS = 1.0, 2.0, 3.0, 4.0, 5.0
+TINTS = ("#E3EEF0", "#EFEADF", "#E9E4F0", "#E5EFE2")
+"""Of layers in turn, the outermost first."""
+CLEAR_END, DARK_END = 0.6, 1.8
+"""Widths of the ends of layers that let light pass, and of all others, in points."""
+EDGE = "#8FA3A8"
+"""Colour of what layers have in common, and of their clear ends."""
+SHEETS, FIELD, BACKS, LIGHT, FRONTS, SIGNS = 0.5, 1.0, 2.0, 3.0, 4.0, 5.0
 """Order of drawing."""
 
 ROOM = 0.1
@@ -129,13 +136,16 @@ def scene_signs(
     artists = [*_camera(axes, scene, section, size), *_surfaces(scene, section, size)]
     # The camera's and the hinges' signs are as wide as a few points around them.
     clutter = [*section.lines, section.hinges, section.camera[None]]
+    clutter += [line for stack in section.stacks if stack for line in _filled(axes, stack)]
     words = words_of(scene, views)
-    for path, pad, lines in rays_to(scene, angles, views.value, rays):
+    for path, pad, lines in rays_to(scene, angles, section, views.value, rays):
         gid = f"ray:{path_name(layout, words[path])}:{layout.pads[pad].name}"
         look = path_style(path)
         for line in [_joined(lines)] if joined else lines:
             artists.append(_sign(QuickLine(*line.T, linewidth=0.8, alpha=0.65, **look), LIGHT, gid))
         clutter += lines
+    for part, stack in zip(layout.pads, section.stacks, strict=True):
+        artists += [] if stack is None else _layers(part.name, stack, size)
     artists += _pads(axes, scene, section, views, size, seen or [SEEN] * len(layout.pads))
     for frame, hinge in zip(layout.frames, section.hinges, strict=True):
         artists += [_sign(part, SIGNS, f"hinge:{frame.name}") for part in _hinge(hinge, size)]
@@ -205,6 +215,7 @@ def legend_of(
             stripes = Line2D([], [], color=HIDDEN, linewidth=BAR, linestyle=STRIPES)
             entries.append(("pad, hidden", stripes))
         entries.append(("sensing side of a pad", Line2D([], [], color=INK, linewidth=FACE)))
+    entries += _layer_legend(layout)
     if reflecting - {0}:
         entries.append(("mirror, ticks on its back", _mirror(none, 1)))
     if 0 in reflecting:
@@ -329,7 +340,7 @@ def _pads(
     """Pads as bars behind their sensing sides, striped where they are hidden."""
     layout, bar, face = scene.layout, BAR * size, FACE * size
     for index, part in enumerate(layout.pads):
-        line = section.lines[len(layout.mirrors) + index]
+        line = section.pad(scene, index)
         inner = _shifted(axes, line, -(bar + face) / 2 * part.side)
         seen = seen_pieces(views, index)
         ends = [0.0, *(end for piece in seen for end in piece), 1.0]
@@ -344,6 +355,56 @@ def _pads(
             outer = _shifted(axes, line, offset)
             artist = _part(line, (0.0, 1.0), outer, color=INK, linewidth=face)
             yield _sign(artist, FRONTS, f"sensing:{part.name}")
+
+
+def _layers(pad: str, stack: Stack, size: float) -> Iterator[Artist]:
+    """Layers of a pad, each in a tint of its own, their ends, and the bezel."""
+    for number, outline in enumerate(stack.layers):
+        sheet = Polygon(outline, closed=True, edgecolor=EDGE, linewidth=CLEAR_END * size)
+        sheet.set_facecolor(TINTS[number % len(TINTS)])
+        yield _sign(sheet, SHEETS, f"layer {number + 1}:{pad}")
+        for end in stack.ends[number]:
+            yield _sign(_end(end.line, end.kind == "clear", size), FRONTS, f"end:{pad}")
+    for ledge in stack.ledges:
+        if not np.allclose(*ledge, rtol=0, atol=1e-9 * math.dist(*stack.membrane)):
+            yield _sign(_end(ledge, False, size), FRONTS, f"ledge:{pad}")
+    for outline in stack.bezel:
+        lip = Polygon(outline, closed=True, facecolor=INK, edgecolor=INK, linewidth=FACE * size)
+        lip.set_joinstyle("miter")
+        yield _sign(lip, FRONTS, f"bezel:{pad}")
+
+
+def _end(line: Points, clear: bool, size: float) -> QuickLine:
+    """An end face of a layer."""
+    color, width = (EDGE, CLEAR_END) if clear else (INK, DARK_END)
+    return QuickLine(*line.T, color=color, linewidth=width * size, solid_capstyle="butt")
+
+
+def _filled(axes: Axes, stack: Stack) -> Iterator[Points]:
+    """Lines so close all over layers and bezel that no name finds room between them."""
+    figure: Any = axes.figure
+    close = BAR * figure.dpi / 72 * float(np.ptp(axes.get_xlim())) / axes.bbox.width  # mm
+    yield from stack.outlines()
+    for first, second, above_second, above_first in stack.layers:
+        count = 1 + int(min(math.dist(first, above_first) / close, 100))
+        for part in np.linspace(0, 1, count + 1)[1:-1]:
+            ends = [first + part * (above_first - first), second + part * (above_second - second)]
+            yield np.array(ends)
+
+
+def _layer_legend(layout: Layout) -> Iterator[tuple[str, Any]]:
+    """What is drawn of layers, if there are any."""
+    if not layout.layers:
+        return
+    yield "layer", Patch(facecolor=TINTS[0], edgecolor=EDGE, linewidth=CLEAR_END)
+    none = np.zeros((1, 2))
+    kinds = {face.kind == "clear" for face in layout.bodies if face.part == "end"}
+    if True in kinds:
+        yield "clear end of a layer", _end(none, True, 1.0)
+    if False in kinds:
+        yield "opaque end of a layer", _end(none, False, 1.0)
+    if any(layout.bezels):
+        yield "bezel", Patch(facecolor=INK, edgecolor=INK)
 
 
 def _part(line: Points, pair: tuple[float, float], shift: Transform, **style: Any) -> QuickLine:
@@ -365,13 +426,13 @@ def _shifted(axes: Axes, line: Points, points: float) -> Transform:
 def names_of(scene: Scene, section: Section) -> list[Label]:
     """The names of mirrors and pads, in their order."""
     layout = scene.layout
-    pads = {part.name for part in layout.pads}
+    pads, mirrors = {part.name for part in layout.pads}, len(layout.mirrors)
     labels = []
     for index, part in enumerate(layout.mirrors + layout.pads):
         is_mirror = layout.kind(index) == "mirror"
         text = f"{part.name} mirror" if is_mirror and part.name in pads else part.name
         depth = TICK if is_mirror else (BAR + FACE) / (1 if part.side else 2)
-        line = section.lines[index]
+        line = section.lines[index] if is_mirror else section.pad(scene, index - mirrors)
         third = (len(line) - 1) // 3  # the middle of an arc is almost straight
         labels.append(Label(text, line[[third, -1 - third]], -part.side, depth))
     return labels

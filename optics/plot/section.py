@@ -9,10 +9,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from designopt.vectors import Vector
-from optics.scene.scene import Scene, place
+from optics.plot.layer_section import Stack, stacks_of
+from optics.scene.scene import Layout, Scene, place
 from optics.visibility.tracing import NOTHING, Tracer, trace_rays
 from optics.visibility.views import Pieces
 
@@ -41,12 +42,14 @@ class Section:
         lines: of every surface, in the order of ``Layout.surfaces``, its two ends, or points along
             its arc, mm.
         hinges: where the frames' hinges are, mm.
+        stacks: the layers of every pad that has any, or none at all.
     """
 
     camera: Point
     axis: float
     lines: tuple[Points, ...]
     hinges: Points
+    stacks: tuple[Stack | None, ...] = ()
 
     @classmethod
     def of(cls, scene: Scene, angles: Angles) -> Section:
@@ -57,7 +60,12 @@ class Section:
         lines = list(ends)
         for surface, arc in zip(scene.layout.curved, arcs, strict=True):
             lines[surface] = arc
-        return cls(camera, float(axis), tuple(lines), hinges)
+        return cls(camera, float(axis), tuple(lines), hinges, stacks_of(scene, lines))
+
+    def pad(self, scene: Scene, pad: int) -> Points:
+        """Ends of a pad, by its index: of its membrane, where layers lie on it."""
+        stack = self.stacks[pad]
+        return self.lines[len(scene.layout.mirrors) + pad] if stack is None else stack.membrane
 
     def places(self) -> Points:
         """All that has to be in a picture, mm; a camera that is far away has not."""
@@ -92,19 +100,20 @@ def _placed(scene: Scene, angles: Float[Array, " joints"]) -> tuple[Array, ...]:
 
 
 def rays_to(
-    scene: Scene, angles: Angles, view: Pieces, count: int
+    scene: Scene, angles: Angles, section: Section, view: Pieces, count: int
 ) -> list[tuple[int, int, list[Points]]]:
     """Rays to every piece of every pad, traced from the camera.
 
     Args:
         scene: the scene.
         angles: joint angles, rad.
+        section: the scene in this pose.
         view: what is seen in this pose, unbatched.
         count: how many rays to each piece, evenly spread in the image, the outermost at its ends.
 
     Returns:
         For every piece the index of its path, that of its pad, and the rays' corners, mm: the
-        camera, where mirrors reflect them, and where they end.
+        camera, where mirrors reflect them, where they pass surfaces of layers, and where they end.
     """
     spread = np.clip(np.linspace(0, 1, count), INSIDE, 1 - INSIDE)
     bounces = view.spans.shape[-2]
@@ -118,8 +127,28 @@ def rays_to(
             line[np.append(True, there)]
             for line, there in zip(places[pad, piece], met, strict=True)
         ]
+        stack = section.stacks[pad]
+        if stack is not None:
+            entered = [_entered(scene.layout, pad, met) for met in surfaces[pad, piece]]
+            corners = [
+                line if enters is None else np.vstack([line, stack.through(line[-2:], *enters)])
+                for line, enters in zip(corners, entered, strict=True)
+            ]
         rays.append((int(paths[pad, piece]), int(pad), corners))
     return rays
+
+
+def _entered(
+    layout: Layout, pad: int, surfaces: Int[np.ndarray, " legs"]
+) -> tuple[int, int | None] | None:
+    """The layer that a ray enters, and at which end if not from above; none where it stops."""
+    last = int(surfaces[surfaces != NOTHING][-1]) if np.any(surfaces != NOTHING) else NOTHING
+    if last == len(layout.mirrors) + pad:
+        return 0, None
+    body = last - len(layout.surfaces) + len(layout.bodies)
+    if body < 0 or layout.bodies[body].kind != "clear" or layout.bodies[body].pad != pad:
+        return None
+    return layout.bodies[body].layer, layout.bodies[body].end
 
 
 @eqx.filter_jit

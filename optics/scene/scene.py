@@ -140,6 +140,13 @@ class Layout:
         ends = np.cumsum([len(self.mirrors), len(self.pads), len(self.blockers)])
         return kinds[int(np.searchsorted(ends, surface, side="right"))]
 
+    def title(self, surface: int) -> str:
+        """A surface in words, such as ``mirror 'lid'`` or ``pad 'tip', layer 1 at 'to'``."""
+        if self.kind(surface) != "layer":
+            return f"{self.kind(surface)} '{self.surfaces[surface].name}'"
+        face = self.bodies[surface - len(self.surfaces)]
+        return f"pad '{self.pads[face.pad].name}', {face.name}"
+
 
 class Scene(eqx.Module):
     """Camera, mirrors, pads and blockers. Read one from a file with `read_scene`.

@@ -48,7 +48,7 @@ class Inside(NamedTuple):
 
 
 SMALL = 1e-12
-"""Of the square of a cosine: a flatter ray goes on along its layer."""
+"""Of the square of a cosine: a flatter ray goes on along its layer, as one that is reflected."""
 
 
 class Sought(eqx.Module):
@@ -134,7 +134,7 @@ class EndCover(eqx.Module):
     ) -> Float[Array, " points"]:
         """Pad coordinates that rays reach, from their entries."""
         ray = self._inside(source, entries)
-        cosines = self._below(ray)[1]
+        cosines = self._below(ray)
         steps = self._depths(ray) * ray.along[..., None] / cosines
         met = ray.entry.x - self.outward * jnp.sum(steps, axis=-1)
         first, last = self.membrane[0], self.membrane[1]
@@ -163,7 +163,7 @@ class EndCover(eqx.Module):
         arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
         turn, _ = safe_divide(jnp.abs(step.cross(toward)) / arrow.squared(), jnp.abs(rise))
         ray = self._inside(source, entries)
-        ways = self._depths(ray) * self.index / self._below(ray)[1]
+        ways = self._depths(ray) * self.index / self._below(ray)
         return turn, ray.length + jnp.sum(ways, axis=-1)
 
     def _inside(self, source: Vector, entry: Float[Array, "*points"]) -> Inside:
@@ -187,15 +187,12 @@ class EndCover(eqx.Module):
         down = -(beside * up.y + through * inward.y)
         return Inside(at, -self.outward * along, down, (onto, through), way)
 
-    def _below(
-        self, ray: Inside
-    ) -> tuple[Bool[Array, "*points layers"], Float[Array, "*points layers"]]:
-        """In which layers the ray goes on, and index times cosine to the normal there."""
+    def _below(self, ray: Inside) -> Float[Array, "*points layers"]:
+        """Index times cosine to the pad's normal in every layer; tiny where no ray goes on down."""
         own = self.index[self.layer]
-        square = ray.down[..., None] ** 2 + (self.index**2 - own**2)
-        # A ray that is totally reflected goes on along its layer.
-        real = (square > SMALL) & (ray.down[..., None] > 0)
-        return real, jnp.sqrt(jnp.where(real, square, SMALL))
+        down = jnp.maximum(ray.down, 0.0)[..., None]
+        square = down**2 + (self.index**2 - own**2)
+        return jnp.sqrt(jnp.where(square > SMALL, square, SMALL))
 
     def _depths(self, ray: Inside) -> Float[Array, "*points layers"]:
         """How thick a ray finds each layer: less of its own, nothing of those before it."""
@@ -209,7 +206,7 @@ class EndCover(eqx.Module):
         ray = self._inside(source, entry)
         depths, layers = self._depths(ray), jnp.arange(self.thickness.size)
         # Times how steeply it goes down, so that it is finite for rays that go up or along.
-        ratio = jnp.maximum(ray.down, 0.0) / self._below(ray)[1]
+        ratio = jnp.maximum(ray.down, 0.0) / self._below(ray)
         ratio = jnp.where(layers == self.layer, 1.0, ratio)
         passed = jnp.sum(jnp.where(layers <= sought.level, depths * ratio, 0.0))
         ahead = -self.outward * (sought.place - ray.entry.x)
@@ -253,19 +250,13 @@ class EndCover(eqx.Module):
 
     def _excess(self, entry: Float[Array, "*points"], source: Vector) -> Float[Array, "*points"]:
         """Part of unpolarised light that comes to the membrane, above the least."""
-        ray = self._inside(source, entry)
-        real, cosines = self._below(ray)
-        own, layers = self.index[self.layer], jnp.arange(self.thickness.size)
-        below = layers >= self.layer
-        cosines = jnp.where(below, cosines, ray.down[..., None])
+        ray, own = self._inside(source, entry), self.index[self.layer]
+        cosines, below = self._below(ray), jnp.arange(self.thickness.size) >= self.layer
+        cosines = jnp.where(below, cosines, cosines[..., self.layer, None])
         index = jnp.where(below, self.index, own)
-        onto, through = ray.normal
-        face = fresnel(jnp.stack([onto, through], axis=-1), jnp.stack([jnp.ones_like(own), own]))
+        face = fresnel(jnp.stack(ray.normal, axis=-1), jnp.stack([jnp.ones_like(own), own]))
         inner = fresnel(cosines, index)
-        part = (face[0] * inner[0] + face[1] * inner[1]) / 2
-        # A ray that brings no light is the worse, the farther it goes up.
-        none = jnp.any(below & ~real, axis=-1) | (onto <= 0)
-        return jnp.where(none, jnp.minimum(ray.down, 0.0) - 1, part) - self.transmission
+        return (face[0] * inner[0] + face[1] * inner[1]) / 2 - self.transmission
 
 
 def _slope(function: Callable[[Array], Array], at: Float[Array, ""]) -> Float[Array, ""]:

@@ -75,6 +75,9 @@ _ENDS = {
 }
 """What bounds a piece: by the label where it is negative, otherwise by the label's kind."""
 
+_EDGES = {codes.FIRST_END: "its lower edge", codes.SECOND_END: "its upper edge"}
+"""What of a layer's end face or of a bezel bounds a piece: lower is towards the membrane."""
+
 
 class Pieces(eqx.Module):
     """The pieces of each pad that are seen, in the order in which they begin.
@@ -159,6 +162,21 @@ def describe_end(layout: Layout, label: int) -> str:
         'end of the pad'
     """
     if label < 0:
-        return _ENDS.get(label, "end face of a layer")
+        return _ENDS[label] if label in _ENDS else _edge_of_layers(layout, codes.FIRST_WALL - label)
     _, surface, kind = map(int, parts_of(label))
-    return f"{layout.kind(surface)} '{layout.surfaces[surface].name}': {_ENDS[kind]}"
+    words = _ENDS[kind]
+    if layout.kind(surface) == "layer":
+        ledge = layout.bodies[surface - len(layout.surfaces)].part == "ledge"
+        words = "its edge" if ledge else _EDGES.get(kind, words)
+    return f"{layout.title(surface)}: {words}"
+
+
+def _edge_of_layers(layout: Layout, number: int) -> str:
+    """Where layers end, level by level from the outermost surface on, at either end in turn."""
+    level, end = divmod(number, 2)
+    at = ("from", "to")[end]
+    if level == 0:
+        return f"upper edge of layer 1 at '{at}'"
+    if level == max(map(len, layout.layers)):
+        return f"lower edge of layer {level} at '{at}'"
+    return f"edge between layers {level} and {level + 1} at '{at}'"
