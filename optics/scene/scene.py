@@ -68,6 +68,7 @@ class Layout:
         angles: names of the joint angles, in the order of their values.
         camera_frame: index of the frame that the camera moves with, or `WORLD`.
         bounces: how many reflections a view may have, unless a call states another number.
+        module: lines of the camera's module, which hide what is behind them.
     """
 
     name: str
@@ -79,11 +80,12 @@ class Layout:
     angles: tuple[str, ...]
     camera_frame: int
     bounces: int
+    module: tuple[Surface, ...] = ()
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
-        """All surfaces: mirrors, then pads, then blockers."""
-        return self.mirrors + self.pads + self.blockers
+        """All surfaces: mirrors, then pads, then blockers, the camera's module last."""
+        return self.mirrors + self.pads + self.blockers + self.module
 
     @property
     def sides(self) -> np.ndarray:
@@ -131,6 +133,14 @@ class Scene(eqx.Module):
     blockers: Float[Array, "blockers 2 2"]
     hinges: Float[Array, "frames 2"]
     layout: Layout = eqx.field(static=True)
+
+    @property
+    def surface_ends(self) -> Float[Array, "surfaces 2 2"]:
+        """Ends of all surfaces, mm, in the order of ``layout.surfaces``."""
+        camera, ends = self.camera, [self.mirrors, self.pads, self.blockers]
+        if camera.module is not None:
+            ends.append(camera.module.outline(camera.position, camera.direction))
+        return jnp.concatenate(ends)
 
     @property
     def angle_names(self) -> tuple[str, ...]:
@@ -202,7 +212,7 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
         angles: joint angles in the order of ``scene.angle_names``, rad.
     """
     layout, origin = scene.layout, vector(scene.camera.position)
-    corners = vector(jnp.concatenate([scene.mirrors, scene.pads, scene.blockers])) - origin
+    corners = vector(scene.surface_ends) - origin
     hinges = vector(scene.hinges) - origin
     size = _size(corners, hinges)
     corners, hinges = jax.tree.map(lambda leaf: leaf / size, (corners, hinges))
