@@ -175,8 +175,8 @@ class CameraTable(Spec):
                 raise ValueError("'pixels' stands in 'format' already; remove one of them")
             if (self.fov_deg is None) != (self.fov_axis is None):
                 raise ValueError(
-                    "'fov_deg' needs its 'fov_axis', \"horizontal\", \"vertical\" or \"diagonal\", and "
-                    "the other way round; add what is missing"
+                    '\'fov_deg\' and its \'fov_axis\' ("horizontal", "vertical" or "diagonal") '
+                    "belong together; add what is missing"
                 )
             if [self.focal_length, self.fov_deg, self.projection].count(None) > 1:
                 raise ValueError(

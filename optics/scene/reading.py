@@ -197,8 +197,8 @@ def _module_faults(file: SceneFile) -> Iterator[str]:
     inside = np.degrees(np.abs(np.arctan2(own[..., 1], own[..., 0]))).min()
     if inside < camera.section_fov_deg / 2:
         yield (
-            f"camera.module: it begins {inside:.4g}° from the optical axis, within the field of view, "
-            f"which ends at {camera.section_fov_deg / 2:.4g}°; make 'pupil_depth' less or "
+            f"camera.module: it begins {inside:.4g}° from the optical axis, within the field of "
+            f"view, which ends at {camera.section_fov_deg / 2:.4g}°; make 'pupil_depth' less or "
             "'lens_diameter' more"
         )
     turn = np.exp(-1j * math.radians(camera.direction_deg))

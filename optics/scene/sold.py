@@ -79,8 +79,9 @@ def solve_sold_lens(
         ValueError: the numbers contradict each other, or fit no classical projection.
 
     Example:
-        >>> found = solve_sold_lens((4.0, 3.0), 4.0, fov_deg=160.0, fov_axis="diagonal",
-        ...                         projection="equidistant")
+        >>> found = solve_sold_lens(
+        ...     (4.0, 3.0), 4.0, fov_deg=160.0, fov_axis="diagonal", projection="equidistant"
+        ... )
         >>> round(math.degrees(found.field), 9)
         128.0
     """
