@@ -62,7 +62,7 @@ class CameraModule(eqx.Module):
             direction: of the optical axis, rad.
 
         Example:
-            >>> module = CameraModule(6.0, 5.0, 0.5, [8.0, 8.0], 1.0, 2.0)
+            >>> module = CameraModule(6.0, 5.0, 0.5, jnp.array([8.0, 8.0]), 1.0, 2.0)
             >>> ends = module.outline(jnp.zeros(2), jnp.zeros(()))
             >>> ends[0].tolist(), ends[-1].tolist()
             ([[0.5, -3.0], [-4.5, -3.0]], [[-7.5, -4.0], [-7.5, 4.0]])
@@ -77,6 +77,10 @@ class CameraModule(eqx.Module):
             (back, low, back, high),
         ]
         ends = jnp.stack([jnp.stack(line).reshape(2, 2) for line in lines])
-        cosine, sine = jnp.cos(direction), jnp.sin(direction)
-        ahead, aside = jnp.stack([cosine, sine]), jnp.stack([-sine, cosine])
-        return position + ends[..., :1] * ahead + ends[..., 1:] * aside
+        cosine, sine, ahead, aside = (
+            jnp.cos(direction),
+            jnp.sin(direction),
+            *jnp.moveaxis(ends, -1, 0),
+        )
+        x = position[0] + cosine * ahead - sine * aside
+        return jnp.stack([x, position[1] + sine * ahead + cosine * aside], axis=-1)

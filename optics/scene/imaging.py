@@ -23,7 +23,8 @@ from optics.scene.camera import Camera
 
 RADII = 4096
 """Entries of the table that inverts the lens for a whole image; interpolation errs by 1e-8 rad
-for an equidistant lens, and by 4e-7 rad for a pinhole of 160°."""
+for an equidistant lens, by 4e-7 rad for a pinhole of 160°, and by 2e-5 rad a tenth of a pixel from
+the edge of an orthographic image."""
 
 CENTER = 0.5
 """From a pixel's first edge to its middle, px."""

@@ -25,6 +25,7 @@ from optics.scene.file import (
     FrameTable,
     LensTable,
     MirrorTable,
+    ModuleTable,
     SceneFile,
     SurfaceTable,
 )
@@ -157,9 +158,13 @@ def _camera(table: CameraTable) -> Camera:
         projection=projection_of(table.section_projection),
         lens=None if table.lens is None else _lens(table.lens),
         sensor=sensor,
-        module=None if table.module is None else CameraModule(**table.module.model_dump()),
+        module=None if table.module is None else _module(table.module),
         max_blur=table.max_blur_px,
     )
+
+
+def _module(table: ModuleTable) -> CameraModule:
+    return CameraModule(**table.model_dump() | {"board": jnp.asarray(table.board, float)})
 
 
 def _lens(table: LensTable) -> ThinLens:
@@ -191,7 +196,7 @@ def _module_faults(file: SceneFile) -> Iterator[str]:
     camera = file.camera
     if camera.module is None:
         return
-    module = CameraModule(**camera.module.model_dump())
+    module = _module(camera.module)
     boxes = np.asarray(module.boxes(), float)
     own = np.asarray(module.outline(jnp.zeros(2), jnp.zeros(())), float)
     inside = np.degrees(np.abs(np.arctan2(own[..., 1], own[..., 0]))).min()
@@ -236,7 +241,7 @@ def _meet(box: np.ndarray, line: np.ndarray) -> bool:
     step = np.where(step == 0, np.finfo(float).tiny, step)
     with np.errstate(over="ignore"):
         parts = np.sort([(low - line[0]) / step, (high - line[0]) / step], axis=0)
-    return max(parts[0].max(), 0.0) < min(parts[1].min(), 1.0)
+    return bool(max(parts[0].max(), 0.0) < min(parts[1].min(), 1.0))
 
 
 def _body_faults(file: SceneFile) -> Iterator[str]:

@@ -140,7 +140,7 @@ def fields_of_view(camera: Camera, across: float = 4 / 3) -> dict[Axis, float | 
 
     Example:
         >>> from optics import Camera, Equidistant
-        >>> camera = Camera([0.0, 0.0], 0.0, math.radians(90), 100, Equidistant())
+        >>> camera = Camera(jnp.zeros(2), 0.0, math.radians(90), 100, Equidistant())
         >>> [round(field, 4) for field in fields_of_view(camera).values()]
         [120.0, 90.0, 150.0]
     """

@@ -49,7 +49,7 @@ def find_blur(camera: Camera, distance: Float[Array, "*points"]) -> Float[Array,
     Example:
         >>> from optics import Camera, Pinhole, ThinLens
         >>> lens = ThinLens(focal_length=4.0, aperture=2.0, sensor_distance=5.0)
-        >>> camera = Camera([0.0, 0.0], 0.0, 1.0, 100.0, Pinhole(), lens)
+        >>> camera = Camera(jnp.zeros(2), 0.0, 1.0, 100.0, Pinhole(), lens)
         >>> [round(blur, 6) for blur in find_blur(camera, jnp.array([20.0, 40.0])).tolist()]
         [0.0, 4.576219]
     """

@@ -77,7 +77,7 @@ def remark_on_fields(camera: Camera) -> str:
 
     Example:
         >>> from optics import Camera, Equidistant
-        >>> print(remark_on_fields(Camera([0.0, 0.0], 0.0, np.deg2rad(90), 100, Equidistant())))
+        >>> print(remark_on_fields(Camera(np.zeros(2), 0.0, np.deg2rad(90), 100, Equidistant())))
         camera: if its 90° are along the short side of a 4:3 sensor, the long side has 120° and the diagonal 150°; if along the long side, the short one has 67.5° and the diagonal 112.5°; 'format' tells
     """  # noqa: E501
     if camera.sensor is not None:
