@@ -199,8 +199,9 @@ class CameraTable(Spec):
                 )
         elif projection in NARROW and fov >= NARROW[projection]:
             raise ValueError(
-                f"a {projection} camera sees less than {NARROW[projection]:g}° (fov_deg is "
-                f'{fov:g}); narrow it, or take projection = "equidistant"'
+                f"{'an' if projection[0] == 'o' else 'a'} {projection} camera sees less than "
+                f"{NARROW[projection]:g}° (fov_deg is {fov:g}); narrow it, or take projection = "
+                '"equidistant"'
             )
         return self
 

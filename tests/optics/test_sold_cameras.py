@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import json
 import math
+import re
 import tomllib
 from typing import Any
 
@@ -23,7 +24,7 @@ from optics.scene.imaging import Imaging
 from optics.scene.scene import Scene, place
 from optics.scene.sold import fields_of_view
 from optics.visibility.remarks import remark_on_fields
-from tests.helpers import assert_same, check_gradients
+from tests.helpers import DATA, assert_same, check_gradients
 from tests.optics.test_camera import HEIGHTS, PROJECTIONS
 from tests.refusals import check_refused
 
@@ -122,9 +123,9 @@ def test_the_focal_length_and_not_the_field_of_view_says_where_rays_are_imaged(n
     fields = {axis: 2 * ANGLES[name](part / 5.0) for axis, part in EXTENTS.items()}
     if name == "orthographic":  # its image ends in the sensor's corner
         fields["diagonal"] = None
-    found = fields_of_view(eye)
-    for axis, field in fields.items():
-        assert found[axis] == (None if field is None else pytest.approx(math.degrees(field)))
+    for axis, found in fields_of_view(eye).items():
+        field = fields[axis]
+        assert found == (None if field is None else pytest.approx(math.degrees(field)))
     assert Imaging.of(eye).shape == (count, 2800 - count)
 
 
@@ -229,11 +230,13 @@ def test_what_is_written_is_read_back(keys):
 
 def test_derivatives_of_pixels_of_a_camera_with_a_sensor():
     eye = camera(focal_length=2.5, projection="equisolid")
+    known = eye.sensor
+    assert known is not None
 
     def seen(design: list[jax.Array]) -> jax.Array:
         focal, length, field, angle = design
         sensor = dataclasses.replace(
-            eye.sensor, focal_length=focal, size=jnp.stack([length, 3 * length])
+            known, focal_length=focal, size=jnp.stack([length, 3 * length])
         )
         own = eqx.tree_at(
             lambda eye: (eye.sensor, eye.field_of_view, eye.pixels),
@@ -261,9 +264,8 @@ def test_cameras_of_the_catalogue_are_as_their_makers_state(name, side):
     extents = {"horizontal": long, "vertical": short, "diagonal": math.hypot(long, short)}
     lens = ANGLES[entry["projection"]]
     for key, value in stated.items():
-        found = focal
-        if key in extents:
-            found = math.degrees(2 * lens(extents[key] / 2 / focal))
+        extent = extents.get(key)
+        found = focal if extent is None else math.degrees(2 * lens(extent / 2 / focal))
         assert found == pytest.approx(value, rel=within)
     own = extents["horizontal" if side == "long" else "vertical"]
     assert float(eye.field_of_view) == pytest.approx(2 * lens(own / 2 / focal))
@@ -369,6 +371,20 @@ def test_a_module_that_is_in_the_way_is_refused(change, words):
 def test_a_module_may_touch_what_is_beside_it(clear):
     keys = {"focal_length": 2.5, "projection": "equidistant", "module": MODULE}
     parse_scene(sold(**keys | clear))
+
+
+def test_the_example_of_the_readme_is_read():
+    text = (DATA.parents[1] / "README.md").read_text(encoding="utf-8")
+    (block,) = (
+        one for one in re.findall(r"```toml\n(.*?)```", text, re.S) if "section_axis" in one
+    )
+    eye = parse_scene(tomllib.loads(block) | {"pads": [PAD]}).camera
+    # 160° are those of the image circle, which nearly holds the sensor.
+    assert math.degrees(eye.field_of_view) == pytest.approx(160 * 3.63 / 4.5)
+    other = re.sub(r'projection = "equidistant" *# or', "", block)
+    assert isinstance(
+        parse_scene(tomllib.loads(other) | {"pads": [PAD]}).camera.projection, Equidistant
+    )
 
 
 def spot(distance: float) -> float:
