@@ -89,9 +89,10 @@ def _lens(camera: Camera) -> Entry | None:
         "aperture_mm": float(lens.aperture),
         "sensor_distance_mm": float(lens.sensor_distance),
         "pixel_mm": float(pixel),
-        "focus_mm": float(focus),
+        # Infinity: null, as of what is sharp.
+        "focus_mm": float(focus) if math.isfinite(focus) else None,
         "magnification": float(lens.image(focus).value.magnification),
-        # Where a point is blurred by no more than a pixel; to infinity: null.
+        # Where a point is blurred by no more than a pixel.
         "sharp_mm": [1 / vergence if vergence > 0 else None for vergence in limits],
     }
 

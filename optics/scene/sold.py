@@ -93,11 +93,14 @@ def solve_sold_lens(
             half = math.radians(fov_deg) / 2
             asked = f"fov_deg = {fov_deg:g} ({fov_axis})"
             names = list(CLASSICAL) if projection is None else [projection]
-            focals = {
-                name: extent / 2 / _height(projection_of(name), half)
+            heights = {
+                name: _height(projection_of(name), half)
                 for name in names
                 if half <= projection_of(name).widest
             }
+            focals = {name: extent / 2 / height for name, height in heights.items() if height > 0}
+            if not focals:
+                raise ValueError(f"no such lens has {asked}; correct one of them")
             wanted = focal_length or focals[names[0]]
             projection, fitting = min(focals.items(), key=lambda one: abs(one[1] - wanted))
             if abs(fitting - wanted) > AGREEMENT * wanted:

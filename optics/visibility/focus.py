@@ -53,16 +53,21 @@ def find_blur(camera: Camera, distance: Float[Array, "*points"]) -> Float[Array,
         >>> [round(blur, 6) for blur in find_blur(camera, jnp.array([20.0, 40.0])).tolist()]
         [0.0, 4.576219]
     """
-    lens, pitch = _lens_of(camera), camera.pixel_size
-    blurs = jax.vmap(lambda distance: lens.image(distance).value.blur_diameter)
-    spot, _ = safe_divide(blurs(distance.reshape(-1)), jnp.broadcast_to(pitch, (distance.size,)))
-    return spot.reshape(distance.shape)
+    return _spots(_lens_of(camera), camera.pixel_size, distance)
 
 
 def _lens_of(camera: Camera) -> ThinLens:
     if camera.lens is None:
         raise ValueError("the camera has no lens; give it one, [camera.lens] in a file")
     return camera.lens
+
+
+def _spots(
+    lens: ThinLens, pitch: Float[Array, ""], distance: Float[Array, "*points"]
+) -> Float[Array, "*points"]:
+    blurs = jax.vmap(lambda distance: lens.image(distance).value.blur_diameter)
+    spot, _ = safe_divide(blurs(distance.reshape(-1)), jnp.broadcast_to(pitch, (distance.size,)))
+    return spot.reshape(distance.shape)
 
 
 def find_focus(scene: Scene, pieces: Pieces, *, accepted: ArrayLike = 1.0) -> Focus:
@@ -91,7 +96,7 @@ def find_focus(scene: Scene, pieces: Pieces, *, accepted: ArrayLike = 1.0) -> Fo
         True
     """
     lens, pitch = _lens_of(scene.camera), scene.camera.pixel_size
-    spot = find_blur(scene.camera, pieces.distance)
+    spot = _spots(lens, pitch, pieces.distance)
     blur = jnp.where(pieces.present[..., None], spot, 0.0)
 
     near, far = lens.depth_of_field(as_float(accepted).astype(pitch.dtype) * pitch).value

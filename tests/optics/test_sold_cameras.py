@@ -1,5 +1,6 @@
 """Cameras as they are sold: sensors, lenses and modules against formulas of the textbook."""
 
+import copy
 import dataclasses
 import itertools
 import json
@@ -14,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from designopt import UserError
 from designopt.cli import run
 from optics import find_blur, find_coverage, format_scene, parse_scene
 from optics.scene.camera import Camera, Equidistant
@@ -25,6 +27,7 @@ from optics.scene.scene import Scene, place
 from optics.scene.sold import fields_of_view
 from optics.visibility.remarks import remark_on_fields
 from tests.helpers import DATA, assert_same, check_gradients
+from tests.mutations import mutate
 from tests.optics.test_camera import HEIGHTS, PROJECTIONS
 from tests.refusals import check_refused
 
@@ -251,6 +254,17 @@ def test_derivatives_of_pixels_of_a_camera_with_a_sensor():
     assert slopes[2] == 0  # what is seen of the field moves no pixel
 
 
+@pytest.mark.parametrize("x64", [True, False])
+def test_arrays_have_the_default_float_type(x64):
+    keys = {"focal_length": 2.0, "projection": [0.01, 0.0, 0.0, 0.0], "image_circle_mm": 3.5}
+    with jax.enable_x64(x64):
+        found = parse_scene(sold(**keys, lens=LENS, max_blur_px=2.0, module=MODULE))
+        kinds = {leaf.dtype for leaf in jax.tree.leaves((found, found.surface_ends))}
+        again = parse_scene(tomllib.loads(format_scene(found)), "sold")
+        assert_same(again.camera.field_of_view, found.camera.field_of_view, rtol=1e-6)
+    assert kinds == {jnp.dtype("float64" if x64 else "float32")}
+
+
 @pytest.mark.parametrize("name", camera_catalogue())
 @pytest.mark.parametrize("side", ["long", "short"])
 def test_cameras_of_the_catalogue_are_as_their_makers_state(name, side):
@@ -381,7 +395,7 @@ def test_the_example_of_the_readme_is_read():
     eye = parse_scene(tomllib.loads(block) | {"pads": [PAD]}).camera
     # 160° are those of the image circle, which nearly holds the sensor.
     assert math.degrees(eye.field_of_view) == pytest.approx(160 * 3.63 / 4.5)
-    other = re.sub(r'projection = "equidistant" *# or', "", block)
+    other = re.sub(r'projection = "equidistant" *# or ([^,]*),.*', r"\1", block)
     assert isinstance(
         parse_scene(tomllib.loads(other) | {"pads": [PAD]}).camera.projection, Equidistant
     )
@@ -451,6 +465,35 @@ def test_a_trace_tells_fields_of_view_and_blur_at_working_distances(tmp_path, ca
         {"horizontal": 640 / 3, "vertical": 160, "diagonal": 800 / 3}
     )
     assert "213.3° and the diagonal 266.7°" in said[-1]
+
+
+def test_a_lens_focused_at_infinity_is_traced(tmp_path, capsys):
+    path = tmp_path / "far.toml"
+    path.write_text(SOLD.replace("focus = 20", "focus = 1e30"))
+    document, _ = traced(capsys, path, "--bounces=0")
+    assert document["lens"]["focus_mm"] is None
+    assert document["lens"]["sensor_distance_mm"] == 2
+
+
+@pytest.mark.parametrize("number", range(0, 60, 10))
+def test_changed_files_are_read_or_refused_in_one_line(number):
+    keys = {"fov_deg": 110.0, "fov_axis": "diagonal", "image_circle_mm": 4.6, "max_blur_px": 3.0}
+    others = {"lens": LENS | {"focal_length": 2.4, "nearest_focus": 9.0}, "module": MODULE}
+    whole = sold(**keys, **others, projection="equidistant")
+    parse_scene(whole)
+    refused = []
+    for part in range(number, number + 10):
+        data, generator = copy.deepcopy(whole), np.random.default_rng([78, part])
+        mutate(data, generator, only_numbers=bool(part % 2))
+        try:
+            scene = parse_scene(data, "f.toml")
+        except UserError as error:
+            refused.append(str(error))
+        else:
+            parse_scene(tomllib.loads(format_scene(scene)), "again")
+            assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(scene))
+            assert remark_on_fields(scene.camera).isprintable()
+    assert all(line.isprintable() for line in refused)
 
 
 def test_blur_in_poses_is_told_of_the_worst(tmp_path, capsys):
