@@ -24,23 +24,17 @@ from optics.scene.file import (
     CameraTable,
     FrameTable,
     LensTable,
-    MirrorTable,
     ModuleTable,
     SceneFile,
     SurfaceTable,
 )
+from optics.scene.module_room import module_faults
 from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
 from optics.scene.sold import projection_of
 from optics.scene.thin_lens import ThinLens
 
 SIDES = {"left": 1, "right": -1, "both": 0}
 SENSES = {"counterclockwise": 1, "clockwise": -1}
-
-CHORDS = 64
-"""Chords that stand for a curved mirror where it must not meet the camera's module."""
-
-TOUCH = 1e-6
-"""What reaches less deep into the module touches it only, mm."""
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -85,7 +79,8 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene") -> Scene:
 def build_scene(file: SceneFile, source: str) -> Scene:
     """The scene of a file's content; otherwise as `parse_scene`."""
     faults = [*_surface_faults(file), *_body_faults(file), *_frame_faults(file.frames)]
-    faults += _module_faults(file)
+    if file.camera.module is not None:
+        faults += module_faults(file.camera, _module(file.camera.module), _kinds(file))
     if faults:
         raise UserError(f"{source}: " + "; ".join(faults))
     curved = tuple(i for i, mirror in enumerate(file.mirrors) if mirror.radius is not None)
@@ -189,59 +184,6 @@ def _surface_faults(file: SceneFile) -> Iterator[str]:
         for name, times in Counter(part.name for part in tables).items():
             if times > 1:
                 yield f"{kind}: {times} are named '{name}'; give each its own name"
-
-
-def _module_faults(file: SceneFile) -> Iterator[str]:
-    """Where the camera's module cannot be: in its own sight, or in what else there is."""
-    camera = file.camera
-    if camera.module is None:
-        return
-    module = _module(camera.module)
-    boxes = np.asarray(module.boxes(), float)
-    own = np.asarray(module.outline(jnp.zeros(2), jnp.zeros(())), float)
-    inside = np.degrees(np.abs(np.arctan2(own[..., 1], own[..., 0]))).min()
-    if inside < camera.section_fov_deg / 2:
-        yield (
-            f"camera.module: it begins {inside:.4g}° from the optical axis, within the field of "
-            f"view, which ends at {camera.section_fov_deg / 2:.4g}°; make 'pupil_depth' less or "
-            "'lens_diameter' more"
-        )
-    turn = np.exp(-1j * math.radians(camera.direction_deg))
-    hit = [
-        f"{kind[:-1]} '{part.name}'"
-        for kind, parts in _kinds(file).items()
-        for part in parts
-        if any(_meet(box, line) for box in boxes for line in _lines(part, camera.position, turn))
-    ]
-    if hit:
-        yield (
-            f"camera.module: {', '.join(hit)} would reach into it in the reference pose; move the "
-            "camera, or correct the module's size"
-        )
-
-
-def _lines(part: SurfaceTable, origin: tuple[float, float], turn: complex) -> list[np.ndarray]:
-    """Straight pieces of a surface in the camera's own axes, mm."""
-    start, end = complex(*part.start), complex(*part.end)
-    places = np.array([start, end])
-    if isinstance(part, MirrorTable) and part.radius is not None:
-        half, radius, conic = abs(end - start) / 2, part.radius, part.conic or 0.0
-        along = np.linspace(-half, half, CHORDS + 1)
-        sag = along**2 / (radius * (1 + np.sqrt(1 - (1 + conic) * (along / radius) ** 2)))
-        places = (start + end) / 2 + (along + 1j * (sag - sag[0])) * (end - start) / (2 * half)
-    places = (places - complex(*origin)) * turn
-    corners = np.stack([places.real, places.imag], axis=-1)
-    return list(np.stack([corners[:-1], corners[1:]], axis=1))
-
-
-def _meet(box: np.ndarray, line: np.ndarray) -> bool:
-    """Whether a line is within a box anywhere, not counting what only touches it."""
-    low, high = np.sort(box, axis=1).T + TOUCH * np.array([[1], [-1]])
-    step = line[1] - line[0]
-    step = np.where(step == 0, np.finfo(float).tiny, step)
-    with np.errstate(over="ignore"):
-        parts = np.sort([(low - line[0]) / step, (high - line[0]) / step], axis=0)
-    return bool(max(parts[0].max(), 0.0) < min(parts[1].min(), 1.0))
 
 
 def _body_faults(file: SceneFile) -> Iterator[str]:
