@@ -104,6 +104,16 @@ def safe_quadratic_roots(
     return jnp.stack([first, second], axis=-1), exist, discriminant
 
 
+def optional_float(value: ArrayLike | None) -> Float[Array, "..."] | None:
+    """As `as_float`, and nothing of nothing.
+
+    Example:
+        >>> optional_float(None) is None, float(optional_float(2))
+        (True, 2.0)
+    """
+    return None if value is None else as_float(value)
+
+
 def as_float(value: ArrayLike) -> Float[Array, "..."]:
     """An array of a float type: floats keep theirs, Python numbers and integers get the default.
 

@@ -1,7 +1,18 @@
 from .chamber.chamber import Chamber, ChamberResult
 from .chamber.file import format_chamber, read_chamber, write_chamber
 from .chamber.ratio import solve_dimension_for_ratio
-from .scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole, Projection
+from .scene.camera import (
+    Camera,
+    Equidistant,
+    Equisolid,
+    KannalaBrandt,
+    Orthographic,
+    Pinhole,
+    Projection,
+    Sensor,
+    Stereographic,
+)
+from .scene.camera_module import CameraModule
 from .scene.fabrication import Fabrication, name_fabrication_errors, perturb, scale_errors
 from .scene.imaging import Imaging
 from .scene.reading import parse_scene, read_scene
@@ -10,16 +21,18 @@ from .scene.thin_lens import LensImage, LensResult, ThinLens
 from .scene.writer import format_scene, write_scene
 from .visibility.coverage import find_coverage, find_views
 from .visibility.edge_refined import trace_views
-from .visibility.focus import Focus, find_focus
+from .visibility.focus import Focus, find_blur, find_focus
 from .visibility.outlines import Outlines, find_corners, find_outlines
 from .visibility.tracing import Hits, trace_rays
 from .visibility.views import Pieces, ViewResult, describe_end, name_paths
 
 __all__ = [
     "Camera",
+    "CameraModule",
     "Chamber",
     "ChamberResult",
     "Equidistant",
+    "Equisolid",
     "Fabrication",
     "Focus",
     "Hits",
@@ -28,14 +41,18 @@ __all__ = [
     "Layout",
     "LensImage",
     "LensResult",
+    "Orthographic",
     "Outlines",
     "Pieces",
     "Pinhole",
     "Projection",
     "Scene",
+    "Sensor",
+    "Stereographic",
     "ThinLens",
     "ViewResult",
     "describe_end",
+    "find_blur",
     "find_corners",
     "find_coverage",
     "find_focus",

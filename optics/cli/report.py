@@ -10,8 +10,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from designopt.numerics import safe_divide
-from optics.scene.scene import Layout, Scene
+from optics.scene.camera import Camera
+from optics.scene.scene import Layout
+from optics.scene.sold import fields_of_view
 from optics.visibility.intervals import union
 from optics.visibility.scene_trace import SceneTrace
 from optics.visibility.tracing import NOTHING, Hits
@@ -30,7 +31,8 @@ def document_of(trace: SceneTrace) -> dict[str, Any]:
         "scene": layout.name,
         "engine": "traced" if layout.curved else "exact",
         "bounces": trace.bounces,
-        "lens": _lens(trace.scene),
+        "camera": _camera(trace.scene.camera),
+        "lens": _lens(trace.scene.camera),
         "poses": (_pose(trace, index) for index in range(len(trace.angles_deg))),
         "rays": _rays(trace),
     }
@@ -65,21 +67,32 @@ def _text(value: Any, indent: int) -> str:
     return text[0] + space + " " + f",{space} ".join(parts) + space + text[-1]
 
 
-def _lens(scene: Scene) -> Entry | None:
-    lens = scene.camera.lens
+def _camera(camera: Camera) -> Entry:
+    """Fields of view on the axes of the sensor, or of a 4:3 sensor that lies one way or another."""
+    entry: Entry = {"focal_length_px": float(camera.focal_pixels)}
+    if camera.sensor is not None:
+        return entry | {"field_of_view_deg": fields_of_view(camera)}
+    sides = {"short": 4 / 3, "long": 3 / 4}
+    fields = {side: fields_of_view(camera, across) for side, across in sides.items()}
+    return entry | {"field_of_view_deg_if_section_has_side": fields}
+
+
+def _lens(camera: Camera) -> Entry | None:
+    lens = camera.lens
     if lens is None:
         return None
     focus = 1 / lens.focus_vergence().value
-    pixel, _ = safe_divide(lens.sensor_distance, scene.camera.focal_pixels)
+    pixel = camera.pixel_size
     limits = lens.depth_of_field(pixel).value.tolist()
     return {
         "focal_length_mm": float(lens.focal_length),
         "aperture_mm": float(lens.aperture),
         "sensor_distance_mm": float(lens.sensor_distance),
         "pixel_mm": float(pixel),
-        "focus_mm": float(focus),
+        # Infinity: null, as of what is sharp.
+        "focus_mm": float(focus) if math.isfinite(focus) else None,
         "magnification": float(lens.image(focus).value.magnification),
-        # Where a point is blurred by no more than a pixel; to infinity: null.
+        # Where a point is blurred by no more than a pixel.
         "sharp_mm": [1 / vergence if vergence > 0 else None for vergence in limits],
     }
 
@@ -148,6 +161,12 @@ def _view(trace: SceneTrace, view: Any, pad: int, path: int, pieces: Sequence[in
     if view.focus is not None:
         entry["blur_px"] = of_pieces(view.focus.blur)
         entry["sharp"] = of_pieces(view.focus.sharp)
+        near, far = zip(*of_pieces(view.working_blur), strict=True)
+        # At the two distances of the whole view.
+        entry["blur_px_at_distance"] = [
+            near[nearest.index(min(nearest))],
+            far[farthest.index(max(farthest))],
+        ]
     entry["margin_deg"] = margin
     if message:  # there are more pieces than there was room for
         entry["incomplete"] = message

@@ -17,7 +17,7 @@ from optics.cli.report import document_of, lines_of
 from optics.scene.file import MOST_BOUNCES
 from optics.scene.reading import read_scene
 from optics.scene.scene import Scene
-from optics.visibility.remarks import remarks_on
+from optics.visibility.remarks import remark_on_fields, remarks_on
 from optics.visibility.scene_trace import trace_sweep
 
 MOST_POSES = 250_000
@@ -82,7 +82,7 @@ def trace_file(
             if chart is not None:
                 save_chart(trace, chart)
         _write(lines_of(document_of(trace)), target)
-        return remarks_on(trace)
+        return [*remarks_on(trace), remark_on_fields(scene.camera)]
 
 
 def _angles(

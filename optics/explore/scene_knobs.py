@@ -14,12 +14,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.explore.bench import Knob, Values
-from designopt.io.spec_files import validated
 from designopt.io.toml_writing import format_toml
-from optics.scene.camera import Pinhole
 from optics.scene.designed import DesignedScene
 from optics.scene.fabrication import turned
-from optics.scene.file import SceneFile
+from optics.scene.file import NARROW
+from optics.scene.reading import parse_scene
 from optics.scene.scene import Scene
 from optics.scene.writer import scene_tables
 
@@ -41,8 +40,8 @@ REACH = 0.09
 NARROWER, WIDER = 0.5, 1.5
 """Range of field of view and radii, as parts of themselves."""
 
-WIDEST, WIDEST_PINHOLE = 360.0, 170.0
-"""Largest fields of view, degrees."""
+SHORT = 10.0
+"""Largest fields of view end so much before what a projection never reaches, degrees."""
 
 
 class Dimensions(eqx.Module):
@@ -217,8 +216,8 @@ class ParameterMap:
         lens = self.design.file.camera.lens
         if lens is not None:
             # No knob turns it, and of the scene its numbers would come back with rounding.
-            tables["camera"]["lens"] = lens.model_dump()
-        validated(SceneFile, tables, self.design.name)
+            tables["camera"]["lens"] = lens.model_dump(exclude_none=True)
+        parse_scene(tables, self.design.name)
         return tables
 
     def text(self, values: Values) -> str:
@@ -234,8 +233,9 @@ class ParameterMap:
 
 def _of_camera(design: DesignedScene, straight_deg: float | None) -> list[Handle]:
     file, reach = design.file.camera, _reach(design)
-    widest = WIDEST_PINHOLE if isinstance(design.scene.camera.projection, Pinhole) else WIDEST
-    straight, field = straight_deg, file.fov_deg
+    projection, field = file.section_projection, file.section_fov_deg
+    widest = NARROW[projection] - SHORT if projection in NARROW else 360.0
+    straight = straight_deg
     straight = file.direction_deg if straight is None else straight
     tilt = file.direction_deg - straight
     turn = min(TILT, field / 2)
@@ -255,7 +255,8 @@ def _of_camera(design: DesignedScene, straight_deg: float | None) -> list[Handle
     return [
         Handle(tilted, "direction", zero=straight),
         *places,
-        Handle(seen, "field_of_view"),
+        # A lens that is sold has the field of view that it has.
+        *([Handle(seen, "field_of_view")] if file.format is None else []),
     ]
 
 

@@ -25,6 +25,7 @@ from designopt.export.json import Quantity
 from designopt.io.files import printable
 from designopt.vectors import vector
 from optics.plot.section import Section
+from optics.scene.camera_module import LINES, NAME
 from optics.scene.file import FIXED, CameraTable, LayerTable, MirrorTable, PadTable, SurfaceTable
 from optics.scene.reading import LEAST_TRANSMISSION
 from optics.visibility.curves import arc_between
@@ -42,6 +43,9 @@ its length."""
 FINEST = 2**16
 """Most chords of a mirror: of one km long they keep the distance."""
 
+DECIMALS = 9
+"""Of the corners of layers, mm."""
+
 SIGHT, SIGN = 0.35, 0.01
 """Length of the lines of sight, and radius of circles, as parts of the drawing's diagonal."""
 
@@ -50,9 +54,9 @@ def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
     """The drawing of a scene in its reference pose.
 
     Mirrors, pads, blockers, the pads' layers with their bezels, hinges, the camera with its optical
-    axis and the edges of its field of view have layers of their own. Dimensions are the lengths of mirrors and pads and how far a
-    mirror's ends are from the hinge of its frame, or, if it does not move, from the camera; to one
-    far away they are left out.
+    axis and the edges of its field of view have layers of their own. Dimensions are the lengths of
+    mirrors and pads and how far a mirror's ends are from the hinge of its frame, or, if it does not
+    move, from the camera; to one far away they are left out.
 
     Args:
         design: the scene.
@@ -99,6 +103,10 @@ def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
     circles.append(Circle("camera", "camera", file.camera.position, radius))
     labels.append(Label("camera", file.camera.position, "camera"))
     polylines += _lines_of_sight(file.camera, SIGHT * diagonal)
+    if file.camera.module is not None:
+        layers.append(Layer(NAME, "blocker", framed=not far))
+        for (x, y), end in np.asarray(design.scene.surface_ends, float)[-LINES:].tolist():
+            polylines.append(Polyline(NAME, [(x, y), (end[0], end[1])]))
     return Drawing(
         title=printable(design.name),
         layers=layers,
@@ -139,15 +147,30 @@ def scene_quantities(design: DesignedScene) -> list[Quantity]:
 def _camera_quantities(camera: CameraTable) -> Iterator[Quantity]:
     yield from _place_quantities("camera.position", camera.position)
     yield Quantity("camera.direction", camera.direction_deg, "°")
-    yield Quantity("camera.field_of_view", camera.fov_deg, "°")
-    yield Quantity("camera.pixels", camera.pixels, "px")
+    yield Quantity("camera.field_of_view", camera.section_fov_deg, "°")
+    yield Quantity("camera.pixels", camera.section_pixels, "px")
     if isinstance(camera.projection, tuple):
         for index, coefficient in enumerate(camera.projection, start=1):
             yield Quantity(f"camera.projection.k{index}", coefficient, "")
+    if camera.sold is not None and camera.format is not None:
+        yield Quantity("camera.focal_length", camera.sold.focal_length, "mm")
+        for side, length in zip(("long", "short"), camera.format.sensor_mm, strict=True):
+            yield Quantity(f"camera.sensor.{side}", length, "mm")
+    if camera.image_circle_mm is not None:
+        yield Quantity("camera.image_circle", camera.image_circle_mm, "mm")
+    if camera.max_blur_px is not None:
+        yield Quantity("camera.max_blur", camera.max_blur_px, "px")
     if camera.lens is not None:
         yield Quantity("camera.lens.focal_length", camera.lens.focal_length, "mm")
         yield Quantity("camera.lens.f_number", camera.lens.f_number, "")
         yield Quantity("camera.lens.focus", camera.lens.focus, "mm")
+        if camera.lens.nearest_focus is not None:
+            yield Quantity("camera.lens.nearest_focus", camera.lens.nearest_focus, "mm")
+    if camera.module is not None:
+        for name, value in camera.module.model_dump(exclude={"board"}).items():
+            yield Quantity(f"camera.module.{name}", value, "mm")
+        for name, value in zip(("along", "across"), camera.module.board, strict=True):
+            yield Quantity(f"camera.module.board.{name}", value, "mm")
 
 
 def _surface_quantities(name: str, part: SurfaceTable) -> Iterator[Quantity]:
@@ -218,9 +241,14 @@ def _outlines(design: DesignedScene) -> Iterator[tuple[str, list[Place]]]:
         if stack is None:
             continue
         for number, outline in enumerate(stack.layers, start=1):
-            yield f"{pad.name} layer {number}", [(x, y) for x, y in outline.tolist()]
+            yield f"{pad.name} layer {number}", _rounded(outline)
         for outline in stack.bezel:
-            yield f"{pad.name} bezel", [(x, y) for x, y in outline.tolist()]
+            yield f"{pad.name} bezel", _rounded(outline)
+
+
+def _rounded(outline: Float[np.ndarray, "corners 2"]) -> list[Place]:
+    """Corners without the rounding of a placed scene, so that 5 mm stay 5 mm."""
+    return [(x, y) for x, y in (np.round(outline, DECIMALS) + 0.0).tolist()]
 
 
 def _center(places: Sequence[Place]) -> Place:
@@ -253,7 +281,7 @@ def _extent(design: DesignedScene) -> tuple[float, bool]:
 
 
 def _lines_of_sight(camera: CameraTable, length: float) -> list[Polyline]:
-    half = camera.fov_deg / 2
+    half = camera.section_fov_deg / 2
     edges = dict.fromkeys([-half, half] if half < 180 else [half], "field of view")
     polylines = []
     for turn, layer in ({0.0: "camera"} | edges).items():
@@ -270,7 +298,7 @@ def _notes(design: DesignedScene, far: bool, *, pose: bool) -> list[str]:
     notes = ["section; joint angles 0" if angles else "section"] if pose else []
     notes.append(
         f"camera at ({x:.6g}, {y:.6g}) mm{', outside the picture' if far else ''}; "
-        f"axis {camera.direction_deg:.6g}°, field of view {camera.fov_deg:.6g}°"
+        f"axis {camera.direction_deg:.6g}°, field of view {camera.section_fov_deg:.6g}°"
     )
     for pad in design.file.pads:
         notes += [

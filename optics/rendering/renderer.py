@@ -18,7 +18,7 @@ from optics.rendering.effects import Effects
 from optics.rendering.exposure import exposed
 from optics.rendering.imprints import Imprint
 from optics.rendering.pads import PadAppearance, make_pad_appearance
-from optics.scene.camera import Pinhole
+from optics.scene.camera import Orthographic, Pinhole
 from optics.scene.fabrication import Fabrication, perturb
 from optics.scene.imaging import Imaging
 from optics.scene.scene import Scene
@@ -136,7 +136,8 @@ class Renderer:
             effects: what makes its images worse.
             errors: of this finger; none by default.
             carried: indices of the blockers that move with the camera, such as its body.
-            rows: height of the image, px, which is 4/3 as wide; the camera's pixels by default.
+            rows: height of the image, px, which is as wide as `Imaging.of` makes it; the camera's
+                pixels by default.
             seed: of this finger's rough edges, of its inside, and of the noise of its frames.
         """
         self._errors = Fabrication.none(scene.layout) if errors is None else errors
@@ -153,6 +154,7 @@ class Renderer:
         self.imaging = Imaging.of(self.scene.camera)
         rays = self.imaging.ray_map()
         self._angle, self._slope = (np.ascontiguousarray(rays[..., part]) for part in range(2))
+        self._lit = self.imaging.lit()
         self._vignette = self._vignetting()
         self._inside = self._finger_inside()
         self._paths = paths_of(scene.layout, scene.layout.bounces)
@@ -254,6 +256,8 @@ class Renderer:
         beside = slope * distance + self._lateral
         color, inside = look.sample(along, beside)
         shown = np.where(distance > 0, _filled(inside), 0)
+        if self._lit is not None:
+            shown = shown * self._lit[window]
         per_pixel = np.maximum(np.hypot(*np.gradient(angle)), 1e-9)
         part_shown = np.zeros_like(shown)
         for part in parts:
@@ -301,6 +305,8 @@ class Renderer:
         blotches = generator.uniform(0.5, 1.0, (*BLOTCHES, 3)).astype(np.float32)
         broad = cv2.resize(blotches, shape[::-1], interpolation=cv2.INTER_LINEAR)
         inside = np.float32(self._effects.ambient) * broad
+        if self._lit is not None:
+            inside = inside * self._lit[..., None]
         return inside if self._vignette is None else inside * self._vignette[..., None]
 
     def _window(self, around: Float[np.ndarray, "places 2"], behind: bool) -> tuple[slice, slice]:
@@ -353,8 +359,8 @@ def _places(
     angle = jnp.arctan2(line[..., 1], line[..., 0])[..., None]
     slope = ((share - 0.5) * width - lateral)[None, None, None] / distance
     places = imaging.place(jnp.broadcast_to(angle, slope.shape), slope)
-    # Only a pinhole images what is behind it elsewhere than where it lies.
-    pinhole = isinstance(imaging.camera.projection, Pinhole)
+    # Only these image what is behind them elsewhere than where it lies.
+    pinhole = isinstance(imaging.camera.projection, Pinhole | Orthographic)
     behind = jnp.any(line[..., 0] <= 0, axis=-1) & pinhole
     return places.reshape(*ends.shape[:2], -1, 2), behind
 

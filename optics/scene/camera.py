@@ -7,19 +7,38 @@ image are: looking along +x, a point above the axis is imaged before the middle.
 from __future__ import annotations
 
 import abc
+import math
+from collections.abc import Sequence
+from typing import ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.numerics import as_float, safe_divide
+from designopt.numerics import as_float, optional_float, safe_divide
 from designopt.roots import find_root
+from optics.scene.camera_module import CameraModule
 from optics.scene.thin_lens import ThinLens
 
 
 class Projection(eqx.Module):
-    """How an angle from the optical axis becomes a height in the image, in focal lengths."""
+    """How an angle from the optical axis becomes a height in the image, in focal lengths.
+
+    The five of a closed form are those of F. Bettonvil, *Fisheye lenses*, WGN 33 (2005), p. 9, and
+    eqs. 1–5 of the paper that `KannalaBrandt` names.
+
+    Attributes:
+        edge: height beyond which nothing is imaged, focal lengths.
+    """
+
+    edge: ClassVar[float] = math.inf
+
+    @property
+    def widest(self) -> float:
+        """Angle from the axis (rad) up to which the image grows; not in traced code."""
+        return math.pi
 
     @abc.abstractmethod
     def height(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
@@ -36,6 +55,11 @@ class Projection(eqx.Module):
 
 class Pinhole(Projection):
     """The pinhole camera and the lens without distortion: r = f tan θ, for |θ| < 90°."""
+
+    @property
+    def widest(self) -> float:
+        """As `Projection.widest`."""
+        return math.pi / 2
 
     def height(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """As `Projection.height`."""
@@ -66,6 +90,69 @@ class Equidistant(Projection):
         return height
 
 
+class Equisolid(Projection):
+    """The lens that images equal solid angles on equal areas: r = 2 f sin(θ/2)."""
+
+    edge: ClassVar[float] = 2.0
+
+    def height(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.height`."""
+        return 2 * jnp.sin(angle / 2)
+
+    def slope(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.slope`."""
+        return jnp.cos(angle / 2)
+
+    def angle(self, height: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.angle`; what lies beyond the edge has the angle of the edge."""
+        return 2 * _arcsin(height / 2)
+
+
+class Stereographic(Projection):
+    """The lens that keeps the form of what is small: r = 2 f tan(θ/2), for |θ| < 180°."""
+
+    def height(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.height`."""
+        return 2 * jnp.tan(angle / 2)
+
+    def slope(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.slope`."""
+        return 1 + jnp.tan(angle / 2) ** 2
+
+    def angle(self, height: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.angle`."""
+        return 2 * jnp.arctan(height / 2)
+
+
+class Orthographic(Projection):
+    """The lens that images a hemisphere as seen from afar: r = f sin θ, for |θ| < 90°."""
+
+    edge: ClassVar[float] = 1.0
+
+    @property
+    def widest(self) -> float:
+        """As `Projection.widest`."""
+        return math.pi / 2
+
+    def height(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.height`."""
+        return jnp.sin(angle)
+
+    def slope(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.slope`."""
+        return jnp.cos(angle)
+
+    def angle(self, height: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """As `Projection.angle`; what lies beyond the edge has the angle of the edge."""
+        return _arcsin(height)
+
+
+def _arcsin(sine: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+    """Arcsine, and ±π/2 with zero slope from ±1 on."""
+    inside = jnp.abs(sine) < 1
+    return jnp.where(inside, jnp.arcsin(jnp.where(inside, sine, 0.0)), jnp.sign(sine) * jnp.pi / 2)
+
+
 class KannalaBrandt(Projection):
     """A calibrated wide-angle lens: r = f (θ + k₁ θ³ + k₂ θ⁵ + k₃ θ⁷ + k₄ θ⁹).
 
@@ -78,6 +165,11 @@ class KannalaBrandt(Projection):
     """
 
     coefficients: Float[Array, "4"] = eqx.field(converter=as_float)
+
+    @property
+    def widest(self) -> float:
+        """As `Projection.widest`."""
+        return min(turning_point(np.asarray(self.coefficients, float)), math.pi)
 
     def height(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """As `Projection.height`."""
@@ -104,16 +196,57 @@ class KannalaBrandt(Projection):
         return jax.vmap(inverse)(height.reshape(-1)).reshape(height.shape)
 
 
+def turning_point(coefficients: Sequence[float] | Float[np.ndarray, "4"]) -> float:
+    """Angle from the axis (rad) at which a Kannala-Brandt image stops to grow; or infinity."""
+    # Slope 1 + 3 k₁ θ² + … + 9 k₄ θ⁸, over θ⁸: a polynomial in θ⁻² that always begins with 1.
+    slope = [1.0, *(n * k for n, k in zip((3, 5, 7, 9), coefficients, strict=True))]
+    roots = np.roots(slope)
+    # The two parts of a double root come out as a complex pair, apart by the root of rounding.
+    real = roots.real[(np.abs(roots.imag) <= 1e-6 * np.abs(roots)) & (roots.real > 0)]
+    return float(real.max() ** -0.5) if real.size else math.inf
+
+
+CLASSICAL: dict[str, Projection] = {
+    "pinhole": Pinhole(),
+    "equidistant": Equidistant(),
+    "equisolid": Equisolid(),
+    "stereographic": Stereographic(),
+    "orthographic": Orthographic(),
+}
+"""The projections without coefficients, by their names in files."""
+
+
+class Sensor(eqx.Module):
+    """A sensor behind a lens, as both are sold; every dimension is an array leaf.
+
+    Attributes:
+        size: length of the image line, and of the sensor across it, mm.
+        aspect: pixels across the section over those along it.
+        focal_length: of the lens, mm: of how high a ray is imaged, whatever is seen of the field.
+        image_circle: diameter of what the lens images, mm; ``None`` if it holds the sensor.
+    """
+
+    size: Float[Array, "2"] = eqx.field(converter=as_float)
+    aspect: Float[Array, ""] = eqx.field(converter=as_float)
+    focal_length: Float[Array, ""] = eqx.field(converter=as_float)
+    image_circle: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+
+
 class Camera(eqx.Module):
     """A camera in the section; every dimension is an array leaf.
 
     Attributes:
         position: of the pinhole (entrance pupil), mm.
         direction: of the optical axis, rad, counter-clockwise from +x.
-        field_of_view: from limit to limit, rad; up to 2π, for a `Pinhole` below π.
-        pixels: number of pixels along the image line, which the field of view fills.
+        field_of_view: from limit to limit of what is seen, rad; up to 2π, below π for a `Pinhole`
+            or an `Orthographic` lens, below 2π for a `Stereographic` one.
+        pixels: number of pixels along the image line, which the field of view fills unless there
+            is a sensor.
         projection: from angles to heights in the image.
         lens: the lens for questions of focus; ``None`` for a camera that is sharp everywhere.
+        sensor: with it the focal length does not follow from the field of view.
+        module: the body that moves with the camera and hides what is behind it.
+        max_blur: largest blur spot that is accepted, pixels.
     """
 
     position: Float[Array, "2"] = eqx.field(converter=as_float)
@@ -122,12 +255,33 @@ class Camera(eqx.Module):
     pixels: Float[Array, ""] = eqx.field(converter=as_float)
     projection: Projection
     lens: ThinLens | None = None
+    sensor: Sensor | None = None
+    module: CameraModule | None = None
+    max_blur: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
 
     @property
     def focal_pixels(self) -> Float[Array, ""]:
-        """Focal length in pixels: the field of view fills the image line."""
+        """Focal length in pixels; without a sensor the field of view fills the image line."""
+        if self.sensor is not None:
+            focal, _ = safe_divide(self.pixels * self.sensor.focal_length, self.sensor.size[0])
+            return focal
         focal, _ = safe_divide(self.pixels / 2, self.projection.height(self.field_of_view / 2))
         return focal
+
+    @property
+    def pixel_size(self) -> Float[Array, ""]:
+        """Length of a pixel, mm, from the sensor, or from how far it is behind the lens.
+
+        Raises:
+            ValueError: the camera has neither.
+        """
+        if self.sensor is not None:
+            size, _ = safe_divide(self.sensor.size[0], self.pixels)
+        elif self.lens is not None:
+            size, _ = safe_divide(self.lens.sensor_distance, self.focal_pixels)
+        else:
+            raise ValueError("a camera with neither sensor nor lens has no size of a pixel")
+        return size
 
     def pixel(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """Where a ray is imaged, in pixels from the image's first edge.

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
-from designopt.numerics import as_float, safe_divide, safe_sqrt
+from designopt.numerics import as_float, optional_float, safe_divide, safe_sqrt
 from optics.scene.camera import Equidistant, KannalaBrandt, Projection
 from optics.scene.scene import Layout, Scene
-
-
-def _optional(number: ArrayLike | None) -> Float[Array, ""] | None:
-    return None if number is None else as_float(number)
 
 
 class Fabrication(eqx.Module):
@@ -32,7 +29,7 @@ class Fabrication(eqx.Module):
         pad_offset: of each pad along its normal, mm.
         pad_shift: of each pad along itself, mm.
         distortion: k₁ that is added to the lens, r ∝ θ + k₁ θ³ of Kannala and Brandt, the field of
-            view filling the image line as before; ``None`` for a lens that is exactly as designed.
+            view ending in the image where it did; ``None`` for a lens that is exactly as designed.
     """
 
     camera: Float[Array, "2"] = eqx.field(converter=as_float)
@@ -43,7 +40,7 @@ class Fabrication(eqx.Module):
     pad_tilt: Float[Array, " pads"] = eqx.field(converter=as_float)
     pad_offset: Float[Array, " pads"] = eqx.field(converter=as_float)
     pad_shift: Float[Array, " pads"] = eqx.field(converter=as_float)
-    distortion: Float[Array, ""] | None = eqx.field(default=None, converter=_optional)
+    distortion: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
 
     @classmethod
     def none(cls, layout: Layout) -> Fabrication:
@@ -154,6 +151,13 @@ def perturb(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -
         blockers = blockers.at[held].set(moved + arms)
     pads = displaced(scene.pads, errors.pad_tilt, errors.pad_offset)
     along = _directions(pads)
+    projection = _distorted(camera.projection, errors.distortion)
+    if camera.sensor is not None and errors.distortion is not None:
+        half = camera.field_of_view / 2
+        share, _ = safe_divide(camera.projection.height(half), projection.height(half))
+        focal = camera.sensor.focal_length * share
+        sensor = dataclasses.replace(camera.sensor, focal_length=focal)
+        scene = eqx.tree_at(lambda scene: scene.camera.sensor, scene, sensor)
     return eqx.tree_at(
         lambda scene: (
             scene.camera.position,
@@ -167,7 +171,7 @@ def perturb(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -
         (
             camera.position + errors.camera,
             camera.direction + errors.tilt,
-            _distorted(camera.projection, errors.distortion),
+            projection,
             displaced(scene.mirrors, errors.mirror_tilt, errors.mirror_offset),
             pads + (errors.pad_shift[:, None] * along)[:, None],
             blockers,

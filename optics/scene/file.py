@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-import numpy as np
 import pydantic
 
 from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT, Format, Length, Name, Number, Point, Title
+from optics.scene.camera import turning_point
+from optics.scene.catalogue import filled_in
 from optics.scene.layers import CHANNELS, EndKind
+from optics.scene.sold import AGREEMENT, Axis, Entry, SoldLens, solve_sold_lens
 
 FIXED = "world"
 """Name of the frame that does not move."""
@@ -29,6 +32,10 @@ MOST_BEVEL = 80
 LARGEST_INDEX = 4.0
 """Of refraction: above all glass and plastic."""
 
+SQUARE = 0.02
+"""Sides of a sensor are told so exactly, as a part of themselves: pixels are square."""
+
+Pixels = Annotated[int, pydantic.Field(strict=True, ge=1, le=1_000_000)]
 Coefficients = tuple[Number, Number, Number, Number]
 Side = Literal["left", "right", "both"]
 
@@ -44,15 +51,18 @@ def _known(value: object, check: Callable[[object], object]) -> object:
         return check(value)
     except pydantic.ValidationError:
         raise ValueError(
-            'write it as "equidistant", "pinhole" or four Kannala-Brandt coefficients, '
-            "[k1, k2, k3, k4]"
+            'write it as "equidistant", "pinhole", "equisolid", "stereographic", "orthographic" or '
+            "four Kannala-Brandt coefficients, [k1, k2, k3, k4]"
         ) from None
 
 
 MirrorName = Annotated[Title, pydantic.AfterValidator(_joins_no_path)]
 ProjectionEntry = Annotated[
-    Literal["equidistant", "pinhole"] | Coefficients, pydantic.WrapValidator(_known)
+    Literal["equidistant", "pinhole", "equisolid", "stereographic", "orthographic"] | Coefficients,
+    pydantic.WrapValidator(_known),
 ]
+NARROW = {"pinhole": 180.0, "stereographic": 360.0, "orthographic": 180.0}
+"""Fields of view (degrees) that some projections never reach."""
 
 
 class SceneTable(Spec):
@@ -69,6 +79,7 @@ class LensTable(Spec):
     focal_length: Length
     f_number: Length
     focus: Length
+    nearest_focus: Length | None = None
 
     @pydantic.model_validator(mode="after")
     def _forms_an_image(self) -> LensTable:
@@ -77,45 +88,177 @@ class LensTable(Spec):
                 "what lies within the focal length is never in focus; make 'focus' longer than "
                 "'focal_length'"
             )
+        if self.nearest_focus is not None and self.focus < self.nearest_focus:
+            raise ValueError(
+                f"a focus at {self.focus:g} mm is nearer than the lens allows "
+                f"({self.nearest_focus:g} mm); move 'focus' away, or correct 'nearest_focus'"
+            )
+        return self
+
+
+class FormatTable(Spec):
+    """``format`` of ``[camera]``: a sensor as it is sold, its long side first.
+
+    ``section_axis`` is the side that lies in the section.
+    """
+
+    sensor_mm: tuple[Length, Length]
+    pixels: tuple[Pixels, Pixels]
+    section_axis: Literal["long", "short"]
+
+    @pydantic.model_validator(mode="after")
+    def _has_square_pixels(self) -> FormatTable:
+        (long, short), (columns, rows) = self.sensor_mm, self.pixels
+        if short > long or rows > columns:
+            raise ValueError("write the long side first in 'sensor_mm' and in 'pixels'")
+        if abs(long / columns * rows / short - 1) > SQUARE:
+            raise ValueError(
+                f"its pixels would be {1000 * long / columns:.4g} µm by "
+                f"{1000 * short / rows:.4g} µm; correct 'sensor_mm' or 'pixels'"
+            )
+        return self
+
+
+class ModuleTable(Spec):
+    """``[camera.module]``: the body of the camera, in mm; see `CameraModule`."""
+
+    lens_diameter: Length
+    lens_length: Length
+    pupil_depth: Number
+    board: tuple[Length, Length]
+    board_thickness: Length
+    connector_length: Annotated[Number, pydantic.Field(ge=0)] = 0.0
+
+    @pydantic.model_validator(mode="after")
+    def _has_its_pupil_before_the_board(self) -> ModuleTable:
+        if self.pupil_depth >= self.lens_length:
+            raise ValueError(
+                "the entrance pupil would lie behind the board's front; make 'pupil_depth' less "
+                "than 'lens_length'"
+            )
         return self
 
 
 class CameraTable(Spec):
-    """``[camera]``: position in mm, optical axis counter-clockwise from +x."""
+    """``[camera]``: position in mm, optical axis counter-clockwise from +x.
+
+    Without ``format``, ``fov_deg`` and ``pixels`` are those of the image line. With it, two of
+    ``focal_length`` (mm), ``fov_deg`` with ``fov_axis``, and ``projection`` give the third.
+    """
 
     position: Point
     direction_deg: Number
-    fov_deg: Annotated[Number, pydantic.Field(gt=0, le=360)]
-    pixels: Annotated[int, pydantic.Field(strict=True, ge=1, le=1_000_000)]
-    projection: ProjectionEntry = "equidistant"
+    model: Name | None = None
+    fov_deg: Annotated[Number, pydantic.Field(gt=0, le=360)] | None = None
+    fov_axis: Axis | None = None
+    pixels: Pixels | None = None
+    focal_length: Length | None = None
+    projection: ProjectionEntry | None = None
+    image_circle_mm: Length | None = None
+    max_blur_px: Length | None = None
     body: Name = FIXED
+    format: FormatTable | None = None
     lens: LensTable | None = None
+    module: ModuleTable | None = None
+
+    @pydantic.model_validator(mode="before")
+    @classmethod
+    def _filled_in(cls, data: Any) -> Any:
+        return filled_in(data)
+
+    @pydantic.model_validator(mode="after")
+    def _is_told_once(self) -> CameraTable:
+        if self.format is None:
+            for name in ("fov_deg", "pixels"):
+                if getattr(self, name) is None:
+                    raise ValueError(
+                        f"'{name}' is missing; add it, or tell by 'format' what sensor it has"
+                    )
+            for name in ("fov_axis", "focal_length", "image_circle_mm"):
+                if getattr(self, name) is not None:
+                    raise ValueError(
+                        f"'{name}' is that of a lens before a sensor; add 'format', or remove it"
+                    )
+        else:
+            if self.pixels is not None:
+                raise ValueError("'pixels' stands in 'format' already; remove one of them")
+            if (self.fov_deg is None) != (self.fov_axis is None):
+                raise ValueError(
+                    '\'fov_deg\' and its \'fov_axis\' ("horizontal", "vertical" or "diagonal") '
+                    "belong together; add what is missing"
+                )
+            if [self.focal_length, self.fov_deg, self.projection].count(None) > 1:
+                raise ValueError(
+                    "of 'focal_length', 'fov_deg' with 'fov_axis' and 'projection' two are needed; "
+                    "add one"
+                )
+        if self.max_blur_px is not None and self.lens is None:
+            raise ValueError("'max_blur_px' limits the blur of a lens; add [camera.lens]")
+        return self
 
     @pydantic.model_validator(mode="after")
     def _images_all_of_its_field(self) -> CameraTable:
-        if self.projection == "pinhole" and self.fov_deg >= 180:
-            raise ValueError(
-                f"a pinhole camera sees less than 180° (fov_deg is {self.fov_deg:g}); narrow it, "
-                'or take projection = "equidistant"'
-            )
-        if isinstance(self.projection, tuple):
-            limit = _turning_point_deg(self.projection)
-            if limit <= self.fov_deg / 2:
+        fov, projection = self.fov_deg or 0.0, self.projection
+        if isinstance(projection, tuple):
+            limit = math.degrees(turning_point(projection))
+            if limit <= fov / 2:
                 raise ValueError(
                     f"with these coefficients the image grows only up to {limit:.4g}° from the "
                     f"axis; keep fov_deg below {2 * limit:.4g}, or correct 'projection'"
                 )
+        elif projection in NARROW and fov >= NARROW[projection]:
+            raise ValueError(
+                f"{'an' if projection[0] == 'o' else 'a'} {projection} camera sees less than "
+                f"{NARROW[projection]:g}° (fov_deg is {fov:g}); narrow it, or take projection = "
+                '"equidistant"'
+            )
         return self
 
+    @pydantic.model_validator(mode="after")
+    def _is_one_lens(self) -> CameraTable:
+        if self.sold is not None and self.lens is not None:
+            own, focal = self.lens.focal_length, self.sold.focal_length
+            if abs(own - focal) > AGREEMENT * focal:
+                raise ValueError(
+                    f"lens.focal_length is {own:g} mm, and {focal:.4g} mm is that of the camera; "
+                    "correct one of them"
+                )
+        return self
 
-def _turning_point_deg(coefficients: Coefficients) -> float:
-    """Angle from the axis (degrees) at which a Kannala-Brandt image stops to grow; or infinity."""
-    # Slope 1 + 3 k₁ θ² + … + 9 k₄ θ⁸, over θ⁸: a polynomial in θ⁻² that always begins with 1.
-    slope = [1.0, *(n * k for n, k in zip((3, 5, 7, 9), coefficients, strict=True))]
-    roots = np.roots(slope)
-    # The two parts of a double root come out as a complex pair, apart by the root of rounding.
-    real = roots.real[(np.abs(roots.imag) <= 1e-6 * np.abs(roots)) & (roots.real > 0)]
-    return math.degrees(real.max() ** -0.5) if real.size else math.inf
+    @functools.cached_property
+    def sold(self) -> SoldLens | None:
+        """What follows from lens and sensor; none without ``format``."""
+        if self.format is None:
+            return None
+        return solve_sold_lens(
+            self.format.sensor_mm,
+            self.format.sensor_mm[self.section_side],
+            focal_length=self.focal_length,
+            fov_deg=self.fov_deg,
+            fov_axis=self.fov_axis or "horizontal",
+            projection=self.projection,
+            image_circle=self.image_circle_mm,
+        )
+
+    @property
+    def section_side(self) -> int:
+        """Which entry of the format's pairs is that of the section."""
+        return 0 if self.format is None or self.format.section_axis == "long" else 1
+
+    @property
+    def section_fov_deg(self) -> float:
+        """Field of view in the section, degrees."""
+        return self.fov_deg or 0.0 if self.sold is None else math.degrees(self.sold.field)
+
+    @property
+    def section_projection(self) -> Entry:
+        """The projection, whether it is given, follows, or is the usual one."""
+        return (self.projection if self.sold is None else self.sold.projection) or "equidistant"
+
+    @property
+    def section_pixels(self) -> int:
+        """Pixels along the image line."""
+        return self.pixels or 0 if self.format is None else self.format.pixels[self.section_side]
 
 
 class SurfaceTable(Spec):

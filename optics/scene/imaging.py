@@ -16,14 +16,15 @@ import math
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from designopt.numerics import as_float, safe_arctan2, safe_divide, safe_sqrt
 from optics.scene.camera import Camera
 
 RADII = 4096
 """Entries of the table that inverts the lens for a whole image; interpolation errs by 1e-8 rad
-for an equidistant lens, and by 4e-7 rad for a pinhole of 160°."""
+for an equidistant lens, by 4e-7 rad for a pinhole of 160°, and by 2e-5 rad a tenth of a pixel from
+the edge of an orthographic image."""
 
 CENTER = 0.5
 """From a pixel's first edge to its middle, px."""
@@ -43,9 +44,14 @@ class Imaging(eqx.Module):
     columns: Float[Array, ""] = eqx.field(converter=as_float)
 
     @classmethod
-    def of(cls, camera: Camera, aspect: float = 4 / 3) -> Imaging:
-        """An image of a given width over its height around the camera's image line."""
+    def of(cls, camera: Camera, aspect: float | None = None) -> Imaging:
+        """An image of a given width over its height around the camera's image line.
+
+        Without one it is the sensor's, and 4/3 of a camera that has none.
+        """
         rows = round(float(camera.pixels))
+        if aspect is None:
+            aspect = 4 / 3 if camera.sensor is None else float(camera.sensor.aspect)
         return cls(camera, rows, round(aspect * rows))
 
     @property
@@ -89,6 +95,18 @@ class Imaging(eqx.Module):
         height, _ = safe_divide(radius, self.camera.focal_pixels)
         focal = self.camera.focal_pixels
         return _ray(self.camera.projection.angle(height), across, up, radius, focal)
+
+    def lit(self) -> Bool[np.ndarray, "rows columns"] | None:
+        """Which pixels the lens images anything on; none where it is all of them."""
+        focal, edge = float(self.camera.focal_pixels), self.camera.projection.edge
+        sensor = self.camera.sensor
+        if sensor is not None and sensor.image_circle is not None:
+            edge = min(edge, float(sensor.image_circle) / 2 / float(sensor.focal_length))
+        rows, columns = self.shape
+        if math.hypot(rows, columns) / 2 <= edge * focal:
+            return None
+        up, across = (np.arange(count) - (count / 2 - CENTER) for count in (rows, columns))
+        return np.hypot(up[:, None], across) <= edge * focal
 
     def ray_map(self) -> Float[np.ndarray, "rows columns 2"]:
         """`ray` of every pixel's middle, as float32.

@@ -17,7 +17,8 @@ from designopt.designs import read_tables
 from designopt.errors import UserError
 from designopt.io.files import printable
 from designopt.io.spec_files import validated
-from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole
+from optics.scene.camera import Camera, Sensor
+from optics.scene.camera_module import LINES, NAME, CameraModule
 from optics.scene.file import (
     FIXED,
     BezelTable,
@@ -25,12 +26,15 @@ from optics.scene.file import (
     FrameTable,
     LayerTable,
     LensTable,
+    ModuleTable,
     PadTable,
     SceneFile,
     SurfaceTable,
 )
 from optics.scene.layers import CHANNELS, LayerKinds, Layers
+from optics.scene.module_room import module_faults
 from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
+from optics.scene.sold import projection_of
 from optics.scene.thin_lens import ThinLens
 
 SIDES = {"left": 1, "right": -1, "both": 0}
@@ -82,6 +86,8 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene") -> Scene:
 def build_scene(file: SceneFile, source: str) -> Scene:
     """The scene of a file's content; otherwise as `parse_scene`."""
     faults = [*_surface_faults(file), *_body_faults(file), *_frame_faults(file.frames)]
+    if file.camera.module is not None:
+        faults += module_faults(file.camera, _module(file.camera.module), _kinds(file))
     if faults:
         raise UserError(f"{source}: " + "; ".join(faults))
     curved = tuple(i for i, mirror in enumerate(file.mirrors) if mirror.radius is not None)
@@ -108,6 +114,7 @@ def build_scene(file: SceneFile, source: str) -> Scene:
         bounces=_bounces(file),
         layers=_kinds_of_layers(file.pads),
         bezels=tuple(pad.bezel is not None for pad in file.pads) if _layered(file.pads) else (),
+        module=(Surface(NAME, 0, index[file.camera.body]),) * (LINES if file.camera.module else 0),
     )
     return Scene(
         camera=_camera(file.camera),
@@ -183,18 +190,32 @@ def _ends(tables: Sequence[SurfaceTable]) -> Float[Array, "surfaces 2 2"]:
 
 
 def _camera(table: CameraTable) -> Camera:
-    if isinstance(table.projection, tuple):
-        projection = KannalaBrandt(jnp.asarray(table.projection, float))
-    else:
-        projection = Pinhole() if table.projection == "pinhole" else Equidistant()
+    sold, size = table.sold, table.format
+    sensor, field = None, math.radians(table.section_fov_deg)
+    if sold is not None and size is not None:
+        along, across = table.section_side, 1 - table.section_side
+        field = sold.field
+        sensor = Sensor(
+            size=jnp.asarray([size.sensor_mm[along], size.sensor_mm[across]], float),
+            aspect=size.pixels[across] / size.pixels[along],
+            focal_length=sold.focal_length,
+            image_circle=table.image_circle_mm,
+        )
     return Camera(
         position=jnp.asarray(table.position, float),
         direction=math.radians(table.direction_deg),
-        field_of_view=math.radians(table.fov_deg),
-        pixels=table.pixels,
-        projection=projection,
+        field_of_view=field,
+        pixels=table.section_pixels,
+        projection=projection_of(table.section_projection),
         lens=None if table.lens is None else _lens(table.lens),
+        sensor=sensor,
+        module=None if table.module is None else _module(table.module),
+        max_blur=table.max_blur_px,
     )
+
+
+def _module(table: ModuleTable) -> CameraModule:
+    return CameraModule(**table.model_dump() | {"board": jnp.asarray(table.board, float)})
 
 
 def _lens(table: LensTable) -> ThinLens:
@@ -203,6 +224,7 @@ def _lens(table: LensTable) -> ThinLens:
         aperture=table.focal_length / table.f_number,
         # The lens equation for an object at `focus`.
         sensor_distance=table.focal_length / (1 - table.focal_length / table.focus),
+        nearest_focus=table.nearest_focus,
     )
 
 

@@ -78,8 +78,10 @@ class Layout:
         angles: names of the joint angles, in the order of their values.
         camera_frame: index of the frame that the camera moves with, or `WORLD`.
         bounces: how many reflections a view may have, unless a call states another number.
-        layers: of every pad, what the faces of its layers are, the outermost first; empty if no pad has layers.
+        layers: of every pad, what the faces of its layers are, the outermost first; empty if no pad
+            has layers.
         bezels: which of the pads have a bezel.
+        module: lines of the camera's module, which hide what is behind them.
     """
 
     name: str
@@ -93,6 +95,7 @@ class Layout:
     bounces: int
     layers: tuple[tuple[LayerKinds, ...], ...] = ()
     bezels: tuple[bool, ...] = ()
+    module: tuple[Surface, ...] = ()
 
     @cached_property
     def bodies(self) -> tuple[BodyFace, ...]:
@@ -105,7 +108,7 @@ class Layout:
 
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
-        """All surfaces: mirrors, then pads, then blockers, then faces of the layers' bodies.
+        """All surfaces: mirrors, pads, blockers, the camera's module, faces of the layers' bodies.
 
         That of a layered pad is the outermost surface of its layers.
         """
@@ -114,12 +117,12 @@ class Layout:
             for face in self.bodies
             for pad in [self.pads[face.pad]]
         )
-        return (*self.mirrors, *self.pads, *self.blockers, *bodies)
+        return (*self.mirrors, *self.pads, *self.blockers, *self.module, *bodies)
 
     @cached_property
     def behind_face(self) -> np.ndarray:
         """Of every surface, the pad whose outermost surface it is or lies behind, or −1."""
-        others = [-1] * len(self.blockers)
+        others = [-1] * (len(self.blockers) + len(self.module))
         bodies = [-1 if face.part in ("rim", "lip") else face.pad for face in self.bodies]
         return np.array([*[-1] * len(self.mirrors), *range(len(self.pads)), *others, *bodies], int)
 
@@ -137,7 +140,7 @@ class Layout:
     def kind(self, surface: int) -> Kind:
         """What a surface is, by its index in `surfaces`."""
         kinds: tuple[Kind, ...] = ("mirror", "pad", "blocker", "layer")
-        ends = np.cumsum([len(self.mirrors), len(self.pads), len(self.blockers)])
+        ends = np.cumsum([len(self.mirrors), len(self.pads), len(self.blockers + self.module)])
         return kinds[int(np.searchsorted(ends, surface, side="right"))]
 
     def title(self, surface: int) -> str:
@@ -180,6 +183,14 @@ class Scene(eqx.Module):
     layout: Layout = eqx.field(static=True)
     layers: Layers | None = None
     widths: Float[Array, " pads"] | None = None
+
+    @property
+    def surface_ends(self) -> Float[Array, "surfaces 2 2"]:
+        """Ends of all surfaces, mm, in the order of ``layout.surfaces``."""
+        camera, ends = self.camera, [self.mirrors, self.pads, self.blockers]
+        if camera.module is not None:
+            ends.append(camera.module.outline(camera.position, camera.direction))
+        return jnp.concatenate(ends)
 
     @property
     def angle_names(self) -> tuple[str, ...]:
@@ -251,7 +262,7 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
         angles: joint angles in the order of ``scene.angle_names``, rad.
     """
     layout, origin = scene.layout, vector(scene.camera.position)
-    corners = vector(jnp.concatenate([scene.mirrors, scene.pads, scene.blockers])) - origin
+    corners = vector(scene.surface_ends) - origin
     if scene.layers is not None:
         corners = _with_bodies(scene, corners)
     hinges = vector(scene.hinges) - origin

@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from designopt.numerics import as_float, safe_divide
+from designopt.numerics import as_float, optional_float, safe_divide
 from designopt.solution import Solution, combine_checks
 
 
@@ -57,11 +57,13 @@ class ThinLens(eqx.Module):
         focal_length: f.
         aperture: diameter of the opening (f over the f-number).
         sensor_distance: v, distance of the sensor behind the lens.
+        nearest_focus: nearest distance at which it can be focused; ``None`` if it is not known.
     """
 
     focal_length: Float[Array, ""] = eqx.field(converter=as_float)
     aperture: Float[Array, ""] = eqx.field(converter=as_float)
     sensor_distance: Float[Array, ""] = eqx.field(converter=as_float)
+    nearest_focus: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
 
     def image(self, distance: ArrayLike) -> Solution[LensImage]:
         """The image of a point at ``distance`` u (mm, infinity allowed; `jax.vmap` it for several).

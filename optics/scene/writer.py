@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,18 +14,20 @@ import numpy as np
 from designopt.io.files import replaced_when_complete
 from designopt.io.spec_files import FORMAT, LARGEST
 from designopt.io.toml_writing import degrees_of, format_toml
-from optics.scene.camera import Camera, KannalaBrandt, Pinhole
+from optics.scene.camera import Camera, Sensor
 from optics.scene.file import FIXED
 from optics.scene.layers import CHANNELS, Layers
 from optics.scene.reading import SENSES, SIDES
 from optics.scene.scene import WORLD, Layout, Scene, Surface
+from optics.scene.sold import projection_entry
 
 
 def scene_tables(scene: Scene) -> dict[str, Any]:
     """The tables of a scene's file; `optics.parse_scene` makes the same scene of them.
 
     Args:
-        scene: a single one. Numbers of a lens come back to rounding, all others as they are.
+        scene: a single one. Numbers of a lens come back to rounding, all others as they are. The
+            field of view of a camera with a sensor is not written: it follows.
     """
     layout = scene.layout
     names = {WORLD: FIXED} | {index: frame.name for index, frame in enumerate(layout.frames)}
@@ -108,16 +111,18 @@ def write_scene(scene: Scene, path: str | Path) -> None:
 
 
 def _camera(camera: Camera) -> dict[str, Any]:
-    projection: Any = "pinhole" if isinstance(camera.projection, Pinhole) else "equidistant"
-    if isinstance(camera.projection, KannalaBrandt):
-        projection = np.asarray(camera.projection.coefficients, float).tolist()
     table: dict[str, Any] = {
         "position": np.asarray(camera.position, float).tolist(),
         "direction_deg": degrees_of(float(camera.direction)),
-        "fov_deg": degrees_of(float(camera.field_of_view)),
-        "pixels": round(float(camera.pixels)),
-        "projection": projection,
     }
+    if camera.sensor is None:
+        table["fov_deg"] = degrees_of(float(camera.field_of_view))
+        table["pixels"] = round(float(camera.pixels))
+    else:
+        table |= _sensor(camera.sensor, round(float(camera.pixels)))
+    table["projection"] = projection_entry(camera.projection)
+    if camera.max_blur is not None:
+        table["max_blur_px"] = float(camera.max_blur)
     if camera.lens is not None:
         focal, sensor = float(camera.lens.focal_length), float(camera.lens.sensor_distance)
         table["lens"] = {
@@ -126,6 +131,33 @@ def _camera(camera: Camera) -> dict[str, Any]:
             # A sensor in the focal plane: focused at infinity, for which a file has no number.
             "focus": LARGEST if sensor == focal else focal / (1 - focal / sensor),
         }
+        if camera.lens.nearest_focus is not None:
+            # Rounding may have brought the focus nearer than this.
+            nearest = min(float(camera.lens.nearest_focus), table["lens"]["focus"])
+            table["lens"]["nearest_focus"] = nearest
+    if camera.module is not None:
+        table["module"] = {
+            field.name: np.asarray(getattr(camera.module, field.name), float).tolist()
+            for field in dataclasses.fields(camera.module)
+        }
+    return table
+
+
+def _sensor(sensor: Sensor, pixels: int) -> dict[str, Any]:
+    """The keys of a lens before a sensor, whose field of view follows."""
+    sides = np.asarray(sensor.size, float).tolist()
+    counts = [pixels, round(pixels * float(sensor.aspect))]
+    order = 1 if sides[0] >= sides[1] else -1
+    table: dict[str, Any] = {
+        "format": {
+            "sensor_mm": sides[::order],
+            "pixels": counts[::order],
+            "section_axis": "long" if order == 1 else "short",
+        },
+        "focal_length": float(sensor.focal_length),
+    }
+    if sensor.image_circle is not None:
+        table["image_circle_mm"] = float(sensor.image_circle)
     return table
 
 

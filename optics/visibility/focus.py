@@ -13,7 +13,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from designopt.numerics import as_float, safe_divide, safe_sqrt
+from optics.scene.camera import Camera
 from optics.scene.scene import Scene
+from optics.scene.thin_lens import ThinLens
 from optics.visibility.views import Pieces
 
 
@@ -32,10 +34,46 @@ class Focus(eqx.Module):
     limits: Float[Array, "2"]
 
 
+def find_blur(camera: Camera, distance: Float[Array, "*points"]) -> Float[Array, "*points"]:
+    """Diameter of the blur spot of points at distances, pixels.
+
+    Between two distances it is nowhere larger than at the worse of them.
+
+    Args:
+        camera: one with a lens.
+        distance: along the unfolded path, mm.
+
+    Raises:
+        ValueError: the camera has no lens.
+
+    Example:
+        >>> from optics import Camera, Pinhole, ThinLens
+        >>> lens = ThinLens(focal_length=4.0, aperture=2.0, sensor_distance=5.0)
+        >>> camera = Camera(jnp.zeros(2), 0.0, 1.0, 100.0, Pinhole(), lens)
+        >>> [round(blur, 6) for blur in find_blur(camera, jnp.array([20.0, 40.0])).tolist()]
+        [0.0, 4.576219]
+    """
+    return _spots(_lens_of(camera), camera.pixel_size, distance)
+
+
+def _lens_of(camera: Camera) -> ThinLens:
+    if camera.lens is None:
+        raise ValueError("the camera has no lens; give it one, [camera.lens] in a file")
+    return camera.lens
+
+
+def _spots(
+    lens: ThinLens, pitch: Float[Array, ""], distance: Float[Array, "*points"]
+) -> Float[Array, "*points"]:
+    blurs = jax.vmap(lambda distance: lens.image(distance).value.blur_diameter)
+    spot, _ = safe_divide(blurs(distance.reshape(-1)), jnp.broadcast_to(pitch, (distance.size,)))
+    return spot.reshape(distance.shape)
+
+
 def find_focus(scene: Scene, pieces: Pieces, *, accepted: ArrayLike = 1.0) -> Focus:
     """Blur and depth of field along the pieces that a camera sees.
 
-    A pixel is as large as sensor distance over focal length in pixels.
+    A pixel is as large as sensor distance over focal length in pixels, or as its sensor says.
 
     Args:
         scene: the scene; its camera has a lens.
@@ -57,15 +95,9 @@ def find_focus(scene: Scene, pieces: Pieces, *, accepted: ArrayLike = 1.0) -> Fo
         >>> jax.jit(find_focus)(scene, views).sharp.shape == views.present.shape
         True
     """
-    lens = scene.camera.lens
-    if lens is None:
-        raise ValueError("find_focus: the camera has no lens; give it one, [camera.lens] in a file")
-    pitch, _ = safe_divide(lens.sensor_distance, scene.camera.focal_pixels)
-    blurs = jax.vmap(lambda distance: lens.image(distance).value.blur_diameter)
-    spot, _ = safe_divide(
-        blurs(pieces.distance.reshape(-1)), jnp.broadcast_to(pitch, (pieces.distance.size,))
-    )
-    blur = jnp.where(pieces.present[..., None], spot.reshape(pieces.distance.shape), 0.0)
+    lens, pitch = _lens_of(scene.camera), scene.camera.pixel_size
+    spot = _spots(lens, pitch, pieces.distance)
+    blur = jnp.where(pieces.present[..., None], spot, 0.0)
 
     near, far = lens.depth_of_field(as_float(accepted).astype(pitch.dtype) * pitch).value
     limits = jnp.stack([_distance(near), _distance(far)])

@@ -5,7 +5,9 @@ from __future__ import annotations
 import jax
 import numpy as np
 
+from optics.scene.camera import Camera
 from optics.scene.scene import Layout
+from optics.scene.sold import fields_of_view
 from optics.visibility.scene_trace import SceneTrace, Views
 from optics.visibility.views import REASONS, ViewResult, describe_end
 
@@ -14,7 +16,10 @@ ROUNDING = 1e-9
 
 
 def remarks_on(sight: SceneTrace) -> list[str]:
-    """Two lines for every pad that is not all seen in every pose, one for what is left out."""
+    """Two lines for every pad that is not all seen in every pose, one for what is left out.
+
+    And one for every view that is blurred too much.
+    """
     layout, views = sight.scene.layout, sight.views
     if views is None:
         hint = "" if len(sight.rays) else "; --ray X,Y,DEG follows a ray"
@@ -39,7 +44,64 @@ def remarks_on(sight: SceneTrace) -> list[str]:
                 f"pad '{part.name}': at {count:,} poses it is seen in more pieces than there is "
                 "room for; the last of them are left out"
             )
+    return lines + _too_blurred(sight, views)
+
+
+def _too_blurred(sight: SceneTrace, views: Views) -> list[str]:
+    """A line for every view that is blurred more than the camera's limit in any pose."""
+    limit, blur = sight.scene.camera.max_blur, views.working_blur
+    if limit is None or blur is None:
+        return []
+    lines, found, distance = [], views.found.value, views.sharpness.distance
+    for pad, part in enumerate(sight.scene.layout.pads):
+        for path, name in enumerate(sight.paths):
+            there = found.present[:, pad] & (found.path[:, pad] == path)
+            here = np.where(there[..., None], blur[:, pad], 0.0)
+            worst = np.unravel_index(int(np.argmax(here)), here.shape)
+            if here[worst] > float(limit):
+                poses = ""
+                if len(here) > 1:
+                    count = int(np.sum(here.max(axis=(1, 2)) > float(limit)))
+                    at = _pose(sight, int(worst[0]))
+                    poses = f", at {count:,} of {len(here):,} poses; worst at {at}"
+                lines.append(
+                    f"pad '{part.name}' by {name}: a blur of {here[worst]:.3g} px at "
+                    f"{distance[:, pad][worst]:.4g} mm is more than max_blur_px = "
+                    f"{float(limit):g}{poses}"
+                )
     return lines
+
+
+def remark_on_fields(camera: Camera) -> str:
+    """One line on the fields of view along the sides and the diagonal of the sensor.
+
+    Example:
+        >>> from optics import Camera, Equidistant
+        >>> print(remark_on_fields(Camera(np.zeros(2), 0.0, np.deg2rad(90), 100, Equidistant())))
+        camera: if its 90° are along the short side of a 4:3 sensor, the long side has 120° and the diagonal 150°; if along the long side, the short one has 67.5° and the diagonal 112.5°; 'format' tells
+    """  # noqa: E501
+    if camera.sensor is not None:
+        fields = {axis: _degrees(field) for axis, field in fields_of_view(camera).items()}
+        told = ", ".join(f"{field} ({axis})" for axis, field in fields.items())
+        return f"camera: fields of view {told}; {_degrees(_own(camera))} in the section"
+    short, long = (
+        {axis: _degrees(field) for axis, field in fields_of_view(camera, across).items()}
+        for across in (4 / 3, 3 / 4)
+    )
+    return (
+        f"camera: if its {_degrees(_own(camera))} are along the short side of a 4:3 sensor, the "
+        f"long side has {short['horizontal']} and the diagonal {short['diagonal']}; if along the "
+        f"long side, the short one has {long['vertical']} and the diagonal {long['diagonal']}; "
+        "'format' tells"
+    )
+
+
+def _own(camera: Camera) -> float:
+    return float(np.rad2deg(camera.field_of_view))
+
+
+def _degrees(field: float | None) -> str:
+    return "more than it images" if field is None else f"{field:.4g}°"
 
 
 def _part(coverage: float) -> str:

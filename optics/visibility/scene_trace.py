@@ -18,7 +18,7 @@ from designopt.solution import Solution
 from optics.scene.scene import Layout, Scene, place
 from optics.visibility.coverage import find_views
 from optics.visibility.edge_refined import RAYS, trace_views
-from optics.visibility.focus import Focus, find_focus
+from optics.visibility.focus import Focus, find_blur, find_focus
 from optics.visibility.sharpness import PARTS, ROUNDING, Sharpness, find_sharpness
 from optics.visibility.tracing import Hits, trace_rays
 from optics.visibility.unfolding import paths_of, unfold_all
@@ -46,6 +46,7 @@ class Views(eqx.Module):
         redundancy: mean number of paths that show a point of it, shape (poses, pads).
         sharpness: resolution of what is seen.
         focus: its blur and how much of it is sharp; none if the camera has no lens.
+        working_blur: blur at the least and greatest distance of every piece, pixels; none likewise.
     """
 
     found: Solution[Pieces]
@@ -54,6 +55,7 @@ class Views(eqx.Module):
     redundancy: Float[np.ndarray, "poses pads"]
     sharpness: Sharpness
     focus: Focus | None
+    working_blur: Float[np.ndarray, "poses pads pieces 2"] | None = None
 
 
 @dataclass(frozen=True)
@@ -149,17 +151,20 @@ def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:
     compared = 48 * len(scene.layout.pads) * 2 * max_pieces**2 * PARTS
     block = max(MEMORY // compared, 1)
     coverage, redundancy = _totals(found.value)
-    focus = None
+    sharpness = _joined(_in_blocks(measure, block, poses, found.value))
+    focus = working = None
     if scene.camera.lens is not None:
         blurred = jax.jit(jax.vmap(lambda pieces: find_focus(scene, pieces)))
         focus = jax.tree.map(np.asarray, blurred(found.value))
+        working = np.asarray(jax.jit(find_blur)(scene.camera, jnp.asarray(sharpness.distance)))
     return Views(
         found,
         jax.tree.leaves(found.result)[0],
         np.asarray(coverage),
         np.asarray(redundancy),
-        _joined(_in_blocks(measure, block, poses, found.value)),
+        sharpness,
         focus,
+        working,
     )
 
 

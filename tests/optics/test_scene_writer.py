@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from optics import format_scene, parse_scene, read_scene, write_scene
+from optics.scene.camera import CLASSICAL
 from tests.helpers import SCENES, assert_same
 
 
@@ -45,9 +46,7 @@ def tables(draw) -> dict:
         common = {"name": name, "from": start, "to": end, "side": draw(sides)}
         return {**common, "body": draw(bodies), **more}
 
-    projection = draw(
-        st.one_of(st.sampled_from(["equidistant", "pinhole"]), st.just([0.01, -0.002, 0.0, 0.0]))
-    )
+    projection = draw(st.one_of(st.sampled_from([*CLASSICAL]), st.just([0.01, -0.002, 0.0, 0.0])))
     return {
         "scene": {"name": "drawn", "bounces": draw(st.integers(0, 3))},
         "camera": {

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from designopt import Records, Report
+from designopt import Records, Report, UserError
 from designopt.cli import run as command
 from optics import read_scene
 from optics.rendering import Effects
@@ -92,6 +92,13 @@ def test_sampled_fingers_are_the_same_in_every_run(finger):
     assert float(first[0].tilt) == pytest.approx(first[1][3] * np.deg2rad(2.0))
     many = np.stack([finger.made(3, number)[1] for number in range(300)])
     np.testing.assert_allclose(many.std(axis=0), 1.0, atol=0.15)
+
+
+def test_a_lens_to_which_no_distortion_is_added_is_refused(tmp_path):
+    text, path = OLD.read_text(encoding="utf-8"), tmp_path / "scene.toml"
+    path.write_text(text.replace('"equidistant"', '"orthographic"'), encoding="utf-8")
+    with pytest.raises(UserError, match="its lens is orthographic; errors of the lens need"):
+        FingerSensor.of(FingerImagesSpec(scene=str(path)), 360)
 
 
 def test_a_scene_that_is_no_finger_is_refused(tmp_path, capsys):

@@ -16,8 +16,18 @@ from jaxtyping import Float
 
 from designopt.errors import UserError
 from designopt.io.files import read_toml
-from optics import Fabrication, Imaging, Layout, Pinhole, Scene, read_scene, scale_errors
+from optics import (
+    Equidistant,
+    Fabrication,
+    Imaging,
+    KannalaBrandt,
+    Layout,
+    Scene,
+    read_scene,
+    scale_errors,
+)
 from optics.rendering import Effects, Imprint, Renderer, TactileImage
+from optics.scene.sold import projection_entry
 from perception import Lens, Sighting, View, ViewCatalog, detect_views, select_view, unwarp
 from perception.proprioception import CornerModel
 from studies.models.finger_file import packaged_finger, read_finger
@@ -155,8 +165,9 @@ def _fault(scene: Scene, imaging: Imaging) -> str:
     """What makes a scene none of a finger whose images can be analysed; empty if nothing."""
     if not scene.angle_names:
         return "it has no joint whose angle an image could tell"
-    if isinstance(scene.camera.projection, Pinhole):
-        return 'its lens is a pinhole; errors of the lens need projection = "equidistant"'
+    if not isinstance(scene.camera.projection, Equidistant | KannalaBrandt):
+        name = projection_entry(scene.camera.projection)
+        return f'its lens is {name}; errors of the lens need projection = "equidistant"'
     rows = imaging.shape[0]
     if not LEAST_ROWS <= rows <= MOST_ROWS:
         return f"its image is {rows} px high; between {LEAST_ROWS} and {MOST_ROWS} can be analysed"

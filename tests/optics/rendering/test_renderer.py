@@ -11,6 +11,7 @@ import pytest
 from designopt.errors import UserError
 from optics.rendering import Effects, Imprint, Renderer, TactileImage
 from optics.rendering.pads import BRIGHT, GREEN
+from optics.scene.camera import Sensor
 from optics.scene.fabrication import Fabrication, perturb
 from optics.scene.scene import Scene
 from optics.visibility.boundary_codes import FIRST_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, SECOND_PAD_END
@@ -240,6 +241,24 @@ def test_light_is_lost_by_mirrors_on_other_phalanges_and_beside_the_axis(index):
         wanted = 255 * light * (1 - 0.25 * (1 - forward[here]))[:, None] * [1, GREEN, 1]
         np.testing.assert_allclose(found.pixels[here], wanted, atol=ROUNDED)
     assert not found.pixels[flat & (found.labels == 0)].any()
+
+
+def test_beyond_the_image_circle_of_a_lens_it_is_dark():
+    focal = 1.2 / HALF_VIEW  # mm, on pixels of 10 µm: the image is that of the finger above
+    sensor = Sensor(np.array([2.4, 3.2]), COLUMNS / ROWS, focal, image_circle=2.0)
+    scene = eqx.tree_at(
+        lambda scene: (scene.camera.sensor, scene.camera.field_of_view),
+        finger(),
+        (sensor, jnp.asarray(2.0 / focal)),
+        is_leaf=lambda leaf: leaf is None,
+    )
+    shown = Renderer(scene, WIDTH, Effects(ambient=0.2), rows=ROWS).render(POSES[0])
+    row, column = np.indices((ROWS, COLUMNS))
+    lit = np.hypot(row - (ROWS - 1) / 2, column - (COLUMNS - 1) / 2) <= 100
+    assert (shown.labels[~lit] == 0).all()
+    assert (shown.pixels[~lit] == 0).all()
+    np.testing.assert_array_equal(shown.labels[lit] > 0, image(0).labels[lit] > 0)
+    assert (shown.pixels[lit].max(axis=-1) > 0).all()
 
 
 def test_the_inside_of_a_finger_is_dim_and_blotchy():
