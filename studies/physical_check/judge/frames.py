@@ -1,0 +1,279 @@
+"""What the judge finds in one frame: corners, runs down the middle column, and what is covered."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import os
+import tempfile
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from studies.physical_check.judge.lens import Lens
+from studies.physical_check.judge.solids import WIDTH, Pose, Tables, motion_of
+from studies.physical_check.judge.tracing import Traced, Tracer, mirrors_of
+
+ASPECT = 4 / 3
+"""Columns of an image over its rows."""
+
+COARSE = 8.0
+"""Step of the grid on which the views of a pad are looked for, px."""
+
+SPARE = 1.5
+"""Surfaces of a pad that is alone go on so far beyond their edges, mm."""
+
+STENCIL = np.stack(np.meshgrid(np.arange(-3, 4), np.arange(-3, 4)), axis=-1).reshape(-1, 2) * 0.5
+"""Places around a corner at which membrane coordinates are traced, px: 49 rays average their
+rounding, and a quadratic over 3 px leaves less of the map than they do."""
+
+ROUNDS, STEP, TRUSTED, FEWEST = 8, 40.0, 3.0, 12
+"""Newton's method on such quadratics: iterations, its longest step and how far a quadratic is
+trusted, px, and the fewest rays for one."""
+
+INSET = 0.02
+"""A corner is seen if a ray beside it, so far inside the membrane (mm), is."""
+
+FAN = 0.2
+"""Step of the fan of rays down the middle column, px; what is narrower is not found."""
+
+HALVINGS = 15
+"""Of a step of the fan: to 6e-6 px, float32's rounding of a direction."""
+
+
+class Corner(NamedTuple):
+    """One corner of a membrane, seen through the outermost surface.
+
+    Attributes:
+        pad: its name.
+        path: names of the mirrors on the way.
+        end: 0 at the membrane's end "from", 1 at "to".
+        side: −1 or 1, where columns grow with it.
+        place: column and row.
+        residual: of the fit about it, px: the noise of a single ray.
+    """
+
+    pad: str
+    path: tuple[str, ...]
+    end: int
+    side: int
+    place: tuple[float, float]
+    residual: float
+
+
+class Run(NamedTuple):
+    """A stretch of the middle column in which one membrane is seen by one path.
+
+    Attributes:
+        pad: its name.
+        path: names of the mirrors on the way.
+        entrance: the face by which light enters the pad; empty where it has no layers.
+        rows: of its two ends.
+        along: membrane coordinates there, 0 to 1.
+        bounds: what is beyond them.
+    """
+
+    pad: str
+    path: tuple[str, ...]
+    entrance: str
+    rows: tuple[float, float]
+    along: tuple[float, float]
+    bounds: tuple[str, str]
+
+
+class Frame(NamedTuple):
+    """A judged frame; `seconds` is what it took."""
+
+    corners: list[Corner]
+    runs: list[Run]
+    coverage: dict[str, float]
+    seconds: float
+
+
+def judge(tables: Tables, pose: Pose) -> Frame:
+    """Judge a frame.
+
+    Args:
+        tables: of a scene file, as `tomllib` gives them.
+        pose: joint angles, degrees; those not named are 0.
+    """
+    began = time.perf_counter()
+    camera = tables["camera"]
+    lens = Lens.of(camera, motion_of(tables, pose, camera.get("body", "world")), ASPECT)
+    tracer = Tracer(tables, pose, lens.position)
+    corners = [
+        corner
+        for pad in range(len(tables.get("pads", [])))
+        for corner in _find_corners(tables, pose, lens, tracer, pad)
+    ]
+    runs = _find_runs(tables, lens, tracer)
+    names = [pad["name"] for pad in tables.get("pads", [])]
+    covered = {name: union([run.along for run in runs if run.pad == name]) for name in names}
+    return Frame(corners, runs, covered, time.perf_counter() - began)
+
+
+def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
+    """`judge`, or what it found of the same tables and pose before, kept in a folder."""
+    sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
+    asked = json.dumps([tables, pose], sort_keys=True).encode()
+    path = folder / f"{hashlib.sha256(sources + asked).hexdigest()}.json"
+    if path.exists():
+        corners, runs, coverage, seconds = json.loads(path.read_text(encoding="utf-8"))
+        return Frame([_corner(*c) for c in corners], [_run(*r) for r in runs], coverage, seconds)
+    frame = judge(tables, pose)
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile("w", dir=folder, delete=False, encoding="utf-8") as file:
+        json.dump(frame, file)
+    os.replace(file.name, path)
+    return frame
+
+
+def _corner(pad: str, path: list, end: int, side: int, place: list, residual: float) -> Corner:
+    return Corner(pad, tuple(path), end, side, (place[0], place[1]), residual)
+
+
+def _run(pad: str, path: list, entrance: str, *pairs: list) -> Run:
+    rows, along, bounds = ((one[0], one[1]) for one in pairs)
+    return Run(pad, tuple(path), entrance, rows, along, bounds)
+
+
+def union(intervals: list[tuple[float, float]]) -> float:
+    """Measure of a union of intervals."""
+    covered, reach = 0.0, 0.0
+    for low, high in sorted((min(one), max(one)) for one in intervals):
+        covered += max(high - max(low, reach), 0.0)
+        reach = max(reach, high)
+    return covered
+
+
+def _find_corners(
+    tables: Tables, pose: Pose, lens: Lens, whole: Tracer, index: int
+) -> list[Corner]:
+    """All corners of a pad that are seen in the image, by every path.
+
+    They are solved for where the pad is alone and without edges, so that rays on both sides of a
+    corner reach the membrane's plane.
+    """
+    pad, alone = tables["pads"][index], Tracer(tables, pose, lens.position, index, SPARE)
+    length, half = abs(np.diff(alone.lines[index])[0]), pad.get("width", WIDTH) / 2
+    columns, rows = np.arange(0, lens.columns, COARSE), np.arange(0, lens.rows, COARSE)
+    grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    seen = alone.trace(lens.rays(grid))
+    asked, insets, guesses = [], [], []
+    for word in np.unique(seen.word[seen.reached]).tolist():
+        mine = seen.reached & (seen.word == word)
+        for end, side in itertools.product((0, 1), (-1, 1)):
+            away = np.hypot(seen.along - end * length, seen.across - side * half)
+            asked.append((word, end, side))
+            insets.append(((1 - 2 * end) * INSET, -side * INSET))
+            guesses.append(grid[np.argmin(np.where(mine, away, np.inf))])
+    if not asked:
+        return []
+    words, ends, sides = np.array(asked).T
+    wanted = np.stack([ends * length, sides * half], axis=-1)
+    solved = _solve(alone, lens, words, np.array(guesses), wanted, np.array(insets))
+    places, beside, residuals = solved
+    check = whole.trace(lens.rays(beside))
+    there = check.reached & (check.word == words) & (check.pad == index) & ~whole.by_end(check)
+    there &= np.all((places >= 0) & (places <= (lens.columns - 1, lens.rows - 1)), axis=-1)
+    return [
+        Corner(pad["name"], mirrors_of(tables, word), end, side, (column, row), residual)
+        for (word, end, side), (column, row), residual, ok in zip(
+            asked, places.tolist(), residuals.tolist(), there, strict=True
+        )
+        if ok
+    ]
+
+
+def _solve(
+    alone: Tracer, lens: Lens, words: np.ndarray, places: np.ndarray, wanted: np.ndarray,
+    insets: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Places that show the wanted membrane coordinates, those of insets, and the fits' residuals.
+
+    All are NaN where rays do not get there.
+    """
+    u, v = STENCIL.T
+    basis = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+    beside, residuals = np.full_like(places, np.nan), np.full(len(places), np.nan)
+    for _ in range(ROUNDS):
+        traced = alone.trace(lens.rays((places[:, None] + STENCIL).reshape(-1, 2)))
+        shape = len(places), len(STENCIL)
+        valid = (traced.reached & (traced.word == np.repeat(words, shape[1]))).reshape(shape)
+        on = np.stack([traced.along, traced.across], axis=-1).reshape(*shape, 2)
+        for i, ok in enumerate(valid):
+            if ok.sum() < FEWEST:
+                places[i] = beside[i] = np.nan
+                continue
+            fit = np.linalg.lstsq(basis[ok], on[i, ok])[0]
+            off = on[i, ok] - basis[ok] @ fit
+            scale = np.sqrt(abs(np.linalg.det(fit[1:3])))  # mm per px
+            residuals[i] = np.sqrt(np.mean(off * off)) / scale
+            beside[i] = places[i] + _invert(fit, wanted[i] + insets[i])
+            places[i] = places[i] + _invert(fit, wanted[i])
+    return places, beside, residuals
+
+
+def _invert(fit: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Where a quadratic has a value, from its slopes; far away, one step of Newton's method."""
+    back = np.linalg.inv(fit[1:3])
+    step = (wanted - fit[0]) @ back
+    if np.linalg.norm(step) > TRUSTED:
+        return step * min(1.0, STEP / np.linalg.norm(step))
+    for _ in range(5):
+        u, v = step
+        step = (wanted - fit[0] - np.array([u * u, u * v, v * v]) @ fit[3:]) @ back
+    return step
+
+
+def _find_runs(tables: Tables, lens: Lens, tracer: Tracer) -> list[Run]:
+    """Where membranes are seen in the middle column, from the first row to the last."""
+    middle, _ = lens.middle
+
+    def trace(rows: np.ndarray) -> tuple[Traced, np.ndarray]:
+        places = np.stack([np.full(len(rows), middle), rows], axis=-1)
+        traced = tracer.trace(lens.rays(places))
+        return traced, traced.labels()
+
+    rows = np.linspace(-0.5, lens.rows - 0.5, round(lens.rows / FAN) + 1)[1:-1]
+    traced, labels = trace(rows)
+    changes = np.flatnonzero(np.any(labels[1:] != labels[:-1], axis=-1))
+    firsts, lasts = np.append(0, changes + 1), np.append(changes, len(rows) - 1)
+    kept = traced.seen[firsts]
+    firsts, lasts = firsts[kept], lasts[kept]
+    # Each run's ends lie between its outermost ray and the next one, which is of another view.
+    inner = np.concatenate([rows[firsts], rows[lasts]])
+    own = np.concatenate([labels[firsts], labels[lasts]])
+    outer = np.concatenate([rows[firsts] - FAN, rows[lasts] + FAN])
+    outer = np.clip(outer, -0.5, lens.rows - 0.5)
+    for _ in range(HALVINGS):
+        between = (inner + outer) / 2
+        same = np.all(trace(between)[1] == own, axis=-1)
+        inner, outer = np.where(same, between, inner), np.where(same, outer, between)
+    within, beyond = trace(inner)[0], trace(outer)[0]
+    at_limit = (outer <= 0.001 - 0.5) | (outer >= lens.rows - 0.501)
+    coordinates = within.along / np.abs(tracer.lines[within.pad, 1] - tracer.lines[within.pad, 0])
+    found, count = [], len(firsts)
+    for i in range(count):
+        pad, word, entrance, _ = own[i]
+        ends = i, i + count
+        bounds = [
+            "limit of the image" if at_limit[k]
+            else f"pad {tables['pads'][beyond.pad[k]]['name']}" if beyond.seen[k]
+            else tracer.describe(int(beyond.end[k]))
+            for k in ends
+        ]  # fmt: skip
+        found.append(
+            Run(
+                tables["pads"][pad]["name"],
+                mirrors_of(tables, int(word)),
+                "" if entrance < 0 else tracer.describe(int(entrance)),
+                (float(inner[ends[0]]), float(inner[ends[1]])),
+                (float(coordinates[ends[0]]), float(coordinates[ends[1]])),
+                (bounds[0], bounds[1]),
+            )
+        )
+    return found
