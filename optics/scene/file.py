@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Annotated, Literal
 
 import numpy as np
@@ -11,6 +11,7 @@ import pydantic
 
 from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT, Format, Length, Name, Number, Point, Title
+from optics.scene.layers import CHANNELS, EndKind
 
 FIXED = "world"
 """Name of the frame that does not move."""
@@ -19,6 +20,14 @@ MOST_BOUNCES = 6
 
 LARGEST_RATIO = 1e9
 """A radius so many times longer or shorter than the chord is a slip of the pen."""
+
+MOST_LAYERS = 4
+
+MOST_BEVEL = 80
+"""Degrees; a layer cut back further is a wedge."""
+
+LARGEST_INDEX = 4.0
+"""Of refraction: above all glass and plastic."""
 
 Coefficients = tuple[Number, Number, Number, Number]
 Side = Literal["left", "right", "both"]
@@ -160,10 +169,96 @@ class MirrorTable(SurfaceTable):
         return self
 
 
+def _at_both_ends(value: object) -> object:
+    return value if isinstance(value, (list, tuple)) else [value, value]
+
+
+AtBothEnds = pydantic.BeforeValidator(_at_both_ends)
+NotNegative = Annotated[Number, pydantic.Field(ge=0)]
+Bevel = Annotated[Number, pydantic.Field(gt=-MOST_BEVEL, lt=MOST_BEVEL)]
+Index = Annotated[Number, pydantic.Field(ge=1, le=LARGEST_INDEX)]
+
+
+class IndexTable(Spec):
+    """An index of refraction for each color of an image."""
+
+    red: Index
+    green: Index
+    blue: Index
+
+
+class SidesTable(Spec):
+    """What the end faces of a layer are, and those beside it."""
+
+    start: EndKind = pydantic.Field("black", alias="from")
+    end: EndKind = pydantic.Field("black", alias="to")
+    beside: EndKind = "black"
+
+
+def _on_all_sides(value: object) -> object:
+    return {"from": value, "to": value, "beside": value} if isinstance(value, str) else value
+
+
+def _in_all_colors(value: object) -> object:
+    return value if isinstance(value, Mapping) else dict.fromkeys(CHANNELS, value)
+
+
+class LayerTable(Spec):
+    """An entry of ``layers``: a plate on the pad, towards the camera; mm."""
+
+    thickness: Length
+    index: Annotated[IndexTable, pydantic.BeforeValidator(_in_all_colors)]
+    sides: Annotated[SidesTable, pydantic.BeforeValidator(_on_all_sides)] = SidesTable()
+    overhang: Annotated[tuple[NotNegative, NotNegative], AtBothEnds] = (0.0, 0.0)
+    bevel_deg: Annotated[tuple[Bevel, Bevel], AtBothEnds] = (0.0, 0.0)
+
+
+class BezelTable(Spec):
+    """``bezel``: the seat that holds the outermost layer at its edge; mm."""
+
+    lip: Annotated[tuple[NotNegative, NotNegative], AtBothEnds]
+    height: NotNegative
+
+
 class PadTable(SurfaceTable):
-    """``[[pads]]``: a surface that is to be seen, under no less than a grazing angle."""
+    """``[[pads]]``: a surface that is to be seen, under no less than a grazing angle.
+
+    With ``layers`` it is the membrane behind them, the last layer next to it, and rays must also
+    bring at least ``min_transmission`` of their light through all surfaces.
+    """
 
     min_grazing_deg: Annotated[Number, pydantic.Field(ge=0, lt=90)] = 0.0
+    min_transmission: Annotated[Number, pydantic.Field(ge=0, lt=1)] | None = None
+    width: Length | None = None
+    layers: Annotated[list[LayerTable], pydantic.Field(max_length=MOST_LAYERS)] = pydantic.Field(
+        default_factory=list
+    )
+    bezel: BezelTable | None = None
+
+    @pydantic.model_validator(mode="after")
+    def _holds_its_layers(self) -> PadTable:
+        if not self.layers:
+            for key in ("bezel", "min_transmission"):
+                if getattr(self, key) is not None:
+                    raise ValueError(f"'{key}' is of a pad with layers; add 'layers', or leave it out")
+            return self
+        if self.side == "both":
+            raise ValueError(
+                "layers lie on the sensing side; write side = \"left\" or \"right\", the side of the "
+                "camera seen from 'from' to 'to'"
+            )
+        length = math.dist(self.start, self.end)
+        for number, layer in enumerate(self.layers, 1):
+            cut = [layer.thickness * math.tan(math.radians(bevel)) for bevel in layer.bevel_deg]
+            outer = length + sum(layer.overhang) - sum(cut)
+            lips = sum(self.bezel.lip) if self.bezel and number == 1 else 0.0
+            if outer <= lips:
+                raise ValueError(
+                    f"layers.{number - 1}: its bevels leave {outer:.4g} mm of its side towards the "
+                    f"camera, and the bezel covers {lips:.4g} mm; make the bevels, the lips or the "
+                    "thickness smaller, or the overhang larger"
+                )
+        return self
 
 
 class FrameTable(Spec):

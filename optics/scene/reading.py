@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +18,25 @@ from designopt.errors import UserError
 from designopt.io.files import printable
 from designopt.io.spec_files import validated
 from optics.scene.camera import Camera, Equidistant, KannalaBrandt, Pinhole
-from optics.scene.file import FIXED, CameraTable, FrameTable, LensTable, SceneFile, SurfaceTable
+from optics.scene.file import (
+    FIXED,
+    BezelTable,
+    CameraTable,
+    FrameTable,
+    LayerTable,
+    LensTable,
+    PadTable,
+    SceneFile,
+    SurfaceTable,
+)
+from optics.scene.layers import CHANNELS, LayerKinds, Layers
 from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
 from optics.scene.thin_lens import ThinLens
 
 SIDES = {"left": 1, "right": -1, "both": 0}
+LEAST_TRANSMISSION = 0.3
+"""Of a pad with layers, unless its file states another."""
+
 SENSES = {"counterclockwise": 1, "clockwise": -1}
 
 
@@ -92,6 +106,8 @@ def build_scene(file: SceneFile, source: str) -> Scene:
         angles=angles,
         camera_frame=index[file.camera.body],
         bounces=_bounces(file),
+        layers=_kinds_of_layers(file.pads),
+        bezels=tuple(pad.bezel is not None for pad in file.pads) if _layered(file.pads) else (),
     )
     return Scene(
         camera=_camera(file.camera),
@@ -103,7 +119,54 @@ def build_scene(file: SceneFile, source: str) -> Scene:
         blockers=_ends(file.blockers),
         hinges=jnp.asarray(np.reshape([file.frames[name].hinge for name in names], (-1, 2)), float),
         layout=layout,
+        layers=_layers(file.pads) if layout.layers else None,
+        widths=_widths(file.pads),
     )
+
+
+def _layered(pads: Sequence[PadTable]) -> bool:
+    return any(pad.layers for pad in pads)
+
+
+def _kinds_of_layers(pads: Sequence[PadTable]) -> tuple[tuple[LayerKinds, ...], ...]:
+    if not _layered(pads):
+        return ()
+    return tuple(
+        tuple(LayerKinds(of.start, of.end, of.beside) for of in (part.sides for part in pad.layers))
+        for pad in pads
+    )
+
+
+def _layers(pads: Sequence[PadTable]) -> Layers:
+    most = max(len(pad.layers) for pad in pads)
+
+    def column(number: Callable[[LayerTable], Any], missing: Any) -> Float[np.ndarray, "..."]:
+        rows = [[number(layer) for layer in pad.layers] for pad in pads]
+        return np.array([row + [missing] * (most - len(row)) for row in rows], float)
+
+    def indices(pad: PadTable) -> list[list[float]]:
+        own = [[getattr(layer.index, color) for color in CHANNELS] for layer in pad.layers]
+        return own + [own[-1] if own else [1.0] * len(CHANNELS)] * (most - len(own))
+
+    bezels = [pad.bezel or BezelTable(lip=(0.0, 0.0), height=0.0) for pad in pads]
+    least = [
+        LEAST_TRANSMISSION if pad.min_transmission is None else pad.min_transmission for pad in pads
+    ]
+    return Layers(
+        thickness=column(lambda layer: layer.thickness, 0.0),
+        index=np.array([indices(pad) for pad in pads]),
+        overhang=column(lambda layer: layer.overhang, [0.0] * 2),
+        bevel=np.deg2rad(column(lambda layer: layer.bevel_deg, [0.0] * 2)),
+        lip=np.array([bezel.lip for bezel in bezels]),
+        height=np.array([bezel.height for bezel in bezels]),
+        transmission=np.array(least),
+    )
+
+
+def _widths(pads: Sequence[PadTable]) -> Float[Array, " pads"] | None:
+    if all(pad.width is None for pad in pads):
+        return None
+    return jnp.asarray([math.nan if pad.width is None else pad.width for pad in pads])
 
 
 def _bounces(file: SceneFile) -> int:

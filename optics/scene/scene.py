@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import equinox as eqx
@@ -14,11 +15,20 @@ from jaxtyping import Array, ArrayLike, Float, Int
 
 from designopt.vectors import Vector, rotation, stack, vector
 from optics.scene.camera import Camera
+from optics.scene.layers import (
+    BodyFace,
+    LayerKinds,
+    Layers,
+    Profile,
+    along_and_normal,
+    body_faces,
+    profile_faces,
+)
 
 WORLD = -1
 """Index of the frame that does not move."""
 
-Kind = Literal["mirror", "pad", "blocker"]
+Kind = Literal["mirror", "pad", "blocker", "layer"]
 
 
 @dataclass(frozen=True)
@@ -68,6 +78,8 @@ class Layout:
         angles: names of the joint angles, in the order of their values.
         camera_frame: index of the frame that the camera moves with, or `WORLD`.
         bounces: how many reflections a view may have, unless a call states another number.
+        layers: of every pad, what the faces of its layers are, the outermost first; empty if no pad has layers.
+        bezels: which of the pads have a bezel.
     """
 
     name: str
@@ -79,11 +91,37 @@ class Layout:
     angles: tuple[str, ...]
     camera_frame: int
     bounces: int
+    layers: tuple[tuple[LayerKinds, ...], ...] = ()
+    bezels: tuple[bool, ...] = ()
 
-    @property
+    @cached_property
+    def bodies(self) -> tuple[BodyFace, ...]:
+        """Faces of the layers' bodies besides their outermost surfaces, pad by pad."""
+        return tuple(
+            face
+            for pad, kinds in enumerate(self.layers)
+            for face in body_faces(pad, kinds, self.bezels[pad])
+        )
+
+    @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
-        """All surfaces: mirrors, then pads, then blockers."""
-        return self.mirrors + self.pads + self.blockers
+        """All surfaces: mirrors, then pads, then blockers, then faces of the layers' bodies.
+
+        That of a layered pad is the outermost surface of its layers.
+        """
+        bodies = (
+            Surface(f"{pad.name}: {face.name}", 0, pad.frame)
+            for face in self.bodies
+            for pad in [self.pads[face.pad]]
+        )
+        return (*self.mirrors, *self.pads, *self.blockers, *bodies)
+
+    @cached_property
+    def behind_face(self) -> np.ndarray:
+        """Of every surface, the pad whose outermost surface it is or lies behind, or −1."""
+        others = [-1] * len(self.blockers)
+        bodies = [-1 if face.part in ("rim", "lip") else face.pad for face in self.bodies]
+        return np.array([*[-1] * len(self.mirrors), *range(len(self.pads)), *others, *bodies], int)
 
     @property
     def sides(self) -> np.ndarray:
@@ -98,9 +136,9 @@ class Layout:
 
     def kind(self, surface: int) -> Kind:
         """What a surface is, by its index in `surfaces`."""
-        if surface < len(self.mirrors):
-            return "mirror"
-        return "pad" if surface < len(self.mirrors) + len(self.pads) else "blocker"
+        kinds: tuple[Kind, ...] = ("mirror", "pad", "blocker", "layer")
+        ends = np.cumsum([len(self.mirrors), len(self.pads), len(self.blockers)])
+        return kinds[int(np.searchsorted(ends, surface, side="right"))]
 
 
 class Scene(eqx.Module):
@@ -120,6 +158,8 @@ class Scene(eqx.Module):
         blockers: ends of the blockers, mm.
         hinges: of the frames, mm.
         layout: names, sides, frames: everything structural.
+        layers: of the pads; ``None`` if no pad has layers.
+        widths: of the pads across the section, mm; NaN where a file states none.
     """
 
     camera: Camera
@@ -131,6 +171,8 @@ class Scene(eqx.Module):
     blockers: Float[Array, "blockers 2 2"]
     hinges: Float[Array, "frames 2"]
     layout: Layout = eqx.field(static=True)
+    layers: Layers | None = None
+    widths: Float[Array, " pads"] | None = None
 
     @property
     def angle_names(self) -> tuple[str, ...]:
@@ -203,6 +245,8 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
     """
     layout, origin = scene.layout, vector(scene.camera.position)
     corners = vector(jnp.concatenate([scene.mirrors, scene.pads, scene.blockers])) - origin
+    if scene.layers is not None:
+        corners = _with_bodies(scene, corners)
     hinges = vector(scene.hinges) - origin
     size = _size(corners, hinges)
     corners, hinges = jax.tree.map(lambda leaf: leaf / size, (corners, hinges))
@@ -238,6 +282,26 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
         origin,
         size,
     )
+
+
+def _with_bodies(scene: Scene, corners: Vector) -> Vector:
+    """Surfaces in the reference pose: outermost surfaces instead of membranes, and all bodies."""
+    layout, first = scene.layout, len(scene.layout.mirrors)
+    pads = slice(first, first + len(layout.pads))
+    ends, sides = corners[pads], jnp.asarray(layout.sides[pads], corners.x.dtype)
+    along, normal, length = along_and_normal(ends, sides)
+    faces = profile_faces(Profile.of(scene.layers, length), scene.layers, layout.bodies)
+    pad = np.array([face.pad for face in layout.bodies], int)
+    pad = np.concatenate([np.arange(len(layout.pads)), pad])
+
+    def placed(places: Float[Array, "faces 2 2"]) -> Vector:
+        columns = (ends[..., 0][pad], along[pad], normal[pad])
+        start, along_pad, up = (jax.tree.map(lambda leaf: leaf[:, None], v) for v in columns)
+        return start + along_pad.scaled(places[..., 0]) + up.scaled(places[..., 1])
+
+    moved = placed(faces)
+    parts = corners[: first], moved[: len(layout.pads)], corners[pads.stop :], moved[len(layout.pads) :]
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 
 def _moved(frame: tuple[Vector, Vector, Vector], place: Vector) -> Vector:

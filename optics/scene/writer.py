@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
 from designopt.io.files import replaced_when_complete
@@ -13,6 +15,7 @@ from designopt.io.spec_files import FORMAT, LARGEST
 from designopt.io.toml_writing import degrees_of, format_toml
 from optics.scene.camera import Camera, KannalaBrandt, Pinhole
 from optics.scene.file import FIXED
+from optics.scene.layers import CHANNELS, Layers
 from optics.scene.reading import SENSES, SIDES
 from optics.scene.scene import WORLD, Layout, Scene, Surface
 
@@ -40,6 +43,11 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
     pads = surfaces(layout.pads, scene.pads)
     for pad, grazing in zip(pads, np.asarray(scene.grazing, float).tolist(), strict=True):
         pad["min_grazing_deg"] = degrees_of(grazing)
+    if scene.widths is not None:
+        for pad, width in zip(pads, np.asarray(scene.widths, float).tolist(), strict=True):
+            pad |= {} if math.isnan(width) else {"width": width}
+    if scene.layers is not None:
+        pads = [pad | _layers(scene.layers, layout, i) for i, pad in enumerate(pads)]
     camera = _camera(scene.camera)
     if layout.camera_frame != WORLD:
         camera["body"] = names[layout.camera_frame]
@@ -119,6 +127,29 @@ def _camera(camera: Camera) -> dict[str, Any]:
             "focus": LARGEST if sensor == focal else focal / (1 - focal / sensor),
         }
     return table
+
+
+def _layers(layers: Layers, layout: Layout, pad: int) -> dict[str, Any]:
+    """The keys of a pad that its layers add."""
+    kinds = layout.layers[pad]
+    if not kinds:
+        return {}
+    numbers = jax.tree.map(lambda leaf: np.asarray(leaf, float)[pad].tolist(), layers)
+    found: dict[str, Any] = {
+        "min_transmission": numbers.transmission,
+        "layers": [
+            {
+                "thickness": numbers.thickness[layer],
+                "index": dict(zip(CHANNELS, numbers.index[layer], strict=True)),
+                "sides": dict(zip(("from", "to", "beside"), sides, strict=True)),
+                "overhang": numbers.overhang[layer],
+                "bevel_deg": [degrees_of(angle) for angle in numbers.bevel[layer]],
+            }
+            for layer, sides in enumerate(kinds)
+        ],
+    }
+    bezel = {"lip": numbers.lip, "height": numbers.height}
+    return found | ({"bezel": bezel} if layout.bezels[pad] else {})
 
 
 def _frames_as_in_a_file(layout: Layout) -> list[int]:

@@ -13,6 +13,13 @@ FIRST_PAD_END, SECOND_PAD_END, LEFT_LIMIT, RIGHT_LIMIT, LOW_GRAZING, HIGH_GRAZIN
 """Labels of what bounds a view and is no surface in its way: the pad's own ends, the limits of the
 field of view, the least grazing angle towards the pad's two ends, a fold of the image."""
 
+FIRST_BEZEL, SECOND_BEZEL, LOW_TRANSMISSION, HIGH_TRANSMISSION, FIRST_WALL, SECOND_WALL = range(
+    -8, -14, -1
+)
+"""Labels of what layers add to these: the bezel at the pad's two ends, the least transmission
+towards them, and the end faces of layers where they meet the outermost surface; two less, four
+less, … where layers meet each other."""
+
 FIRST_END, SECOND_END, CROSSING, CUT_BEFORE, CUT_AFTER, HORIZON = range(6)
 """What of a surface can bound a view: one of its ends, the place where it meets the pad, the place
 where it meets the line of the mirror before or after it on the path, or that where a curved one

@@ -14,15 +14,15 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from designopt.batching import map_in_chunks
 from designopt.numerics import as_float
 from designopt.solution import Solution
 from optics.scene.camera import Camera
 from optics.scene.scene import Placed, Scene, place
-from optics.visibility.boundaries import Pad, labels_of, meetings
-from optics.visibility.image_scale import look, reflections
+from optics.visibility.boundaries import PAD_ENDS, Pad, labels_of, meetings
+from optics.visibility.image_scale import look, membrane, reflections
 from optics.visibility.intervals import Interval, measure_of_union
 from optics.visibility.searching import Found, find
 from optics.visibility.unfolding import Unfolded, paths_of, unfold_all
@@ -82,15 +82,15 @@ def find_views(
         placed: Placed, paths: Unfolded, pads: Pad, searched: tuple[Found, Interval]
     ) -> Solution[Pieces]:
         found, widest = searched
-        ends = _ends(camera, paths, pads, found)
-        labels = jax.vmap(labels_of)(paths)[found.path[..., None], found.bounds]
+        entries, ends = _ends(camera, paths, pads, found)
+        labels = _picked(_by_path_and_pad(labels_of, paths, pads), found)
         labels = jnp.where(found.present[..., None], labels, 0)
 
         def piece(pad: Pad, *of_piece: Array) -> Pieces:
             return _piece(camera, placed.size, paths, pad, *of_piece)
 
-        by_piece = jax.vmap(jax.vmap(piece, (None, 0, 0, 0, 0)))
-        pieces = by_piece(pads, found.present, found.path, labels, ends)
+        by_piece = jax.vmap(jax.vmap(piece, (None, 0, 0, 0, 0, 0)))
+        pieces = by_piece(pads, found.present, found.path, labels, entries, ends)
         margins = _by_path_and_pad(partial(margin, camera), paths, pads, widest)
         result = jax.tree.map(jnp.transpose, found.result)
         return Solution(pieces, margins, jnp.zeros_like(margins), result)
@@ -140,7 +140,7 @@ def find_coverage(
     def coverage(
         placed: Placed, paths: Unfolded, pads: Pad, found: Found
     ) -> Solution[Float[Array, " pads"]]:
-        ends = _ends(scene.camera, paths, pads, found)
+        _, ends = _ends(scene.camera, paths, pads, found)
         seen = measure_of_union(ends[..., 0], ends[..., 1])
         return Solution(seen, found.free, jnp.zeros_like(seen), jax.vmap(_room_left)(found.free))
 
@@ -196,14 +196,30 @@ def _by_path_and_pad(function: Callable[..., Any], paths: Unfolded, pads: Pad, *
     return jax.vmap(of_path, (0, None, *[0] * len(more)))(paths, pads, *more)
 
 
+def _picked(of_bounds: Shaped[Array, "paths pads bounds"], found: Found) -> Shaped[Array, "..."]:
+    """What belongs to the bounds of all pieces."""
+    of_pad = jax.vmap(lambda of_bounds, path, bounds: of_bounds[path[:, None], bounds], (1, 0, 0))
+    return of_pad(of_bounds, found.path, found.bounds)
+
+
 def _ends(
     camera: Camera, paths: Unfolded, pads: Pad, found: Found
-) -> Float[Array, "pads pieces 2"]:
-    """Pad coordinates of the ends of all pieces, with derivatives."""
-    at = _by_path_and_pad(partial(meetings, camera), paths, pads)
-    of_pad = jax.vmap(lambda at, path, bounds: at[path[:, None], bounds], (1, 0, 0))
-    ends = of_pad(at, found.path, found.bounds)
-    return jnp.where(found.present[..., None], ends, 0.0)
+) -> tuple[Float[Array, "pads pieces 2"], Float[Array, "pads pieces 2"]]:
+    """Ends of all pieces, with derivatives: along the surfaces that are seen, and along pads."""
+    at = _picked(_by_path_and_pad(partial(meetings, camera), paths, pads), found)
+    entries = jnp.where(found.present[..., None], at, 0.0)
+    if pads.cover is None:
+        return entries, entries
+
+    def behind(pad: Pad, path: Int[Array, ""], entries: Float[Array, "2"]) -> Float[Array, "2"]:
+        return membrane(paths.at(path).source, pad, entries)
+
+    ends = jax.vmap(jax.vmap(behind, (None, 0, 0)))(pads, found.path, entries)
+    # A ray to an end of the membrane meets it exactly, wherever it enters.
+    count = len(PAD_ENDS)
+    end = found.bounds - (labels_of(paths.at(0), jax.tree.map(lambda x: x[0], pads)).size - count)
+    ends = jnp.where(end >= 0, end.astype(ends.dtype), ends)
+    return entries, jnp.where(found.present[..., None], ends, 0.0)
 
 
 def _piece(
@@ -214,11 +230,12 @@ def _piece(
     present: Bool[Array, ""],
     path: Int[Array, ""],
     labels: Int[Array, "2"],
+    entries: Float[Array, "2"],
     ends: Float[Array, "2"],
 ) -> Pieces:
     """One piece of a pad; all of it is 0 where there is none."""
     by = paths.at(path)
-    seen = *look(camera, size, by, pad, ends), reflections(by, pad, ends)
+    seen = *look(camera, size, by, pad, entries), reflections(by, pad, entries)
     # An empty slot repeats some path at coordinate 0, where a look may be undefined.
     seen = [jnp.where(present, number, 0.0) for number in seen]
     return Pieces(present, path, ends[0], ends[1], labels[0], labels[1], *seen)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from optics.scene.camera import Camera
-from optics.visibility.boundaries import LIMITS, PER_SEGMENT, Pad, conditions
+from optics.visibility.boundaries import LIMITS, PER_SEGMENT, Pad, conditions, windows
 from optics.visibility.intervals import Interval, common_part, gaps, where_positive
 from optics.visibility.unfolding import ROUNDING_UNITS, Unfolded, left_of
 from optics.visibility.views import ViewResult
@@ -75,7 +75,7 @@ def search(
         Candidates for pieces, which of them are there, and why there are none.
     """
     segments, others, edge_on = _parts(camera, path, pad)
-    window = _window(camera, path, segments, others, edge_on)
+    window = _window(camera, path, pad, segments, others, edge_on)
     shadows, active = _shadows(camera, path, pad, segments, others, edge_on)
     pieces = _limit_met(path, pad, gaps(window, shadows, active))
 
@@ -120,20 +120,24 @@ def _parts(
 def _window(
     camera: Camera,
     path: Unfolded,
+    pad: Pad,
     segments: Interval,
     others: Interval,
     edge_on: Bool[Array, " segments"],
 ) -> Interval:
-    """The part of a pad that field of view, grazing angle and mirrors let through."""
+    """The part of a pad that field of view, grazing angle, mirrors and layers let through."""
     dtype, last = segments.start.dtype, PER_SEGMENT * segments.start.size + len(LIMITS)
-    # Segments, left and right limit, both grazing limits, and the pad itself.
-    pad = Interval(
-        jnp.zeros(1, dtype), jnp.ones(1, dtype), jnp.array([last]), jnp.array([last + 1])
-    )
-    all_of = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), segments, others, pad)
+    # Segments, left and right limit, both grazing limits, the pad itself, windows of its layers.
+    ends = jnp.array([[0.0, 1.0]], dtype)
+    if pad.cover is not None:
+        ends = jnp.concatenate([ends, windows(path, pad)])
+    bounds = last + jnp.arange(ends.size).reshape(ends.shape)
+    own = Interval(ends[:, 0], ends[:, 1], bounds[:, 0], bounds[:, 1])
+    all_of = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), segments, others, own)
     through, wide = path.through.reshape(-1), camera.field_of_view > jnp.pi
-    ignored = jnp.concatenate([~through, jnp.stack([wide, wide]), jnp.zeros(3, bool)])
-    shut = jnp.concatenate([through & edge_on, jnp.zeros(5, bool)])
+    always = jnp.zeros(2 + len(ends), bool)
+    ignored = jnp.concatenate([~through, jnp.stack([wide, wide]), always])
+    shut = jnp.concatenate([through & edge_on, jnp.zeros(2, bool), always])
     start = jnp.where(ignored, 0.0, jnp.where(shut, 1.0, all_of.start))
     end = jnp.where(ignored, 1.0, all_of.end)
     return common_part(Interval(start, end, all_of.start_label, all_of.end_label))
@@ -148,7 +152,8 @@ def _shadows(
     edge_on: Bool[Array, " segments"],
 ) -> tuple[Interval, Bool[Array, " shadows"]]:
     """The parts of a pad that surfaces hide, and what a field of view beyond 180° leaves out."""
-    active = path.in_the_way(pad.index).reshape(-1) & ~edge_on & (segments.start < segments.end)
+    hiding = path.in_the_way(pad.own(path.blockers.active.shape[1])).reshape(-1)
+    active = hiding & ~edge_on & (segments.start < segments.end)
     start, end, label = others.start[:2], others.end[:2], others.start_label[:2]
     # What is left out by each limit is the rest of the pad.
     rest = Interval(jnp.where(start > 0, 0.0, end), jnp.where(start > 0, start, 1.0), label, label)

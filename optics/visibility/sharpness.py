@@ -21,7 +21,7 @@ from designopt.numerics import safe_divide
 from optics.scene.scene import Scene, place
 from optics.visibility.boundaries import Pad
 from optics.visibility.fan import Fan
-from optics.visibility.image_scale import look
+from optics.visibility.image_scale import entry, look
 from optics.visibility.tracing import Leg
 from optics.visibility.unfolding import paths_of, unfold_all
 from optics.visibility.views import Pieces
@@ -143,7 +143,9 @@ def _unfolded(
         paths, pads = unfold_all(scene.layout, placed, words), Pad.all_of(scene, placed)
 
         def by(pad: Pad, path: Int[Array, ""], places: Float[Array, " places"]) -> Any:
-            return look(scene.camera, placed.size, paths.at(path), pad, places)[1:]
+            by = paths.at(path)
+            entries = entry(by.source, pad, places)
+            return look(scene.camera, placed.size, by, pad, entries)[1:]
 
         return jax.vmap(jax.vmap(by, (None, 0, None)))(pads, path_of, places)
 

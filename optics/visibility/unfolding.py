@@ -114,11 +114,10 @@ class Unfolded(eqx.Module):
         odd = jnp.sum(self.reflects, axis=-1) % 2 == 1
         return jnp.where(odd, -1.0, 1.0).astype(self.source.x.dtype)
 
-    def in_the_way(self, pad: Int[Array, ""]) -> Bool[Array, "legs surfaces"]:
-        """Which blockers can hide a pad: not itself, at the end of the last leg."""
-        legs, count = self.blockers.active.shape
-        last = jnp.arange(legs) == jnp.sum(self.reflects)
-        return ~(last[:, None] & (jnp.arange(count) == pad)[None]) & self.blockers.active
+    def in_the_way(self, own: Bool[Array, " surfaces"]) -> Bool[Array, "legs surfaces"]:
+        """Which blockers can hide a pad: not its own surfaces, at the end of the last leg."""
+        last = jnp.arange(len(self.blockers.active)) == jnp.sum(self.reflects)
+        return ~(last[:, None] & own[None]) & self.blockers.active
 
 
 def paths_of(layout: Layout, bounces: int) -> list[tuple[int, ...]]:

@@ -62,6 +62,10 @@ _ENDS = {
     codes.LOW_GRAZING: "least grazing angle",
     codes.HIGH_GRAZING: "least grazing angle",
     codes.FOLD: "fold of the image",
+    codes.FIRST_BEZEL: "bezel",
+    codes.SECOND_BEZEL: "bezel",
+    codes.LOW_TRANSMISSION: "least transmission",
+    codes.HIGH_TRANSMISSION: "least transmission",
     codes.FIRST_END: "its end 'from'",
     codes.SECOND_END: "its end 'to'",
     codes.CROSSING: "where another surface meets it",
@@ -154,6 +158,6 @@ def describe_end(layout: Layout, label: int) -> str:
         'end of the pad'
     """
     if label < 0:
-        return _ENDS[label]
+        return _ENDS.get(label, "end face of a layer")
     _, surface, kind = map(int, parts_of(label))
     return f"{layout.kind(surface)} '{layout.surfaces[surface].name}': {_ENDS[kind]}"

@@ -19,7 +19,7 @@ from designopt.numerics import safe_arctan2
 from designopt.vectors import Vector, stack
 from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
-from optics.visibility.boundaries import PAD_ENDS, Pad, toward
+from optics.visibility.boundaries import Pad, labels_of, toward, windows
 from optics.visibility.boundary_codes import label_of, with_kind
 from optics.visibility.intervals import FAR, Interval, gaps
 from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, unit
@@ -81,8 +81,9 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     high = jnp.where(sense > 0, codes.LEFT_LIMIT, codes.RIGHT_LIMIT)
     # From behind, the pad's second end comes first.
     in_front = sense * above > 0
-    toward_first = jnp.where(in_front, codes.LOW_GRAZING, codes.HIGH_GRAZING)
-    toward_second = jnp.where(in_front, codes.HIGH_GRAZING, codes.LOW_GRAZING)
+    flattest_first, flattest_second = pad.flattest()
+    toward_first = jnp.where(in_front, flattest_first, flattest_second)
+    toward_second = jnp.where(in_front, flattest_second, flattest_first)
     side = jnp.where(above < 0, -1.0, 1.0)
     crossing = with_kind(path.blockers.labels[..., 0], codes.CROSSING)
     blockers = cut(path.blockers, pad.ends(), side, crossing)
@@ -99,6 +100,13 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     upper = jnp.stack([last, foot + max_obliquity, jnp.where(wide, FAR, axis + half)])
     lower_labels = jnp.stack([shown.labels[0], toward_first, low])
     upper_labels = jnp.stack([shown.labels[1], toward_second, high])
+    if pad.cover is not None:
+        entries = windows(path, pad)
+        passed = angle(step.scaled(entries) + (pad.start - source))
+        labels = labels_of(path, pad)[-entries.size :].reshape(entries.shape)
+        lower, upper = jnp.append(lower, passed[:, 0]), jnp.append(upper, passed[:, 1])
+        lower_labels = jnp.append(lower_labels, labels[:, 0])
+        upper_labels = jnp.append(upper_labels, labels[:, 1])
     # From behind, a mirror begins where it ends.
     turned_round = Interval(mirrors.end, mirrors.start, mirrors.end_label, mirrors.start_label)
     open_ = jax.tree.map(partial(jnp.where, away), turned_round, mirrors)
@@ -112,7 +120,8 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     last_end = jnp.where(left, end[to], jnp.minimum(start[at], end[to]))
     window = Interval(start[at], last_end, start_labels[at], end_labels[to])
 
-    active = (blockers.active & path.in_the_way(pad.index)).reshape(-1)
+    active = blockers.active & path.in_the_way(pad.own(blockers.active.shape[1]))
+    active = active.reshape(-1)
     active &= hidden.end > hidden.start
     outside = Interval(back - (jnp.pi - half), back + (jnp.pi - half), high, low)
     shadows = jax.tree.map(lambda many, one: jnp.append(many, one), hidden, outside)
@@ -126,7 +135,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
 
 def _shown(path: Unfolded, pad: Pad) -> Edges:
     """The part of a pad that lies in front of the last mirror."""
-    whole = Edges(pad.ends(), jnp.array(PAD_ENDS), jnp.asarray(True))
+    whole = Edges(pad.ends(), jnp.asarray(pad.edges()), jnp.asarray(True))
     start, along = path.last[0], path.last[1] - path.last[0]
     leg = jnp.sum(path.reflects)
     behind = jnp.where(left_of(path.source, start, along) < 0, 1.0, -1.0)

@@ -1,0 +1,167 @@
+"""Clear layers over pads: plates of acrylic and silicone between the camera and the membrane.
+
+A layered pad is a body. Its membrane is the pad's segment; the layers lie on it, towards the sensing
+side, each with two end faces that may overhang the membrane and be cut at a bevel; a bezel may hold
+the outermost one. Along the pad places are counted from its first end, heights from the membrane.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.numerics import as_float, safe_divide
+from designopt.vectors import Vector
+
+EndKind = Literal["black", "clear", "painted", "lamp"]
+
+CHANNELS = ("red", "green", "blue")
+"""Colors for which a layer has an index of refraction, in their order."""
+
+
+class LayerKinds(NamedTuple):
+    """What the faces of a layer are: at the pad's first end, at its second, and beside it."""
+
+    first: EndKind
+    second: EndKind
+    beside: EndKind
+
+
+class BodyFace(NamedTuple):
+    """A face of a layered pad's body other than its outermost surface.
+
+    Attributes:
+        pad: index of the pad.
+        part: an end face of a layer, what a level leaves free of the layer on one of its two
+            sides, or the outer or inner side of the bezel.
+        layer: index of the layer, of the level's lower layer, or of the outermost one.
+        end: 0 at the pad's first end, 1 at its second.
+        kind: of an end face; the others are black.
+        name: for messages.
+    """
+
+    pad: int
+    part: Literal["end", "ledge", "rim", "lip"]
+    layer: int
+    end: int
+    kind: EndKind
+    name: str
+
+
+def body_faces(pad: int, kinds: tuple[LayerKinds, ...], bezel: bool) -> list[BodyFace]:
+    """Faces of the body of a pad, by index, with layers of given kinds."""
+    faces = []
+    for layer, of_layer in enumerate(kinds):
+        for end, at in enumerate(("from", "to")):
+            name = f"layer {layer + 1} at '{at}'"
+            faces.append(BodyFace(pad, "end", layer, end, of_layer[end], name))
+            if layer > 0:
+                faces.append(BodyFace(pad, "ledge", layer, end, "black", f"ledge of {name}"))
+    if bezel:
+        for end, at in enumerate(("from", "to")):
+            faces += [
+                BodyFace(pad, "rim", 0, end, "black", f"outer side of the bezel at '{at}'"),
+                BodyFace(pad, "lip", 0, end, "black", f"bezel at '{at}'"),
+            ]
+    return faces
+
+
+_INDICES = ("pad", "layer", "end")
+
+
+class Layers(eqx.Module):
+    """The layers of all pads, the outermost first.
+
+    A pad with fewer layers than another has more of thickness 0 on its membrane, with the index of
+    its last layer.
+
+    Attributes:
+        thickness: mm.
+        index: of refraction, for each of `CHANNELS`.
+        overhang: by how much a layer's membrane side is longer than the membrane at its two ends, mm.
+        bevel: angles by which its ends are cut back towards the camera, rad.
+        lip: how far the bezel covers the outermost layer from its two ends, mm.
+        height: of the bezel over the outermost layer, mm.
+        transmission: least part of the light that must come through all surfaces (Fresnel,
+            unpolarised) for a ray to count.
+    """
+
+    thickness: Float[Array, "pads layers"] = eqx.field(converter=as_float)
+    index: Float[Array, "pads layers 3"] = eqx.field(converter=as_float)
+    overhang: Float[Array, "pads layers 2"] = eqx.field(converter=as_float)
+    bevel: Float[Array, "pads layers 2"] = eqx.field(converter=as_float)
+    lip: Float[Array, "pads 2"] = eqx.field(converter=as_float)
+    height: Float[Array, " pads"] = eqx.field(converter=as_float)
+    transmission: Float[Array, " pads"] = eqx.field(converter=as_float)
+
+
+class Profile(eqx.Module):
+    """The section of the layers of one pad or of several, along the pad and above its membrane, mm.
+
+    Attributes:
+        levels: heights of the layers' upper sides, the outermost first, and of the membrane.
+        lower: along the pad, both ends of each layer's side towards the membrane.
+        upper: the same of its side towards the camera.
+        membrane: both ends of the membrane.
+    """
+
+    levels: Float[Array, "*pads levels"]
+    lower: Float[Array, "*pads layers 2"]
+    upper: Float[Array, "*pads layers 2"]
+    membrane: Float[Array, "*pads 2"]
+
+    @classmethod
+    def of(cls, layers: Layers, length: Float[Array, " pads"]) -> Profile:
+        """The profiles of pads of given lengths, mm."""
+        below = jnp.cumsum(layers.thickness[:, ::-1], axis=1)[:, ::-1]
+        levels = jnp.concatenate([below, jnp.zeros_like(below[:, :1])], axis=1)
+        outward = jnp.array([-1.0, 1.0], levels.dtype)
+        membrane = jnp.stack([jnp.zeros_like(length), length], axis=-1)
+        lower = membrane[:, None] + outward * layers.overhang
+        upper = lower - outward * layers.thickness[..., None] * jnp.tan(layers.bevel)
+        return cls(levels, lower, upper, membrane)
+
+    def face(self) -> Float[Array, "*pads 2"]:
+        """Both ends of the outermost surface."""
+        return self.upper[..., 0, :]
+
+    def windows(self) -> Float[Array, "*pads layers 2"]:
+        """What rays may pass at the lower side of each layer: what both layers there share.
+
+        At the last one that is the membrane.
+        """
+        below = jnp.concatenate([self.upper[..., 1:, :], self.membrane[..., None, :]], axis=-2)
+        first = jnp.maximum(self.lower[..., 0], below[..., 0])
+        return jnp.stack([first, jnp.minimum(self.lower[..., 1], below[..., 1])], axis=-1)
+
+
+def along_and_normal(ends: Vector, side: Float[Array, " pads"]) -> tuple[Vector, Vector, Array]:
+    """Unit vectors along pads and towards their sensing sides, and their lengths."""
+    step = ends[..., 1] - ends[..., 0]
+    length = step.length()
+    along = step.scaled(safe_divide(jnp.ones_like(length), length)[0])
+    return along, along.perpendicular().scaled(side), length
+
+
+def profile_faces(
+    profile: Profile, layers: Layers, bodies: tuple[BodyFace, ...]
+) -> Float[Array, "faces 2 2"]:
+    """Outermost surfaces of all pads, then faces of their bodies: both ends along and above."""
+    top = profile.levels[:, :1]
+    outermost = jnp.stack([profile.face(), jnp.repeat(top, 2, axis=1)], axis=-1)
+
+    pad, layer, end = (np.array([getattr(face, of) for face in bodies]) for of in _INDICES)
+    parts = np.array([face.part for face in bodies])
+    is_end, is_ledge, is_bezel = (np.isin(parts, of) for of in ("end", "ledge", ["rim", "lip"]))
+    upper, level = profile.upper[pad, layer, end], profile.levels[pad, layer]
+    inward = layers.lip[pad, end] * ((1 - 2 * end) * (parts == "lip"))
+    above = profile.lower[pad, layer - 1, end]
+    first = jnp.where(is_end, profile.lower[pad, layer, end], jnp.where(is_ledge, above, upper))
+    below = jnp.where(is_end, profile.levels[pad, layer + 1], level)
+    raised = level + jnp.where(is_bezel, layers.height[pad], 0.0)
+    ends = [jnp.stack([first + inward, upper + inward], -1), jnp.stack([below, raised], -1)]
+    return jnp.concatenate([outermost, jnp.stack(ends, axis=-1)])

@@ -1,0 +1,190 @@
+"""Light through the flat layers on a pad, after Snell: where a line of sight meets each level.
+
+From a source at height h over the outermost surface, a ray under the slope w (tangent of the angle
+from the normal, in air) has gone along the pad, at the lower side of the layers of thicknesses t and
+indices n,
+
+    x(w) = h w + Σ t w / √(n² + (n² − 1) w²),
+
+since n sin θ is the same in all layers (M. Born, E. Wolf, *Principles of Optics*, 7th ed., §1.5.1).
+For w > 0 it rises and is concave, so Newton's method climbs from any lower bound of the root to the
+root and never passes it, down to grazing incidence.
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from designopt.numerics import safe_divide
+
+STEPS = 16
+"""Newton steps; 600,000 random stacks and heights down to 1e-8 of the offset took 14 at most."""
+
+HALVINGS = 60
+"""Bisections of the sine of the flattest ray's angle, to rounding in double precision."""
+
+
+class Stack(eqx.Module):
+    """Layers behind an outermost surface; lengths in any one unit, places from that surface's start.
+
+    Attributes:
+        thickness: of the layers, the outermost first.
+        index: of refraction.
+        windows: along the pad, first and second end of what may be passed at the lower side of
+            each layer; the last is the membrane.
+    """
+
+    thickness: Float[Array, "*pads layers"]
+    index: Float[Array, "*pads layers"]
+    windows: Float[Array, "*pads layers 2"]
+
+    def slopes(
+        self, height: Float[Array, ""], foot: Float[Array, ""]
+    ) -> Float[Array, "layers 2"]:
+        """Slopes w of the lines of sight to the ends of all windows of one stack.
+
+        Args:
+            height: of the source over the outermost surface, positive.
+            foot: place along the pad over which the source is.
+        """
+        above = jnp.tril(jnp.broadcast_to(self.thickness, (self.thickness.size,) * 2))
+        to_level = jax.vmap(jax.vmap(slope_to, (None, None, None, 0)), (None, 0, None, 0))
+        return to_level(height, above, self.index, self.windows - foot)
+
+    def slope(
+        self, height: Float[Array, ""], foot: Float[Array, ""], coordinate: Float[Array, "*points"]
+    ) -> Float[Array, "*points"]:
+        """Slopes w of the lines of sight to points of the membrane, by pad coordinate."""
+        first, last = self.windows[-1]
+        place = first + coordinate * (last - first) - foot
+        one = jnp.vectorize(
+            lambda along: slope_to(height, self.thickness, self.index, along), signature="()->()"
+        )
+        return one(place)
+
+    def coordinate(
+        self, height: Float[Array, ""], foot: Float[Array, ""], slope: Float[Array, "*points"]
+    ) -> Float[Array, "*points"]:
+        """Pad coordinates of the points of the membrane's line that lines of sight meet."""
+        first, last = self.windows[-1]
+        met = foot + along_of(height, self.thickness, self.index, slope)
+        return safe_divide(met - first, jnp.broadcast_to(last - first, met.shape))[0]
+
+
+def _cosines(
+    index: Float[Array, " layers"], slope: Float[Array, "*points"]
+) -> tuple[Float[Array, "*points layers"], Float[Array, "*points 1"]]:
+    """n cos θ in each layer over cos θ in air, √(n² + (n² − 1) w²), and the slope beside it."""
+    w = slope[..., None]
+    return jnp.sqrt(index**2 + (index**2 - 1) * w * w), w
+
+
+def along_of(
+    height: Float[Array, ""],
+    thickness: Float[Array, " layers"],
+    index: Float[Array, " layers"],
+    slope: Float[Array, "*points"],
+) -> Float[Array, "*points"]:
+    """How far along the pad rays of given slopes go: x(w)."""
+    cosine, w = _cosines(index, slope)
+    return height * slope + jnp.sum(thickness * w / cosine, axis=-1)
+
+
+def rise_of(
+    height: Float[Array, ""],
+    thickness: Float[Array, " layers"],
+    index: Float[Array, " layers"],
+    slope: Float[Array, "*points"],
+) -> Float[Array, "*points"]:
+    """Derivative of `along_of` with respect to the slope."""
+    cosine, _ = _cosines(index, slope)
+    return height + jnp.sum(thickness * index**2 / cosine**3, axis=-1)
+
+
+def length_of(
+    height: Float[Array, ""],
+    thickness: Float[Array, " layers"],
+    index: Float[Array, " layers"],
+    slope: Float[Array, "*points"],
+) -> Float[Array, "*points"]:
+    """Lengths of rays from the source to the last level."""
+    cosine, _ = _cosines(index, slope)
+    return jnp.sqrt(1 + slope**2) * (height + jnp.sum(thickness * index / cosine, axis=-1))
+
+
+def slope_to(
+    height: Float[Array, ""],
+    thickness: Float[Array, " layers"],
+    index: Float[Array, " layers"],
+    along: Float[Array, ""],
+) -> Float[Array, ""]:
+    """The slope of the ray that goes a distance along the pad: the inverse of `along_of`."""
+    h, t, n, x = jax.lax.stop_gradient((height, thickness, index, jnp.abs(along)))
+    # Two lower bounds of the root: no layer bends less than for rays along the normal, and none
+    # shifts more than at grazing incidence.
+    near, _ = safe_divide(x, h + jnp.sum(t / n))
+    bends = n > 1
+    shift = jnp.sum(jnp.where(bends, t / jnp.sqrt(jnp.where(bends, n**2 - 1, 1.0)), 0.0))
+    unbent = jnp.any(~bends & (t > 0))
+    far, _ = safe_divide(jnp.where(unbent, 0.0, x - shift), h)
+    start = jnp.maximum(near, far)
+
+    def climb(_: int, w: Float[Array, ""]) -> Float[Array, ""]:
+        return w + (x - along_of(h, t, n, w)) / rise_of(h, t, n, w)
+
+    root = jnp.sign(along) * jax.lax.fori_loop(0, STEPS, climb, start)
+    root = jax.lax.stop_gradient(root)
+    # One more step with all derivatives: those of the root, by the theorem of implicit functions.
+    missed = along - along_of(height, thickness, index, root)
+    return root + missed / jax.lax.stop_gradient(rise_of(height, thickness, index, root))
+
+
+def transmission(
+    index: Float[Array, " layers"], grazing: Float[Array, "*points"]
+) -> Float[Array, "*points"]:
+    """Part of unpolarised light that comes through all surfaces to the membrane.
+
+    Source: E. Hecht, *Optics*, 5th ed., §4.6.3: through one surface comes 4 q q′ / (q + q′)², with
+    q = n cos θ for light polarised across the plane of incidence and q = cos θ / n in it. Light that
+    is reflected twice and more is left out.
+
+    Args:
+        index: of refraction, of the layers from the outermost on.
+        grazing: angle in air between ray and outermost surface, rad.
+    """
+    sine = jnp.sin(grazing)[..., None]
+    across = jnp.concatenate([sine, jnp.sqrt(index**2 - 1 + sine**2)], axis=-1)
+    within = across / jnp.concatenate([jnp.ones_like(index[:1]), index**2])
+
+    def through(q: Float[Array, "*points surfaces"]) -> Float[Array, "*points"]:
+        before, after = q[..., :-1], q[..., 1:]
+        part, _ = safe_divide(4 * before * after, (before + after) ** 2)
+        return jnp.prod(part, axis=-1)
+
+    return (through(across) + through(within)) / 2
+
+
+def least_grazing(
+    index: Float[Array, " layers"], least: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Grazing angle in air (rad) under which just a given part of the light comes through.
+
+    A quarter turn if less comes through along the normal; 0 if all rays bring more.
+    """
+    n, wanted = jax.lax.stop_gradient((index, least))
+
+    def halve(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        low, high = ends
+        middle = (low + high) / 2
+        enough = transmission(n, middle) >= wanted
+        return jnp.where(enough, low, middle), jnp.where(enough, middle, high)
+
+    ends = jnp.zeros_like(wanted), jnp.full_like(wanted, jnp.pi / 2)
+    root = jax.lax.fori_loop(0, HALVINGS, halve, ends)[1]
+    slope = jax.grad(transmission, 1)(n, root)
+    step, _ = safe_divide(least - transmission(index, root), slope)
+    inside = (wanted > 0) & (root < jnp.pi / 2)
+    return root + jnp.where(inside, step - jax.lax.stop_gradient(step), 0.0)
