@@ -18,8 +18,8 @@ OLDEST_LLVM = 16
 PLACES = ("/usr/lib/*-linux-gnu", "/usr/lib/llvm-*/lib", "/usr/lib64", "/opt/homebrew/opt/llvm/lib")
 
 Material = str | tuple[float, float]
-"""``opaque``, ``mirror``, ``two-sided mirror``, or the refractive indices before and behind a smooth
-interface; "before" is where a face's normal points."""
+"""A name in `TABLES`, or the refractive indices before and behind a smooth interface; "before" is
+where a face's normal points."""
 
 TABLES: dict[str, dict[str, Any]] = {
     "opaque": {"type": "diffuse"},

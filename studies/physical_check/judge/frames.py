@@ -1,4 +1,4 @@
-"""What the judge finds in one frame: corners, runs down the middle column, and what is covered."""
+"""What the judge finds in one frame: corners, views down the middle column, and what is covered."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import os
 import tempfile
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,6 +44,10 @@ HALVINGS = 15
 """Of a step of the fan: to 6e-6 px, float32's rounding of a direction."""
 
 
+AT_END = 1e-5
+"""Membrane coordinates so near 0 and 1 are the ends of a membrane."""
+
+
 class Corner(NamedTuple):
     """One corner of a membrane, seen through the outermost surface.
 
@@ -64,7 +68,7 @@ class Corner(NamedTuple):
     residual: float
 
 
-class Run(NamedTuple):
+class View(NamedTuple):
     """A stretch of the middle column in which one membrane is seen by one path.
 
     Attributes:
@@ -88,7 +92,7 @@ class Frame(NamedTuple):
     """A judged frame; `seconds` is what it took."""
 
     corners: list[Corner]
-    runs: list[Run]
+    views: list[View]
     coverage: dict[str, float]
     seconds: float
 
@@ -109,10 +113,23 @@ def judge(tables: Tables, pose: Pose) -> Frame:
         for pad in range(len(tables.get("pads", [])))
         for corner in _find_corners(tables, pose, lens, tracer, pad)
     ]
-    runs = _find_runs(tables, lens, tracer)
+    views = _find_views(tables, lens, tracer)
     names = [pad["name"] for pad in tables.get("pads", [])]
-    covered = {name: union([run.along for run in runs if run.pad == name]) for name in names}
-    return Frame(corners, runs, covered, time.perf_counter() - began)
+    covered = {name: union([view.along for view in views if view.pad == name]) for name in names}
+    return Frame(corners, views, covered, time.perf_counter() - began)
+
+
+def picture(tables: Tables, pose: Pose, step: float) -> np.ndarray:
+    """The light from membranes that reaches the camera, 0 to 1, at every so many pixels.
+
+    That of a bare pad is 1, and 0 where the ray reaches no membrane.
+    """
+    camera = tables["camera"]
+    lens = Lens.of(camera, motion_of(tables, pose, camera.get("body", "world")), ASPECT)
+    columns, rows = np.arange(0, lens.columns, step), np.arange(0, lens.rows, step)
+    places = np.stack(np.meshgrid(columns, rows), axis=-1)
+    traced = Tracer(tables, pose, lens.position).trace(lens.rays(places.reshape(-1, 2)))
+    return np.where(traced.reached, traced.transmission, 0.0).reshape(places.shape[:2])
 
 
 def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
@@ -121,8 +138,8 @@ def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
     asked = json.dumps([tables, pose], sort_keys=True).encode()
     path = folder / f"{hashlib.sha256(sources + asked).hexdigest()}.json"
     if path.exists():
-        corners, runs, coverage, seconds = json.loads(path.read_text(encoding="utf-8"))
-        return Frame([_corner(*c) for c in corners], [_run(*r) for r in runs], coverage, seconds)
+        corners, views, coverage, seconds = json.loads(path.read_text(encoding="utf-8"))
+        return Frame([_corner(*c) for c in corners], [_view(*r) for r in views], coverage, seconds)
     frame = judge(tables, pose)
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile("w", dir=folder, delete=False, encoding="utf-8") as file:
@@ -135,9 +152,9 @@ def _corner(pad: str, path: list, end: int, side: int, place: list, residual: fl
     return Corner(pad, tuple(path), end, side, (place[0], place[1]), residual)
 
 
-def _run(pad: str, path: list, entrance: str, *pairs: list) -> Run:
+def _view(pad: str, path: list, entrance: str, *pairs: list) -> View:
     rows, along, bounds = ((one[0], one[1]) for one in pairs)
-    return Run(pad, tuple(path), entrance, rows, along, bounds)
+    return View(pad, tuple(path), entrance, rows, along, bounds)
 
 
 def union(intervals: list[tuple[float, float]]) -> float:
@@ -229,8 +246,8 @@ def _invert(fit: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return step
 
 
-def _find_runs(tables: Tables, lens: Lens, tracer: Tracer) -> list[Run]:
-    """Where membranes are seen in the middle column, from the first row to the last."""
+def _find_views(tables: Tables, lens: Lens, tracer: Tracer) -> list[View]:
+    """Views down the middle column, from the first row to the last."""
     middle, _ = lens.middle
 
     def trace(rows: np.ndarray) -> tuple[Traced, np.ndarray]:
@@ -244,7 +261,7 @@ def _find_runs(tables: Tables, lens: Lens, tracer: Tracer) -> list[Run]:
     firsts, lasts = np.append(0, changes + 1), np.append(changes, len(rows) - 1)
     kept = traced.seen[firsts]
     firsts, lasts = firsts[kept], lasts[kept]
-    # Each run's ends lie between its outermost ray and the next one, which is of another view.
+    # A view's ends lie between its outermost ray and the next one, which is of another view.
     inner = np.concatenate([rows[firsts], rows[lasts]])
     own = np.concatenate([labels[firsts], labels[lasts]])
     outer = np.concatenate([rows[firsts] - FAN, rows[lasts] + FAN])
@@ -262,12 +279,13 @@ def _find_runs(tables: Tables, lens: Lens, tracer: Tracer) -> list[Run]:
         ends = i, i + count
         bounds = [
             "limit of the image" if at_limit[k]
+            else "end of the pad" if np.abs(coordinates[k] - 0.5) > 0.5 - AT_END
             else f"pad {tables['pads'][beyond.pad[k]]['name']}" if beyond.seen[k]
             else tracer.describe(int(beyond.end[k]))
             for k in ends
         ]  # fmt: skip
         found.append(
-            Run(
+            View(
                 tables["pads"][pad]["name"],
                 mirrors_of(tables, int(word)),
                 "" if entrance < 0 else tracer.describe(int(entrance)),

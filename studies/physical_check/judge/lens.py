@@ -57,7 +57,7 @@ class Lens(NamedTuple):
         if isinstance(projection, str):
             height, inverse = HEIGHTS[projection](half), INVERSES[projection]
         else:
-            height, inverse = float(_polynomial(projection, np.array(half))), _inverse(projection)
+            height, inverse = _polynomial(projection, half), _inverse(projection)
         turn, shift = motion
         position = turn * complex(*camera["position"]) + shift
         axis = turn * cmath.exp(1j * math.radians(camera["direction_deg"]))
@@ -71,19 +71,22 @@ class Lens(NamedTuple):
     def rays(self, places: np.ndarray) -> np.ndarray:
         """Unit vectors (x, y, z) of places (column, row), shape (places, 2).
 
-        Rows grow clockwise in the section, columns along z.
+        Rows grow clockwise in the section, columns along z. Places beyond the lens's largest image
+        have NaN.
         """
         across, down = (places - self.middle).T
         radius = np.hypot(across, down)
-        angle = self.inverse(radius / self.focal)
+        with np.errstate(invalid="ignore"):
+            angle = self.inverse(radius / self.focal)
+            angle = np.where(angle <= math.pi, angle, np.nan)
         safe = np.where(radius > 0, radius, 1.0)
         up, side = -np.sin(angle) * down / safe, np.sin(angle) * across / safe
         plane = self.axis * (np.cos(angle) + 1j * up)
         return np.stack([plane.real, plane.imag, side], axis=-1)
 
 
-def _polynomial(coefficients: Sequence[float], angle: np.ndarray) -> np.ndarray:
-    """r/f = θ + k₁ θ³ + k₂ θ⁵ + …"""
+def _polynomial(coefficients: Sequence[float], angle: Any) -> Any:
+    """Sum of θ, k₁ θ³, k₂ θ⁵ and so on: r/f."""
     powers = [angle ** (2 * i + 3) * k for i, k in enumerate(coefficients)]
     return angle + sum(powers)
 
@@ -92,4 +95,6 @@ def _inverse(coefficients: Sequence[float]) -> Callable[[np.ndarray], np.ndarray
     heights = _polynomial(coefficients, TABULATED)
     grows = np.append(np.diff(heights) > 0, False)
     last = int(np.argmin(grows))  # beyond it the image turns back
-    return lambda radius: np.interp(radius, heights[: last + 1], TABULATED[: last + 1])
+    return lambda radius: np.interp(
+        radius, heights[: last + 1], TABULATED[: last + 1], right=np.nan
+    )

@@ -161,7 +161,7 @@ def layers_of(pad: Mapping[str, Any], length: float) -> list[Layer]:
 def _pad_faces(
     pad: Mapping[str, Any], part: int, line: tuple[complex, complex], spare: float | None
 ) -> Iterator[Face]:
-    """Membrane, layers and bezel of one pad; without ends and with some room beside it, if asked."""
+    """Membrane, layers and bezel of one pad, or, with room to spare, levels without ends."""
     start, end = line
     along = (end - start) / abs(end - start)
     half, length = float(pad.get("width", WIDTH)) / 2, abs(end - start)
@@ -214,7 +214,7 @@ def _layer_sides(
         for y, ends in ((layer.low, layer.bottom), (layer.high, layer.top))
     )
     for which in range(2):
-        # Fronts look outwards: left of the way up at the first end, and of the way down at the last.
+        # Fronts look outwards: to the left, going up at the first end and down at the last.
         line = (low[0], high[0]) if which == 0 else (high[1], low[1])
         clear, corners = layer.clear[which], strip(*line, -half, half)
         material: Material = (1.0, layer.index) if clear else "opaque"

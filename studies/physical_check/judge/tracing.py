@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from studies.physical_check.judge.engine import Engine, Material
-from studies.physical_check.judge.solids import Face, Pose, Tables, faces_of, motion_of
+from studies.physical_check.judge.solids import Pose, Tables, faces_of, motion_of
 
 NUDGE = 2e-4
 """A ray goes on so far behind what it has met (mm), 30 times float32's rounding of a place."""
@@ -59,7 +59,7 @@ class Traced(NamedTuple):
     transmission: np.ndarray
 
     def labels(self) -> np.ndarray:
-        """What distinguishes views and all else, shape (rays, 4): pad or −1, path, entrance, end."""
+        """What tells views and all else apart: pad, path, entrance, end; shape (rays, 4)."""
         where = [np.where(self.seen, one, -1) for one in (self.pad, self.word, self.entrance)]
         return np.stack([*where, np.where(self.seen, 0, self.end)], axis=-1)
 
@@ -114,14 +114,14 @@ class Tracer:
         return (traced.entrance >= 0) & (self._kind[traced.entrance] == "end")
 
     def trace(self, directions: np.ndarray) -> Traced:
-        """Follow rays from the origin, unit vectors of shape (rays, 3)."""
+        """Follow rays from the origin, unit vectors of shape (rays, 3); NaN is no ray."""
         count = len(directions)
         word, hops, end = np.zeros(count, int), np.zeros(count, int), np.full(count, NOTHING)
         inside, entrance = np.full(count, -1), np.full(count, -1)
         grazing, transmission = np.ones(count), np.ones(count)
         reached, hit = np.zeros(count, bool), np.zeros((count, 3))
         place, way = np.zeros((count, 3)), np.array(directions, float)
-        live = np.arange(count)
+        live = np.flatnonzero(np.isfinite(way[:, 0]))
         while len(live):
             step = self._engine.step(place[live], way[live])
             met = step.group >= 0
@@ -132,7 +132,7 @@ class Tracer:
             sine = -np.sum(step.normal * way[live], axis=-1)
             front = sine > 0
             end[live], hit[live] = face, step.point
-            # A membrane ends the ray; it is seen from its front, bare in air or from within its pad.
+            # A membrane ends the ray: it is seen from its front, in air or from within its pad.
             bare = outside & ~layered & (front | ~self._one_sided[face])
             on = (kind == "membrane") & (bare | (~outside & own & front))
             reached[live[on]] = True

@@ -1,0 +1,321 @@
+"""The study itself: from its spec to its results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from matplotlib.figure import Figure
+
+from designopt import Context, Records, Report, Results, UserError
+from designopt.plot.figures import PALETTE, new_figure
+from designopt.plot.typesetting import drawn_name
+from designopt.study import plots
+from designopt.user_folders import user_folder
+from optics import (
+    Imaging,
+    Pieces,
+    Scene,
+    find_corners,
+    find_coverage,
+    find_outlines,
+    find_views,
+    name_paths,
+    parse_scene,
+)
+from optics.visibility.outlines import CORNERS
+from studies.physical_check import PhysicalCheckSpec
+from studies.physical_check.cases import Case, cases
+from studies.physical_check.judge.engine import load_mitsuba
+from studies.physical_check.judge.frames import FAN, Corner, Frame, View, judge_once, picture
+
+FOLDER = "physical-check"
+"""Of judged frames, in the user's cache."""
+
+NOTED_PX, NOTED_COVERAGE = 0.1, 1e-3
+"""Differences above these are listed."""
+
+SHOWN_PX = 1e-6
+"""Smaller errors are drawn there."""
+
+PICTURE_STEP = 4.0
+"""Of the rays of a picture, px."""
+
+
+def run(spec: PhysicalCheckSpec, context: Context) -> Results:
+    """Judge frames with Mitsuba, predict them with the library, compare.
+
+    Raises:
+        UserError: Mitsuba is not installed, or another float type than float64.
+    """
+    context.require_float64("physical-check compares to a hundredth of a pixel")
+    try:
+        mitsuba = load_mitsuba()
+    except ModuleNotFoundError as error:
+        raise UserError(
+            "physical-check: the package mitsuba is missing; install it: pip install "
+            "'designopt[judge]'"
+        ) from error
+    out, found = Report(spec, package=__package__), Comparison()
+    folder = Path(spec.cache) if spec.cache else user_folder("XDG_CACHE_HOME", ".cache") / FOLDER
+    shown = None
+    for case in cases(spec, context.seed):
+        with context.step(f"{case.finger} finger, layers: {case.layers}"):
+            frames = [judge_once(case.tables, pose, folder) for pose in case.poses]
+            scene = parse_scene(case.tables, case.finger)
+            found.compare(case, scene, frames)
+            shown = (case, scene) if case.finger == "designed" else shown
+    out.values(variant=mitsuba.variant())
+    add_metrics(out, found)
+    add_findings(out, found)
+    add_tables(out, found)
+    assert shown is not None  # the designed finger is in every run
+    add_figures(out, found, *shown)
+    return out.results()
+
+
+class Comparison:
+    """Differences between judge and library, gathered frame by frame.
+
+    Attributes:
+        corners: those of the pads that the judge sees in the image, with their errors.
+        ends: of the views down the middle column that both have, with their errors.
+        views: of both, and whether the other has it, too.
+        coverage: of every pad, by both.
+        frames: how long the judge took.
+        noted: what differs most.
+    """
+
+    def __init__(self) -> None:
+        self.corners, self.ends, self.views = Records(), Records(), Records()
+        self.coverage, self.frames, self.noted = Records(), Records(), Records()
+
+    def compare(self, case: Case, scene: Scene, frames: Sequence[Frame]) -> None:
+        """Add the frames of a case."""
+        poses = jnp.deg2rad(
+            jnp.asarray([[pose[name] for name in scene.angle_names] for pose in case.poses])
+        )
+        corners = predict_corners(scene, poses, case.width)
+        pieces: Any = jax.tree.map(np.asarray, find_views(scene, poses).value)
+        coverage = np.asarray(find_coverage(scene, poses).value)
+        pads = [pad.name for pad in scene.layout.pads]
+        for i, frame in enumerate(frames):
+            angles = ", ".join(f"{name} {angle:g}°" for name, angle in case.poses[i].items())
+            where = {"finger": case.finger, "layers": case.layers, "pose": angles}
+            self.frames.add(**where, seconds=frame.seconds)
+            paths = paths_of(scene)
+            for corner in frame.corners:
+                at = paths.index(corner.path), pads.index(corner.pad)
+                place = corners[i][(*at, CORNERS.index((corner.end, corner.side)))]
+                self._add_corner(where, corner, place)
+            predicted = predicted_views(scene, jax.tree.map(lambda leaf, i=i: leaf[i], pieces))
+            for pair in match_views(frame.views, predicted):
+                self._add_views(where, case, *pair)
+            for pad, other in zip(pads, coverage[i].tolist(), strict=True):
+                seen = frame.coverage[pad]
+                self.coverage.add(**where, pad=pad, coverage=seen, difference=seen - other)
+                if not abs(seen - other) <= NOTED_COVERAGE:
+                    self._note(where | {"pad": pad}, "coverage", seen, other, other - seen)
+
+    def _add_corner(self, where: dict[str, str], corner: Corner, place: np.ndarray) -> None:
+        way, error = way_of(corner.path), float(np.hypot(*(place - corner.place)))
+        where = where | {"pad": corner.pad}
+        self.corners.add(**where, way=way, error_px=error, noise_px=corner.residual)
+        if not error <= NOTED_PX:
+            what = f"{way}, corner at '{('from', 'to')[corner.end]}': row, px"
+            self._note(where, what, corner.place[1], place[1], error)
+
+    def _add_views(
+        self, where: dict[str, str], case: Case, seen: View | None, other: View | None
+    ) -> None:
+        one = seen or other
+        assert one is not None
+        way = "end face" if "end" in one.entrance else way_of(one.path)
+        where = where | {"pad": one.pad}
+        self.views.add(**where, way=way, unmatched=seen is None or other is None)
+        if seen is None or other is None:
+            rows = [view.rows[0] if view else math.nan for view in (seen, other)]
+            self._note(where, f"{way}, view of one only: row, px", *rows, math.nan)
+            return
+        pad = next(pad for pad in case.tables["pads"] if pad["name"] == one.pad)
+        length = math.dist(pad["from"], pad["to"])
+        for i, bound in enumerate(seen.bounds):
+            error, along = other.rows[i] - seen.rows[i], other.along[i] - seen.along[i]
+            errors = {"error_px": error, "error_um": 1000 * length * along}
+            self.ends.add(**where, way=way, bound=bound, **errors)
+            if not abs(error) <= NOTED_PX:
+                what = f"{way}, view ended by {bound}: row, px"
+                self._note(where, what, seen.rows[i], other.rows[i], error)
+
+    def _note(self, where: dict[str, str], what: str, *numbers: float) -> None:
+        judge, library, off = map(float, numbers)
+        self.noted.add(**where, what=what, judge=judge, library=library, difference=off)
+
+
+def predict_corners(
+    scene: Scene, poses: Float[Array, "poses joints"], width: float
+) -> Float[np.ndarray, "poses paths pads 4 2"]:
+    """The library's corners in several poses."""
+    return np.asarray(_corners(Imaging.of(scene.camera), scene, poses, jnp.asarray(width)))
+
+
+@jax.jit
+def _corners(
+    imaging: Imaging, scene: Scene, poses: Float[Array, "poses joints"], width: Float[Array, ""]
+) -> Float[Array, "poses paths pads 4 2"]:
+    return jax.vmap(lambda pose: find_corners(imaging, find_outlines(scene, pose), width))(poses)
+
+
+def paths_of(scene: Scene) -> list[tuple[str, ...]]:
+    """Names of the mirrors of every path."""
+    names = (name.partition(":")[2] for name in name_paths(scene.layout))
+    return [tuple(name.split("+")) if name else () for name in names]
+
+
+def way_of(path: Sequence[str]) -> str:
+    """What errors are grouped by."""
+    return "mirror" if path else "direct"
+
+
+def predicted_views(scene: Scene, pieces: Pieces) -> list[View]:
+    """The library's pieces of one pose as the judge has its views."""
+    paths, found = paths_of(scene), []
+    for pad, piece in zip(*np.nonzero(pieces.present), strict=True):
+        rows = np.asarray(pieces.pixels[pad, piece]) - 0.5
+        along = np.array([pieces.start[pad, piece], pieces.end[pad, piece]])
+        order = np.argsort(rows)
+        (low, high), (first, last) = rows[order].tolist(), along[order].tolist()
+        path = paths[int(pieces.path[pad, piece])]
+        name = scene.layout.pads[pad].name
+        found.append(View(name, path, "", (low, high), (first, last), ("", "")))
+    return found
+
+
+def match_views(
+    judged: Sequence[View], predicted: Sequence[View]
+) -> Iterator[tuple[View | None, View | None]]:
+    """Views of the judge with those of the library that show the same; both where there is one.
+
+    A predicted view that is too narrow for the judge's fan of rays is left out.
+    """
+    left = list(predicted)
+    for seen in judged:
+        same = [
+            other
+            for other in left
+            if (other.pad, other.path) == (seen.pad, seen.path)
+            and other.rows[0] < seen.rows[1]
+            and other.rows[1] > seen.rows[0]
+        ]
+        best = min(same, key=lambda other: math.dist(other.rows, seen.rows), default=None)
+        if best is not None:
+            left.remove(best)
+        yield seen, best
+    yield from ((None, other) for other in left if other.rows[1] - other.rows[0] > 2 * FAN)
+
+
+def add_metrics(out: Report, found: Comparison) -> None:
+    """The study's numbers."""
+    corners, ends = found.corners, found.ends
+    out.metrics(
+        frames=len(found.frames),
+        corners=len(corners),
+        corner_median_px=corners.stat("median error_px"),
+        corner_worst_px=corners.stat("max error_px"),
+        noise_median_px=corners.stat("median noise_px"),
+        view_end_median_px=ends.stat("median_abs error_px"),
+        view_end_worst_px=ends.stat("max_abs error_px"),
+        view_end_worst_um=ends.stat("max_abs error_um"),
+        views=len(found.views),
+        views_unmatched=found.views.stat("sum unmatched"),
+        coverage_worst=found.coverage.stat("max_abs difference"),
+        judge_seconds=found.frames.stat("median seconds"),
+    )
+
+
+def add_findings(out: Report, found: Comparison) -> None:
+    """Plain sentences, most important first."""
+    out.say("corners")
+    bare = found.corners.where(layers="none")
+    if 0 < len(bare) < len(found.corners):
+        worst = bare.stat("max error_px")
+        out.say("bare", median=bare.stat("median error_px"), worst=worst, count=len(bare))
+    out.say("views")
+    out.say("coverage")
+    if len(found.noted):
+        out.say("noted", count=len(found.noted))
+    out.say("noise")
+
+
+def add_tables(out: Report, found: Comparison) -> None:
+    """Errors by layers and way, coverage by layers, the largest differences."""
+    corners = found.corners.summary(
+        *("layers", "way"),
+        corners="count error_px",
+        median_px="median error_px",
+        p95_px="p95 error_px",
+        worst_px="max error_px",
+        noise_px="median noise_px",
+    )
+    out.table("corners", corners)
+    out.table(
+        "views",
+        found.views.summary("layers", "way", views="count unmatched", unmatched="sum unmatched"),
+    )
+    out.table(
+        "ends",
+        found.ends.summary(
+            *("layers", "way"),
+            ends="count error_px",
+            median_px="median_abs error_px",
+            worst_px="max_abs error_px",
+            worst_um="max_abs error_um",
+        ),
+    )
+    out.table(
+        "coverage",
+        found.coverage.summary(
+            *("layers", "pad"),
+            frames="count coverage",
+            least="min coverage",
+            mean="mean coverage",
+            worst_difference="max_abs difference",
+        ),
+    )
+    if len(found.noted):
+        out.table("noted", found.noted)
+
+
+def add_figures(out: Report, found: Comparison, case: Case, scene: Scene) -> None:
+    """Distribution of the corners' errors, and a frame as the judge sees it."""
+    names, marks = {"error_px": "error of a corner (px)"}, {"target": 0.01}
+    drawing = plots.ecdf(
+        found.corners, "error_px", by="layers", marks=marks, log="x", least=SHOWN_PX, names=names
+    )
+    out.figure("corners", drawing)
+    out.figure("frame", draw_frame(case, scene), layers=case.layers, most=2)
+
+
+def draw_frame(case: Case, scene: Scene) -> Figure:
+    """The judge's picture of a case's first pose, and the library's corners in it."""
+    pose = case.poses[0]
+    angles = jnp.deg2rad(jnp.asarray([[pose[name] for name in scene.angle_names]]))
+    [corners] = predict_corners(scene, angles, case.width)
+    drawing, [[axes]] = new_figure(1, 1, height=4.0)
+    light = picture(case.tables, pose, PICTURE_STEP)
+    rows, columns = (PICTURE_STEP * size for size in light.shape)
+    axes.imshow(light, cmap="gray", vmin=0, vmax=1, extent=(-0.5, columns, rows, -0.5))
+    for color, path, of_path in zip(PALETTE, paths_of(scene), corners, strict=False):
+        places = of_path.reshape(-1, 2)
+        places = places[np.all((places >= 0) & (places <= (columns, rows)), axis=-1)]
+        label = f"predicted corners, {'mirror ' if path else ''}{'+'.join(path) or 'direct'}"
+        axes.plot(*places.T, "o", color=color, fillstyle="none", label=drawn_name(label))
+    axes.set(xlim=(0, columns), ylim=(rows, 0), xlabel="column (px)", ylabel="row (px)")
+    axes.grid(visible=False)
+    return drawing
