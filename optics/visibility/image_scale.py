@@ -63,7 +63,9 @@ def _slope_at(
     return slope, height, foot
 
 
-def membrane(source: Vector, pad: Pad, entries: Float[Array, " points"]) -> Float[Array, " points"]:
+def membrane(
+    source: Vector, pad: Pad, entries: Float[Array, " points"]
+) -> Float[Array, " points"]:
     """Pad coordinates that rays reach through the layers, from where they enter the outermost."""
     slope, height, foot = _slope_at(source, pad, entries)
     return pad.cover.stack.coordinate(height, foot, slope)

@@ -41,7 +41,9 @@ class Stack(eqx.Module):
     index: Float[Array, "*pads layers"]
     windows: Float[Array, "*pads layers 2"]
 
-    def slopes(self, height: Float[Array, ""], foot: Float[Array, ""]) -> Float[Array, "layers 2"]:
+    def slopes(
+        self, height: Float[Array, ""], foot: Float[Array, ""]
+    ) -> Float[Array, "layers 2"]:
         """Slopes w of the lines of sight to the ends of all windows of one stack.
 
         Args:
@@ -165,7 +167,9 @@ def transmission(
     return (through(across) + through(within)) / 2
 
 
-def least_grazing(index: Float[Array, " layers"], least: Float[Array, ""]) -> Float[Array, ""]:
+def least_grazing(
+    index: Float[Array, " layers"], least: Float[Array, ""]
+) -> Float[Array, ""]:
     """Grazing angle in air (rad) under which just a given part of the light comes through.
 
     A quarter turn if less comes through along the normal; 0 if all rays bring more.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import math
 from contextlib import nullcontext
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -34,8 +35,9 @@ FINE_MM = 1e-4
 """The same on a membrane 30 mm away."""
 
 WIDTH = 20.0
-PAD = {"name": "pad", "from": [-20, 0], "to": [25, 0], "side": "left", "width": WIDTH}
-SCENE = {
+PAD: dict[str, Any] = {"name": "pad", "from": [-20, 0], "to": [25, 0], "side": "left"}
+PAD["width"] = WIDTH
+SCENE: dict[str, Any] = {
     "camera": {"position": [0, 30], "direction_deg": -85, "fov_deg": 140, "pixels": 700},
     "mirrors": [{"name": "wall", "from": [30, 4], "to": [34, 40], "side": "left"}],
     "pads": [PAD],
@@ -185,7 +187,7 @@ def test_corners_appear_where_snells_law_has_them(layers):
 @needs_mitsuba
 @pytest.mark.parametrize("layers", [[], TWO], ids=["bare", "layered"])
 def test_the_picture_ends_where_the_outline_of_a_membrane_is_predicted(layers):
-    tables = scene_with(layers=layers)
+    tables: dict[str, Any] = scene_with(layers=layers)
     tracer = Tracer(tables, {}, 30j)
     lens = Lens.of(tables["camera"], (1, 0), 4 / 3)
     for x in (-15.0, 0.0, 11.0):

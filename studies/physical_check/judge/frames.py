@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import itertools
 import json
@@ -134,9 +135,8 @@ def picture(tables: Tables, pose: Pose, step: float) -> np.ndarray:
 
 def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
     """`judge`, or what it found of the same tables and pose before, kept in a folder."""
-    sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
     asked = json.dumps([tables, pose], sort_keys=True).encode()
-    path = folder / f"{hashlib.sha256(sources + asked).hexdigest()}.json"
+    path = folder / f"{hashlib.sha256(_sources() + asked).hexdigest()}.json"
     if path.exists():
         corners, views, coverage, seconds = json.loads(path.read_text(encoding="utf-8"))
         return Frame([_corner(*c) for c in corners], [_view(*r) for r in views], coverage, seconds)
@@ -146,6 +146,12 @@ def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
         json.dump(frame, file)
     os.replace(file.name, path)
     return frame
+
+
+@functools.cache
+def _sources() -> bytes:
+    """The judge itself: a frame that another one has judged is judged again."""
+    return b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
 
 
 def _corner(pad: str, path: list, end: int, side: int, place: list, residual: float) -> Corner:

@@ -125,7 +125,7 @@ class Layer(NamedTuple):
         high: of its upper level.
         bottom: where its lower level begins and ends.
         top: where its upper level does.
-        index: of refraction.
+        refraction: its index.
         clear: whether its first and its last end are.
         names: of these ends.
     """
@@ -134,7 +134,7 @@ class Layer(NamedTuple):
     high: float
     bottom: tuple[float, float]
     top: tuple[float, float]
-    index: float
+    refraction: float
     clear: tuple[bool, bool]
     names: tuple[str, str]
 
@@ -145,7 +145,7 @@ def layers_of(pad: Mapping[str, Any], length: float) -> list[Layer]:
     made, low = [], 0.0
     for table in reversed(pad.get("layers", [])):
         over, bevel = (both_ends(table.get(key, 0))[::flip] for key in ("overhang", "bevel_deg"))
-        names = ("from", "to")[::flip]
+        names = ("from", "to") if flip > 0 else ("to", "from")
         sides = table.get("sides", "black")
         clear = [(sides if isinstance(sides, str) else sides.get(n, "")) == "clear" for n in names]
         index, high = table["index"], low + table["thickness"]
@@ -178,7 +178,7 @@ def _pad_faces(
     yield Face("membrane", f"pad {name}", membrane, part=part, one_sided=one_sided)
     if spare is not None:
         for lower, upper in pairs:
-            material = (upper.index if upper else 1.0, lower.index)
+            material = (upper.refraction if upper else 1.0, lower.refraction)
             face = flat(lower.high, -room, length + room)
             yield Face("level", "top", face, material, part, upper is None)
         return
@@ -191,7 +191,7 @@ def _pad_faces(
         over = upper.bottom if upper else (lower.top[0] + bezel[0], lower.top[1] - bezel[1])
         low, high = max(lower.top[0], over[0]), min(lower.top[1], over[1])
         ends = sorted([lower.top[0], over[0]]), sorted([lower.top[1], over[1]])
-        material = (upper.index if upper else 1.0, lower.index)
+        material = (upper.refraction if upper else 1.0, lower.refraction)
         side = half if upper else half - max(bezel[:2])
         if low < high:
             face = flat(lower.high, low, high, side)
@@ -217,7 +217,7 @@ def _layer_sides(
         # Fronts look outwards: to the left, going up at the first end and down at the last.
         line = (low[0], high[0]) if which == 0 else (high[1], low[1])
         clear, corners = layer.clear[which], strip(*line, -half, half)
-        material: Material = (1.0, layer.index) if clear else "opaque"
+        material: Material = (1.0, layer.refraction) if clear else "opaque"
         what = f"end '{layer.names[which]}' of layer {number} of pad {name}"
         yield Face("end" if clear else "body", what, corners, material, part, clear)
     outline = [low[0], low[1], high[1], high[0]]
