@@ -74,6 +74,8 @@ def load_mitsuba() -> Any:
     if library := find_llvm():
         os.environ["DRJIT_LIBLLVM_PATH"] = library
     mitsuba.set_variant("llvm_ad_rgb" if library else "scalar_rgb")
+    if library:  # a few thousand rays at a time: threads would wait for each other
+        importlib.import_module("drjit").set_thread_count(1)
     return mitsuba
 
 

@@ -31,9 +31,9 @@ STENCIL = np.stack(np.meshgrid(np.arange(-3, 4), np.arange(-3, 4)), axis=-1).res
 """Places around a corner at which membrane coordinates are traced, px: 49 rays average their
 rounding, and a quadratic over 3 px leaves less of the map than they do."""
 
-ROUNDS, STEP, TRUSTED, FEWEST = 8, 40.0, 3.0, 12
-"""Newton's method on such quadratics: iterations, its longest step and how far a quadratic is
-trusted, px, and the fewest rays for one."""
+ROUNDS, STEP, TRUSTED, SETTLED, FEWEST = 8, 40.0, 3.0, 1e-3, 12
+"""Newton's method on such quadratics: iterations, its longest step, how far a quadratic is trusted
+and from which step on no more is needed (px), and the fewest rays for one."""
 
 INSET = 0.02
 """A corner is seen if a ray beside it, so far inside the membrane (mm), is."""
@@ -41,8 +41,9 @@ INSET = 0.02
 FAN = 0.2
 """Step of the fan of rays down the middle column, px; what is narrower is not found."""
 
-HALVINGS = 15
-"""Of a step of the fan: to 6e-6 px, float32's rounding of a direction."""
+PARTS, REFINEMENTS = 8, 5
+"""A step of the fan is divided so often into so many parts: to 6e-6 px, float32's rounding of a
+direction."""
 
 
 AT_END = 1e-5
@@ -223,6 +224,7 @@ def _solve(
     basis = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
     beside, residuals = np.full_like(places, np.nan), np.full(len(places), np.nan)
     for _ in range(ROUNDS):
+        before = places.copy()
         traced = alone.trace(lens.rays((places[:, None] + STENCIL).reshape(-1, 2)))
         shape = len(places), len(STENCIL)
         valid = (traced.reached & (traced.word == np.repeat(words, shape[1]))).reshape(shape)
@@ -237,6 +239,8 @@ def _solve(
             residuals[i] = np.sqrt(np.mean(off * off)) / scale
             beside[i] = places[i] + _invert(fit, wanted[i] + insets[i])
             places[i] = places[i] + _invert(fit, wanted[i])
+        if np.all((np.abs(places - before) < SETTLED) | np.isnan(places)):
+            break
     return places, beside, residuals
 
 
@@ -272,10 +276,14 @@ def _find_views(tables: Tables, lens: Lens, tracer: Tracer) -> list[View]:
     own = np.concatenate([labels[firsts], labels[lasts]])
     outer = np.concatenate([rows[firsts] - FAN, rows[lasts] + FAN])
     outer = np.clip(outer, -0.5, lens.rows - 0.5)
-    for _ in range(HALVINGS):
-        between = (inner + outer) / 2
-        same = np.all(trace(between)[1] == own, axis=-1)
-        inner, outer = np.where(same, between, inner), np.where(same, outer, between)
+    for _ in range(REFINEMENTS):
+        step = (outer - inner) / PARTS
+        between = inner[:, None] + step[:, None] * np.arange(1, PARTS)
+        of_rays = trace(between.ravel())[1].reshape(*between.shape, -1)
+        same = np.all(of_rays == own[:, None], axis=-1)
+        # Up to the first ray that shows something else.
+        inner = inner + step * np.sum(np.logical_and.accumulate(same, axis=1), axis=1)
+        outer = inner + step
     within, beyond = trace(inner)[0], trace(outer)[0]
     at_limit = (outer <= 0.001 - 0.5) | (outer >= lens.rows - 0.501)
     coordinates = within.along / np.abs(tracer.lines[within.pad, 1] - tracer.lines[within.pad, 0])
