@@ -240,11 +240,13 @@ class PadTable(SurfaceTable):
         if not self.layers:
             for key in ("bezel", "min_transmission"):
                 if getattr(self, key) is not None:
-                    raise ValueError(f"'{key}' is of a pad with layers; add 'layers', or leave it out")
+                    raise ValueError(
+                        f"'{key}' is of a pad with layers; add 'layers', or leave it out"
+                    )
             return self
         if self.side == "both":
             raise ValueError(
-                "layers lie on the sensing side; write side = \"left\" or \"right\", the side of the "
+                'layers lie on the sensing side; write side = "left" or "right", the side of the '
                 "camera seen from 'from' to 'to'"
             )
         length = math.dist(self.start, self.end)

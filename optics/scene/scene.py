@@ -300,7 +300,12 @@ def _with_bodies(scene: Scene, corners: Vector) -> Vector:
         return start + along_pad.scaled(places[..., 0]) + up.scaled(places[..., 1])
 
     moved = placed(faces)
-    parts = corners[: first], moved[: len(layout.pads)], corners[pads.stop :], moved[len(layout.pads) :]
+    parts = (
+        corners[:first],
+        moved[: len(layout.pads)],
+        corners[pads.stop :],
+        moved[len(layout.pads) :],
+    )
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 

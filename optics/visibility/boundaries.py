@@ -13,131 +13,20 @@ of the grazing angle are linear conditions too.
 
 from __future__ import annotations
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector, rotation, stack, vector, where
+from designopt.vectors import Vector, rotation, where
 from optics.scene.camera import Camera
-from optics.scene.layers import CHANNELS, Layers, Profile
-from optics.scene.scene import Placed, Scene
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundary_codes import parts_of, with_kind
-from optics.visibility.refraction import Stack, least_grazing
+from optics.visibility.pads import LIMITS, Pad
 from optics.visibility.unfolding import Unfolded, unit
-
 
 PER_SEGMENT = 3
 """How many of the `conditions` are those of one segment."""
-
-LIMITS = (codes.LEFT_LIMIT, codes.RIGHT_LIMIT, codes.LOW_GRAZING, codes.HIGH_GRAZING)
-"""Labels of the last `conditions`, which are not of a segment."""
-
-PAD_ENDS = (codes.FIRST_PAD_END, codes.SECOND_PAD_END)
-"""Labels of the last `meetings`."""
-
-WALLS, BEZELS = (codes.FIRST_WALL, codes.SECOND_WALL), (codes.FIRST_BEZEL, codes.SECOND_BEZEL)
-DARK = (codes.LOW_TRANSMISSION, codes.HIGH_TRANSMISSION)
-"""Labels with which layers may replace others, at both ends of a pad."""
-
-
-class Cover(eqx.Module):
-    """What layers add to a pad in a pose; lengths in units of the placed scene.
-
-    Attributes:
-        stack: the layers, places counted from the start of the outermost surface that is free.
-        own: which surfaces are of the pad's own body and hide nothing of it: not those of a bezel.
-        edges: labels of both ends of the surface that is free.
-        flattest: labels of the flattest rays towards both.
-    """
-
-    stack: Stack
-    own: Bool[Array, "*pads surfaces"]
-    edges: Int[Array, "*pads 2"]
-    flattest: Int[Array, "*pads 2"]
-
-
-class Pad(eqx.Module):
-    """A pad in a pose, or the outermost surface of its layers, between the lips of its bezel.
-
-    Attributes:
-        index: its index among all surfaces.
-        start: its first end.
-        end: its second end.
-        side: +1 if its left side senses, −1 if its right does, 0 if both do.
-        grazing: least angle between it and a ray, rad; that at which the least transmission is
-            reached, if it is larger.
-        cover: its layers; ``None`` where no pad of the scene has any.
-    """
-
-    index: Int[Array, "*pads"]
-    start: Vector
-    end: Vector
-    side: Float[Array, "*pads"]
-    grazing: Float[Array, "*pads"]
-    cover: Cover | None = None
-
-    @classmethod
-    def all_of(cls, scene: Scene, placed: Placed) -> Pad:
-        """All pads of a placed scene, along one axis."""
-        index = len(scene.layout.mirrors) + np.arange(len(scene.layout.pads))
-        start, end = placed.segment(index)
-        sides = jnp.asarray(scene.layout.sides[index], start.x.dtype)
-        if scene.layers is None:
-            return cls(jnp.asarray(index), start, end, sides, scene.grazing)
-        return _covered(scene, scene.layers, placed, cls(index, start, end, sides, scene.grazing))
-
-    def ends(self) -> Vector:
-        """Both ends of one pad, along one axis."""
-        return stack(self.start, self.end)
-
-    def edges(self) -> Int[Array, "2"]:
-        """Labels of both ends of one pad, or of the surface that is seen of it."""
-        return jnp.array(PAD_ENDS) if self.cover is None else self.cover.edges
-
-    def flattest(self) -> Int[Array, "2"]:
-        """Labels of the flattest rays towards both ends of one pad."""
-        return jnp.array(LIMITS[2:]) if self.cover is None else self.cover.flattest
-
-    def own(self, surfaces: int) -> Bool[Array, " surfaces"]:
-        """Which of so many surfaces hide nothing of one pad, as they are itself or of its body."""
-        return jnp.arange(surfaces) == self.index if self.cover is None else self.cover.own
-
-    def seen_from(self, source: Vector) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """Height of a source over one pad's outermost surface, and the place along it below.
-
-        The height is positive also of a source behind it.
-        """
-        along, toward = unit(self.end - self.start), source - self.start
-        height = jnp.abs(along.cross(toward))
-        return jnp.where(height > 0, height, 1.0), along.dot(toward)
-
-
-def _covered(scene: Scene, layers: Layers, placed: Placed, faces: Pad) -> Pad:
-    """Pads under their layers, from their outermost surfaces."""
-    layout, size = scene.layout, placed.size
-    ends = vector(scene.pads)
-    profile = Profile.of(layers, (ends[:, 1] - ends[:, 0]).length())
-    first, last = profile.face()[:, 0] + layers.lip[:, 0], profile.face()[:, 1] - layers.lip[:, 1]
-    along = unit(faces.end - faces.start)
-    start = faces.start + along.scaled(layers.lip[:, 0] / size)
-    end = faces.end - along.scaled(layers.lip[:, 1] / size)
-    windows = (profile.windows() - first[:, None, None]) / size
-    index = layers.index[..., CHANNELS.index("green")]
-    grazing = jax.vmap(least_grazing)(index, layers.transmission)
-    bezels, bare = np.array(layout.bezels), np.array([not kinds for kinds in layout.layers])
-    edge = np.where(bezels[:, None], BEZELS, np.where(bare[:, None], PAD_ENDS, WALLS))
-    dark = (grazing > faces.grazing)[:, None]
-    cover = Cover(
-        Stack(layers.thickness / size, index, windows),
-        jnp.asarray(layout.behind_face == np.arange(len(layout.pads))[:, None]),
-        jnp.broadcast_to(jnp.asarray(edge), (len(layout.pads), 2)),
-        jnp.where(dark, jnp.array(DARK), jnp.array(LIMITS[2:])),
-    )
-    return Pad(faces.index, start, end, faces.side, jnp.maximum(grazing, faces.grazing), cover)
 
 
 def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 bounds"]:
@@ -179,25 +68,16 @@ def meetings(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, " bounds"
     ends = jnp.array([0.0, 1.0], at.dtype)
     if pad.cover is None:
         return jnp.concatenate([at, ends])
-    return jnp.concatenate([at, ends, windows(path, pad).reshape(-1)])
-
-
-def windows(path: Unfolded, pad: Pad) -> Float[Array, "layers 2"]:
-    """Where the lines of sight to both ends of the windows of all layers enter the outermost."""
-    height, foot = pad.seen_from(path.source)
-    length = (pad.end - pad.start).length()
-    entry = foot + height * pad.cover.stack.slopes(height, foot)
-    return safe_divide(entry, jnp.broadcast_to(length, entry.shape))[0]
+    return jnp.concatenate([at, ends, pad.cover.windows(pad.ends(), path.source).reshape(-1)])
 
 
 def labels_of(path: Unfolded, pad: Pad) -> Int[Array, " bounds"]:
     """Labels of all `meetings`."""
     first, last = path.blockers.labels[..., 0], path.blockers.labels[..., 1]
     segments = jnp.stack([first, last, with_kind(first, codes.CROSSING)]).reshape(-1)
-    if pad.cover is None:
-        return jnp.concatenate([segments, jnp.array([*LIMITS, *PAD_ENDS])])
-    sight, inner = jnp.array(LIMITS[:2]), jnp.arange(2, 2 * pad.cover.stack.thickness.size)
-    own = [sight, pad.flattest(), pad.edges(), codes.FIRST_WALL - inner, jnp.array(PAD_ENDS)]
+    own = [jnp.array(LIMITS[:2]), pad.flattest(), pad.edges()]
+    if pad.cover is not None:
+        own.append(pad.cover.labels.reshape(-1))
     return jnp.concatenate([segments, *own])
 
 
@@ -237,10 +117,7 @@ def _own_end(path: Unfolded, pad: Pad, label: Int[Array, ""]) -> Vector:
     """The place on the surface seen, or its line, through which a ray passes an end of the pad."""
     if pad.cover is None:
         return where(label == codes.SECOND_PAD_END, pad.end, pad.start)
-    inner = windows(path, pad).reshape(-1)
+    inner = pad.cover.windows(pad.ends(), path.source).reshape(-1)
     entries = jnp.concatenate([jnp.array([0.0, 1.0], inner.dtype), inner])
-    own = jnp.array([codes.FIRST_BEZEL, codes.SECOND_BEZEL, *PAD_ENDS])
-    at = jnp.array([0, 1, inner.size, inner.size + 1])
-    wall = jnp.clip(codes.FIRST_WALL - label, 0, inner.size + 1)
-    entry = entries[jnp.where(jnp.any(own == label), at[jnp.argmax(own == label)], wall)]
-    return pad.start + (pad.end - pad.start).scaled(entry)
+    labels = jnp.concatenate([pad.edges(), pad.cover.labels.reshape(-1)])
+    return pad.start + (pad.end - pad.start).scaled(entries[jnp.argmax(labels == label)])

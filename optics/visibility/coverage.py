@@ -21,9 +21,10 @@ from designopt.numerics import as_float
 from designopt.solution import Solution
 from optics.scene.camera import Camera
 from optics.scene.scene import Placed, Scene, place
-from optics.visibility.boundaries import PAD_ENDS, Pad, labels_of, meetings
-from optics.visibility.image_scale import look, membrane, reflections
+from optics.visibility.boundaries import labels_of, meetings
+from optics.visibility.image_scale import look, reflections
 from optics.visibility.intervals import Interval, measure_of_union
+from optics.visibility.pads import PAD_ENDS, Faces, Pad
 from optics.visibility.searching import Found, find
 from optics.visibility.unfolding import Unfolded, paths_of, unfold_all
 from optics.visibility.views import Pieces, ViewResult
@@ -74,24 +75,37 @@ def find_views(
     words = _words(scene, bounces, max_pieces, "find_views")
     camera = scene.camera
 
-    def search(camera: Camera, paths: Unfolded, pads: Pad) -> tuple[Found, Interval]:
-        found = find(camera, paths, pads, max_pieces)
-        return found, _by_path_and_pad(partial(angular_gap, camera), paths, pads)
+    def search(camera: Camera, paths: Unfolded, faces: Faces) -> tuple[Found, list[Interval]]:
+        found = find(camera, paths, faces, max_pieces)
+        gaps = [_by_path_and_pad(partial(angular_gap, camera), paths, pads) for pads in faces.all()]
+        return found, gaps
 
     def views(
-        placed: Placed, paths: Unfolded, pads: Pad, searched: tuple[Found, Interval]
+        placed: Placed, paths: Unfolded, faces: Faces, searched: tuple[Found, list[Interval]]
     ) -> Solution[Pieces]:
         found, widest = searched
-        entries, ends = _ends(camera, paths, pads, found)
-        labels = _picked(_by_path_and_pad(labels_of, paths, pads), found)
+        labels = _of_bounds(labels_of, paths, faces, found)
+        entries, ends = _ends(camera, paths, faces, found, labels)
         labels = jnp.where(found.present[..., None], labels, 0)
 
-        def piece(pad: Pad, *of_piece: Array) -> Pieces:
-            return _piece(camera, placed.size, paths, pad, *of_piece)
+        def piece(pad: Pad, *of_piece: Array) -> tuple[Array, ...]:
+            return _seen(camera, placed.size, paths, pad, *of_piece)
 
-        by_piece = jax.vmap(jax.vmap(piece, (None, 0, 0, 0, 0, 0)))
-        pieces = by_piece(pads, found.present, found.path, labels, entries, ends)
-        margins = _by_path_and_pad(partial(margin, camera), paths, pads, widest)
+        seen = _of_pieces(piece, faces, found, found.present, found.path, entries)
+        where = (
+            found.present,
+            found.path,
+            ends[..., 0],
+            ends[..., 1],
+            labels[..., 0],
+            labels[..., 1],
+        )
+        pieces = Pieces(*where, *seen, found.face)
+        of_faces = [
+            _by_path_and_pad(partial(margin, camera), paths, pads, gap)
+            for pads, gap in zip(faces.all(), widest, strict=True)
+        ]
+        margins = faces.widest(of_faces)
         result = jax.tree.map(jnp.transpose, found.result)
         return Solution(pieces, margins, jnp.zeros_like(margins), result)
 
@@ -134,13 +148,14 @@ def find_coverage(
     """
     words = _words(scene, bounces, max_pieces, "find_coverage")
 
-    def search(camera: Camera, paths: Unfolded, pads: Pad) -> Found:
-        return find(camera, paths, pads, max_pieces)
+    def search(camera: Camera, paths: Unfolded, faces: Faces) -> Found:
+        return find(camera, paths, faces, max_pieces)
 
     def coverage(
-        placed: Placed, paths: Unfolded, pads: Pad, found: Found
+        placed: Placed, paths: Unfolded, faces: Faces, found: Found
     ) -> Solution[Float[Array, " pads"]]:
-        _, ends = _ends(scene.camera, paths, pads, found)
+        labels = _of_bounds(labels_of, paths, faces, found)
+        _, ends = _ends(scene.camera, paths, faces, found, labels)
         seen = measure_of_union(ends[..., 0], ends[..., 1])
         return Solution(seen, found.free, jnp.zeros_like(seen), jax.vmap(_room_left)(found.free))
 
@@ -167,26 +182,27 @@ def _in_poses(
     scene: Scene,
     angles: Float[Array, "*batch joints"],
     words: list[tuple[int, ...]],
-    search: Callable[[Camera, Unfolded, Pad], Any],
-    answer: Callable[[Placed, Unfolded, Pad, Any], Any],
+    search: Callable[[Camera, Unfolded, Faces], Any],
+    answer: Callable[[Placed, Unfolded, Faces, Any], Any],
 ) -> Any:
     """In every pose the answer from what a search without derivatives has found."""
     batch, layout = angles.shape[:-1], scene.layout
     poses = angles.reshape(math.prod(batch), angles.shape[-1])
 
     @jax.vmap
-    def unfolded(angles: Float[Array, " joints"]) -> tuple[Placed, Unfolded, Pad]:
+    def unfolded(angles: Float[Array, " joints"]) -> tuple[Placed, Unfolded, Faces]:
         placed = place(scene, angles)
-        return placed, unfold_all(layout, placed, words), Pad.all_of(scene, placed)
+        return placed, unfold_all(layout, placed, words), Faces.all_of(scene, placed)
 
-    placed, paths, pads = unfolded(poses)
+    placed, paths, faces = unfolded(poses)
     # The search decides by comparisons only: its derivatives would be 0, or those of the ends once
     # more, and a reverse pass would keep its tables.
-    camera, still = jax.lax.stop_gradient((scene.camera, (paths, pads)))
+    camera, still = jax.lax.stop_gradient((scene.camera, (paths, faces)))
     shadows = (len(words[-1]) + 1) * len(layout.surfaces) + 1
-    most = max(TABLE // (len(layout.pads) * len(words) * shadows**2), 1)
+    looked_at = len(layout.pads) + sum(face.kind == "clear" for face in layout.bodies)
+    most = max(TABLE // (looked_at * len(words) * shadows**2), 1)
     found = map_in_chunks(jax.vmap(lambda view: search(camera, *view)), still, most)
-    answers = jax.vmap(answer)(placed, paths, pads, found)
+    answers = jax.vmap(answer)(placed, paths, faces, found)
     return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), answers)
 
 
@@ -196,49 +212,76 @@ def _by_path_and_pad(function: Callable[..., Any], paths: Unfolded, pads: Pad, *
     return jax.vmap(of_path, (0, None, *[0] * len(more)))(paths, pads, *more)
 
 
-def _picked(of_bounds: Shaped[Array, "paths pads bounds"], found: Found) -> Shaped[Array, "..."]:
-    """What belongs to the bounds of all pieces."""
-    of_pad = jax.vmap(lambda of_bounds, path, bounds: of_bounds[path[:, None], bounds], (1, 0, 0))
-    return of_pad(of_bounds, found.path, found.bounds)
+def _of_bounds(
+    function: Callable[[Unfolded, Pad], Shaped[Array, " bounds"]],
+    paths: Unfolded,
+    faces: Faces,
+    found: Found,
+) -> Shaped[Array, "pads pieces 2"]:
+    """Of what a function gives for all bounds of views, what bounds the pieces."""
+    pick = jax.vmap(lambda of_bounds, path, bounds: of_bounds[path[:, None], bounds], (1, 0, 0))
+    picked = pick(_by_path_and_pad(function, paths, faces.fronts), found.path, found.bounds)
+    if faces.ends is None:
+        return picked
+    of_ends = _by_path_and_pad(function, paths, faces.ends)
+    face = faces.end_of(found.face)[..., None]
+    of_end = of_ends[found.path[..., None], face, found.bounds]
+    return jnp.where(found.face[..., None] > 0, of_end, picked)
+
+
+def _of_pieces(function: Callable[..., Any], faces: Faces, found: Found, *of_pieces: Array) -> Any:
+    """A function of the surface by which a piece is seen, and of what belongs to the piece."""
+    of_pad = jax.vmap(function, (None, *[0] * len(of_pieces)))
+    by_front = jax.vmap(of_pad)(faces.fronts, *of_pieces)
+    if faces.ends is None:
+        return by_front
+    ends = jax.tree.map(lambda leaf: leaf[faces.end_of(found.face)], faces.ends)
+    by_end = jax.vmap(jax.vmap(function))(ends, *of_pieces)
+
+    def chosen(front: Shaped[Array, "..."], end: Shaped[Array, "..."]) -> Shaped[Array, "..."]:
+        through = found.face.reshape(*found.face.shape, *[1] * (front.ndim - 2)) > 0
+        return jnp.where(through, end, front)
+
+    return jax.tree.map(chosen, by_front, by_end)
 
 
 def _ends(
-    camera: Camera, paths: Unfolded, pads: Pad, found: Found
+    camera: Camera,
+    paths: Unfolded,
+    faces: Faces,
+    found: Found,
+    labels: Int[Array, "pads pieces 2"],
 ) -> tuple[Float[Array, "pads pieces 2"], Float[Array, "pads pieces 2"]]:
-    """Ends of all pieces, with derivatives: along the surfaces that are seen, and along pads."""
-    at = _picked(_by_path_and_pad(partial(meetings, camera), paths, pads), found)
+    """Ends of all pieces, with derivatives: on the surfaces that are seen, and on the pads."""
+    at = _of_bounds(partial(meetings, camera), paths, faces, found)
     entries = jnp.where(found.present[..., None], at, 0.0)
-    if pads.cover is None:
+    if faces.fronts.cover is None:
         return entries, entries
 
     def behind(pad: Pad, path: Int[Array, ""], entries: Float[Array, "2"]) -> Float[Array, "2"]:
-        return membrane(paths.at(path).source, pad, entries)
+        return pad.cover.coordinate(pad.ends(), paths.at(path).source, entries)
 
-    ends = jax.vmap(jax.vmap(behind, (None, 0, 0)))(pads, found.path, entries)
+    ends = _of_pieces(behind, faces, found, found.path, entries)
     # A ray to an end of the membrane meets it exactly, wherever it enters.
-    count = len(PAD_ENDS)
-    end = found.bounds - (labels_of(paths.at(0), jax.tree.map(lambda x: x[0], pads)).size - count)
-    ends = jnp.where(end >= 0, end.astype(ends.dtype), ends)
+    for end, label in enumerate(PAD_ENDS):
+        ends = jnp.where(labels == label, float(end), ends)
     return entries, jnp.where(found.present[..., None], ends, 0.0)
 
 
-def _piece(
+def _seen(
     camera: Camera,
     size: Float[Array, ""],
     paths: Unfolded,
     pad: Pad,
     present: Bool[Array, ""],
     path: Int[Array, ""],
-    labels: Int[Array, "2"],
     entries: Float[Array, "2"],
-    ends: Float[Array, "2"],
-) -> Pieces:
-    """One piece of a pad; all of it is 0 where there is none."""
+) -> tuple[Array, ...]:
+    """How the ends of a piece appear; all of it is 0 where there is none."""
     by = paths.at(path)
     seen = *look(camera, size, by, pad, entries), reflections(by, pad, entries)
     # An empty slot repeats some path at coordinate 0, where a look may be undefined.
-    seen = [jnp.where(present, number, 0.0) for number in seen]
-    return Pieces(present, path, ends[0], ends[1], labels[0], labels[1], *seen)
+    return tuple(jnp.where(present, number, 0.0) for number in seen)
 
 
 def _room_left(free: Float[Array, ""]) -> ViewResult:

@@ -9,8 +9,7 @@ from jaxtyping import Array, Bool, Float
 from designopt.numerics import safe_arctan2, safe_divide
 from designopt.vectors import Vector
 from optics.scene.camera import Camera
-from optics.visibility.boundaries import Pad
-from optics.visibility.refraction import length_of, rise_of
+from optics.visibility.pads import Pad
 from optics.visibility.unfolding import Unfolded, unit
 
 
@@ -24,10 +23,9 @@ def look(
     """How points of a pad appear by a path: pixel, pixels per mm along the pad, distance in mm.
 
     ``entries`` are coordinates on the surface that is seen, where there are layers the outermost
-    (`entry`); ``size`` is the placed scene's unit of length, mm. The angle dθ under which a length
+    one or a clear end face; ``size`` is the placed scene's unit of length, mm. The angle dθ under which a length
     ds appears is sin(grazing angle) ds / distance, that is the height of the source above the pad's
-    line over the squared distance; behind layers the slope w = tan θ from the pad's normal gives
-    dθ/ds = 1 / ((1 + w²) dx/dw), with x of `optics.visibility.refraction`.
+    line over the squared distance; for layers see `optics.visibility.refraction`.
     """
     source, axis = path.source, path.axis
     step, toward = pad.end - pad.start, pad.start - source
@@ -44,43 +42,9 @@ def look(
         per_size, _ = safe_divide(jnp.full_like(across, above), arrow.squared())
         distance = arrow.length()
     else:
-        slope, height, _ = _slope_at(source, pad, entries)
-        layers = pad.cover.stack
-        rise = rise_of(height, layers.thickness, layers.index, slope)
-        per_size, _ = safe_divide(1 / (1 + slope**2), rise)
-        distance = length_of(height, layers.thickness, layers.index, slope)
+        per_size, distance = pad.cover.scale(pad.ends(), source, entries)
     per_mm = camera.pixels_per_radian(angle) * per_size / size
     return camera.pixel(angle), per_mm, distance * size
-
-
-def _slope_at(
-    source: Vector, pad: Pad, entries: Float[Array, " points"]
-) -> tuple[Float[Array, " points"], Float[Array, ""], Float[Array, ""]]:
-    """Slopes of the rays that enter the outermost layer, height and foot of their source."""
-    height, foot = pad.seen_from(source)
-    length = (pad.end - pad.start).length()
-    slope, _ = safe_divide(entries * length - foot, jnp.broadcast_to(height, entries.shape))
-    return slope, height, foot
-
-
-def membrane(
-    source: Vector, pad: Pad, entries: Float[Array, " points"]
-) -> Float[Array, " points"]:
-    """Pad coordinates that rays reach through the layers, from where they enter the outermost."""
-    slope, height, foot = _slope_at(source, pad, entries)
-    return pad.cover.stack.coordinate(height, foot, slope)
-
-
-def entry(
-    source: Vector, pad: Pad, coordinates: Float[Array, " points"]
-) -> Float[Array, " points"]:
-    """Where on the surface that is seen rays enter that reach a pad at given coordinates."""
-    if pad.cover is None:
-        return coordinates
-    height, foot = pad.seen_from(source)
-    place = foot + height * pad.cover.stack.slope(height, foot, coordinates)
-    length = (pad.end - pad.start).length()
-    return safe_divide(place, jnp.broadcast_to(length, place.shape))[0]
 
 
 def reflections(

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from designopt.numerics import safe_arctan2
 from optics.scene.imaging import Imaging
 from optics.scene.scene import Scene, place
-from optics.visibility.boundaries import Pad
+from optics.visibility.pads import Pad
 from optics.visibility.unfolding import VirtualCamera, paths_of, virtual_cameras
 
 CORNERS = ((0, -1), (1, -1), (1, 1), (0, 1))

@@ -16,9 +16,10 @@ from __future__ import annotations
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
+from designopt.vectors import Vector
 
 STEPS = 16
 """Newton steps; 600,000 random stacks and heights down to 1e-8 of the offset took 14 at most."""
@@ -27,57 +28,87 @@ HALVINGS = 60
 """Bisections of the sine of the flattest ray's angle, to rounding in double precision."""
 
 
-class Stack(eqx.Module):
-    """Layers behind an outermost surface; lengths in any one unit, places from that surface's start.
+class FrontCover(eqx.Module):
+    """Layers behind the outermost surface of a pad; lengths in units of the placed scene.
+
+    Places along the pad are counted from the start of the surface that is free. In the methods a
+    face is both ends of that surface and a source is where rays come from, for one pad.
 
     Attributes:
+        own: which surfaces are of the pad's own body and hide nothing of it: not its bezel.
+        edges: labels of both ends of the surface that is free.
+        flattest: labels of the flattest rays towards both.
+        labels: labels of the ends of `windows`.
         thickness: of the layers, the outermost first.
         index: of refraction.
-        windows: along the pad, first and second end of what may be passed at the lower side of
-            each layer; the last is the membrane.
+        places: along the pad, first and second end of what rays may pass at the lower side of each
+            layer; the last is the membrane.
     """
 
+    own: Bool[Array, "*pads surfaces"]
+    edges: Int[Array, "*pads 2"]
+    flattest: Int[Array, "*pads 2"]
+    labels: Int[Array, "*pads layers 2"]
     thickness: Float[Array, "*pads layers"]
     index: Float[Array, "*pads layers"]
-    windows: Float[Array, "*pads layers 2"]
+    places: Float[Array, "*pads layers 2"]
 
-    def slopes(
-        self, height: Float[Array, ""], foot: Float[Array, ""]
-    ) -> Float[Array, "layers 2"]:
-        """Slopes w of the lines of sight to the ends of all windows of one stack.
-
-        Args:
-            height: of the source over the outermost surface, positive.
-            foot: place along the pad over which the source is.
-        """
+    def windows(self, face: Vector, source: Vector) -> Float[Array, "layers 2"]:
+        """Entries of the lines of sight to both ends of what may be passed behind each layer."""
+        height, foot, length = _seen_from(face, source)
         above = jnp.tril(jnp.broadcast_to(self.thickness, (self.thickness.size,) * 2))
         to_level = jax.vmap(jax.vmap(slope_to, (None, None, None, 0)), (None, 0, None, 0))
-        return to_level(height, above, self.index, self.windows - foot)
-
-    def slope(
-        self, height: Float[Array, ""], foot: Float[Array, ""], coordinate: Float[Array, "*points"]
-    ) -> Float[Array, "*points"]:
-        """Slopes w of the lines of sight to points of the membrane, by pad coordinate."""
-        first, last = self.windows[-1]
-        place = first + coordinate * (last - first) - foot
-        one = jnp.vectorize(
-            lambda along: slope_to(height, self.thickness, self.index, along), signature="()->()"
-        )
-        return one(place)
+        slopes = to_level(height, above, self.index, self.places - foot)
+        return (foot + height * slopes) / length
 
     def coordinate(
-        self, height: Float[Array, ""], foot: Float[Array, ""], slope: Float[Array, "*points"]
-    ) -> Float[Array, "*points"]:
-        """Pad coordinates of the points of the membrane's line that lines of sight meet."""
-        first, last = self.windows[-1]
+        self, face: Vector, source: Vector, entries: Float[Array, " points"]
+    ) -> Float[Array, " points"]:
+        """Pad coordinates that rays reach, from their entries."""
+        height, foot, length = _seen_from(face, source)
+        slope = (entries * length - foot) / height
         met = foot + along_of(height, self.thickness, self.index, slope)
+        first, last = self.places[-1]
         return safe_divide(met - first, jnp.broadcast_to(last - first, met.shape))[0]
+
+    def entries(
+        self, face: Vector, source: Vector, coordinates: Float[Array, " points"]
+    ) -> Float[Array, " points"]:
+        """Entries of the rays that reach given pad coordinates."""
+        height, foot, length = _seen_from(face, source)
+        first, last = self.places[-1]
+        along = first + coordinates * (last - first) - foot
+        slopes = jax.vmap(slope_to, (None, None, None, 0))
+        return (foot + height * slopes(height, self.thickness, self.index, along)) / length
+
+    def scale(
+        self, face: Vector, source: Vector, entries: Float[Array, " points"]
+    ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
+        """Angle at the source per length along the pad, dθ/ds = 1 / ((1 + w²) dx/dw); way to it."""
+        height, foot, length = _seen_from(face, source)
+        slope = (entries * length - foot) / height
+        per_length, _ = safe_divide(
+            1 / (1 + slope**2), rise_of(height, self.thickness, self.index, slope)
+        )
+        return per_length, length_of(height, self.thickness, self.index, slope)
+
+
+def _seen_from(face: Vector, source: Vector) -> tuple[Array, Array, Array]:
+    """Height of a source over a surface, the place along it below, and the surface's length.
+
+    The height is positive also of a source behind it.
+    """
+    step, toward = face[1] - face[0], source - face[0]
+    length = step.length()
+    length = jnp.where(length > 0, length, 1.0)
+    height = jnp.abs(step.cross(toward)) / length
+    return jnp.where(height > 0, height, 1.0), step.dot(toward) / length, length
 
 
 def _cosines(
     index: Float[Array, " layers"], slope: Float[Array, "*points"]
 ) -> tuple[Float[Array, "*points layers"], Float[Array, "*points 1"]]:
-    """n cos θ in each layer over cos θ in air, √(n² + (n² − 1) w²), and the slope beside it."""
+    """N cos θ in each layer over cos θ in air, √(n² + (n² − 1) w²), and the slope beside it."""
     w = slope[..., None]
     return jnp.sqrt(index**2 + (index**2 - 1) * w * w), w
 
@@ -142,34 +173,43 @@ def slope_to(
     return root + missed / jax.lax.stop_gradient(rise_of(height, thickness, index, root))
 
 
-def transmission(
-    index: Float[Array, " layers"], grazing: Float[Array, "*points"]
-) -> Float[Array, "*points"]:
-    """Part of unpolarised light that comes through all surfaces to the membrane.
+def fresnel(
+    cosines: Float[Array, "*points media"], index: Float[Array, " media"]
+) -> tuple[Float[Array, "*points"], Float[Array, "*points"]]:
+    """Part of light that comes through surfaces between media: polarised across the plane, and in it.
 
     Source: E. Hecht, *Optics*, 5th ed., §4.6.3: through one surface comes 4 q q′ / (q + q′)², with
     q = n cos θ for light polarised across the plane of incidence and q = cos θ / n in it. Light that
     is reflected twice and more is left out.
 
     Args:
+        cosines: n cos θ in every medium, θ between ray and normal.
+        index: of refraction of every medium.
+    """
+
+    def through(q: Float[Array, "*points media"]) -> Float[Array, "*points"]:
+        before, after = q[..., :-1], q[..., 1:]
+        return jnp.prod(safe_divide(4 * before * after, (before + after) ** 2)[0], axis=-1)
+
+    return through(cosines), through(cosines / index**2)
+
+
+def transmission(
+    index: Float[Array, " layers"], grazing: Float[Array, "*points"]
+) -> Float[Array, "*points"]:
+    """Part of unpolarised light that comes through all surfaces to the membrane.
+
+    Args:
         index: of refraction, of the layers from the outermost on.
         grazing: angle in air between ray and outermost surface, rad.
     """
     sine = jnp.sin(grazing)[..., None]
-    across = jnp.concatenate([sine, jnp.sqrt(index**2 - 1 + sine**2)], axis=-1)
-    within = across / jnp.concatenate([jnp.ones_like(index[:1]), index**2])
-
-    def through(q: Float[Array, "*points surfaces"]) -> Float[Array, "*points"]:
-        before, after = q[..., :-1], q[..., 1:]
-        part, _ = safe_divide(4 * before * after, (before + after) ** 2)
-        return jnp.prod(part, axis=-1)
-
-    return (through(across) + through(within)) / 2
+    cosines = jnp.concatenate([sine, jnp.sqrt(index**2 - 1 + sine**2)], axis=-1)
+    across, within = fresnel(cosines, jnp.concatenate([jnp.ones_like(index[:1]), index]))
+    return (across + within) / 2
 
 
-def least_grazing(
-    index: Float[Array, " layers"], least: Float[Array, ""]
-) -> Float[Array, ""]:
+def least_grazing(index: Float[Array, " layers"], least: Float[Array, ""]) -> Float[Array, ""]:
     """Grazing angle in air (rad) under which just a given part of the light comes through.
 
     A quarter turn if less comes through along the normal; 0 if all rays bring more.

@@ -8,14 +8,19 @@ iterated.
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from optics.scene.camera import Camera
-from optics.visibility.boundaries import LIMITS, PER_SEGMENT, Pad, conditions, windows
+from optics.visibility.boundaries import PER_SEGMENT, conditions
 from optics.visibility.intervals import Interval, common_part, gaps, where_positive
+from optics.visibility.pads import LIMITS, Faces, Pad
 from optics.visibility.unfolding import ROUNDING_UNITS, Unfolded, left_of
 from optics.visibility.views import ViewResult
 
@@ -31,6 +36,7 @@ class Found(eqx.Module):
     Attributes:
         present: whether there is such a piece; elsewhere all else is 0.
         path: index of the path that shows it.
+        face: 0 for the pad or its outermost surface, else 1 and which of its clear end faces.
         bounds: what bounds it where it begins on the pad and where it ends, by index in
             `meetings`.
         free: room, and one, minus the pieces; not positive if some were left out.
@@ -39,27 +45,63 @@ class Found(eqx.Module):
 
     present: Bool[Array, "*pads pieces"]
     path: Int[Array, "*pads pieces"]
+    face: Int[Array, "*pads pieces"] | None
     bounds: Int[Array, "*pads pieces 2"]
     free: Float[Array, "*pads"]
     result: ViewResult
 
 
-def find(camera: Camera, paths: Unfolded, pads: Pad, max_pieces: int | None) -> Found:
+def find(camera: Camera, paths: Unfolded, faces: Faces, max_pieces: int | None) -> Found:
     """The pieces of all pads by all paths, both along a first axis."""
-    return jax.vmap(lambda pad: _find_one(camera, paths, pad, max_pieces))(pads)
+
+    def by_path(pad: Pad) -> tuple[Interval, Bool[Array, "paths gaps"], ViewResult]:
+        return jax.vmap(lambda path: search(camera, path, pad))(paths)
+
+    views = jax.vmap(by_path)(faces.fronts)
+    if faces.ends is not None:
+        views = _with_ends(views, jax.vmap(by_path)(faces.ends), np.array(faces.ends_of))
+    count = len(paths.handedness())
+    found = jax.vmap(partial(_first, max_pieces, count))(*views)
+    return found if faces.ends is not None else eqx.tree_at(lambda f: f.face, found, None)
 
 
-def _find_one(camera: Camera, paths: Unfolded, pad: Pad, max_pieces: int | None) -> Found:
-    candidates, present, result = jax.vmap(lambda path: search(camera, path, pad))(paths)
-    count, gap_count = present.shape
-    max_pieces = min(8 + 2 * count if max_pieces is None else max_pieces, present.size)
+def _with_ends(fronts: Any, ends: Any, ends_of: np.ndarray) -> Any:
+    """Of every pad its views by its outermost surface and then by its clear end faces."""
+    there = jnp.asarray(ends_of >= 0)[..., None, None]
+    pieces, present, _ = jax.tree.map(lambda leaf: leaf[ends_of], ends)
+
+    def joined(front: Shaped[Array, "..."], of_ends: Shaped[Array, "..."]) -> Shaped[Array, "..."]:
+        every = jnp.concatenate([front[:, None], of_ends], axis=1)
+        return every.reshape(len(front), -1, front.shape[-1])
+
+    both = jax.tree.map(joined, fronts[:2], (pieces, present & there))
+    seen = jnp.any(present & there, axis=(1, 3))
+
+    def outcome(seen: Bool[Array, ""], by_front: ViewResult) -> ViewResult:
+        return ViewResult.where(seen, ViewResult.successful, by_front)
+
+    return *both, jax.vmap(jax.vmap(outcome))(seen, fronts[2])
+
+
+def _first(
+    max_pieces: int | None,
+    paths: int,
+    candidates: Interval,
+    present: Bool[Array, "views gaps"],
+    result: ViewResult,
+) -> Found:
+    """The first pieces of a pad by all views: by all paths to one surface, then to the next."""
+    gap_count = present.shape[1]
+    max_pieces = min(8 + 2 * paths if max_pieces is None else max_pieces, present.size)
     order = jnp.argsort(jnp.where(present, candidates.start, 2.0).reshape(-1))[:max_pieces]
     there = present.reshape(-1)[order]
     bounds = jnp.stack([candidates.start_label, candidates.end_label], axis=-1).reshape(-1, 2)
     free = max_pieces + 1 - jnp.sum(present)
+    view = order // gap_count
     return Found(
         there,
-        jnp.where(there, order // gap_count, 0),
+        jnp.where(there, view % paths, 0),
+        jnp.where(there, view // paths, 0),
         jnp.where(there[:, None], bounds[order], 0),
         free.astype(candidates.start.dtype),
         jax.vmap(lambda result: ViewResult.where(free > 0, result, ViewResult.too_many))(result),
@@ -93,7 +135,20 @@ def search(
     result = ViewResult.where(front, result, ViewResult.behind_pad)
     result = ViewResult.where(turned_away, ViewResult.behind_mirror, result)
     result = ViewResult.where(jnp.any(present), ViewResult.successful, result)
-    return pieces, present, result
+    return _on_membrane(path, pad, pieces), present, result
+
+
+def _on_membrane(path: Unfolded, pad: Pad, pieces: Interval) -> Interval:
+    """Pieces of the surface that is seen as pieces of the pad behind it."""
+    if pad.cover is None:
+        return pieces
+    entries = jnp.concatenate([pieces.start, pieces.end])
+    start, end = jnp.split(pad.cover.coordinate(pad.ends(), path.source, entries), 2)
+    # Through an end face what enters higher may lie nearer to the pad's first end.
+    turned = start > end
+    labels = (pieces.start_label, pieces.end_label)
+    first, last = jnp.where(turned, labels[1], labels[0]), jnp.where(turned, labels[0], labels[1])
+    return Interval(jnp.minimum(start, end), jnp.maximum(start, end), first, last)
 
 
 def _parts(
@@ -130,7 +185,7 @@ def _window(
     # Segments, left and right limit, both grazing limits, the pad itself, windows of its layers.
     ends = jnp.array([[0.0, 1.0]], dtype)
     if pad.cover is not None:
-        ends = jnp.concatenate([ends, windows(path, pad)])
+        ends = jnp.concatenate([ends, pad.cover.windows(pad.ends(), path.source)])
     bounds = last + jnp.arange(ends.size).reshape(ends.shape)
     own = Interval(ends[:, 0], ends[:, 1], bounds[:, 0], bounds[:, 1])
     all_of = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), segments, others, own)

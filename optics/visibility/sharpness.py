@@ -19,9 +19,9 @@ from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_divide
 from optics.scene.scene import Scene, place
-from optics.visibility.boundaries import Pad
 from optics.visibility.fan import Fan
 from optics.visibility.image_scale import entry, look
+from optics.visibility.pads import Pad
 from optics.visibility.tracing import Leg
 from optics.visibility.unfolding import paths_of, unfold_all
 from optics.visibility.views import Pieces

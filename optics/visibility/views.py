@@ -106,6 +106,7 @@ class Pieces(eqx.Module):
     px_per_mm: Float[Array, "*pieces 2"]
     distance: Float[Array, "*pieces 2"]
     spans: Float[Array, "*pieces reflections 2"]
+    face: Int[Array, "*pieces"] | None = None
 
     def coverage(self) -> Float[Array, "*pads"]:
         """Part of each pad that is seen by any path: the measure of the union of its pieces."""

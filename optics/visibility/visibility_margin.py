@@ -19,9 +19,10 @@ from designopt.numerics import safe_arctan2
 from designopt.vectors import Vector, stack
 from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
-from optics.visibility.boundaries import Pad, labels_of, toward, windows
+from optics.visibility.boundaries import toward
 from optics.visibility.boundary_codes import label_of, with_kind
 from optics.visibility.intervals import FAR, Interval, gaps
+from optics.visibility.pads import Pad
 from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, unit
 
 
@@ -101,9 +102,8 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     lower_labels = jnp.stack([shown.labels[0], toward_first, low])
     upper_labels = jnp.stack([shown.labels[1], toward_second, high])
     if pad.cover is not None:
-        entries = windows(path, pad)
+        entries, labels = pad.cover.windows(pad.ends(), source), pad.cover.labels
         passed = angle(step.scaled(entries) + (pad.start - source))
-        labels = labels_of(path, pad)[-entries.size :].reshape(entries.shape)
         lower, upper = jnp.append(lower, passed[:, 0]), jnp.append(upper, passed[:, 1])
         lower_labels = jnp.append(lower_labels, labels[:, 0])
         upper_labels = jnp.append(upper_labels, labels[:, 1])
