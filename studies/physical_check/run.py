@@ -98,38 +98,36 @@ class Comparison:
 
     def compare(self, case: Case, scene: Scene, frames: Sequence[Frame]) -> None:
         """Add the frames of a case."""
-        poses = jnp.deg2rad(
-            jnp.asarray([[pose[name] for name in scene.angle_names] for pose in case.poses])
-        )
+        degrees = [[pose[name] for name in scene.angle_names] for pose in case.poses]
+        poses = jnp.deg2rad(jnp.asarray(degrees))
         corners = predict_corners(scene, poses, case.width)
         pieces: Any = jax.tree.map(np.asarray, find_views(scene, poses).value)
         coverage = np.asarray(find_coverage(scene, poses).value)
-        pads = [pad.name for pad in scene.layout.pads]
         for i, frame in enumerate(frames):
             angles = ", ".join(f"{name} {angle:g}°" for name, angle in case.poses[i].items())
             where = {"finger": case.finger, "layers": case.layers, "pose": angles}
             self.frames.add(**where, seconds=frame.seconds)
-            paths = paths_of(scene)
             for corner in frame.corners:
-                at = paths.index(corner.path), pads.index(corner.pad)
-                place = corners[i][(*at, CORNERS.index((corner.end, corner.side)))]
-                self._add_corner(where, corner, place)
+                self._add_corner(where, scene, corner, corners[i])
             predicted = predicted_views(scene, jax.tree.map(lambda leaf, i=i: leaf[i], pieces))
             for pair in match_views(frame.views, predicted):
                 self._add_views(where, case, *pair)
-            for pad, other in zip(pads, coverage[i].tolist(), strict=True):
-                seen = frame.coverage[pad]
-                self.coverage.add(**where, pad=pad, coverage=seen, difference=seen - other)
-                if not abs(seen - other) <= NOTED_COVERAGE:
-                    self._note(where | {"pad": pad}, "coverage", seen, other, other - seen)
+            for pad, other in zip(scene.layout.pads, coverage[i].tolist(), strict=True):
+                seen, own = frame.coverage[pad.name], where | {"pad": pad.name}
+                self.coverage.add(**own, coverage=seen, difference=seen - other)
+                self._note(own, "coverage", seen, other, seen - other, NOTED_COVERAGE)
 
-    def _add_corner(self, where: dict[str, str], corner: Corner, place: np.ndarray) -> None:
+    def _add_corner(
+        self, where: dict[str, str], scene: Scene, corner: Corner, predicted: np.ndarray
+    ) -> None:
+        names = [pad.name for pad in scene.layout.pads]
+        index = paths_of(scene).index(corner.path), names.index(corner.pad)
+        place = predicted[(*index, CORNERS.index((corner.end, corner.side)))]
         way, error = way_of(corner.path), float(np.hypot(*(place - corner.place)))
-        where = where | {"pad": corner.pad}
-        self.corners.add(**where, way=way, error_px=error, noise_px=corner.residual)
-        if not error <= NOTED_PX:
-            what = f"{way}, corner at '{('from', 'to')[corner.end]}': row, px"
-            self._note(where, what, corner.place[1], place[1], error)
+        own = where | {"pad": corner.pad}
+        self.corners.add(**own, way=way, error_px=error, noise_px=corner.residual)
+        what = f"{way}, corner at '{('from', 'to')[corner.end]}': row, px"
+        self._note(own, what, corner.place[1], place[1], error, NOTED_PX)
 
     def _add_views(
         self, where: dict[str, str], case: Case, seen: View | None, other: View | None
@@ -137,25 +135,24 @@ class Comparison:
         one = seen or other
         assert one is not None
         way = "end face" if "end" in one.entrance else way_of(one.path)
-        where = where | {"pad": one.pad}
-        self.views.add(**where, way=way, unmatched=seen is None or other is None)
+        own = where | {"pad": one.pad}
+        self.views.add(**own, way=way, unmatched=seen is None or other is None)
         if seen is None or other is None:
             rows = [view.rows[0] if view else math.nan for view in (seen, other)]
-            self._note(where, f"{way}, view of one only: row, px", *rows, math.nan)
+            self._note(own, f"{way}, view of one only: first row, px", *rows, math.nan, NOTED_PX)
             return
         pad = next(pad for pad in case.tables["pads"] if pad["name"] == one.pad)
-        length = math.dist(pad["from"], pad["to"])
+        length = 1000 * math.dist(pad["from"], pad["to"])
         for i, bound in enumerate(seen.bounds):
             error, along = other.rows[i] - seen.rows[i], other.along[i] - seen.along[i]
-            errors = {"error_px": error, "error_um": 1000 * length * along}
-            self.ends.add(**where, way=way, bound=bound, **errors)
-            if not abs(error) <= NOTED_PX:
-                what = f"{way}, view ended by {bound}: row, px"
-                self._note(where, what, seen.rows[i], other.rows[i], error)
+            self.ends.add(**own, way=way, bound=bound, error_px=error, error_um=length * along)
+            what = f"{way}, view ended by {bound}: row, px"
+            self._note(own, what, seen.rows[i], other.rows[i], error, NOTED_PX)
 
     def _note(self, where: dict[str, str], what: str, *numbers: float) -> None:
-        judge, library, off = map(float, numbers)
-        self.noted.add(**where, what=what, judge=judge, library=library, difference=off)
+        judge, library, off, allowed = map(float, numbers)
+        if not abs(off) <= allowed:
+            self.noted.add(**where, what=what, judge=judge, library=library, difference=abs(off))
 
 
 def predict_corners(
@@ -172,28 +169,27 @@ def _corners(
     return jax.vmap(lambda pose: find_corners(imaging, find_outlines(scene, pose), width))(poses)
 
 
-def paths_of(scene: Scene) -> list[tuple[str, ...]]:
-    """Names of the mirrors of every path."""
-    names = (name.partition(":")[2] for name in name_paths(scene.layout))
-    return [tuple(name.split("+")) if name else () for name in names]
+def paths_of(scene: Scene) -> list[str]:
+    """Names of the mirrors of every path, as the judge has them."""
+    return [name.partition(":")[2] for name in name_paths(scene.layout)]
 
 
-def way_of(path: Sequence[str]) -> str:
+def way_of(path: str) -> str:
     """What errors are grouped by."""
     return "mirror" if path else "direct"
 
 
 def predicted_views(scene: Scene, pieces: Pieces) -> list[View]:
     """The library's pieces of one pose as the judge has its views."""
-    paths, found = paths_of(scene), []
-    for pad, piece in zip(*np.nonzero(pieces.present), strict=True):
-        rows = np.asarray(pieces.pixels[pad, piece]) - 0.5
-        along = np.array([pieces.start[pad, piece], pieces.end[pad, piece]])
-        order = np.argsort(rows)
-        (low, high), (first, last) = rows[order].tolist(), along[order].tolist()
-        path = paths[int(pieces.path[pad, piece])]
-        name = scene.layout.pads[pad].name
-        found.append(View(name, path, "", (low, high), (first, last), ("", "")))
+    found = []
+    for index in zip(*np.nonzero(pieces.present), strict=True):
+        rows = (pieces.pixels[index] - 0.5).tolist()
+        along = [float(pieces.start[index]), float(pieces.end[index])]
+        if rows[0] > rows[1]:
+            rows, along = rows[::-1], along[::-1]
+        name, path = scene.layout.pads[index[0]].name, paths_of(scene)[pieces.path[index]]
+        by_end = pieces.face is not None and pieces.face[index] > 0
+        found.append(View(name, path, "end" if by_end else "", rows, along, ["", ""]))
     return found
 
 
@@ -255,39 +251,17 @@ def add_findings(out: Report, found: Comparison) -> None:
 
 def add_tables(out: Report, found: Comparison) -> None:
     """Errors by layers and way, coverage by layers, the largest differences."""
-    corners = found.corners.summary(
-        *("layers", "way"),
-        corners="count error_px",
-        median_px="median error_px",
-        p95_px="p95 error_px",
-        worst_px="max error_px",
-        noise_px="median noise_px",
-    )
-    out.table("corners", corners)
-    out.table(
-        "views",
-        found.views.summary("layers", "way", views="count unmatched", unmatched="sum unmatched"),
-    )
-    out.table(
-        "ends",
-        found.ends.summary(
-            *("layers", "way"),
-            ends="count error_px",
-            median_px="median_abs error_px",
-            worst_px="max_abs error_px",
-            worst_um="max_abs error_um",
-        ),
-    )
-    out.table(
-        "coverage",
-        found.coverage.summary(
-            *("layers", "pad"),
-            frames="count coverage",
-            least="min coverage",
-            mean="mean coverage",
-            worst_difference="max_abs difference",
-        ),
-    )
+    by, errors = ("layers", "way"), {"median_px": "median_abs error_px"}
+    errors |= {"p95_px": "p95_abs error_px", "worst_px": "max_abs error_px"}
+    count, noise = "count error_px", "median noise_px"
+    out.table("corners", found.corners.summary(*by, corners=count, **errors, noise_px=noise))
+    worst = "max_abs error_um"
+    out.table("ends", found.ends.summary(*by, ends=count, **errors, worst_um=worst))
+    views = {"views": "count unmatched", "unmatched": "sum unmatched"}
+    out.table("views", found.views.summary(*by, **views))
+    seen = {"frames": "count coverage", "least": "min coverage", "mean": "mean coverage"}
+    seen |= {"worst_difference": "max_abs difference"}
+    out.table("coverage", found.coverage.summary("layers", "pad", **seen))
     if len(found.noted):
         out.table("noted", found.noted)
 
@@ -314,7 +288,7 @@ def draw_frame(case: Case, scene: Scene) -> Figure:
     for color, path, of_path in zip(PALETTE, paths_of(scene), corners, strict=False):
         places = of_path.reshape(-1, 2)
         places = places[np.all((places >= 0) & (places <= (columns, rows)), axis=-1)]
-        label = f"predicted corners, {'mirror ' if path else ''}{'+'.join(path) or 'direct'}"
+        label = f"predicted corners, {f'mirror {path}' if path else 'direct'}"
         axes.plot(*places.T, "o", color=color, fillstyle="none", label=drawn_name(label))
     axes.set(xlim=(0, columns), ylim=(rows, 0), xlabel="column (px)", ylabel="row (px)")
     axes.grid(visible=False)

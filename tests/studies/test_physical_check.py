@@ -257,8 +257,8 @@ def test_coverage_is_the_measure_of_a_union():
 
 
 def test_views_are_matched_with_the_nearest_of_the_same_path():
-    def view(low, high, *path):
-        return View("pad", path, "", (low, high), (0, 1), ("", ""))
+    def view(low, high, path=""):
+        return View("pad", path, "", [low, high], [0, 1], ["", ""])
 
     judged = [view(0, 10), view(20, 30), view(50, 60, "wall")]
     predicted = [view(19, 31), view(1, 9), view(50, 60), view(70, 70.1)]

@@ -9,6 +9,7 @@ import json
 import os
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from studies.physical_check.judge.lens import Lens
 from studies.physical_check.judge.solids import WIDTH, Pose, Tables, motion_of
-from studies.physical_check.judge.tracing import Traced, Tracer, mirrors_of
+from studies.physical_check.judge.tracing import Traced, Tracer, path_of
 
 ASPECT = 4 / 3
 """Columns of an image over its rows."""
@@ -55,7 +56,7 @@ class Corner(NamedTuple):
 
     Attributes:
         pad: its name.
-        path: names of the mirrors on the way.
+        path: names of the mirrors on the way, joined by "+"; empty without any.
         end: 0 at the membrane's end "from", 1 at "to".
         side: −1 or 1, where columns grow with it.
         place: column and row.
@@ -63,10 +64,10 @@ class Corner(NamedTuple):
     """
 
     pad: str
-    path: tuple[str, ...]
+    path: str
     end: int
     side: int
-    place: tuple[float, float]
+    place: list[float]
     residual: float
 
 
@@ -75,7 +76,7 @@ class View(NamedTuple):
 
     Attributes:
         pad: its name.
-        path: names of the mirrors on the way.
+        path: names of the mirrors on the way, joined by "+"; empty without any.
         entrance: the face by which light enters the pad; empty where it has no layers.
         rows: of its two ends.
         along: membrane coordinates there, 0 to 1.
@@ -83,11 +84,11 @@ class View(NamedTuple):
     """
 
     pad: str
-    path: tuple[str, ...]
+    path: str
     entrance: str
-    rows: tuple[float, float]
-    along: tuple[float, float]
-    bounds: tuple[str, str]
+    rows: list[float]
+    along: list[float]
+    bounds: list[str]
 
 
 class Frame(NamedTuple):
@@ -140,7 +141,7 @@ def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
     path = folder / f"{hashlib.sha256(_sources() + asked).hexdigest()}.json"
     if path.exists():
         corners, views, coverage, seconds = json.loads(path.read_text(encoding="utf-8"))
-        return Frame([_corner(*c) for c in corners], [_view(*r) for r in views], coverage, seconds)
+        return Frame([Corner(*c) for c in corners], [View(*v) for v in views], coverage, seconds)
     frame = judge(tables, pose)
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile("w", dir=folder, delete=False, encoding="utf-8") as file:
@@ -155,16 +156,7 @@ def _sources() -> bytes:
     return b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
 
 
-def _corner(pad: str, path: list, end: int, side: int, place: list, residual: float) -> Corner:
-    return Corner(pad, tuple(path), end, side, (place[0], place[1]), residual)
-
-
-def _view(pad: str, path: list, entrance: str, *pairs: list) -> View:
-    rows, along, bounds = ((one[0], one[1]) for one in pairs)
-    return View(pad, tuple(path), entrance, rows, along, bounds)
-
-
-def union(intervals: list[tuple[float, float]]) -> float:
+def union(intervals: Sequence[Sequence[float]]) -> float:
     """Measure of a union of intervals."""
     covered, reach = 0.0, 0.0
     for low, high in sorted((min(one), max(one)) for one in intervals):
@@ -203,11 +195,10 @@ def _find_corners(
     check = whole.trace(lens.rays(beside))
     there = check.reached & (check.word == words) & (check.pad == index) & ~whole.by_end(check)
     there &= np.all((places >= 0) & (places <= (lens.columns - 1, lens.rows - 1)), axis=-1)
+    numbers = zip(asked, places.tolist(), residuals.tolist(), strict=True)
     return [
-        Corner(pad["name"], mirrors_of(tables, word), end, side, (column, row), residual)
-        for (word, end, side), (column, row), residual, ok in zip(
-            asked, places.tolist(), residuals.tolist(), there, strict=True
-        )
+        Corner(pad["name"], path_of(tables, word), end, side, place, residual)
+        for ((word, end, side), place, residual), ok in zip(numbers, there, strict=True)
         if ok
     ]
 
@@ -285,27 +276,23 @@ def _find_views(tables: Tables, lens: Lens, tracer: Tracer) -> list[View]:
         inner = inner + step * np.sum(np.logical_and.accumulate(same, axis=1), axis=1)
         outer = inner + step
     within, beyond = trace(inner)[0], trace(outer)[0]
-    at_limit = (outer <= 0.001 - 0.5) | (outer >= lens.rows - 0.501)
-    coordinates = within.along / np.abs(tracer.lines[within.pad, 1] - tracer.lines[within.pad, 0])
-    found, count = [], len(firsts)
-    for i in range(count):
-        pad, word, entrance, _ = own[i]
-        ends = i, i + count
-        bounds = [
-            "limit of the image" if at_limit[k]
-            else "end of the pad" if np.abs(coordinates[k] - 0.5) > 0.5 - AT_END
-            else f"pad {tables['pads'][beyond.pad[k]]['name']}" if beyond.seen[k]
-            else tracer.describe(int(beyond.end[k]))
-            for k in ends
-        ]  # fmt: skip
-        found.append(
-            View(
-                tables["pads"][pad]["name"],
-                mirrors_of(tables, int(word)),
-                "" if entrance < 0 else tracer.describe(int(entrance)),
-                (float(inner[ends[0]]), float(inner[ends[1]])),
-                (float(coordinates[ends[0]]), float(coordinates[ends[1]])),
-                (bounds[0], bounds[1]),
-            )
-        )
-    return found
+    pads, limit = tables.get("pads", []), (lens.rows - 0.001) / 2
+    along = within.along / np.abs(tracer.lines[within.pad, 1] - tracer.lines[within.pad, 0])
+
+    def bound(end: int) -> str:
+        if abs(outer[end] - lens.middle[1]) > limit:
+            return "limit of the image"
+        if abs(along[end] - 0.5) > 0.5 - AT_END:
+            return "end of the pad"
+        if beyond.seen[end]:
+            return f"pad {pads[beyond.pad[end]]['name']}"
+        return tracer.describe(int(beyond.end[end]))
+
+    def view(first: int, last: int) -> View:
+        pad, word, entrance, _ = own[first].tolist()
+        through, both = tracer.describe(entrance) if entrance >= 0 else "", [first, last]
+        numbers = inner[both].tolist(), along[both].tolist()
+        name = pads[pad]["name"]
+        return View(name, path_of(tables, word), through, *numbers, [bound(end) for end in both])
+
+    return [view(i, i + len(firsts)) for i in range(len(firsts))]

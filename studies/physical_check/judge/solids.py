@@ -71,9 +71,11 @@ def strip(start: complex, end: complex, low: float, high: float) -> np.ndarray:
     return np.array([(place.real, place.imag, z) for place, z in ends])
 
 
-def sheet(outline: Sequence[complex], z: float) -> np.ndarray:
-    """Four places of the section, moved across it."""
-    return np.array([(place.real, place.imag, z) for place in outline])
+def prism(outline: Sequence[complex], low: float, high: float) -> list[np.ndarray]:
+    """The outer faces over the four edges of an outline, counter-clockwise, and both lids."""
+    edges = zip([*outline[1:], outline[0]], outline, strict=True)
+    lids = ([(place.real, place.imag, z) for place in outline] for z in (low, high))
+    return [*(strip(*edge, low, high) for edge in edges), *map(np.array, lids)]
 
 
 def faces_of(tables: Tables, pose: Pose, only: int | None = None, spare: float = 0) -> list[Face]:
@@ -128,6 +130,7 @@ class Layer(NamedTuple):
         refraction: its index.
         clear: whether its first and its last end are.
         names: of these ends.
+        number: counted from the camera's side.
     """
 
     low: float
@@ -137,13 +140,14 @@ class Layer(NamedTuple):
     refraction: float
     clear: tuple[bool, bool]
     names: tuple[str, str]
+    number: int
 
 
 def layers_of(pad: Mapping[str, Any], length: float) -> list[Layer]:
     """A pad's layers from the membrane upwards; x runs with the sensing side on the left."""
     flip = -1 if pad.get("side") == "right" else 1
-    made, low = [], 0.0
-    for table in reversed(pad.get("layers", [])):
+    made, low, tables = [], 0.0, pad.get("layers", [])
+    for number, table in reversed(list(enumerate(tables, 1))):
         over, bevel = (both_ends(table.get(key, 0))[::flip] for key in ("overhang", "bevel_deg"))
         names = ("from", "to") if flip > 0 else ("to", "from")
         sides = table.get("sides", "black")
@@ -153,7 +157,7 @@ def layers_of(pad: Mapping[str, Any], length: float) -> list[Layer]:
         bottom = -over[0], length + over[1]
         top = bottom[0] + cut[0], bottom[1] - cut[1]
         green = float(index["green"] if isinstance(index, Mapping) else index)
-        made.append(Layer(low, high, bottom, top, green, (clear[0], clear[1]), names))
+        made.append(Layer(low, high, bottom, top, green, (clear[0], clear[1]), names, number))
         low = high
     return made
 
@@ -163,97 +167,69 @@ def _pad_faces(
 ) -> Iterator[Face]:
     """Membrane, layers and bezel of one pad, or, with room to spare, levels without ends."""
     start, end = line
-    along = (end - start) / abs(end - start)
-    half, length = float(pad.get("width", WIDTH)) / 2, abs(end - start)
-    layers, name, room = layers_of(pad, length), pad["name"], spare or 0.0
-    wide, pairs = half + room, list(zip(layers, [*layers[1:], None], strict=False))
+    along, half = (end - start) / abs(end - start), float(pad.get("width", WIDTH)) / 2
+    name, length, room = pad["name"], abs(end - start), spare or 0.0
+    layers = layers_of(pad, length)
 
-    def flat(height: float, left: float, right: float, z: float = wide) -> np.ndarray:
-        return strip(
-            start + along * (left + 1j * height), start + along * (right + 1j * height), -z, z
-        )
+    def at(x: float, y: float) -> complex:
+        return start + along * complex(x, y)
+
+    def flat(y: float, left: float, right: float, z: float = half) -> np.ndarray:
+        return strip(at(left, y), at(right, y), -z, z)
+
+    def body(what: str, corners: np.ndarray) -> Face:
+        return Face("body", f"{what} of pad {name}", corners, part=part)
 
     one_sided = pad.get("side", "both") != "both"
-    membrane = flat(0, -room, length + room)
+    membrane = flat(0, -room, length + room, half + room)
     yield Face("membrane", f"pad {name}", membrane, part=part, one_sided=one_sided)
-    if spare is not None:
-        for lower, upper in pairs:
-            material = (upper.refraction if upper else 1.0, lower.refraction)
-            face = flat(lower.high, -room, length + room)
-            yield Face("level", "top", face, material, part, upper is None)
-        return
-    bezel = _bezel(pad, layers)
-    for left, right in ((layers[0].bottom[0], 0), (length, layers[0].bottom[1])) if layers else ():
-        if left < right:
-            yield Face("body", f"underside of pad {name}", flat(0, left, right), part=part)
-    for number, (lower, upper) in enumerate(pairs):
-        # A level is clear where both lie on it (or between the lips), and opaque elsewhere.
-        over = upper.bottom if upper else (lower.top[0] + bezel[0], lower.top[1] - bezel[1])
-        low, high = max(lower.top[0], over[0]), min(lower.top[1], over[1])
-        ends = sorted([lower.top[0], over[0]]), sorted([lower.top[1], over[1]])
-        material = (upper.refraction if upper else 1.0, lower.refraction)
-        side = half if upper else half - max(bezel[:2])
+    first, last, height = _bezel(pad)
+    for lower, upper in zip(layers, [*layers[1:], None], strict=False):
+        # A level is clear where both layers lie on it, or between the lips, and opaque elsewhere.
+        free = lower.top[0] + first, lower.top[1] - last
+        edges = list(zip(lower.top, upper.bottom if upper else free, strict=True))
+        low, high, side = max(edges[0]), min(edges[1]), half
+        side -= 0 if upper else max(first, last)
+        if spare is not None:
+            low, high, side = -room, length + room, half + room
         if low < high:
-            face = flat(lower.high, low, high, side)
-            yield Face("level", "top", face, material, part, upper is None)
-        what = f"ledge of pad {name}" if upper else f"lip of pad {name}"
-        for left, right in ends:
-            if left < right:
-                yield Face("body", what, flat(lower.high, left, right), part=part)
-        yield from _layer_sides(lower, name, part, start, along, half, len(layers) - number)
-    if layers and bezel[2] > 0:
-        yield from _lips(layers[-1], name, part, start, along, half, bezel)
-
-
-def _layer_sides(
-    layer: Layer, name: str, part: int, start: complex, along: complex, half: float, number: int
-) -> Iterator[Face]:
-    """Its two ends and its two lateral faces."""
-    low, high = (
-        [start + along * (x + 1j * y) for x in ends]
-        for y, ends in ((layer.low, layer.bottom), (layer.high, layer.top))
-    )
-    for which in range(2):
-        # Fronts look outwards: to the left, going up at the first end and down at the last.
-        line = (low[0], high[0]) if which == 0 else (high[1], low[1])
-        clear, corners = layer.clear[which], strip(*line, -half, half)
-        material: Material = (1.0, layer.refraction) if clear else "opaque"
-        what = f"end '{layer.names[which]}' of layer {number} of pad {name}"
-        yield Face("end" if clear else "body", what, corners, material, part, clear)
-    outline = [low[0], low[1], high[1], high[0]]
-    for corners in (sheet(outline, z) for z in (-half, half)):
-        yield Face("body", f"side of pad {name}", corners, part=part)
-
-
-def _bezel(pad: Mapping[str, Any], layers: list[Layer]) -> tuple[float, float, float]:
-    """How far its lips reach inwards at the first and the last end, and how high they stand."""
-    table = pad.get("bezel")
-    if not table or not layers:
-        return 0.0, 0.0, 0.0
-    flip = -1 if pad.get("side") == "right" else 1
-    first, last = both_ends(table["lip"])[::flip]
-    return float(first), float(last), float(table["height"])
-
-
-def _lips(
-    layer: Layer, name: str, part: int, start: complex, along: complex, half: float,
-    bezel: tuple[float, float, float],
-) -> Iterator[Face]:  # fmt: skip
-    """The lips at both ends and at both sides, as bodies on the outermost surface."""
-    first, last, height = bezel
-    (left, right), wide, what = layer.top, max(first, last), f"lip of pad {name}"
-    boxes = [
+            material = (upper.refraction if upper else 1.0, lower.refraction)
+            yield Face("level", "top", flat(lower.high, low, high, side), material, part, not upper)
+        if spare is not None:
+            continue
+        for one, other in edges:
+            if one != other:
+                left, right = min(one, other), max(one, other)
+                yield body("ledge" if upper else "lip", flat(lower.high, left, right))
+        (x0, x1), (x2, x3) = lower.bottom, lower.top
+        outline = [at(x0, lower.low), at(x1, lower.low), at(x3, lower.high), at(x2, lower.high)]
+        _, right, _, left, *beside = prism(outline, -half, half)
+        for clear, which, corners in zip(lower.clear, lower.names, (left, right), strict=True):
+            face = body(f"end '{which}' of layer {lower.number}", corners)
+            glass = 1.0, lower.refraction
+            yield face._replace(kind="end", material=glass, outermost=True) if clear else face
+        yield from (body("side", corners) for corners in beside)
+    if not layers or spare is not None:
+        return
+    for left, right in ((layers[0].bottom[0], 0.0), (length, layers[0].bottom[1])):
+        if left < right:
+            yield body("underside", flat(0, left, right))
+    (left, right), low, wide = layers[-1].top, layers[-1].high, max(first, last)
+    for x0, x1, z0, z1 in (
         (left, left + first, -half, half),
         (right - last, right, -half, half),
         (left, right, -half, wide - half),
         (left, right, half - wide, half),
-    ]
-    for x0, x1, z0, z1 in boxes:
-        if x0 < x1 and z0 < z1:
-            floor = [start + along * (x + 1j * layer.high) for x in (x0, x1)]
-            roof = [place + 1j * along * height for place in floor]
-            lines = [(floor[0], roof[0]), (roof[1], floor[1]), (roof[0], roof[1])]
-            sides = [strip(*line, z0, z1) for line in lines]
-            outline = [floor[0], floor[1], roof[1], roof[0]]
-            sides += [sheet(outline, z) for z in (z0, z1)]
-            yield from (Face("body", what, corners, part=part) for corners in sides)
+    ):
+        if x0 < x1 and z0 < z1 and height > 0:
+            high = low + height
+            outline = [at(x0, low), at(x1, low), at(x1, high), at(x0, high)]
+            yield from (body("lip", corners) for corners in prism(outline, z0, z1))
+
+
+def _bezel(pad: Mapping[str, Any]) -> tuple[float, float, float]:
+    """How far its lips reach inwards at the first and the last end, and how high they stand."""
+    table = pad.get("bezel") or {"lip": 0.0, "height": 0.0}
+    first, last = both_ends(table["lip"])
+    first, last = (last, first) if pad.get("side") == "right" else (first, last)
+    return first, last, table["height"]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from studies.physical_check.judge.engine import Engine, Material
-from studies.physical_check.judge.solids import Pose, Tables, faces_of, motion_of
+from studies.physical_check.judge.solids import Face, Pose, Tables, faces_of, motion_of
 
 NUDGE = 2e-4
 """A ray goes on so far behind what it has met (mm), 30 times float32's rounding of a place."""
@@ -79,35 +79,33 @@ class Tracer:
     def __init__(
         self, tables: Tables, pose: Pose, origin: complex, only: int | None = None, spare: float = 0
     ) -> None:
-        self.faces = faces_of(tables, pose, only, spare)
-        self._mirrors = len(tables.get("mirrors", []))
-        self._bounces = bounces_of(tables)
-        by_material: dict[Material, list[int]] = {}
-        for index, face in enumerate(self.faces):
-            by_material.setdefault(face.material, []).append(index)
+        groups: dict[Material, list[Face]] = {}
+        for face in faces_of(tables, pose, only, spare):
+            groups.setdefault(face.material, []).append(face)
         moved = np.array([origin.real, origin.imag, 0.0])
-        self._engine = Engine(
-            {m: [self.faces[i].corners - moved for i in own] for m, own in by_material.items()}
+        self._engine = Engine({m: [f.corners - moved for f in own] for m, own in groups.items()})
+        self._first = np.cumsum([0, *map(len, groups.values())])
+        self._faces = [face for own in groups.values() for face in own]
+        self._part, self._kind, self._outermost, self._one_sided = (
+            np.array([getattr(face, name) for face in self._faces])
+            for name in ("part", "kind", "outermost", "one_sided")
         )
-        self._index = np.full((len(by_material), max(map(len, by_material.values()))), -1)
-        for row, own in zip(self._index, by_material.values(), strict=True):
-            row[: len(own)] = own
-        self._part = np.array([face.part for face in self.faces])
-        self._kind = np.array([face.kind for face in self.faces])
-        self._outermost = np.array([face.outermost for face in self.faces])
-        self._one_sided = np.array([face.one_sided for face in self.faces])
         pads = tables.get("pads", [])
         self.lines = np.array([membrane(tables, pose, pad) for pad in pads]) - origin
-        self._layered = np.array([bool(pad.get("layers")) for pad in pads])
-        grazing = [math.radians(pad.get("min_grazing_deg", 0.0)) for pad in pads]
-        self._least = (
-            np.sin(grazing),
-            np.array([pad.get("min_transmission", TRANSMISSION) for pad in pads]),
-        )
+        bare = [
+            face.kind == "membrane" and not pads[face.part].get("layers") for face in self._faces
+        ]
+        self._bare, self._mirrors = np.array(bare), len(tables.get("mirrors", []))
+        self._bounces = tables.get("scene", {}).get("bounces", min(self._mirrors, 2))
+        self._flat = np.sin([math.radians(pad.get("min_grazing_deg", 0.0)) for pad in pads])
+        light = [
+            pad.get("min_transmission", TRANSMISSION) if pad.get("layers") else 0 for pad in pads
+        ]
+        self._dim = np.array(light)
 
     def describe(self, end: int) -> str:
         """What ended a ray, in words."""
-        return REASONS[end] if end < 0 else self.faces[end].name
+        return REASONS[end] if end < 0 else self._faces[end].name
 
     def by_end(self, traced: Traced) -> np.ndarray:
         """Whether light came into a pad by an end face."""
@@ -126,17 +124,15 @@ class Tracer:
             step = self._engine.step(place[live], way[live])
             met = step.group >= 0
             live, step = live[met], type(step)(*(one[met] for one in step))
-            face = self._index[step.group, step.face]
+            face = self._first[step.group] + step.face
             kind, own = self._kind[face], inside[live] == self._part[face]
-            outside, layered = inside[live] < 0, self._layered[self._part[face]]
-            sine = -np.sum(step.normal * way[live], axis=-1)
+            outside, sine = inside[live] < 0, -np.sum(step.normal * way[live], axis=-1)
             front = sine > 0
             end[live], hit[live] = face, step.point
             # A membrane ends the ray: it is seen from its front, in air or from within its pad.
-            bare = outside & ~layered & (front | ~self._one_sided[face])
-            on = (kind == "membrane") & (bare | (~outside & own & front))
-            reached[live[on]] = True
-            grazing[live[on & outside]] = np.abs(sine[on & outside])
+            bare = outside & self._bare[face] & (front | ~self._one_sided[face])
+            reached[live[bare | (~outside & own & front & (kind == "membrane"))]] = True
+            grazing[live[bare]] = np.abs(sine[bare])
             # Into a pad by its outermost faces, through its levels downwards, and never out of it.
             enters = outside & front & self._outermost[face]
             deeper = ~outside & own & front & (kind == "level")
@@ -159,22 +155,13 @@ class Tracer:
             end[live[goes]] = NOTHING
             live = live[goes]
             place[live] = hit[live] + NUDGE * way[live]
-        return self._account(reached, word, entrance, end, hit, grazing, transmission)
-
-    def _account(
-        self, reached: np.ndarray, word: np.ndarray, entrance: np.ndarray, end: np.ndarray,
-        hit: np.ndarray, grazing: np.ndarray, transmission: np.ndarray,
-    ) -> Traced:  # fmt: skip
         pad = np.where(reached, self._part[np.maximum(end, 0)], -1)
         start, line = self.lines[pad, 0], self.lines[pad, 1] - self.lines[pad, 0]
         along = ((hit[:, 0] + 1j * hit[:, 1] - start) * np.conj(line)).real / np.abs(line)
-        least, dim = self._least[0][pad], np.where(self._layered[pad], self._least[1][pad], 0.0)
-        end = np.where(reached & (transmission < dim), DIM, end)
-        end = np.where(reached & (grazing < least), FLAT, end)
-        seen = reached & (grazing >= least) & (transmission >= dim)
-        return Traced(
-            seen, reached, word, pad, entrance, end, along, hit[:, 2], grazing, transmission
-        )
+        flat, dim = grazing < self._flat[pad], transmission < self._dim[pad]
+        end = np.where(reached & flat, FLAT, np.where(reached & dim, DIM, end))
+        views = reached & ~flat & ~dim, reached, word, pad, entrance, end
+        return Traced(*views, along, hit[:, 2], grazing, transmission)
 
 
 def membrane(tables: Tables, pose: Pose, pad: Tables) -> tuple[complex, complex]:
@@ -183,15 +170,10 @@ def membrane(tables: Tables, pose: Pose, pad: Tables) -> tuple[complex, complex]
     return turn * complex(*pad["from"]) + shift, turn * complex(*pad["to"]) + shift
 
 
-def bounces_of(tables: Tables) -> int:
-    """Most reflections of a ray: as the file states, or two, or one of a single mirror."""
-    return tables.get("scene", {}).get("bounces", min(len(tables.get("mirrors", [])), 2))
-
-
-def mirrors_of(tables: Tables, word: int) -> tuple[str, ...]:
-    """Names of the mirrors of a path, in the order in which light from the camera meets them."""
+def path_of(tables: Tables, word: int) -> str:
+    """Names of the mirrors of a path as light from the camera meets them, joined by "+"."""
     mirrors, names = tables.get("mirrors", []), []
     while word:
         word, digit = divmod(word, len(mirrors) + 1)
         names.append(mirrors[digit - 1]["name"])
-    return tuple(reversed(names))
+    return "+".join(reversed(names))
