@@ -92,7 +92,14 @@ class View(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """A judged frame; `seconds` is what it took."""
+    """A judged frame.
+
+    Attributes:
+        corners: those that are seen.
+        views: down the middle column, by rows.
+        coverage: by the pads' names.
+        seconds: what it took.
+    """
 
     corners: list[Corner]
     views: list[View]

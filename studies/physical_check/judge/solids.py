@@ -40,7 +40,8 @@ class Face(NamedTuple):
         material: of it.
         part: index of the pad or mirror that it belongs to.
         outermost: whether light enters the pad here.
-        one_sided: only the front of this membrane senses, or of this blocker blocks.
+        one_sided: only the front of this membrane senses.
+        open_behind: what meets it from behind goes on.
     """
 
     kind: Kind
@@ -50,6 +51,7 @@ class Face(NamedTuple):
     part: int = -1
     outermost: bool = False
     one_sided: bool = False
+    open_behind: bool = False
 
 
 def motion_of(tables: Tables, pose: Pose, body: str = "world") -> tuple[complex, complex]:
@@ -102,8 +104,8 @@ def faces_of(tables: Tables, pose: Pose, only: int | None = None, spare: float =
     if only is None:
         for part in tables.get("blockers", []):
             corners = strip(*_line(tables, pose, part), -REACH, REACH)
-            one_sided = part.get("side", "both") != "both"
-            found.append(Face("blocker", part["name"], corners, one_sided=one_sided))
+            open_behind = part.get("side", "both") != "both"
+            found.append(Face("blocker", part["name"], corners, open_behind=open_behind))
     return found
 
 
@@ -165,7 +167,10 @@ def layers_of(pad: Mapping[str, Any], length: float) -> list[Layer]:
 def _pad_faces(
     pad: Mapping[str, Any], part: int, line: tuple[complex, complex], spare: float | None
 ) -> Iterator[Face]:
-    """Membrane, layers and bezel of one pad, or, with room to spare, levels without ends."""
+    """Membrane, layers and bezel of one pad, or, with room to spare, levels without ends.
+
+    What goes on beyond its edges hides nothing behind it: a whole pad would not be there.
+    """
     start, end = line
     along, half = (end - start) / abs(end - start), float(pad.get("width", WIDTH)) / 2
     name, length, room = pad["name"], abs(end - start), spare or 0.0
@@ -182,7 +187,8 @@ def _pad_faces(
 
     one_sided = pad.get("side", "both") != "both"
     membrane = flat(0, -room, length + room, half + room)
-    yield Face("membrane", f"pad {name}", membrane, part=part, one_sided=one_sided)
+    sides = {"one_sided": one_sided, "open_behind": spare is not None}
+    yield Face("membrane", f"pad {name}", membrane, part=part, **sides)
     first, last, height = _bezel(pad)
     for lower, upper in zip(layers, [*layers[1:], None], strict=False):
         # A level is clear where both layers lie on it, or between the lips, and opaque elsewhere.
@@ -194,7 +200,10 @@ def _pad_faces(
             low, high, side = -room, length + room, half + room
         if low < high:
             material = (upper.refraction if upper else 1.0, lower.refraction)
-            yield Face("level", "top", flat(lower.high, low, high, side), material, part, not upper)
+            face = Face(
+                "level", "top", flat(lower.high, low, high, side), material, part, not upper
+            )
+            yield face._replace(open_behind=spare is not None)
         if spare is not None:
             continue
         for one, other in edges:

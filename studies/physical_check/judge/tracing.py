@@ -86,9 +86,9 @@ class Tracer:
         self._engine = Engine({m: [f.corners - moved for f in own] for m, own in groups.items()})
         self._first = np.cumsum([0, *map(len, groups.values())])
         self._faces = [face for own in groups.values() for face in own]
-        self._part, self._kind, self._outermost, self._one_sided = (
+        self._part, self._kind, self._outermost, self._one_sided, self._open_behind = (
             np.array([getattr(face, name) for face in self._faces])
-            for name in ("part", "kind", "outermost", "one_sided")
+            for name in ("part", "kind", "outermost", "one_sided", "open_behind")
         )
         pads = tables.get("pads", [])
         self.lines = np.array([membrane(tables, pose, pad) for pad in pads]) - origin
@@ -147,7 +147,7 @@ class Tracer:
             word[live[mirrored]] *= self._mirrors + 1
             word[live[mirrored]] += self._part[face[mirrored]] + 1
             hops[live[mirrored]] += 1
-            unnoticed = (kind == "blocker") & outside & ~front & self._one_sided[face]
+            unnoticed = outside & ~front & self._open_behind[face]
             end[live[unnoticed]] = NOTHING
             turned = (through & (step.weight > 0)) | mirrored
             way[live[turned]] = step.onward[turned]
