@@ -22,7 +22,7 @@ from designopt.vectors import Vector, rotation, where
 from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundary_codes import parts_of, with_kind
-from optics.visibility.pads import LIMITS, Pad
+from optics.visibility.pads import LIMITS, PAD_ENDS, Pad
 from optics.visibility.unfolding import Unfolded, unit
 
 PER_SEGMENT = 3
@@ -75,10 +75,10 @@ def labels_of(path: Unfolded, pad: Pad) -> Int[Array, " bounds"]:
     """Labels of all `meetings`."""
     first, last = path.blockers.labels[..., 0], path.blockers.labels[..., 1]
     segments = jnp.stack([first, last, with_kind(first, codes.CROSSING)]).reshape(-1)
-    own = [jnp.array(LIMITS[:2]), pad.flattest(), pad.edges()]
-    if pad.cover is not None:
-        own.append(pad.cover.labels.reshape(-1))
-    return jnp.concatenate([segments, *own])
+    if pad.cover is None:
+        return jnp.concatenate([segments, jnp.array([*LIMITS, *PAD_ENDS])])
+    own = pad.cover.flattest, pad.cover.edges, pad.cover.labels.reshape(-1)
+    return jnp.concatenate([segments, jnp.array(LIMITS[:2]), *own])
 
 
 def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> Vector:
@@ -92,13 +92,9 @@ def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> V
     edge = where(edges.labels[0] == label, first, last)
     edge = where(kind == codes.CROSSING, pad.start + step.scaled(met), edge)
 
+    low, high = LIMITS[2:] if pad.cover is None else pad.cover.flattest
     # The labels below 0 come in pairs, of which one has the sign 1.
-    second = (
-        (label == codes.SECOND_PAD_END)
-        | (label == codes.LEFT_LIMIT)
-        | (label == codes.HIGH_GRAZING)
-        | (label == codes.HIGH_TRANSMISSION)
-    )
+    second = (label == codes.SECOND_PAD_END) | (label == codes.LEFT_LIMIT) | (label == high)
     sign = jnp.where(second, 1.0, -1.0).astype(source.x.dtype)
     half = rotation(camera.field_of_view / 2)
     limit = axis.scaled(half.x) + axis.perpendicular().scaled(sign * half.y)
@@ -106,18 +102,18 @@ def toward(camera: Camera, path: Unfolded, pad: Pad, label: Int[Array, ""]) -> V
     above = along_pad.cross(source - pad.start)
     drop = along_pad.perpendicular().scaled(-above * jnp.sin(pad.grazing))
     flattest = drop + along_pad.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
-    end = where(label >= 0, edge, _own_end(path, pad, label))
+    end = where(second, pad.end, pad.start)
+    if pad.cover is not None:
+        end = _own_end(path, pad, label)
+    end = where(label >= 0, edge, end)
     is_limit = (label == codes.LEFT_LIMIT) | (label == codes.RIGHT_LIMIT)
-    is_grazing = (label == codes.LOW_GRAZING) | (label == codes.HIGH_GRAZING)
-    is_grazing |= (label == codes.LOW_TRANSMISSION) | (label == codes.HIGH_TRANSMISSION)
+    is_grazing = (label == low) | (label == high)
     return where(is_limit, limit, where(is_grazing, flattest, end - source))
 
 
 def _own_end(path: Unfolded, pad: Pad, label: Int[Array, ""]) -> Vector:
-    """The place on the surface seen, or its line, through which a ray passes an end of the pad."""
-    if pad.cover is None:
-        return where(label == codes.SECOND_PAD_END, pad.end, pad.start)
+    """Where the line of sight to an end of a layered pad meets the surface seen, or its line."""
     inner = pad.cover.windows(pad.ends(), path.source).reshape(-1)
     entries = jnp.concatenate([jnp.array([0.0, 1.0], inner.dtype), inner])
-    labels = jnp.concatenate([pad.edges(), pad.cover.labels.reshape(-1)])
+    labels = jnp.concatenate([pad.cover.edges, pad.cover.labels.reshape(-1)])
     return pad.start + (pad.end - pad.start).scaled(entries[jnp.argmax(labels == label)])

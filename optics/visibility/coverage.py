@@ -84,8 +84,8 @@ def find_views(
         placed: Placed, paths: Unfolded, faces: Faces, searched: tuple[Found, list[Interval]]
     ) -> Solution[Pieces]:
         found, widest = searched
-        labels = _of_bounds(labels_of, paths, faces, found)
-        entries, ends = _ends(camera, paths, faces, found, labels)
+        labels = _labels(paths, faces, found)
+        entries, ends = _ends(camera, paths, faces, found)
         labels = jnp.where(found.present[..., None], labels, 0)
 
         def piece(pad: Pad, *of_piece: Array) -> tuple[Array, ...]:
@@ -154,8 +154,7 @@ def find_coverage(
     def coverage(
         placed: Placed, paths: Unfolded, faces: Faces, found: Found
     ) -> Solution[Float[Array, " pads"]]:
-        labels = _of_bounds(labels_of, paths, faces, found)
-        _, ends = _ends(scene.camera, paths, faces, found, labels)
+        _, ends = _ends(scene.camera, paths, faces, found)
         seen = measure_of_union(ends[..., 0], ends[..., 1])
         return Solution(seen, found.free, jnp.zeros_like(seen), jax.vmap(_room_left)(found.free))
 
@@ -229,6 +228,14 @@ def _of_bounds(
     return jnp.where(found.face[..., None] > 0, of_end, picked)
 
 
+def _labels(paths: Unfolded, faces: Faces, found: Found) -> Int[Array, "pads pieces 2"]:
+    """What bounds all pieces."""
+    if faces.fronts.cover is None:  # the same bounds for every pad
+        of_path = jax.vmap(lambda path: labels_of(path, faces.fronts))(paths)
+        return of_path[found.path[..., None], found.bounds]
+    return _of_bounds(labels_of, paths, faces, found)
+
+
 def _of_pieces(function: Callable[..., Any], faces: Faces, found: Found, *of_pieces: Array) -> Any:
     """A function of the surface by which a piece is seen, and of what belongs to the piece."""
     of_pad = jax.vmap(function, (None, *[0] * len(of_pieces)))
@@ -246,11 +253,7 @@ def _of_pieces(function: Callable[..., Any], faces: Faces, found: Found, *of_pie
 
 
 def _ends(
-    camera: Camera,
-    paths: Unfolded,
-    faces: Faces,
-    found: Found,
-    labels: Int[Array, "pads pieces 2"],
+    camera: Camera, paths: Unfolded, faces: Faces, found: Found
 ) -> tuple[Float[Array, "pads pieces 2"], Float[Array, "pads pieces 2"]]:
     """Ends of all pieces, with derivatives: on the surfaces that are seen, and on the pads."""
     at = _of_bounds(partial(meetings, camera), paths, faces, found)
@@ -263,6 +266,7 @@ def _ends(
 
     ends = _of_pieces(behind, faces, found, found.path, entries)
     # A ray to an end of the membrane meets it exactly, wherever it enters.
+    labels = _labels(paths, faces, found)
     for end, label in enumerate(PAD_ENDS):
         ends = jnp.where(labels == label, float(end), ends)
     return entries, jnp.where(found.present[..., None], ends, 0.0)

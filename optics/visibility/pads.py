@@ -62,14 +62,6 @@ class Pad(eqx.Module):
         """Both ends of one pad, along one axis."""
         return stack(self.start, self.end)
 
-    def edges(self) -> Int[Array, "2"]:
-        """Labels of both ends of one pad, or of the surface that is seen of it."""
-        return jnp.array(PAD_ENDS) if self.cover is None else self.cover.edges
-
-    def flattest(self) -> Int[Array, "2"]:
-        """Labels of the flattest rays towards both ends of one pad."""
-        return jnp.array(LIMITS[2:]) if self.cover is None else self.cover.flattest
-
     def own(self, surfaces: int) -> Bool[Array, " surfaces"]:
         """Which of so many surfaces hide nothing of one pad, as they are itself or of its body."""
         return jnp.arange(surfaces) == self.index if self.cover is None else self.cover.own

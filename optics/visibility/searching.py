@@ -60,9 +60,12 @@ def find(camera: Camera, paths: Unfolded, faces: Faces, max_pieces: int | None) 
     views = jax.vmap(by_path)(faces.fronts)
     if faces.ends is not None:
         views = _with_ends(views, jax.vmap(by_path)(faces.ends), np.array(faces.ends_of))
-    count = len(paths.handedness())
-    found = jax.vmap(partial(_first, max_pieces, count))(*views)
-    return found if faces.ends is not None else eqx.tree_at(lambda f: f.face, found, None)
+    room = 8 + 2 * len(paths.reflects) if max_pieces is None else max_pieces
+    found = jax.vmap(partial(_first, room))(*views)
+    if faces.ends is None:
+        return found
+    face, path = jnp.divmod(found.path, len(paths.reflects))
+    return eqx.tree_at(lambda f: (f.path, f.face), found, (path, face), is_leaf=lambda x: x is None)
 
 
 def _with_ends(fronts: Any, ends: Any, ends_of: np.ndarray) -> Any:
@@ -84,24 +87,21 @@ def _with_ends(fronts: Any, ends: Any, ends_of: np.ndarray) -> Any:
 
 
 def _first(
-    max_pieces: int | None,
-    paths: int,
+    room: int,
     candidates: Interval,
     present: Bool[Array, "views gaps"],
     result: ViewResult,
 ) -> Found:
-    """The first pieces of a pad by all views: by all paths to one surface, then to the next."""
-    gap_count = present.shape[1]
-    max_pieces = min(8 + 2 * paths if max_pieces is None else max_pieces, present.size)
+    """The first pieces of a pad, their views in place of paths."""
+    gap_count, max_pieces = present.shape[1], min(room, present.size)
     order = jnp.argsort(jnp.where(present, candidates.start, 2.0).reshape(-1))[:max_pieces]
     there = present.reshape(-1)[order]
     bounds = jnp.stack([candidates.start_label, candidates.end_label], axis=-1).reshape(-1, 2)
     free = max_pieces + 1 - jnp.sum(present)
-    view = order // gap_count
     return Found(
         there,
-        jnp.where(there, view % paths, 0),
-        jnp.where(there, view // paths, 0),
+        jnp.where(there, order // gap_count, 0),
+        None,
         jnp.where(there[:, None], bounds[order], 0),
         free.astype(candidates.start.dtype),
         jax.vmap(lambda result: ViewResult.where(free > 0, result, ViewResult.too_many))(result),
@@ -183,16 +183,17 @@ def _window(
     """The part of a pad that field of view, grazing angle, mirrors and layers let through."""
     dtype, last = segments.start.dtype, PER_SEGMENT * segments.start.size + len(LIMITS)
     # Segments, left and right limit, both grazing limits, the pad itself, windows of its layers.
-    ends = jnp.array([[0.0, 1.0]], dtype)
+    first, second = jnp.zeros(1, dtype), jnp.ones(1, dtype)
     if pad.cover is not None:
-        ends = jnp.concatenate([ends, pad.cover.windows(pad.ends(), path.source)])
-    bounds = last + jnp.arange(ends.size).reshape(ends.shape)
-    own = Interval(ends[:, 0], ends[:, 1], bounds[:, 0], bounds[:, 1])
+        inner = pad.cover.windows(pad.ends(), path.source)
+        first, second = jnp.append(first, inner[:, 0]), jnp.append(second, inner[:, 1])
+    bounds = last + np.arange(2 * len(first)).reshape(-1, 2)
+    own = Interval(first, second, jnp.asarray(bounds[:, 0]), jnp.asarray(bounds[:, 1]))
     all_of = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), segments, others, own)
     through, wide = path.through.reshape(-1), camera.field_of_view > jnp.pi
-    always = jnp.zeros(2 + len(ends), bool)
+    always = jnp.zeros(2 + len(first), bool)
     ignored = jnp.concatenate([~through, jnp.stack([wide, wide]), always])
-    shut = jnp.concatenate([through & edge_on, jnp.zeros(2, bool), always])
+    shut = jnp.concatenate([through & edge_on, jnp.zeros(4 + len(first), bool)])
     start = jnp.where(ignored, 0.0, jnp.where(shut, 1.0, all_of.start))
     end = jnp.where(ignored, 1.0, all_of.end)
     return common_part(Interval(start, end, all_of.start_label, all_of.end_label))

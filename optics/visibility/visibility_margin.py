@@ -22,7 +22,7 @@ from optics.visibility import boundary_codes as codes
 from optics.visibility.boundaries import toward
 from optics.visibility.boundary_codes import label_of, with_kind
 from optics.visibility.intervals import FAR, Interval, gaps
-from optics.visibility.pads import Pad
+from optics.visibility.pads import LIMITS, PAD_ENDS, Pad
 from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, unit
 
 
@@ -82,9 +82,9 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
     high = jnp.where(sense > 0, codes.LEFT_LIMIT, codes.RIGHT_LIMIT)
     # From behind, the pad's second end comes first.
     in_front = sense * above > 0
-    flattest_first, flattest_second = pad.flattest()
-    toward_first = jnp.where(in_front, flattest_first, flattest_second)
-    toward_second = jnp.where(in_front, flattest_second, flattest_first)
+    flattest = LIMITS[2:] if pad.cover is None else pad.cover.flattest
+    toward_first = jnp.where(in_front, flattest[0], flattest[1])
+    toward_second = jnp.where(in_front, flattest[1], flattest[0])
     side = jnp.where(above < 0, -1.0, 1.0)
     crossing = with_kind(path.blockers.labels[..., 0], codes.CROSSING)
     blockers = cut(path.blockers, pad.ends(), side, crossing)
@@ -135,7 +135,8 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad) -> Interval:
 
 def _shown(path: Unfolded, pad: Pad) -> Edges:
     """The part of a pad that lies in front of the last mirror."""
-    whole = Edges(pad.ends(), jnp.asarray(pad.edges()), jnp.asarray(True))
+    edges = jnp.array(PAD_ENDS) if pad.cover is None else pad.cover.edges
+    whole = Edges(pad.ends(), edges, jnp.asarray(True))
     start, along = path.last[0], path.last[1] - path.last[0]
     leg = jnp.sum(path.reflects)
     behind = jnp.where(left_of(path.source, start, along) < 0, 1.0, -1.0)
