@@ -63,8 +63,7 @@ def run(spec: PhysicalCheckSpec, context: Context) -> Results:
             "'designopt[judge]'"
         ) from error
     out, found = Report(spec, package=__package__), Comparison()
-    folder = Path(spec.cache) if spec.cache else user_folder("XDG_CACHE_HOME", ".cache") / FOLDER
-    shown = None
+    folder, shown = _cache(spec), None
     for case in cases(spec, context.seed):
         with context.step(f"{case.finger} finger, layers: {case.layers}"):
             frames = [judge_once(case.tables, pose, folder) for pose in case.poses]
@@ -78,6 +77,16 @@ def run(spec: PhysicalCheckSpec, context: Context) -> Results:
     assert shown is not None  # the designed finger is in every run
     add_figures(out, found, *shown)
     return out.results()
+
+
+def _cache(spec: PhysicalCheckSpec) -> Path:
+    """The folder of judged frames, which is made where there is none."""
+    try:
+        folder = Path(spec.cache or user_folder("XDG_CACHE_HOME", ".cache") / FOLDER)
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError) as error:
+        raise UserError(f"--set cache={spec.cache}: it cannot be made: {error}") from error
+    return folder
 
 
 class Comparison:

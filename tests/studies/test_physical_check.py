@@ -10,6 +10,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+import scipy.optimize
 
 from designopt import UserError
 from designopt.study.study import Context
@@ -205,25 +206,41 @@ def met_below(place, layers, upper):
     )
 
 
+def bright_entry(least):
+    """Where rays from 10 mm before and 15 mm above bring just the least light through `TWO`."""
+
+    def missing(place):
+        cosine = 15 / math.hypot(15, place + 10)
+        inner = math.sqrt(1 - (1 - cosine**2) / TWO[0]["index"] ** 2)
+        light = fresnel(cosine, 1, TWO[0]["index"])
+        return light * fresnel(inner, TWO[0]["index"], TWO[1]["index"]) - least
+
+    return scipy.optimize.brentq(missing, 1, 60)
+
+
 @needs_mitsuba
-def test_black_ends_lips_and_refracted_light_bound_what_is_seen():
-    """A camera beyond the end of a pad sees it over the edge of its layers."""
+def test_black_ends_lips_and_the_least_transmission_bound_what_is_seen():
+    """A camera 10 mm beyond the end of a pad, 15 mm above its layers."""
     camera = SCENE["camera"] | {"position": [-30, 20], "direction_deg": -40}
-    above = -10 + 15j  # from the left end of the outermost surface
-    for more, edge in ({}, 0.0), ({"bezel": {"lip": [2, 0], "height": 1}}, None):
-        tables = {"camera": camera, "pads": [PAD | {"layers": TWO} | more]}
-        [view] = judge(tables, {}).views
-        if edge is None:  # the line of sight over the lip's inner edge
-            top = 1 + 0j
-            edge = 2 + (2 + 10) / 14 * top.real
-        hidden = met_below(edge, TWO, above)
-        assert view.along[1] == pytest.approx(hidden / 45, abs=FINE_MM / 45)
-        assert view.along[0] == pytest.approx(1, abs=1e-6)
-        assert view.bounds[0] == "end of the pad"
+
+    def seen(**more):
+        [view] = judge({"camera": camera, "pads": [PAD | {"layers": TWO} | more]}, {}).views
         assert view.entrance == "top"
-    beside = {"camera": camera, "pads": [PAD | {"layers": TWO, "min_transmission": 0.9}]}
-    [view] = judge(beside, {}).views
-    assert view.bounds[0] == "least transmission"
+        return view
+
+    def along(entry):
+        return met_below(entry, TWO, -10 + 15j) / 45
+
+    over_edge = seen()
+    assert over_edge.bounds[0] == "end of the pad"
+    assert over_edge.along[0] == pytest.approx(1, abs=1e-6)
+    assert over_edge.along[1] == pytest.approx(along(0), abs=FINE_MM / 45)
+    # A lip 2 mm long and 1 mm high: the line of sight over its upper inner edge.
+    over_lip = seen(bezel={"lip": [2, 0], "height": 1})
+    assert over_lip.along[1] == pytest.approx(along(2 + 12 / 14), abs=FINE_MM / 45)
+    bright = seen(min_transmission=0.9)
+    assert bright.bounds[0] == "least transmission"
+    assert bright.along[0] == pytest.approx(along(bright_entry(0.9)), abs=1e-5)  # light: to 1e-6
 
 
 @needs_mitsuba
@@ -239,6 +256,24 @@ def test_light_that_enters_a_clear_end_is_followed_to_the_membrane():
     assert view.along[0] == pytest.approx(1, abs=1e-6)
     assert view.along[1] == pytest.approx(0, abs=1e-5)
     assert view.entrance == "end 'from' of layer 1 of pad pad"
+
+
+@needs_mitsuba
+def test_a_pad_that_is_written_from_its_other_end_looks_the_same():
+    layer = {"thickness": 3, "index": 1.49, "sides": {"to": "clear"}}
+    layer |= {"overhang": [0, 1], "bevel_deg": [5, -10]}
+    back = layer | {"sides": {"from": "clear"}, "overhang": [1, 0], "bevel_deg": [-10, 5]}
+    one = scene_with(layers=[layer], bezel={"lip": [1, 0.5], "height": 0.5})
+    turned = {"from": PAD["to"], "to": PAD["from"], "side": "right", "layers": [back]}
+    other = scene_with(**turned, bezel={"lip": [0.5, 1], "height": 0.5})
+    first, second = judge(one, {}), judge(other, {})
+    assert len(first.views) >= 3
+    for view, same in zip(first.views, second.views, strict=True):
+        assert view.rows == pytest.approx(same.rows, abs=FINE_PX)
+        assert view.along == pytest.approx([1 - x for x in same.along], abs=FINE_MM)
+        assert view.path == same.path
+    assert any("end 'to'" in view.entrance for view in first.views)
+    assert first.coverage == pytest.approx(second.coverage, abs=FINE_MM)
 
 
 @needs_mitsuba

@@ -10,6 +10,7 @@ import os
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -146,11 +147,10 @@ def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
     """`judge`, or what it found of the same tables and pose before, kept in a folder."""
     asked = json.dumps([tables, pose], sort_keys=True).encode()
     path = folder / f"{hashlib.sha256(_sources() + asked).hexdigest()}.json"
-    if path.exists():
-        corners, views, coverage, seconds = json.loads(path.read_text(encoding="utf-8"))
-        return Frame([Corner(*c) for c in corners], [View(*v) for v in views], coverage, seconds)
+    with suppress(OSError, ValueError, TypeError):  # none, or not what was written
+        corners, views, *others = json.loads(path.read_text(encoding="utf-8"))
+        return Frame([Corner(*one) for one in corners], [View(*one) for one in views], *others)
     frame = judge(tables, pose)
-    folder.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile("w", dir=folder, delete=False, encoding="utf-8") as file:
         json.dump(frame, file)
     os.replace(file.name, path)
