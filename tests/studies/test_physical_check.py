@@ -62,15 +62,20 @@ def variant(request, monkeypatch):
     engine.load_mitsuba.cache_clear()
 
 
-def fresnel(cosine, before, behind):
-    """Transmission of unpolarised light (Born and Wolf, §1.5.2); 0 beyond total reflection."""
+def polarised(cosine, before, behind):
+    """Transmission of light across and within the plane of incidence (Born and Wolf, §1.5.2)."""
     sine = before / behind * math.sqrt(1 - cosine**2)
     if sine >= 1:
-        return 0.0
+        return np.zeros(2)
     other = math.sqrt(1 - sine**2)
     across = (before * cosine - behind * other) / (before * cosine + behind * other)
     within = (behind * cosine - before * other) / (behind * cosine + before * other)
-    return 1 - (across**2 + within**2) / 2
+    return 1 - np.array([across, within]) ** 2
+
+
+def fresnel(*surface):
+    """Transmission of unpolarised light through one surface."""
+    return polarised(*surface).mean()
 
 
 @needs_mitsuba
@@ -83,7 +88,7 @@ def test_light_is_refracted_reflected_and_divided_as_in_textbooks(variant):
     assert first.group.tolist() == [0] * 5
     np.testing.assert_allclose(first.onward[:, 0], np.sin(angles) / 1.5, atol=2e-7)
     wanted = [fresnel(cosine, 1, 1.5) for cosine in np.cos(angles)]
-    np.testing.assert_allclose(first.weight, wanted, atol=2e-6)
+    np.testing.assert_allclose(first.light[:, 0, 0], wanted, atol=2e-6)
     # A plate moves rays sideways and leaves their direction.
     second = traced.step(first.point + 1e-3 * first.onward, first.onward)
     np.testing.assert_allclose(second.onward, ways, atol=1e-6)
@@ -91,13 +96,13 @@ def test_light_is_refracted_reflected_and_divided_as_in_textbooks(variant):
     np.testing.assert_allclose(second.point[:, 0], 10 * np.tan(inner), atol=FINE_MM)
     third = traced.step(second.point + 1e-3 * second.onward, second.onward)
     np.testing.assert_allclose(third.onward, ways * [1, -1, 1], atol=1e-6)
-    np.testing.assert_allclose(third.weight, 1, atol=1e-6)
+    np.testing.assert_allclose(third.light[:, 0, 0], 1, atol=1e-6)
     # Beyond the critical angle nothing leaves glass, and the back of a mirror is no mirror.
     steep, flat = ([math.sin(a), -math.cos(a), 0] for a in np.arcsin([0.6, 0.7]))
     ways = np.array([steep, flat, [0, 1, 0]])
     left = traced.step(np.array([[0, -5, 0], [0, -5, 0], [0, -30, 0]]), ways)
-    assert left.weight[0] == pytest.approx(fresnel(0.8, 1.5, 1), abs=2e-6)
-    assert left.weight[1:].tolist() == [0, 0]
+    assert left.light[0, 0, 0] == pytest.approx(fresnel(0.8, 1.5, 1), abs=2e-6)
+    assert left.light[1:, 0, 0].tolist() == [0, 0]
     missed = traced.step(np.array([[0.0, 5, 0]]), np.array([[0.0, 1, 0]]))
     assert missed.group.tolist() == [-1]
 
@@ -212,8 +217,9 @@ def bright_entry(least):
     def missing(place):
         cosine = 15 / math.hypot(15, place + 10)
         inner = math.sqrt(1 - (1 - cosine**2) / TWO[0]["index"] ** 2)
-        light = fresnel(cosine, 1, TWO[0]["index"])
-        return light * fresnel(inner, TWO[0]["index"], TWO[1]["index"]) - least
+        light = polarised(cosine, 1, TWO[0]["index"])
+        light = light * polarised(inner, TWO[0]["index"], TWO[1]["index"])
+        return light.mean() - least
 
     return scipy.optimize.brentq(missing, 1, 60)
 

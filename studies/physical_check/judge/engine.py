@@ -37,7 +37,9 @@ class Steps(NamedTuple):
         point: where.
         normal: of the face, to its front.
         onward: in which direction light goes on, reflected by mirrors, refracted by interfaces.
-        weight: the part of the light that does.
+        light: Mueller matrices of what it does to light, shape (rays, 4, 4), in axes that Mitsuba
+            gives every direction: the product over a path, the last one first, has in its first
+            entry the part of unpolarised light that comes through.
     """
 
     group: np.ndarray
@@ -45,7 +47,7 @@ class Steps(NamedTuple):
     point: np.ndarray
     normal: np.ndarray
     onward: np.ndarray
-    weight: np.ndarray
+    light: np.ndarray
 
 
 def llvm_version(path: str) -> int:
@@ -73,7 +75,7 @@ def load_mitsuba() -> Any:
     mitsuba: Any = importlib.import_module("mitsuba")
     if library := find_llvm():
         os.environ["DRJIT_LIBLLVM_PATH"] = library
-    mitsuba.set_variant("llvm_ad_rgb" if library else "scalar_rgb")
+    mitsuba.set_variant("llvm_ad_mono_polarized" if library else "scalar_spectral_polarized")
     if library:  # a few thousand rays at a time: threads would wait for each other
         importlib.import_module("drjit").set_thread_count(1)
     return mitsuba
@@ -121,38 +123,40 @@ class Engine:
         one_by_one = [self._step_alone(*ray) for ray in zip(origins, directions, strict=True)]
         return Steps(*map(np.array, zip(*one_by_one, strict=True)))
 
-    def _light(self, ray: Any) -> tuple[Any, ...]:
-        """The intersection, and where transmission and reflection go with which weight."""
-        met = self._scene.ray_intersect(ray)
+    def _light(self, met: Any) -> list[Any]:
+        """Where light goes on by transmission, what it becomes, and both by reflection."""
         onward = []
         for context in self._contexts:
-            sample, weight = met.bsdf().sample(context, met, 0.5, self._mi.Point2f(0.5))
-            onward += [met.to_world(sample.wo), weight[0]]
-        return met, onward
+            sample, light = met.bsdf().sample(context, met, 0.5, self._mi.Point2f(0.5))
+            light = met.to_world_mueller(light, -met.wi, sample.wo)
+            onward += [met.to_world(sample.wo), light]
+        return onward
 
     def _step_together(self, origins: np.ndarray, directions: np.ndarray) -> Steps:
         mi, dr = self._mi, importlib.import_module("drjit")
         vectors = (np.ascontiguousarray(v.T, np.float32) for v in (origins, directions))
-        met, onward = self._light(mi.Ray3f(*vectors))
+        met = self._scene.ray_intersect(mi.Ray3f(*vectors))
+        dr.eval(met)  # what depends on the scene's address apart: the rest is compiled once
+        onward = self._light(met)
         number = dr.reinterpret_array(mi.UInt32, met.shape)
         arrays = number, met.prim_index // 2, met.p, met.n, *onward
         dr.eval(arrays)
-        number, face, point, normal, *onward = (np.array(one).T for one in arrays)
+        number, face, point, normal, *onward = (np.array(one) for one in arrays)
         known = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(s))[0]) for s in self._shapes]
         group = np.full(len(number), -1)
         for i, one in enumerate(known):
             group[number == one] = i
         through = self._refracts[group]
-        way = np.where(through[:, None], onward[0], onward[2])
-        return Steps(group, face, point, normal, way, np.where(through, onward[1], onward[3]))
+        way, light = (np.where(through, *pair) for pair in (onward[::2], onward[1::2]))
+        return Steps(group, face, point.T, normal.T, way.T, np.moveaxis(light[:, :, 0], -1, 0))
 
     def _step_alone(self, origin: np.ndarray, direction: np.ndarray) -> tuple[Any, ...]:
         ray = self._mi.Ray3f(self._mi.Point3f(*origin), self._mi.Vector3f(*direction))
         met = self._scene.ray_intersect(ray)
         if not met.is_valid():
-            return -1, 0, *np.zeros((3, 3)), 0.0
-        met, onward = self._light(ray)
+            return -1, 0, *np.zeros((3, 3)), np.zeros((4, 4))
+        onward = self._light(met)
         group = self._shapes.index(met.shape)
-        way, weight = onward[:2] if self._refracts[group] else onward[2:]
-        point, normal, way = (np.array(one, float) for one in (met.p, met.n, way))
-        return group, met.prim_index // 2, point, normal, way, weight
+        way, light = onward[:2] if self._refracts[group] else onward[2:]
+        point, normal, way, light = (np.array(one) for one in (met.p, met.n, way, light))
+        return group, met.prim_index // 2, point, normal, way, light[:, :, 0]

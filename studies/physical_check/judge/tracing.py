@@ -44,7 +44,7 @@ class Traced(NamedTuple):
         along: membrane coordinate, mm from its end "from".
         across: mm from the section.
         grazing: sine of the angle between ray and outermost surface, in air.
-        transmission: part of the light that comes through.
+        transmission: part of unpolarised light that comes through.
     """
 
     seen: np.ndarray
@@ -116,7 +116,7 @@ class Tracer:
         count = len(directions)
         word, hops, end = np.zeros(count, int), np.zeros(count, int), np.full(count, NOTHING)
         inside, entrance = np.full(count, -1), np.full(count, -1)
-        grazing, transmission = np.ones(count), np.ones(count)
+        grazing, light = np.ones(count), np.tile(np.eye(4), (count, 1, 1))
         reached, hit = np.zeros(count, bool), np.zeros((count, 3))
         place, way = np.zeros((count, 3)), np.array(directions, float)
         live = np.flatnonzero(np.isfinite(way[:, 0]))
@@ -139,9 +139,10 @@ class Tracer:
             through = enters | deeper
             grazing[live[enters]], entrance[live[enters]] = sine[enters], face[enters]
             inside[live[enters]] = self._part[face[enters]]
-            transmission[live[through]] *= step.weight[through]
-            end[live[through & (step.weight <= 0)]] = TRAPPED
-            mirrored = (kind == "mirror") & outside & (step.weight > 0)
+            light[live[through]] = step.light[through] @ light[live[through]]
+            passes = step.light[:, 0, 0] > 0
+            end[live[through & ~passes]] = TRAPPED
+            mirrored = (kind == "mirror") & outside & passes
             end[live[mirrored]] = BOUNCES
             mirrored &= hops[live] < self._bounces
             word[live[mirrored]] *= self._mirrors + 1
@@ -149,7 +150,7 @@ class Tracer:
             hops[live[mirrored]] += 1
             unnoticed = outside & ~front & self._open_behind[face]
             end[live[unnoticed]] = NOTHING
-            turned = (through & (step.weight > 0)) | mirrored
+            turned = (through & passes) | mirrored
             way[live[turned]] = step.onward[turned]
             goes = turned | unnoticed
             end[live[goes]] = NOTHING
@@ -158,6 +159,7 @@ class Tracer:
         pad = np.where(reached, self._part[np.maximum(end, 0)], -1)
         start, line = self.lines[pad, 0], self.lines[pad, 1] - self.lines[pad, 0]
         along = ((hit[:, 0] + 1j * hit[:, 1] - start) * np.conj(line)).real / np.abs(line)
+        transmission = light[:, 0, 0]
         flat, dim = grazing < self._flat[pad], transmission < self._dim[pad]
         end = np.where(reached & flat, FLAT, np.where(reached & dim, DIM, end))
         views = reached & ~flat & ~dim, reached, word, pad, entrance, end
