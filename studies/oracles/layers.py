@@ -348,8 +348,9 @@ def _sheet(
 def follow(scene: Scene, angles: np.ndarray) -> Seen:
     """Follow rays from the camera, each from face to face.
 
-    Snell's law is taken in vectors, and of unpolarised light each surface lets through
-    1 − (r_s² + r_p²) / 2, with Fresnel's amplitudes (Hecht, Optics, 5th ed., 4.6.2).
+    Snell's law is taken in vectors; of light polarised either way each surface lets through
+    1 − r², with Fresnel's amplitude r (Hecht, Optics, 5th ed., 4.6.2), and unpolarised light is
+    half of each.
 
     Args:
         scene: what they meet.
@@ -359,7 +360,8 @@ def follow(scene: Scene, angles: np.ndarray) -> Seen:
     place, heading = np.full(count, scene.camera), scene.axis * np.exp(1j * angles)
     medium, bounces, path = np.zeros((3, count), np.int64)
     left, entrance, end = np.full((3, count), -1)  # left: the mirror that the ray comes from
-    at, grazing, transmission = np.full((3, count), [[np.nan], [np.nan], [1.0]])
+    at, grazing = np.full((2, count), np.nan)
+    polarised = np.ones((2, count))  # light polarised across the plane of incidence, and in it
     on = np.arange(count)
     while len(on):
         end[on], along, distance = _nearest(table, place[on], heading[on], medium[on], left[on])
@@ -379,7 +381,7 @@ def follow(scene: Scene, angles: np.ndarray) -> Seen:
         beyond = np.sqrt(np.maximum(squared, 0.0))  # cosine of the angle behind
         across = (ratio * cosine - beyond) / (ratio * cosine + beyond)
         within = (ratio * beyond - cosine) / (ratio * beyond + cosine)
-        transmission[on[through]] *= 1 - (across**2 + within**2)[through] / 2
+        polarised[:, on[through]] *= 1 - np.stack([across, within])[:, through] ** 2
         mirrored = (behind == MIRROR) & (bounces[on] < scene.bounces)
         bent = ratio * ray + (ratio * cosine - beyond) * normal
         turned = np.where(mirrored, ray + 2 * cosine * normal, bent)
@@ -389,6 +391,7 @@ def follow(scene: Scene, angles: np.ndarray) -> Seen:
         left[on] = np.where(mirrored, table.owner[face], -1)
         path[on] = np.where(mirrored, path[on] * (mirrors + 1) + left[on] + 1, path[on])
         bounces[on] += mirrored
+    transmission = np.mean(polarised, axis=0)
     limits = np.array([(pad.grazing, pad.transmission) for pad in scene.pads])
     sensed = np.flatnonzero(np.isfinite(at))
     least, dimmest = limits[table.owner[entrance[sensed]] - mirrors].T
