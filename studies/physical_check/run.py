@@ -44,7 +44,10 @@ NOTED_PX, NOTED_COVERAGE = 0.1, 1e-3
 SHOWN_PX = 1e-6
 """Smaller errors are drawn there."""
 
-PICTURE_STEP = 4.0
+KINDS = {"none": "none", "+": "two layers", "clear": "one layer, clear ends", "bevel": "bevelled"}
+"""What layers are called in the figure by a part of their name; all others are black."""
+
+PICTURE_STEP = 2.0
 """Of the rays of a picture, px."""
 
 
@@ -278,8 +281,13 @@ def add_tables(out: Report, found: Comparison) -> None:
 def add_figures(out: Report, found: Comparison, case: Case, scene: Scene) -> None:
     """Distribution of the corners' errors, and a frame as the judge sees it."""
     names, marks = {"error_px": "error of a corner (px)"}, {"target": 0.01}
+    kinds = [
+        next((kind for part, kind in KINDS.items() if part in layers), "one layer, black")
+        for layers in found.corners["layers"].tolist()
+    ]
+    drawn = found.corners | {"kind": kinds}
     drawing = plots.ecdf(
-        found.corners, "error_px", by="layers", marks=marks, log="x", least=SHOWN_PX, names=names
+        drawn, "error_px", by="kind", marks=marks, log="x", least=SHOWN_PX, names=names
     )
     out.figure("corners", drawing)
     out.figure("frame", draw_frame(case, scene), layers=case.layers, most=2)
@@ -297,6 +305,8 @@ def draw_frame(case: Case, scene: Scene) -> Figure:
     for color, path, of_path in zip(PALETTE, paths_of(scene), corners, strict=False):
         places = of_path.reshape(-1, 2)
         places = places[np.all((places >= 0) & (places <= (columns, rows)), axis=-1)]
+        if not len(places):
+            continue
         label = f"predicted corners, {f'mirror {path}' if path else 'direct'}"
         axes.plot(*places.T, "o", color=color, fillstyle="none", label=drawn_name(label))
     axes.set(xlim=(0, columns), ylim=(rows, 0), xlabel="column (px)", ylabel="row (px)")
