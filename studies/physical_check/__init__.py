@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator
 
@@ -14,10 +14,7 @@ LayersName = Literal[
     "3 mm bevelled", "3+2 mm overhang", "3 mm bezel",
 ]  # fmt: skip
 
-LAYERS: list[LayersName] = [
-    "none", "1 mm", "2 mm", "3 mm", "3+2 mm", "3 mm clear", "3 mm clear, overhang",
-    "3 mm bevelled", "3+2 mm overhang", "3 mm bezel",
-]  # fmt: skip
+LAYERS: list[LayersName] = list(get_args(LayersName))
 
 
 class PhysicalCheckSpec(Spec):

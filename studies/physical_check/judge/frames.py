@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -160,7 +161,8 @@ def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
 @functools.cache
 def _sources() -> bytes:
     """The judge itself: a frame that another one has judged is judged again."""
-    return b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
+    own = (path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
+    return b"".join([*own, version("mitsuba").encode()])
 
 
 def union(intervals: Sequence[Sequence[float]]) -> float:
