@@ -24,6 +24,7 @@ from designopt.export.drawing import (
 from designopt.export.json import Quantity
 from designopt.io.files import printable
 from designopt.vectors import vector
+from optics.plot.layer_section import Stack
 from optics.plot.section import Section
 from optics.scene.camera_module import LINES, NAME
 from optics.scene.file import FIXED, CameraTable, LayerTable, MirrorTable, PadTable, SurfaceTable
@@ -79,9 +80,15 @@ def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
             labels.append(Label(layer, _middle(places), text))
     if design.scene.layers is not None:
         layers.append(Layer(SHEETS, "body"))
-        outlines = list(_outlines(design))
-        polylines += [Polyline(SHEETS, places, closed=True) for _, places in outlines]
-        labels += [Label(SHEETS, _center(places), text) for text, places in outlines]
+        for pad, stack in zip(file.pads, _stacks(design), strict=True):
+            if stack is None:
+                continue
+            outlines = [_rounded(part) for part in (*stack.layers, *stack.bezel)]
+            polylines += [Polyline(SHEETS, places, closed=True) for places in outlines]
+            count = len(stack.layers)
+            text = f"{pad.name}: {count} layer{'s' if count > 1 else ''}"
+            labels.append(Label(SHEETS, _middle(outlines[0][2:]), text))
+            labels += [Label(SHEETS, _middle(part[1:3]), "bezel") for part in outlines[count:]]
     for part in (*file.mirrors, *file.pads):
         measures.append(LinearDimension(part.start, part.end))
     diagonal, far = _extent(design)
@@ -234,27 +241,14 @@ def _off_chords(places: Float[np.ndarray, "places 2"]) -> float:
     return float(np.max(np.abs(across) / np.hypot(*chords.T)))
 
 
-def _outlines(design: DesignedScene) -> Iterator[tuple[str, list[Place]]]:
-    """Layers and bezels with their names."""
-    angles = np.zeros(len(design.scene.angle_names))
-    for pad, stack in zip(design.file.pads, Section.of(design.scene, angles).stacks, strict=True):
-        if stack is None:
-            continue
-        for number, outline in enumerate(stack.layers, start=1):
-            yield f"{pad.name} layer {number}", _rounded(outline)
-        for outline in stack.bezel:
-            yield f"{pad.name} bezel", _rounded(outline)
+def _stacks(design: DesignedScene) -> Sequence[Stack | None]:
+    """The layers of all pads in the reference pose."""
+    return Section.of(design.scene, np.zeros(len(design.scene.angle_names))).stacks
 
 
 def _rounded(outline: Float[np.ndarray, "corners 2"]) -> list[Place]:
     """Corners without the rounding of a placed scene, so that 5 mm stay 5 mm."""
     return [(x, y) for x, y in (np.round(outline, DECIMALS) + 0.0).tolist()]
-
-
-def _center(places: Sequence[Place]) -> Place:
-    """The mean of the corners of an outline."""
-    x, y = np.mean(places, axis=0).tolist()
-    return x, y
 
 
 def _middle(places: Sequence[Place]) -> Place:
@@ -302,7 +296,7 @@ def _notes(design: DesignedScene, far: bool, *, pose: bool) -> list[str]:
     )
     for pad in design.file.pads:
         notes += [
-            f"{pad.name} layer {number}: {_material(layer)}"
+            f"{pad.name} pad, layer {number}{' (outside)' * (number == 1)}: {_material(layer)}"
             for number, layer in enumerate(pad.layers, start=1)
         ]
     return notes

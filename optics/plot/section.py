@@ -121,7 +121,7 @@ def rays_to(
         np.asarray, _traced(scene, jnp.asarray(angles), view.pixels, jnp.asarray(spread), bounces)
     )
     paths, rays = np.asarray(view.path), []
-    for pad, piece in np.argwhere(np.asarray(view.present)):
+    for pad, piece in np.argwhere(np.asarray(view.present)).tolist():
         met = surfaces[pad, piece] != NOTHING
         corners = [
             line[np.append(True, there)]
@@ -134,7 +134,7 @@ def rays_to(
                 line if enters is None else np.vstack([line, stack.through(line[-2:], *enters)])
                 for line, enters in zip(corners, entered, strict=True)
             ]
-        rays.append((int(paths[pad, piece]), int(pad), corners))
+        rays.append((int(paths[pad, piece]), pad, corners))
     return rays
 
 

@@ -1,8 +1,9 @@
 """Clear layers over pads: plates of acrylic and silicone between the camera and the membrane.
 
-A layered pad is a body. Its membrane is the pad's segment; the layers lie on it, towards the sensing
-side, each with two end faces that may overhang the membrane and be cut at a bevel; a bezel may hold
-the outermost one. Along the pad places are counted from its first end, heights from the membrane.
+A layered pad is a body. Its membrane is the pad's segment; the layers lie on it, towards the
+sensing side, each with two end faces that may overhang the membrane and be cut at a bevel; a bezel
+may hold the outermost one. Along the pad places are counted from its first end, heights from the
+membrane.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ class Layers(eqx.Module):
     Attributes:
         thickness: mm.
         index: of refraction, for each of `CHANNELS`.
-        overhang: by how much a layer's membrane side is longer than the membrane at its two ends, mm.
+        overhang: by how much a layer's membrane side is longer than the membrane at either end, mm.
         bevel: angles by which its ends are cut back towards the camera, rad.
         lip: how far the bezel covers the outermost layer from its two ends, mm.
         height: of the bezel over the outermost layer, mm.
@@ -119,7 +120,7 @@ class Profile(eqx.Module):
         """The profiles of pads of given lengths, mm."""
         below = jnp.cumsum(layers.thickness[:, ::-1], axis=1)[:, ::-1]
         levels = jnp.concatenate([below, jnp.zeros_like(below[:, :1])], axis=1)
-        outward = jnp.array([-1.0, 1.0], levels.dtype)
+        outward = jnp.array([[[-1.0, 1.0]]], levels.dtype)
         membrane = jnp.stack([jnp.zeros_like(length), length], axis=-1)
         lower = membrane[:, None] + outward * layers.overhang
         upper = lower - outward * layers.thickness[..., None] * jnp.tan(layers.bevel)
@@ -158,7 +159,8 @@ def profile_faces(
     parts = np.array([face.part for face in bodies])
     is_end, is_ledge, is_bezel = (np.isin(parts, of) for of in ("end", "ledge", ["rim", "lip"]))
     upper, level = profile.upper[pad, layer, end], profile.levels[pad, layer]
-    inward = layers.lip[pad, end] * ((1 - 2 * end) * (parts == "lip"))
+    turned = jnp.asarray((1 - 2 * end) * (parts == "lip"), upper.dtype)
+    inward = layers.lip[pad, end] * turned
     above = profile.lower[pad, layer - 1, end]
     first = jnp.where(is_end, profile.lower[pad, layer, end], jnp.where(is_ledge, above, upper))
     below = jnp.where(is_end, profile.levels[pad, layer + 1], level)

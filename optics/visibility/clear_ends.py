@@ -134,7 +134,7 @@ class EndCover(eqx.Module):
     ) -> Float[Array, " points"]:
         """Pad coordinates that rays reach, from their entries."""
         ray = self._inside(source, entries)
-        cosines = self._below(ray)
+        cosines = _root(self._below(ray))
         steps = self._depths(ray) * ray.along[..., None] / cosines
         met = ray.entry.x - self.outward * jnp.sum(steps, axis=-1)
         first, last = self.membrane[0], self.membrane[1]
@@ -163,7 +163,7 @@ class EndCover(eqx.Module):
         arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
         turn, _ = safe_divide(jnp.abs(step.cross(toward)) / arrow.squared(), jnp.abs(rise))
         ray = self._inside(source, entries)
-        ways = self._depths(ray) * self.index / self._below(ray)
+        ways = self._depths(ray) * self.index / _root(self._below(ray))
         return turn, ray.length + jnp.sum(ways, axis=-1)
 
     def _inside(self, source: Vector, entry: Float[Array, "*points"]) -> Inside:
@@ -188,11 +188,12 @@ class EndCover(eqx.Module):
         return Inside(at, -self.outward * along, down, (onto, through), way)
 
     def _below(self, ray: Inside) -> Float[Array, "*points layers"]:
-        """Index times cosine to the pad's normal in every layer; tiny where no ray goes on down."""
-        own = self.index[self.layer]
-        down = jnp.maximum(ray.down, 0.0)[..., None]
-        square = down**2 + (self.index**2 - own**2)
-        return jnp.sqrt(jnp.where(square > SMALL, square, SMALL))
+        """Square of index times cosine to the pad's normal in every layer.
+
+        It is negative where no ray goes on down, the more so the higher it enters.
+        """
+        down = (ray.down * jnp.abs(ray.down))[..., None]
+        return down + (self.index**2 - self.index[self.layer] ** 2)
 
     def _depths(self, ray: Inside) -> Float[Array, "*points layers"]:
         """How thick a ray finds each layer: less of its own, nothing of those before it."""
@@ -206,7 +207,7 @@ class EndCover(eqx.Module):
         ray = self._inside(source, entry)
         depths, layers = self._depths(ray), jnp.arange(self.thickness.size)
         # Times how steeply it goes down, so that it is finite for rays that go up or along.
-        ratio = jnp.maximum(ray.down, 0.0) / self._below(ray)
+        ratio = jnp.maximum(ray.down, 0.0) / _root(self._below(ray))
         ratio = jnp.where(layers == self.layer, 1.0, ratio)
         passed = jnp.sum(jnp.where(layers <= sought.level, depths * ratio, 0.0))
         ahead = -self.outward * (sought.place - ray.entry.x)
@@ -251,12 +252,18 @@ class EndCover(eqx.Module):
     def _excess(self, entry: Float[Array, "*points"], source: Vector) -> Float[Array, "*points"]:
         """Part of unpolarised light that comes to the membrane, above the least."""
         ray, own = self._inside(source, entry), self.index[self.layer]
-        cosines, below = self._below(ray), jnp.arange(self.thickness.size) >= self.layer
-        cosines = jnp.where(below, cosines, cosines[..., self.layer, None])
+        squares, below = self._below(ray), jnp.arange(self.thickness.size) > self.layer
+        # Of a ray that is totally reflected, how far it is from passing.
+        lacking = jnp.sum(jnp.where(below, jnp.maximum(SMALL - squares, 0.0), 0.0), axis=-1)
+        cosines = _root(jnp.where(below, squares, squares[..., self.layer, None]))
         index = jnp.where(below, self.index, own)
         face = fresnel(jnp.stack(ray.normal, axis=-1), jnp.stack([jnp.ones_like(own), own]))
         inner = fresnel(cosines, index)
-        return (face[0] * inner[0] + face[1] * inner[1]) / 2 - self.transmission
+        return (face[0] * inner[0] + face[1] * inner[1]) / 2 - lacking - self.transmission
+
+
+def _root(square: Float[Array, "..."]) -> Float[Array, "..."]:
+    return jnp.sqrt(jnp.where(square > SMALL, square, SMALL))
 
 
 def _slope(function: Callable[[Array], Array], at: Float[Array, ""]) -> Float[Array, ""]:

@@ -60,6 +60,9 @@ def test_every_number_of_a_scene_file_is_among_the_numbers(name):
         leaf = part.name.rsplit(".", 1)[-1]
         units = {"x": "mm", "y": "mm", "length": "mm", "radius": "mm", "conic": "", "pixels": "px"}
         units |= {"direction": "°", "field_of_view": "°", "min_grazing": "°", "bounces": ""}
+        units |= {"width": "mm", "thickness": "mm", "height": "mm", "min_transmission": ""}
+        units |= dict.fromkeys(("red", "green", "blue"), "")
+        units |= dict.fromkeys(("from", "to"), "°" if ".bevel." in part.name else "mm")
         assert part.unit == units[leaf]
 
 
@@ -100,6 +103,57 @@ def test_a_drawing_has_what_the_file_has_where_it_is(name):
         turns.append(math.remainder(angle - camera["direction_deg"], 360))
     half = camera["fov_deg"] / 2
     assert turns == pytest.approx([0, -half, half], abs=1e-9)
+
+
+LAYERED = {
+    "name": "p",
+    "from": [10, 3],
+    "to": [10, -17],
+    "side": "right",
+    "layers": [
+        {"thickness": 3, "index": 1.5, "overhang": [0, 1], "bevel_deg": [45, 0]},
+        {
+            "thickness": 2,
+            "index": {"red": 1.4, "green": 1.41, "blue": 1.42},
+            "sides": {"from": "clear"},
+        },
+    ],
+    "bezel": {"lip": [1, 2], "height": 0.5},
+}
+"""Under layers that are all to the left of x = 10."""
+
+
+def test_layers_and_bezel_are_drawn_where_they_are():
+    sheet = make_scene_drawing(designed(pads=[PAD | {"name": "bare"}, LAYERED]))
+    found = [line for line in sheet.polylines if line.layer == "layers"]
+    assert all(line.closed for line in found)
+    outermost = [(8, 3), (8, -18), (5, -18), (5, 0)]
+    bezels = [[(5, 0), (4.5, 0), (4.5, -1), (5, -1)], [(5, -18), (4.5, -18), (4.5, -16), (5, -16)]]
+    wanted = [outermost, [(10, 3), (10, -17), (8, -17), (8, 3)], *bezels]
+    np.testing.assert_allclose([line.places for line in found], wanted, atol=1e-12)
+    texts = [label.text for label in sheet.labels if label.layer == "layers"]
+    assert texts == ["p: 2 layers", "bezel", "bezel"]
+    assert sheet.notes[-2:] == [
+        "p pad, layer 1 (outside): 3 mm, index 1.5, sides black",
+        "p pad, layer 2: 2 mm, index 1.4/1.41/1.42 (red/green/blue), from clear, to black, "
+        "beside black",
+    ]
+    document = opened(sheet)
+    assert not document.audit().has_issues
+    assert len(document.modelspace().query("LWPOLYLINE[layer=='layers']")) == 4
+    assert not polylines(make_scene_drawing(designed(pads=[PAD])), "layers")
+
+
+def test_the_numbers_of_layers_say_what_is_not_stated():
+    design = designed(pads=[PAD | {"name": "bare"}, LAYERED])
+    found = {part.name: (part.value, part.unit) for part in scene_quantities(design)}
+    assert found["pads.p.min_transmission"] == (0.3, "")
+    assert found["pads.p.layers.1.index.blue"] == (1.5, "")
+    assert found["pads.p.layers.2.index.blue"] == (1.42, "")
+    assert found["pads.p.layers.1.bevel.from"] == (45, "°")
+    assert found["pads.p.layers.2.overhang.to"] == (0, "mm")
+    assert found["pads.p.bezel.lip.to"] == (2, "mm")
+    assert not [name for name in found if name.startswith("pads.bare.") and "transm" in name]
 
 
 def test_a_camera_that_sees_all_around_has_one_edge():

@@ -1,12 +1,15 @@
-"""Labels of what bounds a view: one number for leg, surface and kind, and back."""
+"""Labels of what bounds a view: one number for leg, surface and kind, and back; and in words."""
 
 import itertools
 
 import jax.numpy as jnp
 import numpy as np
 
+from optics.scene.reading import read_scene
 from optics.visibility import boundary_codes as labels
 from optics.visibility.boundary_codes import HORIZON, label_of, parts_of
+from optics.visibility.views import describe_end
+from tests.helpers import SCENES
 
 LEGS, SURFACES, KINDS = range(4), (0, 1, 10, 65535), range(6)
 
@@ -24,6 +27,35 @@ def test_every_label_is_taken_apart_into_what_it_was_made_of():
 def test_what_is_no_surface_has_labels_of_its_own():
     names = [name for name in dir(labels) if name.isupper() and not name.startswith("_")]
     numbers = [getattr(labels, name) for name in names]
-    assert len(set(numbers)) == len(numbers) == 13
-    assert min(numbers) == labels.FOLD
+    assert len(set(numbers)) == len(numbers) == 19
+    assert min(numbers) == labels.SECOND_WALL
     assert max(numbers) == HORIZON
+
+
+def test_what_bounds_a_view_is_told_in_words():
+    layout = read_scene(SCENES / "layered-pad.toml").layout
+    own = {
+        labels.SECOND_PAD_END: "end of the pad",
+        labels.FIRST_BEZEL: "bezel",
+        labels.HIGH_TRANSMISSION: "least transmission",
+        labels.FIRST_WALL: "upper edge of layer 1 at 'from'",
+        labels.SECOND_WALL: "upper edge of layer 1 at 'to'",
+        labels.FIRST_WALL - 2: "edge between layers 1 and 2 at 'from'",
+        labels.SECOND_WALL - 4: "lower edge of layer 2 at 'to'",
+    }
+    assert {label: describe_end(layout, label) for label in own} == own
+    of_surfaces = {
+        ("lid", labels.CUT_AFTER): "mirror 'lid': where it meets the line of a mirror",
+        ("tip", labels.FIRST_END): "pad 'tip': its end 'from'",
+        ("tip: layer 1 at 'to'", labels.SECOND_END): "pad 'tip', layer 1 at 'to': its upper edge",
+        ("middle: ledge of layer 2 at 'from'", labels.FIRST_END): (
+            "pad 'middle', ledge of layer 2 at 'from': its edge"
+        ),
+        ("middle: bezel at 'to'", labels.SECOND_END): "pad 'middle', bezel at 'to': its upper edge",
+        ("middle: layer 2 at 'to'", labels.CROSSING): (
+            "pad 'middle', layer 2 at 'to': where another surface meets it"
+        ),
+    }
+    names = [part.name for part in layout.surfaces]
+    for (name, kind), words in of_surfaces.items():
+        assert describe_end(layout, label_of(1, names.index(name), kind)) == words

@@ -184,6 +184,15 @@ def test_the_saved_lens_is_that_of_the_file():
     assert same["camera"]["lens"] == tables["camera"]["lens"]
 
 
+def test_the_saved_layers_are_those_of_the_file():
+    turned = ParameterMap.of(design("layered-pad"))
+    values = {knob.name: knob.value for knob in turned.knobs}
+    assert_same(parse_scene(turned.tables(values)), design("layered-pad").scene, rtol=1e-12)
+    moved = parse_scene(turned.tables(values | {"lid mirror: to y": 12.0, "camera x": 1.0}))
+    assert float(moved.mirrors[0, 1, 1]) == pytest.approx(12.0)
+    assert_same(moved.layers, design("layered-pad").scene.layers, rtol=1e-12)
+
+
 def test_a_curved_mirror_has_a_radius_that_its_ends_allow():
     bench = SceneBench(design("circle"))
     values = {knob.name: knob.value for knob in bench.knobs}

@@ -2,12 +2,15 @@
 
 import dataclasses
 import itertools
+import tomllib
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from matplotlib.path import Path
 
 from designopt.plot.figures import style
 from designopt.solution import Solution
@@ -16,6 +19,9 @@ from optics.plot.section import INSIDE
 from optics.scene.reading import parse_scene
 from optics.scene.scene import Scene, Surface
 from optics.visibility.views import Pieces, ViewResult
+from studies.oracles.layered_scenes import read
+from studies.oracles.layers import follow
+from tests.helpers import SCENES
 from tests.optics.extruded import LAYOUT, POSES, WORDS, finned, pieces_of, views_at_poses
 from tests.optics.scenes import made_pieces, posed
 
@@ -223,3 +229,107 @@ def test_a_camera_that_is_far_away_stays_outside(distance):
     inside = axes.get_ylim()[1] > distance
     assert inside == (distance < 80)
     assert axes.get_title() == ("test" if inside else f"test (camera {distance:,.0f} mm away)")
+
+
+def layered(**more):
+    """The gallery's scene of layered pads: its tables, and more."""
+    tables = tomllib.loads((SCENES / "layered-pad.toml").read_text(encoding="utf-8"))
+    return tables | {"scene": {"name": "layered", "bounces": 1}} | more
+
+
+AIMS = [
+    ("direct", "tip", (8, 5), (27, 5), 4),  # through the outermost surface
+    ("direct", "tip", (7, 4.8), (7, 3.2), 4),  # through the clear end of the first layer
+    ("direct", "tip", (7, 1.8), (7, 0.1), 3),  # and of the second, on the membrane itself
+    ("mirror:lid", "tip", (11, 21.5), (17, 18.5), 5),
+    ("direct", "middle", (-27, 5), (-8, 5), 4),
+]
+"""Path, pad, where the first and the last ray go at first, and how many corners they have."""
+
+
+def test_rays_go_on_through_layers_as_snells_law_bends_them():
+    tables = layered()
+    scene, camera = parse_scene(tables), complex(*tables["camera"]["position"])
+    axis = np.exp(1j * np.radians(tables["camera"]["direction_deg"]))
+    pixels, path, present = np.zeros((2, 4, 2)), np.zeros((2, 4), int), np.zeros((2, 4))
+    for name, pad, *places, _ in AIMS:
+        row = ["tip", "middle"].index(pad)
+        slot = int(np.sum(present[row]))
+        turned = np.angle((np.array(places) @ [1, 1j] - camera) / axis)
+        pixels[row, slot] = scene.camera.pixel(jnp.asarray(turned))
+        path[row, slot], present[row, slot] = ["direct", "mirror:lid"].index(name), 1
+    views = by_hand(made_pieces(0 * present, present, path, 1, pixels=jnp.asarray(pixels)))
+    axes = Figure(figsize=(6, 4)).subplots()
+    draw_scene(axes, scene, np.zeros(0), views, rays=RAYS)
+    rays = lines(axes, "ray")
+    assert len(rays) == RAYS * len(AIMS)
+    turns = np.array([np.angle((ray[1] - ray[0]) / axis) for _, ray in rays])
+    reached = follow(read(tables), turns).at
+    for (name, ray), at, aim in zip(rays, reached, np.repeat(range(len(AIMS)), RAYS), strict=True):
+        path_name, pad, *_, corners = AIMS[aim]
+        assert name == f"{path_name}:{pad}"
+        assert len(ray) == corners
+        membrane = next(np.array([p["from"], p["to"]]) for p in tables["pads"] if p["name"] == pad)
+        start, end = membrane @ [1, 1j]
+        assert ray[-1] == pytest.approx(start + at * (end - start), abs=1e-9)
+
+
+def test_layers_and_bezel_stand_on_the_membrane_in_any_pose():
+    tables = layered(frames={"f": {"hinge": [1, 2], "angle": "dip", "positive": "clockwise"}})
+    tables["pads"] = [part | {"body": "f"} for part in tables["pads"]]
+    scene = parse_scene(tables)
+    nothing = by_hand(made_pieces(np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1), int), 1))
+    axes = Figure(figsize=(6, 4)).subplots()
+    draw_scene(axes, scene, np.radians([25.0]), nothing)
+    # Along the middle pad from its first end, and above it.
+    ten, twenty = 3 * np.tan(np.radians([10, 20]))
+    low, high = -2 + twenty, 26 - ten
+    outlines = {
+        "layer 1:middle": [(-2, 2), (26, 2), (high, 5), (low, 5)],
+        "layer 2:middle": [(0, 0), (25, 0), (25, 2), (0, 2)],
+        "bezel:middle": [(low, 5), (low, 5.8), (low + 1.5, 5.8), (low + 1.5, 5)],
+    }
+    found = {p.get_gid(): p.get_xy() @ [1, 1j] for p in axes.patches[::-1] if type(p) is Polygon}
+    assert found.keys() == outlines.keys() | {"layer 1:tip", "layer 2:tip"}
+
+    def placed(places):
+        return 1 + 2j + (np.array(places) @ [1, 1j] - 32 - 1 - 2j) * np.exp(-1j * np.radians(25))
+
+    for name, places in outlines.items():
+        np.testing.assert_allclose(found[name][:-1], placed(places), atol=1e-12)
+    sensing = dict(lines(axes, "sensing"))
+    np.testing.assert_allclose(sensing["middle"], placed([(0, 0), (25, 0)]), atol=1e-12)
+    ends = [line for name, line in lines(axes, "end") if name == "middle"]
+    wanted = [[(-2, 2), (low, 5)], [(26, 2), (high, 5)], [(0, 0), (0, 2)], [(25, 0), (25, 2)]]
+    np.testing.assert_allclose(ends, [placed(pair) for pair in wanted], atol=1e-12)
+    widths = {
+        name: {line.get_linewidth() for line in axes.lines if line.get_gid() == f"end:{name}"}
+        for name in ("tip", "middle")
+    }
+    assert max(widths["tip"]) < min(widths["middle"])  # clear ends, and black ones
+    ledges = [line for name, line in lines(axes, "ledge") if name == "middle"]
+    np.testing.assert_allclose(
+        ends_of(ledges), ends_of([placed([(-2, 2), (0, 2)]), placed([(25, 2), (26, 2)])])
+    )
+    for text in axes.texts:
+        x, y = text.get_position()
+        for outline in found.values():
+            assert not Path(np.stack([outline.real, outline.imag], -1)).contains_point((x, y))
+
+
+def ends_of(segments):
+    """Segments whichever end comes first."""
+    return np.sort_complex(np.ravel(segments))
+
+
+def test_the_legend_tells_of_layers_where_there_are_any():
+    nothing = by_hand(made_pieces(np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1), int), 1))
+    words = {"layer", "clear end of a layer", "opaque end of a layer", "bezel"}
+    tables = layered()
+    assert words <= {*scene_legend(parse_scene(tables), nothing)[1]}
+    tables["pads"] = tables["pads"][:1]
+    assert words & {*scene_legend(parse_scene(tables), nothing)[1]} == {
+        "layer",
+        "clear end of a layer",
+    }
+    assert not words & {*scene_legend(finned(), views_of(0))[1]}
