@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import tomllib
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -231,7 +232,7 @@ def test_a_camera_that_is_far_away_stays_outside(distance):
     assert axes.get_title() == ("test" if inside else f"test (camera {distance:,.0f} mm away)")
 
 
-def layered(**more):
+def layered(**more: Any) -> dict[str, Any]:
     """The gallery's scene of layered pads: its tables, and more."""
     tables = tomllib.loads((SCENES / "layered-pad.toml").read_text(encoding="utf-8"))
     return tables | {"scene": {"name": "layered", "bounces": 1}} | more
@@ -289,7 +290,11 @@ def test_layers_and_bezel_stand_on_the_membrane_in_any_pose():
         "layer 2:middle": [(0, 0), (25, 0), (25, 2), (0, 2)],
         "bezel:middle": [(low, 5), (low, 5.8), (low + 1.5, 5.8), (low + 1.5, 5)],
     }
-    found = {p.get_gid(): p.get_xy() @ [1, 1j] for p in axes.patches[::-1] if type(p) is Polygon}
+    found: dict[Any, Any] = {
+        part.get_gid(): part.get_xy() @ [1, 1j]
+        for part in axes.patches[::-1]  # of the bezel's two parts the first is kept
+        if type(part) is Polygon
+    }
     assert found.keys() == outlines.keys() | {"layer 1:tip", "layer 2:tip"}
 
     def placed(places):

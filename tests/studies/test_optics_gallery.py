@@ -216,3 +216,21 @@ def test_the_circle_has_a_spherical_aberration():
     heights = reflected(gallery("circle"), np.array([-10.0, -20, -30, -40]))
     # The mirror's `from` is above, so these are rays from above; they end below the axis.
     np.testing.assert_allclose(heights, [-0.05, -0.43, -1.66, -4.82], atol=0.005)
+
+
+@pytest.mark.slow
+def test_the_lip_of_the_bezel_hides_the_near_end_of_a_layered_pad():
+    scene = gallery("layered-pad")
+    found = jax.tree.map(np.asarray, views_of(scene, scene.pose()))
+    # From the camera over the lip's upper edge to the acrylic, through it and the silicone.
+    edge = -7 + 1 - 3 * np.tan(np.radians(10)) - 1, 5.8
+    angle = np.arctan2(-edge[0], 19 - edge[1])
+    depths, indices = np.array([19 - 5, 3, 2]), np.array([1, 1.491, 1.41])
+    reached = -depths @ np.tan(np.arcsin(np.sin(angle) / indices))
+    np.testing.assert_allclose(found.coverage(), [1, (reached + 32) / 25], rtol=1e-9)
+    assert found.coverage()[1] == pytest.approx(0.89, abs=0.005)
+    names = np.array(name_paths(scene.layout))[found.path[0]]
+    by = {*zip(names[found.present[0]], found.face[0][found.present[0]].tolist(), strict=True)}
+    assert {path for path, _ in by} == {"direct", "mirror:lid"}
+    # By the outermost surface, and by the clear ends of both layers at `from`.
+    assert sorted(face for path, face in by if path == "direct") == [0, 1, 3]
