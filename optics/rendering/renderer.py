@@ -139,7 +139,15 @@ class Renderer:
             rows: height of the image, px, which is as wide as `Imaging.of` makes it; the camera's
                 pixels by default.
             seed: of this finger's rough edges, of its inside, and of the noise of its frames.
+
+        Raises:
+            UserError: pads have layers, which images do not show yet.
         """
+        if scene.layers is not None:
+            raise UserError(
+                f"{scene.layout.name}: synthetic images do not show the layers on pads; leave out "
+                "'layers' of the pads"
+            )
         self._errors = Fabrication.none(scene.layout) if errors is None else errors
         self._effects, self._width, self._seed = effects, width, seed
         self._lateral = np.float32(self._errors.lateral.item())

@@ -85,7 +85,12 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene") -> Scene:
 
 def build_scene(file: SceneFile, source: str) -> Scene:
     """The scene of a file's content; otherwise as `parse_scene`."""
-    faults = [*_surface_faults(file), *_body_faults(file), *_frame_faults(file.frames)]
+    faults = [
+        *_layer_faults(file),
+        *_surface_faults(file),
+        *_body_faults(file),
+        *_frame_faults(file.frames),
+    ]
     if file.camera.module is not None:
         faults += module_faults(file.camera, _module(file.camera.module), _kinds(file))
     if faults:
@@ -240,6 +245,16 @@ def _surface_faults(file: SceneFile) -> Iterator[str]:
         for name, times in Counter(part.name for part in tables).items():
             if times > 1:
                 yield f"{kind}: {times} are named '{name}'; give each its own name"
+
+
+def _layer_faults(file: SceneFile) -> Iterator[str]:
+    curved = [mirror.name for mirror in file.mirrors if mirror.radius is not None]
+    layered = [pad.name for pad in file.pads if pad.layers]
+    if curved and layered:
+        yield (
+            f"pads: light over curved mirrors ({', '.join(curved)}) is not followed through layers "
+            f"({', '.join(layered)}); make the mirrors straight, or the pads bare"
+        )
 
 
 def _body_faults(file: SceneFile) -> Iterator[str]:

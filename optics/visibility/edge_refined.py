@@ -59,7 +59,7 @@ def trace_views(
         that is left at an edge of that view.
 
     Raises:
-        ValueError: there is no pad.
+        ValueError: there is no pad, or pads have layers.
 
     Example:
         >>> from importlib.resources import files
@@ -70,6 +70,11 @@ def trace_views(
     """
     if not scene.layout.pads:
         raise ValueError("trace_views: the scene has no pad; trace_rays follows rays without one")
+    if scene.layers is not None:
+        raise ValueError(
+            "trace_views: pads have layers, which only find_views looks through; make the mirrors "
+            "straight, or the pads bare"
+        )
     angles = as_float(angles)
     words = paths_of(scene.layout, scene.layout.bounces if bounces is None else bounces)
 

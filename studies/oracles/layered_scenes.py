@@ -67,9 +67,7 @@ def _pair(value: Any) -> Pair:
     return start, end
 
 
-def random_scene(
-    rng: np.random.Generator, structure: int | None = None
-) -> tuple[Scene, Tables]:
+def random_scene(rng: np.random.Generator, structure: int | None = None) -> tuple[Scene, Tables]:
     """A scene the size of a finger: its plain numbers, and its tables.
 
     One to three pads in a chain, most of them under one to three layers of 0 to 8 mm in all; a
@@ -122,7 +120,11 @@ def _tables(rng: np.random.Generator, shape: np.random.Generator) -> Tables:
         half = rng.uniform(0.3, 4) * np.exp(2j * np.pi * rng.uniform())
         blockers.append((middle - half, middle + half))
 
-    place, turn, flipped = complex(*rng.uniform(-50, 50, 2)), rng.uniform(0, 360), _chance(shape, 0.5)
+    place, turn, flipped = (
+        complex(*rng.uniform(-50, 50, 2)),
+        rng.uniform(0, 360),
+        _chance(shape, 0.5),
+    )
 
     def put(at: complex) -> list[float]:
         at = place + np.exp(1j * np.radians(turn)) * (at.conjugate() if flipped else at)
@@ -191,9 +193,7 @@ def _stack(rng: np.random.Generator, shape: np.random.Generator) -> Tables:
     return stack
 
 
-def _random_layer(
-    rng: np.random.Generator, shape: np.random.Generator, thickness: float
-) -> Tables:
+def _random_layer(rng: np.random.Generator, shape: np.random.Generator, thickness: float) -> Tables:
     index = 1.0 if _chance(rng, 0.05) else rng.uniform(1, 1.8)
     layer: Tables = {"thickness": thickness, "index": index}
     if _chance(rng, 0.2):

@@ -1,0 +1,323 @@
+"""Pads under clear layers: views beside brute-force rays, closed forms and 40-digit roots."""
+
+import math
+import tomllib
+
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+
+from designopt import UserError
+from optics import (
+    Imaging,
+    Scene,
+    describe_end,
+    find_corners,
+    find_coverage,
+    find_outlines,
+    find_views,
+    format_scene,
+    parse_scene,
+    trace_views,
+)
+from optics.rendering.effects import Effects
+from optics.rendering.renderer import Renderer
+from optics.visibility import boundary_codes as codes
+from optics.visibility.outlines import CORNERS
+from optics.visibility.refraction import least_grazing, transmission
+from optics.visibility.unfolding import paths_of
+from studies.oracles.layered_scenes import random_scene
+from studies.oracles.layers import runs
+from tests.helpers import check_gradients
+
+ROUNDING = 1e-12
+ENDS = 1e-6
+"""Of a pad: how far the rays of the oracle may end from the library's views."""
+
+SLOPES = 1e-6
+"""Relative: what central differences leave."""
+
+ACRYLIC = {"thickness": 3.0, "index": 1.49}
+GEL = {"thickness": 2.0, "index": 1.41}
+NO_ANGLES = jnp.zeros(0)
+
+find = jax.jit(lambda scene: find_views(scene, NO_ANGLES))
+
+
+def tables(*layers: dict, camera=(2.0, 12.0), direction=-80.0, **pad) -> dict:
+    """A camera over a pad, a mirror beside it, and a second, bare pad."""
+    own = {"layers": list(layers)} if layers else {}
+    first = {"name": "wide", "from": [0.0, 0.0], "to": [20.0, 0.0], "side": "left"}
+    return {
+        "scene": {"bounces": 1},
+        "camera": {
+            "position": list(camera),
+            "direction_deg": direction,
+            "fov_deg": 170.0,
+            "pixels": 1000,
+        },
+        "mirrors": [{"name": "lid", "from": [30.0, 20.0], "to": [35.0, 2.0], "side": "right"}],
+        "pads": [
+            first | own | pad,
+            {"name": "bare", "from": [-4.0, 8.0], "to": [-6.0, 2.0], "side": "left"},
+        ],
+    }
+
+
+def scene(*layers: dict, **more) -> Scene:
+    return parse_scene(tables(*layers, **more))
+
+
+def assert_same_views(one, other, **tolerance) -> None:
+    for name in ("present", "path", "start", "end", "pixels", "px_per_mm", "distance", "spans"):
+        first, second = (np.asarray(getattr(found.value, name)) for found in (one, other))
+        np.testing.assert_allclose(first, second, err_msg=name, **tolerance)
+    np.testing.assert_allclose(one.margin, other.margin, **tolerance)
+
+
+def test_layers_of_index_1_are_no_layers():
+    air = {"thickness": 3.0, "index": 1.0, "overhang": 400.0}
+    assert_same_views(find(scene(air)), find(scene()), rtol=ROUNDING, atol=ROUNDING)
+
+
+def test_two_layers_of_one_index_are_one():
+    halves = [{"thickness": part, "index": 1.49} for part in (1.0, 2.0)]
+    assert_same_views(
+        find(scene(*halves)), find(scene(ACRYLIC)), rtol=ROUNDING, atol=1e3 * ROUNDING
+    )
+
+
+def pieces_of(layered: Scene, found) -> list[tuple]:
+    """Pad, path, entrance and ends of all pieces, as the oracle names them."""
+    words = paths_of(layered.layout, layered.layout.bounces)
+    pieces = []
+    for pad, piece in zip(*np.nonzero(found.present), strict=True):
+        faces = [f for f in layered.layout.bodies if f.kind == "clear" and f.pad == pad]
+        kinds = layered.layout.layers
+        entrance = "outer" if kinds and kinds[pad] else "membrane"
+        face = 0 if found.face is None else found.face[pad, piece]
+        if face:
+            entrance = f"{('from', 'to')[faces[face - 1].end]} {faces[face - 1].layer}"
+        ends = float(found.start[pad, piece]), float(found.end[pad, piece])
+        pieces.append((int(pad), words[found.path[pad, piece]], entrance, *ends))
+    return sorted(piece for piece in pieces if piece[4] - piece[3] > ENDS)
+
+
+def check_structure(structure: int, count: int) -> None:
+    """Compare random scenes of one structure with rays, and slopes with central differences."""
+    rng = np.random.default_rng([structure, 7])
+    drawn = [random_scene(rng, structure) for _ in range(count)]
+    scenes = [parse_scene(table) for _, table in drawn]
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *scenes)
+    found = jax.jit(jax.vmap(lambda scene: find_views(scene, NO_ANGLES)))(stacked)
+    assert all(
+        np.isfinite(leaf).all()
+        for leaf in jax.tree.leaves(found)
+        if jnp.issubdtype(leaf.dtype, jnp.floating)
+    )
+    for i, (plain, _) in enumerate(drawn):
+        pieces = pieces_of(scenes[i], jax.tree.map(lambda x, i=i: np.asarray(x[i]), found.value))
+        # More rays find what lies between the rays of a coarse fan.
+        for rays in (2000, 20_000):
+            shown = sorted(
+                (run.pad, tuple(run.word), run.entrance, min(run.at), max(run.at))
+                for run in runs(plain, rays)
+                if max(run.at) - min(run.at) > ENDS
+            )
+            if [piece[:3] for piece in pieces] == [piece[:3] for piece in shown]:
+                break
+        assert [piece[:3] for piece in pieces] == [piece[:3] for piece in shown], (structure, i)
+        for piece, run in zip(pieces, shown, strict=True):
+            np.testing.assert_allclose(piece[3:], run[3:], atol=ENDS, err_msg=f"{structure}, {i}")
+
+
+@pytest.mark.parametrize("structure", [1, 7])
+def test_random_scenes_show_what_rays_show(structure):
+    check_structure(structure, 60)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("structure", range(20))
+def test_ten_thousand_random_scenes(structure):
+    check_structure(structure, 500)
+
+
+def seen_numbers(layered: Scene) -> jax.Array:
+    """All that views consist of, with weights, as one number."""
+    found = find_views(layered, NO_ANGLES)
+    view, margin = found.value, found.margin
+    per_end = view.pixels / 100 + view.px_per_mm / 10 + view.distance / 10
+    return jnp.sum(view.start - 0.7 * view.end) + jnp.sum(per_end) + jnp.sum(margin)
+
+
+@pytest.mark.parametrize(
+    ("layers", "camera"),
+    [
+        ([ACRYLIC | {"bevel_deg": 8}, GEL | {"overhang": [1.0, 2.0]}], (2.0, 12.0)),
+        ([ACRYLIC | {"sides": "clear", "overhang": 0.4}, GEL | {"overhang": 2.0}], (-7.0, 7.0)),
+    ],
+    ids=["outermost", "clear end"],
+)
+def test_slopes_of_views(layers, camera):
+    layered = scene(*layers, camera=camera, min_grazing_deg=3.0)
+    assert bool(find(layered).value.present.any())
+    check_gradients(jax.jit(seen_numbers), (layered,), tolerance=SLOPES)
+
+
+def test_views_stay_finite_down_to_grazing_incidence():
+    for height in 10.0 ** np.arange(-9, 1):
+        layered = scene(ACRYLIC, GEL, camera=(2.0, 5.0 + height), min_transmission=0.0)
+        value, slopes = jax.jit(jax.value_and_grad(seen_numbers))(layered)
+        leaves = [leaf for leaf in jax.tree.leaves(slopes) if leaf.size]
+        assert np.isfinite(value) and all(np.isfinite(leaf).all() for leaf in leaves)
+
+
+def snell_slope(height: float, layers: list[tuple[float, float]], along: float) -> mpmath.mpf:
+    """Tangent of the angle in air of the ray that goes so far along, in 40 digits."""
+    with mpmath.workdps(40):
+
+        def missed(sine):
+            inside = sum(t * sine / mpmath.sqrt(mpmath.mpf(n) ** 2 - sine**2) for t, n in layers)
+            return height * sine / mpmath.sqrt(1 - sine**2) + inside - along
+
+        sine = mpmath.findroot(
+            missed, (0, mpmath.mpf(1) - mpmath.mpf(10) ** -30), solver="anderson"
+        )
+        return sine / mpmath.sqrt(1 - sine**2)
+
+
+def test_corners_are_where_snells_law_puts_them():
+    layered, width, lateral = scene(ACRYLIC, GEL), 24.0, 1.5
+    imaging = Imaging.of(layered.camera)
+    outlines = jax.jit(find_outlines)(layered, NO_ANGLES)
+    corners = np.asarray(find_corners(imaging, outlines, width, lateral))
+    for corner, (end, side) in enumerate(CORNERS):
+        along, beside = 20.0 * end - 2.0, side * width / 2 - lateral
+        way = math.hypot(along, beside)
+        slope = float(snell_slope(7.0, [(3.0, 1.49), (2.0, 1.41)], way))
+        ray = np.array([along / way * slope, -1.0, beside / way * slope])
+        axis = np.array([math.cos(math.radians(-80)), math.sin(math.radians(-80)), 0.0])
+        # An equidistant lens: the radius in the image is the angle from the axis, times the scale.
+        theta = math.acos(ray @ axis / np.linalg.norm(ray))
+        up = np.array([-axis[1], axis[0], 0.0]) @ ray
+        radius = 1000 / math.radians(170) * theta / math.hypot(up, ray[2])
+        wanted = imaging.columns / 2 - 0.5 + radius * ray[2], 499.5 - radius * up
+        np.testing.assert_allclose(corners[0, 0, corner], wanted, atol=1e-8)
+
+
+def test_ends_of_views_are_on_the_outlines():
+    layered = scene(ACRYLIC | {"overhang": 1}, GEL)
+    found, outlines = find(layered), find_outlines(layered, NO_ANGLES)
+    view = found.value
+    whole = np.asarray(view.present[0] & (view.start_label[0] == codes.FIRST_PAD_END))
+    assert whole.any()
+    paths = np.asarray(view.path[0])[whole]
+    pixels = layered.camera.pixel(outlines.angle[paths, 0, 0])
+    np.testing.assert_allclose(np.asarray(view.pixels[0, :, 0])[whole], pixels, atol=1e-9)
+
+
+def test_a_black_end_hides_the_strip_behind_it():
+    """t tan θ, with θ the angle in the layer of the ray past the upper edge (from air, 45°)."""
+    layered = scene(ACRYLIC, camera=(-5.0, 8.0), direction=-45.0)
+    view = find(layered).value
+    first = int(np.flatnonzero(view.present[0] & (view.path[0] == 0))[0])
+    strip = 3 * math.tan(math.asin(math.sin(math.pi / 4) / 1.49))
+    np.testing.assert_allclose(float(view.start[0, first]) * 20, strip, rtol=1e-12)
+    assert describe_end(layered.layout, int(view.start_label[0, first])) == (
+        "upper edge of layer 1 at 'from'"
+    )
+
+
+def test_a_bezel_and_a_dark_surface_are_named():
+    seat = {"lip": 1.0, "height": 0.5}
+    layered = scene(ACRYLIC, camera=(10.0, 7.0), bezel=seat, min_transmission=0.9)
+    view = find(layered).value
+    direct = np.flatnonzero(view.present[0] & (view.path[0] == 0))
+    labels = {int(view.start_label[0, i]) for i in direct} | {
+        int(view.end_label[0, i]) for i in direct
+    }
+    assert {describe_end(layered.layout, label) for label in labels} == {"least transmission"}
+    bright = scene(ACRYLIC, camera=(10.0, 13.0), bezel=seat)
+    view = find(bright).value
+    assert describe_end(bright.layout, int(view.start_label[0, 0])) == "bezel"
+    # Past the lip's edge on the surface, from 10 mm above it and 9 mm along.
+    sine = 9 / math.hypot(9, 10)
+    hidden = 1 - 3 * math.tan(math.asin(sine / 1.49))
+    np.testing.assert_allclose(float(view.start[0, 0]) * 20, max(hidden, 0.0), atol=1e-12)
+
+
+def test_a_layer_hides_what_is_behind_it():
+    """The camera looks along the first pad: its body, 3 mm high, stands before the second pad."""
+    pads = [
+        {"name": "near", "from": [10.0, 0.0], "to": [20.0, 0.0], "side": "left"},
+        {"name": "far", "from": [30.0, 4.0], "to": [30.0, -4.0], "side": "right"},
+    ]
+    camera = {"position": [0.0, 1.0], "direction_deg": 0.0, "fov_deg": 90.0, "pixels": 1000}
+    bare = parse_scene({"camera": camera, "pads": pads})
+    layered = parse_scene({"camera": camera, "pads": [pads[0] | {"layers": [ACRYLIC]}, pads[1]]})
+    shown = [float(find_coverage(s, NO_ANGLES).value[1]) for s in (bare, layered)]
+    # Without the layer the pad's line hides what lies below its ends: rays over (20, 0).
+    assert shown[0] > 0.5
+    # With it rays pass over the upper edge at (10, 3): at x = 30 they are at y = 7.
+    assert shown[1] == pytest.approx(shown[0] - lost(), abs=1e-12)
+
+
+def lost() -> float:
+    """What rays from (0, 1) reach of x = 30, y from −4 to 4, that pass y 0 … 3 at x = 10 or 20."""
+    low, high = 1 + 3 * (0 - 1), 4.0  # below y = −2 the pad's line and its body hide nothing new
+    return (high - max(low, 1 + 1.5 * (0 - 1))) / 8
+
+
+def test_transmission_is_fresnels():
+    n = jnp.array([1.49, 1.41])
+    through_air = 4 * 1.49 / (1 + 1.49) ** 2
+    between = 4 * 1.49 * 1.41 / (1.49 + 1.41) ** 2
+    head_on = float(transmission(n, jnp.asarray(math.pi / 2)))
+    assert head_on == pytest.approx(through_air * between, rel=1e-12)
+    for least in (0.3, 0.6, 0.9):
+        angle = least_grazing(n, jnp.asarray(least))
+        assert float(transmission(n, angle)) == pytest.approx(least, rel=1e-9)
+    assert float(least_grazing(n, jnp.asarray(0.99))) == pytest.approx(math.pi / 2)
+    check_gradients(least_grazing, (n, jnp.asarray(0.6)), tolerance=SLOPES)
+
+
+def test_a_layered_scene_is_written_and_read_again():
+    layers = [
+        ACRYLIC | {"sides": {"from": "clear"}, "bevel_deg": [1.5, -3]},
+        GEL | {"index": {"red": 1.4, "green": 1.41, "blue": 1.42}, "overhang": 2},
+    ]
+    layered = scene(*layers, width=24, bezel={"lip": [1, 2], "height": 0.5}, min_transmission=0.2)
+    again = parse_scene(tomllib.loads(format_scene(layered)), "wide")
+    assert again.layout.layers == layered.layout.layers
+    same = jax.tree.map(lambda a, b: bool(np.array_equal(a, b, equal_nan=True)), layered, again)
+    assert all(jax.tree.leaves(same))
+
+
+@pytest.mark.parametrize(
+    ("layers", "pad", "message"),
+    [
+        ([ACRYLIC], {"side": "both"}, "layers lie on the sensing side"),
+        ([], {"bezel": {"lip": 1, "height": 1}}, "'bezel' is of a pad with layers"),
+        ([ACRYLIC | {"bevel_deg": 75}], {}, "make the bevels"),
+        ([ACRYLIC | {"index": 0.9}], {}, "pads.0.layers.0.index"),
+        ([ACRYLIC | {"sides": "white"}], {}, "pads.0.layers.0.sides"),
+        ([ACRYLIC], {"bezel": {"lip": 10, "height": 1}}, "the bezel covers 20 mm"),
+    ],
+)
+def test_what_cannot_be_built_is_refused(layers, pad, message):
+    with pytest.raises(UserError, match=message):
+        scene(*layers, **pad)
+
+
+def test_what_does_not_look_through_layers_refuses_them():
+    layered = scene(ACRYLIC)
+    with pytest.raises(ValueError, match="layers"):
+        trace_views(layered, NO_ANGLES)
+    with pytest.raises(UserError, match="synthetic images"):
+        Renderer(layered, 20.0, Effects())
+    curved = tables(ACRYLIC)
+    curved["mirrors"][0] |= {"radius": 100.0}
+    with pytest.raises(UserError, match="curved mirrors"):
+        parse_scene(curved)
