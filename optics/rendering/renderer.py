@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt8
 
+from designopt.errors import UserError
 from optics.rendering.angles import checked_angles
 from optics.rendering.effects import Effects
 from optics.rendering.exposure import exposed

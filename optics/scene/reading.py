@@ -161,8 +161,10 @@ def _layers(pads: Sequence[PadTable]) -> Layers:
         return own + [own[-1] if own else [1.0] * len(CHANNELS)] * (most - len(own))
 
     bezels = [pad.bezel or BezelTable(lip=(0.0, 0.0), height=0.0) for pad in pads]
+    default = [LEAST_TRANSMISSION if pad.layers else 0.0 for pad in pads]
     least = [
-        LEAST_TRANSMISSION if pad.min_transmission is None else pad.min_transmission for pad in pads
+        other if pad.min_transmission is None else pad.min_transmission
+        for pad, other in zip(pads, default, strict=True)
     ]
     return Layers(
         thickness=column(lambda layer: layer.thickness, 0.0),

@@ -1,7 +1,7 @@
 """Light through a clear end face of a layer, and down through the layers below to the membrane.
 
-The end face leans against the layers, so the ray to a place on the membrane has no closed form. But a
-pencil of rays from a point stays divergent through any flat surfaces: what lies farther along is
+The end face leans against the layers, so the ray to a place on the membrane has no closed form. But
+a pencil of rays from a point stays divergent through any flat surfaces: what lies farther along is
 reached by rays that enter higher up. So every end of a view is one monotone equation for the place
 of entry, bisected and then polished by one Newton step, which also carries its derivatives.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide, safe_sqrt
 from designopt.vectors import Vector
-from optics.visibility.refraction import fresnel
+from optics.visibility.refraction import fresnel, row_of
 
 HALVINGS = 32
 """Bisections before the Newton step, which squares what they leave."""
@@ -163,7 +163,7 @@ class EndCover(eqx.Module):
         arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
         turn, _ = safe_divide(jnp.abs(step.cross(toward)) / arrow.squared(), jnp.abs(rise))
         ray = self._inside(source, entries)
-        ways = self._depths(ray) * self.index / _root(self._below(ray))
+        ways = self._depths(ray) * row_of(self.index, ray.down) / _root(self._below(ray))
         return turn, ray.length + jnp.sum(ways, axis=-1)
 
     def _inside(self, source: Vector, entry: Float[Array, "*points"]) -> Inside:
@@ -192,15 +192,15 @@ class EndCover(eqx.Module):
 
         It is negative where no ray goes on down, the more so the higher it enters.
         """
-        down = (ray.down * jnp.abs(ray.down))[..., None]
-        return down + (self.index**2 - self.index[self.layer] ** 2)
+        down = ray.down * jnp.abs(ray.down)
+        return down[..., None] + row_of(self.index**2 - self.index[self.layer] ** 2, down)
 
     def _depths(self, ray: Inside) -> Float[Array, "*points layers"]:
         """How thick a ray finds each layer: less of its own, nothing of those before it."""
         layers = jnp.arange(self.thickness.size)
         own = ray.entry.y[..., None] - self.lower.y
-        below = jnp.where(layers > self.layer, self.thickness, 0.0)
-        return jnp.where(layers == self.layer, own, below)
+        below = row_of(jnp.where(layers > self.layer, self.thickness, 0.0), ray.down)
+        return jnp.where(row_of(layers == self.layer, ray.down), own, below)
 
     def _short(self, entry: Float[Array, ""], sought: Sought, source: Vector) -> Float[Array, ""]:
         """By how much a ray falls short of what is sought; it falls with the entry."""
@@ -225,7 +225,7 @@ class EndCover(eqx.Module):
         def short(entry: Float[Array, ""]) -> Float[Array, ""]:
             return still._short(entry, wanted, eye)
 
-        def halve(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
             middle = (ends[0] + ends[1]) / 2
             ahead = short(middle) > 0
             return jnp.where(ahead, middle, ends[0]), jnp.where(ahead, ends[1], middle)
@@ -238,7 +238,7 @@ class EndCover(eqx.Module):
         """Entry of the ray that brings the most light; without derivatives."""
         still, eye = jax.lax.stop_gradient((self, source))
 
-        def narrow(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        def narrow(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
             low, high = ends
             inner = low + (high - low) / 3, high - (high - low) / 3
             bright = still._excess(jnp.stack(inner), eye)
@@ -252,10 +252,11 @@ class EndCover(eqx.Module):
     def _excess(self, entry: Float[Array, "*points"], source: Vector) -> Float[Array, "*points"]:
         """Part of unpolarised light that comes to the membrane, above the least."""
         ray, own = self._inside(source, entry), self.index[self.layer]
-        squares, below = self._below(ray), jnp.arange(self.thickness.size) > self.layer
+        below, squares = jnp.arange(self.thickness.size) > self.layer, self._below(ray)
+        behind = row_of(below, entry)
         # Of a ray that is totally reflected, how far it is from passing.
-        lacking = jnp.sum(jnp.where(below, jnp.maximum(SMALL - squares, 0.0), 0.0), axis=-1)
-        cosines = _root(jnp.where(below, squares, squares[..., self.layer, None]))
+        lacking = jnp.sum(jnp.where(behind, jnp.maximum(SMALL - squares, 0.0), 0.0), axis=-1)
+        cosines = _root(jnp.where(behind, squares, squares[..., self.layer, None]))
         index = jnp.where(below, self.index, own)
         face = fresnel(jnp.stack(ray.normal, axis=-1), jnp.stack([jnp.ones_like(own), own]))
         inner = fresnel(cosines, index)

@@ -92,7 +92,7 @@ def find_views(
         def piece(pad: Pad, *of_piece: Array) -> tuple[Array, ...]:
             return _seen(camera, placed.size, paths, pad, *of_piece)
 
-        seen = _of_pieces(piece, faces, found, found.present, found.path, entries)
+        seen = faces.of_pieces(piece, found.face, found.present, found.path, entries)
         where = (
             found.present,
             found.path,
@@ -238,22 +238,6 @@ def _labels(paths: Unfolded, faces: Faces, found: Found) -> Int[Array, "pads pie
     return _of_bounds(lambda path, pad, _: labels_of(path, pad), paths, faces, found)
 
 
-def _of_pieces(function: Callable[..., Any], faces: Faces, found: Found, *of_pieces: Array) -> Any:
-    """A function of the surface by which a piece is seen, and of what belongs to the piece."""
-    of_pad = jax.vmap(function, (None, *[0] * len(of_pieces)))
-    by_front = jax.vmap(of_pad)(faces.fronts, *of_pieces)
-    if faces.ends is None:
-        return by_front
-    ends = jax.tree.map(lambda leaf: leaf[faces.end_of(found.face)], faces.ends)
-    by_end = jax.vmap(jax.vmap(function))(ends, *of_pieces)
-
-    def chosen(front: Shaped[Array, "..."], end: Shaped[Array, "..."]) -> Shaped[Array, "..."]:
-        through = found.face.reshape(*found.face.shape, *[1] * (front.ndim - 2)) > 0
-        return jnp.where(through, end, front)
-
-    return jax.tree.map(chosen, by_front, by_end)
-
-
 def _ends(
     camera: Camera, paths: Unfolded, faces: Faces, found: Found
 ) -> tuple[Float[Array, "pads pieces 2"], Float[Array, "pads pieces 2"]]:
@@ -266,7 +250,7 @@ def _ends(
     def behind(pad: Pad, path: Int[Array, ""], entries: Float[Array, "2"]) -> Float[Array, "2"]:
         return pad.cover.coordinate(pad.ends(), paths.at(path).source, entries)
 
-    ends = _of_pieces(behind, faces, found, found.path, entries)
+    ends = faces.of_pieces(behind, found.face, found.path, entries)
     # A ray to an end of the membrane meets it exactly, wherever it enters.
     labels = _labels(paths, faces, found)
     for end, label in enumerate(PAD_ENDS):

@@ -23,9 +23,9 @@ def look(
     """How points of a pad appear by a path: pixel, pixels per mm along the pad, distance in mm.
 
     ``entries`` are coordinates on the surface that is seen, where there are layers the outermost
-    one or a clear end face; ``size`` is the placed scene's unit of length, mm. The angle dθ under which a length
-    ds appears is sin(grazing angle) ds / distance, that is the height of the source above the pad's
-    line over the squared distance; for layers see `optics.visibility.refraction`.
+    one or a clear end face; ``size`` is the placed scene's unit of length, mm. The angle dθ under
+    which a length ds appears is sin(grazing angle) ds / distance, that is the height of the source
+    above the pad's line over the squared distance; for layers see `optics.visibility.refraction`.
     """
     source, axis = path.source, path.axis
     step, toward = pad.end - pad.start, pad.start - source

@@ -38,16 +38,16 @@ class Behind(eqx.Module):
 
     along: Vector
     into: Vector
-    height: Float[Array, "*batch paths pads"]
-    offset: Float[Array, "*batch paths pads 2"]
-    thickness: Float[Array, "*batch paths pads layers"]
-    index: Float[Array, "*batch paths pads layers"]
+    height: Float[Array, "*views"]
+    offset: Float[Array, "*views 2"]
+    thickness: Float[Array, "*views layers"]
+    index: Float[Array, "*views layers"]
 
 
 class Outlines(eqx.Module):
     """The ends of pads as the camera sees them, unfolded; axes are (paths, pads, ends).
 
-    Paths are in the order of `name_paths`. Pads under layers are seen through the outermost surface.
+    Paths are in the order of `name_paths`. Layered pads are seen through their outermost surface.
 
     Attributes:
         angle: section angle, rad, counter-clockwise from the optical axis.

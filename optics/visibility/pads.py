@@ -1,16 +1,19 @@
 """Pads in a pose, as lines of sight meet them: the surface that is seen, and what lies behind it.
 
-Of a pad without layers that surface is the pad itself; of a layered one it is the outermost surface,
-or a clear end face of a layer. Coordinates on it, 0 to 1, are called entries.
+Of a pad without layers that surface is the pad itself; of a layered one it is the outermost
+surface, or a clear end face of a layer. Coordinates on it, 0 to 1, are called entries.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from designopt.vectors import Vector, stack, vector
 from optics.scene.layers import CHANNELS, Layers, Profile
@@ -85,7 +88,7 @@ class Faces(eqx.Module):
     fronts: Pad
     ends: Pad | None
     front_windows: Windows
-    end_windows: Windows
+    end_windows: Float[Array, "*faces windows 2"] | None
     ends_of: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
     @classmethod
@@ -113,7 +116,32 @@ class Faces(eqx.Module):
         own = jnp.arange(len(self.ends_of))[:, None]
         return jnp.asarray(self.ends_of)[own, jnp.maximum(face - 1, 0)]
 
-    def widest(self, margins: list[Float[Array, "paths faces"]]) -> Float[Array, "paths pads"]:
+    def of_pieces(
+        self,
+        function: Callable[..., Any],
+        face: Int[Array, "pads pieces"] | None,
+        *of_pieces: Shaped[Array, "..."],
+    ) -> Any:
+        """A function of the surface by which a piece is seen, and of what belongs to the piece.
+
+        Args:
+            function: of one surface, and of one entry of what follows.
+            face: the surface of every piece, as `Pieces.face` has it.
+            of_pieces: arrays of shape (pads, pieces, ...).
+        """
+        of_pad = jax.vmap(function, (None, *[0] * len(of_pieces)))
+        by_front = jax.vmap(of_pad)(self.fronts, *of_pieces)
+        if self.ends is None or face is None:
+            return by_front
+        ends = jax.tree.map(lambda leaf: leaf[self.end_of(face)], self.ends)
+        by_end = jax.vmap(jax.vmap(function))(ends, *of_pieces)
+
+        def chosen(front: Shaped[Array, "..."], end: Shaped[Array, "..."]) -> Shaped[Array, "..."]:
+            return jnp.where(face.reshape(*face.shape, *[1] * (front.ndim - 2)) > 0, end, front)
+
+        return jax.tree.map(chosen, by_front, by_end)
+
+    def widest(self, margins: list[Float[Array, "paths _"]]) -> Float[Array, "paths pads"]:
         """Of every pad the widest view, by its outermost surface or a clear end face."""
         best = margins[0]
         if self.ends is not None:

@@ -1,7 +1,7 @@
 """Light through the flat layers on a pad, after Snell: where a line of sight meets each level.
 
 From a source at height h over the outermost surface, a ray under the slope w (tangent of the angle
-from the normal, in air) has gone along the pad, at the lower side of the layers of thicknesses t and
+from the normal, in air) has gone along the pad, at the lower side of layers of thicknesses t and
 indices n,
 
     x(w) = h w + Σ t w / √(n² + (n² − 1) w²),
@@ -13,10 +13,12 @@ root and never passes it, down to grazing incidence.
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector
@@ -105,12 +107,19 @@ def _seen_from(face: Vector, source: Vector) -> tuple[Array, Array, Array]:
     return jnp.where(height > 0, height, 1.0), step.dot(toward) / length, length
 
 
+def row_of(
+    of_layers: Shaped[Array, " layers"], points: Shaped[Array, "*points"]
+) -> Shaped[Array, "..."]:
+    """Numbers of the layers along a last axis, to stand beside any points."""
+    return of_layers.reshape((1,) * points.ndim + of_layers.shape)
+
+
 def _cosines(
     index: Float[Array, " layers"], slope: Float[Array, "*points"]
 ) -> tuple[Float[Array, "*points layers"], Float[Array, "*points 1"]]:
     """N cos θ in each layer over cos θ in air, √(n² + (n² − 1) w²), and the slope beside it."""
     w = slope[..., None]
-    return jnp.sqrt(index**2 + (index**2 - 1) * w * w), w
+    return jnp.sqrt(row_of(index**2, slope) + row_of(index**2 - 1, slope) * w * w), w
 
 
 def along_of(
@@ -121,7 +130,7 @@ def along_of(
 ) -> Float[Array, "*points"]:
     """How far along the pad rays of given slopes go: x(w)."""
     cosine, w = _cosines(index, slope)
-    return height * slope + jnp.sum(thickness * w / cosine, axis=-1)
+    return height * slope + jnp.sum(row_of(thickness, slope) * w / cosine, axis=-1)
 
 
 def rise_of(
@@ -132,7 +141,7 @@ def rise_of(
 ) -> Float[Array, "*points"]:
     """Derivative of `along_of` with respect to the slope."""
     cosine, _ = _cosines(index, slope)
-    return height + jnp.sum(thickness * index**2 / cosine**3, axis=-1)
+    return height + jnp.sum(row_of(thickness * index**2, slope) / cosine**3, axis=-1)
 
 
 def length_of(
@@ -143,7 +152,9 @@ def length_of(
 ) -> Float[Array, "*points"]:
     """Lengths of rays from the source to the last level."""
     cosine, _ = _cosines(index, slope)
-    return jnp.sqrt(1 + slope**2) * (height + jnp.sum(thickness * index / cosine, axis=-1))
+    return jnp.sqrt(1 + slope**2) * (
+        height + jnp.sum(row_of(thickness * index, slope) / cosine, axis=-1)
+    )
 
 
 def slope_to(
@@ -163,7 +174,7 @@ def slope_to(
     far, _ = safe_divide(jnp.where(unbent, 0.0, x - shift), h)
     start = jnp.maximum(near, far)
 
-    def climb(_: int, w: Float[Array, ""]) -> Float[Array, ""]:
+    def climb(_: Any, w: Float[Array, ""]) -> Float[Array, ""]:
         return w + (x - along_of(h, t, n, w)) / rise_of(h, t, n, w)
 
     root = jnp.sign(along) * jax.lax.fori_loop(0, STEPS, climb, start)
@@ -176,11 +187,11 @@ def slope_to(
 def fresnel(
     cosines: Float[Array, "*points media"], index: Float[Array, " media"]
 ) -> tuple[Float[Array, "*points"], Float[Array, "*points"]]:
-    """Part of light that comes through surfaces between media: polarised across the plane, and in it.
+    """Part of light that comes through surfaces: polarised across the plane, and in it.
 
     Source: E. Hecht, *Optics*, 5th ed., §4.6.3: through one surface comes 4 q q′ / (q + q′)², with
-    q = n cos θ for light polarised across the plane of incidence and q = cos θ / n in it. Light that
-    is reflected twice and more is left out.
+    q = n cos θ for light polarised across the plane of incidence and q = cos θ / n in it. What is
+    reflected twice and more is left out.
 
     Args:
         cosines: n cos θ in every medium, θ between ray and normal.
@@ -191,7 +202,7 @@ def fresnel(
         before, after = q[..., :-1], q[..., 1:]
         return jnp.prod(safe_divide(4 * before * after, (before + after) ** 2)[0], axis=-1)
 
-    return through(cosines), through(cosines / index**2)
+    return through(cosines), through(cosines / row_of(index**2, cosines[..., 0]))
 
 
 def transmission(
@@ -204,7 +215,7 @@ def transmission(
         grazing: angle in air between ray and outermost surface, rad.
     """
     sine = jnp.sin(grazing)[..., None]
-    cosines = jnp.concatenate([sine, jnp.sqrt(index**2 - 1 + sine**2)], axis=-1)
+    cosines = jnp.concatenate([sine, jnp.sqrt(row_of(index**2 - 1, grazing) + sine**2)], axis=-1)
     across, within = fresnel(cosines, jnp.concatenate([jnp.ones_like(index[:1]), index]))
     return (across + within) / 2
 
@@ -216,7 +227,7 @@ def least_grazing(index: Float[Array, " layers"], least: Float[Array, ""]) -> Fl
     """
     n, wanted = jax.lax.stop_gradient((index, least))
 
-    def halve(_: int, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
         low, high = ends
         middle = (low + high) / 2
         enough = transmission(n, middle) >= wanted

@@ -20,8 +20,8 @@ from jaxtyping import Array, Float, Int
 from designopt.numerics import safe_divide
 from optics.scene.scene import Scene, place
 from optics.visibility.fan import Fan
-from optics.visibility.image_scale import entry, look
-from optics.visibility.pads import Pad
+from optics.visibility.image_scale import look
+from optics.visibility.pads import Faces, Pad
 from optics.visibility.tracing import Leg
 from optics.visibility.unfolding import paths_of, unfold_all
 from optics.visibility.views import Pieces
@@ -132,24 +132,27 @@ def _unfolded(
     bounces: int,
 ) -> tuple[Float[Array, "poses pads pieces places"], Float[Array, "poses pads pieces places"]]:
     """Pixels per mm and distance (mm) at places on pads by the paths of all pieces."""
-    words = paths_of(scene.layout, bounces)
+    words, room = paths_of(scene.layout, bounces), pieces.path.shape[-1]
 
     def in_pose(
         angles: Float[Array, " joints"],
-        path_of: Int[Array, "pads pieces"],
+        path: Int[Array, "pads pieces"],
+        face: Int[Array, "pads pieces"] | None,
         places: Float[Array, "pads places"],
     ) -> tuple[Array, Array]:
         placed = place(scene, angles)
-        paths, pads = unfold_all(scene.layout, placed, words), Pad.all_of(scene, placed)
+        paths = unfold_all(scene.layout, placed, words)
+        faces = Faces.all_of(scene, placed, paths)
 
         def by(pad: Pad, path: Int[Array, ""], places: Float[Array, " places"]) -> Any:
             by = paths.at(path)
-            entries = entry(by.source, pad, places)
-            return look(scene.camera, placed.size, by, pad, entries)[1:]
+            if pad.cover is not None:
+                places = pad.cover.entries(pad.ends(), by.source, places)
+            return look(scene.camera, placed.size, by, pad, places)[1:]
 
-        return jax.vmap(jax.vmap(by, (None, 0, None)))(pads, path_of, places)
+        return faces.of_pieces(by, face, path, jnp.repeat(places[:, None], room, axis=1))
 
-    return jax.vmap(in_pose)(angles, pieces.path, places)
+    return jax.vmap(in_pose)(angles, pieces.path, pieces.face, places)
 
 
 @partial(jax.jit, static_argnames="bounces")

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 
 from designopt import UserError
 from optics import (
@@ -61,7 +62,7 @@ def tables(*layers: dict, camera=(2.0, 12.0), direction=-80.0, **pad) -> dict:
         "mirrors": [{"name": "lid", "from": [30.0, 20.0], "to": [35.0, 2.0], "side": "right"}],
         "pads": [
             first | own | pad,
-            {"name": "bare", "from": [-4.0, 8.0], "to": [-6.0, 2.0], "side": "left"},
+            {"name": "bare", "from": [-30.0, 6.0], "to": [-30.0, 0.0], "side": "left"},
         ],
     }
 
@@ -78,7 +79,7 @@ def assert_same_views(one, other, **tolerance) -> None:
 
 
 def test_layers_of_index_1_are_no_layers():
-    air = {"thickness": 3.0, "index": 1.0, "overhang": 400.0}
+    air = {"thickness": 3.0, "index": 1.0, "overhang": 15.0}
     assert_same_views(find(scene(air)), find(scene()), rtol=ROUNDING, atol=ROUNDING)
 
 
@@ -120,7 +121,7 @@ def check_structure(structure: int, count: int) -> None:
     for i, (plain, _) in enumerate(drawn):
         pieces = pieces_of(scenes[i], jax.tree.map(lambda x, i=i: np.asarray(x[i]), found.value))
         # More rays find what lies between the rays of a coarse fan.
-        for rays in (2000, 20_000):
+        for rays in (2000, 20_000, 200_000):
             shown = sorted(
                 (run.pad, tuple(run.word), run.entrance, min(run.at), max(run.at))
                 for run in runs(plain, rays)
@@ -152,6 +153,15 @@ def seen_numbers(layered: Scene) -> jax.Array:
     return jnp.sum(view.start - 0.7 * view.end) + jnp.sum(per_end) + jnp.sum(margin)
 
 
+def check_slopes(function, design) -> None:
+    numbers, restored = ravel_pytree(design)
+
+    def of_entries(entries: list[jax.Array]) -> jax.Array:
+        return function(restored(jnp.stack(entries)))
+
+    check_gradients(of_entries, list(numbers[:, None]), rtol=SLOPES, atol=SLOPES)
+
+
 @pytest.mark.parametrize(
     ("layers", "camera"),
     [
@@ -163,7 +173,7 @@ def seen_numbers(layered: Scene) -> jax.Array:
 def test_slopes_of_views(layers, camera):
     layered = scene(*layers, camera=camera, min_grazing_deg=3.0)
     assert bool(find(layered).value.present.any())
-    check_gradients(jax.jit(seen_numbers), (layered,), tolerance=SLOPES)
+    check_slopes(seen_numbers, layered)
 
 
 def test_views_stay_finite_down_to_grazing_incidence():
@@ -171,7 +181,8 @@ def test_views_stay_finite_down_to_grazing_incidence():
         layered = scene(ACRYLIC, GEL, camera=(2.0, 5.0 + height), min_transmission=0.0)
         value, slopes = jax.jit(jax.value_and_grad(seen_numbers))(layered)
         leaves = [leaf for leaf in jax.tree.leaves(slopes) if leaf.size]
-        assert np.isfinite(value) and all(np.isfinite(leaf).all() for leaf in leaves)
+        assert np.isfinite(value)
+        assert all(np.isfinite(leaf).all() for leaf in leaves)
 
 
 def snell_slope(height: float, layers: list[tuple[float, float]], along: float) -> mpmath.mpf:
@@ -231,8 +242,8 @@ def test_a_black_end_hides_the_strip_behind_it():
 
 
 def test_a_bezel_and_a_dark_surface_are_named():
-    seat = {"lip": 1.0, "height": 0.5}
-    layered = scene(ACRYLIC, camera=(10.0, 7.0), bezel=seat, min_transmission=0.9)
+    seat = {"lip": 4.0, "height": 0.5}
+    layered = scene(ACRYLIC, camera=(10.0, 7.0), min_transmission=0.9)
     view = find(layered).value
     direct = np.flatnonzero(view.present[0] & (view.path[0] == 0))
     labels = {int(view.start_label[0, i]) for i in direct} | {
@@ -242,10 +253,9 @@ def test_a_bezel_and_a_dark_surface_are_named():
     bright = scene(ACRYLIC, camera=(10.0, 13.0), bezel=seat)
     view = find(bright).value
     assert describe_end(bright.layout, int(view.start_label[0, 0])) == "bezel"
-    # Past the lip's edge on the surface, from 10 mm above it and 9 mm along.
-    sine = 9 / math.hypot(9, 10)
-    hidden = 1 - 3 * math.tan(math.asin(sine / 1.49))
-    np.testing.assert_allclose(float(view.start[0, 0]) * 20, max(hidden, 0.0), atol=1e-12)
+    # Past the lip's edge on the surface, from 10 mm above it and 6 mm along.
+    hidden = 4 - 3 * math.tan(math.asin(6 / math.hypot(6, 10) / 1.49))
+    np.testing.assert_allclose(float(view.start[0, 0]) * 20, hidden, rtol=1e-12)
 
 
 def test_a_layer_hides_what_is_behind_it():
@@ -280,7 +290,7 @@ def test_transmission_is_fresnels():
         angle = least_grazing(n, jnp.asarray(least))
         assert float(transmission(n, angle)) == pytest.approx(least, rel=1e-9)
     assert float(least_grazing(n, jnp.asarray(0.99))) == pytest.approx(math.pi / 2)
-    check_gradients(least_grazing, (n, jnp.asarray(0.6)), tolerance=SLOPES)
+    check_slopes(lambda given: least_grazing(*given), (n, jnp.asarray(0.6)))
 
 
 def test_a_layered_scene_is_written_and_read_again():
