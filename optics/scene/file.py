@@ -338,6 +338,9 @@ class SidesTable(Spec):
     beside: EndKind = "black"
 
 
+BLACK = SidesTable.model_validate({})
+
+
 def _on_all_sides(value: object) -> object:
     return {"from": value, "to": value, "beside": value} if isinstance(value, str) else value
 
@@ -351,7 +354,9 @@ class LayerTable(Spec):
 
     thickness: Length
     index: Annotated[IndexTable, pydantic.BeforeValidator(_in_all_colors)]
-    sides: Annotated[SidesTable, pydantic.BeforeValidator(_on_all_sides)] = SidesTable()
+    sides: Annotated[SidesTable, pydantic.BeforeValidator(_on_all_sides)] = (
+        SidesTable.model_validate({})
+    )
     overhang: Annotated[tuple[NotNegative, NotNegative], AtBothEnds] = (0.0, 0.0)
     bevel_deg: Annotated[tuple[Bevel, Bevel], AtBothEnds] = (0.0, 0.0)
 

@@ -264,7 +264,7 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
     layout, origin = scene.layout, vector(scene.camera.position)
     corners = vector(scene.surface_ends) - origin
     if scene.layers is not None:
-        corners = _with_bodies(scene, corners)
+        corners = _with_bodies(scene, scene.layers, corners)
     hinges = vector(scene.hinges) - origin
     size = _size(corners, hinges)
     corners, hinges = jax.tree.map(lambda leaf: leaf / size, (corners, hinges))
@@ -302,13 +302,13 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
     )
 
 
-def _with_bodies(scene: Scene, corners: Vector) -> Vector:
+def _with_bodies(scene: Scene, layers: Layers, corners: Vector) -> Vector:
     """Surfaces in the reference pose: outermost surfaces instead of membranes, and all bodies."""
     layout, first = scene.layout, len(scene.layout.mirrors)
     pads = slice(first, first + len(layout.pads))
     ends, sides = corners[pads], jnp.asarray(layout.sides[pads], corners.x.dtype)
     along, normal, length = along_and_normal(ends, sides)
-    faces = profile_faces(Profile.of(scene.layers, length), scene.layers, layout.bodies)
+    faces = profile_faces(Profile.of(layers, length), layers, layout.bodies)
     pad = np.array([face.pad for face in layout.bodies], int)
     pad = np.concatenate([np.arange(len(layout.pads)), pad])
 

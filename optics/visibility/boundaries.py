@@ -68,7 +68,7 @@ def meetings(
     first, last = conditions(camera, path, pad)
     at, _ = safe_divide(first, first - last)
     ends = jnp.array([0.0, 1.0], at.dtype)
-    if pad.cover is None:
+    if inner is None:
         return jnp.concatenate([at, ends])
     return jnp.concatenate([at, ends, inner.reshape(-1)])
 
@@ -107,16 +107,18 @@ def toward(
     drop = along_pad.perpendicular().scaled(-above * jnp.sin(pad.grazing))
     flattest = drop + along_pad.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
     end = where(second, pad.end, pad.start)
-    if pad.cover is not None:
-        end = _own_end(pad, inner, label)
+    if pad.cover is not None and inner is not None:
+        labels = jnp.concatenate([pad.cover.edges, pad.cover.labels.reshape(-1)])
+        end = _own_end(pad, inner, labels, label)
     end = where(label >= 0, edge, end)
     is_limit = (label == codes.LEFT_LIMIT) | (label == codes.RIGHT_LIMIT)
     is_grazing = (label == low) | (label == high)
     return where(is_limit, limit, where(is_grazing, flattest, end - source))
 
 
-def _own_end(pad: Pad, inner: Float[Array, "rows 2"], label: Int[Array, ""]) -> Vector:
+def _own_end(
+    pad: Pad, inner: Float[Array, "rows 2"], labels: Int[Array, " ends"], label: Int[Array, ""]
+) -> Vector:
     """Where the line of sight to an end of a layered pad meets the surface seen, or its line."""
     entries = jnp.concatenate([jnp.array([0.0, 1.0], inner.dtype), inner.reshape(-1)])
-    labels = jnp.concatenate([pad.cover.edges, pad.cover.labels.reshape(-1)])
     return pad.start + (pad.end - pad.start).scaled(entries[jnp.argmax(labels == label)])

@@ -230,7 +230,8 @@ class EndCover(eqx.Module):
             ahead = short(middle) > 0
             return jnp.where(ahead, middle, ends[0]), jnp.where(ahead, ends[1], middle)
 
-        root = sum(jax.lax.fori_loop(0, HALVINGS, halve, (first, last))) / 2
+        below, above = jax.lax.fori_loop(0, HALVINGS, halve, (first, last))
+        root = (below + above) / 2
         step, _ = safe_divide(self._short(root, sought, source), _slope(short, root))
         return jnp.where(short(first) <= 0, BELOW, jnp.where(short(last) > 0, BEYOND, root - step))
 

@@ -93,15 +93,8 @@ def find_views(
             return _seen(camera, placed.size, paths, pad, *of_piece)
 
         seen = faces.of_pieces(piece, found.face, found.present, found.path, entries)
-        where = (
-            found.present,
-            found.path,
-            ends[..., 0],
-            ends[..., 1],
-            labels[..., 0],
-            labels[..., 1],
-        )
-        pieces = Pieces(*where, *seen, found.face)
+        starts, stops = (ends[..., 0], ends[..., 1]), (labels[..., 0], labels[..., 1])
+        pieces = Pieces(found.present, found.path, *starts, *stops, *seen, face=found.face)
         of_faces = [
             _by_path_and_pad(partial(margin, camera), paths, pads, inner, gap)
             for (pads, inner), gap in zip(faces.all(), widest, strict=True)
@@ -222,7 +215,7 @@ def _of_bounds(
     """Of what a function gives for all bounds of views, what bounds the pieces."""
     pick = jax.vmap(lambda of_bounds, path, bounds: of_bounds[path[:, None], bounds], (1, 0, 0))
     picked = pick(_by_path_and_pad(function, paths, *faces.all()[0]), found.path, found.bounds)
-    if faces.ends is None:
+    if faces.ends is None or found.face is None:
         return picked
     of_ends = _by_path_and_pad(function, paths, *faces.all()[1])
     face = faces.end_of(found.face)[..., None]
@@ -248,7 +241,7 @@ def _ends(
         return entries, entries
 
     def behind(pad: Pad, path: Int[Array, ""], entries: Float[Array, "2"]) -> Float[Array, "2"]:
-        return pad.cover.coordinate(pad.ends(), paths.at(path).source, entries)
+        return pad.behind.coordinate(pad.ends(), paths.at(path).source, entries)
 
     ends = faces.of_pieces(behind, found.face, found.path, entries)
     # A ray to an end of the membrane meets it exactly, wherever it enters.

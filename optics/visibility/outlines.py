@@ -119,7 +119,7 @@ def _behind(camera: VirtualCamera, pad: Pad, size: Float[Array, ""]) -> Behind:
     def own(arrow: Vector) -> Vector:
         return Vector(camera.axis.dot(arrow), camera.handedness * camera.axis.cross(arrow))
 
-    cover, height = pad.cover, jnp.abs(above)
+    cover, height = pad.behind, jnp.abs(above)
     return Behind(
         own(along),
         own(-normal),

@@ -65,6 +65,12 @@ class Pad(eqx.Module):
         """Both ends of one pad, along one axis."""
         return stack(self.start, self.end)
 
+    @property
+    def behind(self) -> FrontCover | EndCover:
+        """The layers behind, where there are any."""
+        assert self.cover is not None
+        return self.cover
+
     def own(self, surfaces: int) -> Bool[Array, " surfaces"]:
         """Which of so many surfaces hide nothing of one pad, as they are itself or of its body."""
         return jnp.arange(surfaces) == self.index if self.cover is None else self.cover.own
@@ -97,7 +103,7 @@ class Faces(eqx.Module):
         layout, fronts = scene.layout, Pad.all_of(scene, placed)
         passed = _windows(paths, fronts)
         clear = [i for i, face in enumerate(layout.bodies) if face.kind == "clear"]
-        if not clear:
+        if scene.layers is None or not clear:
             return cls(fronts, None, passed, None, ())
         pads = [layout.bodies[i].pad for i in clear]
         of = [[i for i, mine in enumerate(pads) if mine == pad] for pad in range(len(layout.pads))]
@@ -153,7 +159,7 @@ class Faces(eqx.Module):
 
 def _windows(paths: Unfolded, pads: Pad) -> Windows:
     def passed(path: Unfolded, pad: Pad) -> Float[Array, "rows 2"]:
-        return pad.cover.windows(pad.ends(), path.source)
+        return pad.behind.windows(pad.ends(), path.source)
 
     of_path = jax.vmap(passed, (None, 0))
     return None if pads.cover is None else jax.vmap(of_path, (0, None))(paths, pads)

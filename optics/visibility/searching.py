@@ -54,7 +54,7 @@ class Found(eqx.Module):
 def find(camera: Camera, paths: Unfolded, faces: Faces, max_pieces: int | None) -> Found:
     """The pieces of all pads by all paths, both along a first axis."""
 
-    def views_of(pads: Pad, inner: Windows) -> tuple[Interval, Bool[Array, "..."], ViewResult]:
+    def views_of(pads: Pad, inner: Windows) -> Any:
         of_path = jax.vmap(partial(search, camera), (0, None, 0))
         return jax.vmap(of_path, (None, 0, 1))(paths, pads, inner)
 

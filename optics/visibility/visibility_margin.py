@@ -102,7 +102,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     upper = jnp.stack([last, foot + max_obliquity, jnp.where(wide, FAR, axis + half)])
     lower_labels = jnp.stack([shown.labels[0], toward_first, low])
     upper_labels = jnp.stack([shown.labels[1], toward_second, high])
-    if pad.cover is not None:
+    if pad.cover is not None and inner is not None:
         labels, passed = pad.cover.labels, angle(step.scaled(inner) + (pad.start - source))
         lower, upper = jnp.append(lower, passed[:, 0]), jnp.append(upper, passed[:, 1])
         lower_labels = jnp.append(lower_labels, labels[:, 0])
