@@ -233,6 +233,8 @@ class EndCover(eqx.Module):
         below, above = jax.lax.fori_loop(0, HALVINGS, halve, (first, last))
         root = (below + above) / 2
         step, _ = safe_divide(self._short(root, sought, source), _slope(short, root))
+        # Where a single layer lets no ray down any more, the light ends in a jump and no root.
+        step = jnp.where(jnp.abs(step) <= 4 * (last - first) * 2.0**-HALVINGS, step, 0.0)
         return jnp.where(short(first) <= 0, BELOW, jnp.where(short(last) > 0, BEYOND, root - step))
 
     def _brightest(self, source: Vector) -> Float[Array, ""]:
@@ -253,15 +255,16 @@ class EndCover(eqx.Module):
     def _excess(self, entry: Float[Array, "*points"], source: Vector) -> Float[Array, "*points"]:
         """Part of unpolarised light that comes to the membrane, above the least."""
         ray, own = self._inside(source, entry), self.index[self.layer]
-        below, squares = jnp.arange(self.thickness.size) > self.layer, self._below(ray)
+        below, squares = jnp.arange(self.thickness.size) >= self.layer, self._below(ray)
         behind = row_of(below, entry)
-        # Of a ray that is totally reflected, how far it is from passing.
+        # Of a ray that goes up or is totally reflected, how far it is from passing.
         lacking = jnp.sum(jnp.where(behind, jnp.maximum(SMALL - squares, 0.0), 0.0), axis=-1)
         cosines = _root(jnp.where(behind, squares, squares[..., self.layer, None]))
         index = jnp.where(below, self.index, own)
         face = fresnel(jnp.stack(ray.normal, axis=-1), jnp.stack([jnp.ones_like(own), own]))
         inner = fresnel(cosines, index)
-        return (face[0] * inner[0] + face[1] * inner[1]) / 2 - lacking - self.transmission
+        part = (face[0] * inner[0] + face[1] * inner[1]) / 2
+        return jnp.where(lacking > 0, -lacking, part) - self.transmission
 
 
 def _root(square: Float[Array, "..."]) -> Float[Array, "..."]:
