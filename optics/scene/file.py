@@ -33,7 +33,7 @@ LARGEST_INDEX = 4.0
 """Of refraction: above all glass and plastic."""
 
 SQUARE = 0.02
-"""Sides of a sensor are told so exactly, as a part of themselves: pixels are square."""
+"""Sides of a sensor are stated so exactly, as a part of themselves: pixels are square."""
 
 Pixels = Annotated[int, pydantic.Field(strict=True, ge=1, le=1_000_000)]
 Coefficients = tuple[Number, Number, Number, Number]

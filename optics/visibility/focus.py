@@ -73,7 +73,7 @@ def _spots(
 def find_focus(scene: Scene, pieces: Pieces, *, accepted: ArrayLike = 1.0) -> Focus:
     """Blur and depth of field along the pieces that a camera sees.
 
-    A pixel is as large as sensor distance over focal length in pixels, or as its sensor says.
+    A pixel is as large as sensor distance over focal length in pixels, or as a pixel of its sensor.
 
     Args:
         scene: the scene; its camera has a lens.

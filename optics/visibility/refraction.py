@@ -27,7 +27,7 @@ STEPS = 16
 """Newton steps; 600,000 random stacks and heights down to 1e-8 of the offset took 14 at most."""
 
 HALVINGS = 60
-"""Bisections of the sine of the flattest ray's angle, to rounding in double precision."""
+"""Bisections of the flattest ray's grazing angle, to rounding in double precision."""
 
 
 class FrontCover(eqx.Module):
@@ -117,7 +117,7 @@ def row_of(
 def _cosines(
     index: Float[Array, " layers"], slope: Float[Array, "*points"]
 ) -> tuple[Float[Array, "*points layers"], Float[Array, "*points 1"]]:
-    """N cos θ in each layer over cos θ in air, √(n² + (n² − 1) w²), and the slope beside it."""
+    """√(n² + (n² − 1) w²), index times cosine in each layer over the cosine in air; the slope."""
     w = slope[..., None]
     return jnp.sqrt(row_of(index**2, slope) + row_of(index**2 - 1, slope) * w * w), w
 

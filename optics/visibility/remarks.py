@@ -82,8 +82,8 @@ def remark_on_fields(camera: Camera) -> str:
     """  # noqa: E501
     if camera.sensor is not None:
         fields = {axis: _degrees(field) for axis, field in fields_of_view(camera).items()}
-        told = ", ".join(f"{field} ({axis})" for axis, field in fields.items())
-        return f"camera: fields of view {told}; {_degrees(_own(camera))} in the section"
+        listed = ", ".join(f"{field} ({axis})" for axis, field in fields.items())
+        return f"camera: fields of view {listed}; {_degrees(_own(camera))} in the section"
     short, long = (
         {axis: _degrees(field) for axis, field in fields_of_view(camera, across).items()}
         for across in (4 / 3, 3 / 4)

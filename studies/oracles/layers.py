@@ -461,7 +461,7 @@ def runs(scene: Scene, rays: int) -> list[Run]:
 
 
 def _fan(scene: Scene, rays: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angles in order, and of their rays what `_label` tells."""
+    """Angles in order, and of their rays what `_label` returns."""
     ends = np.array([place for face in scene.faces for place in (face.start, face.end)])
     aimed = np.angle((ends - scene.camera) / scene.axis)
     aimed = np.append(aimed - BESIDE, aimed + BESIDE)
