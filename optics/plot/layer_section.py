@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -138,7 +139,11 @@ def _stack(
         membrane=lower + np.outer([1, -1] * longer, along),
         layers=layers,
         ends=pairs,
-        ledges=tuple(line for face, line in faces if face.part == "ledge"),
+        ledges=tuple(
+            np.array([above.line[0], below.line[1]])
+            for pair in itertools.pairwise(pairs)
+            for above, below in zip(*pair, strict=True)
+        ),
         bezel=tuple(np.vstack(pair) for pair in _bezel(edges)),
         index=tuple(index[: len(layers)].tolist()),
     )

@@ -37,16 +37,16 @@ class BodyFace(NamedTuple):
 
     Attributes:
         pad: index of the pad.
-        part: an end face of a layer, what a level leaves free of the layer on one of its two
-            sides, or the outer or inner side of the bezel.
-        layer: index of the layer, of the level's lower layer, or of the outermost one.
-        end: 0 at the pad's first end, 1 at its second.
+        part: an end face of a layer, the upper side of a layer under another, or the outer or
+            inner side of the bezel.
+        layer: index of the layer; of a bezel that of the outermost one.
+        end: 0 at the pad's first end, 1 at its second; 0 of an upper side.
         kind: of an end face; the others are black.
         name: for messages.
     """
 
     pad: int
-    part: Literal["end", "ledge", "rim", "lip"]
+    part: Literal["end", "top", "rim", "lip"]
     layer: int
     end: int
     kind: EndKind
@@ -60,8 +60,10 @@ def body_faces(pad: int, kinds: tuple[LayerKinds, ...], bezel: bool) -> list[Bod
         for end, at in enumerate(("from", "to")):
             name = f"layer {layer + 1} at '{at}'"
             faces.append(BodyFace(pad, "end", layer, end, of_layer[end], name))
-            if layer > 0:
-                faces.append(BodyFace(pad, "ledge", layer, end, "black", f"ledge of {name}"))
+        if layer > 0:
+            faces.append(
+                BodyFace(pad, "top", layer, 0, "black", f"upper side of layer {layer + 1}")
+            )
     if bezel:
         for end, at in enumerate(("from", "to")):
             faces += [
@@ -157,13 +159,13 @@ def profile_faces(
 
     pad, layer, end = (np.array([getattr(face, of) for face in bodies]) for of in _INDICES)
     parts = np.array([face.part for face in bodies])
-    is_end, is_ledge, is_bezel = (np.isin(parts, of) for of in ("end", "ledge", ["rim", "lip"]))
+    is_end, is_top = parts == "end", parts == "top"
     upper, level = profile.upper[pad, layer, end], profile.levels[pad, layer]
     turned = jnp.asarray((1 - 2 * end) * (parts == "lip"), upper.dtype)
     inward = layers.lip[pad, end] * turned
-    above = profile.lower[pad, layer - 1, end]
-    first = jnp.where(is_end, profile.lower[pad, layer, end], jnp.where(is_ledge, above, upper))
+    first = jnp.where(is_end, profile.lower[pad, layer, end], upper)
+    last = jnp.where(is_top, profile.upper[pad, layer, 1], upper)
     below = jnp.where(is_end, profile.levels[pad, layer + 1], level)
-    raised = level + jnp.where(is_bezel, layers.height[pad], 0.0)
-    ends = [jnp.stack([first + inward, upper + inward], -1), jnp.stack([below, raised], -1)]
+    raised = level + jnp.where(is_end | is_top, 0.0, layers.height[pad])
+    ends = [jnp.stack([first + inward, last + inward], -1), jnp.stack([below, raised], -1)]
     return jnp.concatenate([outermost, jnp.stack(ends, axis=-1)])

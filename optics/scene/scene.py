@@ -126,6 +126,24 @@ class Layout:
         bodies = [-1 if face.part in ("rim", "lip") else face.pad for face in self.bodies]
         return np.array([*[-1] * len(self.mirrors), *range(len(self.pads)), *others, *bodies], int)
 
+    @cached_property
+    def solids(self) -> tuple[tuple[int, ...], ...]:
+        """Surfaces that bound one convex solid together, a layer or a part of a bezel.
+
+        Every other surface stands alone; empty if no pad has layers.
+        """
+        first = len(self.surfaces) - len(self.bodies)
+        of_solid: dict[tuple[int, int, int | None], list[int]] = {}
+        for i, face in enumerate(self.bodies, first):
+            bezel = face.end if face.part in ("rim", "lip") else None
+            of_solid.setdefault((face.pad, face.layer, bezel), []).append(i)
+        for (pad, layer, bezel), members in of_solid.items():
+            if layer == 0 and bezel is None:
+                members.append(len(self.mirrors) + pad)
+        within = {i for members in of_solid.values() for i in members}
+        alone = [(i,) for i in range(len(self.surfaces)) if i not in within]
+        return (*alone, *map(tuple, of_solid.values())) if self.bodies else ()
+
     @property
     def sides(self) -> np.ndarray:
         """The side of every surface, in the order of `surfaces`."""

@@ -13,6 +13,9 @@ of the grazing angle are linear conditions too.
 
 from __future__ import annotations
 
+import math
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -29,12 +32,14 @@ PER_SEGMENT = 3
 """How many of the `conditions` are those of one segment."""
 
 
-def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 bounds"]:
+def conditions(
+    camera: Camera, path: Unfolded, pad: Pad, segments: Vector
+) -> Float[Array, "2 bounds"]:
     """Values at the pad's two ends of all that may bound a view.
 
-    First the three numbers of the segments, but for their common sign: the first ones of all
-    segments on all legs, the second ones, the third ones. Then `LIMITS`, which are positive within
-    a field of view below 180°, and where a ray is no flatter than the least grazing angle.
+    First the three numbers of segments, given by their ends, but for their common sign: the first
+    ones of all, the second ones, the third ones. Then `LIMITS`, which are positive within a field
+    of view below 180°, and where a ray is no flatter than the least grazing angle.
     """
     half, dtype = camera.field_of_view / 2, camera.field_of_view.dtype
     limits = path.axis[None].turned(rotation(jnp.stack([half, -half])))
@@ -46,41 +51,64 @@ def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 boun
 
     @jax.vmap
     def values(place: Vector) -> Float[Array, " bounds"]:
-        ends, ray = path.blockers.ends - path.source, place - path.source
+        ends, ray = segments - path.source, place - path.source
         beside = ends.cross(ray)
-        behind = (ends[..., 1] - ends[..., 0]).cross(place - path.blockers.ends[..., 0])
-        segments = [beside[..., 0], -beside[..., 1], -behind]
+        behind = (ends[..., 1] - ends[..., 0]).cross(place - segments[..., 0])
+        of_segments = [beside[..., 0], -beside[..., 1], -behind]
         inside = inward * limits.cross(ray[None])
         steep = h * least.x + towards * (step.dot(ray) * least.y)
-        return jnp.concatenate([*(part.reshape(-1) for part in segments), inside, steep])
+        return jnp.concatenate([*(part.reshape(-1) for part in of_segments), inside, steep])
 
     return values(pad.ends())
 
 
-def meetings(
-    camera: Camera, path: Unfolded, pad: Pad, inner: Windows = None
-) -> Float[Array, " bounds"]:
-    """Where all that may bound a view meets the pad, or the outermost surface of its layers.
+class Bound(eqx.Module):
+    """What bounds a piece: one of the `conditions`, or an end of what is seen.
 
-    That is of `conditions`, the surface's own ends, and what lines of sight may pass at the lower
-    side of every layer: the coordinate along the surface, 0 at its start and 1 at its end.
+    Attributes:
+        row: which of those of one segment and of all else.
+        ends: both ends of the segment, if it is one.
+        labels: what these are.
     """
-    first, last = conditions(camera, path, pad)
+
+    row: Int[Array, "*bounds"]
+    ends: Vector
+    labels: Int[Array, "*bounds 2"]
+
+    @classmethod
+    def of(cls, paths: Unfolded, path: Int[Array, ""], bound: Int[Array, "*bounds"]) -> Bound:
+        """From its index: of all segments on all legs, and of what follows."""
+        segments = math.prod(paths.through.shape[1:])
+        kind, segment = jnp.divmod(bound, segments)
+        row = jnp.where(kind < PER_SEGMENT, kind, bound - PER_SEGMENT * (segments - 1))
+        # Straight from all paths, so that not all segments of one are copied.
+        every = jax.tree.map(
+            lambda leaf: leaf.reshape(-1, 2), (paths.blockers.ends, paths.blockers.labels)
+        )
+        return cls(row, *jax.tree.map(lambda leaf: leaf[path * segments + segment], every))
+
+
+def meeting(
+    camera: Camera, path: Unfolded, pad: Pad, inner: Windows, bound: Bound
+) -> Float[Array, ""]:
+    """Where a bound meets the pad, or the outermost surface of its layers, or a clear end face.
+
+    That is the coordinate along the surface, 0 at its start and 1 at its end.
+    """
+    first, last = conditions(camera, path, pad, bound.ends[None])
     at, _ = safe_divide(first, first - last)
-    ends = jnp.array([0.0, 1.0], at.dtype)
-    if inner is None:
-        return jnp.concatenate([at, ends])
-    return jnp.concatenate([at, ends, inner.reshape(-1)])
+    ends = [at, jnp.array([0.0, 1.0], at.dtype), *([] if inner is None else [inner.reshape(-1)])]
+    return jnp.concatenate(ends)[bound.row]
 
 
-def labels_of(path: Unfolded, pad: Pad) -> Int[Array, " bounds"]:
-    """Labels of all `meetings`."""
-    first, last = path.blockers.labels[..., 0], path.blockers.labels[..., 1]
-    segments = jnp.stack([first, last, with_kind(first, codes.CROSSING)]).reshape(-1)
-    if pad.cover is None:
-        return jnp.concatenate([segments, jnp.array([*LIMITS, *PAD_ENDS])])
-    own = pad.cover.flattest, pad.cover.edges, pad.cover.labels.reshape(-1)
-    return jnp.concatenate([segments, jnp.array(LIMITS[:2]), *own])
+def label_of_bound(pad: Pad, bound: Bound) -> Int[Array, ""]:
+    """The label of a bound."""
+    first, last = bound.labels[0], bound.labels[1]
+    own = jnp.array(LIMITS[2:]), jnp.array(PAD_ENDS)
+    if pad.cover is not None:
+        own = pad.cover.flattest, pad.cover.edges, pad.cover.labels.reshape(-1)
+    segment = jnp.stack([first, last, with_kind(first, codes.CROSSING)])
+    return jnp.concatenate([segment, jnp.array(LIMITS[:2]), *own])[bound.row]
 
 
 def toward(

@@ -20,9 +20,16 @@ from jaxtyping import Array, Bool, Float, Int
 from designopt.numerics import safe_divide, safe_sqrt
 from designopt.vectors import Vector
 from optics.visibility.refraction import fresnel, row_of
+from optics.visibility.unfolding import unit
 
 HALVINGS = 32
 """Bisections before the Newton step, which squares what they leave."""
+
+TO_ROUNDING = 60
+"""Steps by which an angle is found to rounding."""
+
+ROOTED = 1e-9
+"""Transmission so near to the least is a root of the difference."""
 
 BELOW, BEYOND = -1.0, 2.0
 """Entries of what no ray through the face meets: all pass beyond it, or none."""
@@ -51,19 +58,51 @@ SMALL = 1e-12
 """Of the square of a cosine: a flatter ray goes on along its layer, as one that is reflected."""
 
 
+class FaceAxes(NamedTuple):
+    """Axes of a face in those of its pad.
+
+    Attributes:
+        up: unit vector along the face, away from the membrane.
+        inward: its normal into the layer.
+    """
+
+    up: Vector
+    inward: Vector
+
+    @classmethod
+    def of(cls, step: Vector, outward: Float[Array, "*ends"]) -> FaceAxes:
+        """Those of a face along a vector, at the end of the pad that is −1 or 1."""
+        up = unit(step)
+        return cls(up, up.perpendicular().scaled(outward))
+
+    def refracted(
+        self,
+        index: Float[Array, ""],
+        cosine: Float[Array, "*points"],
+        sine: Float[Array, "*points"],
+    ) -> tuple[Float[Array, "*points"], Vector]:
+        """Index times cosine behind the face, and index times direction there.
+
+        Args:
+            index: of refraction of the layer.
+            cosine: of the angle in air from the inner normal.
+            sine: of the same, positive upwards.
+        """
+        # Snell: n sin θ, the part along the face, stays (Born and Wolf, §1.5.1).
+        through = safe_sqrt(index**2 - 1 + cosine**2)
+        return through, self.up.scaled(sine) + self.inward.scaled(through)
+
+
 class Sought(eqx.Module):
-    """A ray that is sought by what it meets.
+    """A ray that is sought by the place that it meets.
 
     Attributes:
         level: the layer whose lower side it passes.
         place: where, along the pad.
-        brightness: 1 or −1 for the ray that brings just the least transmission instead, beyond
-            which rays bring less, or before which.
     """
 
     level: Int[Array, "*rays"]
     place: Float[Array, "*rays"]
-    brightness: Float[Array, "*rays"]
 
 
 class EndCover(eqx.Module):
@@ -73,7 +112,7 @@ class EndCover(eqx.Module):
     where rays come from, for one face.
 
     Attributes:
-        own: which surfaces hide nothing of it: the face itself.
+        own: which surfaces hide nothing of it: those of its layer.
         edges: labels of both ends of the face.
         flattest: labels of the flattest rays towards both.
         labels: labels of the ends of `windows`.
@@ -89,7 +128,7 @@ class EndCover(eqx.Module):
         places: along the pad, both ends of what rays may pass at the lower side of each layer, in
             the order in which rays from the face come to them.
         membrane: along the pad, both ends of the membrane.
-        transmission: least part of the light that must come through.
+        bright: the `bright_angles` of the face.
     """
 
     own: Bool[Array, "*ends surfaces"]
@@ -107,27 +146,25 @@ class EndCover(eqx.Module):
     index: Float[Array, "*ends layers"]
     places: Float[Array, "*ends layers 2"]
     membrane: Float[Array, "*ends 2"]
-    transmission: Float[Array, "*ends"]
+    bright: Float[Array, "*ends 2"]
 
     def windows(self, face: Vector, source: Vector) -> Float[Array, "windows 2"]:
         """Entries of the rays to both ends of what may be passed behind each layer below.
 
         And, in a last row, of those that bring just the least transmission.
         """
-        best = self._brightest(source)
-        levels, dtype = jnp.arange(self.thickness.size), best.dtype
-        sought = Sought(
-            jnp.append(jnp.repeat(levels, 2), jnp.zeros(2, int)),
-            jnp.concatenate([self.places.reshape(-1), jnp.zeros(2, dtype)]),
-            jnp.concatenate([jnp.zeros(2 * levels.size, dtype), jnp.array([-1.0, 1.0], dtype)]),
-        )
-        zero = jnp.zeros_like(sought.place)
-        low, high = zero.at[-1].set(best), (zero + 1).at[-2].set(best)
-        met = jax.vmap(self._crossing, (0, 0, 0, None))(sought, low, high, source).reshape(-1, 2)
-        free = jnp.array([BELOW, BEYOND], dtype)
-        below = jnp.append(levels >= self.layer, True)[:, None]
-        dark = jax.lax.stop_gradient(self._excess(best, source)) < 0
-        return jnp.where(below, met, free).at[-1].set(jnp.where(dark, free[::-1], met[-1]))
+        levels = jnp.arange(self.thickness.size)
+        sought = Sought(jnp.repeat(levels, 2), self.places.reshape(-1))
+        met = jax.vmap(self._crossing, (0, None))(sought, source).reshape(-1, 2)
+        free = jnp.array([BELOW, BEYOND], met.dtype)
+        met = jnp.where((levels >= self.layer)[:, None], met, free)
+        # Rays of one direction meet the line of the face, unless they run along it.
+        step = self.upper - self.lower
+        axes = FaceAxes.of(step, self.outward)
+        ray = axes.inward.scaled(jnp.cos(self.bright)) + axes.up.scaled(jnp.sin(self.bright))
+        bright, _ = safe_divide((self._own(source) - self.lower).cross(ray), step.cross(ray))
+        along = jnp.cos(self.bright) ** 2 < SMALL
+        return jnp.concatenate([met, jnp.where(along, free, bright)[None]])
 
     def coordinate(
         self, face: Vector, source: Vector, entries: Float[Array, " points"]
@@ -145,10 +182,8 @@ class EndCover(eqx.Module):
     ) -> Float[Array, " points"]:
         """Entries of the rays that reach given pad coordinates."""
         places = self.membrane[0] + coordinates * (self.membrane[1] - self.membrane[0])
-        zero = jnp.zeros_like(places)
-        last = jnp.full(places.shape, self.thickness.size - 1)
-        sought = Sought(last, places, zero)
-        return jax.vmap(self._crossing, (0, 0, 0, None))(sought, zero, zero + 1, source)
+        sought = Sought(jnp.full(places.shape, self.thickness.size - 1), places)
+        return jax.vmap(self._crossing, (0, None))(sought, source)
 
     def scale(
         self, face: Vector, source: Vector, entries: Float[Array, " points"]
@@ -166,34 +201,26 @@ class EndCover(eqx.Module):
         ways = self._depths(ray) * row_of(self.index, ray.down) / _root(self._below(ray))
         return turn, ray.length + jnp.sum(ways, axis=-1)
 
+    def _own(self, place: Vector) -> Vector:
+        """A place in the pad's own axes."""
+        toward = place - self.origin
+        return Vector(self.along.dot(toward), self.normal.dot(toward))
+
     def _inside(self, source: Vector, entry: Float[Array, "*points"]) -> Inside:
         """The ray that enters at a place of the face."""
-        toward = source - self.origin
-        eye = Vector(self.along.dot(toward), self.normal.dot(toward))
         step = self.upper - self.lower
-        length = step.length()
-        up = step.scaled(safe_divide(jnp.ones_like(length), length)[0])
-        # The normal into the layer.
-        inward = up.perpendicular().scaled(self.outward)
+        axes = FaceAxes.of(step, self.outward)
         at = Vector(self.lower.x + entry * step.x, self.lower.y + entry * step.y)
-        arrow = at - eye
+        arrow = at - self._own(source)
         way = arrow.length()
-        onto, _ = safe_divide(arrow.dot(inward), way)
-        beside, _ = safe_divide(arrow.dot(up), way)
-        index = self.index[self.layer]
-        # Snell: n sin θ, the part along the face, stays (Born and Wolf, §1.5.1).
-        through = safe_sqrt(index**2 - 1 + onto**2)
-        along = beside * up.x + through * inward.x
-        down = -(beside * up.y + through * inward.y)
-        return Inside(at, -self.outward * along, down, (onto, through), way)
+        cosine, _ = safe_divide(arrow.dot(axes.inward), way)
+        sine, _ = safe_divide(arrow.dot(axes.up), way)
+        through, ray = axes.refracted(self.index[self.layer], cosine, sine)
+        return Inside(at, -self.outward * ray.x, -ray.y, (cosine, through), way)
 
     def _below(self, ray: Inside) -> Float[Array, "*points layers"]:
-        """Square of index times cosine to the pad's normal in every layer.
-
-        It is negative where no ray goes on down, the more so the higher it enters.
-        """
-        down = ray.down * jnp.abs(ray.down)
-        return down[..., None] + row_of(self.index**2 - self.index[self.layer] ** 2, down)
+        """Square of index times cosine to the pad's normal in every layer."""
+        return _squares(self.index, self.layer, ray.down)
 
     def _depths(self, ray: Inside) -> Float[Array, "*points layers"]:
         """How thick a ray finds each layer: less of its own, nothing of those before it."""
@@ -203,68 +230,125 @@ class EndCover(eqx.Module):
         return jnp.where(row_of(layers == self.layer, ray.down), own, below)
 
     def _short(self, entry: Float[Array, ""], sought: Sought, source: Vector) -> Float[Array, ""]:
-        """By how much a ray falls short of what is sought; it falls with the entry."""
+        """By how much a ray falls short of a place, times how steeply it goes down.
+
+        So it is finite for rays that go up or along. It falls with the entry.
+        """
         ray = self._inside(source, entry)
         depths, layers = self._depths(ray), jnp.arange(self.thickness.size)
-        # Times how steeply it goes down, so that it is finite for rays that go up or along.
         ratio = jnp.maximum(ray.down, 0.0) / _root(self._below(ray))
         ratio = jnp.where(layers == self.layer, 1.0, ratio)
         passed = jnp.sum(jnp.where(layers <= sought.level, depths * ratio, 0.0))
         ahead = -self.outward * (sought.place - ray.entry.x)
-        of_place = ahead * ray.down - ray.along * passed
-        bright = sought.brightness * self._excess(entry, source)
-        return jnp.where(sought.brightness == 0, of_place, bright)
+        return ahead * ray.down - ray.along * passed
 
-    def _crossing(
-        self, sought: Sought, low: Float[Array, ""], high: Float[Array, ""], source: Vector
-    ) -> Float[Array, ""]:
-        """The entry between two at which nothing is short; `BELOW` or `BEYOND` if there is none."""
+    def _crossing(self, sought: Sought, source: Vector) -> Float[Array, ""]:
+        """The entry at which nothing is short; `BELOW` or `BEYOND` if there is none."""
         still, wanted, eye = jax.lax.stop_gradient((self, sought, source))
-        first, last = jax.lax.stop_gradient((low, high))
 
         def short(entry: Float[Array, ""]) -> Float[Array, ""]:
             return still._short(entry, wanted, eye)
 
-        def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-            middle = (ends[0] + ends[1]) / 2
-            ahead = short(middle) > 0
-            return jnp.where(ahead, middle, ends[0]), jnp.where(ahead, ends[1], middle)
-
-        below, above = jax.lax.fori_loop(0, HALVINGS, halve, (first, last))
-        root = (below + above) / 2
+        zero = jnp.zeros_like(wanted.place)
+        root = _bisected(lambda entry: short(entry) > 0, zero, zero + 1, HALVINGS)
         step, _ = safe_divide(self._short(root, sought, source), _slope(short, root))
         # Where a single layer lets no ray down any more, the light ends in a jump and no root.
-        step = jnp.where(jnp.abs(step) <= 4 * (last - first) * 2.0**-HALVINGS, step, 0.0)
-        return jnp.where(short(first) <= 0, BELOW, jnp.where(short(last) > 0, BEYOND, root - step))
+        step = jnp.where(jnp.abs(step) <= 4 * 2.0**-HALVINGS, step, 0.0)
+        before, after = short(zero) <= 0, short(zero + 1) > 0
+        return jnp.where(before, BELOW, jnp.where(after, BEYOND, root - step))
 
-    def _brightest(self, source: Vector) -> Float[Array, ""]:
-        """Entry of the ray that brings the most light; without derivatives."""
-        still, eye = jax.lax.stop_gradient((self, source))
 
-        def narrow(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-            low, high = ends
-            inner = low + (high - low) / 3, high - (high - low) / 3
-            bright = still._excess(jnp.stack(inner), eye)
-            rises = bright[0] < bright[1]
-            return jnp.where(rises, inner[0], low), jnp.where(rises, high, inner[1])
+def bright_angles(
+    step: Vector,
+    outward: Float[Array, ""],
+    layer: Int[Array, ""],
+    index: Float[Array, " layers"],
+    least: Float[Array, ""],
+) -> Float[Array, "2"]:
+    """Directions of rays in air that bring just a given part of the light to the membrane.
 
-        zero = jnp.zeros_like(self.transmission)
-        low, high = jax.lax.fori_loop(0, HALVINGS, narrow, (zero, zero + 1))
-        return (low + high) / 2
+    Args:
+        step: along the end face, away from the membrane, in the pad's own axes.
+        outward: −1 at the pad's first end, 1 at its second.
+        layer: index of its layer.
+        index: of refraction of all layers.
+        least: part of unpolarised light.
 
-    def _excess(self, entry: Float[Array, "*points"], source: Vector) -> Float[Array, "*points"]:
-        """Part of unpolarised light that comes to the membrane, above the least."""
-        ray, own = self._inside(source, entry), self.index[self.layer]
-        below, squares = jnp.arange(self.thickness.size) >= self.layer, self._below(ray)
-        behind = row_of(below, entry)
-        # Of a ray that goes up or is totally reflected, how far it is from passing.
-        lacking = jnp.sum(jnp.where(behind, jnp.maximum(SMALL - squares, 0.0), 0.0), axis=-1)
-        cosines = _root(jnp.where(behind, squares, squares[..., self.layer, None]))
-        index = jnp.where(below, self.index, own)
-        face = fresnel(jnp.stack(ray.normal, axis=-1), jnp.stack([jnp.ones_like(own), own]))
-        inner = fresnel(cosines, index)
-        part = (face[0] * inner[0] + face[1] * inner[1]) / 2
-        return jnp.where(lacking > 0, -lacking, part) - self.transmission
+    Returns:
+        Angles (rad) from the normal into the layer, positive away from the membrane: rays between
+        them bring more. Both are one if none does.
+    """
+    moving = FaceAxes.of(step, outward), layer, index
+    (still, wanted), right = (
+        jax.lax.stop_gradient((moving, least)),
+        jnp.full_like(least, jnp.pi / 2),
+    )
+
+    def excess(angle: Float[Array, ""]) -> Float[Array, ""]:
+        return _transmission(*still, angle) - wanted
+
+    def narrow(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        low, high = ends
+        inner = low + (high - low) / 3, high - (high - low) / 3
+        rises = excess(inner[0]) < excess(inner[1])
+        return jnp.where(rises, inner[0], low), jnp.where(rises, high, inner[1])
+
+    low, high = jax.lax.fori_loop(0, TO_ROUNDING, narrow, (-right, right))
+    best = (low + high) / 2
+
+    def limit(dark: Float[Array, ""]) -> Float[Array, ""]:
+        root = _bisected(lambda angle: excess(angle) > 0, best, dark, TO_ROUNDING)
+        missed = _transmission(*moving, root) - least
+        step, _ = safe_divide(missed, _slope(excess, root))
+        # Total reflection ends the light in a jump, whose place moves otherwise.
+        rooted = jnp.abs(excess(root)) < ROOTED
+        return root - jnp.where(rooted, step - jax.lax.stop_gradient(step), 0.0)
+
+    return jnp.where(excess(best) > 0, jnp.stack([limit(-right), limit(right)]), best)
+
+
+def _transmission(
+    axes: FaceAxes, layer: Int[Array, ""], index: Float[Array, " layers"], angle: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Part of unpolarised light that comes to the membrane, from the angle in air at the face."""
+    own, cosine = index[layer], jnp.cos(angle)
+    through, ray = axes.refracted(own, cosine, jnp.sin(angle))
+    behind, squares = jnp.arange(index.size) >= layer, _squares(index, layer, -ray.y)
+    # Of a ray that goes up or is totally reflected, how far it is from passing.
+    lacking = jnp.sum(jnp.where(behind, jnp.maximum(SMALL - squares, 0.0), 0.0))
+    cosines = _root(jnp.where(behind, squares, squares[layer]))
+    face = fresnel(jnp.stack([cosine, through]), jnp.stack([jnp.ones_like(own), own]))
+    inner = fresnel(cosines, jnp.where(behind, index, own))
+    part = (face[0] * inner[0] + face[1] * inner[1]) / 2
+    return jnp.where(lacking > 0, -lacking, part)
+
+
+def _squares(
+    index: Float[Array, " layers"], layer: Int[Array, ""], down: Float[Array, "*points"]
+) -> Float[Array, "*points layers"]:
+    """Square of index times cosine to the pad's normal in every layer, from that in one.
+
+    It is negative where no ray goes on down, the more so the more it goes up.
+    """
+    signed = down * jnp.abs(down)
+    return signed[..., None] + row_of(index**2 - index[layer] ** 2, down)
+
+
+def _bisected(
+    on: Callable[[Array], Array],
+    first: Float[Array, "*roots"],
+    last: Float[Array, "*roots"],
+    halvings: int,
+) -> Float[Array, "*roots"]:
+    """Where something ends that holds at the first of two places and not at the last."""
+
+    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        middle = (ends[0] + ends[1]) / 2
+        holds = on(middle)
+        return jnp.where(holds, middle, ends[0]), jnp.where(holds, ends[1], middle)
+
+    below, above = jax.lax.fori_loop(0, halvings, halve, (first, last))
+    return (below + above) / 2
 
 
 def _root(square: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -1,8 +1,7 @@
 """Exact visibility: which parts of each pad a camera sees, directly and in straight mirrors.
 
 What bounds which piece is searched without derivatives (`optics.visibility.searching`). The ends
-are then picked, by the index that the search has found, from a table of all places where a bound
-may meet the pad (`boundaries.meetings`), and this carries the derivatives.
+are then computed again from the bounds that the search has found, and this carries the derivatives.
 """
 
 from __future__ import annotations
@@ -14,14 +13,14 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, Shaped
+from jaxtyping import Array, Bool, Float, Int
 
 from designopt.batching import map_in_chunks
 from designopt.numerics import as_float
 from designopt.solution import Solution
 from optics.scene.camera import Camera
 from optics.scene.scene import Placed, Scene, place
-from optics.visibility.boundaries import labels_of, meetings
+from optics.visibility.boundaries import Bound, label_of_bound, meeting
 from optics.visibility.image_scale import look, reflections
 from optics.visibility.intervals import Interval, measure_of_union
 from optics.visibility.pads import PAD_ENDS, Faces, Pad, Windows
@@ -85,14 +84,13 @@ def find_views(
         placed: Placed, paths: Unfolded, faces: Faces, searched: tuple[Found, list[Interval]]
     ) -> Solution[Pieces]:
         found, widest = searched
-        labels = _labels(paths, faces, found)
-        entries, ends = _ends(camera, paths, faces, found)
+        labels, entries, ends = _ends(camera, paths, faces, found)
         labels = jnp.where(found.present[..., None], labels, 0)
 
-        def piece(pad: Pad, *of_piece: Array) -> tuple[Array, ...]:
+        def piece(pad: Pad, _: Windows, *of_piece: Array) -> tuple[Array, ...]:
             return _seen(camera, placed.size, paths, pad, *of_piece)
 
-        seen = faces.of_pieces(piece, found.face, found.present, found.path, entries)
+        seen = faces.of_pieces(piece, found.face, found.path, found.present, entries)
         starts, stops = (ends[..., 0], ends[..., 1]), (labels[..., 0], labels[..., 1])
         pieces = Pieces(found.present, found.path, *starts, *stops, *seen, face=found.face)
         of_faces = [
@@ -148,7 +146,7 @@ def find_coverage(
     def coverage(
         placed: Placed, paths: Unfolded, faces: Faces, found: Found
     ) -> Solution[Float[Array, " pads"]]:
-        _, ends = _ends(scene.camera, paths, faces, found)
+        *_, ends = _ends(scene.camera, paths, faces, found)
         seen = measure_of_union(ends[..., 0], ends[..., 1])
         return Solution(seen, found.free, jnp.zeros_like(seen), jax.vmap(_room_left)(found.free))
 
@@ -192,7 +190,7 @@ def _in_poses(
     # The search decides by comparisons only: its derivatives would be 0, or those of the ends once
     # more, and a reverse pass would keep its tables.
     camera, still = jax.lax.stop_gradient((scene.camera, (paths, faces)))
-    shadows = (len(words[-1]) + 1) * len(layout.surfaces) + 1
+    shadows = (len(words[-1]) + 1) * len(layout.solids or layout.surfaces) + 1
     looked_at = len(layout.pads) + sum(face.kind == "clear" for face in layout.bodies)
     most = max(TABLE // (looked_at * len(words) * shadows**2), 1)
     found = map_in_chunks(jax.vmap(lambda view: search(camera, *view)), still, most)
@@ -206,49 +204,28 @@ def _by_path_and_pad(function: Callable[..., Any], paths: Unfolded, pads: Pad, *
     return jax.vmap(of_path, (0, None, *[0] * len(more)))(paths, pads, *more)
 
 
-def _of_bounds(
-    function: Callable[[Unfolded, Pad, Windows], Shaped[Array, " bounds"]],
-    paths: Unfolded,
-    faces: Faces,
-    found: Found,
-) -> Shaped[Array, "pads pieces 2"]:
-    """Of what a function gives for all bounds of views, what bounds the pieces."""
-    pick = jax.vmap(lambda of_bounds, path, bounds: of_bounds[path[:, None], bounds], (1, 0, 0))
-    picked = pick(_by_path_and_pad(function, paths, *faces.all()[0]), found.path, found.bounds)
-    if faces.ends is None or found.face is None:
-        return picked
-    of_ends = _by_path_and_pad(function, paths, *faces.all()[1])
-    face = faces.end_of(found.face)[..., None]
-    of_end = of_ends[found.path[..., None], face, found.bounds]
-    return jnp.where(found.face[..., None] > 0, of_end, picked)
-
-
-def _labels(paths: Unfolded, faces: Faces, found: Found) -> Int[Array, "pads pieces 2"]:
-    """What bounds all pieces."""
-    if faces.fronts.cover is None:  # the same bounds for every pad
-        of_path = jax.vmap(lambda path: labels_of(path, faces.fronts))(paths)
-        return of_path[found.path[..., None], found.bounds]
-    return _of_bounds(lambda path, pad, _: labels_of(path, pad), paths, faces, found)
-
-
 def _ends(
     camera: Camera, paths: Unfolded, faces: Faces, found: Found
-) -> tuple[Float[Array, "pads pieces 2"], Float[Array, "pads pieces 2"]]:
-    """Ends of all pieces, with derivatives: on the surfaces that are seen, and on the pads."""
-    at = _of_bounds(partial(meetings, camera), paths, faces, found)
-    entries = jnp.where(found.present[..., None], at, 0.0)
-    if faces.fronts.cover is None:
-        return entries, entries
+) -> tuple[
+    Int[Array, "pads pieces 2"], Float[Array, "pads pieces 2"], Float[Array, "pads pieces 2"]
+]:
+    """Ends of all pieces: their labels, and with derivatives entries and pad coordinates."""
 
-    def behind(pad: Pad, path: Int[Array, ""], entries: Float[Array, "2"]) -> Float[Array, "2"]:
-        return pad.behind.coordinate(pad.ends(), paths.at(path).source, entries)
+    def ends(pad: Pad, inner: Windows, path: Int[Array, ""], bounds: Int[Array, "2"]) -> Any:
+        by, bound = paths.at(path), Bound.of(paths, path, bounds)
+        labels = jax.vmap(partial(label_of_bound, pad))(bound)
+        entries = jax.vmap(partial(meeting, camera, by, pad, inner))(bound)
+        if pad.cover is None:
+            return labels, entries, entries
+        on_pad = pad.cover.coordinate(pad.ends(), by.source, entries)
+        # A ray to an end of the membrane meets it exactly, wherever it enters.
+        for end, label in enumerate(PAD_ENDS):
+            on_pad = jnp.where(labels == label, float(end), on_pad)
+        return labels, entries, on_pad
 
-    ends = faces.of_pieces(behind, found.face, found.path, entries)
-    # A ray to an end of the membrane meets it exactly, wherever it enters.
-    labels = _labels(paths, faces, found)
-    for end, label in enumerate(PAD_ENDS):
-        ends = jnp.where(labels == label, float(end), ends)
-    return entries, jnp.where(found.present[..., None], ends, 0.0)
+    labels, *ends_of = faces.of_pieces(ends, found.face, found.path, found.bounds)
+    entries, on_pads = (jnp.where(found.present[..., None], at, 0.0) for at in ends_of)
+    return labels, entries, on_pads
 
 
 def _seen(
@@ -256,8 +233,8 @@ def _seen(
     size: Float[Array, ""],
     paths: Unfolded,
     pad: Pad,
-    present: Bool[Array, ""],
     path: Int[Array, ""],
+    present: Bool[Array, ""],
     entries: Float[Array, "2"],
 ) -> tuple[Array, ...]:
     """How the ends of a piece appear; all of it is 0 where there is none."""

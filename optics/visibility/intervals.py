@@ -60,6 +60,24 @@ def common_part(parts: Interval) -> Interval:
     )
 
 
+def hull(
+    parts: Interval, active: Bool[Array, "*batch parts"]
+) -> tuple[Interval, Bool[Array, "*batch"]]:
+    """The interval from the first start to the last end of those that count, along a last axis.
+
+    And whether any counts.
+    """
+    start = jnp.where(active, parts.start, FAR)
+    end = jnp.where(active, parts.end, -FAR)
+    first, last = jnp.min(start, axis=-1), jnp.max(end, axis=-1)
+    return Interval(
+        first,
+        last,
+        _label_at(start == first[..., None], parts.start_label, -1),
+        _label_at(end == last[..., None], parts.end_label, -1),
+    ), jnp.any(active, axis=-1)
+
+
 def gaps(window: Interval, shadows: Interval, active: Bool[Array, " shadows"]) -> Interval:
     """What is left of a window between shadows that may overlap.
 

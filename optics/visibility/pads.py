@@ -19,7 +19,7 @@ from designopt.vectors import Vector, stack, vector
 from optics.scene.layers import CHANNELS, Layers, Profile
 from optics.scene.scene import Placed, Scene
 from optics.visibility import boundary_codes as codes
-from optics.visibility.clear_ends import EndCover
+from optics.visibility.clear_ends import EndCover, bright_angles
 from optics.visibility.refraction import FrontCover, least_grazing
 from optics.visibility.unfolding import Unfolded, unit
 
@@ -126,21 +126,29 @@ class Faces(eqx.Module):
         self,
         function: Callable[..., Any],
         face: Int[Array, "pads pieces"] | None,
+        path: Int[Array, "pads pieces"],
         *of_pieces: Shaped[Array, "..."],
     ) -> Any:
         """A function of the surface by which a piece is seen, and of what belongs to the piece.
 
         Args:
-            function: of one surface, and of one entry of what follows.
+            function: of one surface, of what is let through behind it, of the path's index, and
+                of one entry of what follows.
             face: the surface of every piece, as `Pieces.face` has it.
+            path: the path of every piece.
             of_pieces: arrays of shape (pads, pieces, ...).
         """
-        of_pad = jax.vmap(function, (None, *[0] * len(of_pieces)))
-        by_front = jax.vmap(of_pad)(self.fronts, *of_pieces)
-        if self.ends is None or face is None:
+        given = (path, *of_pieces)
+        of_pad = jax.vmap(function, (None, *[0] * (1 + len(given))))
+        inner = None
+        if self.front_windows is not None:
+            inner = self.front_windows[path, jnp.arange(len(path))[:, None]]
+        by_front = jax.vmap(of_pad)(self.fronts, inner, *given)
+        if self.ends is None or self.end_windows is None or face is None:
             return by_front
-        ends = jax.tree.map(lambda leaf: leaf[self.end_of(face)], self.ends)
-        by_end = jax.vmap(jax.vmap(function))(ends, *of_pieces)
+        end = self.end_of(face)
+        ends = jax.tree.map(lambda leaf: leaf[end], self.ends)
+        by_end = jax.vmap(jax.vmap(function))(ends, self.end_windows[path, end], *given)
 
         def chosen(front: Shaped[Array, "..."], end: Shaped[Array, "..."]) -> Shaped[Array, "..."]:
             return jnp.where(face.reshape(*face.shape, *[1] * (front.ndim - 2)) > 0, end, front)
@@ -204,7 +212,14 @@ def _clear_ends(scene: Scene, layers: Layers, placed: Placed, fronts: Pad, clear
     corners = profile.upper[pad, 0, 0] / size, profile.levels[pad, 0] / size
     origin = placed.segment(fronts.index)[0][pad]
     origin = origin - along.scaled(corners[0]) - normal.scaled(corners[1])
-    count = layers.thickness.shape[1]
+    count, index = layers.thickness.shape[1], _index(layers)[pad]
+    lower, upper = profile.lower[pad, layer, end], profile.upper[pad, layer, end]
+    lower = Vector(lower / size, profile.levels[pad, layer + 1] / size)
+    upper = Vector(upper / size, profile.levels[pad, layer] / size)
+    outward, of_layer = jnp.asarray(2.0 * end - 1, along.x.dtype), jnp.asarray(layer)
+    solids = [next(solid for solid in layout.solids if i in solid) for i in surface]
+    own = np.array([np.isin(np.arange(len(layout.surfaces)), solid) for solid in solids])
+    least = layers.transmission[pad]
     labels = _window_labels(count)
     second = (end == 1)[:, None, None]
     # Rays through the second end face go backwards: they pass second ends first.
@@ -214,22 +229,22 @@ def _clear_ends(scene: Scene, layers: Layers, placed: Placed, fronts: Pad, clear
     dark = np.repeat(np.array([[DARK]]), len(pad), axis=0)
     # The side of the camera lies outside of the body, on the sensing side's left at the first end.
     cover = EndCover(
-        own=jnp.asarray(np.arange(len(layout.surfaces)) == surface[:, None]),
+        own=jnp.asarray(own),
         edges=jnp.asarray(np.array(WALLS)[end][:, None] - 2 * (layer[:, None] + [[1, 0]])),
         flattest=jnp.asarray(np.repeat([LIMITS[2:]], len(pad), axis=0)),
         labels=jnp.asarray(np.concatenate([labels, dark], axis=1)),
         origin=origin,
         along=along,
         normal=normal,
-        lower=Vector(profile.lower[pad, layer, end] / size, profile.levels[pad, layer + 1] / size),
-        upper=Vector(profile.upper[pad, layer, end] / size, profile.levels[pad, layer] / size),
-        outward=jnp.asarray(2.0 * end - 1, along.x.dtype),
-        layer=jnp.asarray(layer),
+        lower=lower,
+        upper=upper,
+        outward=outward,
+        layer=of_layer,
         thickness=layers.thickness[pad] / size,
-        index=_index(layers)[pad],
+        index=index,
         places=places,
         membrane=jnp.stack([jnp.zeros_like(origin.x), profile.membrane[pad, 1] / size], -1),
-        transmission=layers.transmission[pad],
+        bright=jax.vmap(bright_angles)(upper - lower, outward, of_layer, index, least),
     )
     side = fronts.side[pad] * jnp.asarray(1.0 - 2 * end, along.x.dtype)
     return Pad(jnp.asarray(surface), start, last, side, scene.grazing[pad], cover)

@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from optics.scene.camera import Camera
 from optics.visibility.boundaries import PER_SEGMENT, conditions
-from optics.visibility.intervals import Interval, common_part, gaps, where_positive
+from optics.visibility.intervals import Interval, common_part, gaps, hull, where_positive
 from optics.visibility.pads import LIMITS, Faces, Pad, Windows
 from optics.visibility.unfolding import ROUNDING_UNITS, Unfolded, left_of
 from optics.visibility.views import ViewResult
@@ -37,8 +37,9 @@ class Found(eqx.Module):
         present: whether there is such a piece; elsewhere all else is 0.
         path: index of the path that shows it.
         face: 0 for the pad or its outermost surface, else 1 and which of its clear end faces.
-        bounds: what bounds it where it begins on the pad and where it ends, by index in
-            `meetings`.
+        bounds: what bounds it where it begins on the pad and where it ends, by index: of all
+            segments on all legs, once for each of their conditions, then of `LIMITS`, the
+            surface's own ends, and those of its windows.
         free: room, and one, minus the pieces; not positive if some were left out.
         result: why a path does not show the pad.
     """
@@ -96,8 +97,12 @@ def _first(
 ) -> Found:
     """The first pieces of a pad, their views in place of paths."""
     gap_count, max_pieces = present.shape[1], min(room, present.size)
-    order = jnp.argsort(jnp.where(present, candidates.start, 2.0).reshape(-1))[:max_pieces]
-    there = present.reshape(-1)[order]
+    # Few candidates are there: these are put side by side before they are sorted.
+    every = present.reshape(-1)
+    slots = jnp.where(every, jnp.cumsum(every) - 1, max_pieces)
+    few = jnp.zeros(max_pieces, int).at[slots].set(jnp.arange(every.size), mode="drop")
+    there = jnp.arange(max_pieces) < jnp.sum(every)
+    order = few[jnp.argsort(jnp.where(there, candidates.start.reshape(-1)[few], 2.0))]
     bounds = jnp.stack([candidates.start_label, candidates.end_label], axis=-1).reshape(-1, 2)
     free = max_pieces + 1 - jnp.sum(present)
     return Found(
@@ -172,7 +177,7 @@ def _parts(
     extent = jnp.prod(jnp.abs(arrows.x) + jnp.abs(arrows.y), axis=-1).reshape(-1)
     sign, count = jnp.sign(cross), PER_SEGMENT * cross.size
     signs = jnp.concatenate([*[sign] * PER_SEGMENT, jnp.ones(len(LIMITS), sign.dtype)])
-    start, end = where_positive(*(signs[None] * conditions(camera, path, pad)))
+    start, end = where_positive(*(signs[None] * conditions(camera, path, pad, path.blockers.ends)))
     bounds = jnp.arange(start.size)
     parts = Interval(start, end, bounds, bounds)
     segments = jax.tree.map(lambda leaf: leaf[:count].reshape(PER_SEGMENT, -1), parts)
@@ -217,6 +222,9 @@ def _shadows(
     """The parts of a pad that surfaces hide, and what a field of view beyond 180° leaves out."""
     hiding = path.in_the_way(pad.own(path.blockers.active.shape[1])).reshape(-1)
     active = hiding & ~edge_on & (segments.start < segments.end)
+    if path.solids:
+        # The shadow of a convex solid is one interval, and the faces where rays enter cast it.
+        segments, active = hull(*path.by_solid((segments, active)))
     start, end, label = others.start[:2], others.end[:2], others.start_label[:2]
     # What is left out by each limit is the rest of the pad.
     rest = Interval(jnp.where(start > 0, 0.0, end), jnp.where(start > 0, start, 1.0), label, label)

@@ -21,7 +21,7 @@ from designopt.numerics import safe_divide
 from optics.scene.scene import Scene, place
 from optics.visibility.fan import Fan
 from optics.visibility.image_scale import look
-from optics.visibility.pads import Faces, Pad
+from optics.visibility.pads import Faces, Pad, Windows
 from optics.visibility.tracing import Leg
 from optics.visibility.unfolding import paths_of, unfold_all
 from optics.visibility.views import Pieces
@@ -144,7 +144,7 @@ def _unfolded(
         paths = unfold_all(scene.layout, placed, words)
         faces = Faces.all_of(scene, placed, paths)
 
-        def by(pad: Pad, path: Int[Array, ""], places: Float[Array, " places"]) -> Any:
+        def by(pad: Pad, _: Windows, path: Int[Array, ""], places: Float[Array, " places"]) -> Any:
             by = paths.at(path)
             if pad.cover is not None:
                 places = pad.cover.entries(pad.ends(), by.source, places)

@@ -93,6 +93,7 @@ class Unfolded(eqx.Module):
         blockers: all surfaces on every leg, shape (legs, surfaces); active is what can hide a pad,
             so those that a leg goes ``through`` are not.
         last: both ends of the last mirror, not folded, if there is one.
+        solids: as `Layout.solids` has it.
     """
 
     source: Vector
@@ -104,6 +105,7 @@ class Unfolded(eqx.Module):
     through: Bool[Array, "*paths legs surfaces"]
     blockers: Edges
     last: Vector
+    solids: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
     def at(self, path: Int[Array, ""]) -> Unfolded:
         """One of several paths."""
@@ -118,6 +120,17 @@ class Unfolded(eqx.Module):
         """Which blockers can hide a pad: not its own surfaces, at the end of the last leg."""
         last = jnp.arange(len(self.blockers.active)) == jnp.sum(self.reflects)
         return ~(last[:, None] & own[None]) & self.blockers.active
+
+    def by_solid(self, of_segments: Any) -> Any:
+        """What belongs to all segments on all legs, as rows of those that bound one solid.
+
+        Short rows repeat their first member.
+        """
+        legs, surfaces = self.through.shape
+        most = max(map(len, self.solids))
+        rows = [[*own, *[own[0]] * (most - len(own))] for own in self.solids]
+        index = (np.arange(legs)[:, None, None] * surfaces + np.array(rows)).reshape(-1, most)
+        return jax.tree.map(lambda leaf: leaf[index], of_segments)
 
 
 def paths_of(layout: Layout, bounces: int) -> list[tuple[int, ...]]:
@@ -267,6 +280,7 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         jnp.stack(through),
         blocking,
         last,
+        layout.solids,
     )
 
 

@@ -166,8 +166,8 @@ def describe_end(layout: Layout, label: int) -> str:
     _, surface, kind = map(int, parts_of(label))
     words = _ENDS[kind]
     if layout.kind(surface) == "layer":
-        ledge = layout.bodies[surface - len(layout.surfaces)].part == "ledge"
-        words = "its edge" if ledge else _EDGES.get(kind, words)
+        top = layout.bodies[surface - len(layout.surfaces)].part == "top"
+        words = words if top else _EDGES.get(kind, words)
     return f"{layout.title(surface)}: {words}"
 
 

@@ -9,11 +9,12 @@ passes through 0 where a view opens. Nothing of it is shared with the pad coordi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from designopt.numerics import safe_arctan2
 from designopt.vectors import Vector, stack
@@ -21,7 +22,7 @@ from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundaries import toward
 from optics.visibility.boundary_codes import label_of, with_kind
-from optics.visibility.intervals import FAR, Interval, gaps
+from optics.visibility.intervals import FAR, Interval, gaps, hull
 from optics.visibility.pads import LIMITS, PAD_ENDS, Pad, Windows
 from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, unit
 
@@ -123,6 +124,8 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     active = blockers.active & path.in_the_way(pad.own(blockers.active.shape[1]))
     active = active.reshape(-1)
     active &= hidden.end > hidden.start
+    if path.solids:
+        hidden, active = _around(turned, *path.by_solid((hidden, active)))
     outside = Interval(back - (jnp.pi - half), back + (jnp.pi - half), high, low)
     shadows = jax.tree.map(lambda many, one: jnp.append(many, one), hidden, outside)
     found = gaps(window, shadows, jnp.append(active, wide))
@@ -131,6 +134,22 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     # A pad seen edge-on shows nothing.
     end = jnp.where(above == 0, jnp.minimum(widest.start, widest.end), widest.end)
     return Interval(widest.start, end, widest.start_label, widest.end_label)
+
+
+def _around(
+    turned: Callable[[Array], Array], parts: Interval, active: Bool[Array, "solids members"]
+) -> tuple[Interval, Bool[Array, " solids"]]:
+    """The angles under which solids appear, from those of their faces."""
+    # Faces on both sides of the jump by 2π are brought together first.
+    middle = (parts.start + parts.end) / 2
+    first = jnp.take_along_axis(middle, jnp.argmax(active, axis=1)[:, None], axis=1)
+    jump = 2 * jnp.pi * jnp.round((middle - first) / (2 * jnp.pi))
+    labels = parts.start_label, parts.end_label
+    whole, counts = hull(Interval(parts.start - jump, parts.end - jump, *labels), active)
+    middle = (whole.start + whole.end) / 2
+    back = turned(middle) - middle
+    labels = whole.start_label, whole.end_label
+    return Interval(whole.start + back, whole.end + back, *labels), counts
 
 
 def _shown(path: Unfolded, pad: Pad) -> Edges:

@@ -48,8 +48,8 @@ def test_what_bounds_a_view_is_told_in_words():
         ("lid", labels.CUT_AFTER): "mirror 'lid': where it meets the line of a mirror",
         ("tip", labels.FIRST_END): "pad 'tip': its end 'from'",
         ("tip: layer 1 at 'to'", labels.SECOND_END): "pad 'tip', layer 1 at 'to': its upper edge",
-        ("middle: ledge of layer 2 at 'from'", labels.FIRST_END): (
-            "pad 'middle', ledge of layer 2 at 'from': its edge"
+        ("middle: upper side of layer 2", labels.FIRST_END): (
+            "pad 'middle', upper side of layer 2: its end 'from'"
         ),
         ("middle: bezel at 'to'", labels.SECOND_END): "pad 'middle', bezel at 'to': its upper edge",
         ("middle: layer 2 at 'to'", labels.CROSSING): (
