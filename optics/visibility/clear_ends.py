@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide, safe_sqrt
 from designopt.vectors import Vector
-from optics.visibility.refraction import fresnel, row_of
+from optics.visibility.refraction import Scale, fresnel, row_of
 
 HALVINGS = 32
 """Bisections before the Newton step, which squares what they leave."""
@@ -150,10 +150,8 @@ class EndCover(eqx.Module):
         sought = Sought(last, places, zero)
         return jax.vmap(self._crossing, (0, 0, 0, None))(sought, zero, zero + 1, source)
 
-    def scale(
-        self, face: Vector, source: Vector, entries: Float[Array, " points"]
-    ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
-        """Angle at the source per length along the pad; length of the way to the membrane."""
+    def scale(self, face: Vector, source: Vector, entries: Float[Array, " points"]) -> Scale:
+        """How large and how far places appear, from the entries of the rays to them."""
         step, toward = face[1] - face[0], face[0] - source
 
         def met(entry: Float[Array, ""]) -> Float[Array, ""]:
@@ -164,7 +162,11 @@ class EndCover(eqx.Module):
         turn, _ = safe_divide(jnp.abs(step.cross(toward)) / arrow.squared(), jnp.abs(rise))
         ray = self._inside(source, entries)
         ways = self._depths(ray) * row_of(self.index, ray.down) / _root(self._below(ray))
-        return turn, ray.length + jnp.sum(ways, axis=-1)
+        # Of rays from one place n cos θ dθ stays at every surface. So dθ, where they come out, is
+        # found from dθ/ds and the cosines on both sides of the face and in its layer.
+        leaning, _ = safe_divide(ray.normal[0] * ray.down, ray.normal[1])
+        apparent, _ = safe_divide(leaning, turn)
+        return Scale(turn, ray.length + jnp.sum(ways, axis=-1), apparent)
 
     def _inside(self, source: Vector, entry: Float[Array, "*points"]) -> Inside:
         """The ray that enters at a place of the face."""

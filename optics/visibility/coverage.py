@@ -89,12 +89,23 @@ def find_views(
         entries, ends = _ends(camera, paths, faces, found)
         labels = jnp.where(found.present[..., None], labels, 0)
 
-        def piece(pad: Pad, *of_piece: Array) -> tuple[Array, ...]:
+        def piece(pad: Pad, *of_piece: Array) -> tuple[Array | None, ...]:
             return _seen(camera, placed.size, paths, pad, *of_piece)
 
-        seen = faces.of_pieces(piece, found.face, found.present, found.path, entries)
+        *seen, apparent, spans = faces.of_pieces(
+            piece, found.face, found.present, found.path, entries
+        )
         starts, stops = (ends[..., 0], ends[..., 1]), (labels[..., 0], labels[..., 1])
-        pieces = Pieces(found.present, found.path, *starts, *stops, *seen, face=found.face)
+        pieces = Pieces(
+            found.present,
+            found.path,
+            *starts,
+            *stops,
+            *seen,
+            spans=spans,
+            face=found.face,
+            apparent=apparent,
+        )
         of_faces = [
             _by_path_and_pad(partial(margin, camera), paths, pads, inner, gap)
             for (pads, inner), gap in zip(faces.all(), widest, strict=True)
@@ -259,12 +270,12 @@ def _seen(
     present: Bool[Array, ""],
     path: Int[Array, ""],
     entries: Float[Array, "2"],
-) -> tuple[Array, ...]:
+) -> tuple[Array | None, ...]:
     """How the ends of a piece appear; all of it is 0 where there is none."""
     by = paths.at(path)
     seen = *look(camera, size, by, pad, entries), reflections(by, pad, entries)
     # An empty slot repeats some path at coordinate 0, where a look may be undefined.
-    return tuple(jnp.where(present, number, 0.0) for number in seen)
+    return jax.tree.map(lambda number: jnp.where(present, number, 0.0), seen)
 
 
 def _room_left(free: Float[Array, ""]) -> ViewResult:

@@ -9,11 +9,19 @@ indices n,
 since n sin θ is the same in all layers (M. Born, E. Wolf, *Principles of Optics*, 7th ed., §1.5.1).
 For w > 0 it rises and is concave, so Newton's method climbs from any lower bound of the root to the
 root and never passes it, down to grazing incidence.
+
+Rays beside this one, from the same place on the membrane, leave in the section as if they came from
+
+    √(1 + w²) x′(w)
+
+away: that is the radius of curvature of their wave at the source (ibid., §4.6.2, refraction of a
+thin pencil), and along the normal the reduced length h + Σ t / n. Across the section the wave is
+curved otherwise, its radius √(1 + w²) x(w) / w.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,6 +36,20 @@ STEPS = 16
 
 HALVINGS = 60
 """Bisections of the flattest ray's grazing angle, to rounding in double precision."""
+
+
+class Scale(NamedTuple):
+    """How large and how far places behind layers appear.
+
+    Attributes:
+        per_length: angle at the source per length along the pad, dθ/ds.
+        way: length of the ray.
+        apparent: radius of curvature of the wave at the source, in the section.
+    """
+
+    per_length: Float[Array, " points"]
+    way: Float[Array, " points"]
+    apparent: Float[Array, " points"]
 
 
 class FrontCover(eqx.Module):
@@ -83,16 +105,14 @@ class FrontCover(eqx.Module):
         slopes = jax.vmap(slope_to, (None, None, None, 0))
         return (foot + height * slopes(height, self.thickness, self.index, along)) / length
 
-    def scale(
-        self, face: Vector, source: Vector, entries: Float[Array, " points"]
-    ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
-        """Angle at the source per length along the pad, dθ/ds = 1 / ((1 + w²) dx/dw); way to it."""
+    def scale(self, face: Vector, source: Vector, entries: Float[Array, " points"]) -> Scale:
+        """How large and how far places appear, from the entries of the rays to them."""
         height, foot, length = _seen_from(face, source)
         slope = (entries * length - foot) / height
-        per_length, _ = safe_divide(
-            1 / (1 + slope**2), rise_of(height, self.thickness, self.index, slope)
-        )
-        return per_length, length_of(height, self.thickness, self.index, slope)
+        rise = rise_of(height, self.thickness, self.index, slope)
+        per_length, _ = safe_divide(1 / (1 + slope**2), rise)
+        way = length_of(height, self.thickness, self.index, slope)
+        return Scale(per_length, way, jnp.sqrt(1 + slope**2) * rise)
 
 
 def _seen_from(face: Vector, source: Vector) -> tuple[Array, Array, Array]:

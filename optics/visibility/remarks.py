@@ -52,7 +52,8 @@ def _too_blurred(sight: SceneTrace, views: Views) -> list[str]:
     limit, blur = sight.scene.camera.max_blur, views.working_blur
     if limit is None or blur is None:
         return []
-    lines, found, distance = [], views.found.value, views.sharpness.distance
+    lines, found, sharpness = [], views.found.value, views.sharpness
+    seemingly = "" if sharpness.apparent is None else "an apparent "
     for pad, part in enumerate(sight.scene.layout.pads):
         for path, name in enumerate(sight.paths):
             there = found.present[:, pad] & (found.path[:, pad] == path)
@@ -64,10 +65,10 @@ def _too_blurred(sight: SceneTrace, views: Views) -> list[str]:
                     count = int(np.sum(here.max(axis=(1, 2)) > float(limit)))
                     at = _pose(sight, int(worst[0]))
                     poses = f", at {count:,} of {len(here):,} poses; worst at {at}"
+                at = f"{seemingly}{sharpness.object_distance[:, pad][worst]:.4g} mm"
                 lines.append(
-                    f"pad '{part.name}' by {name}: a blur of {here[worst]:.3g} px at "
-                    f"{distance[:, pad][worst]:.4g} mm is more than max_blur_px = "
-                    f"{float(limit):g}{poses}"
+                    f"pad '{part.name}' by {name}: a blur of {here[worst]:.3g} px at {at} is more "
+                    f"than max_blur_px = {float(limit):g}{poses}"
                 )
     return lines
 
