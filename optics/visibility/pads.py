@@ -59,7 +59,8 @@ class Pad(eqx.Module):
         start, end = placed.segment(index)
         sides = jnp.asarray(scene.layout.sides[index], start.x.dtype)
         pads = cls(jnp.asarray(index), start, end, sides, scene.grazing)
-        return pads if scene.layers is None else _covered(scene, scene.layers, placed, pads)
+        layers = scene.own_layers
+        return pads if layers is None else _covered(scene, layers, placed, pads)
 
     def ends(self) -> Vector:
         """Both ends of one pad, along one axis."""
@@ -103,13 +104,13 @@ class Faces(eqx.Module):
         layout, fronts = scene.layout, Pad.all_of(scene, placed)
         passed = _windows(paths, fronts)
         clear = [i for i, face in enumerate(layout.bodies) if face.kind == "clear"]
-        if scene.layers is None or not clear:
+        if (layers := scene.own_layers) is None or not clear:
             return cls(fronts, None, passed, None, ())
         pads = [layout.bodies[i].pad for i in clear]
         of = [[i for i, mine in enumerate(pads) if mine == pad] for pad in range(len(layout.pads))]
         most = max(map(len, of))
         ends_of = tuple(tuple(own + [-1] * (most - len(own))) for own in of)
-        ends = _clear_ends(scene, scene.layers, placed, fronts, clear)
+        ends = _clear_ends(scene, layers, placed, fronts, clear)
         return cls(fronts, ends, passed, _windows(paths, ends), ends_of)
 
     def all(self) -> list[tuple[Pad, Windows]]:

@@ -3,6 +3,7 @@
 import math
 import tomllib
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import mpmath
@@ -172,10 +173,37 @@ def check_slopes(function, design) -> None:
 )
 def test_slopes_of_views(layers, camera):
     file = tables(*layers, camera=camera, min_grazing_deg=3.0)
-    # The bare pad's layers of no thickness are no numbers of the design.
     layered = parse_scene(file | {"pads": file["pads"][:1]})
     assert bool(find(layered).value.present.any())
     check_slopes(seen_numbers, layered)
+
+
+def test_entries_of_layers_that_are_not_there_do_not_count():
+    file = tables(ACRYLIC | {"sides": "clear"}, GEL, camera=(-4.0, 9.0))
+    file["pads"].append(
+        {"name": "thin", "from": [22.0, 0.0], "to": [30.0, 0.0], "side": "left", "layers": [GEL]}
+    )
+    plain = parse_scene(file)
+    assert plain.layers is not None
+    both = jax.jit(jax.value_and_grad(seen_numbers))
+    value, slopes = both(plain)
+    mine = slopes.layers
+    # The first pad has both layers, the second none, the third one; and none has a bezel.
+    assert bool(jnp.all(mine.thickness[0] != 0))
+    assert mine.thickness[2, 0] != 0
+    absent = [(leaf[1], leaf[2, 1]) for leaf in (mine.thickness, mine.index, mine.overhang)]
+    absent += [(mine.bevel[1], mine.bevel[2, 1]), mine.lip, mine.height, mine.transmission[1]]
+    assert all(not np.any(leaf) for leaf in jax.tree.leaves(absent))
+
+    def changed(leaf: jax.Array) -> jax.Array:
+        return leaf.at[1].set(1.3).at[2, 1].set(1.3) if leaf.ndim > 1 else leaf
+
+    moved = jax.tree.map(changed, plain.layers)
+    ones = jnp.ones_like(moved.lip), jnp.ones_like(moved.height), moved.transmission.at[1].set(0.5)
+    moved = eqx.tree_at(
+        lambda layers: (layers.lip, layers.height, layers.transmission), moved, ones
+    )
+    assert both(eqx.tree_at(lambda scene: scene.layers, plain, moved))[0] == value
 
 
 def test_views_stay_finite_down_to_grazing_incidence():
