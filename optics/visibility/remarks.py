@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import jax
 import numpy as np
 
 from optics.scene.camera import Camera
+from optics.scene.catalogue import assumed_of
 from optics.scene.scene import Layout
 from optics.scene.sold import fields_of_view
 from optics.visibility.scene_trace import SceneTrace, Views
@@ -95,6 +99,22 @@ def remark_on_fields(camera: Camera) -> str:
         f"long side, the short one has {long['vertical']} and the diagonal {long['diagonal']}; "
         "'format' tells"
     )
+
+
+def remarks_on_model(camera: Mapping[str, Any]) -> list[str]:
+    """One line on what a file's ``[camera]`` takes from its model though it is only assumed there.
+
+    Example:
+        >>> remarks_on_model({"model": "ov5647-160"})
+        ["camera: no source states of 'ov5647-160' its projection, equidistant is assumed; measure it, or state it in [camera]"]
+    """  # noqa: E501
+    assumed = [f"its {key}, {value} is assumed" for key, value in assumed_of(camera).items()]
+    if not assumed:
+        return []
+    return [
+        f"camera: no source states of '{camera['model']}' {' nor '.join(assumed)}; measure it, or "
+        "state it in [camera]"
+    ]
 
 
 def _own(camera: Camera) -> float:
