@@ -236,5 +236,4 @@ def _end(layout: Layout, ray: Hits) -> str:
         return "it leaves the scene"
     if ray.reflected[last]:
         return f"{len(met)} reflections are one more than --bounces asks for"
-    kind, name = layout.kind(met[-1]), layout.surfaces[met[-1]].name
-    return f"it ends at {'' if ray.active[last] else 'the back of '}{kind} '{name}'"
+    return f"it ends at {'' if ray.active[last] else 'the back of '}{layout.title(met[-1])}"
