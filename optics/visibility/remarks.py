@@ -13,6 +13,7 @@ from optics.scene.catalogue import assumed_of
 from optics.scene.scene import Layout
 from optics.scene.sold import fields_of_view
 from optics.visibility.scene_trace import SceneTrace, Views
+from optics.visibility.tracing import NOTHING
 from optics.visibility.views import REASONS, ViewResult, describe_end
 
 ROUNDING = 1e-9
@@ -22,7 +23,7 @@ ROUNDING = 1e-9
 def remarks_on(sight: SceneTrace) -> list[str]:
     """Two lines for every pad that is not all seen in every pose, one for what is left out.
 
-    And one for every view that is blurred too much.
+    And one for every view that is blurred too much, and on rays that end at layers.
     """
     layout, views = sight.scene.layout, sight.views
     if views is None:
@@ -48,7 +49,19 @@ def remarks_on(sight: SceneTrace) -> list[str]:
                 f"pad '{part.name}': at {count:,} poses it is seen in more pieces than there is "
                 "room for; the last of them are left out"
             )
-    return lines + _too_blurred(sight, views)
+    return lines + _too_blurred(sight, views) + _rays_at_layers(sight)
+
+
+def _rays_at_layers(sight: SceneTrace) -> list[str]:
+    """One line if a ray that was asked for meets layers, which it is not followed into."""
+    if sight.hits is None or sight.scene.layers is None:
+        return []
+    layout, surfaces = sight.scene.layout, np.unique(sight.hits.surface)
+    met = dict.fromkeys(layout.behind_face[surfaces[surfaces != NOTHING]].tolist())
+    names = [f"'{layout.pads[pad].name}'" for pad in met if pad >= 0 and layout.layers[pad]]
+    if not names:
+        return []
+    return [f"--ray: rays end where they meet layers (of {', '.join(names)}), not at the membrane"]
 
 
 def _too_blurred(sight: SceneTrace, views: Views) -> list[str]:

@@ -259,6 +259,19 @@ def test_behind_layers_blur_is_that_of_the_apparent_distance(trace):
     wanted = [abs(lens["sensor_distance_mm"] * (1 / 2 - 1 / far) - 1) for far in (least, greatest)]
     assert np.array(wanted) / lens["pixel_mm"] == pytest.approx(view["blur_px_at_distance"])
     assert f"px at an apparent {least:.4g} mm is more than max_blur_px = 4" in said
+    assert "--ray" not in said
+
+
+def test_rays_end_at_the_surface_of_layers_and_are_said_to(trace):
+    Path("plate.toml").write_text(PLATE)
+    document, said = trace("plate.toml", "--ray=1,15,-90", "--ray=9,1,180")
+    onto, beside = document["rays"]
+    assert (onto["hits"][0]["y"], beside["hits"][0]["x"]) == (3.0, 5.0)
+    assert onto["end"] == "it ends at pad 'floor'"
+    assert beside["end"] == "it ends at pad 'floor', layer 1 at 'to'"
+    assert "--ray: rays end where they meet layers (of 'floor'), not at the membrane\n" in said
+    _, said = trace("plate.toml", "--ray=1,15,90")
+    assert "--ray" not in said
 
 
 def test_files_are_written_whole_and_replaced_only_by_force(tmp_path, capsys):
