@@ -15,11 +15,23 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+import numpy as np
+from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_divide, safe_sqrt
 from designopt.vectors import Vector
-from optics.visibility.refraction import Scale, fresnel, row_of
+from optics.scene.scene import Placed, Scene
+from optics.visibility.boundary_codes import DARK, LIMITS, edge_of_layers
+from optics.visibility.refraction import (
+    Cover,
+    FrontCover,
+    Points,
+    Scale,
+    fresnel,
+    profile_of,
+    row_of,
+)
+from optics.visibility.unfolding import unit
 
 HALVINGS = 32
 """Bisections before the Newton step, which squares what they leave."""
@@ -66,17 +78,12 @@ class Sought(eqx.Module):
     brightness: Float[Array, "*rays"]
 
 
-class EndCover(eqx.Module):
-    """Layers behind a clear end face; lengths in units of the placed scene.
+class EndCover(Cover):
+    """Layers behind a clear end face, whose ends are counted from the membrane's side on.
 
-    In the methods a face is both ends of the end face, from the membrane's side on, and a source is
-    where rays come from, for one face.
+    The face itself hides nothing of it. Places are counted from the membrane's first end.
 
     Attributes:
-        own: which surfaces hide nothing of it: the face itself.
-        edges: labels of both ends of the face.
-        flattest: labels of the flattest rays towards both.
-        labels: labels of the ends of `windows`.
         origin: the membrane's first end.
         along: unit vector along the pad.
         normal: unit vector towards the sensing side.
@@ -84,35 +91,71 @@ class EndCover(eqx.Module):
         upper: its end at the camera's side.
         outward: −1 at the pad's first end, 1 at its second.
         layer: index of its layer.
-        thickness: of all layers of the pad, the outermost first.
-        index: of refraction.
-        places: along the pad, both ends of what rays may pass at the lower side of each layer, in
-            the order in which rays from the face come to them.
         membrane: along the pad, both ends of the membrane.
         transmission: least part of the light that must come through.
     """
 
-    own: Bool[Array, "*ends surfaces"]
-    edges: Int[Array, "*ends 2"]
-    flattest: Int[Array, "*ends 2"]
-    labels: Int[Array, "*ends windows 2"]
     origin: Vector
     along: Vector
     normal: Vector
     lower: Vector
     upper: Vector
-    outward: Float[Array, "*ends"]
-    layer: Int[Array, "*ends"]
-    thickness: Float[Array, "*ends layers"]
-    index: Float[Array, "*ends layers"]
-    places: Float[Array, "*ends layers 2"]
-    membrane: Float[Array, "*ends 2"]
-    transmission: Float[Array, "*ends"]
+    outward: Float[Array, "*faces"]
+    layer: Int[Array, "*faces"]
+    membrane: Float[Array, "*faces 2"]
+    transmission: Float[Array, "*faces"]
+
+    @classmethod
+    def of(cls, scene: Scene, placed: Placed, fronts: FrontCover, surface: np.ndarray) -> EndCover:
+        """Those of clear end faces, by their indices among all surfaces.
+
+        The outermost surfaces of all pads have the layers in common with them.
+        """
+        layout, size, layers = scene.layout, placed.size, scene.own_layers
+        assert layers is not None
+        faces = [layout.bodies[i - len(layout.surfaces)] for i in surface]
+        pad, layer, end = (
+            np.array([getattr(f, of) for f in faces]) for of in ("pad", "layer", "end")
+        )
+        profile = profile_of(scene, layers)
+        # The membranes' ends follow from the outermost surfaces.
+        start, last = placed.segment(len(layout.mirrors) + pad)
+        along = unit(last - start)
+        side = jnp.asarray(layout.sides[len(layout.mirrors) + pad], along.x.dtype)
+        normal = along.perpendicular().scaled(side)
+        origin = start - along.scaled(profile.upper[pad, 0, 0] / size)
+        origin = origin - normal.scaled(profile.levels[pad, 0] / size)
+        # Rays through the second end face go backwards: they pass second ends first.
+        second, places, labels = end == 1, profile.windows()[pad] / size, fronts.labels[pad]
+        places, labels = (
+            jnp.where(second[:, None, None], pairs[..., ::-1], pairs) for pairs in (places, labels)
+        )
+        dark = jnp.repeat(jnp.array([[DARK]]), len(pad), axis=0)
+        return cls(
+            own=jnp.asarray(np.arange(len(layout.surfaces)) == surface[:, None]),
+            edges=jnp.asarray(edge_of_layers(layer[:, None] + [[1, 0]], end[:, None])),
+            flattest=jnp.asarray(np.repeat([LIMITS[2:]], len(pad), axis=0)),
+            labels=jnp.concatenate([labels, dark], axis=1),
+            thickness=fronts.thickness[pad],
+            index=fronts.index[pad],
+            places=places,
+            origin=origin,
+            along=along,
+            normal=normal,
+            lower=Vector(
+                profile.lower[pad, layer, end] / size, profile.levels[pad, layer + 1] / size
+            ),
+            upper=Vector(profile.upper[pad, layer, end] / size, profile.levels[pad, layer] / size),
+            outward=jnp.asarray(2.0 * end - 1, along.x.dtype),
+            layer=jnp.asarray(layer),
+            membrane=jnp.stack([jnp.zeros_like(origin.x), profile.membrane[pad, 1] / size], -1),
+            transmission=layers.transmission[pad],
+        )
 
     def windows(self, face: Vector, source: Vector) -> Float[Array, "windows 2"]:
-        """Entries of the rays to both ends of what may be passed behind each layer below.
+        """As `Cover.windows`, of the layers below.
 
-        And, in a last row, of those that bring just the least transmission.
+        And, in a last row, of the rays that bring just the least transmission.
         """
         best = self._brightest(source)
         levels, dtype = jnp.arange(self.thickness.size), best.dtype
@@ -129,9 +172,7 @@ class EndCover(eqx.Module):
         dark = jax.lax.stop_gradient(self._excess(best, source)) < 0
         return jnp.where(below, met, free).at[-1].set(jnp.where(dark, free[::-1], met[-1]))
 
-    def coordinate(
-        self, face: Vector, source: Vector, entries: Float[Array, " points"]
-    ) -> Float[Array, " points"]:
+    def coordinate(self, face: Vector, source: Vector, entries: Points) -> Points:
         """Pad coordinates that rays reach, from their entries."""
         ray = self._inside(source, entries)
         cosines = _root(self._below(ray))
@@ -140,9 +181,7 @@ class EndCover(eqx.Module):
         first, last = self.membrane[0], self.membrane[1]
         return safe_divide(met - first, jnp.broadcast_to(last - first, met.shape))[0]
 
-    def entries(
-        self, face: Vector, source: Vector, coordinates: Float[Array, " points"]
-    ) -> Float[Array, " points"]:
+    def entries(self, face: Vector, source: Vector, coordinates: Points) -> Points:
         """Entries of the rays that reach given pad coordinates."""
         places = self.membrane[0] + coordinates * (self.membrane[1] - self.membrane[0])
         zero = jnp.zeros_like(places)
@@ -150,8 +189,8 @@ class EndCover(eqx.Module):
         sought = Sought(last, places, zero)
         return jax.vmap(self._crossing, (0, 0, 0, None))(sought, zero, zero + 1, source)
 
-    def scale(self, face: Vector, source: Vector, entries: Float[Array, " points"]) -> Scale:
-        """How large and how far places appear, from the entries of the rays to them."""
+    def scale(self, face: Vector, source: Vector, entries: Points) -> Scale:
+        """As `Cover.scale`."""
         step, toward = face[1] - face[0], face[0] - source
 
         def met(entry: Float[Array, ""]) -> Float[Array, ""]:

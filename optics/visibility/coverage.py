@@ -22,9 +22,10 @@ from designopt.solution import Solution
 from optics.scene.camera import Camera
 from optics.scene.scene import Placed, Scene, place
 from optics.visibility.boundaries import labels_of, meetings
+from optics.visibility.boundary_codes import PAD_ENDS
 from optics.visibility.image_scale import look, reflections
 from optics.visibility.intervals import Interval, measure_of_union
-from optics.visibility.pads import PAD_ENDS, Faces, Pad, Windows
+from optics.visibility.pads import Faces, Pad, Windows
 from optics.visibility.searching import Found, find
 from optics.visibility.unfolding import Unfolded, paths_of, unfold_all
 from optics.visibility.views import Pieces, ViewResult

@@ -173,7 +173,7 @@ def describe_end(layout: Layout, label: int) -> str:
         'end of the pad'
     """
     if label < 0:
-        return _ENDS[label] if label in _ENDS else _edge_of_layers(layout, codes.FIRST_WALL - label)
+        return _ENDS[label] if label in _ENDS else _edge_of_layers(layout, label)
     _, surface, kind = map(int, parts_of(label))
     words = _ENDS[kind]
     if layout.kind(surface) == "layer":
@@ -182,9 +182,9 @@ def describe_end(layout: Layout, label: int) -> str:
     return f"{layout.title(surface)}: {words}"
 
 
-def _edge_of_layers(layout: Layout, number: int) -> str:
-    """Where layers end, level by level from the outermost surface on, at either end in turn."""
-    level, end = divmod(number, 2)
+def _edge_of_layers(layout: Layout, label: int) -> str:
+    """Where layers end, in words."""
+    level, end = divmod(codes.edge_of_layers(0, 0) - label, 2)
     at = ("from", "to")[end]
     if level == 0:
         return f"upper edge of layer 1 at '{at}'"
