@@ -117,7 +117,7 @@ LINKAGES = ("four-bar", "slider-crank", "quick-return", "scotch-yoke", "five-bar
 MORE_LINKAGES = ("finger", "finger-crank", "peaucellier", "stephenson", "watt", "jansen")
 SCENES = ("finger", "half-height-mirror")
 MORE_SCENES = ("circle", "corner-reflector", "ellipse", "folded-pad", "kaleidoscope-60",
-               "kaleidoscope-90", "parabola", "periscope")  # fmt: skip
+               "kaleidoscope-90", "layered-pad", "parabola", "periscope")  # fmt: skip
 KINDS = {
     "linkage": Kind(solve, fault_of_table, gallery("gallery/linkages", LINKAGES)),
     "scene": Kind(lambda path, before: trace(path, before, "--bounces=1"), fault_of_document,

@@ -158,9 +158,13 @@ def _view(trace: SceneTrace, view: Any, pad: int, path: int, pieces: Sequence[in
         "px_per_mm": _spread(view.sharpness.by_path[pad][pieces[0]]),
         "distance_mm": [min(nearest), max(farthest)],
     }
+    if view.sharpness.apparent is not None:
+        nearest, farthest = zip(*of_pieces(view.sharpness.apparent), strict=True)
+        entry["apparent_distance_mm"] = [min(nearest), max(farthest)]
     if view.focus is not None:
         entry["blur_px"] = of_pieces(view.focus.blur)
-        entry["sharp"] = of_pieces(view.focus.sharp)
+        if view.focus.sharp is not None:
+            entry["sharp"] = of_pieces(view.focus.sharp)
         near, far = zip(*of_pieces(view.working_blur), strict=True)
         # At the two distances of the whole view.
         entry["blur_px_at_distance"] = [
@@ -232,5 +236,4 @@ def _end(layout: Layout, ray: Hits) -> str:
         return "it leaves the scene"
     if ray.reflected[last]:
         return f"{len(met)} reflections are one more than --bounces asks for"
-    kind, name = layout.kind(met[-1]), layout.surfaces[met[-1]].name
-    return f"it ends at {'' if ray.active[last] else 'the back of '}{kind} '{name}'"
+    return f"it ends at {'' if ray.active[last] else 'the back of '}{layout.title(met[-1])}"

@@ -10,14 +10,15 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from designopt.designs import read_tables
 from designopt.errors import UserError
 from designopt.io.files import check_figure_ending, check_targets, replaced_when_complete
 from designopt.io.ranges import LARGEST_INPUT, grid_of, single_values
 from optics.cli.report import document_of, lines_of
 from optics.scene.file import MOST_BOUNCES
-from optics.scene.reading import read_scene
+from optics.scene.reading import parse_scene
 from optics.scene.scene import Scene
-from optics.visibility.remarks import remark_on_fields, remarks_on
+from optics.visibility.remarks import remark_on_fields, remarks_on, remarks_on_model
 from optics.visibility.scene_trace import trace_sweep
 
 MOST_POSES = 250_000
@@ -64,7 +65,8 @@ def trace_file(
             f"ask for 0 to {MOST_BOUNCES}"
         )
     with jax.enable_x64(True):
-        scene = read_scene(file)
+        tables = read_tables(file, "scene", "camera")
+        scene = parse_scene(tables, str(file))
         angles = _angles(scene, poses, sweeps)
         starts = np.array([_ray(text) for text in rays]).reshape(-1, 3)
         if chart is not None:
@@ -82,7 +84,8 @@ def trace_file(
             if chart is not None:
                 save_chart(trace, chart)
         _write(lines_of(document_of(trace)), target)
-        return [*remarks_on(trace), remark_on_fields(scene.camera)]
+        said = [*remarks_on(trace), *remarks_on_model(tables["camera"])]
+        return [*said, remark_on_fields(scene.camera)]
 
 
 def _angles(

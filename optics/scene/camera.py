@@ -26,8 +26,8 @@ from optics.scene.thin_lens import ThinLens
 class Projection(eqx.Module):
     """How an angle from the optical axis becomes a height in the image, in focal lengths.
 
-    The five of a closed form are those of F. Bettonvil, *Fisheye lenses*, WGN 33 (2005), p. 9, and
-    eqs. 1–5 of the paper that `KannalaBrandt` names.
+    The five of a closed form are in the table of the PanoTools wiki, *General lens model*; the
+    papers by Bettonvil (WGN 33, 2005) and by Kannala and Brandt, who discuss them, are not read.
 
     Attributes:
         edge: height beyond which nothing is imaged, focal lengths.
@@ -156,9 +156,9 @@ def _arcsin(sine: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
 class KannalaBrandt(Projection):
     """A calibrated wide-angle lens: r = f (θ + k₁ θ³ + k₂ θ⁵ + k₃ θ⁷ + k₄ θ⁹).
 
-    Source: J. Kannala, S. S. Brandt, *A generic camera model and calibration method for
-    conventional, wide-angle, and fish-eye lenses*, IEEE TPAMI 28 (2006), eq. 6; the coefficients
-    are those of OpenCV's fisheye module.
+    Source: OpenCV's documentation, *Fisheye camera model*, whose coefficients they are, after
+    J. Kannala, S. S. Brandt, *A generic camera model and calibration method for conventional,
+    wide-angle, and fish-eye lenses*, IEEE TPAMI 28 (2006), which is not read.
 
     Attributes:
         coefficients: k₁ … k₄.

@@ -5,8 +5,12 @@ from __future__ import annotations
 import difflib
 import functools
 import tomllib
+from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
+
+KNOWLEDGE = ("stated", "verified", "assumed")
+"""Keys of an entry that are none of ``[camera]``."""
 
 
 @functools.cache
@@ -34,8 +38,19 @@ def filled_in(camera: Any) -> Any:
         close = difflib.get_close_matches(name, known, n=1)
         hint = f"did you mean '{close[0]}'?" if close else f"there are: {', '.join(known)}"
         raise ValueError(f"no camera of the catalogue is named '{name}'; {hint}")
-    entry = {key: value for key, value in known[name].items() if key not in ("stated", "verified")}
+    entry = {key: value for key, value in known[name].items() if key not in KNOWLEDGE}
     if isinstance(camera.get("format"), dict):
         entry["format"] = {**entry["format"], **camera["format"]}
         camera = {key: value for key, value in camera.items() if key != "format"}
     return {**entry, **camera}
+
+
+def assumed_of(camera: Mapping[str, Any]) -> dict[str, Any]:
+    """What a file's ``[camera]`` takes from its model though no source states it, by its keys.
+
+    Example:
+        >>> assumed_of({"model": "ov6948", "projection": "equisolid"})
+        {'fov_axis': 'diagonal'}
+    """
+    entry = camera_catalogue()[camera["model"]] if "model" in camera else {}
+    return {key: entry[key] for key in entry.get("assumed", ()) if key not in camera}

@@ -99,7 +99,8 @@ class LensTable(Spec):
 class FormatTable(Spec):
     """``format`` of ``[camera]``: a sensor as it is sold, its long side first.
 
-    ``section_axis`` is the side that lies in the section.
+    ``section_axis`` is the side that lies in the section. Of the finger of paper B no source states
+    it; that the paper lists the views in an image from top to bottom suggests the short one.
     """
 
     sensor_mm: tuple[Length, Length]

@@ -79,8 +79,7 @@ _INDICES = ("pad", "layer", "end")
 class Layers(eqx.Module):
     """The layers of all pads, the outermost first.
 
-    A pad with fewer layers than another has more of thickness 0 on its membrane, with the index of
-    its last layer.
+    A pad with fewer layers than another has entries here that are none of its; see `own`.
 
     Attributes:
         thickness: mm.
@@ -100,6 +99,33 @@ class Layers(eqx.Module):
     lip: Float[Array, "pads 2"] = eqx.field(converter=as_float)
     height: Float[Array, " pads"] = eqx.field(converter=as_float)
     transmission: Float[Array, " pads"] = eqx.field(converter=as_float)
+
+    def own(self, kinds: tuple[tuple[LayerKinds, ...], ...], bezels: tuple[bool, ...]) -> Layers:
+        """The same with nothing in the place of layers and bezels that pads do not have.
+
+        A layer that is not there has no thickness and the index of the pad's last layer, 1 if there
+        is none. So neither values nor derivatives depend on its entries.
+
+        Args:
+            kinds: of the layers of every pad.
+            bezels: which pads have one.
+        """
+        count, pads = np.array([len(of_pad) for of_pad in kinds]), np.arange(len(kinds))
+        layer = np.arange(self.thickness.shape[1])
+        there, layered, held = layer < count[:, None], count > 0, np.array(bezels)
+        if there.all() and held.all():
+            return self
+        last = np.minimum(layer, np.maximum(count - 1, 0)[:, None])
+        index = self.index[pads[:, None], last]
+        return Layers(
+            thickness=jnp.where(there, self.thickness, 0.0),
+            index=jnp.where(layered[:, None, None], index, 1.0),
+            overhang=jnp.where(there[..., None], self.overhang, 0.0),
+            bevel=jnp.where(there[..., None], self.bevel, 0.0),
+            lip=jnp.where(held[:, None], self.lip, 0.0),
+            height=jnp.where(held, self.height, 0.0),
+            transmission=jnp.where(layered, self.transmission, 0.0),
+        )
 
 
 class Profile(eqx.Module):

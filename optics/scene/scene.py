@@ -211,6 +211,12 @@ class Scene(eqx.Module):
         return jnp.concatenate(ends)
 
     @property
+    def own_layers(self) -> Layers | None:
+        """The layers that pads have: `layers` with nothing in the place of others."""
+        layers, layout = self.layers, self.layout
+        return None if layers is None else layers.own(layout.layers, layout.bezels)
+
+    @property
     def angle_names(self) -> tuple[str, ...]:
         """Names of the joint angles, in the order in which their values are given."""
         return self.layout.angles
@@ -281,8 +287,8 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
     """
     layout, origin = scene.layout, vector(scene.camera.position)
     corners = vector(scene.surface_ends) - origin
-    if scene.layers is not None:
-        corners = _with_bodies(scene, scene.layers, corners)
+    if (layers := scene.own_layers) is not None:
+        corners = _with_bodies(scene, layers, corners)
     hinges = vector(scene.hinges) - origin
     size = _size(corners, hinges)
     corners, hinges = jax.tree.map(lambda leaf: leaf / size, (corners, hinges))

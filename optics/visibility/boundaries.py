@@ -24,8 +24,8 @@ from designopt.numerics import safe_divide
 from designopt.vectors import Vector, rotation, where
 from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
-from optics.visibility.boundary_codes import parts_of, with_kind
-from optics.visibility.pads import LIMITS, PAD_ENDS, Pad, Windows
+from optics.visibility.boundary_codes import LIMITS, PAD_ENDS, parts_of, with_kind
+from optics.visibility.pads import Pad, Windows
 from optics.visibility.unfolding import Unfolded, unit
 
 PER_SEGMENT = 3

@@ -20,6 +20,13 @@ FIRST_BEZEL, SECOND_BEZEL, LOW_TRANSMISSION, HIGH_TRANSMISSION, FIRST_WALL, SECO
 towards them, and the end faces of layers where they meet the outermost surface; two less, four
 less, … where layers meet each other."""
 
+LIMITS = (LEFT_LIMIT, RIGHT_LIMIT, LOW_GRAZING, HIGH_GRAZING)
+"""Labels of what bounds every view: the field of view, and the flattest rays."""
+
+PAD_ENDS, BEZELS = (FIRST_PAD_END, SECOND_PAD_END), (FIRST_BEZEL, SECOND_BEZEL)
+DARK = (LOW_TRANSMISSION, HIGH_TRANSMISSION)
+"""Labels at both ends of a pad."""
+
 FIRST_END, SECOND_END, CROSSING, CUT_BEFORE, CUT_AFTER, HORIZON = range(6)
 """What of a surface can bound a view: one of its ends, the place where it meets the pad, the place
 where it meets the line of the mirror before or after it on the path, or that where a curved one
@@ -37,6 +44,11 @@ def label_of(leg: Number, surface: Number, kind: int) -> Any:
     There are labels for 65,536 surfaces; that of a mirror −1, which is not there, means nothing.
     """
     return (leg << (_KIND + _SURFACE)) + (surface << _KIND) + kind
+
+
+def edge_of_layers(level: Number, end: int | np.ndarray) -> Any:
+    """The label of where layers end at a level, the outermost surface the first, at either end."""
+    return FIRST_WALL - 2 * level - end
 
 
 def with_kind(label: Number, kind: int) -> Any:

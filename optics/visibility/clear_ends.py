@@ -15,11 +15,22 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+import numpy as np
+from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_divide, safe_sqrt
 from designopt.vectors import Vector
-from optics.visibility.refraction import fresnel, row_of
+from optics.scene.scene import Placed, Scene
+from optics.visibility.boundary_codes import DARK, LIMITS, edge_of_layers
+from optics.visibility.refraction import (
+    Cover,
+    FrontCover,
+    Points,
+    Scale,
+    fresnel,
+    profile_of,
+    row_of,
+)
 from optics.visibility.unfolding import unit
 
 HALVINGS = 32
@@ -105,17 +116,12 @@ class Sought(eqx.Module):
     place: Float[Array, "*rays"]
 
 
-class EndCover(eqx.Module):
-    """Layers behind a clear end face; lengths in units of the placed scene.
+class EndCover(Cover):
+    """Layers behind a clear end face, whose ends are counted from the membrane's side on.
 
-    In the methods a face is both ends of the end face, from the membrane's side on, and a source is
-    where rays come from, for one face.
+    The surfaces of its layer hide nothing of it. Places are counted from the membrane's first end.
 
     Attributes:
-        own: which surfaces hide nothing of it: those of its layer.
-        edges: labels of both ends of the face.
-        flattest: labels of the flattest rays towards both.
-        labels: labels of the ends of `windows`.
         origin: the membrane's first end.
         along: unit vector along the pad.
         normal: unit vector towards the sensing side.
@@ -123,35 +129,76 @@ class EndCover(eqx.Module):
         upper: its end at the camera's side.
         outward: −1 at the pad's first end, 1 at its second.
         layer: index of its layer.
-        thickness: of all layers of the pad, the outermost first.
-        index: of refraction.
-        places: along the pad, both ends of what rays may pass at the lower side of each layer, in
-            the order in which rays from the face come to them.
         membrane: along the pad, both ends of the membrane.
         bright: the `bright_angles` of the face.
     """
 
-    own: Bool[Array, "*ends surfaces"]
-    edges: Int[Array, "*ends 2"]
-    flattest: Int[Array, "*ends 2"]
-    labels: Int[Array, "*ends windows 2"]
     origin: Vector
     along: Vector
     normal: Vector
     lower: Vector
     upper: Vector
-    outward: Float[Array, "*ends"]
-    layer: Int[Array, "*ends"]
-    thickness: Float[Array, "*ends layers"]
-    index: Float[Array, "*ends layers"]
-    places: Float[Array, "*ends layers 2"]
-    membrane: Float[Array, "*ends 2"]
-    bright: Float[Array, "*ends 2"]
+    outward: Float[Array, "*faces"]
+    layer: Int[Array, "*faces"]
+    membrane: Float[Array, "*faces 2"]
+    bright: Float[Array, "*faces 2"]
+
+    @classmethod
+    def of(cls, scene: Scene, placed: Placed, fronts: FrontCover, surface: np.ndarray) -> EndCover:
+        """Those of clear end faces, by their indices among all surfaces.
+
+        The outermost surfaces of all pads have the layers in common with them.
+        """
+        layout, size, layers = scene.layout, placed.size, scene.own_layers
+        assert layers is not None
+        faces = [layout.bodies[i - len(layout.surfaces)] for i in surface]
+        pad, layer, end = (
+            np.array([getattr(f, of) for f in faces]) for of in ("pad", "layer", "end")
+        )
+        profile = profile_of(scene, layers)
+        # The membranes' ends follow from the outermost surfaces.
+        start, last = placed.segment(len(layout.mirrors) + pad)
+        along = unit(last - start)
+        side = jnp.asarray(layout.sides[len(layout.mirrors) + pad], along.x.dtype)
+        normal = along.perpendicular().scaled(side)
+        origin = start - along.scaled(profile.upper[pad, 0, 0] / size)
+        origin = origin - normal.scaled(profile.levels[pad, 0] / size)
+        # Rays through the second end face go backwards: they pass second ends first.
+        second, places, labels = end == 1, profile.windows()[pad] / size, fronts.labels[pad]
+        places, labels = (
+            jnp.where(second[:, None, None], pairs[..., ::-1], pairs) for pairs in (places, labels)
+        )
+        dark = jnp.repeat(jnp.array([[DARK]]), len(pad), axis=0)
+        lower, upper = profile.lower[pad, layer, end], profile.upper[pad, layer, end]
+        lower = Vector(lower / size, profile.levels[pad, layer + 1] / size)
+        upper = Vector(upper / size, profile.levels[pad, layer] / size)
+        outward, of_layer = jnp.asarray(2.0 * end - 1, along.x.dtype), jnp.asarray(layer)
+        index, least = fronts.index[pad], layers.transmission[pad]
+        solids = [next(solid for solid in layout.solids if i in solid) for i in surface]
+        own = np.array([np.isin(np.arange(len(layout.surfaces)), solid) for solid in solids])
+        return cls(
+            own=jnp.asarray(own),
+            edges=jnp.asarray(edge_of_layers(layer[:, None] + [[1, 0]], end[:, None])),
+            flattest=jnp.asarray(np.repeat([LIMITS[2:]], len(pad), axis=0)),
+            labels=jnp.concatenate([labels, dark], axis=1),
+            thickness=fronts.thickness[pad],
+            index=index,
+            places=places,
+            origin=origin,
+            along=along,
+            normal=normal,
+            lower=lower,
+            upper=upper,
+            outward=outward,
+            layer=of_layer,
+            membrane=jnp.stack([jnp.zeros_like(origin.x), profile.membrane[pad, 1] / size], -1),
+            bright=jax.vmap(bright_angles)(upper - lower, outward, of_layer, index, least),
+        )
 
     def windows(self, face: Vector, source: Vector) -> Float[Array, "windows 2"]:
-        """Entries of the rays to both ends of what may be passed behind each layer below.
+        """As `Cover.windows`, of the layers below.
 
-        And, in a last row, of those that bring just the least transmission.
+        And, in a last row, of the rays that bring just the least transmission.
         """
         levels = jnp.arange(self.thickness.size)
         sought = Sought(jnp.repeat(levels, 2), self.places.reshape(-1))
@@ -166,9 +213,7 @@ class EndCover(eqx.Module):
         along = jnp.cos(self.bright) ** 2 < SMALL
         return jnp.concatenate([met, jnp.where(along, free, bright)[None]])
 
-    def coordinate(
-        self, face: Vector, source: Vector, entries: Float[Array, " points"]
-    ) -> Float[Array, " points"]:
+    def coordinate(self, face: Vector, source: Vector, entries: Points) -> Points:
         """Pad coordinates that rays reach, from their entries."""
         ray = self._inside(source, entries)
         cosines = _root(self._below(ray))
@@ -177,18 +222,14 @@ class EndCover(eqx.Module):
         first, last = self.membrane[0], self.membrane[1]
         return safe_divide(met - first, jnp.broadcast_to(last - first, met.shape))[0]
 
-    def entries(
-        self, face: Vector, source: Vector, coordinates: Float[Array, " points"]
-    ) -> Float[Array, " points"]:
+    def entries(self, face: Vector, source: Vector, coordinates: Points) -> Points:
         """Entries of the rays that reach given pad coordinates."""
         places = self.membrane[0] + coordinates * (self.membrane[1] - self.membrane[0])
         sought = Sought(jnp.full(places.shape, self.thickness.size - 1), places)
         return jax.vmap(self._crossing, (0, None))(sought, source)
 
-    def scale(
-        self, face: Vector, source: Vector, entries: Float[Array, " points"]
-    ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
-        """Angle at the source per length along the pad; length of the way to the membrane."""
+    def scale(self, face: Vector, source: Vector, entries: Points) -> Scale:
+        """As `Cover.scale`."""
         step, toward = face[1] - face[0], face[0] - source
 
         def met(entry: Float[Array, ""]) -> Float[Array, ""]:
@@ -199,7 +240,11 @@ class EndCover(eqx.Module):
         turn, _ = safe_divide(jnp.abs(step.cross(toward)) / arrow.squared(), jnp.abs(rise))
         ray = self._inside(source, entries)
         ways = self._depths(ray) * row_of(self.index, ray.down) / _root(self._below(ray))
-        return turn, ray.length + jnp.sum(ways, axis=-1)
+        # Of rays from one place n cos θ dθ stays at every surface. So dθ, where they come out, is
+        # found from dθ/ds and the cosines on both sides of the face and in its layer.
+        leaning, _ = safe_divide(ray.normal[0] * ray.down, ray.normal[1])
+        apparent, _ = safe_divide(leaning, turn)
+        return Scale(turn, ray.length + jnp.sum(ways, axis=-1), apparent)
 
     def _own(self, place: Vector) -> Vector:
         """A place in the pad's own axes."""

@@ -21,9 +21,10 @@ from designopt.solution import Solution
 from optics.scene.camera import Camera
 from optics.scene.scene import Placed, Scene, place
 from optics.visibility.boundaries import Bound, label_of_bound, meeting
+from optics.visibility.boundary_codes import PAD_ENDS
 from optics.visibility.image_scale import look, reflections
 from optics.visibility.intervals import Interval, measure_of_union
-from optics.visibility.pads import PAD_ENDS, Faces, Pad, Windows
+from optics.visibility.pads import Faces, Pad, Windows
 from optics.visibility.searching import Found, find
 from optics.visibility.unfolding import Unfolded, paths_of, unfold_all
 from optics.visibility.views import Pieces, ViewResult
@@ -87,12 +88,23 @@ def find_views(
         labels, entries, ends = _ends(camera, paths, faces, found)
         labels = jnp.where(found.present[..., None], labels, 0)
 
-        def piece(pad: Pad, _: Windows, *of_piece: Array) -> tuple[Array, ...]:
+        def piece(pad: Pad, _: Windows, *of_piece: Array) -> tuple[Array | None, ...]:
             return _seen(camera, placed.size, paths, pad, *of_piece)
 
-        seen = faces.of_pieces(piece, found.face, found.path, found.present, entries)
+        *seen, apparent, spans = faces.of_pieces(
+            piece, found.face, found.path, found.present, entries
+        )
         starts, stops = (ends[..., 0], ends[..., 1]), (labels[..., 0], labels[..., 1])
-        pieces = Pieces(found.present, found.path, *starts, *stops, *seen, face=found.face)
+        pieces = Pieces(
+            found.present,
+            found.path,
+            *starts,
+            *stops,
+            *seen,
+            spans=spans,
+            face=found.face,
+            apparent=apparent,
+        )
         of_faces = [
             _by_path_and_pad(partial(margin, camera), paths, pads, inner, gap)
             for (pads, inner), gap in zip(faces.all(), widest, strict=True)
@@ -236,12 +248,12 @@ def _seen(
     path: Int[Array, ""],
     present: Bool[Array, ""],
     entries: Float[Array, "2"],
-) -> tuple[Array, ...]:
+) -> tuple[Array | None, ...]:
     """How the ends of a piece appear; all of it is 0 where there is none."""
     by = paths.at(path)
     seen = *look(camera, size, by, pad, entries), reflections(by, pad, entries)
     # An empty slot repeats some path at coordinate 0, where a look may be undefined.
-    return tuple(jnp.where(present, number, 0.0) for number in seen)
+    return jax.tree.map(lambda number: jnp.where(present, number, 0.0), seen)
 
 
 def _room_left(free: Float[Array, ""]) -> ViewResult:

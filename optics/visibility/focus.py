@@ -1,8 +1,10 @@
 """How sharp a camera with a real lens sees its pads: blur at the length of the unfolded path.
 
 A flat mirror does not change the distance at which a lens sees a point: that is the length of the
-path. Curved mirrors also move the image along the ray, which is left out here, and `Focus.sharp`
-takes the length of the path along a piece as in a flat one.
+path. Layers over a pad bring it nearer: the distance is then the radius of curvature of its wave in
+the section (`optics.visibility.refraction`), and blur that along the image line. Curved mirrors
+also move the image along the ray, which is left out here, and `Focus.sharp` takes the length of the
+path along a piece as in a flat one.
 """
 
 from __future__ import annotations
@@ -24,13 +26,14 @@ class Focus(eqx.Module):
 
     Attributes:
         blur: diameter of the blur spot at the two ends of each piece, pixels, shape (..., 2).
-        sharp: part of each piece over which the blur stays within the accepted one.
+        sharp: part of each piece over which the blur stays within the accepted one; ``None`` where
+            pads have layers, behind which blur may be least or greatest between a piece's ends.
         limits: nearest and farthest distance at which it does, mm, shape (2,); the farthest may
             be infinite.
     """
 
     blur: Float[Array, "*pieces 2"]
-    sharp: Float[Array, "*pieces"]
+    sharp: Float[Array, "*pieces"] | None
     limits: Float[Array, "2"]
 
 
@@ -41,7 +44,7 @@ def find_blur(camera: Camera, distance: Float[Array, "*points"]) -> Float[Array,
 
     Args:
         camera: one with a lens.
-        distance: along the unfolded path, mm.
+        distance: along the unfolded path, mm; behind layers the apparent one.
 
     Raises:
         ValueError: the camera has no lens.
@@ -96,11 +99,13 @@ def find_focus(scene: Scene, pieces: Pieces, *, accepted: ArrayLike = 1.0) -> Fo
         True
     """
     lens, pitch = _lens_of(scene.camera), scene.camera.pixel_size
-    spot = _spots(lens, pitch, pieces.distance)
+    spot = _spots(lens, pitch, pieces.object_distance)
     blur = jnp.where(pieces.present[..., None], spot, 0.0)
 
     near, far = lens.depth_of_field(as_float(accepted).astype(pitch.dtype) * pitch).value
     limits = jnp.stack([_distance(near), _distance(far)])
+    if pieces.apparent is not None:
+        return Focus(blur, None, limits)
     ends = scene.pads[:, 1] - scene.pads[:, 0]
     lengths = safe_sqrt(ends[:, 0] ** 2 + ends[:, 1] ** 2).reshape(-1, 1)
     lengths = (pieces.end - pieces.start) * jnp.broadcast_to(lengths, pieces.start.shape)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -13,14 +15,30 @@ from optics.visibility.pads import Pad
 from optics.visibility.unfolding import Unfolded, unit
 
 
+class Look(NamedTuple):
+    """How points of a pad appear.
+
+    Attributes:
+        pixel: where they are imaged.
+        px_per_mm: along the pad.
+        distance: length of the ray, mm.
+        apparent: distance from which rays seem to come, mm; ``None`` where no pad has layers.
+    """
+
+    pixel: Float[Array, " points"]
+    px_per_mm: Float[Array, " points"]
+    distance: Float[Array, " points"]
+    apparent: Float[Array, " points"] | None
+
+
 def look(
     camera: Camera,
     size: Float[Array, ""],
     path: Unfolded,
     pad: Pad,
     entries: Float[Array, " points"],
-) -> tuple[Float[Array, " points"], Float[Array, " points"], Float[Array, " points"]]:
-    """How points of a pad appear by a path: pixel, pixels per mm along the pad, distance in mm.
+) -> Look:
+    """How points of a pad appear by a path.
 
     ``entries`` are coordinates on the surface that is seen, where there are layers the outermost
     one or a clear end face; ``size`` is the placed scene's unit of length, mm. The angle dθ under
@@ -40,11 +58,12 @@ def look(
     if pad.cover is None:
         above = jnp.abs(unit(step).cross(toward))
         per_size, _ = safe_divide(jnp.full_like(across, above), arrow.squared())
-        distance = arrow.length()
+        distance, apparent = arrow.length(), None
     else:
-        per_size, distance = pad.cover.scale(pad.ends(), source, entries)
+        per_size, distance, near = pad.cover.scale(pad.ends(), source, entries)
+        apparent = near * size
     per_mm = camera.pixels_per_radian(angle) * per_size / size
-    return camera.pixel(angle), per_mm, distance * size
+    return Look(camera.pixel(angle), per_mm, distance * size, apparent)
 
 
 def reflections(

@@ -14,7 +14,7 @@ from designopt.vectors import Vector
 from optics.scene.imaging import Imaging
 from optics.scene.scene import Scene, place
 from optics.visibility.pads import Pad
-from optics.visibility.refraction import slope_to
+from optics.visibility.refraction import Stack
 from optics.visibility.unfolding import VirtualCamera, paths_of, unit, virtual_cameras
 
 TOUCHING = 1e-9
@@ -30,18 +30,14 @@ class Behind(eqx.Module):
     Attributes:
         along: unit vectors along the pads, in the camera's own axes (forward, up).
         into: unit vectors from the camera's side towards the pads, in the same.
-        height: of the (virtual) camera over the outermost surfaces.
-        offset: along the pads, from the foot of that height to both ends of the membrane.
-        thickness: of the layers, the outermost first.
-        index: of refraction.
+        stack: the (virtual) cameras over the layers.
+        offset: along the pads, from the foot of their heights to both ends of the membrane.
     """
 
     along: Vector
     into: Vector
-    height: Float[Array, "*views"]
+    stack: Stack
     offset: Float[Array, "*views 2"]
-    thickness: Float[Array, "*views layers"]
-    index: Float[Array, "*views layers"]
 
 
 class Outlines(eqx.Module):
@@ -120,14 +116,9 @@ def _behind(camera: VirtualCamera, pad: Pad, size: Float[Array, ""]) -> Behind:
         return Vector(camera.axis.dot(arrow), camera.handedness * camera.axis.cross(arrow))
 
     cover, height = pad.behind, jnp.abs(above)
-    return Behind(
-        own(along),
-        own(-normal),
-        jnp.where(height > 0, height, 1.0) * size,
-        (cover.places[-1] - along.dot(toward)) * size,
-        cover.thickness * size,
-        cover.index,
-    )
+    height = jnp.where(height > 0, height, 1.0) * size
+    stack = Stack(height, cover.thickness * size, cover.index)
+    return Behind(own(along), own(-normal), stack, (cover.places[-1] - along.dot(toward)) * size)
 
 
 def _entries(
@@ -139,12 +130,13 @@ def _entries(
     section: the ray stays in the plane through it and the pad's normal, and the flat problem of
     `optics.visibility.refraction` holds there.
     """
-    offset = behind.offset[..., end]
+    offset, stack = behind.offset[..., end], behind.stack
     radius = jnp.sqrt(offset**2 + beside**2 + TOUCHING**2)
-    to_radius = jnp.vectorize(slope_to, signature="(),(k),(k),()->()")
-    slope = to_radius(behind.height, behind.thickness, behind.index, radius)
-    part = behind.height * slope / radius
-    along, into = behind.along.scaled(offset * part), behind.into.scaled(behind.height)
+    to_radius = Stack.slope_to
+    for _ in radius.shape:
+        to_radius = jax.vmap(to_radius)
+    part = stack.height * to_radius(stack, radius) / radius
+    along, into = behind.along.scaled(offset * part), behind.into.scaled(stack.height)
     entry = along + into
     distance = entry.length()
     return safe_arctan2(entry.y, entry.x), distance, beside * part / distance

@@ -15,21 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
-from designopt.vectors import Vector, stack, vector
-from optics.scene.layers import CHANNELS, Layers, Profile
+from designopt.vectors import Vector, stack
 from optics.scene.scene import Placed, Scene
-from optics.visibility import boundary_codes as codes
-from optics.visibility.clear_ends import EndCover, bright_angles
-from optics.visibility.refraction import FrontCover, least_grazing
+from optics.visibility.clear_ends import EndCover
+from optics.visibility.refraction import Cover, FrontCover
 from optics.visibility.unfolding import Unfolded, unit
-
-LIMITS = (codes.LEFT_LIMIT, codes.RIGHT_LIMIT, codes.LOW_GRAZING, codes.HIGH_GRAZING)
-"""Labels of what bounds every view: the field of view, and the flattest rays."""
-
-PAD_ENDS = (codes.FIRST_PAD_END, codes.SECOND_PAD_END)
-WALLS, BEZELS = (codes.FIRST_WALL, codes.SECOND_WALL), (codes.FIRST_BEZEL, codes.SECOND_BEZEL)
-DARK = (codes.LOW_TRANSMISSION, codes.HIGH_TRANSMISSION)
-"""Labels at both ends of a pad."""
 
 
 class Pad(eqx.Module):
@@ -50,7 +40,7 @@ class Pad(eqx.Module):
     end: Vector
     side: Float[Array, "*pads"]
     grazing: Float[Array, "*pads"]
-    cover: FrontCover | EndCover | None = None
+    cover: Cover | None = None
 
     @classmethod
     def all_of(cls, scene: Scene, placed: Placed) -> Pad:
@@ -59,14 +49,31 @@ class Pad(eqx.Module):
         start, end = placed.segment(index)
         sides = jnp.asarray(scene.layout.sides[index], start.x.dtype)
         pads = cls(jnp.asarray(index), start, end, sides, scene.grazing)
-        return pads if scene.layers is None else _covered(scene, scene.layers, placed, pads)
+        if (layers := scene.own_layers) is None:
+            return pads
+        along, lips = unit(end - start), layers.lip / placed.size
+        start, end = start + along.scaled(lips[:, 0]), end - along.scaled(lips[:, 1])
+        cover = FrontCover.of(scene, layers, placed.size)
+        return cls(pads.index, start, end, sides, cover.grazing, cover)
+
+    @classmethod
+    def clear_ends(cls, scene: Scene, placed: Placed, fronts: FrontCover, clear: list[int]) -> Pad:
+        """The clear end faces, by their indices among the faces of all bodies."""
+        layout = scene.layout
+        surface = len(layout.surfaces) - len(layout.bodies) + np.array(clear)
+        pad = np.array([layout.bodies[i].pad for i in clear])
+        start, end = placed.segment(surface)
+        cover = EndCover.of(scene, placed, fronts, surface)
+        # The camera is outside of the body: on the sensing side's left at the first end.
+        side = jnp.asarray(-layout.sides[len(layout.mirrors) + pad], start.x.dtype) * cover.outward
+        return cls(jnp.asarray(surface), start, end, side, scene.grazing[pad], cover)
 
     def ends(self) -> Vector:
         """Both ends of one pad, along one axis."""
         return stack(self.start, self.end)
 
     @property
-    def behind(self) -> FrontCover | EndCover:
+    def behind(self) -> Cover:
         """The layers behind, where there are any."""
         assert self.cover is not None
         return self.cover
@@ -103,13 +110,13 @@ class Faces(eqx.Module):
         layout, fronts = scene.layout, Pad.all_of(scene, placed)
         passed = _windows(paths, fronts)
         clear = [i for i, face in enumerate(layout.bodies) if face.kind == "clear"]
-        if scene.layers is None or not clear:
+        if not isinstance(fronts.cover, FrontCover) or not clear:
             return cls(fronts, None, passed, None, ())
         pads = [layout.bodies[i].pad for i in clear]
         of = [[i for i, mine in enumerate(pads) if mine == pad] for pad in range(len(layout.pads))]
         most = max(map(len, of))
         ends_of = tuple(tuple(own + [-1] * (most - len(own))) for own in of)
-        ends = _clear_ends(scene, scene.layers, placed, fronts, clear)
+        ends = Pad.clear_ends(scene, placed, fronts.cover, clear)
         return cls(fronts, ends, passed, _windows(paths, ends), ends_of)
 
     def all(self) -> list[tuple[Pad, Windows]]:
@@ -171,95 +178,3 @@ def _windows(paths: Unfolded, pads: Pad) -> Windows:
 
     of_path = jax.vmap(passed, (None, 0))
     return None if pads.cover is None else jax.vmap(of_path, (0, None))(paths, pads)
-
-
-def _covered(scene: Scene, layers: Layers, placed: Placed, faces: Pad) -> Pad:
-    """Pads under their layers, from their outermost surfaces."""
-    layout, size = scene.layout, placed.size
-    profile = _profile(scene, layers)
-    along = unit(faces.end - faces.start)
-    start = faces.start + along.scaled(layers.lip[:, 0] / size)
-    end = faces.end - along.scaled(layers.lip[:, 1] / size)
-    first = profile.face()[:, 0] + layers.lip[:, 0]
-    windows = (profile.windows() - first[:, None, None]) / size
-    index = _index(layers)
-    grazing = jax.vmap(least_grazing)(index, layers.transmission)
-    bezels, bare = np.array(layout.bezels), np.array([not kinds for kinds in layout.layers])
-    edge = np.where(bezels[:, None], BEZELS, np.where(bare[:, None], PAD_ENDS, WALLS))
-    dark = (grazing > faces.grazing)[:, None]
-    cover = FrontCover(
-        own=jnp.asarray(layout.behind_face == np.arange(len(layout.pads))[:, None]),
-        edges=jnp.asarray(edge),
-        flattest=jnp.where(dark, jnp.array(DARK), jnp.array(LIMITS[2:])),
-        labels=jnp.asarray(np.repeat(_window_labels(index.shape[1])[None], len(edge), axis=0)),
-        thickness=layers.thickness / size,
-        index=index,
-        places=windows,
-    )
-    return Pad(faces.index, start, end, faces.side, jnp.maximum(grazing, faces.grazing), cover)
-
-
-def _clear_ends(scene: Scene, layers: Layers, placed: Placed, fronts: Pad, clear: list[int]) -> Pad:
-    """The clear end faces, by their indices among the faces of all bodies."""
-    layout, size = scene.layout, placed.size
-    faces = [layout.bodies[i] for i in clear]
-    pad, layer, end = (np.array([getattr(f, of) for f in faces]) for of in ("pad", "layer", "end"))
-    surface = len(layout.surfaces) - len(layout.bodies) + np.array(clear)
-    start, last = placed.segment(surface)
-    profile = _profile(scene, layers)
-    along = unit(fronts.end - fronts.start)[pad]
-    normal = along.perpendicular().scaled(fronts.side[pad])
-    corners = profile.upper[pad, 0, 0] / size, profile.levels[pad, 0] / size
-    origin = placed.segment(fronts.index)[0][pad]
-    origin = origin - along.scaled(corners[0]) - normal.scaled(corners[1])
-    count, index = layers.thickness.shape[1], _index(layers)[pad]
-    lower, upper = profile.lower[pad, layer, end], profile.upper[pad, layer, end]
-    lower = Vector(lower / size, profile.levels[pad, layer + 1] / size)
-    upper = Vector(upper / size, profile.levels[pad, layer] / size)
-    outward, of_layer = jnp.asarray(2.0 * end - 1, along.x.dtype), jnp.asarray(layer)
-    solids = [next(solid for solid in layout.solids if i in solid) for i in surface]
-    own = np.array([np.isin(np.arange(len(layout.surfaces)), solid) for solid in solids])
-    least = layers.transmission[pad]
-    labels = _window_labels(count)
-    second = (end == 1)[:, None, None]
-    # Rays through the second end face go backwards: they pass second ends first.
-    places, labels = profile.windows()[pad] / size, np.repeat(labels[None], len(pad), axis=0)
-    places = jnp.where(second, places[..., ::-1], places)
-    labels = np.where(second, labels[..., ::-1], labels)
-    dark = np.repeat(np.array([[DARK]]), len(pad), axis=0)
-    # The side of the camera lies outside of the body, on the sensing side's left at the first end.
-    cover = EndCover(
-        own=jnp.asarray(own),
-        edges=jnp.asarray(np.array(WALLS)[end][:, None] - 2 * (layer[:, None] + [[1, 0]])),
-        flattest=jnp.asarray(np.repeat([LIMITS[2:]], len(pad), axis=0)),
-        labels=jnp.asarray(np.concatenate([labels, dark], axis=1)),
-        origin=origin,
-        along=along,
-        normal=normal,
-        lower=lower,
-        upper=upper,
-        outward=outward,
-        layer=of_layer,
-        thickness=layers.thickness[pad] / size,
-        index=index,
-        places=places,
-        membrane=jnp.stack([jnp.zeros_like(origin.x), profile.membrane[pad, 1] / size], -1),
-        bright=jax.vmap(bright_angles)(upper - lower, outward, of_layer, index, least),
-    )
-    side = fronts.side[pad] * jnp.asarray(1.0 - 2 * end, along.x.dtype)
-    return Pad(jnp.asarray(surface), start, last, side, scene.grazing[pad], cover)
-
-
-def _profile(scene: Scene, layers: Layers) -> Profile:
-    ends = vector(scene.pads)
-    return Profile.of(layers, (ends[:, 1] - ends[:, 0]).length())
-
-
-def _index(layers: Layers) -> Float[Array, "pads layers"]:
-    return layers.index[..., CHANNELS.index("green")]
-
-
-def _window_labels(layers: int) -> np.ndarray:
-    """Labels of both ends of what may be passed at the lower side of every layer."""
-    inner = codes.FIRST_WALL - 2 - np.arange(2 * (layers - 1)).reshape(-1, 2)
-    return np.concatenate([inner, [PAD_ENDS]])

@@ -9,102 +9,40 @@ indices n,
 since n sin θ is the same in all layers (M. Born, E. Wolf, *Principles of Optics*, 7th ed., §1.5.1).
 For w > 0 it rises and is concave, so Newton's method climbs from any lower bound of the root to the
 root and never passes it, down to grazing incidence.
+
+Rays beside this one, from the same place on the membrane, leave in the section as if they came from
+
+    √(1 + w²) x′(w)
+
+away: that is the radius of curvature of their wave at the source (ibid., §4.6.2, refraction of a
+thin pencil), and along the normal the reduced length h + Σ t / n. Across the section the wave is
+curved otherwise, its radius √(1 + w²) x(w) / w.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import abc
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector
+from designopt.vectors import Vector, vector
+from optics.scene.layers import CHANNELS, Layers, Profile
+from optics.scene.scene import Scene
+from optics.visibility.boundary_codes import BEZELS, DARK, LIMITS, PAD_ENDS, edge_of_layers
+
+Points = Float[Array, " points"]
 
 STEPS = 16
 """Newton steps; 600,000 random stacks and heights down to 1e-8 of the offset took 14 at most."""
 
 HALVINGS = 60
 """Bisections of the flattest ray's grazing angle, to rounding in double precision."""
-
-
-class FrontCover(eqx.Module):
-    """Layers behind the outermost surface of a pad; lengths in units of the placed scene.
-
-    Places along the pad are counted from the start of the surface that is free. In the methods a
-    face is both ends of that surface and a source is where rays come from, for one pad.
-
-    Attributes:
-        own: which surfaces are of the pad's own body and hide nothing of it: not its bezel.
-        edges: labels of both ends of the surface that is free.
-        flattest: labels of the flattest rays towards both.
-        labels: labels of the ends of `windows`.
-        thickness: of the layers, the outermost first.
-        index: of refraction.
-        places: along the pad, first and second end of what rays may pass at the lower side of each
-            layer; the last is the membrane.
-    """
-
-    own: Bool[Array, "*pads surfaces"]
-    edges: Int[Array, "*pads 2"]
-    flattest: Int[Array, "*pads 2"]
-    labels: Int[Array, "*pads layers 2"]
-    thickness: Float[Array, "*pads layers"]
-    index: Float[Array, "*pads layers"]
-    places: Float[Array, "*pads layers 2"]
-
-    def windows(self, face: Vector, source: Vector) -> Float[Array, "layers 2"]:
-        """Entries of the lines of sight to both ends of what may be passed behind each layer."""
-        height, foot, length = _seen_from(face, source)
-        above = jnp.tril(jnp.broadcast_to(self.thickness, (self.thickness.size,) * 2))
-        to_level = jax.vmap(jax.vmap(slope_to, (None, None, None, 0)), (None, 0, None, 0))
-        slopes = to_level(height, above, self.index, self.places - foot)
-        return (foot + height * slopes) / length
-
-    def coordinate(
-        self, face: Vector, source: Vector, entries: Float[Array, " points"]
-    ) -> Float[Array, " points"]:
-        """Pad coordinates that rays reach, from their entries."""
-        height, foot, length = _seen_from(face, source)
-        slope = (entries * length - foot) / height
-        met = foot + along_of(height, self.thickness, self.index, slope)
-        first, last = self.places[-1]
-        return safe_divide(met - first, jnp.broadcast_to(last - first, met.shape))[0]
-
-    def entries(
-        self, face: Vector, source: Vector, coordinates: Float[Array, " points"]
-    ) -> Float[Array, " points"]:
-        """Entries of the rays that reach given pad coordinates."""
-        height, foot, length = _seen_from(face, source)
-        first, last = self.places[-1]
-        along = first + coordinates * (last - first) - foot
-        slopes = jax.vmap(slope_to, (None, None, None, 0))
-        return (foot + height * slopes(height, self.thickness, self.index, along)) / length
-
-    def scale(
-        self, face: Vector, source: Vector, entries: Float[Array, " points"]
-    ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
-        """Angle at the source per length along the pad, dθ/ds = 1 / ((1 + w²) dx/dw); way to it."""
-        height, foot, length = _seen_from(face, source)
-        slope = (entries * length - foot) / height
-        per_length, _ = safe_divide(
-            1 / (1 + slope**2), rise_of(height, self.thickness, self.index, slope)
-        )
-        return per_length, length_of(height, self.thickness, self.index, slope)
-
-
-def _seen_from(face: Vector, source: Vector) -> tuple[Array, Array, Array]:
-    """Height of a source over a surface, the place along it below, and the surface's length.
-
-    The height is positive also of a source behind it.
-    """
-    step, toward = face[1] - face[0], source - face[0]
-    length = step.length()
-    length = jnp.where(length > 0, length, 1.0)
-    height = jnp.abs(step.cross(toward)) / length
-    return jnp.where(height > 0, height, 1.0), step.dot(toward) / length, length
 
 
 def row_of(
@@ -114,74 +52,210 @@ def row_of(
     return of_layers.reshape((1,) * points.ndim + of_layers.shape)
 
 
-def _cosines(
-    index: Float[Array, " layers"], slope: Float[Array, "*points"]
-) -> tuple[Float[Array, "*points layers"], Float[Array, "*points 1"]]:
-    """√(n² + (n² − 1) w²), index times cosine in each layer over the cosine in air; the slope."""
-    w = slope[..., None]
-    return jnp.sqrt(row_of(index**2, slope) + row_of(index**2 - 1, slope) * w * w), w
+class Stack(eqx.Module):
+    """A source over layers. The slope of a ray is the tangent of its angle from the normal in air.
+
+    Attributes:
+        height: of the source over the outermost surface.
+        thickness: of the layers, the outermost first.
+        index: of refraction.
+    """
+
+    height: Float[Array, "*stacks"]
+    thickness: Float[Array, "*stacks layers"]
+    index: Float[Array, "*stacks layers"]
+
+    def _cosines(
+        self, slope: Float[Array, "*points"]
+    ) -> tuple[Float[Array, "*points layers"], Float[Array, "*points 1"]]:
+        """√(n² + (n² − 1) w²), index times cosine in each layer over that in air; the slope."""
+        w, squares = slope[..., None], self.index**2
+        return jnp.sqrt(row_of(squares, slope) + row_of(squares - 1, slope) * w * w), w
+
+    def along(self, slope: Float[Array, "*points"]) -> Float[Array, "*points"]:
+        """How far along the pad rays of one stack go: x(w)."""
+        cosine, w = self._cosines(slope)
+        beyond = jnp.sum(row_of(self.thickness, slope) * w / cosine, axis=-1)
+        return self.height * slope + beyond
+
+    def rise(self, slope: Float[Array, "*points"]) -> Float[Array, "*points"]:
+        """Derivative of `along` with respect to the slope."""
+        cosine, _ = self._cosines(slope)
+        scaled = row_of(self.thickness * self.index**2, slope)
+        return self.height + jnp.sum(scaled / cosine**3, axis=-1)
+
+    def way(self, slope: Float[Array, "*points"]) -> Float[Array, "*points"]:
+        """Lengths of rays from the source to the last level."""
+        cosine, _ = self._cosines(slope)
+        beyond = jnp.sum(row_of(self.thickness * self.index, slope) / cosine, axis=-1)
+        return jnp.sqrt(1 + slope**2) * (self.height + beyond)
+
+    def slope_to(self, along: Float[Array, ""]) -> Float[Array, ""]:
+        """The slope of the ray that goes a distance along the pad: the inverse of `along`."""
+        still, x = jax.lax.stop_gradient((self, jnp.abs(along)))
+        h, t, n = still.height, still.thickness, still.index
+        # Two lower bounds of the root: no layer bends less than for rays along the normal, and none
+        # shifts more than at grazing incidence.
+        near, _ = safe_divide(x, h + jnp.sum(t / n))
+        bends = n > 1
+        shift = jnp.sum(jnp.where(bends, t / jnp.sqrt(jnp.where(bends, n**2 - 1, 1.0)), 0.0))
+        unbent = jnp.any(~bends & (t > 0))
+        far, _ = safe_divide(jnp.where(unbent, 0.0, x - shift), h)
+        start = jnp.maximum(near, far)
+
+        def climb(_: Any, w: Float[Array, ""]) -> Float[Array, ""]:
+            return w + (x - still.along(w)) / still.rise(w)
+
+        root = jnp.sign(along) * jax.lax.fori_loop(0, STEPS, climb, start)
+        root = jax.lax.stop_gradient(root)
+        # One more step with all derivatives: those of the root, by the theorem of implicit
+        # functions.
+        missed = along - self.along(root)
+        return root + missed / jax.lax.stop_gradient(self.rise(root))
 
 
-def along_of(
-    height: Float[Array, ""],
-    thickness: Float[Array, " layers"],
-    index: Float[Array, " layers"],
-    slope: Float[Array, "*points"],
-) -> Float[Array, "*points"]:
-    """How far along the pad rays of given slopes go: x(w)."""
-    cosine, w = _cosines(index, slope)
-    return height * slope + jnp.sum(row_of(thickness, slope) * w / cosine, axis=-1)
+class Scale(NamedTuple):
+    """How large and how far places behind layers appear.
+
+    Attributes:
+        per_length: angle at the source per length along the pad, dθ/ds.
+        way: length of the ray.
+        apparent: radius of curvature of the wave at the source, in the section.
+    """
+
+    per_length: Points
+    way: Points
+    apparent: Points
 
 
-def rise_of(
-    height: Float[Array, ""],
-    thickness: Float[Array, " layers"],
-    index: Float[Array, " layers"],
-    slope: Float[Array, "*points"],
-) -> Float[Array, "*points"]:
-    """Derivative of `along_of` with respect to the slope."""
-    cosine, _ = _cosines(index, slope)
-    return height + jnp.sum(row_of(thickness * index**2, slope) / cosine**3, axis=-1)
+class Cover(eqx.Module):
+    """Layers behind a surface; lengths in units of the placed scene.
+
+    In the methods a face is both ends of that surface, entries are coordinates on it, and a source
+    is where rays come from, for one surface.
+
+    Attributes:
+        own: which surfaces hide nothing of what is seen by this one.
+        edges: labels of both ends of the surface.
+        flattest: labels of the flattest rays towards both.
+        labels: labels of the ends of `windows`.
+        thickness: of all layers of the pad, the outermost first.
+        index: of refraction.
+        places: along the pad, both ends of what rays may pass at the lower side of each layer, in
+            the order in which rays from the surface come to them; the last is the membrane.
+    """
+
+    own: Bool[Array, "*faces surfaces"]
+    edges: Int[Array, "*faces 2"]
+    flattest: Int[Array, "*faces 2"]
+    labels: Int[Array, "*faces rows 2"]
+    thickness: Float[Array, "*faces layers"]
+    index: Float[Array, "*faces layers"]
+    places: Float[Array, "*faces layers 2"]
+
+    @abc.abstractmethod
+    def windows(self, face: Vector, source: Vector) -> Float[Array, "rows 2"]:
+        """Entries of the lines of sight to both ends of what may be passed behind each layer."""
+
+    @abc.abstractmethod
+    def coordinate(self, face: Vector, source: Vector, entries: Points) -> Points:
+        """Pad coordinates that rays reach, from their entries."""
+
+    @abc.abstractmethod
+    def entries(self, face: Vector, source: Vector, coordinates: Points) -> Points:
+        """Entries of the rays that reach given pad coordinates."""
+
+    @abc.abstractmethod
+    def scale(self, face: Vector, source: Vector, entries: Points) -> Scale:
+        """How large and how far places appear, from the entries of the rays to them."""
 
 
-def length_of(
-    height: Float[Array, ""],
-    thickness: Float[Array, " layers"],
-    index: Float[Array, " layers"],
-    slope: Float[Array, "*points"],
-) -> Float[Array, "*points"]:
-    """Lengths of rays from the source to the last level."""
-    cosine, _ = _cosines(index, slope)
-    return jnp.sqrt(1 + slope**2) * (
-        height + jnp.sum(row_of(thickness * index, slope) / cosine, axis=-1)
-    )
+class FrontCover(Cover):
+    """Layers behind an outermost surface; places are counted from the start of what is free of it.
+
+    Nothing of the pad's own body hides it but the bezel.
+
+    Attributes:
+        grazing: least angle in air between the surface and a ray, rad.
+    """
+
+    grazing: Float[Array, "*faces"]
+
+    @classmethod
+    def of(cls, scene: Scene, layers: Layers, size: Float[Array, ""]) -> FrontCover:
+        """Those of all pads, from the layers that they have."""
+        layout, profile = scene.layout, profile_of(scene, layers)
+        first = profile.face()[:, 0] + layers.lip[:, 0]
+        index = layers.index[..., CHANNELS.index("green")]
+        dim = jax.vmap(least_grazing)(index, layers.transmission)
+        dark = (dim > scene.grazing)[:, None]
+        bezels, bare = np.array(layout.bezels), np.array([not kinds for kinds in layout.layers])
+        walls = edge_of_layers(0, np.arange(2))
+        edge = np.where(bezels[:, None], BEZELS, np.where(bare[:, None], PAD_ENDS, walls))
+        inner = edge_of_layers(np.arange(1, index.shape[1])[:, None], np.arange(2))
+        labels = np.concatenate([inner, [PAD_ENDS]])
+        return cls(
+            own=jnp.asarray(layout.behind_face == np.arange(len(layout.pads))[:, None]),
+            edges=jnp.asarray(edge),
+            flattest=jnp.where(dark, jnp.array(DARK), jnp.array(LIMITS[2:])),
+            labels=jnp.asarray(np.repeat(labels[None], len(edge), axis=0)),
+            thickness=layers.thickness / size,
+            index=index,
+            places=(profile.windows() - first[:, None, None]) / size,
+            grazing=jnp.maximum(dim, scene.grazing),
+        )
+
+    def windows(self, face: Vector, source: Vector) -> Float[Array, "layers 2"]:
+        """As `Cover.windows`."""
+        stack, foot, length = self._over(face, source)
+        above = jnp.tril(jnp.broadcast_to(self.thickness, (self.thickness.size,) * 2))
+
+        def to_level(thickness: Float[Array, " layers"], place: Float[Array, ""]) -> Array:
+            return Stack(stack.height, thickness, self.index).slope_to(place - foot)
+
+        slopes = jax.vmap(jax.vmap(to_level, (None, 0)))(above, self.places)
+        return (foot + stack.height * slopes) / length
+
+    def coordinate(self, face: Vector, source: Vector, entries: Points) -> Points:
+        """Pad coordinates that rays reach, from their entries."""
+        stack, foot, length = self._over(face, source)
+        slope = (entries * length - foot) / stack.height
+        met = foot + stack.along(slope)
+        first, last = self.places[-1]
+        return safe_divide(met - first, jnp.broadcast_to(last - first, met.shape))[0]
+
+    def entries(self, face: Vector, source: Vector, coordinates: Points) -> Points:
+        """Entries of the rays that reach given pad coordinates."""
+        stack, foot, length = self._over(face, source)
+        first, last = self.places[-1]
+        along = first + coordinates * (last - first) - foot
+        return (foot + stack.height * jax.vmap(stack.slope_to)(along)) / length
+
+    def scale(self, face: Vector, source: Vector, entries: Points) -> Scale:
+        """As `Cover.scale`."""
+        stack, foot, length = self._over(face, source)
+        slope = (entries * length - foot) / stack.height
+        rise = stack.rise(slope)
+        per_length, _ = safe_divide(1 / (1 + slope**2), rise)
+        return Scale(per_length, stack.way(slope), jnp.sqrt(1 + slope**2) * rise)
+
+    def _over(self, face: Vector, source: Vector) -> tuple[Stack, Array, Array]:
+        """The layers below a source, the place along the surface below it, the surface's length.
+
+        The source's height is positive also behind the surface.
+        """
+        step, toward = face[1] - face[0], source - face[0]
+        length = step.length()
+        length = jnp.where(length > 0, length, 1.0)
+        height = jnp.abs(step.cross(toward)) / length
+        height = jnp.where(height > 0, height, 1.0)
+        return Stack(height, self.thickness, self.index), step.dot(toward) / length, length
 
 
-def slope_to(
-    height: Float[Array, ""],
-    thickness: Float[Array, " layers"],
-    index: Float[Array, " layers"],
-    along: Float[Array, ""],
-) -> Float[Array, ""]:
-    """The slope of the ray that goes a distance along the pad: the inverse of `along_of`."""
-    h, t, n, x = jax.lax.stop_gradient((height, thickness, index, jnp.abs(along)))
-    # Two lower bounds of the root: no layer bends less than for rays along the normal, and none
-    # shifts more than at grazing incidence.
-    near, _ = safe_divide(x, h + jnp.sum(t / n))
-    bends = n > 1
-    shift = jnp.sum(jnp.where(bends, t / jnp.sqrt(jnp.where(bends, n**2 - 1, 1.0)), 0.0))
-    unbent = jnp.any(~bends & (t > 0))
-    far, _ = safe_divide(jnp.where(unbent, 0.0, x - shift), h)
-    start = jnp.maximum(near, far)
-
-    def climb(_: Any, w: Float[Array, ""]) -> Float[Array, ""]:
-        return w + (x - along_of(h, t, n, w)) / rise_of(h, t, n, w)
-
-    root = jnp.sign(along) * jax.lax.fori_loop(0, STEPS, climb, start)
-    root = jax.lax.stop_gradient(root)
-    # One more step with all derivatives: those of the root, by the theorem of implicit functions.
-    missed = along - along_of(height, thickness, index, root)
-    return root + missed / jax.lax.stop_gradient(rise_of(height, thickness, index, root))
+def profile_of(scene: Scene, layers: Layers) -> Profile:
+    """The profiles of all pads."""
+    ends = vector(scene.pads)
+    return Profile.of(layers, (ends[:, 1] - ends[:, 0]).length())
 
 
 def fresnel(

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import jax
 import numpy as np
 
 from optics.scene.camera import Camera
+from optics.scene.catalogue import assumed_of
 from optics.scene.scene import Layout
 from optics.scene.sold import fields_of_view
 from optics.visibility.scene_trace import SceneTrace, Views
+from optics.visibility.tracing import NOTHING
 from optics.visibility.views import REASONS, ViewResult, describe_end
 
 ROUNDING = 1e-9
@@ -18,7 +23,7 @@ ROUNDING = 1e-9
 def remarks_on(sight: SceneTrace) -> list[str]:
     """Two lines for every pad that is not all seen in every pose, one for what is left out.
 
-    And one for every view that is blurred too much.
+    And one for every view that is blurred too much, and on rays that end at layers.
     """
     layout, views = sight.scene.layout, sight.views
     if views is None:
@@ -44,7 +49,19 @@ def remarks_on(sight: SceneTrace) -> list[str]:
                 f"pad '{part.name}': at {count:,} poses it is seen in more pieces than there is "
                 "room for; the last of them are left out"
             )
-    return lines + _too_blurred(sight, views)
+    return lines + _too_blurred(sight, views) + _rays_at_layers(sight)
+
+
+def _rays_at_layers(sight: SceneTrace) -> list[str]:
+    """One line if a ray that was asked for meets layers, which it is not followed into."""
+    if sight.hits is None or sight.scene.layers is None:
+        return []
+    layout, surfaces = sight.scene.layout, np.unique(sight.hits.surface)
+    met = dict.fromkeys(layout.behind_face[surfaces[surfaces != NOTHING]].tolist())
+    names = [f"'{layout.pads[pad].name}'" for pad in met if pad >= 0 and layout.layers[pad]]
+    if not names:
+        return []
+    return [f"--ray: rays end where they meet layers (of {', '.join(names)}), not at the membrane"]
 
 
 def _too_blurred(sight: SceneTrace, views: Views) -> list[str]:
@@ -52,7 +69,8 @@ def _too_blurred(sight: SceneTrace, views: Views) -> list[str]:
     limit, blur = sight.scene.camera.max_blur, views.working_blur
     if limit is None or blur is None:
         return []
-    lines, found, distance = [], views.found.value, views.sharpness.distance
+    lines, found, sharpness = [], views.found.value, views.sharpness
+    seemingly = "" if sharpness.apparent is None else "an apparent "
     for pad, part in enumerate(sight.scene.layout.pads):
         for path, name in enumerate(sight.paths):
             there = found.present[:, pad] & (found.path[:, pad] == path)
@@ -64,10 +82,10 @@ def _too_blurred(sight: SceneTrace, views: Views) -> list[str]:
                     count = int(np.sum(here.max(axis=(1, 2)) > float(limit)))
                     at = _pose(sight, int(worst[0]))
                     poses = f", at {count:,} of {len(here):,} poses; worst at {at}"
+                at = f"{seemingly}{sharpness.object_distance[:, pad][worst]:.4g} mm"
                 lines.append(
-                    f"pad '{part.name}' by {name}: a blur of {here[worst]:.3g} px at "
-                    f"{distance[:, pad][worst]:.4g} mm is more than max_blur_px = "
-                    f"{float(limit):g}{poses}"
+                    f"pad '{part.name}' by {name}: a blur of {here[worst]:.3g} px at {at} is more "
+                    f"than max_blur_px = {float(limit):g}{poses}"
                 )
     return lines
 
@@ -94,6 +112,22 @@ def remark_on_fields(camera: Camera) -> str:
         f"long side, the short one has {long['vertical']} and the diagonal {long['diagonal']}; "
         "'format' tells"
     )
+
+
+def remarks_on_model(camera: Mapping[str, Any]) -> list[str]:
+    """One line on what a file's ``[camera]`` takes from its model though it is only assumed there.
+
+    Example:
+        >>> remarks_on_model({"model": "ov5647-160"})
+        ["camera: no source states of 'ov5647-160' its projection, equidistant is assumed; measure it, or state it in [camera]"]
+    """  # noqa: E501
+    assumed = [f"its {key}, {value} is assumed" for key, value in assumed_of(camera).items()]
+    if not assumed:
+        return []
+    return [
+        f"camera: no source states of '{camera['model']}' {' nor '.join(assumed)}; measure it, or "
+        "state it in [camera]"
+    ]
 
 
 def _own(camera: Camera) -> float:

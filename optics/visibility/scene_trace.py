@@ -156,7 +156,8 @@ def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:
     if scene.camera.lens is not None:
         blurred = jax.jit(jax.vmap(lambda pieces: find_focus(scene, pieces)))
         focus = jax.tree.map(np.asarray, blurred(found.value))
-        working = np.asarray(jax.jit(find_blur)(scene.camera, jnp.asarray(sharpness.distance)))
+        distances = jnp.asarray(sharpness.object_distance)
+        working = np.asarray(jax.jit(find_blur)(scene.camera, distances))
     return Views(
         found,
         jax.tree.leaves(found.result)[0],

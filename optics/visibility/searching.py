@@ -19,8 +19,9 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from optics.scene.camera import Camera
 from optics.visibility.boundaries import PER_SEGMENT, conditions
+from optics.visibility.boundary_codes import LIMITS
 from optics.visibility.intervals import Interval, common_part, gaps, hull, where_positive
-from optics.visibility.pads import LIMITS, Faces, Pad, Windows
+from optics.visibility.pads import Faces, Pad, Windows
 from optics.visibility.unfolding import ROUNDING_UNITS, Unfolded, left_of
 from optics.visibility.views import ViewResult
 

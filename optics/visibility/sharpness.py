@@ -43,11 +43,19 @@ class Sharpness(eqx.Module):
             (poses, pads, pieces, 3).
         distance: least and greatest distance of every piece from the (virtual) camera, mm; shape
             (poses, pads, pieces, 2).
+        apparent: the same of the distance from which light seems to come; ``None`` where no pad
+            has layers.
     """
 
     px_per_mm: Float[np.ndarray, "poses pads 3"]
     by_path: Float[np.ndarray, "poses pads pieces 3"]
     distance: Float[np.ndarray, "poses pads pieces 2"]
+    apparent: Float[np.ndarray, "poses pads pieces 2"] | None
+
+    @property
+    def object_distance(self) -> Float[np.ndarray, "poses pads pieces 2"]:
+        """The least and greatest distance that counts for a lens, mm."""
+        return self.distance if self.apparent is None else self.apparent
 
 
 def find_sharpness(
@@ -77,7 +85,7 @@ def find_sharpness(
     places, weights = (part.reshape(*part.shape[:2], -1) for part in (places, weights))
 
     look_up = _by_ray if scene.layout.curved else _unfolded
-    per_mm, distance = map(
+    per_mm, *distances = jax.tree.map(
         np.asarray,
         look_up(scene, jnp.asarray(angles), pieces, jnp.asarray(places), bounces=bounces),
     )
@@ -89,14 +97,15 @@ def find_sharpness(
         mine = shown & (view.path == view.path[..., piece, None])[..., None]
         best = np.max(per_mm, axis=2, where=mine, initial=0)
         by_path[..., piece, :] = _spread(best, np.where(np.any(mine, axis=2), weights, 0))
-    nearest = np.min(distance, axis=-1, where=shown, initial=np.inf)
-    farthest = np.max(distance, axis=-1, where=shown, initial=0)
     there = view.present[..., None]
-    return Sharpness(
-        over_all,
-        np.where(there, by_path, 0),
-        np.where(there, np.stack([nearest, farthest], axis=-1), 0),
-    )
+
+    def extremes(distance: Float[np.ndarray, "poses pads pieces places"]) -> np.ndarray:
+        nearest = np.min(distance, axis=-1, where=shown, initial=np.inf)
+        farthest = np.max(distance, axis=-1, where=shown, initial=0)
+        return np.where(there, np.stack([nearest, farthest], axis=-1), 0)
+
+    found = jax.tree.map(extremes, distances)
+    return Sharpness(over_all, np.where(there, by_path, 0), *found)
 
 
 def _spread(
@@ -130,8 +139,8 @@ def _unfolded(
     places: Float[Array, "poses pads places"],
     *,
     bounces: int,
-) -> tuple[Float[Array, "poses pads pieces places"], Float[Array, "poses pads pieces places"]]:
-    """Pixels per mm and distance (mm) at places on pads by the paths of all pieces."""
+) -> tuple[Array, Array, Array | None]:
+    """Pixels per mm at places on pads by the paths of all pieces; distance, apparent one (mm)."""
     words, room = paths_of(scene.layout, bounces), pieces.path.shape[-1]
 
     def in_pose(
@@ -139,7 +148,7 @@ def _unfolded(
         path: Int[Array, "pads pieces"],
         face: Int[Array, "pads pieces"] | None,
         places: Float[Array, "pads places"],
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Array, Array | None]:
         placed = place(scene, angles)
         paths = unfold_all(scene.layout, placed, words)
         faces = Faces.all_of(scene, placed, paths)
@@ -163,7 +172,7 @@ def _by_ray(
     places: Float[Array, "poses pads places"],
     *,
     bounces: int,
-) -> tuple[Float[Array, "poses pads pieces places"], Float[Array, "poses pads pieces places"]]:
+) -> tuple[Array, Array, None]:
     """The same as `_unfolded`, between rays to all pieces."""
     layout, camera, words = scene.layout, scene.camera, paths_of(scene.layout, bounces)
     lengths = jnp.asarray([len(word) for word in words])
@@ -173,7 +182,7 @@ def _by_ray(
         placed = place(scene, angles)
         fan = Fan.of(scene, placed, words)
 
-        def of_piece(surface: Array, places: Array, piece: Pieces) -> tuple[Array, Array]:
+        def of_piece(surface: Array, places: Array, piece: Pieces) -> tuple[Array, Array, None]:
             start, end = placed.segment(surface)
             length, leg = (end - start).length() * placed.size, lengths[piece.path]
 
@@ -198,7 +207,7 @@ def _by_ray(
                 jnp.where(inner, curve, end[0] + parts * (end[1] - end[0]))
                 for curve, end in zip(curves, ends, strict=True)
             )
-            return jnp.interp(places, at, per_mm), jnp.interp(places, at, distance)
+            return jnp.interp(places, at, per_mm), jnp.interp(places, at, distance), None
 
         of_pad = jax.vmap(of_piece, (None, None, 0))
         surfaces = len(layout.mirrors) + jnp.arange(len(layout.pads))

@@ -97,6 +97,11 @@ class Pieces(eqx.Module):
         distance: length of the path to its two ends, mm; shape (..., 2).
         spans: coordinates on each mirror of the path at which its two ends are reflected; shape
             (..., reflections, 2), 0 where the path has fewer reflections.
+        face: the surface by which it is seen: 0 for the pad or its outermost surface, else 1 and
+            which of its clear end faces; ``None`` where there are none.
+        apparent: distance from which light of its two ends seems to come, mm, shape (..., 2); see
+            `optics.visibility.refraction`. ``None`` where no pad has layers: then it is that of
+            the path.
     """
 
     present: Bool[Array, "*pieces"]
@@ -110,6 +115,12 @@ class Pieces(eqx.Module):
     distance: Float[Array, "*pieces 2"]
     spans: Float[Array, "*pieces reflections 2"]
     face: Int[Array, "*pieces"] | None = None
+    apparent: Float[Array, "*pieces 2"] | None = None
+
+    @property
+    def object_distance(self) -> Float[Array, "*pieces 2"]:
+        """The distance of both ends that counts for a lens, mm."""
+        return self.distance if self.apparent is None else self.apparent
 
     def coverage(self) -> Float[Array, "*pads"]:
         """Part of each pad that is seen by any path: the measure of the union of its pieces."""
@@ -162,7 +173,7 @@ def describe_end(layout: Layout, label: int) -> str:
         'end of the pad'
     """
     if label < 0:
-        return _ENDS[label] if label in _ENDS else _edge_of_layers(layout, codes.FIRST_WALL - label)
+        return _ENDS[label] if label in _ENDS else _edge_of_layers(layout, label)
     _, surface, kind = map(int, parts_of(label))
     words = _ENDS[kind]
     if layout.kind(surface) == "layer":
@@ -171,9 +182,9 @@ def describe_end(layout: Layout, label: int) -> str:
     return f"{layout.title(surface)}: {words}"
 
 
-def _edge_of_layers(layout: Layout, number: int) -> str:
-    """Where layers end, level by level from the outermost surface on, at either end in turn."""
-    level, end = divmod(number, 2)
+def _edge_of_layers(layout: Layout, label: int) -> str:
+    """Where layers end, in words."""
+    level, end = divmod(codes.edge_of_layers(0, 0) - label, 2)
     at = ("from", "to")[end]
     if level == 0:
         return f"upper edge of layer 1 at '{at}'"

@@ -21,9 +21,9 @@ from designopt.vectors import Vector, stack
 from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundaries import toward
-from optics.visibility.boundary_codes import label_of, with_kind
+from optics.visibility.boundary_codes import LIMITS, PAD_ENDS, label_of, with_kind
 from optics.visibility.intervals import FAR, Interval, gaps, hull
-from optics.visibility.pads import LIMITS, PAD_ENDS, Pad, Windows
+from optics.visibility.pads import Pad, Windows
 from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, unit
 
 

@@ -17,6 +17,7 @@ import pytest
 
 from designopt import UserError
 from designopt.cli import run
+from designopt.io.toml_writing import format_toml
 from optics import find_blur, find_coverage, format_scene, parse_scene
 from optics.scene.camera import Camera, Equidistant
 from optics.scene.catalogue import camera_catalogue
@@ -291,6 +292,25 @@ def test_a_file_says_otherwise_than_its_model():
     assert math.degrees(eye.field_of_view) == pytest.approx(96)
     other = {"section_axis": "long", "pixels": [1296, 972]}
     assert float(parse_scene(tables(**given | {"format": other})).camera.pixels) == 1296
+
+
+@pytest.mark.parametrize(
+    ("given", "assumed"),
+    [
+        ({"model": "ov6948"}, ["fov_axis, diagonal is assumed", "projection, equidistant"]),
+        ({"model": "ov5647-160"}, ["projection, equidistant is assumed"]),
+        ({"model": "ov5647-160", "projection": "equisolid"}, []),
+        ({"model": "raspberry-pi-2"}, []),
+    ],
+)
+def test_a_trace_names_what_is_assumed_of_a_model(given, assumed, tmp_path, capsys):
+    path = tmp_path / "model.toml"
+    keys = tables(**given, format={"section_axis": "short"})
+    path.write_text(format_toml(keys, "a camera"))
+    _, said = traced(capsys, path)
+    found = [line for line in said if "assumed" in line]
+    assert len(found) == bool(assumed)
+    assert all(words in found[0] for words in assumed)
 
 
 def ends_of(scene: Scene, **degrees: float) -> np.ndarray:

@@ -235,6 +235,45 @@ def test_rays_are_followed_in_every_pose(trace):
     assert document["rays"][1]["end"] == "it ends at the back of pad 'floor'"
 
 
+PLATE = """
+pads = [{ name = "floor", from = [-5, 0], to = [5, 0], side = "left", layers = [{ thickness = 3, index = 1.5 }] }]
+[camera]
+position = [0, 15]
+direction_deg = -90
+fov_deg = 120
+pixels = 1000
+max_blur_px = 4
+lens = { focal_length = 2, f_number = 2, focus = 20 }
+"""  # noqa: E501
+
+
+def test_behind_layers_blur_is_that_of_the_apparent_distance(trace):
+    Path("plate.toml").write_text(PLATE)
+    document, said = trace("plate.toml")
+    view = document["poses"][0]["pads"]["floor"]["views"]["direct"]
+    least, greatest = view["apparent_distance_mm"]
+    # From the middle along the normal: the thickness over the index.
+    assert least == pytest.approx(12 + 3 / 1.5, rel=1e-12)
+    assert least < greatest < view["distance_mm"][1]
+    lens = document["lens"]
+    wanted = [abs(lens["sensor_distance_mm"] * (1 / 2 - 1 / far) - 1) for far in (least, greatest)]
+    assert np.array(wanted) / lens["pixel_mm"] == pytest.approx(view["blur_px_at_distance"])
+    assert f"px at an apparent {least:.4g} mm is more than max_blur_px = 4" in said
+    assert "--ray" not in said
+
+
+def test_rays_end_at_the_surface_of_layers_and_are_said_to(trace):
+    Path("plate.toml").write_text(PLATE)
+    document, said = trace("plate.toml", "--ray=1,15,-90", "--ray=9,1,180")
+    onto, beside = document["rays"]
+    assert (onto["hits"][0]["y"], beside["hits"][0]["x"]) == (3.0, 5.0)
+    assert onto["end"] == "it ends at pad 'floor'"
+    assert beside["end"] == "it ends at pad 'floor', layer 1 at 'to'"
+    assert "--ray: rays end where they meet layers (of 'floor'), not at the membrane\n" in said
+    _, said = trace("plate.toml", "--ray=1,15,90")
+    assert "--ray" not in said
+
+
 def test_files_are_written_whole_and_replaced_only_by_force(tmp_path, capsys):
     before = {path.name for path in tmp_path.iterdir()}
     command = ["trace", "flap.toml", "--sweep", "tilt=0:180:3", "--json", "t.json"]
