@@ -85,16 +85,7 @@ def find_views(
         placed: Placed, paths: Unfolded, faces: Faces, searched: tuple[Found, list[Interval]]
     ) -> Solution[Pieces]:
         found, widest = searched
-        labels = _labels(paths, faces, found)
-        entries, ends = _ends(camera, paths, faces, found)
-        labels = jnp.where(found.present[..., None], labels, 0)
-
-        def piece(pad: Pad, *of_piece: Array) -> tuple[Array, ...]:
-            return _seen(camera, placed.size, paths, pad, *of_piece)
-
-        seen = faces.of_pieces(piece, found.face, found.present, found.path, entries)
-        starts, stops = (ends[..., 0], ends[..., 1]), (labels[..., 0], labels[..., 1])
-        pieces = Pieces(found.present, found.path, *starts, *stops, *seen, face=found.face)
+        pieces = pieces_of(camera, placed.size, paths, faces, found)
         of_faces = [
             _by_path_and_pad(partial(margin, camera), paths, pads, inner, gap)
             for (pads, inner), gap in zip(faces.all(), widest, strict=True)
@@ -198,6 +189,22 @@ def _in_poses(
     found = map_in_chunks(jax.vmap(lambda view: search(camera, *view)), still, most)
     answers = jax.vmap(answer)(placed, paths, faces, found)
     return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), answers)
+
+
+def pieces_of(
+    camera: Camera, size: Float[Array, ""], paths: Unfolded, faces: Faces, found: Found
+) -> Pieces:
+    """The pieces that were found, with their derivatives."""
+    labels = _labels(paths, faces, found)
+    entries, ends = _ends(camera, paths, faces, found)
+    labels = jnp.where(found.present[..., None], labels, 0)
+
+    def piece(pad: Pad, *of_piece: Array) -> tuple[Array, ...]:
+        return _seen(camera, size, paths, pad, *of_piece)
+
+    seen = faces.of_pieces(piece, found.face, found.present, found.path, entries)
+    starts, stops = (ends[..., 0], ends[..., 1]), (labels[..., 0], labels[..., 1])
+    return Pieces(found.present, found.path, *starts, *stops, *seen, face=found.face)
 
 
 def _by_path_and_pad(function: Callable[..., Any], paths: Unfolded, pads: Pad, *more: Any) -> Any:
