@@ -108,8 +108,8 @@ class Box(eqx.Module):
     """
 
     behind: Behind
-    bezel: Float[Array, ""]
-    edges: Float[Array, "2 levels 2"]
+    bezel: Float[Array, "*views"]
+    edges: Float[Array, "*views 2 levels 2"]
 
     def reach(self, slope: Float[Array, ""]) -> Float[Array, " levels"]:
         """How far from the foot a ray of a slope in air is at every level."""
@@ -232,7 +232,7 @@ def outline_of(box: Box) -> OutlineEdges:
     entry = box.behind.along.scaled(slope * along) + box.behind.into
     reach = jax.vmap(jax.vmap(box.reach))(slope)
     # No point may lie beyond another edge at any level.
-    met = jnp.stack([along, beside])[..., None] * reach
+    met = jnp.stack([along, beside])[..., None] * reach[None]
     first, last = (box.edges[:, None, None, :, end] for end in range(2))
     room = jnp.min(jnp.minimum(met - first, last - met))
     least = -SLACK * jnp.finfo(slope.dtype).eps * jnp.max(jnp.abs(box.edges))
@@ -278,7 +278,7 @@ def boxes_of(
     of_pads = jax.vmap(box, (None, 0, 0, 0, 0))
     of_paths = jax.vmap(of_pads, (0, None, None, None, None))
     boxes, looks = of_paths(cameras, pads, half, scene.layers.lip, scene.layers.height)
-    return boxes, looks & known
+    return boxes, looks & known[None]
 
 
 def find_outline_edges(

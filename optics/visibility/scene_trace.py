@@ -56,9 +56,9 @@ class LayerImages(eqx.Module):
     """
 
     outlines: OutlineEdges | None
-    places: Float[Array, "poses paths pads 4 points 2"] | None
+    places: Float[Array, "*poses paths pads 4 points 2"] | None
     second: Pieces | None
-    corners: Float[Array, "poses paths walls 4 2"] | None
+    corners: Float[Array, "*poses paths walls 4 2"] | None
     mirrored: Bool[Array, "..."]
 
 

@@ -131,7 +131,7 @@ def _mirrored(layers: Layers, fronts: Pad, size: Float[Array, ""], walls: list[W
     seen = jax.tree.map(lambda leaf: leaf[pad], fronts)
     cover = seen.behind
     assert isinstance(cover, FrontCover)
-    outward = layers.overhang[pad, layer, end] * (2 * end - 1) / size
+    outward = layers.overhang[pad, layer, end] * jnp.asarray(2 * end - 1, size.dtype) / size
     wall = cover.places[np.arange(len(pad)), -1, end] + outward
     behind = (np.arange(cover.places.shape[1]) >= layer[:, None])[..., None]
     places = jnp.where(behind, 2 * wall[:, None, None] - cover.places[..., ::-1], cover.places)
@@ -202,24 +202,25 @@ def find_second_outlines(
         (2, 8)
     """
     walls = [*clear_walls(scene.layout), *clear_walls(scene.layout, beside=True)]
-    boxes, looks = boxes_of(scene, angles, jnp.asarray(lateral, scene.pads.dtype), bounces)
     if scene.layers is None or not walls:
         raise ValueError("no side wall of a layer is clear: there are no second images")
+    boxes, looks = boxes_of(scene, angles, jnp.asarray(lateral, scene.pads.dtype), bounces)
     across = [wall.side in ("left", "right") for wall in walls]
     ends = [wall.side in ("to", "right") for wall in walls]
     pad, layer = np.array([wall[:2] for wall in walls]).T
     axis, end, at = np.array(across, int), np.array(ends, int), np.arange(len(walls))
     own = jax.tree.map(lambda leaf: leaf[:, pad], boxes)
     overhang = jnp.where(axis == 0, scene.layers.overhang[pad, layer, end], 0.0)
-    wall = own.edges[:, at, axis, -1, end] + overhang * (2 * end - 1)
+    outward = overhang * jnp.asarray(2 * end - 1, overhang.dtype)
+    wall = own.edges[:, at, axis, -1, end] + outward[None]
     behind = np.arange(own.edges.shape[3]) >= 2 + layer[:, None]
     turned = (axis[:, None] == np.arange(2))[..., None] & behind[:, None]
     images = 2 * wall[..., None, None, None] - own.edges[..., ::-1]
-    mirrored = Box(own.behind, own.bezel, jnp.where(turned[..., None], images, own.edges))
+    mirrored = Box(own.behind, own.bezel, jnp.where(turned[None, ..., None], images, own.edges))
     found = jax.vmap(jax.vmap(outline_of))(mirrored)
 
     def folded(places: Float[Array, "paths walls 4 points"], own: int) -> Array:
-        there = jnp.asarray(axis == own)[:, None, None]
+        there = jnp.asarray(axis == own)[None, :, None, None]
         return jnp.where(there, 2 * wall[..., None, None] - places, places)
 
     first, last = (own.edges[:, :, 0, -1, end][..., None, None] for end in range(2))
@@ -227,11 +228,11 @@ def find_second_outlines(
     # Index times cosine at the wall, in parts of the ray's direction in air.
     direction = jax.tree.map(lambda leaf: leaf[..., None, None], own.behind.along)
     within = direction.dot(rotation(found.angle))
-    part = jnp.where(jnp.asarray(axis == 1)[:, None, None], found.slope, within)
+    part = jnp.where(jnp.asarray(axis == 1)[None, :, None, None], found.slope, within)
     squared = scene.layers.index[pad, layer, CHANNELS.index("green")] ** 2
-    total = part**2 / (1 + found.slope**2) <= squared[:, None, None] - 1
+    total = part**2 / (1 + found.slope**2) <= squared[None, :, None, None] - 1
     square = jnp.abs(scene.layers.bevel[pad, layer, end]) < SQUARE
-    present = found.present & looks[:, pad] & (square | (axis == 1))
+    present = found.present & looks[:, pad] & (square | (axis == 1))[None]
     beside = folded(found.beside, 1) + lateral
     edges = eqx.tree_at(lambda o: (o.along, o.beside, o.present), found, (along, beside, present))
     return SecondOutlines(edges, jnp.all(total, axis=(-2, -1)))

@@ -4,6 +4,7 @@ import itertools
 import json
 import math
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -151,7 +152,7 @@ def check_outlines(structure: int, count: int) -> tuple[int, float, set, int]:
     return compared, worst, names, turns
 
 
-@pytest.mark.parametrize("structure", [2, 5])
+@pytest.mark.parametrize("structure", [0, 2])
 def test_outlines_are_where_rays_end(structure):
     compared, _, names, turns = check_outlines(structure, 12)
     assert compared > 8
@@ -260,7 +261,7 @@ def fan_of(one: Placed, mirror: tuple[int, int]) -> list[np.ndarray]:
     return [np.array(pair) for pair in zip(runs[::2], runs[1::2], strict=True)]
 
 
-@pytest.mark.parametrize("structure", [2, 5])
+@pytest.mark.parametrize("structure", [0, 3])
 def test_second_images_are_where_walls_reflect_rays(structure):
     assert check_second_outlines(structure, 12)[0] > 3
     assert check_second_images(structure, 12)[0] > 3
@@ -278,9 +279,11 @@ def tables(*layers: dict, camera=(4.0, 20.0), **pad) -> dict:
 
 
 def test_slopes_of_outlines_and_second_images():
-    seat = {"lip": [1.0, 0.5], "height": 0.7}
-    table = tables(ACRYLIC, GEL, camera=(-7.0, 16.0), width=18.0, bezel=seat, min_transmission=0.0)
-    scene = parse_scene(table)
+    # The upper edge of the acrylic bounds one part of an edge, the membrane the other.
+    cut = ACRYLIC | {"bevel_deg": [22.2, 0.0]}
+    seat = {"lip": [0.0, 0.5], "height": 0.7}
+    gel = GEL | {"overhang": 0.3}
+    scene = parse_scene(tables(cut, gel, width=18.0, bezel=seat, min_transmission=0.0))
     weights = np.random.default_rng(3).uniform(0.5, 1, 1000)
 
     def number(scene: Scene) -> jax.Array:
@@ -295,12 +298,20 @@ def test_slopes_of_outlines_and_second_images():
         joined = jnp.concatenate(flat) / 100
         return jnp.dot(jnp.resize(jnp.asarray(weights), joined.shape), joined)
 
-    found = jax.jit(find_second_images)(scene, NO_ANGLES)
-    assert bool(found.present.any())
-    assert len(set(jax.jit(find_outline_edges)(scene, NO_ANGLES).level.ravel().tolist())) > 2
+    assert bool(find_second_images(scene, NO_ANGLES).present.any())
+    level = np.asarray(jax.jit(find_outline_edges)(scene, NO_ANGLES, lateral=1.5).level)
+    assert np.diff(level).any()
+    # Without its right angle the wall at `to` has no second image.
+    bevel = jnp.arange(2) == 0
+
+    def freed(scene: Scene) -> Scene:
+        assert scene.layers is not None
+        cut = jnp.where(bevel[None, None], scene.layers.bevel, 0.0)
+        return eqx.tree_at(lambda scene: scene.layers.bevel, scene, cut)
+
     numbers, restored = ravel_pytree(scene)
     check_gradients(
-        lambda entries: number(restored(jnp.stack(entries))),
+        lambda entries: number(freed(restored(jnp.stack(entries)))),
         list(numbers[:, None]),
         rtol=SLOPES,
         atol=SLOPES,
