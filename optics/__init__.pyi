@@ -22,7 +22,16 @@ from .scene.writer import format_scene, write_scene
 from .visibility.coverage import find_coverage, find_views
 from .visibility.edge_refined import trace_views
 from .visibility.focus import Focus, find_blur, find_focus
+from .visibility.outline_edges import OutlineEdges, find_outline_edges, name_bound
 from .visibility.outlines import Outlines, find_corners, find_outlines
+from .visibility.second_images import (
+    SecondOutlines,
+    Wall,
+    clear_walls,
+    describe_second_end,
+    find_second_images,
+    find_second_outlines,
+)
 from .visibility.tracing import Hits, trace_rays
 from .visibility.views import Pieces, ViewResult, describe_end, name_paths
 
@@ -42,24 +51,33 @@ __all__ = [
     "LensImage",
     "LensResult",
     "Orthographic",
+    "OutlineEdges",
     "Outlines",
     "Pieces",
     "Pinhole",
     "Projection",
     "Scene",
+    "SecondOutlines",
     "Sensor",
     "Stereographic",
     "ThinLens",
     "ViewResult",
+    "Wall",
+    "clear_walls",
     "describe_end",
+    "describe_second_end",
     "find_blur",
     "find_corners",
     "find_coverage",
     "find_focus",
+    "find_outline_edges",
     "find_outlines",
+    "find_second_images",
+    "find_second_outlines",
     "find_views",
     "format_chamber",
     "format_scene",
+    "name_bound",
     "name_fabrication_errors",
     "name_paths",
     "parse_scene",

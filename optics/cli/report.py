@@ -10,6 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from optics.cli.layer_report import outline_of_view, second_images_of
 from optics.scene.camera import Camera
 from optics.scene.scene import Layout
 from optics.scene.sold import fields_of_view
@@ -104,7 +105,8 @@ def _pose(trace: SceneTrace, index: int) -> Entry:
     if trace.views is not None:
         view = jax.tree.map(lambda leaf: leaf[index].tolist(), trace.views)
         entry["pads"] = {
-            part.name: _pad(trace, view, pad) for pad, part in enumerate(trace.scene.layout.pads)
+            part.name: _pad(trace, view, index, pad)
+            for pad, part in enumerate(trace.scene.layout.pads)
         }
         entry["mirrors"] = _mirrors(trace, view)
     if trace.images is not None:
@@ -119,14 +121,14 @@ def _pose(trace: SceneTrace, index: int) -> Entry:
     return entry
 
 
-def _pad(trace: SceneTrace, view: Any, pad: int) -> Entry:
+def _pad(trace: SceneTrace, view: Any, pose: int, pad: int) -> Entry:
     """One pad in one pose, from `Views` of this pose as nested lists."""
     pieces: dict[int, list[int]] = {path: [] for path in range(len(trace.paths))}
     found = view.found.value
     for piece, there in enumerate(found.present[pad]):
         if there:
             pieces[found.path[pad][piece]].append(piece)
-    return {
+    entry = {
         "coverage": min(view.coverage[pad], 1.0),
         "redundancy": view.redundancy[pad],
         "px_per_mm": _spread(view.sharpness.px_per_mm[pad]),
@@ -135,6 +137,12 @@ def _pad(trace: SceneTrace, view: Any, pad: int) -> Entry:
             for path, name in enumerate(trace.paths)
         },
     }
+    for path, name in enumerate(trace.paths):
+        outline = outline_of_view(trace, pose, path, pad) if pieces[path] else None
+        if outline:
+            entry["views"][name]["outline"] = outline
+    second = second_images_of(trace, pose, pad)
+    return entry | ({"second_images": second} if second else {})
 
 
 def _view(trace: SceneTrace, view: Any, pad: int, path: int, pieces: Sequence[int]) -> Entry:

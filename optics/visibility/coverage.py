@@ -85,26 +85,7 @@ def find_views(
         placed: Placed, paths: Unfolded, faces: Faces, searched: tuple[Found, list[Interval]]
     ) -> Solution[Pieces]:
         found, widest = searched
-        labels, entries, ends = _ends(camera, paths, faces, found)
-        labels = jnp.where(found.present[..., None], labels, 0)
-
-        def piece(pad: Pad, _: Windows, *of_piece: Array) -> tuple[Array | None, ...]:
-            return _seen(camera, placed.size, paths, pad, *of_piece)
-
-        *seen, apparent, spans = faces.of_pieces(
-            piece, found.face, found.path, found.present, entries
-        )
-        starts, stops = (ends[..., 0], ends[..., 1]), (labels[..., 0], labels[..., 1])
-        pieces = Pieces(
-            found.present,
-            found.path,
-            *starts,
-            *stops,
-            *seen,
-            spans=spans,
-            face=found.face,
-            apparent=apparent,
-        )
+        pieces = pieces_of(camera, placed.size, paths, faces, found)
         of_faces = [
             _by_path_and_pad(partial(margin, camera), paths, pads, inner, gap)
             for (pads, inner), gap in zip(faces.all(), widest, strict=True)
@@ -210,6 +191,30 @@ def _in_poses(
     return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), answers)
 
 
+def pieces_of(
+    camera: Camera, size: Float[Array, ""], paths: Unfolded, faces: Faces, found: Found
+) -> Pieces:
+    """The pieces that were found, with their derivatives."""
+    labels, entries, ends = _ends(camera, paths, faces, found)
+    labels = jnp.where(found.present[..., None], labels, 0)
+
+    def piece(pad: Pad, _: Windows, *of_piece: Array) -> tuple[Array | None, ...]:
+        return _seen(camera, size, paths, pad, *of_piece)
+
+    *seen, apparent, spans = faces.of_pieces(piece, found.face, found.path, found.present, entries)
+    starts, stops = (ends[..., 0], ends[..., 1]), (labels[..., 0], labels[..., 1])
+    return Pieces(
+        found.present,
+        found.path,
+        *starts,
+        *stops,
+        *seen,
+        spans=spans,
+        face=found.face,
+        apparent=apparent,
+    )
+
+
 def _by_path_and_pad(function: Callable[..., Any], paths: Unfolded, pads: Pad, *more: Any) -> Any:
     """A function of a path, a pad, and what belongs to both."""
     of_path = jax.vmap(function, (None, 0, *[0] * len(more)))
@@ -218,10 +223,8 @@ def _by_path_and_pad(function: Callable[..., Any], paths: Unfolded, pads: Pad, *
 
 def _ends(
     camera: Camera, paths: Unfolded, faces: Faces, found: Found
-) -> tuple[
-    Int[Array, "pads pieces 2"], Float[Array, "pads pieces 2"], Float[Array, "pads pieces 2"]
-]:
-    """Ends of all pieces: their labels, and with derivatives entries and pad coordinates."""
+) -> tuple[Array, Array, Array]:
+    """Of the ends of all pieces their labels, and with derivatives entries and pad coordinates."""
 
     def ends(pad: Pad, inner: Windows, path: Int[Array, ""], bounds: Int[Array, "2"]) -> Any:
         by, bound = paths.at(path), Bound.of(paths, path, bounds)

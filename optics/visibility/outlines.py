@@ -93,7 +93,7 @@ def find_outlines(
     cameras = virtual_cameras(placed, words)
 
     if scene.layers is not None:
-        behind = jax.vmap(jax.vmap(_behind, (None, 0, None)), (0, None, None))
+        behind = jax.vmap(jax.vmap(behind_layers, (None, 0, None)), (0, None, None))
         return _through_layers(behind(cameras, pads, placed.size))
 
     def ends(camera: VirtualCamera, pad: Pad) -> tuple[Array, Array]:
@@ -105,7 +105,7 @@ def find_outlines(
     return Outlines(angle, distance)
 
 
-def _behind(camera: VirtualCamera, pad: Pad, size: Float[Array, ""]) -> Behind:
+def behind_layers(camera: VirtualCamera, pad: Pad, size: Float[Array, ""]) -> Behind:
     """How the membrane of a pad lies behind its layers, seen from one virtual camera."""
     step, toward = pad.end - pad.start, camera.source - pad.start
     along = unit(step)

@@ -108,7 +108,7 @@ class Faces(eqx.Module):
     def all_of(cls, scene: Scene, placed: Placed, paths: Unfolded) -> Faces:
         """Those of a placed scene, and what each lets through by given paths."""
         layout, fronts = scene.layout, Pad.all_of(scene, placed)
-        passed = _windows(paths, fronts)
+        passed = windows_of(paths, fronts)
         clear = [i for i, face in enumerate(layout.bodies) if face.kind == "clear"]
         if not isinstance(fronts.cover, FrontCover) or not clear:
             return cls(fronts, None, passed, None, ())
@@ -117,7 +117,7 @@ class Faces(eqx.Module):
         most = max(map(len, of))
         ends_of = tuple(tuple(own + [-1] * (most - len(own))) for own in of)
         ends = Pad.clear_ends(scene, placed, fronts.cover, clear)
-        return cls(fronts, ends, passed, _windows(paths, ends), ends_of)
+        return cls(fronts, ends, passed, windows_of(paths, ends), ends_of)
 
     def all(self) -> list[tuple[Pad, Windows]]:
         """Both kinds with their windows, if there are both."""
@@ -172,7 +172,9 @@ class Faces(eqx.Module):
         return best
 
 
-def _windows(paths: Unfolded, pads: Pad) -> Windows:
+def windows_of(paths: Unfolded, pads: Pad) -> Windows:
+    """Of every path and pad what its layers let through."""
+
     def passed(path: Unfolded, pad: Pad) -> Float[Array, "rows 2"]:
         return pad.behind.windows(pad.ends(), path.source)
 

@@ -13,6 +13,7 @@ from optics.scene.catalogue import assumed_of
 from optics.scene.scene import Layout
 from optics.scene.sold import fields_of_view
 from optics.visibility.scene_trace import SceneTrace, Views
+from optics.visibility.second_images import clear_walls
 from optics.visibility.tracing import NOTHING
 from optics.visibility.views import REASONS, ViewResult, describe_end
 
@@ -23,7 +24,8 @@ ROUNDING = 1e-9
 def remarks_on(sight: SceneTrace) -> list[str]:
     """Two lines for every pad that is not all seen in every pose, one for what is left out.
 
-    And one for every view that is blurred too much, and on rays that end at layers.
+    And one for every pad with a second image in a clear wall, for every view that is blurred too
+    much, and on rays that end at layers.
     """
     layout, views = sight.scene.layout, sight.views
     if views is None:
@@ -49,6 +51,7 @@ def remarks_on(sight: SceneTrace) -> list[str]:
                 f"pad '{part.name}': at {count:,} poses it is seen in more pieces than there is "
                 "room for; the last of them are left out"
             )
+        lines += _second_images(sight, pad)
     return lines + _too_blurred(sight, views) + _rays_at_layers(sight)
 
 
@@ -62,6 +65,22 @@ def _rays_at_layers(sight: SceneTrace) -> list[str]:
     if not names:
         return []
     return [f"--ray: rays end where they meet layers (of {', '.join(names)}), not at the membrane"]
+
+
+def _second_images(sight: SceneTrace, pad: int) -> list[str]:
+    """A line for a pad that clear ends of its layers show once more, whether seen or not."""
+    if sight.layers is None or sight.layers.second is None:
+        return []
+    second, walls = sight.layers.second, clear_walls(sight.scene.layout)
+    own = np.array([wall.pad == pad for wall in walls])
+    widths = np.where(second.present, np.abs(np.diff(second.pixels)[..., 0]), 0.0).max(axis=(0, 2))
+    if not widths[own].any():
+        return []
+    widest = int(np.argmax(np.where(own, widths, 0.0)))
+    return [
+        f"pad '{sight.scene.layout.pads[pad].name}': a second image of it appears in "
+        f"{walls[widest].name}, {widths[widest]:.3g} px wide; it does not count as seen"
+    ]
 
 
 def _too_blurred(sight: SceneTrace, views: Views) -> list[str]:

@@ -15,10 +15,13 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.errors import UserError
 from designopt.solution import Solution
+from optics.scene.imaging import Imaging
 from optics.scene.scene import Layout, Scene, place
 from optics.visibility.coverage import find_views
 from optics.visibility.edge_refined import RAYS, trace_views
 from optics.visibility.focus import Focus, find_blur, find_focus
+from optics.visibility.outline_edges import SAMPLES, OutlineEdges, find_outline_edges
+from optics.visibility.second_images import clear_walls, find_second_images, find_second_outlines
 from optics.visibility.sharpness import PARTS, ROUNDING, Sharpness, find_sharpness
 from optics.visibility.tracing import Hits, trace_rays
 from optics.visibility.unfolding import paths_of, unfold_all
@@ -34,6 +37,29 @@ PER_PAD, PER_PATH = 500, 24
 """Bytes that are kept of every pose for a pad and for a path to it, about."""
 
 Poses = Float[np.ndarray, "poses joints"]
+
+
+OUTLINE = 4 * (2 * SAMPLES - 1) * 24
+"""The same for an outline."""
+
+
+class LayerImages(eqx.Module):
+    """Whole outlines of layered pads and second images, in NumPy arrays; poses first.
+
+    Attributes:
+        outlines: those of all pads; none if no pad has a width.
+        places: where their points are imaged: column and row.
+        second: what appears in clear ends; none if there are none.
+        corners: where the corners of second images are imaged, in all clear walls, those beside
+            the section last; none likewise.
+        mirrored: whether they have such corners.
+    """
+
+    outlines: OutlineEdges | None
+    places: Float[Array, "*poses paths pads 4 points 2"] | None
+    second: Pieces | None
+    corners: Float[Array, "*poses paths walls 4 2"] | None
+    mirrored: Bool[Array, "..."]
 
 
 class Views(eqx.Module):
@@ -85,6 +111,7 @@ class SceneTrace:
         images: the virtual cameras; none if a mirror is curved.
         rays: starts (mm) and directions (degrees) of the rays.
         hits: where the rays go, shape (poses, rays, legs); none if there are no rays.
+        layers: outlines and second images; none if no pad has layers.
     """
 
     scene: Scene
@@ -96,6 +123,7 @@ class SceneTrace:
     images: Images | None
     rays: Float[np.ndarray, "rays 3"]
     hits: Hits | None
+    layers: LayerImages | None = None
 
 
 def trace_sweep(
@@ -114,14 +142,15 @@ def trace_sweep(
     """
     layout = scene.layout
     size, paths = _bytes_of_pose(layout, bounces), sum(_path_counts(layout, bounces))
-    kept = len(angles_deg) * len(layout.pads) * (PER_PAD + PER_PATH * paths)
+    of_path = PER_PATH + (0 if scene.layers is None else OUTLINE)
+    kept = len(angles_deg) * len(layout.pads) * (PER_PAD + of_path * paths)
     if max(size, kept) > MOST_MEMORY:
         raise UserError(
             f"--bounces {bounces}: {paths:,} paths in {len(angles_deg):,} poses do not fit into "
             "memory; ask for fewer reflections, or sweep fewer poses"
         )
     block, poses = max(MEMORY // size, 1), np.deg2rad(angles_deg)
-    views = images = hits = None
+    views = images = hits = layers = None
     if layout.pads:
         views = _views(scene, poses, bounces, block)
     if not layout.curved:
@@ -132,9 +161,12 @@ def trace_sweep(
             _follow, scene, jnp.asarray(rays[:, :2]), jnp.deg2rad(rays[:, 2]), bounces=bounces
         )
         hits = _joined(_in_blocks(follow, block, poses))
+    if scene.layers is not None:
+        shown = partial(_layer_images, scene, Imaging.of(scene.camera), bounces=bounces)
+        layers = _joined(_in_blocks(shown, block, poses))
     names = name_paths(layout, bounces)
     words = paths_of(layout, bounces)
-    return SceneTrace(scene, bounces, names, words, angles_deg, views, images, rays, hits)
+    return SceneTrace(scene, bounces, names, words, angles_deg, views, images, rays, hits, layers)
 
 
 def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:
@@ -200,6 +232,29 @@ def _images(
         placed = place(scene, angles)
         paths = unfold_all(scene.layout, placed, paths_of(scene.layout, bounces))
         return placed.absolute(paths.source).stacked(), ~jnp.any(paths.turned_away, axis=-1)
+
+    return jax.vmap(in_pose)(poses)
+
+
+@partial(jax.jit, static_argnames="bounces")
+def _layer_images(
+    scene: Scene, imaging: Imaging, poses: Float[Array, "poses joints"], *, bounces: int
+) -> LayerImages:
+    ends, beside = (clear_walls(scene.layout, beside) for beside in (False, True))
+
+    def in_pose(angles: Float[Array, " joints"]) -> LayerImages:
+        outlines = places = second = corners = None
+        mirrored = jnp.zeros(0, bool)
+        if ends:
+            second = find_second_images(scene, angles, bounces=bounces)
+        if scene.widths is not None:
+            outlines = find_outline_edges(scene, angles, bounces=bounces)
+            places = outlines.places(imaging)
+            if ends or beside:
+                found = find_second_outlines(scene, angles, bounces=bounces)
+                mirrored = found.edges.present & found.total
+                corners = found.edges.places(imaging)[..., 0, :]
+        return LayerImages(outlines, places, second, corners, mirrored)
 
     return jax.vmap(in_pose)(poses)
 
