@@ -54,6 +54,9 @@ COARSE = 5
 PLATE = "3 mm"
 """Layers under which lenses are compared."""
 
+MARKED = 9
+"""Markers on a line."""
+
 AIR = {"none": "in air"}
 
 SHOWN = ("none", "2 mm", PLATE, "3+2 mm", "2 mm, overhang", "3 mm, overhang", "3 mm, clear ends")
@@ -322,15 +325,17 @@ def add_findings(out: Report, found: Found) -> None:
         out.say(f"why-{pad}", **{column: strip[column].tolist()[0] for column in columns})
     out.say("overhang", **_worst_of(found, "2 mm, overhang"))
     out.say("clear", **_worst_of(found, "3 mm, clear ends"))
-    meeting = CASES["3 mm outside"].meeting_deg(packaged_finger())
-    out.say("inside", step=found.degrees[1] * COARSE, meeting=meeting)
+    meeting, rows = CASES["3 mm outside"].meeting_deg(packaged_finger()), published(found)
+    own = rows.where(np.array(["inside" in name for name in rows["layers"]]))
+    least, most = (own.stat(f"{end} difference") for end in ("min", "max"))
+    out.say("inside", least=least, most=most, meeting=meeting)
     acrylic, silicone = ([(3.0, index)] for index in (ACRYLIC, SILICONE))
     steep, flat = math.radians(70.0), math.radians(90.0)
     widths = {"acrylic": shadow_width(acrylic, steep), "flat": shadow_width(acrylic, flat)}
     out.say("shadows", **widths, silicone=shadow_width(silicone, steep))
     if len(found.redesigned):
-        sharp = found.redesigned.stat("min px_per_mm")
-        out.say("redesigned", count=len(found.redesigned), sharp=sharp)
+        most, sharp = (found.redesigned.stat(of) for of in ("max ahead", "min px_per_mm"))
+        out.say("redesigned", count=len(found.redesigned), most=most, sharp=sharp)
     out.say("lenses")
     short = found.lenses.where(in_section="short", layers="none")
     best = {pad: short.stat(f"max {pad}") for pad in OUTER}
@@ -351,7 +356,10 @@ def add_figures(out: Report, found: Found) -> None:
             seen.add(**own, coverage_percent=100 * part)
     names = {"angle_deg": "PIP or DIP (°)", "coverage_percent": "coverage (%)"}
     by = {"by": "layers", "panel": "pad", "names": names}
-    out.figure("coverage", plots.lines(seen, "angle_deg", "coverage_percent", **by), most=4)
+    drawing = plots.lines(seen, "angle_deg", "coverage_percent", **by)
+    for line in (line for axes in drawing.axes for line in axes.lines):
+        line.set_markevery(max(len(found.degrees) // MARKED, 1))
+    out.figure("coverage", drawing, most=4)
     out.figure("worst", draw_worst(found))
     sold = Records()
     for name, own in found.lenses.where(in_section="long").group("layers").items():
