@@ -231,13 +231,13 @@ def test_it_needs_float64():
         study.run(LayeredFingerSpec(), Context(0, "float32", lambda _: nullcontext()))
 
 
+@pytest.mark.slow
 def test_a_quick_run_explains_and_checks_all_that_is_lost(tmp_path):
-    always = {"strips_unexplained", "formula_worst_mm", "oracle_worst"}
+    always = {"intermediate_worst", "strips_unexplained", "formula_worst_mm", "oracle_worst"}
     done = quick_run("layered-finger", tmp_path, judged=always)
     measured = done.measured
     assert measured["bare_worst"] == pytest.approx(1)
     assert measured["plate_proximal"] == pytest.approx(0.8341, abs=1e-4)
-    assert measured["intermediate_worst"] == pytest.approx(1)
     assert measured["strips"] > 10
     # From the camera 20.97 mm above the pads: to their far ends on either side.
     root, tip = math.atan2(46.87, 20.97), math.atan2(40.13, 20.97)
