@@ -147,7 +147,7 @@ def run(spec: LayeredFingerSpec, context: Context) -> Results:
         redesign(found, finger, poses, context)
     add_metrics(out, finger, found)
     add_tables(out, found)
-    add_findings(out, found)
+    add_findings(out, finger, found)
     add_figures(out, found)
     return out.results()
 
@@ -241,7 +241,7 @@ def published(found: Found) -> Records:
         for (pad, value), paper in zip(fine.items(), case.today, strict=True):
             off = {"difference": value - paper, "coarse_difference": coarse[pad] - paper}
             grid = {"worst": value, "coarse": coarse[pad], "paper": paper}
-            rows.add(layers=name, pad=pad, **grid, **off)
+            rows.add(layers=name, reading=name.split()[-1], pad=pad, **grid, **off)
     return rows
 
 
@@ -257,10 +257,7 @@ def add_metrics(out: Report, finger: Finger, found: Found) -> None:
     """The study's numbers."""
     least = {name: survey.least() for name, survey in found.surveys.items()}
     rows, strips = published(found), found.strips
-    inside, outside = (
-        rows.where(np.array([place in name for name in rows["layers"]]))
-        for place in ("inside", "outside")
-    )
+    inside, outside = (rows.where(reading=place) for place in ("inside", "outside"))
     whole = [np.nanmin(survey.coverage[..., 1]) for survey in found.surveys.values()]
     out.metrics(
         bare_worst=min(least["none"].values()),
@@ -315,7 +312,7 @@ def add_tables(out: Report, found: Found) -> None:
     out.table("checks", found.checks)
 
 
-def add_findings(out: Report, found: Found) -> None:
+def add_findings(out: Report, finger: Finger, found: Found) -> None:
     """Plain sentences, most important first."""
     out.say("bare", postures=len(found.degrees) ** 2)
     out.say("plate")
@@ -323,12 +320,16 @@ def add_findings(out: Report, found: Found) -> None:
         [strip] = found.strips.where(layers=PLATE, pad=pad).group("pad").values()
         columns = strip.keys()
         out.say(f"why-{pad}", **{column: strip[column].tolist()[0] for column in columns})
-    out.say("overhang", **_worst_of(found, "2 mm, overhang"))
-    out.say("clear", **_worst_of(found, "3 mm, clear ends"))
-    meeting, rows = CASES["3 mm outside"].meeting_deg(packaged_finger()), published(found)
-    own = rows.where(np.array(["inside" in name for name in rows["layers"]]))
+    beyond = "2 mm, overhang beyond today's end"
+    outcome = {f"{pad}_beyond": value for pad, value in found.surveys[beyond].least().items()}
+    meeting = {name: CASES[name].meeting_deg(finger) for name in (beyond, "3 mm outside")}
+    out.say(
+        "overhang", **found.surveys["2 mm, overhang"].least(), **outcome, meeting=meeting[beyond]
+    )
+    out.say("clear", **found.surveys["3 mm, clear ends"].least())
+    own = published(found).where(reading="inside")
     least, most = (own.stat(f"{end} difference") for end in ("min", "max"))
-    out.say("inside", least=least, most=most, meeting=meeting)
+    out.say("inside", least=least, most=most, meeting=meeting["3 mm outside"])
     acrylic, silicone = ([(3.0, index)] for index in (ACRYLIC, SILICONE))
     steep, flat = math.radians(70.0), math.radians(90.0)
     widths = {"acrylic": shadow_width(acrylic, steep), "flat": shadow_width(acrylic, flat)}
@@ -338,12 +339,7 @@ def add_findings(out: Report, found: Found) -> None:
         out.say("redesigned", count=len(found.redesigned), most=most, sharp=sharp)
     out.say("lenses")
     short = found.lenses.where(in_section="short", layers="none")
-    best = {pad: short.stat(f"max {pad}") for pad in OUTER}
-    out.say("short", **best, proximal_mean=short.stat("max proximal_mean"))
-
-
-def _worst_of(found: Found, name: str) -> dict[str, float]:
-    return found.surveys[name].least()
+    out.say("short", **{pad: short.stat(f"max {pad}") for pad in OUTER})
 
 
 def add_figures(out: Report, found: Found) -> None:
