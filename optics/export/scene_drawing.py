@@ -167,6 +167,9 @@ def _camera_quantities(camera: CameraTable) -> Iterator[Quantity]:
         yield Quantity("camera.image_circle", camera.image_circle_mm, "mm")
     if camera.max_blur_px is not None:
         yield Quantity("camera.max_blur", camera.max_blur_px, "px")
+    if camera.pupil_shift is not None:
+        for name, value in zip(("e2", "e4"), camera.pupil_shift, strict=True):
+            yield Quantity(f"camera.pupil_shift.{name}", value, "mm")
     if camera.lens is not None:
         yield Quantity("camera.lens.focal_length", camera.lens.focal_length, "mm")
         yield Quantity("camera.lens.f_number", camera.lens.f_number, "")

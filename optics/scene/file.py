@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import pydantic
 
 from designopt.io.spec import Spec
@@ -31,6 +32,9 @@ MOST_BEVEL = 80
 
 LARGEST_INDEX = 4.0
 """Of refraction: above all glass and plastic."""
+
+LARGEST_PUPIL_SHIFT = 10.0
+"""mm: above all lenses that fit into a finger."""
 
 SQUARE = 0.02
 """Sides of a sensor are stated so exactly, as a part of themselves: pixels are square."""
@@ -143,7 +147,8 @@ class CameraTable(Spec):
     """``[camera]``: position in mm, optical axis counter-clockwise from +x.
 
     Without ``format``, ``fov_deg`` and ``pixels`` are those of the image line. With it, two of
-    ``focal_length`` (mm), ``fov_deg`` with ``fov_axis``, and ``projection`` give the third.
+    ``focal_length`` (mm), ``fov_deg`` with ``fov_axis``, and ``projection`` give the third. Rays
+    at θ (rad) from the axis pass e₂ θ² + e₄ θ⁴ before the position: ``pupil_shift``, mm.
     """
 
     position: Point
@@ -156,6 +161,7 @@ class CameraTable(Spec):
     projection: ProjectionEntry | None = None
     image_circle_mm: Length | None = None
     max_blur_px: Length | None = None
+    pupil_shift: tuple[Number, Number] | None = None
     body: Name = FIXED
     format: FormatTable | None = None
     lens: LensTable | None = None
@@ -222,6 +228,20 @@ class CameraTable(Spec):
                 raise ValueError(
                     f"lens.focal_length is {own:g} mm, and {focal:.4g} mm is that of the camera; "
                     "correct one of them"
+                )
+        return self
+
+    @pydantic.model_validator(mode="after")
+    def _moves_its_pupil_little(self) -> CameraTable:
+        if self.pupil_shift is not None:
+            square = np.radians(np.linspace(0, self.section_fov_deg / 2, 181)) ** 2
+            shift = square * (self.pupil_shift[0] + square * self.pupil_shift[1])
+            most = shift[np.argmax(np.abs(shift))]
+            if abs(most) > LARGEST_PUPIL_SHIFT:
+                raise ValueError(
+                    f"'pupil_shift' moves the entrance pupil by {most:.4g} mm within the field of "
+                    f"view, and {LARGEST_PUPIL_SHIFT:g} mm is the most; correct [e2, e4], in mm "
+                    "per rad² and rad⁴"
                 )
         return self
 

@@ -224,6 +224,8 @@ class Placed(eqx.Module):
         hinges: of the frames.
         origin: what has been subtracted, mm: the camera's position in the reference pose.
         size: what has been divided by, mm; it has no derivative.
+        pupil: of a camera whose entrance pupil moves, e₂ and e₄, in units of ``size``, and half the
+            field of view, rad.
     """
 
     camera: Vector
@@ -233,6 +235,7 @@ class Placed(eqx.Module):
     hinges: Vector
     origin: Vector
     size: Float[Array, ""]
+    pupil: tuple[Float[Array, "2"], Float[Array, ""]] | None = None
 
     @property
     def starts(self) -> Vector:
@@ -290,7 +293,7 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
         _moved(frame, corners[order[frame_of[order] == index]]) for index, frame in enumerate(moved)
     ]
     joined = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
-    camera = moved[layout.camera_frame]
+    camera, shift = moved[layout.camera_frame], scene.camera.pupil_shift
     return Placed(
         _moved(camera, still[0]),
         rotation(scene.camera.direction).turned(camera[2]),
@@ -299,6 +302,7 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
         stack(*(now for _, now, _ in moved))[:-1],
         origin,
         size,
+        None if shift is None else (shift / size, scene.camera.field_of_view / 2),
     )
 
 

@@ -123,6 +123,8 @@ def _camera(camera: Camera) -> dict[str, Any]:
     table["projection"] = projection_entry(camera.projection)
     if camera.max_blur is not None:
         table["max_blur_px"] = float(camera.max_blur)
+    if camera.pupil_shift is not None:
+        table["pupil_shift"] = np.asarray(camera.pupil_shift, float).tolist()
     if camera.lens is not None:
         focal, sensor = float(camera.lens.focal_length), float(camera.lens.sensor_distance)
         table["lens"] = {

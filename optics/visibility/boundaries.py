@@ -8,7 +8,8 @@ one interval: that where
 all taken with the sign of (A − S) × (B − S), are positive. Each is linear along the pad, so its
 values at the pad's two ends give the place where it vanishes as a quotient: there the line of sight
 along an end of the segment, or the segment itself, meets the pad. Limits of the field of view and
-of the grazing angle are linear conditions too.
+of the grazing angle are linear conditions too. Where rays slide (`optics.visibility.sliding`) the
+ray past A comes from a place S(A) of its own, which takes the place of S.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector, rotation, where
+from designopt.vectors import Vector, rotation, stack, where
 from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundary_codes import parts_of, with_kind
 from optics.visibility.pads import LIMITS, PAD_ENDS, Pad, Windows
-from optics.visibility.unfolding import Unfolded, unit
+from optics.visibility.unfolding import Unfolded, left_of, unit
 
 PER_SEGMENT = 3
 """How many of the `conditions` are those of one segment."""
@@ -42,19 +43,42 @@ def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 boun
     # notation: where a ray meets the pad at s from the foot of the height h, tan(grazing) = h/|s|;
     # h and s in units of the pad's length.
     step, least = pad.end - pad.start, rotation(pad.grazing)
-    h = jnp.abs(step.cross(path.source - pad.start))
+    slide = path.slide
+    if slide is not None:
+        eyes, flat = slide.source(limits), slide.source(flattest_rays(path, pad))
+        h = sense_of(path, pad) * step.cross(flat - pad.start)
+    else:
+        eyes = flat = None
+        h = jnp.abs(step.cross(path.source - pad.start))
 
     @jax.vmap
     def values(place: Vector) -> Float[Array, " bounds"]:
-        ends, ray = path.blockers.ends - path.source, place - path.source
-        beside = ends.cross(ray)
-        behind = (ends[..., 1] - ends[..., 0]).cross(place - path.blockers.ends[..., 0])
+        past, ray = path.past(), place - path.source
+        beside = past.arrow.cross(ray if slide is None else place - past.start)
+        segment = path.blockers.ends if slide is not None else past.arrow
+        behind = (segment[..., 1] - segment[..., 0]).cross(place - path.blockers.ends[..., 0])
         segments = [beside[..., 0], -beside[..., 1], -behind]
-        inside = inward * limits.cross(ray[None])
-        steep = h * least.x + towards * (step.dot(ray) * least.y)
+        inside = inward * limits.cross(ray[None] if eyes is None else place - eyes)
+        along = step.dot(ray if flat is None else place - flat)
+        steep = h * least.x + towards * (along * least.y)
         return jnp.concatenate([*(part.reshape(-1) for part in segments), inside, steep])
 
     return values(pad.ends())
+
+
+def sense_of(path: Unfolded, pad: Pad) -> Float[Array, ""]:
+    """1 if rays to a pad come from its left, −1 if they come from its right."""
+    step = pad.end - pad.start
+    above = left_of(path.eye(pad.start, pad.end), pad.start, step)
+    return jnp.where(above < 0, -1.0, 1.0).astype(step.x.dtype)
+
+
+def flattest_rays(path: Unfolded, pad: Pad) -> Vector:
+    """Unit vectors of the flattest rays towards both ends of a pad."""
+    along = unit(pad.end - pad.start)
+    drop = along.perpendicular().scaled(-sense_of(path, pad) * jnp.sin(pad.grazing))
+    forth = along.scaled(jnp.cos(pad.grazing))
+    return stack(drop - forth, drop + forth)
 
 
 def meetings(
@@ -86,8 +110,8 @@ def labels_of(path: Unfolded, pad: Pad) -> Int[Array, " bounds"]:
 def toward(
     camera: Camera, path: Unfolded, pad: Pad, inner: Windows, label: Int[Array, ""]
 ) -> Vector:
-    """From the source along the line of sight that a label stands for, of any length."""
-    source, axis, step = path.source, path.axis, pad.end - pad.start
+    """Along the line of sight that a label stands for, of any length."""
+    axis, step = path.axis, pad.end - pad.start
     leg, surface, kind = parts_of(jnp.maximum(label, 0))
     edges = jax.tree.map(lambda leaf: leaf[leg, surface], path.blockers)
     first, last = edges.ends[0], edges.ends[1]
@@ -99,11 +123,11 @@ def toward(
     low, high = LIMITS[2:] if pad.cover is None else pad.cover.flattest
     # The labels below 0 come in pairs, of which one has the sign 1.
     second = (label == codes.SECOND_PAD_END) | (label == codes.LEFT_LIMIT) | (label == high)
-    sign = jnp.where(second, 1.0, -1.0).astype(source.x.dtype)
+    sign = jnp.where(second, 1.0, -1.0).astype(step.x.dtype)
     half = rotation(camera.field_of_view / 2)
     limit = axis.scaled(half.x) + axis.perpendicular().scaled(sign * half.y)
     along_pad = unit(step)
-    above = along_pad.cross(source - pad.start)
+    above = along_pad.cross(path.eye(pad.start, pad.end) - pad.start)
     drop = along_pad.perpendicular().scaled(-above * jnp.sin(pad.grazing))
     flattest = drop + along_pad.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
     end = where(second, pad.end, pad.start)
@@ -113,7 +137,7 @@ def toward(
     end = where(label >= 0, edge, end)
     is_limit = (label == codes.LEFT_LIMIT) | (label == codes.RIGHT_LIMIT)
     is_grazing = (label == low) | (label == high)
-    return where(is_limit, limit, where(is_grazing, flattest, end - source))
+    return where(is_limit, limit, where(is_grazing, flattest, path.to(end).arrow))
 
 
 def _own_end(

@@ -109,6 +109,11 @@ class EndCover(eqx.Module):
     membrane: Float[Array, "*ends 2"]
     transmission: Float[Array, "*ends"]
 
+    @property
+    def length(self) -> Float[Array, "*ends"]:
+        """Of the membrane."""
+        return self.membrane[..., 1] - self.membrane[..., 0]
+
     def windows(self, face: Vector, source: Vector) -> Float[Array, "windows 2"]:
         """Entries of the rays to both ends of what may be passed behind each layer below.
 
@@ -128,6 +133,20 @@ class EndCover(eqx.Module):
         below = jnp.append(levels >= self.layer, True)[:, None]
         dark = jax.lax.stop_gradient(self._excess(best, source)) < 0
         return jnp.where(below, met, free).at[-1].set(jnp.where(dark, free[::-1], met[-1]))
+
+    def window(self, face: Vector, source: Vector, number: Int[Array, ""]) -> Float[Array, ""]:
+        """One of the `windows`, for a source of its own."""
+        level, second = number // 2, number % 2
+        by_light, best = level == self.thickness.size, self._brightest(source)
+        sign = jnp.where(second > 0, 1.0, -1.0).astype(best.dtype)
+        place = self.places.reshape(-1)[jnp.minimum(number, self.places.size - 1)]
+        brightness, zero = jnp.where(by_light, sign, 0.0), jnp.zeros_like(best)
+        low = jnp.where(brightness > 0, best, zero)
+        high = jnp.where(brightness < 0, best, zero + 1)
+        met = self._crossing(Sought(level, place, brightness), low, high, source)
+        dark = by_light & (jax.lax.stop_gradient(self._excess(best, source)) < 0)
+        free = jnp.where((second > 0) != dark, BEYOND, BELOW)
+        return jnp.where((level < self.layer) | dark, free, met)
 
     def coordinate(
         self, face: Vector, source: Vector, entries: Float[Array, " points"]

@@ -24,6 +24,7 @@ from optics.scene.scene import Placed, Scene, place
 from optics.visibility.boundaries import labels_of, meetings
 from optics.visibility.image_scale import look, reflections
 from optics.visibility.intervals import Interval, measure_of_union
+from optics.visibility.lines_of_sight import coordinates
 from optics.visibility.pads import PAD_ENDS, Faces, Pad, Windows
 from optics.visibility.searching import Found, find
 from optics.visibility.unfolding import Unfolded, paths_of, unfold_all
@@ -241,7 +242,7 @@ def _ends(
         return entries, entries
 
     def behind(pad: Pad, path: Int[Array, ""], entries: Float[Array, "2"]) -> Float[Array, "2"]:
-        return pad.behind.coordinate(pad.ends(), paths.at(path).source, entries)
+        return coordinates(paths.at(path), pad.behind, pad.ends(), entries)
 
     ends = faces.of_pieces(behind, found.face, found.path, entries)
     # A ray to an end of the membrane meets it exactly, wherever it enters.

@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float
 from designopt.numerics import safe_arctan2, safe_divide
 from designopt.vectors import Vector
 from optics.scene.camera import Camera
+from optics.visibility.lines_of_sight import sliding_scale
 from optics.visibility.pads import Pad
 from optics.visibility.unfolding import Unfolded, unit
 
@@ -29,7 +30,12 @@ def look(
     """
     source, axis = path.source, path.axis
     step, toward = pad.end - pad.start, pad.start - source
-    arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
+    sliding = None
+    if path.slide is None:
+        arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
+    else:
+        sliding = sliding_scale(path.slide, pad.cover, pad.ends(), entries)
+        arrow = sliding[0]
     across = axis.x * arrow.y - axis.y * arrow.x
     angle = safe_arctan2(across, axis.x * arrow.x + axis.y * arrow.y)
     # Beyond the seam of a camera that looks all around, pixels are counted on.
@@ -37,7 +43,9 @@ def look(
     center = safe_arctan2(axis.cross(middle), axis.dot(middle))
     turns = jax.lax.stop_gradient(jnp.round((angle - center) / (2 * jnp.pi)))
     angle = path.handedness() * (angle - 2 * jnp.pi * turns)
-    if pad.cover is None:
+    if sliding is not None:
+        _, per_size, distance = sliding
+    elif pad.cover is None:
         above = jnp.abs(unit(step).cross(toward))
         per_size, _ = safe_divide(jnp.full_like(across, above), arrow.squared())
         distance = arrow.length()
@@ -51,10 +59,14 @@ def reflections(
     path: Unfolded, pad: Pad, entries: Float[Array, " points"]
 ) -> Float[Array, "reflections points"]:
     """Where on each mirror of a path the rays to points of the surface seen are reflected."""
-    arrow = (pad.end - pad.start).scaled(entries) + (pad.start - path.source)
+    step, source = (pad.end - pad.start).scaled(entries), path.source
+    if path.slide is None:
+        arrow = step + (pad.start - source)
+    else:
+        arrow, source = path.slide.rays_to(pad.start + step)
 
     def on(mirror: Vector, reflects: Bool[Array, ""]) -> Float[Array, " points"]:
-        first, along = mirror[0] - path.source, mirror[1] - mirror[0]
+        first, along = mirror[0] - source, mirror[1] - mirror[0]
         at, _ = safe_divide(first.cross(arrow), arrow.cross(along))
         return jnp.where(reflects, at, 0.0)
 

@@ -20,6 +20,7 @@ from optics.scene.layers import CHANNELS, Layers, Profile
 from optics.scene.scene import Placed, Scene
 from optics.visibility import boundary_codes as codes
 from optics.visibility.clear_ends import EndCover
+from optics.visibility.lines_of_sight import windows
 from optics.visibility.refraction import FrontCover, least_grazing
 from optics.visibility.unfolding import Unfolded, unit
 
@@ -159,7 +160,7 @@ class Faces(eqx.Module):
 
 def _windows(paths: Unfolded, pads: Pad) -> Windows:
     def passed(path: Unfolded, pad: Pad) -> Float[Array, "rows 2"]:
-        return pad.behind.windows(pad.ends(), path.source)
+        return windows(path, pad.behind, pad.ends())
 
     of_path = jax.vmap(passed, (None, 0))
     return None if pads.cover is None else jax.vmap(of_path, (0, None))(paths, pads)

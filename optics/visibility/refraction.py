@@ -55,6 +55,11 @@ class FrontCover(eqx.Module):
     index: Float[Array, "*pads layers"]
     places: Float[Array, "*pads layers 2"]
 
+    @property
+    def length(self) -> Float[Array, "*pads"]:
+        """Of the membrane."""
+        return self.places[..., -1, 1] - self.places[..., -1, 0]
+
     def windows(self, face: Vector, source: Vector) -> Float[Array, "layers 2"]:
         """Entries of the lines of sight to both ends of what may be passed behind each layer."""
         height, foot, length = _seen_from(face, source)
@@ -62,6 +67,13 @@ class FrontCover(eqx.Module):
         to_level = jax.vmap(jax.vmap(slope_to, (None, None, None, 0)), (None, 0, None, 0))
         slopes = to_level(height, above, self.index, self.places - foot)
         return (foot + height * slopes) / length
+
+    def window(self, face: Vector, source: Vector, number: Int[Array, ""]) -> Float[Array, ""]:
+        """One of the `windows`, for a source of its own."""
+        height, foot, length = _seen_from(face, source)
+        above = jnp.where(jnp.arange(self.thickness.size) <= number // 2, self.thickness, 0.0)
+        slope = slope_to(height, above, self.index, self.places.reshape(-1)[number] - foot)
+        return (foot + height * slope) / length
 
     def coordinate(
         self, face: Vector, source: Vector, entries: Float[Array, " points"]

@@ -24,9 +24,14 @@ from designopt.numerics import safe_divide
 from designopt.vectors import Vector, where
 from optics.scene.scene import Layout, Placed
 from optics.visibility.boundary_codes import CUT_AFTER, CUT_BEFORE, FIRST_END, SECOND_END, label_of
+from optics.visibility.sliding import Rays, Slide
 
 ROUNDING_UNITS = 8
 """What is nearer to a line than so many units of rounding of its distance lies on the line."""
+
+
+ROOM = 1e-3
+"""rad: the entrance pupil moves on so far beyond the field of view, for the slopes at its limit."""
 
 
 class Fold(eqx.Module):
@@ -93,6 +98,8 @@ class Unfolded(eqx.Module):
         blockers: all surfaces on every leg, shape (legs, surfaces); active is what can hide a pad,
             so those that a leg goes ``through`` are not.
         last: both ends of the last mirror, not folded, if there is one.
+        slide: from where rays come; ``None`` if all come from the source.
+        sliding: the rays past both ends of all blockers, likewise.
     """
 
     source: Vector
@@ -104,10 +111,28 @@ class Unfolded(eqx.Module):
     through: Bool[Array, "*paths legs surfaces"]
     blockers: Edges
     last: Vector
+    slide: Slide | None = None
+    sliding: Rays | None = None
 
     def at(self, path: Int[Array, ""]) -> Unfolded:
         """One of several paths."""
         return jax.tree.map(lambda leaf: leaf[path], self)
+
+    def past(self) -> Rays:
+        """The rays past both ends of all blockers."""
+        return self.sliding or Rays(self.blockers.ends - self.source, self.source)
+
+    def to(self, places: Vector) -> Rays:
+        """The rays to places on the last leg."""
+        if self.slide is None:
+            return Rays(places - self.source, self.source)
+        return self.slide.rays_to(places)
+
+    def eye(self, start: Vector, end: Vector) -> Vector:
+        """Where the ray to the middle of a segment on the last leg comes from."""
+        if self.slide is None:
+            return self.source
+        return self.slide.rays_to(start + (end - start).scaled(jnp.full_like(start.x, 0.5))).start
 
     def handedness(self) -> Float[Array, "*paths"]:
         """−1 after an odd number of reflections, else 1."""
@@ -226,7 +251,11 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
     reflects = [index >= 0 for index in word]
     folds = folds_of(mirrors, reflects)
 
-    lefts, facing, turned_away = _sides(placed, sides, word)
+    source = folds[0].place(placed.camera) if count else placed.camera
+    axis = folds[0].arrow(placed.axis) if count else placed.axis
+    slide = _slide(placed, source, axis)
+    lefts = None if slide is None else _sliding_lefts(placed, folds, slide)
+    lefts, facing, turned_away = _sides(placed, sides, word, lefts)
 
     index = jnp.arange(surfaces)
     blockers, through = [], []
@@ -256,10 +285,11 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
     for there, mirror in zip(reflects, mirrors, strict=True):
         last = where(there, mirror, last)
     blocking = _stacked(blockers)
+    past = None if slide is None else slide.rays_to(blocking.ends)
     nothing, none = jax.tree.map(lambda leaf: leaf[0, :0], blocking), jnp.zeros(0, bool)
     return Unfolded(
-        folds[0].place(placed.camera) if count else placed.camera,
-        folds[0].arrow(placed.axis) if count else placed.axis,
+        source,
+        axis,
         _stacked(whole) if count else nothing.ends,
         _stacked(apertures) if count else nothing,
         jnp.stack(reflects) if count else none,
@@ -267,11 +297,16 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         jnp.stack(through),
         blocking,
         last,
+        slide,
+        past,
     )
 
 
 def _sides(
-    placed: Placed, sides: Float[Array, " surfaces"], word: Int[Array, " reflections"]
+    placed: Placed,
+    sides: Float[Array, " surfaces"],
+    word: Int[Array, " reflections"],
+    sliding: list[Array] | None,
 ) -> tuple[list[Array], list[Array], list[Array]]:
     """On which side of all surfaces the camera is, or its images; without derivatives.
 
@@ -279,6 +314,7 @@ def _sides(
         placed: the scene in a pose.
         sides: of the surfaces, the ones that reflect, sense or block.
         word: mirrors along a path.
+        sliding: `left_of` of every leg, if rays do not all come from the camera.
 
     Returns:
         For each leg, of all surfaces, `left_of` of where its rays come from; and for
@@ -289,15 +325,30 @@ def _sides(
     still = jax.lax.stop_gradient(placed)
     starts, lines = still.starts, still.ends - still.starts
     source, lefts, facing, turned_away = still.camera, [], [], []
-    for index in word:
+    for leg, index in enumerate(word):
         there = index >= 0
-        lefts.append(left_of(source, starts, lines))
+        lefts.append(left_of(source, starts, lines) if sliding is None else sliding[leg])
         above = lefts[-1][index]
         facing.append(jnp.where(there, jnp.where(above < 0, -1.0, 1.0), 0.0).astype(above.dtype))
         turned_away.append(there & ((above == 0) | (sides[index] * above < 0)))
         arrow = (source - starts[index]).conjugate().turned(_twice(lines[index]))
         source = where(there, starts[index] + arrow, source)
-    return [*lefts, left_of(source, starts, lines)], facing, turned_away
+    last = left_of(source, starts, lines) if sliding is None else sliding[-1]
+    return [*lefts, last], facing, turned_away
+
+
+def _sliding_lefts(placed: Placed, folds: Sequence[Fold], slide: Slide) -> list[Array]:
+    """For each leg, of all surfaces, `left_of` of where the ray to its middle comes from."""
+    placed, folds, slide = jax.lax.stop_gradient((placed, list(folds), slide))
+    lefts = []
+    for fold in [*folds, None]:
+        ends = placed.corners if fold is None else fold.place(placed.corners)
+        first, along = ends[..., 0], ends[..., 1] - ends[..., 0]
+        left = left_of(
+            slide.rays_to(first + along.scaled(jnp.full_like(first.x, 0.5))).start, first, along
+        )
+        lefts.append(left if fold is None else fold.sign * left)
+    return lefts
 
 
 def _aperture(
@@ -325,11 +376,13 @@ class VirtualCamera(eqx.Module):
         source: where it is.
         axis: its optical axis, a unit vector.
         handedness: −1 after an odd number of reflections, else 1.
+        slide: from where rays come; ``None`` if all come from the source.
     """
 
     source: Vector
     axis: Vector
     handedness: Float[Array, "*paths"]
+    slide: Slide | None = None
 
 
 def virtual_cameras(placed: Placed, words: Sequence[tuple[int, ...]]) -> VirtualCamera:
@@ -338,12 +391,19 @@ def virtual_cameras(placed: Placed, words: Sequence[tuple[int, ...]]) -> Virtual
     def image(word: Int[Array, " reflections"]) -> VirtualCamera:
         reflects = [index >= 0 for index in word]
         folds = folds_of([placed.corners[index] for index in word], reflects)
-        if not folds:
-            return VirtualCamera(placed.camera, placed.axis, jnp.ones_like(placed.size))
-        whole = folds[0]
-        return VirtualCamera(whole.place(placed.camera), whole.arrow(placed.axis), whole.sign)
+        source, axis, sign = placed.camera, placed.axis, jnp.ones_like(placed.size)
+        if folds:
+            source, axis, sign = folds[0].place(source), folds[0].arrow(axis), folds[0].sign
+        return VirtualCamera(source, axis, sign, _slide(placed, source, axis))
 
     return jax.vmap(image)(jnp.asarray(padded(words)))
+
+
+def _slide(placed: Placed, source: Vector, axis: Vector) -> Slide | None:
+    if placed.pupil is None:
+        return None
+    shift, half = placed.pupil
+    return Slide(source, axis, shift, half + ROOM)
 
 
 def unfold_all(layout: Layout, placed: Placed, words: Sequence[tuple[int, ...]]) -> Unfolded:

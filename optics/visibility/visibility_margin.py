@@ -39,7 +39,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
         pad: the pad.
         inner: what its layers let through.
     """
-    source = path.source
+    source = path.eye(pad.start, pad.end)
     step = pad.end - pad.start
     above = left_of(source, pad.start, step)
     middle = (pad.start - source) + (pad.end - source)
@@ -51,7 +51,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
 
     shown = _shown(path, pad)
     foot = step.perpendicular().scaled(-above)
-    ends = shown.ends - source
+    ends = path.to(shown.ends).arrow
     seen = stack(ends[0], ends[1], path.axis, -path.axis, foot)
     first, last, axis, back, foot = angle(seen)
     # Angles from the pad's middle, so that none of what can hide it lies at a jump by 2π.
@@ -63,7 +63,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
 
     def spans(edges: Edges) -> Interval:
         """The angles under which segments appear."""
-        angles = angle(edges.ends - source)
+        angles = angle(path.to(edges.ends).arrow)
         from_angle, width = angles[..., 0], angles[..., 1] - angles[..., 0]
         width = width - 2 * jnp.pi * jnp.round(width / (2 * jnp.pi))
         middle = turned(from_angle + width / 2)
@@ -103,7 +103,11 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     lower_labels = jnp.stack([shown.labels[0], toward_first, low])
     upper_labels = jnp.stack([shown.labels[1], toward_second, high])
     if pad.cover is not None and inner is not None:
-        labels, passed = pad.cover.labels, angle(step.scaled(inner) + (pad.start - source))
+        labels, places = pad.cover.labels, step.scaled(inner)
+        if path.slide is None:
+            passed = angle(places + (pad.start - source))
+        else:
+            passed = angle(path.to(pad.start + places).arrow)
         lower, upper = jnp.append(lower, passed[:, 0]), jnp.append(upper, passed[:, 1])
         lower_labels = jnp.append(lower_labels, labels[:, 0])
         upper_labels = jnp.append(upper_labels, labels[:, 1])
@@ -179,7 +183,7 @@ def margin(
     """The width (rad) of the gap that was found, with the derivative of the lines that bound it."""
     labels = jnp.stack([widest.start_label, widest.end_label])
     first, last = jax.vmap(lambda label: toward(camera, path, pad, inner, label))(labels).angle()
-    above = (pad.end - pad.start).cross(path.source - pad.start)
+    above = (pad.end - pad.start).cross(path.eye(pad.start, pad.end) - pad.start)
     sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
     moving = sense * (last - first)
     # The value comes from the search, where each angle is on its turn; the slope from the two
