@@ -297,18 +297,46 @@ class SurfaceTable(Spec):
         return self
 
 
+Index = Annotated[Number, pydantic.Field(ge=1, le=LARGEST_INDEX)]
+
+
+class SheetTable(Spec):
+    """An entry of ``layers`` of a mirror: clear, with black ends at right angles; mm."""
+
+    thickness: Length
+    index: Index
+
+
 class MirrorTable(SurfaceTable):
     """``[[mirrors]]``: straight, or with a radius a conic section.
 
     Its ends lie on the curve and its axis is the perpendicular bisector of its chord. At ξ along
     the chord from its middle it lies ξ²/(R (1 + √(1 − (1 + k) ξ²/R²))) away from the tangent at
     its vertex, with R the radius of curvature there (positive: its centre lies to the left of
-    ``from`` → ``to``) and k the conic constant (0: circle, −1: parabola).
+    ``from`` → ``to``) and k the conic constant (0: circle, −1: parabola). A straight one may
+    reflect at the back of ``layers``, the outermost first: its ends are those of the coat there.
     """
 
     name: MirrorName
     radius: Number | None = None
     conic: Number | None = None
+    layers: Annotated[list[SheetTable], pydantic.Field(max_length=MOST_LAYERS)] = pydantic.Field(
+        default_factory=list
+    )
+
+    @pydantic.model_validator(mode="after")
+    def _lies_behind_its_layers(self) -> MirrorTable:
+        if self.layers and self.radius is not None:
+            raise ValueError(
+                "a curved mirror has no layers; remove 'layers', or leave 'radius' out for a "
+                "straight mirror"
+            )
+        if self.layers and self.side == "both":
+            raise ValueError(
+                'layers lie on the reflecting side; write side = "left" or "right", seen from '
+                "'from' to 'to'"
+            )
+        return self
 
     @pydantic.model_validator(mode="after")
     def _is_a_curve(self) -> MirrorTable:
@@ -339,7 +367,6 @@ def _at_both_ends(value: object) -> object:
 AtBothEnds = pydantic.BeforeValidator(_at_both_ends)
 NotNegative = Annotated[Number, pydantic.Field(ge=0)]
 Bevel = Annotated[Number, pydantic.Field(gt=-MOST_BEVEL, lt=MOST_BEVEL)]
-Index = Annotated[Number, pydantic.Field(ge=1, le=LARGEST_INDEX)]
 
 
 class IndexTable(Spec):

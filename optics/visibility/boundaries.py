@@ -24,7 +24,8 @@ from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundary_codes import parts_of, with_kind
 from optics.visibility.pads import LIMITS, PAD_ENDS, Pad, Windows
-from optics.visibility.unfolding import Unfolded, left_of, unit
+from optics.visibility.sliding import LAST
+from optics.visibility.unfolding import Unfolded, left_of, legs_of, unit
 
 PER_SEGMENT = 3
 """How many of the `conditions` are those of one segment."""
@@ -57,7 +58,12 @@ def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 boun
         beside = past.arrow.cross(ray if slide is None else place - past.start)
         segment = path.blockers.ends if slide is not None else past.arrow
         behind = (segment[..., 1] - segment[..., 0]).cross(place - path.blockers.ends[..., 0])
-        segments = [beside[..., 0], -beside[..., 1], -behind]
+        behind = -behind
+        if path.sheets:
+            # What a ray passes before its last mirror lies before the pad.
+            before = legs_of(path.blockers)[..., 0] < jnp.sum(path.reflects)
+            behind = jnp.where(before, past.arrow[..., 0].cross(past.arrow[..., 1]), behind)
+        segments = [beside[..., 0], -beside[..., 1], behind]
         inside = inward * limits.cross(ray[None] if eyes is None else place - eyes)
         along = step.dot(ray if flat is None else place - flat)
         steep = h * least.x + towards * (along * least.y)
@@ -137,7 +143,8 @@ def toward(
     end = where(label >= 0, edge, end)
     is_limit = (label == codes.LEFT_LIMIT) | (label == codes.RIGHT_LIMIT)
     is_grazing = (label == low) | (label == high)
-    return where(is_limit, limit, where(is_grazing, flattest, path.to(end).arrow))
+    sought = path.to(end, jnp.where(label >= 0, leg, LAST) if path.sheets else LAST).arrow
+    return where(is_limit, limit, where(is_grazing, flattest, sought))
 
 
 def _own_end(

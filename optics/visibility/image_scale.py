@@ -65,9 +65,16 @@ def reflections(
     else:
         arrow, source = path.slide.rays_to(pad.start + step)
 
-    def on(mirror: Vector, reflects: Bool[Array, ""]) -> Float[Array, " points"]:
+    def on(mirror: Vector, reflects: Bool[Array, ""], source: Vector) -> Float[Array, " points"]:
         first, along = mirror[0] - source, mirror[1] - mirror[0]
         at, _ = safe_divide(first.cross(arrow), arrow.cross(along))
         return jnp.where(reflects, at, 0.0)
 
-    return jax.vmap(on)(path.whole, path.reflects)
+    if path.slide is None or not path.sheets:
+        return jax.vmap(on, (0, 0, None))(path.whole, path.reflects, source)
+    # At the coat: in the middle between where the ray enters and leaves.
+    found = []
+    for i in range(len(path.reflects)):
+        ways = [path.slide.source(arrow, leg=leg) for leg in (i, i + 1)]
+        found.append(sum(on(path.whole[i], path.reflects[i], way) for way in ways) / 2)
+    return jnp.stack(found)

@@ -82,10 +82,11 @@ def sliding_scale(
 
     slopes = jax.vmap(rise)(rays.arrow.angle())
     scale, _ = safe_divide(jnp.ones_like(slopes), slopes)
+    longer = slide.longer(rays.arrow)
     if cover is None:
-        return rays.arrow, scale, rays.arrow.length()
+        return rays.arrow, scale, rays.arrow.length() + longer
     ways = jax.vmap(lambda eye, entry: cover.scale(face, eye, entry[None])[1][0])
-    return rays.arrow, scale, ways(rays.start, entries)
+    return rays.arrow, scale, ways(rays.start, entries) + longer
 
 
 def _places(face: Vector, entries: Float[Array, "..."]) -> Vector:

@@ -100,7 +100,7 @@ def find_outlines(
     words = paths_of(scene.layout, scene.layout.bounces if bounces is None else bounces)
     placed = place(scene, angles)
     pads = Pad.all_of(scene, placed)
-    cameras = virtual_cameras(placed, words)
+    cameras = virtual_cameras(scene.layout, placed, words)
 
     if cameras.slide is not None:
         sliding = partial(_sliding, scene.layers is not None)
@@ -183,12 +183,17 @@ def _sliding(
     assert slide is not None
     zero, one = jnp.zeros_like(size), jnp.ones_like(size)
     # The image reaches beyond the section's field of view, and so does the formula of the pupil.
-    own = Slide(Vector(zero, zero), Vector(one, zero), slide.pupil * size, jnp.pi * one)
+    pupil = None if slide.pupil is None else (slide.pupil[0] * size, jnp.pi * one)
+    normals = None if slide.normals is None else _own(camera, slide.normals)
+    thickness = None if slide.thickness is None else slide.thickness * size
+    eye = Vector(zero, zero), Vector(one, zero)
+    own = Slide(*eye, pupil, normals, thickness, slide.index)
     ends = _own(camera, pad.ends() - camera.source).scaled(size)
     behind = _behind(camera, pad, size) if layered else None
     arrow = [_toward(own, ends, behind, end, zero)[0] for end in range(2)]
     arrows = stack(*arrow)
-    return arrows.angle(), arrows.length(), behind, (own, ends)
+    distances = arrows.length() + own.longer(arrows)
+    return arrows.angle(), distances, behind, (own, ends)
 
 
 def _toward(

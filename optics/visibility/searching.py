@@ -134,7 +134,7 @@ def search(
     front = (above != 0) & (pad.side * above >= 0)
     turned_away = jnp.any(path.turned_away)
     # Nothing is left of a mirror that lies in the line of the mirror beside it.
-    open_ = jnp.all(path.mirrors.active | ~path.reflects)
+    open_ = jnp.all(path.mirrors.active | ~path.per_window(path.reflects))
     shortest = SHORTEST_PIECE * jnp.finfo(above.dtype).eps
     present = front & ~turned_away & open_ & (pieces.end - pieces.start > shortest)
     # The last shadow is what a field of view beyond 180° leaves out.

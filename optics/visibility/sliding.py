@@ -1,14 +1,21 @@
-"""Rays whose source slides with their direction: an entrance pupil that moves with the angle.
+"""Rays whose source slides with their direction: moving entrance pupils, and layers on mirrors.
 
 In the unfolded picture of a path (`optics.visibility.unfolding`) all rays of a direction d come
 from the place
 
     S(d) = S + (e₂ θ² + e₄ θ⁴) a,     θ the angle between d and the optical axis a,
 
-the entrance pupil for that angle. Through a place A goes one ray, with (A − S(d)) × d = 0: that is
-solved once, and the ray is a straight line as all others are. Shifts are taken to be small beside
-the distances of what is seen, so that rays do not cross before it. On which side of a line the
-camera is, is asked of the ray to the line's middle.
+the entrance pupil for that angle. A mirror behind layers of thicknesses t and indices n on it is
+unfolded at their outermost surface. A ray at the angle ϑ from its normal ν leaves 2 Σ t tan ϑ′ from
+where it enters, as if it came from a place that lies deeper by
+
+    2 Σ t tan ϑ′ / tan ϑ = 2 Σ t cos ϑ / √(n² − 1 + cos²ϑ)
+
+(Snell's law, n sin ϑ′ = sin ϑ), so S(d) slides along −ν by that, on all legs behind the mirror.
+Through a place A goes one ray, with (A − S(d)) × d = 0: that is solved once, and the ray is a
+straight line as all others are. Shifts are taken to be small beside the distances of what is seen,
+so that rays do not cross before it. On which side of a line the camera is, is asked of the ray to
+the line's middle.
 """
 
 from __future__ import annotations
@@ -19,10 +26,11 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_arctan2, safe_divide, safe_sqrt
 from designopt.vectors import Vector, stack, where
+from optics.visibility.refraction import row_of
 
 STEPS = 12
 """Steps to a source, of a first error of a part of a millimetre."""
@@ -31,12 +39,16 @@ LEAST = 0.1
 """Of the determinant of the last step: where it is smaller rays cross, and it means nothing."""
 
 
+LAST = 1 << 30
+"""In place of the number of a path's last leg."""
+
+
 class Rays(NamedTuple):
     """Rays to places.
 
     Attributes:
-        arrow: to the place from where the ray comes from.
-        start: where it comes from.
+        arrow: to the place from where the ray comes from on its leg.
+        start: where it comes from on the path's last leg.
     """
 
     arrow: Vector
@@ -49,38 +61,92 @@ class Slide(eqx.Module):
     Attributes:
         start: the nominal source, the (virtual) camera's position.
         axis: its optical axis, a unit vector.
-        pupil: e₂ and e₄ of the entrance pupil, in the unit of length.
-        widest: angle from the axis beyond which the pupil is taken to stay, rad.
+        pupil: e₂ and e₄ of the entrance pupil, in the unit of length, and the angle from the axis
+            beyond which it is taken to stay, rad; ``None`` if it stays anyway.
+        normals: of the path's mirrors, unit vectors in the sense in which rays leave them; ``None``
+            if no mirror has layers.
+        thickness: of the layers on them; 0 where there is none.
+        index: of refraction.
     """
 
     start: Vector
     axis: Vector
-    pupil: Float[Array, "*paths 2"]
-    widest: Float[Array, "*paths"]
+    pupil: tuple[Float[Array, "*paths 2"], Float[Array, "*paths"]] | None = None
+    normals: Vector | None = None
+    thickness: Float[Array, "*paths reflections layers"] | None = None
+    index: Float[Array, "*paths reflections layers"] | None = None
 
-    def source(self, toward: Vector, beside: Float[Array, "..."] | None = None) -> Vector:
+    def source(
+        self,
+        toward: Vector,
+        beside: Float[Array, "..."] | None = None,
+        leg: Int[Array, "..."] | int = LAST,
+    ) -> Vector:
         """From where rays come, by their directions.
 
         Args:
             toward: their directions in the section, of any length.
             beside: their way across the section for that length; none by default.
+            leg: of the path, on which they come from there; the last one by default.
         """
+        at = self.start
+        for mirror in range(self._count):
+            normal, depth, _ = self._sheet(mirror, toward, beside)
+            at = at - normal.scaled(jnp.where(mirror < leg, depth, 0.0))
+        if self.pupil is None:
+            return at + toward.scaled(jnp.zeros_like(toward.x))
+        coefficients, widest = self.pupil
         across, ahead = self.axis.cross(toward), self.axis.dot(toward)
         if beside is not None:
             across = safe_sqrt(across * across + beside * beside)
-        square = jnp.minimum(jnp.abs(safe_arctan2(across, ahead)), self.widest) ** 2
-        shift = square * (self.pupil[0] + square * self.pupil[1])
-        return self.start + self.axis.scaled(shift)
+        square = jnp.minimum(jnp.abs(safe_arctan2(across, ahead)), widest) ** 2
+        return at + self.axis.scaled(square * (coefficients[0] + square * coefficients[1]))
 
-    def rays_to(self, places: Vector, beside: Float[Array, "..."] | None = None) -> Rays:
-        """The rays to places, which may lie beside the section."""
+    def rays_to(
+        self,
+        places: Vector,
+        beside: Float[Array, "..."] | None = None,
+        leg: Int[Array, "..."] | int = LAST,
+    ) -> Rays:
+        """The rays to places on a leg, which may lie beside the section."""
 
         def move(given: tuple[Slide, Vector, Array | None], at: Vector) -> Vector:
             slide, places, beside = given
-            return slide.source(places - at, beside)
+            return slide.source(places - at, beside, leg)
 
-        start = settle(move, (self, places, beside), self.source(places - self.start, beside))
-        return Rays(places - start, start)
+        first = self.source(places - self.start, beside, leg)
+        start = settle(move, (self, places, beside), first)
+        arrow = places - start
+        return Rays(arrow, self.source(arrow, beside) if self._count else start)
+
+    def longer(self, toward: Vector) -> Float[Array, "..."]:
+        """By how much paths through mirrors' layers are longer than straight ones, by direction."""
+        parts = [self._sheet(mirror, toward, None) for mirror in range(self._count)]
+        return sum((more for *_, more in parts), jnp.zeros_like(toward.x))
+
+    @property
+    def _count(self) -> int:
+        return 0 if self.thickness is None else self.thickness.shape[0]
+
+    def _sheet(
+        self, mirror: int, toward: Vector, beside: Float[Array, "..."] | None
+    ) -> tuple[Vector, Array, Array]:
+        """Of a mirror the normal, and for rays by how much S slides and `longer`.
+
+        A path through a layer is 2 t / cos ϑ′ long, 2 t / (n cos ϑ′) of it for a straight one.
+        """
+        assert self.normals is not None
+        assert self.thickness is not None
+        assert self.index is not None
+        normal, thickness, index = self.normals[mirror], self.thickness[mirror], self.index[mirror]
+        length = toward.squared() if beside is None else toward.squared() + beside * beside
+        # For rays that would not come from the mirror at all the even function does no harm.
+        cosine, _ = safe_divide(jnp.abs(normal.dot(toward)), safe_sqrt(length))
+        square = row_of(index**2 - 1, cosine) + (cosine * cosine)[..., None]
+        inside, _ = safe_divide(jnp.ones_like(square), safe_sqrt(square))
+        depth = cosine * jnp.sum(row_of(2 * thickness, cosine) * inside, axis=-1)
+        more = jnp.sum(row_of(2 * thickness * (index - 1), cosine) * inside, axis=-1)
+        return normal, depth, more
 
 
 def settle(move: Callable[[Any, Vector], Vector], given: Any, start: Vector) -> Vector:

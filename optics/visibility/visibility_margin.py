@@ -13,7 +13,7 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_arctan2
 from designopt.vectors import Vector, stack
@@ -23,7 +23,8 @@ from optics.visibility.boundaries import toward
 from optics.visibility.boundary_codes import label_of, with_kind
 from optics.visibility.intervals import FAR, Interval, gaps
 from optics.visibility.pads import LIMITS, PAD_ENDS, Pad, Windows
-from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, unit
+from optics.visibility.sliding import LAST
+from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, legs_of, unit
 
 
 def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Interval:
@@ -62,8 +63,8 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
         return angle - 2 * jnp.pi * jnp.round((angle - center) / (2 * jnp.pi))
 
     def spans(edges: Edges) -> Interval:
-        """The angles under which segments appear."""
-        angles = angle(path.to(edges.ends).arrow)
+        """The angles under which mirrors and blockers appear."""
+        angles = angle(path.to(edges.ends, legs).arrow)
         from_angle, width = angles[..., 0], angles[..., 1] - angles[..., 0]
         width = width - 2 * jnp.pi * jnp.round(width / (2 * jnp.pi))
         middle = turned(from_angle + width / 2)
@@ -86,7 +87,12 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     flattest = LIMITS[2:] if pad.cover is None else pad.cover.flattest
     toward_first = jnp.where(in_front, flattest[0], flattest[1])
     toward_second = jnp.where(in_front, flattest[1], flattest[0])
-    side = jnp.where(above < 0, -1.0, 1.0)
+    side, legs = jnp.where(above < 0, -1.0, 1.0), LAST
+    if path.sheets:
+        # What a ray passes before its last mirror lies before the pad.
+        of_blockers = legs_of(path.blockers)
+        side = jnp.where(of_blockers[..., 0] < jnp.sum(path.reflects), 0.0, side)
+        legs = _legs(path, of_blockers)
     crossing = with_kind(path.blockers.labels[..., 0], codes.CROSSING)
     blockers = cut(path.blockers, pad.ends(), side, crossing)
     # Mirrors first, then what may hide the pad.
@@ -95,7 +101,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
         path.mirrors,
         blockers,
     )
-    found, away, there = spans(both), path.turned_away, path.reflects
+    found, away, there = spans(both), *map(path.per_window, (path.turned_away, path.reflects))
     mirrors = jax.tree.map(lambda leaf: leaf[: len(there)], found)
     hidden = jax.tree.map(lambda leaf: leaf[len(there) :], found)
     lower = jnp.stack([first, foot - max_obliquity, jnp.where(wide, -FAR, axis - half)])
@@ -135,6 +141,14 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     # A pad seen edge-on shows nothing.
     end = jnp.where(above == 0, jnp.minimum(widest.start, widest.end), widest.end)
     return Interval(widest.start, end, widest.start_label, widest.end_label)
+
+
+def _legs(path: Unfolded, of_blockers: Int[Array, "legs 1 1"]) -> Int[Array, "edges 1"]:
+    """The legs of all mirrors, on the way in and out, and of all blockers."""
+    count, surfaces = path.blockers.active.shape
+    into = jnp.arange(count - 1)
+    every = jnp.repeat(of_blockers.reshape(-1), surfaces)
+    return jnp.concatenate([into, into + 1, every])[:, None]
 
 
 def _shown(path: Unfolded, pad: Pad) -> Edges:

@@ -433,7 +433,8 @@ def follow(scene: Scene, angles: np.ndarray) -> Seen:
         turned = np.where(mirrored, ray + 2 * cosine * normal, bent)
         onward = mirrored | (through & (squared > 0))
         on, face, mirrored = on[onward], face[onward], mirrored[onward]
-        heading[on], medium[on] = turned[onward], np.maximum(behind[onward], AIR)
+        heading[on] = turned[onward]
+        medium[on] = np.where(mirrored, medium[on], np.maximum(behind[onward], AIR))
         left[on] = np.where(mirrored, table.owner[face], -1)
         path[on] = np.where(mirrored, path[on] * (mirrors + 1) + left[on] + 1, path[on])
         bounces[on] += mirrored
