@@ -46,8 +46,12 @@ def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 boun
     step, least = pad.end - pad.start, rotation(pad.grazing)
     slide = path.slide
     if slide is not None:
-        eyes, flat = slide.source(limits), slide.source(flattest_rays(path, pad))
-        h = sense_of(path, pad) * step.cross(flat - pad.start)
+        eyes, rays, sense = slide.source(limits), flattest_rays(path, pad), sense_of(path, pad)
+        # A ray flatter than those to the pad bounds nothing and need not come from anywhere near.
+        ends = path.to(pad.ends())
+        steeper = sense * towards * rays.cross(ends.arrow) > 0
+        flat = where(steeper, ends.start, slide.source(rays))
+        h = sense * step.cross(flat - pad.start)
     else:
         eyes = flat = None
         h = jnp.abs(step.cross(path.source - pad.start))
@@ -58,12 +62,11 @@ def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 boun
         beside = past.arrow.cross(ray if slide is None else place - past.start)
         segment = path.blockers.ends if slide is not None else past.arrow
         behind = (segment[..., 1] - segment[..., 0]).cross(place - path.blockers.ends[..., 0])
-        behind = -behind
         if path.sheets:
             # What a ray passes before its last mirror lies before the pad.
             before = legs_of(path.blockers)[..., 0] < jnp.sum(path.reflects)
-            behind = jnp.where(before, past.arrow[..., 0].cross(past.arrow[..., 1]), behind)
-        segments = [beside[..., 0], -beside[..., 1], behind]
+            behind = jnp.where(before, past.arrow[..., 1].cross(past.arrow[..., 0]), behind)
+        segments = [beside[..., 0], -beside[..., 1], -behind]
         inside = inward * limits.cross(ray[None] if eyes is None else place - eyes)
         along = step.dot(ray if flat is None else place - flat)
         steep = h * least.x + towards * (along * least.y)

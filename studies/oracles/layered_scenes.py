@@ -15,6 +15,9 @@ OTHER = {"left": "right", "right": "left", "both": "both"}
 CLEAR = 5.0
 """Of how far the entrance pupil moves, how far away all else is at least."""
 
+EDGE_ON = 1e-6
+"""mm: a pad's line that is nearer to the camera goes through it."""
+
 Tables = dict[str, Any]
 """A scene file as TOML gives it."""
 
@@ -142,12 +145,18 @@ def sliding_scene(
 
 
 def _apart(scene: Scene) -> bool:
-    """Whether all that a ray meets is farther from the camera than rays cross."""
+    """Whether all that a ray meets is farther from the camera than rays cross.
+
+    And no pad is seen exactly edge-on, which a moving pupil turns into a view too narrow for a fan.
+    """
     ends = np.array([(face.start, face.end) for face in scene.faces])
     step, away = ends[:, 1] - ends[:, 0], scene.camera - ends[:, 0]
     part = np.clip(np.real(np.conj(step) * away) / np.abs(step) ** 2, 0, 1)
     moved = np.abs(scene.start(np.array([scene.half])) - scene.camera)
-    return bool(np.abs(away - part * step).min() > CLEAR * moved[0])
+    height = np.abs(np.imag(np.conj(step) * away)) / np.abs(step)
+    pads = np.array([face.part in ("membrane", "outer") for face in scene.faces])
+    far = np.abs(away - part * step).min() > CLEAR * moved[0]
+    return bool(far and height[pads].min() > EDGE_ON)
 
 
 def _tables(rng: np.random.Generator, shape: np.random.Generator) -> Tables:
