@@ -47,17 +47,19 @@ def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 boun
     slide = path.slide
     if slide is not None:
         eyes, rays, sense = slide.source(limits), flattest_rays(path, pad), sense_of(path, pad)
-        # A ray flatter than those to the pad bounds nothing and need not come from anywhere near.
+        # What bounds nothing of the pad need not come from anywhere near the rays to it: flatter
+        # rays, and a limit of the field of view with both ends on one side.
         ends = path.to(pad.ends())
         steeper = sense * towards * rays.cross(ends.arrow) > 0
         flat = where(steeper, ends.start, slide.source(rays))
-        h = sense * step.cross(flat - pad.start)
+        h, arrows = sense * step.cross(flat - pad.start), ends.arrow
+        bounds = limits.cross(arrows[0][None]) * limits.cross(arrows[1][None]) < 0
     else:
-        eyes = flat = None
+        eyes = flat = arrows = bounds = None
         h = jnp.abs(step.cross(path.source - pad.start))
 
     @jax.vmap
-    def values(place: Vector) -> Float[Array, " bounds"]:
+    def values(place: Vector, arrow: Vector | None) -> Float[Array, " bounds"]:
         past, ray = path.past(), place - path.source
         beside = past.arrow.cross(ray if slide is None else place - past.start)
         segment = path.blockers.ends if slide is not None else past.arrow
@@ -67,12 +69,15 @@ def conditions(camera: Camera, path: Unfolded, pad: Pad) -> Float[Array, "2 boun
             before = legs_of(path.blockers)[..., 0] < jnp.sum(path.reflects)
             behind = jnp.where(before, past.arrow[..., 1].cross(past.arrow[..., 0]), behind)
         segments = [beside[..., 0], -beside[..., 1], -behind]
-        inside = inward * limits.cross(ray[None] if eyes is None else place - eyes)
+        if arrow is None or eyes is None or bounds is None:
+            inside = inward * limits.cross(ray[None])
+        else:
+            inside = inward * limits.cross(where(bounds, place - eyes, arrow[None]))
         along = step.dot(ray if flat is None else place - flat)
         steep = h * least.x + towards * (along * least.y)
         return jnp.concatenate([*(part.reshape(-1) for part in segments), inside, steep])
 
-    return values(pad.ends())
+    return values(pad.ends(), arrows)
 
 
 def sense_of(path: Unfolded, pad: Pad) -> Float[Array, ""]:

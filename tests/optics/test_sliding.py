@@ -65,6 +65,7 @@ def test_random_scenes_show_what_rays_show():
     check_structure(2, 40, sheets=False, layers=False)
 
 
+@pytest.mark.nightly
 def test_random_layered_scenes_show_what_rays_show():
     check_structure(3, 40, sheets=False)
 
@@ -225,7 +226,7 @@ def test_corners_in_a_sheet_are_where_snells_law_puts_them():
         ray = math.cos(angle) * axis + math.sin(angle) * up + np.array([0.0, 0.0, slope])
         ray /= np.linalg.norm(ray)
         camera = np.array([2.0, 12.0, 0.0])
-        meets = camera + ray * (front - camera) @ normal / (ray @ normal)
+        meets = camera + ray * ((front - camera) @ normal / (ray @ normal))
         cosine = -ray @ normal
         level = ray + cosine * normal
         leaves = meets + 2 * 0.5 * level / math.sqrt(1.59**2 - level @ level)
