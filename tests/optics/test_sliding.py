@@ -254,6 +254,8 @@ def test_what_does_not_follow_sheets_refuses_them():
     file = with_sheets(tables(), SHEET)
     with pytest.raises(UserError, match="leave out 'layers' of the mirrors"):
         Renderer(parse_scene(file), 20.0, Effects())
+    with pytest.raises(ValueError, match="mirrors have layers"):
+        trace_views(parse_scene(file), NO_ANGLES)
     bent = {"name": "bent", "from": [0.0, 30.0], "to": [9.0, 30.0], "radius": 40.0}
     with pytest.raises(UserError, match="those with layers"):
         parse_scene(file | {"mirrors": [*file["mirrors"], bent]})
