@@ -28,7 +28,7 @@ from optics.plot.layer_section import Stack
 from optics.plot.section import Section
 from optics.scene.camera_module import LINES, NAME
 from optics.scene.file import FIXED, CameraTable, LayerTable, MirrorTable, PadTable, SurfaceTable
-from optics.scene.reading import LEAST_TRANSMISSION
+from optics.scene.reading import LEAST_TRANSMISSION, SIDES
 from optics.visibility.curves import arc_between
 
 if TYPE_CHECKING:
@@ -78,8 +78,16 @@ def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
             polylines.append(Polyline(layer, places))
             text = part.name if kind == "blocker" else f"{part.name} {kind}"
             labels.append(Label(layer, _middle(places), text))
-    if design.scene.layers is not None:
+    if design.scene.layers is not None or design.scene.mirror_layers is not None:
         layers.append(Layer(SHEETS, "body"))
+    for mirror in file.mirrors:
+        if mirror.layers:
+            outline = _sheet(mirror)
+            polylines.append(Polyline(SHEETS, outline, closed=True))
+            count = len(mirror.layers)
+            text = f"{mirror.name} mirror: {count} layer{'s' if count > 1 else ''}"
+            labels.append(Label(SHEETS, _middle(outline[2:]), text))
+    if design.scene.layers is not None:
         for pad, stack in zip(file.pads, _stacks(design), strict=True):
             if stack is None:
                 continue
@@ -139,6 +147,9 @@ def scene_quantities(design: DesignedScene) -> list[Quantity]:
             found.append(Quantity(f"{name}.radius", part.radius, "mm"))
         if part.conic is not None:
             found.append(Quantity(f"{name}.conic", part.conic, ""))
+        for number, layer in enumerate(part.layers, start=1):
+            found.append(Quantity(f"{name}.layers.{number}.thickness", layer.thickness, "mm"))
+            found.append(Quantity(f"{name}.layers.{number}.index", layer.index, ""))
     for part in file.pads:
         name = f"pads.{part.name}"
         found += _surface_quantities(name, part)
@@ -167,6 +178,9 @@ def _camera_quantities(camera: CameraTable) -> Iterator[Quantity]:
         yield Quantity("camera.image_circle", camera.image_circle_mm, "mm")
     if camera.max_blur_px is not None:
         yield Quantity("camera.max_blur", camera.max_blur_px, "px")
+    if camera.pupil_shift is not None:
+        for name, value in zip(("e2", "e4"), camera.pupil_shift, strict=True):
+            yield Quantity(f"camera.pupil_shift.{name}", value, "mm")
     if camera.lens is not None:
         yield Quantity("camera.lens.focal_length", camera.lens.focal_length, "mm")
         yield Quantity("camera.lens.f_number", camera.lens.f_number, "")
@@ -244,6 +258,15 @@ def _off_chords(places: Float[np.ndarray, "places 2"]) -> float:
 def _stacks(design: DesignedScene) -> Sequence[Stack | None]:
     """The layers of all pads in the reference pose."""
     return Section.of(design.scene, np.zeros(len(design.scene.angle_names))).stacks
+
+
+def _sheet(mirror: MirrorTable) -> list[Place]:
+    """Outline of a mirror's layers: the ends of the coat, and back along the front."""
+    ends = np.array([mirror.start, mirror.end])
+    along = (ends[1] - ends[0]) / math.dist(*ends)
+    normal = SIDES[mirror.side] * np.array([-along[1], along[0]])
+    front = ends[::-1] + sum(layer.thickness for layer in mirror.layers) * normal
+    return _rounded(np.vstack([ends, front]))
 
 
 def _rounded(outline: Float[np.ndarray, "corners 2"]) -> list[Place]:

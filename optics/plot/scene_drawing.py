@@ -220,7 +220,7 @@ def legend_of(
         entries.append(("mirror, ticks on its back", _mirror(none, 1)))
     if 0 in reflecting:
         entries.append(("two-sided mirror", _mirror(none, 0)))
-    if any(part.side == 0 for part in layout.blockers + layout.module):
+    if any(part.side == 0 for part in layout.blockers + layout.module + layout.sheet_ends):
         entries.append(("blocker", _blocker(none, 0)))
     if any(part.side for part in layout.blockers):
         entries.append(("one-sided blocker", _blocker(none, 1)))

@@ -163,8 +163,10 @@ def _traced(
     placed = place(scene, angles)
     first, last = pixels[..., :1], pixels[..., 1:]
     spread = spread.astype(pixels.dtype)[None, None]
-    directions = placed.axis.angle() + scene.camera.angle(first + spread * (last - first))
-    camera = placed.absolute(placed.camera).stacked()
-    positions = jnp.broadcast_to(camera, (*directions.shape, 2))
+    angles_seen = scene.camera.angle(first + spread * (last - first))
+    directions = placed.axis.angle() + angles_seen
+    shift = scene.camera.pupil_at(angles_seen) / placed.size
+    pupil = placed.camera + placed.axis.scaled(shift)
+    positions = placed.absolute(pupil).stacked()
     hits = trace_rays(scene, angles, positions, directions, bounces=bounces)
     return hits.surface, jnp.concatenate([positions[..., None, :], hits.place], axis=-2)

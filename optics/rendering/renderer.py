@@ -142,12 +142,23 @@ class Renderer:
             seed: of this finger's rough edges, of its inside, and of the noise of its frames.
 
         Raises:
-            UserError: pads have layers, which images do not show yet.
+            UserError: pads or mirrors have layers, or the entrance pupil moves, which images do not
+                show yet.
         """
         if scene.layers is not None:
             raise UserError(
                 f"{scene.layout.name}: synthetic images do not show the layers on pads; leave out "
                 "'layers' of the pads"
+            )
+        if scene.mirror_layers is not None:
+            raise UserError(
+                f"{scene.layout.name}: synthetic images do not show mirrors through layers; leave "
+                "out 'layers' of the mirrors"
+            )
+        if scene.camera.pupil_shift is not None:
+            raise UserError(
+                f"{scene.layout.name}: synthetic images are those of a pupil that stays; leave out "
+                "'pupil_shift' of the camera"
             )
         self._errors = Fabrication.none(scene.layout) if errors is None else errors
         self._effects, self._width, self._seed = effects, width, seed

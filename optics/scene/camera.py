@@ -247,6 +247,8 @@ class Camera(eqx.Module):
         sensor: with it the focal length does not follow from the field of view.
         module: the body that moves with the camera and hides what is behind it.
         max_blur: largest blur spot that is accepted, pixels.
+        pupil_shift: how the entrance pupil moves forward for a ray at θ (rad) from the axis: mm per
+            rad² and per rad⁴, of `pupil_at`; ``None`` for one that stays at ``position``.
     """
 
     position: Float[Array, "2"] = eqx.field(converter=as_float)
@@ -258,6 +260,7 @@ class Camera(eqx.Module):
     sensor: Sensor | None = None
     module: CameraModule | None = None
     max_blur: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    pupil_shift: Float[Array, "2"] | None = eqx.field(default=None, converter=optional_float)
 
     @property
     def focal_pixels(self) -> Float[Array, ""]:
@@ -282,6 +285,21 @@ class Camera(eqx.Module):
         else:
             raise ValueError("a camera with neither sensor nor lens has no size of a pixel")
         return size
+
+    def pupil_at(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """How far before ``position`` rays at an angle (rad) from the axis pass it, mm.
+
+        Example:
+            >>> fisheye = Camera(
+            ...     jnp.zeros(2), 0.0, 2.8, 100.0, Equidistant(), pupil_shift=jnp.array([0.4, 0.01])
+            ... )
+            >>> round(float(fisheye.pupil_at(jnp.deg2rad(80.0))), 3)
+            0.818
+        """
+        if self.pupil_shift is None:
+            return jnp.zeros_like(angle)
+        square = angle * angle
+        return square * (self.pupil_shift[0] + square * self.pupil_shift[1])
 
     def pixel(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """Where a ray is imaged, in pixels from the image's first edge.

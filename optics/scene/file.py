@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import pydantic
 
 from designopt.io.spec import Spec
@@ -31,6 +32,9 @@ MOST_BEVEL = 80
 
 LARGEST_INDEX = 4.0
 """Of refraction: above all glass and plastic."""
+
+LARGEST_PUPIL_SHIFT = 10.0
+"""mm: above all lenses that fit into a finger."""
 
 SQUARE = 0.02
 """Sides of a sensor are stated so exactly, as a part of themselves: pixels are square."""
@@ -144,7 +148,8 @@ class CameraTable(Spec):
     """``[camera]``: position in mm, optical axis counter-clockwise from +x.
 
     Without ``format``, ``fov_deg`` and ``pixels`` are those of the image line. With it, two of
-    ``focal_length`` (mm), ``fov_deg`` with ``fov_axis``, and ``projection`` give the third.
+    ``focal_length`` (mm), ``fov_deg`` with ``fov_axis``, and ``projection`` give the third. Rays
+    at θ (rad) from the axis pass e₂ θ² + e₄ θ⁴ before the position: ``pupil_shift``, mm.
     """
 
     position: Point
@@ -157,6 +162,7 @@ class CameraTable(Spec):
     projection: ProjectionEntry | None = None
     image_circle_mm: Length | None = None
     max_blur_px: Length | None = None
+    pupil_shift: tuple[Number, Number] | None = None
     body: Name = FIXED
     format: FormatTable | None = None
     lens: LensTable | None = None
@@ -226,6 +232,20 @@ class CameraTable(Spec):
                 )
         return self
 
+    @pydantic.model_validator(mode="after")
+    def _moves_its_pupil_little(self) -> CameraTable:
+        if self.pupil_shift is not None:
+            square = np.radians(np.linspace(0, self.section_fov_deg / 2, 181)) ** 2
+            shift = square * (self.pupil_shift[0] + square * self.pupil_shift[1])
+            most = shift[np.argmax(np.abs(shift))]
+            if abs(most) > LARGEST_PUPIL_SHIFT:
+                raise ValueError(
+                    f"'pupil_shift' moves the entrance pupil by {most:.4g} mm within the field of "
+                    f"view, and {LARGEST_PUPIL_SHIFT:g} mm is the most; correct [e2, e4], in mm "
+                    "per rad² and rad⁴"
+                )
+        return self
+
     @functools.cached_property
     def sold(self) -> SoldLens | None:
         """What follows from lens and sensor; none without ``format``."""
@@ -278,18 +298,46 @@ class SurfaceTable(Spec):
         return self
 
 
+Index = Annotated[Number, pydantic.Field(ge=1, le=LARGEST_INDEX)]
+
+
+class SheetTable(Spec):
+    """An entry of ``layers`` of a mirror: clear, with black ends at right angles; mm."""
+
+    thickness: Length
+    index: Index
+
+
 class MirrorTable(SurfaceTable):
     """``[[mirrors]]``: straight, or with a radius a conic section.
 
     Its ends lie on the curve and its axis is the perpendicular bisector of its chord. At ξ along
     the chord from its middle it lies ξ²/(R (1 + √(1 − (1 + k) ξ²/R²))) away from the tangent at
     its vertex, with R the radius of curvature there (positive: its centre lies to the left of
-    ``from`` → ``to``) and k the conic constant (0: circle, −1: parabola).
+    ``from`` → ``to``) and k the conic constant (0: circle, −1: parabola). A straight one may
+    reflect at the back of ``layers``, the outermost first: its ends are those of the coat there.
     """
 
     name: MirrorName
     radius: Number | None = None
     conic: Number | None = None
+    layers: Annotated[list[SheetTable], pydantic.Field(max_length=MOST_LAYERS)] = pydantic.Field(
+        default_factory=list
+    )
+
+    @pydantic.model_validator(mode="after")
+    def _lies_behind_its_layers(self) -> MirrorTable:
+        if self.layers and self.radius is not None:
+            raise ValueError(
+                "a curved mirror has no layers; remove 'layers', or leave 'radius' out for a "
+                "straight mirror"
+            )
+        if self.layers and self.side == "both":
+            raise ValueError(
+                'layers lie on the reflecting side; write side = "left" or "right", seen from '
+                "'from' to 'to'"
+            )
+        return self
 
     @pydantic.model_validator(mode="after")
     def _is_a_curve(self) -> MirrorTable:
@@ -320,7 +368,6 @@ def _at_both_ends(value: object) -> object:
 AtBothEnds = pydantic.BeforeValidator(_at_both_ends)
 NotNegative = Annotated[Number, pydantic.Field(ge=0)]
 Bevel = Annotated[Number, pydantic.Field(gt=-MOST_BEVEL, lt=MOST_BEVEL)]
-Index = Annotated[Number, pydantic.Field(ge=1, le=LARGEST_INDEX)]
 
 
 class IndexTable(Spec):

@@ -128,6 +128,18 @@ class Layers(eqx.Module):
         )
 
 
+class MirrorLayers(eqx.Module):
+    """Clear layers on flat mirrors, the outermost first; a mirror with fewer has more of 0 mm.
+
+    Attributes:
+        thickness: mm, or units of a placed scene.
+        index: of refraction.
+    """
+
+    thickness: Float[Array, "mirrors layers"] = eqx.field(converter=as_float)
+    index: Float[Array, "mirrors layers"] = eqx.field(converter=as_float)
+
+
 class Profile(eqx.Module):
     """The section of the layers of one pad or of several, along the pad and above its membrane, mm.
 

@@ -26,12 +26,13 @@ from optics.scene.file import (
     FrameTable,
     LayerTable,
     LensTable,
+    MirrorTable,
     ModuleTable,
     PadTable,
     SceneFile,
     SurfaceTable,
 )
-from optics.scene.layers import CHANNELS, LayerKinds, Layers
+from optics.scene.layers import CHANNELS, LayerKinds, Layers, MirrorLayers
 from optics.scene.module_room import module_faults
 from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
 from optics.scene.sold import projection_of
@@ -120,6 +121,7 @@ def build_scene(file: SceneFile, source: str) -> Scene:
         layers=_kinds_of_layers(file.pads),
         bezels=tuple(pad.bezel is not None for pad in file.pads) if _layered(file.pads) else (),
         module=(Surface(NAME, 0, index[file.camera.body]),) * (LINES if file.camera.module else 0),
+        sheets=tuple(i for i, mirror in enumerate(file.mirrors) if mirror.layers),
     )
     return Scene(
         camera=_camera(file.camera),
@@ -133,6 +135,7 @@ def build_scene(file: SceneFile, source: str) -> Scene:
         layout=layout,
         layers=_layers(file.pads) if layout.layers else None,
         widths=_widths(file.pads),
+        mirror_layers=_sheets(file.mirrors) if layout.sheets else None,
     )
 
 
@@ -177,6 +180,14 @@ def _layers(pads: Sequence[PadTable]) -> Layers:
     )
 
 
+def _sheets(mirrors: Sequence[MirrorTable]) -> MirrorLayers:
+    most = max(len(mirror.layers) for mirror in mirrors)
+    none = [(0.0, 1.0)] * most
+    rows = [[(of.thickness, of.index) for of in mirror.layers] + none for mirror in mirrors]
+    numbers = np.array([row[:most] for row in rows])
+    return MirrorLayers(thickness=numbers[..., 0], index=numbers[..., 1])
+
+
 def _widths(pads: Sequence[PadTable]) -> Float[Array, " pads"] | None:
     if all(pad.width is None for pad in pads):
         return None
@@ -218,7 +229,12 @@ def _camera(table: CameraTable) -> Camera:
         sensor=sensor,
         module=None if table.module is None else _module(table.module),
         max_blur=table.max_blur_px,
+        pupil_shift=_pair(table.pupil_shift),
     )
+
+
+def _pair(numbers: tuple[float, float] | None) -> Float[Array, "2"] | None:
+    return None if numbers is None else jnp.asarray(numbers, float)
 
 
 def _module(table: ModuleTable) -> CameraModule:
@@ -252,6 +268,12 @@ def _surface_faults(file: SceneFile) -> Iterator[str]:
 def _layer_faults(file: SceneFile) -> Iterator[str]:
     curved = [mirror.name for mirror in file.mirrors if mirror.radius is not None]
     layered = [pad.name for pad in file.pads if pad.layers]
+    sheets = [mirror.name for mirror in file.mirrors if mirror.layers]
+    if curved and sheets:
+        yield (
+            f"mirrors: light over curved mirrors ({', '.join(curved)}) is not followed over those "
+            f"with layers ({', '.join(sheets)}); make them all straight, or leave out 'layers'"
+        )
     if curved and layered:
         yield (
             f"pads: light over curved mirrors ({', '.join(curved)}) is not followed through layers "

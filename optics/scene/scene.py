@@ -19,6 +19,7 @@ from optics.scene.layers import (
     BodyFace,
     LayerKinds,
     Layers,
+    MirrorLayers,
     Profile,
     along_and_normal,
     body_faces,
@@ -82,6 +83,7 @@ class Layout:
             has layers.
         bezels: which of the pads have a bezel.
         module: lines of the camera's module, which hide what is behind them.
+        sheets: which of the mirrors have layers; their lines are the outermost surfaces of these.
     """
 
     name: str
@@ -96,6 +98,7 @@ class Layout:
     layers: tuple[tuple[LayerKinds, ...], ...] = ()
     bezels: tuple[bool, ...] = ()
     module: tuple[Surface, ...] = ()
+    sheets: tuple[int, ...] = ()
 
     @cached_property
     def bodies(self) -> tuple[BodyFace, ...]:
@@ -107,8 +110,19 @@ class Layout:
         )
 
     @cached_property
+    def sheet_ends(self) -> tuple[Surface, ...]:
+        """Black ends of the layers on mirrors, at the first and the second end of each."""
+        return tuple(
+            Surface(f"{mirror.name}, ends of layers at {at}", 0, mirror.frame)
+            for mirror in (self.mirrors[index] for index in self.sheets)
+            for at in ("from", "to")
+        )
+
+    @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
         """All surfaces: mirrors, pads, blockers, the camera's module, faces of the layers' bodies.
+
+        Before the last of these are the ends of layers on mirrors.
 
         That of a layered pad is the outermost surface of its layers.
         """
@@ -117,12 +131,13 @@ class Layout:
             for face in self.bodies
             for pad in [self.pads[face.pad]]
         )
-        return (*self.mirrors, *self.pads, *self.blockers, *self.module, *bodies)
+        dark = (*self.blockers, *self.module, *self.sheet_ends)
+        return (*self.mirrors, *self.pads, *dark, *bodies)
 
     @cached_property
     def behind_face(self) -> np.ndarray:
         """Of every surface, the pad whose outermost surface it is or lies behind, or −1."""
-        others = [-1] * (len(self.blockers) + len(self.module))
+        others = [-1] * len(self.blockers + self.module + self.sheet_ends)
         bodies = [-1 if face.part in ("rim", "lip") else face.pad for face in self.bodies]
         return np.array([*[-1] * len(self.mirrors), *range(len(self.pads)), *others, *bodies], int)
 
@@ -158,7 +173,8 @@ class Layout:
     def kind(self, surface: int) -> Kind:
         """What a surface is, by its index in `surfaces`."""
         kinds: tuple[Kind, ...] = ("mirror", "pad", "blocker", "layer")
-        ends = np.cumsum([len(self.mirrors), len(self.pads), len(self.blockers + self.module)])
+        dark = self.blockers + self.module + self.sheet_ends
+        ends = np.cumsum([len(self.mirrors), len(self.pads), len(dark)])
         return kinds[int(np.searchsorted(ends, surface, side="right"))]
 
     def title(self, surface: int) -> str:
@@ -188,6 +204,8 @@ class Scene(eqx.Module):
         layout: names, sides, frames: everything structural.
         layers: of the pads; ``None`` if no pad has layers.
         widths: of the pads across the section, mm; NaN where a file states none.
+        mirror_layers: layers on flat mirrors, whose ends are then those of the coat behind them;
+            ``None`` if no mirror has layers.
     """
 
     camera: Camera
@@ -201,6 +219,7 @@ class Scene(eqx.Module):
     layout: Layout = eqx.field(static=True)
     layers: Layers | None = None
     widths: Float[Array, " pads"] | None = None
+    mirror_layers: MirrorLayers | None = None
 
     @property
     def surface_ends(self) -> Float[Array, "surfaces 2 2"]:
@@ -215,6 +234,11 @@ class Scene(eqx.Module):
         """The layers that pads have: `layers` with nothing in the place of others."""
         layers, layout = self.layers, self.layout
         return None if layers is None else layers.own(layout.layers, layout.bezels)
+
+    @property
+    def rays_slide(self) -> bool:
+        """Whether rays come from other places than the camera's position or its images."""
+        return self.camera.pupil_shift is not None or self.mirror_layers is not None
 
     @property
     def angle_names(self) -> tuple[str, ...]:
@@ -248,6 +272,9 @@ class Placed(eqx.Module):
         hinges: of the frames.
         origin: what has been subtracted, mm: the camera's position in the reference pose.
         size: what has been divided by, mm; it has no derivative.
+        pupil: of a camera whose entrance pupil moves, e₂ and e₄, in units of ``size``, and half the
+            field of view, rad.
+        sheets: layers on mirrors, whose corners are then those of the outermost surfaces.
     """
 
     camera: Vector
@@ -257,6 +284,8 @@ class Placed(eqx.Module):
     hinges: Vector
     origin: Vector
     size: Float[Array, ""]
+    pupil: tuple[Float[Array, "2"], Float[Array, ""]] | None = None
+    sheets: MirrorLayers | None = None
 
     @property
     def starts(self) -> Vector:
@@ -287,6 +316,8 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
     """
     layout, origin = scene.layout, vector(scene.camera.position)
     corners = vector(scene.surface_ends) - origin
+    if scene.mirror_layers is not None:
+        corners = _with_sheets(layout, scene.mirror_layers, corners)
     if (layers := scene.own_layers) is not None:
         corners = _with_bodies(scene, layers, corners)
     hinges = vector(scene.hinges) - origin
@@ -314,7 +345,10 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
         _moved(frame, corners[order[frame_of[order] == index]]) for index, frame in enumerate(moved)
     ]
     joined = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
-    camera = moved[layout.camera_frame]
+    camera, shift = moved[layout.camera_frame], scene.camera.pupil_shift
+    sheets = scene.mirror_layers
+    if sheets is not None:
+        sheets = MirrorLayers(sheets.thickness / size, sheets.index)
     return Placed(
         _moved(camera, still[0]),
         rotation(scene.camera.direction).turned(camera[2]),
@@ -323,7 +357,22 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
         stack(*(now for _, now, _ in moved))[:-1],
         origin,
         size,
+        None if shift is None else (shift / size, scene.camera.field_of_view / 2),
+        sheets,
     )
+
+
+def _with_sheets(layout: Layout, sheets: MirrorLayers, corners: Vector) -> Vector:
+    """Surfaces with outermost surfaces instead of coats, and with the ends of mirrors' layers."""
+    count = len(layout.mirrors)
+    coats, sides = corners[:count], jnp.asarray(layout.sides[:count], corners.x.dtype)
+    _, normal, _ = along_and_normal(coats, sides)
+    fronts = coats + normal.scaled(jnp.sum(sheets.thickness, axis=1))[:, None]
+    chosen = np.array(layout.sheets)
+    ends = stack(coats[chosen], fronts[chosen])  # coat and front, mirrors, both ends
+    ends = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 0, -1).reshape(-1, 2), ends)
+    parts = fronts, corners[count:], ends
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 
 def _with_bodies(scene: Scene, layers: Layers, corners: Vector) -> Vector:

@@ -16,7 +16,7 @@ from designopt.io.spec_files import FORMAT, LARGEST
 from designopt.io.toml_writing import degrees_of, format_toml
 from optics.scene.camera import Camera, Sensor
 from optics.scene.file import FIXED
-from optics.scene.layers import CHANNELS, Layers
+from optics.scene.layers import CHANNELS, Layers, MirrorLayers
 from optics.scene.reading import SENSES, SIDES
 from optics.scene.scene import WORLD, Layout, Scene, Surface
 from optics.scene.sold import projection_entry
@@ -43,6 +43,9 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
     arcs = zip(layout.curved, np.asarray(scene.radii), np.asarray(scene.conics), strict=True)
     for index, radius, conic in arcs:
         mirrors[index] |= {"radius": float(radius), "conic": float(conic)}
+    if scene.mirror_layers is not None:
+        for index in layout.sheets:
+            mirrors[index]["layers"] = _sheets(scene.mirror_layers, index)
     pads = surfaces(layout.pads, scene.pads)
     for pad, grazing in zip(pads, np.asarray(scene.grazing, float).tolist(), strict=True):
         pad["min_grazing_deg"] = degrees_of(grazing)
@@ -123,6 +126,8 @@ def _camera(camera: Camera) -> dict[str, Any]:
     table["projection"] = projection_entry(camera.projection)
     if camera.max_blur is not None:
         table["max_blur_px"] = float(camera.max_blur)
+    if camera.pupil_shift is not None:
+        table["pupil_shift"] = np.asarray(camera.pupil_shift, float).tolist()
     if camera.lens is not None:
         focal, sensor = float(camera.lens.focal_length), float(camera.lens.sensor_distance)
         table["lens"] = {
@@ -159,6 +164,11 @@ def _sensor(sensor: Sensor, pixels: int) -> dict[str, Any]:
     if sensor.image_circle is not None:
         table["image_circle_mm"] = float(sensor.image_circle)
     return table
+
+
+def _sheets(layers: MirrorLayers, mirror: int) -> list[dict[str, float]]:
+    pairs = zip(layers.thickness[mirror].tolist(), layers.index[mirror].tolist(), strict=True)
+    return [{"thickness": thickness, "index": index} for thickness, index in pairs if thickness > 0]
 
 
 def _layers(layers: Layers, layout: Layout, pad: int) -> dict[str, Any]:

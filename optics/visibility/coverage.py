@@ -24,6 +24,7 @@ from optics.visibility.boundaries import Bound, label_of_bound, meeting
 from optics.visibility.boundary_codes import PAD_ENDS
 from optics.visibility.image_scale import look, reflections
 from optics.visibility.intervals import Interval, measure_of_union
+from optics.visibility.lines_of_sight import coordinates
 from optics.visibility.pads import Faces, Pad, Windows
 from optics.visibility.searching import Found, find
 from optics.visibility.unfolding import Unfolded, paths_of, unfold_all
@@ -227,12 +228,12 @@ def _ends(
     """Of the ends of all pieces their labels, and with derivatives entries and pad coordinates."""
 
     def ends(pad: Pad, inner: Windows, path: Int[Array, ""], bounds: Int[Array, "2"]) -> Any:
-        by, bound = paths.at(path), Bound.of(paths, path, bounds)
+        by, bound = paths.at(path), jax.vmap(partial(Bound.of, paths, path))(bounds)
         labels = jax.vmap(partial(label_of_bound, pad))(bound)
         entries = jax.vmap(partial(meeting, camera, by, pad, inner))(bound)
         if pad.cover is None:
             return labels, entries, entries
-        on_pad = pad.cover.coordinate(pad.ends(), by.source, entries)
+        on_pad = coordinates(by, pad.cover, pad.ends(), entries)
         # A ray to an end of the membrane meets it exactly, wherever it enters.
         for end, label in enumerate(PAD_ENDS):
             on_pad = jnp.where(labels == label, float(end), on_pad)

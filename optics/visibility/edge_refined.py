@@ -59,7 +59,7 @@ def trace_views(
         that is left at an edge of that view.
 
     Raises:
-        ValueError: there is no pad, or pads have layers.
+        ValueError: there is no pad, or pads or mirrors have layers.
 
     Example:
         >>> from importlib.resources import files
@@ -74,6 +74,10 @@ def trace_views(
         raise ValueError(
             "trace_views: pads have layers, which only find_views looks through; make the mirrors "
             "straight, or the pads bare"
+        )
+    if scene.mirror_layers is not None:
+        raise ValueError(
+            "trace_views: mirrors have layers, which only find_views follows; leave them out"
         )
     angles = as_float(angles)
     words = paths_of(scene.layout, scene.layout.bounces if bounces is None else bounces)

@@ -155,7 +155,7 @@ def _residuals(
     _, slope, legs = jax.jvp(coordinate, (angle,), (jnp.ones_like(angle),), has_aux=True)
     position, direction = jax.tree.map(
         lambda first, rest: jnp.where(where == 0, first, rest[where - 1]),
-        (fan.placed.camera, fan.heading(angle)),
+        (fan.start(angle), fan.heading(angle)),
         (legs.place, legs.direction),
     )
     last = jnp.where(where == 0, NOTHING, legs.surface[where - 1])

@@ -52,9 +52,16 @@ class Fan(eqx.Module):
         """Unit vector of a ray as it leaves the camera."""
         return self.placed.axis.turned(rotation(angle))
 
+    def start(self, angle: Float[Array, ""]) -> Vector:
+        """Where a ray passes the entrance pupil."""
+        if self.camera.pupil_shift is None:
+            return self.placed.camera
+        shift = self.camera.pupil_at(angle) / self.placed.size
+        return self.placed.camera + self.placed.axis.scaled(shift)
+
     def follow(self, angle: Float[Array, ""]) -> Leg:
         """All legs of a ray."""
-        return self.tracer.follow(self.placed.camera, self.heading(angle), self.bounces)
+        return self.tracer.follow(self.start(angle), self.heading(angle), self.bounces)
 
     def reach(self, legs: Leg) -> tuple[Int[Array, ""], Int[Array, ""], Bool[Array, ""]]:
         """The pad that a ray reaches, on which leg, and whether it is seen there."""

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 from designopt.numerics import safe_arctan2, safe_divide
 from designopt.vectors import Vector
 from optics.scene.camera import Camera
+from optics.visibility.lines_of_sight import sliding_scale
 from optics.visibility.pads import Pad
 from optics.visibility.unfolding import Unfolded, unit
 
@@ -47,7 +48,12 @@ def look(
     """
     source, axis = path.source, path.axis
     step, toward = pad.end - pad.start, pad.start - source
-    arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
+    sliding = None
+    if path.slide is None:
+        arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
+    else:
+        sliding = sliding_scale(path.slide, pad.cover, pad.ends(), entries)
+        arrow = sliding[0]
     across = axis.x * arrow.y - axis.y * arrow.x
     angle = safe_arctan2(across, axis.x * arrow.x + axis.y * arrow.y)
     # Beyond the seam of a camera that looks all around, pixels are counted on.
@@ -55,13 +61,16 @@ def look(
     center = safe_arctan2(axis.cross(middle), axis.dot(middle))
     turns = jax.lax.stop_gradient(jnp.round((angle - center) / (2 * jnp.pi)))
     angle = path.handedness() * (angle - 2 * jnp.pi * turns)
-    if pad.cover is None:
+    near = None
+    if sliding is not None:
+        _, (per_size, distance, near) = sliding
+    elif pad.cover is None:
         above = jnp.abs(unit(step).cross(toward))
         per_size, _ = safe_divide(jnp.full_like(across, above), arrow.squared())
-        distance, apparent = arrow.length(), None
+        distance = arrow.length()
     else:
         per_size, distance, near = pad.cover.scale(pad.ends(), source, entries)
-        apparent = near * size
+    apparent = None if near is None else near * size
     per_mm = camera.pixels_per_radian(angle) * per_size / size
     return Look(camera.pixel(angle), per_mm, distance * size, apparent)
 
@@ -70,11 +79,22 @@ def reflections(
     path: Unfolded, pad: Pad, entries: Float[Array, " points"]
 ) -> Float[Array, "reflections points"]:
     """Where on each mirror of a path the rays to points of the surface seen are reflected."""
-    arrow = (pad.end - pad.start).scaled(entries) + (pad.start - path.source)
+    step, source = (pad.end - pad.start).scaled(entries), path.source
+    if path.slide is None:
+        arrow = step + (pad.start - source)
+    else:
+        arrow, source = path.slide.rays_to(pad.start + step)
 
-    def on(mirror: Vector, reflects: Bool[Array, ""]) -> Float[Array, " points"]:
-        first, along = mirror[0] - path.source, mirror[1] - mirror[0]
+    def on(mirror: Vector, reflects: Bool[Array, ""], source: Vector) -> Float[Array, " points"]:
+        first, along = mirror[0] - source, mirror[1] - mirror[0]
         at, _ = safe_divide(first.cross(arrow), arrow.cross(along))
         return jnp.where(reflects, at, 0.0)
 
-    return jax.vmap(on)(path.whole, path.reflects)
+    if path.slide is None or not path.sheets:
+        return jax.vmap(on, (0, 0, None))(path.whole, path.reflects, source)
+    # At the coat: in the middle between where the ray enters and leaves.
+    found = []
+    for i in range(len(path.reflects)):
+        ways = [path.slide.source(arrow, leg=leg) for leg in (i, i + 1)]
+        found.append(sum(on(path.whole[i], path.reflects[i], way) for way in ways) / 2)
+    return jnp.stack(found)

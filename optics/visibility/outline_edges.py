@@ -252,14 +252,19 @@ def boxes_of(
     """Of every path and pad what rays must pass, and whether the camera looks at the layers.
 
     Raises:
-        ValueError: no pad has layers, or none a width.
+        ValueError: no pad has layers, or none a width, or rays slide.
     """
     layers = scene.own_layers
     if layers is None or scene.widths is None:
         raise ValueError("only pads with layers and a 'width' have outlines of named edges")
+    if scene.rays_slide:
+        raise ValueError(
+            "outlines with named edges are those of rays from one place; leave out 'pupil_shift' "
+            "and the layers of mirrors"
+        )
     words = paths_of(scene.layout, scene.layout.bounces if bounces is None else bounces)
     placed = place(scene, angles)
-    pads, cameras = Pad.all_of(scene, placed), virtual_cameras(placed, words)
+    pads, cameras = Pad.all_of(scene, placed), virtual_cameras(scene.layout, placed, words)
     known = jnp.isfinite(scene.widths)
     half = jnp.where(known, scene.widths, 1.0) / 2
 

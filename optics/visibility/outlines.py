@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -10,11 +11,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import safe_arctan2
-from designopt.vectors import Vector
+from designopt.vectors import Vector, stack
 from optics.scene.imaging import Imaging
 from optics.scene.scene import Scene, place
 from optics.visibility.pads import Pad
 from optics.visibility.refraction import Stack
+from optics.visibility.sliding import Slide, settle
 from optics.visibility.unfolding import VirtualCamera, paths_of, unit, virtual_cameras
 
 TOUCHING = 1e-9
@@ -49,16 +51,20 @@ class Outlines(eqx.Module):
         angle: section angle, rad, counter-clockwise from the optical axis.
         distance: length of the path, mm; under layers of the path to the outermost surface.
         behind: how pads lie behind their layers; ``None`` if no pad has layers.
+        sliding: from where rays come, and both ends, in the camera's own axes, mm; ``None`` if all
+            rays come from the camera.
     """
 
     angle: Float[Array, "*batch paths pads 2"]
     distance: Float[Array, "*batch paths pads 2"]
     behind: Behind | None = None
+    sliding: tuple[Slide, Vector] | None = None
 
     def ends(self) -> Float[Array, "*batch paths pads 2 2"]:
         """The ends as plane points in the camera's own axes (forward, up), mm.
 
-        Under layers, the points where lines of sight to them enter.
+        Under layers, the points where lines of sight to them enter. If the entrance pupil moves,
+        each is counted from where its ray comes from.
         """
         return self.distance[..., None] * jnp.stack(
             [jnp.cos(self.angle), jnp.sin(self.angle)], axis=-1
@@ -90,8 +96,12 @@ def find_outlines(
     words = paths_of(scene.layout, scene.layout.bounces if bounces is None else bounces)
     placed = place(scene, angles)
     pads = Pad.all_of(scene, placed)
-    cameras = virtual_cameras(placed, words)
+    cameras = virtual_cameras(scene.layout, placed, words)
 
+    if cameras.slide is not None:
+        sliding = partial(_sliding, scene.layers is not None)
+        of_path = jax.vmap(jax.vmap(sliding, (None, 0, None)), (0, None, None))
+        return Outlines(*of_path(cameras, pads, placed.size))
     if scene.layers is not None:
         behind = jax.vmap(jax.vmap(behind_layers, (None, 0, None)), (0, None, None))
         return _through_layers(behind(cameras, pads, placed.size))
@@ -105,6 +115,11 @@ def find_outlines(
     return Outlines(angle, distance)
 
 
+def _own(camera: VirtualCamera, arrow: Vector) -> Vector:
+    """An arrow in the camera's own axes."""
+    return Vector(camera.axis.dot(arrow), camera.handedness * camera.axis.cross(arrow))
+
+
 def behind_layers(camera: VirtualCamera, pad: Pad, size: Float[Array, ""]) -> Behind:
     """How the membrane of a pad lies behind its layers, seen from one virtual camera."""
     step, toward = pad.end - pad.start, camera.source - pad.start
@@ -112,13 +127,11 @@ def behind_layers(camera: VirtualCamera, pad: Pad, size: Float[Array, ""]) -> Be
     above = along.cross(toward)
     normal = along.perpendicular().scaled(jnp.where(above < 0, -1.0, 1.0))
 
-    def own(arrow: Vector) -> Vector:
-        return Vector(camera.axis.dot(arrow), camera.handedness * camera.axis.cross(arrow))
-
     cover, height = pad.behind, jnp.abs(above)
     height = jnp.where(height > 0, height, 1.0) * size
     stack = Stack(height, cover.thickness * size, cover.index)
-    return Behind(own(along), own(-normal), stack, (cover.places[-1] - along.dot(toward)) * size)
+    offset = (cover.places[-1] - along.dot(toward)) * size
+    return Behind(_own(camera, along), _own(camera, -normal), stack, offset)
 
 
 def _entries(
@@ -126,7 +139,17 @@ def _entries(
 ) -> tuple[Float[Array, "*batch paths pads"], Float[Array, "*batch paths pads"], Any]:
     """Section angle and distance (mm) at which the line of sight to a place enters the layers.
 
-    And its lateral slope. The place is at an end of the membrane and so many mm beside the camera's
+    And its lateral slope.
+    """
+    entry, aside = _entry(behind, beside, end)
+    distance = entry.length()
+    return safe_arctan2(entry.y, entry.x), distance, aside / distance
+
+
+def _entry(behind: Behind, beside: Float[Array, ""] | float, end: int) -> tuple[Vector, Any]:
+    """Where the line of sight to a place enters the layers: in the section, and beside it, mm.
+
+    The place is at an end of the membrane and so many mm beside the camera's
     section: the ray stays in the plane through it and the pad's normal, and the flat problem of
     `optics.visibility.refraction` holds there.
     """
@@ -137,14 +160,57 @@ def _entries(
         to_radius = jax.vmap(to_radius)
     part = stack.height * to_radius(stack, radius) / radius
     along, into = behind.along.scaled(offset * part), behind.into.scaled(stack.height)
-    entry = along + into
-    distance = entry.length()
-    return safe_arctan2(entry.y, entry.x), distance, beside * part / distance
+    return along + into, beside * part
 
 
 def _through_layers(behind: Behind) -> Outlines:
     angle, distance = zip(*(_entries(behind, 0.0, end)[:2] for end in range(2)), strict=True)
     return Outlines(jnp.stack(angle, axis=-1), jnp.stack(distance, axis=-1), behind)
+
+
+def _sliding(
+    layered: bool, camera: VirtualCamera, pad: Pad, size: Float[Array, ""]
+) -> tuple[Array, Array, Behind | None, tuple[Slide, Vector]]:
+    """The ends of one pad by one path, where rays slide."""
+    slide = camera.slide
+    assert slide is not None
+    zero, one = jnp.zeros_like(size), jnp.ones_like(size)
+    # The image reaches beyond the section's field of view, and so does the formula of the pupil.
+    pupil = None if slide.pupil is None else (slide.pupil[0] * size, jnp.pi * one)
+    normals = None if slide.normals is None else _own(camera, slide.normals)
+    thickness = None if slide.thickness is None else slide.thickness * size
+    eye = Vector(zero, zero), Vector(one, zero)
+    own = Slide(*eye, pupil, normals, thickness, slide.index)
+    ends = _own(camera, pad.ends() - camera.source).scaled(size)
+    behind = behind_layers(camera, pad, size) if layered else None
+    arrow = [_toward(own, ends, behind, end, zero)[0] for end in range(2)]
+    arrows = stack(*arrow)
+    distances = arrows.length() + own.longer(arrows)
+    return arrows.angle(), distances, behind, (own, ends)
+
+
+def _toward(
+    slide: Slide, ends: Vector, behind: Behind | None, end: int, beside: Float[Array, ""]
+) -> tuple[Vector, Float[Array, ""]]:
+    """From where its ray comes to an end of a pad, or where the ray enters its layers.
+
+    In the section, and beside it, mm.
+    """
+    if behind is None:
+        return slide.rays_to(ends[end], beside).arrow, beside
+
+    def entry(given: tuple[Slide, Behind, Array], at: Vector) -> tuple[Vector, Array]:
+        _, behind, beside = given
+        height = behind.stack.height - behind.into.dot(at)
+        offset = behind.offset - behind.along.dot(at)
+        lower = eqx.tree_at(lambda b: (b.stack.height, b.offset), behind, (height, offset))
+        return _entry(lower, beside, end)
+
+    def move(given: tuple[Slide, Behind, Array], at: Vector) -> Vector:
+        return given[0].source(*entry(given, at))
+
+    given = slide, behind, beside
+    return entry(given, settle(move, given, move(given, slide.start)))
 
 
 def find_corners(
@@ -169,6 +235,8 @@ def find_corners(
         >>> find_corners(Imaging.of(scene.camera), outlines, 20.0).shape
         (5, 1, 4, 2)
     """
+    if outlines.sliding is not None:
+        return _sliding_corners(imaging, outlines, width, lateral)
     if outlines.behind is not None:
         rays = [_entries(outlines.behind, side * width / 2 - lateral, end) for end, side in CORNERS]
         angles, _, slopes = zip(*rays, strict=True)
@@ -178,3 +246,23 @@ def find_corners(
     beside = beside.reshape((1,) * (outlines.angle.ndim - 1) + (4,))
     distance = outlines.distance[..., jnp.array(at)]
     return imaging.place(outlines.angle[..., jnp.array(at)], beside / distance)
+
+
+def _sliding_corners(
+    imaging: Imaging,
+    outlines: Outlines,
+    width: Float[Array, ""] | float,
+    lateral: Float[Array, ""] | float,
+) -> Float[Array, "*batch paths pads 4 2"]:
+    def of_pad(outlines: Outlines) -> Float[Array, "4 2"]:
+        assert outlines.sliding is not None
+        places = []
+        for end, side in CORNERS:
+            beside = jnp.asarray(side * width / 2 - lateral, outlines.angle.dtype)
+            arrow, aside = _toward(*outlines.sliding, outlines.behind, end, beside)
+            places.append(imaging.place(arrow.angle(), aside / arrow.length()))
+        return jnp.stack(places)
+
+    for _ in outlines.angle.shape[:-1]:
+        of_pad = jax.vmap(of_pad)
+    return of_pad(outlines)

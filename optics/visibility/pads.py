@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 from designopt.vectors import Vector, stack
 from optics.scene.scene import Placed, Scene
 from optics.visibility.clear_ends import EndCover
+from optics.visibility.lines_of_sight import windows
 from optics.visibility.refraction import Cover, FrontCover
 from optics.visibility.unfolding import Unfolded, unit
 
@@ -176,7 +177,7 @@ def windows_of(paths: Unfolded, pads: Pad) -> Windows:
     """Of every path and pad what its layers let through."""
 
     def passed(path: Unfolded, pad: Pad) -> Float[Array, "rows 2"]:
-        return pad.behind.windows(pad.ends(), path.source)
+        return windows(path, pad.behind, pad.ends())
 
     of_path = jax.vmap(passed, (None, 0))
     return None if pads.cover is None else jax.vmap(of_path, (0, None))(paths, pads)

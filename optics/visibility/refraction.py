@@ -157,6 +157,15 @@ class Cover(eqx.Module):
     def windows(self, face: Vector, source: Vector) -> Float[Array, "rows 2"]:
         """Entries of the lines of sight to both ends of what may be passed behind each layer."""
 
+    def window(self, face: Vector, source: Vector, number: Int[Array, ""]) -> Float[Array, ""]:
+        """One of the `windows`, for a source of its own."""
+        return self.windows(face, source).reshape(-1)[number]
+
+    @property
+    def length(self) -> Float[Array, "*faces"]:
+        """Of the membrane."""
+        return jnp.abs(self.places[..., -1, 1] - self.places[..., -1, 0])
+
     @abc.abstractmethod
     def coordinate(self, face: Vector, source: Vector, entries: Points) -> Points:
         """Pad coordinates that rays reach, from their entries."""

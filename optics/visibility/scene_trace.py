@@ -47,7 +47,7 @@ class LayerImages(eqx.Module):
     """Whole outlines of layered pads and second images, in NumPy arrays; poses first.
 
     Attributes:
-        outlines: those of all pads; none if no pad has a width.
+        outlines: those of all pads; none if no pad has a width, or rays slide.
         places: where their points are imaged: column and row.
         second: what appears in clear ends; none if there are none.
         corners: where the corners of second images are imaged, in all clear walls, those beside
@@ -247,7 +247,7 @@ def _layer_images(
         mirrored = jnp.zeros(0, bool)
         if ends:
             second = find_second_images(scene, angles, bounces=bounces)
-        if scene.widths is not None:
+        if scene.widths is not None and not scene.rays_slide:
             outlines = find_outline_edges(scene, angles, bounces=bounces)
             places = outlines.places(imaging)
             if ends or beside:

@@ -18,9 +18,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from optics.scene.camera import Camera
-from optics.visibility.boundaries import PER_SEGMENT, conditions
+from optics.visibility.boundaries import PER_SEGMENT, Segments, conditions
 from optics.visibility.boundary_codes import LIMITS
 from optics.visibility.intervals import Interval, common_part, gaps, hull, where_positive
+from optics.visibility.lines_of_sight import coordinates
 from optics.visibility.pads import Faces, Pad, Windows
 from optics.visibility.unfolding import ROUNDING_UNITS, Unfolded, left_of
 from optics.visibility.views import ViewResult
@@ -135,11 +136,11 @@ def search(
     shadows, active = _shadows(camera, path, pad, segments, others, edge_on)
     pieces = _limit_met(path, pad, gaps(window, shadows, active))
 
-    above = left_of(path.source, pad.start, pad.end - pad.start)
+    above = left_of(path.eye(pad.start, pad.end), pad.start, pad.end - pad.start)
     front = (above != 0) & (pad.side * above >= 0)
     turned_away = jnp.any(path.turned_away)
     # Nothing is left of a mirror that lies in the line of the mirror beside it.
-    open_ = jnp.all(path.mirrors.active | ~path.reflects)
+    open_ = jnp.all(path.mirrors.active | ~path.per_window(path.reflects))
     shortest = SHORTEST_PIECE * jnp.finfo(above.dtype).eps
     present = front & ~turned_away & open_ & (pieces.end - pieces.start > shortest)
     # The last shadow is what a field of view beyond 180° leaves out.
@@ -157,7 +158,7 @@ def _on_membrane(path: Unfolded, pad: Pad, pieces: Interval) -> Interval:
     if pad.cover is None:
         return pieces
     entries = jnp.concatenate([pieces.start, pieces.end])
-    start, end = jnp.split(pad.cover.coordinate(pad.ends(), path.source, entries), 2)
+    start, end = jnp.split(coordinates(path, pad.cover, pad.ends(), entries), 2)
     # Through an end face what enters higher may lie nearer to the pad's first end.
     turned = start > end
     labels = (pieces.start_label, pieces.end_label)
@@ -172,13 +173,15 @@ def _parts(
 
     And which segments are seen edge-on, so that nothing lies behind them.
     """
-    arrows = path.blockers.ends - path.source
+    arrows = path.past().arrow
     cross = arrows[..., 0].cross(arrows[..., 1]).reshape(-1)
     rounding = ROUNDING_UNITS * jnp.finfo(cross.dtype).eps
     extent = jnp.prod(jnp.abs(arrows.x) + jnp.abs(arrows.y), axis=-1).reshape(-1)
     sign, count = jnp.sign(cross), PER_SEGMENT * cross.size
     signs = jnp.concatenate([*[sign] * PER_SEGMENT, jnp.ones(len(LIMITS), sign.dtype)])
-    start, end = where_positive(*(signs[None] * conditions(camera, path, pad, path.blockers.ends)))
+    start, end = where_positive(
+        *(signs[None] * conditions(camera, path, pad, Segments.all_of(path)))
+    )
     bounds = jnp.arange(start.size)
     parts = Interval(start, end, bounds, bounds)
     segments = jax.tree.map(lambda leaf: leaf[:count].reshape(PER_SEGMENT, -1), parts)

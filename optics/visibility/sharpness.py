@@ -21,6 +21,7 @@ from designopt.numerics import safe_divide
 from optics.scene.scene import Scene, place
 from optics.visibility.fan import Fan
 from optics.visibility.image_scale import look
+from optics.visibility.lines_of_sight import entries_of
 from optics.visibility.pads import Faces, Pad, Windows
 from optics.visibility.tracing import Leg
 from optics.visibility.unfolding import paths_of, unfold_all
@@ -156,7 +157,7 @@ def _unfolded(
         def by(pad: Pad, _: Windows, path: Int[Array, ""], places: Float[Array, " places"]) -> Any:
             by = paths.at(path)
             if pad.cover is not None:
-                places = pad.cover.entries(pad.ends(), by.source, places)
+                places = entries_of(by, pad.cover, pad.ends(), places)
             return look(scene.camera, placed.size, by, pad, places)[1:]
 
         return faces.of_pieces(by, face, path, jnp.repeat(places[:, None], room, axis=1))

@@ -14,8 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from designopt.numerics import as_float, safe_divide
+from designopt.numerics import as_float, safe_divide, safe_sqrt
 from designopt.vectors import Vector, rotation, vector, where
+from optics.scene.layers import MirrorLayers
 from optics.scene.scene import Layout, Placed, Scene, place
 from optics.visibility.curves import Arc, arc_between
 from optics.visibility.unfolding import unit
@@ -31,7 +32,8 @@ class Hits(eqx.Module):
         surface: index of the surface that is met, mirrors before pads before blockers;
             `NOTHING` where there is none, or the ray has ended before.
         coordinate: where along it: 0 at its first end, 1 at its second (of a curved mirror along
-            its chord); 0 where there is none.
+            its chord); 0 where there is none. On a mirror behind layers it is that of the place
+            where they end the ray, or where the coat reflects it.
         place: the point, mm, shape (..., legs, 2); where nothing is met, the point where the leg
             begins.
         direction: unit vector of the ray after it, shape (..., legs, 2).
@@ -153,12 +155,14 @@ class Tracer(eqx.Module):
         ends: second ends.
         arcs: the curved mirrors.
         layout: the scene's layout.
+        sheets: layers on mirrors, whose lines are the outermost surfaces of these.
     """
 
     starts: Vector
     ends: Vector
     arcs: Arc | None
     layout: Layout = eqx.field(static=True)
+    sheets: MirrorLayers | None = None
 
     @classmethod
     def of(cls, scene: Scene, placed: Placed) -> Tracer:
@@ -167,7 +171,7 @@ class Tracer(eqx.Module):
         if len(curved):
             start, end = placed.segment(curved)
             arcs = arc_between(start, end, placed.radii, scene.conics)
-        return cls(placed.starts, placed.ends, arcs, scene.layout)
+        return cls(placed.starts, placed.ends, arcs, scene.layout, placed.sheets)
 
     def follow(self, position: Vector, direction: Vector, bounces: int) -> Leg:
         """All legs of one ray, stacked.
@@ -180,8 +184,10 @@ class Tracer(eqx.Module):
 
         def step(ray: _Ray, _: None) -> tuple[_Ray, Leg]:
             leg = self._leg(ray)
-            on = _Ray(leg.place, leg.direction, leg.length, leg.surface, leg.reflected)
-            return on, leg
+            if self.sheets is None:
+                on = _Ray(leg.place, leg.direction, leg.length, leg.surface, leg.reflected)
+                return on, leg
+            return self._through(self.sheets, ray, leg)
 
         zero = jnp.zeros_like(position.x)
         ray = _Ray(position, direction, zero, jnp.asarray(NOTHING), jnp.asarray(True))
@@ -214,6 +220,41 @@ class Tracer(eqx.Module):
             active,
             jnp.abs(toward),
         )
+
+    def _through(self, sheets: MirrorLayers, ray: _Ray, leg: Leg) -> tuple[_Ray, Leg]:
+        """A leg to a mirror, whose layers the ray passes down to the coat and back, if it can.
+
+        By Snell's law, n sin ϑ′ = sin ϑ, it goes t tan ϑ′ along the mirror on either way.
+        """
+        mirror = jnp.clip(leg.surface, 0, len(self.layout.mirrors) - 1)
+        thickness = jnp.where(leg.reflected, sheets.thickness[mirror], 0.0)
+        index, start, end = sheets.index[mirror], self.starts[mirror], self.ends[mirror]
+        step = end - start
+        along, length = unit(step), step.length()
+        square = index**2 - 1 + leg.sine**2
+        inside, _ = safe_divide(jnp.ones_like(square), safe_sqrt(square))
+        forth = ray.direction.dot(along) * jnp.sum(thickness * inside)
+        down = jnp.sum(thickness) * jnp.sign(along.cross(ray.direction))
+        leaves, _ = safe_divide(2 * forth, length)
+        leaves = leg.coordinate + leaves
+        passes = leg.reflected & (leaves >= 0) & (leaves <= 1)
+        out = leg.place + along.scaled(2 * forth)
+        coat = leg.place + along.scaled(forth) + along.perpendicular().scaled(down)
+        at_coat = (leg.coordinate + leaves) / 2
+        longer = 2 * jnp.sum(thickness * index * inside)
+        stopped = leg.reflected & ~passes
+        found = Leg(
+            leg.surface,
+            jnp.where(passes, at_coat, leg.coordinate),
+            where(passes, coat, leg.place),
+            where(stopped, ray.direction, leg.direction),
+            leg.length + jnp.where(passes, longer / 2, 0.0),
+            passes,
+            leg.active,
+            leg.sine,
+        )
+        length = leg.length + jnp.where(passes, longer, 0.0)
+        return _Ray(out, found.direction, length, leg.surface, passes), found
 
     def _nearest(self, ray: _Ray) -> tuple[Float[Array, ""], Int[Array, ""]]:
         """Distance and index of the first surface that a ray meets."""

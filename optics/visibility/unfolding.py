@@ -21,12 +21,17 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector, where
+from designopt.vectors import Vector, stack, where
 from optics.scene.scene import Layout, Placed
 from optics.visibility.boundary_codes import CUT_AFTER, CUT_BEFORE, FIRST_END, SECOND_END, label_of
+from optics.visibility.sliding import LAST, Rays, Slide
 
 ROUNDING_UNITS = 8
 """What is nearer to a line than so many units of rounding of its distance lies on the line."""
+
+
+ROOM = 1e-3
+"""rad: the entrance pupil moves on so far beyond the field of view, for the slopes at its limit."""
 
 
 class Fold(eqx.Module):
@@ -86,13 +91,16 @@ class Unfolded(eqx.Module):
         source: the virtual camera.
         axis: its optical axis, a unit vector.
         whole: first and second ends of its mirrors, in the order of the path.
-        mirrors: what can be reached of each mirror.
+        mirrors: what can be reached of each mirror; if any mirror has layers, of each on the way
+            in, and then of each on the way out.
         reflects: which of them there are: the path may be shorter than others beside it.
         turned_away: of each mirror, whether the camera or its image is not in front of it.
         through: of each leg, at which mirrors it begins and ends; shape (legs, surfaces).
         blockers: all surfaces on every leg, shape (legs, surfaces); active is what can hide a pad,
             so those that a leg goes ``through`` are not.
         last: both ends of the last mirror, not folded, if there is one.
+        slide: from where rays come; ``None`` if all come from the source.
+        sliding: the rays past both ends of all blockers, likewise.
         solids: as `Layout.solids` has it.
     """
 
@@ -105,11 +113,38 @@ class Unfolded(eqx.Module):
     through: Bool[Array, "*paths legs surfaces"]
     blockers: Edges
     last: Vector
+    slide: Slide | None
+    sliding: Rays | None
     solids: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
     def at(self, path: Int[Array, ""]) -> Unfolded:
         """One of several paths."""
         return jax.tree.map(lambda leaf: leaf[path], self)
+
+    def past(self) -> Rays:
+        """The rays past both ends of all blockers."""
+        return self.sliding or Rays(self.blockers.ends - self.source, self.source)
+
+    def to(self, places: Vector, leg: Int[Array, "..."] | int = LAST) -> Rays:
+        """The rays to places on a leg, the last one by default."""
+        if self.slide is None:
+            return Rays(places - self.source, self.source)
+        return self.slide.rays_to(places, leg=leg)
+
+    def per_window(self, of_mirrors: Bool[Array, " reflections"]) -> Bool[Array, " windows"]:
+        """Something of the path's mirrors beside ``mirrors``, of which layers make two of each."""
+        return jnp.tile(of_mirrors, 2) if self.sheets else of_mirrors
+
+    @property
+    def sheets(self) -> bool:
+        """Whether mirrors have layers, so that rays come from another place on every leg."""
+        return self.slide is not None and self.slide.thickness is not None
+
+    def eye(self, start: Vector, end: Vector) -> Vector:
+        """Where the ray to the middle of a segment on the last leg comes from."""
+        if self.slide is None:
+            return self.source
+        return self.slide.rays_to(start + (end - start).scaled(jnp.full_like(start.x, 0.5))).start
 
     def handedness(self) -> Float[Array, "*paths"]:
         """−1 after an odd number of reflections, else 1."""
@@ -239,7 +274,12 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
     reflects = [index >= 0 for index in word]
     folds = folds_of(mirrors, reflects)
 
-    lefts, facing, turned_away = _sides(placed, sides, word)
+    source = folds[0].place(placed.camera) if count else placed.camera
+    axis = folds[0].arrow(placed.axis) if count else placed.axis
+    slide = _slide(placed, folds, word, source, axis, sides)
+    sheets = placed.sheets is not None
+    lefts = None if slide is None else _sliding_lefts(placed, folds, slide)
+    lefts, facing, turned_away = _sides(placed, sides, word, lefts)
 
     index = jnp.arange(surfaces)
     blockers, through = [], []
@@ -250,7 +290,7 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         if leg > 0:
             blocks &= reflects[leg - 1]
         # The ends of a mirror are named by the leg that comes to it.
-        before = jnp.where(index == word[leg - 1], leg - 1, leg) if leg > 0 else leg
+        before = jnp.where(index == word[leg - 1], leg - 1, leg) if leg > 0 and not sheets else leg
         labels = [label_of(before, index, kind) for kind in (FIRST_END, SECOND_END)]
         edges = Edges(placed.corners, jnp.stack(labels, axis=-1), blocks)
         beside = jnp.zeros(surfaces, bool)
@@ -263,16 +303,22 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         edges = eqx.tree_at(lambda e: e.active, edges, edges.active & ~beside)
         blockers.append(edges.folded(folds[leg]) if leg < count else edges)
         through.append(beside)
-    apertures = [_aperture(mirrors, facing, word, i).folded(fold) for i, fold in enumerate(folds)]
+    ways = (0, 1) if sheets else (None,)
+    apertures = [
+        _aperture(mirrors, facing, word, i, way).folded(fold)
+        for way in ways
+        for i, fold in enumerate(folds)
+    ]
     whole = [fold.place(mirror) for fold, mirror in zip(folds, mirrors, strict=True)]
     last = placed.corners[0]
     for there, mirror in zip(reflects, mirrors, strict=True):
         last = where(there, mirror, last)
     blocking = _stacked(blockers)
+    past = None if slide is None else slide.rays_to(blocking.ends, leg=legs_of(blocking))
     nothing, none = jax.tree.map(lambda leaf: leaf[0, :0], blocking), jnp.zeros(0, bool)
     return Unfolded(
-        folds[0].place(placed.camera) if count else placed.camera,
-        folds[0].arrow(placed.axis) if count else placed.axis,
+        source,
+        axis,
         _stacked(whole) if count else nothing.ends,
         _stacked(apertures) if count else nothing,
         jnp.stack(reflects) if count else none,
@@ -280,12 +326,17 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         jnp.stack(through),
         blocking,
         last,
+        slide,
+        past,
         layout.solids,
     )
 
 
 def _sides(
-    placed: Placed, sides: Float[Array, " surfaces"], word: Int[Array, " reflections"]
+    placed: Placed,
+    sides: Float[Array, " surfaces"],
+    word: Int[Array, " reflections"],
+    sliding: list[Array] | None,
 ) -> tuple[list[Array], list[Array], list[Array]]:
     """On which side of all surfaces the camera is, or its images; without derivatives.
 
@@ -293,6 +344,7 @@ def _sides(
         placed: the scene in a pose.
         sides: of the surfaces, the ones that reflect, sense or block.
         word: mirrors along a path.
+        sliding: `left_of` of every leg, if rays do not all come from the camera.
 
     Returns:
         For each leg, of all surfaces, `left_of` of where its rays come from; and for
@@ -303,15 +355,29 @@ def _sides(
     still = jax.lax.stop_gradient(placed)
     starts, lines = still.starts, still.ends - still.starts
     source, lefts, facing, turned_away = still.camera, [], [], []
-    for index in word:
+    for leg, index in enumerate(word):
         there = index >= 0
-        lefts.append(left_of(source, starts, lines))
+        lefts.append(left_of(source, starts, lines) if sliding is None else sliding[leg])
         above = lefts[-1][index]
         facing.append(jnp.where(there, jnp.where(above < 0, -1.0, 1.0), 0.0).astype(above.dtype))
         turned_away.append(there & ((above == 0) | (sides[index] * above < 0)))
         arrow = (source - starts[index]).conjugate().turned(_twice(lines[index]))
         source = where(there, starts[index] + arrow, source)
-    return [*lefts, left_of(source, starts, lines)], facing, turned_away
+    last = left_of(source, starts, lines) if sliding is None else sliding[-1]
+    return [*lefts, last], facing, turned_away
+
+
+def _sliding_lefts(placed: Placed, folds: Sequence[Fold], slide: Slide) -> list[Array]:
+    """For each leg, of all surfaces, `left_of` of where the ray to its middle comes from."""
+    placed, folds, slide = jax.lax.stop_gradient((placed, list(folds), slide))
+    lefts = []
+    for leg, fold in enumerate([*folds, None]):
+        ends = placed.corners if fold is None else fold.place(placed.corners)
+        first, along = ends[..., 0], ends[..., 1] - ends[..., 0]
+        middle = first + along.scaled(jnp.full_like(first.x, 0.5))
+        left = left_of(middle - slide.rays_to(middle, leg=leg).arrow, first, along)
+        lefts.append(left if fold is None else fold.sign * left)
+    return lefts
 
 
 def _aperture(
@@ -319,12 +385,18 @@ def _aperture(
     facing: Sequence[Float[Array, ""]],
     word: Int[Array, " reflections"],
     i: int,
+    way: int | None,
 ) -> Edges:
-    """What the mirrors beside it leave of the i-th mirror of a path."""
-    labels = jnp.stack([label_of(i, word[i], kind) for kind in (FIRST_END, SECOND_END)])
+    """What the mirrors beside it leave of the i-th mirror of a path.
+
+    Or, of a mirror with layers, of its outermost surface on the way in (0) and on the way out (1).
+    """
+    labels = [label_of(i + (way or 0), word[i], kind) for kind in (FIRST_END, SECOND_END)]
+    labels = jnp.stack(labels)
     edges = Edges(mirrors[i], labels, word[i] >= 0)
     # The mirror before cuts it on the leg that comes to it, the next one on the leg after.
-    for other, leg, kind in ((i - 1, i, CUT_BEFORE), (i + 1, i + 1, CUT_AFTER)):
+    cuts = (i - 1, i, CUT_BEFORE), (i + 1, i + 1, CUT_AFTER)
+    for other, leg, kind in cuts if way is None else cuts[way : way + 1]:
         if 0 <= other < len(mirrors):
             # Of what the one has hidden, the other cuts nothing.
             side = jnp.where(edges.active, facing[other], 0.0)
@@ -339,25 +411,58 @@ class VirtualCamera(eqx.Module):
         source: where it is.
         axis: its optical axis, a unit vector.
         handedness: −1 after an odd number of reflections, else 1.
+        slide: from where rays come; ``None`` if all come from the source.
     """
 
     source: Vector
     axis: Vector
     handedness: Float[Array, "*paths"]
+    slide: Slide | None = None
 
 
-def virtual_cameras(placed: Placed, words: Sequence[tuple[int, ...]]) -> VirtualCamera:
+def virtual_cameras(
+    layout: Layout, placed: Placed, words: Sequence[tuple[int, ...]]
+) -> VirtualCamera:
     """The camera's images by paths over given mirrors, without what may stand in their way."""
 
     def image(word: Int[Array, " reflections"]) -> VirtualCamera:
         reflects = [index >= 0 for index in word]
         folds = folds_of([placed.corners[index] for index in word], reflects)
-        if not folds:
-            return VirtualCamera(placed.camera, placed.axis, jnp.ones_like(placed.size))
-        whole = folds[0]
-        return VirtualCamera(whole.place(placed.camera), whole.arrow(placed.axis), whole.sign)
+        source, axis, sign = placed.camera, placed.axis, jnp.ones_like(placed.size)
+        if folds:
+            source, axis, sign = folds[0].place(source), folds[0].arrow(axis), folds[0].sign
+        sides = jnp.asarray(layout.sides, source.x.dtype)
+        slide = _slide(placed, folds, word, source, axis, sides)
+        return VirtualCamera(source, axis, sign, slide)
 
     return jax.vmap(image)(jnp.asarray(padded(words)))
+
+
+def legs_of(blockers: Edges) -> Int[Array, "legs 1 1"]:
+    """The legs of blockers, to stand beside their ends."""
+    return jnp.arange(len(blockers.active)).reshape(-1, 1, 1)
+
+
+def _slide(
+    placed: Placed,
+    folds: Sequence[Fold],
+    word: Int[Array, " reflections"],
+    source: Vector,
+    axis: Vector,
+    sides: Float[Array, " surfaces"],
+) -> Slide | None:
+    """From where the rays of a path come; ``None`` if all come from its source."""
+    if placed.pupil is None and placed.sheets is None:
+        return None
+    pupil = None if placed.pupil is None else (placed.pupil[0], placed.pupil[1] + ROOM)
+    if placed.sheets is None or not len(word):
+        return Slide(source, axis, pupil)
+    start, end = placed.segment(word)
+    normals = unit(end - start).perpendicular().scaled(sides[word])
+    after = [fold.arrow(normals[leg]) for leg, fold in enumerate(folds[1:])]
+    thickness = jnp.where((word >= 0)[:, None], placed.sheets.thickness[word], 0.0)
+    index = placed.sheets.index[word]
+    return Slide(source, axis, pupil, stack(*after, normals[len(word) - 1]), thickness, index)
 
 
 def unfold_all(layout: Layout, placed: Placed, words: Sequence[tuple[int, ...]]) -> Unfolded:

@@ -14,7 +14,7 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_arctan2
 from designopt.vectors import Vector, stack
@@ -24,7 +24,8 @@ from optics.visibility.boundaries import toward
 from optics.visibility.boundary_codes import LIMITS, PAD_ENDS, label_of, with_kind
 from optics.visibility.intervals import FAR, Interval, gaps, hull
 from optics.visibility.pads import Pad, Windows
-from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, unit
+from optics.visibility.sliding import LAST
+from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, legs_of, unit
 
 
 def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Interval:
@@ -40,7 +41,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
         pad: the pad.
         inner: what its layers let through.
     """
-    source = path.source
+    source = path.eye(pad.start, pad.end)
     step = pad.end - pad.start
     above = left_of(source, pad.start, step)
     middle = (pad.start - source) + (pad.end - source)
@@ -52,7 +53,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
 
     shown = _shown(path, pad)
     foot = step.perpendicular().scaled(-above)
-    ends = shown.ends - source
+    ends = path.to(shown.ends).arrow
     seen = stack(ends[0], ends[1], path.axis, -path.axis, foot)
     first, last, axis, back, foot = angle(seen)
     # Angles from the pad's middle, so that none of what can hide it lies at a jump by 2π.
@@ -63,8 +64,8 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
         return angle - 2 * jnp.pi * jnp.round((angle - center) / (2 * jnp.pi))
 
     def spans(edges: Edges) -> Interval:
-        """The angles under which segments appear."""
-        angles = angle(edges.ends - source)
+        """The angles under which mirrors and blockers appear."""
+        angles = angle(path.to(edges.ends, legs).arrow)
         from_angle, width = angles[..., 0], angles[..., 1] - angles[..., 0]
         width = width - 2 * jnp.pi * jnp.round(width / (2 * jnp.pi))
         middle = turned(from_angle + width / 2)
@@ -87,7 +88,12 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     flattest = LIMITS[2:] if pad.cover is None else pad.cover.flattest
     toward_first = jnp.where(in_front, flattest[0], flattest[1])
     toward_second = jnp.where(in_front, flattest[1], flattest[0])
-    side = jnp.where(above < 0, -1.0, 1.0)
+    side, legs = jnp.where(above < 0, -1.0, 1.0), LAST
+    if path.sheets:
+        # What a ray passes before its last mirror lies before the pad.
+        of_blockers = legs_of(path.blockers)
+        side = jnp.where(of_blockers[..., 0] < jnp.sum(path.reflects), 0.0, side)
+        legs = _legs(path, of_blockers)
     crossing = with_kind(path.blockers.labels[..., 0], codes.CROSSING)
     blockers = cut(path.blockers, pad.ends(), side, crossing)
     # Mirrors first, then what may hide the pad.
@@ -96,7 +102,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
         path.mirrors,
         blockers,
     )
-    found, away, there = spans(both), path.turned_away, path.reflects
+    found, away, there = spans(both), *map(path.per_window, (path.turned_away, path.reflects))
     mirrors = jax.tree.map(lambda leaf: leaf[: len(there)], found)
     hidden = jax.tree.map(lambda leaf: leaf[len(there) :], found)
     lower = jnp.stack([first, foot - max_obliquity, jnp.where(wide, -FAR, axis - half)])
@@ -104,7 +110,11 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     lower_labels = jnp.stack([shown.labels[0], toward_first, low])
     upper_labels = jnp.stack([shown.labels[1], toward_second, high])
     if pad.cover is not None and inner is not None:
-        labels, passed = pad.cover.labels, angle(step.scaled(inner) + (pad.start - source))
+        labels, places = pad.cover.labels, step.scaled(inner)
+        if path.slide is None:
+            passed = angle(places + (pad.start - source))
+        else:
+            passed = angle(path.to(pad.start + places).arrow)
         lower, upper = jnp.append(lower, passed[:, 0]), jnp.append(upper, passed[:, 1])
         lower_labels = jnp.append(lower_labels, labels[:, 0])
         upper_labels = jnp.append(upper_labels, labels[:, 1])
@@ -150,6 +160,14 @@ def _around(
     back = turned(middle) - middle
     labels = whole.start_label, whole.end_label
     return Interval(whole.start + back, whole.end + back, *labels), counts
+
+
+def _legs(path: Unfolded, of_blockers: Int[Array, "legs 1 1"]) -> Int[Array, "edges 1"]:
+    """The legs of all mirrors, on the way in and out, and of all blockers."""
+    count, surfaces = path.blockers.active.shape
+    into = jnp.arange(count - 1)
+    every = jnp.repeat(of_blockers.reshape(-1), surfaces)
+    return jnp.concatenate([into, into + 1, every])[:, None]
 
 
 def _shown(path: Unfolded, pad: Pad) -> Edges:
@@ -198,7 +216,7 @@ def margin(
     """The width (rad) of the gap that was found, with the derivative of the lines that bound it."""
     labels = jnp.stack([widest.start_label, widest.end_label])
     first, last = jax.vmap(lambda label: toward(camera, path, pad, inner, label))(labels).angle()
-    above = (pad.end - pad.start).cross(path.source - pad.start)
+    above = (pad.end - pad.start).cross(path.eye(pad.start, pad.end) - pad.start)
     sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
     moving = sense * (last - first)
     # The value comes from the search, where each angle is on its turn; the slope from the two

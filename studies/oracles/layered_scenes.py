@@ -12,6 +12,12 @@ from studies.oracles.layers import AIR, Layer, Pad, Pair, Scene, Surface
 SIDES = {"left": 1, "right": -1, "both": 0}
 OTHER = {"left": "right", "right": "left", "both": "both"}
 
+CLEAR = 5.0
+"""Of how far the entrance pupil moves, how far away all else is at least."""
+
+EDGE_ON = 1e-6
+"""mm: a pad's line that is nearer to the camera goes through it."""
+
 Tables = dict[str, Any]
 """A scene file as TOML gives it."""
 
@@ -23,10 +29,11 @@ def read(tables: Mapping[str, Any], colour: str = "green") -> Scene:
         complex(*camera["position"]),
         np.exp(1j * np.radians(camera["direction_deg"])),
         np.radians(camera["fov_deg"]) / 2,
-        [_surface(table) for table in tables.get("mirrors", ())],
+        [_mirror(table, colour) for table in tables.get("mirrors", ())],
         [_pad(table, colour) for table in tables["pads"]],
         [_surface(table) for table in tables.get("blockers", ())],
         tables["scene"]["bounces"],
+        tuple(camera.get("pupil_shift", (0.0, 0.0))),
     )
 
 
@@ -35,11 +42,16 @@ def _surface(table: Mapping[str, Any]) -> Surface:
     return Surface(complex(*table["from"]), complex(*table["to"]), side)
 
 
+def _mirror(table: Mapping[str, Any], colour: str) -> Surface:
+    layers = tuple(_layer(layer, colour) for layer in table.get("layers", ()))
+    return _surface(table)._replace(layers=layers)
+
+
 def _pad(table: Mapping[str, Any], colour: str) -> Pad:
     layers = tuple(_layer(layer, colour) for layer in table.get("layers", ()))
     bezel = table.get("bezel", {"lip": 0, "height": 0})
     return Pad(
-        *_surface(table),
+        *_surface(table)[:3],
         np.radians(table.get("min_grazing_deg", 0.0)),
         table.get("min_transmission", 0.3 if layers else 0.0),
         layers,
@@ -86,6 +98,65 @@ def random_scene(rng: np.random.Generator, structure: int | None = None) -> tupl
         scene = read(tables)
         if _buildable(scene):
             return scene, tables
+
+
+def sliding_scene(
+    rng: np.random.Generator,
+    structure: int | None = None,
+    *,
+    pupil: bool = True,
+    sheets: bool = True,
+    layers: bool = True,
+) -> tuple[Scene, Tables]:
+    """As `random_scene`, but rays slide: the entrance pupil moves, or mirrors are sheets.
+
+    The pupil moves by up to 1 mm at 80°, and by no more than a part of the distance of what is
+    nearest; sheets are up to 1 mm thick.
+
+    Args:
+        rng: as there.
+        structure: as there.
+        pupil: whether the pupil moves.
+        sheets: whether mirrors have layers.
+        layers: whether pads may have layers.
+    """
+    while True:
+        shape = rng if structure is None else np.random.default_rng(structure)
+        tables = _tables(rng, shape)
+        if not layers:
+            for pad in tables["pads"]:
+                for key in ("layers", "bezel", "min_transmission"):
+                    pad.pop(key, None)
+        if pupil:
+            shift, part = 10 ** rng.uniform(-2, 0) * rng.choice([-1, 1]), rng.uniform()
+            square = np.radians(80) ** 2
+            shifts = shift * part / square, shift * (1 - part) / square**2
+            tables["camera"]["pupil_shift"] = [float(number) for number in shifts]
+        for mirror in tables["mirrors"] if sheets else ():
+            count = shape.integers(0, 3)
+            if count and mirror["side"] != "both":
+                parts = (rng.uniform(0, 1) * rng.dirichlet(np.ones(count))).tolist()
+                mirror["layers"] = [
+                    {"thickness": part, "index": rng.uniform(1, 1.8)} for part in parts
+                ]
+        scene = read(tables)
+        if _buildable(scene) and _apart(scene):
+            return scene, tables
+
+
+def _apart(scene: Scene) -> bool:
+    """Whether all that a ray meets is farther from the camera than rays cross.
+
+    And no pad is seen exactly edge-on, which a moving pupil turns into a view too narrow for a fan.
+    """
+    ends = np.array([(face.start, face.end) for face in scene.faces])
+    step, away = ends[:, 1] - ends[:, 0], scene.camera - ends[:, 0]
+    part = np.clip(np.real(np.conj(step) * away) / np.abs(step) ** 2, 0, 1)
+    moved = np.abs(scene.start(np.array([scene.half])) - scene.camera)
+    height = np.abs(np.imag(np.conj(step) * away)) / np.abs(step)
+    pads = np.array([face.part in ("membrane", "outer") for face in scene.faces])
+    far = np.abs(away - part * step).min() > CLEAR * moved[0]
+    return bool(far and height[pads].min() > EDGE_ON)
 
 
 def _tables(rng: np.random.Generator, shape: np.random.Generator) -> Tables:

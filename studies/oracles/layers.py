@@ -5,6 +5,9 @@ clear material bends it, a membrane senses it, and all else ends it: backs of mi
 blockers, black ends, ledges, the bezel's lips, an end of a layer or the outermost surface met from
 inside, and total reflection. Nothing is unfolded, and no way through a layer is known beforehand.
 
+Rays start on the optical axis, where the entrance pupil is for their angle. A mirror under layers
+reflects at their back: a ray is bent on its way in and out.
+
 A face has a front, the medium from which it is met, and what is behind it; from behind, it is not
 there. So a mirror is two faces, one that reflects and its back, and so is a surface between two
 layers.
@@ -26,6 +29,8 @@ AIR = 0
 """The medium around everything; layers are the numbers that follow."""
 SOLID, MIRROR, MEMBRANE = -1, -2, -3
 """What is behind a face that no ray passes."""
+OUT = -4
+"""Behind a mirror's surface met from inside: air, into which light leaves."""
 
 BESIDE = 1e-6
 """Angle between the ends of faces and the rays that go past them, rad."""
@@ -34,6 +39,8 @@ REFINED = 2
 PARTS = 15
 """Into how many parts rays divide the angle between two others: odd, so that none meets a corner
 that both pass."""
+AIMS = 30
+"""How often rays that go past the ends of faces are aimed anew from where they start."""
 ROUNDS = 10
 """How often the angle at the end of a run is divided: to 15⁻¹² of that between rays of the fan."""
 
@@ -73,11 +80,13 @@ class Surface(NamedTuple):
         start: one end.
         end: the other.
         side: +1 if the left side reflects or blocks, −1 if the right does, 0 if both do.
+        layers: of a mirror that reflects at their back, from the outside on; side is not 0.
     """
 
     start: complex
     end: complex
     side: int
+    layers: tuple[Layer, ...] = ()
 
 
 class Pad(NamedTuple):
@@ -112,7 +121,8 @@ class Face(NamedTuple):
     """One side of a surface.
 
     Attributes:
-        owner: m0, m1, … for mirrors, p0, … for pads, b0, … for blockers.
+        owner: m0, m1, … for mirrors, p0, … for pads, b0, … for blockers, s0, … for what lies on
+            mirrors or behind them.
         part: of a pad: ``membrane``; ``outer``, the first layer's surface towards the camera, and
             ``level 1``, … that of the others; ``from 0``, ``to 0``, … ends of layers; ``lip``.
         start: one end of it.
@@ -144,6 +154,7 @@ class Table(NamedTuple):
         normal: towards the front, of length 1.
         ratio: index of refraction in front, in parts of that behind, where there is a medium.
         looking: of each medium, the faces that look at it.
+        glass: whether it is of a mirror's layers.
     """
 
     start: np.ndarray
@@ -155,6 +166,7 @@ class Table(NamedTuple):
     normal: np.ndarray
     ratio: np.ndarray
     looking: list[np.ndarray]
+    glass: np.ndarray
 
 
 class Seen(NamedTuple):
@@ -211,6 +223,7 @@ class Scene:
         pads: with layers or without.
         blockers: one-sided ones let a ray pass from behind.
         bounces: most reflections of a path.
+        pupil: e₂ and e₄: rays at θ from the axis start e₂ θ² + e₄ θ⁴ before the camera, mm.
     """
 
     camera: complex
@@ -220,20 +233,32 @@ class Scene:
     pads: Sequence[Pad]
     blockers: Sequence[Surface]
     bounces: int
+    pupil: Pair = (0.0, 0.0)
+
+    def start(self, angles: np.ndarray) -> np.ndarray:
+        """Where rays start, from their angles to the optical axis, rad."""
+        square = np.asarray(angles) ** 2
+        return self.camera + self.axis * square * (self.pupil[0] + square * self.pupil[1])
 
     @cached_property
     def faces(self) -> list[Face]:
         """Of everything; media are numbered pad by pad, from the membrane up."""
-        found, medium = [], AIR + 1
+        found, sheets, medium = [], [], AIR + 1
         for i, mirror in enumerate(self.mirrors):
-            found += _sided(f"m{i}", "", mirror, MIRROR)
+            if mirror.layers:
+                coat, *others = _sheets(f"m{i}", f"s{i}", mirror, medium)
+                found.append(coat)
+                sheets += others
+                medium += len(mirror.layers)
+            else:
+                found += _sided(f"m{i}", "", mirror, MIRROR)
         for i, pad in enumerate(self.pads):
             found += body(f"p{i}", pad, medium)
             medium += len(pad.layers)
         for i, blocker in enumerate(self.blockers):
             met = _sided(f"b{i}", "", blocker, SOLID)
             found += [face for face in met if blocker.side in (0, face.side)]
-        return found
+        return found + sheets
 
     @cached_property
     def table(self) -> Table:
@@ -241,7 +266,7 @@ class Scene:
         owners, _, *columns = zip(*self.faces, strict=True)
         start, end, side, front, behind = map(np.array, columns)
         number = {owner: i for i, owner in enumerate(dict.fromkeys(owners))}
-        layers = [layer for pad in self.pads for layer in reversed(pad.layers)]
+        layers = [layer for on in (*self.mirrors, *self.pads) for layer in reversed(on.layers)]
         index = np.array([1.0, *(layer.index for layer in layers)])
         step = side * (end - start)
         return Table(
@@ -254,6 +279,7 @@ class Scene:
             1j * step / np.abs(step),
             index[front] / index[np.maximum(behind, AIR)],
             [np.flatnonzero(front == medium) for medium in range(len(index))],
+            np.array([owner[0] == "s" for owner in owners]),
         )
 
     def word(self, path: int) -> Word:
@@ -284,9 +310,27 @@ def body(owner: str, pad: Pad, medium: int) -> list[Face]:
     ]
 
 
+def _sheets(owner: str, sheet: str, mirror: Surface, medium: int) -> Iterator[Face]:
+    """The coat at the back of a mirror's layers, then its back and the faces of the layers."""
+    start, end, side, layers = mirror
+    up = 1j * side * (end - start) / abs(end - start)
+    yield Face(owner, "", start, end, side, medium, MIRROR)
+    yield Face(sheet, "back", start, end, -side, AIR, SOLID)
+    for layer in reversed(layers):
+        above = start + up * layer.thickness, end + up * layer.thickness
+        outermost = layer is layers[0]
+        beyond = AIR if outermost else medium + 1
+        yield Face(sheet, "surface", *above, side, beyond, medium)
+        yield Face(sheet, "surface", *above, -side, medium, OUT if outermost else beyond)
+        for foot, head, outward in ((start, above[0], side), (end, above[1], -side)):
+            yield Face(sheet, "end", foot, head, outward, AIR, SOLID)
+            yield Face(sheet, "end", foot, head, -outward, medium, SOLID)
+        (start, end), medium = above, medium + 1
+
+
 def _sided(owner: str, part: str, surface: Surface, kind: int) -> list[Face]:
     """Both faces of a surface in air: of its kind in front, solid at the back."""
-    start, end, chosen = surface
+    start, end, chosen, _ = surface
     return [
         Face(owner, part, start, end, side, AIR, kind if chosen in (0, side) else SOLID)
         for side in (1, -1)
@@ -357,7 +401,7 @@ def follow(scene: Scene, angles: np.ndarray) -> Seen:
         angles: of the rays, counter-clockwise from the optical axis, rad, shape (rays,).
     """
     table, mirrors, count = scene.table, len(scene.mirrors), len(angles)
-    place, heading = np.full(count, scene.camera), scene.axis * np.exp(1j * angles)
+    place, heading = scene.start(angles), scene.axis * np.exp(1j * angles)
     medium, bounces, path = np.zeros((3, count), np.int64)
     left, entrance, end = np.full((3, count), -1)  # left: the mirror that the ray comes from
     at, grazing = np.full((2, count), np.nan)
@@ -371,8 +415,8 @@ def follow(scene: Scene, angles: np.ndarray) -> Seen:
         face, ray = end[on], heading[on]
         behind, normal, ratio = table.behind[face], table.normal[face], table.ratio[face]
         cosine = -np.real(np.conj(normal) * ray)
-        # Nothing goes on out of a layer into air.
-        through, senses = behind > AIR, behind == MEMBRANE
+        # Nothing goes on out of a layer into air, but from a mirror.
+        through, senses = (behind > AIR) | (behind == OUT), behind == MEMBRANE
         entering = (table.front[face] == AIR) & (through | senses)
         entrance[on[entering]] = face[entering]
         grazing[on[entering]] = np.arcsin(np.minimum(cosine[entering], 1.0))
@@ -381,13 +425,16 @@ def follow(scene: Scene, angles: np.ndarray) -> Seen:
         beyond = np.sqrt(np.maximum(squared, 0.0))  # cosine of the angle behind
         across = (ratio * cosine - beyond) / (ratio * cosine + beyond)
         within = (ratio * beyond - cosine) / (ratio * beyond + cosine)
-        polarised[:, on[through]] *= 1 - np.stack([across, within])[:, through] ** 2
+        # What a mirror's layers lose is part of how well it reflects.
+        counts = through & ~table.glass[face]
+        polarised[:, on[counts]] *= 1 - np.stack([across, within])[:, counts] ** 2
         mirrored = (behind == MIRROR) & (bounces[on] < scene.bounces)
         bent = ratio * ray + (ratio * cosine - beyond) * normal
         turned = np.where(mirrored, ray + 2 * cosine * normal, bent)
         onward = mirrored | (through & (squared > 0))
         on, face, mirrored = on[onward], face[onward], mirrored[onward]
-        heading[on], medium[on] = turned[onward], np.maximum(behind[onward], AIR)
+        heading[on] = turned[onward]
+        medium[on] = np.where(mirrored, medium[on], np.maximum(behind[onward], AIR))
         left[on] = np.where(mirrored, table.owner[face], -1)
         path[on] = np.where(mirrored, path[on] * (mirrors + 1) + left[on] + 1, path[on])
         bounces[on] += mirrored
@@ -464,6 +511,8 @@ def _fan(scene: Scene, rays: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angles in order, and of their rays what `_label` returns."""
     ends = np.array([place for face in scene.faces for place in (face.start, face.end)])
     aimed = np.angle((ends - scene.camera) / scene.axis)
+    for _ in range(AIMS):
+        aimed = np.angle((ends - scene.start(aimed)) / scene.axis)
     aimed = np.append(aimed - BESIDE, aimed + BESIDE)
     even = np.linspace(-scene.half, scene.half, rays)
     angles = np.sort(np.append(even, aimed[np.abs(aimed) < scene.half]))
