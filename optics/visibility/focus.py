@@ -2,9 +2,9 @@
 
 A flat mirror does not change the distance at which a lens sees a point: that is the length of the
 path. Layers over a pad bring it nearer: the distance is then the radius of curvature of its wave in
-the section (`optics.visibility.refraction`), and blur that along the image line. Curved mirrors
-also move the image along the ray, which is left out here, and `Focus.sharp` takes the length of the
-path along a piece as in a flat one.
+the section (`optics.visibility.refraction`), and blur that along the image line. Of layers on flat
+mirrors it is that across the section. Curved mirrors also move the image along the ray, which is
+left out here, and `Focus.sharp` takes the length of the path along a piece as in a flat one.
 """
 
 from __future__ import annotations

@@ -23,7 +23,8 @@ class Look(NamedTuple):
         pixel: where they are imaged.
         px_per_mm: along the pad.
         distance: length of the ray, mm.
-        apparent: distance from which rays seem to come, mm; ``None`` where no pad has layers.
+        apparent: distance from which rays seem to come, mm; ``None`` where no pad
+            or mirror has layers.
     """
 
     pixel: Float[Array, " points"]

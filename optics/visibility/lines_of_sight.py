@@ -61,7 +61,7 @@ def sliding_scale(
 ) -> tuple[Vector, tuple[Array, Array, Array | None]]:
     """Of sliding rays to a pad or its cover: arrows to the entries, and as `Scale` has it the rest.
 
-    Layers on mirrors count for the length of the way, but not for the wave's radius of curvature.
+    Layers on mirrors count for the radius of curvature by their image across the section.
     """
     step, rays = face[1] - face[0], slide.rays_to(_places(face, entries))
 
@@ -81,7 +81,8 @@ def sliding_scale(
     scale, _ = safe_divide(jnp.ones_like(slopes), slopes)
     longer = slide.longer(rays.arrow)
     if cover is None:
-        return rays.arrow, (scale, rays.arrow.length() + longer, None)
+        way = rays.arrow.length()
+        return rays.arrow, (scale, way + longer, None if slide.thickness is None else way)
     _, ways, near = jax.vmap(lambda eye, entry: cover.scale(face, eye, entry[None]))(
         rays.start, entries
     )

@@ -321,4 +321,5 @@ def least_grazing(index: Float[Array, " layers"], least: Float[Array, ""]) -> Fl
     slope = jax.grad(transmission, 1)(n, root)
     step, _ = safe_divide(least - transmission(index, root), slope)
     inside = (wanted > 0) & (root < jnp.pi / 2)
-    return root + jnp.where(inside, step - jax.lax.stop_gradient(step), 0.0)
+    root = root + jnp.where(inside, step - jax.lax.stop_gradient(step), 0.0)
+    return jnp.where(wanted > 0, root, 0.0)

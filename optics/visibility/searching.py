@@ -76,7 +76,7 @@ def find(camera: Camera, paths: Unfolded, faces: Faces, max_pieces: int | None) 
 def _with_ends(fronts: Any, ends: Any, ends_of: np.ndarray) -> Any:
     """Of every pad its views by its outermost surface and then by its clear end faces."""
     there = jnp.asarray(ends_of >= 0)[..., None, None]
-    pieces, present, _ = jax.tree.map(lambda leaf: leaf[ends_of], ends)
+    pieces, present, results = jax.tree.map(lambda leaf: leaf[ends_of], ends)
 
     def joined(front: Shaped[Array, "..."], of_ends: Shaped[Array, "..."]) -> Shaped[Array, "..."]:
         every = jnp.concatenate([front[:, None], of_ends], axis=1)
@@ -85,10 +85,19 @@ def _with_ends(fronts: Any, ends: Any, ends_of: np.ndarray) -> Any:
     both = jax.tree.map(joined, fronts[:2], (pieces, present & there))
     seen = jnp.any(present & there, axis=(1, 3))
 
-    def outcome(seen: Bool[Array, ""], by_front: ViewResult) -> ViewResult:
-        return ViewResult.where(seen, ViewResult.successful, by_front)
+    def outcome(
+        seen: Bool[Array, ""], by_front: ViewResult, own: Bool[Array, " ends"], by_end: ViewResult
+    ) -> ViewResult:
+        # Of a camera that is beside the pad, an end face in front of it tells more.
+        result = by_front
+        for end in range(len(own)):
+            of_end = jax.tree.map(lambda leaf, end=end: leaf[end], by_end)
+            beside = own[end] & (result == ViewResult.behind_pad)
+            result = ViewResult.where(beside, of_end, result)
+        return ViewResult.where(seen, ViewResult.successful, result)
 
-    return *both, jax.vmap(jax.vmap(outcome))(seen, fronts[2])
+    of_paths = jax.vmap(outcome, (0, 0, None, 1))
+    return *both, jax.vmap(of_paths)(seen, fronts[2], jnp.asarray(ends_of >= 0), results)
 
 
 def _first(
@@ -247,7 +256,10 @@ def _limit_met(path: Unfolded, pad: Pad, pieces: Interval) -> Interval:
     step, toward = pad.end - pad.start, pad.start - path.source
     places = jnp.stack([pieces.start, pieces.end])
     labels = jnp.stack([pieces.start_label, pieces.end_label])
-    right = path.axis.cross(toward) + places * path.axis.cross(step) <= 0
+    if path.slide is None:
+        right = path.axis.cross(toward) + places * path.axis.cross(step) <= 0
+    else:
+        right = path.axis.cross(path.to(pad.start + step.scaled(places)).arrow) <= 0
     is_limit = (labels == limits) | (labels == limits + 1)
     met = jnp.where(is_limit, limits + right.astype(labels.dtype), labels)
     return Interval(pieces.start, pieces.end, met[0], met[1])

@@ -17,13 +17,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_sqrt
 from designopt.vectors import rotation
 from optics.scene.layers import CHANNELS, Layers
 from optics.scene.scene import Layout, Scene, place
-from optics.visibility.boundary_codes import LIMITS
+from optics.visibility.boundary_codes import LIMITS, PAD_ENDS
 from optics.visibility.coverage import pieces_of
 from optics.visibility.outline_edges import Box, OutlineEdges, boxes_of, outline_of
 from optics.visibility.pads import Faces, Pad, windows_of
@@ -119,12 +119,19 @@ def find_second_images(
     turned = {
         "start": jnp.where(found.present, 1 - pieces.end, 0.0),
         "end": jnp.where(found.present, 1 - pieces.start, 0.0),
-        "start_label": pieces.end_label,
-        "end_label": pieces.start_label,
+        "start_label": _turned(pieces.end_label),
+        "end_label": _turned(pieces.start_label),
     }
     ends = ("pixels", "px_per_mm", "distance", "spans", "apparent")
     turned |= {name: getattr(pieces, name)[..., ::-1] for name in ends}
     return replace(pieces, **turned)
+
+
+def _turned(labels: Int[Array, "*pieces"]) -> Int[Array, "*pieces"]:
+    """Labels with both ends of the membrane exchanged."""
+    first, second = PAD_ENDS
+    other = jnp.where(labels == second, first, labels)
+    return jnp.where(labels == first, second, other)
 
 
 def _mirrored(layers: Layers, fronts: Pad, size: Float[Array, ""], walls: list[Wall]) -> Pad:

@@ -45,7 +45,7 @@ class Sharpness(eqx.Module):
         distance: least and greatest distance of every piece from the (virtual) camera, mm; shape
             (poses, pads, pieces, 2).
         apparent: the same of the distance from which light seems to come; ``None`` where no pad
-            has layers.
+            or mirror has layers.
     """
 
     px_per_mm: Float[np.ndarray, "poses pads 3"]

@@ -243,12 +243,17 @@ class Tracer(eqx.Module):
         at_coat = (leg.coordinate + leaves) / 2
         longer = 2 * jnp.sum(thickness * index * inside)
         stopped = leg.reflected & ~passes
+        # From behind a ray ends at the coat, before it comes to the outermost surface.
+        behind = (leg.surface >= 0) & (leg.surface < len(self.layout.mirrors)) & ~leg.active
+        deep = jnp.where(behind, jnp.sum(sheets.thickness[mirror]), 0.0)
+        back, _ = safe_divide(deep, leg.sine)
+        aside, _ = safe_divide(back * ray.direction.dot(along), length)
         found = Leg(
             leg.surface,
-            jnp.where(passes, at_coat, leg.coordinate),
-            where(passes, coat, leg.place),
+            jnp.where(passes, at_coat, leg.coordinate - aside),
+            where(passes, coat, leg.place - ray.direction.scaled(back)),
             where(stopped, ray.direction, leg.direction),
-            leg.length + jnp.where(passes, longer / 2, 0.0),
+            leg.length + jnp.where(passes, longer / 2, -back),
             passes,
             leg.active,
             leg.sine,

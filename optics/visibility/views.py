@@ -100,8 +100,8 @@ class Pieces(eqx.Module):
         face: the surface by which it is seen: 0 for the pad or its outermost surface, else 1 and
             which of its clear end faces; ``None`` where there are none.
         apparent: distance from which light of its two ends seems to come, mm, shape (..., 2); see
-            `optics.visibility.refraction`. ``None`` where no pad has layers: then it is that of
-            the path.
+            `optics.visibility.refraction`. ``None`` where no pad or mirror has layers: then it is
+            that of the path.
     """
 
     present: Bool[Array, "*pieces"]
@@ -188,6 +188,6 @@ def _edge_of_layers(layout: Layout, label: int) -> str:
     at = ("from", "to")[end]
     if level == 0:
         return f"upper edge of layer 1 at '{at}'"
-    if level == max(map(len, layout.layers)):
+    if level >= min(len(kinds) for kinds in layout.layers if kinds):
         return f"lower edge of layer {level} at '{at}'"
     return f"edge between layers {level} and {level + 1} at '{at}'"

@@ -38,6 +38,9 @@ ROUNDING = 1e-12
 ENDS = 1e-6
 """Of a pad: how far the rays of the oracle may end from the library's views."""
 
+EDGE_ON = 1e-5
+"""rad: a view so narrow may be rounding."""
+
 SLOPES = 1e-6
 """Relative: what central differences leave."""
 
@@ -144,6 +147,12 @@ def assert_views_are_shown(drawn: list[tuple[layers.Scene, dict]]) -> None:
         assert [piece[:3] for piece in pieces] == [piece[:3] for piece in shown], i
         for piece, run in zip(pieces, shown, strict=True):
             np.testing.assert_allclose(piece[3:], run[3:], atol=ENDS, err_msg=str(i))
+    present, paths = (np.asarray(of) for of in (found.value.present, found.value.path))
+    seen = np.zeros(found.margin.shape, bool)
+    for i, pad, piece in zip(*np.nonzero(present), strict=True):
+        seen[i, paths[i, pad, piece], pad] = True
+    margin = np.asarray(found.margin)
+    assert np.all((seen == (margin > 0)) | (np.abs(margin) < EDGE_ON))
 
 
 @pytest.mark.parametrize("structure", [1, 7])

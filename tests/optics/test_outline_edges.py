@@ -25,6 +25,7 @@ from optics import (
     name_bound,
     parse_scene,
 )
+from optics.visibility.boundary_codes import FIRST_PAD_END, SECOND_PAD_END
 from optics.visibility.outline_edges import EDGES
 from studies.oracles.layer_box import WALLS, Setting, edges, follow, random_setting
 from tests.helpers import check_gradients
@@ -379,3 +380,15 @@ def test_trace_names_bounds_and_second_images(tmp_path, capsys):
 def test_what_has_no_outlines_or_second_images_is_refused(find, table, message):
     with pytest.raises(ValueError, match=message):
         find(parse_scene(table), NO_ANGLES)
+
+
+def test_second_images_that_end_with_the_membrane_name_its_end():
+    scene = read_scene(files("studies") / "gallery/scenes/layered-pad.toml")
+    images = jax.tree.map(np.asarray, find_second_images(scene, NO_ANGLES))
+    for place, labels, wanted in (
+        (images.start == 0, images.start_label, FIRST_PAD_END),
+        (images.end == 1, images.end_label, SECOND_PAD_END),
+    ):
+        found = labels[images.present & place]
+        assert found.size == 0 or set(found.tolist()) == {wanted}
+    assert (images.present & (images.end == 1)).any()

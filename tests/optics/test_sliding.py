@@ -191,6 +191,21 @@ def test_slopes_of_views_in_sheets():
     check_slopes(seen_numbers, sheets)
 
 
+def test_rays_from_behind_end_at_the_coat():
+    file = {
+        "camera": {"position": [0.0, 10.0], "direction_deg": -90, "fov_deg": 10, "pixels": 100},
+        "mirrors": [
+            {"name": "m", "from": [-5.0, 0.0], "to": [5.0, 0.0], "side": "right", "layers": [SHEET]}
+        ],
+    }
+    way = jnp.deg2rad(jnp.array([-75.0]))
+    hits = trace_rays(parse_scene(file), NO_ANGLES, jnp.array([[0.0, 10.0]]), way, bounces=1)
+    aside = 10 * math.tan(math.radians(15))
+    np.testing.assert_allclose(hits.place[0, 0], [aside, 0.0], atol=1e-12)
+    assert float(hits.length[0, 0]) == pytest.approx(math.hypot(aside, 10), abs=1e-12)
+    assert float(hits.coordinate[0, 0]) == pytest.approx(0.5 + aside / 10, abs=1e-12)
+
+
 def test_traced_rays_end_where_views_in_sheets_do():
     file = with_sheets(tables(min_grazing_deg=3.0), SHEET, {"thickness": 0.3, "index": 1.4})
     sheets = parse_scene(file)
@@ -259,3 +274,40 @@ def test_what_does_not_follow_sheets_refuses_them():
     bent = {"name": "bent", "from": [0.0, 30.0], "to": [9.0, 30.0], "radius": 40.0}
     with pytest.raises(UserError, match="those with layers"):
         parse_scene(file | {"mirrors": [*file["mirrors"], bent]})
+
+
+@pytest.mark.parametrize("thickness", [1.0, 4.0])
+def test_a_limit_of_a_narrow_field_keeps_its_side_behind_a_thick_sheet(thickness):
+    table = {
+        "scene": {"bounces": 1},
+        "camera": {
+            "position": [0.0, 0.0],
+            "direction_deg": 0.0,
+            "fov_deg": 10.0,
+            "pixels": 1000,
+        },
+        "mirrors": [
+            {
+                "name": "m",
+                "from": [0.0, -20.0],
+                "to": [40.0, 20.0],
+                "side": "left",
+                "layers": [{"thickness": thickness, "index": 1.5}],
+            }
+        ],
+        "pads": [{"name": "p", "from": [40.0, 8.0], "to": [-20.0, 8.0], "side": "left"}],
+    }
+    found = find(parse_scene(table))
+    # The ray at an angle f meets the front, y = x - 20 + t √2, goes 2 t tan of the angle in the
+    # glass along it, and leaves towards (sin f, cos f).
+    places = []
+    for degrees in (-5.0, 5.0):
+        slope, depth = math.tan(math.radians(degrees)), thickness * math.sqrt(2)
+        within = math.asin(math.sin(math.radians(45 + degrees)) / 1.5)
+        x = (20 - depth) / (1 - slope)
+        y, along = x - 20 + depth, depth * math.tan(within)
+        places.append((40 - (x + along + (8 - y - along) * slope)) / 60)
+    seen = found.value.present[0]
+    assert seen.sum() == 1
+    ends = [float(found.value.start[0, seen][0]), float(found.value.end[0, seen][0])]
+    np.testing.assert_allclose(ends, sorted(places), atol=1e-12)
