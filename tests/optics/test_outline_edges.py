@@ -3,6 +3,7 @@
 import itertools
 import json
 import math
+from importlib.resources import files
 
 import equinox as eqx
 import jax
@@ -24,6 +25,7 @@ from optics import (
     format_scene,
     name_bound,
     parse_scene,
+    read_scene,
 )
 from optics.visibility.boundary_codes import FIRST_PAD_END, SECOND_PAD_END
 from optics.visibility.outline_edges import EDGES
