@@ -38,6 +38,9 @@ HALVINGS = 32
 ROOTED = 1e-9
 """Transmission so near to the least is a root of the difference."""
 
+SMALL = 1e-12
+"""Of the square of a cosine: a flatter ray goes on along its layer, as one that is reflected."""
+
 BELOW, BEYOND = -1.0, 2.0
 """Entries of what no ray through the face meets: all pass beyond it, or none."""
 
@@ -59,10 +62,6 @@ class Inside(NamedTuple):
     down: Float[Array, "*points"]
     normal: tuple[Float[Array, "*points"], Float[Array, "*points"]]
     length: Float[Array, "*points"]
-
-
-SMALL = 1e-12
-"""Of the square of a cosine: a flatter ray goes on along its layer, as one that is reflected."""
 
 
 class FaceAxes(NamedTuple):

@@ -16,7 +16,7 @@ from optics.visibility.pads import Pad
 from optics.visibility.unfolding import Unfolded, unit
 
 
-class Look(NamedTuple):
+class Appearance(NamedTuple):
     """How points of a pad appear.
 
     Attributes:
@@ -38,7 +38,7 @@ def look(
     path: Unfolded,
     pad: Pad,
     entries: Float[Array, " points"],
-) -> Look:
+) -> Appearance:
     """How points of a pad appear by a path.
 
     ``entries`` are coordinates on the surface that is seen, where there are layers the outermost
@@ -72,7 +72,7 @@ def look(
         per_size, distance, near = pad.cover.scale(pad.ends(), source, entries)
     apparent = None if near is None else near * size
     per_mm = camera.pixels_per_radian(angle) * per_size / size
-    return Look(camera.pixel(angle), per_mm, distance * size, apparent)
+    return Appearance(camera.pixel(angle), per_mm, distance * size, apparent)
 
 
 def reflections(
