@@ -33,7 +33,7 @@ EDGES = ("left", "to", "right", "from")
 """Edges of an outline, from corner to corner as `CORNERS` has them: beside the section towards
 lesser columns, at the pad's second end, beside it towards greater columns, at its first end."""
 
-Bound = Literal["membrane", "bezel", "wall"]
+BoundName = Literal["membrane", "bezel", "wall"]
 
 SAMPLES = 9
 """Of an edge of an outline, evenly along the membrane; between any two lies one more point."""
@@ -79,7 +79,7 @@ class OutlineEdges(eqx.Module):
         return imaging.place(self.angle, self.slope)
 
 
-def name_bound(layout: Layout, pad: int, level: int) -> Bound:
+def name_bound(layout: Layout, pad: int, level: int) -> BoundName:
     """What bounds a part of an outline, from its level.
 
     Example:

@@ -67,7 +67,7 @@ SHADOWS: dict[str, tuple[list[Pair], float | None]] = {
     "3 mm silicone": ([(3.0, SILICONE)], 2.7),
     "3 mm acrylic + 2 mm silicone": ([(3.0, ACRYLIC), (2.0, SILICONE)], 4.2),
 }
-"""Layers whose shadow at 70° is published, and how wide it is said to be, mm."""
+"""Layers whose shadow at 70° is published, and its published width, mm."""
 
 
 class Survey(NamedTuple):
@@ -103,7 +103,7 @@ class Survey(NamedTuple):
         return {name: float(np.nanmin(some[..., pad])) for name, pad in OUTER.items()}
 
 
-class Found(NamedTuple):
+class Measurements(NamedTuple):
     """All that is measured.
 
     Attributes:
@@ -134,7 +134,7 @@ def run(spec: LayeredFingerSpec, context: Context) -> Results:
     degrees = np.linspace(0.0, finger.body.range_deg, spec.angles)
     angles = jnp.deg2rad(jnp.asarray(degrees))
     poses = jnp.stack(jnp.meshgrid(angles, angles, indexing="ij"), axis=-1)
-    found = Found(degrees, {}, Records(), Records(), Records(), Records())
+    found = Measurements(degrees, {}, Records(), Records(), Records(), Records())
     for name, case in CASES.items():
         with context.step(f"Layers: {name}"):
             scene, most = case.scene(finger), case.meeting_deg(finger)
@@ -151,7 +151,7 @@ def run(spec: LayeredFingerSpec, context: Context) -> Results:
     return out.results()
 
 
-def explain(found: Found, name: str, survey: Survey, rays: int) -> None:
+def explain(found: Measurements, name: str, survey: Survey, rays: int) -> None:
     """Add what is lost of the outer pads in their worst postures, and the brute-force check."""
     tables = plain_tables(survey.scene)
     for pad, index in OUTER.items():
@@ -183,7 +183,7 @@ def explain(found: Found, name: str, survey: Survey, rays: int) -> None:
             )
 
 
-def compare_lenses(found: Found, poses: Float[Array, "pip dip joints"]) -> None:
+def compare_lenses(found: Measurements, poses: Float[Array, "pip dip joints"]) -> None:
     """Add fields of view and coverage in air and under `PLATE` with every projection.
 
     What is seen depends on the field in the section alone: today's scenes are given other fields.
@@ -205,7 +205,7 @@ def compare_lenses(found: Found, poses: Float[Array, "pip dip joints"]) -> None:
 
 
 def redesign(
-    found: Found, finger: Finger, poses: Float[Array, "pip dip joints"], context: Context
+    found: Measurements, finger: Finger, poses: Float[Array, "pip dip joints"], context: Context
 ) -> None:
     """Add worst coverage with camera and mirrors placed anew, of the published cases."""
     search, alike = Redesigner(finger), np.arange(len(poses))
@@ -226,7 +226,7 @@ def redesign(
         found.redesigned.add(layers=name, **row)
 
 
-def published(found: Found) -> Records:
+def published(found: Measurements) -> Records:
     """Published worst coverage under layers inside and outside, beside that of two grids."""
     rows = Records()
     for name, case in CASES.items():
@@ -248,7 +248,7 @@ def straight_field(scene: Scene) -> float:
     return math.degrees(abs(np.angle(tip / root)))
 
 
-def add_metrics(out: Report, finger: Finger, found: Found) -> None:
+def add_metrics(out: Report, finger: Finger, found: Measurements) -> None:
     """The study's numbers."""
     least = {name: survey.least() for name, survey in found.surveys.items()}
     rows, strips = published(found), found.strips
@@ -281,7 +281,7 @@ def add_metrics(out: Report, finger: Finger, found: Found) -> None:
             out.metric(name, own.stat(f"min {pad}"), "sold", lens=projection, pad=pad)
 
 
-def add_tables(out: Report, found: Found) -> None:
+def add_tables(out: Report, found: Measurements) -> None:
     """What is seen, what is lost and why, published numbers, shadows, lenses, checks."""
     seen = Records()
     for name, survey in found.surveys.items():
@@ -307,7 +307,7 @@ def add_tables(out: Report, found: Found) -> None:
     out.table("checks", found.checks)
 
 
-def add_findings(out: Report, finger: Finger, found: Found) -> None:
+def add_findings(out: Report, finger: Finger, found: Measurements) -> None:
     """Plain sentences, most important first."""
     out.say("bare", postures=len(found.degrees) ** 2)
     out.say("plate")
@@ -334,7 +334,7 @@ def add_findings(out: Report, finger: Finger, found: Found) -> None:
     out.say("short", **{pad: short.stat(f"max {pad}") for pad in OUTER})
 
 
-def add_figures(out: Report, found: Found) -> None:
+def add_figures(out: Report, found: Measurements) -> None:
     """Coverage over the joints' angles, the worst postures in section, lenses."""
     seen = Records()
     for name in SHOWN:
@@ -362,7 +362,7 @@ def add_figures(out: Report, found: Found) -> None:
     out.figure("lenses", plots.bars(sold, "lens", "worst_coverage_percent", by="case"))
 
 
-def draw_worst(found: Found) -> Figure:
+def draw_worst(found: Measurements) -> Figure:
     """The section under `PLATE` in the worst posture of each outer pad, with what is lost."""
     survey = found.surveys[PLATE]
     poses = [np.deg2rad(found.degrees[list(survey.worst[pad])]) for pad in OUTER.values()]
