@@ -19,6 +19,7 @@ from jaxtyping import Array, Float, Int
 
 from designopt.numerics import TO_ROUNDING, bisect, refine_root, safe_divide, safe_sqrt
 from designopt.vectors import Vector
+from optics.scene.layers import along_and_normal
 from optics.scene.scene import Placed, Scene
 from optics.visibility.boundary_codes import DARK, LIMITS, edge_of_layers
 from optics.visibility.refraction import (
@@ -147,16 +148,13 @@ class EndCover(Cover):
         layout, size, layers = scene.layout, placed.size, scene.own_layers
         assert layers is not None
         faces = [layout.bodies[i - len(layout.surfaces)] for i in surface]
-        pad, layer, end = (
-            np.array([getattr(f, of) for f in faces]) for of in ("pad", "layer", "end")
-        )
+        pad, layer, end = np.array([(face.pad, face.layer, face.end) for face in faces]).T
         profile = profile_of(scene, layers)
         # The membranes' ends follow from the outermost surfaces.
-        start, last = placed.segment(len(layout.mirrors) + pad)
-        along = unit(last - start)
-        side = jnp.asarray(layout.sides[len(layout.mirrors) + pad], along.x.dtype)
-        normal = along.perpendicular().scaled(side)
-        origin = start - along.scaled(profile.upper[pad, 0, 0] / size)
+        outermost = len(layout.mirrors) + pad
+        ends, side = placed.corners[outermost], jnp.asarray(layout.sides[outermost], size.dtype)
+        along, normal, _ = along_and_normal(ends, side)
+        origin = ends[..., 0] - along.scaled(profile.upper[pad, 0, 0] / size)
         origin = origin - normal.scaled(profile.levels[pad, 0] / size)
         # Rays through the second end face go backwards: they pass second ends first.
         second, places, labels = end == 1, profile.windows()[pad] / size, fronts.labels[pad]
