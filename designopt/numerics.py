@@ -1,10 +1,19 @@
-"""Arithmetic that stays finite, in value and in slope, where the plain operation does not."""
+"""Arithmetic that stays finite, in value and in slope, where the plain operation does not.
+
+And two steps to a root: halvings without derivatives, and a last one that carries them.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
+
+TO_ROUNDING = 60
+"""Halvings of an interval, to rounding in double precision."""
 
 
 def safe_divide(
@@ -102,6 +111,48 @@ def safe_quadratic_roots(
     # c0 = 0 = q happens only at a double root in 0, where the second quotient is the root.
     exist = jnp.stack([real & first_exists, real & second_exists], axis=-1)
     return jnp.stack([first, second], axis=-1), exist, discriminant
+
+
+def bisect(
+    holds: Callable[[Array], Array],
+    inside: Float[Array, "..."],
+    outside: Float[Array, "..."],
+    halvings: int = TO_ROUNDING,
+) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    """Last values at which a condition holds and first ones at which it does not, between two.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> last, _ = bisect(lambda x: x**2 < 2, jnp.array(0.0), jnp.array(2.0))
+        >>> round(float(last), 6)
+        1.414214
+    """
+
+    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        middle = (ends[0] + ends[1]) / 2
+        within = holds(middle)
+        return jnp.where(within, middle, ends[0]), jnp.where(within, ends[1], middle)
+
+    return jax.lax.fori_loop(0, halvings, halve, (inside, outside))
+
+
+def refine_root(
+    residual: Callable[[Any, Array], Float[Array, ""]], given: Any, root: Float[Array, ""]
+) -> Float[Array, ""]:
+    """A root of ``residual(given, root)`` after one more step of Newton's method.
+
+    The step carries the derivatives with respect to what is given, by the theorem of implicit
+    functions; there is none where the residual has no slope.
+
+    Example:
+        >>> import jax, jax.numpy as jnp
+        >>> slope = jax.grad(lambda a: refine_root(lambda a, x: x**2 - a, a, jnp.array(1.414214)))
+        >>> round(float(slope(2.0)), 4)  # 1 / (2 √2)
+        0.3536
+    """
+    still, root = jax.lax.stop_gradient((given, root))
+    slope = jax.jvp(lambda at: residual(still, at), (root,), (jnp.ones_like(root),))[1]
+    return root - safe_divide(residual(given, root), slope)[0]
 
 
 def optional_float(value: ArrayLike | None) -> Float[Array, "..."] | None:

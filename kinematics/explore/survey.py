@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.numerics import bisect
 from designopt.solution import Solution
 from kinematics.explore.dimensions import Dimensions
 from kinematics.model.linkage import Linkage
@@ -109,13 +110,10 @@ def _halve(
     """Between poses and what are none: the last inputs that give a pose."""
     shaped = dimensions.linkage(linkage, distances)
 
-    def halved(_: Any, ends: Any) -> Any:
-        inside, outside = ends
-        middle = (inside + outside) / 2
-        good = solve_poses(shaped, middle).ok[:, None]
-        return jnp.where(good, middle, inside), jnp.where(good, outside, middle)
+    def good(inputs: Float[Array, "edges inputs"]) -> Array:
+        return solve_poses(shaped, inputs).ok[:, None]
 
-    return jax.lax.fori_loop(0, HALVINGS, halved, (inside, outside))[0]
+    return bisect(good, inside, outside, HALVINGS)[0]
 
 
 @partial(jax.jit, static_argnames="dimensions")

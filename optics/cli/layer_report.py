@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from optics.visibility.outline_edges import EDGES, Bound, name_bound
+from optics.visibility.outline_edges import EDGES, BoundName, name_bound
 from optics.visibility.scene_trace import SceneTrace
 from optics.visibility.second_images import clear_walls, describe_second_end
 
@@ -33,7 +33,7 @@ def outline_of_view(trace: SceneTrace, pose: int, path: int, pad: int) -> Entry 
     }
 
 
-def _parts(bounds: Sequence[Bound], points: Sequence[Sequence[float]]) -> list[Entry]:
+def _parts(bounds: Sequence[BoundName], points: Sequence[Sequence[float]]) -> list[Entry]:
     """The parts of an edge that one thing bounds; between their ends every second point."""
     cuts = [i for i in range(1, len(bounds)) if bounds[i] != bounds[i - 1]]
     parts = []

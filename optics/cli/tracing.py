@@ -84,8 +84,8 @@ def trace_file(
             if chart is not None:
                 save_chart(trace, chart)
         _write(lines_of(document_of(trace)), target)
-        said = [*remarks_on(trace), *remarks_on_model(tables["camera"])]
-        return [*said, remark_on_fields(scene.camera)]
+        on_camera = [*remarks_on_model(tables["camera"]), remark_on_fields(scene.camera)]
+        return [*remarks_on(trace), *on_camera]
 
 
 def _angles(

@@ -24,7 +24,7 @@ from designopt.export.drawing import (
 from designopt.export.json import Quantity
 from designopt.io.files import printable
 from designopt.vectors import vector
-from optics.plot.layer_section import Stack
+from optics.plot.layer_section import LayerSection
 from optics.plot.section import Section
 from optics.scene.camera_module import LINES, NAME
 from optics.scene.file import FIXED, CameraTable, LayerTable, MirrorTable, PadTable, SurfaceTable
@@ -255,7 +255,7 @@ def _off_chords(places: Float[np.ndarray, "places 2"]) -> float:
     return float(np.max(np.abs(across) / np.hypot(*chords.T)))
 
 
-def _stacks(design: DesignedScene) -> Sequence[Stack | None]:
+def _stacks(design: DesignedScene) -> Sequence[LayerSection | None]:
     """The layers of all pads in the reference pose."""
     return Section.of(design.scene, np.zeros(len(design.scene.angle_names))).stacks
 

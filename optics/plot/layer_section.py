@@ -30,7 +30,7 @@ class EndFace(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Stack:
+class LayerSection:
     """The layers of one pad in a pose, mm.
 
     Attributes:
@@ -98,7 +98,7 @@ def _refracted(ray: complex, surface: Points, ratio: float) -> complex:
     return along * complex(part.real / ratio, math.copysign(math.sqrt(square), part.imag))
 
 
-def stacks_of(scene: Scene, lines: Sequence[Points]) -> tuple[Stack | None, ...]:
+def stacks_of(scene: Scene, lines: Sequence[Points]) -> tuple[LayerSection | None, ...]:
     """The layers of every pad; none where a pad has none.
 
     Args:
@@ -124,7 +124,7 @@ def _stack(
     faces: Sequence[tuple[BodyFace, Points]],
     index: Float[np.ndarray, " layers"],
     overhang: Float[np.ndarray, "layers 2"],
-) -> Stack:
+) -> LayerSection:
     """The layers of a pad from the faces of its body."""
     ends = [EndFace(line, face.kind) for face, line in faces if face.part == "end"]
     pairs = tuple(zip(ends[::2], ends[1::2], strict=True))
@@ -135,7 +135,7 @@ def _stack(
     edges = [line for face, line in faces if face.part in ("rim", "lip")]
     lower, longer = layers[-1][:2], overhang[len(layers) - 1]
     along = (lower[1] - lower[0]) / math.dist(*lower)
-    return Stack(
+    return LayerSection(
         membrane=lower + np.outer([1, -1] * longer, along),
         layers=layers,
         ends=pairs,

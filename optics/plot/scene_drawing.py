@@ -21,7 +21,7 @@ from designopt.plot.quick_line import QuickLine
 from designopt.plot.typesetting import drawn_name
 from designopt.solution import Solution
 from optics.plot.label_layout import Label, draw_labels
-from optics.plot.layer_section import Stack
+from optics.plot.layer_section import LayerSection
 from optics.plot.section import Angles, Point, Points, Section, rays_to
 from optics.scene.scene import Layout, Scene
 from optics.visibility.intervals import union
@@ -357,7 +357,7 @@ def _pads(
             yield _sign(artist, FRONTS, f"sensing:{part.name}")
 
 
-def _layers(pad: str, stack: Stack, size: float) -> Iterator[Artist]:
+def _layers(pad: str, stack: LayerSection, size: float) -> Iterator[Artist]:
     """Layers of a pad, each in a tint of its own, their ends, and the bezel."""
     for number, outline in enumerate(stack.layers):
         sheet = Polygon(outline, closed=True, edgecolor=EDGE, linewidth=CLEAR_END * size)
@@ -380,7 +380,7 @@ def _end(line: Points, clear: bool, size: float) -> QuickLine:
     return QuickLine(*line.T, color=color, linewidth=width * size, solid_capstyle="butt")
 
 
-def _filled(axes: Axes, stack: Stack) -> Iterator[Points]:
+def _filled(axes: Axes, stack: LayerSection) -> Iterator[Points]:
     """Lines so close all over layers and bezel that no name finds room between them."""
     figure: Any = axes.figure
     close = BAR * figure.dpi / 72 * float(np.ptp(axes.get_xlim())) / axes.bbox.width  # mm

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from designopt.vectors import Vector
-from optics.plot.layer_section import Stack, stacks_of
+from optics.plot.layer_section import LayerSection, stacks_of
 from optics.scene.scene import Layout, Scene, place
 from optics.visibility.tracing import NOTHING, Tracer, trace_rays
 from optics.visibility.views import Pieces
@@ -49,7 +49,7 @@ class Section:
     axis: float
     lines: tuple[Points, ...]
     hinges: Points
-    stacks: tuple[Stack | None, ...] = ()
+    stacks: tuple[LayerSection | None, ...] = ()
 
     @classmethod
     def of(cls, scene: Scene, angles: Angles) -> Section:

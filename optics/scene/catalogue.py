@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
-KNOWLEDGE = ("stated", "verified", "assumed")
+EVIDENCE = ("stated", "verified", "assumed")
 """Keys of an entry that are none of ``[camera]``."""
 
 
@@ -38,7 +38,7 @@ def filled_in(camera: Any) -> Any:
         close = difflib.get_close_matches(name, known, n=1)
         hint = f"did you mean '{close[0]}'?" if close else f"there are: {', '.join(known)}"
         raise ValueError(f"no camera of the catalogue is named '{name}'; {hint}")
-    entry = {key: value for key, value in known[name].items() if key not in KNOWLEDGE}
+    entry = {key: value for key, value in known[name].items() if key not in EVIDENCE}
     if isinstance(camera.get("format"), dict):
         entry["format"] = {**entry["format"], **camera["format"]}
         camera = {key: value for key, value in camera.items() if key != "format"}

@@ -73,9 +73,6 @@ def body_faces(pad: int, kinds: tuple[LayerKinds, ...], bezel: bool) -> list[Bod
     return faces
 
 
-_INDICES = ("pad", "layer", "end")
-
-
 class Layers(eqx.Module):
     """The layers of all pads, the outermost first.
 
@@ -195,7 +192,7 @@ def profile_faces(
     top = profile.levels[:, :1]
     outermost = jnp.stack([profile.face(), jnp.repeat(top, 2, axis=1)], axis=-1)
 
-    pad, layer, end = (np.array([getattr(face, of) for face in bodies]) for of in _INDICES)
+    pad, layer, end = np.array([(face.pad, face.layer, face.end) for face in bodies]).T
     parts = np.array([face.part for face in bodies])
     is_end, is_top = parts == "end", parts == "top"
     upper, level = profile.upper[pad, layer, end], profile.levels[pad, layer]

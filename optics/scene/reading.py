@@ -229,12 +229,8 @@ def _camera(table: CameraTable) -> Camera:
         sensor=sensor,
         module=None if table.module is None else _module(table.module),
         max_blur=table.max_blur_px,
-        pupil_shift=_pair(table.pupil_shift),
+        pupil_shift=None if table.pupil_shift is None else jnp.asarray(table.pupil_shift, float),
     )
-
-
-def _pair(numbers: tuple[float, float] | None) -> Float[Array, "2"] | None:
-    return None if numbers is None else jnp.asarray(numbers, float)
 
 
 def _module(table: ModuleTable) -> CameraModule:

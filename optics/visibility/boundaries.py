@@ -179,7 +179,7 @@ def label_of_bound(pad: Pad, bound: Bound) -> Int[Array, ""]:
 def toward(
     camera: Camera, path: Unfolded, pad: Pad, inner: Windows, label: Int[Array, ""]
 ) -> Vector:
-    """Along the line of sight that a label stands for, of any length."""
+    """Along the line of sight of a label, of any length."""
     axis, step = path.axis, pad.end - pad.start
     leg, surface, kind = parts_of(jnp.maximum(label, 0))
     edges = jax.tree.map(lambda leaf: leaf[leg, surface], path.blockers)

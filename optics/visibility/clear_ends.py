@@ -8,7 +8,6 @@ of entry, bisected and then polished by one Newton step, which also carries its 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -18,8 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from designopt.numerics import safe_divide, safe_sqrt
+from designopt.numerics import TO_ROUNDING, bisect, refine_root, safe_divide, safe_sqrt
 from designopt.vectors import Vector
+from optics.scene.layers import along_and_normal
 from optics.scene.scene import Placed, Scene
 from optics.visibility.boundary_codes import DARK, LIMITS, edge_of_layers
 from optics.visibility.refraction import (
@@ -36,11 +36,11 @@ from optics.visibility.unfolding import unit
 HALVINGS = 32
 """Bisections before the Newton step, which squares what they leave."""
 
-TO_ROUNDING = 60
-"""Steps by which an angle is found to rounding."""
-
 ROOTED = 1e-9
 """Transmission so near to the least is a root of the difference."""
+
+SMALL = 1e-12
+"""Of the square of a cosine: a flatter ray goes on along its layer, as one that is reflected."""
 
 BELOW, BEYOND = -1.0, 2.0
 """Entries of what no ray through the face meets: all pass beyond it, or none."""
@@ -63,10 +63,6 @@ class Inside(NamedTuple):
     down: Float[Array, "*points"]
     normal: tuple[Float[Array, "*points"], Float[Array, "*points"]]
     length: Float[Array, "*points"]
-
-
-SMALL = 1e-12
-"""Of the square of a cosine: a flatter ray goes on along its layer, as one that is reflected."""
 
 
 class FaceAxes(NamedTuple):
@@ -152,16 +148,13 @@ class EndCover(Cover):
         layout, size, layers = scene.layout, placed.size, scene.own_layers
         assert layers is not None
         faces = [layout.bodies[i - len(layout.surfaces)] for i in surface]
-        pad, layer, end = (
-            np.array([getattr(f, of) for f in faces]) for of in ("pad", "layer", "end")
-        )
+        pad, layer, end = np.array([(face.pad, face.layer, face.end) for face in faces]).T
         profile = profile_of(scene, layers)
         # The membranes' ends follow from the outermost surfaces.
-        start, last = placed.segment(len(layout.mirrors) + pad)
-        along = unit(last - start)
-        side = jnp.asarray(layout.sides[len(layout.mirrors) + pad], along.x.dtype)
-        normal = along.perpendicular().scaled(side)
-        origin = start - along.scaled(profile.upper[pad, 0, 0] / size)
+        outermost = len(layout.mirrors) + pad
+        ends, side = placed.corners[outermost], jnp.asarray(layout.sides[outermost], size.dtype)
+        along, normal, _ = along_and_normal(ends, side)
+        origin = ends[..., 0] - along.scaled(profile.upper[pad, 0, 0] / size)
         origin = origin - normal.scaled(profile.levels[pad, 0] / size)
         # Rays through the second end face go backwards: they pass second ends first.
         second, places, labels = end == 1, profile.windows()[pad] / size, fronts.labels[pad]
@@ -231,11 +224,9 @@ class EndCover(Cover):
     def scale(self, face: Vector, source: Vector, entries: Points) -> Scale:
         """As `Cover.scale`."""
         step, toward = face[1] - face[0], face[0] - source
-
-        def met(entry: Float[Array, ""]) -> Float[Array, ""]:
-            return self.coordinate(face, source, entry[None])[0]
-
-        rise = jax.vmap(partial(_slope, met))(entries) * (self.membrane[1] - self.membrane[0])
+        met = partial(self.coordinate, face, source)
+        rise = jax.jvp(met, (entries,), (jnp.ones_like(entries),))[1]
+        rise = rise * (self.membrane[1] - self.membrane[0])
         arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
         turn, _ = safe_divide(jnp.abs(step.cross(toward)) / arrow.squared(), jnp.abs(rise))
         ray = self._inside(source, entries)
@@ -289,18 +280,19 @@ class EndCover(Cover):
 
     def _crossing(self, sought: Sought, source: Vector) -> Float[Array, ""]:
         """The entry at which nothing is short; `BELOW` or `BEYOND` if there is none."""
-        still, wanted, eye = jax.lax.stop_gradient((self, sought, source))
+        given = self, sought, source
+        still, zero = jax.lax.stop_gradient(given), jnp.zeros_like(sought.place)
 
-        def short(entry: Float[Array, ""]) -> Float[Array, ""]:
-            return still._short(entry, wanted, eye)
+        def short(given: tuple[EndCover, Sought, Vector], entry: Array) -> Float[Array, ""]:
+            return given[0]._short(entry, *given[1:])
 
-        zero = jnp.zeros_like(wanted.place)
-        root = _bisected(lambda entry: short(entry) > 0, zero, zero + 1, HALVINGS)
-        step, _ = safe_divide(self._short(root, sought, source), _slope(short, root))
+        low, high = bisect(lambda entry: short(still, entry) > 0, zero, zero + 1, HALVINGS)
+        middle = (low + high) / 2
+        root = refine_root(short, given, middle)
         # Where a single layer lets no ray down any more, the light ends in a jump and no root.
-        step = jnp.where(jnp.abs(step) <= 4 * 2.0**-HALVINGS, step, 0.0)
-        before, after = short(zero) <= 0, short(zero + 1) > 0
-        return jnp.where(before, BELOW, jnp.where(after, BEYOND, root - step))
+        root = jnp.where(jnp.abs(root - middle) <= 4 * 2.0**-HALVINGS, root, middle)
+        before, after = short(still, zero) <= 0, short(still, zero + 1) > 0
+        return jnp.where(before, BELOW, jnp.where(after, BEYOND, root))
 
 
 def bright_angles(
@@ -323,33 +315,30 @@ def bright_angles(
         Angles (rad) from the normal into the layer, positive away from the membrane: rays between
         them bring more. Both are one if none does.
     """
-    moving = FaceAxes.of(step, outward), layer, index
-    (still, wanted), right = (
-        jax.lax.stop_gradient((moving, least)),
-        jnp.full_like(least, jnp.pi / 2),
-    )
+    given = FaceAxes.of(step, outward), layer, index, least
+    still, right = jax.lax.stop_gradient(given), jnp.full_like(least, jnp.pi / 2)
 
-    def excess(angle: Float[Array, ""]) -> Float[Array, ""]:
-        return _transmission(*still, angle) - wanted
+    def excess(given: tuple[FaceAxes, Array, Array, Array], angle: Array) -> Float[Array, ""]:
+        return _transmission(*given[:3], angle) - given[3]
 
     def narrow(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
         low, high = ends
         inner = low + (high - low) / 3, high - (high - low) / 3
-        rises = excess(inner[0]) < excess(inner[1])
+        rises = excess(still, inner[0]) < excess(still, inner[1])
         return jnp.where(rises, inner[0], low), jnp.where(rises, high, inner[1])
 
     low, high = jax.lax.fori_loop(0, TO_ROUNDING, narrow, (-right, right))
     best = (low + high) / 2
 
     def limit(dark: Float[Array, ""]) -> Float[Array, ""]:
-        root = _bisected(lambda angle: excess(angle) > 0, best, dark, TO_ROUNDING)
-        missed = _transmission(*moving, root) - least
-        step, _ = safe_divide(missed, _slope(excess, root))
+        low, high = bisect(lambda angle: excess(still, angle) > 0, best, dark)
+        middle = (low + high) / 2
+        root = refine_root(excess, given, middle)
         # Total reflection ends the light in a jump, whose place moves otherwise.
-        rooted = jnp.abs(excess(root)) < ROOTED
-        return root - jnp.where(rooted, step - jax.lax.stop_gradient(step), 0.0)
+        rooted = jnp.abs(excess(still, middle)) < ROOTED
+        return middle + jnp.where(rooted, root - jax.lax.stop_gradient(root), 0.0)
 
-    return jnp.where(excess(best) > 0, jnp.stack([limit(-right), limit(right)]), best)
+    return jnp.where(excess(still, best) > 0, jnp.stack([limit(-right), limit(right)]), best)
 
 
 def _transmission(
@@ -379,26 +368,5 @@ def _squares(
     return signed[..., None] + row_of(index**2 - index[layer] ** 2, down)
 
 
-def _bisected(
-    on: Callable[[Array], Array],
-    first: Float[Array, "*roots"],
-    last: Float[Array, "*roots"],
-    halvings: int,
-) -> Float[Array, "*roots"]:
-    """Where something ends that holds at the first of two places and not at the last."""
-
-    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-        middle = (ends[0] + ends[1]) / 2
-        holds = on(middle)
-        return jnp.where(holds, middle, ends[0]), jnp.where(holds, ends[1], middle)
-
-    below, above = jax.lax.fori_loop(0, halvings, halve, (first, last))
-    return (below + above) / 2
-
-
 def _root(square: Float[Array, "..."]) -> Float[Array, "..."]:
     return jnp.sqrt(jnp.where(square > SMALL, square, SMALL))
-
-
-def _slope(function: Callable[[Array], Array], at: Float[Array, ""]) -> Float[Array, ""]:
-    return jax.jvp(function, (at,), (jnp.ones_like(at),))[1]

@@ -12,15 +12,13 @@ root.
 
 from __future__ import annotations
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from designopt.numerics import safe_divide
+from designopt.numerics import bisect, safe_divide
 from optics.scene.scene import Layout
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundary_codes import label_of
@@ -74,14 +72,8 @@ def find_edge(
 
     # Bisection by what is seen and not by a residual: it needs no guess which one vanishes, and is
     # right where several do.
-    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-        inside, outside = ends
-        middle = (inside + outside) / 2
-        same = still.label(middle) == label
-        return jnp.where(same, middle, inside), jnp.where(same, outside, middle)
-
+    at, other = bisect(lambda angle: still.label(angle) == label, inside, outside, BISECTIONS)
     limit = jnp.abs(outside) >= still.camera.field_of_view / 2
-    at, other = jax.lax.fori_loop(0, BISECTIONS, halve, (inside, outside))
     at_limit = limit & (other == outside)
     # Along both rays: the one just inside, and the one just outside. The first leg on which they
     # meet different surfaces is where the run ends; if they meet the same ones, the last leg, at

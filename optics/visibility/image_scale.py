@@ -16,7 +16,7 @@ from optics.visibility.pads import Pad
 from optics.visibility.unfolding import Unfolded, unit
 
 
-class Look(NamedTuple):
+class Appearance(NamedTuple):
     """How points of a pad appear.
 
     Attributes:
@@ -39,7 +39,7 @@ def look(
     path: Unfolded,
     pad: Pad,
     entries: Float[Array, " points"],
-) -> Look:
+) -> Appearance:
     """How points of a pad appear by a path.
 
     ``entries`` are coordinates on the surface that is seen, where there are layers the outermost
@@ -49,12 +49,11 @@ def look(
     """
     source, axis = path.source, path.axis
     step, toward = pad.end - pad.start, pad.start - source
-    sliding = None
     if path.slide is None:
         arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
+        scale = None if pad.cover is None else pad.cover.scale(pad.ends(), source, entries)
     else:
-        sliding = sliding_scale(path.slide, pad.cover, pad.ends(), entries)
-        arrow = sliding[0]
+        arrow, scale = sliding_scale(path.slide, pad.cover, pad.ends(), entries)
     across = axis.x * arrow.y - axis.y * arrow.x
     angle = safe_arctan2(across, axis.x * arrow.x + axis.y * arrow.y)
     # Beyond the seam of a camera that looks all around, pixels are counted on.
@@ -62,18 +61,15 @@ def look(
     center = safe_arctan2(axis.cross(middle), axis.dot(middle))
     turns = jax.lax.stop_gradient(jnp.round((angle - center) / (2 * jnp.pi)))
     angle = path.handedness() * (angle - 2 * jnp.pi * turns)
-    near = None
-    if sliding is not None:
-        _, (per_size, distance, near) = sliding
-    elif pad.cover is None:
+    if scale is None:
         above = jnp.abs(unit(step).cross(toward))
         per_size, _ = safe_divide(jnp.full_like(across, above), arrow.squared())
-        distance = arrow.length()
+        distance, near = arrow.length(), None
     else:
-        per_size, distance, near = pad.cover.scale(pad.ends(), source, entries)
+        per_size, distance, near = scale
     apparent = None if near is None else near * size
     per_mm = camera.pixels_per_radian(angle) * per_size / size
-    return Look(camera.pixel(angle), per_mm, distance * size, apparent)
+    return Appearance(camera.pixel(angle), per_mm, distance * size, apparent)
 
 
 def reflections(

@@ -13,7 +13,6 @@ one Newton step carries its derivatives.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal
 
@@ -23,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from designopt.numerics import safe_arctan2, safe_divide, safe_sqrt
+from designopt.numerics import bisect, refine_root, safe_arctan2, safe_sqrt
 from optics.scene.imaging import Imaging
 from optics.scene.scene import Layout, Scene, place
 from optics.visibility.outlines import TOUCHING, Behind, behind_layers
@@ -34,7 +33,7 @@ EDGES = ("left", "to", "right", "from")
 """Edges of an outline, from corner to corner as `CORNERS` has them: beside the section towards
 lesser columns, at the pad's second end, beside it towards greater columns, at its first end."""
 
-Bound = Literal["membrane", "bezel", "wall"]
+BoundName = Literal["membrane", "bezel", "wall"]
 
 SAMPLES = 9
 """Of an edge of an outline, evenly along the membrane; between any two lies one more point."""
@@ -44,9 +43,6 @@ NEIGHBOURS = np.s_[:-1:2], np.s_[1::2], np.s_[2::2]
 
 SPAN = 27.0
 """Slopes are looked for between e⁻²⁷ and e²⁷."""
-
-HALVINGS = 60
-"""Bisections, to rounding in double precision."""
 
 FAR = 1e9
 """mm: where an edge is that bounds nothing."""
@@ -83,7 +79,7 @@ class OutlineEdges(eqx.Module):
         return imaging.place(self.angle, self.slope)
 
 
-def name_bound(layout: Layout, pad: int, level: int) -> Bound:
+def name_bound(layout: Layout, pad: int, level: int) -> BoundName:
     """What bounds a part of an outline, from its level.
 
     Example:
@@ -125,26 +121,17 @@ class Box(eqx.Module):
         self, one: Float[Array, " levels"], other: Float[Array, " levels"]
     ) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
         """Slope at which two sides meet, and how far the ray then points towards each."""
-        still, sides = jax.lax.stop_gradient((self, (one, other)))
+        given = self, one, other
+        still = jax.lax.stop_gradient(given)
 
-        def short(box: Box, sides: Any, log: Float[Array, ""]) -> Float[Array, ""]:
-            slope = jnp.exp(log)
+        def short(given: tuple[Box, Array, Array], log: Float[Array, ""]) -> Float[Array, ""]:
+            (box, *sides), slope = given, jnp.exp(log)
             first, second = (box.toward(side, slope) for side in sides)
             return first**2 + second**2 + (TOUCHING / box.reach(slope)[-1]) ** 2 - 1
 
-        def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-            middle = (ends[0] + ends[1]) / 2
-            steeper = short(still, sides, middle) > 0
-            return jnp.where(steeper, middle, ends[0]), jnp.where(steeper, ends[1], middle)
-
         end = jnp.full_like(self.bezel, SPAN)
-        low, high = jax.lax.fori_loop(0, HALVINGS, halve, (-end, end))
-        log = _polished(
-            lambda log: short(self, (one, other), log),
-            lambda log: short(still, sides, log),
-            (low + high) / 2,
-        )
-        slope = jnp.exp(log)
+        low, high = bisect(lambda log: short(still, log) > 0, -end, end)
+        slope = jnp.exp(refine_root(short, given, (low + high) / 2))
         return slope, self.toward(one, slope), self.toward(other, slope)
 
     def nearest(self, side: Float[Array, " levels"], slope: Float[Array, ""]) -> Int[Array, ""]:
@@ -163,24 +150,15 @@ class Box(eqx.Module):
         still, own, ends = jax.lax.stop_gradient((self, side, (jnp.log(low), jnp.log(high))))
         before = still.nearest(own, jnp.exp(ends[0]))
 
-        def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-            middle = (ends[0] + ends[1]) / 2
-            same = still.nearest(own, jnp.exp(middle)) == before
-            return jnp.where(same, middle, ends[0]), jnp.where(same, ends[1], middle)
-
-        first, last = jax.lax.fori_loop(0, HALVINGS, halve, ends)
+        first, last = bisect(lambda log: still.nearest(own, jnp.exp(log)) == before, *ends)
         after = still.nearest(own, jnp.exp(last))
 
-        def apart(box: Box, side: Float[Array, " levels"], log: Array) -> Float[Array, ""]:
+        def apart(given: tuple[Box, Array], log: Float[Array, ""]) -> Float[Array, ""]:
+            box, side = given
             reach = box.reach(jnp.exp(log))
             return side[before] / reach[before] - side[after] / reach[after]
 
-        log = _polished(
-            lambda log: apart(self, side, log),
-            lambda log: apart(still, own, log),
-            (first + last) / 2,
-        )
-        return jnp.exp(log)
+        return jnp.exp(refine_root(apart, (self, side), (first + last) / 2))
 
 
 class _Point(eqx.Module):
@@ -326,13 +304,3 @@ def find_outline_edges(
         found,
         (along, found.beside + lateral, found.present & looks),
     )
-
-
-def _polished(
-    function: Callable[[Array], Array], still: Callable[[Array], Array], root: Float[Array, ""]
-) -> Float[Array, ""]:
-    """A root after one step of Newton's method, which also carries its derivatives."""
-    root = jax.lax.stop_gradient(root)
-    slope = jax.jvp(still, (root,), (jnp.ones_like(root),))[1]
-    step, _ = safe_divide(function(root), jax.lax.stop_gradient(slope))
-    return root - step

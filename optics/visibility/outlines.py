@@ -149,9 +149,8 @@ def _entries(
 def _entry(behind: Behind, beside: Float[Array, ""] | float, end: int) -> tuple[Vector, Any]:
     """Where the line of sight to a place enters the layers: in the section, and beside it, mm.
 
-    The place is at an end of the membrane and so many mm beside the camera's
-    section: the ray stays in the plane through it and the pad's normal, and the flat problem of
-    `optics.visibility.refraction` holds there.
+    The place is at an end of the membrane and so many mm beside the camera's section: the ray stays
+    in the plane through it and the pad's normal, where `optics.visibility.refraction` holds.
     """
     offset, stack = behind.offset[..., end], behind.stack
     radius = jnp.sqrt(offset**2 + beside**2 + TOUCHING**2)

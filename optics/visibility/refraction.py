@@ -30,7 +30,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
-from designopt.numerics import safe_divide
+from designopt.numerics import bisect, safe_divide
 from designopt.vectors import Vector, vector
 from optics.scene.layers import CHANNELS, Layers, Profile
 from optics.scene.scene import Scene
@@ -40,9 +40,6 @@ Points = Float[Array, " points"]
 
 STEPS = 16
 """Newton steps; 600,000 random stacks and heights down to 1e-8 of the offset took 14 at most."""
-
-HALVINGS = 60
-"""Bisections of the flattest ray's grazing angle, to rounding in double precision."""
 
 
 def row_of(
@@ -309,15 +306,8 @@ def least_grazing(index: Float[Array, " layers"], least: Float[Array, ""]) -> Fl
     A quarter turn if less comes through along the normal; 0 if all rays bring more.
     """
     n, wanted = jax.lax.stop_gradient((index, least))
-
-    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-        low, high = ends
-        middle = (low + high) / 2
-        enough = transmission(n, middle) >= wanted
-        return jnp.where(enough, low, middle), jnp.where(enough, middle, high)
-
     ends = jnp.zeros_like(wanted), jnp.full_like(wanted, jnp.pi / 2)
-    root = jax.lax.fori_loop(0, HALVINGS, halve, ends)[1]
+    _, root = bisect(lambda angle: transmission(n, angle) < wanted, *ends)
     slope = jax.grad(transmission, 1)(n, root)
     step, _ = safe_divide(least - transmission(index, root), slope)
     inside = (wanted > 0) & (root < jnp.pi / 2)

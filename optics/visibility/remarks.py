@@ -21,15 +21,15 @@ ROUNDING = 1e-9
 """A smaller part of a pad that is not seen is rounding."""
 
 
-def remarks_on(sight: SceneTrace) -> list[str]:
+def remarks_on(trace: SceneTrace) -> list[str]:
     """Two lines for every pad that is not all seen in every pose, one for what is left out.
 
     And one for every pad with a second image in a clear wall, for every view that is blurred too
     much, and on rays that end at layers.
     """
-    layout, views = sight.scene.layout, sight.views
+    layout, views = trace.scene.layout, trace.views
     if views is None:
-        hint = "" if len(sight.rays) else "; --ray X,Y,DEG follows a ray"
+        hint = "" if len(trace.rays) else "; --ray X,Y,DEG follows a ray"
         return [f"{layout.name}: there are no pads to be seen{hint}"]
     crowded = views.codes == jax.tree.leaves(ViewResult.too_many)[0]
     lines = []
@@ -41,25 +41,25 @@ def remarks_on(sight: SceneTrace) -> list[str]:
             if len(hidden) > 1:
                 of_it = (
                     f"not all of it is seen at {short:,} of {len(hidden):,} poses; worst at "
-                    f"{_pose(sight, worst)}: {of_it}"
+                    f"{_pose(trace, worst)}: {of_it}"
                 )
             view = jax.tree.map(lambda leaf, worst=worst: leaf[worst], views)
-            lines += [f"pad '{part.name}': {of_it}", f"  {_why(sight, view, pad)}"]
+            lines += [f"pad '{part.name}': {of_it}", f"  {_why(trace, view, pad)}"]
         if crowded[..., pad].any():
             count = int(np.sum(crowded[..., pad].any(axis=1)))
             lines.append(
                 f"pad '{part.name}': at {count:,} poses it is seen in more pieces than there is "
                 "room for; the last of them are left out"
             )
-        lines += _second_images(sight, pad)
-    return lines + _too_blurred(sight, views) + _rays_at_layers(sight)
+        lines += _second_images(trace, pad)
+    return lines + _too_blurred(trace, views) + _rays_at_layers(trace)
 
 
-def _rays_at_layers(sight: SceneTrace) -> list[str]:
+def _rays_at_layers(trace: SceneTrace) -> list[str]:
     """One line if a ray that was asked for meets layers, which it is not followed into."""
-    if sight.hits is None or sight.scene.layers is None:
+    if trace.hits is None or trace.scene.layers is None:
         return []
-    layout, surfaces = sight.scene.layout, np.unique(sight.hits.surface)
+    layout, surfaces = trace.scene.layout, np.unique(trace.hits.surface)
     met = dict.fromkeys(layout.behind_face[surfaces[surfaces != NOTHING]].tolist())
     names = [f"'{layout.pads[pad].name}'" for pad in met if pad >= 0 and layout.layers[pad]]
     if not names:
@@ -67,31 +67,31 @@ def _rays_at_layers(sight: SceneTrace) -> list[str]:
     return [f"--ray: rays end where they meet layers (of {', '.join(names)}), not at the membrane"]
 
 
-def _second_images(sight: SceneTrace, pad: int) -> list[str]:
+def _second_images(trace: SceneTrace, pad: int) -> list[str]:
     """A line for a pad that clear ends of its layers show once more, whether seen or not."""
-    if sight.layers is None or sight.layers.second is None:
+    if trace.layers is None or trace.layers.second is None:
         return []
-    second, walls = sight.layers.second, clear_walls(sight.scene.layout)
+    second, walls = trace.layers.second, clear_walls(trace.scene.layout)
     own = np.array([wall.pad == pad for wall in walls])
     widths = np.where(second.present, np.abs(np.diff(second.pixels)[..., 0]), 0.0).max(axis=(0, 2))
     if not widths[own].any():
         return []
     widest = int(np.argmax(np.where(own, widths, 0.0)))
     return [
-        f"pad '{sight.scene.layout.pads[pad].name}': a second image of it appears in "
+        f"pad '{trace.scene.layout.pads[pad].name}': a second image of it appears in "
         f"{walls[widest].name}, {widths[widest]:.3g} px wide; it does not count as seen"
     ]
 
 
-def _too_blurred(sight: SceneTrace, views: Views) -> list[str]:
+def _too_blurred(trace: SceneTrace, views: Views) -> list[str]:
     """A line for every view that is blurred more than the camera's limit in any pose."""
-    limit, blur = sight.scene.camera.max_blur, views.working_blur
+    limit, blur = trace.scene.camera.max_blur, views.working_blur
     if limit is None or blur is None:
         return []
     lines, found, sharpness = [], views.found.value, views.sharpness
-    seemingly = "" if sharpness.apparent is None else "an apparent "
-    for pad, part in enumerate(sight.scene.layout.pads):
-        for path, name in enumerate(sight.paths):
+    kind = "" if sharpness.apparent is None else "an apparent "
+    for pad, part in enumerate(trace.scene.layout.pads):
+        for path, name in enumerate(trace.paths):
             there = found.present[:, pad] & (found.path[:, pad] == path)
             here = np.where(there[..., None], blur[:, pad], 0.0)
             worst = np.unravel_index(int(np.argmax(here)), here.shape)
@@ -99,12 +99,12 @@ def _too_blurred(sight: SceneTrace, views: Views) -> list[str]:
                 poses = ""
                 if len(here) > 1:
                     count = int(np.sum(here.max(axis=(1, 2)) > float(limit)))
-                    at = _pose(sight, int(worst[0]))
+                    at = _pose(trace, int(worst[0]))
                     poses = f", at {count:,} of {len(here):,} poses; worst at {at}"
-                at = f"{seemingly}{sharpness.object_distance[:, pad][worst]:.4g} mm"
+                distance = f"{kind}{sharpness.object_distance[:, pad][worst]:.4g} mm"
                 lines.append(
-                    f"pad '{part.name}' by {name}: a blur of {here[worst]:.3g} px at {at} is more "
-                    f"than max_blur_px = {float(limit):g}{poses}"
+                    f"pad '{part.name}' by {name}: a blur of {here[worst]:.3g} px at {distance} is "
+                    f"more than max_blur_px = {float(limit):g}{poses}"
                 )
     return lines
 
@@ -165,21 +165,21 @@ def _part(coverage: float) -> str:
     return f"{100 * (1 - coverage):.3g} % of it is not seen"
 
 
-def _pose(sight: SceneTrace, index: int) -> str:
-    named = zip(sight.scene.angle_names, sight.angles_deg[index].tolist(), strict=True)
+def _pose(trace: SceneTrace, index: int) -> str:
+    named = zip(trace.scene.angle_names, trace.angles_deg[index].tolist(), strict=True)
     return ", ".join(f"{name} = {value:.6g}°" for name, value in named)
 
 
-def _why(sight: SceneTrace, view: Views, pad: int) -> str:
+def _why(trace: SceneTrace, view: Views, pad: int) -> str:
     """Why some of a pad is not seen in a pose."""
     if view.coverage[pad] > 0:
-        bounds = dict.fromkeys(_bounds(sight.scene.layout, view, pad))
+        bounds = dict.fromkeys(_bounds(trace.scene.layout, view, pad))
         return f"what is seen ends at: {'; '.join(bounds)}"
     if np.any(view.found.value.present[pad]):
         return "all rays to it meet it in single points"
     nearest = int(np.argmax(view.found.margin[:, pad]))
     why = REASONS[int(view.codes[nearest, pad])]
-    return f"nearest to showing any of it is {sight.paths[nearest]}: {why}"
+    return f"nearest to showing any of it is {trace.paths[nearest]}: {why}"
 
 
 def _bounds(layout: Layout, view: Views, pad: int) -> list[str]:

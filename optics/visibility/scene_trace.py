@@ -36,11 +36,10 @@ MOST_MEMORY = 2**32
 PER_PAD, PER_PATH = 500, 24
 """Bytes that are kept of every pose for a pad and for a path to it, about."""
 
-Poses = Float[np.ndarray, "poses joints"]
-
-
 OUTLINE = 4 * (2 * SAMPLES - 1) * 24
 """The same for an outline."""
+
+Poses = Float[np.ndarray, "poses joints"]
 
 
 class LayerImages(eqx.Module):

@@ -144,7 +144,7 @@ def _mirrored(layers: Layers, fronts: Pad, size: Float[Array, ""], walls: list[W
     wall = cover.places[np.arange(len(pad)), -1, end] + outward
     behind = (np.arange(cover.places.shape[1]) >= layer[:, None])[..., None]
     places = jnp.where(behind, 2 * wall[:, None, None] - cover.places[..., ::-1], cover.places)
-    # The ends of the membrane are told apart as those of any pad.
+    # The ends of the membrane keep their labels.
     turned = behind & (np.arange(cover.places.shape[1]) < cover.places.shape[1] - 1)[:, None]
     labels = jnp.where(turned, cover.labels[..., ::-1], cover.labels)
     # In air: (n cos of the angle to the level)² + sin² = n², and that cosine must exceed 1.

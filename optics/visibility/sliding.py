@@ -38,7 +38,6 @@ STEPS = 12
 LEAST = 0.1
 """Of the determinant of the last step: where it is smaller rays cross, and it means nothing."""
 
-
 LAST = 1 << 30
 """In place of the number of a path's last leg."""
 

@@ -33,7 +33,7 @@ from studies.layered_finger.cases import (
     sold_camera,
 )
 from studies.layered_finger.mirrors import Redesigner
-from studies.layered_finger.strips import lost_strips
+from studies.layered_finger.strips import ends_of, lost_strips
 from studies.models.finger import PHALANGES, Finger
 from studies.models.finger_file import packaged_finger
 from studies.oracles import layers as oracle
@@ -44,6 +44,7 @@ OUTER = {"proximal": 0, "distal": 2}
 """The pads that are not wholly seen, and their places among all pads."""
 
 ROUNDING_DEG = 1e-9
+"""A posture may exceed the largest flexion by as much."""
 
 TEXT_MM = 22.0
 """Words on a lost strip stand so far behind it."""
@@ -57,8 +58,6 @@ PLATE = "3 mm"
 MARKED = 9
 """Markers on a line."""
 
-AIR = {"none": "in air"}
-
 SHOWN = ("none", "2 mm", PLATE, "3+2 mm", "2 mm, overhang", "3 mm, overhang", "3 mm, clear ends")
 """Whose coverage is drawn."""
 
@@ -68,14 +67,14 @@ SHADOWS: dict[str, tuple[list[Pair], float | None]] = {
     "3 mm silicone": ([(3.0, SILICONE)], 2.7),
     "3 mm acrylic + 2 mm silicone": ([(3.0, ACRYLIC), (2.0, SILICONE)], 4.2),
 }
-"""Layers whose shadow at 70° is published, and how wide it is said to be, mm."""
+"""Layers whose shadow at 70° is published, and its published width, mm."""
 
 
 class Survey(NamedTuple):
     """What a scene shows over all pairs of joint angles.
 
     Attributes:
-        scene: it.
+        scene: the scene.
         coverage: of every pad; NaN where layers would run into each other.
         worst: of every pad, the indices of the posture in which least of it is seen.
         views: what is seen in these postures.
@@ -104,7 +103,7 @@ class Survey(NamedTuple):
         return {name: float(np.nanmin(some[..., pad])) for name, pad in OUTER.items()}
 
 
-class Found(NamedTuple):
+class Measurements(NamedTuple):
     """All that is measured.
 
     Attributes:
@@ -135,7 +134,7 @@ def run(spec: LayeredFingerSpec, context: Context) -> Results:
     degrees = np.linspace(0.0, finger.body.range_deg, spec.angles)
     angles = jnp.deg2rad(jnp.asarray(degrees))
     poses = jnp.stack(jnp.meshgrid(angles, angles, indexing="ij"), axis=-1)
-    found = Found(degrees, {}, Records(), Records(), Records(), Records())
+    found = Measurements(degrees, {}, Records(), Records(), Records(), Records())
     for name, case in CASES.items():
         with context.step(f"Layers: {name}"):
             scene, most = case.scene(finger), case.meeting_deg(finger)
@@ -152,7 +151,7 @@ def run(spec: LayeredFingerSpec, context: Context) -> Results:
     return out.results()
 
 
-def explain(found: Found, name: str, survey: Survey, rays: int) -> None:
+def explain(found: Measurements, name: str, survey: Survey, rays: int) -> None:
     """Add what is lost of the outer pads in their worst postures, and the brute-force check."""
     tables = plain_tables(survey.scene)
     for pad, index in OUTER.items():
@@ -165,11 +164,10 @@ def explain(found: Found, name: str, survey: Survey, rays: int) -> None:
         exact = float(survey.coverage[at][index])
         check = {"coverage": exact, "by_rays": by_rays, "difference": by_rays - exact}
         found.checks.add(**where, **check)
-        ends = [complex(*posed["pads"][index][end]) for end in ("from", "to")]
-        length = abs(ends[1] - ends[0])
+        start, end = ends_of(posed["pads"][index])
+        length = abs(end - start)
         for strip in lost_strips(survey.scene, posed, views.value, index):
-            closed = strip.shadow
-            nothing = closed is None
+            along, width, air, inside = strip.shadow or (math.nan,) * 4
             found.strips.add(
                 **where,
                 lost_mm=length * (strip.end - strip.start),
@@ -177,15 +175,15 @@ def explain(found: Found, name: str, survey: Survey, rays: int) -> None:
                 to_mm=length * strip.end,
                 view=strip.view,
                 bound=strip.bound,
-                air_deg=math.nan if nothing else math.degrees(closed.air),
-                inside_deg=math.nan if nothing else math.degrees(closed.inside),
-                shadow_mm=math.nan if nothing else closed.width,
-                formula_mm=math.nan if nothing else closed.along,
-                difference_mm=math.nan if nothing else closed.along - length * strip.at,
+                air_deg=math.degrees(air),
+                inside_deg=math.degrees(inside),
+                shadow_mm=width,
+                formula_mm=along,
+                difference_mm=along - length * strip.at,
             )
 
 
-def compare_lenses(found: Found, poses: Float[Array, "pip dip joints"]) -> None:
+def compare_lenses(found: Measurements, poses: Float[Array, "pip dip joints"]) -> None:
     """Add fields of view and coverage in air and under `PLATE` with every projection.
 
     What is seen depends on the field in the section alone: today's scenes are given other fields.
@@ -200,29 +198,26 @@ def compare_lenses(found: Found, poses: Float[Array, "pip dip joints"]) -> None:
                 survey = Survey.of(scene, poses)
                 row = {"projection": projection, "long_deg": fields["horizontal"]}
                 row |= {"short_deg": fields["vertical"], "in_section": axis, "layers": name}
-                for pad, index in zip(PHALANGES, range(3), strict=True):
+                for index, pad in enumerate(PHALANGES):
                     part = survey.coverage[..., index]
                     row |= {pad: float(part.min()), f"{pad}_mean": float(part.mean())}
                 found.lenses.add(**row)
 
 
 def redesign(
-    found: Found, finger: Finger, poses: Float[Array, "pip dip joints"], context: Context
+    found: Measurements, finger: Finger, poses: Float[Array, "pip dip joints"], context: Context
 ) -> None:
     """Add worst coverage with camera and mirrors placed anew, of the published cases."""
-    search = Redesigner(finger)
+    search, alike = Redesigner(finger), np.arange(len(poses))
     for name, case in CASES.items():
         if case.redesigned is None:
             continue
         with context.step(f"Other mirrors: {name}"):
             scene = search.redesigned(found.surveys[name].scene)
             survey = Survey.of(scene, poses)
-            alike = np.arange(len(poses))
-            row_poses, pieces = poses[alike, alike], find_views(scene, poses).value
-            row_pieces = jax.tree.map(lambda leaf, at=alike: leaf[at, at], pieces)
-            sharp = find_sharpness(
-                scene, np.asarray(row_poses), row_pieces, bounces=scene.layout.bounces
-            )
+            views = find_views(scene, poses).value
+            pieces, bent = jax.tree.map(lambda leaf: leaf[alike, alike], (views, poses))
+            sharp = find_sharpness(scene, np.asarray(bent), pieces, bounces=scene.layout.bounces)
         row = survey.least()
         row |= dict(zip(("paper_proximal", "paper_distal"), case.redesigned, strict=True))
         row |= {f"today_{pad}": value for pad, value in found.surveys[name].least().items()}
@@ -231,7 +226,7 @@ def redesign(
         found.redesigned.add(layers=name, **row)
 
 
-def published(found: Found) -> Records:
+def published(found: Measurements) -> Records:
     """Published worst coverage under layers inside and outside, beside that of two grids."""
     rows = Records()
     for name, case in CASES.items():
@@ -253,7 +248,7 @@ def straight_field(scene: Scene) -> float:
     return math.degrees(abs(np.angle(tip / root)))
 
 
-def add_metrics(out: Report, finger: Finger, found: Found) -> None:
+def add_metrics(out: Report, finger: Finger, found: Measurements) -> None:
     """The study's numbers."""
     least = {name: survey.least() for name, survey in found.surveys.items()}
     rows, strips = published(found), found.strips
@@ -286,7 +281,7 @@ def add_metrics(out: Report, finger: Finger, found: Found) -> None:
             out.metric(name, own.stat(f"min {pad}"), "sold", lens=projection, pad=pad)
 
 
-def add_tables(out: Report, found: Found) -> None:
+def add_tables(out: Report, found: Measurements) -> None:
     """What is seen, what is lost and why, published numbers, shadows, lenses, checks."""
     seen = Records()
     for name, survey in found.surveys.items():
@@ -312,24 +307,21 @@ def add_tables(out: Report, found: Found) -> None:
     out.table("checks", found.checks)
 
 
-def add_findings(out: Report, finger: Finger, found: Found) -> None:
+def add_findings(out: Report, finger: Finger, found: Measurements) -> None:
     """Plain sentences, most important first."""
     out.say("bare", postures=len(found.degrees) ** 2)
     out.say("plate")
     for pad in OUTER:
-        [strip] = found.strips.where(layers=PLATE, pad=pad).group("pad").values()
-        columns = strip.keys()
-        out.say(f"why-{pad}", **{column: strip[column].tolist()[0] for column in columns})
+        strip = found.strips.where(layers=PLATE, pad=pad)
+        out.say(f"why-{pad}", **{name: cells.tolist()[0] for name, cells in dict(strip).items()})
     beyond = "2 mm, overhang beyond today's end"
-    outcome = {f"{pad}_beyond": value for pad, value in found.surveys[beyond].least().items()}
-    meeting = {name: CASES[name].meeting_deg(finger) for name in (beyond, "3 mm outside")}
-    out.say(
-        "overhang", **found.surveys["2 mm, overhang"].least(), **outcome, meeting=meeting[beyond]
-    )
+    numbers = found.surveys["2 mm, overhang"].least()
+    numbers |= {f"{pad}_beyond": value for pad, value in found.surveys[beyond].least().items()}
+    out.say("overhang", **numbers, meeting=CASES[beyond].meeting_deg(finger))
     out.say("clear", **found.surveys["3 mm, clear ends"].least())
     own = published(found).where(reading="inside")
     least, most = (own.stat(f"{end} difference") for end in ("min", "max"))
-    out.say("inside", least=least, most=most, meeting=meeting["3 mm outside"])
+    out.say("inside", least=least, most=most, meeting=CASES["3 mm outside"].meeting_deg(finger))
     acrylic, silicone = ([(3.0, index)] for index in (ACRYLIC, SILICONE))
     steep, flat = math.radians(70.0), math.radians(90.0)
     widths = {"acrylic": shadow_width(acrylic, steep), "flat": shadow_width(acrylic, flat)}
@@ -342,7 +334,7 @@ def add_findings(out: Report, finger: Finger, found: Found) -> None:
     out.say("short", **{pad: short.stat(f"max {pad}") for pad in OUTER})
 
 
-def add_figures(out: Report, found: Found) -> None:
+def add_figures(out: Report, found: Measurements) -> None:
     """Coverage over the joints' angles, the worst postures in section, lenses."""
     seen = Records()
     for name in SHOWN:
@@ -364,13 +356,13 @@ def add_figures(out: Report, found: Found) -> None:
             labels = [f"{projection}, {field:.0f}°" for projection, field in fields]
             sold.add(
                 lens=labels,
-                case=f"{pad}, {AIR.get(name, name)}",
+                case=f"{pad}, {'in air' if name == 'none' else name}",
                 worst_coverage_percent=100 * own[pad],
             )
     out.figure("lenses", plots.bars(sold, "lens", "worst_coverage_percent", by="case"))
 
 
-def draw_worst(found: Found) -> Figure:
+def draw_worst(found: Measurements) -> Figure:
     """The section under `PLATE` in the worst posture of each outer pad, with what is lost."""
     survey = found.surveys[PLATE]
     poses = [np.deg2rad(found.degrees[list(survey.worst[pad])]) for pad in OUTER.values()]
@@ -379,9 +371,9 @@ def draw_worst(found: Found) -> Figure:
     drawing = poses_figure(survey.scene, np.stack(poses), stacked, labels=False)
     tables = plain_tables(survey.scene)
     for axes, (pad, index) in zip(drawing.axes, OUTER.items(), strict=True):
-        [strip] = found.strips.where(layers=PLATE, pad=pad).group("pad").values()
+        strip = found.strips.where(layers=PLATE, pad=pad)
         posed = posed_tables(tables, {"pip": strip["pip_deg"][0], "dip": strip["dip_deg"][0]})
-        start, end = (complex(*posed["pads"][index][key]) for key in ("from", "to"))
+        start, end = ends_of(posed["pads"][index])
         along = (end - start) / abs(end - start)
         middle = start + along * (strip["from_mm"][0] + strip["to_mm"][0]) / 2
         text = f"{strip['lost_mm'][0]:.1f} mm lost"

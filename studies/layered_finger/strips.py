@@ -35,7 +35,7 @@ class Strip(NamedTuple):
         at: the one of them where the view ends.
         view: the path of the view.
         bound: what ends the view.
-        shadow: the end by the closed form; none for a bound that it does not know.
+        shadow: the end by the closed form; none for a bound that has none.
     """
 
     start: float
@@ -86,10 +86,10 @@ def _closed_form(
     Over at most one mirror. A grazing angle bounds a view below it (−π + angle) or ahead of it.
     """
     word, layout = paths_of(scene.layout, scene.layout.bounces)[path], scene.layout
-    ends, leg, edge = _ends(tables["pads"][pad]), len(word), None
+    ends, leg, edge = ends_of(tables["pads"][pad]), len(word), None
     source = camera = complex(*tables["camera"]["position"])
     for index in word:
-        source = image(source, _ends(tables["mirrors"][index]))
+        source = image(source, ends_of(tables["mirrors"][index]))
     if label in (codes.LEFT_LIMIT, codes.RIGHT_LIMIT):
         half = float(scene.camera.field_of_view) / 2
         turn = math.radians(tables["camera"]["direction_deg"]) + (half if early else -half)
@@ -103,20 +103,20 @@ def _closed_form(
     elif label >= 0:
         leg, surface, kind = map(int, codes.parts_of(label))
         if layout.kind(surface) == "mirror" and kind in (codes.FIRST_END, codes.SECOND_END):
-            edge = _ends(tables["mirrors"][surface])[kind]
+            edge = ends_of(tables["mirrors"][surface])[kind]
         elif layout.kind(surface) == "layer" and kind == codes.SECOND_END:
             face = layout.bodies[surface - len(layout.surfaces)]
             edge = upper_edge(tables["pads"][face.pad], face.end)
     if edge is None:
         return None
     if leg < len(word):
-        edge = image(edge, _ends(tables["mirrors"][word[0]]))
+        edge = image(edge, ends_of(tables["mirrors"][word[0]]))
     return shadow(source, edge, ends, layers_of(tables["pads"][pad]))
 
 
 def upper_edge(pad: Tables, end: int) -> complex:
     """The edge of the outermost surface at an end of a pad whose layers are not bevelled."""
-    ends, layers = _ends(pad), pad.get("layers", ())
+    ends, layers = ends_of(pad), pad.get("layers", ())
     along = (ends[1] - ends[0]) / abs(ends[1] - ends[0])
     over = layers[0]["overhang"][end] if layers else 0.0
     height = sum(layer["thickness"] for layer in layers)
@@ -128,5 +128,6 @@ def layers_of(pad: Tables) -> list[tuple[float, float]]:
     return [(layer["thickness"], layer["index"]["green"]) for layer in pad.get("layers", ())]
 
 
-def _ends(part: Tables) -> tuple[complex, complex]:
+def ends_of(part: Tables) -> tuple[complex, complex]:
+    """Both ends of a pad, a mirror or a blocker; x + iy, mm."""
     return complex(*part["from"]), complex(*part["to"])

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from designopt import as_float, safe_arctan2, safe_divide, safe_quadratic_roots, safe_sqrt
+from designopt.numerics import bisect, refine_root
 from tests.designopt.tables import cases
 
 moderate = st.floats(-1e6, 1e6).filter(lambda x: abs(x) > 1e-6)
@@ -101,6 +102,25 @@ def test_quadratic_gradient_is_the_implicit_one():
     order = np.argsort(roots_of(*coefficients)[0])
     for power, slopes in zip((2, 1, 0), root_slopes(*coefficients), strict=True):
         np.testing.assert_allclose(slopes[order], -(x**power) / (4 * x - 7), rtol=1e-12)
+
+
+def test_bisection_of_every_element_ends_on_both_sides_of_its_own_step():
+    steps, start = np.array([0.1, -0.7, 0.9]), jnp.full(3, -1.0)
+    last, first = bisect(lambda x: x < steps, start, -start)
+    assert np.all(last < steps)
+    assert np.all(first >= steps)
+    np.testing.assert_allclose(last, first, rtol=1e-15)
+    coarse = bisect(lambda x: x < steps, start, -start, 3)
+    np.testing.assert_allclose(coarse[1] - coarse[0], 2 / 2**3)
+
+
+def test_a_refined_root_has_the_slope_of_the_root():
+    def root(a):
+        return refine_root(lambda a, x: x**3 - a, a, jnp.asarray(2 + 1e-8))
+
+    np.testing.assert_allclose(jax.value_and_grad(root)(8.0), (2, 1 / 12), rtol=1e-7)
+    flat = jax.value_and_grad(lambda a: refine_root(lambda a, x: a + 0 * x, a, jnp.asarray(2.0)))
+    assert flat(1.0) == (2.0, 0.0)
 
 
 def test_as_float_keeps_float_types_and_lifts_the_rest():
