@@ -371,7 +371,7 @@ def test_what_has_no_outlines_or_second_images_is_refused(find, table, message):
 
 
 def test_second_images_that_end_with_the_membrane_name_its_end():
-    scene = read_scene(files("studies") / "gallery/scenes/layered-pad.toml")
+    scene = read_scene(Path(str(files("studies") / "gallery/scenes/layered-pad.toml")))
     images = jax.tree.map(np.asarray, find_second_images(scene, NO_ANGLES))
     for place, labels, wanted in (
         (images.start == 0, images.start_label, FIRST_PAD_END),
