@@ -3,7 +3,6 @@
 import itertools
 import json
 import math
-from importlib.resources import files
 
 import equinox as eqx
 import jax
@@ -29,6 +28,7 @@ from optics import (
 from optics.visibility.boundary_codes import FIRST_PAD_END, SECOND_PAD_END
 from optics.visibility.outline_edges import EDGES
 from studies.oracles.layer_box import WALLS, Setting, edges, follow, random_setting
+from tests.helpers import SCENES
 from tests.optics.test_layers import GEL, NO_ANGLES, check_slopes
 
 NEAR = 1e-9
@@ -371,7 +371,7 @@ def test_what_has_no_outlines_or_second_images_is_refused(find, table, message):
 
 
 def test_second_images_that_end_with_the_membrane_name_its_end():
-    scene = read_scene(Path(str(files("studies") / "gallery/scenes/layered-pad.toml")))
+    scene = read_scene(SCENES / "layered-pad.toml")
     images = jax.tree.map(np.asarray, find_second_images(scene, NO_ANGLES))
     for place, labels, wanted in (
         (images.start == 0, images.start_label, FIRST_PAD_END),
