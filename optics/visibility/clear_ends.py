@@ -328,7 +328,8 @@ def bright_angles(
         return jnp.where(rises, inner[0], low), jnp.where(rises, high, inner[1])
 
     low, high = jax.lax.fori_loop(0, TO_ROUNDING, narrow, (-right, right))
-    best = (low + high) / 2
+    # The light may end in a jump at the brightest ray: beyond it there is none.
+    best = jnp.where(excess(still, low) > excess(still, high), low, high)
 
     def limit(dark: Float[Array, ""]) -> Float[Array, ""]:
         low, high = bisect(lambda angle: excess(still, angle) > 0, best, dark)
