@@ -385,3 +385,19 @@ def test_what_does_not_look_through_layers_refuses_them():
     curved["mirrors"][0] |= {"radius": 100.0}
     with pytest.raises(UserError, match="curved mirrors"):
         parse_scene(curved)
+
+
+def test_light_through_a_clear_end_ends_at_the_least_transmission():
+    n, entry = 1.49, 1.5
+    outside = math.atan2(8.0 - entry, 1.0)
+    inside = math.asin(math.sin(outside) / n)
+    turn, both = outside - inside, outside + inside
+    reflected = (math.sin(turn) / math.sin(both)) ** 2, (math.tan(turn) / math.tan(both)) ** 2
+    clear = ACRYLIC | {"sides": "clear"}
+    layered = scene(clear, camera=(-1.0, 8.0), min_transmission=1 - sum(reflected) / 2)
+    found = find(layered).value
+    piece = np.flatnonzero(found.present[0] & (found.path[0] == 0) & (found.face[0] == 1))
+    assert piece.size == 1
+    assert found.start[0, piece[0]] == pytest.approx(entry / math.tan(inside) / 20, abs=ROUNDING)
+    label = int(found.start_label[0, piece[0]])
+    assert describe_end(layered.layout, label) == "least transmission"
