@@ -120,11 +120,10 @@ class Layout:
 
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
-        """All surfaces: mirrors, pads, blockers, the camera's module, faces of the layers' bodies.
+        """All surfaces, in their order.
 
-        Before the last of these are the ends of layers on mirrors.
-
-        That of a layered pad is the outermost surface of its layers.
+        Mirrors, pads, blockers, the camera's module, ends of the layers on mirrors, and faces of
+        the layers' bodies. That of a layered pad is the outermost surface of its layers.
         """
         bodies = (
             Surface(f"{pad.name}: {face.name}", 0, pad.frame)

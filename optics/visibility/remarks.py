@@ -49,7 +49,7 @@ def remarks_on(trace: SceneTrace) -> list[str]:
             count = int(np.sum(crowded[..., pad].any(axis=1)))
             lines.append(
                 f"pad '{part.name}': at {count:,} poses it is seen in more pieces than there is "
-                "room for; the last of them are left out"
+                "room for; some of them are left out"
             )
         lines += _second_images(trace, pad)
     return lines + _too_blurred(trace, views) + _rays_at_layers(trace)

@@ -88,7 +88,7 @@ def _with_ends(fronts: Any, ends: Any, ends_of: np.ndarray) -> Any:
     def outcome(
         seen: Bool[Array, ""], by_front: ViewResult, own: Bool[Array, " ends"], by_end: ViewResult
     ) -> ViewResult:
-        # Of a camera that is beside the pad, an end face in front of it tells more.
+        # A camera behind the outermost surface may be in front of an end face, which counts then.
         result = by_front
         for end in range(len(own)):
             of_end = jax.tree.map(lambda leaf, end=end: leaf[end], by_end)
@@ -106,7 +106,7 @@ def _first(
     present: Bool[Array, "views gaps"],
     result: ViewResult,
 ) -> Found:
-    """The first pieces of a pad, their views in place of paths."""
+    """The pieces of a pad, as far as there is room, their views in place of paths."""
     gap_count, max_pieces = present.shape[1], min(room, present.size)
     # Few candidates are there: these are put side by side before they are sorted.
     every = present.reshape(-1)

@@ -1,8 +1,7 @@
 """What is laid on the pads, and before the sensor: scenes of today's finger, and published numbers.
 
-Published numbers are those of an independent search in the section and an independent tracer, as
-they stand in the report by which this study was asked for; their layers are black and flush unless
-said, and all pads have them.
+Published numbers are those of an independent search in the section and an independent tracer.
+Their layers are black and flush where nothing else is stated, and all pads have them.
 """
 
 from __future__ import annotations
@@ -100,7 +99,7 @@ CASES = {
     "none, 128°": Case(fov_deg=128, redesigned=(0.88, 0.99)),
 }
 """By name. Layers ``inside`` lie on the membrane where it is today, those ``outside`` have their
-outermost surface there; where a layer overhangs it ends where today's pad does, unless said."""
+outermost surface there; where a layer overhangs it ends where today's pad does, but in one case."""
 
 SENSOR = {"sensor_mm": [3.6, 2.7], "pixels": [1440, 1080]}
 """A sensor 4:3."""
