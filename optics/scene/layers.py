@@ -97,6 +97,11 @@ class Layers(eqx.Module):
     height: Float[Array, " pads"] = eqx.field(converter=as_float)
     transmission: Float[Array, " pads"] = eqx.field(converter=as_float)
 
+    @property
+    def green(self) -> Float[Array, "pads layers"]:
+        """The index of refraction for green light, by which views are found."""
+        return self.index[..., CHANNELS.index("green")]
+
     def own(self, kinds: tuple[tuple[LayerKinds, ...], ...], bezels: tuple[bool, ...]) -> Layers:
         """The same with nothing in the place of layers and bezels that pads do not have.
 

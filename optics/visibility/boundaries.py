@@ -25,7 +25,7 @@ from designopt.numerics import safe_divide
 from designopt.vectors import Vector, rotation, stack, where
 from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
-from optics.visibility.boundary_codes import LIMITS, PAD_ENDS, parts_of, with_kind
+from optics.visibility.boundary_codes import LIMITS, parts_of, with_kind
 from optics.visibility.pads import Pad, Windows
 from optics.visibility.sliding import LAST, Rays
 from optics.visibility.unfolding import Unfolded, left_of, unit
@@ -162,16 +162,14 @@ def meeting(
     """
     first, last = conditions(camera, path, pad, bound.segment)
     at, _ = safe_divide(first, first - last)
-    ends = [at, jnp.array([0.0, 1.0], at.dtype), *([] if inner is None else [inner.reshape(-1)])]
+    ends = [at, jnp.array([0.0, 1.0], at.dtype), inner.reshape(-1)]
     return jnp.concatenate(ends)[bound.row]
 
 
 def label_of_bound(pad: Pad, bound: Bound) -> Int[Array, ""]:
     """The label of a bound."""
     first, last = bound.labels[0], bound.labels[1]
-    own = jnp.array(LIMITS[2:]), jnp.array(PAD_ENDS)
-    if pad.cover is not None:
-        own = pad.cover.flattest, pad.cover.edges, pad.cover.labels.reshape(-1)
+    own = pad.flattest, pad.edges, pad.labels.reshape(-1)
     segment = jnp.stack([first, last, with_kind(first, codes.CROSSING)])
     return jnp.concatenate([segment, jnp.array(LIMITS[:2]), *own])[bound.row]
 
@@ -189,9 +187,9 @@ def toward(
     edge = where(edges.labels[0] == label, first, last)
     edge = where(kind == codes.CROSSING, pad.start + step.scaled(met), edge)
 
-    low, high = LIMITS[2:] if pad.cover is None else pad.cover.flattest
+    low, high = pad.flattest
     # The labels below 0 come in pairs, of which one has the sign 1.
-    second = (label == codes.SECOND_PAD_END) | (label == codes.LEFT_LIMIT) | (label == high)
+    second = (label == pad.edges[1]) | (label == codes.LEFT_LIMIT) | (label == high)
     sign = jnp.where(second, 1.0, -1.0).astype(step.x.dtype)
     half = rotation(camera.field_of_view / 2)
     limit = axis.scaled(half.x) + axis.perpendicular().scaled(sign * half.y)
@@ -200,19 +198,13 @@ def toward(
     drop = along_pad.perpendicular().scaled(-above * jnp.sin(pad.grazing))
     flattest = drop + along_pad.scaled(sign * jnp.abs(above) * jnp.cos(pad.grazing))
     end = where(second, pad.end, pad.start)
-    if pad.cover is not None and inner is not None:
-        labels = jnp.concatenate([pad.cover.edges, pad.cover.labels.reshape(-1)])
-        end = _own_end(pad, inner, labels, label)
+    if pad.labels.size:
+        # Where the line of sight to what is behind layers meets the surface seen, or its line.
+        behind = pad.labels.reshape(-1) == label
+        entry = inner.reshape(-1)[jnp.argmax(behind)]
+        end = where(jnp.any(behind), pad.start + step.scaled(entry), end)
     end = where(label >= 0, edge, end)
     is_limit = (label == codes.LEFT_LIMIT) | (label == codes.RIGHT_LIMIT)
     is_grazing = (label == low) | (label == high)
     sought = path.to(end, jnp.where(label >= 0, leg, LAST) if path.sheets else LAST).arrow
     return where(is_limit, limit, where(is_grazing, flattest, sought))
-
-
-def _own_end(
-    pad: Pad, inner: Float[Array, "rows 2"], labels: Int[Array, " ends"], label: Int[Array, ""]
-) -> Vector:
-    """Where the line of sight to an end of a layered pad meets the surface seen, or its line."""
-    entries = jnp.concatenate([jnp.array([0.0, 1.0], inner.dtype), inner.reshape(-1)])
-    return pad.start + (pad.end - pad.start).scaled(entries[jnp.argmax(labels == label)])

@@ -15,22 +15,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Shaped
 
 from designopt.numerics import TO_ROUNDING, bisect, refine_root, safe_divide, safe_sqrt
 from designopt.vectors import Vector
-from optics.scene.layers import along_and_normal
+from optics.scene.layers import BodyFace, along_and_normal
 from optics.scene.scene import Placed, Scene
-from optics.visibility.boundary_codes import DARK, LIMITS, edge_of_layers
-from optics.visibility.refraction import (
-    Cover,
-    FrontCover,
-    Points,
-    Scale,
-    fresnel,
-    profile_of,
-    row_of,
-)
+from optics.visibility.refraction import Cover, Points, Scale, fresnel, profile_of, row_of
 from optics.visibility.unfolding import unit
 
 HALVINGS = 32
@@ -42,7 +33,7 @@ ROOTED = 1e-9
 SMALL = 1e-12
 """Of the square of a cosine: a flatter ray goes on along its layer, as one that is reflected."""
 
-BELOW, BEYOND = -1.0, 2.0
+BELOW, BEYOND = FREE = -1.0, 2.0
 """Entries of what no ray through the face meets: all pass beyond it, or none."""
 
 
@@ -140,14 +131,10 @@ class EndCover(Cover):
     bright: Float[Array, "*faces 2"]
 
     @classmethod
-    def of(cls, scene: Scene, placed: Placed, fronts: FrontCover, surface: np.ndarray) -> EndCover:
-        """Those of clear end faces, by their indices among all surfaces.
-
-        The outermost surfaces of all pads have the layers in common with them.
-        """
+    def of(cls, scene: Scene, placed: Placed, faces: list[BodyFace]) -> EndCover:
+        """Those of clear end faces."""
         layout, size, layers = scene.layout, placed.size, scene.own_layers
         assert layers is not None
-        faces = [layout.bodies[i - len(layout.surfaces)] for i in surface]
         pad, layer, end = np.array([(face.pad, face.layer, face.end) for face in faces]).T
         profile = profile_of(scene, layers)
         # The membranes' ends follow from the outermost surfaces.
@@ -156,25 +143,14 @@ class EndCover(Cover):
         along, normal, _ = along_and_normal(ends, side)
         origin = ends[..., 0] - along.scaled(profile.upper[pad, 0, 0] / size)
         origin = origin - normal.scaled(profile.levels[pad, 0] / size)
-        # Rays through the second end face go backwards: they pass second ends first.
-        second, places, labels = end == 1, profile.windows()[pad] / size, fronts.labels[pad]
-        places, labels = (
-            jnp.where(second[:, None, None], pairs[..., ::-1], pairs) for pairs in (places, labels)
-        )
-        dark = jnp.repeat(jnp.array([[DARK]]), len(pad), axis=0)
+        places = backwards(end, profile.windows()[pad] / size)
         lower, upper = profile.lower[pad, layer, end], profile.upper[pad, layer, end]
         lower = Vector(lower / size, profile.levels[pad, layer + 1] / size)
         upper = Vector(upper / size, profile.levels[pad, layer] / size)
         outward, of_layer = jnp.asarray(2.0 * end - 1, along.x.dtype), jnp.asarray(layer)
-        index, least = fronts.index[pad], layers.transmission[pad]
-        solids = [next(solid for solid in layout.solids if i in solid) for i in surface]
-        own = np.array([np.isin(np.arange(len(layout.surfaces)), solid) for solid in solids])
+        index, least = layers.green[pad], layers.transmission[pad]
         return cls(
-            own=jnp.asarray(own),
-            edges=jnp.asarray(edge_of_layers(layer[:, None] + [[1, 0]], end[:, None])),
-            flattest=jnp.asarray(np.repeat([LIMITS[2:]], len(pad), axis=0)),
-            labels=jnp.concatenate([labels, dark], axis=1),
-            thickness=fronts.thickness[pad],
+            thickness=layers.thickness[pad] / size,
             index=index,
             places=places,
             origin=origin,
@@ -188,6 +164,11 @@ class EndCover(Cover):
             bright=jax.vmap(bright_angles)(upper - lower, outward, of_layer, index, least),
         )
 
+    @property
+    def rows(self) -> int:
+        """As `Cover.rows`: the last one is that of the least transmission."""
+        return super().rows + 1
+
     def windows(self, face: Vector, source: Vector) -> Float[Array, "windows 2"]:
         """As `Cover.windows`, of the layers below.
 
@@ -196,15 +177,14 @@ class EndCover(Cover):
         levels = jnp.arange(self.thickness.size)
         sought = Sought(jnp.repeat(levels, 2), self.places.reshape(-1))
         met = jax.vmap(self._crossing, (0, None))(sought, source).reshape(-1, 2)
-        free = jnp.array([BELOW, BEYOND], met.dtype)
-        met = jnp.where((levels >= self.layer)[:, None], met, free)
+        met = jnp.where((levels >= self.layer)[:, None], met, jnp.array(FREE, met.dtype))
         # Rays of one direction meet the line of the face, unless they run along it.
         step = self.upper - self.lower
         axes = FaceAxes.of(step, self.outward)
         ray = axes.inward.scaled(jnp.cos(self.bright)) + axes.up.scaled(jnp.sin(self.bright))
         bright, _ = safe_divide((self._own(source) - self.lower).cross(ray), step.cross(ray))
         along = jnp.cos(self.bright) ** 2 < SMALL
-        return jnp.concatenate([met, jnp.where(along, free, bright)[None]])
+        return jnp.concatenate([met, jnp.where(along, jnp.array(FREE, met.dtype), bright)[None]])
 
     def coordinate(self, face: Vector, source: Vector, entries: Points) -> Points:
         """Pad coordinates that rays reach, from their entries."""
@@ -282,17 +262,29 @@ class EndCover(Cover):
         """The entry at which nothing is short; `BELOW` or `BEYOND` if there is none."""
         given = self, sought, source
         still, zero = jax.lax.stop_gradient(given), jnp.zeros_like(sought.place)
+        one = zero + 1
 
         def short(given: tuple[EndCover, Sought, Vector], entry: Array) -> Float[Array, ""]:
             return given[0]._short(entry, *given[1:])
 
-        low, high = bisect(lambda entry: short(still, entry) > 0, zero, zero + 1, HALVINGS)
+        low, high = bisect(lambda entry: short(still, entry) > 0, zero, one, HALVINGS)
         middle = (low + high) / 2
         root = refine_root(short, given, middle)
         # Where a single layer lets no ray down any more, the light ends in a jump and no root.
         root = jnp.where(jnp.abs(root - middle) <= 4 * 2.0**-HALVINGS, root, middle)
-        before, after = short(still, zero) <= 0, short(still, zero + 1) > 0
+        at_ends = jax.vmap(partial(short, still))(jnp.stack([zero, one]))
+        before, after = at_ends[0] <= 0, at_ends[1] > 0
         return jnp.where(before, BELOW, jnp.where(after, BEYOND, root))
+
+
+def backwards(
+    end: np.ndarray, pairs: Shaped[Array | np.ndarray, "faces rows 2"]
+) -> Shaped[Array, "faces rows 2"]:
+    """Pairs of both ends of pads in the order in which rays through end faces come to them.
+
+    Through the second end face rays go backwards.
+    """
+    return jnp.where((end == 1)[:, None, None], pairs[..., ::-1], pairs)
 
 
 def bright_angles(
@@ -321,16 +313,21 @@ def bright_angles(
     def excess(given: tuple[FaceAxes, Array, Array, Array], angle: Array) -> Float[Array, ""]:
         return _transmission(*given[:3], angle) - given[3]
 
-    def narrow(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-        low, high = ends
-        inner = low + (high - low) / 3, high - (high - low) / 3
-        rises = excess(still, inner[0]) < excess(still, inner[1])
-        return jnp.where(rises, inner[0], low), jnp.where(rises, high, inner[1])
+    bright = jax.vmap(partial(excess, still))
+    darkest = jnp.stack([-right, right])
 
-    low, high = jax.lax.fori_loop(0, TO_ROUNDING, narrow, (-right, right))
+    def narrow(_: Any, ends: Float[Array, "2"]) -> Float[Array, "2"]:
+        third = (ends[1] - ends[0]) / 3
+        inner = ends + jnp.stack([third, -third])
+        part = bright(inner)
+        first = jnp.where(part[0] < part[1], inner[0], ends[0])
+        return jnp.stack([first, jnp.where(part[0] < part[1], ends[1], inner[1])])
+
     # The light may end in a jump at the brightest ray: beyond it there is none.
-    best = jnp.where(excess(still, low) > excess(still, high), low, high)
+    ends = jax.lax.fori_loop(0, TO_ROUNDING, narrow, darkest)
+    best = ends[jnp.argmax(bright(ends))]
 
+    @jax.vmap
     def limit(dark: Float[Array, ""]) -> Float[Array, ""]:
         low, high = bisect(lambda angle: excess(still, angle) > 0, best, dark)
         middle = (low + high) / 2
@@ -339,7 +336,7 @@ def bright_angles(
         rooted = jnp.abs(excess(still, middle)) < ROOTED
         return middle + jnp.where(rooted, root - jax.lax.stop_gradient(root), 0.0)
 
-    return jnp.where(excess(still, best) > 0, jnp.stack([limit(-right), limit(right)]), best)
+    return jnp.where(excess(still, best) > 0, limit(darkest), best)
 
 
 def _transmission(

@@ -18,14 +18,16 @@ from jaxtyping import Array, Bool, Float, Int
 from designopt.batching import map_in_chunks
 from designopt.numerics import as_float
 from designopt.solution import Solution
+from designopt.vectors import Vector
 from optics.scene.camera import Camera
 from optics.scene.scene import Placed, Scene, place
 from optics.visibility.boundaries import Bound, label_of_bound, meeting
 from optics.visibility.boundary_codes import PAD_ENDS
 from optics.visibility.image_scale import look, reflections
 from optics.visibility.intervals import Interval, measure_of_union
-from optics.visibility.lines_of_sight import coordinates
+from optics.visibility.lines_of_sight import coordinates, scales
 from optics.visibility.pads import Faces, Pad, Windows
+from optics.visibility.refraction import Cover, Scale
 from optics.visibility.searching import Found, find
 from optics.visibility.unfolding import Unfolded, paths_of, unfold_all
 from optics.visibility.views import Pieces, ViewResult
@@ -76,22 +78,16 @@ def find_views(
     words = _words(scene, bounces, max_pieces, "find_views")
     camera = scene.camera
 
-    def search(camera: Camera, paths: Unfolded, faces: Faces) -> tuple[Found, list[Interval]]:
+    def search(camera: Camera, paths: Unfolded, faces: Faces) -> tuple[Found, Interval]:
         found = find(camera, paths, faces, max_pieces)
-        gap = partial(angular_gap, camera)
-        gaps = [_by_path_and_pad(gap, paths, pads, inner) for pads, inner in faces.all()]
-        return found, gaps
+        return found, _by_path_and_face(partial(angular_gap, camera), paths, faces)
 
     def views(
-        placed: Placed, paths: Unfolded, faces: Faces, searched: tuple[Found, list[Interval]]
+        placed: Placed, paths: Unfolded, faces: Faces, searched: tuple[Found, Interval]
     ) -> Solution[Pieces]:
         found, widest = searched
         pieces = pieces_of(camera, placed.size, paths, faces, found)
-        of_faces = [
-            _by_path_and_pad(partial(margin, camera), paths, pads, inner, gap)
-            for (pads, inner), gap in zip(faces.all(), widest, strict=True)
-        ]
-        margins = faces.widest(of_faces)
+        margins = faces.widest(_by_path_and_face(partial(margin, camera), paths, faces, widest))
         result = jax.tree.map(jnp.transpose, found.result)
         return Solution(pieces, margins, jnp.zeros_like(margins), result)
 
@@ -199,10 +195,15 @@ def pieces_of(
     labels, entries, ends = _ends(camera, paths, faces, found)
     labels = jnp.where(found.present[..., None], labels, 0)
 
-    def piece(pad: Pad, _: Windows, *of_piece: Array) -> tuple[Array | None, ...]:
-        return _seen(camera, size, paths, pad, *of_piece)
+    def scale(cover: Cover | None, ends: Vector, path: Int[Array, ""], entries: Array) -> Any:
+        return scales(paths.at(path), cover, ends, entries)
 
-    *seen, apparent, spans = faces.of_pieces(piece, found.face, found.path, found.present, entries)
+    def piece(pad: Pad, _: Windows, path: Int[Array, ""], *of_piece: Any) -> tuple[Any, ...]:
+        return _seen(camera, size, paths.at(path), pad, *of_piece)
+
+    scaled = faces.through(scale, found.face, found.path, entries)
+    given = found.face, found.path, found.present, entries, scaled
+    *seen, apparent, spans = faces.of_pieces(piece, *given)
     starts, stops = (ends[..., 0], ends[..., 1]), (labels[..., 0], labels[..., 1])
     return Pieces(
         found.present,
@@ -216,10 +217,13 @@ def pieces_of(
     )
 
 
-def _by_path_and_pad(function: Callable[..., Any], paths: Unfolded, pads: Pad, *more: Any) -> Any:
-    """A function of a path, a pad, and what belongs to both."""
-    of_path = jax.vmap(function, (None, 0, *[0] * len(more)))
-    return jax.vmap(of_path, (0, None, *[0] * len(more)))(paths, pads, *more)
+def _by_path_and_face(
+    function: Callable[..., Any], paths: Unfolded, faces: Faces, *more: Any
+) -> Any:
+    """A function of a path, a surface that is seen, and what belongs to both."""
+    both = faces.windows, *more
+    of_path = jax.vmap(function, (None, 0, *[0] * len(both)))
+    return jax.vmap(of_path, (0, None, *[0] * len(both)))(paths, faces.seen, *both)
 
 
 def _ends(
@@ -230,32 +234,32 @@ def _ends(
     def ends(pad: Pad, inner: Windows, path: Int[Array, ""], bounds: Int[Array, "2"]) -> Any:
         by, bound = paths.at(path), jax.vmap(partial(Bound.of, paths, path))(bounds)
         labels = jax.vmap(partial(label_of_bound, pad))(bound)
-        entries = jax.vmap(partial(meeting, camera, by, pad, inner))(bound)
-        if pad.cover is None:
-            return labels, entries, entries
-        on_pad = coordinates(by, pad.cover, pad.ends(), entries)
+        return labels, jax.vmap(partial(meeting, camera, by, pad, inner))(bound)
+
+    def behind(cover: Cover | None, ends: Vector, path: Int[Array, ""], entries: Array) -> Array:
+        return entries if cover is None else coordinates(paths.at(path), cover, ends, entries)
+
+    labels, entries = faces.of_pieces(ends, found.face, found.path, found.bounds)
+    on_pads = faces.through(behind, found.face, found.path, entries)
+    if faces.fronts is not None:
         # A ray to an end of the membrane meets it exactly, wherever it enters.
         for end, label in enumerate(PAD_ENDS):
-            on_pad = jnp.where(labels == label, float(end), on_pad)
-        return labels, entries, on_pad
-
-    labels, *ends_of = faces.of_pieces(ends, found.face, found.path, found.bounds)
-    entries, on_pads = (jnp.where(found.present[..., None], at, 0.0) for at in ends_of)
+            on_pads = jnp.where(labels == label, float(end), on_pads)
+    entries, on_pads = (jnp.where(found.present[..., None], at, 0.0) for at in (entries, on_pads))
     return labels, entries, on_pads
 
 
 def _seen(
     camera: Camera,
     size: Float[Array, ""],
-    paths: Unfolded,
+    by: Unfolded,
     pad: Pad,
-    path: Int[Array, ""],
     present: Bool[Array, ""],
     entries: Float[Array, "2"],
+    scale: Scale | None,
 ) -> tuple[Array | None, ...]:
     """How the ends of a piece appear; all of it is 0 where there is none."""
-    by = paths.at(path)
-    seen = *look(camera, size, by, pad, entries), reflections(by, pad, entries)
+    seen = *look(camera, size, by, pad, entries, scale), reflections(by, pad, entries)
     # An empty slot repeats some path at coordinate 0, where a look may be undefined.
     return jax.tree.map(lambda number: jnp.where(present, number, 0.0), seen)
 

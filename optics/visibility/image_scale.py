@@ -11,8 +11,8 @@ from jaxtyping import Array, Bool, Float
 from designopt.numerics import safe_arctan2, safe_divide
 from designopt.vectors import Vector
 from optics.scene.camera import Camera
-from optics.visibility.lines_of_sight import sliding_scale
 from optics.visibility.pads import Pad
+from optics.visibility.refraction import Scale
 from optics.visibility.unfolding import Unfolded, unit
 
 
@@ -39,21 +39,20 @@ def look(
     path: Unfolded,
     pad: Pad,
     entries: Float[Array, " points"],
+    scale: Scale | None,
 ) -> Appearance:
     """How points of a pad appear by a path.
 
     ``entries`` are coordinates on the surface that is seen, where there are layers the outermost
-    one or a clear end face; ``size`` is the placed scene's unit of length, mm. The angle dθ under
-    which a length ds appears is sin(grazing angle) ds / distance, that is the height of the source
-    above the pad's line over the squared distance; for layers see `optics.visibility.refraction`.
+    one or a clear end face, and ``scale`` are the `lines_of_sight.scales` at these; ``size`` is the
+    placed scene's unit of length, mm. The angle dθ under which a length ds appears is
+    sin(grazing angle) ds / distance, that is the height of the source above the pad's line over the
+    squared distance; for layers see `optics.visibility.refraction`.
     """
-    source, axis = path.source, path.axis
-    step, toward = pad.end - pad.start, pad.start - source
-    if path.slide is None:
-        arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
-        scale = None if pad.cover is None else pad.cover.scale(pad.ends(), source, entries)
-    else:
-        arrow, scale = sliding_scale(path.slide, pad.cover, pad.ends(), entries)
+    axis, step, toward = path.axis, pad.end - pad.start, pad.start - path.source
+    arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
+    if path.slide is not None:
+        arrow = path.to(pad.start + step.scaled(entries)).arrow
     across = axis.x * arrow.y - axis.y * arrow.x
     angle = safe_arctan2(across, axis.x * arrow.x + axis.y * arrow.y)
     # Beyond the seam of a camera that looks all around, pixels are counted on.

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector, rotation
-from optics.visibility.refraction import Cover
+from optics.visibility.refraction import Cover, Scale
 from optics.visibility.sliding import Slide, settle
 from optics.visibility.unfolding import Unfolded
 
@@ -26,7 +26,7 @@ def windows(path: Unfolded, cover: Cover, face: Vector) -> Float[Array, "rows 2"
     """Entries of the rays to both ends of what may be passed behind the surface seen."""
     if path.slide is None:
         return cover.windows(face, path.source)
-    given, count = (cover, face), cover.labels.size
+    given, count = (cover, face), 2 * cover.rows
     met = _settled(path.slide, lambda of, eye, row: of[0].window(of[1], eye, row), given, count)
     return met.reshape(-1, 2)
 
@@ -56,13 +56,17 @@ def coordinates(
     )
 
 
-def sliding_scale(
-    slide: Slide, cover: Cover | None, face: Vector, entries: Float[Array, " points"]
-) -> tuple[Vector, tuple[Array, Array, Array | None]]:
-    """Of sliding rays to a pad or its cover: arrows to the entries, and as `Scale` has it the rest.
+def scales(
+    path: Unfolded, cover: Cover | None, face: Vector, entries: Float[Array, " points"]
+) -> Scale | None:
+    """How large and how far places appear, from the entries of the rays to them.
 
-    Layers on mirrors count for the radius of curvature by their image across the section.
+    Layers on mirrors count for the radius of curvature by their image across the section. ``None``
+    if neither layers nor where rays come from make any difference.
     """
+    slide = path.slide
+    if slide is None:
+        return None if cover is None else cover.scale(face, path.source, entries)
     step, rays = face[1] - face[0], slide.rays_to(_places(face, entries))
 
     def met(angle: Float[Array, ""]) -> Float[Array, ""]:
@@ -82,11 +86,13 @@ def sliding_scale(
     longer = slide.longer(rays.arrow)
     if cover is None:
         way = rays.arrow.length()
-        return rays.arrow, (scale, way + longer, None if slide.thickness is None else way)
-    _, ways, near = jax.vmap(lambda eye, entry: cover.scale(face, eye, entry[None]))(
-        rays.start, entries
-    )
-    return rays.arrow, (scale, ways[:, 0] + longer, near[:, 0])
+        return Scale(scale, way + longer, None if slide.thickness is None else way)
+
+    def behind(eye: Vector, entry: Float[Array, ""]) -> Any:
+        return jax.tree.map(lambda number: number[0], cover.scale(face, eye, entry[None]))
+
+    of_rays = jax.vmap(behind)(rays.start, entries)
+    return Scale(scale, of_rays.way + longer, of_rays.apparent)
 
 
 def _places(face: Vector, entries: Float[Array, "..."]) -> Vector:

@@ -14,7 +14,7 @@ one Newton step carries its derivatives.
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, Literal
+from typing import Literal
 
 import equinox as eqx
 import jax
@@ -27,6 +27,7 @@ from optics.scene.imaging import Imaging
 from optics.scene.scene import Layout, Scene, place
 from optics.visibility.outlines import TOUCHING, Behind, behind_layers
 from optics.visibility.pads import Pad
+from optics.visibility.refraction import FrontCover
 from optics.visibility.unfolding import VirtualCamera, paths_of, virtual_cameras
 
 EDGES = ("left", "to", "right", "from")
@@ -242,13 +243,16 @@ def boxes_of(
         )
     words = paths_of(scene.layout, scene.layout.bounces if bounces is None else bounces)
     placed = place(scene, angles)
-    pads, cameras = Pad.all_of(scene, placed), virtual_cameras(scene.layout, placed, words)
+    pads, covers = Pad.all_of(scene, placed), FrontCover.of(scene, layers, placed.size)
+    cameras = virtual_cameras(scene.layout, placed, words)
     known = jnp.isfinite(scene.widths)
     half = jnp.where(known, scene.widths, 1.0) / 2
 
-    def box(camera: VirtualCamera, pad: Pad, half: Array, lip: Array, bezel: Array) -> Any:
-        behind = behind_layers(camera, pad, placed.size)
-        step, places = pad.end - pad.start, pad.behind.places
+    def box(
+        camera: VirtualCamera, pad: Pad, cover: FrontCover, half: Array, lip: Array, bezel: Array
+    ) -> tuple[Box, Bool[Array, ""]]:
+        behind = behind_layers(camera, pad, cover, placed.size)
+        step, places = pad.end - pad.start, cover.places
         surface = jnp.stack([jnp.zeros_like(half), step.length()])
         levels = jnp.concatenate([surface[None], surface[None], places])
         along = levels * placed.size + (behind.offset[0] - places[-1, 0] * placed.size)
@@ -259,9 +263,9 @@ def boxes_of(
         looks = (above != 0) & (pad.side * above >= 0)
         return Box(behind, bezel, jnp.stack([along, beside])), looks
 
-    of_pads = jax.vmap(box, (None, 0, 0, 0, 0))
-    of_paths = jax.vmap(of_pads, (0, None, None, None, None))
-    boxes, looks = of_paths(cameras, pads, half, layers.lip, layers.height)
+    of_pads = jax.vmap(box, (None, 0, 0, 0, 0, 0))
+    of_paths = jax.vmap(of_pads, (0, *[None] * 5))
+    boxes, looks = of_paths(cameras, pads, covers, half, layers.lip, layers.height)
     return boxes, looks & known[None]
 
 

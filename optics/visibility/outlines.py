@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -15,7 +14,7 @@ from designopt.vectors import Vector, stack
 from optics.scene.imaging import Imaging
 from optics.scene.scene import Scene, place
 from optics.visibility.pads import Pad
-from optics.visibility.refraction import Stack
+from optics.visibility.refraction import FrontCover, Stack
 from optics.visibility.sliding import Slide, settle
 from optics.visibility.unfolding import VirtualCamera, paths_of, unit, virtual_cameras
 
@@ -95,16 +94,16 @@ def find_outlines(
         raise ValueError("an outline in a curved mirror has no corners; make the mirrors straight")
     words = paths_of(scene.layout, scene.layout.bounces if bounces is None else bounces)
     placed = place(scene, angles)
-    pads = Pad.all_of(scene, placed)
+    pads, layers = Pad.all_of(scene, placed), scene.own_layers
+    covers = None if layers is None else FrontCover.of(scene, layers, placed.size)
     cameras = virtual_cameras(scene.layout, placed, words)
 
     if cameras.slide is not None:
-        sliding = partial(_sliding, scene.layers is not None)
-        of_path = jax.vmap(jax.vmap(sliding, (None, 0, None)), (0, None, None))
-        return Outlines(*of_path(cameras, pads, placed.size))
-    if scene.layers is not None:
-        behind = jax.vmap(jax.vmap(behind_layers, (None, 0, None)), (0, None, None))
-        return _through_layers(behind(cameras, pads, placed.size))
+        of_path = jax.vmap(jax.vmap(_sliding, (None, 0, 0, None)), (0, None, None, None))
+        return Outlines(*of_path(cameras, pads, covers, placed.size))
+    if covers is not None:
+        behind = jax.vmap(jax.vmap(behind_layers, (None, 0, 0, None)), (0, None, None, None))
+        return _through_layers(behind(cameras, pads, covers, placed.size))
 
     def ends(camera: VirtualCamera, pad: Pad) -> tuple[Array, Array]:
         arrow = pad.ends() - camera.source
@@ -120,14 +119,16 @@ def _own(camera: VirtualCamera, arrow: Vector) -> Vector:
     return Vector(camera.axis.dot(arrow), camera.handedness * camera.axis.cross(arrow))
 
 
-def behind_layers(camera: VirtualCamera, pad: Pad, size: Float[Array, ""]) -> Behind:
+def behind_layers(
+    camera: VirtualCamera, pad: Pad, cover: FrontCover, size: Float[Array, ""]
+) -> Behind:
     """How the membrane of a pad lies behind its layers, seen from one virtual camera."""
     step, toward = pad.end - pad.start, camera.source - pad.start
     along = unit(step)
     above = along.cross(toward)
     normal = along.perpendicular().scaled(jnp.where(above < 0, -1.0, 1.0))
 
-    cover, height = pad.behind, jnp.abs(above)
+    height = jnp.abs(above)
     height = jnp.where(height > 0, height, 1.0) * size
     stack = Stack(height, cover.thickness * size, cover.index)
     offset = (cover.places[-1] - along.dot(toward)) * size
@@ -168,7 +169,7 @@ def _through_layers(behind: Behind) -> Outlines:
 
 
 def _sliding(
-    layered: bool, camera: VirtualCamera, pad: Pad, size: Float[Array, ""]
+    camera: VirtualCamera, pad: Pad, cover: FrontCover | None, size: Float[Array, ""]
 ) -> tuple[Array, Array, Behind | None, tuple[Slide, Vector]]:
     """The ends of one pad by one path, where rays slide."""
     slide = camera.slide
@@ -181,7 +182,7 @@ def _sliding(
     eye = Vector(zero, zero), Vector(one, zero)
     own = Slide(*eye, pupil, normals, thickness, slide.index)
     ends = _own(camera, pad.ends() - camera.source).scaled(size)
-    behind = behind_layers(camera, pad, size) if layered else None
+    behind = None if cover is None else behind_layers(camera, pad, cover, size)
     arrow = [_toward(own, ends, behind, end, zero)[0] for end in range(2)]
     arrows = stack(*arrow)
     distances = arrows.length() + own.longer(arrows)

@@ -27,14 +27,12 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Float, Int, Shaped
+from jaxtyping import Array, Float, Int, Shaped
 
 from designopt.numerics import bisect, safe_divide
 from designopt.vectors import Vector, vector
-from optics.scene.layers import CHANNELS, Layers, Profile
+from optics.scene.layers import Layers, Profile
 from optics.scene.scene import Scene
-from optics.visibility.boundary_codes import BEZELS, DARK, LIMITS, PAD_ENDS, edge_of_layers
 
 Points = Float[Array, " points"]
 
@@ -117,12 +115,13 @@ class Scale(NamedTuple):
     Attributes:
         per_length: angle at the source per length along the pad, dθ/ds.
         way: length of the ray.
-        apparent: radius of curvature of the wave at the source, in the section.
+        apparent: radius of curvature of the wave at the source, in the section; ``None`` if it is
+            that length.
     """
 
     per_length: Points
     way: Points
-    apparent: Points
+    apparent: Points | None
 
 
 class Cover(eqx.Module):
@@ -132,20 +131,12 @@ class Cover(eqx.Module):
     is where rays come from, for one surface.
 
     Attributes:
-        own: which surfaces hide nothing of what is seen by this one.
-        edges: labels of both ends of the surface.
-        flattest: labels of the flattest rays towards both.
-        labels: labels of the ends of `windows`.
         thickness: of all layers of the pad, the outermost first.
         index: of refraction.
         places: along the pad, both ends of what rays may pass at the lower side of each layer, in
             the order in which rays from the surface come to them; the last is the membrane.
     """
 
-    own: Bool[Array, "*faces surfaces"]
-    edges: Int[Array, "*faces 2"]
-    flattest: Int[Array, "*faces 2"]
-    labels: Int[Array, "*faces rows 2"]
     thickness: Float[Array, "*faces layers"]
     index: Float[Array, "*faces layers"]
     places: Float[Array, "*faces layers 2"]
@@ -157,6 +148,11 @@ class Cover(eqx.Module):
     def window(self, face: Vector, source: Vector, number: Int[Array, ""]) -> Float[Array, ""]:
         """One of the `windows`, for a source of its own."""
         return self.windows(face, source).reshape(-1)[number]
+
+    @property
+    def rows(self) -> int:
+        """How many `windows` there are."""
+        return self.thickness.shape[-1]
 
     @property
     def length(self) -> Float[Array, "*faces"]:
@@ -180,36 +176,15 @@ class FrontCover(Cover):
     """Layers behind an outermost surface; places are counted from the start of what is free of it.
 
     Nothing of the pad's own body hides it but the bezel.
-
-    Attributes:
-        grazing: least angle in air between the surface and a ray, rad.
     """
-
-    grazing: Float[Array, "*faces"]
 
     @classmethod
     def of(cls, scene: Scene, layers: Layers, size: Float[Array, ""]) -> FrontCover:
         """Those of all pads, from the layers that they have."""
-        layout, profile = scene.layout, profile_of(scene, layers)
+        profile = profile_of(scene, layers)
         first = profile.face()[:, 0] + layers.lip[:, 0]
-        index = layers.index[..., CHANNELS.index("green")]
-        dim = jax.vmap(least_grazing)(index, layers.transmission)
-        dark = (dim > scene.grazing)[:, None]
-        bezels, bare = np.array(layout.bezels), np.array([not kinds for kinds in layout.layers])
-        walls = edge_of_layers(0, np.arange(2))
-        edge = np.where(bezels[:, None], BEZELS, np.where(bare[:, None], PAD_ENDS, walls))
-        inner = edge_of_layers(np.arange(1, index.shape[1])[:, None], np.arange(2))
-        labels = np.concatenate([inner, [PAD_ENDS]])
-        return cls(
-            own=jnp.asarray(layout.behind_face == np.arange(len(layout.pads))[:, None]),
-            edges=jnp.asarray(edge),
-            flattest=jnp.where(dark, jnp.array(DARK), jnp.array(LIMITS[2:])),
-            labels=jnp.asarray(np.repeat(labels[None], len(edge), axis=0)),
-            thickness=layers.thickness / size,
-            index=index,
-            places=(profile.windows() - first[:, None, None]) / size,
-            grazing=jnp.maximum(dim, scene.grazing),
-        )
+        places = (profile.windows() - first[:, None, None]) / size
+        return cls(layers.thickness / size, layers.green, places)
 
     def windows(self, face: Vector, source: Vector) -> Float[Array, "layers 2"]:
         """As `Cover.windows`."""

@@ -17,12 +17,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
+from designopt.vectors import Vector
 from optics.scene.camera import Camera
 from optics.visibility.boundaries import PER_SEGMENT, Segments, conditions
 from optics.visibility.boundary_codes import LIMITS
 from optics.visibility.intervals import Interval, common_part, gaps, hull, where_positive
 from optics.visibility.lines_of_sight import coordinates
 from optics.visibility.pads import Faces, Pad, Windows
+from optics.visibility.refraction import Cover
 from optics.visibility.unfolding import ROUNDING_UNITS, Unfolded, left_of
 from optics.visibility.views import ViewResult
 
@@ -56,15 +58,11 @@ class Found(eqx.Module):
 
 def find(camera: Camera, paths: Unfolded, faces: Faces, max_pieces: int | None) -> Found:
     """The pieces of all pads by all paths, both along a first axis."""
-
-    def views_of(pads: Pad, inner: Windows) -> Any:
-        of_path = jax.vmap(partial(search, camera), (0, None, 0))
-        return jax.vmap(of_path, (None, 0, 1))(paths, pads, inner)
-
-    views = views_of(faces.fronts, faces.front_windows)
+    of_path = jax.vmap(partial(search, camera), (0, None, 0))
+    pieces, *more = jax.vmap(of_path, (None, 0, 1))(paths, faces.seen, faces.windows)
+    views: Any = _on_membranes(paths, faces, pieces), *more
     if faces.ends is not None:
-        ends = views_of(faces.ends, faces.end_windows)
-        views = _with_ends(views, ends, np.array(faces.ends_of))
+        views = _with_ends(faces, views)
     room = 8 + 2 * len(paths.reflects) if max_pieces is None else max_pieces
     found = jax.vmap(partial(_first, room))(*views)
     if faces.ends is None:
@@ -73,10 +71,29 @@ def find(camera: Camera, paths: Unfolded, faces: Faces, max_pieces: int | None) 
     return eqx.tree_at(lambda f: (f.path, f.face), found, (path, face), is_leaf=lambda x: x is None)
 
 
-def _with_ends(fronts: Any, ends: Any, ends_of: np.ndarray) -> Any:
+def _on_membranes(paths: Unfolded, faces: Faces, pieces: Interval) -> Interval:
+    """Pieces of surfaces that are seen as pieces of the pads behind them."""
+    if faces.fronts is None:
+        return pieces
+
+    def of_face(cover: Cover, face: Pad, pieces: Interval) -> Interval:
+        return jax.vmap(partial(_on_membrane, cover, face.ends()))(paths, pieces)
+
+    shown = [
+        jax.vmap(of_face)(
+            cover, *jax.tree.map(lambda leaf, own=own: leaf[own], (faces.seen, pieces))
+        )
+        for cover, own in faces.covers()
+    ]
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *shown)
+
+
+def _with_ends(faces: Faces, views: Any) -> Any:
     """Of every pad its views by its outermost surface and then by its clear end faces."""
+    ends_of = np.array(faces.ends_of)
     there = jnp.asarray(ends_of >= 0)[..., None, None]
-    pieces, present, results = jax.tree.map(lambda leaf: leaf[ends_of], ends)
+    fronts = jax.tree.map(lambda leaf: leaf[: len(ends_of)], views)
+    pieces, present, results = jax.tree.map(lambda leaf: leaf[len(ends_of) + ends_of], views)
 
     def joined(front: Shaped[Array, "..."], of_ends: Shaped[Array, "..."]) -> Shaped[Array, "..."]:
         every = jnp.concatenate([front[:, None], of_ends], axis=1)
@@ -159,15 +176,13 @@ def search(
     result = ViewResult.where(front, result, ViewResult.behind_pad)
     result = ViewResult.where(turned_away, ViewResult.behind_mirror, result)
     result = ViewResult.where(jnp.any(present), ViewResult.successful, result)
-    return _on_membrane(path, pad, pieces), present, result
+    return pieces, present, result
 
 
-def _on_membrane(path: Unfolded, pad: Pad, pieces: Interval) -> Interval:
+def _on_membrane(cover: Cover, face: Vector, path: Unfolded, pieces: Interval) -> Interval:
     """Pieces of the surface that is seen as pieces of the pad behind it."""
-    if pad.cover is None:
-        return pieces
     entries = jnp.concatenate([pieces.start, pieces.end])
-    start, end = jnp.split(coordinates(path, pad.cover, pad.ends(), entries), 2)
+    start, end = jnp.split(coordinates(path, cover, face, entries), 2)
     # Through an end face what enters higher may lie nearer to the pad's first end.
     turned = start > end
     labels = (pieces.start_label, pieces.end_label)
@@ -207,11 +222,10 @@ def _window(
     edge_on: Bool[Array, " segments"],
 ) -> Interval:
     """The part of a pad that field of view, grazing angle, mirrors and layers let through."""
-    dtype, last = segments.start.dtype, PER_SEGMENT * segments.start.size + len(LIMITS)
+    last = PER_SEGMENT * segments.start.size + len(LIMITS)
     # Segments, left and right limit, both grazing limits, the pad itself, windows of its layers.
-    first, second = jnp.zeros(1, dtype), jnp.ones(1, dtype)
-    if inner is not None:
-        first, second = jnp.append(first, inner[:, 0]), jnp.append(second, inner[:, 1])
+    own = jnp.concatenate([jnp.array([[0.0, 1.0]], inner.dtype), inner])
+    first, second = own[:, 0], own[:, 1]
     bounds = last + np.arange(2 * len(first)).reshape(-1, 2)
     own = Interval(first, second, jnp.asarray(bounds[:, 0]), jnp.asarray(bounds[:, 1]))
     all_of = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), segments, others, own)
@@ -233,7 +247,7 @@ def _shadows(
     edge_on: Bool[Array, " segments"],
 ) -> tuple[Interval, Bool[Array, " shadows"]]:
     """The parts of a pad that surfaces hide, and what a field of view beyond 180° leaves out."""
-    hiding = path.in_the_way(pad.own(path.blockers.active.shape[1])).reshape(-1)
+    hiding = path.in_the_way(pad.own).reshape(-1)
     active = hiding & ~edge_on & (segments.start < segments.end)
     if path.solids:
         # The shadow of a convex solid is one interval, and the faces where rays enter cast it.

@@ -21,8 +21,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_sqrt
 from designopt.vectors import rotation
-from optics.scene.layers import CHANNELS, Layers
-from optics.scene.scene import Layout, Scene, place
+from optics.scene.layers import Layers
+from optics.scene.scene import Layout, Placed, Scene, place
 from optics.visibility.boundary_codes import LIMITS, PAD_ENDS
 from optics.visibility.coverage import pieces_of
 from optics.visibility.outline_edges import Box, OutlineEdges, boxes_of, outline_of
@@ -111,8 +111,8 @@ def find_second_images(
     placed = place(scene, angles)
     words = paths_of(scene.layout, scene.layout.bounces if bounces is None else bounces)
     paths = unfold_all(scene.layout, placed, words)
-    mirrored = _mirrored(layers, Pad.all_of(scene, placed), placed.size, walls)
-    faces = Faces(mirrored, None, windows_of(paths, mirrored), None, ())
+    mirrored, cover = _mirrored(scene, placed, layers, walls)
+    faces = Faces(mirrored, windows_of(paths, cover, mirrored), cover)
     found = find(*jax.lax.stop_gradient((scene.camera, paths, faces)), None)
     pieces = pieces_of(scene.camera, placed.size, paths, faces, found)
     # The mirrored membrane begins where the pad ends.
@@ -134,28 +134,30 @@ def _turned(labels: Int[Array, "*pieces"]) -> Int[Array, "*pieces"]:
     return jnp.where(labels == first, second, other)
 
 
-def _mirrored(layers: Layers, fronts: Pad, size: Float[Array, ""], walls: list[Wall]) -> Pad:
+def _mirrored(
+    scene: Scene, placed: Placed, layers: Layers, walls: list[Wall]
+) -> tuple[Pad, FrontCover]:
     """Pads whose layers and membranes are mirrored from the layers with clear ends on."""
     pad, layer, end = np.array([(w.pad, w.layer, w.side == "to") for w in walls], int).T
-    seen = jax.tree.map(lambda leaf: leaf[pad], fronts)
-    cover = seen.behind
-    assert isinstance(cover, FrontCover)
+    size = placed.size
+    every = (Pad.all_of(scene, placed), FrontCover.of(scene, layers, size))
+    seen, cover = jax.tree.map(lambda leaf: leaf[pad], every)
     outward = layers.overhang[pad, layer, end] * jnp.asarray(2 * end - 1, size.dtype) / size
     wall = cover.places[np.arange(len(pad)), -1, end] + outward
     behind = (np.arange(cover.places.shape[1]) >= layer[:, None])[..., None]
     places = jnp.where(behind, 2 * wall[:, None, None] - cover.places[..., ::-1], cover.places)
     # The ends of the membrane keep their labels.
     turned = behind & (np.arange(cover.places.shape[1]) < cover.places.shape[1] - 1)[:, None]
-    labels = jnp.where(turned, cover.labels[..., ::-1], cover.labels)
+    labels = jnp.where(turned, seen.labels[..., ::-1], seen.labels)
     # In air: (n cos of the angle to the level)² + sin² = n², and that cosine must exceed 1.
     squared = cover.index[np.arange(len(pad)), layer] ** 2 - 1
     leaks = squared < 1
     flattest = jnp.arccos(safe_sqrt(jnp.where(leaks, squared, 0.5)))
     square = jnp.abs(layers.bevel[pad, layer, end]) < SQUARE
     grazing = jnp.where(square, jnp.where(leaks, flattest, 0.0), jnp.pi / 2)
-    flat = jnp.broadcast_to(jnp.array(LIMITS[2:]), cover.flattest.shape)
-    cover = eqx.tree_at(lambda c: (c.places, c.labels, c.flattest), cover, (places, labels, flat))
-    return eqx.tree_at(lambda p: (p.cover, p.grazing), seen, (cover, grazing))
+    flat = jnp.broadcast_to(jnp.array(LIMITS[2:]), seen.flattest.shape)
+    seen = replace(seen, grazing=grazing, labels=labels, flattest=flat)
+    return seen, replace(cover, places=places)
 
 
 def describe_second_end(layout: Layout, label: int) -> str:
@@ -238,7 +240,7 @@ def find_second_outlines(
     direction = jax.tree.map(lambda leaf: leaf[..., None, None], own.behind.along)
     within = direction.dot(rotation(found.angle))
     part = jnp.where(jnp.asarray(axis == 1)[None, :, None, None], found.slope, within)
-    squared = scene.layers.index[pad, layer, CHANNELS.index("green")] ** 2
+    squared = scene.layers.green[pad, layer] ** 2
     total = part**2 / (1 + found.slope**2) <= squared[None, :, None, None] - 1
     square = jnp.abs(scene.layers.bevel[pad, layer, end]) < SQUARE
     present = found.present & looks[:, pad] & (square | (axis == 1))[None]

@@ -18,11 +18,13 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_divide
+from designopt.vectors import Vector
 from optics.scene.scene import Scene, place
 from optics.visibility.fan import Fan
 from optics.visibility.image_scale import look
-from optics.visibility.lines_of_sight import entries_of
+from optics.visibility.lines_of_sight import entries_of, scales
 from optics.visibility.pads import Faces, Pad, Windows
+from optics.visibility.refraction import Cover
 from optics.visibility.tracing import Leg
 from optics.visibility.unfolding import paths_of, unfold_all
 from optics.visibility.views import Pieces
@@ -154,13 +156,16 @@ def _unfolded(
         paths = unfold_all(scene.layout, placed, words)
         faces = Faces.all_of(scene, placed, paths)
 
-        def by(pad: Pad, _: Windows, path: Int[Array, ""], places: Float[Array, " places"]) -> Any:
+        def rays(cover: Cover | None, ends: Vector, path: Int[Array, ""], places: Array) -> Any:
             by = paths.at(path)
-            if pad.cover is not None:
-                places = entries_of(by, pad.cover, pad.ends(), places)
-            return look(scene.camera, placed.size, by, pad, places)[1:]
+            entries = places if cover is None else entries_of(by, cover, ends, places)
+            return entries, scales(by, cover, ends, entries)
 
-        return faces.of_pieces(by, face, path, jnp.repeat(places[:, None], room, axis=1))
+        def by(pad: Pad, _: Windows, path: Int[Array, ""], *of_rays: Any) -> Any:
+            return look(scene.camera, placed.size, paths.at(path), pad, *of_rays)[1:]
+
+        every = jnp.repeat(places[:, None], room, axis=1)
+        return faces.of_pieces(by, face, path, *faces.through(rays, face, path, every))
 
     return jax.vmap(in_pose)(angles, pieces.path, pieces.face, places)
 

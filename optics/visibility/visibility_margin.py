@@ -21,7 +21,7 @@ from designopt.vectors import Vector, stack
 from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundaries import toward
-from optics.visibility.boundary_codes import LIMITS, PAD_ENDS, label_of, with_kind
+from optics.visibility.boundary_codes import label_of, with_kind
 from optics.visibility.intervals import FAR, Interval, gaps, hull
 from optics.visibility.pads import Pad, Windows
 from optics.visibility.sliding import LAST
@@ -85,9 +85,8 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     high = jnp.where(sense > 0, codes.LEFT_LIMIT, codes.RIGHT_LIMIT)
     # From behind, the pad's second end comes first.
     in_front = sense * above > 0
-    flattest = LIMITS[2:] if pad.cover is None else pad.cover.flattest
-    toward_first = jnp.where(in_front, flattest[0], flattest[1])
-    toward_second = jnp.where(in_front, flattest[1], flattest[0])
+    toward_first = jnp.where(in_front, pad.flattest[0], pad.flattest[1])
+    toward_second = jnp.where(in_front, pad.flattest[1], pad.flattest[0])
     side, legs = jnp.where(above < 0, -1.0, 1.0), LAST
     if path.sheets:
         # What a ray passes before its last mirror lies before the pad.
@@ -109,15 +108,18 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     upper = jnp.stack([last, foot + max_obliquity, jnp.where(wide, FAR, axis + half)])
     lower_labels = jnp.stack([shown.labels[0], toward_first, low])
     upper_labels = jnp.stack([shown.labels[1], toward_second, high])
-    if pad.cover is not None and inner is not None:
-        labels, places = pad.cover.labels, step.scaled(inner)
+    if pad.labels.size:
+        # What lets more through than the surface limits nothing, from behind as from the front.
+        places = step.scaled(
+            jnp.stack([jnp.maximum(inner[:, 0], 0.0), jnp.minimum(inner[:, 1], 1.0)], axis=-1)
+        )
         if path.slide is None:
             passed = angle(places + (pad.start - source))
         else:
             passed = angle(path.to(pad.start + places).arrow)
         lower, upper = jnp.append(lower, passed[:, 0]), jnp.append(upper, passed[:, 1])
-        lower_labels = jnp.append(lower_labels, labels[:, 0])
-        upper_labels = jnp.append(upper_labels, labels[:, 1])
+        lower_labels = jnp.append(lower_labels, pad.labels[:, 0])
+        upper_labels = jnp.append(upper_labels, pad.labels[:, 1])
     # From behind, a mirror begins where it ends.
     turned_round = Interval(mirrors.end, mirrors.start, mirrors.end_label, mirrors.start_label)
     open_ = jax.tree.map(partial(jnp.where, away), turned_round, mirrors)
@@ -131,7 +133,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     last_end = jnp.where(left, end[to], jnp.minimum(start[at], end[to]))
     window = Interval(start[at], last_end, start_labels[at], end_labels[to])
 
-    active = blockers.active & path.in_the_way(pad.own(blockers.active.shape[1]))
+    active = blockers.active & path.in_the_way(pad.own)
     active = active.reshape(-1)
     active &= hidden.end > hidden.start
     if path.solids:
@@ -172,8 +174,7 @@ def _legs(path: Unfolded, of_blockers: Int[Array, "legs 1 1"]) -> Int[Array, "ed
 
 def _shown(path: Unfolded, pad: Pad) -> Edges:
     """The part of a pad that lies in front of the last mirror."""
-    edges = jnp.array(PAD_ENDS) if pad.cover is None else pad.cover.edges
-    whole = Edges(pad.ends(), edges, jnp.asarray(True))
+    whole = Edges(pad.ends(), pad.edges, jnp.asarray(True))
     start, along = path.last[0], path.last[1] - path.last[0]
     leg = jnp.sum(path.reflects)
     behind = jnp.where(left_of(path.source, start, along) < 0, 1.0, -1.0)
