@@ -131,7 +131,9 @@ class Layers(eqx.Module):
 
 
 class MirrorLayers(eqx.Module):
-    """Clear layers on flat mirrors, the outermost first; a mirror with fewer has more of 0 mm.
+    """Clear layers on flat mirrors, the outermost first.
+
+    A mirror with fewer layers than another has entries here that are none of its; see `own`.
 
     Attributes:
         thickness: mm, or units of a placed scene.
@@ -140,6 +142,12 @@ class MirrorLayers(eqx.Module):
 
     thickness: Float[Array, "mirrors layers"] = eqx.field(converter=as_float)
     index: Float[Array, "mirrors layers"] = eqx.field(converter=as_float)
+
+    def own(self, counts: tuple[int, ...]) -> MirrorLayers:
+        """The same with air of no thickness in the place of layers that mirrors do not have."""
+        there = np.arange(self.thickness.shape[1]) < np.array(counts)[:, None]
+        thickness, index = jnp.where(there, self.thickness, 0.0), jnp.where(there, self.index, 1.0)
+        return MirrorLayers(thickness, index)
 
 
 class Profile(eqx.Module):

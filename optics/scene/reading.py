@@ -105,6 +105,7 @@ def build_scene(file: SceneFile, source: str) -> Scene:
     def surfaces(tables: Sequence[SurfaceTable]) -> tuple[Surface, ...]:
         return tuple(Surface(part.name, SIDES[part.side], index[part.body]) for part in tables)
 
+    sheets = tuple(len(mirror.layers) for mirror in file.mirrors)
     layout = Layout(
         name=file.scene.name or printable(Path(source).stem),
         mirrors=surfaces(file.mirrors),
@@ -121,7 +122,7 @@ def build_scene(file: SceneFile, source: str) -> Scene:
         layers=_kinds_of_layers(file.pads),
         bezels=tuple(pad.bezel is not None for pad in file.pads) if _layered(file.pads) else (),
         module=(Surface(NAME, 0, index[file.camera.body]),) * (LINES if file.camera.module else 0),
-        sheets=tuple(i for i, mirror in enumerate(file.mirrors) if mirror.layers),
+        sheets=sheets if any(sheets) else (),
     )
     return Scene(
         camera=_camera(file.camera),

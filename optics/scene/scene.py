@@ -83,7 +83,8 @@ class Layout:
             has layers.
         bezels: which of the pads have a bezel.
         module: lines of the camera's module, which hide what is behind them.
-        sheets: which of the mirrors have layers; their lines are the outermost surfaces of these.
+        sheets: how many layers each mirror has, whose line is then the outermost surface; empty if
+            none has any.
     """
 
     name: str
@@ -114,7 +115,8 @@ class Layout:
         """Black ends of the layers on mirrors, at the first and the second end of each."""
         return tuple(
             Surface(f"{mirror.name}, ends of layers at {at}", 0, mirror.frame)
-            for mirror in (self.mirrors[index] for index in self.sheets)
+            for mirror, count in zip(self.mirrors, self.sheets, strict=False)
+            if count
             for at in ("from", "to")
         )
 
@@ -235,6 +237,12 @@ class Scene(eqx.Module):
         return None if layers is None else layers.own(layout.layers, layout.bezels)
 
     @property
+    def own_mirror_layers(self) -> MirrorLayers | None:
+        """The layers that mirrors have, likewise."""
+        layers = self.mirror_layers
+        return None if layers is None else layers.own(self.layout.sheets)
+
+    @property
     def rays_slide(self) -> bool:
         """Whether rays come from other places than the camera's position or its images."""
         return self.camera.pupil_shift is not None or self.mirror_layers is not None
@@ -315,8 +323,8 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
     """
     layout, origin = scene.layout, vector(scene.camera.position)
     corners = vector(scene.surface_ends) - origin
-    if scene.mirror_layers is not None:
-        corners = _with_sheets(layout, scene.mirror_layers, corners)
+    if (sheets := scene.own_mirror_layers) is not None:
+        corners = _with_sheets(layout, sheets, corners)
     if (layers := scene.own_layers) is not None:
         corners = _with_bodies(scene, layers, corners)
     hinges = vector(scene.hinges) - origin
@@ -345,7 +353,6 @@ def place(scene: Scene, angles: Float[Array, " joints"]) -> Placed:
     ]
     joined = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
     camera, shift = moved[layout.camera_frame], scene.camera.pupil_shift
-    sheets = scene.mirror_layers
     if sheets is not None:
         sheets = MirrorLayers(sheets.thickness / size, sheets.index)
     return Placed(
@@ -367,7 +374,7 @@ def _with_sheets(layout: Layout, sheets: MirrorLayers, corners: Vector) -> Vecto
     coats, sides = corners[:count], jnp.asarray(layout.sides[:count], corners.x.dtype)
     _, normal, _ = along_and_normal(coats, sides)
     fronts = coats + normal.scaled(jnp.sum(sheets.thickness, axis=1))[:, None]
-    chosen = np.array(layout.sheets)
+    chosen = np.flatnonzero(layout.sheets)
     ends = stack(coats[chosen], fronts[chosen])  # coat and front, mirrors, both ends
     ends = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 0, -1).reshape(-1, 2), ends)
     parts = fronts, corners[count:], ends

@@ -44,8 +44,8 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
     for index, radius, conic in arcs:
         mirrors[index] |= {"radius": float(radius), "conic": float(conic)}
     if scene.mirror_layers is not None:
-        for index in layout.sheets:
-            mirrors[index]["layers"] = _sheets(scene.mirror_layers, index)
+        for index in np.flatnonzero(layout.sheets).tolist():
+            mirrors[index]["layers"] = _sheets(scene.mirror_layers, layout, index)
     pads = surfaces(layout.pads, scene.pads)
     for pad, grazing in zip(pads, np.asarray(scene.grazing, float).tolist(), strict=True):
         pad["min_grazing_deg"] = degrees_of(grazing)
@@ -166,9 +166,10 @@ def _sensor(sensor: Sensor, pixels: int) -> dict[str, Any]:
     return table
 
 
-def _sheets(layers: MirrorLayers, mirror: int) -> list[dict[str, float]]:
-    pairs = zip(layers.thickness[mirror].tolist(), layers.index[mirror].tolist(), strict=True)
-    return [{"thickness": thickness, "index": index} for thickness, index in pairs if thickness > 0]
+def _sheets(layers: MirrorLayers, layout: Layout, mirror: int) -> list[dict[str, float]]:
+    own = slice(layout.sheets[mirror])
+    pairs = zip(layers.thickness[mirror, own], layers.index[mirror, own], strict=True)
+    return [{"thickness": float(thickness), "index": float(index)} for thickness, index in pairs]
 
 
 def _layers(layers: Layers, layout: Layout, pad: int) -> dict[str, Any]:

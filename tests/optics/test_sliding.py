@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +22,9 @@ from optics import (
 )
 from optics.rendering.effects import Effects
 from optics.rendering.renderer import Renderer
+from optics.scene.layers import MirrorLayers
+from optics.scene.scene import place
+from optics.scene.writer import scene_tables
 from optics.visibility.outlines import CORNERS
 from studies.oracles.layered_scenes import sliding_scene
 from tests.optics.test_layers import (
@@ -189,6 +193,30 @@ def test_slopes_of_views_in_sheets():
     view = find(sheets).value
     assert bool(jnp.any(view.present & (view.path == 1)))
     check_slopes(seen_numbers, sheets)
+
+
+def test_entries_of_layers_that_mirrors_do_not_have_do_not_count():
+    line = {"from": [-5.0, 0.0], "to": [5.0, 0.0], "side": "left"}
+    under = [[], [SHEET], [SHEET, {"thickness": 0.3, "index": 1.4}]]
+    mirrors = [line | {"name": f"m{len(own)}", "layers": own} for own in under]
+    three = parse_scene(tables() | {"mirrors": mirrors})
+
+    def numbers(layers: MirrorLayers) -> jax.Array:
+        placed = place(replace(three, mirror_layers=layers), NO_ANGLES)
+        weights = jnp.arange(1.0, 1 + placed.corners.x.size).reshape(placed.corners.x.shape)
+        assert placed.sheets is not None
+        corners = jnp.sum(weights * (placed.corners.x + 2 * placed.corners.y))
+        return corners + jnp.sum(placed.sheets.thickness * placed.sheets.index)
+
+    assert three.mirror_layers is not None
+    value, slopes = jax.value_and_grad(numbers)(three.mirror_layers)
+    there = np.array([[False, False], [True, False], [True, True]])
+    for leaf in (slopes.thickness, slopes.index):
+        assert np.array_equal(np.asarray(leaf) != 0, there)
+    changed = jax.tree.map(lambda leaf: jnp.where(there, leaf, 1.3), three.mirror_layers)
+    assert numbers(changed) == value
+    written = scene_tables(replace(three, mirror_layers=changed))["mirrors"]
+    assert [mirror.get("layers", []) for mirror in written] == under
 
 
 def test_rays_from_behind_end_at_the_coat():
