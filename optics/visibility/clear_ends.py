@@ -177,14 +177,15 @@ class EndCover(Cover):
         levels = jnp.arange(self.thickness.size)
         sought = Sought(jnp.repeat(levels, 2), self.places.reshape(-1))
         met = jax.vmap(self._crossing, (0, None))(sought, source).reshape(-1, 2)
-        met = jnp.where((levels >= self.layer)[:, None], met, jnp.array(FREE, met.dtype))
+        free = jnp.array(FREE, met.dtype)
+        met = jnp.where((levels >= self.layer)[:, None], met, free)
         # Rays of one direction meet the line of the face, unless they run along it.
         step = self.upper - self.lower
         axes = FaceAxes.of(step, self.outward)
         ray = axes.inward.scaled(jnp.cos(self.bright)) + axes.up.scaled(jnp.sin(self.bright))
         bright, _ = safe_divide((self._own(source) - self.lower).cross(ray), step.cross(ray))
         along = jnp.cos(self.bright) ** 2 < SMALL
-        return jnp.concatenate([met, jnp.where(along, jnp.array(FREE, met.dtype), bright)[None]])
+        return jnp.concatenate([met, jnp.where(along, free, bright)[None]])
 
     def coordinate(self, face: Vector, source: Vector, entries: Points) -> Points:
         """Pad coordinates that rays reach, from their entries."""

@@ -155,9 +155,9 @@ def assert_views_are_shown(drawn: list[tuple[layers.Scene, dict]]) -> None:
     assert np.all((seen == (margin > 0)) | (np.abs(margin) < EDGE_ON))
 
 
-@pytest.mark.parametrize("structure", [1, 7])
-def test_random_scenes_show_what_rays_show(structure):
-    check_structure(structure, 20)
+def test_random_scenes_show_what_rays_show():
+    # Clear ends, two mirrors seen twice, and blockers.
+    check_structure(1, 40)
 
 
 @pytest.mark.nightly

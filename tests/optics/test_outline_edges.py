@@ -257,7 +257,7 @@ def fan_of(one: Placed, mirror: tuple[int, int]) -> list[np.ndarray]:
     return [np.array(pair) for pair in zip(runs[::2], runs[1::2], strict=True)]
 
 
-@pytest.mark.parametrize("structure", [0, 3])
+@pytest.mark.parametrize("structure", [0, pytest.param(3, marks=pytest.mark.nightly)])
 def test_second_images_are_where_walls_reflect_rays(structure):
     assert check_second_outlines(structure, 12) > 3
     assert check_second_images(structure, 12) > 3
@@ -333,7 +333,7 @@ def test_trace_names_bounds_and_second_images(tmp_path, capsys):
     shown = capsys.readouterr()
     (pose,) = json.loads(shown.out)["poses"]
     view = pose["pads"]["p"]["views"]["direct"]
-    edges, imaging = find_outline_edges(scene, NO_ANGLES), Imaging.of(scene.camera)
+    edges, imaging = jax.jit(find_outline_edges)(scene, NO_ANGLES), Imaging.of(scene.camera)
     places = np.asarray(edges.places(imaging))[0, 0]
     for edge, name in enumerate(EDGES):
         parts = view["outline"][name]
