@@ -205,6 +205,58 @@ def test_slopes_of_views(layers, camera, mirrored):
     check_slopes(seen_numbers, layered)
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize("structure", range(20))
+def test_slopes_of_random_scenes(structure):
+    rng = np.random.default_rng([structure, 8])
+    drawn = [parse_scene(random_scene(rng, structure)[1]) for _ in range(100)]
+    scenes = jax.tree.map(lambda *leaves: jnp.stack(leaves), *drawn)
+
+    def off(leaf: jax.Array, low: float, high: float) -> jax.Array:
+        return leaf + rng.uniform(low, high, leaf.shape)
+
+    # A design whose ends are exactly flush is a kink.
+    flush = lambda scenes: (scenes.layers.overhang, scenes.layers.bevel)  # noqa: E731
+    overhang, bevel = flush(scenes)
+    scenes = eqx.tree_at(flush, scenes, (off(overhang, 0.01, 0.1), off(bevel, -0.02, 0.02)))
+
+    def ends(scene: Scene) -> tuple[jax.Array, tuple[jax.Array, ...]]:
+        view = find_views(scene, NO_ANGLES).value
+        weights = jnp.linspace(0.5, 1.5, view.start.shape[1])
+        number = jnp.sum(view.start @ weights + view.end @ (2 - weights))
+        return number, (view.present, view.path, view.start_label, view.end_label)
+
+    (_, bounds), slopes = jax.jit(jax.vmap(jax.value_and_grad(ends, has_aux=True)))(scenes)
+    direction = jax.tree.map(lambda leaf: rng.normal(size=leaf.shape), scenes)
+    parts = jax.tree.map(
+        lambda slope, way: (slope * way).reshape(100, -1).sum(1), slopes, direction
+    )
+    slope = np.asarray(sum(jax.tree.leaves(parts)))
+    assert np.isfinite(slope).all()
+    found = jax.jit(jax.vmap(ends))
+
+    def shifted(step: float) -> np.ndarray:
+        """The ends a step along the direction; NaN where something else bounds a piece."""
+        number, others = found(jax.tree.map(lambda a, b: a + step * b, scenes, direction))
+        pairs = zip(bounds, others, strict=True)
+        same = [np.all((a == b).reshape(100, -1), axis=1) for a, b in pairs]
+        return np.where(np.all(same, axis=0), number, np.nan)
+
+    def difference(step: float) -> np.ndarray:
+        near, far = (shifted(part * step) - shifted(-part * step) for part in (1, 2))
+        return (8 * near - far) / (12 * step)  # of fourth order
+
+    differences = np.array([difference(step) for step in (3e-5, 1e-5, 3e-6, 1e-6, 3e-7)])
+    # Between rounding and the curve's next term, where two steps agree best.
+    agreement = np.abs(np.diff(differences, axis=0))
+    agreement = np.where(np.isnan(agreement), np.inf, agreement)
+    best = np.argmin(agreement, axis=0), np.arange(100)
+    usable = np.isfinite(agreement[best])
+    assert usable.mean() > 0.5
+    error = np.abs(differences[1:][best] - slope) / (1 + np.abs(slope))
+    assert error[usable].max() < SLOPES
+
+
 def test_entries_of_layers_that_are_not_there_do_not_count():
     thin = {"name": "thin", "from": [22.0, 0.0], "to": [30.0, 0.0], "side": "left"}
     file = tables(ACRYLIC, GEL, camera=(-4.0, 9.0))
