@@ -148,7 +148,7 @@ def check_outlines(structure: int, count: int) -> tuple[int, set, int]:
     return compared, names, turns
 
 
-@pytest.mark.parametrize("structure", [0, 2])
+@pytest.mark.parametrize("structure", [0, pytest.param(2, marks=pytest.mark.nightly)])
 def test_outlines_are_where_rays_end(structure):
     compared, names, turns = check_outlines(structure, 12)
     assert compared > 8
