@@ -200,9 +200,9 @@ def toward(
     end = where(second, pad.end, pad.start)
     if pad.labels.size:
         # Where the line of sight to what is behind layers meets the surface seen, or its line.
-        behind = pad.labels.reshape(-1) == label
-        entry = inner.reshape(-1)[jnp.argmax(behind)]
-        end = where(jnp.any(behind), pad.start + step.scaled(entry), end)
+        row = codes.WINDOWS - label
+        entry = inner.reshape(-1)[jnp.maximum(row, 0)]
+        end = where(row >= 0, pad.start + step.scaled(entry), end)
     end = where(label >= 0, edge, end)
     is_limit = (label == codes.LEFT_LIMIT) | (label == codes.RIGHT_LIMIT)
     is_grazing = (label == low) | (label == high)

@@ -20,6 +20,10 @@ FIRST_BEZEL, SECOND_BEZEL, LOW_TRANSMISSION, HIGH_TRANSMISSION, FIRST_WALL, SECO
 towards them, and the end faces of layers where they meet the outermost surface; two less, four
 less, … where layers meet each other."""
 
+WINDOWS = -(1 << 20)
+"""Label of the first end of the first of a surface's windows, in the search for the best line of
+sight only: a layer's edge may bound a clear end face and a window behind it. The others follow."""
+
 LIMITS = (LEFT_LIMIT, RIGHT_LIMIT, LOW_GRAZING, HIGH_GRAZING)
 """Labels of what bounds every view: the field of view, and the flattest rays."""
 

@@ -34,7 +34,10 @@ SMALL = 1e-12
 """Of the square of a cosine: a flatter ray goes on along its layer, as one that is reflected."""
 
 BELOW, BEYOND = FREE = -1.0, 2.0
-"""Entries of what no ray through the face meets: all pass beyond it, or none."""
+"""Entries of what no ray through the face meets: all pass beyond it, or none.
+
+Together they are a window that limits nothing.
+"""
 
 
 class Inside(NamedTuple):
@@ -106,7 +109,7 @@ class Sought(eqx.Module):
 class EndCover(Cover):
     """Layers behind a clear end face, whose ends are counted from the membrane's side on.
 
-    The surfaces of its layer hide nothing of it. Places are counted from the membrane's first end.
+    Places are counted from the membrane's first end.
 
     Attributes:
         origin: the membrane's first end.
@@ -314,19 +317,19 @@ def bright_angles(
     def excess(given: tuple[FaceAxes, Array, Array, Array], angle: Array) -> Float[Array, ""]:
         return _transmission(*given[:3], angle) - given[3]
 
-    bright = jax.vmap(partial(excess, still))
+    excesses = jax.vmap(partial(excess, still))
     darkest = jnp.stack([-right, right])
 
     def narrow(_: Any, ends: Float[Array, "2"]) -> Float[Array, "2"]:
         third = (ends[1] - ends[0]) / 3
         inner = ends + jnp.stack([third, -third])
-        part = bright(inner)
-        first = jnp.where(part[0] < part[1], inner[0], ends[0])
-        return jnp.stack([first, jnp.where(part[0] < part[1], ends[1], inner[1])])
+        first, second = excesses(inner)
+        nearer = jnp.stack([inner[0], ends[1]]), jnp.stack([ends[0], inner[1]])
+        return jnp.where(first < second, *nearer)
 
     # The light may end in a jump at the brightest ray: beyond it there is none.
     ends = jax.lax.fori_loop(0, TO_ROUNDING, narrow, darkest)
-    best = ends[jnp.argmax(bright(ends))]
+    best = ends[jnp.argmax(excesses(ends))]
 
     @jax.vmap
     def limit(dark: Float[Array, ""]) -> Float[Array, ""]:

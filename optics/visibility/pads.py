@@ -56,8 +56,8 @@ class Pad(eqx.Module):
         layout, count = scene.layout, len(scene.layout.pads)
         index = len(layout.mirrors) + np.arange(count)
         start, end = placed.segment(index)
-        grazing, flattest = scene.grazing, jnp.array([LIMITS[2:]] * count)
-        edges, labels = np.array([PAD_ENDS] * count), np.zeros((count, 0, 2), int)
+        grazing, flattest = scene.grazing, jnp.tile(jnp.array(LIMITS[2:]), (count, 1))
+        edges, labels = np.tile(PAD_ENDS, (count, 1)), np.zeros((count, 0, 2), int)
         if (layers := scene.own_layers) is not None:
             along, lips = unit(end - start), layers.lip / placed.size
             start, end = start + along.scaled(lips[:, 0]), end - along.scaled(lips[:, 1])
@@ -81,8 +81,11 @@ class Pad(eqx.Module):
         )
 
     @classmethod
-    def clear_ends(cls, scene: Scene, placed: Placed, fronts: Pad, clear: list[int]) -> Pad:
-        """The clear end faces, by their indices among the faces of all bodies."""
+    def clear_ends(cls, scene: Scene, placed: Placed, pads: Pad, clear: list[int]) -> Pad:
+        """The clear end faces, by their indices among the faces of all bodies.
+
+        Their windows are those of the outermost surfaces of all pads, and one more.
+        """
         layout, count = scene.layout, len(scene.layout.surfaces)
         surface = count - len(layout.bodies) + np.array(clear)
         of = [layout.bodies[i] for i in clear]
@@ -101,7 +104,7 @@ class Pad(eqx.Module):
             own=jnp.asarray([np.isin(np.arange(count), solid) for solid in solids]),
             edges=jnp.asarray(edge_of_layers(layer[:, None] + [[1, 0]], end[:, None])),
             flattest=jnp.array([LIMITS[2:]] * len(pad)),
-            labels=jnp.concatenate([backwards(end, fronts.labels[pad]), dark], axis=1),
+            labels=jnp.concatenate([backwards(end, pads.labels[pad]), dark], axis=1),
         )
 
     def ends(self) -> Vector:

@@ -110,7 +110,7 @@ class Stack(eqx.Module):
 
 
 class Scale(NamedTuple):
-    """How large and how far places behind layers appear.
+    """How large and how far places appear.
 
     Attributes:
         per_length: angle at the source per length along the pad, dθ/ds.
@@ -146,12 +146,12 @@ class Cover(eqx.Module):
         """Entries of the lines of sight to both ends of what may be passed behind each layer."""
 
     def window(self, face: Vector, source: Vector, number: Int[Array, ""]) -> Float[Array, ""]:
-        """One of the `windows`, for a source of its own."""
+        """One end of the `windows`, both ends of each in turn, for a source of its own."""
         return self.windows(face, source).reshape(-1)[number]
 
     @property
     def rows(self) -> int:
-        """How many `windows` there are."""
+        """How many rows the `windows` have."""
         return self.thickness.shape[-1]
 
     @property
@@ -173,10 +173,7 @@ class Cover(eqx.Module):
 
 
 class FrontCover(Cover):
-    """Layers behind an outermost surface; places are counted from the start of what is free of it.
-
-    Nothing of the pad's own body hides it but the bezel.
-    """
+    """Layers behind an outermost surface; places are counted from where it is free of a bezel."""
 
     @classmethod
     def of(cls, scene: Scene, layers: Layers, size: Float[Array, ""]) -> FrontCover:

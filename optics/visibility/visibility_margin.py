@@ -109,17 +109,17 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     lower_labels = jnp.stack([shown.labels[0], toward_first, low])
     upper_labels = jnp.stack([shown.labels[1], toward_second, high])
     if pad.labels.size:
-        # What lets more through than the surface limits nothing, from behind as from the front.
-        places = step.scaled(
-            jnp.stack([jnp.maximum(inner[:, 0], 0.0), jnp.minimum(inner[:, 1], 1.0)], axis=-1)
-        )
+        places = step.scaled(inner)
         if path.slide is None:
             passed = angle(places + (pad.start - source))
         else:
             passed = angle(path.to(pad.start + places).arrow)
-        lower, upper = jnp.append(lower, passed[:, 0]), jnp.append(upper, passed[:, 1])
-        lower_labels = jnp.append(lower_labels, pad.labels[:, 0])
-        upper_labels = jnp.append(upper_labels, pad.labels[:, 1])
+        # What lets more through than the surface limits nothing, from behind as from the front.
+        lower = jnp.append(lower, jnp.where(inner[:, 0] > 0, passed[:, 0], -FAR))
+        upper = jnp.append(upper, jnp.where(inner[:, 1] < 1, passed[:, 1], FAR))
+        rows = codes.WINDOWS - 2 * jnp.arange(len(inner))
+        lower_labels = jnp.append(lower_labels, rows)
+        upper_labels = jnp.append(upper_labels, rows - 1)
     # From behind, a mirror begins where it ends.
     turned_round = Interval(mirrors.end, mirrors.start, mirrors.end_label, mirrors.start_label)
     open_ = jax.tree.map(partial(jnp.where, away), turned_round, mirrors)

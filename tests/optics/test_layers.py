@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -194,6 +195,30 @@ def test_slopes_of_views(mirrored):
     view = find(layered).value
     assert {0, 1} <= set(view.face[view.present].tolist())
     check_slopes(seen_numbers, layered)
+
+
+@pytest.mark.parametrize(
+    "clear", [0, *(pytest.param(n, marks=pytest.mark.nightly) for n in (1, 2))]
+)
+def test_slopes_of_margins(clear):
+    """The view through layers that overhang one another, from beside both ends of the pad."""
+    layers = [ACRYLIC | {"overhang": 0.4}, GEL | {"overhang": 2.0}]
+    layers = [of | {"sides": "clear"} if i == clear else of for i, of in enumerate(layers)]
+    aside = alone(tables(*layers, camera=(-10.0, 3.0), direction=0.0))
+    layered, rng = parse_scene(aside), np.random.default_rng(0)
+    places = np.stack([rng.uniform(-12, -5, 100), rng.uniform(0.5, 12, 100)], axis=1)
+    places[::2, 0] = 20 - places[::2, 0]
+
+    def margin(place: jax.Array) -> jax.Array:
+        direction = jnp.where(place[0] > 10, jnp.pi, 0.0)
+        camera = replace(layered.camera, position=place, direction=direction)
+        return find_views(replace(layered, camera=camera), NO_ANGLES).margin[0, 0]
+
+    margins, step = jax.jit(jax.vmap(margin)), 1e-5 * np.eye(2)
+    slopes = jax.jit(jax.vmap(jax.grad(margin)))(jnp.asarray(places))
+    ends = [[margins(jnp.asarray(places + sign * way)) for sign in (1, -1)] for way in step]
+    differences = np.stack([(after - before) / 2e-5 for after, before in ends], axis=1)
+    np.testing.assert_allclose(slopes, differences, atol=1e-7)
 
 
 @pytest.mark.nightly

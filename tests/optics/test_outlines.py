@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from optics import parse_scene
 from optics.scene.imaging import Imaging
 from optics.visibility.outlines import CORNERS, Outlines, find_corners, find_outlines
 from optics.visibility.unfolding import paths_of
@@ -113,3 +114,10 @@ def test_curved_mirrors_are_refused():
     )
     with pytest.raises(ValueError, match="curved mirror has no corners"):
         find_outlines(curved, jnp.zeros(2))
+
+
+def test_a_scene_without_pads_has_no_outlines():
+    camera = {"position": [0.0, 0.0], "direction_deg": 0.0, "fov_deg": 90.0, "pixels": 100}
+    lid = {"name": "lid", "from": [30.0, 20.0], "to": [35.0, 2.0], "side": "right"}
+    bare = parse_scene({"scene": {"bounces": 1}, "camera": camera, "mirrors": [lid]})
+    assert jax.jit(find_outlines)(bare, jnp.zeros(0)).angle.shape == (2, 0, 2)
