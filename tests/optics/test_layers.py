@@ -197,6 +197,14 @@ def test_slopes_of_views(mirrored):
     check_slopes(seen_numbers, layered)
 
 
+def test_slopes_of_views_through_outermost_surfaces_and_by_a_mirror():
+    layers = ACRYLIC | {"bevel_deg": 8}, GEL | {"overhang": [1.0, 2.0]}
+    file = tables(*layers, min_grazing_deg=3.0)
+    layered = parse_scene(file | {"pads": file["pads"][:1]})
+    assert bool(find(layered).value.present.any())
+    check_slopes(seen_numbers, layered)
+
+
 @pytest.mark.parametrize(
     "clear", [0, *(pytest.param(n, marks=pytest.mark.nightly) for n in (1, 2))]
 )
