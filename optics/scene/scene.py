@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -63,6 +64,36 @@ class Frame:
     parent: int
     angle: int
     sign: int
+
+
+class Solids(NamedTuple):
+    """Surfaces by the solids that they bound.
+
+    Attributes:
+        alone: those that stand alone.
+        together: those that bound a convex solid together, a row for each: a layer, or a part of a
+            bezel. Short rows repeat their last member.
+    """
+
+    alone: tuple[int, ...]
+    together: tuple[tuple[int, ...], ...]
+
+    @property
+    def order(self) -> Int[np.ndarray, " surfaces"]:
+        """All surfaces in one row, those that stand alone first."""
+        return np.array([*self.alone, *itertools.chain(*self.together)], int)
+
+    def arranged(self, of_surfaces: Any) -> Any:
+        """What belongs to all surfaces along a first axis, in this order."""
+        if not self.together:
+            return of_surfaces
+        return jax.tree.map(lambda leaf: leaf[self.order], of_surfaces)
+
+    def place(self, surface: Int[Array, "..."]) -> Int[Array, "..."]:
+        """Where in this order a surface is, for the first time."""
+        if not self.together:
+            return surface
+        return jnp.asarray(np.unique(self.order, return_index=True)[1])[surface]
 
 
 @dataclass(frozen=True)
@@ -143,11 +174,8 @@ class Layout:
         return np.array([*[-1] * len(self.mirrors), *range(len(self.pads)), *others, *bodies], int)
 
     @cached_property
-    def solids(self) -> tuple[tuple[int, ...], ...]:
-        """Surfaces that bound one convex solid together, a layer or a part of a bezel.
-
-        Every other surface stands alone; empty if no pad has layers.
-        """
+    def solids(self) -> Solids:
+        """All surfaces by the solids that they bound; all stand alone if no pad has layers."""
         first = len(self.surfaces) - len(self.bodies)
         of_solid: dict[tuple[int, int, int | None], list[int]] = {}
         for i, face in enumerate(self.bodies, first):
@@ -155,10 +183,12 @@ class Layout:
             of_solid.setdefault((face.pad, face.layer, bezel), []).append(i)
         for (pad, layer, bezel), members in of_solid.items():
             if layer == 0 and bezel is None:
-                members.append(len(self.mirrors) + pad)
+                members.insert(0, len(self.mirrors) + pad)
         within = {i for members in of_solid.values() for i in members}
-        alone = [(i,) for i in range(len(self.surfaces)) if i not in within]
-        return (*alone, *map(tuple, of_solid.values())) if self.bodies else ()
+        alone = [i for i in range(len(self.surfaces)) if i not in within]
+        most = max(map(len, of_solid.values()), default=0)
+        rows = [(*own, *[own[-1]] * (most - len(own))) for own in of_solid.values()]
+        return Solids(tuple(alone), tuple(rows))
 
     @property
     def sides(self) -> np.ndarray:

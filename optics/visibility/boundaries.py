@@ -180,7 +180,7 @@ def toward(
     """Along the line of sight of a label, of any length."""
     axis, step = path.axis, pad.end - pad.start
     leg, surface, kind = parts_of(jnp.maximum(label, 0))
-    edges = jax.tree.map(lambda leaf: leaf[leg, surface], path.blockers)
+    edges = jax.tree.map(lambda leaf: leaf[leg, path.solids.place(surface)], path.blockers)
     first, last = edges.ends[0], edges.ends[1]
     along = last - first
     met, _ = safe_divide(along.cross(pad.start - first), -along.cross(step))

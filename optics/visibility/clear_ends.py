@@ -207,19 +207,16 @@ class EndCover(Cover):
 
     def scale(self, face: Vector, source: Vector, entries: Points) -> Scale:
         """As `Cover.scale`."""
-        step, toward = face[1] - face[0], face[0] - source
-        met = partial(self.coordinate, face, source)
-        rise = jax.jvp(met, (entries,), (jnp.ones_like(entries),))[1]
-        rise = rise * (self.membrane[1] - self.membrane[0])
-        arrow = Vector(toward.x + entries * step.x, toward.y + entries * step.y)
-        turn, _ = safe_divide(jnp.abs(step.cross(toward)) / arrow.squared(), jnp.abs(rise))
         ray = self._inside(source, entries)
-        ways = self._depths(ray) * row_of(self.index, ray.down) / _root(self._below(ray))
-        # Of rays from one place n cos θ dθ stays at every surface. So dθ, where they come out, is
-        # found from dθ/ds and the cosines on both sides of the face and in its layer.
+        depths, cosines = self._depths(ray), _root(self._below(ray))
+        index = row_of(self.index, ray.down)
+        # Of rays from one place n cos θ dθ stays at every surface, θ counted from its normal: at
+        # the face, and at the levels. So in a layer the ray turns by leaning / (n cos θ) of what it
+        # turns at the source, and beside it another one goes leaning⁻¹ times its length apart.
         leaning, _ = safe_divide(ray.normal[0] * ray.down, ray.normal[1])
-        apparent, _ = safe_divide(leaning, turn)
-        return Scale(turn, ray.length + jnp.sum(ways, axis=-1), apparent)
+        apparent = ray.length + leaning**2 * jnp.sum(depths * index**2 / cosines**3, axis=-1)
+        turn, _ = safe_divide(jnp.abs(leaning), apparent)
+        return Scale(turn, ray.length + jnp.sum(depths * index / cosines, axis=-1), apparent)
 
     def _own(self, place: Vector) -> Vector:
         """A place in the pad's own axes."""

@@ -180,7 +180,7 @@ def _in_poses(
     # The search decides by comparisons only: its derivatives would be 0, or those of the ends once
     # more, and a reverse pass would keep its tables.
     camera, still = jax.lax.stop_gradient((scene.camera, (paths, faces)))
-    shadows = (len(words[-1]) + 1) * len(layout.solids or layout.surfaces) + 1
+    shadows = (len(words[-1]) + 1) * sum(map(len, layout.solids)) + 1
     looked_at = len(layout.pads) + sum(face.kind == "clear" for face in layout.bodies)
     most = max(TABLE // (looked_at * len(words) * shadows**2), 1)
     found = map_in_chunks(jax.vmap(lambda view: search(camera, *view)), still, most)
@@ -240,13 +240,15 @@ def _ends(
         return entries if cover is None else coordinates(paths.at(path), cover, ends, entries)
 
     labels, entries = faces.of_pieces(ends, found.face, found.path, found.bounds)
+    # Set to 0 before they are used: what is computed of them twice is then one computation.
+    there = found.present[..., None]
+    entries = jnp.where(there, entries, 0.0)
     on_pads = faces.through(behind, found.face, found.path, entries)
     if faces.fronts is not None:
         # A ray to an end of the membrane meets it exactly, wherever it enters.
         for end, label in enumerate(PAD_ENDS):
             on_pads = jnp.where(labels == label, float(end), on_pads)
-    entries, on_pads = (jnp.where(found.present[..., None], at, 0.0) for at in (entries, on_pads))
-    return labels, entries, on_pads
+    return labels, entries, jnp.where(there, on_pads, 0.0)
 
 
 def _seen(

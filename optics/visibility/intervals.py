@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -83,8 +85,8 @@ def gaps(window: Interval, shadows: Interval, active: Bool[Array, " shadows"]) -
 
     A point x lies right of the middle of some shadows and left of the middle of the others. It is
     farthest from all shadows if it lies midway between the last end of the former and the first
-    start of the latter, so the shadows, ordered by their middles, give one candidate after each of
-    them and one before all: those of positive length are the gaps, and the longest candidate, even
+    start of the latter, so the shadows, ordered by their middles, give one candidate before all of
+    them and one after each: those of positive length are the gaps, and the longest candidate, even
     if its length is negative, is twice the distance of the best point from the nearest shadow.
 
     Args:
@@ -96,24 +98,52 @@ def gaps(window: Interval, shadows: Interval, active: Bool[Array, " shadows"]) -
         The candidates, shape (1 + shadows,), in no particular order; of inactive shadows reversed
         and very long.
     """
-    middle = jnp.where(active, shadows.start + shadows.end, -FAR)
-    order = jnp.arange(middle.shape[0])
-    # Row i: which shadows lie left of the candidate after shadow i; ties are broken by index.
-    before = (middle[None] == middle[:, None]) & (order[None] <= order[:, None])
-    left = (middle[None] < middle[:, None]) | before
-    left = jnp.concatenate([jnp.zeros_like(left[:1]), left])
-    starts = jnp.where(left & active[None], shadows.end[None], -FAR)
-    ends = jnp.where(~left & active[None], shadows.start[None], FAR)
-    # All shadows against all: there are few, and without a sort no step waits for another.
-    start, end = jnp.max(starts, axis=1), jnp.min(ends, axis=1)
-    start_label = _label_at(starts == start[:, None], shadows.end_label[None], 1)
-    end_label = _label_at(ends == end[:, None], shadows.start_label[None], 1)
-    counts = jnp.concatenate([jnp.ones_like(active[:1]), active])
+    middles = _middles(shadows, active)
+    after = jax.vmap(partial(_gap_after, window, shadows, active))
+    return after(jnp.arange(middles.size), middles)
+
+
+def widest_gap(window: Interval, shadows: Interval, active: Bool[Array, " shadows"]) -> Interval:
+    """The longest of the candidates for `gaps`, whose length may be negative."""
+    every = gaps(window, shadows, active)
+    best = jnp.argmax(every.end - every.start)
+    # Found once more with its labels, of which a compiler then computes no others.
+    return _gap_after(window, shadows, active, best, _middles(shadows, active)[best])
+
+
+def _middles(shadows: Interval, active: Bool[Array, " shadows"]) -> Float[Array, " candidates"]:
+    """Twice the middles of the shadows, −FAR of inactive ones; before them what precedes all."""
+    return jnp.append(-2 * FAR, jnp.where(active, shadows.start + shadows.end, -FAR))
+
+
+def _gap_after(
+    window: Interval,
+    shadows: Interval,
+    active: Bool[Array, " shadows"],
+    number: Int[Array, ""],
+    middle: Float[Array, ""],
+) -> Interval:
+    """The candidate after one of the `_middles`."""
+    middles = _middles(shadows, active)[1:]
+    # All shadows against all: there are few, and without a sort no step waits for another. Ties are
+    # broken by index.
+    before = (middles == middle) & (jnp.arange(middles.size) < number)
+    left = (middles < middle) | before
+    starts = jnp.where(left & active, shadows.end, -FAR)
+    ends = jnp.where(~left & active, shadows.start, FAR)
+    start, end = jnp.max(starts), jnp.min(ends)
+    counts = middle != -FAR
     return Interval(
         jnp.where(counts, jnp.maximum(start, window.start), FAR),
         jnp.where(counts, jnp.minimum(end, window.end), -FAR),
-        jnp.where(start > window.start, start_label, window.start_label),
-        jnp.where(end < window.end, end_label, window.end_label),
+        jnp.where(
+            start > window.start,
+            _label_at(starts == start, shadows.end_label, 0),
+            window.start_label,
+        ),
+        jnp.where(
+            end < window.end, _label_at(ends == end, shadows.start_label, 0), window.end_label
+        ),
     )
 
 

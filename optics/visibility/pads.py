@@ -74,7 +74,7 @@ class Pad(eqx.Module):
             end=end,
             side=jnp.asarray(layout.sides[index], start.x.dtype),
             grazing=grazing,
-            own=jnp.asarray(layout.behind_face == np.arange(count)[:, None]),
+            own=jnp.asarray(layout.behind_face[layout.solids.order] == np.arange(count)[:, None]),
             edges=jnp.asarray(edges),
             flattest=flattest,
             labels=jnp.asarray(labels),
@@ -90,7 +90,7 @@ class Pad(eqx.Module):
         surface = count - len(layout.bodies) + np.array(clear)
         of = [layout.bodies[i] for i in clear]
         pad, layer, end = np.array([(face.pad, face.layer, face.end) for face in of]).T
-        solids = [next(solid for solid in layout.solids if i in solid) for i in surface]
+        solids = [next(own for own in layout.solids.together if i in own) for i in surface]
         start, stop = placed.segment(surface)
         # The camera is outside of the body: on the sensing side's left at the first end.
         side = -layout.sides[len(layout.mirrors) + pad] * (2 * end - 1)
@@ -101,7 +101,7 @@ class Pad(eqx.Module):
             end=stop,
             side=jnp.asarray(side, start.x.dtype),
             grazing=scene.grazing[pad],
-            own=jnp.asarray([np.isin(np.arange(count), solid) for solid in solids]),
+            own=jnp.asarray([np.isin(layout.solids.order, solid) for solid in solids]),
             edges=jnp.asarray(edge_of_layers(layer[:, None] + [[1, 0]], end[:, None])),
             flattest=jnp.array([LIMITS[2:]] * len(pad)),
             labels=jnp.concatenate([backwards(end, pads.labels[pad]), dark], axis=1),

@@ -247,11 +247,11 @@ def _shadows(
     edge_on: Bool[Array, " segments"],
 ) -> tuple[Interval, Bool[Array, " shadows"]]:
     """The parts of a pad that surfaces hide, and what a field of view beyond 180° leaves out."""
-    hiding = path.in_the_way(pad.own).reshape(-1)
-    active = hiding & ~edge_on & (segments.start < segments.end)
-    if path.solids:
-        # The shadow of a convex solid is one interval, and the faces where rays enter cast it.
-        segments, active = hull(*path.by_solid((segments, active)))
+    hiding = path.in_the_way(pad.own)
+    active = hiding.reshape(-1) & ~edge_on & (segments.start < segments.end)
+    of_legs = jax.tree.map(lambda leaf: leaf.reshape(hiding.shape), (segments, active))
+    # The shadow of a convex solid is one interval, and the faces where rays enter cast it.
+    segments, active = path.merged(of_legs, lambda faces: hull(*faces))
     start, end, label = others.start[:2], others.end[:2], others.start_label[:2]
     # What is left out by each limit is the rest of the pad.
     rest = Interval(jnp.where(start > 0, 0.0, end), jnp.where(start > 0, start, 1.0), label, label)

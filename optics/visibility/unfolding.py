@@ -10,7 +10,7 @@ on from its i-th.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector, stack, where
-from optics.scene.scene import Layout, Placed
+from optics.scene.scene import Layout, Placed, Solids
 from optics.visibility.boundary_codes import CUT_AFTER, CUT_BEFORE, FIRST_END, SECOND_END, label_of
 from optics.visibility.sliding import LAST, Rays, Slide
 
@@ -97,7 +97,7 @@ class Unfolded(eqx.Module):
         turned_away: of each mirror, whether the camera or its image is not in front of it.
         through: of each leg, at which mirrors it begins and ends; shape (legs, surfaces).
         blockers: all surfaces on every leg, shape (legs, surfaces); active is what can hide a pad,
-            so those that a leg goes ``through`` are not.
+            so those that a leg goes ``through`` are not. Surfaces are in the order of the solids.
         last: both ends of the last mirror, not folded, if there is one.
         slide: from where rays come; ``None`` if all come from the source.
         sliding: the rays past both ends of all blockers, likewise.
@@ -115,7 +115,7 @@ class Unfolded(eqx.Module):
     last: Vector
     slide: Slide | None
     sliding: Rays | None
-    solids: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+    solids: Solids = eqx.field(static=True)
 
     def at(self, path: Int[Array, ""]) -> Unfolded:
         """One of several paths."""
@@ -156,16 +156,20 @@ class Unfolded(eqx.Module):
         last = jnp.arange(len(self.blockers.active)) == jnp.sum(self.reflects)
         return ~(last[:, None] & own[None]) & self.blockers.active
 
-    def by_solid(self, of_segments: Any) -> Any:
-        """What belongs to all segments on all legs, as rows of those that bound one solid.
+    def merged(self, of_blockers: Any, merge: Callable[[Any], Any]) -> Any:
+        """What belongs to all blockers, in a row, of those that bound one solid made one.
 
-        Short rows repeat their first member.
+        Args:
+            of_blockers: a tree of arrays of shape (legs, surfaces).
+            merge: of rows of what belongs to those that bound one solid.
         """
-        legs, surfaces = self.through.shape
-        most = max(map(len, self.solids))
-        rows = [[*own, *[own[0]] * (most - len(own))] for own in self.solids]
-        index = (np.arange(legs)[:, None, None] * surfaces + np.array(rows)).reshape(-1, most)
-        return jax.tree.map(lambda leaf: leaf[index], of_segments)
+        alone, together = len(self.solids.alone), self.solids.together
+        single = jax.tree.map(lambda leaf: leaf[:, :alone].reshape(-1), of_blockers)
+        if not together:
+            return single
+        shape = -1, len(together[0])
+        rows = jax.tree.map(lambda leaf: leaf[:, alone:].reshape(shape), of_blockers)
+        return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), single, merge(rows))
 
 
 def paths_of(layout: Layout, bounces: int) -> list[tuple[int, ...]]:
@@ -268,7 +272,7 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         word: indices of the mirrors along the path, filled up with −1; traced, so paths can be
             batched.
     """
-    count, surfaces = len(word), len(layout.surfaces)
+    count = len(word)
     sides = jnp.asarray(layout.sides, placed.size.dtype)
     mirrors = [placed.corners[index] for index in word]
     reflects = [index >= 0 for index in word]
@@ -281,19 +285,21 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
     lefts = None if slide is None else _sliding_lefts(placed, folds, slide)
     lefts, facing, turned_away = _sides(placed, sides, word, lefts)
 
-    index = jnp.arange(surfaces)
-    blockers, through = [], []
+    solids, blockers, through = layout.solids, [], []
+    index = jnp.asarray(solids.order)
+    every = placed.corners, sides, jnp.asarray(layout.one_way)
+    corners, side_of, one_way = solids.arranged(every)
     for leg in range(count + 1):
         # One through the source hides nothing, one with one blocking side nothing from the other.
-        blocks = lefts[leg] != 0
-        blocks &= ~jnp.asarray(layout.one_way) | (sides * lefts[leg] > 0)
+        left = solids.arranged(lefts[leg])
+        blocks = (left != 0) & (~one_way | (side_of * left > 0))
         if leg > 0:
             blocks &= reflects[leg - 1]
         # The ends of a mirror are named by the leg that comes to it.
         before = jnp.where(index == word[leg - 1], leg - 1, leg) if leg > 0 and not sheets else leg
         labels = [label_of(before, index, kind) for kind in (FIRST_END, SECOND_END)]
-        edges = Edges(placed.corners, jnp.stack(labels, axis=-1), blocks)
-        beside = jnp.zeros(surfaces, bool)
+        edges = Edges(corners, jnp.stack(labels, axis=-1), blocks)
+        beside = jnp.zeros(index.size, bool)
         for i, kind in ((leg - 1, CUT_BEFORE), (leg, CUT_AFTER)):
             if 0 <= i < count:
                 mirror = reflects[i] & (index == word[i])
@@ -328,7 +334,7 @@ def unfold(layout: Layout, placed: Placed, word: Int[Array, " reflections"]) -> 
         last,
         slide,
         past,
-        layout.solids,
+        solids,
     )
 
 

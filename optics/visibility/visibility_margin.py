@@ -17,12 +17,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.numerics import safe_arctan2
-from designopt.vectors import Vector, stack
+from designopt.vectors import Vector, stack, where
 from optics.scene.camera import Camera
 from optics.visibility import boundary_codes as codes
 from optics.visibility.boundaries import toward
 from optics.visibility.boundary_codes import label_of, with_kind
-from optics.visibility.intervals import FAR, Interval, gaps, hull
+from optics.visibility.intervals import FAR, Interval, hull, widest_gap
 from optics.visibility.pads import Pad, Windows
 from optics.visibility.sliding import LAST
 from optics.visibility.unfolding import Edges, Unfolded, cut, left_of, legs_of, unit
@@ -44,12 +44,12 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     source = path.eye(pad.start, pad.end)
     step = pad.end - pad.start
     above = left_of(source, pad.start, step)
-    middle = (pad.start - source) + (pad.end - source)
     sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
+    middle = _bearing(path, (pad.start - source) + (pad.end - source))
 
     def angle(arrow: Vector) -> Array:
-        across = middle.x * arrow.y - middle.y * arrow.x
-        return sense * safe_arctan2(across, middle.x * arrow.x + middle.y * arrow.y)
+        # A bearing of what no pad moves is found once for all pads, which takes less time.
+        return _near(sense * (_bearing(path, arrow) - middle), 0.0)
 
     shown = _shown(path, pad)
     foot = step.perpendicular().scaled(-above)
@@ -61,20 +61,17 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
 
     def turned(angle: Array) -> Array:
         """The same direction, at most half a turn from the pad's centre."""
-        return angle - 2 * jnp.pi * jnp.round((angle - center) / (2 * jnp.pi))
+        return _near(angle, center)
 
-    def spans(edges: Edges) -> Interval:
-        """The angles under which mirrors and blockers appear."""
-        angles = angle(path.to(edges.ends, legs).arrow)
-        from_angle, width = angles[..., 0], angles[..., 1] - angles[..., 0]
-        width = width - 2 * jnp.pi * jnp.round(width / (2 * jnp.pi))
-        middle = turned(from_angle + width / 2)
-        rises = width > 0
+    def spans(angles: Float[Array, "*edges 2"], labels: Int[Array, "*edges 2"]) -> Interval:
+        """The angles under which mirrors and blockers appear, from those of their ends."""
+        width = _near(angles[..., 1] - angles[..., 0], 0.0)
+        middle, rises = turned(angles[..., 0] + width / 2), width > 0
         return Interval(
             middle - jnp.abs(width) / 2,
             middle + jnp.abs(width) / 2,
-            jnp.where(rises, edges.labels[..., 0], edges.labels[..., 1]),
-            jnp.where(rises, edges.labels[..., 1], edges.labels[..., 0]),
+            jnp.where(rises, labels[..., 0], labels[..., 1]),
+            jnp.where(rises, labels[..., 1], labels[..., 0]),
         )
 
     half = camera.field_of_view / 2
@@ -87,23 +84,21 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     in_front = sense * above > 0
     toward_first = jnp.where(in_front, pad.flattest[0], pad.flattest[1])
     toward_second = jnp.where(in_front, pad.flattest[1], pad.flattest[0])
-    side, legs = jnp.where(above < 0, -1.0, 1.0), LAST
+    side, legs = jnp.where(above < 0, -1.0, 1.0), None
     if path.sheets:
         # What a ray passes before its last mirror lies before the pad.
-        of_blockers = legs_of(path.blockers)
-        side = jnp.where(of_blockers[..., 0] < jnp.sum(path.reflects), 0.0, side)
-        legs = _legs(path, of_blockers)
+        legs = legs_of(path.blockers)[..., 0]
+        side = jnp.where(legs < jnp.sum(path.reflects), 0.0, side)
     crossing = with_kind(path.blockers.labels[..., 0], codes.CROSSING)
     blockers = cut(path.blockers, pad.ends(), side, crossing)
-    # Mirrors first, then what may hide the pad.
-    both = jax.tree.map(
-        lambda many, others: jnp.concatenate([many, others.reshape(-1, *others.shape[2:])]),
-        path.mirrors,
-        blockers,
+    is_cut = blockers.labels == crossing[..., None]
+    cuts = where(is_cut[..., 0], blockers.ends[..., 0], blockers.ends[..., 1])
+    at_cuts = angle(path.to(cuts, LAST if legs is None else legs).arrow)
+    hidden = spans(jnp.where(is_cut, at_cuts[..., None], angle(path.past().arrow)), blockers.labels)
+    mirrors = spans(
+        angle(path.to(path.mirrors.ends, _legs_of_mirrors(path)).arrow), path.mirrors.labels
     )
-    found, away, there = spans(both), *map(path.per_window, (path.turned_away, path.reflects))
-    mirrors = jax.tree.map(lambda leaf: leaf[: len(there)], found)
-    hidden = jax.tree.map(lambda leaf: leaf[len(there) :], found)
+    away, there = map(path.per_window, (path.turned_away, path.reflects))
     lower = jnp.stack([first, foot - max_obliquity, jnp.where(wide, -FAR, axis - half)])
     upper = jnp.stack([last, foot + max_obliquity, jnp.where(wide, FAR, axis + half)])
     lower_labels = jnp.stack([shown.labels[0], toward_first, low])
@@ -131,31 +126,39 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     # Nothing is left of a pad or mirror that lies in the line of the mirror beside it.
     left = shown.active & jnp.all(path.mirrors.active | ~there)
     last_end = jnp.where(left, end[to], jnp.minimum(start[at], end[to]))
-    window = Interval(start[at], last_end, start_labels[at], end_labels[to])
+    # What bounds the gap is named in the end: until then blockers have numbers in place of labels.
+    number = jnp.arange(hidden.start.size).reshape(hidden.start.shape)
+    window = Interval(start[at], last_end, jnp.array(-1), jnp.array(-1))
 
     active = blockers.active & path.in_the_way(pad.own)
-    active = active.reshape(-1)
     active &= hidden.end > hidden.start
-    if path.solids:
-        hidden, active = _around(turned, *path.by_solid((hidden, active)))
-    outside = Interval(back - (jnp.pi - half), back + (jnp.pi - half), high, low)
-    shadows = jax.tree.map(lambda many, one: jnp.append(many, one), hidden, outside)
-    found = gaps(window, shadows, jnp.append(active, wide))
-    best = jnp.argmax(found.end - found.start)
-    widest = jax.tree.map(lambda leaf: leaf[best], found)
+    numbered = Interval(hidden.start, hidden.end, number, number)
+    shadows, active = path.merged((numbered, active), partial(_around, turned))
+    beyond = jnp.array(number.size)
+    outside = Interval(back - (jnp.pi - half), back + (jnp.pi - half), beyond, beyond)
+    shadows = jax.tree.map(lambda many, one: jnp.append(many, one), shadows, outside)
+    widest = widest_gap(window, shadows, jnp.append(active, wide))
+    before, after = jnp.append(hidden.end_label, low), jnp.append(hidden.start_label, high)
+    at_start, at_end = widest.start_label, widest.end_label
     # A pad seen edge-on shows nothing.
     end = jnp.where(above == 0, jnp.minimum(widest.start, widest.end), widest.end)
-    return Interval(widest.start, end, widest.start_label, widest.end_label)
+    return Interval(
+        widest.start,
+        end,
+        jnp.where(at_start < 0, start_labels[at], before[at_start]),
+        jnp.where(at_end < 0, end_labels[to], after[at_end]),
+    )
 
 
 def _around(
-    turned: Callable[[Array], Array], parts: Interval, active: Bool[Array, "solids members"]
+    turned: Callable[[Array], Array], faces: tuple[Interval, Bool[Array, "solids members"]]
 ) -> tuple[Interval, Bool[Array, " solids"]]:
     """The angles under which solids appear, from those of their faces."""
+    parts, active = faces
     # Faces on both sides of the jump by 2π are brought together first.
     middle = (parts.start + parts.end) / 2
-    first = jnp.take_along_axis(middle, jnp.argmax(active, axis=1)[:, None], axis=1)
-    jump = 2 * jnp.pi * jnp.round((middle - first) / (2 * jnp.pi))
+    highest = jnp.max(jnp.where(active, middle, -FAR), axis=1)[:, None]
+    jump = middle - _near(middle, highest)
     labels = parts.start_label, parts.end_label
     whole, counts = hull(Interval(parts.start - jump, parts.end - jump, *labels), active)
     middle = (whole.start + whole.end) / 2
@@ -164,12 +167,22 @@ def _around(
     return Interval(whole.start + back, whole.end + back, *labels), counts
 
 
-def _legs(path: Unfolded, of_blockers: Int[Array, "legs 1 1"]) -> Int[Array, "edges 1"]:
-    """The legs of all mirrors, on the way in and out, and of all blockers."""
-    count, surfaces = path.blockers.active.shape
-    into = jnp.arange(count - 1)
-    every = jnp.repeat(of_blockers.reshape(-1), surfaces)
-    return jnp.concatenate([into, into + 1, every])[:, None]
+def _bearing(path: Unfolded, arrow: Vector) -> Float[Array, "..."]:
+    """Angle of a vector from the optical axis."""
+    return safe_arctan2(path.axis.cross(arrow), path.axis.dot(arrow))
+
+
+def _near(angle: Float[Array, "..."], other: Float[Array, "..."] | float) -> Float[Array, "..."]:
+    """The same direction, at most half a turn from another angle."""
+    return angle - 2 * jnp.pi * jnp.round((angle - other) / (2 * jnp.pi))
+
+
+def _legs_of_mirrors(path: Unfolded) -> Int[Array, "windows 1"] | int:
+    """Of the ends of mirrors, on the way in and out, the legs whose rays pass them."""
+    if not path.sheets:
+        return LAST
+    into = jnp.arange(len(path.reflects))
+    return jnp.concatenate([into, into + 1])[:, None]
 
 
 def _shown(path: Unfolded, pad: Pad) -> Edges:
