@@ -146,7 +146,7 @@ class Layout:
         """Black ends of the layers on mirrors, at the first and the second end of each."""
         return tuple(
             Surface(f"{mirror.name}, ends of layers at {at}", 0, mirror.frame)
-            for mirror, count in zip(self.mirrors, self.sheets, strict=False)
+            for mirror, count in zip(self.mirrors, self.sheets, strict=bool(self.sheets))
             if count
             for at in ("from", "to")
         )

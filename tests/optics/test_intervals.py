@@ -13,6 +13,7 @@ from optics.visibility.intervals import (
     gaps,
     measure_of_union,
     where_positive,
+    widest_gap,
 )
 
 ROUNDING = 1e-15
@@ -33,7 +34,7 @@ def part_of(first: jax.Array, last: jax.Array) -> Interval:
     return common_part(Interval(*where_positive(first, last), labels, labels))
 
 
-gaps_of = jax.jit(gaps)
+gaps_of, widest_gap_of = jax.jit(gaps), jax.jit(widest_gap)
 
 values = arrays(np.int64, CONDITIONS, elements=st.integers(-5, 5))
 places = arrays(np.int64, SHADOWS, elements=st.integers(-24, 40))
@@ -62,20 +63,45 @@ def test_an_end_is_exact_however_small_its_function():
     np.testing.assert_array_equal(end, 1)
 
 
-@given(places, lengths, flags, window_ends)
-def test_gaps_are_what_no_shadow_covers(places, lengths, active, window):
-    starts, ends = places * STEP, (places + lengths) * STEP
-    labels = jnp.zeros(SHADOWS, int)
-    shadows = Interval(jnp.asarray(starts), jnp.asarray(ends), labels, labels)
-    first, last = (jnp.asarray(end * STEP) for end in window)
-    found = gaps_of(Interval(first, last, labels[0], labels[0]), shadows, jnp.asarray(active))
-    found = jax.tree.map(np.asarray, found)
+def shadows_of(starts, ends, active, window):
+    """A window and shadows, numbered; the window's number is the last one, −1."""
+    numbers, (first, last) = jnp.arange(SHADOWS), (jnp.asarray(end * STEP) for end in window)
+    shadows = Interval(jnp.asarray(starts), jnp.asarray(ends), numbers, numbers)
+    return Interval(first, last, jnp.array(-1), jnp.array(-1)), shadows, jnp.asarray(active)
+
+
+def free_samples(starts, ends, active, window):
+    """Samples, and which of them lie in a window and in no active shadow."""
     samples = (np.arange(-64, 128) + 0.5) * STEP
     column = samples[:, None]
     hidden = ((starts < column) & (column < ends))[:, active].any(axis=1)
-    free = (window[0] * STEP < samples) & (samples < window[1] * STEP) & ~hidden
+    return samples, (window[0] * STEP < samples) & (samples < window[1] * STEP) & ~hidden
+
+
+@given(places, lengths, flags, window_ends)
+def test_gaps_are_what_no_shadow_covers(places, lengths, active, window):
+    starts, ends = places * STEP, (places + lengths) * STEP
+    samples, free = free_samples(starts, ends, active, window)
+    found = jax.tree.map(np.asarray, gaps_of(*shadows_of(starts, ends, active, window)))
+    column = samples[:, None]
     times = ((found.start < column) & (column < found.end)).sum(axis=1)
     np.testing.assert_array_equal(times, free)
+
+
+@given(places, lengths, flags, window_ends)
+def test_the_widest_gap_is_the_longest_run_of_free_samples(places, lengths, active, window):
+    # A shadow of no length hides no sample, but parts what is on both sides of it.
+    active = active & (lengths > 0)
+    starts, ends = places * STEP, (places + lengths) * STEP
+    _, free = free_samples(starts, ends, active, window)
+    widest = widest_gap_of(*shadows_of(starts, ends, active, window))
+    runs = "".join("01"[int(there)] for there in free).split("0")
+    longest = max(map(len, runs))
+    assert round(max(float(widest.end - widest.start), 0.0) / STEP) == longest
+    if longest:
+        # What it starts and ends at has the labels.
+        assert widest.start == np.append(ends, window[0] * STEP)[widest.start_label]
+        assert widest.end == np.append(starts, window[1] * STEP)[widest.end_label]
 
 
 @given(places, lengths)
