@@ -79,9 +79,14 @@ class Solids(NamedTuple):
     together: tuple[tuple[int, ...], ...]
 
     @property
-    def order(self) -> Int[np.ndarray, " surfaces"]:
-        """All surfaces in one row, those that stand alone first."""
+    def order(self) -> Int[np.ndarray, " order"]:
+        """All surfaces in one row, those that stand alone first; some more than once."""
         return np.array([*self.alone, *itertools.chain(*self.together)], int)
+
+    @property
+    def size(self) -> int:
+        """How many solids there are, with the surfaces that stand alone."""
+        return len(self.alone) + len(self.together)
 
     def arranged(self, of_surfaces: Any) -> Any:
         """What belongs to all surfaces along a first axis, in this order."""
@@ -90,7 +95,7 @@ class Solids(NamedTuple):
         return jax.tree.map(lambda leaf: leaf[self.order], of_surfaces)
 
     def place(self, surface: Int[Array, "..."]) -> Int[Array, "..."]:
-        """Where in this order a surface is, for the first time."""
+        """The first place of a surface in this order."""
         if not self.together:
             return surface
         return jnp.asarray(np.unique(self.order, return_index=True)[1])[surface]

@@ -212,7 +212,7 @@ class EndCover(Cover):
         index = row_of(self.index, ray.down)
         # Of rays from one place n cos θ dθ stays at every surface, θ counted from its normal: at
         # the face, and at the levels. So in a layer the ray turns by leaning / (n cos θ) of what it
-        # turns at the source, and beside it another one goes leaning⁻¹ times its length apart.
+        # turns at the source, and what it goes along the levels is its length over leaning.
         leaning, _ = safe_divide(ray.normal[0] * ray.down, ray.normal[1])
         apparent = ray.length + leaning**2 * jnp.sum(depths * index**2 / cosines**3, axis=-1)
         turn, _ = safe_divide(jnp.abs(leaning), apparent)

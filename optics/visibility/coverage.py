@@ -180,7 +180,7 @@ def _in_poses(
     # The search decides by comparisons only: its derivatives would be 0, or those of the ends once
     # more, and a reverse pass would keep its tables.
     camera, still = jax.lax.stop_gradient((scene.camera, (paths, faces)))
-    shadows = (len(words[-1]) + 1) * sum(map(len, layout.solids)) + 1
+    shadows = (len(words[-1]) + 1) * layout.solids.size + 1
     looked_at = len(layout.pads) + sum(face.kind == "clear" for face in layout.bodies)
     most = max(TABLE // (looked_at * len(words) * shadows**2), 1)
     found = map_in_chunks(jax.vmap(lambda view: search(camera, *view)), still, most)

@@ -123,7 +123,10 @@ def _gap_after(
     number: Int[Array, ""],
     middle: Float[Array, ""],
 ) -> Interval:
-    """The candidate after one of the `_middles`."""
+    """The candidate after one of the `_middles`, which is given besides its number.
+
+    Looking up all of them would be slower.
+    """
     middles = _middles(shadows, active)[1:]
     # All shadows against all: there are few, and without a sort no step waits for another. Ties are
     # broken by index.

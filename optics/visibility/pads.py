@@ -34,7 +34,8 @@ class Pad(eqx.Module):
         side: +1 if its left side senses, −1 if its right does, 0 if both do.
         grazing: least angle between it and a ray, rad; that at which the least transmission is
             reached, if it is larger.
-        own: which surfaces hide nothing of it, as they are itself or of its body.
+        own: which surfaces, in the order of the solids, hide nothing of it, as they are itself or
+            of its body.
         edges: labels of its two ends.
         flattest: labels of the flattest rays towards both.
         labels: labels of both ends of its windows, as the layers behind it have them.
@@ -45,7 +46,7 @@ class Pad(eqx.Module):
     end: Vector
     side: Float[Array, "*pads"]
     grazing: Float[Array, "*pads"]
-    own: Bool[Array, "*pads surfaces"]
+    own: Bool[Array, "*pads order"]
     edges: Int[Array, "*pads 2"]
     flattest: Int[Array, "*pads 2"]
     labels: Int[Array, "*pads rows 2"]

@@ -97,7 +97,8 @@ class Unfolded(eqx.Module):
         turned_away: of each mirror, whether the camera or its image is not in front of it.
         through: of each leg, at which mirrors it begins and ends; shape (legs, surfaces).
         blockers: all surfaces on every leg, shape (legs, surfaces); active is what can hide a pad,
-            so those that a leg goes ``through`` are not. Surfaces are in the order of the solids.
+            so those that a leg goes ``through`` are not. In both, as in ``sliding``, surfaces are
+            in the order of the solids, some more than once.
         last: both ends of the last mirror, not folded, if there is one.
         slide: from where rays come; ``None`` if all come from the source.
         sliding: the rays past both ends of all blockers, likewise.

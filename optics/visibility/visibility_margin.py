@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -44,7 +45,8 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     source = path.eye(pad.start, pad.end)
     step = pad.end - pad.start
     above = left_of(source, pad.start, step)
-    sense = jnp.where(pad.side == 0, jnp.where(above < 0, -1.0, 1.0), pad.side)
+    side = jnp.where(above < 0, -1.0, 1.0)
+    sense = jnp.where(pad.side == 0, side, pad.side)
     middle = _bearing(path, (pad.start - source) + (pad.end - source))
 
     def angle(arrow: Vector) -> Array:
@@ -52,7 +54,7 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
         return _near(sense * (_bearing(path, arrow) - middle), 0.0)
 
     shown = _shown(path, pad)
-    foot = step.perpendicular().scaled(-above)
+    foot = step.perpendicular().scaled(-side)
     ends = path.to(shown.ends).arrow
     seen = stack(ends[0], ends[1], path.axis, -path.axis, foot)
     first, last, axis, back, foot = angle(seen)
@@ -77,30 +79,32 @@ def angular_gap(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Int
     half = camera.field_of_view / 2
     wide = half > jnp.pi / 2
     axis, back, foot = turned(axis), turned(back), turned(foot)
-    max_obliquity = jnp.pi / 2 - pad.grazing
     low = jnp.where(sense > 0, codes.RIGHT_LIMIT, codes.LEFT_LIMIT)
     high = jnp.where(sense > 0, codes.LEFT_LIMIT, codes.RIGHT_LIMIT)
     # From behind, the pad's second end comes first.
     in_front = sense * above > 0
     toward_first = jnp.where(in_front, pad.flattest[0], pad.flattest[1])
     toward_second = jnp.where(in_front, pad.flattest[1], pad.flattest[0])
-    side, legs = jnp.where(above < 0, -1.0, 1.0), None
+    legs: Any = LAST
     if path.sheets:
         # What a ray passes before its last mirror lies before the pad.
         legs = legs_of(path.blockers)[..., 0]
         side = jnp.where(legs < jnp.sum(path.reflects), 0.0, side)
     crossing = with_kind(path.blockers.labels[..., 0], codes.CROSSING)
     blockers = cut(path.blockers, pad.ends(), side, crossing)
+    # No end of a blocker has this label before.
     is_cut = blockers.labels == crossing[..., None]
     cuts = where(is_cut[..., 0], blockers.ends[..., 0], blockers.ends[..., 1])
-    at_cuts = angle(path.to(cuts, LAST if legs is None else legs).arrow)
+    at_cuts = angle(path.to(cuts, legs).arrow)
     hidden = spans(jnp.where(is_cut, at_cuts[..., None], angle(path.past().arrow)), blockers.labels)
     mirrors = spans(
         angle(path.to(path.mirrors.ends, _legs_of_mirrors(path)).arrow), path.mirrors.labels
     )
     away, there = map(path.per_window, (path.turned_away, path.reflects))
-    lower = jnp.stack([first, foot - max_obliquity, jnp.where(wide, -FAR, axis - half)])
-    upper = jnp.stack([last, foot + max_obliquity, jnp.where(wide, FAR, axis + half)])
+    # A least angle of 0 limits nothing; a pad seen edge-on would meet it all the same.
+    oblique = jnp.where(pad.grazing > 0, jnp.pi / 2 - pad.grazing, FAR)
+    lower = jnp.stack([first, foot - oblique, jnp.where(wide, -FAR, axis - half)])
+    upper = jnp.stack([last, foot + oblique, jnp.where(wide, FAR, axis + half)])
     lower_labels = jnp.stack([shown.labels[0], toward_first, low])
     upper_labels = jnp.stack([shown.labels[1], toward_second, high])
     if pad.labels.size:

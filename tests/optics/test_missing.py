@@ -1,11 +1,15 @@
 """By how much pads are missed: against a scan over directions, and as a way to see them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from optics import find_views, parse_scene
 from tests.optics.scenes import (
     LAYOUT,
     MIRRORS,
@@ -193,6 +197,29 @@ def test_margins_are_positive_where_a_view_succeeds():
     clear = np.abs(found.views.margin) > ROUNDING
     np.testing.assert_array_equal(found.ok[clear], found.views.margin[clear] > 0)
     assert found.ok.sum() > 50
+
+
+@pytest.mark.parametrize("least", [0.0, 5.0], ids="least grazing {}°".format)
+@pytest.mark.parametrize(("field", "axis"), [(170, 80), (220, 105), (360, 180)])
+def test_a_pad_in_line_with_the_camera_is_missed_as_one_beside_it(field, axis, least):
+    # It appears under no angle, and the axis may point away from it.
+    camera = {"position": [0.0, 0.0], "direction_deg": axis, "fov_deg": field, "pixels": 1000}
+    pad = {"name": "p", "from": [10.0, 0.0], "to": [20.0, 0.0], "side": "left"}
+    tables = {
+        "camera": camera | {"projection": "equidistant"},
+        "pads": [pad | {"min_grazing_deg": least}],
+    }
+    scene = parse_scene(tables)
+
+    def margin(height: jax.Array) -> jax.Array:
+        place = replace(scene.camera, position=jnp.stack([jnp.zeros_like(height), height]))
+        return find_views(replace(scene, camera=place), jnp.zeros(0)).margin[0, 0]
+
+    heights = jnp.array([-1e-9, 0.0, 1e-9])
+    margins, slopes = jax.jit(jax.vmap(jax.value_and_grad(margin)))(heights)
+    np.testing.assert_allclose(margins, np.full(3, -np.deg2rad(least)), atol=1e-9)
+    # A least angle leaves a kink; its slope is that of one side, or between them.
+    assert slopes[0] - 1e-6 <= slopes[1] <= slopes[2] + 1e-6
 
 
 GOAL, STEPS, VIEWS = 0.1, 20, 64
