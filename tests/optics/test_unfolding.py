@@ -49,7 +49,6 @@ def test_ends_of_mirrors_stand_where_the_table_of_all_surfaces_says():
             path.mirrors.labels.flat, numbers(path.mirrors.ends).flat, strict=True
         ):
             leg, surface, _ = parts_of(int(label))
-            surface = path.solids.place(surface)
             same = path.blockers.labels[leg, surface] == label
             assert same.any()
             places = numbers(path.blockers.ends)[leg, surface][same]
