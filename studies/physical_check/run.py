@@ -30,10 +30,10 @@ from optics import (
     parse_scene,
 )
 from optics.visibility.outlines import CORNERS
+from studies.oracles.judge.engine import load_mitsuba
+from studies.oracles.judge.frames import FAN, Corner, Frame, View, judge_once, picture
 from studies.physical_check import PhysicalCheckSpec
 from studies.physical_check.cases import Case, cases
-from studies.physical_check.judge.engine import load_mitsuba
-from studies.physical_check.judge.frames import FAN, Corner, Frame, View, judge_once, picture
 
 FOLDER = "physical-check"
 """Of judged frames, in the user's cache."""

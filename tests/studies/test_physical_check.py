@@ -14,14 +14,14 @@ import scipy.optimize
 
 from designopt import UserError
 from designopt.study.study import Context
+from studies.oracles.judge import engine
+from studies.oracles.judge.engine import Engine
+from studies.oracles.judge.frames import View, judge, judge_once, picture, union
+from studies.oracles.judge.lens import Lens
+from studies.oracles.judge.solids import motion_of, strip
+from studies.oracles.judge.tracing import Tracer
 from studies.physical_check import PhysicalCheckSpec
 from studies.physical_check import run as study
-from studies.physical_check.judge import engine
-from studies.physical_check.judge.engine import Engine
-from studies.physical_check.judge.frames import View, judge, judge_once, picture, union
-from studies.physical_check.judge.lens import Lens
-from studies.physical_check.judge.solids import motion_of, strip
-from studies.physical_check.judge.tracing import Tracer
 from tests.studies.quick import quick_run
 
 needs_mitsuba = pytest.mark.skipif(

@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from studies.physical_check.judge.engine import Material
+from studies.oracles.judge.engine import Material
 
 Tables = Mapping[str, Any]
 """Of a scene file, as `tomllib` gives them."""

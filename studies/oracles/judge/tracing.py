@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from studies.physical_check.judge.engine import Engine, Material
-from studies.physical_check.judge.solids import Face, Pose, Tables, faces_of, motion_of
+from studies.oracles.judge.engine import Engine, Material
+from studies.oracles.judge.solids import Face, Pose, Tables, faces_of, motion_of
 
 NUDGE = 2e-4
 """A ray goes on so far behind what it has met (mm), 30 times float32's rounding of a place."""

@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from studies.physical_check.judge.lens import Lens
-from studies.physical_check.judge.solids import WIDTH, Pose, Tables, motion_of
-from studies.physical_check.judge.tracing import Traced, Tracer, path_of
+from studies.oracles.judge.lens import Lens
+from studies.oracles.judge.solids import WIDTH, Pose, Tables, motion_of
+from studies.oracles.judge.tracing import Traced, Tracer, path_of
 
 ASPECT = 4 / 3
 """Columns of an image over its rows."""
