@@ -1,4 +1,8 @@
-"""What may be wrong with a finger that has been made: camera, mirrors and pads out of place."""
+"""What may be wrong with a finger that has been made: camera, mirrors, pads and their layers.
+
+Some errors leave the section a section: `perturb` puts them into the scene. The others turn parts
+out of it; only what is computed in space has them (`optics.visibility.corners_in_space`).
+"""
 
 from __future__ import annotations
 
@@ -19,6 +23,9 @@ from optics.scene.scene import Layout, Scene
 class Fabrication(eqx.Module):
     """Errors of one finger. Angles are counter-clockwise, normals to the left of from → to.
 
+    Those that are ``None`` are errors that a finger cannot have. In space, "across" is across the
+    section, towards greater columns of the image.
+
     Attributes:
         camera: of its position in the section, mm.
         lateral: of its position across the section, towards greater columns, mm.
@@ -30,6 +37,16 @@ class Fabrication(eqx.Module):
         pad_shift: of each pad along itself, mm.
         distortion: k₁ that is added to the lens, r ∝ θ + k₁ θ³ of Kannala and Brandt, the field of
             view ending in the image where it did; ``None`` for a lens that is exactly as designed.
+        yaw: by how much the optical axis turns across, rad.
+        roll: by how much the camera's up direction then turns across, about the optical axis, rad.
+        mirror_lean: by how much each mirror's normal turns across, about its line, rad.
+        mirror_bow: of each mirror, a flexible sheet held at its two ends, of its middle along its
+            normal, mm; it is a parabola in the section.
+        pad_lean: by how much each pad's normal turns across, about its line, rad.
+        thickness: of each layer on each pad, which grows towards the camera, mm.
+        index: of refraction of each layer, of all colors alike.
+        pupil: of the first coefficient of the camera's ``pupil_shift``, mm per rad².
+        lateral_color: of the image's scale in red and in blue, over that in green.
     """
 
     camera: Float[Array, "2"] = eqx.field(converter=as_float)
@@ -41,6 +58,17 @@ class Fabrication(eqx.Module):
     pad_offset: Float[Array, " pads"] = eqx.field(converter=as_float)
     pad_shift: Float[Array, " pads"] = eqx.field(converter=as_float)
     distortion: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    yaw: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    roll: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    mirror_lean: Float[Array, " mirrors"] | None = eqx.field(default=None, converter=optional_float)
+    mirror_bow: Float[Array, " mirrors"] | None = eqx.field(default=None, converter=optional_float)
+    pad_lean: Float[Array, " pads"] | None = eqx.field(default=None, converter=optional_float)
+    thickness: Float[Array, "pads layers"] | None = eqx.field(
+        default=None, converter=optional_float
+    )
+    index: Float[Array, "pads layers"] | None = eqx.field(default=None, converter=optional_float)
+    pupil: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    lateral_color: Float[Array, "2"] | None = eqx.field(default=None, converter=optional_float)
 
     @classmethod
     def none(cls, layout: Layout) -> Fabrication:
@@ -98,6 +126,8 @@ def name_fabrication_errors(layout: Layout, errors: Fabrication) -> list[str]:
         ['camera tilt (rad)', 'tilt of mirror lower (rad)']
     """
     mirrors, pads = [[part.name for part in kind] for kind in (layout.mirrors, layout.pads)]
+    most = max(map(len, layout.layers), default=0)
+    layers = [f"{pad}, layer {number}" for pad in pads for number in range(1, most + 1)]
     return [
         "camera along x (mm)",
         "camera along y (mm)",
@@ -108,8 +138,21 @@ def name_fabrication_errors(layout: Layout, errors: Fabrication) -> list[str]:
         *(f"tilt of pad {name} (rad)" for name in pads),
         *(f"offset of pad {name} (mm)" for name in pads),
         *(f"shift of pad {name} (mm)" for name in pads),
-        *(["lens k1"] if errors.distortion is not None else []),
+        *_named("lens k1", errors.distortion),
+        *_named("camera yaw (rad)", errors.yaw),
+        *_named("camera roll (rad)", errors.roll),
+        *_named("lean of mirror {} (rad)", errors.mirror_lean, mirrors),
+        *_named("bow of mirror {} (mm)", errors.mirror_bow, mirrors),
+        *_named("lean of pad {} (rad)", errors.pad_lean, pads),
+        *_named("thickness of pad {} (mm)", errors.thickness, layers),
+        *_named("index of pad {}", errors.index, layers),
+        *_named("pupil shift (mm/rad²)", errors.pupil),
+        *_named("scale of the image in {}", errors.lateral_color, ("red", "blue")),
     ]
+
+
+def _named(text: str, errors: Array | None, of: Sequence[str] = ("",)) -> list[str]:
+    return [] if errors is None else [text.format(part) for part in of]
 
 
 def perturb(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -> Scene:
@@ -117,11 +160,13 @@ def perturb(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -
 
     Args:
         scene: as designed.
-        errors: its errors; ``lateral`` is not in the section and has no effect here.
+        errors: its errors, of which those out of the section have no effect here: ``lateral``,
+            ``yaw``, ``roll``, the leans, ``mirror_bow``, ``lateral_color``.
         carried: indices of the blockers that move with the camera, such as its body.
 
     Raises:
-        ValueError: a distortion is added to a lens that is neither equidistant nor Kannala–Brandt.
+        ValueError: a distortion is added to a lens that is neither equidistant nor Kannala–Brandt,
+            or an error to layers or to a shift of the pupil that the scene does not have.
 
     Example:
         >>> from importlib.resources import files
@@ -158,6 +203,12 @@ def perturb(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -
         focal = camera.sensor.focal_length * share
         sensor = dataclasses.replace(camera.sensor, focal_length=focal)
         scene = eqx.tree_at(lambda scene: scene.camera.sensor, scene, sensor)
+    scene = _with_layers(scene, errors)
+    if errors.pupil is not None:
+        if camera.pupil_shift is None:
+            raise ValueError("the entrance pupil stays: it has no error of its shift")
+        shift = camera.pupil_shift.at[0].add(errors.pupil)
+        scene = eqx.tree_at(lambda scene: scene.camera.pupil_shift, scene, shift)
     return eqx.tree_at(
         lambda scene: (
             scene.camera.position,
@@ -177,6 +228,21 @@ def perturb(scene: Scene, errors: Fabrication, *, carried: Sequence[int] = ()) -
             blockers,
         ),
     )
+
+
+def _with_layers(scene: Scene, errors: Fabrication) -> Scene:
+    """The scene with errors of the layers on pads."""
+    if errors.thickness is None and errors.index is None:
+        return scene
+    if scene.layers is None:
+        raise ValueError("no pad has layers: they have no errors")
+    thickness, index = scene.layers.thickness, scene.layers.index
+    if errors.thickness is not None:
+        thickness = thickness + errors.thickness
+    if errors.index is not None:
+        index = index + errors.index[..., None]
+    layers = dataclasses.replace(scene.layers, thickness=thickness, index=index)
+    return eqx.tree_at(lambda scene: scene.layers, scene, layers)
 
 
 def _distorted(projection: Projection, k1: Float[Array, ""] | None) -> Projection:

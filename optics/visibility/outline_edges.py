@@ -27,7 +27,7 @@ from optics.scene.imaging import Imaging
 from optics.scene.scene import Layout, Scene, place
 from optics.visibility.outlines import TOUCHING, Behind, behind_layers
 from optics.visibility.pads import Pad
-from optics.visibility.refraction import FrontCover
+from optics.visibility.refraction import FrontCover, Stack
 from optics.visibility.unfolding import VirtualCamera, paths_of, virtual_cameras
 
 EDGES = ("left", "to", "right", "from")
@@ -99,18 +99,18 @@ class Box(eqx.Module):
     """The rectangles that rays must pass at all levels, from the foot of a (virtual) camera, mm.
 
     Attributes:
-        behind: how the pad lies behind its layers.
+        stack: the camera over the layers.
         bezel: height of the bezel.
         edges: along the pad and across, at every level, first and second edge.
     """
 
-    behind: Behind
+    stack: Stack
     bezel: Float[Array, "*views"]
     edges: Float[Array, "*views 2 levels 2"]
 
     def reach(self, slope: Float[Array, ""]) -> Float[Array, " levels"]:
         """How far from the foot a ray of a slope in air is at every level."""
-        stack, levels = self.behind.stack, self.edges.shape[1]
+        stack, levels = self.stack, self.edges.shape[1]
         height, n, t = stack.height, stack.index, stack.thickness
         passed = jnp.tril(jnp.ones((levels, len(t)), slope.dtype), -2)
         air = jnp.full(levels, height).at[0].add(-self.bezel)
@@ -194,7 +194,7 @@ def _edge(box: Box, side: Float[Array, " levels"], first: Array, last: Array) ->
     return jax.tree.map(lambda leaf, turns: leaf.at[1::2].set(turns), points, turns)
 
 
-def outline_of(box: Box) -> OutlineEdges:
+def outline_of(box: Box, behind: Behind) -> OutlineEdges:
     """The outline of one view; ``along`` and ``beside`` are from the camera's foot, mm."""
     away = jnp.array([-1.0, 1.0, 1.0, -1.0], box.bezel.dtype)
     # Corner i is where edge i and the one before it meet.
@@ -208,7 +208,7 @@ def outline_of(box: Box) -> OutlineEdges:
     slope, own = points.slope, away[:, None] * points.out
     lies_beside = np.array([True, False, True, False])[:, None]
     along, beside = (jnp.where(where, points.across, own) for where in (lies_beside, ~lies_beside))
-    entry = box.behind.along.scaled(slope * along) + box.behind.into
+    entry = behind.along.scaled(slope * along) + behind.into
     reach = jax.vmap(jax.vmap(box.reach))(slope)
     # No point may lie beyond another edge at any level.
     met = jnp.stack([along, beside])[..., None] * reach[None]
@@ -227,8 +227,8 @@ def outline_of(box: Box) -> OutlineEdges:
 
 def boxes_of(
     scene: Scene, angles: Float[Array, " joints"], lateral: Float[Array, ""], bounces: int | None
-) -> tuple[Box, Bool[Array, "paths pads"]]:
-    """Of every path and pad what rays must pass, and whether the camera looks at the layers.
+) -> tuple[Box, Behind, Bool[Array, "paths pads"]]:
+    """Of every path and pad what rays must pass, where it is, and whether the camera looks at it.
 
     Raises:
         ValueError: no pad has layers, or none a width, or rays slide.
@@ -250,7 +250,7 @@ def boxes_of(
 
     def box(
         camera: VirtualCamera, pad: Pad, cover: FrontCover, half: Array, lip: Array, bezel: Array
-    ) -> tuple[Box, Bool[Array, ""]]:
+    ) -> tuple[Box, Behind, Bool[Array, ""]]:
         behind = behind_layers(camera, pad, cover, placed.size)
         step, places = pad.end - pad.start, cover.places
         surface = jnp.stack([jnp.zeros_like(half), step.length()])
@@ -261,12 +261,12 @@ def boxes_of(
         beside = jnp.stack([-free, free], axis=-1) - lateral
         above = step.cross(camera.source - pad.start)
         looks = (above != 0) & (pad.side * above >= 0)
-        return Box(behind, bezel, jnp.stack([along, beside])), looks
+        return Box(behind.stack, bezel, jnp.stack([along, beside])), behind, looks
 
     of_pads = jax.vmap(box, (None, 0, 0, 0, 0, 0))
     of_paths = jax.vmap(of_pads, (0, *[None] * 5))
-    boxes, looks = of_paths(cameras, pads, covers, half, layers.lip, layers.height)
-    return boxes, looks & known[None]
+    boxes, behind, looks = of_paths(cameras, pads, covers, half, layers.lip, layers.height)
+    return boxes, behind, looks & known[None]
 
 
 def find_outline_edges(
@@ -299,8 +299,9 @@ def find_outline_edges(
         >>> [name_bound(scene.layout, 0, int(level)) for level in found.level[0, 0, :, 0]]
         ['membrane', 'membrane', 'membrane', 'wall']
     """
-    boxes, looks = boxes_of(scene, angles, jnp.asarray(lateral, scene.pads.dtype), bounces)
-    found = jax.vmap(jax.vmap(outline_of))(boxes)
+    given = jnp.asarray(lateral, scene.pads.dtype), bounces
+    boxes, behind, looks = boxes_of(scene, angles, *given)
+    found = jax.vmap(jax.vmap(outline_of))(boxes, behind)
     first, last = boxes.edges[:, :, 0, -1, 0], boxes.edges[:, :, 0, -1, 1]
     along = (found.along - first[..., None, None]) / (last - first)[..., None, None]
     return eqx.tree_at(

@@ -215,20 +215,21 @@ def find_second_outlines(
     walls = [*clear_walls(scene.layout), *clear_walls(scene.layout, beside=True)]
     if scene.layers is None or not walls:
         raise ValueError("no side wall of a layer is clear: there are no second images")
-    boxes, looks = boxes_of(scene, angles, jnp.asarray(lateral, scene.pads.dtype), bounces)
+    given = jnp.asarray(lateral, scene.pads.dtype), bounces
+    boxes, behind, looks = boxes_of(scene, angles, *given)
     across = [wall.side in ("left", "right") for wall in walls]
     ends = [wall.side in ("to", "right") for wall in walls]
     pad, layer = np.array([wall[:2] for wall in walls]).T
     axis, end, at = np.array(across, int), np.array(ends, int), np.arange(len(walls))
-    own = jax.tree.map(lambda leaf: leaf[:, pad], boxes)
+    own, behind = jax.tree.map(lambda leaf: leaf[:, pad], (boxes, behind))
     overhang = jnp.where(axis == 0, scene.layers.overhang[pad, layer, end], 0.0)
     outward = overhang * jnp.asarray(2 * end - 1, overhang.dtype)
     wall = own.edges[:, at, axis, -1, end] + outward[None]
-    behind = np.arange(own.edges.shape[3]) >= 2 + layer[:, None]
-    turned = (axis[:, None] == np.arange(2))[..., None] & behind[:, None]
+    below = np.arange(own.edges.shape[3]) >= 2 + layer[:, None]
+    turned = (axis[:, None] == np.arange(2))[..., None] & below[:, None]
     images = 2 * wall[..., None, None, None] - own.edges[..., ::-1]
-    mirrored = Box(own.behind, own.bezel, jnp.where(turned[None, ..., None], images, own.edges))
-    found = jax.vmap(jax.vmap(outline_of))(mirrored)
+    mirrored = Box(own.stack, own.bezel, jnp.where(turned[None, ..., None], images, own.edges))
+    found = jax.vmap(jax.vmap(outline_of))(mirrored, behind)
 
     def folded(places: Float[Array, "paths walls 4 points"], own: int) -> Array:
         there = jnp.asarray(axis == own)[None, :, None, None]
@@ -237,7 +238,7 @@ def find_second_outlines(
     first, last = (own.edges[:, :, 0, -1, end][..., None, None] for end in range(2))
     along = (folded(found.along, 0) - first) / (last - first)
     # Index times cosine at the wall, in parts of the ray's direction in air.
-    direction = jax.tree.map(lambda leaf: leaf[..., None, None], own.behind.along)
+    direction = jax.tree.map(lambda leaf: leaf[..., None, None], behind.along)
     within = direction.dot(rotation(found.angle))
     part = jnp.where(jnp.asarray(axis == 1)[None, :, None, None], found.slope, within)
     squared = scene.layers.green[pad, layer] ** 2

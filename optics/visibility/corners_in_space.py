@@ -1,0 +1,449 @@
+"""Corners of pads in the image of a finger whose parts are not all square to the section.
+
+A camera that is yawed or rolled, mirrors that lean or bow and pads that lean leave no plane in
+which all rays to a place lie, but the method of images holds in space as well: the camera is
+mirrored in the planes of a path's mirrors, one after the other, and sees the pad from there. Where
+mirrors bow, each plane is the one that touches its mirror where the ray meets it; where the
+entrance pupil moves, the camera is where the pupil is for the ray's angle. Both follow from the
+ray, and the ray from them: these few unknowns are found by Newton's method.
+
+Behind layers, corners are those of the outline that is seen (`optics.visibility.outline_edges`):
+the membrane's, or where they hide it those of the outermost surface or of the bezel. A clear wall
+that is seen from within mirrors the membrane up to the wall's upper edge, which then bounds the
+outline; through a clear end that is seen from without the membrane shows up to its own edge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from designopt.numerics import safe_arctan2, safe_divide, safe_sqrt
+from designopt.vectors import Vector
+from optics.scene.fabrication import Fabrication
+from optics.scene.imaging import CENTER, Imaging
+from optics.scene.layers import CHANNELS, Layers
+from optics.scene.scene import Layout, Placed, Scene, place
+from optics.visibility.outline_edges import FAR, Box
+from optics.visibility.outlines import CORNERS, TOUCHING
+from optics.visibility.refraction import Stack, profile_of
+from optics.visibility.unfolding import padded, unit
+
+Point = Float[Array, "3"]
+
+STEPS = 4
+"""Newton steps from where rays would meet flat mirrors to where they meet bowed ones."""
+
+GREEN = CHANNELS.index("green")
+
+OUTWARD = np.array([-1.0, 1.0])
+"""Sense in which places grow beyond the first and the second edge."""
+
+NEXT = np.array([[1, 0], [0, 1], [1, 1], [0, 0]])
+"""Of the sides of an outline, as `EDGES` has them: axis that they bound (0 along the pad, 1 across)
+and which of the two edges on it."""
+
+
+class Eye(eqx.Module):
+    """The camera in space, mm; its axes are unit vectors.
+
+    Attributes:
+        position: of the pinhole, or of the entrance pupil for rays along the axis.
+        axis: optical axis.
+        up: towards lesser rows.
+        across: towards greater columns.
+        pupil: coefficients of the pupil's shift; ``None`` if it stays.
+    """
+
+    position: Point
+    axis: Point
+    up: Point
+    across: Point
+    pupil: Float[Array, "2"] | None
+
+    @classmethod
+    def of(cls, scene: Scene, placed: Placed, errors: Fabrication) -> Eye:
+        """That of a placed scene, with the errors that turn it out of the section."""
+        axis, up = _in_space(placed.axis), _in_space(placed.axis.perpendicular())
+        axis, across = _turned(axis, jnp.zeros(3).at[2].set(1.0), errors.yaw)
+        up, across = _turned(up, across, errors.roll)
+        position = _in_space(placed.camera.scaled(placed.size))
+        return cls(position.at[2].add(errors.lateral), axis, up, across, scene.camera.pupil_shift)
+
+    def angle(self, ray: Point) -> Float[Array, ""]:
+        """Of a ray from the optical axis, rad."""
+        aside = safe_sqrt((ray @ self.up) ** 2 + (ray @ self.across) ** 2)
+        return safe_arctan2(aside, ray @ self.axis)
+
+    def start(self, angle: Float[Array, ""]) -> Point:
+        """From where rays come that are at an angle from the axis."""
+        if self.pupil is None:
+            return self.position
+        square = angle * angle
+        return self.position + square * (self.pupil[0] + square * self.pupil[1]) * self.axis
+
+    def image(self, imaging: Imaging, ray: Point) -> Float[Array, "2"]:
+        """Column and row of a ray."""
+        ahead, above = ray @ self.axis, ray @ self.up
+        slope = ray @ self.across / jnp.hypot(ahead, above)
+        return imaging.place(safe_arctan2(above, ahead), slope)
+
+
+class Sheet(eqx.Module):
+    """A mirror in space, or several along a first axis, mm.
+
+    Attributes:
+        middle: of its chord, in the section.
+        along: unit vector from its first end to its second.
+        normal: unit vector to the left of that, leaning.
+        half: half its length.
+        bow: of its middle along the normal; ``None`` if all are flat.
+    """
+
+    middle: Float[Array, "*mirrors 3"]
+    along: Float[Array, "*mirrors 3"]
+    normal: Float[Array, "*mirrors 3"]
+    half: Float[Array, "*mirrors"]
+    bow: Float[Array, "*mirrors"] | None
+
+    @classmethod
+    def all_of(cls, layout: Layout, placed: Placed, errors: Fabrication) -> Sheet:
+        """All mirrors of a placed scene."""
+        start, end = placed.segment(np.arange(len(layout.mirrors)))
+        middle = (start + end).scaled(placed.size / 2)
+        half, along = (end - start).length() * placed.size / 2, unit(end - start)
+        normal, _ = _leaning(along.perpendicular(), errors.mirror_lean)
+        return cls(_in_space(middle), _in_space(along), normal, half, errors.mirror_bow)
+
+    def plane(self, place: Float[Array, ""]) -> tuple[Point, Point]:
+        """A point and the normal of the plane that touches it at a place along it, mm."""
+        if self.bow is None:
+            return self.middle, self.normal
+        share = place / self.half
+        point = self.middle + place * self.along + self.bow * (1 - share**2) * self.normal
+        normal = self.normal + 2 * self.bow * share / self.half * self.along
+        return point, normal / jnp.linalg.norm(normal)
+
+
+class Body(eqx.Module):
+    """A pad in space with what lies on it, or several along a first axis, mm.
+
+    Attributes:
+        start: first end of the membrane, in the section.
+        along: unit vector to its second end.
+        across: unit vector across it, leaning.
+        normal: unit vector to the sensing side, leaning.
+        size: of the membrane, along and across.
+        layers: its layers; ``None`` if no pad has any.
+    """
+
+    start: Float[Array, "*pads 3"]
+    along: Float[Array, "*pads 3"]
+    across: Float[Array, "*pads 3"]
+    normal: Float[Array, "*pads 3"]
+    size: Float[Array, "*pads 2"]
+    layers: BodyLayers | None
+
+    @classmethod
+    def all_of(
+        cls, scene: Scene, placed: Placed, errors: Fabrication, width: Array, channel: int
+    ) -> Body:
+        """All pads of a scene that is placed without layers."""
+        count, first = len(scene.layout.pads), len(scene.layout.mirrors)
+        start, end = placed.segment(first + np.arange(count))
+        along, length = unit(end - start), (end - start).length() * placed.size
+        left, across = _leaning(along.perpendicular(), errors.pad_lean)
+        sides = np.where(scene.layout.sides[first : first + count] < 0, -1.0, 1.0)
+        size = jnp.stack([length, jnp.broadcast_to(width, length.shape)], axis=-1)
+        layers = scene.own_layers
+        covered = None if layers is None else BodyLayers.all_of(scene, layers, width, channel)
+        start = _in_space(start.scaled(placed.size))
+        return cls(start, _in_space(along), across, sides[:, None] * left, size, covered)
+
+    def corner(self, corner: Int[Array, ""]) -> Point:
+        """A corner of the membrane, by its index in `CORNERS`."""
+        end, side = jnp.asarray(CORNERS, self.size.dtype)[corner]
+        beside = side / 2 * self.size[1] * self.across
+        return self.start + end * self.size[0] * self.along + beside
+
+
+class BodyLayers(eqx.Module):
+    """The layers of a pad as what rays must pass, level by level, as `Box` has them, mm.
+
+    Attributes:
+        thickness: of the layers, the outermost first.
+        index: of refraction, for one color.
+        bezel: height of the bezel.
+        edges: along the pad from the membrane's first end and across from its middle, at every
+            level, first and second edge.
+        open: which of these edges bound nothing, as the wall down to them is clear and mirrors.
+        clear_ends: whether all layers are clear at the pad's first and at its second end.
+    """
+
+    thickness: Float[Array, "*pads layers"]
+    index: Float[Array, "*pads layers"]
+    bezel: Float[Array, "*pads"]
+    edges: Float[Array, "*pads 2 levels 2"]
+    open: Bool[np.ndarray | Array, "*pads 2 levels 2"]
+    clear_ends: Bool[np.ndarray | Array, "*pads 2"]
+
+    @classmethod
+    def all_of(cls, scene: Scene, layers: Layers, width: Array, channel: int) -> BodyLayers:
+        """Those of all pads of a scene."""
+        profile = profile_of(scene, layers)
+        face = profile.face() - OUTWARD[None] * layers.lip
+        along = jnp.concatenate([face[:, None], face[:, None], profile.windows()], axis=1)
+        lip = jnp.max(layers.lip, axis=-1, keepdims=True)
+        narrower = jnp.pad(jnp.repeat(lip, 2, axis=1), ((0, 0), (0, along.shape[1] - 2)))
+        across = (width / 2 - narrower)[..., None] * OUTWARD[None, None]
+        kinds = scene.layout.layers
+        opened = np.zeros((*along.shape[:1], 2, *along.shape[1:]), bool)
+        for pad, of_pad in enumerate(kinds):
+            for layer, of in enumerate(of_pad):
+                ends = [kind == "clear" for kind in of]
+                opened[pad, :, 2 + layer] = ends[:2], [ends[2]] * 2
+        clear = [[all(of[end] == "clear" for of in own) and bool(own) for end in (0, 1)]
+                 for own in kinds]  # fmt: skip
+        return cls(
+            layers.thickness,
+            layers.index[..., channel],
+            layers.height,
+            jnp.stack([along, across], axis=1),
+            opened,
+            np.array(clear),
+        )
+
+
+class Corner(eqx.Module):
+    """How the ray to a corner behind layers leaves the source, found from a first guess.
+
+    Attributes:
+        levels: which level bounds the side that begins at the corner, and the one before it.
+        slope: logarithm of the tangent of the ray's angle from the pad's normal in air.
+    """
+
+    levels: Int[Array, "2"]
+    slope: Float[Array, ""]
+
+
+def _over(body: Body, source: Point) -> tuple[Box, Float[Array, "4 levels"], Float[Array, "2"]]:
+    """What rays from a source must pass, how far it is to each side's edges, and the source's foot.
+
+    Lengths from the foot outwards, in the order of `EDGES`.
+    """
+    assert body.layers is not None
+    layers, toward = body.layers, source - body.start
+    foot = jnp.stack([toward @ body.along, toward @ body.across])
+    # The source's height is positive also behind the surface, from where nothing is seen.
+    height = jnp.maximum(jnp.abs(toward @ body.normal - jnp.sum(layers.thickness)), TOUCHING)
+    stack = Stack(height, layers.thickness, layers.index)
+    edges = layers.edges - foot[:, None, None]
+    axis, which = NEXT.T
+    away = OUTWARD[which][:, None]
+    sides = jnp.where(layers.open[axis, :, which], FAR, away * edges[axis, :, which])
+    return Box(stack, layers.bezel, edges), sides, foot
+
+
+def _first_guess(body: Body, source: Point, corner: Int[Array, ""]) -> Corner:
+    box, sides, _ = _over(body, source)
+    pair = sides[corner], sides[corner - 1]
+    slope, *_ = box.meet(*pair)
+    levels = jnp.stack([box.nearest(side, slope) for side in pair])
+    return Corner(levels, jnp.log(slope))
+
+
+def _entry(body: Body, source: Point, corner: Int[Array, ""], ray: Corner) -> tuple[Point, Array]:
+    """Where a ray enters a body, and what its slope is still off."""
+    box, sides, foot = _over(body, source)
+    assert body.layers is not None
+    slope, reach = jnp.exp(ray.slope), box.reach(jnp.exp(ray.slope))
+    here = jnp.stack([corner, corner - 1]) % 4
+    parts = sides[here, ray.levels] / reach[ray.levels]
+    off = jnp.sum(parts**2) + (TOUCHING / reach[-1]) ** 2 - 1
+    axis, which = jnp.asarray(NEXT)[here].T
+    ways = jnp.asarray(OUTWARD)[which] * parts
+    along, across = (jnp.sum(jnp.where(axis == own, ways, 0.0)) for own in range(2))
+    aside = slope * (along * body.along + across * body.across)
+    through_top = source + box.stack.height * (aside - body.normal)
+    # Through a clear end that is before the camera's foot light comes from the membrane's own edge.
+    end = jnp.asarray(CORNERS)[corner, 0]
+    outside = jnp.where(end == 0, foot[0] < 0, foot[0] > body.size[0])
+    own = body.corner(corner)
+    return jnp.where(outside & body.layers.clear_ends[end], own, through_top), off
+
+
+class _View(eqx.Module):
+    """A pad seen over mirrors, of which those that are not ``there`` fill the path up.
+
+    The unknowns of a ray are, as far as there are any: its angle from the optical axis, where it
+    meets each mirror along it (mm), and for layers `Corner.slope`.
+    """
+
+    eye: Eye
+    sheets: Sheet
+    there: Bool[Array, " reflections"]
+    body: Body
+
+    @property
+    def parts(self) -> list[int]:
+        """How many unknowns of each kind there are."""
+        bowed = 0 if self.sheets.bow is None else len(self.there)
+        return [int(self.eye.pupil is not None), bowed, int(self.body.layers is not None)]
+
+    def planes(self, places: Float[Array, " places"]) -> list[tuple[Point, Point]]:
+        """The planes in which the mirrors reflect a ray that meets them at these places."""
+        if not len(places):
+            places = jnp.zeros(len(self.there))
+        sheets = [jax.tree.map(lambda leaf, i=i: leaf[i], self.sheets) for i in range(len(places))]
+        return [sheet.plane(at) for sheet, at in zip(sheets, places, strict=True)]
+
+    def sources(self, start: Point, planes: list[tuple[Point, Point]]) -> list[Point]:
+        """A place before the first mirror, and its images behind one mirror after the other."""
+        found = [start]
+        for (point, normal), there in zip(planes, self.there, strict=True):
+            image = found[-1] - 2 * ((found[-1] - point) @ normal) * normal
+            found.append(jnp.where(there, image, found[-1]))
+        return found
+
+    def guess(self, corner: Int[Array, ""]) -> tuple[Float[Array, " unknowns"], Int[Array, "2"]]:
+        """The unknowns if mirrors were flat and the pupil stayed, and the levels that bound."""
+        [*others, layered] = self.parts
+        zeros = jnp.zeros(sum(others))
+        if not layered:
+            return zeros, jnp.zeros(2, int)
+        source = self.sources(self.eye.position, self.planes(jnp.zeros(0)))[-1]
+        guess = _first_guess(self.body, source, corner)
+        return jnp.append(zeros, guess.slope), guess.levels
+
+    def follow(
+        self, unknowns: Float[Array, " unknowns"], corner: Int[Array, ""], levels: Int[Array, "2"]
+    ) -> tuple[Point, Float[Array, " unknowns"]]:
+        """The direction of the ray that unknowns give, and by how much it gives others."""
+        angle, places, slope = jnp.split(unknowns, np.cumsum(self.parts)[:2].tolist())
+        planes = self.planes(places)
+        start = self.eye.start(jnp.sum(angle))
+        sources = self.sources(start, planes)
+        if self.body.layers is None:
+            target, own = self.body.corner(corner), jnp.zeros(0)
+        else:
+            target, own = _entry(self.body, sources[-1], corner, Corner(levels, jnp.sum(slope)))
+            own = own[None]
+        met = []
+        for i in reversed(range(len(planes))):
+            point, normal = planes[i]
+            ray = target - sources[i + 1]
+            part, _ = safe_divide((point - sources[i + 1]) @ normal, ray @ normal)
+            target = jnp.where(self.there[i], sources[i + 1] + part * ray, target)
+            place = (target - self.sheets.middle[i]) @ self.sheets.along[i]
+            met.insert(0, jnp.where(self.there[i], place, 0.0))
+        ray = target - start
+        angles = self.eye.angle(ray)[None][: len(angle)]
+        met = jnp.stack(met)[: len(places)] if met else places
+        return ray, jnp.concatenate([angles - angle, met - places, own])
+
+    def ray_to(self, corner: Int[Array, ""]) -> Point:
+        """The direction in which the camera sees a corner, of any length."""
+        still = jax.lax.stop_gradient(self)
+        root, levels = still.guess(corner)
+        if not len(root):
+            return self.follow(root, corner, levels)[0]
+
+        def miss(unknowns: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
+            return still.follow(unknowns, corner, levels)[1]
+
+        for _ in range(STEPS):
+            nearer = root - jnp.linalg.solve(jax.jacfwd(miss)(root), miss(root))
+            # No ray leads to what lies behind a mirror or a surface: it must be finite, no more.
+            root = jnp.where(jnp.all(jnp.isfinite(nearer)), nearer, root)
+        inverse = jax.lax.stop_gradient(jnp.linalg.inv(jax.jacfwd(miss)(root)))
+        root = jax.lax.stop_gradient(root)
+        # One more step with all derivatives: those of the root, by the theorem of implicit
+        # functions.
+        return self.follow(root - inverse @ self.follow(root, corner, levels)[1], corner, levels)[0]
+
+
+def find_corners_in_space(
+    scene: Scene,
+    angles: Float[Array, " joints"],
+    errors: Fabrication,
+    imaging: Imaging,
+    width: Float[Array, ""] | float,
+    views: Sequence[tuple[tuple[int, ...], int]],
+    *,
+    channel: int = GREEN,
+) -> Float[Array, "views 4 2"]:
+    """Where corners are imaged: column and row, in the order of `CORNERS`; differentiable.
+
+    Wherever other surfaces hide them or not. In a finger without errors out of the section corners
+    without layers are those of `find_corners`.
+
+    Args:
+        scene: as it was made in the section, by `perturb`; its mirrors straight, without layers.
+        angles: joint angles in the order of ``scene.angle_names``, rad.
+        errors: of the finger, of which those out of the section matter here.
+        imaging: the camera as it was made, with its image.
+        width: of the pads across the section, mm.
+        views: mirrors along the path, and index of the pad, of every view that is asked for.
+        channel: the color, by its index among `CHANNELS`.
+
+    Raises:
+        ValueError: a mirror is curved or has layers.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import Imaging, read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> errors = replace(Fabrication.none(scene.layout), roll=0.1)
+        >>> imaging = Imaging.of(scene.camera)
+        >>> corners = find_corners_in_space(
+        ...     scene, jnp.zeros(0), errors, imaging, 20.0, [((0, 1), 0)]
+        ... )
+        >>> corners.shape
+        (1, 4, 2)
+    """
+    if scene.layout.curved or scene.mirror_layers is not None:
+        raise ValueError("corners in space are those of flat mirrors without layers")
+    layout = replace(scene.layout, layers=(), bezels=())
+    placed = place(replace(scene, layers=None, layout=layout), angles)
+    eye, sheets = Eye.of(scene, placed, errors), Sheet.all_of(layout, placed, errors)
+    bodies = Body.all_of(scene, placed, errors, jnp.asarray(width), channel)
+
+    def view(word: Int[Array, " reflections"], pad: Int[Array, ""]) -> Float[Array, "4 2"]:
+        own, body = (jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf)[i], of)
+                     for of, i in ((sheets, word), (bodies, pad)))  # fmt: skip
+        seen = _View(eye, own, word >= 0, body)
+        return jax.vmap(lambda i: eye.image(imaging, seen.ray_to(i)))(jnp.arange(4))
+
+    words, pads = zip(*views, strict=True)
+    corners = jax.vmap(view)(jnp.asarray(padded(words)), jnp.asarray(pads))
+    if errors.lateral_color is None or channel == GREEN:
+        return corners
+    larger = errors.lateral_color[int(channel > GREEN)]
+    middle = jnp.stack([imaging.columns, imaging.rows]) / 2 - CENTER
+    return corners + larger * (corners - middle[None, None])
+
+
+def _in_space(arrow: Vector) -> Float[Array, "*batch 3"]:
+    return jnp.stack([arrow.x, arrow.y, jnp.zeros_like(arrow.x)], axis=-1)
+
+
+def _turned(
+    first: Float[Array, "*parts 3"], second: Float[Array, "*parts 3"], angle: Array | None
+) -> tuple[Array, Array]:
+    """Two axes at right angles, the first one turned towards the second."""
+    if angle is None:
+        return first, second
+    cosine, sine = jnp.cos(angle)[..., None], jnp.sin(angle)[..., None]
+    return cosine * first + sine * second, cosine * second - sine * first
+
+
+def _leaning(left: Vector, lean: Float[Array, " parts"] | None) -> tuple[Array, Array]:
+    """Unit normals, leaning, and unit vectors across."""
+    normal = _in_space(left)
+    return _turned(normal, jnp.zeros_like(normal).at[..., 2].set(1.0), lean)
