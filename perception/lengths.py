@@ -28,19 +28,21 @@ STEP = 0.5
 def measured_length(quad: Quad, width: float, lens: Lens) -> tuple[float, float]:
     """Length of a pad along the section as its view shows it, and its standard deviation, mm.
 
+    Behind layers that is not its own length, but what a bare pad of that width would need.
+
     Args:
         quad: the view.
         width: of the pad across the section, mm.
         lens: of the camera.
     """
-    base, variance = _length(quad.rays, width), 0.0
+    base, variance = apparent_length(quad.rays, width), 0.0
     unmoved = lens.rays(quad.corners)
     for axis, step in enumerate(STEP * np.eye(2)):
         steps = lens.rays(quad.corners + step) - unmoved
         for i in range(4):
             changed = quad.rays.copy()
             changed[i] += steps[i]
-            slope = (_length(changed, width) - base) / STEP
+            slope = (apparent_length(changed, width) - base) / STEP
             variance += slope**2 * (quad.covariance[i, axis, axis] + LEAST_DEVIATION**2)
     return base, float(np.sqrt(variance))
 
@@ -94,6 +96,7 @@ def _ends(rays: Float[np.ndarray, "4 2"], width: float) -> Float[np.ndarray, "2 
     return np.array(found)
 
 
-def _length(rays: Float[np.ndarray, "4 2"], width: float) -> float:
+def apparent_length(rays: Float[np.ndarray, "4 2"], width: float) -> float:
+    """Length of a bare pad of a width whose corners, in the order of a `Quad`, have these rays."""
     ends = _ends(rays, width)
     return float(np.hypot(*(ends[1] - ends[0])))

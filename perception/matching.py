@@ -6,6 +6,7 @@ of the one joint that moves it. For each joint the value is taken that explains 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -63,6 +64,10 @@ class ViewFamily:
         ends: whether its first and its second end are seen in all of them.
         spread: root mean square distance of its first and of its second end's corners from
             ``corners``, by errors of fabrication, px.
+        extent: the pad's length as this view shows it (`perception.lengths`), and its standard
+            deviation by errors of fabrication, mm.
+        bend: what lines through the sides of its outline, which are bent, meet off the corners, px
+            (`perception.straightening`).
         wanted: whether it is asked for; other views only explain what is found.
     """
 
@@ -77,6 +82,8 @@ class ViewFamily:
     complete: Float[np.ndarray, " values"]
     ends: Bool[np.ndarray, "values 2"]
     spread: Float[np.ndarray, "values 2"]
+    extent: Float[np.ndarray, "values 2"]
+    bend: Float[np.ndarray, "values 4 2"]
     wanted: bool
 
 
@@ -174,6 +181,8 @@ def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sigh
         ...     np.ones(1),
         ...     whole,
         ...     np.zeros((1, 2)),
+        ...     np.array([[12.0, 0.1]]),
+        ...     np.zeros((1, 4, 2)),
         ...     True,
         ... )
         >>> catalog = ViewCatalog([family], {"tip": 12.0}, {"tip": 0.1}, 12.0, 0)
@@ -206,7 +215,7 @@ def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sigh
         if joint is None and near:
             # What does not move shows how the camera is out of place.
             _, number, i = min(near)
-            shift = np.mean(quads[number].corners - _canonical(families[i].corners[:1])[0], axis=0)
+            shift = np.mean(quads[number].corners - canonical(families[i].corners[:1])[0], axis=0)
         pairs += near
     assigned: dict[int, int] = {}
     for _, number, i in sorted(pairs):
@@ -237,7 +246,7 @@ def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sigh
     return Sighting(tuple(views), ghosts, angles)
 
 
-def _canonical(corners: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 4 2"]:
+def canonical(corners: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 4 2"]:
     """A pad's corners in the order of a `Quad`: its lower end first."""
     lower = _first_is_lower(corners)[..., None, None]
     return np.where(lower, corners, corners[..., [1, 0, 3, 2], :])
@@ -253,7 +262,7 @@ def _distances(
 ) -> Float[np.ndarray, "quads values"]:
     """Root mean square distance of corners, of every quadrilateral from every value's."""
     rows, columns = lens.shape
-    expected = np.clip(_canonical(family.corners) + shift, 0, [columns - 1, rows - 1])
+    expected = np.clip(canonical(family.corners) + shift, 0, [columns - 1, rows - 1])
     there = np.stack([quad.corners for quad in quads])
     return np.sqrt(np.mean(np.sum((there[:, None] - expected) ** 2, axis=-1), axis=-1))
 
@@ -319,14 +328,15 @@ def _found(
         ends &= not ends.all()
     elif quad.quality is not Quality.COMPLETE:
         ends = np.zeros(2, bool)
+    corners = quad.corners[order] - family.bend[value]
     return View(
         pad=family.pad,
         path=family.path,
         reflections=family.reflections,
         quality=quad.quality,
         ends=(bool(ends[0]), bool(ends[1])),
-        corners=quad.corners[order],
-        rays=quad.rays[order],
+        corners=corners,
+        rays=lens.rays(corners) if family.bend[value].any() else quad.rays[order],
         covariance=quad.covariance[order],
         area=quad.area,
     )
@@ -338,8 +348,9 @@ def _judged(catalog: ViewCatalog, index: int, value: int, quad: Quad, lens: Lens
     if measured_grazing(quad, catalog.width) < catalog.grazing[family.pad]:
         return replace(quad, quality=Quality.FLAT)
     whole = family.complete[_around(value)]
-    wanted = catalog.lengths[family.pad]
-    length, deviation = measured_length(quad, catalog.width, lens)
+    wanted, of_finger = family.extent[value].tolist()
+    length, of_corners = measured_length(quad, catalog.width, lens)
+    deviation = math.hypot(of_corners, of_finger)
     allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
     short = allowed if whole.min() == 1 else DOUBTED_DEVIATIONS * deviation
     if whole.max() == 0 or length < wanted - short:
@@ -382,7 +393,7 @@ def _beside(
             continue
         if not family.possible[at]:
             continue
-        rows = [_canonical(family.corners[at])[list(end), 1].mean() for end in ENDS]
+        rows = [canonical(family.corners[at])[list(end), 1].mean() for end in ENDS]
         for end, corners in enumerate(ENDS):
             gap = min(abs(quad.corners[list(corners), 1].mean() - row) for row in rows)
             if gap < nearest:

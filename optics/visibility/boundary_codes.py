@@ -64,3 +64,9 @@ def parts_of(label: Number) -> tuple[Any, Any, Any]:
     """Leg, surface and kind of a label that is not negative."""
     surface = (label >> _KIND) & ((1 << _SURFACE) - 1)
     return label >> (_KIND + _SURFACE), surface, label & ((1 << _KIND) - 1)
+
+
+def is_own_end(label: Number, end: int) -> Any:
+    """Whether a label is of where a pad itself ends at either end, or its bezel or its layers."""
+    walls = (label <= FIRST_WALL) & (label > WINDOWS) & ((FIRST_WALL - label) % 2 == end)
+    return walls | (label == PAD_ENDS[end]) | (label == BEZELS[end])

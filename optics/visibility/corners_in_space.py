@@ -9,8 +9,7 @@ ray, and the ray from them: these few unknowns are found by Newton's method.
 
 Behind layers, corners are those of the outline that is seen (`optics.visibility.outline_edges`):
 the membrane's, or where they hide it those of the outermost surface or of the bezel. A clear wall
-that is seen from within mirrors the membrane up to the wall's upper edge, which then bounds the
-outline; through a clear end that is seen from without the membrane shows up to its own edge.
+mirrors the membrane up to the wall's upper edge, which then bounds the outline.
 """
 
 from __future__ import annotations
@@ -45,9 +44,9 @@ GREEN = CHANNELS.index("green")
 OUTWARD = np.array([-1.0, 1.0])
 """Sense in which places grow beyond the first and the second edge."""
 
-NEXT = np.array([[1, 0], [0, 1], [1, 1], [0, 0]])
-"""Of the sides of an outline, as `EDGES` has them: axis that they bound (0 along the pad, 1 across)
-and which of the two edges on it."""
+SIDES = np.array([[1, 0], [0, 1], [1, 1], [0, 0]])
+"""Of the sides of an outline, as `EDGES` has them: axis on which they bound it (0 along the pad, 1
+across), and at which of its two ends."""
 
 
 class Eye(eqx.Module):
@@ -61,11 +60,11 @@ class Eye(eqx.Module):
         pupil: coefficients of the pupil's shift; ``None`` if it stays.
     """
 
-    position: Point
-    axis: Point
-    up: Point
-    across: Point
-    pupil: Float[Array, "2"] | None
+    position: Float[Array, "*views 3"]
+    axis: Float[Array, "*views 3"]
+    up: Float[Array, "*views 3"]
+    across: Float[Array, "*views 3"]
+    pupil: Float[Array, "*views 2"] | None
 
     @classmethod
     def of(cls, scene: Scene, placed: Placed, errors: Fabrication) -> Eye:
@@ -166,9 +165,11 @@ class Body(eqx.Module):
         start = _in_space(start.scaled(placed.size))
         return cls(start, _in_space(along), across, sides[:, None] * left, size, covered)
 
-    def corner(self, corner: Int[Array, ""]) -> Point:
-        """A corner of the membrane, by its index in `CORNERS`."""
-        end, side = jnp.asarray(CORNERS, self.size.dtype)[corner]
+    def place(self, aim: Aim) -> Point:
+        """A place on the membrane's own outline."""
+        corners = jnp.asarray(CORNERS, self.size.dtype)
+        first, last = corners[aim.side], corners[(aim.side + 1) % 4]
+        end, side = first + aim.share * (last - first)
         beside = side / 2 * self.size[1] * self.across
         return self.start + end * self.size[0] * self.along + beside
 
@@ -183,7 +184,6 @@ class BodyLayers(eqx.Module):
         edges: along the pad from the membrane's first end and across from its middle, at every
             level, first and second edge.
         open: which of these edges bound nothing, as the wall down to them is clear and mirrors.
-        clear_ends: whether all layers are clear at the pad's first and at its second end.
     """
 
     thickness: Float[Array, "*pads layers"]
@@ -191,7 +191,6 @@ class BodyLayers(eqx.Module):
     bezel: Float[Array, "*pads"]
     edges: Float[Array, "*pads 2 levels 2"]
     open: Bool[np.ndarray | Array, "*pads 2 levels 2"]
-    clear_ends: Bool[np.ndarray | Array, "*pads 2"]
 
     @classmethod
     def all_of(cls, scene: Scene, layers: Layers, width: Array, channel: int) -> BodyLayers:
@@ -208,86 +207,87 @@ class BodyLayers(eqx.Module):
             for layer, of in enumerate(of_pad):
                 ends = [kind == "clear" for kind in of]
                 opened[pad, :, 2 + layer] = ends[:2], [ends[2]] * 2
-        clear = [[all(of[end] == "clear" for of in own) and bool(own) for end in (0, 1)]
-                 for own in kinds]  # fmt: skip
         return cls(
             layers.thickness,
             layers.index[..., channel],
             layers.height,
             jnp.stack([along, across], axis=1),
             opened,
-            np.array(clear),
         )
 
 
-class Corner(eqx.Module):
-    """How the ray to a corner behind layers leaves the source, found from a first guess.
+class Aim(eqx.Module):
+    """A place on an outline: where one of its sides meets the one before it, or a line across it.
 
     Attributes:
-        levels: which level bounds the side that begins at the corner, and the one before it.
-        slope: logarithm of the tangent of the ray's angle from the pad's normal in air.
+        side: index of the side among `EDGES`; its first corner has the same index among `CORNERS`.
+        share: part of the way along the side; 0 is its first corner.
+        across: of layers, the line across the side: a place on the membrane, along it from its
+            first end or across it from its middle, mm; NaN for the side before.
     """
 
-    levels: Int[Array, "2"]
-    slope: Float[Array, ""]
+    side: Int[Array, "*aims"]
+    share: Float[Array, "*aims"]
+    across: Float[Array, "*aims"]
 
+    def meets(self, body: Body, source: Point) -> tuple[Box, Array, Array, Array]:
+        """Behind layers: what rays must pass, how far each of the two lines is at every level.
 
-def _over(body: Body, source: Point) -> tuple[Box, Float[Array, "4 levels"], Float[Array, "2"]]:
-    """What rays from a source must pass, how far it is to each side's edges, and the source's foot.
+        And along which axis (0 along the pad, 1 across) and in which sense that is.
+        """
+        assert body.layers is not None
+        layers, toward = body.layers, source - body.start
+        foot = jnp.stack([toward @ body.along, toward @ body.across])
+        # The source's height is positive also behind the surface, from where nothing is seen.
+        height = jnp.maximum(jnp.abs(toward @ body.normal - jnp.sum(layers.thickness)), TOUCHING)
+        box = Box(
+            Stack(height, layers.thickness, layers.index),
+            layers.bezel,
+            layers.edges - foot[:, None, None],
+        )
+        own = jnp.stack([self.side, self.side - 1]) % 4
+        axis, which = jnp.asarray(SIDES)[own].T
+        away = jnp.asarray(OUTWARD)[which]
+        lines = away[:, None] * box.edges[axis, :, which]
+        lines = jnp.where(layers.open[axis, :, which], FAR, lines)
+        membrane = jnp.arange(lines.shape[1]) == lines.shape[1] - 1
+        cut = jnp.where(membrane, away[1] * (self.across - foot[axis[1]]), FAR)
+        second = jnp.where(jnp.isnan(self.across), lines[1], cut)
+        return box, jnp.stack([lines[0], second]), axis, away
 
-    Lengths from the foot outwards, in the order of `EDGES`.
-    """
-    assert body.layers is not None
-    layers, toward = body.layers, source - body.start
-    foot = jnp.stack([toward @ body.along, toward @ body.across])
-    # The source's height is positive also behind the surface, from where nothing is seen.
-    height = jnp.maximum(jnp.abs(toward @ body.normal - jnp.sum(layers.thickness)), TOUCHING)
-    stack = Stack(height, layers.thickness, layers.index)
-    edges = layers.edges - foot[:, None, None]
-    axis, which = NEXT.T
-    away = OUTWARD[which][:, None]
-    sides = jnp.where(layers.open[axis, :, which], FAR, away * edges[axis, :, which])
-    return Box(stack, layers.bezel, edges), sides, foot
+    def guess(self, body: Body, source: Point) -> tuple[Float[Array, ""], Int[Array, "2"]]:
+        """Logarithm of the ray's slope in air, and the levels that bound the two lines."""
+        box, lines, *_ = self.meets(body, source)
+        slope, *_ = box.meet(lines[0], lines[1])
+        return jnp.log(slope), jnp.stack([box.nearest(line, slope) for line in lines])
 
+    def entry(
+        self, body: Body, source: Point, log: Float[Array, ""], levels: Int[Array, "2"]
+    ) -> tuple[Point, Float[Array, ""], Float[Array, "2"]]:
+        """Where a ray of a slope enters a body, and how far it is from meeting both lines.
 
-def _first_guess(body: Body, source: Point, corner: Int[Array, ""]) -> Corner:
-    box, sides, _ = _over(body, source)
-    pair = sides[corner], sides[corner - 1]
-    slope, *_ = box.meet(*pair)
-    levels = jnp.stack([box.nearest(side, slope) for side in pair])
-    return Corner(levels, jnp.log(slope))
-
-
-def _entry(body: Body, source: Point, corner: Int[Array, ""], ray: Corner) -> tuple[Point, Array]:
-    """Where a ray enters a body, and what its slope is still off."""
-    box, sides, foot = _over(body, source)
-    assert body.layers is not None
-    slope, reach = jnp.exp(ray.slope), box.reach(jnp.exp(ray.slope))
-    here = jnp.stack([corner, corner - 1]) % 4
-    parts = sides[here, ray.levels] / reach[ray.levels]
-    off = jnp.sum(parts**2) + (TOUCHING / reach[-1]) ** 2 - 1
-    axis, which = jnp.asarray(NEXT)[here].T
-    ways = jnp.asarray(OUTWARD)[which] * parts
-    along, across = (jnp.sum(jnp.where(axis == own, ways, 0.0)) for own in range(2))
-    aside = slope * (along * body.along + across * body.across)
-    through_top = source + box.stack.height * (aside - body.normal)
-    # Through a clear end that is before the camera's foot light comes from the membrane's own edge.
-    end = jnp.asarray(CORNERS)[corner, 0]
-    outside = jnp.where(end == 0, foot[0] < 0, foot[0] > body.size[0])
-    own = body.corner(corner)
-    return jnp.where(outside & body.layers.clear_ends[end], own, through_top), off
+        And where it meets the membrane, along it and across, from below the source.
+        """
+        box, lines, axis, away = self.meets(body, source)
+        slope = jnp.exp(log)
+        reach = box.reach(slope)
+        parts = jnp.take_along_axis(lines, levels[:, None], axis=1)[:, 0] / reach[levels]
+        off = jnp.sum(parts**2) + (TOUCHING / reach[-1]) ** 2 - 1
+        way = jnp.stack([jnp.sum(jnp.where(axis == own, away * parts, 0.0)) for own in range(2)])
+        aside = slope * (way[0] * body.along + way[1] * body.across)
+        return source + box.stack.height * (aside - body.normal), off, reach[-1] * way
 
 
 class _View(eqx.Module):
     """A pad seen over mirrors, of which those that are not ``there`` fill the path up.
 
     The unknowns of a ray are, as far as there are any: its angle from the optical axis, where it
-    meets each mirror along it (mm), and for layers `Corner.slope`.
+    meets each mirror along it (mm), and for layers the logarithm of its slope over these.
     """
 
     eye: Eye
     sheets: Sheet
-    there: Bool[Array, " reflections"]
+    there: Bool[Array, "*views reflections"]
     body: Body
 
     @property
@@ -311,18 +311,18 @@ class _View(eqx.Module):
             found.append(jnp.where(there, image, found[-1]))
         return found
 
-    def guess(self, corner: Int[Array, ""]) -> tuple[Float[Array, " unknowns"], Int[Array, "2"]]:
+    def guess(self, aim: Aim) -> tuple[Float[Array, " unknowns"], Int[Array, "2"]]:
         """The unknowns if mirrors were flat and the pupil stayed, and the levels that bound."""
         [*others, layered] = self.parts
         zeros = jnp.zeros(sum(others))
         if not layered:
             return zeros, jnp.zeros(2, int)
         source = self.sources(self.eye.position, self.planes(jnp.zeros(0)))[-1]
-        guess = _first_guess(self.body, source, corner)
-        return jnp.append(zeros, guess.slope), guess.levels
+        slope, levels = aim.guess(self.body, source)
+        return jnp.append(zeros, slope), levels
 
     def follow(
-        self, unknowns: Float[Array, " unknowns"], corner: Int[Array, ""], levels: Int[Array, "2"]
+        self, unknowns: Float[Array, " unknowns"], aim: Aim, levels: Int[Array, "2"]
     ) -> tuple[Point, Float[Array, " unknowns"]]:
         """The direction of the ray that unknowns give, and by how much it gives others."""
         angle, places, slope = jnp.split(unknowns, np.cumsum(self.parts)[:2].tolist())
@@ -330,10 +330,10 @@ class _View(eqx.Module):
         start = self.eye.start(jnp.sum(angle))
         sources = self.sources(start, planes)
         if self.body.layers is None:
-            target, own = self.body.corner(corner), jnp.zeros(0)
+            target, own = self.body.place(aim), slope
         else:
-            target, own = _entry(self.body, sources[-1], corner, Corner(levels, jnp.sum(slope)))
-            own = own[None]
+            target, off, _ = aim.entry(self.body, sources[-1], jnp.sum(slope), levels)
+            own = off[None]
         met = []
         for i in reversed(range(len(planes))):
             point, normal = planes[i]
@@ -347,15 +347,15 @@ class _View(eqx.Module):
         met = jnp.stack(met)[: len(places)] if met else places
         return ray, jnp.concatenate([angles - angle, met - places, own])
 
-    def ray_to(self, corner: Int[Array, ""]) -> Point:
-        """The direction in which the camera sees a corner, of any length."""
+    def ray_to(self, aim: Aim) -> Point:
+        """The direction in which the camera sees a place of the outline, of any length."""
         still = jax.lax.stop_gradient(self)
-        root, levels = still.guess(corner)
+        root, levels = still.guess(aim)
         if not len(root):
-            return self.follow(root, corner, levels)[0]
+            return self.follow(root, aim, levels)[0]
 
         def miss(unknowns: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
-            return still.follow(unknowns, corner, levels)[1]
+            return still.follow(unknowns, aim, levels)[1]
 
         for _ in range(STEPS):
             nearer = root - jnp.linalg.solve(jax.jacfwd(miss)(root), miss(root))
@@ -365,7 +365,60 @@ class _View(eqx.Module):
         root = jax.lax.stop_gradient(root)
         # One more step with all derivatives: those of the root, by the theorem of implicit
         # functions.
-        return self.follow(root - inverse @ self.follow(root, corner, levels)[1], corner, levels)[0]
+        return self.follow(root - inverse @ self.follow(root, aim, levels)[1], aim, levels)[0]
+
+    def along_sides(self, shares: Float[np.ndarray, " points"]) -> Aim:
+        """Places along all sides, at parts of the way from corner to corner on the membrane."""
+        sides = jnp.arange(4)
+        aims = Aim(sides, jnp.zeros(4), jnp.full(4, jnp.nan))
+        if self.body.layers is None:
+            across = jnp.full((4, len(shares)), jnp.nan)
+        else:
+            source = self.sources(self.eye.position, self.planes(jnp.zeros(0)))[-1]
+
+            def corner(aim: Aim) -> Float[Array, "2"]:
+                guess = aim.guess(self.body, source)
+                return aim.entry(self.body, source, *guess)[2]
+
+            toward = source - self.body.start
+            foot = jnp.stack([toward @ self.body.along, toward @ self.body.across])
+            places = jax.vmap(corner)(aims) + foot[None]
+            axis = 1 - SIDES[:, 0]
+            first, last = (jnp.roll(places, -i, axis=0)[sides, axis] for i in range(2))
+            across = first[:, None] + shares[None] * (last - first)[:, None]
+        shape = across.shape
+        return Aim(
+            jnp.broadcast_to(sides[:, None], shape), jnp.broadcast_to(shares[None], shape), across
+        )
+
+
+def _views_of(
+    scene: Scene,
+    angles: Float[Array, " joints"],
+    errors: Fabrication,
+    width: Float[Array, ""] | float,
+    views: Sequence[tuple[tuple[int, ...], int]],
+    channel: int,
+) -> _View:
+    """All views that are asked for, along a first axis.
+
+    Raises:
+        ValueError: a mirror is curved or has layers.
+    """
+    if scene.layout.curved or scene.mirror_layers is not None:
+        raise ValueError("corners in space are those of flat mirrors without layers")
+    layout = replace(scene.layout, layers=(), bezels=())
+    placed = place(replace(scene, layers=None, layout=layout), angles)
+    eye, sheets = Eye.of(scene, placed, errors), Sheet.all_of(layout, placed, errors)
+    bodies = Body.all_of(scene, placed, errors, jnp.asarray(width), channel)
+    words, pads = zip(*views, strict=True)
+    word = padded(words)
+    own, body = (
+        jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf)[i], of)
+        for of, i in ((sheets, word), (bodies, np.array(pads)))
+    )
+    eyes = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(views), *leaf.shape)), eye)
+    return _View(eyes, own, jnp.asarray(word >= 0), body)
 
 
 def find_corners_in_space(
@@ -407,26 +460,58 @@ def find_corners_in_space(
         >>> corners.shape
         (1, 4, 2)
     """
-    if scene.layout.curved or scene.mirror_layers is not None:
-        raise ValueError("corners in space are those of flat mirrors without layers")
-    layout = replace(scene.layout, layers=(), bezels=())
-    placed = place(replace(scene, layers=None, layout=layout), angles)
-    eye, sheets = Eye.of(scene, placed, errors), Sheet.all_of(layout, placed, errors)
-    bodies = Body.all_of(scene, placed, errors, jnp.asarray(width), channel)
+    seen = _views_of(scene, angles, errors, width, views, channel)
+    corners = Aim(jnp.arange(4), jnp.zeros(4), jnp.full(4, jnp.nan))
 
-    def view(word: Int[Array, " reflections"], pad: Int[Array, ""]) -> Float[Array, "4 2"]:
-        own, body = (jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf)[i], of)
-                     for of, i in ((sheets, word), (bodies, pad)))  # fmt: skip
-        seen = _View(eye, own, word >= 0, body)
-        return jax.vmap(lambda i: eye.image(imaging, seen.ray_to(i)))(jnp.arange(4))
+    def view(view: _View) -> Float[Array, "4 2"]:
+        return jax.vmap(lambda aim: view.eye.image(imaging, view.ray_to(aim)))(corners)
 
-    words, pads = zip(*views, strict=True)
-    corners = jax.vmap(view)(jnp.asarray(padded(words)), jnp.asarray(pads))
+    places = jax.vmap(view)(seen)
     if errors.lateral_color is None or channel == GREEN:
-        return corners
+        return places
     larger = errors.lateral_color[int(channel > GREEN)]
     middle = jnp.stack([imaging.columns, imaging.rows]) / 2 - CENTER
-    return corners + larger * (corners - middle[None, None])
+    return places + larger * (places - middle[None, None])
+
+
+def find_sides_in_space(
+    scene: Scene,
+    angles: Float[Array, " joints"],
+    errors: Fabrication,
+    imaging: Imaging,
+    width: Float[Array, ""] | float,
+    views: Sequence[tuple[tuple[int, ...], int]],
+    shares: Float[np.ndarray, " points"],
+) -> Float[Array, "views 4 points 2"]:
+    """Where places along the sides of outlines are imaged, from corner to corner; as their corners.
+
+    Args:
+        scene: as in `find_corners_in_space`.
+        angles: likewise.
+        errors: likewise.
+        imaging: likewise.
+        width: likewise.
+        views: likewise.
+        shares: parts of the way along each side, in the order of `EDGES`.
+
+    Raises:
+        ValueError: a mirror is curved or has layers.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import Imaging, read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> given = Fabrication.none(scene.layout), Imaging.of(scene.camera), 20.0, [((), 0)]
+        >>> find_sides_in_space(scene, jnp.zeros(0), *given, np.linspace(0.1, 0.9, 5)).shape
+        (1, 4, 5, 2)
+    """
+    seen = _views_of(scene, angles, errors, width, views, GREEN)
+
+    def view(view: _View) -> Float[Array, "4 points 2"]:
+        aims = view.along_sides(shares)
+        return jax.vmap(jax.vmap(lambda aim: view.eye.image(imaging, view.ray_to(aim))))(aims)
+
+    return jax.vmap(view)(seen)
 
 
 def _in_space(arrow: Vector) -> Float[Array, "*batch 3"]:

@@ -21,7 +21,11 @@ from optics import (
 )
 from optics.scene.scene import Scene
 from optics.scene.writer import scene_tables
-from optics.visibility.corners_in_space import find_corners_in_space
+from optics.visibility.corners_in_space import (
+    SIDES,
+    find_corners_in_space,
+    find_sides_in_space,
+)
 from optics.visibility.outlines import CORNERS
 from tests.helpers import check_gradients
 from tests.optics.extruded import POSES, WORDS, finger, looked
@@ -235,16 +239,22 @@ def test_without_errors_corners_are_those_of_the_section(kind):
     np.testing.assert_allclose(found, wanted, atol=EXACT)
 
 
-def test_through_a_clear_end_that_faces_the_camera_the_membranes_own_corner_is_seen():
-    scene = parse_scene(tables_of("clear"), "finger")
-    imaging, none = Imaging.of(scene.camera), Fabrication.none(scene.layout)
-    pose = jnp.zeros(2)
-    found = find_corners_in_space(scene, pose, none, imaging, WIDTH, (((), 0), ((), 2)))
-    bare = parse_scene(tables_of("air"), "finger")
-    wanted = find_corners(imaging, find_outlines(bare, pose), WIDTH)[0]
-    # The proximal pad's second end is the one that is near, the distal pad's the first.
-    np.testing.assert_allclose(found[0, 1:3], wanted[0, 1:3], atol=EXACT)
-    np.testing.assert_allclose(found[1, [0, 3]], wanted[2, [0, 3]], atol=EXACT)
+@pytest.mark.parametrize("kind", ["air", "black"])
+def test_places_along_sides_lie_on_the_edges(kind):
+    scene, errors = made(kind)
+    shares, view = np.linspace(0, 1, 5), ((1,), 0)
+    given = jnp.asarray(POSES[2]), errors, Imaging.of(scene.camera), WIDTH, (view,)
+    places = np.asarray(find_sides_in_space(scene, *given, shares))[0]
+    corners = np.asarray(find_corners_in_space(scene, *given))[0]
+    # The line across a side is a place on the membrane for mirrors that are flat.
+    near = EXACT if kind == "air" else 0.1
+    np.testing.assert_allclose(places[:, 0], corners, atol=near)
+    np.testing.assert_allclose(places[:, -1], np.roll(corners, -1, axis=0), atol=near)
+    for side, point in np.ndindex(4, len(shares)):
+        met, size = followed(scene, errors, POSES[2], view, places[side, point], GREEN)
+        (axis, end), middle = SIDES[side], np.array([0.5, 0.0]) * size
+        room = size[axis] / 2 - (2 * end - 1) * (met[:, axis] - middle[axis])
+        assert abs(room.min()) < EXACT
 
 
 def test_colors_are_imaged_at_their_own_scale():

@@ -76,7 +76,13 @@ def catalog() -> ViewCatalog:
         # Errors of fabrication move corners by 3 px.
         spread = np.full((len(own), 2), 3.0)
         where = ANGLES[values], corners[values, index]
-        families.append(ViewFamily(*view, REFLECTIONS[index], joint, *where, *seen, spread, True))
+        extent = np.tile([LENGTHS[view[0]], 0.0], (len(spread), 1))
+        bend = np.zeros((len(spread), 4, 2))
+        families.append(
+            ViewFamily(
+                *view, REFLECTIONS[index], joint, *where, *seen, spread, extent, bend, True
+            )
+        )
     return ViewCatalog(families, LENGTHS, dict.fromkeys(LENGTHS, 0.01), WIDTH, 2)
 
 

@@ -12,7 +12,7 @@ from typing import Literal
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.io.files import read_toml
@@ -21,7 +21,6 @@ from optics import (
     Fabrication,
     Imaging,
     KannalaBrandt,
-    Layout,
     Scene,
     read_scene,
     scale_errors,
@@ -32,7 +31,8 @@ from perception import Lens, Sighting, View, ViewCatalog, detect_views, select_v
 from perception.proprioception import CornerModel
 from studies.models.finger_file import packaged_finger, read_finger
 from studies.models.one_thread import one_thread
-from studies.models.sensor.estimators import catalog_of, corner_model, lens_of
+from studies.models.sensor.catalog import catalog_of
+from studies.models.sensor.estimators import corner_model, lens_of
 from studies.models.sensor.spec import LEAST_ROWS, MOST_ROWS, FingerImagesSpec, MadeSpec
 
 BODY = "camera body"
@@ -77,19 +77,26 @@ class FingerSensor:
         if rows is not None:
             pixels = jnp.full_like(scene.camera.pixels, rows)
             scene = eqx.tree_at(lambda s: s.camera.pixels, scene, pixels)
+        return cls.of_scene(scene, spec.width, spec.tolerances)
+
+    @classmethod
+    def of_scene(cls, scene: Scene, width: float, tolerances: MadeSpec) -> FingerSensor:
+        """The finger of a scene, its pads so wide (mm), made with errors.
+
+        Raises:
+            UserError: the scene is none that its images can be analysed of.
+        """
         carried = tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
         imaging = Imaging.of(scene.camera)
         if fault := _fault(scene, imaging):
             raise UserError(f"scene: {fault}; {CURE}")
-        deviations = deviations_of(spec.tolerances, scene.layout)
+        deviations, lens = deviations_of(tolerances, scene), lens_of(imaging)
         try:
-            catalog = catalog_of(scene, imaging, spec.width, deviations, carried)
+            catalog = catalog_of(scene, imaging, lens, width, deviations, carried)
         except ValueError as error:
             raise UserError(f"scene: {error}; {CURE}") from error
         model = corner_model(scene, imaging, catalog, deviations, carried)
-        return cls(
-            scene, imaging, lens_of(imaging), catalog, model, deviations, carried, spec.width
-        )
+        return cls(scene, imaging, lens, catalog, model, deviations, carried, width)
 
     def renderer(self, effects: Effects, errors: Fabrication | None, seed: int) -> Renderer:
         """A camera in front of a finger that was made with errors."""
@@ -185,17 +192,32 @@ def designed(path: str) -> Scene:
     return (read_finger(path) if path else packaged_finger()).scene()
 
 
-def deviations_of(tolerances: MadeSpec, layout: Layout) -> Fabrication:
-    """Standard deviation of every error of fabrication."""
-    mirrors, pads = len(layout.mirrors), len(layout.pads)
+def deviations_of(tolerances: MadeSpec, scene: Scene) -> Fabrication:
+    """Standard deviation of every error of fabrication that a scene can have."""
+    mirrors, pads, layers = len(scene.mirrors), len(scene.pads), scene.layers
+    moves = scene.camera.pupil_shift is not None
+    of_layers = (0, 0) if layers is None else layers.thickness.shape
+
+    def angles(degrees: float, count: int) -> Float[Array, " parts"]:
+        return jnp.full(count, math.radians(degrees))
+
     return Fabrication(
         camera=jnp.full(2, tolerances.camera_position),
-        lateral=jnp.asarray(tolerances.camera_position),
-        tilt=jnp.asarray(math.radians(tolerances.camera_tilt_deg)),
-        mirror_tilt=jnp.full(mirrors, math.radians(tolerances.mirror_tilt_deg)),
+        lateral=tolerances.camera_position,
+        tilt=math.radians(tolerances.camera_tilt_deg),
+        mirror_tilt=angles(tolerances.mirror_tilt_deg, mirrors),
         mirror_offset=jnp.full(mirrors, tolerances.mirror_offset),
-        pad_tilt=jnp.full(pads, math.radians(tolerances.pad_tilt_deg)),
+        pad_tilt=angles(tolerances.pad_tilt_deg, pads),
         pad_offset=jnp.full(pads, tolerances.pad_position),
         pad_shift=jnp.full(pads, tolerances.pad_position),
-        distortion=jnp.asarray(tolerances.lens_k1),
+        distortion=tolerances.lens_k1,
+        yaw=math.radians(tolerances.camera_yaw_deg),
+        roll=math.radians(tolerances.camera_roll_deg),
+        mirror_lean=angles(tolerances.mirror_lean_deg, mirrors),
+        mirror_bow=jnp.full(mirrors, tolerances.mirror_bow),
+        pad_lean=angles(tolerances.pad_lean_deg, pads),
+        thickness=None if layers is None else jnp.full(of_layers, tolerances.layer_thickness),
+        index=None if layers is None else jnp.full(of_layers, tolerances.layer_index),
+        pupil=tolerances.pupil_shift if moves else None,
+        lateral_color=jnp.full(2, tolerances.lateral_color),
     )

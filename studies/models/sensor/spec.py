@@ -17,7 +17,10 @@ Rows = Annotated[int, Field(ge=LEAST_ROWS, le=MOST_ROWS)]
 
 
 class MadeSpec(ToleranceSpec):
-    """Errors of a finger as it is made: those of its assembly, of its pads, and of its lens."""
+    """Errors of a finger as it is made: those of its assembly, of its pads, and of its lens.
+
+    Those of layers and of a moving entrance pupil count where the finger has them.
+    """
 
     pad_position: Error = Field(
         default=0.1, description="each pad, along its normal and along itself (mm)"
@@ -26,6 +29,15 @@ class MadeSpec(ToleranceSpec):
     lens_k1: Annotated[float, Field(gt=0, le=0.01)] = Field(
         default=0.003, description="lens: r over theta + k1 theta^3, the field of view kept"
     )
+    camera_yaw_deg: Error = setting(0.5, "camera, out of the section (degrees)")
+    camera_roll_deg: Error = setting(0.5, "camera, about its axis (degrees)")
+    mirror_lean_deg: Error = setting(0.5, "each mirror, out of the section (degrees)")
+    mirror_bow: Error = setting(0.05, "each mirror's middle, out of the line of its ends (mm)")
+    pad_lean_deg: Error = setting(0.2, "each pad, out of the section (degrees)")
+    layer_thickness: Error = setting(0.05, "each layer on a pad (mm)")
+    layer_index: Error = setting(0.003, "each layer's index of refraction")
+    pupil_shift: Error = setting(0.1, "entrance pupil, where it moves (mm per squared radian)")
+    lateral_color: Error = setting(5e-4, "image's scale in red and in blue, over that in green")
 
 
 class FingerImagesSpec(Spec):
