@@ -13,10 +13,8 @@ from optics.rendering import Effects
 from perception.matching import Sighting
 from perception.proprioception import GapTable
 from studies.models.sensor.finger_sensor import FingerSensor
+from studies.models.sensor.poses import spread_angles
 from studies.proprioception import ProprioceptionSpec
-
-INSET = 0.1
-"""Labelled frames keep away from the ends of a range by this part of it."""
 
 
 @dataclass(frozen=True)
@@ -98,17 +96,3 @@ def render_finger(
 def ranges(gaps: list[GapTable]) -> list[tuple[float, float]]:
     """From where to where every joint has a gap, rad."""
     return [(float(table.angles[0]), float(table.angles[-1])) for table in gaps]
-
-
-def spread_angles(
-    limits: list[tuple[float, float]], count: int
-) -> Float[np.ndarray, "count joints"]:
-    """Evenly spread values of every joint, the second one's in another order than the first's."""
-    columns = []
-    for joint, (low, high) in enumerate(limits):
-        inset = INSET * (high - low)
-        values = np.linspace(low + inset, high - inset, count)
-        # A step that has no common factor with the count visits all values.
-        step = next(s for s in range(count // 2 + joint, 2 * count) if np.gcd(s, count) == 1)
-        columns.append(values[(np.arange(count) * (step if joint else 1)) % count])
-    return np.stack(columns, axis=-1)

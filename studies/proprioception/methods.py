@@ -35,8 +35,9 @@ from perception.proprioception import (
 from perception.proprioception.observation import FLOOR
 from studies.models.sensor.estimators import corner_model, fit_joint_edges, gap_table
 from studies.models.sensor.finger_sensor import CURE, FingerSensor
+from studies.models.sensor.poses import spread_angles
 from studies.proprioception import ProprioceptionSpec
-from studies.proprioception.frames import FingerFrames, Frames, ranges, spread_angles
+from studies.proprioception.frames import FingerFrames, Frames, ranges
 
 GAP_ALONE = "1 gap, corners with stated noise"
 GAP = "1 gap, as in the paper"

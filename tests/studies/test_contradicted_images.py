@@ -29,8 +29,8 @@ from perception.proprioception import (
     stack_observations,
 )
 from studies.models.sensor.finger_sensor import FingerSensor
+from studies.models.sensor.poses import spread_angles
 from studies.models.sensor.spec import FingerImagesSpec
-from studies.proprioception.frames import spread_angles
 
 FINGERS, LABELLED = 4, 5
 LABEL = math.radians(0.5)

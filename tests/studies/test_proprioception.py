@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from designopt import Records
-from studies.proprioception.frames import spread_angles
+from studies.models.sensor.poses import spread_angles
 from studies.proprioception.run import variance_over_predicted
 from tests.studies.quick import half_as_high, quick_run
 

@@ -1,0 +1,189 @@
+"""What is photographed: fingers with errors, layers on their pads, light, things pressed in."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from optics import Fabrication, Scene, parse_scene
+from optics.scene.writer import scene_tables
+from studies.image_check import ImageCheckSpec
+from studies.models.finger_file import packaged_finger
+from studies.models.sensor.poses import spread_angles
+from studies.oracles.judge.contacts import Contact
+from studies.oracles.judge.fabrication import sample_errors
+from studies.oracles.judge.look import Look
+
+WIDTH = 24.0
+"""Of the pads, mm."""
+
+ACRYLIC = {"red": 1.489, "green": 1.493, "blue": 1.499}
+"""Refractive indices at 630, 530 and 465 nm, by the dispersion of N. Sultanova et al., Acta Phys.
+Pol. A 116 (2009) 585, as tabulated at refractiveindex.info."""
+
+GEL = 1.41
+
+PLATE = {"thickness": 3, "index": ACRYLIC}
+POLISHED = {"from": "black", "to": "black", "beside": "clear"}
+
+PADS: dict[str, dict[str, Any]] = {
+    "none": {},
+    "3 mm": {"layers": [PLATE]},
+    "3+2 mm": {
+        "layers": [
+            PLATE | {"overhang": 1, "bevel_deg": -10},
+            {"thickness": 2, "index": GEL, "overhang": [0.5, 1]},
+        ]
+    },
+    "3 mm, polished": {"layers": [PLATE | {"sides": POLISHED}]},
+    "3 mm, pupil": {"layers": [PLATE]},
+}
+"""Keys of the pads, by the name of their layers."""
+
+PUPIL = {"3 mm, pupil": [0.4, 0.02]}
+"""Shift of the camera's entrance pupil, mm per rad² and rad⁴."""
+
+RANGES_DEG = {"3+2 mm": 70.0}
+"""Of both joints: beyond, layers that overhang run into each other."""
+
+EVEN, GAP, COUPLED = "even", "lamps behind a gap", "lamps coupled"
+
+CONDITIONS = (
+    (EVEN, "none"),
+    (GAP, "none"),
+    (EVEN, "3 mm"),
+    (GAP, "3 mm, polished"),
+    (EVEN, "3+2 mm"),
+    (COUPLED, "3 mm, polished"),
+    (EVEN, "3 mm, polished"),
+    (GAP, "3 mm, polished"),
+    (EVEN, "3 mm, pupil"),
+    (COUPLED, "3 mm, polished"),
+)
+"""Light and layers of one finger after the other."""
+
+UNTOUCHED = 5
+"""Of so many frames beside the labelled ones, one has nothing pressed in."""
+
+KINDS = ("sphere", "ball", "edge", "studs")
+
+GAMMA = 2.2
+"""Of the pictures in the light of lamps."""
+
+
+class Finger(NamedTuple):
+    """One fabricated finger.
+
+    Attributes:
+        number: of it.
+        light: how its frames are lit.
+        layers: name of what lies on its pads.
+        tables: of its scene's file, as designed.
+        errors: as the judge has drawn them; estimators never get them.
+        poses: joint angles of its frames, the labelled ones first, degrees.
+        looks: of its frames.
+    """
+
+    number: int
+    light: str
+    layers: str
+    tables: dict[str, Any]
+    errors: dict[str, Any]
+    poses: Float[np.ndarray, "frames joints"]
+    looks: list[Look]
+
+
+def nominal(layers: str) -> dict[str, Any]:
+    """Tables of the packaged finger with layers on its pads, plain numbers and lists."""
+    tables = json.loads(json.dumps(scene_tables(packaged_finger().scene())))
+    tables["pads"] = [pad | PADS[layers] | {"width": WIDTH} for pad in tables["pads"]]
+    if layers in PUPIL:
+        tables["camera"]["pupil_shift"] = PUPIL[layers]
+    return tables
+
+
+def without_layers(tables: Mapping[str, Any]) -> Scene:
+    """The finger as the model of bare pads in air has it."""
+    pads = [{k: v for k, v in pad.items() if k != "layers"} for pad in tables["pads"]]
+    camera = {k: v for k, v in tables["camera"].items() if k != "pupil_shift"}
+    return parse_scene({**tables, "pads": pads, "camera": camera}, "finger in air")
+
+
+def fingers(
+    spec: ImageCheckSpec, deviations: Mapping[str, Any], seed: int
+) -> Iterator[Finger]:
+    """All fingers of a run."""
+    for number in range(spec.fingers):
+        light, layers = CONDITIONS[number % len(CONDITIONS)]
+        generator = np.random.default_rng([seed, number])
+        tables = nominal(layers)
+        has = {"thickness", "index"} if "layers" not in tables["pads"][0] else set()
+        has |= set() if layers in PUPIL else {"pupil"}
+        own = {name: value for name, value in deviations.items() if name not in has}
+        errors = sample_errors(tables, own, generator)
+        top = RANGES_DEG.get(layers, 90.0)
+        labelled = spread_angles([(0.0, top)] * 2, spec.labelled)
+        poses = np.concatenate([labelled, generator.uniform(0, top, (spec.frames, 2))]).round(3)
+        look = _look(light, generator)
+        looks = [
+            dataclasses.replace(
+                look,
+                exposure=float(generator.uniform(0.5, 0.9)),
+                contacts=_contacts(tables, generator) if _pressed(i - spec.labelled) else (),
+            )
+            for i in range(len(poses))
+        ]
+        yield Finger(number, light, layers, tables, errors, poses, looks)
+
+
+def _pressed(frame: int) -> bool:
+    return frame >= 0 and (frame + 1) % UNTOUCHED != 0
+
+
+def _look(light: str, generator: np.random.Generator) -> Look:
+    blur = float(generator.uniform(0.4, 0.8))
+    if light == EVEN:
+        return Look(blur=blur)
+    return Look(
+        light="lamps",
+        coupling="coupled" if light == COUPLED else "air",
+        walls=float(generator.uniform(0.02, 0.08)),
+        gamma=GAMMA,
+        blur=blur,
+        defocus=float(generator.uniform(0, 20)),
+        flare=float(generator.uniform(0, 0.02)),
+        jpeg=int(generator.integers(85, 96)),
+    )
+
+
+def _contacts(tables: Mapping[str, Any], generator: np.random.Generator) -> tuple[Contact, ...]:
+    """One thing pressed somewhere into every pad, near its corners, too."""
+    found = []
+    for pad in tables["pads"]:
+        kind = KINDS[int(generator.integers(len(KINDS)))]
+        depth = generator.uniform(0.1, 0.5 if kind == "studs" else 0.8)
+        along, turn = generator.uniform(0, [math.dist(pad["from"], pad["to"]), math.pi])
+        across = generator.uniform(-WIDTH / 2, WIDTH / 2)
+        found.append(Contact(pad["name"], kind, *map(float, (along, across, depth, turn))))
+    return tuple(found)
+
+
+def plain(deviations: Fabrication) -> dict[str, Any]:
+    """Errors by their names, as numbers and lists."""
+    named = {field.name: getattr(deviations, field.name) for field in dataclasses.fields(deviations)}
+    return {name: np.asarray(value).tolist() for name, value in named.items() if value is not None}
+
+
+def in_deviations(
+    errors: Mapping[str, Any], deviations: Fabrication
+) -> Float[np.ndarray, " errors"]:
+    """Errors in units of their standard deviations, in the order of the estimators."""
+    stated = plain(deviations)
+    parts = [np.ravel(errors[name]) / np.ravel(stated[name]) for name in stated]
+    return np.concatenate(parts)
