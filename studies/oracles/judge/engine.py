@@ -40,6 +40,8 @@ class Steps(NamedTuple):
         light: Mueller matrices of what it does to light, shape (rays, 4, 4), in axes that Mitsuba
             gives every direction: the product over a path, the last one first, has in its first
             entry the part of unpolarised light that comes through.
+        mirrored: in which direction interfaces reflect.
+        reflection: what that does to light.
     """
 
     group: np.ndarray
@@ -48,6 +50,8 @@ class Steps(NamedTuple):
     normal: np.ndarray
     onward: np.ndarray
     light: np.ndarray
+    mirrored: np.ndarray
+    reflection: np.ndarray
 
 
 def llvm_version(path: str) -> int:
@@ -148,15 +152,19 @@ class Engine:
             group[number == one] = i
         through = self._refracts[group]
         way, light = (np.where(through, *pair) for pair in (onward[::2], onward[1::2]))
-        return Steps(group, face, point.T, normal.T, way.T, np.moveaxis(light[:, :, 0], -1, 0))
+        way, back = way.T, onward[2].T
+        light, reflection = (np.moveaxis(one[:, :, 0], -1, 0) for one in (light, onward[3]))
+        return Steps(group, face, point.T, normal.T, way, light, back, reflection)
 
     def _step_alone(self, origin: np.ndarray, direction: np.ndarray) -> tuple[Any, ...]:
         ray = self._mi.Ray3f(self._mi.Point3f(*origin), self._mi.Vector3f(*direction))
         met = self._scene.ray_intersect(ray)
         if not met.is_valid():
-            return -1, 0, *np.zeros((3, 3)), np.zeros((4, 4))
+            return -1, 0, *np.zeros((3, 3)), np.zeros((4, 4)), np.zeros(3), np.zeros((4, 4))
         onward = self._light(met)
         group = self._shapes.index(met.shape)
         way, light = onward[:2] if self._refracts[group] else onward[2:]
-        point, normal, way, light = (np.array(one) for one in (met.p, met.n, way, light))
-        return group, met.prim_index // 2, point, normal, way, light[:, :, 0]
+        found = (met.p, met.n, way, light, *onward[2:])
+        point, normal, way, light, back, reflection = (np.array(one) for one in found)
+        light, reflection = light[:, :, 0], reflection[:, :, 0]
+        return group, met.prim_index // 2, point, normal, way, light, back, reflection

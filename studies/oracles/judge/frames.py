@@ -140,7 +140,7 @@ def picture(tables: Tables, pose: Pose, step: float) -> np.ndarray:
     lens = Lens.of(camera, motion_of(tables, pose, camera.get("body", "world")), ASPECT)
     columns, rows = np.arange(0, lens.columns, step), np.arange(0, lens.rows, step)
     places = np.stack(np.meshgrid(columns, rows), axis=-1)
-    traced = Tracer(tables, pose, lens.position).trace(lens.rays(places.reshape(-1, 2)))
+    traced = Tracer(tables, pose, lens.position).trace(*lens.sight(places.reshape(-1, 2)))
     return np.where(traced.reached, traced.transmission, 0.0).reshape(places.shape[:2])
 
 
@@ -183,10 +183,10 @@ def _find_corners(
     corner reach the membrane's plane.
     """
     pad, alone = tables["pads"][index], Tracer(tables, pose, lens.position, index, SPARE)
-    length, half = abs(np.diff(alone.lines[index])[0]), pad.get("width", WIDTH) / 2
+    length, half = alone.pads[index].length, pad.get("width", WIDTH) / 2
     columns, rows = np.arange(0, lens.columns, COARSE), np.arange(0, lens.rows, COARSE)
     grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-    seen = alone.trace(lens.rays(grid))
+    seen = alone.trace(*lens.sight(grid))
     asked, insets, guesses = [], [], []
     for word in np.unique(seen.word[seen.reached]).tolist():
         mine = seen.reached & (seen.word == word)
@@ -201,7 +201,7 @@ def _find_corners(
     wanted = np.stack([ends * length, sides * half], axis=-1)
     solved = _solve(alone, lens, words, np.array(guesses), wanted, np.array(insets))
     places, beside, residuals = solved
-    check = whole.trace(lens.rays(beside))
+    check = whole.trace(*lens.sight(beside))
     there = check.reached & (check.word == words) & (check.pad == index) & ~whole.by_end(check)
     there &= np.all((places >= 0) & (places <= (lens.columns - 1, lens.rows - 1)), axis=-1)
     numbers = zip(asked, places.tolist(), residuals.tolist(), strict=True)
@@ -225,7 +225,7 @@ def _solve(
     beside, residuals = np.full_like(places, np.nan), np.full(len(places), np.nan)
     for _ in range(ROUNDS):
         before = places.copy()
-        traced = alone.trace(lens.rays((places[:, None] + STENCIL).reshape(-1, 2)))
+        traced = alone.trace(*lens.sight((places[:, None] + STENCIL).reshape(-1, 2)))
         shape = len(places), len(STENCIL)
         valid = (traced.reached & (traced.word == np.repeat(words, shape[1]))).reshape(shape)
         on = np.stack([traced.along, traced.across], axis=-1).reshape(*shape, 2)
@@ -262,7 +262,7 @@ def _find_views(tables: Tables, lens: Lens, tracer: Tracer) -> list[View]:
 
     def trace(rows: np.ndarray) -> tuple[Traced, np.ndarray]:
         places = np.stack([np.full(len(rows), middle), rows], axis=-1)
-        traced = tracer.trace(lens.rays(places))
+        traced = tracer.trace(*lens.sight(places))
         return traced, traced.labels()
 
     rows = np.linspace(-0.5, lens.rows - 0.5, round(lens.rows / FAN) + 1)[1:-1]
@@ -286,7 +286,7 @@ def _find_views(tables: Tables, lens: Lens, tracer: Tracer) -> list[View]:
         outer = inner + step
     within, beyond = trace(inner)[0], trace(outer)[0]
     pads, limit = tables.get("pads", []), (lens.rows - 0.001) / 2
-    along = within.along / np.abs(tracer.lines[within.pad, 1] - tracer.lines[within.pad, 0])
+    along = within.along / np.array([frame.length for frame in tracer.pads])[within.pad]
 
     def bound(end: int) -> str:
         if abs(outer[end] - lens.middle[1]) > limit:
