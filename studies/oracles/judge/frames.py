@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from studies.oracles.judge.fabrication import Channel, Errors, fabricated, of_channel
 from studies.oracles.judge.lens import Lens
 from studies.oracles.judge.solids import WIDTH, Pose, Tables, motion_of
 from studies.oracles.judge.tracing import Traced, Tracer, path_of
@@ -109,14 +110,19 @@ class Frame(NamedTuple):
     seconds: float
 
 
-def judge(tables: Tables, pose: Pose) -> Frame:
+def judge(
+    tables: Tables, pose: Pose, errors: Errors | None = None, channel: Channel = "green"
+) -> Frame:
     """Judge a frame.
 
     Args:
         tables: of a scene file, as `tomllib` gives them.
         pose: joint angles, degrees; those not named are 0.
+        errors: of fabrication, if there are any.
+        channel: whose light is followed.
     """
     began = time.perf_counter()
+    tables = of_channel(fabricated(tables, errors) if errors else tables, channel)
     camera = tables["camera"]
     lens = Lens.of(camera, motion_of(tables, pose, camera.get("body", "world")), ASPECT)
     tracer = Tracer(tables, pose, lens.position)
@@ -147,7 +153,7 @@ def picture(tables: Tables, pose: Pose, step: float) -> np.ndarray:
 def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
     """`judge`, or what it found of the same tables and pose before, kept in a folder."""
     asked = json.dumps([tables, pose], sort_keys=True).encode()
-    path = folder / f"{hashlib.sha256(_sources() + asked).hexdigest()}.json"
+    path = folder / f"{hashlib.sha256(sources() + asked).hexdigest()}.json"
     with suppress(OSError, ValueError, TypeError):  # none, or not what was written
         corners, views, *others = json.loads(path.read_text(encoding="utf-8"))
         return Frame([Corner(*one) for one in corners], [View(*one) for one in views], *others)
@@ -159,7 +165,7 @@ def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
 
 
 @functools.cache
-def _sources() -> bytes:
+def sources() -> bytes:
     """The judge itself: a frame that another one has judged is judged again."""
     own = (path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
     return b"".join([*own, version("mitsuba").encode()])
@@ -199,7 +205,7 @@ def _find_corners(
         return []
     words, ends, sides = np.array(asked).T
     wanted = np.stack([ends * length, sides * half], axis=-1)
-    solved = _solve(alone, lens, words, np.array(guesses), wanted, np.array(insets))
+    solved = find_places(alone, lens, words, np.array(guesses), wanted, np.array(insets))
     places, beside, residuals = solved
     check = whole.trace(*lens.sight(beside))
     there = check.reached & (check.word == words) & (check.pad == index) & ~whole.by_end(check)
@@ -212,7 +218,7 @@ def _find_corners(
     ]
 
 
-def _solve(
+def find_places(
     alone: Tracer, lens: Lens, words: np.ndarray, places: np.ndarray, wanted: np.ndarray,
     insets: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip

@@ -57,6 +57,7 @@ class Traced(NamedTuple):
         turns: reflections by the outside of layers, from within.
         distance: length of the way, mm.
         point: its last one, from the tracer's origin, shape (rays, 3).
+        way: direction in which the ray came there.
         inside: the pad in whose layers it lies, or −1.
     """
 
@@ -74,6 +75,7 @@ class Traced(NamedTuple):
     turns: np.ndarray
     distance: np.ndarray
     point: np.ndarray
+    way: np.ndarray
     inside: np.ndarray
 
     def labels(self) -> np.ndarray:
@@ -288,7 +290,7 @@ class Tracer:
         flat, dim = grazing < self._flat[pad], transmission < self._dim[pad]
         end = np.where(reached & flat, FLAT, np.where(reached & dim, DIM, end))
         views = reached & ~flat & ~dim, reached, word, pad, entrance, end
-        more = glow, turns, distance, hit, inside
+        more = glow, turns, distance, hit, way, inside
         return Traced(*views, along, across, grazing, transmission, *more)
 
 
