@@ -120,10 +120,15 @@ class Engine:
         values.update()
         return mesh
 
-    def step(self, origins: np.ndarray, directions: np.ndarray) -> Steps:
-        """Follow rays to what they meet next; origins and unit vectors of the shape (rays, 3)."""
+    def step(
+        self, origins: np.ndarray, directions: np.ndarray, reflecting: bool = True
+    ) -> Steps:
+        """Follow rays to what they meet next; origins and unit vectors of the shape (rays, 3).
+
+        What interfaces reflect is left empty where it is not asked for.
+        """
         if not self._mi.variant().startswith("scalar"):
-            return self._step_together(origins, directions)
+            return self._step_together(origins, directions, reflecting)
         one_by_one = [self._step_alone(*ray) for ray in zip(origins, directions, strict=True)]
         return Steps(*map(np.array, zip(*one_by_one, strict=True)))
 
@@ -136,7 +141,9 @@ class Engine:
             onward += [met.to_world(sample.wo), light]
         return onward
 
-    def _step_together(self, origins: np.ndarray, directions: np.ndarray) -> Steps:
+    def _step_together(
+        self, origins: np.ndarray, directions: np.ndarray, reflecting: bool
+    ) -> Steps:
         mi, dr = self._mi, importlib.import_module("drjit")
         vectors = (np.ascontiguousarray(v.T, np.float32) for v in (origins, directions))
         met = self._scene.ray_intersect(mi.Ray3f(*vectors))
@@ -152,9 +159,11 @@ class Engine:
             group[number == one] = i
         through = self._refracts[group]
         way, light = (np.where(through, *pair) for pair in (onward[::2], onward[1::2]))
-        way, back = way.T, onward[2].T
-        light, reflection = (np.moveaxis(one[:, :, 0], -1, 0) for one in (light, onward[3]))
-        return Steps(group, face, point.T, normal.T, way, light, back, reflection)
+        back = onward[2:] if reflecting else (way[:, :0], light[..., :0])
+        vectors = (one.T for one in (point, normal, way, back[0]))
+        light, reflection = (np.moveaxis(one[:, :, 0], -1, 0) for one in (light, back[1]))
+        point, normal, way, mirrored = vectors
+        return Steps(group, face, point, normal, way, light, mirrored, reflection)
 
     def _step_alone(self, origin: np.ndarray, direction: np.ndarray) -> tuple[Any, ...]:
         ray = self._mi.Ray3f(self._mi.Point3f(*origin), self._mi.Vector3f(*direction))

@@ -31,8 +31,11 @@ BOUNCES = 3
 COARSE = 4
 """Step of the grid of rays that finds what is the same all around, px."""
 
-SAMPLES = 21
+SAMPLES, LATTICE = 13, 8
 """Rays for a pixel at an edge, of a Fibonacci lattice: in both directions they are evenly spaced."""
+
+SPREAD = 2
+"""Edges in red and blue light are no farther from those in green, px."""
 
 CHUNK = 150_000
 """Rays at a time."""
@@ -107,20 +110,26 @@ def trace_light(tables: Tables, pose: Pose, look: Look) -> tuple[np.ndarray, np.
     """
     lights, unit = light_membranes(tables, look)
     by_channel = [of_channel(tables, channel) for channel in CHANNELS]
-    same = all(one == by_channel[0] for one in by_channel)
-    images = [
-        _Image(one, pose, look, lights, unit).take() for one in by_channel[: 1 if same else 3]
-    ]
-    if same:
-        return images[0]
-    return np.stack([one[0][..., i] for i, one in enumerate(images)], -1), images[1][1]
+    green = _Image(by_channel[1], pose, look, lights, unit)
+    light, distance, edge = green.take()
+    for i in (0, 2):
+        if by_channel[i] != by_channel[1]:
+            other = _Image(by_channel[i], pose, look, lights, unit, green)
+            light[..., i] = other.retake(light, edge)[..., i]
+    return light, distance
 
 
 class _Image:
     """Rays of one color's light through the pixels of an image."""
 
     def __init__(
-        self, tables: Tables, pose: Pose, look: Look, lights: list[MembraneLight], unit: float
+        self,
+        tables: Tables,
+        pose: Pose,
+        look: Look,
+        lights: list[MembraneLight],
+        unit: float,
+        green: _Image | None = None,
     ) -> None:
         self._look, self._lights, self._scale = look, lights, unit * look.exposure
         self._lens, lit = lens_of(tables, pose), look.light == "lamps"
@@ -137,10 +146,12 @@ class _Image:
         self._normals = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
         self._normals /= np.linalg.norm(self._normals, axis=-1, keepdims=True)
         self._shape = self._lens.rows, self._lens.columns
-        self._numbers: dict[tuple[int, ...], int] = {}
+        # Walls are smooth: in red and blue they are where they are in green light.
+        self._numbers: dict[int, int] = green._numbers if green else {}
+        self._wall_maps: dict[int, np.ndarray] = green._wall_maps if green else {}
 
-    def take(self) -> tuple[np.ndarray, np.ndarray]:
-        """Light, shape (rows, columns, 3), and distance."""
+    def take(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Light, shape (rows, columns, 3), distance, and which pixels are at edges."""
         rows, columns = self._shape
         grid = np.stack(
             np.meshgrid(np.arange(0, columns, COARSE), np.arange(0, rows, COARSE)), axis=-1
@@ -168,23 +179,31 @@ class _Image:
             i, j = places[part].T
             labels[i, j], distance[i, j] = self._label(traced), self._far(traced)
             light[i, j] = self._radiance(traced, places[part][:, ::-1].astype(float))
-        edge = np.zeros((rows, columns), bool)
-        for one, other in (
-            ((slice(1, None),), (slice(None, -1),)),
-            ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
-        ):
-            differs = labels[one] != labels[other]
-            edge[one] |= differs
-            edge[other] |= differs
-        places = np.argwhere(edge & fine)
-        order = np.arange(SAMPLES)
-        within = np.stack([(order + 0.5) / SAMPLES, (order * 13 % SAMPLES + 0.5) / SAMPLES], -1)
+        edge = _edges(labels) & fine
+        self._sample(light, edge)
+        return light, distance, edge
+
+    def retake(self, light: np.ndarray, edge: np.ndarray) -> np.ndarray:
+        """The light where only what is near edges is not where it is in another's."""
+        light, labels = light.copy(), np.zeros(self._shape, int)
+        near = scipy.ndimage.maximum_filter(edge, 2 * SPREAD + 1)
+        places = np.argwhere(near)
+        for part, traced in self._trace(places[:, ::-1].astype(float)):
+            i, j = places[part].T
+            labels[i, j] = self._label(traced)
+            light[i, j] = self._radiance(traced, places[part][:, ::-1].astype(float))
+        self._sample(light, _edges(labels) & scipy.ndimage.minimum_filter(near, 3))
+        return light
+
+    def _sample(self, light: np.ndarray, edge: np.ndarray) -> None:
+        """Means over pixels at edges, written into the light."""
+        places, order = np.argwhere(edge), np.arange(SAMPLES)
+        within = np.stack([order + 0.5, order * LATTICE % SAMPLES + 0.5], -1) / SAMPLES
         spread = (places[:, None, ::-1] + within - 0.5).reshape(-1, 2)
         sums = np.zeros((len(places), 3))
         for part, traced in self._trace(spread):
             np.add.at(sums, part // SAMPLES, self._radiance(traced, spread[part]))
         light[tuple(places.T)] = sums / SAMPLES
-        return light, distance
 
     def _trace(self, places: np.ndarray) -> Iterator[tuple[np.ndarray, Traced]]:
         """What rays through places of the image meet, some of them at a time."""
@@ -194,12 +213,14 @@ class _Image:
 
     def _label(self, traced: Traced) -> np.ndarray:
         """A number for everything that ends at the same face by the same way."""
-        end = np.where(traced.reached, -10 - traced.pad, traced.end)
+        end = np.where(traced.reached, len(self._wall) + traced.pad, traced.end)
         glows = (traced.glow > 0) @ [1, 2, 4]
-        keys = np.stack([end, traced.word, traced.entrance, traced.turns, glows], axis=-1)
-        rows, inverse = np.unique(keys, axis=0, return_inverse=True)
-        own = [self._numbers.setdefault(tuple(row), len(self._numbers)) for row in rows.tolist()]
-        return np.array(own)[inverse.ravel()]
+        key = glows
+        for one in (traced.word, traced.entrance, traced.turns, end):
+            key = 1000 * key + one + 10
+        found, inverse = np.unique(key, return_inverse=True)
+        own = [self._numbers.setdefault(one, len(self._numbers)) for one in found.tolist()]
+        return np.array(own)[inverse]
 
     def _far(self, traced: Traced) -> np.ndarray:
         return np.where(traced.distance > 0, traced.distance, np.inf)
@@ -225,7 +246,6 @@ class _Image:
 
     def _light_walls(self) -> None:
         """Radiance of walls on a coarse grid, by what they are: each smoothed by itself."""
-        self._wall_maps: dict[int, np.ndarray] = {}
         if not self._walls_lit:
             return
         rows, columns = self._shape
@@ -286,3 +306,16 @@ class _Image:
                     self._wall_maps[label][..., i], index, order=1, mode="nearest"
                 )
         return found
+
+
+def _edges(labels: np.ndarray) -> np.ndarray:
+    """Pixels that have a neighbor of another label."""
+    edge = np.zeros(labels.shape, bool)
+    for one, other in (
+        (np.s_[1:], np.s_[:-1]),
+        (np.s_[:, 1:], np.s_[:, :-1]),
+    ):
+        differs = labels[one] != labels[other]
+        edge[one] |= differs
+        edge[other] |= differs
+    return edge

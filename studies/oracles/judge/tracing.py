@@ -140,6 +140,7 @@ class Tracer:
         ]
         self._dim = np.array(light)
         self._contacts, self._sides = contacts, [pad.get("side", "both") for pad in pads]
+        self._windows = bool(np.any(self._kind == "end"))
         self._layered = [bool(pad.get("layers")) for pad in pads]
 
     def describe(self, end: int) -> str:
@@ -197,6 +198,7 @@ class Tracer:
                 as long as there is light; others leave where more light does than stays.
             walls: the outside of layers, from within.
         """
+        walls = walls if self._windows else "dark"
         count = len(directions)
         word, hops, end = np.zeros(count, int), np.zeros(count, int), np.full(count, NOTHING)
         stays = inside is not None
@@ -210,17 +212,19 @@ class Tracer:
             place += origins
         live = np.flatnonzero(np.isfinite(way[:, 0]))
         while len(live):
-            step = self._engine.step(place[live], way[live])
-            bulging = self._meet_contacts(place[live], way[live], inside[live], step.point, step.group)
-            ahead, pads = bulging
+            step = self._engine.step(place[live], way[live], walls != "dark")
+            ahead, pads = self._meet_contacts(
+                place[live], way[live], inside[live], step.point, step.group
+            )
             pressed = ahead < np.inf
             met = (step.group >= 0) | pressed
-            live, step, pressed = live[met], type(step)(*(one[met] for one in step)), pressed[met]
+            if not met.all():
+                live, pressed = live[met], pressed[met]
+                ahead, pads = ahead[met], pads[met]
+                step = type(step)(*(one[met] if len(one) else one for one in step))
             face = self._first[step.group] + step.face
-            face[pressed] = self._membranes()[pads[met][pressed]]
-            step.point[pressed] = (
-                place[live[pressed]] + ahead[met][pressed, None] * way[live[pressed]]
-            )
+            face[pressed] = self._membranes()[pads[pressed]]
+            step.point[pressed] = place[live[pressed]] + ahead[pressed, None] * way[live[pressed]]
             kind, own = self._kind[face], inside[live] == self._part[face]
             outside, sine = inside[live] < 0, -np.sum(step.normal * way[live], axis=-1)
             front = sine > 0

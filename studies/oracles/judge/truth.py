@@ -95,10 +95,12 @@ def find_shown(tables: Tables, pose: Pose, contacts: Contacts) -> list[Shown]:
                 axis=-1,
             )
             channels = [
-                find_places(
+                places[:4]
+                if scene == scenes[1]
+                else find_places(
                     Tracer(scene, pose, own.position, index, SPARE), own, numbers[:4],
                     guess(corners), corners, insets[:4],
-                )[0].tolist()
+                )[0]
                 for scene, own in zip(scenes, lenses, strict=True)
             ]  # fmt: skip
             path, least = path_of(tables, word), (there.grazing[ok], there.transmission[ok])
@@ -106,7 +108,7 @@ def find_shown(tables: Tables, pose: Pose, contacts: Contacts) -> list[Shown]:
             found.append(
                 Shown(
                     pad["name"], path, places[:4].tolist(), ok[:4].tolist(), bool(ok.all()),
-                    channels, grazing, light, lifted,
+                    [one.tolist() for one in channels], grazing, light, lifted,
                 )
             )  # fmt: skip
     return found
