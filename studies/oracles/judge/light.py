@@ -33,7 +33,7 @@ COLORS = np.array([[1.0, 0.06, 0.02], [0.02, 0.5, 0.03], [0.02, 0.08, 1.0]])
 NODES, RAYS = 1.0, 987
 """Distance of places from which rays go out, mm, and how many do."""
 
-GRID, FINE = 0.25, 0.15
+GRID, FINE = 0.25, 0.2
 """Step of the grid on which light is kept, mm, without and with contacts."""
 
 INSET = 0.02
@@ -42,7 +42,7 @@ INSET = 0.02
 PIECES = 160
 """Of a lamp in air."""
 
-SHADOW_PIECES, SHADOW_HEIGHTS, SHADOW_STEPS = 12, 3, 24
+SHADOW_PIECES, SHADOW_HEIGHTS, SHADOW_STEPS = 10, 3, 14
 """Of a lamp that throws shadows, heights on it, and steps of the way to it."""
 
 
@@ -184,7 +184,7 @@ def _gather(
     coupling: Walls, shape: tuple[int, ...],
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Irradiance (over π) by each lamp, and the share of places' light in that of each other."""
-    scene = {"pads": [pad]}
+    scene = {"pads": [{**pad, "name": ""}]}
     start = np.array([*pad["from"], 0.0])
     tracer = Tracer(scene, {}, start, lamps=True)
     axes, count = tracer.axes(0), places[0].size
@@ -225,7 +225,7 @@ def _press(pad: Tables, flat: FlatLight, pressed: list, look: Look) -> MembraneL
     resample = [MembraneLight(length, half, one).at(along.ravel(), across.ravel()) for one in
                 (direct, round_)]  # fmt: skip
     direct, round_ = (one.reshape(*along.shape, 3) for one in resample)
-    bulges = Contacts({"pads": [pad | {"name": ""}]}, pressed)
+    bulges = Contacts({"pads": [{**pad, "name": ""}]}, pressed)
     heights, normals = bulges.heights(0, along, across), bulges.normals(0, along, across)
     round_ = round_ * ((1 + normals[..., 2:]) / 2)
     if look.light == "lamps":

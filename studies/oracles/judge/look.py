@@ -81,7 +81,7 @@ def expose(
         veil, ghost = _spread(bright, VEIL_PX), _spread(bright[::-1, ::-1], GHOST_PX)
         image = (1 - look.flare) * image + look.flare * ((1 - GHOST) * veil + GHOST * ghost)
     photons, read = generator.standard_normal((2, *image.shape), np.float32)
-    image = image + look.noise * (np.sqrt(np.minimum(image, 1)) * photons + read / 5)
+    image = image + look.noise * (np.sqrt(np.clip(image, 0, 1)) * photons + read / 5)
     levels = np.clip(image, 0, 1) ** (1 / look.gamma)
     pixels = np.rint(255 * levels).astype(np.uint8)
     if look.jpeg is None:

@@ -40,7 +40,7 @@ SPREAD = 2
 CHUNK = 150_000
 """Rays at a time."""
 
-WALL_STEP, WALL_RAYS, WALL_SPREAD = 12, 24, 1.5
+WALL_STEP, WALL_RAYS, WALL_SPREAD = 16, 64, 1.5
 """Light on walls: px between places, rays from each, and spread over places of its smoothing."""
 
 
@@ -86,7 +86,7 @@ def photograph(
     made["scene"] = made.get("scene", {}) | {"bounces": BOUNCES}
     light, distance = trace_light(made, pose, look)
     pixels = expose(light, distance, look, np.random.default_rng(seed))
-    photo = Photograph(pixels, find_shown(made, pose, Contacts(made, look.contacts)))
+    photo = Photograph(pixels, find_shown(made, pose, look))
     if path is not None:
         with tempfile.NamedTemporaryFile(dir=folder, delete=False, suffix=".npz") as file:
             np.savez_compressed(file, pixels=pixels, shown=json.dumps(photo.shown))
@@ -135,7 +135,7 @@ class _Image:
         self._lens, lit = lens_of(tables, pose), look.light == "lamps"
         self._contacts = Contacts(tables, look.contacts)
         self._tracer = Tracer(
-            tables, pose, self._lens.position, lamps=lit,
+            tables, pose, self._lens.position, lamps=lit, housing=True,
             contacts=self._contacts if look.contacts else None,
         )  # fmt: skip
         self._coupling: Walls = look.coupling
@@ -157,14 +157,15 @@ class _Image:
             np.meshgrid(np.arange(0, columns, COARSE), np.arange(0, rows, COARSE)), axis=-1
         )
         coarse = grid.shape[:2]
-        labels, distance, lit = np.zeros(coarse, int), np.full(coarse, np.inf), np.zeros(coarse)
+        labels, distance = np.zeros(coarse, int), np.full(coarse, np.inf)
+        lit = np.zeros(coarse, bool)
         for part, traced in self._trace(grid.reshape(-1, 2)):
             labels.flat[part], distance.flat[part] = self._label(traced), self._far(traced)
-            lit.flat[part] = traced.reached | (traced.glow.sum(axis=-1) > 0)
+            lit.flat[part] = self._radiance(traced).any(axis=-1)
         self._light_walls()
         # Rays go through the pixels of blocks that show a membrane, or not the same all around.
         mixed = scipy.ndimage.maximum_filter(labels, 3) != scipy.ndimage.minimum_filter(labels, 3)
-        fine = np.kron(mixed | (lit > 0), np.ones((COARSE, COARSE), bool))[:rows, :columns]
+        fine = np.kron(mixed | lit, np.ones((COARSE, COARSE), bool))[:rows, :columns]
         fine = np.roll(fine, (-COARSE // 2, -COARSE // 2), (0, 1)) | fine
         labels, distance = (
             np.kron(one, np.ones((COARSE, COARSE), one.dtype))[:rows, :columns].copy()
@@ -233,6 +234,7 @@ class _Image:
             values = light.at(traced.along[mine], traced.across[mine])
             found[mine] += traced.transmission[mine, None] * values
         hit = ~traced.reached & (traced.end >= 0)
+        hit &= np.sum(self._normals[traced.end] * traced.way, axis=-1) < 0
         lamp = np.where(hit, self._lamp[traced.end], -1)
         shines = np.flatnonzero(lamp >= 0)
         found[shines] += traced.transmission[shines, None] * COLORS[lamp[shines]]

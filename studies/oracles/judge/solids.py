@@ -32,8 +32,12 @@ WIDTH = 24.0
 STRIPS = 64
 """Flat strips of a bowed mirror: 0.2 mm of sag are right to 1e-5 mm; its normals are exact."""
 
-GAP, FOOT, TOP = 2.0, 2.0, 4.0
+GAP, FOOT, TOP = 3.0, 1.0, 2.5
 """Lamps in air stand so far beside a pad, between these heights above its membrane, mm."""
+
+
+ROOM = 1.0
+"""Between lamps and housing, mm."""
 
 
 class Face(NamedTuple):
@@ -157,7 +161,12 @@ def _mirror_faces(
 
 
 def faces_of(
-    tables: Tables, pose: Pose, only: int | None = None, spare: float = 0, lamps: bool = False
+    tables: Tables,
+    pose: Pose,
+    only: int | None = None,
+    spare: float = 0,
+    lamps: bool = False,
+    housing: bool = False,
 ) -> list[Face]:
     """All faces of a scene in a pose.
 
@@ -167,6 +176,7 @@ def faces_of(
         only: a pad that is to be alone with the mirrors.
         spare: how far its surfaces go on, without ends, beyond where they end, mm.
         lamps: whether the pads have theirs.
+        housing: whether there are walls on both sides of everything.
     """
     found: list[Face] = []
     for index, mirror in enumerate(tables.get("mirrors", [])):
@@ -186,6 +196,12 @@ def faces_of(
             corners = strip(*_line(tables, pose, part), -REACH, REACH)
             open_behind = part.get("side", "both") != "both"
             found.append(Face("blocker", part["name"], corners, open_behind=open_behind))
+    if housing:
+        widest = max(pad.get("width", WIDTH) for pad in tables["pads"])
+        square = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) * 4 * REACH
+        for z in (-1, 1):
+            beside = [0, 0, z * (widest / 2 + GAP + ROOM)]
+            found.append(Face("blocker", "housing", square + beside))
     return found
 
 

@@ -31,8 +31,9 @@ REASONS = {
 TRANSMISSION = 0.3
 """Least of a pad with layers that states none."""
 
-FAINTEST = 0.01
-"""Within layers, light is followed down to this part of it."""
+FAINTEST, TURNS = 0.01, 12
+"""Within layers, light is followed down to this part of it, and to so many reflections: what takes
+more goes almost along the layers, and is less than 0.1 % of a matt membrane's light."""
 
 Walls = Literal["dark", "air", "coupled"]
 """What becomes of light that meets the outside of layers from within: it ends; it is reflected, or
@@ -95,6 +96,7 @@ class Tracer:
         only: a pad that is to be alone with the mirrors, without ends.
         spare: how far its surfaces then go on, mm.
         lamps: whether the pads have lamps.
+        housing: whether there are walls on both sides of everything.
         contacts: what is pressed into membranes.
     """
 
@@ -106,10 +108,11 @@ class Tracer:
         only: int | None = None,
         spare: float = 0,
         lamps: bool = False,
+        housing: bool = False,
         contacts: Contacts | None = None,
     ) -> None:
         groups: dict[Material, list[Face]] = {}
-        for face in faces_of(tables, pose, only, spare, lamps):
+        for face in faces_of(tables, pose, only, spare, lamps, housing):
             groups.setdefault(face.material, []).append(face)
         moved = origin if isinstance(origin, np.ndarray) else [origin.real, origin.imag, 0.0]
         moved = np.asarray(moved, float)
@@ -263,7 +266,7 @@ class Tracer:
                 light[live[back]] = step.reflection[back] @ before[back]
                 inside[live[leaves]] = -1
                 turns[live[back]] += 1
-                bright = light[live][:, 0, 0] > FAINTEST
+                bright = (light[live, 0, 0] > FAINTEST) & (turns[live] < TURNS)
                 way_on = np.where(back[:, None], step.mirrored, way_on)
                 turned |= (leaves | back) & bright
                 end[live[(leaves | back) & ~bright]] = DIM

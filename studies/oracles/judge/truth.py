@@ -11,6 +11,7 @@ from studies.oracles.judge.contacts import Contacts
 from studies.oracles.judge.fabrication import CHANNELS, of_channel
 from studies.oracles.judge.frames import ASPECT, INSET, SPARE, find_places
 from studies.oracles.judge.lens import Lens
+from studies.oracles.judge.look import Look
 from studies.oracles.judge.solids import WIDTH, Pose, Tables, motion_of
 from studies.oracles.judge.tracing import Tracer, path_of
 
@@ -54,13 +55,14 @@ class Shown(NamedTuple):
     lifted: list[float]
 
 
-def find_shown(tables: Tables, pose: Pose, contacts: Contacts) -> list[Shown]:
+def find_shown(tables: Tables, pose: Pose, look: Look) -> list[Shown]:
     """All pads by all paths that show something of them through their outermost surfaces."""
     scenes = [of_channel(tables, channel) for channel in CHANNELS]
     camera = tables["camera"]
     motion = motion_of(tables, pose, camera.get("body", "world"))
     lenses = [Lens.of(scene["camera"], motion, ASPECT) for scene in scenes]
-    whole, lens = Tracer(scenes[1], pose, lenses[1].position), lenses[1]
+    lens, contacts = lenses[1], Contacts(tables, look.contacts)
+    whole = Tracer(scenes[1], pose, lens.position, lamps=look.light == "lamps")
     columns, rows = np.arange(0, lens.columns, STEP), np.arange(0, lens.rows, STEP)
     grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     seen = whole.trace(*lens.sight(grid))
