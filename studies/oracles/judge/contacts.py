@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-FADE = 2.0
+FADE = 3.0
 """mm."""
 
 STEPS, HALVINGS = 32, 8
@@ -147,5 +147,5 @@ def bulge(away: np.ndarray, radius: float, depth: float) -> np.ndarray:
     edge = np.sqrt(radius * depth)
     share = np.maximum(away / edge, 1.0)
     flank = (2 - share**2) * np.arcsin(1 / share) + np.sqrt(share**2 - 1)
-    outside = depth / np.pi * flank * np.exp((edge - np.maximum(away, edge)) / FADE)
+    outside = depth / np.pi * flank * np.exp(-(((np.maximum(away, edge) - edge) / FADE) ** 2))
     return np.where(away < edge, depth - away**2 / (2 * radius), outside)

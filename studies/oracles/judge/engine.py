@@ -145,25 +145,26 @@ class Engine:
         self, origins: np.ndarray, directions: np.ndarray, reflecting: bool
     ) -> Steps:
         mi, dr = self._mi, importlib.import_module("drjit")
-        vectors = (np.ascontiguousarray(v.T, np.float32) for v in (origins, directions))
-        met = self._scene.ray_intersect(mi.Ray3f(*vectors))
+        origin, way = (
+            [mi.Float(np.ascontiguousarray(one, np.float32)) for one in vectors.T]
+            for vectors in (origins, directions)
+        )
+        met = self._scene.ray_intersect(mi.Ray3f(mi.Point3f(*origin), mi.Vector3f(*way)))
         dr.eval(met)  # what depends on the scene's address apart: the rest is compiled once
         onward = self._light(met)
         number = dr.reinterpret_array(mi.UInt32, met.shape)
         arrays = number, met.prim_index // 2, met.p, met.n, *onward
         dr.eval(arrays)
-        number, face, point, normal, *onward = (np.array(one) for one in arrays)
+        number, face, point, normal, *onward = map(_numbers, arrays)
         known = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(s))[0]) for s in self._shapes]
         group = np.full(len(number), -1)
         for i, one in enumerate(known):
             group[number == one] = i
-        through = self._refracts[group]
-        way, light = (np.where(through, *pair) for pair in (onward[::2], onward[1::2]))
-        back = onward[2:] if reflecting else (way[:, :0], light[..., :0])
-        vectors = (one.T for one in (point, normal, way, back[0]))
-        light, reflection = (np.moveaxis(one[:, :, 0], -1, 0) for one in (light, back[1]))
-        point, normal, way, mirrored = vectors
-        return Steps(group, face, point, normal, way, light, mirrored, reflection)
+        through = self._refracts[group][:, None]
+        way = np.where(through, onward[0], onward[2])
+        light = np.where(through[..., None], onward[1], onward[3])
+        back = onward[2:] if reflecting else (way[:0], light[:0])
+        return Steps(group, face, point, normal, way, light, *back)
 
     def _step_alone(self, origin: np.ndarray, direction: np.ndarray) -> tuple[Any, ...]:
         ray = self._mi.Ray3f(self._mi.Point3f(*origin), self._mi.Vector3f(*direction))
@@ -177,3 +178,17 @@ class Engine:
         point, normal, way, light, back, reflection = (np.array(one) for one in found)
         light, reflection = light[:, :, 0], reflection[:, :, 0]
         return group, met.prim_index // 2, point, normal, way, light, back, reflection
+
+
+def _numbers(array: Any) -> np.ndarray:
+    """Numbers, vectors or Mueller matrices of rays.
+
+    They come, as rays go, entry by entry: for whole arrays Dr.Jit compiles a program for every
+    number of rays.
+    """
+    if array.ndim == 1:
+        return np.array(array)
+    if array.ndim == 2:
+        return np.stack([np.array(one) for one in array], axis=-1)
+    rows = [np.stack([np.array(entry[0]) for entry in row], axis=-1) for row in array]
+    return np.stack(rows, axis=1)

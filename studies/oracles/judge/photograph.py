@@ -31,7 +31,7 @@ BOUNCES = 3
 COARSE = 4
 """Step of the grid of rays that finds what is the same all around, px."""
 
-SAMPLES, LATTICE = 13, 8
+SAMPLES, LATTICE = 34, 21
 """Rays for a pixel at an edge, of a Fibonacci lattice: in both directions they are evenly spaced."""
 
 SPREAD = 2
@@ -233,11 +233,12 @@ class _Image:
             mine = np.flatnonzero(traced.reached & (traced.pad == pad))
             values = light.at(traced.along[mine], traced.across[mine])
             found[mine] += traced.transmission[mine, None] * values
-        hit = ~traced.reached & (traced.end >= 0)
-        hit &= np.sum(self._normals[traced.end] * traced.way, axis=-1) < 0
-        lamp = np.where(hit, self._lamp[traced.end], -1)
-        shines = np.flatnonzero(lamp >= 0)
-        found[shines] += traced.transmission[shines, None] * COLORS[lamp[shines]]
+        met = np.flatnonzero(~traced.reached & (traced.end >= 0))
+        shines = met[self._lamp[traced.end[met]] >= 0]
+        face = traced.end[shines]
+        front = np.sum(self._normals[face] * traced.way[shines], axis=-1) < 0
+        share = front * traced.transmission[shines]
+        found[shines] += share[:, None] * COLORS[self._lamp[face]]
         if places is not None and self._walls_lit:
             found += self._wall_light(self._label(traced), places)
         return self._scale * found
@@ -258,7 +259,8 @@ class _Image:
         sight = self._lens.sight(places)
         traced = self._tracer.trace(*sight, walls=self._coupling)
         labels = self._label(traced)
-        wall = np.flatnonzero(~traced.reached & (traced.end >= 0) & self._wall[traced.end])
+        opaque = self._wall[np.maximum(traced.end, 0)]
+        wall = np.flatnonzero(~traced.reached & (traced.end >= 0) & opaque)
         normal = self._normals[traced.end[wall]]
         # The side that is seen is the one that the last stretch of the way comes from.
         normal *= -np.sign(np.sum(normal * traced.way[wall], axis=-1, keepdims=True))
