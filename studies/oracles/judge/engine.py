@@ -120,9 +120,7 @@ class Engine:
         values.update()
         return mesh
 
-    def step(
-        self, origins: np.ndarray, directions: np.ndarray, reflecting: bool = True
-    ) -> Steps:
+    def step(self, origins: np.ndarray, directions: np.ndarray, reflecting: bool = True) -> Steps:
         """Follow rays to what they meet next; origins and unit vectors of the shape (rays, 3).
 
         What interfaces reflect is left empty where it is not asked for.

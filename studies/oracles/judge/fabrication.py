@@ -26,10 +26,11 @@ from studies.oracles.judge.solids import Tables
 CAMERA_BODY = "camera body"
 """The blocker that the camera carries."""
 
-CHANNELS = ("red", "green", "blue")
+Channel = Literal["red", "green", "blue"]
+
+CHANNELS: tuple[Channel, ...] = ("red", "green", "blue")
 """Of an image, in their order."""
 
-Channel = Literal["red", "green", "blue"]
 Errors = Mapping[str, Any]
 
 
@@ -45,12 +46,15 @@ def sample_errors(
         generator: of random numbers.
     """
     mirrors, pads = len(tables.get("mirrors", [])), tables.get("pads", [])
+    layers = [len(pad.get("layers", [])) for pad in pads]
     shapes: dict[str, Any] = {
-        **{"camera": 2, "lateral": None, "tilt": None, "yaw": None, "roll": None},
+        "camera": 2,
+        "lateral_color": 2,
+        "thickness": layers,
+        "index": layers,
+        **dict.fromkeys(("lateral", "tilt", "yaw", "roll", "pupil", "distortion")),
         **dict.fromkeys(("mirror_tilt", "mirror_offset", "mirror_lean", "mirror_bow"), mirrors),
         **dict.fromkeys(("pad_tilt", "pad_offset", "pad_shift", "pad_lean"), len(pads)),
-        **dict.fromkeys(("thickness", "index"), [len(pad.get("layers", [])) for pad in pads]),
-        **{"pupil": None, "distortion": None, "lateral_color": 2},
     }
     if unknown := set(deviations) - set(shapes):
         raise ValueError(f"no errors of fabrication: {sorted(unknown)}")

@@ -76,7 +76,11 @@ class MembraneLight(NamedTuple):
 
 
 def light_membranes(tables: Tables, look: Look) -> tuple[list[MembraneLight], float]:
-    """The light of every pad's membrane, and what its unit is: lamps are as bright as `COLORS`."""
+    """The light of every pad's membrane, and what its unit is: lamps are as bright as `COLORS`.
+
+    Raises:
+        ValueError: no lamp lights any membrane.
+    """
     contacts = Contacts(tables, look.contacts)
     kept = ("from", "to", "side", "width", "layers", "bezel")
     found = []
@@ -88,7 +92,10 @@ def light_membranes(tables: Tables, look: Look) -> tuple[list[MembraneLight], fl
     if look.light == "even":
         return found, 1.0
     brightest = np.concatenate([one.values.max(axis=-1).ravel() for one in found])
-    return found, 1 / float(np.quantile(brightest, 0.99))
+    level = float(np.quantile(brightest, 0.99))
+    if level == 0:
+        raise ValueError("no lamp lights a membrane: layers have no clear sides")
+    return found, 1 / level
 
 
 class FlatLight(NamedTuple):
@@ -124,7 +131,8 @@ def _grid(length: float, half: float, step: float) -> tuple[np.ndarray, np.ndarr
     """Places at nearly such steps, edges among them."""
     along = np.linspace(0, length, int(np.ceil(length / step)) + 1)
     across = np.linspace(-half, half, int(np.ceil(2 * half / step)) + 1)
-    return tuple(np.meshgrid(along, across, indexing="ij"))
+    first, second = np.meshgrid(along, across, indexing="ij")
+    return first, second
 
 
 def lamp_points(
@@ -167,7 +175,7 @@ def _light_layers(pad: Tables, length: float, half: float, coupling: Walls) -> F
         np.clip(along, INSET, length - INSET).ravel(),
         np.clip(across, INSET - half, half - INSET).ravel(),
     )
-    irradiance, exchange = _gather(pad, length, half, inset, coupling, shape)
+    irradiance, exchange = gather_light(pad, length, half, inset, coupling, shape)
     # Light of one color: R = albedo (E + K R), of which the first is direct.
     direct, count = ALBEDO * irradiance, len(irradiance)
     sent = np.linalg.solve(np.eye(count) - ALBEDO * exchange, direct @ COLORS)
@@ -179,11 +187,24 @@ def _light_layers(pad: Tables, length: float, half: float, coupling: Walls) -> F
     return FlatLight(length, half, *smooth)
 
 
-def _gather(
+def gather_light(
     pad: Tables, length: float, half: float, places: tuple[np.ndarray, np.ndarray],
     coupling: Walls, shape: tuple[int, ...],
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Irradiance (over π) by each lamp, and the share of places' light in that of each other."""
+    """What comes to places of a membrane behind layers, by rays that go out from them.
+
+    Args:
+        pad: its table.
+        length: of the membrane, mm.
+        half: half its width, mm.
+        places: along and across, mm.
+        coupling: of the lamps.
+        shape: of the grid of places, along and across, whose light they exchange.
+
+    Returns:
+        Irradiance by each lamp of unit radiance, over π, shape (places, 3); and the share of the
+        light of each place of the grid in that of each place, shape (places, grid).
+    """
     scene = {"pads": [{**pad, "name": ""}]}
     start = np.array([*pad["from"], 0.0])
     tracer = Tracer(scene, {}, start, lamps=True)
@@ -195,7 +216,7 @@ def _gather(
     flat = np.sqrt(1 - height**2)
     local = np.stack([flat * np.cos(turn), flat * np.sin(turn), height], axis=-1)
     origins = np.stack([*places, np.full(count, INSET)], axis=-1)
-    irradiance, exchange = np.zeros((count, 3)), np.zeros((count, count))
+    irradiance, exchange = np.zeros((count, 3)), np.zeros((count, shape[0] * shape[1]))
     for part in np.array_split(np.arange(count), max(1, count * RAYS // 200_000)):
         ways = (local[part] @ axes).reshape(-1, 3)
         begin = np.repeat(origins[part] @ axes, RAYS, axis=0)
@@ -251,7 +272,7 @@ def _shading(
         horizon = np.full(along.shape, -np.inf)
         for share in (np.arange(SHADOW_STEPS) + 0.5) ** 2 / SHADOW_STEPS**2:
             spot = places[..., :2] + share * ways
-            index = np.moveaxis((spot + [0, half]) / steps, -1, 0)
+            index = np.moveaxis((spot + np.array([0.0, half])) / steps, -1, 0)
             there = scipy.ndimage.map_coordinates(heights, index, order=1, mode="nearest")
             horizon = np.maximum(horizon, (there - heights) / share)
         square = np.sum(ways**2, axis=-1)

@@ -31,8 +31,8 @@ BOUNCES = 3
 COARSE = 4
 """Step of the grid of rays that finds what is the same all around, px."""
 
-SAMPLES, LATTICE = 34, 21
-"""Rays for a pixel at an edge, of a Fibonacci lattice: in both directions they are evenly spaced."""
+SAMPLES, LATTICE = 21, 13
+"""Rays for a pixel at an edge, of a Fibonacci lattice: evenly spaced in both directions."""
 
 SPREAD = 2
 """Edges in red and blue light are no farther from those in green, px."""
@@ -78,10 +78,10 @@ def photograph(
     if folder is not None:
         asked = json.dumps([tables, errors, pose, dataclasses.asdict(look), seed], sort_keys=True)
         path = folder / f"{hashlib.sha256(sources() + asked.encode()).hexdigest()}.npz"
-        with suppress(OSError, ValueError, TypeError, KeyError):  # none, or not what was written
-            with np.load(path) as kept:
-                shown = [Shown(*one) for one in json.loads(str(kept["shown"]))]
-                return Photograph(kept["pixels"], shown)
+        missing = OSError, ValueError, TypeError, KeyError  # none, or not what was written
+        with suppress(*missing), np.load(path) as kept:
+            shown = [Shown(*one) for one in json.loads(str(kept["shown"]))]
+            return Photograph(kept["pixels"], shown)
     made = dict(fabricated(tables, errors or {}))
     made["scene"] = made.get("scene", {}) | {"bounces": BOUNCES}
     light, distance = trace_light(made, pose, look)
@@ -228,7 +228,9 @@ class _Image:
 
     def _radiance(self, traced: Traced, places: np.ndarray | None = None) -> np.ndarray:
         """What rays bring, full scales, shape (rays, 3); of walls where places are given."""
-        found = traced.glow @ COLORS
+        found = np.zeros((len(traced.end), 3))
+        if self._look.light == "lamps":
+            found = traced.glow @ COLORS
         for pad, light in enumerate(self._lights):
             mine = np.flatnonzero(traced.reached & (traced.pad == pad))
             values = light.at(traced.along[mine], traced.across[mine])

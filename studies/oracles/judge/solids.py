@@ -315,7 +315,11 @@ def _pad_faces(
         ends = [f"end '{name}' of layer {lower.number}" for name in lower.names]
         walls = (left, right, nearer[::-1], farther)
         for clear, what, corners, lamp in zip(
-            (*lower.clear, lower.clear[2]), (*ends, "side", "side"), walls, (1, 1, 2, 0), strict=True
+            (*lower.clear, lower.clear[2]),
+            (*ends, "side", "side"),
+            walls,
+            (1, 1, 2, 0),
+            strict=True,
         ):
             face, glass = body(what, corners), (1.0, lower.refraction)
             lamp = -1 if "'to'" in what else lamp
@@ -354,9 +358,7 @@ def _lamps(pad: Mapping[str, Any], part: int, line: tuple[complex, complex]) -> 
     up = 1j * along
     foot, top = (origin - GAP * onward + height * up for height in (FOOT, TOP))
     ends = (top, foot) if onward == along else (foot, top)
-    yield Face(
-        "lamp", f"lamp of pad {pad['name']}", strip(*ends, -half, half), part=part, lamp=1
-    )
+    yield Face("lamp", f"lamp of pad {pad['name']}", strip(*ends, -half, half), part=part, lamp=1)
 
 
 def _bezel(pad: Mapping[str, Any]) -> tuple[float, float, float]:

@@ -143,6 +143,9 @@ class Tracer:
         ]
         self._dim = np.array(light)
         self._contacts, self._sides = contacts, [pad.get("side", "both") for pad in pads]
+        self._membrane, self._level, self._mirror = (
+            self._kind == kind for kind in ("membrane", "level", "mirror")
+        )
         self._windows = bool(np.any(self._kind == "end"))
         self._layered = [bool(pad.get("layers")) for pad in pads]
 
@@ -228,49 +231,48 @@ class Tracer:
             face = self._first[step.group] + step.face
             face[pressed] = self._membranes()[pads[pressed]]
             step.point[pressed] = place[live[pressed]] + ahead[pressed, None] * way[live[pressed]]
-            kind, own = self._kind[face], inside[live] == self._part[face]
+            own, level = inside[live] == self._part[face], self._level[face]
             outside, sine = inside[live] < 0, -np.sum(step.normal * way[live], axis=-1)
             front = sine > 0
             end[live], hit[live] = face, step.point
             distance[live] += np.linalg.norm(step.point - place[live], axis=-1)
             # A membrane ends the ray: it is seen from its front, in air or from within its pad.
             bare = outside & self._bare[face] & (front | ~self._one_sided[face]) & ~pressed
-            within = ~outside & own & front & (kind == "membrane")
+            within = ~outside & own & front & self._membrane[face]
             reached[live[bare | within | pressed]] = True
             grazing[live[bare]] = np.abs(sine[bare])
             # Into a pad by its outermost faces, through its levels downwards, and never out of it.
             enters = outside & front & self._outermost[face] & ~pressed
             inner = ~outside & own & ~pressed
-            deeper = inner & front & (kind == "level")
+            deeper = inner & front & level
             if walls != "dark":
-                deeper |= inner & ~front & (kind == "level") & ~self._outermost[face]
+                deeper |= inner & ~front & level & ~self._outermost[face]
             through = enters | deeper
             grazing[live[enters]], entrance[live[enters]] = sine[enters], face[enters]
             inside[live[enters]] = self._part[face[enters]]
-            before = light[live]
-            light[live[through]] = step.light[through] @ before[through]
             passes = step.light[:, 0, 0] > 0
             end[live[through & ~passes]] = TRAPPED
             way_on, turned = step.onward, through & passes
+            light[live[turned]] = step.light[turned] @ light[live[turned]]
             if walls != "dark":
-                beyond = inner & ~front & self._outermost[face]
-                out, lamp = (step.light @ before)[:, 0, 0], self._lamp[face]
-                ends = beyond & (lamp >= 0) & (walls == "coupled")
-                shines = beyond & (lamp >= 0)
-                arrives = np.where(ends, before[:, 0, 0], out)[shines]
-                np.add.at(glow, (live[shines], lamp[shines]), arrives)
-                leaves = beyond & ~ends & (lamp < 0) & (step.reflection[:, 0, 0] < 0.5)
-                leaves &= not stays
-                back = (beyond & ~ends & ~leaves) | (deeper & ~passes)
-                light[live[leaves]] = step.light[leaves] @ before[leaves]
-                light[live[back]] = step.reflection[back] @ before[back]
-                inside[live[leaves]] = -1
-                turns[live[back]] += 1
-                bright = (light[live, 0, 0] > FAINTEST) & (turns[live] < TURNS)
-                way_on = np.where(back[:, None], step.mirrored, way_on)
-                turned |= (leaves | back) & bright
-                end[live[(leaves | back) & ~bright]] = DIM
-            mirrored = (kind == "mirror") & outside & passes & ~pressed
+                # From within to the outside: into a lamp, into the air, or back.
+                met = np.flatnonzero((inner & ~front & self._outermost[face]) | (deeper & ~passes))
+                own_light, lamp = light[live[met]], self._lamp[face[met]]
+                out = step.light[met] @ own_light
+                lit = (lamp >= 0) & passes[met] | (lamp >= 0) & (walls == "coupled")
+                amount = (own_light if walls == "coupled" else out)[:, 0, 0]
+                np.add.at(glow, (live[met[lit]], lamp[lit]), amount[lit])
+                leaves = (lamp < 0) & (step.reflection[met, 0, 0] < 0.5) & (not stays)
+                own_light = np.where(leaves[:, None, None], out, step.reflection[met] @ own_light)
+                light[live[met]] = own_light
+                inside[live[met[leaves]]] = -1
+                turns[live[met[~leaves]]] += 1
+                way_on[met[~leaves]] = step.mirrored[met[~leaves]]
+                goes = (own_light[:, 0, 0] > FAINTEST) & (turns[live[met]] < TURNS)
+                goes &= (lamp < 0) | (walls == "air")
+                turned[met[goes]] = True
+                end[live[met[~goes]]] = DIM
+            mirrored = self._mirror[face] & outside & passes & ~pressed
             end[live[mirrored]] = BOUNCES
             mirrored &= hops[live] < self._bounces
             word[live[mirrored]] *= self._mirrors + 1

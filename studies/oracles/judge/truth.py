@@ -87,9 +87,7 @@ def find_shown(tables: Tables, pose: Pose, look: Look) -> list[Shown]:
                 return grid[mine[np.argmin(away, axis=0)]]
 
             numbers = np.full(len(wanted), word)
-            places, beside, _ = find_places(
-                alone, lens, numbers, guess(wanted), wanted, insets
-            )
+            places, beside, _ = find_places(alone, lens, numbers, guess(wanted), wanted, insets)
             there = whole.trace(*lens.sight(beside))
             ok = there.reached & (there.word == word) & (there.pad == index)
             ok &= ~whole.by_end(there) & np.all(
