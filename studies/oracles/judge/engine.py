@@ -40,6 +40,8 @@ class Steps(NamedTuple):
         light: Mueller matrices of what it does to light, shape (rays, 4, 4), in axes that Mitsuba
             gives every direction: the product over a path, the last one first, has in its first
             entry the part of unpolarised light that comes through.
+        mirrored: in which direction interfaces reflect.
+        reflection: what that does to light.
     """
 
     group: np.ndarray
@@ -48,6 +50,8 @@ class Steps(NamedTuple):
     normal: np.ndarray
     onward: np.ndarray
     light: np.ndarray
+    mirrored: np.ndarray
+    reflection: np.ndarray
 
 
 def llvm_version(path: str) -> int:
@@ -116,10 +120,13 @@ class Engine:
         values.update()
         return mesh
 
-    def step(self, origins: np.ndarray, directions: np.ndarray) -> Steps:
-        """Follow rays to what they meet next; origins and unit vectors of the shape (rays, 3)."""
+    def step(self, origins: np.ndarray, directions: np.ndarray, reflecting: bool = True) -> Steps:
+        """Follow rays to what they meet next; origins and unit vectors of the shape (rays, 3).
+
+        What interfaces reflect is left empty where it is not asked for.
+        """
         if not self._mi.variant().startswith("scalar"):
-            return self._step_together(origins, directions)
+            return self._step_together(origins, directions, reflecting)
         one_by_one = [self._step_alone(*ray) for ray in zip(origins, directions, strict=True)]
         return Steps(*map(np.array, zip(*one_by_one, strict=True)))
 
@@ -132,31 +139,54 @@ class Engine:
             onward += [met.to_world(sample.wo), light]
         return onward
 
-    def _step_together(self, origins: np.ndarray, directions: np.ndarray) -> Steps:
+    def _step_together(
+        self, origins: np.ndarray, directions: np.ndarray, reflecting: bool
+    ) -> Steps:
         mi, dr = self._mi, importlib.import_module("drjit")
-        vectors = (np.ascontiguousarray(v.T, np.float32) for v in (origins, directions))
-        met = self._scene.ray_intersect(mi.Ray3f(*vectors))
+        origin, way = (
+            [mi.Float(np.ascontiguousarray(one, np.float32)) for one in vectors.T]
+            for vectors in (origins, directions)
+        )
+        met = self._scene.ray_intersect(mi.Ray3f(mi.Point3f(*origin), mi.Vector3f(*way)))
         dr.eval(met)  # what depends on the scene's address apart: the rest is compiled once
         onward = self._light(met)
         number = dr.reinterpret_array(mi.UInt32, met.shape)
         arrays = number, met.prim_index // 2, met.p, met.n, *onward
         dr.eval(arrays)
-        number, face, point, normal, *onward = (np.array(one) for one in arrays)
+        number, face, point, normal, *onward = map(_numbers, arrays)
         known = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(s))[0]) for s in self._shapes]
         group = np.full(len(number), -1)
         for i, one in enumerate(known):
             group[number == one] = i
-        through = self._refracts[group]
-        way, light = (np.where(through, *pair) for pair in (onward[::2], onward[1::2]))
-        return Steps(group, face, point.T, normal.T, way.T, np.moveaxis(light[:, :, 0], -1, 0))
+        through = self._refracts[group][:, None]
+        way = np.where(through, onward[0], onward[2])
+        light = np.where(through[..., None], onward[1], onward[3])
+        back = onward[2:] if reflecting else (way[:0], light[:0])
+        return Steps(group, face, point, normal, way, light, *back)
 
     def _step_alone(self, origin: np.ndarray, direction: np.ndarray) -> tuple[Any, ...]:
         ray = self._mi.Ray3f(self._mi.Point3f(*origin), self._mi.Vector3f(*direction))
         met = self._scene.ray_intersect(ray)
         if not met.is_valid():
-            return -1, 0, *np.zeros((3, 3)), np.zeros((4, 4))
+            return -1, 0, *np.zeros((3, 3)), np.zeros((4, 4)), np.zeros(3), np.zeros((4, 4))
         onward = self._light(met)
         group = self._shapes.index(met.shape)
         way, light = onward[:2] if self._refracts[group] else onward[2:]
-        point, normal, way, light = (np.array(one) for one in (met.p, met.n, way, light))
-        return group, met.prim_index // 2, point, normal, way, light[:, :, 0]
+        found = (met.p, met.n, way, light, *onward[2:])
+        point, normal, way, light, back, reflection = (np.array(one) for one in found)
+        light, reflection = light[:, :, 0], reflection[:, :, 0]
+        return group, met.prim_index // 2, point, normal, way, light, back, reflection
+
+
+def _numbers(array: Any) -> np.ndarray:
+    """Numbers, vectors or Mueller matrices of rays.
+
+    They come, as rays go, entry by entry: for whole arrays Dr.Jit compiles a program for every
+    number of rays.
+    """
+    if array.ndim == 1:
+        return np.array(array)
+    if array.ndim == 2:
+        return np.stack([np.array(one) for one in array], axis=-1)
+    rows = [np.stack([np.array(entry[0]) for entry in row], axis=-1) for row in array]
+    return np.stack(rows, axis=1)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from studies.oracles.judge.fabrication import Channel, Errors, fabricated, of_channel
 from studies.oracles.judge.lens import Lens
 from studies.oracles.judge.solids import WIDTH, Pose, Tables, motion_of
 from studies.oracles.judge.tracing import Traced, Tracer, path_of
@@ -109,14 +110,19 @@ class Frame(NamedTuple):
     seconds: float
 
 
-def judge(tables: Tables, pose: Pose) -> Frame:
+def judge(
+    tables: Tables, pose: Pose, errors: Errors | None = None, channel: Channel = "green"
+) -> Frame:
     """Judge a frame.
 
     Args:
         tables: of a scene file, as `tomllib` gives them.
         pose: joint angles, degrees; those not named are 0.
+        errors: of fabrication, if there are any.
+        channel: whose light is followed.
     """
     began = time.perf_counter()
+    tables = of_channel(fabricated(tables, errors) if errors else tables, channel)
     camera = tables["camera"]
     lens = Lens.of(camera, motion_of(tables, pose, camera.get("body", "world")), ASPECT)
     tracer = Tracer(tables, pose, lens.position)
@@ -140,14 +146,14 @@ def picture(tables: Tables, pose: Pose, step: float) -> np.ndarray:
     lens = Lens.of(camera, motion_of(tables, pose, camera.get("body", "world")), ASPECT)
     columns, rows = np.arange(0, lens.columns, step), np.arange(0, lens.rows, step)
     places = np.stack(np.meshgrid(columns, rows), axis=-1)
-    traced = Tracer(tables, pose, lens.position).trace(lens.rays(places.reshape(-1, 2)))
+    traced = Tracer(tables, pose, lens.position).trace(*lens.sight(places.reshape(-1, 2)))
     return np.where(traced.reached, traced.transmission, 0.0).reshape(places.shape[:2])
 
 
 def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
     """`judge`, or what it found of the same tables and pose before, kept in a folder."""
     asked = json.dumps([tables, pose], sort_keys=True).encode()
-    path = folder / f"{hashlib.sha256(_sources() + asked).hexdigest()}.json"
+    path = folder / f"{hashlib.sha256(sources() + asked).hexdigest()}.json"
     with suppress(OSError, ValueError, TypeError):  # none, or not what was written
         corners, views, *others = json.loads(path.read_text(encoding="utf-8"))
         return Frame([Corner(*one) for one in corners], [View(*one) for one in views], *others)
@@ -159,7 +165,7 @@ def judge_once(tables: Tables, pose: Pose, folder: Path) -> Frame:
 
 
 @functools.cache
-def _sources() -> bytes:
+def sources() -> bytes:
     """The judge itself: a frame that another one has judged is judged again."""
     own = (path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
     return b"".join([*own, version("mitsuba").encode()])
@@ -183,10 +189,10 @@ def _find_corners(
     corner reach the membrane's plane.
     """
     pad, alone = tables["pads"][index], Tracer(tables, pose, lens.position, index, SPARE)
-    length, half = abs(np.diff(alone.lines[index])[0]), pad.get("width", WIDTH) / 2
+    length, half = alone.pads[index].length, pad.get("width", WIDTH) / 2
     columns, rows = np.arange(0, lens.columns, COARSE), np.arange(0, lens.rows, COARSE)
     grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-    seen = alone.trace(lens.rays(grid))
+    seen = alone.trace(*lens.sight(grid))
     asked, insets, guesses = [], [], []
     for word in np.unique(seen.word[seen.reached]).tolist():
         mine = seen.reached & (seen.word == word)
@@ -199,9 +205,9 @@ def _find_corners(
         return []
     words, ends, sides = np.array(asked).T
     wanted = np.stack([ends * length, sides * half], axis=-1)
-    solved = _solve(alone, lens, words, np.array(guesses), wanted, np.array(insets))
+    solved = find_places(alone, lens, words, np.array(guesses), wanted, np.array(insets))
     places, beside, residuals = solved
-    check = whole.trace(lens.rays(beside))
+    check = whole.trace(*lens.sight(beside))
     there = check.reached & (check.word == words) & (check.pad == index) & ~whole.by_end(check)
     there &= np.all((places >= 0) & (places <= (lens.columns - 1, lens.rows - 1)), axis=-1)
     numbers = zip(asked, places.tolist(), residuals.tolist(), strict=True)
@@ -212,7 +218,7 @@ def _find_corners(
     ]
 
 
-def _solve(
+def find_places(
     alone: Tracer, lens: Lens, words: np.ndarray, places: np.ndarray, wanted: np.ndarray,
     insets: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
@@ -225,7 +231,7 @@ def _solve(
     beside, residuals = np.full_like(places, np.nan), np.full(len(places), np.nan)
     for _ in range(ROUNDS):
         before = places.copy()
-        traced = alone.trace(lens.rays((places[:, None] + STENCIL).reshape(-1, 2)))
+        traced = alone.trace(*lens.sight((places[:, None] + STENCIL).reshape(-1, 2)))
         shape = len(places), len(STENCIL)
         valid = (traced.reached & (traced.word == np.repeat(words, shape[1]))).reshape(shape)
         on = np.stack([traced.along, traced.across], axis=-1).reshape(*shape, 2)
@@ -262,7 +268,7 @@ def _find_views(tables: Tables, lens: Lens, tracer: Tracer) -> list[View]:
 
     def trace(rows: np.ndarray) -> tuple[Traced, np.ndarray]:
         places = np.stack([np.full(len(rows), middle), rows], axis=-1)
-        traced = tracer.trace(lens.rays(places))
+        traced = tracer.trace(*lens.sight(places))
         return traced, traced.labels()
 
     rows = np.linspace(-0.5, lens.rows - 0.5, round(lens.rows / FAN) + 1)[1:-1]
@@ -286,7 +292,7 @@ def _find_views(tables: Tables, lens: Lens, tracer: Tracer) -> list[View]:
         outer = inner + step
     within, beyond = trace(inner)[0], trace(outer)[0]
     pads, limit = tables.get("pads", []), (lens.rows - 0.001) / 2
-    along = within.along / np.abs(tracer.lines[within.pad, 1] - tracer.lines[within.pad, 0])
+    along = within.along / np.array([frame.length for frame in tracer.pads])[within.pad]
 
     def bound(end: int) -> str:
         if abs(outer[end] - lens.middle[1]) > limit:

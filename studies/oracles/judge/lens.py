@@ -26,16 +26,23 @@ class Lens(NamedTuple):
     """A camera whose image line is the image's middle column.
 
     Attributes:
-        position: in the section.
+        position: of the entrance pupil for rays along the axis, (x, y, z).
         axis: unit vector of the optical axis.
+        up: unit vector across it, towards lesser rows.
+        right: unit vector towards greater columns.
+        pupil: how far before the position rays at an angle θ (rad) from the axis pass it: e₂ and e₄
+            of e₂ θ² + e₄ θ⁴, mm.
         focal: focal length, px.
         rows: of the image, which the field of view fills.
         columns: of the image.
         heights: image heights at `ANGLES`, as far as they grow.
     """
 
-    position: complex
-    axis: complex
+    position: np.ndarray
+    axis: np.ndarray
+    up: np.ndarray
+    right: np.ndarray
+    pupil: tuple[float, float]
     focal: float
     rows: int
     columns: int
@@ -48,10 +55,18 @@ class Lens(NamedTuple):
         heights = heights[: 1 + int(np.argmin(np.append(np.diff(heights) > 0, False)))]
         rows, half = int(camera["pixels"]), math.radians(camera["fov_deg"] / 2)
         focal = rows / 2 / float(np.interp(half, ANGLES[: len(heights)], heights))
+        focal *= camera.get("scale", 1.0)
         turn, shift = motion
-        position = turn * complex(*camera["position"]) + shift
-        axis = turn * cmath.exp(1j * math.radians(camera["direction_deg"]))
-        return cls(position, axis, focal, rows, round(aspect * rows), heights)
+        place = turn * complex(*camera["position"]) + shift
+        toward = turn * cmath.exp(1j * math.radians(camera["direction_deg"]))
+        axis, up = (np.array([one.real, one.imag, 0.0]) for one in (toward, 1j * toward))
+        right = np.array([0.0, 0.0, 1.0])
+        axis, right = _turned(axis, right, camera.get("yaw", 0.0))
+        up, right = _turned(up, right, camera.get("roll", 0.0))
+        position = np.array([place.real, place.imag, camera.get("lateral", 0.0)])
+        first, second = camera.get("pupil_shift") or (0.0, 0.0)
+        columns = round(aspect * rows)
+        return cls(position, axis, up, right, (first, second), focal, rows, columns, heights)
 
     @property
     def middle(self) -> tuple[float, float]:
@@ -65,12 +80,34 @@ class Lens(NamedTuple):
         have NaN.
         """
         across, down = (places - self.middle).T
-        radius, angles = np.hypot(across, down), ANGLES[: len(self.heights)]
-        angle = np.interp(radius / self.focal, self.heights, angles, right=np.nan)
-        safe = np.where(radius > 0, radius, 1.0)
-        up, side = -np.sin(angle) * down / safe, np.sin(angle) * across / safe
-        plane = self.axis * (np.cos(angle) + 1j * up)
-        return np.stack([plane.real, plane.imag, side], axis=-1)
+        radius, angle = np.hypot(across, down), self._angles(places)
+        share = np.sin(angle) / np.where(radius > 0, radius, 1.0)
+        return (
+            np.cos(angle)[:, None] * self.axis
+            + (share * across)[:, None] * self.right
+            - (share * down)[:, None] * self.up
+        )
+
+    def pupils(self, places: np.ndarray) -> np.ndarray:
+        """Where these rays pass the entrance pupil, from `position`, shape (places, 3)."""
+        square = self._angles(places) ** 2
+        shift = square * (self.pupil[0] + square * self.pupil[1])
+        return shift[:, None] * self.axis
+
+    def sight(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`rays` and `pupils`."""
+        return self.rays(places), self.pupils(places)
+
+    def _angles(self, places: np.ndarray) -> np.ndarray:
+        """From the axis, rad."""
+        radius, angles = np.hypot(*(places - self.middle).T), ANGLES[: len(self.heights)]
+        return np.interp(radius / self.focal, self.heights, angles, right=np.nan)
+
+
+def _turned(one: np.ndarray, other: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors at right angles, the first turned towards the second."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return cosine * one + sine * other, cosine * other - sine * one
 
 
 def _heights(projection: str | Sequence[float]) -> np.ndarray:

@@ -1,0 +1,151 @@
+"""Things pressed into membranes, and how a membrane bulges over them towards the camera.
+
+Each is made of bodies whose surface is round across a segment: spheres, and edges as long as the
+segment. Over such a body pressed in to a depth d, the membrane lies on it up to a = √(R d) from the
+segment, and beyond as a half-space does (Johnson, Contact Mechanics, 1985, §4.2(a), Hertz), fading
+over `FADE`, since a pad is thin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+FADE = 3.0
+"""mm."""
+
+STEPS, HALVINGS = 32, 8
+"""A ray's way through the height of a bulge is divided so, and then the part where it meets it."""
+
+SHAPES: Mapping[str, tuple[float, float, int]] = {
+    "sphere": (8.0, 0.0, 1),
+    "ball": (2.5, 0.0, 1),
+    "edge": (2.0, 10.0, 1),
+    "studs": (0.8, 0.0, 3),
+}
+"""Radius and length, mm, and how many stand in a row and in a column."""
+
+PITCH = 3.0
+"""Of studs, mm."""
+
+WIDTH = 24.0
+"""Of a pad that gives none, mm."""
+
+
+class Contact(NamedTuple):
+    """One thing pressed into a membrane.
+
+    Attributes:
+        pad: its name.
+        kind: of the thing.
+        along: of its middle, mm from the membrane's end "from".
+        across: of its middle, mm towards greater columns.
+        depth: mm.
+        turn: of its length from along towards across, rad.
+    """
+
+    pad: str
+    kind: Literal["sphere", "ball", "edge", "studs"]
+    along: float
+    across: float
+    depth: float
+    turn: float = 0.0
+
+
+class Contacts:
+    """All that is pressed into the membranes of a scene.
+
+    Args:
+        tables: of the scene.
+        contacts: things in any order.
+    """
+
+    def __init__(self, tables: Mapping[str, Any], contacts: Sequence[Contact]) -> None:
+        pads = tables.get("pads", [])
+        self._sizes = [
+            (abs(complex(*pad["to"]) - complex(*pad["from"])), pad.get("width", WIDTH) / 2)
+            for pad in pads
+        ]
+        self._contacts = [[one for one in contacts if one.pad == pad["name"]] for pad in pads]
+
+    def of(self, pad: int) -> list[Contact]:
+        """Those of a pad."""
+        return self._contacts[pad]
+
+    def heights(self, pad: int, along: np.ndarray, across: np.ndarray) -> np.ndarray:
+        """Of a membrane above its plane, mm."""
+        found = np.zeros(np.broadcast(along, across).shape)
+        for one in self._contacts[pad]:
+            radius, length, count = SHAPES[one.kind]
+            cosine, sine = np.cos(one.turn), np.sin(one.turn)
+            u, v = along - one.along, across - one.across
+            u, v = cosine * u + sine * v, cosine * v - sine * u
+            places = (np.arange(count) - (count - 1) / 2) * PITCH
+            for row in places:
+                for column in places:
+                    beyond = np.maximum(np.abs(u - row) - length / 2, 0)
+                    away = np.hypot(beyond, v - column)
+                    found = np.maximum(found, bulge(away, radius, one.depth))
+        return found
+
+    def normals(self, pad: int, along: np.ndarray, across: np.ndarray) -> np.ndarray:
+        """Unit normals (along, across, height) of a membrane, shape (…, 3)."""
+        step = 1e-3
+        slopes = [
+            (self.heights(pad, along + a, across + b) - self.heights(pad, along - a, across - b))
+            / (2 * step)
+            for a, b in ((step, 0.0), (0.0, step))
+        ]
+        normal = np.stack([-slopes[0], -slopes[1], np.ones_like(slopes[0])], axis=-1)
+        return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+
+    def meet(self, pad: int, origins: np.ndarray, ways: np.ndarray) -> np.ndarray:
+        """How far rays go until they meet the bulging membrane of a pad, where they do; else ∞.
+
+        Origins and directions are in the pad's own axes: along, across, height.
+        """
+        far = np.full(len(origins), np.inf)
+        if not self._contacts[pad]:
+            return far
+        length, half = self._sizes[pad]
+        highest = max(one.depth for one in self._contacts[pad])
+        low, high = np.array([0.0, -half, 0.0]), np.array([length, half, highest])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.sort([(low - origins) / ways, (high - origins) / ways], axis=0)
+        enter, leave = np.max(ends[0], axis=-1), np.min(ends[1], axis=-1)
+        enter = np.maximum(enter, 0.0)
+        # From above, or along: what begins below a bulge has just left its membrane.
+        mine = np.flatnonzero(enter < leave)
+        origin, way, start, stop = origins[mine], ways[mine], enter[mine], leave[mine]
+
+        def above(distance: np.ndarray) -> np.ndarray:
+            place = origin + distance[:, None] * way
+            height = self.heights(pad, place[:, 0], place[:, 1])
+            return place[:, 2] - height > np.where(height > 1e-4, 0.0, -1.0)
+
+        first, last, open_ = start.copy(), np.full(len(mine), np.inf), np.ones(len(mine), bool)
+        for i in range(STEPS + 1):
+            now = start + (stop - start) * i / STEPS
+            free = above(now)
+            last = np.where(open_ & ~free, now, last)
+            open_ &= free
+            first = np.where(open_, now, first)
+        hit = np.flatnonzero(last < np.inf)
+        origin, way, first, last = origin[hit], way[hit], first[hit], last[hit]
+        for _ in range(HALVINGS):
+            middle = (first + last) / 2
+            free = above(middle)
+            first, last = np.where(free, middle, first), np.where(free, last, middle)
+        far[mine[hit]] = last
+        return far
+
+
+def bulge(away: np.ndarray, radius: float, depth: float) -> np.ndarray:
+    """Height of a membrane at a distance from the middle of a body that is pressed in, mm."""
+    edge = np.sqrt(radius * depth)
+    share = np.maximum(away / edge, 1.0)
+    flank = (2 - share**2) * np.arcsin(1 / share) + np.sqrt(share**2 - 1)
+    outside = depth / np.pi * flank * np.exp(-(((np.maximum(away, edge) - edge) / FADE) ** 2))
+    return np.where(away < edge, depth - away**2 / (2 * radius), outside)
