@@ -32,6 +32,13 @@ FEET = 2.5
 SAMPLES = 33
 """Brightness samples across each of these places."""
 
+APART = 2 * REACH / (SAMPLES - 1)
+"""From one to the next, px."""
+
+BESIDE_EDGE, NO_WIDER, MEAN, ALIKE = 1.5, 1.5, 3, 5
+"""Light beside an edge is that so many widths from its middle (2 of a normal edge's deviations),
+none taken to be so many times as wide as those of most sides, over so many samples and places."""
+
 BRIGHTER = 0.85
 """Of the samples inside, this part is darker than what counts as the view's brightness; the rest,
 which is brighter, must lie between the edges of a view where it is thin."""
@@ -179,23 +186,29 @@ def find_edges(
     if near is not None:
         outside, profile = _before_lamps(profile, near, start, inside, outside)
     contrast = inside - outside
-    crossings = [_falling(profile, start, inside - part * contrast) for part in (0.25, 0.5, 0.75)]
-    begins, middle, ends = (reach[0] + (reach[1] - reach[0]) * place for place, _ in crossings)
-    found = np.all([there for _, there in crossings], axis=0)
     shape = (len(sides), POINTS)
-    width = _median((ends - begins).reshape(shape), found.reshape(shape))
+    depth = contrast / np.maximum(inside - np.median(outside.reshape(shape), axis=1).min(), 1.0)
+    middle, widths, found = _crossed(profile, start, inside, outside)
+    width = _median(widths.reshape(shape), found.reshape(shape))
+    # Uneven light is not as bright within reach as at the edge: what is beside it counts.
+    foot = BESIDE_EDGE * np.minimum(width, NO_WIDER * np.median(width)) / APART
+    start, inside, outside = _beside(profile, middle, np.repeat(foot, POINTS))
+    inside, outside = (cv2.blur(level.reshape(shape), (ALIKE, 1)).ravel() for level in (inside, outside))
+    contrast = inside - outside
+    middle, widths, again = _crossed(profile, start, inside, outside)
+    found &= again
+    width = APART * _median(widths.reshape(shape), found.reshape(shape))
+    middle = reach[0] + APART * middle
     # Where a view is too thin, as at its acute corners, another side's edge is in the way.
     thick = np.repeat(FEET * width + REACH * (1 - BRIGHTER), POINTS)
     inward = flat - (thick / scale)[:, None] * outward
     beyond = np.stack([(inward - side.start) @ side.outward for side in sides])
     clear = (beyond < 0).all(axis=0)
     there = (found & clear & (contrast >= LEAST_CONTRAST)).reshape(shape)
-    dark = float(np.median(outside.reshape(shape), axis=1).min())
-    depth = contrast / np.maximum(inside - dark, 1.0)
     deep = _median(depth.reshape(shape), there)
     doubt = SEAM * np.maximum(DEEP - deep, 0.0)
     if near is not None:
-        sample = np.clip(np.rint((middle - reach[0]) / (reach[1] - reach[0])), 0, SAMPLES - 1)
+        sample = np.clip(np.rint((middle - reach[0]) / APART), 0, SAMPLES - 1)
         lit = near[np.arange(len(flat)), sample.astype(int)].reshape(shape) & there
         lit_share = lit.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
         doubt = np.where(lit_share > LIT, BLOOM, doubt)
@@ -228,8 +241,8 @@ def _before_lamps(
     its edge. Where there is no gap, brightness rises at the pad's edge.
     """
     counts = np.arange(profile.shape[1])
-    apart = round(BESIDE * (profile.shape[1] - 1) / (2 * REACH))
-    lamp = np.where(near.any(axis=1), np.argmax(near, axis=1) + apart, 0)[:, None]
+    first = np.argmax(near, axis=1) + round(BESIDE / APART)
+    lamp = np.where(near.any(axis=1), first, 0)[:, None]
     between = (counts >= start[:, None]) & (counts <= lamp)
     floor = np.where(between, profile, np.inf).min(axis=1)
     gap = floor < VALLEY * inside
@@ -238,6 +251,40 @@ def _before_lamps(
     beyond = np.maximum.accumulate(ends & near.any(axis=1)[:, None], axis=1)
     outside = np.where(gap, np.maximum(outside, floor), outside)
     return outside, np.where(beyond, outside[:, None], profile)
+
+
+def _crossed(
+    profile: Float[np.ndarray, "places samples"],
+    start: Int[np.ndarray, " places"],
+    inside: Float[np.ndarray, " places"],
+    outside: Float[np.ndarray, " places"],
+) -> tuple[Float[np.ndarray, " places"], Float[np.ndarray, " places"], Bool[np.ndarray, " places"]]:
+    """Where light falls below half of its step, over how many samples it falls by half of it."""
+    levels = (inside - part * (inside - outside) for part in (0.25, 0.5, 0.75))
+    crossings = [_falling(profile, start, level) for level in levels]
+    begins, middle, ends = (place for place, _ in crossings)
+    return middle, ends - begins, np.all([there for _, there in crossings], axis=0)
+
+
+def _beside(
+    profile: Float[np.ndarray, "places samples"],
+    middle: Float[np.ndarray, " places"],
+    foot: Float[np.ndarray, " places"],
+) -> tuple[Int[np.ndarray, " places"], Float[np.ndarray, " places"], Float[np.ndarray, " places"]]:
+    """The sample where an edge begins, and light inside and outside of it.
+
+    Args:
+        profile: light across every place.
+        middle: of the edge, in samples.
+        foot: from there to where it begins and ends, in samples.
+    """
+    last = profile.shape[1] - 1
+    start = np.clip(np.rint(middle - foot), 0, last).astype(int)
+    end = np.clip(np.rint(middle + foot), 0, last).astype(int)
+    counts, rows = np.arange(last + 1), np.arange(len(profile))
+    beyond = (counts >= middle[:, None]) & (counts <= end[:, None] + MEAN - 1)
+    before = np.stack([profile[rows, np.maximum(start - i, 0)] for i in range(MEAN)])
+    return start, before.mean(axis=0), np.where(beyond, profile, np.inf).min(axis=1)
 
 
 def _falling(
