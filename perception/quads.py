@@ -38,7 +38,8 @@ RIGHT, UP = np.eye(2)
 """Directions in the tangent plane."""
 
 WIDEST = 0.8 * 2 * REACH / FEET
-"""Of a side's edge, px: of a wider one not both feet lie within reach, with a fifth to spare."""
+"""Of a side's edge, px: of a wider one not both feet lie within reach, with a fifth to spare. Two
+sides are blurred where a view is; the edge of one may be a gradient of light."""
 
 CLEAR = 0.5
 """Other sides' edges are clear of at least this part of every side: a line through less of it would
@@ -133,7 +134,7 @@ def fit_quad(
         quality = Quality.CLIPPED
     elif contrast < LEAST_CONTRAST:
         quality = Quality.LOW_CONTRAST
-    elif found.edges.width.max() > WIDEST or found.edges.clear.min() < CLEAR:
+    elif np.sort(found.edges.width)[-2] > WIDEST or found.edges.clear.min() < CLEAR:
         quality = Quality.BLURRED
     elif not np.isfinite(scatter):
         quality = Quality.LOW_CONTRAST

@@ -32,13 +32,6 @@ FEET = 2.5
 SAMPLES = 33
 """Brightness samples across each of these places."""
 
-APART = 2 * REACH / (SAMPLES - 1)
-"""From one to the next, px."""
-
-BESIDE_EDGE, NO_WIDER, MEAN, ALIKE = 1.5, 1.5, 3, 5
-"""Light beside an edge is that so many widths from its middle (2 of a normal edge's deviations),
-none taken to be so many times as wide as those of most sides, over so many samples and places."""
-
 BRIGHTER = 0.85
 """Of the samples inside, this part is darker than what counts as the view's brightness; the rest,
 which is brighter, must lie between the edges of a view where it is thin."""
@@ -56,6 +49,10 @@ DEEP, SEAM = 0.9, 10.0
 """Where brightness falls by a smaller part than `DEEP` to the dark, an edge is doubted by so many
 pixels per missing part: what falls halfway only may be as far off as a seam is wide."""
 
+WIDER, GRADUAL = 1.5, 0.5
+"""An edge more than so many times as wide as those of most sides is doubted by this part of the
+rest of its width."""
+
 BESIDE, LIT, BLOOM = 3, 0.2, 2.0
 """Where a lamp is within so many pixels of more than a part of a side's edges, these are where
 brightness rises to the lamp's; where it is clipped they are doubted by so many pixels."""
@@ -63,6 +60,10 @@ brightness rises to the lamp's; where it is clipped they are doubted by so many 
 VALLEY, RISE, CLIPPED = 0.9, 0.1, 255.0
 """A gap between a pad and a lamp is darker than this share of the pad. A lamp begins where light has
 risen by this share of the way to where it is clipped."""
+
+ENDS, SCATTERED = 6, 4.0
+"""Over this part of a side at each end its edges lie on its line, but for so many standard
+deviations of their mean."""
 
 SMALL = 1e-4
 """Step of differences in the tangent plane."""
@@ -186,29 +187,25 @@ def find_edges(
     if near is not None:
         outside, profile = _before_lamps(profile, near, start, inside, outside)
     contrast = inside - outside
+    crossings = [_falling(profile, start, inside - part * contrast) for part in (0.25, 0.5, 0.75)]
+    begins, middle, ends = (reach[0] + (reach[1] - reach[0]) * place for place, _ in crossings)
+    found = np.all([there for _, there in crossings], axis=0)
     shape = (len(sides), POINTS)
-    depth = contrast / np.maximum(inside - np.median(outside.reshape(shape), axis=1).min(), 1.0)
-    middle, widths, found = _crossed(profile, start, inside, outside)
-    width = _median(widths.reshape(shape), found.reshape(shape))
-    # Uneven light is not as bright within reach as at the edge: what is beside it counts.
-    foot = BESIDE_EDGE * np.minimum(width, NO_WIDER * np.median(width)) / APART
-    start, inside, outside = _beside(profile, middle, np.repeat(foot, POINTS))
-    inside, outside = (cv2.blur(level.reshape(shape), (ALIKE, 1)).ravel() for level in (inside, outside))
-    contrast = inside - outside
-    middle, widths, again = _crossed(profile, start, inside, outside)
-    found &= again
-    width = APART * _median(widths.reshape(shape), found.reshape(shape))
-    middle = reach[0] + APART * middle
+    width = _median((ends - begins).reshape(shape), found.reshape(shape))
     # Where a view is too thin, as at its acute corners, another side's edge is in the way.
     thick = np.repeat(FEET * width + REACH * (1 - BRIGHTER), POINTS)
     inward = flat - (thick / scale)[:, None] * outward
     beyond = np.stack([(inward - side.start) @ side.outward for side in sides])
     clear = (beyond < 0).all(axis=0)
     there = (found & clear & (contrast >= LEAST_CONTRAST)).reshape(shape)
+    dark = float(np.median(outside.reshape(shape), axis=1).min())
+    depth = contrast / np.maximum(inside - dark, 1.0)
     deep = _median(depth.reshape(shape), there)
     doubt = SEAM * np.maximum(DEEP - deep, 0.0)
+    # Blur is much the same on all sides: a wider edge is a gradient of light, its half no edge.
+    doubt = np.hypot(doubt, GRADUAL * np.maximum(width - WIDER * np.median(width), 0.0))
     if near is not None:
-        sample = np.clip(np.rint((middle - reach[0]) / APART), 0, SAMPLES - 1)
+        sample = np.clip(np.rint((middle - reach[0]) / (reach[1] - reach[0])), 0, SAMPLES - 1)
         lit = near[np.arange(len(flat)), sample.astype(int)].reshape(shape) & there
         lit_share = lit.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
         doubt = np.where(lit_share > LIT, BLOOM, doubt)
@@ -241,8 +238,8 @@ def _before_lamps(
     its edge. Where there is no gap, brightness rises at the pad's edge.
     """
     counts = np.arange(profile.shape[1])
-    first = np.argmax(near, axis=1) + round(BESIDE / APART)
-    lamp = np.where(near.any(axis=1), first, 0)[:, None]
+    apart = round(BESIDE * (profile.shape[1] - 1) / (2 * REACH))
+    lamp = np.where(near.any(axis=1), np.argmax(near, axis=1) + apart, 0)[:, None]
     between = (counts >= start[:, None]) & (counts <= lamp)
     floor = np.where(between, profile, np.inf).min(axis=1)
     gap = floor < VALLEY * inside
@@ -251,40 +248,6 @@ def _before_lamps(
     beyond = np.maximum.accumulate(ends & near.any(axis=1)[:, None], axis=1)
     outside = np.where(gap, np.maximum(outside, floor), outside)
     return outside, np.where(beyond, outside[:, None], profile)
-
-
-def _crossed(
-    profile: Float[np.ndarray, "places samples"],
-    start: Int[np.ndarray, " places"],
-    inside: Float[np.ndarray, " places"],
-    outside: Float[np.ndarray, " places"],
-) -> tuple[Float[np.ndarray, " places"], Float[np.ndarray, " places"], Bool[np.ndarray, " places"]]:
-    """Where light falls below half of its step, over how many samples it falls by half of it."""
-    levels = (inside - part * (inside - outside) for part in (0.25, 0.5, 0.75))
-    crossings = [_falling(profile, start, level) for level in levels]
-    begins, middle, ends = (place for place, _ in crossings)
-    return middle, ends - begins, np.all([there for _, there in crossings], axis=0)
-
-
-def _beside(
-    profile: Float[np.ndarray, "places samples"],
-    middle: Float[np.ndarray, " places"],
-    foot: Float[np.ndarray, " places"],
-) -> tuple[Int[np.ndarray, " places"], Float[np.ndarray, " places"], Float[np.ndarray, " places"]]:
-    """The sample where an edge begins, and light inside and outside of it.
-
-    Args:
-        profile: light across every place.
-        middle: of the edge, in samples.
-        foot: from there to where it begins and ends, in samples.
-    """
-    last = profile.shape[1] - 1
-    start = np.clip(np.rint(middle - foot), 0, last).astype(int)
-    end = np.clip(np.rint(middle + foot), 0, last).astype(int)
-    counts, rows = np.arange(last + 1), np.arange(len(profile))
-    beyond = (counts >= middle[:, None]) & (counts <= end[:, None] + MEAN - 1)
-    before = np.stack([profile[rows, np.maximum(start - i, 0)] for i in range(MEAN)])
-    return start, before.mean(axis=0), np.where(beyond, profile, np.inf).min(axis=1)
 
 
 def _falling(
@@ -317,6 +280,7 @@ def fit_lines(edges: Edges) -> list[Line]:
         left = offsets - (design @ solution)[..., 0]
         solution, normal, weights = _weighted(design, offsets, left, found)
     left = offsets - (design @ solution)[..., 0]
+    bend = _bends(left, found)
     variance = np.sum(weights * left**2, axis=1) / np.maximum(np.sum(weights, axis=1) - 2, 1)
     furthest = TUKEY * _deviation(left, found)
     near = np.where(found, np.clip(left, -furthest, furthest), 0.0)
@@ -325,7 +289,12 @@ def fit_lines(edges: Edges) -> list[Line]:
     alike = np.sum(near[:, 1:] * near[:, :-1], axis=1) / pairs / np.maximum(mean_square, 1e-12)
     alike = np.clip(alike, 0.0, 0.9)
     covariance = (variance * (1 + alike) / (1 - alike))[:, None, None] * np.linalg.inv(normal)
-    covariance[:, 0, 0] += (edges.doubt / np.mean(edges.scale, axis=1)) ** 2
+    scale = np.mean(edges.scale, axis=1)
+    covariance[:, 0, 0] += (edges.doubt / scale) ** 2
+    # What moves one end only, and turns the side.
+    first, last = (bend / scale[:, None]).T ** 2
+    covariance += first[:, None, None] * np.array([[1, -1], [-1, 1]])
+    covariance[:, 1, 1] += last
     unknown = Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.inf)
     return [
         Line(float(line[0, 0]), float(line[1, 0]), covariance[i], float(np.sqrt(variance[i])))
@@ -333,6 +302,24 @@ def fit_lines(edges: Edges) -> list[Line]:
         else unknown
         for i, line in enumerate(solution)
     ]
+
+
+def _bends(
+    left: Float[np.ndarray, "sides places"], found: Bool[np.ndarray, "sides places"]
+) -> Float[np.ndarray, "sides 2"]:
+    """By how much the edges near each end of a side lie off its line, all to one side, px.
+
+    A contact that bulges the gel near a corner moves them: the line does not follow, but whether it
+    or they are the pad's side the edges do not show. What scatter alone does is taken off.
+    """
+    part = left.shape[1] // ENDS
+    off = []
+    for one in (slice(0, part), slice(left.shape[1] - part, None)):
+        there = found[:, one]
+        middle = _median(left[:, one], there)
+        scatter = _deviation(left, found)[:, 0] / np.sqrt(np.maximum(there.sum(axis=1), 1))
+        off.append(np.maximum(np.abs(middle) - SCATTERED * scatter, 0.0))
+    return np.stack(off, axis=-1)
 
 
 def _weighted(
