@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from perception.blobs import stable_blobs
+from perception.blobs import join_halves, stable_blobs
 from perception.images import checked_image
 from perception.lens import Lens
 from perception.masks import brightness, lamp_mask, without_lamps
@@ -42,7 +42,7 @@ def detect_quads(image: object, lens: Lens) -> list[Quad]:
     gray = brightness(picture) if picture.ndim == 3 else picture
     lamps = lamp_mask(picture, gray)
     exact = lens.light(without_lamps(gray, lamps, 0))
-    blobs = stable_blobs(without_lamps(gray, lamps, BLOOM))
+    blobs = join_halves(stable_blobs(without_lamps(gray, lamps, BLOOM)))
     quads = [fit_quad(exact, lens, blob.contour, lamps) for blob in blobs]
     found = [quad for quad in quads if quad is not None]
     return sorted(found, key=lambda quad: float(quad.corners[:, 1].mean()))

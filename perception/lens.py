@@ -50,6 +50,12 @@ class Lens:
             return codes.astype(np.float32)
         return cv2.LUT(codes, self.response.astype(np.float32))
 
+    def codes(self, light: Float[np.ndarray, "*places"]) -> Float[np.ndarray, "*places"]:
+        """Codes of light, 0 to 255, not rounded; inverts `light`."""
+        if self.response is None:
+            return light
+        return np.interp(light, self.response, np.arange(256.0))
+
     def rays(self, places: Places) -> Rays:
         """The rays through places in the image, interpolated between pixels."""
         if not len(places):

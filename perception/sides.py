@@ -49,7 +49,7 @@ DEEP, SEAM = 0.9, 10.0
 """Where brightness falls by a smaller part than `DEEP` to the dark, an edge is doubted by so many
 pixels per missing part: what falls halfway only may be as far off as a seam is wide."""
 
-WIDER, GRADUAL = 1.5, 0.5
+WIDER, GRADUAL = 1.5, 0.75
 """An edge more than so many times as wide as those of most sides is doubted by this part of the
 rest of its width."""
 
@@ -102,7 +102,7 @@ class Edges:
         offsets: outward from the side, tangent plane.
         scale: px per unit of the tangent plane across the side.
         found: where an edge was found at all.
-        contrast: step of brightness, the median over the places where an edge was found, or over
+        contrast: step of brightness in codes, the median over the places where an edge was found, or over
             all of a side that has none.
         width: of the edge, from three quarters of its step to one quarter, px, the median over the
             places.
@@ -197,7 +197,9 @@ def find_edges(
     inward = flat - (thick / scale)[:, None] * outward
     beyond = np.stack([(inward - side.start) @ side.outward for side in sides])
     clear = (beyond < 0).all(axis=0)
-    there = (found & clear & (contrast >= LEAST_CONTRAST)).reshape(shape)
+    # Noise and steps of rounding are of much the same size in codes, bright or dark.
+    step = lens.codes(inside) - lens.codes(outside)
+    there = (found & clear & (step >= LEAST_CONTRAST)).reshape(shape)
     dark = float(np.median(outside.reshape(shape), axis=1).min())
     depth = contrast / np.maximum(inside - dark, 1.0)
     deep = _median(depth.reshape(shape), there)
@@ -216,8 +218,8 @@ def find_edges(
         found=there,
         contrast=np.where(
             there.any(axis=1),
-            _median(contrast.reshape(shape), there),
-            np.median(contrast.reshape(shape), axis=1),
+            _median(step.reshape(shape), there),
+            np.median(step.reshape(shape), axis=1),
         ),
         width=width,
         clear=clear.reshape(shape).mean(axis=1),
