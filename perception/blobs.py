@@ -44,7 +44,7 @@ LIKE = 0.02
 """A part that is smaller than this share of a blob falling apart is a chip, not a part."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Blob:
     """A bright blob.
 
@@ -82,7 +82,8 @@ def join_halves(blobs: list[Blob]) -> list[Blob]:
     """Blobs, those joined that are the two halves of one view.
 
     Every pad goes from side to side, and no other is beside it there: what is bright on the same
-    rows are the edges of one pad, lit by lamps beside them, whose middle is too dark.
+    rows are the edges of one pad, lit by lamps beside them, whose middle is too dark. Nothing else
+    is between them.
     """
     joined: list[Blob] = []
     for blob in sorted(blobs, key=lambda one: one.area, reverse=True):
@@ -90,8 +91,12 @@ def join_halves(blobs: list[Blob]) -> list[Blob]:
         if half is None:
             joined.append(blob)
             continue
-        both = cv2.convexHull(np.concatenate([blob.contour, joined[half].contour]))
-        joined[half] = Blob(both.reshape(-1, 2), cv2.contourArea(both))
+        hull = cv2.convexHull(np.concatenate([blob.contour, joined[half].contour]))
+        both = Blob(hull.reshape(-1, 2), cv2.contourArea(hull))
+        if any(_holds(both, one) for one in blobs if one not in (blob, joined[half])):
+            joined.append(blob)
+        else:
+            joined[half] = both
     return joined
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from perception.images import checked_brightness
+from perception.inner_lines import NONE, InnerLine, find_inner_lines
 from perception.lens import Lens, TangentPlane
 from perception.masks import Mask
 from perception.quality import Quality
@@ -64,6 +65,8 @@ class Quad:
         contrast: step of brightness across the side that has the least, of 255.
         scatter: standard deviation of edges about the side that fits worst, px.
         quality: complete, clipped, of low contrast or blurred.
+        inner: lines within its sides, from corner to corner in their order, where there are some:
+            a clear layer's polished walls show the pad again between them and the sides.
     """
 
     rays: Float[np.ndarray, "4 2"]
@@ -73,6 +76,7 @@ class Quad:
     contrast: float
     scatter: float
     quality: Quality
+    inner: tuple[InnerLine | None, ...] = NONE
 
 
 def fit_quad(
@@ -140,7 +144,11 @@ def fit_quad(
         quality = Quality.LOW_CONTRAST
     covariance = _covariances(lens, plane, found)
     area = float(cv2.contourArea(contour))
-    return Quad(rays, lens.project(rays), covariance, area, contrast, scatter, quality)
+    inner = NONE
+    if quality is Quality.COMPLETE:
+        sides = [Side(found.corners[i], found.corners[(i + 1) % 4]) for i in range(4)]
+        inner = find_inner_lines(gray, lens, plane, sides)
+    return Quad(rays, lens.project(rays), covariance, area, contrast, scatter, quality, inner)
 
 
 def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | None:
