@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from perception.blobs import join_halves, stable_blobs
@@ -12,12 +14,22 @@ from perception.matching import Sighting, ViewCatalog, match_views
 from perception.quads import Quad, fit_quad
 
 
+GREEN_CONTRAST = 12.0
+"""Codes: where the step in green is lower on any side, edges are those of the brightest color."""
+
+COLOR_DOUBT = 0.3
+"""px: by so much layers and lens image red and blue elsewhere than green, for which corners are
+predicted."""
+
 BLOOM = 3
 """A lamp's light spreads over so many pixels beside it, which are no part of a pad."""
 
 
 def detect_quads(image: object, lens: Lens) -> list[Quad]:
     """All bright quadrilaterals of an image, from its top to its bottom.
+
+    Layers and lenses image every color elsewhere: a quadrilateral is looked for in the brightest
+    color, and its edges in green alone if that is bright enough.
 
     Args:
         image: red, green and blue, or one channel, 8 bits.
@@ -41,10 +53,17 @@ def detect_quads(image: object, lens: Lens) -> list[Quad]:
     picture = checked_image(image, channels=(1, 3), like=("what the lens images", lens.shape))
     gray = brightness(picture) if picture.ndim == 3 else picture
     lamps = lamp_mask(picture, gray)
-    exact = lens.light(without_lamps(gray, lamps, 0))
-    blobs = join_halves(stable_blobs(without_lamps(gray, lamps, BLOOM)))
-    quads = [fit_quad(exact, lens, blob.contour, lamps) for blob in blobs]
-    found = [quad for quad in quads if quad is not None]
+    brightest = lens.light(without_lamps(gray, lamps, 0))
+    green = gray if picture.ndim == 2 else np.ascontiguousarray(picture[..., 1])
+    exact = brightest if picture.ndim == 2 else lens.light(without_lamps(green, lamps, 0))
+    found = []
+    for blob in join_halves(stable_blobs(without_lamps(gray, lamps, BLOOM))):
+        quad = fit_quad(exact, lens, blob.contour, lamps)
+        if quad is None or quad.contrast < GREEN_CONTRAST:
+            quad = fit_quad(brightest, lens, blob.contour, lamps)
+            if quad is not None and picture.ndim == 3:
+                quad = replace(quad, covariance=quad.covariance + COLOR_DOUBT**2 * np.eye(2))
+        found += [quad] if quad is not None else []
     return sorted(found, key=lambda quad: float(quad.corners[:, 1].mean()))
 
 

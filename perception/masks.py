@@ -64,9 +64,7 @@ def lamp_mask(image: Image | Gray, gray: Gray) -> Mask:
     return mask
 
 
-def _ends_steeply(
-    image: Image | Gray, rows: np.ndarray, columns: np.ndarray, step: int
-) -> bool:
+def _ends_steeply(image: Image | Gray, rows: np.ndarray, columns: np.ndarray, step: int) -> bool:
     """Whether light falls steeply from places, some columns beside them, and then no more."""
     beside = np.clip(columns + step * np.arange(3)[:, None], 0, image.shape[1] - 1)
     levels = image[rows, beside].astype(float)

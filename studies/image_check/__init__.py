@@ -20,7 +20,9 @@ class ImageCheckSpec(Spec):
         0.1, "standard deviation of these labels (degrees)", gt=0, le=10
     )
     tolerances: MadeSpec = MadeSpec()
-    cache: str = setting("", "folder that keeps pictures (empty: the user's cache folder)", free=True)
+    cache: str = setting(
+        "", "folder that keeps pictures (empty: the user's cache folder)", free=True
+    )
 
 
 STUDY = Study(

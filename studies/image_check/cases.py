@@ -115,9 +115,7 @@ def without_layers(tables: Mapping[str, Any]) -> Scene:
     return parse_scene({**tables, "pads": pads, "camera": camera}, "finger in air")
 
 
-def fingers(
-    spec: ImageCheckSpec, deviations: Mapping[str, Any], seed: int
-) -> Iterator[Finger]:
+def fingers(spec: ImageCheckSpec, deviations: Mapping[str, Any], seed: int) -> Iterator[Finger]:
     """All fingers of a run."""
     for number in range(spec.fingers):
         light, layers = CONDITIONS[number % len(CONDITIONS)]
@@ -176,7 +174,9 @@ def _contacts(tables: Mapping[str, Any], generator: np.random.Generator) -> tupl
 
 def plain(deviations: Fabrication) -> dict[str, Any]:
     """Errors by their names, as numbers and lists."""
-    named = {field.name: getattr(deviations, field.name) for field in dataclasses.fields(deviations)}
+    named = {
+        field.name: getattr(deviations, field.name) for field in dataclasses.fields(deviations)
+    }
     return {name: np.asarray(value).tolist() for name, value in named.items() if value is not None}
 
 

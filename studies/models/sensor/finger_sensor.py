@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -97,6 +97,12 @@ class FingerSensor:
             raise UserError(f"scene: {error}; {CURE}") from error
         model = corner_model(scene, imaging, catalog, deviations, carried)
         return cls(scene, imaging, lens, catalog, model, deviations, carried, width)
+
+    def with_response(self, gamma: float) -> FingerSensor:
+        """The same with a camera whose codes are light^(1/gamma)."""
+        codes = np.arange(256) / 255
+        response = None if gamma == 1 else 255 * codes**gamma
+        return replace(self, lens=replace(self.lens, response=response))
 
     def renderer(self, effects: Effects, errors: Fabrication | None, seed: int) -> Renderer:
         """A camera in front of a finger that was made with errors."""

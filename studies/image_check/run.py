@@ -1,0 +1,376 @@
+"""The study itself: from its spec to its results."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+
+from designopt import Context, Records, Report, Results, UserError
+from designopt.plot.figures import new_figure
+from designopt.study import plots
+from designopt.user_folders import user_folder
+from optics import parse_scene
+from optics.visibility.corners_in_space import CORNERS
+from perception.matching import Sighting
+from perception.proprioception import (
+    calibrate,
+    compute_information_bound,
+    find_pose,
+    make_undefined,
+    observe,
+    split_estimates,
+    stack_observations,
+)
+from perception.proprioception.observation import FLOOR
+from perception.quality import Quality
+from studies.image_check import ImageCheckSpec
+from studies.image_check.cases import (
+    COUPLED,
+    EVEN,
+    GAP,
+    WIDTH,
+    Finger,
+    fingers,
+    in_deviations,
+    nominal,
+    plain,
+    without_layers,
+)
+from studies.models.sensor.estimators import corner_model
+from studies.models.sensor.finger_sensor import FingerSensor, deviations_of
+from studies.oracles.judge.engine import load_mitsuba
+from studies.oracles.judge.photograph import Photograph, photograph
+
+FOLDER = "image-check"
+"""Of pictures, in the user's cache."""
+
+SURE = 5.0
+"""Standard deviations by which an answer must be off to be wrong with confidence."""
+
+FAR_PX = 3.0
+"""A corner that is off by less is not wrong, however sure it is."""
+
+ENDS = {(0, -1): 0, (0, 1): 1, (1, -1): 2, (1, 1): 3}
+"""Places of the judge's corners, by end and side."""
+
+MODELS = ("in space, with layers", "in the section, in air")
+
+OUT_OF_SECTION = ("yaw", "roll", "mirror_lean", "mirror_bow", "pad_lean", "lateral_color")
+"""Errors that a model in the section has not."""
+
+
+def run(spec: ImageCheckSpec, context: Context) -> Results:
+    """Photograph fabricated fingers, find their views, calibrate them, estimate joint angles.
+
+    Raises:
+        UserError: Mitsuba is not installed, or another float type than float64.
+    """
+    context.require_float64("image-check compares with a path tracer")
+    try:
+        mitsuba = load_mitsuba()
+    except ModuleNotFoundError as error:
+        raise UserError(
+            "image-check: the package mitsuba is missing; install it: pip install "
+            "'designopt[judge]'"
+        ) from error
+    folder = _cache(spec)
+    found = Findings(spec)
+    # Those of the finger with everything: the others have fewer errors.
+    scene = parse_scene(nominal("3 mm, pupil"), "finger")
+    deviations = plain(deviations_of(spec.tolerances, scene))
+    for finger in fingers(spec, deviations, context.seed):
+        with context.step(f"finger {finger.number}: {finger.light}, layers: {finger.layers}"):
+            photos = [
+                photograph(finger.tables, finger.errors, _pose(angles), look, number, folder)
+                for number, (angles, look) in enumerate(
+                    zip(finger.poses, finger.looks, strict=True)
+                )
+            ]
+            found.add(finger, photos, context.seed)
+    out = Report(spec, package=__package__)
+    out.values(variant=mitsuba.variant())
+    add_metrics(out, found)
+    add_findings(out, found)
+    add_tables(out, found)
+    add_figures(out, found)
+    return out.results()
+
+
+def _pose(angles: Float[np.ndarray, " joints"]) -> dict[str, float]:
+    return dict(zip(("pip", "dip"), angles.tolist(), strict=True))
+
+
+def _cache(spec: ImageCheckSpec) -> Path:
+    """The folder of pictures, which is made where there is none."""
+    try:
+        folder = Path(spec.cache or user_folder("XDG_CACHE_HOME", ".cache") / FOLDER)
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError) as error:
+        raise UserError(f"--set cache={spec.cache}: it cannot be made: {error}") from error
+    return folder
+
+
+class Findings:
+    """What perception makes of pictures, beside their truth.
+
+    Attributes:
+        views: every view that is asked for and shown, and how it was found.
+        corners: of the complete ones, with their errors.
+        angles: joint angles of the frames without labels, by both models, with their errors.
+        frames: what they were.
+        shown: one picture of every kind, with what was found in it.
+    """
+
+    def __init__(self, spec: ImageCheckSpec) -> None:
+        self.views, self.corners, self.angles = Records(), Records(), Records()
+        self.frames = Records()
+        self.shown: dict[tuple[str, str], tuple[Photograph, Sighting]] = {}
+        self._spec, self._label = spec, math.radians(spec.label_deviation_deg)
+        self._sensors: dict[tuple[str, bool], FingerSensor] = {}
+
+    def sensor(self, layers: str, *, air: bool = False) -> FingerSensor:
+        """The finger with such layers as designed; or as the model in air and section has it."""
+        if (layers, air) not in self._sensors:
+            tables = nominal(layers)
+            scene = without_layers(tables) if air else parse_scene(tables, "finger")
+            sensor = FingerSensor.of_scene(scene, WIDTH, self._spec.tolerances)
+            self._sensors[layers, air] = in_the_section(sensor) if air else sensor
+        return self._sensors[layers, air]
+
+    def add(self, finger: Finger, photos: Sequence[Photograph], seed: int) -> None:
+        """Find views and joint angles in the pictures of one finger."""
+        angles = np.deg2rad(finger.poses)
+        gamma = finger.looks[0].gamma
+        where = {"finger": finger.number, "light": finger.light, "layers": finger.layers}
+        models = {MODELS[0]: self.sensor(finger.layers)}
+        if finger.light == EVEN and finger.layers != "none":
+            models[MODELS[1]] = self.sensor(finger.layers, air=True)
+        noise = np.random.default_rng([seed, finger.number, 1]).standard_normal(angles.shape)
+        labels = (angles + self._label * noise)[: self._spec.labelled]
+        for name, sensor in models.items():
+            sensor = sensor.with_response(gamma)
+            start = time.perf_counter()
+            sightings = [sensor.detect(photo.pixels) for photo in photos]
+            seconds = (time.perf_counter() - start) / len(photos)
+            if name == MODELS[0]:
+                unit = in_deviations(finger.errors, sensor.deviations)
+                self._add_views(where, finger, sensor, photos, sightings, unit, seconds)
+            else:
+                unit = None
+            self._add_angles(where | {"model": name}, sensor, sightings, angles, labels, unit)
+
+    def _add_views(
+        self,
+        where: dict[str, Any],
+        finger: Finger,
+        sensor: FingerSensor,
+        photos: Sequence[Photograph],
+        sightings: Sequence[Sighting],
+        unit: Float[np.ndarray, " errors"],
+        seconds: float,
+    ) -> None:
+        self.shown.setdefault((finger.light, finger.layers), (photos[-1], sightings[-1]))
+        predict = eqx.filter_jit(sensor.model.predict)
+        polished = "polished" in finger.layers
+        for number, (photo, sighting) in enumerate(zip(photos, sightings, strict=True)):
+            pressed = bool(finger.looks[number].contacts)
+            own = where | {"frame": number, "pressed": pressed}
+            self.frames.add(**own, seconds=seconds)
+            outlines = np.asarray(predict(jnp.asarray(unit), jnp.deg2rad(finger.poses[number])))
+            for (pad, path), outline in zip(sensor.model.views, outlines, strict=True):
+                shown = next(
+                    (s for s in photo.shown if (s.pad, s.path) == (pad, path.partition(":")[2])),
+                    None,
+                )
+                view = sighting.view(pad, path)
+                complete = view is not None and view.quality is Quality.COMPLETE
+                of_view = own | {"pad": pad, "path": path}
+                whole = shown is not None and shown.whole
+                quality = view.quality.name.lower() if view is not None else "none"
+                self.views.add(**of_view, whole=whole, complete=complete, quality=quality)
+                if not complete or shown is None:
+                    continue
+                order = [ENDS[corner] for corner in CORNERS]
+                judged = np.array(shown.corners)[order]
+                # A polished wall shows the membrane on, to its upper edge: no corner of it.
+                truth = outline if polished else judged
+                bare = np.array(shown.seen)[order] & (np.array(shown.lifted)[order] == 0)
+                known = bare | polished
+                assert view is not None
+                off = view.corners - truth
+                spread = np.linalg.inv(view.covariance + FLOOR**2 * np.eye(2))
+                sure = np.sqrt(np.einsum("ci,cij,cj->c", off, spread, off))
+                self.corners.add(
+                    **of_view,
+                    error_px=np.where(known, np.hypot(*off.T), np.nan),
+                    deviations=np.where(known, sure, np.nan),
+                    model_px=np.where(
+                        bare & (not polished), np.hypot(*(outline - judged).T), np.nan
+                    ),
+                )
+
+    def _add_angles(
+        self,
+        where: dict[str, Any],
+        sensor: FingerSensor,
+        sightings: Sequence[Sighting],
+        angles: Float[np.ndarray, "frames joints"],
+        labels: Float[np.ndarray, "labelled joints"],
+        unit: Float[np.ndarray, " errors"] | None,
+    ) -> None:
+        model, count = sensor.model, len(labels)
+        seen = [observe(one, model.views) for one in sightings]
+        labelled = stack_observations(seen[:count])
+        calibration = calibrate(model, labelled, labels, self._label)
+        for number in range(count, len(seen)):
+            estimates = [make_undefined("the calibration failed")] * angles.shape[1]
+            if bool(calibration.ok):
+                errors = calibration.value.errors
+                found = find_pose(model, seen[number], sightings[number].angles, errors)
+                estimates = split_estimates(found)
+            bound = np.full(angles.shape[1], np.nan)
+            if unit is not None:
+                frame, frames = (seen[number], angles[number]), (labelled, angles[:count])
+                limits = compute_information_bound(model, unit, frame, frames, self._label)
+                bound = limits.calibrated
+            self.angles.add(
+                **where,
+                frame=number,
+                joint=list(model.names),
+                angle_deg=np.rad2deg(angles[number]),
+                error_deg=np.rad2deg([one.angle for one in estimates] - angles[number]),
+                deviation_deg=np.rad2deg([one.deviation for one in estimates]),
+                bound_deg=np.rad2deg(bound),
+                reason=[one.reason for one in estimates],
+            )
+
+
+def in_the_section(sensor: FingerSensor) -> FingerSensor:
+    """The same with errors that keep every part square to the section only."""
+    free = dict.fromkeys(OUT_OF_SECTION)
+    deviations = dataclasses.replace(sensor.deviations, **free)
+    given = sensor.scene, sensor.imaging, sensor.catalog, deviations, sensor.carried
+    return dataclasses.replace(sensor, deviations=deviations, model=corner_model(*given))
+
+
+def ratio_of_variances(angles: Records) -> float:
+    """Mean predicted variance over mean squared error."""
+    return (angles.stat("rms deviation_deg") / angles.stat("rms error_deg")) ** 2
+
+
+def add_metrics(out: Report, found: Findings) -> None:
+    """The study's numbers."""
+    frames, views, corners = found.frames, found.views, found.corners
+    lit = frames["light"] != EVEN
+    out.metrics(
+        frames=len(frames),
+        frames_with_lamps=int(lit.sum()),
+        frames_pressed=int(frames["pressed"].sum()),
+    )
+    whole = views.where(whole=True)
+    out.metrics(views=len(whole), views_found=whole.stat("share complete"))
+    out.metrics(model_worst_px=corners.stat("max model_px"))
+    both = {"even": corners.where(light=EVEN), "lamps": corners.where(light=[GAP, COUPLED])}
+    for light, own in both.items():
+        if len(own):
+            out.metrics(
+                **{
+                    f"corner_median_{light}_px": own.stat("median error_px"),
+                    f"corner_p95_{light}_px": own.stat("p95 error_px"),
+                }
+            )
+    sure = (corners["deviations"] > SURE) & (corners["error_px"] > FAR_PX)
+    out.metrics(corners_wrong=int(sure.sum()))
+    ours = defined(found.angles.where(model=MODELS[0]))
+    out.metrics(angles_defined=found.angles.where(model=MODELS[0]).stat("defined error_deg"))
+    for light, own in ours.group("light").items():
+        name = {EVEN: "even", GAP: "gap", COUPLED: "coupled"}[str(light)]
+        over = own.stat("rms error_deg") / own.stat("rms bound_deg")
+        out.metrics(
+            **{
+                f"angle_mean_{name}_deg": own.stat("mean_abs error_deg"),
+                f"over_bound_{name}": over,
+                f"variance_{name}": ratio_of_variances(own),
+            }
+        )
+    wrong = np.abs(ours["error_deg"]) > SURE * ours["deviation_deg"]
+    out.metrics(angles_wrong=int(wrong.sum()))
+    air = found.angles.where(model=MODELS[1])
+    if len(air):
+        out.metrics(
+            air_mean_deg=air.stat("mean_abs error_deg"),
+            air_defined=air.stat("defined error_deg"),
+        )
+    out.metrics(detection_ms=1e3 * frames.stat("median seconds"))
+
+
+def defined(angles: Records) -> Records:
+    """The rows with an answer."""
+    return angles.where(np.isfinite(angles["error_deg"]))
+
+
+def add_findings(out: Report, found: Findings) -> None:
+    """Plain sentences, most important first."""
+    out.say("views")
+    out.say("corners")
+    out.say("angles")
+    if len(found.angles.where(model=MODELS[1])):
+        out.say("air")
+    out.say("model")
+
+
+def add_tables(out: Report, found: Findings) -> None:
+    """Views, corners and angles by light and layers, and what was not found."""
+    by = ("light", "layers")
+    whole = found.views.where(whole=True)
+    out.table("views", whole.summary(*by, views="count complete", found="share complete"))
+    errors = {"median_px": "median error_px", "p95_px": "p95 error_px", "worst_px": "max error_px"}
+    count = {"corners": "count error_px"}
+    out.table("corners", found.corners.summary(*by, "pressed", **count, **errors))
+    angles = {"frames": "count error_deg", "defined": "defined error_deg"}
+    angles |= {"mean_deg": "mean_abs error_deg", "p95_deg": "p95_abs error_deg"}
+    angles |= {"rms_deg": "rms error_deg", "predicted_deg": "rms deviation_deg"}
+    rows = defined(found.angles)
+    out.table("angles", rows.summary("model", *by, **angles, bound_deg="rms bound_deg"))
+    missed = whole.where(complete=False)
+    if len(missed):
+        out.table("missed", missed)
+
+
+def add_figures(out: Report, found: Findings) -> None:
+    """Pictures with what was found in them, distributions of errors, predicted deviations."""
+    out.figure("pictures", draw_pictures(found))
+    names = {"error_px": "error of a corner (px)"}
+    drawn = found.corners.where(np.isfinite(found.corners["error_px"]))
+    out.figure("corners", plots.ecdf(drawn, "error_px", by="light", log="x", names=names))
+    names = {"error_deg": "absolute error (°)"}
+    rows = defined(found.angles)
+    out.figure(
+        "angles", plots.ecdf(rows, "error_deg", by="model", log="x", least=1e-3, names=names)
+    )
+    ours = rows.where(model=MODELS[0])
+    out.figure("deviations", plots.qq(ours, "error_deg", "deviation_deg", by="light"))
+
+
+def draw_pictures(found: Findings) -> Figure:
+    """A frame of every light, and the corners of the views that were found complete."""
+    chosen = {light: (layers, *shot) for (light, layers), shot in found.shown.items()}
+    drawing, [row] = new_figure(1, len(chosen), height=3.0)
+    for axes, (light, (layers, photo, sighting)) in zip(row, chosen.items(), strict=True):
+        axes.imshow(photo.pixels)
+        axes.set_axis_off()
+        axes.set_title(f"{light}, layers: {layers}")
+        for view in sighting.complete():
+            axes.plot(*view.corners.T, "o", color="white", fillstyle="none", markersize=4)
+        axes.set(xlim=(300, 1140), ylim=(1080, 0))
+    return drawing
