@@ -36,7 +36,7 @@ from optics.visibility.unfolding import padded, unit
 
 Point = Float[Array, "3"]
 
-STEPS = 4
+STEPS = 5
 """Newton steps from where rays would meet flat mirrors to where they meet bowed ones."""
 
 GREEN = CHANNELS.index("green")
@@ -354,15 +354,20 @@ class _View(eqx.Module):
         if not len(root):
             return self.follow(root, aim, levels)[0]
 
-        def miss(unknowns: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
-            return still.follow(unknowns, aim, levels)[1]
+        def miss(unknowns: Float[Array, " unknowns"]) -> tuple[Array, Array]:
+            off = still.follow(unknowns, aim, levels)[1]
+            return off, off
 
-        for _ in range(STEPS):
-            nearer = root - jnp.linalg.solve(jax.jacfwd(miss)(root), miss(root))
+        def step(_: int, state: tuple[Array, Array]) -> tuple[Array, Array]:
+            root, inverse = state
+            slopes, off = jax.jacfwd(miss, has_aux=True)(root)
+            newer = jnp.linalg.inv(slopes)
             # No ray leads to what lies behind a mirror or a surface: it must be finite, no more.
-            root = jnp.where(jnp.all(jnp.isfinite(nearer)), nearer, root)
-        inverse = jax.lax.stop_gradient(jnp.linalg.inv(jax.jacfwd(miss)(root)))
-        root = jax.lax.stop_gradient(root)
+            fine = jnp.all(jnp.isfinite(newer)) & jnp.all(jnp.isfinite(off))
+            inverse = jnp.where(fine, newer, inverse)
+            return root - jnp.where(fine, inverse @ off, 0.0), inverse
+
+        root, inverse = jax.lax.fori_loop(0, STEPS, step, (root, jnp.eye(len(root))))
         # One more step with all derivatives: those of the root, by the theorem of implicit
         # functions.
         return self.follow(root - inverse @ self.follow(root, aim, levels)[1], aim, levels)[0]
