@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from perception.blobs import join_halves, stable_blobs
 from perception.images import checked_image
 from perception.lens import Lens
 from perception.masks import brightness, lamp_mask, without_lamps
 from perception.matching import Sighting, ViewCatalog, match_views
 from perception.quads import Quad, fit_quad
-
 
 BLOOM = 3
 """A lamp's light spreads over so many pixels beside it, which are no part of a pad."""

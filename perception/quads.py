@@ -20,7 +20,17 @@ from perception.inner_lines import NONE, InnerLine, find_inner_lines
 from perception.lens import Lens, TangentPlane
 from perception.masks import Mask
 from perception.quality import Quality
-from perception.sides import FEET, LEAST_CONTRAST, REACH, SMALL, Edges, Line, Side, find_edges, fit_lines
+from perception.sides import (
+    FEET,
+    LEAST_CONTRAST,
+    REACH,
+    SMALL,
+    Edges,
+    Line,
+    Side,
+    find_edges,
+    fit_lines,
+)
 
 INNER, HEIGHTS = (0.15, 0.85), 12
 """Heights at which a contour's outermost points give its sides at first, and how many."""
