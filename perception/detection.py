@@ -13,7 +13,6 @@ from perception.masks import brightness, lamp_mask, without_lamps
 from perception.matching import Sighting, ViewCatalog, match_views
 from perception.quads import Quad, fit_quad
 
-
 GREEN_CONTRAST = 12.0
 """Codes: where the step in green is lower on any side, edges are those of the brightest color."""
 

@@ -81,7 +81,12 @@ def find_inner_lines(
     steepest = np.argmax(np.abs(rise), axis=-1)
     step = np.take_along_axis(rise, steepest[..., None], axis=-1)[..., 0]
     ones, scales = np.ones(len(sides)), scale.reshape(shape)
-    offsets = -(NEAREST + 2.0 + steepest)
+    # The middle of the step: several windows hold all of a sharp one.
+    counts = np.arange(rise.shape[-1])
+    same = (np.abs(counts - steepest[..., None]) <= 4) & (rise * step[..., None] > 0)
+    weights = np.where(same, rise**2, 0.0)
+    middle = (weights * counts).sum(axis=-1) / np.maximum(weights.sum(axis=-1), 1e-9)
+    offsets = -(NEAREST + 2.0 + middle)
     middles = [side.places(np.array([0.5]))[0] for side in sides]
     across = [np.hypot(*(middles[i] - middles[i - 2])) for i in range(len(sides))]
     # Further in, it may be the other side.
@@ -92,7 +97,7 @@ def find_inner_lines(
     )
     inner: list[InnerLine | None] = []
     for i, (side, line) in enumerate(zip(sides, lines, strict=True)):
-        off = offsets[i] - line.at(shares) * scales[i]
+        off = offsets[i] - (line.offset + line.turn * shares) * scales[i]
         there = found[i] & (np.abs(off) < WITHIN)
         variance = np.array([line.variance(0.0), line.variance(1.0)]) * np.mean(scales[i]) ** 2
         if there.mean() < SHARE or variance.max() > UNSURE**2:

@@ -13,8 +13,9 @@ BROADEST = 60 / 1080
 """Lamps in view are less broad than this share of the image's height, and longer than broad."""
 
 RIM, STEEP, STEEPER = 4, 30.0, 2.5
-"""Within so many pixels (of 1080 rows) from a lamp the mean channel falls by more than that, and so
-many times as much as from there to twice as far: light of a lamp on a pad falls gradually."""
+"""Within so many pixels from a lamp, which is more than the lens blurs, the mean channel falls by
+more than that, and so many times as much as from there to twice as far: light of a lamp on a pad
+falls gradually."""
 
 Image = UInt8[np.ndarray, "rows columns 3"]
 Gray = UInt8[np.ndarray, "rows columns"]
@@ -44,13 +45,17 @@ def lamp_mask(image: Image | Gray, gray: Gray) -> Mask:
     clipped = global_mask(gray, CLIPPED - 1)
     if not clipped.any():
         return mask
-    broad = cv2.getStructuringElement(cv2.MORPH_RECT, (round(BROADEST * rows) | 1, 1))
+    broad = np.ones((1, round(BROADEST * rows) | 1), np.uint8)
+    if image.ndim == 3:
+        # Beside a lamp its own color may be clipped on the pad, too.
+        mean = cv2.transform(image, np.full((1, 3), 1 / 3))
+        most = cv2.subtract(cv2.dilate(mean, broad), np.full_like(mean, 2 * STEEP))
+        clipped &= cv2.compare(mean, most, cv2.CMP_GE)
     strips = cv2.subtract(clipped, cv2.morphologyEx(clipped, cv2.MORPH_OPEN, broad))
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(strips)
-    rim = max(2, round(RIM * rows / 1080))
     for one in range(1, count):
         left, top, width, height, area = boxes[one].tolist()
-        if height < 4 * rim or height**2 < 2 * area:
+        if height < 4 * RIM or height**2 < 2 * area:
             continue
         window = slice(top, top + height), slice(left, left + width)
         here = labels[window] == one
@@ -58,7 +63,7 @@ def lamp_mask(image: Image | Gray, gray: Gray) -> Mask:
         last = left + width - 1 - here[:, ::-1].argmax(axis=1)
         if all(
             _ends_steeply(image, np.arange(top, top + height), end, step)
-            for end, step in ((first, -rim), (last, rim))
+            for end, step in ((first, -RIM), (last, RIM))
         ):
             mask[window][here] = 255
     return mask

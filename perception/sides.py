@@ -58,8 +58,8 @@ BESIDE, LIT, BLOOM = 3, 0.2, 2.0
 brightness rises to the lamp's; where it is clipped they are doubted by so many pixels."""
 
 VALLEY, RISE, CLIPPED = 0.9, 0.1, 255.0
-"""A gap between a pad and a lamp is darker than this share of the pad. A lamp begins where light has
-risen by this share of the way to where it is clipped."""
+"""A gap between a pad and a lamp is darker than this share of the pad. A lamp begins where light
+has risen by this share of the way to where it is clipped."""
 
 ENDS, SCATTERED = 6, 4.0
 """Over this part of a side at each end its edges lie on its line, but for so many standard
@@ -102,8 +102,8 @@ class Edges:
         offsets: outward from the side, tangent plane.
         scale: px per unit of the tangent plane across the side.
         found: where an edge was found at all.
-        contrast: step of brightness in codes, the median over the places where an edge was found, or over
-            all of a side that has none.
+        contrast: step of brightness in codes, the median over the places where an edge was found,
+            or over all of a side that has none.
         width: of the edge, from three quarters of its step to one quarter, px, the median over the
             places.
         clear: part of the side that the other sides' edges do not reach.
@@ -240,14 +240,16 @@ def _before_lamps(
     its edge. Where there is no gap, brightness rises at the pad's edge.
     """
     counts = np.arange(profile.shape[1])
+    lit = np.any(near, axis=1, keepdims=True)
     apart = round(BESIDE * (profile.shape[1] - 1) / (2 * REACH))
-    lamp = np.where(near.any(axis=1), np.argmax(near, axis=1) + apart, 0)[:, None]
+    lamp = np.where(lit, np.argmax(near, axis=1)[:, None] + apart, 0)
     between = (counts >= start[:, None]) & (counts <= lamp)
     floor = np.where(between, profile, np.inf).min(axis=1)
     gap = floor < VALLEY * inside
-    risen = profile > (inside + RISE * (CLIPPED - inside))[:, None]
-    ends = (counts > start[:, None]) & ((risen & ~gap[:, None]) | (counts >= lamp))
-    beyond = np.maximum.accumulate(ends & near.any(axis=1)[:, None], axis=1)
+    level = inside + RISE * (CLIPPED - inside)
+    risen = (profile > level[:, None]) & ~gap[:, None]
+    ends = (counts > start[:, None]) & (risen | (counts >= lamp))
+    beyond = np.maximum.accumulate(ends & lit, axis=1)
     outside = np.where(gap, np.maximum(outside, floor), outside)
     return outside, np.where(beyond, outside[:, None], profile)
 

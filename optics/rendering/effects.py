@@ -58,16 +58,14 @@ class Effects:
 
     @classmethod
     def graded(cls, severity: float, gain: float = 1.0) -> Effects:
-        """All effects of soft light, from none (severity 0) over a good finger (1) to a poor one (2).
+        """Effects of soft light, from none (severity 0) over a good finger (1) to a poor one (2).
 
         What line lamps, grey walls and defocus add has severities of its own (`Effects.of`).
         """
         return cls.of(dict.fromkeys(SOFT, severity), gain)
 
     @classmethod
-    def of(
-        cls, severities: Mapping[str, float], gain: float = 1.0, gamma: float = 1.0
-    ) -> Effects:
+    def of(cls, severities: Mapping[str, float], gain: float = 1.0, gamma: float = 1.0) -> Effects:
         """Effects by name, each of its own severity, as in `graded`; others are off.
 
         Example:
@@ -109,7 +107,7 @@ SOFT = (
 
 
 def scaled(
-    effects: AnyEffects, factor: float, kept: frozenset[str] = frozenset({"gain"})
+    effects: AnyEffects, factor: float, kept: frozenset[str] = frozenset({"gain", "gamma"})
 ) -> AnyEffects:
     """All sizes times a factor, but for those that are kept."""
     sizes = {

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from optics.rendering.effects import Effects
 from optics.rendering.imprints import Imprint, make_height_map
@@ -148,7 +149,8 @@ def make_pad_appearance(
         )
     if imprints:
         depth = np.max([make_height_map(one, along, across, STEP) for one in imprints], axis=0)
-        lights *= _shading(depth, away, height)
+        slants = [one / height if effects.lamps else 1 / np.tan(ELEVATION) for one in away]
+        lights *= _shading(depth, slants)
         if effects.shadows:
             lights *= 1 - effects.shadows * _shadows(depth, away, height)
     return PadAppearance(
@@ -182,7 +184,7 @@ def lamp_distance(excess: float, width: float) -> float:
         >>> round(lamp_distance(9.0, 24.0), 2)
         3.57
     """
-    return width * (1 + np.sqrt(1 + 2 * excess)) / (4 * excess)
+    return width * (1 + math.sqrt(1 + 2 * excess)) / (4 * excess)
 
 
 def _irradiance(
@@ -208,7 +210,7 @@ def _irradiance(
         parts = [s / np.sqrt(squared + s**2) for s in (along, along - size)]
         return (parts[0] - parts[1]) / squared
 
-    edge = sent(np.asarray(height), np.asarray(size / 2))
+    edge = sent(np.full(1, height), np.full(1, size / 2))
     return sent(np.maximum(away, height), beside) / edge
 
 
@@ -217,23 +219,28 @@ def _samples(length: float, margin: float) -> Float[np.ndarray, " samples"]:
 
 
 def _shading(
-    depth: Float[np.ndarray, "rows columns"], away: Sequence[np.ndarray], height: float
+    depth: Float[np.ndarray, "rows columns"], slants: Sequence[np.ndarray | float]
 ) -> Float[np.ndarray, "rows columns 3"]:
-    """Light that each side light sends into a pressed surface, over that of a flat one."""
+    """Light that each side light sends into a pressed surface, over that of a flat one.
+
+    Args:
+        depth: to which it is pressed, mm.
+        slants: way of red, green and blue light along the plane over that across it.
+    """
     slope_along, slope_across = np.gradient(depth, STEP)
     norm = np.sqrt(1 + slope_along**2 + slope_across**2)
     # The surface is seen from inside: pressed in, it comes towards camera and lights.
     towards = [-slope_across, slope_along, slope_across]  # red, green, blue
     return np.stack(
-        [np.maximum(s * a / height + 1, 0) / norm for s, a in zip(towards, away, strict=True)],
+        [np.maximum(s * slant + 1, 0) / norm for s, slant in zip(towards, slants, strict=True)],
         axis=-1,
     )
 
 
 def _shadows(
     depth: Float[np.ndarray, "rows columns"], away: Sequence[np.ndarray], height: float
-) -> Float[np.ndarray, "rows columns 3"]:
-    """1 where a nearer place hides a lamp, across it, else 0.
+) -> Bool[np.ndarray, "rows columns 3"]:
+    """Where a nearer place hides a lamp, across it.
 
     Seen from the lamp, what is farther on is seen at a higher and higher place, or is hidden.
     """

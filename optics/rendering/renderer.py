@@ -273,8 +273,7 @@ class Renderer:
         window: tuple[slice, slice],
         look: PadAppearance,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """How much of each pixel a view fills, the light of the pad there, and of lamps beside it.
-        """
+        """How much of each pixel a view fills, the light there, and that of lamps beside it."""
         angle, slope = self._angle[window], self._slope[window]
         forward, up = np.cos(angle), np.sin(angle)
         # notation: the ray L (forward, up) meets first + part · step.
@@ -340,7 +339,7 @@ class Renderer:
         return 1 - np.float32(self._effects.vignetting) * (1 - np.maximum(forward, 0))
 
     def _finger_inside(self) -> Float[np.ndarray, "rows columns 3"]:
-        """What the finger's inside sends: nothing, leaks' light or the lamps', with broad blotches."""
+        """What the finger's inside sends: nothing, or light of leaks and lamps, in blotches."""
         shape = self._angle.shape
         inside = np.zeros((*shape, 3), np.float32)
         if not self._effects.ambient and not self._effects.walls:

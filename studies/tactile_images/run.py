@@ -14,6 +14,7 @@ from designopt import BenchmarkMethod, Context, PrecisionRow, Records, Report, R
 from designopt.plot.typesetting import spell_out
 from designopt.study import plots
 from optics.rendering import Effects, Renderer, TactileImage, TrueView
+from optics.rendering.effects import SOFT
 from perception.detection import detect_quads
 from perception.lens import Lens
 from perception.matching import Sighting
@@ -193,14 +194,13 @@ def unwarp_places(
 
 
 def independent_effects(generator: np.random.Generator) -> Effects:
-    """Effects whose severities are independent of each other, each of them off in one case of five.
+    """Effects of soft light, their severities independent, each of them off in one case of five.
 
     So the dark inside of a finger meets blur, noise and compression of every size.
     """
-    names = [one.name for one in fields(Effects) if one.name != "gain"]
-    severities = np.maximum(generator.uniform(-0.5, 2.0, len(names)), 0.0).tolist()
-    parts = {n: getattr(Effects.graded(s), n) for n, s in zip(names, severities, strict=True)}
-    return Effects(gain=float(generator.uniform(0.6, 1.5)), **parts)
+    severities = np.maximum(generator.uniform(-0.5, 2.0, len(SOFT)), 0.0).tolist()
+    gain = float(generator.uniform(0.6, 1.5))
+    return Effects.of(dict(zip(SOFT, severities, strict=True)), gain)
 
 
 def views_to_find(finger: FingerSensor, image: TactileImage) -> list[TrueView]:
@@ -251,8 +251,9 @@ def measure_size(spec: TactileImagesSpec, size: int, seed: int) -> list[Precisio
 
 def time_effects(finger: FingerSensor, severity: float, seed: int) -> Records:
     """Run times of rendering on one core without any effect, with each alone, and with all."""
-    every = replace(Effects.graded(severity or 1.0), gain=1.2)
     names, times = [field.name for field in fields(Effects)], Records()
+    sizes = dict.fromkeys(set(names) - {"gain", "gamma"}, severity or 1.0)
+    every = Effects.of(sizes, gain=1.2, gamma=2.2)
     alone = {name: replace(Effects(), **{name: getattr(every, name)}) for name in names}
     for name, effects in {"none": Effects(), **alone, "all": every}.items():
         pose = np.full(len(finger.model.names), np.pi / 4)

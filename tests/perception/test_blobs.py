@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from perception.blobs import LEAST_AREA, Blob, stable_blobs
+from perception.blobs import LEAST_AREA, Blob, join_halves, stable_blobs
 from tests.perception.drawn import BRIGHT, DARK, stored
 
 ROWS, COLUMNS = 540, 720
@@ -122,3 +122,14 @@ def test_no_blob_overlaps_another(seed):
         filled += cv2.drawContours(mask, [blob.contour.astype(np.int32)], 0, (1,), -1)
     assert filled.max() == 1
     assert len(blobs) > 2
+
+
+def test_halves_of_a_pad_whose_middle_is_dark_are_joined_and_pads_below_are_not():
+    light = background()
+    light[box(100, 200, 200, 300)] = light[box(105, 200, 400, 500)] = BRIGHT
+    light[box(230, 330, 200, 300)] = light[box(230, 330, 400, 500)] = BRIGHT
+    light[box(260, 300, 330, 370)] = BRIGHT  # something between them
+    blobs = sorted(join_halves(found(light)), key=lambda blob: blob.area)
+    spans = [np.ptp(blob.contour[:, 0]) for blob in blobs]
+    assert len(blobs) == 4
+    np.testing.assert_allclose(spans, [40, 100, 100, 300], atol=3)

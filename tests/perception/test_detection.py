@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import cv2
@@ -123,6 +124,31 @@ def test_compression_hides_no_view_in_a_dark_finger(finger):
     for image, sighting in frames_of(finger, renderer, POSES[::2]):
         for view in findable(finger, image):
             assert off(sighting, view) < NEAR, (view.pad, view.path)
+
+
+LIGHTS = {
+    "lamps": Effects(lamps=9.0, shadows=0.5, ambient=0.02, blur=0.8, noise=0.01),
+    "lamps in view": Effects(lamps=4.0, strips=1.0, walls=0.04, blur=0.8, noise=0.01),
+    "response": Effects(lamps=4.0, ambient=0.02, blur=0.8, noise=0.01, gamma=2.2),
+    "out of focus": Effects(defocus=60.0, ambient=0.02, noise=0.01),
+}
+
+
+@pytest.mark.parametrize("light", LIGHTS)
+def test_uneven_light_lamps_and_defocus_hide_no_view(finger, light):
+    effects = LIGHTS[light]
+    response = 255 * (np.arange(256) / 255) ** effects.gamma
+    known = dataclasses.replace(finger, lens=dataclasses.replace(finger.lens, response=response))
+    renderer = finger.renderer(effects, None, seed=1)
+    for image, sighting in frames_of(known, renderer, POSES[::2]):
+        for view in findable(finger, image):
+            found = sighting.view(view.pad, view.path)
+            assert found is not None
+            assert found.quality is Quality.COMPLETE
+            off = found.corners - view.corners
+            covariance = found.covariance + 0.25**2 * np.eye(2)
+            far = np.einsum("ci,cij,cj->c", off, np.linalg.inv(covariance), off)
+            assert (np.hypot(*off.T) < NEAR).all() or far.max() < 4**2, (view.pad, view.path)
 
 
 def test_a_view_of_which_a_fiftieth_is_hidden_is_not_complete(finger):

@@ -1,5 +1,7 @@
 """Rays against a camera written out in three dimensions; straight lines in tangent planes."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -74,3 +76,16 @@ def test_straight_lines_stay_straight(first, second, middle):
     off, along = flat - flat[0], flat[-1] - flat[0]
     across = off[:, 0] * along[1] - off[:, 1] * along[0]
     np.testing.assert_allclose(across, 0, atol=1e-9 * (1 + np.abs(flat).max() ** 2))
+
+
+def test_a_response_codes_light_and_back():
+    eye = Eye()
+    codes = np.arange(256, dtype=np.uint8)[None]
+    linear = eye.lens()
+    np.testing.assert_array_equal(linear.light(codes), codes)
+    np.testing.assert_array_equal(linear.codes(np.array([3.5])), [3.5])
+    curved = dataclasses.replace(linear, response=255 * (np.arange(256) / 255) ** 2.2)
+    light = curved.light(codes)
+    assert light.dtype == np.float32
+    np.testing.assert_allclose(light, 255 * (codes / 255.0) ** 2.2, rtol=1e-6)
+    np.testing.assert_allclose(curved.codes(light.astype(float)), codes, atol=1e-3)

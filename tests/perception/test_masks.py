@@ -10,7 +10,9 @@ from perception.masks import (
     cleaned,
     combined_mask,
     global_mask,
+    lamp_mask,
     seam_mask,
+    without_lamps,
 )
 
 RANDOM = np.random.default_rng(0).integers(0, 256, (40, 60), np.uint8)
@@ -86,3 +88,39 @@ def test_cleaning_takes_specks_and_fills_holes_and_leaves_the_rest():
     spoilt[20:22, 30:33] = spoilt[40, 40] = 0
     np.testing.assert_array_equal(cleaned(spoilt, 5), pad)
     np.testing.assert_array_equal(cleaned(pad, 5), pad)
+
+
+def lamps(pad: float = 170.0, lamp: float = 255.0) -> tuple[np.ndarray, np.ndarray]:
+    """A pad between a lamp that touches it and one that does not; and where the lamps are."""
+    gray, where = np.full((540, 720), 10.0), np.zeros((540, 720), bool)
+    gray[150:350, 200:500] = pad * np.linspace(0.5, 1.0, 300)
+    where[150:350, 500:512] = where[150:350, 175:190] = True
+    gray[where] = lamp
+    return gray.astype(np.uint8), where
+
+
+def test_lamps_are_clipped_strips_that_end_steeply():
+    gray, where = lamps()
+    np.testing.assert_array_equal(lamp_mask(gray, gray) > 0, where)
+    dark = without_lamps(gray, lamp_mask(gray, gray), 2)
+    assert dark[where].max() <= 10
+    assert (dark[:, 202:496] == gray[:, 202:496]).all()
+    assert not lamp_mask(gray // 2, gray // 2).any()
+
+
+def test_a_lamp_beside_a_pad_that_it_clips_shows_in_the_other_colors():
+    gray, where = lamps(pad=255.0)
+    other = np.where(where, 255, gray // 4).astype(np.uint8)
+    image = np.stack([gray, other, other], axis=-1)
+    np.testing.assert_array_equal(lamp_mask(image, gray) > 0, where)
+
+
+def test_an_overexposed_pad_or_edge_of_one_is_no_lamp():
+    gray = np.full((540, 720), 10.0)
+    gray[150:350, 200:500] = 255
+    edge = gray.copy()
+    # As a lamp beside it lights it, the outermost 15 px clipped.
+    distance = 500.0 - np.arange(200, 500)
+    edge[150:350, 200:500] = np.minimum(255, 255 * (75 / (60 + distance)) ** 2)
+    for one in (gray, edge):
+        assert not lamp_mask(one.astype(np.uint8), one.astype(np.uint8)).any()

@@ -1,11 +1,14 @@
 """Edges of drawn pads, and lines through edges against least squares and repeats."""
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
 import scipy.ndimage
 
 from perception.lens import TangentPlane
+from perception.masks import lamp_mask, without_lamps
 from perception.sides import DEEP, POINTS, SEAM, TRIMMED, Edges, Line, Side, find_edges, fit_lines
 from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, defocused, drawn, rays_of, stored
 
@@ -169,3 +172,70 @@ def test_doubt_is_added_to_the_variance_and_a_side_hardly_found_may_be_anywhere(
     line = line_of(np.zeros(POINTS), np.arange(POINTS) < POINTS // 4 - 1)
     assert (line.offset, line.turn, line.scatter) == (0, 0, np.inf)
     assert np.sqrt(line.variance(0.5)) * SCALE > 100
+
+
+@pytest.mark.parametrize("blur", [0.8, 2.0])
+def test_a_known_response_gives_edges_back(blur):
+    light = cv2.GaussianBlur(drawn(EYE, [PAD]), (0, 0), blur)
+    plane, sides = sides_of(PAD)
+    codes = np.rint(255 * (light / 255) ** (1 / 2.2)).astype(np.uint8)
+    lens = dataclasses.replace(LENS, response=255 * (np.arange(256) / 255) ** 2.2)
+    coded = find_edges(codes.astype(np.float32), LENS, plane, sides)
+    known = find_edges(lens.light(codes), lens, plane, sides)
+    off, outward = ((e.offsets * e.scale).mean(axis=1) for e in (known, coded))
+    np.testing.assert_allclose(off, 0, atol=0.1)
+    # Half of the coded step is less than a quarter of the light's.
+    assert (outward > 0.35 * blur).all()
+    # Of a code's step, not of the light's.
+    dark, bright = ((level / 255) ** (1 / 2.2) * 255 for level in (DARK, BRIGHT))
+    np.testing.assert_allclose(known.contrast, bright - dark, rtol=0.03)
+
+
+@pytest.mark.parametrize(("gap", "within"), [(0.0, 3.0), (2.5, 3.0), (8.0, 0.4)])
+def test_beside_a_lamp_an_edge_is_where_the_pad_ends_or_is_doubted(gap, within):
+    """Gaps in px; the lamp is four times as bright as what is clipped."""
+    plane, sides = sides_of(PAD)
+    light = drawn(EYE, [PAD])
+    edge = LENS.project(plane.rays(sides[2].places(np.array([0.5]))))[0, 0]
+    columns = np.arange(EYE.columns)
+    # The right side is nearly upright.
+    lamp = (columns > edge + gap + 2) & (columns < edge + gap + 14)
+    light[np.ix_((np.arange(EYE.rows) > 90) & (np.arange(EYE.rows) < 260), lamp)] = 1000
+    codes = stored(cv2.GaussianBlur(light, (0, 0), 0.8))
+    lamps = lamp_mask(codes, codes)
+    assert lamps.any()
+    gray = without_lamps(codes, lamps, 0).astype(np.float32)
+    line = fit_lines(edges := find_edges(gray, LENS, plane, sides, lamps))[2]
+    off = line.at(0.5) * edges.scale[2].mean()
+    deviation = np.sqrt(line.variance(0.5)) * edges.scale[2].mean()
+    assert abs(off) < within
+    assert abs(off) < 3 * np.hypot(deviation, 0.1)
+    assert edges.doubt[[0, 1, 3]].tolist() == [0, 0, 0]
+
+
+def test_an_edge_wider_than_the_others_is_a_gradient_and_doubted():
+    def look(places):
+        # Towards the second end light falls to a fifth, from 5 mm before it on.
+        return BRIGHT * np.clip((PAD.length - places[:, 0]) / 5, 0.2, 1.0)
+
+    plane, sides = sides_of(PAD)
+    gray = stored(cv2.GaussianBlur(drawn(EYE, [PAD], [look]), (0, 0), 0.8)).astype(np.float32)
+    edges = find_edges(gray, LENS, plane, sides)
+    off = np.abs((edges.offsets * edges.scale).mean(axis=1))
+    assert off[1] > 1
+    assert off[1] < 3 * edges.doubt[1]
+    assert edges.doubt[3] == 0
+
+
+@pytest.mark.parametrize("bulge", [0.0, 1.0, 3.0])
+def test_a_line_whose_end_is_bent_is_unsure_there(bulge):
+    offsets = np.random.default_rng(5).normal(0, 0.1, POINTS)
+    offsets[-POINTS // 5 :] += bulge
+    line = line_of(offsets)
+    start, end = (np.sqrt(line.variance(share)) * SCALE for share in (0.0, 1.0))
+    assert start < 0.15
+    if bulge:
+        assert end == pytest.approx(bulge, rel=0.3)
+        assert abs(line.at(1.0) * SCALE - bulge) < 2 * end
+    else:
+        assert end < 0.15

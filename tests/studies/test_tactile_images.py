@@ -1,6 +1,5 @@
 """The study ``tactile-images``: a quick run end to end, and its pieces."""
 
-import dataclasses
 import re
 from importlib.resources import files
 
@@ -12,6 +11,7 @@ from designopt import Records, Report, UserError
 from designopt.cli import run as command
 from optics import read_scene
 from optics.rendering import Effects
+from optics.rendering.effects import SOFT
 from studies.models.one_thread import one_thread
 from studies.models.sensor.finger_sensor import FingerSensor, designed
 from studies.models.sensor.spec import FingerImagesSpec
@@ -112,7 +112,7 @@ def test_a_scene_that_is_no_finger_is_refused(tmp_path, capsys):
 def test_severities_are_independent_of_each_other_and_off_in_one_case_of_five():
     generator = np.random.default_rng(0)
     drawn = [independent_effects(generator) for _ in range(2000)]
-    names = [one.name for one in dataclasses.fields(Effects)]
+    names = ["gain", *SOFT]
     sizes = np.array([[getattr(effects, name) for name in names] for effects in drawn])
     assert np.abs(np.corrcoef(sizes.T) - np.eye(len(names))).max() < 0.1
     greatest = Effects.graded(2.0)

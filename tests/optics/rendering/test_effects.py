@@ -7,7 +7,7 @@ import pytest
 from optics.rendering import ChamberEffects, Effects, chamber_effects, effects
 
 KINDS = {Effects: effects, ChamberEffects: chamber_effects}
-KEPT = {"gain": 1.0, "falloff": 1.0}
+KEPT = {"gain": 1.0, "gamma": 1.0, "falloff": 1.0}
 """What is no fault of a picture, as it is by default."""
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
@@ -27,7 +27,16 @@ def test_grades_are_multiples_of_a_typical_finger(kind, severity):
     for name, size in graded.items():
         typical = getattr(KINDS[kind].TYPICAL, name)
         assert typical > 0
-        assert size == pytest.approx(typical if name in KEPT else severity * typical)
+        soft = kind is ChamberEffects or name in effects.SOFT
+        assert size == pytest.approx(typical if name in KEPT else soft * severity * typical)
+
+
+def test_effects_have_severities_of_their_own():
+    some = Effects.of({"lamps": 0.5, "jpeg": 2}, gain=1.2, gamma=2.2)
+    sizes = {"lamps": 0.5 * effects.TYPICAL.lamps, "jpeg": 2 * effects.TYPICAL.jpeg}
+    assert some == Effects(gain=1.2, gamma=2.2, **sizes)
+    with pytest.raises(ValueError, match="severity is 3"):
+        Effects.of({"lamps": 3})
 
 
 @every_kind
@@ -38,5 +47,5 @@ def test_other_grades_are_refused(kind, severity):
 
 
 def test_scaling_leaves_the_gain():
-    half = effects.scaled(Effects(gain=3.0, blur=1.0, jpeg=8.0), 0.5)
-    assert half == Effects(gain=3.0, blur=0.5, jpeg=4.0)
+    half = effects.scaled(Effects(gain=3.0, gamma=2.2, blur=1.0, jpeg=8.0), 0.5)
+    assert half == Effects(gain=3.0, gamma=2.2, blur=0.5, jpeg=4.0)

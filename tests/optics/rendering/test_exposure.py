@@ -97,3 +97,22 @@ def test_compression_changes_little_and_keeps_the_colours():
     red = even(0.0, (32, 32))
     red[..., 0] = 0.8
     np.testing.assert_allclose(picture(red, jpeg=8.0), picture(red), atol=4)
+
+
+def test_a_response_codes_light_by_its_power():
+    light = ramps()
+    wanted = 255 * light.astype(float) ** (1 / 2.2)
+    assert np.abs(picture(light, gamma=2.2) - wanted).max() < 0.5 + 1e-3
+
+
+def test_flare_is_a_veil_and_a_ghost_at_the_opposite_place():
+    light = np.zeros((300, 400, 3), np.float32)
+    light[60:140, 50:150] = 3.0
+    clear, flared = picture(light), picture(light, flare=0.1)
+    ghost = np.flip(light, (0, 1)) > 0
+    # A quarter of a tenth of three times full scale.
+    assert flared[ghost].min() >= 0.25 * 0.1 * 3 * 255 - 1
+    veil = flared[(light == 0) & ~ghost]
+    assert (clear[light == 0] == 0).all()
+    assert 0 < veil.max() < flared[ghost].min()
+    assert flared[100, 100, 0] > flared[280, 380, 0]

@@ -5,7 +5,17 @@ import numpy as np
 import pytest
 
 from optics.rendering import Effects, Imprint, make_height_map, make_pad_appearance
-from optics.rendering.pads import BRIGHT, CORRELATION, ELEVATION, GREEN, MARGIN, STEP
+from optics.rendering.pads import (
+    BRIGHT,
+    CORRELATION,
+    ELEVATION,
+    GAP,
+    GREEN,
+    LAMP,
+    MARGIN,
+    STEP,
+    lamp_distance,
+)
 
 LENGTH, WIDTH = 15.0, 20.0
 
@@ -154,3 +164,64 @@ def test_of_several_imprints_the_deepest_counts():
         here = cv2.erode(deeper.astype(np.uint8), near) > 0
         assert here.sum() > 500
         np.testing.assert_allclose(both[here], light[here], atol=ROUNDING)
+
+
+@pytest.mark.parametrize("excess", [3.0, 9.0])
+def test_lamps_light_a_pad_as_lines_of_points_do(excess):
+    away = lamp_distance(excess, WIDTH)
+    look = make_pad_appearance(LENGTH, WIDTH, Effects(lamps=excess))
+    along, across = np.meshgrid(np.linspace(0, LENGTH, 7), np.linspace(-WIDTH / 2, WIDTH / 2, 7))
+    light = look.sample(along, across)[0]
+
+    def sent(along: np.ndarray, across: np.ndarray) -> np.ndarray:
+        """By so many points of the red lamp: each sends h / r³."""
+        points = (np.arange(4000) + 0.5) / 4000 * LENGTH
+        squares = (WIDTH / 2 + away - across[..., None]) ** 2 + away**2
+        return np.mean(away / (squares + (along[..., None] - points) ** 2) ** 1.5, axis=-1)
+
+    edge = sent(np.array(LENGTH / 2), np.array(WIDTH / 2))
+    np.testing.assert_allclose(light[..., 0], BRIGHT * sent(along, across) / edge, rtol=2e-2)
+    np.testing.assert_allclose(light[..., 2], light[::-1, :, 0], rtol=1e-3)
+    long = make_pad_appearance(20 * WIDTH, WIDTH, Effects(lamps=excess))
+    ends = long.sample(np.full((1, 2), 10 * WIDTH), np.array([[WIDTH / 2, 0.0]]))[0][0, :, 0]
+    assert ends[0] / ends[1] == pytest.approx(1 + excess, rel=0.02)
+
+
+def test_shadows_are_where_something_is_in_the_way_of_a_lamp():
+    imprint, excess = Imprint("studded brick", LENGTH / 2, 0.0, 1.2), 9.0
+    lit, shaded = (
+        make_pad_appearance(LENGTH, WIDTH, Effects(lamps=excess, shadows=s), [imprint])
+        for s in (0.0, 1.0)
+    )
+    away = lamp_distance(excess, WIDTH)
+    row = lit.light.shape[0] // 2 + round(4.0 / STEP)
+    across = (np.arange(lit.light.shape[1]) + 0.5) * STEP - MARGIN - WIDTH / 2
+    along, beside = grid()
+    # Of the studs as they are along this row; by trying every ray to the red lamp.
+    full = make_height_map(imprint, along, beside, STEP)[row]
+    hidden = np.array(
+        [
+            any(
+                full[j] > h + (away - h) * (across[j] - x) / (WIDTH / 2 + away - x) + 1e-6
+                for j in range(i + 1, len(across))
+            )
+            for i, (x, h) in enumerate(zip(across, full, strict=True))
+        ]
+    )
+    bright = lit.light[row, :, 0] > 1e-3
+    assert 10 < hidden[bright].sum() < 0.5 * len(across)
+    dark = shaded.light[row, :, 0] == 0
+    assert np.mean(dark[bright] == hidden[bright]) > 0.98
+
+
+def test_lamps_in_view_are_clipped_strips_beside_the_pad():
+    look = make_pad_appearance(LENGTH, WIDTH, Effects(strips=1.0))
+    across = np.linspace(-WIDTH / 2 - look.margin, WIDTH / 2 + look.margin, 801)
+    light = look.sample_lamps(np.full((1, 801), LENGTH / 2), across[None])[0]
+    for side, color in ((1, 0), (-1, 2)):
+        strip = (side * across > 0) & (light[:, color] > 1)
+        assert np.ptp(across[strip]) == pytest.approx(1.0, abs=2 * STEP)
+        assert WIDTH / 2 - STEP <= np.abs(across[strip]).min() <= WIDTH / 2 + GAP + STEP
+        assert light[strip, color].max() == pytest.approx(LAMP)
+    assert look.sample_lamps(np.full((1, 801), -0.5), across[None]).max() == 0
+    assert make_pad_appearance(LENGTH, WIDTH, Effects()).lamps is None

@@ -3,6 +3,7 @@
 import functools
 import inspect
 
+import cv2
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -343,3 +344,35 @@ def test_angles_that_are_none_of_the_joints_are_refused(angles, words):
     # As users have it, without the run-time checks of types.
     with pytest.raises(UserError, match=words):
         inspect.unwrap(Renderer.render)(renderer(PLAIN), angles)
+
+
+def test_walls_are_gray_and_as_bright_as_they_reflect():
+    shown = renderer(Effects(walls=0.08)).render(POSES[0])
+    light = shown.pixels[alike(shown.labels, 2) & (shown.labels == 0)] / 255
+    most = 0.08 * BRIGHT
+    assert 0.5 * most - 0.5 / 255 <= light.min() < light.max() <= most + 0.5 / 255
+    assert (np.ptp(light, axis=1) == 0).all()
+
+
+def test_out_of_focus_a_view_is_spread_by_its_distance():
+    """Light past an edge is that of the disc beyond it, the edge being straight."""
+    sharp, spread = (renderer(Effects(defocus=size)).render(POSES[0]) for size in (0.0, 60.0))
+    np.testing.assert_array_equal(sharp.labels, spread.labels)
+    changed = np.abs(sharp.pixels.astype(int) - spread.pixels).max(axis=-1) > 2
+    edges = ~alike(sharp.labels, 1)
+    assert changed.any()
+    reach = cv2.dilate(edges.astype(np.uint8), np.ones((13, 13), np.uint8)) > 0
+    assert not (changed & ~reach).any()
+    # No light is lost.
+    total, whole = spread.pixels[..., 0].sum(dtype=float), sharp.pixels[..., 0].sum(dtype=float)
+    assert total == pytest.approx(whole, rel=0.02)
+
+
+def test_lamps_in_view_are_beside_pads_and_no_part_of_them():
+    shown, plain = (renderer(Effects(strips=size)).render(POSES[0]) for size in (1.0, 0.0))
+    np.testing.assert_array_equal(shown.labels, plain.labels)
+    lamps = (shown.pixels == 255).any(axis=-1)
+    assert lamps.sum() > 100
+    assert (shown.labels[lamps] == 0).mean() > 0.9
+    beside = alike(shown.labels, 2) & (shown.labels > 0)
+    np.testing.assert_array_equal(shown.pixels[beside], plain.pixels[beside])
