@@ -151,7 +151,7 @@ def test_every_color_has_its_own_index():
     found = corners_of(judge(layered[0], {}, None, "blue"))
     assert found == corners_of(judge(layered[1], {}))
     green = corners_of(judge(layered[0], {}))
-    assert max(math.dist(found[one], green[one]) for one in found) > 0.1
+    assert max(math.dist(found[one], green[one]) for one in found) > 0.05
     [shown] = photograph(layered[0] | {"mirrors": []}, None, {}, Look(), 0).shown
     for corner, place in zip(((0, -1), (0, 1), (1, -1), (1, 1)), shown.channels[2], strict=True):
         assert place == pytest.approx(found[corner], abs=FINE_PX)

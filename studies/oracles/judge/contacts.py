@@ -13,10 +13,13 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-FADE = 3.0
+FADE = 2.0
 """mm."""
 
-STEPS, HALVINGS = 32, 8
+REACH = 2.5 * FADE
+"""So far beyond its edge a contact lifts a membrane by 0.1 % of its depth: rays do not meet it."""
+
+STEPS, HALVINGS = 20, 10
 """A ray's way through the height of a bulge is divided so, and then the part where it meets it."""
 
 SHAPES: Mapping[str, tuple[float, float, int]] = {
@@ -74,6 +77,10 @@ class Contacts:
         """Those of a pad."""
         return self._contacts[pad]
 
+    def highest(self, pad: int) -> float:
+        """Of a pad's membrane, mm."""
+        return max((one.depth for one in self._contacts[pad]), default=0.0)
+
     def heights(self, pad: int, along: np.ndarray, across: np.ndarray) -> np.ndarray:
         """Of a membrane above its plane, mm."""
         found = np.zeros(np.broadcast(along, across).shape)
@@ -110,14 +117,21 @@ class Contacts:
         if not self._contacts[pad]:
             return far
         length, half = self._sizes[pad]
-        highest = max(one.depth for one in self._contacts[pad])
-        low, high = np.array([0.0, -half, 0.0]), np.array([length, half, highest])
+        low, high = np.array([0.0, -half, 0.0]), np.array([length, half, self.highest(pad)])
         with np.errstate(divide="ignore", invalid="ignore"):
-            ends = np.sort([(low - origins) / ways, (high - origins) / ways], axis=0)
-        enter, leave = np.max(ends[0], axis=-1), np.min(ends[1], axis=-1)
+            one, other = (low - origins) / ways, (high - origins) / ways
+        enter = np.max(np.minimum(one, other), axis=-1)
+        leave = np.min(np.maximum(one, other), axis=-1)
         enter = np.maximum(enter, 0.0)
+        middle = origins + np.where(enter < leave, (enter + leave) / 2, 0)[:, None] * ways
+        near = np.zeros(len(origins), bool)
+        for one in self._contacts[pad]:
+            radius, size, count = SHAPES[one.kind]
+            reach = np.sqrt(radius * one.depth) + REACH + size / 2 + (count - 1) * PITCH * 0.75
+            away = np.hypot(middle[:, 0] - one.along, middle[:, 1] - one.across)
+            near |= away < reach + (leave - enter) / 2
         # From above, or along: what begins below a bulge has just left its membrane.
-        mine = np.flatnonzero(enter < leave)
+        mine = np.flatnonzero((enter < leave) & near)
         origin, way, start, stop = origins[mine], ways[mine], enter[mine], leave[mine]
 
         def above(distance: np.ndarray) -> np.ndarray:

@@ -263,7 +263,7 @@ def _shading(
     thickness = sum(layer["thickness"] for layer in pad.get("layers", []))
     low, high, gap = (0.0, 2 * thickness, 0.0) if thickness else (FOOT, TOP, GAP)
     levels = low + (np.arange(SHADOW_HEIGHTS) + 0.5) / SHADOW_HEIGHTS * (high - low)
-    points, to, _ = lamp_points(length, half, lamp, SHADOW_PIECES, levels, gap)
+    points, to, extent = lamp_points(length, half, lamp, SHADOW_PIECES, levels, gap)
     places = np.stack([along, across, heights], axis=-1)
     steps = np.array([length / (along.shape[0] - 1), 2 * half / (along.shape[1] - 1)])
     bright, plain = np.zeros(along.shape), np.zeros(along.shape)
@@ -275,7 +275,8 @@ def _shading(
             index = np.moveaxis((spot + np.array([0.0, half])) / steps, -1, 0)
             there = scipy.ndimage.map_coordinates(heights, index, order=1, mode="nearest")
             horizon = np.maximum(horizon, (there - heights) / share)
-        square = np.sum(ways**2, axis=-1)
+        # A piece is no point: half its length is the least distance.
+        square = np.sum(ways**2, axis=-1) + (extent / SHADOW_PIECES / 2) ** 2
         sent = np.maximum(-(ways @ to[:2]), INSET)
         for height in piece[:, 2]:
             rise = height - heights

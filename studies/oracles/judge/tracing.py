@@ -180,9 +180,14 @@ class Tracer:
             return ahead, pads
         room = np.where(group >= 0, np.linalg.norm(point - place, axis=-1), np.inf)
         for pad, layered in enumerate(self._layered):
-            mine = np.flatnonzero(inside == (pad if layered else -1))
-            axes = self.axes(pad)
-            local = (place[mine] - self.pads[pad].origin) @ axes.T
+            if not (highest := self._contacts.highest(pad)):
+                continue
+            axes, origin = self.axes(pad), self.pads[pad].origin
+            # Only stretches that end below the top of what bulges can meet it.
+            start, slope = (place - origin) @ axes[2], way @ axes[2]
+            low = (slope < 0) & (start + room * slope < highest) & (start > 0)
+            mine = np.flatnonzero(low & (inside == (pad if layered else -1)))
+            local = (place[mine] - origin) @ axes.T
             far = self._contacts.meet(pad, local, way[mine] @ axes.T)
             first = far < np.minimum(room, ahead)[mine]
             ahead[mine[first]], pads[mine[first]] = far[first], pad
