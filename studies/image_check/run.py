@@ -195,7 +195,9 @@ class Findings:
                 view = sighting.view(pad, path)
                 complete = view is not None and view.quality is Quality.COMPLETE
                 of_view = own | {"pad": pad, "path": path}
-                whole = shown is not None and shown.whole
+                # What a design does not count as seen, as it is too flat, need not be found.
+                flat = math.sin(sensor.catalog.grazing[pad])
+                whole = shown is not None and shown.whole and shown.grazing >= flat
                 quality = view.quality.name.lower() if view is not None else "none"
                 self.views.add(**of_view, whole=whole, complete=complete, quality=quality)
                 if not complete or shown is None:

@@ -13,6 +13,9 @@ from studies.oracles.judge.contacts import Contact
 LEVELS = 12
 """Pictures out of focus by so many radii, between which every pixel is interpolated."""
 
+SHARP = 0.1
+"""Discs of a smaller radius, px, blur nothing."""
+
 VEIL_PX, GHOST_PX = 120.0, 12.0
 """Spreads of veiling glare and of the ghost."""
 
@@ -94,7 +97,7 @@ def expose(
 def _out_of_focus(image: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Every pixel the mean over a disc of its own radius, px."""
     steps = np.linspace(0, float(radius.max()), LEVELS)
-    stack = [image if step < 0.05 else cv2.filter2D(image, -1, _disc(step)) for step in steps]
+    stack = [image if step < SHARP else cv2.filter2D(image, -1, _disc(step)) for step in steps]
     position = radius / max(steps[1], 1e-9)
     low = np.minimum(position.astype(int), LEVELS - 2)
     share = (position - low)[..., None].astype(np.float32)
