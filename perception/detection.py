@@ -12,6 +12,7 @@ from perception.lens import Lens
 from perception.masks import brightness, lamp_mask, without_lamps
 from perception.matching import Sighting, ViewCatalog, match_views
 from perception.quads import Quad, fit_quad
+from perception.quality import Quality
 
 GREEN_CONTRAST = 12.0
 """Codes: where the step in green is lower on any side, edges are those of the brightest color."""
@@ -58,10 +59,11 @@ def detect_quads(image: object, lens: Lens) -> list[Quad]:
     found = []
     for blob in join_halves(stable_blobs(without_lamps(gray, lamps, BLOOM))):
         quad = fit_quad(exact, lens, blob.contour, lamps)
-        if quad is None or quad.contrast < GREEN_CONTRAST:
-            quad = fit_quad(brightest, lens, blob.contour, lamps)
-            if quad is not None and picture.ndim == 3:
-                quad = replace(quad, covariance=quad.covariance + COLOR_DOUBT**2 * np.eye(2))
+        clear = quad is not None and quad.contrast >= GREEN_CONTRAST
+        if picture.ndim == 3 and not (clear and quad.quality is Quality.COMPLETE):
+            other = fit_quad(brightest, lens, blob.contour, lamps)
+            if other is not None:
+                quad = replace(other, covariance=other.covariance + COLOR_DOUBT**2 * np.eye(2))
         found += [quad] if quad is not None else []
     return sorted(found, key=lambda quad: float(quad.corners[:, 1].mean()))
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -358,7 +359,7 @@ class _View(eqx.Module):
             off = still.follow(unknowns, aim, levels)[1]
             return off, off
 
-        def step(_: int, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        def step(_: Any, state: tuple[Array, Array]) -> tuple[Array, Array]:
             root, inverse = state
             slopes, off = jax.jacfwd(miss, has_aux=True)(root)
             newer = jnp.linalg.inv(slopes)
