@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from perception.blobs import join_halves, stable_blobs
 from perception.images import checked_image
 from perception.lens import Lens
-from perception.masks import brightness, lamp_mask, without_lamps
+from perception.masks import Gray, Mask, brightness, lamp_mask, without_lamps
 from perception.matching import Sighting, ViewCatalog, match_views
-from perception.quads import Quad, fit_quad
+from perception.quads import Quad, fit_quad, follow_quad
 from perception.quality import Quality
+
+CHANNEL = 1
+"""Green."""
 
 GREEN_CONTRAST = 12.0
 """Codes: where the step in green is lower on any side, edges are those of the brightest color."""
@@ -50,22 +56,64 @@ def detect_quads(image: object, lens: Lens) -> list[Quad]:
         >>> [quad.corners.round().tolist() for quad in detect_quads(image, lens)]
         [[[30.0, 70.0], [30.0, 19.0], [89.0, 19.0], [89.0, 70.0]]]
     """
-    picture = checked_image(image, channels=(1, 3), like=("what the lens images", lens.shape))
-    gray = brightness(picture) if picture.ndim == 3 else picture
-    lamps = lamp_mask(picture, gray)
-    brightest = lens.light(without_lamps(gray, lamps, 0))
-    green = gray if picture.ndim == 2 else np.ascontiguousarray(picture[..., 1])
-    exact = brightest if picture.ndim == 2 else lens.light(without_lamps(green, lamps, 0))
-    found = []
-    for blob in join_halves(stable_blobs(without_lamps(gray, lamps, BLOOM))):
-        quad = fit_quad(exact, lens, blob.contour, lamps)
-        clear = quad is not None and quad.contrast >= GREEN_CONTRAST
-        if picture.ndim == 3 and not (clear and quad.quality is Quality.COMPLETE):
-            other = fit_quad(brightest, lens, blob.contour, lamps)
-            if other is not None:
-                quad = replace(other, covariance=other.covariance + COLOR_DOUBT**2 * np.eye(2))
-        found += [quad] if quad is not None else []
-    return sorted(found, key=lambda quad: float(quad.corners[:, 1].mean()))
+    return _Light.of(image, lens).quads(lens)
+
+
+class _Light(NamedTuple):
+    """An image as edges are looked for in it.
+
+    Attributes:
+        codes: brightest color of every pixel, 8 bits.
+        brightest: light of that color, lamps in view left out.
+        green: light in green, likewise; ``None`` if the image has one channel.
+        lamps: where lamps are in view.
+    """
+
+    codes: Gray
+    brightest: Float[np.ndarray, "rows columns"]
+    green: Float[np.ndarray, "rows columns"] | None
+    lamps: Mask
+
+    @classmethod
+    def of(cls, image: object, lens: Lens) -> _Light:
+        """The light of an image.
+
+        Raises:
+            UserError: it is no image of the lens, but of another size or type.
+        """
+        picture = checked_image(image, channels=(1, 3), like=("what the lens images", lens.shape))
+        gray = brightness(picture) if picture.ndim == 3 else picture
+        lamps, green = lamp_mask(picture, gray), None
+        if picture.ndim == 3:
+            green = np.ascontiguousarray(picture[..., CHANNEL])
+            green = lens.light(without_lamps(green, lamps, 0))
+        return cls(gray, lens.light(without_lamps(gray, lamps, 0)), green, lamps)
+
+    def quads(self, lens: Lens) -> list[Quad]:
+        """All quadrilaterals, from the image's top to its bottom."""
+        blobs = join_halves(stable_blobs(without_lamps(self.codes, self.lamps, BLOOM)))
+        found = [self.fit(lens, fit_quad, blob.contour) for blob in blobs]
+        quads = [quad for quad in found if quad is not None]
+        return sorted(quads, key=lambda quad: float(quad.corners[:, 1].mean()))
+
+    def fit(self, lens: Lens, fit: Callable[..., Quad | None], about: np.ndarray) -> Quad | None:
+        """A quadrilateral fitted in green where this is bright enough, else in the brightest color.
+
+        Args:
+            lens: of the camera.
+            fit: `fit_quad` or `follow_quad`.
+            about: what that takes: a contour or corners.
+        """
+        if self.green is None:
+            return fit(self.brightest, lens, about, self.lamps)
+        quad = fit(self.green, lens, about, self.lamps)
+        bright = quad is not None and quad.contrast >= GREEN_CONTRAST
+        if quad is not None and bright and quad.quality is Quality.COMPLETE:
+            return quad
+        other = fit(self.brightest, lens, about, self.lamps)
+        if other is None:
+            return quad
+        return replace(other, covariance=other.covariance + COLOR_DOUBT**2 * np.eye(2))
 
 
 def detect_views(image: object, lens: Lens, catalog: ViewCatalog) -> Sighting:
@@ -86,4 +134,7 @@ def detect_views(image: object, lens: Lens, catalog: ViewCatalog) -> Sighting:
         ... ).views  # dark
         ()
     """
-    return match_views(detect_quads(image, lens), catalog, lens)
+    light = _Light.of(image, lens)
+    return match_views(
+        light.quads(lens), catalog, lens, lambda corners: light.fit(lens, follow_quad, corners)
+    )

@@ -60,6 +60,24 @@ def measured_grazing(quad: Quad, width: float) -> float:
     return float(np.arcsin(np.abs(rays[:, 0] * along[1] - rays[:, 1] * along[0])).min())
 
 
+def measured_skew(quad: Quad, width: float) -> tuple[float, float]:
+    """How far a view is from that of a rectangle across the section: in angle (rad) and place (mm).
+
+    Both corners of an end of a pad have one section angle, and both ends are as far beside the
+    section.
+
+    Args:
+        quad: the view.
+        width: of the pad across the section, mm.
+    """
+    rays, middles, turns = quad.rays, [], []
+    for left, right in ENDS:
+        distance = width / max(rays[right, 1] - rays[left, 1], 1e-9)
+        middles.append(distance * (rays[left, 1] + rays[right, 1]) / 2)
+        turns.append(abs(rays[left, 0] - rays[right, 0]))
+    return float(max(turns)), float(abs(middles[1] - middles[0]))
+
+
 def shortened(quad: Quad, width: float, length: float, lens: Lens, kept: int) -> Quad:
     """A view that another one has made too long, ended where the pad's known length ends.
 

@@ -7,13 +7,13 @@ of the one joint that moves it. For each joint the value is taken that explains 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from perception.lengths import ENDS, measured_grazing, measured_length, shortened
+from perception.lengths import ENDS, measured_grazing, measured_length, measured_skew, shortened
 from perception.lens import Lens
 from perception.quads import Quad
 from perception.quality import Quality
@@ -33,6 +33,12 @@ LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 
 DOUBTED_DEVIATIONS = 1.0
 """By so many only too short, where a part may be hidden, and too long, beside another view."""
+
+STEP = 7.0
+"""px: sides are found within a little more (`sides.REACH`)."""
+
+MOST_TURN, MOST_ASIDE = 0.03, 1.0
+"""Rad and mm: fingers with errors of fabrication skew views by less (`measured_skew`)."""
 
 BORDER = 8.0
 """An end nearer to the image's border than so many pixels may be cut off by it."""
@@ -158,8 +164,20 @@ class Sighting:
         return [view for view in self.views if view.quality is Quality.COMPLETE]
 
 
-def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sighting:
+def match_views(
+    quads: Sequence[Quad],
+    catalog: ViewCatalog,
+    lens: Lens,
+    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None] = lambda corners: None,
+) -> Sighting:
     """Assign quadrilaterals to views; every view gets its quality.
+
+    Args:
+        quads: what was found in an image.
+        catalog: what the finger can show.
+        lens: of the camera.
+        follow: the quadrilateral in the image whose corners are expected at given places, if there
+            is one: a view that something bright beside it has spoiled is looked for again there.
 
     Example:
         >>> rows, columns = np.mgrid[:90, :120]
@@ -196,6 +214,7 @@ def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sigh
     distances: dict[int, Float[np.ndarray, "quads values"]] = {}
     pairs: list[tuple[float, int, int]] = []
     shift = np.zeros(2)
+    quads = [*quads, *_still(catalog, quads, lens, cap, follow)]
     for joint in (None, *range(catalog.joints)):
         own = [i for i, family in enumerate(families) if family.joint == joint]
         if not own or not quads:
@@ -215,7 +234,7 @@ def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sigh
         if joint is None and near:
             # What does not move shows how the camera is out of place.
             _, number, i = min(near)
-            shift = np.mean(quads[number].corners - canonical(families[i].corners[:1])[0], axis=0)
+            shift = np.mean(quads[number].corners - _expected(families[i], 0, shift), axis=0)
         pairs += near
     assigned: dict[int, int] = {}
     for _, number, i in sorted(pairs):
@@ -224,19 +243,30 @@ def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sigh
     known = {families[i].joint for i in assigned}
     whole = {number for number, quad in enumerate(quads) if quad.quality is Quality.COMPLETE}
     rest = whole.difference(assigned.values())
-    twice = _seen_twice(families, best, distances, rest, cap)
+    twice = _seen_twice(catalog, best, distances, {n: quads[n] for n in rest}, lens, cap)
     angles[list(twice)] = np.nan
     views = []
     for i, family in enumerate(families):
         if not family.wanted:
             continue
+        expected = family.complete[best[i]] == 1 and (family.joint in known or family.joint is None)
         if i in assigned:
-            found = _found(catalog, i, best[i], quads[assigned[i]], lens, shift)
+            quad = _mended(catalog, i, best[i], quads[assigned[i]], lens, follow)
+            found = _found(catalog, i, best[i], quad, lens, shift)
+            if expected and found.quality is not Quality.COMPLETE:
+                start = _expected(family, best[i], shift)
+                other = _complete(catalog, i, best[i], start, lens, follow)
+                if other is not None:
+                    found = _found(catalog, i, best[i], other, lens, shift)
             if family.joint in twice:
                 found = replace(found, quality=Quality.AMBIGUOUS, ends=(False, False))
             views.append(found)
-        elif family.complete[best[i]] == 1 and (family.joint in known or family.joint is None):
-            views.append(_missing(family))
+        elif expected:
+            start = _expected(family, best[i], shift)
+            other = _complete(catalog, i, best[i], start, lens, follow)
+            there = other is not None
+            view = _found(catalog, i, best[i], other, lens, shift) if there else _missing(family)
+            views.append(view)
     wanted = {number for i, number in assigned.items() if families[i].wanted}
     ghosts = tuple(
         replace(quad, quality=Quality.GHOST)
@@ -244,6 +274,84 @@ def match_views(quads: Sequence[Quad], catalog: ViewCatalog, lens: Lens) -> Sigh
         if number not in wanted and quad.quality is not Quality.LOW_CONTRAST
     )
     return Sighting(tuple(views), ghosts, angles)
+
+
+def _expected(
+    family: ViewFamily, value: int, shift: Float[np.ndarray, "2"]
+) -> Float[np.ndarray, "4 2"]:
+    """Where a view's sides would be found, in the order of a `Quad`."""
+    return canonical((family.corners + family.bend)[value : value + 1])[0] + shift
+
+
+def _mended(
+    catalog: ViewCatalog,
+    index: int,
+    value: int,
+    quad: Quad,
+    lens: Lens,
+    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None],
+) -> Quad:
+    """A view that runs into something bright, looked for again where its pad would end."""
+    if _judged(catalog, index, value, quad, lens).quality is not Quality.MERGED:
+        return quad
+    length = float(catalog.families[index].extent[value, 0])
+    starts = (shortened(quad, catalog.width, length, lens, kept).corners for kept in range(2))
+    found = [_complete(catalog, index, value, start, lens, follow) for start in starts]
+    return (_clearest(found) or [quad])[0]
+
+
+def _still(
+    catalog: ViewCatalog,
+    quads: Sequence[Quad],
+    lens: Lens,
+    cap: float,
+    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None],
+) -> list[Quad]:
+    """Views that no joint moves, where nothing complete was found: looked for all about there.
+
+    They show how the camera is out of place, which all others need.
+    """
+    found = []
+    for index, family in enumerate(catalog.families):
+        if family.joint is not None or not family.wanted or family.complete[0] < 1:
+            continue
+        away = _distances(family, quads, lens, np.zeros(2))[:, 0] if quads else np.zeros(0)
+        near = [quads[number] for number in np.argsort(away) if away[number] < cap]
+        judged = (_judged(catalog, index, 0, quad, lens).quality for quad in near)
+        if Quality.COMPLETE in judged:
+            continue
+        quad = _mended(catalog, index, 0, near[0], lens, follow) if near else None
+        if quad is not None and quad is not near[0]:
+            found.append(quad)
+            continue
+        reach = AGREEING * float(family.spread[0].max())
+        rows = sorted(np.arange(-reach, reach + 1, STEP), key=abs)
+        starts = (_expected(family, 0, np.array([0.0, row])) for row in rows)
+        there = [_complete(catalog, index, 0, start, lens, follow) for start in starts]
+        found += _clearest(there)
+    return found
+
+
+def _clearest(quads: Iterable[Quad | None]) -> list[Quad]:
+    """Of several quadrilaterals, if there are any, the one whose faintest side is clearest."""
+    there = [quad for quad in quads if quad is not None]
+    return [max(there, key=lambda quad: quad.contrast)] if there else []
+
+
+def _complete(
+    catalog: ViewCatalog,
+    index: int,
+    value: int,
+    start: Float[np.ndarray, "4 2"],
+    lens: Lens,
+    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None],
+) -> Quad | None:
+    """A complete view looked for where its sides are expected, if it is there."""
+    quad = follow(start) if np.isfinite(start).all() else None
+    if quad is None:
+        return None
+    complete = _judged(catalog, index, value, quad, lens).quality is Quality.COMPLETE
+    return quad if complete else None
 
 
 def canonical(corners: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 4 2"]:
@@ -283,27 +391,31 @@ def _costs(
 
 
 def _seen_twice(
-    families: Sequence[ViewFamily],
+    catalog: ViewCatalog,
     best: Mapping[int, int],
     distances: Mapping[int, Float[np.ndarray, "quads values"]],
-    rest: Collection[int],
+    rest: Mapping[int, Quad],
+    lens: Lens,
     cap: float,
 ) -> set[int]:
     """Joints of which the rest of the image shows a pad at another angle than what was matched.
 
-    A complete quadrilateral that no view explains as well at the angles that were found is a view
-    of a pad at another angle: the image is a double exposure, or shows another finger.
+    A complete quadrilateral that no view explains as well at the angles that were found, and that
+    is as long as the pad there, is a view of a pad at another angle: the image is a double
+    exposure, or shows another finger.
     """
     joints = set()
-    for number in rest:
+    for number, quad in rest.items():
         explained, other, moved = np.inf, cap, None
-        for i, family in enumerate(families):
+        for i, family in enumerate(catalog.families):
             own = np.where(family.visible, distances[i][number], np.inf)
             explained = min(explained, own[_around(best[i])].min())
             if family.wanted and family.joint is not None and own.min() < other:
-                other, moved = own.min(), family.joint
+                other, moved = own.min(), (i, int(own.argmin()))
         if moved is not None and other < explained:
-            joints.add(moved)
+            judged = _judged(catalog, *moved, quad, lens)
+            if judged.quality is Quality.COMPLETE:
+                joints.add(catalog.families[moved[0]].joint)
     return joints
 
 
@@ -317,8 +429,7 @@ def _found(
 ) -> View:
     family = catalog.families[index]
     order = [0, 1, 2, 3] if _first_is_lower(family.corners[value]) else [1, 0, 3, 2]
-    if quad.quality is Quality.COMPLETE:
-        quad = _judged(catalog, index, value, quad, lens)
+    quad = _judged(catalog, index, value, quad, lens)
     ends = np.asarray(family.ends[_around(value)].all(axis=0))
     if quad.quality is Quality.CLIPPED:
         off = quad.corners[order] - shift - family.corners[value]
@@ -343,8 +454,13 @@ def _found(
 
 
 def _judged(catalog: ViewCatalog, index: int, value: int, quad: Quad, lens: Lens) -> Quad:
-    """A quadrilateral with four good sides, and whether these are those of all of the pad."""
+    """A quadrilateral, and whether its sides, if all are good, are those of all of the pad."""
+    if quad.quality is not Quality.COMPLETE:
+        return quad
     family = catalog.families[index]
+    turn, aside = measured_skew(quad, catalog.width)
+    if turn > MOST_TURN or aside > MOST_ASIDE:
+        return replace(quad, quality=Quality.MERGED)
     if measured_grazing(quad, catalog.width) < catalog.grazing[family.pad]:
         return replace(quad, quality=Quality.FLAT)
     whole = family.complete[_around(value)]

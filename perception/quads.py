@@ -125,8 +125,48 @@ def fit_quad(
     rays = lens.pixel_rays(contour)
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
     corners = first_corners(plane.flat(rays))
-    if corners is None:
+    return None if corners is None else _settled(gray, lens, plane, corners, contour, lamps)
+
+
+def follow_quad(
+    gray: Float[np.ndarray, "rows columns"],
+    lens: Lens,
+    corners: Float[np.ndarray, "4 2"],
+    lamps: Mask | None = None,
+) -> Quad | None:
+    """The view whose corners are expected at given places; as `fit_quad` otherwise.
+
+    Example:
+        >>> import cv2
+        >>> rows, columns = np.mgrid[:90, :120]
+        >>> rays = np.stack([(44.5 - rows) / 200, (columns - 59.5) / 200], axis=-1)
+        >>> lens = Lens(
+        ...     rays, lambda r: np.stack([59.5 + 200 * r[:, 1], 44.5 - 200 * r[:, 0]], axis=-1)
+        ... )
+        >>> image = cv2.rectangle(np.zeros((90, 120), np.uint8), (30, 20), (89, 69), 200, -1)
+        >>> expected = np.array([[32.0, 68.0], [28.0, 22.0], [91.0, 21.0], [88.0, 72.0]])
+        >>> follow_quad(image.astype(np.float32), lens, expected).corners.round().tolist()
+        [[30.0, 70.0], [30.0, 19.0], [89.0, 19.0], [89.0, 70.0]]
+    """
+    rays = lens.rays(corners)
+    plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
+    flat = plane.flat(rays)
+    if not _is_convex(flat):
         return None
+    outline = np.clip(np.round(corners).astype(int), 0, np.array(gray.shape[::-1]) - 1)
+    checked_brightness(gray, lens.shape, outline)
+    return _settled(gray, lens, plane, flat, outline, lamps)
+
+
+def _settled(
+    gray: Float[np.ndarray, "rows columns"],
+    lens: Lens,
+    plane: TangentPlane,
+    corners: Float[np.ndarray, "4 2"],
+    contour: Int[np.ndarray, "_ 2"],
+    lamps: Mask | None,
+) -> Quad | None:
+    """The view whose sides are found from its first corners in the tangent plane."""
     found, places = _refined(gray, lens, plane, corners, lamps), None
     for _ in range(STEPS - 1):
         # A blotch, hardly there on any side, is not looked at more closely.
