@@ -34,6 +34,9 @@ LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 DOUBTED_DEVIATIONS = 1.0
 """By so many only too short, where a part may be hidden, and too long, beside another view."""
 
+STRAIGHT = 1.5
+"""px: edges scatter less about the sides of a pad, however rough; in noise 2.5 at least."""
+
 STEP = 7.0
 """px: sides are found within a little more (`sides.REACH`)."""
 
@@ -350,8 +353,10 @@ def _complete(
     quad = follow(start) if np.isfinite(start).all() else None
     if quad is None:
         return None
+    # Looked for anywhere, edges are found in noise, too, but not in a line.
+    straight = quad.scatter < STRAIGHT
     complete = _judged(catalog, index, value, quad, lens).quality is Quality.COMPLETE
-    return quad if complete else None
+    return quad if straight and complete else None
 
 
 def canonical(corners: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 4 2"]:
