@@ -79,9 +79,7 @@ def catalog() -> ViewCatalog:
         extent = np.tile([LENGTHS[view[0]], 0.0], (len(spread), 1))
         bend = np.zeros((len(spread), 4, 2))
         families.append(
-            ViewFamily(
-                *view, REFLECTIONS[index], joint, *where, *seen, spread, extent, bend, True
-            )
+            ViewFamily(*view, REFLECTIONS[index], joint, *where, *seen, spread, extent, bend, True)
         )
     return ViewCatalog(families, LENGTHS, dict.fromkeys(LENGTHS, 0.01), WIDTH, 2)
 

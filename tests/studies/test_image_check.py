@@ -1,0 +1,88 @@
+"""What is photographed, and a short run; the judge's own tests are in `test_judge_light`."""
+
+import dataclasses
+import importlib.util
+from collections import Counter
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+from designopt import Context, UserError
+from optics import parse_scene
+from studies.image_check import ImageCheckSpec
+from studies.image_check import run as study
+from studies.image_check.cases import (
+    COUPLED,
+    EVEN,
+    GAP,
+    fingers,
+    in_deviations,
+    nominal,
+    plain,
+    without_layers,
+)
+from studies.models.sensor.finger_sensor import deviations_of
+from studies.models.sensor.spec import MadeSpec
+from tests.studies.quick import quick_run
+
+
+def stated(layers="3 mm, pupil"):
+    return deviations_of(MadeSpec(), parse_scene(nominal(layers), "finger"))
+
+
+def test_default_frames_are_lit_by_both_couplings_and_pressed():
+    made = list(fingers(ImageCheckSpec(), plain(stated()), 0))
+    frames = [(one.light, look) for one in made for look in one.looks]
+    lights = Counter(light for light, _ in frames)
+    assert len(made) >= 30
+    assert len(frames) >= 300
+    assert min(lights[GAP], lights[COUPLED]) >= 30
+    assert lights[GAP] + lights[COUPLED] >= 100
+    assert sum(bool(look.contacts) for _, look in frames) >= 0.3 * len(frames)
+    assert all(0.02 <= look.walls <= 0.08 for light, look in frames if light != EVEN)
+    # Frames with labels are those of an untouched finger.
+    assert not any(look.contacts for one in made for look in one.looks[:5])
+
+
+def test_errors_are_counted_in_their_standard_deviations():
+    for one in fingers(ImageCheckSpec(fingers=10, frames=1), plain(stated()), 3):
+        deviations = stated(one.layers)
+        numbers = in_deviations(one.errors, deviations)
+        names = [field.name for field in dataclasses.fields(deviations)]
+        assert set(one.errors) == {n for n in names if getattr(deviations, n) is not None}
+        assert numbers.size == sum(np.size(value) for value in plain(deviations).values())
+        assert numbers[2] == one.errors["lateral"] / 0.3
+        assert np.abs(numbers).max() < 5
+
+
+def test_in_air_the_finger_has_neither_layers_nor_a_pupil_that_moves():
+    scene = without_layers(nominal("3 mm, pupil"))
+    assert scene.layers is None
+    assert scene.camera.pupil_shift is None
+    np.testing.assert_array_equal(scene.pads, parse_scene(nominal("none"), "finger").pads)
+
+
+def test_without_mitsuba_one_line_says_what_to_install(monkeypatch):
+    def missing():
+        raise ModuleNotFoundError("No module named 'mitsuba'")
+
+    monkeypatch.setattr(study, "load_mitsuba", missing)
+    context = Context(0, "float64", lambda _: nullcontext())
+    with pytest.raises(UserError, match=r"pip install 'designopt\[judge\]'"):
+        study.run(ImageCheckSpec(), context)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    importlib.util.find_spec("mitsuba") is None,
+    reason="Mitsuba is not installed; the extra 'judge' brings it",
+)
+def test_a_quick_run_finds_views_and_angles(tmp_path):
+    done = quick_run("image-check", tmp_path, f"cache={tmp_path / 'pictures'}")
+    assert done.measured["frames"] == 4
+    assert done.measured["views_found"] == 1
+    assert done.measured["corner_median_even_px"] < 0.6
+    assert done.measured["model_worst_px"] < 0.1
+    assert done.measured["angles_wrong"] == 0
+    assert (done.folder / "figures" / "pictures.png").exists()
