@@ -13,14 +13,14 @@ import numpy as np
 
 from perception.masks import Gray, Image, Mask, cleaned, global_mask
 
-SPECKLE = 3
+SPECKLE = 5
 """Side of the squares whose median replaces a pixel, px: speckles go, edges stay."""
 
-CLEARLY = 1.4
+CLEARLY = 1.2
 """A channel is clearly above others from this ratio on. Blue silicone holds some green: where
 blue is overexposed 2.5 times, the ratio is still 1.8."""
 
-RED_CLEARLY = 1.6
+RED_CLEARLY = 1.8
 """The same for red, between red's own ratio to green, about 6, in images for screens (gamma 2.2)
 about 2.3, and yellow's, about 1.2."""
 
@@ -49,12 +49,13 @@ OPENING = 3
 
 @dataclass(frozen=True)
 class Colors:
-    """Pixels by their colour, and the brightest channel of every pixel's surroundings."""
+    """Pixels by their colour, and the brightest and the least channel of their surroundings."""
 
     red: Mask
     blue: Mask
     yellow: Mask
     value: Gray
+    grey: Gray
 
 
 def despeckled(image: Image) -> Image:
@@ -67,19 +68,20 @@ def colors_of(image: Image) -> Colors:
     clear = despeckled(image)
     channels = _channels(cv2.blur(clear, (EVEN, EVEN)))
     value = cv2.max(cv2.max(*channels[:2]), channels[2])
+    grey = cv2.min(cv2.min(*channels[:2]), channels[2])
     found = _told_apart(channels, np.full_like(value, LEAST))
     dim = cv2.subtract(not_above(value, DIM), cv2.max(cv2.max(*found[:2]), found[2]))
     # Between two bright colours, a line of dim pixels is a mixture of both.
     broad = cv2.morphologyEx(dim, cv2.MORPH_OPEN, np.ones((OPENING, OPENING), np.uint8))
     if cv2.countNonZero(broad) <= LEAST_DIM * broad.size:
         red, blue, yellow = (cleaned(mask, OPENING) for mask in found)
-        return Colors(red, blue, yellow, value)
+        return Colors(red, blue, yellow, value, grey)
     left, upper, wide, high = cv2.boundingRect(broad)
     box = np.s_[upper : upper + high, left : left + wide]
     _add_dim(clear[box], dim[box], [mask[box] for mask in found])
     red, blue, yellow = (cleaned(mask, OPENING) for mask in found)
     _close_gap(dim[box], blue[box], yellow[box])
-    return Colors(red, blue, yellow, value)
+    return Colors(red, blue, yellow, value, grey)
 
 
 def not_above(value: Gray, level: float) -> Mask:
@@ -101,8 +103,15 @@ def _told_apart(channels: list[np.ndarray], least: np.ndarray) -> list[Mask]:
 
     reds = above(red, cv2.max(green, blue), RED_CLEARLY)
     blues = above(blue, cv2.max(red, green), CLEARLY)
-    # Red is a little above blue in green too: what is red is not yellow.
-    return [reds, blues, cv2.subtract(above(cv2.min(red, green), blue, CLEARLY), reds)]
+    yellows = above(cv2.min(red, green), blue, CLEARLY)
+    both = np.nonzero(cv2.bitwise_and(reds, yellows))
+    if len(both[0]):
+        # Yellow is orange where red walls light it. Green is nearer to red in it, by ratio, and to
+        # blue in red, whatever the response curve.
+        r, g, b, spare = (one[both].astype(np.float32) for one in (*channels, least))
+        orange = g * g > r * (b + spare / 2)
+        reds[both], yellows[both] = np.where(orange, 0, 255), np.where(orange, 255, 0)
+    return [reds, above(blue, cv2.max(red, green), CLEARLY), yellows]
 
 
 def _add_dim(image: Image, dim: Mask, masks: list[Mask]) -> None:
