@@ -16,13 +16,13 @@ from perception.masks import Gray, Image, Mask, cleaned, global_mask
 SPECKLE = 5
 """Side of the squares whose median replaces a pixel, px: speckles go, edges stay."""
 
-CLEARLY = 1.2
-"""A channel is clearly above others from this ratio on. Blue silicone holds some green: where
-blue is overexposed 2.5 times, the ratio is still 1.8."""
+CLEARLY, CLEARLY_DIM = 1.2, 1.4
+"""A channel is clearly above others from these ratios on, the second one in means over dim pixels,
+whose noise is cut off at black. Mirror images on a glossy wall leave blue a ratio of 1.8, and in
+images for screens (gamma 2.2) of 1.3."""
 
 RED_CLEARLY = 1.8
-"""The same for red, between red's own ratio to green, about 6, in images for screens (gamma 2.2)
-about 2.3, and yellow's, about 1.2."""
+"""The same for red, below red's own ratio to green, about 6, in images for screens about 2.3."""
 
 EVEN, LEAST = 3, 5.0
 """... and by so many grey levels more, in means of squares of `EVEN` pixels a side: five standard
@@ -69,7 +69,7 @@ def colors_of(image: Image) -> Colors:
     channels = _channels(cv2.blur(clear, (EVEN, EVEN)))
     value = cv2.max(cv2.max(*channels[:2]), channels[2])
     grey = cv2.min(cv2.min(*channels[:2]), channels[2])
-    found = _told_apart(channels, np.full_like(value, LEAST))
+    found = _told_apart(channels, np.full_like(value, LEAST), CLEARLY)
     dim = cv2.subtract(not_above(value, DIM), cv2.max(cv2.max(*found[:2]), found[2]))
     # Between two bright colours, a line of dim pixels is a mixture of both.
     broad = cv2.morphologyEx(dim, cv2.MORPH_OPEN, np.ones((OPENING, OPENING), np.uint8))
@@ -94,16 +94,16 @@ def _channels(image: np.ndarray) -> list[np.ndarray]:
     return [cv2.extractChannel(image, number) for number in range(3)]
 
 
-def _told_apart(channels: list[np.ndarray], least: np.ndarray) -> list[Mask]:
-    """Red, blue and yellow pixels, by the least difference of channels beside their ratio."""
+def _told_apart(channels: list[np.ndarray], least: np.ndarray, clearly: float) -> list[Mask]:
+    """Red, blue and yellow pixels, by the least ratio of channels and difference beside it."""
     red, green, blue = channels
 
     def above(channel: np.ndarray, others: np.ndarray, ratio: float) -> Mask:
         return cv2.compare(channel, cv2.addWeighted(others, ratio, least, 1.0, 0.0), cv2.CMP_GT)
 
     reds = above(red, cv2.max(green, blue), RED_CLEARLY)
-    blues = above(blue, cv2.max(red, green), CLEARLY)
-    yellows = above(cv2.min(red, green), blue, CLEARLY)
+    blues = above(blue, cv2.max(red, green), clearly)
+    yellows = above(cv2.min(red, green), blue, clearly)
     both = np.nonzero(cv2.bitwise_and(reds, yellows))
     if len(both[0]):
         # Yellow is orange where red walls light it. Green is nearer to red in it, by ratio, and to
@@ -111,7 +111,7 @@ def _told_apart(channels: list[np.ndarray], least: np.ndarray) -> list[Mask]:
         r, g, b, spare = (one[both].astype(np.float32) for one in (*channels, least))
         orange = g * g > r * (b + spare / 2)
         reds[both], yellows[both] = np.where(orange, 0, 255), np.where(orange, 255, 0)
-    return [reds, above(blue, cv2.max(red, green), CLEARLY), yellows]
+    return [reds, above(blue, cv2.max(red, green), clearly), yellows]
 
 
 def _add_dim(image: Image, dim: Mask, masks: list[Mask]) -> None:
@@ -132,7 +132,7 @@ def _add_dim(image: Image, dim: Mask, masks: list[Mask]) -> None:
         number = np.maximum(number, EVEN**2)
         least = np.maximum(LEAST * EVEN / np.sqrt(number), ROUNDING)
         means = _channels(total / number[..., None])
-        for mask, found in zip(masks, _told_apart(means, least), strict=True):
+        for mask, found in zip(masks, _told_apart(means, least, CLEARLY_DIM), strict=True):
             mask |= found & dim
             dim &= ~found
 

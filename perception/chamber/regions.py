@@ -189,12 +189,13 @@ def _regions(image: Image) -> Regions:
     within = filled(outline, red.shape)
     if len(outline) and cv2.countNonZero(yellow) > least:
         shade = cv2.bitwise_and(not_above(value, DARK * cv2.mean(value, yellow)[0]), within)
-        if cv2.countNonZero(washed):
-            # Blue is as dark where it mirrors the top, and the top may mirror the lamp.
-            shade = cv2.subtract(shade, washed)
-            shade = cv2.max(shade, _largest(_inside(washed, convex_outline(yellow))))
         top = cleaned(cv2.subtract(shade, cv2.max(red, enclosed)), OPENING)
         inner = convex_outline(cv2.max(yellow, top))
+        others = cv2.bitwise_not(cv2.max(yellow, top))
+        if cv2.countNonZero(washed) and _held(others, filled(inner, red.shape)) > NESTED:
+            # Glossy blue is as dark where it mirrors the top, and the top mirrors the lamp.
+            top = _largest(_inside(cv2.max(top, washed), convex_outline(yellow)))
+            inner = convex_outline(cv2.max(yellow, top))
     # Where closing made masks overlap, the inner region has the pixel.
     labels = np.zeros_like(red)
     for mask, region in zip((red, blue, yellow, top), INWARDS, strict=True):
