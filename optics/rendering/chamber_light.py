@@ -18,10 +18,11 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Float32, Int, UInt8
 
 from optics.chamber.endoscope import Endoscope
 from optics.chamber.rings import Rings
+from optics.rendering.chamber_effects import ChamberEffects
 
 COAT = 1.41
 """Refractive index of silicone."""
@@ -252,8 +253,8 @@ class ChamberLight:
         rings: of the straight finger.
         endoscope: its camera where it is not shaken.
         colors: reflected by what each ring ends, and at last by the top.
-        gloss: part of a clear coat's reflection that walls have.
-        roughness: of the coat: tangent of the root mean square slope, times √2.
+        effects: of which `lamp`, `gloss` and `roughness` count.
+        white: level of a white wall in the light at B.
     """
 
     def __init__(
@@ -261,49 +262,70 @@ class ChamberLight:
         rings: Rings,
         endoscope: Endoscope,
         colors: Float[np.ndarray, "walls 3"],
-        gloss: float,
-        roughness: float,
+        effects: ChamberEffects,
+        white: float,
     ) -> None:
-        self._rings, self._colors = rings, colors
-        self._gloss, self._roughness = gloss, max(roughness, NARROWEST)
+        self._rings, self._white = rings, white
+        self._lamp, self._gloss = effects.lamp, effects.gloss
+        self._roughness = max(effects.roughness, NARROWEST)
         self.light = compute_wall_light(rings, colors)
+        self._sent = np.concatenate([colors * self.light.total, np.zeros((1, 3))])
         self._slopes = slopes_of_pixels(endoscope)
-        self._blur = self._roughness * float(endoscope.focal_px)
+        self._blur = max(self._roughness * float(endoscope.focal_px) / COARSE, 0.3)
 
     def shine(
-        self, painted: UInt8[np.ndarray, "rows columns"], bend: float, direction: float
-    ) -> Float[np.ndarray, "rows columns 3"]:
-        """Red, green and blue of a picture of walls.
+        self,
+        shown: list[Float32[np.ndarray, "rows columns"]],
+        colors: list[Float32[np.ndarray, "rows columns"]],
+        painted: UInt8[np.ndarray, "rows columns"],
+        bend: float,
+        direction: float,
+    ) -> None:
+        """Add the lamp's light, and what walls mirror, to the channels of a picture.
 
         Args:
+            shown: channels of the light that walls send without the lamp's own; they are changed.
+            colors: levels of the walls in the light at B.
             painted: which ring was passed last in every pixel, from 1; 0 before the first.
             bend: of the finger, radians.
             direction: to which it bends, radians.
         """
-        bent = BentWall(self._rings, bend, direction)
         wall = painted.astype(np.int64)
+        bent = BentWall(self._rings, bend, direction)
         met = bent.meet(self._slopes, wall)
         away = np.sum(met.place**2, axis=-1)
-        direct = self.light.lamp * met.place[..., 2] / np.sqrt(away) * met.cosine / away
-        if not self._gloss:
-            return self._colors[wall] * (direct[..., None] + self.light.mutual[wall])
-        reflected = self._gloss * reflectance(met.cosine)
-        passed = (1 - reflected)[..., None]
-        shown = self._colors[wall] * passed * (passed * direct[..., None] + self.light.mutual[wall])
-        tangent = 1 / met.cosine**2 - 1
-        slopes = np.exp(-tangent / self._roughness**2) / (self._roughness * met.cosine**2) ** 2
-        highlight = self._gloss * reflectance(np.ones(1)) * slopes / (4 * met.cosine**2) * direct
-        return shown + highlight[..., None] + reflected[..., None] * self._mirrored(bent, met, wall)
+        direct = self.light.lamp * met.place[..., 2] * met.cosine / (away * np.sqrt(away))
+        passed, added = self._lamp * direct, np.zeros((*wall.shape, 3))
+        kept = np.ones_like(direct)
+        if self._gloss:
+            reflected = self._gloss * reflectance(met.cosine)
+            kept = 1 - reflected
+            passed = passed * kept
+            added = self._mirrored(bent, met, wall, reflected)
+            added += self._highlight(met, direct)[..., None]
+        for i, (channel, color) in enumerate(zip(shown, colors, strict=True)):
+            channel[:] = kept * (channel + color * passed) + self._white * added[..., i]
 
     def _mirrored(
-        self, bent: BentWall, met: Met, wall: Int[np.ndarray, "rows columns"]
+        self,
+        bent: BentWall,
+        met: Met,
+        wall: Int[np.ndarray, "rows columns"],
+        reflected: Float[np.ndarray, "rows columns"],
     ) -> Float[np.ndarray, "rows columns 3"]:
         some = np.s_[COARSE // 2 :: COARSE, COARSE // 2 :: COARSE]
         place, normal, start = met.place[some], met.normal[some], wall[some]
         ray = place / np.linalg.norm(place, axis=-1, keepdims=True)
         onward = ray + 2 * met.cosine[some][..., None] * normal
         hit = bent.follow(place.reshape(-1, 3), onward.reshape(-1, 3), start.ravel())
-        sent = np.concatenate([self._colors * self.light.total, np.zeros((1, 3))])
-        image = sent[hit].reshape(*start.shape, 3).astype(np.float32)
-        image = cv2.GaussianBlur(image, (0, 0), max(self._blur / COARSE, 0.3))
+        image = self._sent[hit].reshape(*start.shape, 3) * reflected[some][..., None]
+        image = cv2.GaussianBlur(image, (0, 0), self._blur)
         return cv2.resize(image, wall.shape[::-1], interpolation=cv2.INTER_LINEAR)
+
+    def _highlight(
+        self, met: Met, direct: Float[np.ndarray, "rows columns"]
+    ) -> Float[np.ndarray, "rows columns"]:
+        """The lamp in the coat, by the part of its slopes that face it (Beckmann's distribution)."""
+        square = met.cosine**2
+        facing = np.exp((1 - 1 / square) / self._roughness**2) / (self._roughness * square) ** 2
+        return self._gloss * float(reflectance(np.ones(1))[0]) * facing / (4 * square) * direct
