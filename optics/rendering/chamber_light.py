@@ -107,7 +107,7 @@ def compute_wall_light(rings: Rings, colors: Float[np.ndarray, "walls 3"]) -> Wa
     facing = (wide - slope * middle) / np.sqrt(1 + slope**2)
     direct = np.append(middle * facing / away**4, 1 / depth[-1] ** 2)
 
-    discs = exchange_of_discs(radius[:, None], radius, np.abs(depth[:, None] - depth))
+    discs = exchange_of_discs(radius[:, None], radius[None], np.abs(depth[:, None] - depth))
     walls = len(middle)
     # From rings to discs beyond them, from which those between two such discs follow.
     onward = np.abs(np.diff(discs, axis=0))
