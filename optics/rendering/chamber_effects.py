@@ -55,7 +55,8 @@ class ChamberEffects:
     def real(cls, severity: float = 1.0, gain: float = 1.0) -> ChamberEffects:
         """Those of `graded` in the light of a lamp at the lens, on walls that shine and are dusty.
 
-        Gloss and dust grow with the severity, up to a whole coat at 1; its highlights are the glare.
+        Gloss and dust grow with the severity, up to a whole coat at 1, whose highlights are the
+        glare.
 
         Example:
             >>> ChamberEffects.real().lamp

@@ -121,7 +121,6 @@ def _told_apart(
         return cv2.compare(channel, cv2.addWeighted(others, ratio, least, 1.0, 0.0), cv2.CMP_GT)
 
     reds = above(red, cv2.max(green, blue), red_clearly)
-    blues = above(blue, cv2.max(red, green), clearly)
     yellows = above(cv2.min(red, green), blue, clearly)
     both = np.nonzero(cv2.bitwise_and(reds, yellows))
     if len(both[0]):
@@ -152,7 +151,9 @@ def _add_dim(image: Image, dim: Mask, masks: list[Mask], red_clearly: float) -> 
         number = np.maximum(number, EVEN**2)
         least = np.maximum(LEAST * EVEN / np.sqrt(number), ROUNDING)
         means = _channels(total / number[..., None])
-        for mask, found in zip(masks, _told_apart(means, least, CLEARLY_DIM, red_clearly), strict=True):
+        for mask, found in zip(
+            masks, _told_apart(means, least, CLEARLY_DIM, red_clearly), strict=True
+        ):
             mask |= found & dim
             dim &= ~found
 

@@ -37,7 +37,7 @@ class BendingDirectionSpec(ChamberImagesSpec):
         le=100_000,
     )
     traced_bends: int = setting(
-        3,
+        2,
         "bends at which frames are path-traced, in every direction and with every kind of wall; 0: "
         "none are",
         scales=True,

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -16,7 +17,7 @@ from designopt.user_folders import user_folder
 from optics.chamber import compute_wall_radii
 from optics.rendering import ChamberEffects, ChamberRenderer
 from perception import chamber
-from perception.chamber import Points, Region
+from perception.chamber import Direction, Points, Region
 from studies.bending_direction.frames import TOWARDS, judge
 from studies.models.soft_finger.finger import SoftFinger
 from studies.oracles.chamber_light import Frame, expose, trace_once
@@ -88,39 +89,51 @@ def bends_deg(count: int, largest_deg: float) -> Float[np.ndarray, " bends"]:
     return np.geomspace(min(2 * LEAST_DEG, largest_deg), largest_deg, count)
 
 
-def answer_traced(
-    finger: SoftFinger,
-    bends: Float[np.ndarray, " bends"],
-    threshold: float,
-    scatter_deg: float,
-    seed: int,
-    folder: Path,
-) -> Records:
+class Case(NamedTuple):
+    """A path-traced frame, and the direction to which the finger bends in it."""
+
+    truth: Direction
+    bend_deg: float
+    frame: Frame
+
+
+def traced_cases(
+    finger: SoftFinger, bends: Float[np.ndarray, " bends"], scatter_deg: float, seed: int
+) -> dict[str, list[Case]]:
+    """Frames of every kind of wall: the straight finger, then all bends in every direction."""
+    random, cases = np.random.default_rng([seed, 5]), {}
+    for number, (walls, coat) in enumerate(WALLS.items()):
+        straight = frame_of(finger, seed=1000 * seed + number, **coat)
+        cases[walls] = [Case(Direction.INITIAL, 0.0, straight)]
+        for truth, towards in TOWARDS.items():
+            for bend in bends.tolist():
+                direction = towards + math.radians(scatter_deg * random.standard_normal())
+                own = dataclasses.replace(
+                    straight, bend=math.radians(bend), direction=float(direction)
+                )
+                cases[walls].append(Case(truth, bend, own))
+    return cases
+
+
+def answer_traced(cases: dict[str, list[Case]], threshold: float, folder: Path) -> Records:
     """Answers to path-traced frames of all kinds of walls, directions and exposures.
 
     Returns:
         ``walls``, ``exposure``, ``direction``, ``bend_deg``, ``answer``, ``status`` and the columns
         of `judge`.
     """
-    rows, random = Records(), np.random.default_rng([seed, 5])
-    for number, (walls, coat) in enumerate(WALLS.items()):
-        straight = frame_of(finger, seed=1000 * seed + number, **coat)
-        light = trace_once(straight, folder)
+    rows = Records()
+    for walls, (straight, *bent) in cases.items():
+        light = trace_once(straight.frame, folder)
         initial = {name: find_points(exposed(light, name))[0] for name in EXPOSURES}
-        for truth, towards in TOWARDS.items():
-            for bend in bends:
-                own = dataclasses.replace(
-                    straight,
-                    bend=math.radians(bend),
-                    direction=towards + math.radians(scatter_deg * random.standard_normal()),
-                )
-                light = trace_once(own, folder)
-                for name, start in initial.items():
-                    answer, status = _answer(exposed(light, name), start, threshold)
-                    rows.add(
-                        walls=walls, exposure=name, direction=truth.name.lower(), bend_deg=bend,
-                        answer=answer, status=status,
-                    )  # fmt: skip
+        for case in bent:
+            light = trace_once(case.frame, folder)
+            for name, start in initial.items():
+                answer, status = _answer(exposed(light, name), start, threshold)
+                rows.add(
+                    walls=walls, exposure=name, direction=case.truth.name.lower(),
+                    bend_deg=case.bend_deg, answer=answer, status=status,
+                )  # fmt: skip
     return judge(rows)
 
 
@@ -165,14 +178,17 @@ def _answer(
     picture: UInt8[np.ndarray, "rows columns 3"], initial: Points, threshold: float
 ) -> tuple[str, str]:
     points, status = find_points(picture)
-    found = chamber.estimate_bending_direction(
-        points, initial, threshold=threshold, use="all"
-    )
+    found = chamber.estimate_bending_direction(points, initial, threshold=threshold, use="all")
     return found.name.lower(), status
 
 
-def compare_falloff(finger: SoftFinger, folder: Path) -> Mapping[str, float]:
+def compare_falloff(finger: SoftFinger, traced: Frame, folder: Path) -> Mapping[str, float]:
     """How much brighter red is than yellow, in the straight finger with matt walls.
+
+    Args:
+        finger: its chamber and camera.
+        traced: the same as the path tracer has it.
+        folder: of traced frames.
 
     Returns:
         ``traced``, ``rendered`` in the light of a lamp, and ``power``, rendered in that of the
@@ -190,7 +206,7 @@ def compare_falloff(finger: SoftFinger, folder: Path) -> Mapping[str, float]:
             labels = chamber.find_regions(image.pixels).labels
         ratios[name] = red_over_yellow(image.pixels, labels)
     assert labels is not None  # by the first of them
-    ratios["traced"] = red_over_yellow(trace_once(frame_of(finger), folder), labels)
+    ratios["traced"] = red_over_yellow(trace_once(traced, folder), labels)
     return ratios
 
 

@@ -29,13 +29,14 @@ from studies.bending_direction.frames import TOWARDS, USES, Series, analyze, bef
 from studies.bending_direction.frames import render_series as render
 from studies.bending_direction.light import (
     LEAST_DEG,
+    Case,
     answer_real,
     answer_traced,
     bends_deg,
     cache_folder,
     compare_falloff,
     exposed,
-    frame_of,
+    traced_cases,
 )
 from studies.models.one_thread import median_seconds, one_thread
 from studies.models.soft_finger import best_chamber as best
@@ -73,9 +74,6 @@ DISTURBED_DEG = 25.0
 
 SHOWN = (("down", 0), ("down", 30), ("down", 60), ("down", 110), ("right", 30), ("up", 30))
 """Pictures of the report: directions and bends in degrees."""
-
-TRACED = ((Direction.RIGHT, 0.0), (Direction.RIGHT, 40.0), (Direction.DOWN, 40.0), (Direction.UP, 90.0))
-"""Path-traced pictures of the report."""
 
 TIMED = 64
 """Frames whose analysis is timed."""
@@ -399,12 +397,13 @@ def add_traced(out: Report, spec: BendingDirectionSpec, finger: SoftFinger, seed
     """Directions in path-traced frames, and the light's falling off in them."""
     folder = cache_folder(spec.cache)
     bends = bends_deg(spec.traced_bends, spec.largest_bend_deg)
-    answers = answer_traced(finger, bends, spec.threshold, spec.scatter_deg, seed, folder)
-    frames, count = len(answers.group("walls", "direction", "bend_deg")), len(answers)
+    cases = traced_cases(finger, bends, spec.scatter_deg, seed)
+    answers = answer_traced(cases, spec.threshold, folder)
+    frames, count = sum(len(own) - 1 for own in cases.values()), len(answers)
     right, wrong = 100 * answers.stat("share right"), answers.stat("sum wrong")
     out.metric("traced_right_percent", right, frames=frames, images=count)
     out.metric("traced_wrong", wrong, images=count)
-    ratios = compare_falloff(finger, folder)
+    ratios = compare_falloff(finger, cases["matt"][0].frame, folder)
     out.metrics(red_over_yellow=ratios["traced"])
     error = 100 * abs(ratios["rendered"] / ratios["traced"] - 1)
     out.metric("falloff_error_percent", error)
@@ -414,25 +413,26 @@ def add_traced(out: Report, spec: BendingDirectionSpec, finger: SoftFinger, seed
     counted |= {"undecided": "sum undecided", "wrong": "sum wrong"}
     counted["sights"] = lambda own: ", ".join(sorted(set(own["status"])))
     out.table("traced", answers.summary("walls", "exposure", **counted))
-    out.figure("traced", draw_traced(finger, folder))
+    out.figure("traced", draw_traced(finger, cases, folder))
 
 
-def draw_traced(finger: SoftFinger, folder: Path) -> Figure:
+def draw_traced(finger: SoftFinger, cases: dict[str, list[Case]], folder: Path) -> Figure:
     """Path-traced frames over rendered ones of the same postures."""
-    bends, directions = np.deg2rad([bend for _, bend in TRACED]), [TOWARDS[to] for to, _ in TRACED]
-    drawing, grid = new_figure(4, len(TRACED), height=6.0)
-    kinds: tuple[dict[str, float], ...] = ({}, {"coat": 1.41, "roughness": 0.1})
-    for coat, rows in zip(kinds, (grid[:2], grid[2:]), strict=True):
-        effects = ChamberEffects(lamp=1.0, gloss=float(bool(coat)), gain=0.4)
+    drawing, grid = new_figure(4, 4, height=6.0)
+    for walls, rows in zip(("matt", "glossy"), (grid[:2], grid[2:]), strict=True):
+        straight, *bent = cases[walls]
+        chosen = [straight, bent[0], bent[len(bent) // 2], bent[-1]]
+        effects = ChamberEffects(lamp=1.0, gloss=float(walls == "glossy"), gain=0.4)
         renderer = ChamberRenderer(finger.chamber, finger.endoscope, effects)
-        images = renderer.render(finger.postures(bends, np.array(directions)))
-        for i, (image, bend, direction) in enumerate(zip(images, bends, directions, strict=True)):
-            own = frame_of(finger, bend=float(bend), direction=direction, **coat)
-            rows[0, i].imshow(exposed(trace_once(own, folder), "for screens"))
-            shown = image.pixels / np.percentile(image.pixels.max(axis=-1), 99)
-            rows[1, i].imshow(np.clip(0.9 * shown, 0, 1) ** (1 / 2.2))
-        for axes, how in zip(rows[:, 0], ("path-traced", "rendered"), strict=True):
-            axes.set_title(f"{'glossy' if coat else 'matt'}, {how}", loc="left")
+        bends = np.array([case.frame.bend for case in chosen])
+        directions = np.array([case.frame.direction for case in chosen])
+        images = renderer.render(finger.postures(bends, directions))
+        for i, (case, image) in enumerate(zip(chosen, images, strict=True)):
+            rows[0, i].imshow(exposed(trace_once(case.frame, folder), "for screens"))
+            rows[1, i].imshow(exposed(image.pixels / np.float32(255), "for screens"))
+            where = f"{case.truth.name.lower()}, {case.bend_deg:.0f}°" if i else "straight"
+            rows[0, i].set_title(f"{walls}: {where}" if i == 0 else where)
+            rows[1, i].set_title("the same, rendered" if i == 0 else "")
     for axes in grid.flat:
         axes.set_axis_off()
     return drawing

@@ -157,9 +157,7 @@ def _mesh(mi: Any, points: np.ndarray, table: dict[str, Any], *, smooth: bool) -
     properties = mi.Properties()
     for name, plugin in table.items():
         properties[name] = mi.load_dict(plugin)
-    mesh = mi.Mesh(
-        "grid", along * around, len(faces), props=properties, has_vertex_normals=smooth
-    )
+    mesh = mi.Mesh("grid", along * around, len(faces), props=properties, has_vertex_normals=smooth)
     values = mi.traverse(mesh)
     values["vertex_positions"] = points.ravel().astype(np.float32)
     values["faces"] = faces.ravel().astype(np.uint32)
@@ -263,9 +261,9 @@ def trace_once(frame: Frame, folder: Path) -> np.ndarray:
     """`trace`, or what it found of the same frame before, kept in a folder as float16."""
     asked = json.dumps(asdict(frame), sort_keys=True).encode()
     path = folder / f"{hashlib.sha256(_sources() + asked).hexdigest()}.npz"
-    with suppress(OSError, ValueError, KeyError):  # none, or not what was written
-        with np.load(path) as kept:
-            return kept["light"].astype(np.float32)
+    # There may be none, or not what was written.
+    with suppress(OSError, ValueError, KeyError), np.load(path) as kept:
+        return kept["light"].astype(np.float32)
     light = trace(frame)
     scaled = light.astype(np.float16)
     with tempfile.NamedTemporaryFile(dir=folder, suffix=".npz", delete=False) as file:

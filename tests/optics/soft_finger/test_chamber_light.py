@@ -160,9 +160,7 @@ def test_every_ring_is_as_bright_as_the_path_tracer_has_it():
     rings = Rings.of(own.chamber)
     lengths = tuple(float(getattr(own.chamber, f"length_{one}")) for one in ("ab", "bc", "cd"))
     radii = tuple(compute_wall_radii(own.chamber).tolist())
-    frame = Frame(
-        lengths, radii, float(rings.pinhole_offset), columns=160, rows=120, samples=256
-    )
+    frame = Frame(lengths, radii, float(rings.pinhole_offset), columns=160, rows=120, samples=256)
     light = trace(frame)
     vectors = rays(frame, *np.meshgrid(np.arange(160.0), np.arange(120.0)))
     slope = np.hypot(vectors[..., 0], vectors[..., 1]) / vectors[..., 2]
