@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -25,7 +25,7 @@ from studies.oracles.chamber_light import Frame, expose, trace_once
 FOLDER = "bending-direction"
 """Of path-traced frames, in the user's cache."""
 
-WALLS: dict[str, dict[str, float]] = {
+WALLS: dict[str, dict[str, Any]] = {
     "matt": {},
     "matt, dust": {"dust": 40},
     "glossy": {"coat": 1.41, "roughness": 0.1},
@@ -57,12 +57,13 @@ def cache_folder(cache: str) -> Path:
     return folder
 
 
-def frame_of(finger: SoftFinger, **changed: float) -> Frame:
+def frame_of(finger: SoftFinger, **changed: Any) -> Frame:
     """The chamber of a finger in plain numbers, straight and matt but for what is changed."""
     own, camera = finger.chamber, finger.endoscope
+    a, b, c, d = compute_wall_radii(own).tolist()
     return Frame(
         lengths=(float(own.length_ab), float(own.length_bc), float(own.length_cd)),
-        radii=tuple(compute_wall_radii(own).tolist()),
+        radii=(a, b, c, d),
         pinhole=float(own.pinhole_offset),
         field_of_view=float(camera.field_of_view),
         distortion=float(camera.distortion),
@@ -72,7 +73,7 @@ def frame_of(finger: SoftFinger, **changed: float) -> Frame:
     )
 
 
-def exposed(light: Float[np.ndarray, "rows columns 3"], name: str) -> UInt8[np.ndarray, "..."]:
+def exposed(light: Float[np.ndarray, "rows columns 3"], name: str) -> UInt8[np.ndarray, "rows columns 3"]:
     """A picture of traced light by one of `EXPOSURES`."""
     level, gamma = EXPOSURES[name]
     return expose(light, level / np.percentile(light.max(axis=-1), 99), gamma)
