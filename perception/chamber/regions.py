@@ -218,16 +218,19 @@ def _washed_out(colors: Colors) -> Mask:
     blank = cv2.morphologyEx(blank, cv2.MORPH_OPEN, square)
     if not cv2.countNonZero(blank):
         return blank
+    # Which hole, and whether it is round, is seen in every other pixel, too.
+    hole, known = np.ascontiguousarray(hole[::2, ::2]), enclosed[::2, ::2] > 0
     contours, _ = cv2.findContours(hole, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     hole = cv2.drawContours(hole, contours, -1, 255, cv2.FILLED)
     number, parts = cv2.connectedComponents(hole)
-    held = np.bincount(parts[enclosed > 0], minlength=number)
+    held = np.bincount(parts[known], minlength=number)
     held[0] = 0
     own = cv2.inRange(parts, int(held.argmax()), int(held.argmax()))
-    hull = filled(convex_outline(own), own.shape)
-    round_hole = cv2.countNonZero(own) >= SOLID * cv2.countNonZero(hull)
-    half_told = 2 * held.max() >= cv2.countNonZero(own)
-    return cv2.bitwise_and(blank, own) if round_hole and half_told else np.zeros_like(own)
+    area, hull = cv2.countNonZero(own), filled(convex_outline(own), own.shape)
+    if area < SOLID * cv2.countNonZero(hull) or 2 * held.max() < area:
+        return np.zeros_like(blank)
+    whole = cv2.resize(own, blank.shape[::-1], interpolation=cv2.INTER_NEAREST)
+    return cv2.bitwise_and(blank, whole)
 
 
 def _judged(found: Regions, within: Mask, value: Gray, washed: Mask) -> Regions:
@@ -273,7 +276,7 @@ def _is_ring(found: Regions, within: Mask, masks: tuple[Mask, ...], untold: Mask
         course.straightness() <= MOST_STRAIGHT
         and course.support(red, cv2.max(cv2.max(blue, washed), yellow), untold) >= PARTED
         and course.support(red, cv2.max(blue, washed), untold) >= BLUE_INSIDE
-        and course.support(red, blue, untold) >= BLUE_UNWASHED
+        and (not cv2.countNonZero(washed) or course.support(red, blue, untold) >= BLUE_UNWASHED)
     )
 
 

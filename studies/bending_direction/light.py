@@ -73,7 +73,9 @@ def frame_of(finger: SoftFinger, **changed: Any) -> Frame:
     )
 
 
-def exposed(light: Float[np.ndarray, "rows columns 3"], name: str) -> UInt8[np.ndarray, "rows columns 3"]:
+def exposed(
+    light: Float[np.ndarray, "rows columns 3"], name: str
+) -> UInt8[np.ndarray, "rows columns 3"]:
     """A picture of traced light by one of `EXPOSURES`."""
     level, gamma = EXPOSURES[name]
     return expose(light, level / np.percentile(light.max(axis=-1), 99), gamma)
