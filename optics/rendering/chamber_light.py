@@ -325,7 +325,7 @@ class ChamberLight:
     def _highlight(
         self, met: Met, direct: Float[np.ndarray, "rows columns"]
     ) -> Float[np.ndarray, "rows columns"]:
-        """The lamp in the coat, by the part of its slopes that face it (Beckmann's distribution)."""
+        """The lamp in the coat, by the slopes that face it (Beckmann's distribution)."""
         square = met.cosine**2
         facing = np.exp((1 - 1 / square) / self._roughness**2) / (self._roughness * square) ** 2
         return self._gloss * float(reflectance(np.ones(1))[0]) * facing / (4 * square) * direct
