@@ -14,8 +14,13 @@ class ChamberEffects:
     Attributes:
         gain: exposure; 1 images a white wall at B, where red meets blue, at full scale.
         flicker: standard deviation of the exposure's logarithm from frame to frame.
-        falloff: power with which light falls with the distance from the lens; it would be 3 for a
-            lamp at the lens and dark walls, less for walls that light each other.
+        falloff: power with which light falls with the distance from the lens.
+        lamp: part of the light that does not fall by that power, but as that of a lamp at the lens
+            on walls that light each other (`optics.rendering.chamber_light`).
+        gloss: part of a clear silicone coat's reflection that walls have; 1 is all of it. They then
+            show mirror images of each other, and highlights where they face the lens.
+        roughness: of the coat; it widens highlights and blurs mirror images.
+        speckles: mean number of grains of white dust on the walls in view.
         uneven: part of the light that is lost from the side nearest to the lamp to the other.
         vignetting: part of the light that the lens loses in the image's corners.
         glare: brightness of the lamp's mirror image on the wet wall, part of full scale.
@@ -29,6 +34,10 @@ class ChamberEffects:
     gain: float = 1.0
     flicker: float = 0.0
     falloff: float = 1.0
+    lamp: float = 0.0
+    gloss: float = 0.0
+    roughness: float = 0.1
+    speckles: float = 0.0
     uneven: float = 0.0
     vignetting: float = 0.0
     glare: float = 0.0
@@ -42,8 +51,26 @@ class ChamberEffects:
         """All effects, from none (severity 0) over those of a good finger (1) to a poor one (2)."""
         return replace(scaled(TYPICAL, checked(severity), KEPT), gain=gain)
 
+    @classmethod
+    def real(cls, severity: float = 1.0, gain: float = 1.0) -> ChamberEffects:
+        """Those of `graded` in the light of a lamp at the lens, on walls that shine and are dusty.
 
-KEPT = frozenset({"gain", "falloff"})
+        Gloss and dust grow with the severity, up to a whole coat at 1, whose highlights are the
+        glare.
+
+        Example:
+            >>> ChamberEffects.real().lamp
+            1.0
+        """
+        graded = cls.graded(severity, gain)
+        gloss = min(severity, 1.0)
+        return replace(graded, lamp=1.0, gloss=gloss, speckles=DUST * severity, glare=0.0)
+
+
+DUST = 20.0
+"""Grains of dust in view of a well-made finger."""
+
+KEPT = frozenset({"gain", "falloff", "roughness"})
 """What is no fault of a picture."""
 
 TYPICAL = ChamberEffects(

@@ -11,13 +11,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, UInt8
+from jaxtyping import Array, Bool, Float, Float32, UInt8
 
 from optics.chamber.chamber import Chamber
 from optics.chamber.endoscope import Endoscope
 from optics.chamber.rings import FIELD_STOP, Apertures, Posture, Rings, find_apertures
 from optics.rendering.angles import checked_angles, checked_numbers
 from optics.rendering.chamber_effects import ChamberEffects
+from optics.rendering.chamber_light import ChamberLight
 from optics.rendering.exposure import READ_NOISE
 
 COLORS = np.array(
@@ -36,6 +37,12 @@ CHUNK = 32
 
 BRIGHTEST = 1.3
 """How much brighter than at B the wall can be near the lens, where light falls in at a slant."""
+
+PAINTED = 255 / BRIGHTEST
+"""What a white wall at B is painted as: the brightest is not cut off before the gain."""
+
+GRAIN, WHITE = 0.1, 0.9
+"""Radius of a grain of dust, mm, and what it reflects."""
 
 MOST_RINGS = 255
 """What a byte can number, beside the 0 of what lies before the first one."""
@@ -125,8 +132,17 @@ class ChamberRenderer:
         self.effects = effects
         self._seed = tuple(np.atleast_1d(seed).tolist())
         self._angles = angles
-        self._shades = self._shaded(np.asarray(colors, np.float32))
+        walls = np.asarray(colors, float)[[*self.rings.region, 3]]
+        self._depth = np.asarray(self.rings.arc) + float(self.rings.pinhole_offset)
         self._focal = float(endoscope.focal_px)
+        light = np.repeat((1 - effects.lamp) * self._falling()[:, None], 3, axis=1)
+        self._lamp = None
+        if effects.lamp or effects.gloss:
+            self._lamp = ChamberLight(self.rings, endoscope, walls, effects, PAINTED)
+            light += effects.lamp * self._lamp.light.mutual
+        self._shades = _tables(walls * light, exact=self._lamp is not None)
+        self._colors = _tables(walls, exact=True)
+        self._white = light + (effects.lamp * self._lamp.light.direct[:, None] if self._lamp else 0)
         shape = (endoscope.rows, endoscope.columns)
         generator = np.random.default_rng([*self._seed, 1])
         self._light = _light(shape, effects, generator)
@@ -136,17 +152,12 @@ class ChamberRenderer:
             for _ in range(3)
         ]
 
-    def _shaded(self, colors: Float[np.ndarray, "4 3"]) -> list[UInt8[np.ndarray, " 256"]]:
-        # Painted at part of full scale, so that the brightest wall is not cut off before the gain.
-        distance = np.asarray(self.rings.arc) + float(self.rings.pinhole_offset)
-        at_b = distance[self.rings.ends[0]]
-        light = np.minimum((at_b / distance) ** self.effects.falloff, BRIGHTEST) / BRIGHTEST
+    def _falling(self) -> Float[np.ndarray, " walls"]:
+        """Light by the power of the distance, before each ring and on the top; 1 at B."""
+        at_b = self._depth[self.rings.ends[0]]
+        light = np.minimum((at_b / self._depth) ** self.effects.falloff, BRIGHTEST)
         # The wall between two rings has their mean light; before the first there is only its own.
-        between = np.concatenate([light[:1], (light[:-1] + light[1:]) / 2, light[-1:]])
-        wall = np.array([*self.rings.region, 3])
-        table = np.zeros((256, 3))
-        table[: len(wall)] = 255 * colors[wall] * between[:, None]
-        return [np.round(table[:, i]).astype(np.uint8) for i in range(3)]
+        return np.concatenate([light[:1], (light[:-1] + light[1:]) / 2, light[-1:]])
 
     def render(self, postures: Posture, first: int = 0) -> list[ChamberImage]:
         """Pictures of some postures.
@@ -204,9 +215,10 @@ class ChamberRenderer:
         ends = np.array(self.rings.ends)
         outlines, seen = np.asarray(outlines), np.asarray(through.seen)
         widths = self._focal * np.asarray(through.spans.width)
+        bends = np.stack([postures.bend, postures.direction], axis=-1)
         return [
             ChamberImage(
-                self._exposed(self._painted(outlines[i], seen[i]), generator),
+                self._exposed(self._painted(outlines[i], seen[i]), bends[i], generator),
                 outlines[i, ends],
                 seen[i, ends],
                 widths[i, ends],
@@ -227,14 +239,22 @@ class ChamberRenderer:
         return painted
 
     def _exposed(
-        self, painted: UInt8[np.ndarray, "fine_rows fine_columns"], generator: np.random.Generator
+        self,
+        painted: UInt8[np.ndarray, "fine_rows fine_columns"],
+        bend: Float[np.ndarray, "2"],
+        generator: np.random.Generator,
     ) -> UInt8[np.ndarray, "rows columns 3"]:
         effects = self.effects
         size = (self.endoscope.columns, self.endoscope.rows)
         exposure = math.exp(effects.flicker * generator.standard_normal())
+        shown = [_resized(painted, shade, size) for shade in self._shades]
+        if self._lamp:
+            colors = [_resized(painted, color, size) for color in self._colors]
+            self._lamp.shine(shown, colors, painted[::FINER, ::FINER], *bend)
+        if effects.speckles:
+            self._strew(shown, painted[::FINER, ::FINER], generator)
         channels = []
-        for shade, noise in zip(self._shades, self._noise, strict=True):
-            channel = cv2.resize(cv2.LUT(painted, shade), size, interpolation=cv2.INTER_AREA)
+        for channel, noise in zip(shown, self._noise, strict=True):
             if effects.blur:
                 channel = cv2.GaussianBlur(channel, (0, 0), effects.blur)
             light = cv2.multiply(channel, self._light[0], scale=exposure, dtype=cv2.CV_32F)
@@ -249,6 +269,46 @@ class ChamberRenderer:
             # Rounded, and cut off at 0 and 255.
             channels.append(cv2.addWeighted(light, 1.0, light, 0.0, 0.0, dtype=cv2.CV_8U))
         return cv2.merge(channels)
+
+    def _strew(
+        self,
+        shown: list[np.ndarray],
+        painted: UInt8[np.ndarray, "rows columns"],
+        generator: np.random.Generator,
+    ) -> None:
+        """Lay grains of white dust on the walls; the picture's channels are changed."""
+        rows, columns = painted.shape
+        for _ in range(generator.poisson(self.effects.speckles)):
+            row, column = generator.uniform(0, rows), generator.uniform(0, columns)
+            wall = min(int(painted[int(row), int(column)]), len(self._depth) - 1)
+            radius = self._focal * GRAIN / self._depth[wall]
+            box = np.s_[
+                max(int(row - radius), 0) : int(row + radius) + 2,
+                max(int(column - radius), 0) : int(column + radius) + 2,
+            ]
+            y, x = np.mgrid[box]
+            y, x = y[: rows - box[0].start], x[: rows - box[0].start]
+            covered = np.clip(radius + 0.5 - np.hypot(y - row, x - column), 0, 1)
+            covered = covered[:, : columns - box[1].start]
+            for channel, light in zip(shown, self._white[wall], strict=True):
+                own = channel[box]
+                own[:] = own + covered * (WHITE * PAINTED * light - own)
+
+
+def _tables(
+    light: Float[np.ndarray, "walls 3"], *, exact: bool
+) -> list[UInt8[np.ndarray, " 256"] | Float32[np.ndarray, " 256"]]:
+    """What the light of walls, 1 for white at B, is painted as; in whole levels if not exact."""
+    table = np.zeros((256, 3))
+    table[: len(light)] = PAINTED * light
+    kind = np.float32 if exact else np.uint8
+    return [np.ascontiguousarray((one if exact else np.round(one)).astype(kind)) for one in table.T]
+
+
+def _resized(
+    painted: UInt8[np.ndarray, "fine_rows fine_columns"], table: np.ndarray, size: tuple[int, int]
+) -> np.ndarray:
+    return cv2.resize(cv2.LUT(painted, table), size, interpolation=cv2.INTER_AREA)
 
 
 def _check(endoscope: Endoscope) -> None:

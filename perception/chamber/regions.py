@@ -50,8 +50,9 @@ of the image."""
 PARTED = 0.75
 """Of blue's outline, at least this part has red outside, and inside blue or yellow."""
 
-BLUE_INSIDE = 0.6
-"""... and at least this part blue: a nearer wall hides blue before yellow on one side alone."""
+BLUE_INSIDE, BLUE_UNWASHED = 0.6, 0.45
+"""... and at least these parts blue, with and without what gloss may have taken the colour of: a
+nearer wall hides blue before yellow on one side alone."""
 
 YELLOW_PARTED = 0.45
 """Of yellow's outline, at least this part has blue outside, and yellow or the top inside. A nearer
@@ -59,6 +60,10 @@ wall hides less than half of the blue round it; there may be a highlight beside.
 
 MOST_STRAIGHT = 0.45
 """Of blue's outline, at most this part is straight: what presses the wall makes one chord of it."""
+
+WASHED, SOLID, GLARE = 5, 0.97, 110.0
+"""Narrower parts without colour, px, are edges or specks; a hole is round from this part of its
+convex hull on; a least channel above the last grey level is a highlight."""
 
 UNTOLD = 0.03
 """Of what blue encloses; a larger part that is too dark for colours may be yellow or not."""
@@ -86,6 +91,10 @@ class ChamberStatus(enum.Enum):
         "The blue region is seen; what it encloses is too dark to tell yellow: add light, or "
         "expose for longer."
     )
+    GLOSSY_INSIDE = (
+        "The blue region is seen; mirror images on glossy walls hide where yellow begins in what "
+        "it encloses: make the walls matt, or spread the light."
+    )
     NO_CHAMBER = "The chamber is out of view: the blue or the red region is missing."
     NO_RINGS = (
         "The colours are seen, but not as rings one within the other: aim the camera along the "
@@ -96,7 +105,14 @@ class ChamberStatus(enum.Enum):
     SWAPPED = "The image's red and blue channels are swapped: with them in order it is a chamber."
 
 
-IN_VIEW = frozenset({ChamberStatus.CHAMBER, ChamberStatus.NO_YELLOW, ChamberStatus.DARK_INSIDE})
+IN_VIEW = frozenset(
+    {
+        ChamberStatus.CHAMBER,
+        ChamberStatus.NO_YELLOW,
+        ChamberStatus.DARK_INSIDE,
+        ChamberStatus.GLOSSY_INSIDE,
+    }
+)
 """A chamber is seen, and blue has an outline."""
 
 
@@ -166,37 +182,75 @@ def _regions(image: Image) -> Regions:
     least = LEAST_SHARE * red.size
     enclosed = cv2.max(blue, yellow)
     few = min(cv2.countNonZero(red), cv2.countNonZero(blue)) <= least
-    outline = NOWHERE if few or cv2.mean(value)[0] < BLACK else convex_outline(enclosed)
+    few |= cv2.mean(value)[0] < BLACK
+    washed = np.zeros_like(red) if few else _washed_out(colors)
+    outline = NOWHERE if few else convex_outline(cv2.max(enclosed, washed))
     top, inner = np.zeros_like(red), NOWHERE
     within = filled(outline, red.shape)
     if len(outline) and cv2.countNonZero(yellow) > least:
         shade = cv2.bitwise_and(not_above(value, DARK * cv2.mean(value, yellow)[0]), within)
         top = cleaned(cv2.subtract(shade, cv2.max(red, enclosed)), OPENING)
         inner = convex_outline(cv2.max(yellow, top))
+        others = cv2.bitwise_not(cv2.max(yellow, top))
+        if cv2.countNonZero(washed) and _held(others, filled(inner, red.shape)) > NESTED:
+            # Glossy blue is as dark where it mirrors the top, and the top mirrors the lamp.
+            top = _largest(_inside(cv2.max(top, washed), convex_outline(yellow)))
+            inner = convex_outline(cv2.max(yellow, top))
     # Where closing made masks overlap, the inner region has the pixel.
     labels = np.zeros_like(red)
     for mask, region in zip((red, blue, yellow, top), INWARDS, strict=True):
         labels = cv2.max(labels, mask & np.uint8(region))
     status = ChamberStatus.CHAMBER if len(inner) else ChamberStatus.NO_YELLOW
     found = Regions(labels, status, outline, inner, convex_outline(top))
-    return _judged(found, within, value)
+    return _judged(found, within, value, washed)
 
 
-def _judged(found: Regions, within: Mask, value: Gray) -> Regions:
+def _washed_out(colors: Colors) -> Mask:
+    """What has no colour among blue and yellow within the red all around them.
+
+    Gloss mixes the colours of walls with those of their mirror images, of red least, for it is
+    brightest. Nothing where what is not red is no round hole.
+    """
+    square = np.ones((WASHED, WASHED), np.uint8)
+    hole = cv2.morphologyEx(cv2.bitwise_not(colors.red), cv2.MORPH_OPEN, square)
+    enclosed, glare = cv2.max(colors.blue, colors.yellow), global_mask(colors.grey, GLARE)
+    blank = cv2.subtract(hole, cv2.max(enclosed, glare))
+    blank = cv2.morphologyEx(blank, cv2.MORPH_OPEN, square)
+    if not cv2.countNonZero(blank):
+        return blank
+    # Which hole, and whether it is round, is seen in every other pixel, too.
+    hole, known = np.ascontiguousarray(hole[::2, ::2]), enclosed[::2, ::2] > 0
+    contours, _ = cv2.findContours(hole, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    hole = cv2.drawContours(hole, contours, -1, 255, cv2.FILLED)
+    number, parts = cv2.connectedComponents(hole)
+    held = np.bincount(parts[known], minlength=number)
+    held[0] = 0
+    own = cv2.inRange(parts, int(held.argmax()), int(held.argmax()))
+    area, hull = cv2.countNonZero(own), filled(convex_outline(own), own.shape)
+    if area < SOLID * cv2.countNonZero(hull) or 2 * held.max() < area:
+        return np.zeros_like(blank)
+    whole = cv2.resize(own, blank.shape[::-1], interpolation=cv2.INTER_NEAREST)
+    return cv2.bitwise_and(blank, whole)
+
+
+def _judged(found: Regions, within: Mask, value: Gray, washed: Mask) -> Regions:
     """Regions and their status; without outlines where they are no rings."""
     other, red, blue, yellow, top = (
         cv2.inRange(found.labels, int(region), int(region)) for region in Region
     )
     dim = not_above(value, DIM)
-    untold = cv2.bitwise_and(dim, other)
+    untold = cv2.max(cv2.bitwise_and(dim, other), cv2.subtract(washed, top))
     fault = ChamberStatus.NO_CHAMBER
     if len(found.blue):
         fault = ChamberStatus.NO_RINGS
-        if _is_ring(found, within, Colors(red, blue, yellow, value), untold):
+        if _is_ring(found, within, (red, blue, yellow, washed), untold):
             seen = found.status is ChamberStatus.CHAMBER
             sound = seen and _is_yellow(found.yellow, blue, cv2.max(yellow, top), untold)
             if sound and not _much(untold, within):
                 return found
+            if _much(cv2.subtract(washed, dim), within):
+                fault = ChamberStatus.GLOSSY_INSIDE
+                return replace(found, status=fault, yellow=NOWHERE, top=NOWHERE)
             if _much(cv2.subtract(dim, cv2.max(red, blue)), within):
                 return replace(found, status=ChamberStatus.DARK_INSIDE, yellow=NOWHERE, top=NOWHERE)
             if not seen:
@@ -208,9 +262,9 @@ def _judged(found: Regions, within: Mask, value: Gray) -> Regions:
     return replace(found, status=fault, blue=NOWHERE, yellow=NOWHERE, top=NOWHERE)
 
 
-def _is_ring(found: Regions, within: Mask, colors: Colors, untold: Mask) -> bool:
+def _is_ring(found: Regions, within: Mask, masks: tuple[Mask, ...], untold: Mask) -> bool:
     """Whether blue's outline, with all it encloses, is that of a round opening in red."""
-    red, blue, yellow = colors.red, colors.blue, colors.yellow
+    red, blue, yellow, washed = masks
     if cv2.countNonZero(within) < LEAST_AREA * within.size or _held(red, within) > NESTED:
         return False
     right = cv2.compare(found.labels, found.nested(), cv2.CMP_EQ)
@@ -220,8 +274,9 @@ def _is_ring(found: Regions, within: Mask, colors: Colors, untold: Mask) -> bool
     course = Course.of(found.blue, within.shape)
     return (
         course.straightness() <= MOST_STRAIGHT
-        and course.support(red, cv2.max(blue, yellow), untold) >= PARTED
-        and course.support(red, blue, untold) >= BLUE_INSIDE
+        and course.support(red, cv2.max(cv2.max(blue, washed), yellow), untold) >= PARTED
+        and course.support(red, cv2.max(blue, washed), untold) >= BLUE_INSIDE
+        and (not cv2.countNonZero(washed) or course.support(red, blue, untold) >= BLUE_UNWASHED)
     )
 
 
@@ -235,6 +290,18 @@ def _held(mask: Mask, within: Mask) -> float:
     """The part of an area that a mask holds, the edge of the area apart."""
     inside = cv2.erode(within, np.ones((EDGE, EDGE), np.uint8))
     return cv2.countNonZero(cv2.bitwise_and(mask, inside)) / cv2.countNonZero(within)
+
+
+def _inside(mask: Mask, outline: Outline) -> Mask:
+    """The part of a mask that an outline encloses."""
+    return cv2.bitwise_and(mask, filled(outline, mask.shape))
+
+
+def _largest(mask: Mask) -> Mask:
+    """The largest connected part of a mask."""
+    _, parts, stats, _ = cv2.connectedComponentsWithStats(mask)
+    own = int(stats[1:, cv2.CC_STAT_AREA].argmax()) + 1 if len(stats) > 1 else 1
+    return cv2.inRange(parts, own, own)
 
 
 def _much(mask: Mask, within: Mask) -> bool:

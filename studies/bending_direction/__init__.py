@@ -29,6 +29,24 @@ class BendingDirectionSpec(ChamberImagesSpec):
     small_images: int = setting(
         1000, "of these, in every direction and for every chamber", scales=True, ge=1, le=100_000
     )
+    real_images: int = setting(
+        75,
+        "images in every direction in the light of a lamp at the lens, with gloss and dust",
+        scales=True,
+        ge=1,
+        le=100_000,
+    )
+    traced_bends: int = setting(
+        2,
+        "bends at which frames are path-traced, in every direction and with every kind of wall; 0: "
+        "none are",
+        scales=True,
+        ge=0,
+        le=100,
+    )
+    cache: str = setting(
+        "", "folder that keeps path-traced frames (empty: the user's cache folder)", free=True
+    )
     stability_images: int = setting(
         20, "in every direction at every bend from 0.01° to 120°", scales=True, ge=1, le=10_000
     )

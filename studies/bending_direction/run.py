@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,6 +18,7 @@ from designopt import Context, Records, Report, Results
 from designopt.plot.figures import MARKERS, PALETTE, new_figure
 from designopt.study import plots
 from designopt.study.records import Summary
+from optics.rendering import ChamberEffects, ChamberRenderer
 from perception import chamber as perception
 from perception.chamber import Direction
 from perception.chamber.directions import Use
@@ -24,12 +27,24 @@ from studies.benchmarks import rings
 from studies.bending_direction import BendingDirectionSpec
 from studies.bending_direction.frames import TOWARDS, USES, Series, analyze, before_bending, judge
 from studies.bending_direction.frames import render_series as render
+from studies.bending_direction.light import (
+    LEAST_DEG,
+    Case,
+    answer_real,
+    answer_traced,
+    bends_deg,
+    cache_folder,
+    compare_falloff,
+    exposed,
+    traced_cases,
+)
 from studies.models.one_thread import median_seconds, one_thread
 from studies.models.soft_finger import best_chamber as best
 from studies.models.soft_finger import robustness
 from studies.models.soft_finger.finger import SoftFinger
 from studies.models.soft_finger.robustness import Answer, Disturbance, Picture
 from studies.models.words import spread
+from studies.oracles.chamber_light import trace_once
 
 ANSWERS = ("initial", "up", "down", "left", "right", "undefined")
 """Columns of Table II, and the answer that it does not have."""
@@ -107,6 +122,14 @@ def run(spec: BendingDirectionSpec, context: Context) -> Results:
         with context.step("Frames that are no proper images"):
             disturbed = answer_disturbed(finger, spec.threshold, seed + 3)
             add_robustness(out, perfect, usual, disturbed)
+        bends = spec.largest_bend_deg, spec.threshold, spec.scatter_deg, seed
+        with context.step("A lamp at the lens, gloss and dust"):
+            add_real(out, answer_real(finger, spec.real_images, *bends))
+        if not spec.traced_bends or importlib.util.find_spec("mitsuba") is None:
+            out.say("untraced")
+        else:
+            with context.step("Path-traced frames, kept for other runs"):
+                add_traced(out, spec, finger, seed)
         with context.step("Run times"):
             rows = rings.measure_rings(finger)
             out.metrics(frame_ms=1e3 * time_frame(finger, spec, seed))
@@ -359,6 +382,60 @@ def add_robustness(out: Report, perfect: Records, usual: Records, disturbed: Rec
     out.table("bends", bends.summary("images", "threshold_px", "bend_deg", **counted))
     expected = np.where(kinds["in_view"], "the direction", "undefined")
     out.table("odd_frames", kinds | {"expected_direction": expected})
+
+
+def add_real(out: Report, answers: Records) -> None:
+    """Directions in rendered frames in the light of a lamp at the lens."""
+    count = len(answers)
+    out.values(least_deg=LEAST_DEG)
+    right = 100 * answers.stat("share right")
+    out.metric("real_right_percent", right, images=count)
+    out.metric("real_wrong", answers.stat("sum wrong"), images=count)
+
+
+def add_traced(out: Report, spec: BendingDirectionSpec, finger: SoftFinger, seed: int) -> None:
+    """Directions in path-traced frames, and the light's falling off in them."""
+    folder = cache_folder(spec.cache)
+    bends = bends_deg(spec.traced_bends, spec.largest_bend_deg)
+    cases = traced_cases(finger, bends, spec.scatter_deg, seed)
+    answers = answer_traced(cases, spec.threshold, folder)
+    frames, count = sum(len(own) - 1 for own in cases.values()), len(answers)
+    right, wrong = 100 * answers.stat("share right"), answers.stat("sum wrong")
+    out.metric("traced_right_percent", right, frames=frames, images=count)
+    out.metric("traced_wrong", wrong, images=count)
+    ratios = compare_falloff(finger, cases["matt"][0].frame, folder)
+    out.metrics(red_over_yellow=ratios["traced"])
+    error = 100 * abs(ratios["rendered"] / ratios["traced"] - 1)
+    out.metric("falloff_error_percent", error)
+    out.say("falloff", **ratios)
+    out.say("traced", frames=frames, images=count, right=right, wrong=wrong)
+    counted: dict[str, Summary] = {"images": "count bend_deg", "right": "sum right"}
+    counted |= {"undecided": "sum undecided", "wrong": "sum wrong"}
+    counted["sights"] = lambda own: ", ".join(sorted(set(own["status"])))
+    out.table("traced", answers.summary("walls", "exposure", **counted))
+    out.figure("traced", draw_traced(finger, cases, folder))
+
+
+def draw_traced(finger: SoftFinger, cases: dict[str, list[Case]], folder: Path) -> Figure:
+    """Path-traced frames over rendered ones of the same postures."""
+    drawing, grid = new_figure(4, 4, height=6.0)
+    for walls, rows in zip(("matt", "glossy"), (grid[:2], grid[2:]), strict=True):
+        straight, *bent = cases[walls]
+        chosen = [straight, bent[0], bent[len(bent) // 2], bent[-1]]
+        effects = ChamberEffects(lamp=1.0, gloss=float(walls == "glossy"), gain=0.4)
+        renderer = ChamberRenderer(finger.chamber, finger.endoscope, effects)
+        bends = np.array([case.frame.bend for case in chosen])
+        directions = np.array([case.frame.direction for case in chosen])
+        images = renderer.render(finger.postures(bends, directions))
+        for i, (case, image) in enumerate(zip(chosen, images, strict=True)):
+            rows[0, i].imshow(exposed(trace_once(case.frame, folder), "for screens"))
+            rows[1, i].imshow(exposed(image.pixels / np.float32(255), "for screens"))
+            where = f"{case.truth.name.lower()}, {case.bend_deg:.0f}°" if i else "straight"
+            rows[0, i].set_title(f"{walls}: {where}" if i == 0 else where)
+            rows[1, i].set_title("the same, rendered" if i == 0 else "")
+    for axes in grid.flat:
+        axes.set_axis_off()
+    return drawing
 
 
 def draw_pictures(finger: SoftFinger, seed: int) -> Figure:

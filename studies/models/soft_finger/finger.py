@@ -106,10 +106,16 @@ class SoftFinger(eqx.Module):
         gain: float = 1.0,
         severity: float | None = None,
         colors: Float[np.ndarray, "4 3"] = COLORS,
+        real: bool = False,
     ) -> ChamberRenderer:
-        """A camera in this finger, its pictures as bad as the study's by default."""
+        """A camera in this finger, its pictures as bad as the study's by default.
+
+        Their light falls off by a power of the distance, or as that of a real lamp at the lens, on
+        walls that shine and are dusty.
+        """
         severity = self.severity if severity is None else severity
-        effects = ChamberEffects.graded(severity, gain)
+        graded = ChamberEffects.real if real else ChamberEffects.graded
+        effects = graded(severity, gain)
         return ChamberRenderer(self.chamber, self.endoscope, effects, seed=seed, colors=colors)
 
     def postures(

@@ -198,9 +198,13 @@ def test_effects_without_size_change_nothing():
     "effect", [each.name for each in fields(ChamberEffects) if each.name != "gain"]
 )
 def test_each_effect_does_something(effect):
-    size = {"falloff": 1.0, "shake": 3.0, "roll_deg": 3.0}.get(effect, 0.3)
-    changed = renderer(replace(EVEN, **{effect: size})).render(postures(SHOWN[1]))[0]
-    assert (changed.pixels != shown()[1].pixels).any()
+    size = {"falloff": 1.0, "shake": 3.0, "roll_deg": 3.0, "speckles": 30.0}.get(effect, 0.3)
+    usual, plain = EVEN, shown()[1]
+    if effect == "roughness":  # that of the gloss
+        usual = replace(EVEN, gloss=1.0)
+        plain = renderer(usual).render(postures(SHOWN[1]))[0]
+    changed = renderer(replace(usual, **{effect: size})).render(postures(SHOWN[1]))[0]
+    assert (changed.pixels != plain.pixels).any()
     moved = (changed.outlines != shown()[1].outlines).any()
     assert moved == (effect in ("shake", "roll_deg"))
 

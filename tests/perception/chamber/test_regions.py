@@ -15,6 +15,7 @@ from perception.chamber import (
 )
 from tests.perception.chamber import nowhere
 from tests.perception.chamber.drawn import HALF, Ellipse, Scene
+from tests.perception.chamber.traced import picture
 
 STRAIGHT = HALF
 NO_YELLOW = replace(STRAIGHT, yellow=None)
@@ -64,7 +65,8 @@ SIGHTS = {
     "wall alone": (WALL.image(noise=4), ChamberStatus.NO_CHAMBER),
     "blue alone": (np.full((240, 320, 3), (25, 50, 180), np.uint8), ChamberStatus.NO_CHAMBER),
     "grey": (np.full((240, 320, 3), 128, np.uint8), ChamberStatus.NO_CHAMBER),
-    "dark inside": (replace(STRAIGHT, inner=0.02).image(noise=4), ChamberStatus.DARK_INSIDE),
+    "dark inside": (replace(STRAIGHT, inner=0.01).image(noise=4), ChamberStatus.DARK_INSIDE),
+    "gloss inside": (picture("straight", 2.2), ChamberStatus.GLOSSY_INSIDE),
     "yellow beside blue": (nowhere.side_by_side(np.random.default_rng(0)), ChamberStatus.NO_RINGS),
     "dark": (STRAIGHT.image(gain=0.03, noise=3), ChamberStatus.TOO_DARK),
     "black": (np.zeros((240, 320, 3), np.uint8), ChamberStatus.TOO_DARK),
@@ -85,15 +87,18 @@ def test_every_status(name: str):
     assert regions.status is status
     assert (len(regions.blue) > 0) == (status in IN_VIEW)
     assert (len(regions.yellow) > 0) == (status is ChamberStatus.CHAMBER)
+
+
+def test_every_status_is_among_them():
     assert {status for _, status in SIGHTS.values()} == set(ChamberStatus)
 
 
 @pytest.mark.parametrize("kind", nowhere.KINDS)
 def test_no_chamber_is_found_where_there_is_none(kind: str):
     number = list(nowhere.KINDS).index(kind)
-    for picture in range(25):
-        image = nowhere.KINDS[kind](np.random.default_rng([7, number, picture]))
-        assert find_regions(image).status not in {*IN_VIEW, ChamberStatus.SWAPPED}, picture
+    for count in range(25):
+        image = nowhere.KINDS[kind](np.random.default_rng([7, number, count]))
+        assert find_regions(image).status not in {*IN_VIEW, ChamberStatus.SWAPPED}, count
 
 
 def test_a_yellow_ring_is_found_however_dark_or_called_so():
