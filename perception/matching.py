@@ -267,9 +267,10 @@ def match_views(
         elif expected:
             start = _expected(family, best[i], shift)
             other = _complete(catalog, i, best[i], start, lens, follow)
-            there = other is not None
-            view = _found(catalog, i, best[i], other, lens, shift) if there else _missing(family)
-            views.append(view)
+            if other is None:
+                views.append(_missing(family))
+            else:
+                views.append(_found(catalog, i, best[i], other, lens, shift))
     wanted = {number for i, number in assigned.items() if families[i].wanted}
     ghosts = tuple(
         replace(quad, quality=Quality.GHOST)

@@ -164,7 +164,8 @@ class Body(eqx.Module):
         layers = scene.own_layers
         covered = None if layers is None else BodyLayers.all_of(scene, layers, width, channel)
         start = _in_space(start.scaled(placed.size))
-        return cls(start, _in_space(along), across, sides[:, None] * left, size, covered)
+        normal = jnp.asarray(sides)[:, None] * left
+        return cls(start, _in_space(along), across, normal, size, covered)
 
     def place(self, aim: Aim) -> Point:
         """A place on the membrane's own outline."""

@@ -125,6 +125,11 @@ def refracted(way: np.ndarray, normal: np.ndarray, before: float, after: float) 
     return ratio * way + (ratio * cosine - inside) * normal
 
 
+def number(error: Any, *entry: int) -> float:
+    """An error that a finger has, or 0."""
+    return 0.0 if error is None else float(np.asarray(error)[entry])
+
+
 Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -139,8 +144,8 @@ def followed(
     camera, shift = scene.camera, scene.camera.pupil_shift
     axis = in_space(np.exp(1j * section.direction))
     up = np.cross(Z, axis)
-    axis, across = turned(axis, Z, float(errors.yaw))
-    up, across = turned(up, across, float(errors.roll))
+    axis, across = turned(axis, Z, number(errors.yaw))
+    up, across = turned(up, across, number(errors.roll))
     angle, slope = looked(place, float(camera.field_of_view) / 2, ROWS, ROWS * 4 // 3)
     way = np.cos(angle) * axis + np.sin(angle) * up + slope * across
     way /= np.linalg.norm(way)
@@ -152,8 +157,8 @@ def followed(
         first, last = section.ends[mirror]
         middle, half = in_space((first + last) / 2), abs(last - first) / 2
         along = in_space((last - first) / (2 * half))
-        normal, _ = turned(np.cross(Z, along), Z, float(errors.mirror_lean[mirror]))
-        bow = 0.0 if errors.mirror_bow is None else float(errors.mirror_bow[mirror])
+        normal, _ = turned(np.cross(Z, along), Z, number(errors.mirror_lean, mirror))
+        bow = number(errors.mirror_bow, mirror)
         u, v = ((at - middle) @ along, (at - middle) @ normal)
         du, dv = way @ along, way @ normal
         # v + t dv = bow (1 − ((u + t du) / half)²): the root nearest to that of the chord.
@@ -167,7 +172,7 @@ def followed(
     first, last = section.ends[len(scene.mirrors) + pad]
     along = in_space((last - first) / abs(last - first))
     side = scene.layout.pads[pad].side
-    left, across = turned(np.cross(Z, along), Z, float(errors.pad_lean[pad]))
+    left, across = turned(np.cross(Z, along), Z, number(errors.pad_lean, pad))
     normal, start = side * left, in_space(first)
     thickness = [] if scene.layers is None else np.asarray(scene.layers.thickness[pad])
     index = [
@@ -251,7 +256,9 @@ def test_places_along_sides_lie_on_the_edges(kind):
     np.testing.assert_allclose(places[:, 0], corners, atol=near)
     np.testing.assert_allclose(places[:, -1], np.roll(corners, -1, axis=0), atol=near)
     for side, point in np.ndindex(4, len(shares)):
-        met, size = followed(scene, errors, POSES[2], view, places[side, point], GREEN)
+        rays = followed(scene, errors, POSES[2], view, places[side, point], GREEN)
+        assert rays is not None
+        met, size = rays
         (axis, end), middle = SIDES[side], np.array([0.5, 0.0]) * size
         room = size[axis] / 2 - (2 * end - 1) * (met[:, axis] - middle[axis])
         assert abs(room.min()) < EXACT

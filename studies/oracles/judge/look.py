@@ -91,7 +91,9 @@ def expose(
         return pixels
     swapped = np.ascontiguousarray(pixels[..., ::-1])
     _, file = cv2.imencode(".jpg", swapped, [cv2.IMWRITE_JPEG_QUALITY, look.jpeg])
-    return np.ascontiguousarray(cv2.imdecode(file, cv2.IMREAD_COLOR)[..., ::-1])
+    stored = cv2.imdecode(file, cv2.IMREAD_COLOR)
+    assert stored is not None  # it has just been encoded
+    return np.ascontiguousarray(stored[..., ::-1])
 
 
 def _out_of_focus(image: np.ndarray, radius: np.ndarray) -> np.ndarray:

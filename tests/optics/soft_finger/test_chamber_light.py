@@ -100,7 +100,7 @@ def test_slopes_are_imaged_where_they_come_from():
 def test_walls_are_met_where_the_solid_is():
     """Points of the oracle's solid on a ring's plane are met there, with its normal."""
     bend, direction = math.radians(50), 2.0
-    lengths = tuple(float(getattr(finger(), f"length_{one}")) for one in ("ab", "bc", "cd"))
+    lengths = float(finger().length_ab), float(finger().length_bc), float(finger().length_cd)
     radii = tuple(compute_wall_radii(finger()).tolist())
     solid = Frame(lengths, radii, float(RINGS.pinhole_offset), bend=bend, direction=direction)
     turn, arc = np.linspace(0, 2 * np.pi, 8, endpoint=False), np.asarray(RINGS.arc)[12]
@@ -158,7 +158,8 @@ def test_the_top_of_a_glossy_finger_shows_the_lamp_and_that_of_a_matt_one_is_dar
 def test_every_ring_is_as_bright_as_the_path_tracer_has_it():
     own = SoftFinger.of(ChamberImagesSpec())
     rings = Rings.of(own.chamber)
-    lengths = tuple(float(getattr(own.chamber, f"length_{one}")) for one in ("ab", "bc", "cd"))
+    chamber = own.chamber
+    lengths = float(chamber.length_ab), float(chamber.length_bc), float(chamber.length_cd)
     radii = tuple(compute_wall_radii(own.chamber).tolist())
     frame = Frame(lengths, radii, float(rings.pinhole_offset), columns=160, rows=120, samples=256)
     light = trace(frame)
