@@ -184,11 +184,11 @@ def followed(
     if above < 0 or way @ normal > 0:
         return None
     met = []
-    for number, level in enumerate(levels):
+    for layer, level in enumerate(levels):
         at = at + way * ((level - (at - start) @ normal) / (way @ normal))
         met.append([(at - start) @ along, (at - start) @ across])
         if level:
-            way = refracted(way, normal, index[number], index[number + 1])
+            way = refracted(way, normal, index[layer], index[layer + 1])
     return np.array(met), np.array([abs(last - first), WIDTH])
 
 
