@@ -30,7 +30,8 @@ Pol. A 116 (2009) 585, as tabulated at refractiveindex.info."""
 GEL = 1.41
 
 PLATE = {"thickness": 3, "index": ACRYLIC}
-POLISHED = {"from": "black", "to": "black", "beside": "clear"}
+POLISHED, GLOWING = ({"from": "black", "to": "black", "beside": kind} for kind in ("clear", "lamp"))
+"""Walls beside the section that mirror, and that lamps are coupled to: these are no mirrors."""
 
 PADS: dict[str, dict[str, Any]] = {
     "none": {},
@@ -42,6 +43,7 @@ PADS: dict[str, dict[str, Any]] = {
         ]
     },
     "3 mm, polished": {"layers": [PLATE | {"sides": POLISHED}]},
+    "3 mm, lamps": {"layers": [PLATE | {"sides": GLOWING}]},
     "3 mm, pupil": {"layers": [PLATE]},
 }
 """Keys of the pads, by the name of their layers."""
@@ -60,11 +62,11 @@ CONDITIONS = (
     (EVEN, "3 mm"),
     (GAP, "3 mm, polished"),
     (EVEN, "3+2 mm"),
-    (COUPLED, "3 mm, polished"),
+    (COUPLED, "3 mm, lamps"),
     (EVEN, "3 mm, polished"),
     (GAP, "3 mm, polished"),
     (EVEN, "3 mm, pupil"),
-    (COUPLED, "3 mm, polished"),
+    (COUPLED, "3 mm, lamps"),
 )
 """Light and layers of one finger after the other."""
 
@@ -84,7 +86,7 @@ class Finger(NamedTuple):
         number: of it.
         light: how its frames are lit.
         layers: name of what lies on its pads.
-        tables: of its scene's file, as designed.
+        tables: of its scene's file as the judge takes it: to that a wall with a lamp is clear.
         errors: as the judge has drawn them; estimators never get them.
         poses: joint angles of its frames, the labelled ones first, degrees.
         looks: of its frames.
@@ -120,7 +122,7 @@ def fingers(spec: ImageCheckSpec, deviations: Mapping[str, Any], seed: int) -> I
     for number in range(spec.fingers):
         light, layers = CONDITIONS[number % len(CONDITIONS)]
         generator = np.random.default_rng([seed, number])
-        tables = nominal(layers)
+        tables = nominal("3 mm, polished" if light == COUPLED else layers)
         has = {"thickness", "index"} if "layers" not in tables["pads"][0] else set()
         has |= set() if layers in PUPIL else {"pupil"}
         own = {name: value for name, value in deviations.items() if name not in has}
