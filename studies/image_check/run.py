@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
 from collections.abc import Sequence
@@ -46,8 +45,7 @@ from studies.image_check.cases import (
     plain,
     without_layers,
 )
-from studies.models.sensor.estimators import corner_model
-from studies.models.sensor.finger_sensor import FingerSensor, deviations_of
+from studies.models.sensor.finger_sensor import FingerSensor, deviations_of, in_section
 from studies.oracles.judge.engine import load_mitsuba
 from studies.oracles.judge.photograph import Photograph, photograph
 
@@ -64,9 +62,6 @@ ENDS = {(0, -1): 0, (0, 1): 1, (1, -1): 2, (1, 1): 3}
 """Places of the judge's corners, by end and side."""
 
 MODELS = ("in space, with layers", "in the section, in air")
-
-OUT_OF_SECTION = ("yaw", "roll", "mirror_lean", "mirror_bow", "pad_lean", "lateral_color")
-"""Errors that a model in the section has not."""
 
 
 def run(spec: ImageCheckSpec, context: Context) -> Results:
@@ -143,8 +138,10 @@ class Findings:
         if (layers, air) not in self._sensors:
             tables = nominal(layers)
             scene = without_layers(tables) if air else parse_scene(tables, "finger")
-            sensor = FingerSensor.of_scene(scene, WIDTH, self._spec.tolerances)
-            self._sensors[layers, air] = in_the_section(sensor) if air else sensor
+            deviations = deviations_of(self._spec.tolerances, scene)
+            if air:
+                deviations = in_section(deviations)
+            self._sensors[layers, air] = FingerSensor.of_scene(scene, WIDTH, deviations)
         return self._sensors[layers, air]
 
     def add(self, finger: Finger, photos: Sequence[Photograph], seed: int) -> None:
@@ -255,14 +252,6 @@ class Findings:
                 bound_deg=np.rad2deg(bound),
                 reason=[one.reason for one in estimates],
             )
-
-
-def in_the_section(sensor: FingerSensor) -> FingerSensor:
-    """The same with errors that keep every part square to the section only."""
-    free = dict.fromkeys(OUT_OF_SECTION)
-    deviations = dataclasses.replace(sensor.deviations, **free)
-    given = sensor.scene, sensor.imaging, sensor.catalog, deviations, sensor.carried
-    return dataclasses.replace(sensor, deviations=deviations, model=corner_model(*given))
 
 
 def ratio_of_variances(angles: Records) -> float:

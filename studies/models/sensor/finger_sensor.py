@@ -77,11 +77,12 @@ class FingerSensor:
         if rows is not None:
             pixels = jnp.full_like(scene.camera.pixels, rows)
             scene = eqx.tree_at(lambda s: s.camera.pixels, scene, pixels)
-        return cls.of_scene(scene, spec.width, spec.tolerances)
+        # Those that the renderer shows.
+        return cls.of_scene(scene, spec.width, in_section(deviations_of(spec.tolerances, scene)))
 
     @classmethod
-    def of_scene(cls, scene: Scene, width: float, tolerances: MadeSpec) -> FingerSensor:
-        """The finger of a scene, its pads so wide (mm), made with errors.
+    def of_scene(cls, scene: Scene, width: float, deviations: Fabrication) -> FingerSensor:
+        """The finger of a scene, its pads so wide (mm), made with errors of such deviations.
 
         Raises:
             UserError: the scene is none that its images can be analysed of.
@@ -90,7 +91,7 @@ class FingerSensor:
         imaging = Imaging.of(scene.camera)
         if fault := _fault(scene, imaging):
             raise UserError(f"scene: {fault}; {CURE}")
-        deviations, lens = deviations_of(tolerances, scene), lens_of(imaging)
+        lens = lens_of(imaging)
         try:
             catalog = catalog_of(scene, imaging, lens, width, deviations, carried)
         except ValueError as error:
@@ -196,6 +197,14 @@ def designed(path: str) -> Scene:
     if path and "finger" not in read_toml(path, "scene"):
         return read_scene(Path(path))
     return (read_finger(path) if path else packaged_finger()).scene()
+
+
+OUT_OF_SECTION = ("yaw", "roll", "mirror_lean", "mirror_bow", "pad_lean", "lateral_color")
+
+
+def in_section(errors: Fabrication) -> Fabrication:
+    """The same errors but for those that turn parts out of the section, or concern colors."""
+    return replace(errors, **dict.fromkeys(OUT_OF_SECTION))
 
 
 def deviations_of(tolerances: MadeSpec, scene: Scene) -> Fabrication:
