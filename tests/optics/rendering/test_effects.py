@@ -7,8 +7,18 @@ import pytest
 from optics.rendering import ChamberEffects, Effects, chamber_effects, effects
 
 KINDS = {Effects: effects, ChamberEffects: chamber_effects}
-KEPT = {"gain": 1.0, "gamma": 1.0, "falloff": 1.0}
+KEPT = {
+    Effects: {"gain": 1.0, "gamma": 1.0},
+    ChamberEffects: {"gain": 1.0, "falloff": 1.0, "roughness": 0.1},
+}
 """What is no fault of a picture, as it is by default."""
+
+GRADED = {
+    Effects: effects.SOFT,
+    ChamberEffects: {field.name for field in dataclasses.fields(ChamberEffects)}
+    - {"lamp", "gloss", "speckles"},
+}
+"""What grades; the others have severities of their own."""
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
@@ -16,7 +26,9 @@ every_kind = pytest.mark.parametrize("kind", KINDS)
 @every_kind
 def test_by_default_all_is_off(kind):
     assert kind.graded(0.0) == kind()
-    assert all(size == KEPT.get(name, 0.0) for name, size in dataclasses.asdict(kind()).items())
+    assert all(
+        size == KEPT[kind].get(name, 0.0) for name, size in dataclasses.asdict(kind()).items()
+    )
 
 
 @every_kind
@@ -26,9 +38,9 @@ def test_grades_are_multiples_of_a_typical_finger(kind, severity):
     assert graded.pop("gain") == 1.7
     for name, size in graded.items():
         typical = getattr(KINDS[kind].TYPICAL, name)
-        assert typical > 0
-        soft = kind is ChamberEffects or name in effects.SOFT
-        assert size == pytest.approx(typical if name in KEPT else soft * severity * typical)
+        grades = name in GRADED[kind]
+        assert typical > 0 or not grades
+        assert size == pytest.approx(typical if name in KEPT[kind] else grades * severity * typical)
 
 
 def test_effects_have_severities_of_their_own():
