@@ -22,12 +22,11 @@ from optics import parse_scene
 from optics.visibility.corners_in_space import CORNERS
 from perception.matching import Sighting
 from perception.proprioception import (
+    JointAngleResult,
     calibrate,
     compute_information_bound,
     find_pose,
-    make_undefined,
     observe,
-    split_estimates,
     stack_observations,
 )
 from perception.proprioception.observation import FLOOR
@@ -60,6 +59,9 @@ FAR_PX = 3.0
 
 ENDS = {(0, -1): 0, (0, 1): 1, (1, -1): 2, (1, 1): 3}
 """Places of the judge's corners, by end and side."""
+
+NOT_SEEN = JointAngleResult[JointAngleResult.not_seen]
+"""Message of a joint that no complete view shows."""
 
 MODELS = ("in space, with layers", "in the section, in air")
 
@@ -232,11 +234,17 @@ class Findings:
         labelled = stack_observations(seen[:count])
         calibration = calibrate(model, labelled, labels, self._label)
         for number in range(count, len(seen)):
-            estimates = [make_undefined("the calibration failed")] * angles.shape[1]
-            if bool(calibration.ok):
-                errors = calibration.value.errors
-                found = find_pose(model, seen[number], sightings[number].angles, errors)
-                estimates = split_estimates(found)
+            pair = seen[number], sightings[number].angles
+            found = find_pose(model, *pair, calibration.value.errors)
+            ok, reasons = np.asarray(found.ok) & bool(calibration.ok), found.messages()
+            if unit is None:
+                # The answer of the model of before, whatever it warns of.
+                ok = np.array([reason != NOT_SEEN for reason in reasons])
+            answers = (
+                np.where(ok, one, np.nan)
+                for one in map(np.asarray, (found.value.angles, found.value.deviations))
+            )
+            estimated, predicted = map(np.rad2deg, answers)
             bound = np.full(angles.shape[1], np.nan)
             if unit is not None:
                 frame, frames = (seen[number], angles[number]), (labelled, angles[:count])
@@ -247,10 +255,11 @@ class Findings:
                 frame=number,
                 joint=list(model.names),
                 angle_deg=np.rad2deg(angles[number]),
-                error_deg=np.rad2deg([one.angle for one in estimates] - angles[number]),
-                deviation_deg=np.rad2deg([one.deviation for one in estimates]),
+                error_deg=estimated - np.rad2deg(angles[number]),
+                deviation_deg=predicted,
                 bound_deg=np.rad2deg(bound),
-                reason=[one.reason for one in estimates],
+                reason=reasons,
+                flagged=~(np.asarray(found.ok) & bool(calibration.ok)),
             )
 
 
@@ -300,7 +309,7 @@ def add_metrics(out: Report, found: Findings) -> None:
     if len(air):
         out.metrics(
             air_mean_deg=air.stat("mean_abs error_deg"),
-            air_defined=air.stat("defined error_deg"),
+            air_flagged=air.stat("share flagged"),
         )
     out.metrics(detection_ms=1e3 * frames.stat("median seconds"))
 
