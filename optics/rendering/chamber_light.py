@@ -92,7 +92,7 @@ def compute_wall_light(rings: Rings, colors: Float[np.ndarray, "walls 3"]) -> Wa
         colors: reflected by what each ring ends, and at last by the top.
 
     Example:
-        >>> from optics.chamber import Chamber
+        >>> from optics import Chamber
         >>> chamber = Chamber(40, 30, 30, 4.1, 2.0, 0.035, 2.5, 4.0, 3.5, 8.6, 0.84)
         >>> light = compute_wall_light(Rings.of(chamber), np.full((61, 3), 0.5))
         >>> float(light.direct[-2] / light.direct[-1]) < 0.2  # the top faces the lamp

@@ -70,7 +70,10 @@ def test_frames_without_a_chamber_have_no_posture(network, finger):
         seen = find_posture(picture, network)
         assert seen.status is kind.status, kind.name
         assert (seen.markers is not None) is kind.usable, kind.name
-    assert {kind.status for kind in DISTURBANCES} == set(ChamberStatus)
+    # Walls that shine are no disturbance of a frame, but another finger.
+    assert {kind.status for kind in DISTURBANCES} == set(ChamberStatus) - {
+        ChamberStatus.GLOSSY_INSIDE
+    }
 
 
 def test_markers_lie_on_a_circle_of_the_bend():
