@@ -171,7 +171,7 @@ def match_views(
     quads: Sequence[Quad],
     catalog: ViewCatalog,
     lens: Lens,
-    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None] = lambda corners: None,
+    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None] | None = None,
 ) -> Sighting:
     """Assign quadrilaterals to views; every view gets its quality.
 
@@ -181,6 +181,7 @@ def match_views(
         lens: of the camera.
         follow: the quadrilateral in the image whose corners are expected at given places, if there
             is one: a view that something bright beside it has spoiled is looked for again there.
+            Without it none is.
 
     Example:
         >>> rows, columns = np.mgrid[:90, :120]
@@ -210,7 +211,7 @@ def match_views(
         >>> [(view.pad, view.quality.name) for view in match_views([], catalog, lens).views]
         [('tip', 'MISSING')]
     """
-    families = catalog.families
+    families, follow = catalog.families, follow or (lambda _: None)
     angles = np.full(catalog.joints, np.nan)
     cap = CAP * lens.shape[0] / 1080
     best = dict.fromkeys(range(len(families)), 0)
