@@ -7,8 +7,9 @@ of the one joint that moves it. For each joint the value is taken that explains 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -211,14 +212,14 @@ def match_views(
         >>> [(view.pad, view.quality.name) for view in match_views([], catalog, lens).views]
         [('tip', 'MISSING')]
     """
-    families, follow = catalog.families, follow or (lambda _: None)
+    families, search = catalog.families, _Search(catalog, lens, follow or (lambda _: None))
     angles = np.full(catalog.joints, np.nan)
     cap = CAP * lens.shape[0] / 1080
     best = dict.fromkeys(range(len(families)), 0)
     distances: dict[int, Float[np.ndarray, "quads values"]] = {}
     pairs: list[tuple[float, int, int]] = []
     shift = np.zeros(2)
-    quads = [*quads, *_still(catalog, quads, lens, cap, follow)]
+    quads = [*quads, *search.still(quads, cap)]
     for joint in (None, *range(catalog.joints)):
         own = [i for i, family in enumerate(families) if family.joint == joint]
         if not own or not quads:
@@ -254,24 +255,18 @@ def match_views(
         if not family.wanted:
             continue
         expected = family.complete[best[i]] == 1 and (family.joint in known or family.joint is None)
+        view = None
         if i in assigned:
-            quad = _mended(catalog, i, best[i], quads[assigned[i]], lens, follow)
-            found = _found(catalog, i, best[i], quad, lens, shift)
-            if expected and found.quality is not Quality.COMPLETE:
-                start = _expected(family, best[i], shift)
-                other = _complete(catalog, i, best[i], start, lens, follow)
-                if other is not None:
-                    found = _found(catalog, i, best[i], other, lens, shift)
-            if family.joint in twice:
-                found = replace(found, quality=Quality.AMBIGUOUS, ends=(False, False))
-            views.append(found)
-        elif expected:
-            start = _expected(family, best[i], shift)
-            other = _complete(catalog, i, best[i], start, lens, follow)
-            if other is None:
-                views.append(_missing(family))
-            else:
-                views.append(_found(catalog, i, best[i], other, lens, shift))
+            quad = search.mended(i, best[i], quads[assigned[i]])
+            view = _found(catalog, i, best[i], quad, lens, shift)
+        if expected and (view is None or view.quality is not Quality.COMPLETE):
+            other = search.complete(i, best[i], _expected(family, best[i], shift))
+            if other is not None:
+                view = _found(catalog, i, best[i], other, lens, shift)
+        if view is not None and i in assigned and family.joint in twice:
+            view = replace(view, quality=Quality.AMBIGUOUS, ends=(False, False))
+        if view is not None or expected:
+            views.append(view or _missing(family))
     wanted = {number for i, number in assigned.items() if families[i].wanted}
     ghosts = tuple(
         replace(quad, quality=Quality.GHOST)
@@ -288,77 +283,60 @@ def _expected(
     return canonical((family.corners + family.bend)[value : value + 1])[0] + shift
 
 
-def _mended(
-    catalog: ViewCatalog,
-    index: int,
-    value: int,
-    quad: Quad,
-    lens: Lens,
-    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None],
-) -> Quad:
-    """A view that runs into something bright, looked for again where its pad would end."""
-    if _judged(catalog, index, value, quad, lens).quality is not Quality.MERGED:
-        return quad
-    length = float(catalog.families[index].extent[value, 0])
-    starts = (shortened(quad, catalog.width, length, lens, kept).corners for kept in range(2))
-    found = [_complete(catalog, index, value, start, lens, follow) for start in starts]
-    return (_clearest(found) or [quad])[0]
+class _Search(NamedTuple):
+    """Looks again for views in an image, where their sides are expected."""
 
+    catalog: ViewCatalog
+    lens: Lens
+    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None]
 
-def _still(
-    catalog: ViewCatalog,
-    quads: Sequence[Quad],
-    lens: Lens,
-    cap: float,
-    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None],
-) -> list[Quad]:
-    """Views that no joint moves, where nothing complete was found: looked for all about there.
+    def complete(self, index: int, value: int, start: Float[np.ndarray, "4 2"]) -> Quad | None:
+        """A complete view whose corners are expected at given places, if it is there."""
+        quad = self.follow(start) if np.isfinite(start).all() else None
+        # Edges are found in noise, too, but not in a line.
+        if quad is None or quad.scatter >= STRAIGHT:
+            return None
+        judged = _judged(self.catalog, index, value, quad, self.lens)
+        return quad if judged.quality is Quality.COMPLETE else None
 
-    They show how the camera is out of place, which all others need.
-    """
-    found = []
-    for index, family in enumerate(catalog.families):
-        if family.joint is not None or not family.wanted or family.complete[0] < 1:
-            continue
-        away = _distances(family, quads, lens, np.zeros(2))[:, 0] if quads else np.zeros(0)
-        near = [quads[number] for number in np.argsort(away) if away[number] < cap]
-        judged = (_judged(catalog, index, 0, quad, lens).quality for quad in near)
-        if Quality.COMPLETE in judged:
-            continue
-        quad = _mended(catalog, index, 0, near[0], lens, follow) if near else None
-        if quad is not None and quad is not near[0]:
-            found.append(quad)
-            continue
-        reach = AGREEING * float(family.spread[0].max())
-        rows = sorted(np.arange(-reach, reach + 1, STEP), key=abs)
-        starts = (_expected(family, 0, np.array([0.0, row])) for row in rows)
-        there = [_complete(catalog, index, 0, start, lens, follow) for start in starts]
-        found += _clearest(there)
-    return found
+    def clearest(
+        self, index: int, value: int, starts: Iterable[Float[np.ndarray, "4 2"]]
+    ) -> Quad | None:
+        """Of the complete views from several starts the one whose faintest side is clearest."""
+        found = [self.complete(index, value, start) for start in starts]
+        there = [quad for quad in found if quad is not None]
+        return max(there, key=lambda quad: quad.contrast, default=None)
 
+    def mended(self, index: int, value: int, quad: Quad) -> Quad:
+        """A view that runs into something bright, looked for again where its pad would end."""
+        catalog, lens = self.catalog, self.lens
+        if _judged(catalog, index, value, quad, lens).quality is not Quality.MERGED:
+            return quad
+        length = float(catalog.families[index].extent[value, 0])
+        starts = (shortened(quad, catalog.width, length, lens, kept).corners for kept in range(2))
+        return self.clearest(index, value, starts) or quad
 
-def _clearest(quads: Iterable[Quad | None]) -> list[Quad]:
-    """Of several quadrilaterals, if there are any, the one whose faintest side is clearest."""
-    there = [quad for quad in quads if quad is not None]
-    return [max(there, key=lambda quad: quad.contrast)] if there else []
+    def still(self, quads: Sequence[Quad], cap: float) -> Iterator[Quad]:
+        """Views that no joint moves, where nothing complete was found: looked for all about there.
 
-
-def _complete(
-    catalog: ViewCatalog,
-    index: int,
-    value: int,
-    start: Float[np.ndarray, "4 2"],
-    lens: Lens,
-    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None],
-) -> Quad | None:
-    """A complete view looked for where its sides are expected, if it is there."""
-    quad = follow(start) if np.isfinite(start).all() else None
-    if quad is None:
-        return None
-    # Looked for anywhere, edges are found in noise, too, but not in a line.
-    straight = quad.scatter < STRAIGHT
-    complete = _judged(catalog, index, value, quad, lens).quality is Quality.COMPLETE
-    return quad if straight and complete else None
+        They show how the camera is out of place, which all others need.
+        """
+        for index, family in enumerate(self.catalog.families):
+            if family.joint is not None or not family.wanted or family.complete[0] < 1:
+                continue
+            away = _distances(family, quads, self.lens, np.zeros(2))[:, 0] if quads else np.zeros(0)
+            near = [quads[number] for number in np.argsort(away) if away[number] < cap]
+            judged = (_judged(self.catalog, index, 0, quad, self.lens).quality for quad in near)
+            if Quality.COMPLETE in judged:
+                continue
+            quad = self.mended(index, 0, near[0]) if near else None
+            if quad is None or quad is near[0]:
+                reach = AGREEING * float(family.spread[0].max())
+                rows = np.arange(-reach, reach + 1, STEP)
+                starts = (_expected(family, 0, np.array([0.0, row])) for row in rows)
+                quad = self.clearest(index, 0, starts)
+            if quad is not None:
+                yield quad
 
 
 def canonical(corners: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 4 2"]:

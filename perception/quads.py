@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from perception.images import checked_brightness
-from perception.inner_lines import NONE, InnerLine, find_inner_lines
 from perception.lens import Lens, TangentPlane
 from perception.masks import Mask
 from perception.quality import Quality
@@ -75,8 +74,6 @@ class Quad:
         contrast: step of brightness across the side that has the least, of 255.
         scatter: standard deviation of edges about the side that fits worst, px.
         quality: complete, clipped, of low contrast or blurred.
-        inner: lines within its sides, from corner to corner in their order, where there are some:
-            a clear layer's polished walls show the pad again between them and the sides.
     """
 
     rays: Float[np.ndarray, "4 2"]
@@ -86,7 +83,6 @@ class Quad:
     contrast: float
     scatter: float
     quality: Quality
-    inner: tuple[InnerLine | None, ...] = NONE
 
 
 def fit_quad(
@@ -145,8 +141,8 @@ def follow_quad(
         ... )
         >>> image = cv2.rectangle(np.zeros((90, 120), np.uint8), (30, 20), (89, 69), 200, -1)
         >>> expected = np.array([[32.0, 68.0], [28.0, 22.0], [91.0, 21.0], [88.0, 72.0]])
-        >>> follow_quad(image.astype(np.float32), lens, expected).corners.round().tolist()
-        [[30.0, 70.0], [30.0, 19.0], [89.0, 19.0], [89.0, 70.0]]
+        >>> follow_quad(image.astype(np.float32), lens, expected).corners.round(1).tolist()
+        [[29.5, 69.5], [29.5, 19.5], [89.5, 19.5], [89.5, 69.5]]
     """
     rays = lens.rays(corners)
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
@@ -194,11 +190,7 @@ def _settled(
         quality = Quality.LOW_CONTRAST
     covariance = _covariances(lens, plane, found)
     area = float(cv2.contourArea(contour))
-    inner = NONE
-    if quality is Quality.COMPLETE:
-        sides = [Side(found.corners[i], found.corners[(i + 1) % 4]) for i in range(4)]
-        inner = find_inner_lines(gray, lens, plane, sides)
-    return Quad(rays, lens.project(rays), covariance, area, contrast, scatter, quality, inner)
+    return Quad(rays, lens.project(rays), covariance, area, contrast, scatter, quality)
 
 
 def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | None:

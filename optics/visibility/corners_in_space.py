@@ -50,7 +50,7 @@ SIDES = np.array([[1, 0], [0, 1], [1, 1], [0, 0]])
 across), and at which of its two ends."""
 
 
-class Eye(eqx.Module):
+class SpatialCamera(eqx.Module):
     """The camera in space, mm; its axes are unit vectors.
 
     Attributes:
@@ -68,7 +68,7 @@ class Eye(eqx.Module):
     pupil: Float[Array, "*views 2"] | None
 
     @classmethod
-    def of(cls, scene: Scene, placed: Placed, errors: Fabrication) -> Eye:
+    def of(cls, scene: Scene, placed: Placed, errors: Fabrication) -> SpatialCamera:
         """That of a placed scene, with the errors that turn it out of the section."""
         axis, up = _in_space(placed.axis), _in_space(placed.axis.perpendicular())
         axis, across = _turned(axis, jnp.zeros(3).at[2].set(1.0), errors.yaw)
@@ -95,7 +95,7 @@ class Eye(eqx.Module):
         return imaging.place(safe_arctan2(above, ahead), slope)
 
 
-class Sheet(eqx.Module):
+class SpatialMirror(eqx.Module):
     """A mirror in space, or several along a first axis, mm.
 
     Attributes:
@@ -113,7 +113,7 @@ class Sheet(eqx.Module):
     bow: Float[Array, "*mirrors"] | None
 
     @classmethod
-    def all_of(cls, layout: Layout, placed: Placed, errors: Fabrication) -> Sheet:
+    def all_of(cls, layout: Layout, placed: Placed, errors: Fabrication) -> SpatialMirror:
         """All mirrors of a placed scene."""
         start, end = placed.segment(np.arange(len(layout.mirrors)))
         middle = (start + end).scaled(placed.size / 2)
@@ -131,7 +131,7 @@ class Sheet(eqx.Module):
         return point, normal / jnp.linalg.norm(normal)
 
 
-class Body(eqx.Module):
+class SpatialPad(eqx.Module):
     """A pad in space with what lies on it, or several along a first axis, mm.
 
     Attributes:
@@ -148,12 +148,12 @@ class Body(eqx.Module):
     across: Float[Array, "*pads 3"]
     normal: Float[Array, "*pads 3"]
     size: Float[Array, "*pads 2"]
-    layers: BodyLayers | None
+    layers: SpatialLayers | None
 
     @classmethod
     def all_of(
         cls, scene: Scene, placed: Placed, errors: Fabrication, width: Array, channel: int
-    ) -> Body:
+    ) -> SpatialPad:
         """All pads of a scene that is placed without layers."""
         count, first = len(scene.layout.pads), len(scene.layout.mirrors)
         start, end = placed.segment(first + np.arange(count))
@@ -162,21 +162,26 @@ class Body(eqx.Module):
         sides = np.where(scene.layout.sides[first : first + count] < 0, -1.0, 1.0)
         size = jnp.stack([length, jnp.broadcast_to(width, length.shape)], axis=-1)
         layers = scene.own_layers
-        covered = None if layers is None else BodyLayers.all_of(scene, layers, width, channel)
+        covered = None if layers is None else SpatialLayers.all_of(scene, layers, width, channel)
         start = _in_space(start.scaled(placed.size))
         normal = jnp.asarray(sides)[:, None] * left
         return cls(start, _in_space(along), across, normal, size, covered)
 
-    def place(self, aim: Aim) -> Point:
+    def place(self, goal: OutlinePoint) -> Point:
         """A place on the membrane's own outline."""
         corners = jnp.asarray(CORNERS, self.size.dtype)
-        first, last = corners[aim.side], corners[(aim.side + 1) % 4]
-        end, side = first + aim.share * (last - first)
+        first, last = corners[goal.side], corners[(goal.side + 1) % 4]
+        end, side = first + goal.share * (last - first)
         beside = side / 2 * self.size[1] * self.across
         return self.start + end * self.size[0] * self.along + beside
 
+    def foot(self, source: Point) -> Float[Array, "2"]:
+        """The place below a source: along the pad from its first end, across from its middle."""
+        toward = source - self.start
+        return jnp.stack([toward @ self.along, toward @ self.across])
 
-class BodyLayers(eqx.Module):
+
+class SpatialLayers(eqx.Module):
     """The layers of a pad as what rays must pass, level by level, as `Box` has them, mm.
 
     Attributes:
@@ -195,7 +200,7 @@ class BodyLayers(eqx.Module):
     open: Bool[np.ndarray | Array, "*pads 2 levels 2"]
 
     @classmethod
-    def all_of(cls, scene: Scene, layers: Layers, width: Array, channel: int) -> BodyLayers:
+    def all_of(cls, scene: Scene, layers: Layers, width: Array, channel: int) -> SpatialLayers:
         """Those of all pads of a scene."""
         profile = profile_of(scene, layers)
         face = profile.face() - OUTWARD[None] * layers.lip
@@ -218,7 +223,7 @@ class BodyLayers(eqx.Module):
         )
 
 
-class Aim(eqx.Module):
+class OutlinePoint(eqx.Module):
     """A place on an outline: where one of its sides meets the one before it, or a line across it.
 
     Attributes:
@@ -228,20 +233,20 @@ class Aim(eqx.Module):
             first end or across it from its middle, mm; NaN for the side before.
     """
 
-    side: Int[Array, "*aims"]
-    share: Float[Array, "*aims"]
-    across: Float[Array, "*aims"]
+    side: Int[Array, "*points"]
+    share: Float[Array, "*points"]
+    across: Float[Array, "*points"]
 
-    def meets(self, body: Body, source: Point) -> tuple[Box, Array, Array, Array]:
+    def meets(self, pad: SpatialPad, source: Point) -> tuple[Box, Array, Array, Array]:
         """Behind layers: what rays must pass, how far each of the two lines is at every level.
 
         And along which axis (0 along the pad, 1 across) and in which sense that is.
         """
-        assert body.layers is not None
-        layers, toward = body.layers, source - body.start
-        foot = jnp.stack([toward @ body.along, toward @ body.across])
+        assert pad.layers is not None
+        layers, foot = pad.layers, pad.foot(source)
         # The source's height is positive also behind the surface, from where nothing is seen.
-        height = jnp.maximum(jnp.abs(toward @ body.normal - jnp.sum(layers.thickness)), TOUCHING)
+        above = (source - pad.start) @ pad.normal - jnp.sum(layers.thickness)
+        height = jnp.maximum(jnp.abs(above), TOUCHING)
         box = Box(
             Stack(height, layers.thickness, layers.index),
             layers.bezel,
@@ -257,27 +262,27 @@ class Aim(eqx.Module):
         second = jnp.where(jnp.isnan(self.across), lines[1], cut)
         return box, jnp.stack([lines[0], second]), axis, away
 
-    def guess(self, body: Body, source: Point) -> tuple[Float[Array, ""], Int[Array, "2"]]:
+    def guess(self, pad: SpatialPad, source: Point) -> tuple[Float[Array, ""], Int[Array, "2"]]:
         """Logarithm of the ray's slope in air, and the levels that bound the two lines."""
-        box, lines, *_ = self.meets(body, source)
+        box, lines, *_ = self.meets(pad, source)
         slope, *_ = box.meet(lines[0], lines[1])
         return jnp.log(slope), jnp.stack([box.nearest(line, slope) for line in lines])
 
     def entry(
-        self, body: Body, source: Point, log: Float[Array, ""], levels: Int[Array, "2"]
+        self, pad: SpatialPad, source: Point, log: Float[Array, ""], levels: Int[Array, "2"]
     ) -> tuple[Point, Float[Array, ""], Float[Array, "2"]]:
-        """Where a ray of a slope enters a body, and how far it is from meeting both lines.
+        """Where a ray of a slope enters a pad, and how far it is from meeting both lines.
 
         And where it meets the membrane, along it and across, from below the source.
         """
-        box, lines, axis, away = self.meets(body, source)
+        box, lines, axis, away = self.meets(pad, source)
         slope = jnp.exp(log)
         reach = box.reach(slope)
         parts = jnp.take_along_axis(lines, levels[:, None], axis=1)[:, 0] / reach[levels]
         off = jnp.sum(parts**2) + (TOUCHING / reach[-1]) ** 2 - 1
         way = jnp.stack([jnp.sum(jnp.where(axis == own, away * parts, 0.0)) for own in range(2)])
-        aside = slope * (way[0] * body.along + way[1] * body.across)
-        return source + box.stack.height * (aside - body.normal), off, reach[-1] * way
+        aside = slope * (way[0] * pad.along + way[1] * pad.across)
+        return source + box.stack.height * (aside - pad.normal), off, reach[-1] * way
 
 
 class _View(eqx.Module):
@@ -287,23 +292,25 @@ class _View(eqx.Module):
     meets each mirror along it (mm), and for layers the logarithm of its slope over these.
     """
 
-    eye: Eye
-    sheets: Sheet
+    camera: SpatialCamera
+    mirrors: SpatialMirror
     there: Bool[Array, "*views reflections"]
-    body: Body
+    pad: SpatialPad
 
     @property
     def parts(self) -> list[int]:
         """How many unknowns of each kind there are."""
-        bowed = 0 if self.sheets.bow is None else len(self.there)
-        return [int(self.eye.pupil is not None), bowed, int(self.body.layers is not None)]
+        bowed = 0 if self.mirrors.bow is None else len(self.there)
+        return [int(self.camera.pupil is not None), bowed, int(self.pad.layers is not None)]
 
     def planes(self, places: Float[Array, " places"]) -> list[tuple[Point, Point]]:
         """The planes in which the mirrors reflect a ray that meets them at these places."""
         if not len(places):
             places = jnp.zeros(len(self.there))
-        sheets = [jax.tree.map(lambda leaf, i=i: leaf[i], self.sheets) for i in range(len(places))]
-        return [sheet.plane(at) for sheet, at in zip(sheets, places, strict=True)]
+        mirrors = [
+            jax.tree.map(lambda leaf, i=i: leaf[i], self.mirrors) for i in range(len(places))
+        ]
+        return [mirror.plane(at) for mirror, at in zip(mirrors, places, strict=True)]
 
     def sources(self, start: Point, planes: list[tuple[Point, Point]]) -> list[Point]:
         """A place before the first mirror, and its images behind one mirror after the other."""
@@ -313,28 +320,28 @@ class _View(eqx.Module):
             found.append(jnp.where(there, image, found[-1]))
         return found
 
-    def guess(self, aim: Aim) -> tuple[Float[Array, " unknowns"], Int[Array, "2"]]:
+    def guess(self, goal: OutlinePoint) -> tuple[Float[Array, " unknowns"], Int[Array, "2"]]:
         """The unknowns if mirrors were flat and the pupil stayed, and the levels that bound."""
         [*others, layered] = self.parts
         zeros = jnp.zeros(sum(others))
         if not layered:
             return zeros, jnp.zeros(2, int)
-        source = self.sources(self.eye.position, self.planes(jnp.zeros(0)))[-1]
-        slope, levels = aim.guess(self.body, source)
+        source = self.sources(self.camera.position, self.planes(jnp.zeros(0)))[-1]
+        slope, levels = goal.guess(self.pad, source)
         return jnp.append(zeros, slope), levels
 
     def follow(
-        self, unknowns: Float[Array, " unknowns"], aim: Aim, levels: Int[Array, "2"]
+        self, unknowns: Float[Array, " unknowns"], goal: OutlinePoint, levels: Int[Array, "2"]
     ) -> tuple[Point, Float[Array, " unknowns"]]:
         """The direction of the ray that unknowns give, and by how much it gives others."""
         angle, places, slope = jnp.split(unknowns, np.cumsum(self.parts)[:2].tolist())
         planes = self.planes(places)
-        start = self.eye.start(jnp.sum(angle))
+        start = self.camera.start(jnp.sum(angle))
         sources = self.sources(start, planes)
-        if self.body.layers is None:
-            target, own = self.body.place(aim), slope
+        if self.pad.layers is None:
+            target, own = self.pad.place(goal), slope
         else:
-            target, off, _ = aim.entry(self.body, sources[-1], jnp.sum(slope), levels)
+            target, off, _ = goal.entry(self.pad, sources[-1], jnp.sum(slope), levels)
             own = off[None]
         met = []
         for i in reversed(range(len(planes))):
@@ -342,22 +349,22 @@ class _View(eqx.Module):
             ray = target - sources[i + 1]
             part, _ = safe_divide((point - sources[i + 1]) @ normal, ray @ normal)
             target = jnp.where(self.there[i], sources[i + 1] + part * ray, target)
-            place = (target - self.sheets.middle[i]) @ self.sheets.along[i]
+            place = (target - self.mirrors.middle[i]) @ self.mirrors.along[i]
             met.insert(0, jnp.where(self.there[i], place, 0.0))
         ray = target - start
-        angles = self.eye.angle(ray)[None][: len(angle)]
+        angles = self.camera.angle(ray)[None][: len(angle)]
         met = jnp.stack(met)[: len(places)] if met else places
         return ray, jnp.concatenate([angles - angle, met - places, own])
 
-    def ray_to(self, aim: Aim) -> Point:
+    def ray_to(self, goal: OutlinePoint) -> Point:
         """The direction in which the camera sees a place of the outline, of any length."""
         still = jax.lax.stop_gradient(self)
-        root, levels = still.guess(aim)
+        root, levels = still.guess(goal)
         if not len(root):
-            return self.follow(root, aim, levels)[0]
+            return self.follow(root, goal, levels)[0]
 
         def miss(unknowns: Float[Array, " unknowns"]) -> tuple[Array, Array]:
-            off = still.follow(unknowns, aim, levels)[1]
+            off = still.follow(unknowns, goal, levels)[1]
             return off, off
 
         def step(_: Any, state: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -372,29 +379,27 @@ class _View(eqx.Module):
         root, inverse = jax.lax.fori_loop(0, STEPS, step, (root, jnp.eye(len(root))))
         # One more step with all derivatives: those of the root, by the theorem of implicit
         # functions.
-        return self.follow(root - inverse @ self.follow(root, aim, levels)[1], aim, levels)[0]
+        return self.follow(root - inverse @ self.follow(root, goal, levels)[1], goal, levels)[0]
 
-    def along_sides(self, shares: Float[np.ndarray, " points"]) -> Aim:
+    def along_sides(self, shares: Float[np.ndarray, " points"]) -> OutlinePoint:
         """Places along all sides, at parts of the way from corner to corner on the membrane."""
         sides = jnp.arange(4)
-        aims = Aim(sides, jnp.zeros(4), jnp.full(4, jnp.nan))
-        if self.body.layers is None:
+        points = OutlinePoint(sides, jnp.zeros(4), jnp.full(4, jnp.nan))
+        if self.pad.layers is None:
             across = jnp.full((4, len(shares)), jnp.nan)
         else:
-            source = self.sources(self.eye.position, self.planes(jnp.zeros(0)))[-1]
+            source = self.sources(self.camera.position, self.planes(jnp.zeros(0)))[-1]
 
-            def corner(aim: Aim) -> Float[Array, "2"]:
-                guess = aim.guess(self.body, source)
-                return aim.entry(self.body, source, *guess)[2]
+            def corner(goal: OutlinePoint) -> Float[Array, "2"]:
+                guess = goal.guess(self.pad, source)
+                return goal.entry(self.pad, source, *guess)[2]
 
-            toward = source - self.body.start
-            foot = jnp.stack([toward @ self.body.along, toward @ self.body.across])
-            places = jax.vmap(corner)(aims) + foot[None]
+            places = jax.vmap(corner)(points) + self.pad.foot(source)[None]
             axis = 1 - SIDES[:, 0]
             first, last = (jnp.roll(places, -i, axis=0)[sides, axis] for i in range(2))
             across = first[:, None] + shares[None] * (last - first)[:, None]
         shape = across.shape
-        return Aim(
+        return OutlinePoint(
             jnp.broadcast_to(sides[:, None], shape), jnp.broadcast_to(shares[None], shape), across
         )
 
@@ -416,16 +421,17 @@ def _views_of(
         raise ValueError("corners in space are those of flat mirrors without layers")
     layout = replace(scene.layout, layers=(), bezels=())
     placed = place(replace(scene, layers=None, layout=layout), angles)
-    eye, sheets = Eye.of(scene, placed, errors), Sheet.all_of(layout, placed, errors)
-    bodies = Body.all_of(scene, placed, errors, jnp.asarray(width), channel)
-    words, pads = zip(*views, strict=True)
-    word = padded(words)
-    own, body = (
-        jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf)[i], of)
-        for of, i in ((sheets, word), (bodies, np.array(pads)))
+    camera = SpatialCamera.of(scene, placed, errors)
+    mirrors = SpatialMirror.all_of(layout, placed, errors)
+    pads = SpatialPad.all_of(scene, placed, errors, jnp.asarray(width), channel)
+    words, indices = zip(*views, strict=True)
+    word, index = padded(words), np.array(indices)
+    return _View(
+        jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(views), *leaf.shape)), camera),
+        jax.tree.map(lambda leaf: leaf[word], mirrors),
+        jnp.asarray(word >= 0),
+        jax.tree.map(lambda leaf: jnp.asarray(leaf)[index], pads),
     )
-    eyes = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(views), *leaf.shape)), eye)
-    return _View(eyes, own, jnp.asarray(word >= 0), body)
 
 
 def find_corners_in_space(
@@ -468,10 +474,10 @@ def find_corners_in_space(
         (1, 4, 2)
     """
     seen = _views_of(scene, angles, errors, width, views, channel)
-    corners = Aim(jnp.arange(4), jnp.zeros(4), jnp.full(4, jnp.nan))
+    corners = OutlinePoint(jnp.arange(4), jnp.zeros(4), jnp.full(4, jnp.nan))
 
     def view(view: _View) -> Float[Array, "4 2"]:
-        return jax.vmap(lambda aim: view.eye.image(imaging, view.ray_to(aim)))(corners)
+        return jax.vmap(lambda goal: view.camera.image(imaging, view.ray_to(goal)))(corners)
 
     places = jax.vmap(view)(seen)
     if errors.lateral_color is None or channel == GREEN:
@@ -515,8 +521,10 @@ def find_sides_in_space(
     seen = _views_of(scene, angles, errors, width, views, GREEN)
 
     def view(view: _View) -> Float[Array, "4 points 2"]:
-        aims = view.along_sides(shares)
-        return jax.vmap(jax.vmap(lambda aim: view.eye.image(imaging, view.ray_to(aim))))(aims)
+        points = view.along_sides(shares)
+        return jax.vmap(jax.vmap(lambda goal: view.camera.image(imaging, view.ray_to(goal))))(
+            points
+        )
 
     return jax.vmap(view)(seen)
 

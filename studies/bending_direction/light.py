@@ -11,9 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from designopt.errors import UserError
 from designopt.study.records import Records
-from designopt.user_folders import user_folder
 from optics.chamber import compute_wall_radii
 from optics.rendering import ChamberEffects, ChamberRenderer
 from perception import chamber
@@ -41,20 +39,6 @@ LEAST_DEG = 5.0
 
 GAIN = 0.5
 """Of rendered frames in this light: red near the lens is four times as bright as at B."""
-
-
-def cache_folder(cache: str) -> Path:
-    """The folder of traced frames, which is made where there is none.
-
-    Raises:
-        UserError: it cannot be made.
-    """
-    try:
-        folder = Path(cache or user_folder("XDG_CACHE_HOME", ".cache") / FOLDER)
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError) as error:
-        raise UserError(f"--set cache={cache}: it cannot be made: {error}") from error
-    return folder
 
 
 def frame_of(finger: SoftFinger, **changed: Any) -> Frame:

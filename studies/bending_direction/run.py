@@ -18,6 +18,7 @@ from designopt import Context, Records, Report, Results
 from designopt.plot.figures import MARKERS, PALETTE, new_figure
 from designopt.study import plots
 from designopt.study.records import Summary
+from designopt.user_folders import cache_folder
 from optics.rendering import ChamberEffects, ChamberRenderer
 from perception import chamber as perception
 from perception.chamber import Direction
@@ -28,12 +29,12 @@ from studies.bending_direction import BendingDirectionSpec
 from studies.bending_direction.frames import TOWARDS, USES, Series, analyze, before_bending, judge
 from studies.bending_direction.frames import render_series as render
 from studies.bending_direction.light import (
+    FOLDER,
     LEAST_DEG,
     Case,
     answer_real,
     answer_traced,
     bends_deg,
-    cache_folder,
     compare_falloff,
     exposed,
     traced_cases,
@@ -395,7 +396,7 @@ def add_real(out: Report, answers: Records) -> None:
 
 def add_traced(out: Report, spec: BendingDirectionSpec, finger: SoftFinger, seed: int) -> None:
     """Directions in path-traced frames, and the light's falling off in them."""
-    folder = cache_folder(spec.cache)
+    folder = cache_folder(spec.cache, FOLDER)
     bends = bends_deg(spec.traced_bends, spec.largest_bend_deg)
     cases = traced_cases(finger, bends, spec.scatter_deg, seed)
     answers = answer_traced(cases, spec.threshold, folder)

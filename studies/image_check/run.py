@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -17,9 +16,9 @@ from matplotlib.figure import Figure
 from designopt import Context, Records, Report, Results, UserError
 from designopt.plot.figures import new_figure
 from designopt.study import plots
-from designopt.user_folders import user_folder
+from designopt.user_folders import cache_folder
 from optics import parse_scene
-from optics.visibility.corners_in_space import CORNERS
+from optics.visibility.outlines import CORNERS
 from perception.matching import Sighting
 from perception.proprioception import (
     JointAngleResult,
@@ -74,13 +73,13 @@ def run(spec: ImageCheckSpec, context: Context) -> Results:
     """
     context.require_float64("image-check compares with a path tracer")
     try:
-        mitsuba = load_mitsuba()
+        load_mitsuba()
     except ModuleNotFoundError as error:
         raise UserError(
             "image-check: the package mitsuba is missing; install it: pip install "
             "'designopt[judge]'"
         ) from error
-    folder = _cache(spec)
+    folder = cache_folder(spec.cache, FOLDER)
     found = Findings(spec)
     # Those of the finger with everything: the others have fewer errors.
     scene = parse_scene(nominal("3 mm, pupil"), "finger")
@@ -95,7 +94,6 @@ def run(spec: ImageCheckSpec, context: Context) -> Results:
             ]
             found.add(finger, photos, context.seed)
     out = Report(spec, package=__package__)
-    out.values(variant=mitsuba.variant())
     add_metrics(out, found)
     add_findings(out, found)
     add_tables(out, found)
@@ -105,16 +103,6 @@ def run(spec: ImageCheckSpec, context: Context) -> Results:
 
 def _pose(angles: Float[np.ndarray, " joints"]) -> dict[str, float]:
     return dict(zip(("pip", "dip"), angles.tolist(), strict=True))
-
-
-def _cache(spec: ImageCheckSpec) -> Path:
-    """The folder of pictures, which is made where there is none."""
-    try:
-        folder = Path(spec.cache or user_folder("XDG_CACHE_HOME", ".cache") / FOLDER)
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError) as error:
-        raise UserError(f"--set cache={spec.cache}: it cannot be made: {error}") from error
-    return folder
 
 
 class Findings:

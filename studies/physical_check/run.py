@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -17,7 +16,7 @@ from designopt import Context, Records, Report, Results, UserError
 from designopt.plot.figures import PALETTE, new_figure
 from designopt.plot.typesetting import drawn_name
 from designopt.study import plots
-from designopt.user_folders import user_folder
+from designopt.user_folders import cache_folder
 from optics import (
     Imaging,
     Pieces,
@@ -66,7 +65,7 @@ def run(spec: PhysicalCheckSpec, context: Context) -> Results:
             "'designopt[judge]'"
         ) from error
     out, found = Report(spec, package=__package__), Comparison()
-    folder, shown = _cache(spec), None
+    folder, shown = cache_folder(spec.cache, FOLDER), None
     for case in cases(spec, context.seed):
         with context.step(f"{case.finger} finger, layers: {case.layers}"):
             frames = [judge_once(case.tables, pose, folder) for pose in case.poses]
@@ -80,16 +79,6 @@ def run(spec: PhysicalCheckSpec, context: Context) -> Results:
     assert shown is not None  # the designed finger is in every run
     add_figures(out, found, *shown)
     return out.results()
-
-
-def _cache(spec: PhysicalCheckSpec) -> Path:
-    """The folder of judged frames, which is made where there is none."""
-    try:
-        folder = Path(spec.cache or user_folder("XDG_CACHE_HOME", ".cache") / FOLDER)
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError) as error:
-        raise UserError(f"--set cache={spec.cache}: it cannot be made: {error}") from error
-    return folder
 
 
 class Comparison:

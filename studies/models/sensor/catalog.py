@@ -11,10 +11,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from optics import Fabrication, Imaging, Scene, find_views, perturb, scale_errors
+from optics import (
+    Fabrication,
+    Imaging,
+    Scene,
+    find_corners_in_space,
+    find_sides_in_space,
+    find_views,
+    perturb,
+    scale_errors,
+)
 from optics.scene.camera import Equidistant
 from optics.visibility.boundary_codes import is_own_end
-from optics.visibility.corners_in_space import find_corners_in_space, find_sides_in_space
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, name_paths
 from perception.lengths import apparent_length

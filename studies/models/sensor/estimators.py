@@ -10,8 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from optics import Fabrication, Imaging, Scene, perturb, scale_errors
-from optics.visibility.corners_in_space import find_corners_in_space
+from optics import Fabrication, Imaging, Scene, find_corners_in_space, perturb, scale_errors
 from optics.visibility.outlines import find_outlines
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import name_paths

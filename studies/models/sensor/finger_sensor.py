@@ -71,7 +71,7 @@ class FingerSensor:
         """The finger of a study, its image ``rows`` high.
 
         Raises:
-            UserError: the scene is none that its images can be analysed of.
+            UserError: images of the scene cannot be analyzed.
         """
         scene = designed(spec.scene)
         if rows is not None:
@@ -85,7 +85,7 @@ class FingerSensor:
         """The finger of a scene, its pads so wide (mm), made with errors of such deviations.
 
         Raises:
-            UserError: the scene is none that its images can be analysed of.
+            UserError: images of the scene cannot be analyzed.
         """
         carried = tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
         imaging = Imaging.of(scene.camera)

@@ -80,7 +80,7 @@ class Traced(NamedTuple):
     inside: np.ndarray
 
     def labels(self) -> np.ndarray:
-        """What tells views and all else apart: pad, path, entrance, end; shape (rays, 4)."""
+        """Pad, path, entrance and end, by which views are separated; shape (rays, 4)."""
         where = [np.where(self.seen, one, -1) for one in (self.pad, self.word, self.entrance)]
         return np.stack([*where, np.where(self.seen, 0, self.end)], axis=-1)
 
