@@ -142,7 +142,7 @@ def follow_quad(
         >>> image = cv2.rectangle(np.zeros((90, 120), np.uint8), (30, 20), (89, 69), 200, -1)
         >>> expected = np.array([[32.0, 68.0], [28.0, 22.0], [91.0, 21.0], [88.0, 72.0]])
         >>> follow_quad(image.astype(np.float32), lens, expected).corners.round(1).tolist()
-        [[29.5, 69.5], [29.5, 19.5], [89.5, 19.5], [89.5, 69.5]]
+        [[29.7, 69.5], [29.7, 19.5], [89.3, 19.5], [89.3, 69.5]]
     """
     rays = lens.rays(corners)
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
