@@ -48,8 +48,9 @@ class ChamberEffects:
 
     @classmethod
     def graded(cls, severity: float, gain: float = 1.0) -> ChamberEffects:
-        """All effects, from none (severity 0) over those of a good finger (1) to a poor one (2)."""
-        return replace(scaled(TYPICAL, checked(severity), KEPT), gain=gain)
+        """Effects of soft light: none (severity 0), those of a good finger (1), of a poor one (2)."""
+        soft = replace(TYPICAL, **dict.fromkeys(REAL, 0.0))
+        return replace(scaled(soft, checked(severity), KEPT), gain=gain)
 
     @classmethod
     def real(cls, severity: float = 1.0, gain: float = 1.0) -> ChamberEffects:
@@ -63,18 +64,21 @@ class ChamberEffects:
             1.0
         """
         graded = cls.graded(severity, gain)
-        gloss = min(severity, 1.0)
-        return replace(graded, lamp=1.0, gloss=gloss, speckles=DUST * severity, glare=0.0)
+        gloss, speckles = min(severity, 1.0) * TYPICAL.gloss, severity * TYPICAL.speckles
+        return replace(graded, lamp=TYPICAL.lamp, gloss=gloss, speckles=speckles, glare=0.0)
 
 
-DUST = 20.0
-"""Grains of dust in view of a well-made finger."""
+REAL = ("lamp", "gloss", "speckles")
+"""Effects of a lamp at the lens, and of walls that shine and are dusty."""
 
 KEPT = frozenset({"gain", "falloff", "roughness"})
 """What is no fault of a picture."""
 
 TYPICAL = ChamberEffects(
     flicker=0.15,
+    lamp=1.0,
+    gloss=1.0,
+    speckles=20.0,
     uneven=0.2,
     vignetting=0.3,
     glare=0.3,

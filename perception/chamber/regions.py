@@ -61,6 +61,9 @@ wall hides less than half of the blue round it; there may be a highlight beside.
 MOST_STRAIGHT = 0.45
 """Of blue's outline, at most this part is straight: what presses the wall makes one chord of it."""
 
+FAINTEST = 4.0
+"""Mean of what is labelled yellow; of a darker one noise and rounding take the outer pixels."""
+
 WASHED, SOLID, GLARE = 5, 0.97, 110.0
 """Narrower parts without colour, px, are edges or specks; a hole is round from this part of its
 convex hull on; a least channel above the last grey level is a highlight."""
@@ -246,6 +249,7 @@ def _judged(found: Regions, within: Mask, value: Gray, washed: Mask) -> Regions:
         if _is_ring(found, within, (red, blue, yellow, washed), untold):
             seen = found.status is ChamberStatus.CHAMBER
             sound = seen and _is_yellow(found.yellow, blue, cv2.max(yellow, top), untold)
+            sound = sound and cv2.mean(value, yellow)[0] >= FAINTEST
             if sound and not _much(untold, within):
                 return found
             if _much(cv2.subtract(washed, dim), within):

@@ -111,7 +111,7 @@ DISTURBANCES = (
     Disturbance("no blue region", ChamberStatus.NO_CHAMBER, walls=(0, 0, 2, 3)),
     Disturbance("no red region", ChamberStatus.NO_CHAMBER, walls=(1, 1, 2, 3)),
     Disturbance("no yellow region", ChamberStatus.NO_YELLOW, walls=(0, 1, 1, 1)),
-    Disturbance("yellow in the dark", ChamberStatus.DARK_INSIDE, inner=0.01),
+    Disturbance("yellow in the dark", ChamberStatus.DARK_INSIDE, inner=0.02),
     Disturbance("yellow outside of blue", ChamberStatus.NO_RINGS, walls=(0, 2, 1, 3)),
     Disturbance("speckles, 5 %", ChamberStatus.CHAMBER, change=_speckled),
     Disturbance(

@@ -13,12 +13,11 @@ KEPT = {
 }
 """What is no fault of a picture, as it is by default."""
 
-GRADED = {
-    Effects: effects.SOFT,
-    ChamberEffects: {field.name for field in dataclasses.fields(ChamberEffects)}
-    - {"lamp", "gloss", "speckles"},
+REAL = {
+    Effects: {"lamps", "shadows", "strips", "walls", "flare", "defocus"},
+    ChamberEffects: {"lamp", "gloss", "speckles"},
 }
-"""What grades; the others have severities of their own."""
+"""What is off in soft light."""
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
@@ -38,9 +37,15 @@ def test_grades_are_multiples_of_a_typical_finger(kind, severity):
     assert graded.pop("gain") == 1.7
     for name, size in graded.items():
         typical = getattr(KINDS[kind].TYPICAL, name)
-        grades = name in GRADED[kind]
-        assert typical > 0 or not grades
-        assert size == pytest.approx(typical if name in KEPT[kind] else grades * severity * typical)
+        assert typical > 0
+        soft = name not in REAL[kind]
+        assert size == pytest.approx(typical if name in KEPT[kind] else soft * severity * typical)
+
+
+def test_real_light_of_a_chamber_is_that_of_a_lamp_on_walls_that_shine():
+    graded, real = (make(0.5, gain=1.7) for make in (ChamberEffects.graded, ChamberEffects.real))
+    wanted = {"lamp": 1.0, "gloss": 0.5, "speckles": 10.0, "glare": 0.0}
+    assert real == dataclasses.replace(graded, **wanted)
 
 
 def test_effects_have_severities_of_their_own():

@@ -65,7 +65,7 @@ SIGHTS = {
     "wall alone": (WALL.image(noise=4), ChamberStatus.NO_CHAMBER),
     "blue alone": (np.full((240, 320, 3), (25, 50, 180), np.uint8), ChamberStatus.NO_CHAMBER),
     "grey": (np.full((240, 320, 3), 128, np.uint8), ChamberStatus.NO_CHAMBER),
-    "dark inside": (replace(STRAIGHT, inner=0.01).image(noise=4), ChamberStatus.DARK_INSIDE),
+    "dark inside": (replace(STRAIGHT, inner=0.02).image(noise=4), ChamberStatus.DARK_INSIDE),
     "gloss inside": (picture("straight", 2.2), ChamberStatus.GLOSSY_INSIDE),
     "yellow beside blue": (nowhere.side_by_side(np.random.default_rng(0)), ChamberStatus.NO_RINGS),
     "dark": (STRAIGHT.image(gain=0.03, noise=3), ChamberStatus.TOO_DARK),
